@@ -1,0 +1,1 @@
+//! ravec-media
