@@ -142,24 +142,24 @@ fn judge(from: &str, dependency: &Dependency) -> Result<(), &'static str> {
     }
 }
 
+/// The table as it stands in `docs/architecture.md`.
+pub fn markdown() -> String {
+    let header = "| layer | crate | may depend on |\n| --- | --- | --- |\n".to_owned();
+    CRATES.iter().fold(header, |table, known| {
+        let Crate { name, layer, uses } = known;
+        let uses: Vec<_> = uses.iter().map(|name| format!("`{name}`")).collect();
+        let uses = if uses.is_empty() {
+            "nothing of ours".to_owned()
+        } else {
+            uses.join(", ")
+        };
+        format!("{table}| {layer} | `{name}` | {uses} |\n")
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// The table as it stands in `docs/architecture.md`.
-    fn markdown() -> String {
-        let mut table = String::from("| layer | crate | may depend on |\n| --- | --- | --- |\n");
-        for Crate { name, layer, uses } in CRATES {
-            let uses: Vec<_> = uses.iter().map(|name| format!("`{name}`")).collect();
-            let uses = if uses.is_empty() {
-                "nothing of ours".to_owned()
-            } else {
-                uses.join(", ")
-            };
-            table += &format!("| {layer} | `{name}` | {uses} |\n");
-        }
-        table
-    }
 
     fn dependency(name: &str, kind: &str, path: Option<&str>) -> Dependency {
         let path = path.map_or(String::new(), |path| format!(r#","path":"{path}""#));

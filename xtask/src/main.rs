@@ -43,7 +43,16 @@ fn main() -> anyhow::Result<()> {
 fn check_arrows() -> anyhow::Result<()> {
     let metadata = workspace()?;
     let mut refused = arrows::refused(&metadata);
-    refused.extend(sources::refused(metadata.workspace_root.as_std_path())?);
+    let root = metadata.workspace_root.as_std_path();
+    refused.extend(sources::refused(root)?);
+    let docs = std::fs::read_to_string(root.join("docs/architecture.md"))
+        .context("reading docs/architecture.md")?;
+    let table = arrows::markdown();
+    if !docs.contains(&table) {
+        refused.push(format!(
+            "docs/architecture.md: the table of arrows must be\n\n{table}"
+        ));
+    }
     for line in &refused {
         eprintln!("{line}");
     }
