@@ -1,1 +1,13 @@
-//! ravec-twocolor
+//! Two-color pixels.
+
+mod field;
+mod fit;
+mod line;
+mod pixel;
+mod split_table;
+mod sweep;
+
+pub use field::{FitError, FitParams, TwoColorField};
+pub use line::Line;
+pub use pixel::TwoColorPixel;
+pub use split_table::{MAX_EXACT_SIDE, split_count};

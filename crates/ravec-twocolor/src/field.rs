@@ -1,0 +1,132 @@
+//! A regular grid of two-color pixels over an image.
+
+use crate::fit::{FlatThreshold, fit_block_row};
+use crate::pixel::TwoColorPixel;
+use crate::split_table::MAX_EXACT_SIDE;
+use fearless_simd::{Level, dispatch};
+use ravec_progress::{Cancelled, Progress};
+use ravec_raster::{Color, Image, Oklab, Size};
+use rayon::prelude::*;
+
+/// How an image is cut into blocks and fitted.
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct FitParams {
+    /// Side N of a block in pixels, 2 to 64 (default 8). Larger blocks store less and abstract more.
+    pub block_px: usize,
+    /// Oklab contrast below which a block is flat, 0 to 1 (default 0.01, about half of what the eye can tell apart).
+    /// 0 gives every block a line that is not constant; more gives fewer lines.
+    pub flat_contrast: f32,
+}
+
+impl Default for FitParams {
+    fn default() -> Self {
+        Self {
+            block_px: 8,
+            flat_contrast: 0.01,
+        }
+    }
+}
+
+/// Why an image could not be fitted.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum FitError {
+    /// The block's side is out of range.
+    #[error("a block of {got} pixels a side cannot be fitted: choose 2 to 64")]
+    BlockSize {
+        /// The side that was asked for.
+        got: usize,
+    },
+    /// The caller cancelled.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+}
+
+/// A regular grid of two-color pixels. Blocks are numbered `(col, row)`; those of the last column and row may reach
+/// beyond the image.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TwoColorField {
+    image_size: Size,
+    block_px: usize,
+    blocks: Vec<TwoColorPixel>,
+}
+
+impl TwoColorField {
+    /// Fits every block of `image`.
+    ///
+    /// # Errors
+    /// [`FitError::BlockSize`] for a side below 2 or above 64, [`FitError::Cancelled`] soon after `progress` is.
+    pub fn fit<P: Color>(
+        image: &Image<P>,
+        params: &FitParams,
+        progress: &Progress,
+    ) -> Result<Self, FitError> {
+        Self::fit_with(Level::new(), image, params, progress)
+    }
+
+    /// [`fit`](Self::fit) with a given instruction set. The result is the same for all of them.
+    ///
+    /// # Errors
+    /// As [`fit`](Self::fit).
+    pub fn fit_with<P: Color>(
+        level: Level,
+        image: &Image<P>,
+        params: &FitParams,
+        progress: &Progress,
+    ) -> Result<Self, FitError> {
+        let side = params.block_px;
+        if !(2..=MAX_EXACT_SIDE).contains(&side) {
+            return Err(FitError::BlockSize { got: side });
+        }
+        let grid = image.size().cells(side);
+        let empty = TwoColorPixel::flat(Oklab::default(), 0.0, 0.0);
+        let mut blocks = vec![empty; grid.pixels()];
+        let flat = FlatThreshold(params.flat_contrast);
+        let phase = progress.phase("fit", grid.height() as u64);
+        blocks
+            .par_chunks_mut(grid.width())
+            .enumerate()
+            .try_for_each(|(row, out)| {
+                progress.check()?;
+                dispatch!(level, simd => fit_block_row(simd, image, side, row, flat, out));
+                phase.advance(1);
+                Ok::<(), Cancelled>(())
+            })?;
+        Ok(Self {
+            image_size: image.size(),
+            block_px: side,
+            blocks,
+        })
+    }
+
+    /// The size of the image that was fitted.
+    pub fn image_size(&self) -> Size {
+        self.image_size
+    }
+
+    /// The side of a block in pixels.
+    pub fn block_px(&self) -> usize {
+        self.block_px
+    }
+
+    /// Columns and rows of blocks.
+    pub fn grid_size(&self) -> Size {
+        self.image_size.cells(self.block_px)
+    }
+
+    /// The block at `(col, row)` of the grid.
+    ///
+    /// # Panics
+    /// Outside the grid.
+    pub fn block(&self, col: usize, row: usize) -> &TwoColorPixel {
+        let width = self.grid_size().width();
+        assert!(col < width, "column {col} of {width}");
+        &self.blocks[row * width + col]
+    }
+
+    /// All blocks, row by row.
+    pub fn blocks(&self) -> &[TwoColorPixel] {
+        &self.blocks
+    }
+}

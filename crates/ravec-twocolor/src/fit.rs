@@ -1,0 +1,219 @@
+//! The exact fit of the blocks of one row of an image.
+
+use crate::pixel::TwoColorPixel;
+use crate::split_table::{SplitTable, split_table};
+use crate::sweep::{Batch, Found, FoundWeighted, MAX_LANES, OPAQUE, WEIGHTED};
+use fearless_simd::prelude::*;
+use ravec_raster::color::oklab_from_linear;
+use ravec_raster::{Color, Image, Oklab};
+
+/// Below which contrast a block counts as one colour.
+///
+/// A block is flat when its two colours lower the error by less than two colours with this Oklab distance would on an
+/// evenly split block.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct FlatThreshold(pub f32);
+
+impl FlatThreshold {
+    /// The least gain per unit of weight that earns a line: half the block on each side of the mean.
+    fn gain_per_weight(self) -> f32 {
+        0.25 * self.0 * self.0
+    }
+}
+
+/// Fits the blocks of block row `block_row` exactly, from left to right.
+///
+/// `out` holds one entry a block; its length says how many there are.
+#[inline(always)]
+pub(crate) fn fit_block_row<S: Simd, P: Color>(
+    simd: S,
+    image: &Image<P>,
+    side: usize,
+    block_row: usize,
+    flat: FlatThreshold,
+    out: &mut [TwoColorPixel],
+) {
+    let table = split_table(side);
+    let lanes = Batch::<S, OPAQUE>::LANES;
+    let top = block_row * side;
+    let whole_rows = top + side <= image.height();
+    let whole_blocks = if whole_rows { image.width() / side } else { 0 };
+    let mut opaque = Batch::<S, OPAQUE>::new(simd, side * side);
+    // most pictures never need it
+    let mut weighted = None;
+
+    for (batch, out) in out.chunks_mut(lanes).enumerate() {
+        let first = batch * lanes;
+        let is_whole = first + out.len() <= whole_blocks;
+        if is_whole && gather_opaque(&mut opaque, image, side, first, top, out.len()) {
+            to_oklab(&mut opaque);
+            let found = opaque.best_split(table);
+            for (lane, pixel) in out.iter_mut().enumerate() {
+                *pixel = opaque_pixel(table, &found, lane, flat);
+            }
+        } else {
+            let weighted =
+                weighted.get_or_insert_with(|| Batch::<S, WEIGHTED>::new(simd, side * side));
+            gather_weighted(weighted, image, side, first, top, out.len());
+            let found = weighted.best_split(table);
+            for (lane, pixel) in out.iter_mut().enumerate() {
+                *pixel = weighted_pixel(table, &found, lane, flat);
+            }
+        }
+    }
+}
+
+/// Puts linear light into the lanes. Stops and returns false at the first pixel that is not opaque.
+#[inline(always)]
+fn gather_opaque<S: Simd, P: Color>(
+    batch: &mut Batch<S, OPAQUE>,
+    image: &Image<P>,
+    side: usize,
+    first_block: usize,
+    top: usize,
+    blocks: usize,
+) -> bool {
+    for dy in 0..side {
+        let row = &image.row(top + dy)[first_block * side..][..blocks * side];
+        let pixels = &mut batch.pixels[dy * side..][..side];
+        for (lane, run) in row.chunks_exact(side).enumerate() {
+            for (slot, &pixel) in pixels.iter_mut().zip(run) {
+                let [r, g, b, alpha] = pixel.to_linear().0;
+                if P::HAS_ALPHA && alpha < 1.0 {
+                    return false;
+                }
+                slot[0][lane] = r;
+                slot[1][lane] = g;
+                slot[2][lane] = b;
+            }
+        }
+    }
+    true
+}
+
+/// Linear light to Oklab, in place.
+#[inline(always)]
+fn to_oklab<S: Simd>(batch: &mut Batch<S, OPAQUE>) {
+    for pixel in &mut batch.pixels {
+        for lane in 0..Batch::<S, OPAQUE>::LANES {
+            let [r, g, b] = pixel;
+            [r[lane], g[lane], b[lane]] = oklab_from_linear([r[lane], g[lane], b[lane]]);
+        }
+    }
+}
+
+/// Puts weighted Oklab colours into the lanes; what lies outside the image has no weight.
+#[inline(always)]
+fn gather_weighted<S: Simd, P: Color>(
+    batch: &mut Batch<S, WEIGHTED>,
+    image: &Image<P>,
+    side: usize,
+    first_block: usize,
+    top: usize,
+    blocks: usize,
+) {
+    for (index, slot) in batch.pixels.iter_mut().enumerate() {
+        let (dx, row) = (index % side, top + index / side);
+        for lane in 0..Batch::<S, WEIGHTED>::LANES {
+            let inside = if lane < blocks {
+                image.get((first_block + lane) * side + dx, row)
+            } else {
+                None
+            };
+            let channels = inside.map_or([0.0; WEIGHTED], |pixel| {
+                let color = pixel.to_linear();
+                let alpha = color.alpha().clamp(0.0, 1.0);
+                let [l, a, b] = oklab_from_linear(color.rgb());
+                [alpha * l, alpha * a, alpha * b, alpha, 1.0]
+            });
+            for (slot, value) in slot.iter_mut().zip(channels) {
+                slot[lane] = value;
+            }
+        }
+    }
+}
+
+fn color_at(
+    mean: &[[f32; MAX_LANES]; 3],
+    sum: &[[f32; MAX_LANES]; 3],
+    scale: f32,
+    lane: usize,
+) -> Oklab {
+    Oklab(std::array::from_fn(|c| {
+        mean[c][lane] + sum[c][lane] * scale
+    }))
+}
+
+fn opaque_pixel(
+    table: &SplitTable,
+    found: &Found,
+    lane: usize,
+    flat: FlatThreshold,
+) -> TwoColorPixel {
+    let count = (table.side * table.side) as f32;
+    let (gain, energy) = (found.gain[lane], found.energy[lane]);
+    // written so that a block with NaN is flat
+    if !(gain > flat.gain_per_weight() * count) {
+        return TwoColorPixel::flat(
+            color_at(&found.mean, &found.sum_0, 0.0, lane),
+            1.0,
+            energy.max(0.0) / count,
+        );
+    }
+    let event = found.event[lane] as usize;
+    let count_0 = f32::from(table.events[event].prefix);
+    TwoColorPixel {
+        line: Some(table.lines[event].into()),
+        colors: [
+            color_at(&found.mean, &found.sum_0, 1.0 / count_0, lane),
+            color_at(&found.mean, &found.sum_0, -1.0 / (count - count_0), lane),
+        ],
+        alphas: [1.0; 2],
+        error: (energy - gain).max(0.0) / count,
+    }
+}
+
+fn weighted_pixel(
+    table: &SplitTable,
+    found: &FoundWeighted,
+    lane: usize,
+    flat: FlatThreshold,
+) -> TwoColorPixel {
+    let FoundWeighted {
+        found,
+        weight,
+        inside,
+    } = found;
+    let (weight, weight_0) = (weight[0][lane], weight[1][lane]);
+    let (inside, inside_0) = (inside[0][lane], inside[1][lane]);
+    let (gain, energy) = (found.gain[lane], found.energy[lane]);
+    let share = |part: f32, whole: f32| {
+        if whole > 0.0 {
+            (part / whole).clamp(0.0, 1.0)
+        } else {
+            0.0
+        }
+    };
+    if !(gain > flat.gain_per_weight() * inside) {
+        let color = color_at(&found.mean, &found.sum_0, 0.0, lane);
+        return TwoColorPixel::flat(
+            color,
+            share(weight, inside),
+            energy.max(0.0) / inside.max(1.0),
+        );
+    }
+    // a side without weight is invisible; it takes the mean colour
+    let scale = |weight: f32| if weight > 1e-6 { 1.0 / weight } else { 0.0 };
+    TwoColorPixel {
+        line: Some(table.lines[found.event[lane] as usize].into()),
+        colors: [
+            color_at(&found.mean, &found.sum_0, scale(weight_0), lane),
+            color_at(&found.mean, &found.sum_0, -scale(weight - weight_0), lane),
+        ],
+        alphas: [
+            share(weight_0, inside_0),
+            share(weight - weight_0, inside - inside_0),
+        ],
+        error: (energy - gain).max(0.0) / inside,
+    }
+}
