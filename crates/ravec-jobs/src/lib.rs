@@ -1,1 +1,5 @@
-//! ravec-jobs
+//! Named operations on files: parameters, progress, reports.
+
+mod report;
+
+pub use report::{FileReport, Report, Timing};

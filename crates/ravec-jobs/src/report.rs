@@ -1,0 +1,139 @@
+//! What a run did, as data.
+
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::time::Instant;
+
+/// What a run did: enough to repeat it and to judge it. Written by `--json`, and the source of what the program prints.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Report {
+    /// The operation, as it is called on the command line.
+    pub operation: &'static str,
+    /// The version of Ravec.
+    pub version: &'static str,
+    /// The files that were read, in the order of reading.
+    pub inputs: Vec<FileReport>,
+    /// The files that were written, in the order of writing.
+    pub outputs: Vec<FileReport>,
+    /// The parameters, defaults included.
+    pub parameters: serde_json::Value,
+    /// The seed of everything random in the run, if anything was.
+    pub seed: Option<u64>,
+    /// How long each phase took, in order. Differs from run to run, unlike all else here.
+    pub timings: Vec<Timing>,
+    /// What was measured, by name with the unit at its end (`psnr_db`). An infinite figure is `null` in JSON.
+    pub figures: BTreeMap<&'static str, f64>,
+    /// What the user should know although the run succeeded.
+    pub warnings: Vec<String>,
+}
+
+/// A file that was read or written.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct FileReport {
+    /// The path as it was given; `-` is standard input or output.
+    pub path: String,
+    /// The format, as in `png`.
+    pub format: String,
+    /// Columns, if it is a picture.
+    pub width: Option<usize>,
+    /// Rows, if it is a picture.
+    pub height: Option<usize>,
+    /// Sample kind and alpha of a picture, as in `8 bit with alpha`.
+    pub pixels: Option<&'static str>,
+}
+
+/// The duration of a phase.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Timing {
+    /// What was done, in one or two words.
+    pub phase: &'static str,
+    /// Wall-clock time.
+    pub duration_secs: f64,
+}
+
+impl Report {
+    /// The report of a run that has done nothing yet.
+    ///
+    /// # Panics
+    /// If the parameters cannot be JSON, which is a bug of their type: a map with keys that are not strings.
+    pub fn new(operation: &'static str, parameters: &impl Serialize) -> Self {
+        Self {
+            operation,
+            version: env!("CARGO_PKG_VERSION"),
+            inputs: Vec::new(),
+            outputs: Vec::new(),
+            parameters: serde_json::to_value(parameters)
+                .expect("parameter structs have named fields of plain values"),
+            seed: None,
+            timings: Vec::new(),
+            figures: BTreeMap::new(),
+            warnings: Vec::new(),
+        }
+    }
+
+    /// Runs `work` and records its duration. A phase that is timed again adds up.
+    pub fn time<T>(&mut self, phase: &'static str, work: impl FnOnce() -> T) -> T {
+        let start = Instant::now();
+        let result = work();
+        let duration_secs = start.elapsed().as_secs_f64();
+        tracing::debug!(phase, duration_secs, "phase done");
+        match self.timings.iter_mut().find(|timing| timing.phase == phase) {
+            Some(timing) => timing.duration_secs += duration_secs,
+            None => self.timings.push(Timing {
+                phase,
+                duration_secs,
+            }),
+        }
+        result
+    }
+
+    /// Records something that the user should know.
+    pub fn warn(&mut self, warning: impl Into<String>) {
+        let warning = warning.into();
+        tracing::warn!("{warning}");
+        self.warnings.push(warning);
+    }
+
+    /// The report as indented JSON with a final line break.
+    ///
+    /// # Panics
+    /// Never: all keys are strings, and infinite figures become `null`.
+    pub fn to_json(&self) -> String {
+        let mut text =
+            serde_json::to_string_pretty(self).expect("a report has string keys and plain values");
+        text.push('\n');
+        text
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_infinite_figure_is_null_in_json() {
+        let mut report = Report::new("compare", &());
+        report.figures.insert("psnr_db", f64::INFINITY);
+        report.figures.insert("ssim", 1.0);
+        let json: serde_json::Value = serde_json::from_str(&report.to_json()).unwrap();
+        assert_eq!(json["figures"]["psnr_db"], serde_json::Value::Null);
+        assert_eq!(json["figures"]["ssim"], 1.0);
+        assert_eq!(json["operation"], "compare");
+    }
+
+    #[test]
+    fn the_durations_of_a_phase_add_up() {
+        let mut report = Report::new("compare", &());
+        assert_eq!(report.time("read", || 3), 3);
+        report.time("compare", || ());
+        report.time("read", || ());
+        let phases: Vec<_> = report.timings.iter().map(|timing| timing.phase).collect();
+        assert_eq!(phases, ["read", "compare"]);
+        assert!(
+            report
+                .timings
+                .iter()
+                .all(|timing| timing.duration_secs >= 0.0)
+        );
+    }
+}
