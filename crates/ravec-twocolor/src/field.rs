@@ -38,6 +38,9 @@ pub enum FitError {
         /// The side that was asked for.
         got: usize,
     },
+    /// The region holds no pixel of the image.
+    #[error("the region lies outside the image")]
+    EmptyRegion,
     /// The caller cancelled.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),

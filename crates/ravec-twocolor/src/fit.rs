@@ -144,7 +144,7 @@ fn color_at(
     }))
 }
 
-fn opaque_pixel(
+pub(crate) fn opaque_pixel(
     table: &SplitTable,
     found: &Found,
     lane: usize,
@@ -173,7 +173,7 @@ fn opaque_pixel(
     }
 }
 
-fn weighted_pixel(
+pub(crate) fn weighted_pixel(
     table: &SplitTable,
     found: &FoundWeighted,
     lane: usize,

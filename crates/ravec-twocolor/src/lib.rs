@@ -1,5 +1,6 @@
 //! Two-color pixels.
 
+mod dense;
 mod field;
 mod fit;
 mod line;
@@ -7,6 +8,7 @@ mod pixel;
 mod split_table;
 mod sweep;
 
+pub use dense::{CenteredWindow, WindowParams, map_windows};
 pub use field::{FitError, FitParams, TwoColorField};
 pub use line::Line;
 pub use pixel::TwoColorPixel;

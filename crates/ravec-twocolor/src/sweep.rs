@@ -16,7 +16,8 @@
 //! Notation: `n` pixels of a block, `k` of them on side 0, `S` sum of mean-free colours over side 0.
 //!
 //! Cost: one load, add, store and gain per split; about 2 ns a split and pass whatever the width, because loads and
-//! stores are the limit. The running sums drift by about 1e-6 of the block's contrast over the half turn.
+//! stores are the limit. The running sums drift by about 1e-6 of the block's contrast over the half turn (1e-5 in the worst
+//! blocks), so they choose the split, but its gain and colours are added up afresh.
 
 use crate::split_table::SplitTable;
 use fearless_simd::prelude::*;
@@ -74,7 +75,8 @@ impl<S: Simd, const CHANNELS: usize> Batch<S, CHANNELS> {
         }
     }
 
-    /// Visits every event, keeping in each lane the one with the largest gain (the first of equal ones).
+    /// Visits every event, keeping in each lane the one with the largest gain (the first of equal ones). Returns their
+    /// numbers and the sums over their sides 0.
     ///
     /// `gain_of(k, S[k])` is the gain of a split.
     #[inline(always)]
@@ -82,7 +84,7 @@ impl<S: Simd, const CHANNELS: usize> Batch<S, CHANNELS> {
         &mut self,
         table: &SplitTable,
         gain_of: impl Fn(usize, &[S::f32s; CHANNELS]) -> S::f32s,
-    ) -> (S::f32s, S::f32s, [S::f32s; CHANNELS]) {
+    ) -> ([u32; MAX_LANES], [S::f32s; CHANNELS]) {
         let simd = self.simd;
         let mut sum = [S::f32s::splat(simd, 0.0); CHANNELS];
         self.prefixes[0] = sum;
@@ -95,7 +97,6 @@ impl<S: Simd, const CHANNELS: usize> Batch<S, CHANNELS> {
 
         let mut best_gain = S::f32s::splat(simd, 0.0);
         let mut best_event = S::f32s::splat(simd, 0.0);
-        let mut best_sum = [S::f32s::splat(simd, 0.0); CHANNELS];
         // event numbers are exact in f32: there are fewer than 2^24 of them
         let mut number = S::f32s::splat(simd, 0.0);
         let pixels = self.pixels.as_slice();
@@ -109,17 +110,38 @@ impl<S: Simd, const CHANNELS: usize> Batch<S, CHANNELS> {
             prefixes[k] = sum;
             let gain = gain_of(k, &sum);
             let better = gain.simd_gt(best_gain);
-            // records are rare, about the logarithm of the number of events in each lane
-            if better.any_true() {
-                best_gain = better.select(gain, best_gain);
-                best_event = better.select(number, best_event);
-                for (best, s) in best_sum.iter_mut().zip(sum) {
-                    *best = better.select(s, *best);
-                }
-            }
+            best_gain = better.select(gain, best_gain);
+            best_event = better.select(number, best_event);
             number += 1.0;
         }
-        (best_gain, best_event, best_sum)
+        let events = lanes::<S>(best_event).map(|number| number as u32);
+        (events, self.sum_of_side_0(table, &events))
+    }
+
+    /// The sums over side 0 of one event a lane, added up afresh: the running sums have drifted.
+    #[inline(always)]
+    fn sum_of_side_0(&self, table: &SplitTable, events: &[u32; MAX_LANES]) -> [S::f32s; CHANNELS] {
+        let simd = self.simd;
+        let zero = S::f32s::splat(simd, 0.0);
+        let (mut normal_x, mut normal_y, mut offset) = (zero, zero, zero);
+        for lane in 0..Self::LANES {
+            let line = &table.lines[events[lane] as usize];
+            normal_x[lane] = line.normal[0];
+            normal_y[lane] = line.normal[1];
+            offset[lane] = line.offset;
+        }
+        let half = 0.5 * (table.side as f32 - 1.0);
+        let mut sum = [zero; CHANNELS];
+        for (dy, row) in self.pixels.chunks_exact(table.side).enumerate() {
+            let limit = offset - normal_y * (dy as f32 - half);
+            for (dx, pixel) in row.iter().enumerate() {
+                let on_0 = (normal_x * (dx as f32 - half)).simd_lt(limit);
+                for (s, &p) in sum.iter_mut().zip(pixel) {
+                    *s += on_0.select(p, zero);
+                }
+            }
+        }
+        sum
     }
 }
 
@@ -138,13 +160,13 @@ fn squared_length<V: Copy + std::ops::Mul<Output = V> + std::ops::Add<Output = V
 #[inline(always)]
 fn found<S: Simd>(
     gain: S::f32s,
-    event: S::f32s,
+    event: [u32; MAX_LANES],
     energy: S::f32s,
     mean: [S::f32s; 3],
     sum_0: [S::f32s; 3],
 ) -> Found {
     Found {
-        event: lanes::<S>(event).map(|number| number as u32),
+        event,
         gain: lanes::<S>(gain),
         energy: lanes::<S>(energy),
         mean: mean.map(lanes::<S>),
@@ -158,23 +180,35 @@ impl<S: Simd> Batch<S, OPAQUE> {
     pub fn best_split(&mut self, table: &SplitTable) -> Found {
         let simd = self.simd;
         let zero = S::f32s::splat(simd, 0.0);
-        let mut mean = [zero; 3];
-        for pixel in &self.pixels {
-            for (m, &p) in mean.iter_mut().zip(pixel) {
-                *m += p;
-            }
-        }
         let inverse_count = 1.0 / self.pixels.len() as f32;
-        mean = mean.map(|sum| sum * inverse_count);
-        let mut energy = zero;
-        for pixel in &mut self.pixels {
-            for (p, m) in pixel.iter_mut().zip(mean) {
-                *p -= m;
+        let mut mean = [zero; 3];
+        // the gain takes both sides' sums as opposite, so the mean is taken off twice: once leaves an error of its rounding
+        for _ in 0..2 {
+            let mut total = [zero; 3];
+            for pixel in &self.pixels {
+                for (t, &p) in total.iter_mut().zip(pixel) {
+                    *t += p;
+                }
             }
+            let step = total.map(|sum| sum * inverse_count);
+            for pixel in &mut self.pixels {
+                for (p, m) in pixel.iter_mut().zip(step) {
+                    *p -= m;
+                }
+            }
+            mean = std::array::from_fn(|c| mean[c] + step[c]);
+        }
+        let mut energy = zero;
+        for pixel in &self.pixels {
             energy += squared_length(pixel);
         }
         let weights = table.gain_weights.as_slice();
-        let (gain, event, sum_0) = self.sweep(table, |k, sum| squared_length(sum) * weights[k]);
+        let (event, sum_0) = self.sweep(table, |k, sum| squared_length(sum) * weights[k]);
+        let mut weight = zero;
+        for lane in 0..Self::LANES {
+            weight[lane] = weights[table.events[event[lane] as usize].prefix as usize];
+        }
+        let gain = squared_length(&sum_0) * weight;
         found::<S>(gain, event, energy, mean, sum_0)
     }
 }
@@ -203,32 +237,42 @@ impl<S: Simd> Batch<S, WEIGHTED> {
             let known = weight.simd_gt(NO_WEIGHT);
             known.select(S::f32s::splat(simd, 1.0) / weight, zero)
         };
-        let mut total = [zero; WEIGHTED];
-        for pixel in &self.pixels {
-            for (t, &p) in total.iter_mut().zip(pixel) {
-                *t += p;
-            }
-        }
-        let [t0, t1, t2, weight, inside] = total;
+        let [weight, inside] =
+            [3, 4].map(|c| self.pixels.iter().fold(zero, |sum, pixel| sum + pixel[c]));
         let inverse_weight = inverse(weight);
-        let mean = [t0, t1, t2].map(|sum| sum * inverse_weight);
         let mean_alpha = weight * inverse(inside);
-        let mut energy = zero;
-        for pixel in &mut self.pixels {
-            let (alpha, is_inside) = (pixel[3], pixel[4]);
-            for (p, m) in pixel.iter_mut().zip(mean) {
-                *p -= alpha * m;
+        let mut mean = [zero; 3];
+        for _ in 0..2 {
+            let mut total = [zero; 3];
+            for pixel in &self.pixels {
+                for (t, &p) in total.iter_mut().zip(pixel) {
+                    *t += p;
+                }
             }
+            let step = total.map(|sum| sum * inverse_weight);
+            for pixel in &mut self.pixels {
+                let alpha = pixel[3];
+                for (p, m) in pixel.iter_mut().zip(step) {
+                    *p -= alpha * m;
+                }
+            }
+            mean = std::array::from_fn(|c| mean[c] + step[c]);
+        }
+        let mut energy = zero;
+        for pixel in &self.pixels {
+            let (alpha, is_inside) = (pixel[3], pixel[4]);
             let off_alpha = alpha - is_inside * mean_alpha;
             energy += squared_length(pixel) * inverse(alpha) + off_alpha * off_alpha * ALPHA_WEIGHT;
         }
-        let (gain, event, sum_0) = self.sweep(table, |_, sum| {
+        let gain_of = |sum: &[S::f32s; WEIGHTED]| {
             let (weight_0, inside_0) = (sum[3], sum[4]);
             let colors = squared_length(sum) * (inverse(weight_0) + inverse(weight - weight_0));
             let off_alpha = weight_0 - inside_0 * mean_alpha;
             let alphas = off_alpha * off_alpha * (inverse(inside_0) + inverse(inside - inside_0));
             colors + alphas * ALPHA_WEIGHT
-        });
+        };
+        let (event, sum_0) = self.sweep(table, |_, sum| gain_of(sum));
+        let gain = gain_of(&sum_0);
         let [s0, s1, s2, weight_0, inside_0] = sum_0;
         FoundWeighted {
             found: found::<S>(gain, event, energy, mean, [s0, s1, s2]),
