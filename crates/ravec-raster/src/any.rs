@@ -54,6 +54,24 @@ impl AnyImage {
     pub fn convert<P: Color>(&self) -> Image<P> {
         with_image!(self, image => image.convert())
     }
+
+    /// Another picture in the pixel type of this one: what an edited picture should be stored as. Integer types clip to
+    /// their range.
+    ///
+    /// If this one has no alpha and the picture is not opaque, the type with alpha of the same kind is taken, so that
+    /// transparency is never lost.
+    #[must_use]
+    pub fn like(&self, image: &Image<LinearRgba>) -> Self {
+        let alpha = self.has_alpha() || !image.is_opaque();
+        match (self, alpha) {
+            (Self::Srgb8(_) | Self::Srgba8(_), false) => Self::Srgb8(image.convert()),
+            (Self::Srgb8(_) | Self::Srgba8(_), true) => Self::Srgba8(image.convert()),
+            (Self::Srgb16(_) | Self::Srgba16(_), false) => Self::Srgb16(image.convert()),
+            (Self::Srgb16(_) | Self::Srgba16(_), true) => Self::Srgba16(image.convert()),
+            (Self::Linear(_) | Self::LinearAlpha(_), false) => Self::Linear(image.convert()),
+            (Self::Linear(_) | Self::LinearAlpha(_), true) => Self::LinearAlpha(image.clone()),
+        }
+    }
 }
 
 impl From<Image<Srgb<u8>>> for AnyImage {
@@ -89,5 +107,47 @@ impl From<Image<LinearRgb>> for AnyImage {
 impl From<Image<LinearRgba>> for AnyImage {
     fn from(image: Image<LinearRgba>) -> Self {
         Self::LinearAlpha(image)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// One pixel in each of the six types.
+    fn all() -> [AnyImage; 6] {
+        let size = Size::new(1, 1).unwrap();
+        let pixel = LinearRgba([0.25, 0.5, 1.0, 1.0]);
+        let image = Image::new(size, pixel);
+        [
+            image.convert::<Srgb<u8>>().into(),
+            image.convert::<Srgba<u8>>().into(),
+            image.convert::<Srgb<u16>>().into(),
+            image.convert::<Srgba<u16>>().into(),
+            image.convert::<LinearRgb>().into(),
+            image.into(),
+        ]
+    }
+
+    #[test]
+    fn a_picture_comes_back_in_the_type_it_had() {
+        for any in all() {
+            assert_eq!(any.like(&any.convert()), any);
+        }
+    }
+
+    #[test]
+    fn a_transparent_picture_gets_a_type_with_alpha_of_the_same_kind() {
+        let glass = Image::new(Size::new(1, 1).unwrap(), LinearRgba([0.25, 0.5, 1.0, 0.5]));
+        for pair in all().chunks_exact(2) {
+            let found = pair.iter().map(|any| any.like(&glass));
+            for any in found {
+                assert!(any.has_alpha());
+                assert_eq!(
+                    std::mem::discriminant(&any),
+                    std::mem::discriminant(&pair[1])
+                );
+            }
+        }
     }
 }
