@@ -1,0 +1,198 @@
+//! Files that appear whole or not at all.
+
+use std::fs::File;
+use std::io::{self, BufWriter, Seek as _, SeekFrom, Write as _};
+use std::path::{Path, PathBuf};
+
+/// What the content of a file that is being made is written to.
+pub type AtomicWriter<'a> = BufWriter<&'a File>;
+
+/// Writes a file so that others see either its old content or the whole new one.
+///
+/// `write` fills a temporary file in the target's folder, which then takes the target's place. If `write` fails, or the
+/// process is told to stop inside it and it returns an error, the target is as it was and no temporary file is left.
+/// Symbolic links are written through; a replaced file hands on its permissions; a new one gets those of any new file.
+/// Targets that are no plain file (a pipe, `/dev/null`) get the finished content at the end.
+///
+/// Does not guarantee: that the content has reached the disk when the machine loses power; that hard links and owner
+/// of a replaced file survive.
+///
+/// # Errors
+/// Whatever `write` returns, or an error of the file system, such as a missing folder or a write-protected target.
+pub fn write_atomically<T, E: From<io::Error>>(
+    path: &Path,
+    write: impl FnOnce(&mut AtomicWriter<'_>) -> Result<T, E>,
+) -> Result<T, E> {
+    let target = follow_links(path)?;
+    let old = match std::fs::metadata(&target) {
+        Ok(metadata) => Some(metadata),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => None,
+        Err(error) => return Err(error.into()),
+    };
+    match old {
+        Some(old) if old.is_dir() => Err(io::Error::from(io::ErrorKind::IsADirectory).into()),
+        Some(old) if !old.is_file() => {
+            let mut file = tempfile::tempfile()?;
+            let value = fill(&file, write)?;
+            file.seek(SeekFrom::Start(0))?;
+            io::copy(&mut file, &mut File::options().write(true).open(&target)?)?;
+            Ok(value)
+        }
+        Some(old) if old.permissions().readonly() => {
+            Err(io::Error::from(io::ErrorKind::PermissionDenied).into())
+        }
+        old => {
+            let temporary = new_temporary(folder_of(&target))?;
+            let value = fill(temporary.as_file(), write)?;
+            if let Some(old) = old {
+                temporary.as_file().set_permissions(old.permissions())?;
+            }
+            temporary.persist(&target).map_err(|failed| failed.error)?;
+            Ok(value)
+        }
+    }
+}
+
+fn fill<T, E: From<io::Error>>(
+    file: &File,
+    write: impl FnOnce(&mut AtomicWriter<'_>) -> Result<T, E>,
+) -> Result<T, E> {
+    let mut writer = BufWriter::with_capacity(1 << 16, file);
+    let value = write(&mut writer)?;
+    writer.flush()?;
+    Ok(value)
+}
+
+fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(folder) if folder != Path::new("") => folder,
+        _ => Path::new("."),
+    }
+}
+
+fn new_temporary(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".ravec-").suffix(".part");
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt as _;
+        // the default of temporary files is private; the system takes the umask off these
+        builder.permissions(std::fs::Permissions::from_mode(0o666));
+    }
+    builder.tempfile_in(folder)
+}
+
+/// The path behind any symbolic links, which need not exist.
+fn follow_links(path: &Path) -> io::Result<PathBuf> {
+    // as many links as Linux follows
+    const MAX_LINKS: usize = 40;
+    let mut path = path.to_path_buf();
+    for _ in 0..MAX_LINKS {
+        match std::fs::symlink_metadata(&path) {
+            Ok(metadata) if metadata.is_symlink() => {
+                let link = std::fs::read_link(&path)?;
+                path = folder_of(&path).join(link);
+            }
+            _ => return Ok(path),
+        }
+    }
+    Err(io::Error::other("too many levels of symbolic links"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(folder: &Path) -> Vec<String> {
+        let mut names: Vec<_> = std::fs::read_dir(folder)
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        names.sort();
+        names
+    }
+
+    fn put(path: &Path, text: &str) -> io::Result<()> {
+        write_atomically(path, |writer| writer.write_all(text.as_bytes()))
+    }
+
+    #[test]
+    fn a_file_appears_and_is_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.txt");
+        put(&path, "one").unwrap();
+        put(&path, "two").unwrap();
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "two");
+        assert_eq!(names(folder.path()), ["a.txt"]);
+    }
+
+    #[test]
+    fn a_failing_writer_leaves_the_old_file_and_nothing_else() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.txt");
+        put(&path, "old").unwrap();
+        let result: io::Result<()> = write_atomically(&path, |writer| {
+            writer.write_all(&[0; 100_000])?;
+            Err(io::Error::other("stopped"))
+        });
+        assert_eq!(result.unwrap_err().to_string(), "stopped");
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "old");
+        assert_eq!(names(folder.path()), ["a.txt"]);
+    }
+
+    #[test]
+    fn a_panicking_writer_leaves_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.txt");
+        let result = std::panic::catch_unwind(|| {
+            write_atomically(&path, |_| -> io::Result<()> { panic!("on purpose") })
+        });
+        assert!(result.is_err());
+        assert!(names(folder.path()).is_empty());
+    }
+
+    #[test]
+    fn a_missing_folder_and_a_folder_as_target_are_errors() {
+        let folder = tempfile::tempdir().unwrap();
+        let missing = put(&folder.path().join("no/a.txt"), "x").unwrap_err();
+        assert_eq!(missing.kind(), io::ErrorKind::NotFound);
+        let error = put(folder.path(), "x").unwrap_err();
+        assert_eq!(error.kind(), io::ErrorKind::IsADirectory);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn links_are_written_through_and_permissions_are_handed_on() {
+        use std::os::unix::fs::{PermissionsExt as _, symlink};
+        let folder = tempfile::tempdir().unwrap();
+        let mode = |path: &Path| std::fs::metadata(path).unwrap().permissions().mode() & 0o777;
+        let (real, link) = (folder.path().join("real"), folder.path().join("link"));
+
+        symlink("real", &link).unwrap();
+        put(&link, "through a dangling link").unwrap();
+        let plain = folder.path().join("plain");
+        File::create(&plain).unwrap();
+        assert_eq!(mode(&real), mode(&plain), "a new file has the usual mode");
+
+        std::fs::set_permissions(&real, std::fs::Permissions::from_mode(0o640)).unwrap();
+        put(&link, "again").unwrap();
+        assert!(std::fs::symlink_metadata(&link).unwrap().is_symlink());
+        assert_eq!(std::fs::read_to_string(&real).unwrap(), "again");
+        assert_eq!(mode(&real), 0o640);
+
+        std::fs::set_permissions(&real, std::fs::Permissions::from_mode(0o440)).unwrap();
+        let error = put(&real, "protected").unwrap_err();
+        assert_eq!(error.kind(), io::ErrorKind::PermissionDenied);
+
+        symlink("b", folder.path().join("a")).unwrap();
+        symlink("a", folder.path().join("b")).unwrap();
+        assert!(put(&folder.path().join("a"), "x").is_err());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_device_gets_the_content_and_stays_a_device() {
+        put(Path::new("/dev/null"), "x").unwrap();
+        assert!(!std::fs::metadata("/dev/null").unwrap().is_file());
+    }
+}

@@ -1,0 +1,137 @@
+//! JPEG decoding with access to ink amounts, which the general decoder interface hides.
+//!
+//! CMYK files store ink amounts inverted (255 = no ink), as Adobe's programs began to and all others follow.
+
+use crate::samples::Channels;
+use zune_jpeg::JpegDecoder;
+use zune_jpeg::errors::DecodeErrors;
+use zune_jpeg::zune_core::bytestream::ZCursor;
+use zune_jpeg::zune_core::colorspace::ColorSpace;
+use zune_jpeg::zune_core::options::DecoderOptions;
+
+/// A JPEG file whose header has been read.
+pub(crate) struct Jpeg {
+    input: Vec<u8>,
+    stored: ColorSpace,
+    pub(crate) width: u32,
+    pub(crate) height: u32,
+    pub(crate) icc: Option<Vec<u8>>,
+    pub(crate) exif: Option<Vec<u8>>,
+}
+
+impl Jpeg {
+    pub(crate) fn open(input: Vec<u8>) -> Result<Self, DecodeErrors> {
+        let mut decoder = decoder(&input, options());
+        decoder.decode_headers()?;
+        let (width, height) = decoder.dimensions().unwrap_or_default();
+        let stored = decoder.input_colorspace().unwrap_or(ColorSpace::RGB);
+        let icc = decoder.icc_profile();
+        let exif = decoder.exif().cloned();
+        drop(decoder);
+        Ok(Self {
+            stored,
+            width: width as u32,
+            height: height as u32,
+            icc,
+            exif,
+            input,
+        })
+    }
+
+    pub(crate) fn channels(&self) -> Channels {
+        match self.stored {
+            ColorSpace::Luma => Channels::Grey,
+            ColorSpace::CMYK | ColorSpace::YCCK => Channels::Cmyk,
+            _ => Channels::Rgb,
+        }
+    }
+
+    pub(crate) fn encoded_bytes(&self) -> u64 {
+        self.input.len() as u64
+    }
+
+    /// Whether no marker ends the picture. The decoder then fills the missing part with grey.
+    pub(crate) fn is_truncated(&self) -> bool {
+        !self.input.windows(2).rev().any(|pair| pair == [0xff, 0xd9])
+    }
+
+    /// Fills `samples` with one byte a channel.
+    pub(crate) fn decode(&self, samples: &mut [u8]) -> Result<(), DecodeErrors> {
+        let wanted = match (self.channels(), self.stored) {
+            (Channels::Grey, _) => ColorSpace::Luma,
+            (Channels::Cmyk, stored) => stored,
+            _ => ColorSpace::RGB,
+        };
+        decoder(&self.input, options().jpeg_set_out_colorspace(wanted)).decode_into(samples)?;
+        if self.channels() == Channels::Cmyk {
+            ink_amounts(samples, self.stored == ColorSpace::YCCK);
+        }
+        Ok(())
+    }
+}
+
+fn options() -> DecoderOptions {
+    DecoderOptions::default()
+        .set_strict_mode(false)
+        .set_max_width(usize::MAX)
+        .set_max_height(usize::MAX)
+}
+
+fn decoder(input: &[u8], options: DecoderOptions) -> JpegDecoder<ZCursor<&[u8]>> {
+    JpegDecoder::new_with_options(ZCursor::new(input), options)
+}
+
+/// Ink amounts (255 = all ink) from what the file stores: inverted ones, or their YCbCr transform and inverted black.
+fn ink_amounts(samples: &mut [u8], ycck: bool) {
+    for pixel in samples.chunks_exact_mut(4) {
+        if ycck {
+            // the transform is that of JFIF, applied to inks as if they were colors
+            let [y, cb, cr] = [pixel[0], pixel[1], pixel[2]].map(f32::from);
+            let (cb, cr) = (cb - 128.0, cr - 128.0);
+            pixel[0] = (y + 1.402 * cr + 0.5) as u8;
+            pixel[1] = (y - 0.344_136 * cb - 0.714_136 * cr + 0.5) as u8;
+            pixel[2] = (y + 1.772 * cb + 0.5) as u8;
+            pixel[3] = 255 - pixel[3];
+        } else {
+            pixel.iter_mut().for_each(|sample| *sample = 255 - *sample);
+        }
+    }
+}
+
+/// Colors from ink amounts by the plain formula, in place: three samples a pixel remain.
+pub(crate) fn plain_colors(mut inks: Vec<u8>) -> Vec<u8> {
+    let pixels = inks.len() / 4;
+    for pixel in 0..pixels {
+        let [c, m, y, k] = std::array::from_fn(|i| u32::from(inks[4 * pixel + i]));
+        for (channel, ink) in [c, m, y].into_iter().enumerate() {
+            inks[3 * pixel + channel] = (((255 - ink) * (255 - k) + 127) / 255) as u8;
+        }
+    }
+    inks.truncate(3 * pixels);
+    inks
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn plain_colors_are_white_without_ink_and_black_with_all_of_one_kind() {
+        let inks = vec![0, 0, 0, 0, 0, 0, 0, 255, 255, 0, 0, 0, 0, 0, 255, 51];
+        assert_eq!(
+            plain_colors(inks),
+            [255, 255, 255, 0, 0, 0, 0, 255, 255, 204, 204, 0]
+        );
+    }
+
+    #[test]
+    fn inks_are_recovered_from_both_ways_of_storing() {
+        let mut plain = vec![255, 155, 55, 0];
+        ink_amounts(&mut plain, false);
+        assert_eq!(plain, [0, 100, 200, 255]);
+        // grey inks have no chroma
+        let mut transformed = vec![77, 128, 128, 200];
+        ink_amounts(&mut transformed, true);
+        assert_eq!(transformed, [77, 77, 77, 55]);
+    }
+}

@@ -1,0 +1,192 @@
+//! A picture together with what is needed to write a result like its source.
+
+use crate::format::Format;
+use ravec_raster::{AnyImage, Color, Image, LinearRgb, LinearRgba, Srgb, Srgba};
+use std::sync::Arc;
+
+/// How a file stores its numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum SampleKind {
+    /// 8-bit integers.
+    U8,
+    /// 16-bit integers.
+    U16,
+    /// 32-bit floats in linear light.
+    F32,
+}
+
+impl SampleKind {
+    /// Bytes of one sample.
+    pub fn bytes(self) -> usize {
+        match self {
+            Self::U8 => 1,
+            Self::U16 => 2,
+            Self::F32 => 4,
+        }
+    }
+}
+
+/// What a source file was like, so that a result can be written like it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Origin {
+    /// The source's format; none for a picture that was made, not read.
+    pub format: Option<Format>,
+    /// How the source stored its numbers. May differ from the image's pixel type: 8-bit pixels in another color space
+    /// than sRGB are held as floats.
+    pub sample: SampleKind,
+    /// Whether the source had one color channel.
+    pub grey: bool,
+    /// The color profile that the source embedded, if it could be understood.
+    pub icc: Option<Arc<[u8]>>,
+    /// The EXIF block, its orientation set to upright.
+    pub exif: Option<Arc<[u8]>>,
+}
+
+/// Something that was lost, guessed or changed without making the result useless.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Warning {
+    /// The embedded color profile cannot be used.
+    #[error("the color profile cannot be used ({reason}); the picture is taken as sRGB")]
+    ProfileIgnored {
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// Ink amounts were turned into colors by the plain formula.
+    #[error("the picture is CMYK without a usable color profile; its colors are approximate")]
+    CmykWithoutProfile,
+    /// Numbers that are not finite were replaced.
+    #[error(
+        "{nan} not-a-number samples were set to 0 and {infinite} infinite ones to the largest finite number"
+    )]
+    NotFinite {
+        /// Samples that were NaN and became 0.
+        nan: u64,
+        /// Samples that were infinite and became ±`f32::MAX`.
+        infinite: u64,
+    },
+    /// Pixels of an `OpenEXR` file that shine without covering have no straight color.
+    #[error("{pixels} fully transparent pixels with light of their own became empty")]
+    GlowLost {
+        /// How many pixels.
+        pixels: u64,
+    },
+    /// The file has several frames.
+    #[error("the file is an animation; only its first frame is used")]
+    OnlyFirstFrame,
+    /// The file ends before the picture does.
+    #[error("the file ends early; the missing part of the picture is filled in")]
+    Truncated,
+    /// The target format has no alpha.
+    #[error("{format} has no transparency; the picture was put on a plain background")]
+    AlphaFlattened {
+        /// The target format.
+        format: Format,
+    },
+    /// The EXIF block cannot be stored in the target.
+    #[error("the EXIF data of the source cannot be stored in this {format} file and was left out")]
+    ExifDropped {
+        /// The target format.
+        format: Format,
+    },
+}
+
+/// An image with its origin. Its pixels are upright and their colors are sRGB, encoded (integers) or linear (floats),
+/// whatever the source's color space was.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Picture {
+    /// The pixels.
+    pub image: AnyImage,
+    /// What the source was like.
+    pub origin: Origin,
+    /// What was lost or guessed on reading.
+    pub warnings: Vec<Warning>,
+}
+
+impl Picture {
+    /// A picture that was made, not read: written in sRGB with the samples it has.
+    pub fn from_image(image: impl Into<AnyImage>) -> Self {
+        let image = image.into();
+        let sample = match image {
+            AnyImage::Srgb8(_) | AnyImage::Srgba8(_) => SampleKind::U8,
+            AnyImage::Srgb16(_) | AnyImage::Srgba16(_) => SampleKind::U16,
+            AnyImage::Linear(_) | AnyImage::LinearAlpha(_) => SampleKind::F32,
+        };
+        Self {
+            image,
+            origin: Origin {
+                format: None,
+                sample,
+                grey: false,
+                icc: None,
+                exif: None,
+            },
+            warnings: Vec::new(),
+        }
+    }
+
+    /// A result of work on this picture: its pixels are `image`, and it is written like this one.
+    ///
+    /// Pixels get the type that this picture's have, with alpha only if some pixel is not opaque. A grey source stays
+    /// grey as long as every pixel is grey, which is looked at when writing. Warnings are not inherited.
+    pub fn with_image(&self, image: &Image<LinearRgba>) -> Self {
+        let opaque = image.is_opaque();
+        let image: AnyImage = match (&self.image, opaque) {
+            (AnyImage::Srgb8(_) | AnyImage::Srgba8(_), true) => image.convert::<Srgb<u8>>().into(),
+            (AnyImage::Srgb8(_) | AnyImage::Srgba8(_), false) => {
+                image.convert::<Srgba<u8>>().into()
+            }
+            (AnyImage::Srgb16(_) | AnyImage::Srgba16(_), true) => {
+                image.convert::<Srgb<u16>>().into()
+            }
+            (AnyImage::Srgb16(_) | AnyImage::Srgba16(_), false) => {
+                image.convert::<Srgba<u16>>().into()
+            }
+            (_, true) => image.convert::<LinearRgb>().into(),
+            (_, false) => image.clone().into(),
+        };
+        self.with_pixels(image)
+    }
+
+    /// Like [`with_image`](Self::with_image) for pixels that are to be kept exactly as they are.
+    pub fn with_pixels(&self, image: impl Into<AnyImage>) -> Self {
+        Self {
+            image: image.into(),
+            origin: self.origin.clone(),
+            warnings: Vec::new(),
+        }
+    }
+
+    /// The pixels in a given type.
+    pub fn convert<P: Color>(&self) -> Image<P> {
+        self.image.convert()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ravec_raster::Size;
+
+    #[test]
+    fn a_result_has_the_pixel_type_of_its_source_and_alpha_only_if_needed() {
+        let size = Size::new(2, 1).unwrap();
+        let source = Picture::from_image(Image::new(size, Srgba([9u8, 8, 7, 6])));
+        let mut work = Image::new(size, LinearRgba([0.5, 0.5, 0.5, 1.0]));
+        assert!(matches!(source.with_image(&work).image, AnyImage::Srgb8(_)));
+        work[(1, 0)] = LinearRgba([0.0, 0.0, 0.0, 0.25]);
+        assert!(matches!(
+            source.with_image(&work).image,
+            AnyImage::Srgba8(_)
+        ));
+
+        let deep = Picture::from_image(Image::new(size, Srgb([1u16; 3])));
+        assert!(matches!(deep.with_image(&work).image, AnyImage::Srgba16(_)));
+        let float = Picture::from_image(Image::new(size, LinearRgb([0.1; 3])));
+        assert!(matches!(
+            float.with_image(&work).image,
+            AnyImage::LinearAlpha(_)
+        ));
+        assert_eq!(float.origin.sample, SampleKind::F32);
+    }
+}

@@ -1,0 +1,549 @@
+//! Reading pictures.
+
+use crate::format::{self, Format};
+use crate::jpeg::{self, Jpeg};
+use crate::limits::{Limits, display_bytes};
+use crate::orient;
+use crate::picture::{Origin, Picture, SampleKind, Warning};
+use crate::profile::{self, Profile};
+use crate::samples::{self, Channels, Samples};
+use image::codecs::{bmp, hdr, openexr, png, tiff, webp};
+use image::metadata::Orientation;
+use image::{ColorType, ExtendedColorType, ImageDecoder, ImageError, ImageResult};
+use ravec_raster::{AnyImage, Size, SizeError};
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Cursor, Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+
+/// Why a picture could not be decoded.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum DecodeError {
+    /// The data cannot be read at all.
+    #[error("{0}")]
+    Io(#[from] io::Error),
+    /// There is no data.
+    #[error("the file is empty")]
+    Empty,
+    /// The content is no picture of a format that is read.
+    #[error("not a picture in a known format{}; known are {}", .looks_like.map(|name| format!(" (it looks like {name})")).unwrap_or_default(), format::known_names())]
+    UnknownFormat {
+        /// The name of the format, if it is known but not read.
+        looks_like: Option<&'static str>,
+    },
+    /// The picture has more pixels than allowed.
+    #[error(
+        "the picture has {width} x {height} pixels, more than the limit of {limit} (raise it with --max-pixels)"
+    )]
+    TooManyPixels {
+        /// Columns by the header.
+        width: u64,
+        /// Rows by the header.
+        height: u64,
+        /// [`Limits::max_pixels`].
+        limit: u64,
+    },
+    /// Reading would need more memory than allowed.
+    #[error("reading the picture needs {} of memory, more than the limit of {} (raise it with --max-bytes)", display_bytes(*.bytes), display_bytes(*.limit))]
+    TooManyBytes {
+        /// Bytes needed, or read so far.
+        bytes: u64,
+        /// [`Limits::max_bytes`].
+        limit: u64,
+    },
+    /// The machine has not enough memory.
+    #[error("not enough memory for the picture: {} are needed", display_bytes(*.bytes))]
+    OutOfMemory {
+        /// Bytes needed.
+        bytes: u64,
+    },
+    /// The content is broken.
+    #[error("the {format} data is damaged: {reason}")]
+    Damaged {
+        /// The format by its first bytes.
+        format: Format,
+        /// What the decoder says.
+        reason: String,
+    },
+    /// A variant of the format that is not read.
+    #[error("this kind of {format} file is not supported: {reason}")]
+    Unsupported {
+        /// The format by its first bytes.
+        format: Format,
+        /// What the decoder says.
+        reason: String,
+    },
+    /// A size that no image can have.
+    #[error("{0}")]
+    Size(#[from] SizeError),
+}
+
+/// Why a file could not be read as a picture.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: {cause}", display_path(.path))]
+pub struct ReadError {
+    /// The file; `-` is standard input.
+    pub path: PathBuf,
+    /// What went wrong.
+    pub cause: DecodeError,
+}
+
+pub(crate) fn display_path(path: &Path) -> String {
+    if path == Path::new("-") {
+        "standard input or output".into()
+    } else {
+        path.display().to_string()
+    }
+}
+
+/// What a file's header says about its picture.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Probe {
+    /// The format, by content.
+    pub format: Format,
+    /// Columns and rows of the upright picture.
+    pub size: Size,
+    /// How numbers are stored.
+    pub sample: SampleKind,
+    /// Whether there is one color channel.
+    pub grey: bool,
+    /// Whether there is an alpha channel.
+    pub alpha: bool,
+    /// How the stored picture must be turned, 1 to 8 as in EXIF; 1 is upright.
+    pub orientation: u8,
+    /// What the embedded color profile calls itself; empty if it does not say.
+    pub profile: Option<String>,
+}
+
+/// Reads a picture from a file, or from standard input if the path is `-`.
+///
+/// See [`decode`] for what is done to it. Files of any length are read; standard input and pipes up to
+/// [`Limits::max_bytes`].
+///
+/// # Errors
+/// [`ReadError`] with the path and a [`DecodeError`].
+pub fn read(path: impl AsRef<Path>, limits: &Limits) -> Result<Picture, ReadError> {
+    with_file(path.as_ref(), limits, |input| decode(input, limits))
+}
+
+/// What the header of a file says, without decoding the picture. `-` is standard input.
+///
+/// # Errors
+/// As for [`read`], except for damage in the part that is not looked at.
+pub fn probe(path: impl AsRef<Path>, limits: &Limits) -> Result<Probe, ReadError> {
+    with_file(path.as_ref(), limits, |input| probe_data(input, limits))
+}
+
+/// Decodes a picture whose format is found from its content.
+///
+/// * EXIF orientation is applied.
+/// * Colors become sRGB by the embedded profile. If that profile *is* sRGB, or there is none, integer samples are kept
+///   exactly; otherwise pixels are floats in linear light, not clipped to sRGB.
+/// * Float files are linear light; NaN becomes 0 and infinities the largest finite number, with a warning.
+/// * Alpha is straight.
+///
+/// Panics of the decoders on hostile data are caught here and reported as damage.
+///
+/// # Errors
+/// [`DecodeError`] for data that is not a picture, damaged, unsupported or above a limit.
+pub fn decode(input: impl BufRead + Seek, limits: &Limits) -> Result<Picture, DecodeError> {
+    contain_panics(input, limits, |opened| opened.decode(limits))
+}
+
+/// What the header of encoded data says, without decoding the picture.
+///
+/// # Errors
+/// As for [`decode`], except for damage in the part that is not looked at.
+pub fn probe_data(input: impl BufRead + Seek, limits: &Limits) -> Result<Probe, DecodeError> {
+    contain_panics(input, limits, |opened| opened.probe())
+}
+
+fn with_file<T>(
+    path: &Path,
+    limits: &Limits,
+    work: impl FnOnce(&mut dyn Input) -> Result<T, DecodeError>,
+) -> Result<T, ReadError> {
+    let open = || -> Result<Box<dyn Input>, DecodeError> {
+        if path == Path::new("-") {
+            return Ok(Box::new(Cursor::new(read_all(io::stdin().lock(), limits)?)));
+        }
+        let file = File::open(path)?;
+        let metadata = file.metadata()?;
+        if metadata.is_dir() {
+            return Err(io::Error::from(io::ErrorKind::IsADirectory).into());
+        }
+        if metadata.is_file() {
+            Ok(Box::new(BufReader::with_capacity(1 << 16, file)))
+        } else {
+            // pipes cannot be searched
+            Ok(Box::new(Cursor::new(read_all(file, limits)?)))
+        }
+    };
+    open()
+        .and_then(|mut input| work(&mut *input))
+        .map_err(|cause| ReadError {
+            path: path.to_path_buf(),
+            cause,
+        })
+}
+
+trait Input: BufRead + Seek {}
+impl<T: BufRead + Seek> Input for T {}
+
+/// All that `input` has, unless it is more than the limit.
+fn read_all(input: impl Read, limits: &Limits) -> Result<Vec<u8>, DecodeError> {
+    let mut data = Vec::new();
+    // half: a growing buffer is copied into one of twice the size
+    let most = limits.max_bytes / 2;
+    input.take(most.saturating_add(1)).read_to_end(&mut data)?;
+    limits.check_bytes(2 * data.len() as u64)?;
+    Ok(data)
+}
+
+/// A hostile file may trip an assertion in a decoder. Decoders share no state between files, so unwinding out of one is
+/// safe.
+fn contain_panics<T>(
+    mut input: impl BufRead + Seek,
+    limits: &Limits,
+    work: impl FnOnce(Opened<'_>) -> Result<T, DecodeError>,
+) -> Result<T, DecodeError> {
+    let format = sniff(&mut input)?;
+    let attempt = std::panic::AssertUnwindSafe(|| work(Opened::new(format, &mut input, limits)?));
+    std::panic::catch_unwind(attempt).unwrap_or_else(|_| {
+        Err(DecodeError::Damaged {
+            format,
+            reason: "the decoder gave up".into(),
+        })
+    })
+}
+
+fn sniff(input: &mut (impl BufRead + Seek)) -> Result<Format, DecodeError> {
+    let start = input.stream_position()?;
+    let mut first = Vec::new();
+    input
+        .by_ref()
+        .take(Format::SNIFFED_BYTES as u64)
+        .read_to_end(&mut first)?;
+    input.seek(SeekFrom::Start(start))?;
+    if first.is_empty() {
+        return Err(DecodeError::Empty);
+    }
+    Format::from_content(&first).ok_or_else(|| DecodeError::UnknownFormat {
+        looks_like: format::name_of_stranger(&first),
+    })
+}
+
+/// A file whose header has been read.
+struct Opened<'a> {
+    format: Format,
+    decoder: Decoder<'a>,
+    width: u32,
+    height: u32,
+    channels: Channels,
+    sample: SampleKind,
+    orientation: Orientation,
+    icc: Option<Vec<u8>>,
+    exif: Option<Vec<u8>>,
+    warnings: Vec<Warning>,
+}
+
+enum Decoder<'a> {
+    General(Box<dyn ImageDecoder + 'a>),
+    Jpeg(Jpeg),
+}
+
+impl<'a> Opened<'a> {
+    fn new<R: BufRead + Seek>(
+        format: Format,
+        input: &'a mut R,
+        limits: &Limits,
+    ) -> Result<Self, DecodeError> {
+        let length = input.seek(SeekFrom::End(0))?;
+        input.seek(SeekFrom::Start(0))?;
+        let mut opened = if format == Format::Jpeg {
+            limits.check_bytes(length)?;
+            Self::open_jpeg(input)?
+        } else {
+            Self::open_general(format, input, length, limits)
+                .map_err(|error| decode_error(format, error, limits))?
+        };
+        limits.check_pixels(opened.width.into(), opened.height.into())?;
+        if let Some(exif) = opened.exif.take() {
+            opened.take_exif(exif);
+        }
+        Ok(opened)
+    }
+
+    fn open_jpeg(input: &mut impl Read) -> Result<Self, DecodeError> {
+        let mut data = Vec::new();
+        input.read_to_end(&mut data)?;
+        let mut jpeg = Jpeg::open(data).map_err(|error| jpeg_error(&error))?;
+        let mut warnings = Vec::new();
+        if jpeg.is_truncated() {
+            warnings.push(Warning::Truncated);
+        }
+        Ok(Self {
+            format: Format::Jpeg,
+            width: jpeg.width,
+            height: jpeg.height,
+            channels: jpeg.channels(),
+            sample: SampleKind::U8,
+            orientation: Orientation::NoTransforms,
+            icc: jpeg.icc.take(),
+            exif: jpeg.exif.take(),
+            decoder: Decoder::Jpeg(jpeg),
+            warnings,
+        })
+    }
+
+    fn open_general<R: BufRead + Seek>(
+        format: Format,
+        input: &'a mut R,
+        length: u64,
+        limits: &Limits,
+    ) -> ImageResult<Self> {
+        let mut bounds = image::Limits::no_limits();
+        bounds.max_alloc = Some(limits.max_bytes);
+        let mut warnings = Vec::new();
+        let mut decoder: Box<dyn ImageDecoder + 'a> = match format {
+            Format::Png => {
+                let decoder = png::PngDecoder::with_limits(input, bounds.clone())?;
+                if decoder.is_apng()? {
+                    warnings.push(Warning::OnlyFirstFrame);
+                }
+                Box::new(decoder)
+            }
+            Format::WebP => {
+                let decoder = webp::WebPDecoder::new(input)?;
+                if decoder.has_animation() {
+                    warnings.push(Warning::OnlyFirstFrame);
+                }
+                Box::new(decoder)
+            }
+            Format::Tiff => Box::new(tiff::TiffDecoder::new(input)?),
+            Format::Bmp => Box::new(bmp::BmpDecoder::new(input)?),
+            Format::OpenExr => Box::new(openexr::OpenExrDecoder::new(input)?),
+            // the strict decoder insists on one of the two names of the format
+            Format::Hdr | Format::Jpeg => Box::new(hdr::HdrDecoder::new_nonstrict(input)?),
+        };
+        decoder.set_limits(bounds)?;
+        let (width, height) = decoder.dimensions();
+        let (channels, sample) = layout(decoder.color_type());
+        if matches!(
+            decoder.original_color_type(),
+            ExtendedColorType::Cmyk8 | ExtendedColorType::Cmyk16
+        ) {
+            warnings.push(Warning::CmykWithoutProfile);
+        }
+        let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
+        let _ = length;
+        Ok(Self {
+            format,
+            width,
+            height,
+            channels,
+            sample,
+            orientation,
+            icc: decoder.icc_profile().ok().flatten(),
+            exif: decoder.exif_metadata().ok().flatten(),
+            decoder: Decoder::General(decoder),
+            warnings,
+        })
+    }
+
+    /// Keeps an EXIF block that begins as one must, and moves its orientation from there to here.
+    fn take_exif(&mut self, mut exif: Vec<u8>) {
+        if exif.starts_with(b"Exif\0\0") {
+            exif.drain(..6);
+        }
+        if exif.starts_with(b"II*\0") || exif.starts_with(b"MM\0*") {
+            if let Some(orientation) = Orientation::remove_from_exif_chunk(&mut exif) {
+                self.orientation = orientation;
+            }
+            self.exif = Some(exif);
+        }
+    }
+
+    fn probe(self) -> Result<Probe, DecodeError> {
+        let size = Size::new(self.width as usize, self.height as usize)?;
+        Ok(Probe {
+            format: self.format,
+            size: if orient::transposes(self.orientation) {
+                size.transposed()
+            } else {
+                size
+            },
+            sample: self.sample,
+            grey: self.channels.is_grey(),
+            alpha: self.channels.has_alpha(),
+            orientation: self.orientation.to_exif(),
+            profile: self
+                .icc
+                .map(|icc| profile::description(&icc).unwrap_or_default()),
+        })
+    }
+
+    fn decode(mut self, limits: &Limits) -> Result<Picture, DecodeError> {
+        let size = Size::new(self.width as usize, self.height as usize)?;
+        let profile = self.profile();
+        let needed = self.memory(profile.is_some());
+        limits.check_bytes(needed)?;
+        let count = size.pixels() * self.channels.count();
+        let mut samples = Samples::zeroed(self.sample, count)
+            .map_err(|_| DecodeError::OutOfMemory { bytes: needed })?;
+
+        match self.decoder {
+            Decoder::General(decoder) => decoder
+                .read_image_boxed(samples.as_bytes_mut())
+                .map_err(|error| decode_error(self.format, error, limits))?,
+            Decoder::Jpeg(jpeg) => jpeg
+                .decode(samples.as_bytes_mut())
+                .map_err(|error| jpeg_error(&error))?,
+        }
+        self.warnings.extend(samples.make_finite());
+
+        let mut channels = self.channels;
+        if let (Samples::U8(inks), Channels::Cmyk, None) = (&mut samples, channels, &profile) {
+            samples = Samples::U8(jpeg::plain_colors(std::mem::take(inks)));
+            channels = Channels::Rgb;
+            self.warnings.push(Warning::CmykWithoutProfile);
+        }
+        // sRGB is what integers are; floats with a profile are encoded as it says
+        let active = match &profile {
+            Some(Profile::Srgb) if self.sample != SampleKind::F32 => None,
+            other => other.as_ref(),
+        };
+        let mut image = samples
+            .into_image(channels, size, active)
+            .map_err(|reason| DecodeError::Unsupported {
+                format: self.format,
+                reason,
+            })?;
+        if let (Format::OpenExr, AnyImage::LinearAlpha(image)) = (self.format, &mut image) {
+            self.warnings.extend(samples::unmultiply(image));
+        }
+        samples::bound_alpha(&mut image);
+        Ok(Picture {
+            image: orient::upright(image, self.orientation),
+            origin: Origin {
+                format: Some(self.format),
+                sample: self.sample,
+                grey: self.channels.is_grey(),
+                icc: self.icc.map(Into::into),
+                exif: self.exif.map(Into::into),
+            },
+            warnings: self.warnings,
+        })
+    }
+
+    /// The embedded profile, if it can be used; else it is dropped with a warning.
+    fn profile(&mut self) -> Option<Profile> {
+        let icc = self.icc.as_ref()?;
+        let colors = self.channels.count() - usize::from(self.channels.has_alpha());
+        let reason = match Profile::parse(icc) {
+            Ok(profile) if profile.suits(colors) => return Some(profile),
+            // a warning for the inks themselves has been given
+            Ok(_) if self.warnings.contains(&Warning::CmykWithoutProfile) => String::new(),
+            Ok(_) => "it is for another number of channels".into(),
+            Err(reason) => reason,
+        };
+        self.icc = None;
+        if !reason.is_empty() {
+            self.warnings.push(Warning::ProfileIgnored { reason });
+        }
+        None
+    }
+
+    /// The bytes that decoding holds at its peak, at most.
+    fn memory(&self, profiled: bool) -> u64 {
+        let pixels = u64::from(self.width) * u64::from(self.height);
+        let channels = self.channels.count() as u64;
+        let decoded = pixels * channels * self.sample.bytes() as u64;
+        // blocks at the border are whole
+        let padded = (u64::from(self.width) + 64) * (u64::from(self.height) + 64);
+        let decoder = match (&self.decoder, self.format) {
+            // progressive files: a 16-bit coefficient for each sample
+            (Decoder::Jpeg(jpeg), _) => jpeg.encoded_bytes() + 2 * channels * padded,
+            // planes of a lossy frame, its alpha, a canvas of an animation
+            (_, Format::WebP) => 12 * padded,
+            // a buffer of its own, of inks perhaps, and a block before its decompression
+            (_, Format::Tiff) => 2 * decoded + decoded / 2,
+            (_, Format::OpenExr) => decoded + decoded / 2,
+            _ => 64 * u64::from(self.width),
+        };
+        let pixel = match (self.sample, profiled) {
+            (SampleKind::U8, false) => 4,
+            (SampleKind::U16, false) => 8,
+            _ => 16,
+        };
+        let converts = profiled || self.channels.is_grey();
+        let image = if converts { pixels * pixel } else { decoded };
+        let turned = if orient::transposes(self.orientation) {
+            image
+        } else {
+            0
+        };
+        let conversion = match (converts, profiled) {
+            (false, _) => 0,
+            (true, false) => image,
+            // tables go through a second image
+            (true, true) => 2 * image,
+        };
+        decoded + decoder.max(conversion).max(turned)
+    }
+}
+
+fn layout(color: ColorType) -> (Channels, SampleKind) {
+    match color {
+        ColorType::L8 => (Channels::Grey, SampleKind::U8),
+        ColorType::La8 => (Channels::GreyAlpha, SampleKind::U8),
+        ColorType::Rgb8 => (Channels::Rgb, SampleKind::U8),
+        ColorType::Rgba8 => (Channels::Rgba, SampleKind::U8),
+        ColorType::L16 => (Channels::Grey, SampleKind::U16),
+        ColorType::La16 => (Channels::GreyAlpha, SampleKind::U16),
+        ColorType::Rgb16 => (Channels::Rgb, SampleKind::U16),
+        ColorType::Rgba16 => (Channels::Rgba, SampleKind::U16),
+        ColorType::Rgb32F => (Channels::Rgb, SampleKind::F32),
+        // the enum is open; a new type would fail the length check of its decoder
+        _ => (Channels::Rgba, SampleKind::F32),
+    }
+}
+
+fn decode_error(format: Format, error: ImageError, limits: &Limits) -> DecodeError {
+    match error {
+        ImageError::Unsupported(error) => DecodeError::Unsupported {
+            format,
+            reason: error.to_string(),
+        },
+        ImageError::Limits(_) => DecodeError::TooManyBytes {
+            bytes: limits.max_bytes.saturating_add(1),
+            limit: limits.max_bytes,
+        },
+        ImageError::IoError(error) if error.kind() == io::ErrorKind::UnexpectedEof => {
+            DecodeError::Damaged {
+                format,
+                reason: "it ends early".into(),
+            }
+        }
+        ImageError::IoError(error) if error.raw_os_error().is_some() => DecodeError::Io(error),
+        error => DecodeError::Damaged {
+            format,
+            reason: error.to_string(),
+        },
+    }
+}
+
+fn jpeg_error(error: &zune_jpeg::errors::DecodeErrors) -> DecodeError {
+    use zune_jpeg::errors::DecodeErrors;
+    let format = Format::Jpeg;
+    match error {
+        DecodeErrors::Unsupported(what) => DecodeError::Unsupported {
+            format,
+            reason: format!("{what:?}"),
+        },
+        error => DecodeError::Damaged {
+            format,
+            reason: error.to_string(),
+        },
+    }
+}

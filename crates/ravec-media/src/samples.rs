@@ -1,0 +1,259 @@
+//! Samples as a decoder gives them, and the images made of them.
+
+use crate::curve::Stored;
+use crate::picture::{SampleKind, Warning};
+use crate::profile::Profile;
+use ravec_raster::{
+    AnyImage, Image, LinearRgb, LinearRgba, Pixel, PremulLinearRgba, Size, SizeError, Srgb, Srgba,
+};
+use rayon::prelude::*;
+
+/// What the samples of a pixel mean.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Channels {
+    Grey,
+    GreyAlpha,
+    Rgb,
+    Rgba,
+    /// Amounts of ink.
+    Cmyk,
+}
+
+impl Channels {
+    pub(crate) fn count(self) -> usize {
+        match self {
+            Self::Grey => 1,
+            Self::GreyAlpha => 2,
+            Self::Rgb => 3,
+            Self::Rgba | Self::Cmyk => 4,
+        }
+    }
+
+    pub(crate) fn has_alpha(self) -> bool {
+        matches!(self, Self::GreyAlpha | Self::Rgba)
+    }
+
+    pub(crate) fn is_grey(self) -> bool {
+        matches!(self, Self::Grey | Self::GreyAlpha)
+    }
+}
+
+/// Decoded samples, pixel by pixel.
+pub(crate) enum Samples {
+    U8(Vec<u8>),
+    U16(Vec<u16>),
+    F32(Vec<f32>),
+}
+
+impl Samples {
+    /// `count` zeros, or the error of a memory that has no room for them.
+    pub(crate) fn zeroed(
+        kind: SampleKind,
+        count: usize,
+    ) -> Result<Self, std::collections::TryReserveError> {
+        Ok(match kind {
+            SampleKind::U8 => Self::U8(zeros(count)?),
+            SampleKind::U16 => Self::U16(zeros(count)?),
+            SampleKind::F32 => Self::F32(zeros(count)?),
+        })
+    }
+
+    pub(crate) fn as_bytes(&self) -> &[u8] {
+        match self {
+            Self::U8(samples) => samples,
+            Self::U16(samples) => bytemuck::cast_slice(samples),
+            Self::F32(samples) => bytemuck::cast_slice(samples),
+        }
+    }
+
+    pub(crate) fn as_bytes_mut(&mut self) -> &mut [u8] {
+        match self {
+            Self::U8(samples) => samples,
+            Self::U16(samples) => bytemuck::cast_slice_mut(samples),
+            Self::F32(samples) => bytemuck::cast_slice_mut(samples),
+        }
+    }
+
+    /// Makes floats finite, and tells how many were not.
+    pub(crate) fn make_finite(&mut self) -> Option<Warning> {
+        let Self::F32(samples) = self else {
+            return None;
+        };
+        let (nan, infinite) = samples
+            .par_iter_mut()
+            .with_min_len(1 << 14)
+            .map(|sample| {
+                if sample.is_nan() {
+                    *sample = 0.0;
+                    (1, 0)
+                } else if sample.is_infinite() {
+                    *sample = f32::MAX.copysign(*sample);
+                    (0, 1)
+                } else {
+                    (0, 0)
+                }
+            })
+            .reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
+        (nan + infinite > 0).then_some(Warning::NotFinite { nan, infinite })
+    }
+
+    /// The image, in sRGB: by the profile if there is one that does something, else the samples as they are.
+    pub(crate) fn into_image(
+        self,
+        channels: Channels,
+        size: Size,
+        profile: Option<&Profile>,
+    ) -> Result<AnyImage, String> {
+        let (count, alpha) = (channels.count(), channels.has_alpha());
+        match (self, profile) {
+            (Self::U8(samples), Some(profile)) => profile.to_linear(&samples, count, alpha, size),
+            (Self::U16(samples), Some(profile)) => profile.to_linear(&samples, count, alpha, size),
+            (Self::F32(samples), Some(profile)) => profile.to_linear(&samples, count, alpha, size),
+            (Self::U8(samples), None) => integers(samples, channels, size),
+            (Self::U16(samples), None) => integers(samples, channels, size),
+            (Self::F32(samples), None) => floats(samples, channels, size),
+        }
+    }
+}
+
+fn zeros<T: Stored>(count: usize) -> Result<Vec<T>, std::collections::TryReserveError> {
+    let mut samples = Vec::new();
+    samples.try_reserve_exact(count)?;
+    samples.resize(count, T::default());
+    Ok(samples)
+}
+
+fn integers<T: Stored>(samples: Vec<T>, channels: Channels, size: Size) -> Result<AnyImage, String>
+where
+    AnyImage: From<Image<Srgb<T>>> + From<Image<Srgba<T>>>,
+{
+    let width = size.width();
+    let image = match channels {
+        Channels::Grey => {
+            Image::from_vec(width, pixels(&samples, |[v]| Srgb([v; 3]))).map(AnyImage::from)
+        }
+        Channels::GreyAlpha => {
+            Image::from_vec(width, pixels(&samples, |[v, a]| Srgba([v, v, v, a])))
+                .map(AnyImage::from)
+        }
+        Channels::Rgb => Image::from_vec(width, moved::<T, Srgb<T>>(samples)).map(AnyImage::from),
+        Channels::Rgba => Image::from_vec(width, moved::<T, Srgba<T>>(samples)).map(AnyImage::from),
+        Channels::Cmyk => return Err("inks without a profile".into()),
+    };
+    image.map_err(|error: SizeError| error.to_string())
+}
+
+fn floats(samples: Vec<f32>, channels: Channels, size: Size) -> Result<AnyImage, String> {
+    let width = size.width();
+    let image = match channels {
+        Channels::Grey => {
+            Image::from_vec(width, pixels(&samples, |[v]| LinearRgb([v; 3]))).map(AnyImage::from)
+        }
+        Channels::GreyAlpha => {
+            Image::from_vec(width, pixels(&samples, |[v, a]| LinearRgba([v, v, v, a])))
+                .map(AnyImage::from)
+        }
+        Channels::Rgb => Image::from_vec(width, moved::<_, LinearRgb>(samples)).map(AnyImage::from),
+        Channels::Rgba => {
+            Image::from_vec(width, moved::<_, LinearRgba>(samples)).map(AnyImage::from)
+        }
+        Channels::Cmyk => return Err("inks without a profile".into()),
+    };
+    image.map_err(|error: SizeError| error.to_string())
+}
+
+/// One pixel from each `N` samples.
+fn pixels<T: Stored, P: Pixel, const N: usize>(
+    samples: &[T],
+    pixel: impl Fn([T; N]) -> P + Sync + Send,
+) -> Vec<P> {
+    samples
+        .par_chunks_exact(N)
+        .with_min_len(1 << 14)
+        .map(|samples| pixel(std::array::from_fn(|i| samples[i])))
+        .collect()
+}
+
+/// The same memory as pixels. Falls back to a copy if the allocator gave more than was asked for.
+fn moved<T: Stored, P: Pixel>(samples: Vec<T>) -> Vec<P> {
+    bytemuck::allocation::try_cast_vec(samples)
+        .unwrap_or_else(|(_, samples)| bytemuck::allocation::pod_collect_to_vec(&samples))
+}
+
+/// Straight alpha from the premultiplied one of `OpenEXR`. Light of pixels that do not cover has no straight color.
+pub(crate) fn unmultiply(image: &mut Image<LinearRgba>) -> Option<Warning> {
+    use ravec_raster::Color as _;
+    let pixels = image
+        .pixels_mut()
+        .par_iter_mut()
+        .with_min_len(1 << 14)
+        .map(|pixel| {
+            let lost = pixel.alpha() == 0.0 && pixel.rgb() != [0.0; 3];
+            *pixel = PremulLinearRgba(pixel.0).to_linear();
+            u64::from(lost)
+        })
+        .sum();
+    (pixels > 0).then_some(Warning::GlowLost { pixels })
+}
+
+/// Alpha within 0 to 1, which float files do not promise.
+pub(crate) fn bound_alpha(image: &mut AnyImage) {
+    if let AnyImage::LinearAlpha(image) = image {
+        image
+            .pixels_mut()
+            .par_iter_mut()
+            .with_min_len(1 << 14)
+            .for_each(|pixel| pixel.0[3] = pixel.0[3].clamp(0.0, 1.0));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn grey_is_spread_and_colors_keep_their_memory() {
+        let size = Size::new(2, 1).unwrap();
+        let grey = Samples::U8(vec![7, 9]).into_image(Channels::Grey, size, None);
+        let expected = Image::from_vec(2, vec![Srgb([7u8; 3]), Srgb([9; 3])]).unwrap();
+        assert_eq!(grey.unwrap(), expected.into());
+
+        let samples = vec![1u16, 2, 3, 4, 5, 6];
+        let place = samples.as_ptr();
+        let image = Samples::U16(samples).into_image(Channels::Rgb, size, None);
+        let AnyImage::Srgb16(image) = image.unwrap() else {
+            panic!("16-bit samples make a 16-bit image");
+        };
+        assert_eq!(image.pixels().as_ptr().cast(), place);
+    }
+
+    #[test]
+    fn numbers_that_are_not_finite_are_replaced_and_counted() {
+        let mut samples = Samples::F32(vec![1.0, f32::NAN, f32::NEG_INFINITY, f32::INFINITY, -2.0]);
+        let warning = samples.make_finite();
+        assert_eq!(
+            warning,
+            Some(Warning::NotFinite {
+                nan: 1,
+                infinite: 2
+            })
+        );
+        let Samples::F32(samples) = samples else {
+            unreachable!()
+        };
+        assert_eq!(samples, [1.0, 0.0, f32::MIN, f32::MAX, -2.0]);
+    }
+
+    #[test]
+    fn glow_is_counted_and_covered_light_becomes_straight() {
+        let size = Size::new(3, 1).unwrap();
+        let pixels = [[0.5, 0.25, 0.0, 0.5], [1.0, 0.0, 0.0, 0.0], [0.0; 4]];
+        let mut image = Image::from_fn(size, |col, _| LinearRgba(pixels[col]));
+        assert_eq!(
+            unmultiply(&mut image),
+            Some(Warning::GlowLost { pixels: 1 })
+        );
+        assert_eq!(image[(0, 0)], LinearRgba([1.0, 0.5, 0.0, 0.5]));
+        assert_eq!(image[(1, 0)], LinearRgba([0.0; 4]));
+    }
+}
