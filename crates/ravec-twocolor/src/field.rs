@@ -41,6 +41,20 @@ pub enum FitError {
     /// The region holds no pixel of the image.
     #[error("the region lies outside the image")]
     EmptyRegion,
+    /// The windows' distance does not fit their side.
+    #[error("windows of {side} pixels cannot stand {got} pixels apart: choose 1 to {side}")]
+    Stride {
+        /// The distance that was asked for.
+        got: usize,
+        /// The window's side.
+        side: usize,
+    },
+    /// The noise level makes no sense.
+    #[error("noise of {got} steps cannot be cleaned: choose 0 to 255")]
+    Noise {
+        /// The noise that was asked for.
+        got: f32,
+    },
     /// The caller cancelled.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),

@@ -1,5 +1,6 @@
 //! Two-color pixels.
 
+mod clean;
 mod dense;
 mod field;
 mod fit;
@@ -8,6 +9,7 @@ mod pixel;
 mod split_table;
 mod sweep;
 
+pub use clean::{CleanParams, NoiseLevel, clean, clean_with, estimate_noise};
 pub use dense::{CenteredWindow, WindowParams, map_windows};
 pub use field::{FitError, FitParams, TwoColorField};
 pub use line::Line;

@@ -1,0 +1,131 @@
+//! Cleaning: noise and compression damage taken off, edges left where they are.
+//!
+//! Every window of the image is split by its best line; each side is modelled as a shrunken plane plus a shrunken
+//! residual (a Wiener filter whose support ends at the edge); and each pixel takes the weighted mean of what all windows
+//! over it estimate. The steps, under their names in [`window`]:
+//!
+//! 1. orthonormal opponent transform of the *encoded* values, which keeps the noise equal and uncorrelated per channel,
+//! 2. exact split of each N × N window at a stride; two sides if the gain exceeds what noise alone would give,
+//! 3. per side and channel: mean, slope, and how much of the slope stands out of the noise,
+//! 4. per side and channel: how much of the residual stands out of the noise,
+//! 5. estimate, weighted by the inverse of its expected variance.
+//!
+//! Source: dissertation, chapter 3 (averaging overlapping windows, weighted by fit). We differ in the model of a side:
+//! two constants alone lose texture and gradients (31.3 dB against 32.8 on photos with noise of 15 steps).
+//!
+//! Guarantees: the same bits for any region, number of threads and instruction set; alpha is untouched, and so are the
+//! colours of fully transparent pixels. Does not guarantee: that texture below the noise survives.
+//!
+//! Cost: O(pixels / stride²) exact fits. Memory: the result, and a few rows of the region a thread.
+
+mod noise;
+mod strip;
+mod window;
+
+pub use noise::{NoiseLevel, estimate_noise};
+
+use crate::field::FitError;
+use crate::split_table::split_table;
+use fearless_simd::{Level, dispatch};
+use ravec_progress::{Cancelled, Progress};
+use ravec_raster::{Color, Image, LinearRgba, Rect};
+use rayon::prelude::*;
+use strip::Strip;
+
+/// How an image is cleaned.
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CleanParams {
+    /// Standard deviation of the noise, in steps of 8-bit encoded values, 0 to 255; estimated from the image when not
+    /// given (default). More removes more, texture included; an estimate 10 % off costs 0.4 dB.
+    pub noise_sigma: Option<f32>,
+    /// Side of a window in pixels, 4 to 16 (default 8). Larger windows average more and adapt less; cost grows with the
+    /// fourth power.
+    pub window_px: usize,
+    /// Distance of neighbouring windows in pixels, 1 to `window_px` (default 2). Twice the stride costs a quarter, loses
+    /// 0.3 dB, and beyond half a window begins to show the grid.
+    pub stride_px: usize,
+}
+
+impl Default for CleanParams {
+    fn default() -> Self {
+        Self {
+            noise_sigma: None,
+            window_px: 8,
+            stride_px: 2,
+        }
+    }
+}
+
+/// The cleaned pixels of `region` (clipped to the image).
+///
+/// # Errors
+/// [`FitError::BlockSize`] if the window is below 4 or above 16, [`FitError::Stride`] if the stride is 0 or larger than
+/// the window, [`FitError::Noise`] if the noise is negative or not finite, [`FitError::EmptyRegion`] if the region has no
+/// pixel of the image, [`FitError::Cancelled`] soon after `progress` is.
+pub fn clean<P: Color>(
+    image: &Image<P>,
+    region: Rect,
+    params: &CleanParams,
+    progress: &Progress,
+) -> Result<Image<LinearRgba>, FitError> {
+    let noise = match params.noise_sigma {
+        Some(sigma) if !(0.0..=255.0).contains(&sigma) => {
+            return Err(FitError::Noise { got: sigma });
+        }
+        Some(sigma) => NoiseLevel::uniform(sigma),
+        None => estimate_noise(image, progress)?,
+    };
+    clean_with(image, region, &noise, params, progress)
+}
+
+/// [`clean`] with a noise level that was estimated before, of which `params.noise_sigma` says nothing.
+///
+/// # Errors
+/// As [`clean`].
+pub fn clean_with<P: Color>(
+    image: &Image<P>,
+    region: Rect,
+    noise: &NoiseLevel,
+    params: &CleanParams,
+    progress: &Progress,
+) -> Result<Image<LinearRgba>, FitError> {
+    let (side, stride) = (params.window_px, params.stride_px);
+    if !(4..=16).contains(&side) {
+        return Err(FitError::BlockSize { got: side });
+    }
+    if !(1..=side).contains(&stride) {
+        return Err(FitError::Stride { got: stride, side });
+    }
+    let region = region.intersection(Rect::of(image.size()));
+    let size = region.size().ok_or(FitError::EmptyRegion)?;
+    let table = split_table(side);
+    let level = Level::new();
+    let mut result = Image::new(size, LinearRgba::default());
+    let phase = progress.phase("clean", size.height() as u64);
+    result
+        .par_strips_mut(STRIP_ROWS)
+        .enumerate()
+        .try_for_each(|(strip, out)| {
+            progress.check()?;
+            let rows = out.len() / region.width;
+            let target = Rect::new(
+                region.col,
+                region.row + strip * STRIP_ROWS,
+                region.width,
+                rows,
+            );
+            dispatch!(level, simd => {
+                let mut strip = Strip::read(simd, image, target, side, stride);
+                window::clean_windows(simd, &mut strip, table, noise);
+                strip.write(image, out);
+            });
+            phase.advance(rows as u64);
+            Ok::<(), Cancelled>(())
+        })?;
+    Ok(result)
+}
+
+/// Rows cleaned by one task. Windows that reach over its border are fitted by both neighbours, so fewer rows cost more
+/// (an eighth at 48 rows and windows of 8), and more make a strip outgrow the cache and a cancellation wait.
+const STRIP_ROWS: usize = 48;

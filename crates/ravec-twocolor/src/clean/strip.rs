@@ -1,0 +1,227 @@
+//! The pixels under a strip of windows, laid out so that neighbouring windows lie in neighbouring lanes.
+//!
+//! Windows stand at multiples of the stride `s`, over the image mirrored at its borders, so that every pixel is covered
+//! by equally many. Column `X = i·s + f` of a padded row is entry `i` of its *phase* `f`: pixel `dx` of the windows
+//! `i, i + 1, …` is then the run of entries from `i + dx / s` of phase `dx % s`.
+
+use crate::sweep::MAX_LANES;
+use fearless_simd::prelude::*;
+use ravec_raster::color::{linear_from_srgb, srgb_from_linear};
+use ravec_raster::{Color, Image, LinearRgba, Rect};
+
+/// Opponent channels: luma, then two of chroma.
+pub(super) const CHANNELS: usize = 3;
+
+const INV_SQRT_2: f32 = std::f32::consts::FRAC_1_SQRT_2;
+const INV_SQRT_3: f32 = 0.577_350_26;
+const INV_SQRT_6: f32 = 0.408_248_3;
+
+/// Orthonormal opponent colours of encoded values: (R + G + B)/√3, (R − B)/√2, (R − 2G + B)/√6.
+#[inline(always)]
+pub(super) fn opponent_from_rgb([r, g, b]: [f32; 3]) -> [f32; 3] {
+    [
+        (r + g + b) * INV_SQRT_3,
+        (r - b) * INV_SQRT_2,
+        (r - 2.0 * g + b) * INV_SQRT_6,
+    ]
+}
+
+/// The inverse of [`opponent_from_rgb`]: its transpose.
+#[inline(always)]
+pub(super) fn rgb_from_opponent([y, u, v]: [f32; 3]) -> [f32; 3] {
+    let (y, u, v) = (y * INV_SQRT_3, u * INV_SQRT_2, v * INV_SQRT_6);
+    [y + u + v, y - 2.0 * v, y - u + v]
+}
+
+/// A strip of target rows with all windows that reach into it.
+pub(super) struct Strip {
+    target: Rect,
+    pub side: usize,
+    pub stride: usize,
+    /// Entries in a phase of a row.
+    phase_len: usize,
+    /// Columns, and rows, that the padded strip begins before the target.
+    lead: [usize; 2],
+    /// Windows in a row of windows, and rows of windows.
+    pub windows: [usize; 2],
+    /// Encoded opponent colours.
+    pub colors: [Vec<f32>; CHANNELS],
+    /// Weighted sums of the estimates.
+    pub sums: [Vec<f32>; CHANNELS],
+    /// Sums of the weights.
+    pub weights: [Vec<f32>; CHANNELS],
+}
+
+/// The nearest coordinate of the mirrored image within 0..len; the border pixel itself is not repeated.
+fn mirrored(position: isize, len: usize) -> usize {
+    if len == 1 {
+        return 0;
+    }
+    let period = 2 * (len as isize - 1);
+    let folded = position.rem_euclid(period);
+    folded.min(period - folded) as usize
+}
+
+/// How far before `begin` the first window starts that reaches it, on the grid of multiples of `stride`.
+fn lead(begin: usize, side: usize, stride: usize) -> usize {
+    // the first multiple of the stride above begin − side, possibly negative
+    let first = (begin as isize - side as isize).div_euclid(stride as isize) + 1;
+    (begin as isize - first * stride as isize) as usize
+}
+
+impl Strip {
+    #[inline(always)]
+    pub fn read<S: Simd, P: Color>(
+        _simd: S,
+        image: &Image<P>,
+        target: Rect,
+        side: usize,
+        stride: usize,
+    ) -> Self {
+        let lead = [
+            lead(target.col, side, stride),
+            lead(target.row, side, stride),
+        ];
+        // windows start at multiples of the stride from the lead on, as long as they reach the target
+        let windows = [
+            (lead[0] + target.width).div_ceil(stride),
+            (lead[1] + target.height).div_ceil(stride),
+        ];
+        let rows = (windows[1] - 1) * stride + side;
+        let phase_len = windows[0] + side.div_ceil(stride) + 2 * MAX_LANES;
+        let len = rows * stride * phase_len;
+        let mut strip = Self {
+            target,
+            side,
+            stride,
+            phase_len,
+            lead,
+            windows,
+            colors: std::array::from_fn(|_| vec![0.0; len]),
+            sums: std::array::from_fn(|_| vec![0.0; len]),
+            weights: std::array::from_fn(|_| vec![0.0; len]),
+        };
+
+        let width = (windows[0] - 1) * stride + side;
+        let columns: Vec<usize> = (0..width)
+            .map(|x| mirrored((target.col + x) as isize - lead[0] as isize, image.width()))
+            .collect();
+        let mut row = vec![[0.0f32; 4]; image.width()];
+        let used = columns.iter().fold((usize::MAX, 0), |(low, high), &col| {
+            (low.min(col), high.max(col + 1))
+        });
+        for y in 0..rows {
+            let from = mirrored((target.row + y) as isize - lead[1] as isize, image.height());
+            let pixels = &image.row(from)[used.0..used.1];
+            let row = &mut row[used.0..used.1];
+            for (slot, pixel) in row.iter_mut().zip(pixels) {
+                *slot = pixel.to_linear().0;
+            }
+            if P::HAS_ALPHA {
+                cover_transparent(row);
+            }
+            for slot in row.iter_mut() {
+                let [r, g, b, alpha] = *slot;
+                let [y, u, v] = opponent_from_rgb([r, g, b].map(srgb_from_linear));
+                *slot = [y, u, v, alpha];
+            }
+            for (x, &col) in columns.iter().enumerate() {
+                let at = strip.entry(x % stride, y, x / stride);
+                for (plane, value) in strip.colors.iter_mut().zip(row[col - used.0]) {
+                    plane[at] = value;
+                }
+            }
+        }
+        strip
+    }
+
+    /// The index of entry `i` of phase `phase` of padded row `y`.
+    #[inline(always)]
+    fn entry(&self, phase: usize, y: usize, i: usize) -> usize {
+        (y * self.stride + phase) * self.phase_len + i
+    }
+
+    /// Where pixel `(dx, dy)` of the window `(i, j)` and its right neighbours begins in each plane.
+    #[inline(always)]
+    pub fn run(&self, [i, j]: [usize; 2], dx: usize, dy: usize) -> usize {
+        self.entry(dx % self.stride, j * self.stride + dy, i + dx / self.stride)
+    }
+
+    /// Writes the cleaned target pixels in linear light; alpha, and what is fully transparent, as in `image`.
+    #[inline(always)]
+    pub fn write<P: Color>(&self, image: &Image<P>, out: &mut [LinearRgba]) {
+        let mut cleaned = vec![[0.0f32; 3]; self.target.width];
+        for (y, out) in out.chunks_exact_mut(self.target.width).enumerate() {
+            for (x, slot) in cleaned.iter_mut().enumerate() {
+                let column = x + self.lead[0];
+                let at = self.entry(column % self.stride, y + self.lead[1], column / self.stride);
+                *slot = std::array::from_fn(|c| self.sums[c][at] / self.weights[c][at]);
+            }
+            for slot in &mut cleaned {
+                *slot = rgb_from_opponent(*slot).map(linear_from_srgb);
+            }
+            let originals = &image.row(self.target.row + y)[self.target.col..][..self.target.width];
+            for ((out, original), color) in out.iter_mut().zip(originals).zip(&cleaned) {
+                let original = original.to_linear();
+                let visible = original.alpha() > 0.0;
+                *out = if visible {
+                    LinearRgba::from_rgb_alpha(*color, original.alpha())
+                } else {
+                    original
+                };
+            }
+        }
+    }
+}
+
+/// Gives fully transparent pixels the colour of the last visible one in the row (the leading ones that of the first), so
+/// that their meaningless colours make no edges.
+fn cover_transparent(row: &mut [[f32; 4]]) {
+    let Some(first) = row.iter().find(|pixel| pixel[3] > 0.0) else {
+        return;
+    };
+    let mut last = *first;
+    for pixel in row {
+        if pixel[3] > 0.0 {
+            last = *pixel;
+        } else {
+            pixel[..3].copy_from_slice(&last[..3]);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_opponent_transform_is_orthonormal() {
+        for rgb in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.3, 0.7, -0.2]] {
+            let opponent = opponent_from_rgb(rgb);
+            let length = |v: [f32; 3]| v.iter().map(|x| x * x).sum::<f32>();
+            assert!((length(opponent) - length(rgb)).abs() < 1e-6);
+            for (a, b) in rgb_from_opponent(opponent).into_iter().zip(rgb) {
+                assert!((a - b).abs() < 1e-6);
+            }
+        }
+    }
+
+    #[test]
+    fn mirroring_does_not_repeat_the_border() {
+        let mirror = |len: usize| (-4..7).map(|i| mirrored(i, len)).collect::<Vec<_>>();
+        assert_eq!(mirror(4), [2, 3, 2, 1, 0, 1, 2, 3, 2, 1, 0]);
+        assert_eq!(mirror(1), [0; 11]);
+    }
+
+    #[test]
+    fn the_first_window_reaches_the_first_pixel_and_stands_on_the_grid() {
+        for begin in 0..40 {
+            for (side, stride) in [(8, 2), (8, 3), (5, 5), (8, 1)] {
+                let first = begin as isize - lead(begin, side, stride) as isize;
+                assert_eq!(first.rem_euclid(stride as isize), 0);
+                assert!(first + side as isize > begin as isize);
+                assert!(first + side as isize - stride as isize <= begin as isize);
+            }
+        }
+    }
+}
