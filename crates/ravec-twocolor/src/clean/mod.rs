@@ -18,6 +18,7 @@
 //!
 //! Cost: O(pixels / stride²) exact fits. Memory: the result, and a few rows of the region a thread.
 
+mod dct;
 mod noise;
 mod strip;
 mod window;
