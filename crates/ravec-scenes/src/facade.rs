@@ -1,0 +1,558 @@
+//! House fronts: windows with frames, curtains and shutters, ledges, doors, shops, gables.
+//!
+//! A facade lives in its own plane: `u` to the right along the wall in metres from its left end, `v` up from the
+//! ground. Depth is faked where a camera would see it: windows are set back by [`RECESS`], so a slanted ray sees the
+//! reveal, and ledges, shutters and lintels cast the shadows that a sun at a given direction would.
+
+use crate::coverage::above;
+use crate::glyph;
+use crate::paint::hex;
+use crate::random::Seed;
+use crate::stroke::{Stroke, Strokes};
+use crate::texture::{brick, fractal, smoothstep, wood};
+use glam::{DVec2, DVec3, Vec3};
+
+/// How far windows and doors are set back, in metres.
+pub(crate) const RECESS: f64 = 0.16;
+/// Height of the ground floor, where shops and doors are.
+pub(crate) const GROUND_FLOOR: f64 = 3.35;
+/// Height of the other floors.
+pub(crate) const FLOOR: f64 = 2.85;
+
+/// What light finds at a point of a surface.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Surface {
+    /// How much of the footprint the surface covers.
+    pub alpha: f32,
+    /// Diffuse reflectance.
+    pub albedo: Vec3,
+    /// How much of the sun the relief of the surface itself lets through.
+    pub sun: f32,
+    /// How much of the sky's light reaches it.
+    pub ambient: f32,
+    /// Mirroring part of the light.
+    pub mirror: f32,
+    /// Own light.
+    pub glow: Vec3,
+    /// Normal in the local frame (right, up, out).
+    pub normal: DVec3,
+}
+
+impl Surface {
+    pub(crate) fn plain(albedo: Vec3) -> Self {
+        Self {
+            alpha: 1.0,
+            albedo,
+            sun: 1.0,
+            ambient: 1.0,
+            mirror: 0.0,
+            glow: Vec3::ZERO,
+            normal: DVec3::Z,
+        }
+    }
+
+    pub(crate) const NOTHING: Self = Self {
+        alpha: 0.0,
+        albedo: Vec3::ZERO,
+        sun: 1.0,
+        ambient: 1.0,
+        mirror: 0.0,
+        glow: Vec3::ZERO,
+        normal: DVec3::Z,
+    };
+}
+
+/// What a wall is made of.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Wall {
+    /// Painted plaster.
+    Plaster(Vec3),
+    /// Bare bricks.
+    Brick(Vec3),
+    /// Plaster between dark beams.
+    Timber(Vec3),
+}
+
+/// The upper outline.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Gable {
+    /// A level cornice.
+    None,
+    /// A triangle of this height.
+    Pointed(f64),
+    /// Steps up to this height.
+    Stepped(f64),
+}
+
+/// What is at street level.
+#[derive(Debug, Clone)]
+pub(crate) enum GroundFloor {
+    /// A shop window with this paint and this lettering above it.
+    Shop(Vec3, Strokes),
+    /// A door and two windows.
+    Door(Vec3),
+}
+
+impl GroundFloor {
+    /// A shop with its name on the fascia of a house that is `width` wide.
+    pub(crate) fn shop(paint: Vec3, name: &str, width: f64) -> Self {
+        let scale = 0.40 / glyph::HEIGHT;
+        let length = scale * glyph::text_width(name);
+        let left = 0.5 * (width - length);
+        let top = GROUND_FLOOR - 0.22;
+        let stroke = |points: Vec<DVec2>| Stroke {
+            points: points.iter().map(|p| DVec2::new(left + scale * p.x, top - scale * p.y)).collect(),
+            width: 0.062,
+        };
+        Self::Shop(paint, Strokes::new(glyph::polylines(name).into_iter().map(stroke)))
+    }
+}
+
+/// One house front.
+#[derive(Debug, Clone)]
+pub(crate) struct Facade {
+    /// Width and height to the eaves, metres.
+    pub width: f64,
+    pub height: f64,
+    pub gable: Gable,
+    pub wall: Wall,
+    /// Colour of frames, ledges and cornice.
+    pub trim: Vec3,
+    pub shutters: Option<Vec3>,
+    /// Windows side by side.
+    pub bays: usize,
+    pub ground_floor: GroundFloor,
+    pub seed: Seed,
+}
+
+/// A rectangle on a facade: lower left and upper right corner.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Opening {
+    pub low: DVec2,
+    pub high: DVec2,
+}
+
+impl Opening {
+    fn grown(self, by: f64) -> Self {
+        Self {
+            low: self.low - by,
+            high: self.high + by,
+        }
+    }
+
+    #[inline]
+    fn contains(&self, q: DVec2) -> bool {
+        q.cmpge(self.low).all() && q.cmple(self.high).all()
+    }
+}
+
+impl Facade {
+    /// Height of the outline at `u`.
+    pub(crate) fn top(&self, u: f64) -> f64 {
+        let t = 1.0 - (2.0 * u / self.width - 1.0).abs();
+        match self.gable {
+            Gable::None => self.height,
+            Gable::Pointed(h) => self.height + h * t,
+            Gable::Stepped(h) => self.height + h * (t * 5.0).floor() / 5.0,
+        }
+    }
+
+    /// The highest point of the outline.
+    pub(crate) fn peak(&self) -> f64 {
+        match self.gable {
+            Gable::None => self.height,
+            Gable::Pointed(h) | Gable::Stepped(h) => self.height + h,
+        }
+    }
+
+    fn floors(&self) -> usize {
+        ((self.height - GROUND_FLOOR - 0.4) / FLOOR).floor().max(0.0) as usize
+    }
+
+    /// The window of bay `bay` in upper floor `floor`, both counted from 0 at the lower left.
+    pub(crate) fn window(&self, bay: usize, floor: usize) -> Opening {
+        let pitch = self.width / self.bays as f64;
+        let middle = (bay as f64 + 0.5) * pitch;
+        let half = (0.5 * pitch - 0.2).clamp(0.2, 0.5);
+        let sill = GROUND_FLOOR + floor as f64 * FLOOR + 0.75;
+        Opening {
+            low: DVec2::new(middle - half, sill),
+            high: DVec2::new(middle + half, sill + 1.6),
+        }
+    }
+
+    /// All windows of the upper floors.
+    pub(crate) fn windows(&self) -> impl Iterator<Item = Opening> + '_ {
+        (0..self.floors()).flat_map(move |floor| (0..self.bays).map(move |bay| self.window(bay, floor)))
+    }
+
+    fn nearest_window(&self, q: DVec2) -> Option<(Opening, usize, usize)> {
+        let bay = (q.x / self.width * self.bays as f64).floor();
+        let floor = ((q.y - GROUND_FLOOR) / FLOOR).floor();
+        let valid = bay >= 0.0 && (bay as usize) < self.bays && floor >= 0.0 && (floor as usize) < self.floors();
+        valid.then(|| (self.window(bay as usize, floor as usize), bay as usize, floor as usize))
+    }
+
+    /// The facade at `q`, seen along `view` and lit from `sun` (both in the local frame right, up, out; `view` goes
+    /// towards the wall, `sun` towards the sun).
+    pub(crate) fn surface(&self, q: DVec2, footprint: f64, view: DVec3, sun: DVec3) -> Surface {
+        let top = self.top(q.x);
+        let alpha = above(top, q.y, footprint) as f32;
+        if alpha == 0.0 || q.x < 0.0 || q.x > self.width {
+            return Surface::NOTHING;
+        }
+        let mut surface = if q.y < GROUND_FLOOR {
+            self.street_level(q, footprint, view, sun)
+        } else {
+            self.upper_floors(q, footprint, view, sun)
+        };
+        self.ledges(q, footprint, sun, &mut surface);
+        // dirt from the ground and the darkness of the canyon's bottom
+        surface.ambient *= (0.55 + 0.45 * smoothstep(0.0, 5.0, q.y)) as f32;
+        // neighbours meet in a dark joint
+        let joint = q.x.min(self.width - q.x);
+        surface.albedo *= 1.0 - 0.5 * smoothstep(0.05, 0.0, joint) as f32;
+        surface.alpha = alpha;
+        surface
+    }
+
+    fn wall(&self, q: DVec2, footprint: f64) -> Surface {
+        let stain = fractal(q * DVec2::new(0.7, 0.35), footprint, 4, self.seed.fork(1));
+        let streaks = fractal(q * DVec2::new(5.0, 0.4), 5.0 * footprint, 3, self.seed.fork(2));
+        let weather = (1.0 + 0.10 * stain + 0.05 * streaks) as f32;
+        let rough = |color: Vec3| {
+            let grain = fractal(q * 14.0, 14.0 * footprint, 3, self.seed.fork(3));
+            let patch = smoothstep(0.55, 0.75, fractal(q * 0.9, footprint, 4, self.seed.fork(4)) + 0.25);
+            let bare = hex(0xb8_a9_92) * (1.0 + 0.1 * grain) as f32;
+            (color * (1.0 + 0.07 * grain) as f32).lerp(bare, 0.35 * patch as f32)
+        };
+        let mut surface = Surface::plain(match self.wall {
+            Wall::Plaster(color) | Wall::Timber(color) => rough(color) * weather,
+            Wall::Brick(color) => brick(q, footprint, color, self.seed.fork(5)) * weather,
+        });
+        if let Wall::Timber(_) = self.wall {
+            let beams = self.beams(q, footprint);
+            let dark = wood(DVec2::new(q.y, q.x), footprint, hex(0x4a_33_22), self.seed.fork(6));
+            surface.albedo = surface.albedo.lerp(dark, beams as f32);
+        }
+        surface
+    }
+
+    /// Coverage of the timber frame: posts, rails and crossed braces.
+    fn beams(&self, q: DVec2, footprint: f64) -> f64 {
+        if q.y < GROUND_FLOOR {
+            return 0.0;
+        }
+        let pitch = self.width / self.bays as f64;
+        let floor = ((q.y - GROUND_FLOOR) / FLOOR).floor();
+        let w = q.y - GROUND_FLOOR - floor * FLOOR;
+        let bay = (q.x / pitch).floor();
+        let x = q.x - (bay + 0.5) * pitch;
+        let beam = |distance: f64, half: f64| crate::coverage::bar(distance, half, footprint);
+        let mut covered = beam(w, 0.11).max(beam(w - FLOOR, 0.11)).max(beam(w - 0.68, 0.06));
+        covered = covered.max(beam(x.abs() - 0.5 * pitch, 0.09)).max(beam(x.abs() - 0.58, 0.06));
+        if w < 0.68 {
+            // a cross below each window
+            let (sin, cos) = (0.68f64.atan2(1.1)).sin_cos();
+            let cross = (x.abs() * sin - (w - 0.34).abs() * cos).abs();
+            if x.abs() < 0.55 {
+                covered = covered.max(beam(cross, 0.05));
+            }
+        } else {
+            // braces from the posts' feet towards the windows
+            let brace = ((0.5 * pitch - x.abs()) * 0.94 - (w - 0.68) * 0.34).abs();
+            if x.abs() > 0.6 {
+                covered = covered.max(beam(brace, 0.055));
+            }
+        }
+        covered
+    }
+
+    fn upper_floors(&self, q: DVec2, footprint: f64, view: DVec3, sun: DVec3) -> Surface {
+        let Some((window, bay, floor)) = self.nearest_window(q) else {
+            return self.wall(q, footprint);
+        };
+        if window.contains(q) {
+            let tag = self.seed.fork(20).unit(bay as i64, floor as i64, 0);
+            return self.glazing(q, footprint, view, sun, window, tag);
+        }
+        // surround and sill
+        let frame = 0.11;
+        let outside = (window.low - q).max(q - window.high).max_element();
+        if let Some(color) = self.shutters
+            && let Some(surface) = self.shutter(q, footprint, window, color, bay, floor)
+        {
+            return surface;
+        }
+        let mut surface = self.wall(q, footprint);
+        let sill = q.y < window.low.y && q.y > window.low.y - 0.12 && (q.x - 0.5 * (window.low.x + window.high.x)).abs() < 0.62;
+        let timber = matches!(self.wall, Wall::Timber(_));
+        if sill || (outside < frame && !timber) {
+            let grain = fractal(q * 9.0, 9.0 * footprint, 3, self.seed.fork(7));
+            surface.albedo = self.trim * (0.95 + 0.07 * grain) as f32;
+            if sill {
+                surface.albedo *= 1.08;
+            }
+        }
+        // shadow below the sill, and of the shutters, which stand out by 5 cm
+        if sun.z > 0.05 {
+            let drop = 0.11 * sun.y / sun.z;
+            let below = window.low.y - 0.12 - q.y;
+            let slide = q.x + below / sun.y * sun.x - 0.5 * (window.low.x + window.high.x);
+            if below > 0.0 && below < drop && slide.abs() < 0.62 {
+                surface.sun *= 0.1;
+            }
+            if let Some(color) = self.shutters {
+                let toward = q + 0.05 * DVec2::new(sun.x, sun.y) / sun.z;
+                if self.shutter(toward, footprint, window, color, bay, floor).is_some() {
+                    surface.sun *= 0.1;
+                }
+            }
+        }
+        let below = window.low.y - 0.12 - q.y;
+        if (0.0..0.5).contains(&below) && (q.x - 0.5 * (window.low.x + window.high.x)).abs() < 0.62 {
+            surface.ambient *= (0.75 + 0.5 * below) as f32;
+        }
+        surface
+    }
+
+    fn shutter(&self, q: DVec2, footprint: f64, window: Opening, color: Vec3, bay: usize, floor: usize) -> Option<Surface> {
+        let width = 0.5 * (window.high.x - window.low.x) - 0.02;
+        let left = window.low.x - 0.04 - q.x;
+        let right = q.x - window.high.x - 0.04;
+        let across = if left > 0.0 { left } else { right };
+        if q.y < window.low.y || q.y > window.high.y || across <= 0.0 || across > width {
+            return None;
+        }
+        let border = across.min(width - across).min(q.y - window.low.y).min(window.high.y - q.y);
+        let middle = (q.y - 0.5 * (window.low.y + window.high.y)).abs();
+        let age = self.seed.fork(21).between(bay as i64, floor as i64, 0, 0.85, 1.1);
+        let mut surface = Surface::plain(color * age as f32);
+        if border > 0.05 && middle > 0.04 {
+            // slats: light on their upper side, dark beneath; their mean where they are too fine
+            let period = 0.055;
+            let t = q.y / period - (q.y / period).floor();
+            let visible = (1.5 - 2.5 * footprint / period).clamp(0.0, 1.0);
+            surface.albedo *= (0.82 + visible * 0.36 * (t - 0.5)) as f32;
+            surface.normal = DVec3::new(0.0, 0.35 * visible, 1.0).normalize();
+        } else if border < 0.012 {
+            surface.albedo *= 0.6;
+        }
+        Some(surface)
+    }
+
+    /// The inside of an opening: reveal, frame, bars, curtains and glass.
+    fn glazing(&self, q: DVec2, footprint: f64, view: DVec3, sun: DVec3, opening: Opening, tag: f64) -> Surface {
+        // where the ray meets the plane of the glass
+        let slant = DVec2::new(view.x, view.y) / (-view.z).max(0.03);
+        let g = q + RECESS * slant;
+        if !opening.contains(g) {
+            let mut reveal = Surface::plain(self.trim * 0.85);
+            // the side, the lintel or the sill of the hole
+            reveal.normal = if g.x < opening.low.x {
+                DVec3::X
+            } else if g.x > opening.high.x {
+                DVec3::NEG_X
+            } else if g.y > opening.high.y {
+                DVec3::NEG_Y
+            } else {
+                DVec3::Y
+            };
+            reveal.ambient = 0.6;
+            return reveal;
+        }
+        let lit = if sun.z > 0.05 {
+            let toward = g + RECESS * DVec2::new(sun.x, sun.y) / sun.z;
+            f32::from(opening.contains(toward))
+        } else {
+            1.0
+        };
+        let extent = opening.high - opening.low;
+        let p = (g - opening.low) / extent;
+        let border = (g - opening.low).min(opening.high - g).min_element();
+        let bar = 0.022 + 0.1 * footprint;
+        let on_bar = border < 0.055
+            || (p.x - 0.5).abs() * extent.x < 0.03
+            || ((p.y - 0.68).abs() * extent.y < bar)
+            || ((p.y - 0.34).abs() * extent.y < 0.6 * bar);
+        if on_bar {
+            let mut frame = Surface::plain(hex(0xe9_e3_d6));
+            frame.sun = lit;
+            frame.ambient = 0.75;
+            return frame;
+        }
+        // a dim room behind, curtains at the sides, sometimes a lamp
+        let side = (p.x - 0.5).abs() * 2.0;
+        let hem = 0.55 + 0.25 * p.y + 0.06 * tag;
+        let folds = ((p.x * extent.x) * 55.0 + 3.0 * (p.y * 4.0 + tag * 9.0).sin()).sin();
+        let mut glass = Surface::plain(hex(0x1a_1c_22));
+        if tag > 0.25 && side > hem {
+            let cloth = if tag > 0.7 { hex(0xd9_cc_b4) } else { hex(0xc4_8f_6a) };
+            let visible = (1.4 - 25.0 * footprint).clamp(0.0, 1.0);
+            glass.albedo = cloth * (0.55 + 0.18 * visible * folds) as f32;
+        } else if tag > 0.78 && (p.y < 0.9) {
+            let warm = smoothstep(0.9, 0.0, p.distance(DVec2::new(0.5, 0.75)));
+            glass.glow = Vec3::new(0.55, 0.30, 0.10) * (0.25 + 0.9 * warm) as f32;
+        }
+        glass.sun = lit * 0.7;
+        glass.ambient = 0.55;
+        let facing = (-view.z).clamp(0.0, 1.0);
+        glass.mirror = (0.22 + 0.6 * (1.0 - facing).powi(4)) as f32;
+        // old panes are not quite flat
+        let pane = (p * DVec2::new(2.0, 3.0)).floor();
+        let wobble = |axis: u64| 0.03 * (self.seed.fork(23).unit((pane.x + 10.0 * tag * 50.0) as i64, pane.y as i64, axis) - 0.5);
+        glass.normal = DVec3::new(wobble(0), wobble(1), 1.0).normalize();
+        glass
+    }
+
+    fn street_level(&self, q: DVec2, footprint: f64, view: DVec3, sun: DVec3) -> Surface {
+        match &self.ground_floor {
+            GroundFloor::Shop(paint, sign) => {
+                let fascia = q.y > GROUND_FLOOR - 0.74;
+                let panel = |shade: f64| {
+                    let grain = fractal(q * DVec2::new(3.0, 30.0), 30.0 * footprint, 2, self.seed.fork(8));
+                    Surface::plain(*paint * (shade + 0.05 * grain) as f32)
+                };
+                if fascia {
+                    let mut surface = panel(1.0);
+                    let edge = (q.y - (GROUND_FLOOR - 0.74)).min(GROUND_FLOOR - q.y);
+                    if edge < 0.06 || q.x < 0.1 || self.width - q.x < 0.1 {
+                        surface.albedo = surface.albedo.lerp(hex(0xd8_b4_60), 0.8);
+                    }
+                    // letters in gilt, with a drop shadow
+                    let shadow = sign.soft_coverage(q + DVec2::new(-0.02, 0.025), footprint.max(0.01));
+                    surface.albedo *= 1.0 - 0.6 * shadow as f32;
+                    let ink = sign.soft_coverage(q, footprint) as f32;
+                    surface.albedo = surface.albedo.lerp(hex(0xf6_e3_a8), ink);
+                    return surface;
+                }
+                let bays = (self.width / 1.9).round().max(1.0);
+                let pitch = self.width / bays;
+                let bay = (q.x / pitch).floor();
+                let door = bay == (0.5 * bays).floor();
+                let opening = Opening {
+                    low: DVec2::new(bay * pitch + 0.12, if door { 0.12 } else { 0.75 }),
+                    high: DVec2::new((bay + 1.0) * pitch - 0.12, GROUND_FLOOR - 0.92),
+                };
+                if opening.contains(q) {
+                    let mut surface = self.glazing(q, footprint, view, sun, opening, 0.1);
+                    if surface.mirror > 0.0 {
+                        self.goods(q, footprint, opening, &mut surface);
+                    }
+                    return surface;
+                }
+                // panels below the windows
+                let inset = (q - DVec2::new(bay * pitch + 0.2, 0.2)).min(DVec2::new((bay + 1.0) * pitch - 0.2, 0.66) - q);
+                let line = inset.min_element();
+                panel(if line > 0.0 && line < 0.03 { 0.6 } else if line > 0.0 { 0.88 } else { 1.0 })
+            }
+            GroundFloor::Door(paint) => {
+                let middle = 0.5 * self.width;
+                let door = Opening {
+                    low: DVec2::new(middle - 0.55, 0.15),
+                    high: DVec2::new(middle + 0.55, 2.55),
+                };
+                if door.contains(q) {
+                    let mut surface = self.glazing(q, footprint, view, sun, door, 0.0);
+                    let p = q - door.low;
+                    if surface.mirror > 0.0 && p.y < 1.95 {
+                        let panel = ((p.x / 0.55).fract() - 0.5).abs() < 0.34 && ((p.y / 0.65).fract() - 0.5).abs() < 0.36;
+                        let grain = fractal(q * DVec2::new(40.0, 4.0), 40.0 * footprint, 2, self.seed.fork(9));
+                        surface.albedo = *paint * (if panel { 0.85 } else { 1.05 } + 0.08 * grain) as f32;
+                        surface.mirror = 0.0;
+                        surface.glow = Vec3::ZERO;
+                        if p.distance(DVec2::new(0.98, 0.98)) < 0.035 {
+                            surface.albedo = hex(0xd9_b0_50);
+                        }
+                    }
+                    return surface;
+                }
+                for side in [-1.0, 1.0] {
+                    let center = middle + side * 0.29 * self.width;
+                    let window = Opening {
+                        low: DVec2::new(center - 0.5, 0.95),
+                        high: DVec2::new(center + 0.5, 2.55),
+                    };
+                    if window.contains(q) {
+                        return self.glazing(q, footprint, view, sun, window, 0.6 + 0.2 * side);
+                    }
+                    if window.grown(0.1).contains(q) {
+                        return Surface::plain(self.trim);
+                    }
+                }
+                if door.grown(0.14).contains(q) {
+                    return Surface::plain(self.trim * 0.95);
+                }
+                if q.y < 0.7 {
+                    // a plinth of rough stone
+                    let stone = crate::texture::Masonry { length: 0.7, height: 0.35, joint: 0.015, shift: 0.5 };
+                    let at = stone.at(q, footprint, self.seed.fork(10));
+                    let grain = fractal(q * 10.0, 10.0 * footprint, 4, self.seed.fork(11));
+                    return Surface::plain(hex(0x9a_90_82) * (0.55 + 0.4 * at.face + 0.1 * at.tint + 0.12 * grain) as f32);
+                }
+                self.wall(q, footprint)
+            }
+        }
+    }
+
+    /// Loaves, books or pots on the shelves of a shop window, under a warm lamp.
+    fn goods(&self, q: DVec2, footprint: f64, opening: Opening, glass: &mut Surface) {
+        let p = q - opening.low;
+        let shelf = (p.y / 0.42).floor();
+        let on_shelf = p.y - 0.42 * shelf;
+        let column = (p.x / 0.17).floor();
+        let tall = 0.10 + 0.22 * self.seed.fork(12).unit(column as i64, shelf as i64, 0);
+        let hue = self.seed.fork(12).unit(column as i64, shelf as i64, 1);
+        let light = 0.35 + 0.65 * smoothstep(0.0, 2.0, p.y);
+        let back = Vec3::new(0.34, 0.20, 0.09) * light as f32;
+        let visible = (1.5 - 10.0 * footprint).clamp(0.0, 1.0) as f32;
+        let thing = if on_shelf < 0.03 {
+            hex(0x5a_3a_22) * 0.6
+        } else if on_shelf < tall && (p.x - (column + 0.5) * 0.17).abs() < 0.075 && shelf < 4.0 {
+            let palette = [0xc9_8a_42, 0x9c_3d_2c, 0xd9_c2_8f, 0x3f_60_6b, 0x7a_5a_34];
+            hex(palette[(hue * 5.0) as usize % 5]) * 0.55 * light as f32
+        } else {
+            back
+        };
+        glass.glow = back.lerp(thing, visible) * 0.8;
+    }
+
+    /// String courses between floors and the cornice, with their shadows.
+    fn ledges(&self, q: DVec2, footprint: f64, sun: DVec3, surface: &mut Surface) {
+        let mut ledge = |bottom: f64, thickness: f64, depth: f64| {
+            let w = q.y - bottom;
+            if (0.0..thickness).contains(&w) {
+                let t = w / thickness;
+                let grain = fractal(q * 8.0, 8.0 * footprint, 3, self.seed.fork(13));
+                // a rounded profile: bright above, dark below
+                let shade = 0.72 + 0.32 * smoothstep(0.15, 0.75, t) - 0.10 * smoothstep(0.8, 1.0, t);
+                *surface = Surface::plain(self.trim * (shade + 0.05 * grain) as f32);
+                surface.normal = DVec3::new(0.0, 0.5 * (t - 0.4), 1.0).normalize();
+            } else if w < 0.0 {
+                if sun.z > 0.05 {
+                    let reach = depth * sun.y / sun.z;
+                    surface.sun *= 1.0 - 0.95 * above(w, -reach, (0.02 * reach).max(footprint)) as f32;
+                }
+                surface.ambient *= (1.0 - 0.45 * smoothstep(-4.0 * depth, 0.0, w)) as f32;
+            }
+        };
+        if !matches!(self.ground_floor, GroundFloor::Shop(..)) || q.y > GROUND_FLOOR - 0.02 {
+            ledge(GROUND_FLOOR, 0.2, 0.14);
+        }
+        if !matches!(self.wall, Wall::Timber(_)) {
+            for floor in 1..self.floors() {
+                ledge(GROUND_FLOOR + FLOOR * floor as f64, 0.13, 0.07);
+            }
+        }
+        if matches!(self.gable, Gable::None) {
+            ledge(self.height - 0.42, 0.42, 0.38);
+            // dentils under the cornice
+            let below = self.height - 0.42 - q.y;
+            if (0.0..0.16).contains(&below) {
+                let on = crate::coverage::pulse(q.x / 0.26, 0.55, footprint / 0.26) as f32;
+                surface.albedo = surface.albedo.lerp(self.trim * 0.9, on);
+                surface.ambient *= 0.7 + 0.3 * on;
+            }
+        }
+    }
+}
