@@ -98,31 +98,9 @@ fn ink_amounts(samples: &mut [u8], ycck: bool) {
     }
 }
 
-/// Colors from ink amounts by the plain formula, in place: three samples a pixel remain.
-pub(crate) fn plain_colors(mut inks: Vec<u8>) -> Vec<u8> {
-    let pixels = inks.len() / 4;
-    for pixel in 0..pixels {
-        let [c, m, y, k] = std::array::from_fn(|i| u32::from(inks[4 * pixel + i]));
-        for (channel, ink) in [c, m, y].into_iter().enumerate() {
-            inks[3 * pixel + channel] = (((255 - ink) * (255 - k) + 127) / 255) as u8;
-        }
-    }
-    inks.truncate(3 * pixels);
-    inks
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn plain_colors_are_white_without_ink_and_black_with_all_of_one_kind() {
-        let inks = vec![0, 0, 0, 0, 0, 0, 0, 255, 255, 0, 0, 0, 0, 0, 255, 51];
-        assert_eq!(
-            plain_colors(inks),
-            [255, 255, 255, 0, 0, 0, 0, 255, 255, 204, 204, 0]
-        );
-    }
 
     #[test]
     fn inks_are_recovered_from_both_ways_of_storing() {

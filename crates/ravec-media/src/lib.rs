@@ -48,6 +48,7 @@ mod profile;
 mod raster;
 mod read;
 mod samples;
+mod tiff;
 mod write;
 
 pub use atomic::{AtomicWriter, write_atomically};

@@ -40,7 +40,7 @@ impl Limits {
     pub(crate) fn check_bytes(&self, bytes: u64) -> Result<(), DecodeError> {
         if bytes > self.max_bytes {
             return Err(DecodeError::TooManyBytes {
-                bytes,
+                bytes: Some(bytes),
                 limit: self.max_bytes,
             });
         }

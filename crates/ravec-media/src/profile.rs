@@ -57,7 +57,11 @@ impl Profile {
             ColorProfile::new_from_slice(bytes).map_err(|error| format!("damaged: {error}"))?;
         match profile.color_space {
             DataColorSpace::Rgb => match Shaper::new(&profile) {
-                Some(shaper) if shaper.is_srgb() => Ok(Self::Srgb),
+                Some(shaper)
+                    if shaper.has_srgb_primaries() && shaper.curves.iter().all(Curve::is_srgb) =>
+                {
+                    Ok(Self::Srgb)
+                }
                 Some(shaper) => Ok(Self::Shaper(Box::new(shaper))),
                 None => Self::table(profile, Layout::Rgb),
             },
@@ -174,6 +178,15 @@ impl Profile {
                     });
                 Some(numbers)
             }
+        }
+    }
+
+    /// Whether floats of this profile are what our floats are.
+    pub(crate) fn is_linear_srgb(&self) -> bool {
+        match self {
+            Self::Shaper(shaper) => shaper.has_srgb_primaries() && self.linear_space().is_some(),
+            Self::Grey(curve) => curve.is_identity(),
+            Self::Srgb | Self::Table(_) => false,
         }
     }
 
@@ -300,6 +313,9 @@ impl Shaper {
                 row.iter_mut().for_each(|value| *value /= sum);
             }
         }
+        if is_identity(&linear_from_device.v) {
+            linear_from_device = Matrix3d::IDENTITY;
+        }
         let device_from_linear = inverse(&linear_from_device)?;
         Some(Self {
             curves,
@@ -308,13 +324,15 @@ impl Shaper {
         })
     }
 
-    /// Same primaries within the spread of the sRGB profiles in circulation, same curve.
-    fn is_srgb(&self) -> bool {
-        let identity = |row: usize, col: usize| f64::from(u8::from(row == col));
-        (0..3).all(|row| {
-            (0..3).all(|col| (self.linear_from_device[row][col] - identity(row, col)).abs() < 2e-3)
-        }) && self.curves.iter().all(Curve::is_srgb)
+    fn has_srgb_primaries(&self) -> bool {
+        is_identity(&self.linear_from_device)
     }
+}
+
+/// Whether a matrix is the identity, within the spread of the sRGB profiles in circulation.
+fn is_identity(matrix: &[[f64; 3]; 3]) -> bool {
+    let expected = |row: usize, col: usize| f64::from(u8::from(row == col));
+    (0..9).all(|i| (matrix[i / 3][i % 3] - expected(i / 3, i % 3)).abs() < 2e-3)
 }
 
 /// The inverse of a matrix that has a usable one.

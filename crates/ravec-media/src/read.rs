@@ -1,16 +1,18 @@
 //! Reading pictures.
 
 use crate::format::{self, Format};
-use crate::jpeg::{self, Jpeg};
+use crate::jpeg::Jpeg;
 use crate::limits::{Limits, display_bytes};
 use crate::orient;
 use crate::picture::{Origin, Picture, SampleKind, Warning};
 use crate::profile::{self, Profile};
 use crate::samples::{self, Channels, Samples};
-use image::codecs::{bmp, hdr, openexr, png, tiff, webp};
+use crate::tiff::{Source, Tiff};
+use ::tiff::TiffError;
+use image::codecs::{bmp, hdr, openexr, png, webp};
 use image::metadata::Orientation;
-use image::{ColorType, ExtendedColorType, ImageDecoder, ImageError, ImageResult};
-use ravec_raster::{AnyImage, Size, SizeError};
+use image::{ColorType, ImageDecoder, ImageError, ImageResult};
+use ravec_raster::{Size, SizeError};
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Cursor, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
@@ -44,10 +46,10 @@ pub enum DecodeError {
         limit: u64,
     },
     /// Reading would need more memory than allowed.
-    #[error("reading the picture needs {} of memory, more than the limit of {} (raise it with --max-bytes)", display_bytes(*.bytes), display_bytes(*.limit))]
+    #[error("reading the picture needs {}, more than the limit of {} (raise it with --max-bytes)", .bytes.map_or("more memory".into(), display_bytes), display_bytes(*.limit))]
     TooManyBytes {
-        /// Bytes needed, or read so far.
-        bytes: u64,
+        /// Bytes needed; none if the decoder stopped on the way.
+        bytes: Option<u64>,
         /// [`Limits::max_bytes`].
         limit: u64,
     },
@@ -161,9 +163,9 @@ pub fn probe_data(input: impl BufRead + Seek, limits: &Limits) -> Result<Probe, 
 fn with_file<T>(
     path: &Path,
     limits: &Limits,
-    work: impl FnOnce(&mut dyn Input) -> Result<T, DecodeError>,
+    work: impl FnOnce(&mut dyn Source) -> Result<T, DecodeError>,
 ) -> Result<T, ReadError> {
-    let open = || -> Result<Box<dyn Input>, DecodeError> {
+    let open = || -> Result<Box<dyn Source>, DecodeError> {
         if path == Path::new("-") {
             return Ok(Box::new(Cursor::new(read_all(io::stdin().lock(), limits)?)));
         }
@@ -186,9 +188,6 @@ fn with_file<T>(
             cause,
         })
 }
-
-trait Input: BufRead + Seek {}
-impl<T: BufRead + Seek> Input for T {}
 
 /// All that `input` has, unless it is more than the limit.
 fn read_all(input: impl Read, limits: &Limits) -> Result<Vec<u8>, DecodeError> {
@@ -241,6 +240,8 @@ struct Opened<'a> {
     height: u32,
     channels: Channels,
     sample: SampleKind,
+    /// Whether colors are multiplied by alpha, as `OpenEXR` has it.
+    premultiplied: bool,
     orientation: Orientation,
     icc: Option<Vec<u8>>,
     exif: Option<Vec<u8>>,
@@ -250,6 +251,7 @@ struct Opened<'a> {
 enum Decoder<'a> {
     General(Box<dyn ImageDecoder + 'a>),
     Jpeg(Jpeg),
+    Tiff(Box<Tiff<'a>>),
 }
 
 impl<'a> Opened<'a> {
@@ -260,12 +262,14 @@ impl<'a> Opened<'a> {
     ) -> Result<Self, DecodeError> {
         let length = input.seek(SeekFrom::End(0))?;
         input.seek(SeekFrom::Start(0))?;
-        let mut opened = if format == Format::Jpeg {
-            limits.check_bytes(length)?;
-            Self::open_jpeg(input)?
-        } else {
-            Self::open_general(format, input, length, limits)
-                .map_err(|error| decode_error(format, error, limits))?
+        let mut opened = match format {
+            Format::Jpeg => {
+                limits.check_bytes(length)?;
+                Self::open_jpeg(input)?
+            }
+            Format::Tiff => Self::open_tiff(input, length, limits)?,
+            _ => Self::open_general(format, input, limits)
+                .map_err(|error| decode_error(format, error, limits))?,
         };
         limits.check_pixels(opened.width.into(), opened.height.into())?;
         if let Some(exif) = opened.exif.take() {
@@ -288,6 +292,7 @@ impl<'a> Opened<'a> {
             height: jpeg.height,
             channels: jpeg.channels(),
             sample: SampleKind::U8,
+            premultiplied: false,
             orientation: Orientation::NoTransforms,
             icc: jpeg.icc.take(),
             exif: jpeg.exif.take(),
@@ -296,10 +301,31 @@ impl<'a> Opened<'a> {
         })
     }
 
+    fn open_tiff(
+        input: &'a mut dyn Source,
+        length: u64,
+        limits: &Limits,
+    ) -> Result<Self, DecodeError> {
+        let mut tiff = Tiff::open(input, length, limits.max_bytes)
+            .map_err(|error| tiff_error(error, limits))?;
+        Ok(Self {
+            format: Format::Tiff,
+            width: tiff.width,
+            height: tiff.height,
+            channels: tiff.channels,
+            sample: tiff.sample,
+            premultiplied: tiff.premultiplied,
+            orientation: tiff.orientation,
+            icc: tiff.icc.take(),
+            exif: None,
+            decoder: Decoder::Tiff(Box::new(tiff)),
+            warnings: Vec::new(),
+        })
+    }
+
     fn open_general<R: BufRead + Seek>(
         format: Format,
         input: &'a mut R,
-        length: u64,
         limits: &Limits,
     ) -> ImageResult<Self> {
         let mut bounds = image::Limits::no_limits();
@@ -320,29 +346,22 @@ impl<'a> Opened<'a> {
                 }
                 Box::new(decoder)
             }
-            Format::Tiff => Box::new(tiff::TiffDecoder::new(input)?),
             Format::Bmp => Box::new(bmp::BmpDecoder::new(input)?),
             Format::OpenExr => Box::new(openexr::OpenExrDecoder::new(input)?),
             // the strict decoder insists on one of the two names of the format
-            Format::Hdr | Format::Jpeg => Box::new(hdr::HdrDecoder::new_nonstrict(input)?),
+            _ => Box::new(hdr::HdrDecoder::new_nonstrict(input)?),
         };
         decoder.set_limits(bounds)?;
         let (width, height) = decoder.dimensions();
         let (channels, sample) = layout(decoder.color_type());
-        if matches!(
-            decoder.original_color_type(),
-            ExtendedColorType::Cmyk8 | ExtendedColorType::Cmyk16
-        ) {
-            warnings.push(Warning::CmykWithoutProfile);
-        }
         let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
-        let _ = length;
         Ok(Self {
             format,
             width,
             height,
             channels,
             sample,
+            premultiplied: format == Format::OpenExr,
             orientation,
             icc: decoder.icc_profile().ok().flatten(),
             exif: decoder.exif_metadata().ok().flatten(),
@@ -386,7 +405,12 @@ impl<'a> Opened<'a> {
     fn decode(mut self, limits: &Limits) -> Result<Picture, DecodeError> {
         let size = Size::new(self.width as usize, self.height as usize)?;
         let profile = self.profile();
-        let needed = self.memory(profile.is_some());
+        // sRGB is what integers are, and its light what floats are
+        let active = profile.as_ref().filter(|profile| match self.sample {
+            SampleKind::F32 => !profile.is_linear_srgb(),
+            _ => !matches!(profile, Profile::Srgb),
+        });
+        let needed = self.memory(active);
         limits.check_bytes(needed)?;
         let count = size.pixels() * self.channels.count();
         let mut samples = Samples::zeroed(self.sample, count)
@@ -399,29 +423,27 @@ impl<'a> Opened<'a> {
             Decoder::Jpeg(jpeg) => jpeg
                 .decode(samples.as_bytes_mut())
                 .map_err(|error| jpeg_error(&error))?,
+            Decoder::Tiff(tiff) => tiff
+                .decode(&mut samples)
+                .map_err(|error| tiff_error(error, limits))?,
         }
         self.warnings.extend(samples.make_finite());
+        if self.premultiplied && self.channels.has_alpha() {
+            self.warnings.extend(samples.unmultiply(self.channels));
+        }
 
         let mut channels = self.channels;
-        if let (Samples::U8(inks), Channels::Cmyk, None) = (&mut samples, channels, &profile) {
-            samples = Samples::U8(jpeg::plain_colors(std::mem::take(inks)));
+        if channels == Channels::Cmyk && profile.is_none() {
+            samples = samples.into_plain_colors();
             channels = Channels::Rgb;
             self.warnings.push(Warning::CmykWithoutProfile);
         }
-        // sRGB is what integers are; floats with a profile are encoded as it says
-        let active = match &profile {
-            Some(Profile::Srgb) if self.sample != SampleKind::F32 => None,
-            other => other.as_ref(),
-        };
         let mut image = samples
             .into_image(channels, size, active)
             .map_err(|reason| DecodeError::Unsupported {
                 format: self.format,
                 reason,
             })?;
-        if let (Format::OpenExr, AnyImage::LinearAlpha(image)) = (self.format, &mut image) {
-            self.warnings.extend(samples::unmultiply(image));
-        }
         samples::bound_alpha(&mut image);
         Ok(Picture {
             image: orient::upright(image, self.orientation),
@@ -442,20 +464,16 @@ impl<'a> Opened<'a> {
         let colors = self.channels.count() - usize::from(self.channels.has_alpha());
         let reason = match Profile::parse(icc) {
             Ok(profile) if profile.suits(colors) => return Some(profile),
-            // a warning for the inks themselves has been given
-            Ok(_) if self.warnings.contains(&Warning::CmykWithoutProfile) => String::new(),
             Ok(_) => "it is for another number of channels".into(),
             Err(reason) => reason,
         };
         self.icc = None;
-        if !reason.is_empty() {
-            self.warnings.push(Warning::ProfileIgnored { reason });
-        }
+        self.warnings.push(Warning::ProfileIgnored { reason });
         None
     }
 
     /// The bytes that decoding holds at its peak, at most.
-    fn memory(&self, profiled: bool) -> u64 {
+    fn memory(&self, profile: Option<&Profile>) -> u64 {
         let pixels = u64::from(self.width) * u64::from(self.height);
         let channels = self.channels.count() as u64;
         let decoded = pixels * channels * self.sample.bytes() as u64;
@@ -466,30 +484,29 @@ impl<'a> Opened<'a> {
             (Decoder::Jpeg(jpeg), _) => jpeg.encoded_bytes() + 2 * channels * padded,
             // planes of a lossy frame, its alpha, a canvas of an animation
             (_, Format::WebP) => 12 * padded,
-            // a buffer of its own, of inks perhaps, and a block before its decompression
-            (_, Format::Tiff) => 2 * decoded + decoded / 2,
+            (Decoder::Tiff(tiff), _) => tiff.working_bytes(decoded),
+            // a buffer of its own, and a block before its decompression
             (_, Format::OpenExr) => decoded + decoded / 2,
             _ => 64 * u64::from(self.width),
         };
-        let pixel = match (self.sample, profiled) {
-            (SampleKind::U8, false) => 4,
-            (SampleKind::U16, false) => 8,
-            _ => 16,
+        let image_channels = 3 + u64::from(self.channels.has_alpha());
+        let image = match profile {
+            Some(_) => pixels * image_channels * 4,
+            None => pixels * image_channels * self.sample.bytes() as u64,
         };
-        let converts = profiled || self.channels.is_grey();
-        let image = if converts { pixels * pixel } else { decoded };
+        let conversion = match profile {
+            // tables go through a second image, with alpha
+            Some(Profile::Table(_)) => image + pixels * 16,
+            Some(_) => image,
+            None if self.channels.is_grey() => image,
+            None => 0,
+        };
         let turned = if orient::transposes(self.orientation) {
             image
         } else {
             0
         };
-        let conversion = match (converts, profiled) {
-            (false, _) => 0,
-            (true, false) => image,
-            // tables go through a second image
-            (true, true) => 2 * image,
-        };
-        decoded + decoder.max(conversion).max(turned)
+        (decoded + decoder.max(conversion)).max(image + turned)
     }
 }
 
@@ -516,7 +533,7 @@ fn decode_error(format: Format, error: ImageError, limits: &Limits) -> DecodeErr
             reason: error.to_string(),
         },
         ImageError::Limits(_) => DecodeError::TooManyBytes {
-            bytes: limits.max_bytes.saturating_add(1),
+            bytes: None,
             limit: limits.max_bytes,
         },
         ImageError::IoError(error) if error.kind() == io::ErrorKind::UnexpectedEof => {
@@ -526,6 +543,25 @@ fn decode_error(format: Format, error: ImageError, limits: &Limits) -> DecodeErr
             }
         }
         ImageError::IoError(error) if error.raw_os_error().is_some() => DecodeError::Io(error),
+        error => DecodeError::Damaged {
+            format,
+            reason: error.to_string(),
+        },
+    }
+}
+
+fn tiff_error(error: TiffError, limits: &Limits) -> DecodeError {
+    let format = Format::Tiff;
+    match error {
+        TiffError::IoError(error) => decode_error(format, ImageError::IoError(error), limits),
+        TiffError::UnsupportedError(what) => DecodeError::Unsupported {
+            format,
+            reason: what.to_string(),
+        },
+        TiffError::LimitsExceeded => DecodeError::TooManyBytes {
+            bytes: None,
+            limit: limits.max_bytes,
+        },
         error => DecodeError::Damaged {
             format,
             reason: error.to_string(),

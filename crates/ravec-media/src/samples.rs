@@ -3,9 +3,7 @@
 use crate::curve::Stored;
 use crate::picture::{SampleKind, Warning};
 use crate::profile::Profile;
-use ravec_raster::{
-    AnyImage, Image, LinearRgb, LinearRgba, Pixel, PremulLinearRgba, Size, SizeError, Srgb, Srgba,
-};
+use ravec_raster::{AnyImage, Image, LinearRgb, LinearRgba, Pixel, Size, SizeError, Srgb, Srgba};
 use rayon::prelude::*;
 
 /// What the samples of a pixel mean.
@@ -97,6 +95,32 @@ impl Samples {
         (nan + infinite > 0).then_some(Warning::NotFinite { nan, infinite })
     }
 
+    /// Straight alpha from premultiplied. Light of pixels that do not cover has no straight color.
+    ///
+    /// Files multiply the numbers that they store, whatever curve these follow.
+    pub(crate) fn unmultiply(&mut self, channels: Channels) -> Option<Warning> {
+        let count = channels.count();
+        let pixels = match self {
+            Self::U8(samples) => unmultiply_pixels(samples, count, |color, alpha| {
+                divided(color.into(), alpha.into(), 255) as u8
+            }),
+            Self::U16(samples) => unmultiply_pixels(samples, count, |color, alpha| {
+                divided(color.into(), alpha.into(), 65535) as u16
+            }),
+            Self::F32(samples) => unmultiply_pixels(samples, count, |color, alpha| color / alpha),
+        };
+        (pixels > 0).then_some(Warning::GlowLost { pixels })
+    }
+
+    /// Colors from ink amounts by the plain formula, in the same memory.
+    pub(crate) fn into_plain_colors(self) -> Self {
+        match self {
+            Self::U8(inks) => Self::U8(plain_colors(inks, 255, u64::from, |v| v as u8)),
+            Self::U16(inks) => Self::U16(plain_colors(inks, 65535, u64::from, |v| v as u16)),
+            other => other,
+        }
+    }
+
     /// The image, in sRGB: by the profile if there is one that does something, else the samples as they are.
     pub(crate) fn into_image(
         self,
@@ -180,20 +204,53 @@ fn moved<T: Stored, P: Pixel>(samples: Vec<T>) -> Vec<P> {
         .unwrap_or_else(|(_, samples)| bytemuck::allocation::pod_collect_to_vec(&samples))
 }
 
-/// Straight alpha from the premultiplied one of `OpenEXR`. Light of pixels that do not cover has no straight color.
-pub(crate) fn unmultiply(image: &mut Image<LinearRgba>) -> Option<Warning> {
-    use ravec_raster::Color as _;
-    let pixels = image
-        .pixels_mut()
-        .par_iter_mut()
+/// Divides the colors of pixels by the alpha behind them; counts those that have color but no alpha.
+fn unmultiply_pixels<T: Stored>(
+    samples: &mut [T],
+    channels: usize,
+    divided: impl Fn(T, T) -> T + Sync + Send,
+) -> u64 {
+    let none = T::default();
+    samples
+        .par_chunks_exact_mut(channels)
         .with_min_len(1 << 14)
         .map(|pixel| {
-            let lost = pixel.alpha() == 0.0 && pixel.rgb() != [0.0; 3];
-            *pixel = PremulLinearRgba(pixel.0).to_linear();
+            let alpha = pixel[channels - 1];
+            let mut lost = false;
+            for color in &mut pixel[..channels - 1] {
+                lost |= alpha == none && *color != none;
+                *color = if alpha == none {
+                    none
+                } else {
+                    divided(*color, alpha)
+                };
+            }
             u64::from(lost)
         })
-        .sum();
-    (pixels > 0).then_some(Warning::GlowLost { pixels })
+        .sum()
+}
+
+fn divided(color: u64, alpha: u64, one: u64) -> u64 {
+    ((color * one + alpha / 2) / alpha).min(one)
+}
+
+fn plain_colors<T: Stored>(
+    mut inks: Vec<T>,
+    one: u64,
+    number: impl Fn(T) -> u64,
+    stored: impl Fn(u64) -> T,
+) -> Vec<T> {
+    let pixels = inks.len() / 4;
+    for pixel in 0..pixels {
+        let [c, m, y, k] = std::array::from_fn(|i| number(inks[4 * pixel + i]));
+        for (channel, ink) in [c, m, y].into_iter().enumerate() {
+            inks[3 * pixel + channel] = stored(((one - ink) * (one - k) + one / 2) / one);
+        }
+    }
+    inks.truncate(3 * pixels);
+    // pixels are made of the memory that is in use
+    inks.shrink_to_fit();
+    inks
 }
 
 /// Alpha within 0 to 1, which float files do not promise.
@@ -245,15 +302,27 @@ mod tests {
     }
 
     #[test]
-    fn glow_is_counted_and_covered_light_becomes_straight() {
-        let size = Size::new(3, 1).unwrap();
-        let pixels = [[0.5, 0.25, 0.0, 0.5], [1.0, 0.0, 0.0, 0.0], [0.0; 4]];
-        let mut image = Image::from_fn(size, |col, _| LinearRgba(pixels[col]));
-        assert_eq!(
-            unmultiply(&mut image),
-            Some(Warning::GlowLost { pixels: 1 })
-        );
-        assert_eq!(image[(0, 0)], LinearRgba([1.0, 0.5, 0.0, 0.5]));
-        assert_eq!(image[(1, 0)], LinearRgba([0.0; 4]));
+    fn plain_colors_are_white_without_ink_and_black_with_all_of_one_kind() {
+        let inks = vec![0, 0, 0, 0, 0, 0, 0, 255, 255, 0, 0, 0, 0, 0, 255, 51];
+        let Samples::U8(colors) = Samples::U8(inks).into_plain_colors() else {
+            unreachable!()
+        };
+        assert_eq!(colors, [255, 255, 255, 0, 0, 0, 0, 255, 255, 204, 204, 0]);
+    }
+
+    #[test]
+    fn colors_are_divided_by_their_alpha_and_glow_is_counted() {
+        let mut samples = Samples::U8(vec![50, 100, 0, 100, 9, 0, 0, 0]);
+        let warning = samples.unmultiply(Channels::Rgba);
+        assert_eq!(warning, Some(Warning::GlowLost { pixels: 1 }));
+        assert_eq!(samples.as_bytes(), [128, 255, 0, 100, 0, 0, 0, 0]);
+
+        let mut samples = Samples::F32(vec![0.5, 0.5, 1.0, 0.0, 0.0, 0.0]);
+        let warning = samples.unmultiply(Channels::GreyAlpha);
+        assert_eq!(warning, Some(Warning::GlowLost { pixels: 1 }));
+        let Samples::F32(samples) = samples else {
+            unreachable!()
+        };
+        assert_eq!(samples, [1.0, 0.5, 0.0, 0.0, 0.0, 0.0]);
     }
 }
