@@ -306,6 +306,7 @@ mod tests {
                     let fit = FitParams {
                         block_px: 5,
                         flat_contrast: 0.0,
+                        ..FitParams::default()
                     };
                     let field = TwoColorField::fit(&block, &fit, &Progress::none()).unwrap();
                     assert_eq!(errors[(col, row)], field.block(0, 0).error);

@@ -1,6 +1,6 @@
 //! A regular grid of two-color pixels over an image.
 
-use crate::fit::{FlatThreshold, fit_block_row};
+use crate::fit::{FlatThreshold, Search, fit_block_row};
 use crate::pixel::TwoColorPixel;
 use crate::split_table::MAX_EXACT_SIDE;
 use fearless_simd::{Level, dispatch};
@@ -8,12 +8,36 @@ use ravec_progress::{Cancelled, Progress};
 use ravec_raster::{Color, Image, Oklab, Size};
 use rayon::prelude::*;
 
+/// How the best line of a block is searched.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum FitMethod {
+    /// Exact up to 16 pixels a side, coarse to fine above.
+    #[default]
+    Auto,
+    /// Over all splits: the optimum. Sides up to 32.
+    Exact,
+    /// Exact on a reduction of the block, then refined: faster, and within a few per cent of the optimum. Sides from 8.
+    CoarseToFine,
+}
+
+/// The largest side that [`FitMethod::Auto`] fits exactly.
+const AUTO_EXACT_SIDE: usize = 16;
+
+/// The largest block that can be fitted.
+const MAX_SIDE: usize = 64;
+
+/// The smallest block whose reduction is worth fitting.
+const MIN_COARSE_SIDE: usize = 8;
+
 /// How an image is cut into blocks and fitted.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct FitParams {
     /// Side N of a block in pixels, 2 to 64 (default 8). Larger blocks store less and abstract more.
     pub block_px: usize,
+    /// How the best line is searched (default [`FitMethod::Auto`]).
+    pub method: FitMethod,
     /// Oklab contrast below which a block is flat, 0 to 1 (default 0.01, about half of what the eye can tell apart).
     /// 0 gives every block a line that is not constant; more gives fewer lines.
     pub flat_contrast: f32,
@@ -23,6 +47,7 @@ impl Default for FitParams {
     fn default() -> Self {
         Self {
             block_px: 8,
+            method: FitMethod::Auto,
             flat_contrast: 0.01,
         }
     }
@@ -33,7 +58,9 @@ impl Default for FitParams {
 #[non_exhaustive]
 pub enum FitError {
     /// The block's side is out of range.
-    #[error("a block of {got} pixels a side cannot be fitted: choose 2 to 64")]
+    #[error(
+        "a block of {got} pixels a side cannot be fitted so: choose 2 to 64 (exactly 2 to 32, coarse to fine 8 to 64)"
+    )]
     BlockSize {
         /// The side that was asked for.
         got: usize,
@@ -73,7 +100,7 @@ impl TwoColorField {
     /// Fits every block of `image`.
     ///
     /// # Errors
-    /// [`FitError::BlockSize`] for a side below 2 or above 64, [`FitError::Cancelled`] soon after `progress` is.
+    /// [`FitError::BlockSize`] for a side that the method cannot fit, [`FitError::Cancelled`] soon after `progress` is.
     pub fn fit<P: Color>(
         image: &Image<P>,
         params: &FitParams,
@@ -93,9 +120,15 @@ impl TwoColorField {
         progress: &Progress,
     ) -> Result<Self, FitError> {
         let side = params.block_px;
-        if !(2..=MAX_EXACT_SIDE).contains(&side) {
-            return Err(FitError::BlockSize { got: side });
-        }
+        let search = match params.method {
+            FitMethod::Auto if (2..=AUTO_EXACT_SIDE).contains(&side) => Search::Exact,
+            FitMethod::Auto if (AUTO_EXACT_SIDE..=MAX_SIDE).contains(&side) => Search::CoarseToFine,
+            FitMethod::Exact if (2..=MAX_EXACT_SIDE).contains(&side) => Search::Exact,
+            FitMethod::CoarseToFine if (MIN_COARSE_SIDE..=MAX_SIDE).contains(&side) => {
+                Search::CoarseToFine
+            }
+            _ => return Err(FitError::BlockSize { got: side }),
+        };
         let grid = image.size().cells(side);
         let empty = TwoColorPixel::flat(Oklab::default(), 0.0, 0.0);
         let mut blocks = vec![empty; grid.pixels()];
@@ -106,7 +139,7 @@ impl TwoColorField {
             .enumerate()
             .try_for_each(|(row, out)| {
                 progress.check()?;
-                dispatch!(level, simd => fit_block_row(simd, image, side, row, flat, out));
+                dispatch!(level, simd => fit_block_row(simd, image, side, search, row, flat, out));
                 phase.advance(1);
                 Ok::<(), Cancelled>(())
             })?;

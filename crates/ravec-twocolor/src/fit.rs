@@ -1,5 +1,6 @@
-//! The exact fit of the blocks of one row of an image.
+//! The fit of the blocks of one row of an image.
 
+use crate::coarse_to_fine;
 use crate::pixel::TwoColorPixel;
 use crate::split_table::{SplitTable, split_table};
 use crate::sweep::{Batch, Found, FoundWeighted, MAX_LANES, OPAQUE, WEIGHTED};
@@ -16,12 +17,21 @@ pub(crate) struct FlatThreshold(pub f32);
 
 impl FlatThreshold {
     /// The least gain per unit of weight that earns a line: half the block on each side of the mean.
-    fn gain_per_weight(self) -> f32 {
+    pub(crate) fn gain_per_weight(self) -> f32 {
         0.25 * self.0 * self.0
     }
 }
 
-/// Fits the blocks of block row `block_row` exactly, from left to right.
+/// How the best line is searched.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Search {
+    /// Over all splits.
+    Exact,
+    /// Over those near the best of a reduction.
+    CoarseToFine,
+}
+
+/// Fits the blocks of block row `block_row`, from left to right.
 ///
 /// `out` holds one entry a block; its length says how many there are.
 #[inline(always)]
@@ -29,11 +39,11 @@ pub(crate) fn fit_block_row<S: Simd, P: Color>(
     simd: S,
     image: &Image<P>,
     side: usize,
+    search: Search,
     block_row: usize,
     flat: FlatThreshold,
     out: &mut [TwoColorPixel],
 ) {
-    let table = split_table(side);
     let lanes = Batch::<S, OPAQUE>::LANES;
     let top = block_row * side;
     let whole_rows = top + side <= image.height();
@@ -47,17 +57,47 @@ pub(crate) fn fit_block_row<S: Simd, P: Color>(
         let is_whole = first + out.len() <= whole_blocks;
         if is_whole && gather_opaque(&mut opaque, image, side, first, top, out.len()) {
             to_oklab(&mut opaque);
-            let found = opaque.best_split(table);
-            for (lane, pixel) in out.iter_mut().enumerate() {
-                *pixel = opaque_pixel(table, &found, lane, flat);
+            match search {
+                Search::Exact => {
+                    let table = split_table(side);
+                    let found = opaque.best_split(table);
+                    for (lane, pixel) in out.iter_mut().enumerate() {
+                        *pixel = opaque_pixel(table, &found, lane, flat);
+                    }
+                }
+                Search::CoarseToFine => {
+                    coarse_to_fine::fit_opaque(
+                        simd,
+                        &mut opaque,
+                        side,
+                        out.len(),
+                        flat,
+                        |lane, pixel| out[lane] = pixel,
+                    );
+                }
             }
         } else {
             let weighted =
                 weighted.get_or_insert_with(|| Batch::<S, WEIGHTED>::new(simd, side * side));
             gather_weighted(weighted, image, side, first, top, out.len());
-            let found = weighted.best_split(table);
-            for (lane, pixel) in out.iter_mut().enumerate() {
-                *pixel = weighted_pixel(table, &found, lane, flat);
+            match search {
+                Search::Exact => {
+                    let table = split_table(side);
+                    let found = weighted.best_split(table);
+                    for (lane, pixel) in out.iter_mut().enumerate() {
+                        *pixel = weighted_pixel(table, &found, lane, flat);
+                    }
+                }
+                Search::CoarseToFine => {
+                    coarse_to_fine::fit_weighted(
+                        simd,
+                        weighted,
+                        side,
+                        out.len(),
+                        flat,
+                        |lane, pixel| out[lane] = pixel,
+                    );
+                }
             }
         }
     }

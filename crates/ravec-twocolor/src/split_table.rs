@@ -14,11 +14,15 @@
 
 use crate::line::Line;
 use glam::DVec2;
+use std::ops::Range;
 use std::sync::OnceLock;
 
 /// The largest block side with a table. N = 64 would take 5 million events a block; larger blocks are fitted coarse to
 /// fine.
 pub const MAX_EXACT_SIDE: usize = 32;
+
+/// Sectors of angle into which the half turn is divided where several good splits are wanted.
+pub(crate) const SECTORS: usize = 8;
 
 /// One new split: the first `prefix` pixels are the first `prefix − 1` together with `pixel`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -40,6 +44,8 @@ pub(crate) struct SplitTable {
     pub events: Vec<Event>,
     /// By prefix `k`, the factor `1/k + 1/(N² − k)` that makes a gain of a squared sum; 0 where a side is empty.
     pub gain_weights: Vec<f32>,
+    /// The events of each eighth of the half turn.
+    pub sectors: [Range<usize>; SECTORS],
     /// For each event, a line with that split, relative to the block's centre: halfway, in angle and in offset, between
     /// the lines at which the split would change. Side 0 holds the event's prefix.
     pub lines: Vec<CentralLine>,
@@ -129,6 +135,11 @@ impl SplitTable {
                 begin += run;
             }
         }
+        let first_in = |sector: usize| {
+            let begin = std::f64::consts::PI * sector as f64 / SECTORS as f64;
+            angles.partition_point(|&angle| angle <= begin)
+        };
+        let sectors = std::array::from_fn(|sector| first_in(sector)..first_in(sector + 1));
         let lines = central_lines(side, &initial_order, &events, &angles);
         let count = side * side;
         let gain_weights = (0..=count)
@@ -145,6 +156,7 @@ impl SplitTable {
             initial_order,
             events,
             gain_weights,
+            sectors,
             lines,
         }
     }

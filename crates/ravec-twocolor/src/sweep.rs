@@ -19,14 +19,15 @@
 //! stores are the limit. The running sums drift by about 1e-6 of the block's contrast over the half turn (1e-5 in the worst
 //! blocks), so they choose the split, but its gain and colours are added up afresh.
 
-use crate::split_table::SplitTable;
+use crate::split_table::{SECTORS, SplitTable};
 use fearless_simd::prelude::*;
+use std::ops::Range;
 
 /// The most lanes of any instruction set.
 pub(crate) const MAX_LANES: usize = 16;
 
 /// How much a difference of 1 in alpha counts against a difference of 1 in lightness.
-const ALPHA_WEIGHT: f32 = 1.0;
+pub(crate) const ALPHA_WEIGHT: f32 = 1.0;
 
 /// Weights below this count as nothing: less than half a step of 16-bit alpha.
 const NO_WEIGHT: f32 = 1.0 / 131_072.0;
@@ -44,6 +45,15 @@ pub(crate) struct Found {
     pub mean: [[f32; MAX_LANES]; 3],
     /// The sum of the mean-free colours of side 0.
     pub sum_0: [[f32; MAX_LANES]; 3],
+}
+
+/// The best split of each sector of angles, one entry a sector and lane.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Starts {
+    /// Indices into the table's events.
+    pub event: [[u32; MAX_LANES]; SECTORS],
+    /// Their gains.
+    pub gain: [[f32; MAX_LANES]; SECTORS],
 }
 
 /// The blocks being worked on, one a lane.
@@ -75,16 +85,27 @@ impl<S: Simd, const CHANNELS: usize> Batch<S, CHANNELS> {
         }
     }
 
-    /// Visits every event, keeping in each lane the one with the largest gain (the first of equal ones). Returns their
-    /// numbers and the sums over their sides 0.
-    ///
-    /// `gain_of(k, S[k])` is the gain of a split.
+    /// A batch of the same pixels.
+    #[inline(always)]
+    pub fn clone_pixels(&self) -> Self {
+        Self {
+            simd: self.simd,
+            pixels: self.pixels.clone(),
+            prefixes: self.prefixes.clone(),
+        }
+    }
+
+    /// Visits every event, keeping in each lane and sector the one with the largest gain (the first of equal ones).
+    /// `sectors` are consecutive ranges that cover all events; `gain_of(k, S[k])` is the gain of a split;
+    /// `keep(sector, gain, event)` receives the best of each.
     #[inline(always)]
     fn sweep(
         &mut self,
         table: &SplitTable,
+        sectors: &[Range<usize>],
         gain_of: impl Fn(usize, &[S::f32s; CHANNELS]) -> S::f32s,
-    ) -> ([u32; MAX_LANES], [S::f32s; CHANNELS]) {
+        mut keep: impl FnMut(usize, S::f32s, S::f32s),
+    ) {
         let simd = self.simd;
         let mut sum = [S::f32s::splat(simd, 0.0); CHANNELS];
         self.prefixes[0] = sum;
@@ -95,27 +116,28 @@ impl<S: Simd, const CHANNELS: usize> Batch<S, CHANNELS> {
             self.prefixes[k + 1] = sum;
         }
 
-        let mut best_gain = S::f32s::splat(simd, 0.0);
-        let mut best_event = S::f32s::splat(simd, 0.0);
         // event numbers are exact in f32: there are fewer than 2^24 of them
         let mut number = S::f32s::splat(simd, 0.0);
         let pixels = self.pixels.as_slice();
         let prefixes = self.prefixes.as_mut_slice();
-        for event in &table.events {
-            let k = event.prefix as usize;
-            let mut sum = prefixes[k - 1];
-            for (s, p) in sum.iter_mut().zip(pixels[event.pixel as usize]) {
-                *s += p;
+        for (sector, range) in sectors.iter().enumerate() {
+            let mut best_gain = S::f32s::splat(simd, 0.0);
+            let mut best_event = number;
+            for event in &table.events[range.clone()] {
+                let k = event.prefix as usize;
+                let mut sum = prefixes[k - 1];
+                for (s, p) in sum.iter_mut().zip(pixels[event.pixel as usize]) {
+                    *s += p;
+                }
+                prefixes[k] = sum;
+                let gain = gain_of(k, &sum);
+                let better = gain.simd_gt(best_gain);
+                best_gain = better.select(gain, best_gain);
+                best_event = better.select(number, best_event);
+                number += 1.0;
             }
-            prefixes[k] = sum;
-            let gain = gain_of(k, &sum);
-            let better = gain.simd_gt(best_gain);
-            best_gain = better.select(gain, best_gain);
-            best_event = better.select(number, best_event);
-            number += 1.0;
+            keep(sector, best_gain, best_event);
         }
-        let events = lanes::<S>(best_event).map(|number| number as u32);
-        (events, self.sum_of_side_0(table, &events))
     }
 
     /// The sums over side 0 of one event a lane, added up afresh: the running sums have drifted.
@@ -153,6 +175,11 @@ fn lanes<S: Simd>(vector: S::f32s) -> [f32; MAX_LANES] {
 }
 
 #[inline(always)]
+fn numbers<S: Simd>(events: S::f32s) -> [u32; MAX_LANES] {
+    lanes::<S>(events).map(|number| number as u32)
+}
+
+#[inline(always)]
 fn squared_length<V: Copy + std::ops::Mul<Output = V> + std::ops::Add<Output = V>>(v: &[V]) -> V {
     v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
 }
@@ -178,8 +205,45 @@ impl<S: Simd> Batch<S, OPAQUE> {
     /// The best split of each block. Overwrites the pixels with their differences from the block's mean.
     #[inline(always)]
     pub fn best_split(&mut self, table: &SplitTable) -> Found {
-        let simd = self.simd;
-        let zero = S::f32s::splat(simd, 0.0);
+        let (mean, energy) = self.center();
+        let mut event = [0; MAX_LANES];
+        let weights = table.gain_weights.as_slice();
+        let gain_of = |k: usize, sum: &[S::f32s; OPAQUE]| squared_length(sum) * weights[k];
+        self.sweep(
+            table,
+            std::slice::from_ref(&(0..table.events.len())),
+            gain_of,
+            |_, _, best| {
+                event = numbers::<S>(best);
+            },
+        );
+        let sum_0 = self.sum_of_side_0(table, &event);
+        let mut weight = S::f32s::splat(self.simd, 0.0);
+        for lane in 0..Self::LANES {
+            weight[lane] = weights[table.events[event[lane] as usize].prefix as usize];
+        }
+        let gain = squared_length(&sum_0) * weight;
+        found::<S>(gain, event, energy, mean, sum_0)
+    }
+
+    /// The best split of each block within each sector of angles. Overwrites the pixels.
+    #[inline(always)]
+    pub fn best_by_sector(&mut self, table: &SplitTable) -> Starts {
+        self.center();
+        let weights = table.gain_weights.as_slice();
+        let mut starts = Starts::default();
+        let gain_of = |k: usize, sum: &[S::f32s; OPAQUE]| squared_length(sum) * weights[k];
+        self.sweep(table, &table.sectors, gain_of, |sector, gain, event| {
+            starts.gain[sector] = lanes::<S>(gain);
+            starts.event[sector] = numbers::<S>(event);
+        });
+        starts
+    }
+
+    /// Takes the mean off the pixels; returns it and the energy that is left.
+    #[inline(always)]
+    pub fn center(&mut self) -> ([S::f32s; 3], S::f32s) {
+        let zero = S::f32s::splat(self.simd, 0.0);
         let inverse_count = 1.0 / self.pixels.len() as f32;
         let mut mean = [zero; 3];
         // the gain takes both sides' sums as opposite, so the mean is taken off twice: once leaves an error of its rounding
@@ -198,18 +262,11 @@ impl<S: Simd> Batch<S, OPAQUE> {
             }
             mean = std::array::from_fn(|c| mean[c] + step[c]);
         }
-        let mut energy = zero;
-        for pixel in &self.pixels {
-            energy += squared_length(pixel);
-        }
-        let weights = table.gain_weights.as_slice();
-        let (event, sum_0) = self.sweep(table, |k, sum| squared_length(sum) * weights[k]);
-        let mut weight = zero;
-        for lane in 0..Self::LANES {
-            weight[lane] = weights[table.events[event[lane] as usize].prefix as usize];
-        }
-        let gain = squared_length(&sum_0) * weight;
-        found::<S>(gain, event, energy, mean, sum_0)
+        let energy = self
+            .pixels
+            .iter()
+            .fold(zero, |energy, pixel| energy + squared_length(pixel));
+        (mean, energy)
     }
 }
 
@@ -224,6 +281,47 @@ pub(crate) struct FoundWeighted {
     pub inside: [[f32; MAX_LANES]; 2],
 }
 
+/// The sums of a batch of weighted blocks, and the gain that follows from them.
+pub(crate) struct WeightedSums<V> {
+    /// The weighted mean colour.
+    pub mean: [V; 3],
+    /// The mean weight inside the image.
+    pub mean_alpha: V,
+    /// The sum of the weights.
+    pub weight: V,
+    /// The number of pixels inside the image.
+    pub inside: V,
+    /// The squared error of one colour and one alpha.
+    pub energy: V,
+}
+
+/// The inverse of a weight, 0 where there is none.
+#[inline(always)]
+fn inverse<S: Simd>(simd: S, weight: S::f32s) -> S::f32s {
+    let known = weight.simd_gt(NO_WEIGHT);
+    known.select(
+        S::f32s::splat(simd, 1.0) / weight,
+        S::f32s::splat(simd, 0.0),
+    )
+}
+
+impl<V: Copy> WeightedSums<V> {
+    #[inline(always)]
+    fn gain<S: Simd<f32s = V>>(&self, simd: S, sum: &[V; WEIGHTED]) -> V
+    where
+        V: SimdFloat<S, Element = f32>,
+    {
+        let (weight_0, inside_0) = (sum[3], sum[4]);
+        let colors =
+            squared_length(sum) * (inverse(simd, weight_0) + inverse(simd, self.weight - weight_0));
+        let off_alpha = weight_0 - inside_0 * self.mean_alpha;
+        let alphas = off_alpha
+            * off_alpha
+            * (inverse(simd, inside_0) + inverse(simd, self.inside - inside_0));
+        colors + alphas * ALPHA_WEIGHT
+    }
+}
+
 impl<S: Simd> Batch<S, WEIGHTED> {
     /// The best split of each block where pixels have weights: the one that minimises
     /// `Σ α |c − c_i|² + Σ (α − α_i)²` over the pixels inside the image.
@@ -232,15 +330,50 @@ impl<S: Simd> Batch<S, WEIGHTED> {
     #[inline(always)]
     pub fn best_split(&mut self, table: &SplitTable) -> FoundWeighted {
         let simd = self.simd;
+        let sums = self.center();
+        let mut event = [0; MAX_LANES];
+        let gain_of = |_: usize, sum: &[S::f32s; WEIGHTED]| sums.gain(simd, sum);
+        self.sweep(
+            table,
+            std::slice::from_ref(&(0..table.events.len())),
+            gain_of,
+            |_, _, best| {
+                event = numbers::<S>(best);
+            },
+        );
+        let sum_0 = self.sum_of_side_0(table, &event);
+        let gain = sums.gain(simd, &sum_0);
+        let [s0, s1, s2, weight_0, inside_0] = sum_0;
+        FoundWeighted {
+            found: found::<S>(gain, event, sums.energy, sums.mean, [s0, s1, s2]),
+            weight: [sums.weight, weight_0].map(lanes::<S>),
+            inside: [sums.inside, inside_0].map(lanes::<S>),
+        }
+    }
+
+    /// The best split of each block within each sector of angles. Overwrites the pixels.
+    #[inline(always)]
+    pub fn best_by_sector(&mut self, table: &SplitTable) -> Starts {
+        let simd = self.simd;
+        let sums = self.center();
+        let mut starts = Starts::default();
+        let gain_of = |_: usize, sum: &[S::f32s; WEIGHTED]| sums.gain(simd, sum);
+        self.sweep(table, &table.sectors, gain_of, |sector, gain, event| {
+            starts.gain[sector] = lanes::<S>(gain);
+            starts.event[sector] = numbers::<S>(event);
+        });
+        starts
+    }
+
+    /// Takes the weighted mean colour off the pixels.
+    #[inline(always)]
+    pub fn center(&mut self) -> WeightedSums<S::f32s> {
+        let simd = self.simd;
         let zero = S::f32s::splat(simd, 0.0);
-        let inverse = |weight: S::f32s| {
-            let known = weight.simd_gt(NO_WEIGHT);
-            known.select(S::f32s::splat(simd, 1.0) / weight, zero)
-        };
         let [weight, inside] =
             [3, 4].map(|c| self.pixels.iter().fold(zero, |sum, pixel| sum + pixel[c]));
-        let inverse_weight = inverse(weight);
-        let mean_alpha = weight * inverse(inside);
+        let inverse_weight = inverse(simd, weight);
+        let mean_alpha = weight * inverse(simd, inside);
         let mut mean = [zero; 3];
         for _ in 0..2 {
             let mut total = [zero; 3];
@@ -262,22 +395,15 @@ impl<S: Simd> Batch<S, WEIGHTED> {
         for pixel in &self.pixels {
             let (alpha, is_inside) = (pixel[3], pixel[4]);
             let off_alpha = alpha - is_inside * mean_alpha;
-            energy += squared_length(pixel) * inverse(alpha) + off_alpha * off_alpha * ALPHA_WEIGHT;
+            energy +=
+                squared_length(pixel) * inverse(simd, alpha) + off_alpha * off_alpha * ALPHA_WEIGHT;
         }
-        let gain_of = |sum: &[S::f32s; WEIGHTED]| {
-            let (weight_0, inside_0) = (sum[3], sum[4]);
-            let colors = squared_length(sum) * (inverse(weight_0) + inverse(weight - weight_0));
-            let off_alpha = weight_0 - inside_0 * mean_alpha;
-            let alphas = off_alpha * off_alpha * (inverse(inside_0) + inverse(inside - inside_0));
-            colors + alphas * ALPHA_WEIGHT
-        };
-        let (event, sum_0) = self.sweep(table, |_, sum| gain_of(sum));
-        let gain = gain_of(&sum_0);
-        let [s0, s1, s2, weight_0, inside_0] = sum_0;
-        FoundWeighted {
-            found: found::<S>(gain, event, energy, mean, [s0, s1, s2]),
-            weight: [weight, weight_0].map(lanes::<S>),
-            inside: [inside, inside_0].map(lanes::<S>),
+        WeightedSums {
+            mean,
+            mean_alpha,
+            weight,
+            inside,
+            energy,
         }
     }
 }

@@ -91,6 +91,7 @@ fn params(side: usize) -> FitParams {
     FitParams {
         block_px: side,
         flat_contrast: 0.0,
+        ..FitParams::default()
     }
 }
 
