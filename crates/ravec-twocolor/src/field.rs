@@ -175,6 +175,10 @@ impl TwoColorField {
         &self.blocks[row * width + col]
     }
 
+    pub(crate) fn blocks_mut(&mut self) -> &mut [TwoColorPixel] {
+        &mut self.blocks
+    }
+
     /// All blocks, row by row.
     pub fn blocks(&self) -> &[TwoColorPixel] {
         &self.blocks

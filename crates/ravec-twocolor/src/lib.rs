@@ -8,6 +8,7 @@ mod fit;
 mod line;
 mod pixel;
 mod split_table;
+mod subpixel;
 mod sweep;
 
 pub use clean::{CleanParams, NoiseLevel, clean, clean_with, estimate_noise};
@@ -16,3 +17,4 @@ pub use field::{FitError, FitMethod, FitParams, TwoColorField};
 pub use line::Line;
 pub use pixel::TwoColorPixel;
 pub use split_table::{MAX_EXACT_SIDE, split_count};
+pub use subpixel::refine_line;
