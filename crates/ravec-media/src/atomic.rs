@@ -132,7 +132,7 @@ mod tests {
         let path = folder.path().join("a.txt");
         put(&path, "old").unwrap();
         let result: io::Result<()> = write_atomically(&path, |writer| {
-            writer.write_all(&[0; 100_000])?;
+            writer.write_all(&vec![0; 100_000])?;
             Err(io::Error::other("stopped"))
         });
         assert_eq!(result.unwrap_err().to_string(), "stopped");
@@ -171,7 +171,11 @@ mod tests {
         symlink("real", &link).unwrap();
         put(&link, "through a dangling link").unwrap();
         let plain = folder.path().join("plain");
-        File::create(&plain).unwrap();
+        File::options()
+            .write(true)
+            .create_new(true)
+            .open(&plain)
+            .unwrap();
         assert_eq!(mode(&real), mode(&plain), "a new file has the usual mode");
 
         std::fs::set_permissions(&real, std::fs::Permissions::from_mode(0o640)).unwrap();

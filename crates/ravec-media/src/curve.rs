@@ -106,11 +106,11 @@ impl Stored for u8 {
         Samples::U8(samples)
     }
     const CODES: Option<usize> = Some(1 << 8);
-    #[inline(always)]
+    #[inline]
     fn code(self) -> usize {
         self as usize
     }
-    #[inline(always)]
+    #[inline]
     fn from_code(code: usize) -> Self {
         code as Self
     }
@@ -121,11 +121,11 @@ impl Stored for u16 {
         Samples::U16(samples)
     }
     const CODES: Option<usize> = Some(1 << 16);
-    #[inline(always)]
+    #[inline]
     fn code(self) -> usize {
         self as usize
     }
-    #[inline(always)]
+    #[inline]
     fn from_code(code: usize) -> Self {
         code as Self
     }

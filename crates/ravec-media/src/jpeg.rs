@@ -93,7 +93,9 @@ fn ink_amounts(samples: &mut [u8], ycck: bool) {
             pixel[2] = (y + 1.772 * cb + 0.5) as u8;
             pixel[3] = 255 - pixel[3];
         } else {
-            pixel.iter_mut().for_each(|sample| *sample = 255 - *sample);
+            for sample in pixel {
+                *sample = 255 - *sample;
+            }
         }
     }
 }

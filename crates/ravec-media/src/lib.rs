@@ -1,7 +1,7 @@
 //! Picture files: reading what people have, writing it back like it was.
 //!
 //! [`read`] finds the format from the content, turns the picture upright, brings its colors to sRGB by the embedded
-//! profile and says in [`Picture::warnings`] what it had to guess. [`write`] puts a result into a file like its source:
+//! profile and says in [`Picture::warnings`] what it had to guess. [`write()`] puts a result into a file like its source:
 //! same sample kind, same color space, same EXIF block, whole or not at all.
 //!
 //! ```
@@ -29,7 +29,7 @@
 //! | WebP | lossy, lossless, alpha | lossless, 8 bit, alpha |
 //! | TIFF | 8, 16 bit, float, grey, alpha, CMYK | 8, 16 bit, float, grey, alpha |
 //! | BMP | 1 to 32 bit | 8 bit, grey, alpha |
-//! | OpenEXR | half and full float, alpha | float, alpha |
+//! | `OpenEXR` | half and full float, alpha | float, alpha |
 //! | Radiance HDR | color | color |
 //!
 //! Guarantees: integer samples in sRGB survive reading and writing exactly, and so do those of other RGB and grey spaces
@@ -42,12 +42,14 @@ mod curve;
 mod format;
 mod jpeg;
 mod limits;
+mod opened;
 mod orient;
 mod picture;
 mod profile;
 mod raster;
 mod read;
 mod samples;
+mod standard;
 mod tiff;
 mod write;
 

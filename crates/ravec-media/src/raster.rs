@@ -5,10 +5,11 @@ use crate::format::Format;
 use crate::picture::{Picture, SampleKind, Warning};
 use crate::profile::{self, Profile, product};
 use crate::samples::Samples;
+use crate::standard;
 use crate::write::{ProfileChoice, WriteOptions};
 use image::ExtendedColorType;
 use ravec_raster::{
-    AnyImage, Color, Image, LinearRgb, LinearRgba, PremulLinearRgba, Size, Srgb, Srgba,
+    AnyImage, Color, Image, LinearRgb, LinearRgba, Pixel, PremulLinearRgba, Size, Srgb, Srgba,
 };
 use rayon::prelude::*;
 use std::borrow::Cow;
@@ -96,8 +97,8 @@ impl<'a> Job<'a> {
         let icc: Cow<'a, [u8]> = match &self.kept {
             // sRGB by the source's own profile; one for grey does not suit colors
             Some((Profile::Srgb, icc)) if grey || !profile::is_grey(icc) => Cow::Borrowed(*icc),
-            _ if grey => Cow::Borrowed(profile::GREY_SRGB.as_slice()),
-            _ => Cow::Borrowed(profile::SRGB.as_slice()),
+            _ if grey => Cow::Borrowed(standard::GREY_SRGB.as_slice()),
+            _ => Cow::Borrowed(standard::SRGB.as_slice()),
         };
         let samples = if grey {
             Cow::Owned(first_channels(&samples, stride, self.alpha))
@@ -123,11 +124,16 @@ impl<'a> Job<'a> {
             if !self.grey || !pixels.pixels().par_iter().with_min_len(1 << 14).all(grey) {
                 return None;
             }
-            let samples = profile.from_linear::<T>(&pixels)?;
+            let samples = profile.numbers_from_linear::<T>(&pixels)?;
             let samples = with_alpha(samples, &pixels, 1, self.alpha);
             return Some(self.raster(Cow::Owned(samples), true, Some(Cow::Borrowed(icc))));
         }
-        let samples = with_alpha(profile.from_linear::<T>(&pixels)?, &pixels, 3, self.alpha);
+        let samples = with_alpha(
+            profile.numbers_from_linear::<T>(&pixels)?,
+            &pixels,
+            3,
+            self.alpha,
+        );
         let stride = 3 + usize::from(self.alpha);
         let grey = self.grey && all_grey(&samples, stride);
         let samples = if grey {
@@ -139,7 +145,7 @@ impl<'a> Job<'a> {
     }
 
     fn floats(self, image: &AnyImage, format: Format) -> Raster<'a> {
-        let mut icc = Cow::Borrowed(profile::LINEAR_SRGB.as_slice());
+        let mut icc = Cow::Borrowed(standard::LINEAR_SRGB.as_slice());
         let mut pixels = image.convert::<LinearRgba>();
         if let Some((profile, kept)) = &self.kept
             && let Some(device_from_linear) = profile.linear_space()
@@ -216,10 +222,7 @@ impl Integer for u16 {
     }
 }
 
-fn cast<P: bytemuck::NoUninit, T: Stored>(pixels: Vec<P>) -> Vec<T>
-where
-    P: bytemuck::AnyBitPattern,
-{
+fn cast<P: Pixel, T: Stored>(pixels: Vec<P>) -> Vec<T> {
     bytemuck::allocation::try_cast_vec(pixels)
         .unwrap_or_else(|(_, pixels)| bytemuck::allocation::pod_collect_to_vec(&pixels))
 }

@@ -117,7 +117,7 @@ impl Samples {
         match self {
             Self::U8(inks) => Self::U8(plain_colors(inks, 255, u64::from, |v| v as u8)),
             Self::U16(inks) => Self::U16(plain_colors(inks, 65535, u64::from, |v| v as u16)),
-            other => other,
+            floats @ Self::F32(_) => floats,
         }
     }
 

@@ -149,7 +149,7 @@ fn corrupted_files_give_a_picture_or_an_error() {
         for (name, data) in samples() {
             for round in 0..400 {
                 let mut broken = data.clone();
-                for _ in 0..1 + random(4) {
+                for _ in 0..=random(4) {
                     // half of the damage goes where the lengths and types are
                     let end = if random(2) == 0 {
                         broken.len().min(64)
@@ -291,7 +291,7 @@ fn the_need_that_is_checked_bounds_the_need_that_is_measured() {
                     ) {
                         Ok(_) => break,
                         Err(DecodeError::TooManyBytes { bytes, .. }) => {
-                            need = bytes.unwrap_or(0).max(need + need / 4)
+                            need = bytes.unwrap_or(0).max(need + need / 4);
                         }
                         Err(_) => need += need / 4 + 4096,
                     }

@@ -51,25 +51,24 @@ fn cmyk_profile() -> Vec<u8> {
         clut.extend_from_slice(&[lightness, 0x8000, 0x8000]);
     }
     let ramp = |channels: usize| [0u16, 0xffff].repeat(channels);
-    let profile = ColorProfile {
-        color_space: DataColorSpace::Cmyk,
-        pcs: DataColorSpace::Lab,
-        profile_class: moxcms::ProfileClass::OutputDevice,
-        white_point: ColorProfile::new_srgb().white_point,
-        lut_a_to_b_perceptual: Some(LutWarehouse::Lut(LutDataType {
-            num_input_channels: 4,
-            num_output_channels: 3,
-            num_clut_grid_points: 2,
-            matrix: Matrix3d::IDENTITY,
-            num_input_table_entries: 2,
-            num_output_table_entries: 2,
-            input_table: LutStore::Store16(ramp(4)),
-            clut_table: LutStore::Store16(clut),
-            output_table: LutStore::Store16(ramp(3)),
-            lut_type: LutType::Lut16,
-        })),
-        ..ColorProfile::default()
-    };
+    let mut profile = ColorProfile::new_srgb();
+    profile.cicp = None;
+    (profile.red_trc, profile.green_trc, profile.blue_trc) = (None, None, None);
+    profile.color_space = DataColorSpace::Cmyk;
+    profile.pcs = DataColorSpace::Lab;
+    profile.profile_class = moxcms::ProfileClass::OutputDevice;
+    profile.lut_a_to_b_perceptual = Some(LutWarehouse::Lut(LutDataType {
+        num_input_channels: 4,
+        num_output_channels: 3,
+        num_clut_grid_points: 2,
+        matrix: Matrix3d::IDENTITY,
+        num_input_table_entries: 2,
+        num_output_table_entries: 2,
+        input_table: LutStore::Store16(ramp(4)),
+        clut_table: LutStore::Store16(clut),
+        output_table: LutStore::Store16(ramp(3)),
+        lut_type: LutType::Lut16,
+    }));
     profile.encode().unwrap()
 }
 
@@ -128,7 +127,7 @@ fn a_cmyk_jpeg_is_read_with_its_inks_the_right_way_round() {
         assert_eq!(picture.warnings, [Warning::CmykWithoutProfile], "{name}");
         assert_eq!(picture.image.size(), Size::new(8, 8).unwrap());
         // the file stores 128 for every component: half of each ink
-        let expected = Srgb([if transform == 0 { 64u8 } else { 64 }; 3]);
+        let expected = Srgb([64u8; 3]);
         let pixel = picture.convert::<Srgb<u8>>()[(3, 3)];
         assert!(
             pixel
@@ -171,9 +170,9 @@ fn jpeg_of_means(transform: u8, means: [i32; 4]) -> Vec<u8> {
     // differences of 0 to 11 bits, all with codes of four bits; one code of one bit ends a block
     let lengths = |counts: &[(usize, u8)]| {
         let mut all = [0; 16];
-        counts
-            .iter()
-            .for_each(|&(length, count)| all[length - 1] = count);
+        for &(length, count) in counts {
+            all[length - 1] = count;
+        }
         all
     };
     let sizes: Vec<u8> = (0..12).collect();

@@ -28,17 +28,14 @@ fn file(
 ) -> Vec<u8> {
     let height = (bytes.len() * 8 / color.bits_per_pixel() as usize) as u32 / width;
     let mut data = Cursor::new(Vec::new());
-    match format {
-        Format::Png => {
-            let mut encoder = image::codecs::png::PngEncoder::new(&mut data);
-            encoder.set_icc_profile(icc).unwrap();
-            encoder.write_image(bytes, width, height, color).unwrap();
-        }
-        _ => {
-            let mut encoder = image::codecs::tiff::TiffEncoder::new(&mut data);
-            encoder.set_icc_profile(icc).unwrap();
-            encoder.write_image(bytes, width, height, color).unwrap();
-        }
+    if format == Format::Png {
+        let mut encoder = image::codecs::png::PngEncoder::new(&mut data);
+        encoder.set_icc_profile(icc).unwrap();
+        encoder.write_image(bytes, width, height, color).unwrap();
+    } else {
+        let mut encoder = image::codecs::tiff::TiffEncoder::new(&mut data);
+        encoder.set_icc_profile(icc).unwrap();
+        encoder.write_image(bytes, width, height, color).unwrap();
     }
     data.into_inner()
 }

@@ -3,10 +3,10 @@
 use image::{ExtendedColorType, ImageEncoder as _};
 use ravec_media::{
     DecodeError, EncodeError, Format, Limits, Picture, ProfileChoice, SampleKind, Warning,
-    WriteOptions, decode, encode, probe_data, read, write,
+    WriteOptions, decode, encode, probe_data, read, write, write_atomically,
 };
 use ravec_raster::{AnyImage, Image, LinearRgb, LinearRgba, Size, Srgb, Srgba};
-use std::io::Cursor;
+use std::io::{Cursor, Write as _};
 
 fn encoded(picture: &Picture, format: Format) -> Vec<u8> {
     let mut data = Cursor::new(Vec::new());
@@ -268,13 +268,16 @@ fn exif(orientation: u8) -> Vec<u8> {
     block
 }
 
+/// Where a stored pixel lies in the upright picture, by column and row.
+type Place = fn(usize, usize) -> (usize, usize);
+
 #[test]
 fn all_orientations_are_applied_in_every_format_that_has_exif() {
     let upright = Image::from_fn(Size::new(3, 2).unwrap(), |col, row| {
         Srgb([100 * col as u8, 100 * row as u8, 0])
     });
     // the stored picture, by where its pixel (col, row) lies in the upright one of 3 x 2
-    let place: [fn(usize, usize) -> (usize, usize); 8] = [
+    let place: [Place; 8] = [
         |c, r| (c, r),
         |c, r| (2 - c, r),
         |c, r| (2 - c, 1 - r),
@@ -449,7 +452,7 @@ fn unreadable_files_say_why() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("x.png");
     let sentence = |content: &[u8]| {
-        std::fs::write(&path, content).unwrap();
+        write_atomically(&path, |file| file.write_all(content)).unwrap();
         let error = read(&path, &Limits::default()).unwrap_err();
         error
             .to_string()

@@ -1,0 +1,370 @@
+//! A file between header and pixels: what its decoder is, what it says, and what decoding will cost.
+
+use crate::format::Format;
+use crate::jpeg::Jpeg;
+use crate::limits::Limits;
+use crate::orient;
+use crate::picture::{Origin, Picture, SampleKind, Warning};
+use crate::profile::{self, Profile};
+use crate::read::{DecodeError, Probe};
+use crate::samples::{self, Channels, Samples};
+use crate::tiff::{Source, Tiff};
+use ::tiff::TiffError;
+use image::codecs::{bmp, hdr, openexr, png, webp};
+use image::metadata::Orientation;
+use image::{ColorType, ImageDecoder, ImageError, ImageResult};
+use ravec_raster::Size;
+use std::io::{self, BufRead, Read, Seek, SeekFrom};
+
+/// A file whose header has been read.
+pub(crate) struct Opened<'a> {
+    format: Format,
+    decoder: Decoder<'a>,
+    width: u32,
+    height: u32,
+    channels: Channels,
+    sample: SampleKind,
+    /// Whether colors are multiplied by alpha, as `OpenEXR` has it.
+    premultiplied: bool,
+    orientation: Orientation,
+    icc: Option<Vec<u8>>,
+    exif: Option<Vec<u8>>,
+    warnings: Vec<Warning>,
+}
+
+enum Decoder<'a> {
+    General(Box<dyn ImageDecoder + 'a>),
+    Jpeg(Jpeg),
+    Tiff(Box<Tiff<'a>>),
+}
+
+impl<'a> Opened<'a> {
+    pub(crate) fn new<R: BufRead + Seek>(
+        format: Format,
+        input: &'a mut R,
+        limits: &Limits,
+    ) -> Result<Self, DecodeError> {
+        let length = input.seek(SeekFrom::End(0))?;
+        input.seek(SeekFrom::Start(0))?;
+        let mut opened = match format {
+            Format::Jpeg => {
+                limits.check_bytes(length)?;
+                Self::open_jpeg(input)?
+            }
+            Format::Tiff => Self::open_tiff(input, length, limits)?,
+            _ => Self::open_general(format, input, limits)
+                .map_err(|error| decode_error(format, error, limits))?,
+        };
+        limits.check_pixels(opened.width.into(), opened.height.into())?;
+        if let Some(exif) = opened.exif.take() {
+            opened.take_exif(exif);
+        }
+        Ok(opened)
+    }
+
+    fn open_jpeg(input: &mut impl Read) -> Result<Self, DecodeError> {
+        let mut data = Vec::new();
+        input.read_to_end(&mut data)?;
+        let mut jpeg = Jpeg::open(data).map_err(|error| jpeg_error(&error))?;
+        let mut warnings = Vec::new();
+        if jpeg.is_truncated() {
+            warnings.push(Warning::Truncated);
+        }
+        Ok(Self {
+            format: Format::Jpeg,
+            width: jpeg.width,
+            height: jpeg.height,
+            channels: jpeg.channels(),
+            sample: SampleKind::U8,
+            premultiplied: false,
+            orientation: Orientation::NoTransforms,
+            icc: jpeg.icc.take(),
+            exif: jpeg.exif.take(),
+            decoder: Decoder::Jpeg(jpeg),
+            warnings,
+        })
+    }
+
+    fn open_tiff(
+        input: &'a mut dyn Source,
+        length: u64,
+        limits: &Limits,
+    ) -> Result<Self, DecodeError> {
+        let mut tiff = Tiff::open(input, length, limits.max_bytes)
+            .map_err(|error| tiff_error(error, limits))?;
+        Ok(Self {
+            format: Format::Tiff,
+            width: tiff.width,
+            height: tiff.height,
+            channels: tiff.channels,
+            sample: tiff.sample,
+            premultiplied: tiff.premultiplied,
+            orientation: tiff.orientation,
+            icc: tiff.icc.take(),
+            exif: None,
+            decoder: Decoder::Tiff(Box::new(tiff)),
+            warnings: Vec::new(),
+        })
+    }
+
+    fn open_general<R: BufRead + Seek>(
+        format: Format,
+        input: &'a mut R,
+        limits: &Limits,
+    ) -> ImageResult<Self> {
+        let mut bounds = image::Limits::no_limits();
+        bounds.max_alloc = Some(limits.max_bytes);
+        let mut warnings = Vec::new();
+        let mut decoder: Box<dyn ImageDecoder + 'a> = match format {
+            Format::Png => {
+                let decoder = png::PngDecoder::with_limits(input, bounds.clone())?;
+                if decoder.is_apng()? {
+                    warnings.push(Warning::OnlyFirstFrame);
+                }
+                Box::new(decoder)
+            }
+            Format::WebP => {
+                let decoder = webp::WebPDecoder::new(input)?;
+                if decoder.has_animation() {
+                    warnings.push(Warning::OnlyFirstFrame);
+                }
+                Box::new(decoder)
+            }
+            Format::Bmp => Box::new(bmp::BmpDecoder::new(input)?),
+            Format::OpenExr => Box::new(openexr::OpenExrDecoder::new(input)?),
+            // the strict decoder insists on one of the two names of the format
+            _ => Box::new(hdr::HdrDecoder::new_nonstrict(input)?),
+        };
+        decoder.set_limits(bounds)?;
+        let (width, height) = decoder.dimensions();
+        let (channels, sample) = layout(decoder.color_type());
+        let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
+        Ok(Self {
+            format,
+            width,
+            height,
+            channels,
+            sample,
+            premultiplied: format == Format::OpenExr,
+            orientation,
+            icc: decoder.icc_profile().ok().flatten(),
+            exif: decoder.exif_metadata().ok().flatten(),
+            decoder: Decoder::General(decoder),
+            warnings,
+        })
+    }
+
+    /// Keeps an EXIF block that begins as one must, and moves its orientation from there to here.
+    fn take_exif(&mut self, mut exif: Vec<u8>) {
+        if exif.starts_with(b"Exif\0\0") {
+            exif.drain(..6);
+        }
+        if exif.starts_with(b"II*\0") || exif.starts_with(b"MM\0*") {
+            if let Some(orientation) = Orientation::remove_from_exif_chunk(&mut exif) {
+                self.orientation = orientation;
+            }
+            self.exif = Some(exif);
+        }
+    }
+
+    pub(crate) fn probe(&self) -> Result<Probe, DecodeError> {
+        let size = Size::new(self.width as usize, self.height as usize)?;
+        Ok(Probe {
+            format: self.format,
+            size: if orient::transposes(self.orientation) {
+                size.transposed()
+            } else {
+                size
+            },
+            sample: self.sample,
+            grey: self.channels.is_grey(),
+            alpha: self.channels.has_alpha(),
+            orientation: self.orientation.to_exif(),
+            profile: self
+                .icc
+                .as_deref()
+                .map(|icc| profile::description(icc).unwrap_or_default()),
+        })
+    }
+
+    pub(crate) fn decode(mut self, limits: &Limits) -> Result<Picture, DecodeError> {
+        let size = Size::new(self.width as usize, self.height as usize)?;
+        let profile = self.profile();
+        // sRGB is what integers are, and its light what floats are
+        let active = profile.as_ref().filter(|profile| match self.sample {
+            SampleKind::F32 => !profile.is_linear_srgb(),
+            _ => !matches!(profile, Profile::Srgb),
+        });
+        let needed = self.memory(active);
+        limits.check_bytes(needed)?;
+        let count = size.pixels() * self.channels.count();
+        let mut samples = Samples::zeroed(self.sample, count)
+            .map_err(|_| DecodeError::OutOfMemory { bytes: needed })?;
+
+        match self.decoder {
+            Decoder::General(decoder) => decoder
+                .read_image_boxed(samples.as_bytes_mut())
+                .map_err(|error| decode_error(self.format, error, limits))?,
+            Decoder::Jpeg(jpeg) => jpeg
+                .decode(samples.as_bytes_mut())
+                .map_err(|error| jpeg_error(&error))?,
+            Decoder::Tiff(tiff) => tiff
+                .decode(&mut samples)
+                .map_err(|error| tiff_error(error, limits))?,
+        }
+        self.warnings.extend(samples.make_finite());
+        if self.premultiplied && self.channels.has_alpha() {
+            self.warnings.extend(samples.unmultiply(self.channels));
+        }
+
+        let mut channels = self.channels;
+        if channels == Channels::Cmyk && profile.is_none() {
+            samples = samples.into_plain_colors();
+            channels = Channels::Rgb;
+            self.warnings.push(Warning::CmykWithoutProfile);
+        }
+        let mut image = samples
+            .into_image(channels, size, active)
+            .map_err(|reason| DecodeError::Unsupported {
+                format: self.format,
+                reason,
+            })?;
+        samples::bound_alpha(&mut image);
+        Ok(Picture {
+            image: orient::upright(image, self.orientation),
+            origin: Origin {
+                format: Some(self.format),
+                sample: self.sample,
+                grey: self.channels.is_grey(),
+                icc: self.icc.map(Into::into),
+                exif: self.exif.map(Into::into),
+            },
+            warnings: self.warnings,
+        })
+    }
+
+    /// The embedded profile, if it can be used; else it is dropped with a warning.
+    fn profile(&mut self) -> Option<Profile> {
+        let icc = self.icc.as_ref()?;
+        let colors = self.channels.count() - usize::from(self.channels.has_alpha());
+        let reason = match Profile::parse(icc) {
+            Ok(profile) if profile.suits(colors) => return Some(profile),
+            Ok(_) => "it is for another number of channels".into(),
+            Err(reason) => reason,
+        };
+        self.icc = None;
+        self.warnings.push(Warning::ProfileIgnored { reason });
+        None
+    }
+
+    /// The bytes that decoding holds at its peak, at most.
+    fn memory(&self, profile: Option<&Profile>) -> u64 {
+        let pixels = u64::from(self.width) * u64::from(self.height);
+        let channels = self.channels.count() as u64;
+        let decoded = pixels * channels * self.sample.bytes() as u64;
+        // blocks at the border are whole
+        let padded = (u64::from(self.width) + 64) * (u64::from(self.height) + 64);
+        let decoder = match (&self.decoder, self.format) {
+            // progressive files: a 16-bit coefficient for each sample
+            (Decoder::Jpeg(jpeg), _) => jpeg.encoded_bytes() + 2 * channels * padded,
+            // planes of a lossy frame, its alpha, a canvas of an animation
+            (_, Format::WebP) => 12 * padded,
+            (Decoder::Tiff(tiff), _) => tiff.working_bytes(decoded),
+            // a buffer of its own, and a block before its decompression
+            (_, Format::OpenExr) => decoded + decoded / 2,
+            _ => 64 * u64::from(self.width),
+        };
+        let image_channels = 3 + u64::from(self.channels.has_alpha());
+        let image = match profile {
+            Some(_) => pixels * image_channels * 4,
+            None => pixels * image_channels * self.sample.bytes() as u64,
+        };
+        let conversion = match profile {
+            // tables go through a second image, with alpha
+            Some(Profile::Table(_)) => image + pixels * 16,
+            Some(_) => image,
+            None if self.channels.is_grey() => image,
+            None => 0,
+        };
+        let turned = if orient::transposes(self.orientation) {
+            image
+        } else {
+            0
+        };
+        (decoded + decoder.max(conversion)).max(image + turned)
+    }
+}
+
+fn layout(color: ColorType) -> (Channels, SampleKind) {
+    match color {
+        ColorType::L8 => (Channels::Grey, SampleKind::U8),
+        ColorType::La8 => (Channels::GreyAlpha, SampleKind::U8),
+        ColorType::Rgb8 => (Channels::Rgb, SampleKind::U8),
+        ColorType::Rgba8 => (Channels::Rgba, SampleKind::U8),
+        ColorType::L16 => (Channels::Grey, SampleKind::U16),
+        ColorType::La16 => (Channels::GreyAlpha, SampleKind::U16),
+        ColorType::Rgb16 => (Channels::Rgb, SampleKind::U16),
+        ColorType::Rgba16 => (Channels::Rgba, SampleKind::U16),
+        ColorType::Rgb32F => (Channels::Rgb, SampleKind::F32),
+        // the enum is open; a new type would fail the length check of its decoder
+        _ => (Channels::Rgba, SampleKind::F32),
+    }
+}
+
+fn decode_error(format: Format, error: ImageError, limits: &Limits) -> DecodeError {
+    match error {
+        ImageError::Unsupported(error) => DecodeError::Unsupported {
+            format,
+            reason: error.to_string(),
+        },
+        ImageError::Limits(_) => DecodeError::TooManyBytes {
+            bytes: None,
+            limit: limits.max_bytes,
+        },
+        ImageError::IoError(error) if error.kind() == io::ErrorKind::UnexpectedEof => {
+            DecodeError::Damaged {
+                format,
+                reason: "it ends early".into(),
+            }
+        }
+        ImageError::IoError(error) if error.raw_os_error().is_some() => DecodeError::Io(error),
+        error => DecodeError::Damaged {
+            format,
+            reason: error.to_string(),
+        },
+    }
+}
+
+fn tiff_error(error: TiffError, limits: &Limits) -> DecodeError {
+    let format = Format::Tiff;
+    match error {
+        TiffError::IoError(error) => decode_error(format, ImageError::IoError(error), limits),
+        TiffError::UnsupportedError(what) => DecodeError::Unsupported {
+            format,
+            reason: what.to_string(),
+        },
+        TiffError::LimitsExceeded => DecodeError::TooManyBytes {
+            bytes: None,
+            limit: limits.max_bytes,
+        },
+        error => DecodeError::Damaged {
+            format,
+            reason: error.to_string(),
+        },
+    }
+}
+
+fn jpeg_error(error: &zune_jpeg::errors::DecodeErrors) -> DecodeError {
+    use zune_jpeg::errors::DecodeErrors;
+    let format = Format::Jpeg;
+    match error {
+        DecodeErrors::Unsupported(what) => DecodeError::Unsupported {
+            format,
+            reason: format!("{what:?}"),
+        },
+        error => DecodeError::Damaged {
+            format,
+            reason: error.to_string(),
+        },
+    }
+}
