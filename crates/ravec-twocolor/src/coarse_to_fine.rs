@@ -9,8 +9,9 @@
 //! Source: dissertation, section 2.2 (hierarchical fit). We differ in keeping several starts: a coarse pixel off, the true
 //! line may lie in another basin, and a single start is up to five times worse on some blocks.
 //!
-//! Guarantees: never worse than one colour; deterministic. Does not guarantee: the optimum. Measured excess over it in
-//! `docs/measurements.md`.
+//! Guarantees: never worse than one colour; deterministic. Does not guarantee: the optimum. On photos the error is 1.008
+//! times the optimum's on average and 1.07 times in the 99th percentile at N = 32, 1.008 and 1.09 at N = 16, where the exact
+//! fit is as fast and therefore the default.
 //!
 //! Cost: one exact fit of the reduction and about a hundred lines of N additions a start.
 
@@ -30,15 +31,16 @@ const EXACT_SIDE: usize = 16;
 /// at 1 (one start) the 99th percentile of the excess doubles.
 const START_SHARE: f32 = 0.8;
 
-/// The most starts that are followed.
-const MAX_STARTS: usize = 3;
+/// The most starts that are followed. Four instead of two lower the 99th percentile of the excess at N = 32 from 1.07 to
+/// 1.06 and cost a fifth more.
+const MAX_STARTS: usize = 2;
 
 /// By how much an end of the line is moved, in pixels of the level: the coarse line is up to a coarse pixel, that is two
-/// fine ones, off.
-const GRID: [f32; 5] = [-1.5, -0.7, 0.0, 0.7, 1.5];
+/// fine ones, off. Five positions instead of three find hardly better lines and cost twice.
+const GRID: [f32; 3] = [-1.1, 0.0, 1.1];
 
 /// The first step of the climb in pixels, and how often it halves. Below an eighth of a pixel hardly any split changes.
-const CLIMB_STEP: f32 = 0.4;
+const CLIMB_STEP: f32 = 0.5;
 const CLIMB_ROUNDS: usize = 3;
 
 /// Fits the blocks in the lanes of `batch`, whose pixels hold Oklab colours, and hands each to `put(lane, pixel)`.

@@ -11,6 +11,7 @@
 //! Non-guarantee: a picture that is fine texture everywhere reads as noisier than it is, and noise that was blurred or
 //! compressed away as less.
 
+use super::compression::Compression;
 use super::dct::{Block, SIDE, forward};
 use super::strip::{CHANNELS, opponent_from_rgb};
 use ravec_progress::{Cancelled, Progress};
@@ -35,6 +36,8 @@ const LUMA_RANGE: f32 = 1.732_050_8;
 pub struct NoiseLevel {
     /// At `CLASSES` brightnesses, evenly spaced from black to white.
     sigma: [[f32; CLASSES]; CHANNELS],
+    /// How the picture was compressed, if it was.
+    pub(super) compression: Option<Compression>,
 }
 
 impl NoiseLevel {
@@ -42,6 +45,7 @@ impl NoiseLevel {
     pub fn uniform(sigma: f32) -> Self {
         Self {
             sigma: [[sigma / 255.0; CLASSES]; CHANNELS],
+            compression: None,
         }
     }
 
@@ -52,12 +56,19 @@ impl NoiseLevel {
         255.0 * all[all.len() / 2]
     }
 
-    /// The same level, but at least `sigma` in steps of 8-bit encoded values.
-    pub(super) fn at_least(&self, sigma: f32) -> Self {
+    /// Whether the picture shows the traces of block compression.
+    pub fn is_compressed(&self) -> bool {
+        self.compression.is_some()
+    }
+
+    /// The same level, but at least what takes off the damage of the compression.
+    fn with_compression(self, compression: Compression) -> Self {
+        let least = compression.sigma() / 255.0;
         Self {
             sigma: self
                 .sigma
-                .map(|channel| channel.map(|level| level.max(sigma / 255.0))),
+                .map(|channel| channel.map(|level| level.max(least))),
+            compression: Some(compression),
         }
     }
 
@@ -107,7 +118,12 @@ pub fn estimate_noise<P: Color>(
                 .collect())
         })
         .collect::<Result<_, Cancelled>>()?;
-    Ok(level_of(probes.into_iter().flatten().collect()))
+    let level = level_of(probes.into_iter().flatten().collect());
+    progress.check()?;
+    Ok(match Compression::find(image) {
+        Some(compression) => level.with_compression(compression),
+        None => level,
+    })
 }
 
 /// Measures one block, unless clipping or transparency hides its noise.
@@ -178,7 +194,10 @@ fn level_of(mut probes: Vec<Probe>) -> NoiseLevel {
         }
         *sigma = std::array::from_fn(|i| at(&points, LUMA_RANGE * i as f32 / (CLASSES - 1) as f32));
     }
-    NoiseLevel { sigma }
+    NoiseLevel {
+        sigma,
+        compression: None,
+    }
 }
 
 /// The mean brightness of a class, and the noise of its flattest blocks in one channel.
