@@ -89,7 +89,7 @@ pub(crate) fn fit_opaque<S: Simd>(
         }
         let mean = Oklab(std::array::from_fn(|c| mean[c][lane]));
         let energy = energy[lane];
-        if !(gain > flat.gain_per_weight() * count) {
+        if flat.is_flat(gain, count) {
             put(
                 lane,
                 TwoColorPixel::flat(mean, 1.0, energy.max(0.0) / count),
@@ -160,7 +160,7 @@ pub(crate) fn fit_weighted<S: Simd>(
         }
         let mean = Oklab(std::array::from_fn(|c| sums.mean[c][lane]));
         let energy = sums.energy[lane];
-        if !(gain > flat.gain_per_weight() * inside) {
+        if flat.is_flat(gain, inside) {
             put(
                 lane,
                 TwoColorPixel::flat(

@@ -80,7 +80,7 @@ pub fn map_windows<P: Color, Q: Pixel>(
     f: impl Fn(usize, usize, &CenteredWindow) -> Q + Sync,
 ) -> Result<Image<Q>, FitError> {
     let side = params.window_px;
-    if !(3..MAX_EXACT_SIDE).contains(&side) || side % 2 == 0 {
+    if !(3..MAX_EXACT_SIDE).contains(&side) || side.is_multiple_of(2) {
         return Err(FitError::BlockSize { got: side });
     }
     let region = region.intersection(Rect::of(image.size()));
@@ -133,9 +133,9 @@ impl Surroundings {
         let (width, rows) = (centers.width + 2 * half, centers.height + 2 * half);
         let stride = width + MAX_LANES;
         let mut planes = [const { Vec::new() }; WEIGHTED];
-        planes
-            .iter_mut()
-            .for_each(|plane| plane.resize(rows * stride, 0.0));
+        for plane in &mut planes {
+            plane.resize(rows * stride, 0.0);
+        }
         let mut opaque = true;
         let first_col = centers.col.saturating_sub(half);
         let last_col = (centers.right() + half).min(image.width());

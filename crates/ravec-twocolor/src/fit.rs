@@ -16,9 +16,11 @@ use ravec_raster::{Color, Image, Oklab};
 pub(crate) struct FlatThreshold(pub f32);
 
 impl FlatThreshold {
-    /// The least gain per unit of weight that earns a line: half the block on each side of the mean.
-    pub(crate) fn gain_per_weight(self) -> f32 {
-        0.25 * self.0 * self.0
+    /// Whether a block of `weight` pixels with the best split's `gain` has one colour only. So has a block with NaN.
+    pub(crate) fn is_flat(self, gain: f32, weight: f32) -> bool {
+        // half the block on each side of the mean
+        let least = 0.25 * self.0 * self.0 * weight;
+        gain.is_nan() || gain <= least
     }
 }
 
@@ -192,8 +194,7 @@ pub(crate) fn opaque_pixel(
 ) -> TwoColorPixel {
     let count = (table.side * table.side) as f32;
     let (gain, energy) = (found.gain[lane], found.energy[lane]);
-    // written so that a block with NaN is flat
-    if !(gain > flat.gain_per_weight() * count) {
+    if flat.is_flat(gain, count) {
         return TwoColorPixel::flat(
             color_at(&found.mean, &found.sum_0, 0.0, lane),
             1.0,
@@ -234,7 +235,7 @@ pub(crate) fn weighted_pixel(
             0.0
         }
     };
-    if !(gain > flat.gain_per_weight() * inside) {
+    if flat.is_flat(gain, inside) {
         let color = color_at(&found.mean, &found.sum_0, 0.0, lane);
         return TwoColorPixel::flat(
             color,

@@ -58,9 +58,9 @@ pub(crate) struct CentralLine {
     pub offset: f32,
 }
 
+#[cfg(test)]
 impl CentralLine {
     /// Whether the pixel whose centre is at `(x, y)` from the block's centre lies on side 0.
-    #[inline(always)]
     pub fn has_on_side_0(&self, x: f32, y: f32) -> bool {
         self.normal[0] * x + self.normal[1] * y < self.offset
     }

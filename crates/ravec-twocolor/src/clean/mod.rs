@@ -118,9 +118,9 @@ pub fn clean_with<P: Color>(
         return Ok(cleaned);
     }
     let size = region.size().ok_or(FitError::EmptyRegion)?;
-    Ok(cleaned
+    cleaned
         .crop(region.col - whole.col, region.row - whole.row, size)
-        .map_err(|_| FitError::EmptyRegion)?)
+        .map_err(|_| FitError::EmptyRegion)
 }
 
 /// Steps 1 to 5 over a region that lies within the image.
