@@ -55,9 +55,8 @@ const STEPS: std::ops::RangeInclusive<usize> = 5..=120;
 /// How close to a multiple a coefficient must lie. Rounding pixels to integers moves coefficients by about 0.3.
 const CLOSE: f32 = 1.25;
 
-/// The share of coefficients that must lie close to multiples. Unquantised ones do by chance only: half for the smallest
-/// step, less for larger ones.
-const MIN_CLOSE: f32 = 0.85;
+/// Of the coefficients that do not lie close to multiples by mere chance, the share that must.
+const MIN_CLOSE: f32 = 0.7;
 
 /// Coefficients needed to judge a step.
 const MIN_COEFFICIENTS: usize = 40;
@@ -258,7 +257,9 @@ fn quantisation_step(values: &[f32]) -> Option<f32> {
             large += 1;
             close += usize::from((value - step * (value / step).round()).abs() <= CLOSE);
         }
-        large >= MIN_COEFFICIENTS && close as f32 >= MIN_CLOSE * large as f32
+        let by_chance = 2.0 * CLOSE / step;
+        let least = by_chance + MIN_CLOSE * (1.0 - by_chance);
+        large >= MIN_COEFFICIENTS && close as f32 >= least * large as f32
     })
 }
 

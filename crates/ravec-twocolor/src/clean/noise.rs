@@ -213,8 +213,11 @@ fn flat_noise(class: &[Probe], channel: usize) -> (f32, f32) {
         .map(|probe| probe.high[channel])
         .collect();
     high.sort_by(f32::total_cmp);
-    // the median of χ² with 36 degrees of freedom is 0.9815 of its mean
-    (luma, (high[flat / 2] / 0.9815).sqrt())
+    // the median and the first decile of χ² with 36 degrees of freedom are 0.9815 and 0.7123 of its mean; texture among
+    // the blocks raises the median more
+    let median = (high[flat / 2] / 0.9815).sqrt();
+    let decile = (high[flat / 10] / 0.7123).sqrt();
+    (luma, median.min(decile))
 }
 
 /// Linear interpolation between points of rising brightness, constant beyond them.
