@@ -116,7 +116,9 @@ pub fn disc_coverage(disc_center: DVec2, radius_px: f64, center: DVec2) -> f64 {
     let left = (p.x - 0.5).clamp(-r, r);
     let right = (p.x + 0.5).clamp(-r, r);
     // ∫ √(r² − x²) dx
-    let arc = |x: f64| 0.5 * (x * (r * r - x * x).max(0.0).sqrt() + r * r * (x / r).clamp(-1.0, 1.0).asin());
+    let arc = |x: f64| {
+        0.5 * (x * (r * r - x * x).max(0.0).sqrt() + r * r * (x / r).clamp(-1.0, 1.0).asin())
+    };
     // ∫ min(y, √(r² − x²)) dx for y ≥ 0: flat in the middle, round on both sides
     let capped = |y: f64| {
         let c = (r * r - y * y).max(0.0).sqrt();
@@ -209,7 +211,13 @@ mod tests {
 
     #[test]
     fn axis_parallel_and_diagonal_borders_are_exact() {
-        let at = |angle: f64, d: f64| HalfPlane { normal: DVec2::from_angle(angle), offset_px: d }.coverage(DVec2::ZERO);
+        let at = |angle: f64, d: f64| {
+            HalfPlane {
+                normal: DVec2::from_angle(angle),
+                offset_px: d,
+            }
+            .coverage(DVec2::ZERO)
+        };
         assert!((at(0.0, 0.25) - 0.75).abs() < 1e-12);
         assert!((at(std::f64::consts::FRAC_PI_2, -0.25) - 0.25).abs() < 1e-12);
         // a corner triangle with legs of √2·(√½ − d)·... : at 45° and distance d from the corner the area is d²
@@ -224,13 +232,19 @@ mod tests {
 
     #[test]
     fn pixels_add_up_to_the_area_of_the_disc() {
-        for (center, radius) in [(DVec2::new(20.3, 19.8), 13.7), (DVec2::new(20.0, 20.5), 0.3)] {
+        for (center, radius) in [
+            (DVec2::new(20.3, 19.8), 13.7),
+            (DVec2::new(20.0, 20.5), 0.3),
+        ] {
             let area: f64 = (0..40 * 40)
                 .map(|i| DVec2::new(f64::from(i % 40) + 0.5, f64::from(i / 40) + 0.5))
                 .map(|p| disc_coverage(center, radius, p))
                 .sum();
             let truth = std::f64::consts::PI * radius * radius;
-            assert!((area - truth).abs() < 1e-9 * truth.max(1.0), "{area} {truth}");
+            assert!(
+                (area - truth).abs() < 1e-9 * truth.max(1.0),
+                "{area} {truth}"
+            );
         }
     }
 }

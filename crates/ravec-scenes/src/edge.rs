@@ -36,10 +36,7 @@ impl TwoColors {
     ///
     /// A contrast below 0 makes the inside the brighter one.
     pub fn grey_step(middle: f32, contrast: f32) -> Self {
-        Self::from_encoded(
-            [middle - 0.5 * contrast; 3],
-            [middle + 0.5 * contrast; 3],
-        )
+        Self::from_encoded([middle - 0.5 * contrast; 3], [middle + 0.5 * contrast; 3])
     }
 
     /// The mixture in linear light when a part `coverage` of the pixel is inside.
@@ -116,7 +113,9 @@ impl WedgeTruth {
 
 /// A picture of a corner.
 pub fn wedge(size: Size, truth: &WedgeTruth) -> Image<LinearRgb> {
-    paint(size, |p| truth.colors.mix(intersection_coverage(&truth.sides, p)))
+    paint(size, |p| {
+        truth.colors.mix(intersection_coverage(&truth.sides, p))
+    })
 }
 
 /// A straight line of constant width through the whole picture.
@@ -139,7 +138,9 @@ pub fn line(size: Size, truth: &LineTruth) -> Image<LinearRgb> {
         offset_px: truth.offset_px + shift * truth.width_px,
     };
     let (upper, lower) = (half_plane(0.5), half_plane(-0.5));
-    paint(size, |p| truth.colors.mix(upper.coverage(p) - lower.coverage(p)))
+    paint(size, |p| {
+        truth.colors.mix(upper.coverage(p) - lower.coverage(p))
+    })
 }
 
 /// A disc.
@@ -155,7 +156,11 @@ pub struct DiscTruth {
 
 /// A picture of a disc.
 pub fn disc(size: Size, truth: &DiscTruth) -> Image<LinearRgb> {
-    paint(size, |p| truth.colors.mix(disc_coverage(truth.center, truth.radius_px, p)))
+    paint(size, |p| {
+        truth
+            .colors
+            .mix(disc_coverage(truth.center, truth.radius_px, p))
+    })
 }
 
 /// An axis-parallel checkerboard.
@@ -230,7 +235,8 @@ mod tests {
     fn a_mirrored_edge_is_the_mirrored_picture() {
         let (width, height) = (17, 12);
         for degrees in [0.0, 13.0, 45.0, 90.0, 201.5, 310.0] {
-            let truth = EdgeTruth::from_angle(f64::to_radians(degrees), DVec2::new(8.1, 6.3), COLORS);
+            let truth =
+                EdgeTruth::from_angle(f64::to_radians(degrees), DVec2::new(8.1, 6.3), COLORS);
             let picture = edge(size(width, height), &truth);
             let mirrored = EdgeTruth {
                 normal: DVec2::new(-truth.normal.x, truth.normal.y),
@@ -280,7 +286,15 @@ mod tests {
         for (angle, width_px) in [(0.0, 0.3), (0.2, 1.0), (-0.4, 3.7)] {
             let normal = DVec2::from_angle(angle);
             let offset_px = normal.dot(DVec2::new(20.3, 3.0));
-            let picture = line(size(40, 6), &LineTruth { normal, offset_px, width_px, colors });
+            let picture = line(
+                size(40, 6),
+                &LineTruth {
+                    normal,
+                    offset_px,
+                    width_px,
+                    colors,
+                },
+            );
             for row in picture.rows() {
                 let missing: f32 = row.iter().map(|p| 1.0 - p.0[0]).sum();
                 // the line meets a row over a length of width / cos
@@ -311,7 +325,8 @@ mod tests {
             colors: COLORS,
         };
         let picture = checkerboard(size(9, 8), &truth);
-        let expected = |col: usize, row: usize| COLORS.mixed(f64::from((col / 2 + row / 2) % 2 == 0));
+        let expected =
+            |col: usize, row: usize| COLORS.mixed(f64::from((col / 2 + row / 2) % 2 == 0));
         assert!(largest_difference(&picture, expected) < 1e-6);
     }
 

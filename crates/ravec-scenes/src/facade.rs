@@ -101,10 +101,16 @@ impl GroundFloor {
         let left = 0.5 * (width - length);
         let top = GROUND_FLOOR - 0.22;
         let stroke = |points: Vec<DVec2>| Stroke {
-            points: points.iter().map(|p| DVec2::new(left + scale * p.x, top - scale * p.y)).collect(),
+            points: points
+                .iter()
+                .map(|p| DVec2::new(left + scale * p.x, top - scale * p.y))
+                .collect(),
             width: 0.062,
         };
-        Self::Shop(paint, Strokes::new(glyph::polylines(name).into_iter().map(stroke)))
+        Self::Shop(
+            paint,
+            Strokes::new(glyph::polylines(name).into_iter().map(stroke)),
+        )
     }
 }
 
@@ -166,7 +172,9 @@ impl Facade {
     }
 
     fn floors(&self) -> usize {
-        ((self.height - GROUND_FLOOR - 0.4) / FLOOR).floor().max(0.0) as usize
+        ((self.height - GROUND_FLOOR - 0.4) / FLOOR)
+            .floor()
+            .max(0.0) as usize
     }
 
     /// The window of bay `bay` in upper floor `floor`, both counted from 0 at the lower left.
@@ -183,14 +191,24 @@ impl Facade {
 
     /// All windows of the upper floors.
     pub(crate) fn windows(&self) -> impl Iterator<Item = Opening> + '_ {
-        (0..self.floors()).flat_map(move |floor| (0..self.bays).map(move |bay| self.window(bay, floor)))
+        (0..self.floors())
+            .flat_map(move |floor| (0..self.bays).map(move |bay| self.window(bay, floor)))
     }
 
     fn nearest_window(&self, q: DVec2) -> Option<(Opening, usize, usize)> {
         let bay = (q.x / self.width * self.bays as f64).floor();
         let floor = ((q.y - GROUND_FLOOR) / FLOOR).floor();
-        let valid = bay >= 0.0 && (bay as usize) < self.bays && floor >= 0.0 && (floor as usize) < self.floors();
-        valid.then(|| (self.window(bay as usize, floor as usize), bay as usize, floor as usize))
+        let valid = bay >= 0.0
+            && (bay as usize) < self.bays
+            && floor >= 0.0
+            && (floor as usize) < self.floors();
+        valid.then(|| {
+            (
+                self.window(bay as usize, floor as usize),
+                bay as usize,
+                floor as usize,
+            )
+        })
     }
 
     /// The facade at `q`, seen along `view` and lit from `sun` (both in the local frame right, up, out; `view` goes
@@ -218,11 +236,20 @@ impl Facade {
 
     fn wall(&self, q: DVec2, footprint: f64) -> Surface {
         let stain = fractal(q * DVec2::new(0.7, 0.35), footprint, 4, self.seed.fork(1));
-        let streaks = fractal(q * DVec2::new(5.0, 0.4), 5.0 * footprint, 3, self.seed.fork(2));
+        let streaks = fractal(
+            q * DVec2::new(5.0, 0.4),
+            5.0 * footprint,
+            3,
+            self.seed.fork(2),
+        );
         let weather = (1.0 + 0.10 * stain + 0.05 * streaks) as f32;
         let rough = |color: Vec3| {
             let grain = fractal(q * 14.0, 14.0 * footprint, 3, self.seed.fork(3));
-            let patch = smoothstep(0.55, 0.75, fractal(q * 0.9, footprint, 4, self.seed.fork(4)) + 0.25);
+            let patch = smoothstep(
+                0.55,
+                0.75,
+                fractal(q * 0.9, footprint, 4, self.seed.fork(4)) + 0.25,
+            );
             let bare = hex(0xb8_a9_92) * (1.0 + 0.1 * grain) as f32;
             (color * (1.0 + 0.07 * grain) as f32).lerp(bare, 0.35 * patch as f32)
         };
@@ -232,7 +259,12 @@ impl Facade {
         });
         if let Wall::Timber(_) = self.wall {
             let beams = self.beams(q, footprint);
-            let dark = wood(DVec2::new(q.y, q.x), footprint, hex(0x4a_33_22), self.seed.fork(6));
+            let dark = wood(
+                DVec2::new(q.y, q.x),
+                footprint,
+                hex(0x4a_33_22),
+                self.seed.fork(6),
+            );
             surface.albedo = surface.albedo.lerp(dark, beams as f32);
         }
         surface
@@ -249,8 +281,12 @@ impl Facade {
         let bay = (q.x / pitch).floor();
         let x = q.x - (bay + 0.5) * pitch;
         let beam = |distance: f64, half: f64| crate::coverage::bar(distance, half, footprint);
-        let mut covered = beam(w, 0.11).max(beam(w - FLOOR, 0.11)).max(beam(w - 0.68, 0.06));
-        covered = covered.max(beam(x.abs() - 0.5 * pitch, 0.09)).max(beam(x.abs() - 0.58, 0.06));
+        let mut covered = beam(w, 0.11)
+            .max(beam(w - FLOOR, 0.11))
+            .max(beam(w - 0.68, 0.06));
+        covered = covered
+            .max(beam(x.abs() - 0.5 * pitch, 0.09))
+            .max(beam(x.abs() - 0.58, 0.06));
         if w < 0.68 {
             // a cross below each window
             let (sin, cos) = (0.68f64.atan2(1.1)).sin_cos();
@@ -285,7 +321,9 @@ impl Facade {
             return surface;
         }
         let mut surface = self.wall(q, footprint);
-        let sill = q.y < window.low.y && q.y > window.low.y - 0.12 && (q.x - 0.5 * (window.low.x + window.high.x)).abs() < 0.62;
+        let sill = q.y < window.low.y
+            && q.y > window.low.y - 0.12
+            && (q.x - 0.5 * (window.low.x + window.high.x)).abs() < 0.62;
         let timber = matches!(self.wall, Wall::Timber(_));
         if sill || (outside < frame && !timber) {
             let grain = fractal(q * 9.0, 9.0 * footprint, 3, self.seed.fork(7));
@@ -304,19 +342,31 @@ impl Facade {
             }
             if let Some(color) = self.shutters {
                 let toward = q + 0.05 * DVec2::new(sun.x, sun.y) / sun.z;
-                if self.shutter(toward, footprint, window, color, bay, floor).is_some() {
+                if self
+                    .shutter(toward, footprint, window, color, bay, floor)
+                    .is_some()
+                {
                     surface.sun *= 0.1;
                 }
             }
         }
         let below = window.low.y - 0.12 - q.y;
-        if (0.0..0.5).contains(&below) && (q.x - 0.5 * (window.low.x + window.high.x)).abs() < 0.62 {
+        if (0.0..0.5).contains(&below) && (q.x - 0.5 * (window.low.x + window.high.x)).abs() < 0.62
+        {
             surface.ambient *= (0.75 + 0.5 * below) as f32;
         }
         surface
     }
 
-    fn shutter(&self, q: DVec2, footprint: f64, window: Opening, color: Vec3, bay: usize, floor: usize) -> Option<Surface> {
+    fn shutter(
+        &self,
+        q: DVec2,
+        footprint: f64,
+        window: Opening,
+        color: Vec3,
+        bay: usize,
+        floor: usize,
+    ) -> Option<Surface> {
         let width = 0.5 * (window.high.x - window.low.x) - 0.02;
         let left = window.low.x - 0.04 - q.x;
         let right = q.x - window.high.x - 0.04;
@@ -324,9 +374,15 @@ impl Facade {
         if q.y < window.low.y || q.y > window.high.y || across <= 0.0 || across > width {
             return None;
         }
-        let border = across.min(width - across).min(q.y - window.low.y).min(window.high.y - q.y);
+        let border = across
+            .min(width - across)
+            .min(q.y - window.low.y)
+            .min(window.high.y - q.y);
         let middle = (q.y - 0.5 * (window.low.y + window.high.y)).abs();
-        let age = self.seed.fork(21).between(bay as i64, floor as i64, 0, 0.85, 1.1);
+        let age = self
+            .seed
+            .fork(21)
+            .between(bay as i64, floor as i64, 0, 0.85, 1.1);
         let mut surface = Surface::plain(color * age as f32);
         if border > 0.05 && middle > 0.04 {
             // slats: light on their upper side, dark beneath; their mean where they are too fine
@@ -342,7 +398,15 @@ impl Facade {
     }
 
     /// The inside of an opening: reveal, frame, bars, curtains and glass.
-    fn glazing(&self, q: DVec2, footprint: f64, view: DVec3, sun: DVec3, opening: Opening, tag: f64) -> Surface {
+    fn glazing(
+        &self,
+        q: DVec2,
+        footprint: f64,
+        view: DVec3,
+        sun: DVec3,
+        opening: Opening,
+        tag: f64,
+    ) -> Surface {
         // where the ray meets the plane of the glass
         let slant = DVec2::new(view.x, view.y) / (-view.z).max(0.03);
         let g = q + RECESS * slant;
@@ -387,7 +451,11 @@ impl Facade {
         let folds = ((p.x * extent.x) * 55.0 + 3.0 * (p.y * 4.0 + tag * 9.0).sin()).sin();
         let mut glass = Surface::plain(hex(0x1a_1c_22));
         if tag > 0.25 && side > hem {
-            let cloth = if tag > 0.7 { hex(0xd9_cc_b4) } else { hex(0xc4_8f_6a) };
+            let cloth = if tag > 0.7 {
+                hex(0xd9_cc_b4)
+            } else {
+                hex(0xc4_8f_6a)
+            };
             let visible = (1.4 - 25.0 * footprint).clamp(0.0, 1.0);
             glass.albedo = cloth * (0.55 + 0.18 * visible * folds) as f32;
         } else if tag > 0.78 && (p.y < 0.9) {
@@ -400,7 +468,13 @@ impl Facade {
         glass.mirror = (0.22 + 0.6 * (1.0 - facing).powi(4)) as f32;
         // old panes are not quite flat
         let pane = (p * DVec2::new(2.0, 3.0)).floor();
-        let wobble = |axis: u64| 0.03 * (self.seed.fork(23).unit((pane.x + 10.0 * tag * 50.0) as i64, pane.y as i64, axis) - 0.5);
+        let wobble = |axis: u64| {
+            0.03 * (self.seed.fork(23).unit(
+                (pane.x + 10.0 * tag * 50.0) as i64,
+                pane.y as i64,
+                axis,
+            ) - 0.5)
+        };
         glass.normal = DVec3::new(wobble(0), wobble(1), 1.0).normalize();
         glass
     }
@@ -410,7 +484,12 @@ impl Facade {
             GroundFloor::Shop(paint, sign) => {
                 let fascia = q.y > GROUND_FLOOR - 0.74;
                 let panel = |shade: f64| {
-                    let grain = fractal(q * DVec2::new(3.0, 30.0), 30.0 * footprint, 2, self.seed.fork(8));
+                    let grain = fractal(
+                        q * DVec2::new(3.0, 30.0),
+                        30.0 * footprint,
+                        2,
+                        self.seed.fork(8),
+                    );
                     Surface::plain(*paint * (shade + 0.05 * grain) as f32)
                 };
                 if fascia {
@@ -420,7 +499,8 @@ impl Facade {
                         surface.albedo = surface.albedo.lerp(hex(0xd8_b4_60), 0.8);
                     }
                     // letters in gilt, with a drop shadow
-                    let shadow = sign.soft_coverage(q + DVec2::new(-0.02, 0.025), footprint.max(0.01));
+                    let shadow =
+                        sign.soft_coverage(q + DVec2::new(-0.02, 0.025), footprint.max(0.01));
                     surface.albedo *= 1.0 - 0.6 * shadow as f32;
                     let ink = sign.soft_coverage(q, footprint) as f32;
                     surface.albedo = surface.albedo.lerp(hex(0xf6_e3_a8), ink);
@@ -442,9 +522,16 @@ impl Facade {
                     return surface;
                 }
                 // panels below the windows
-                let inset = (q - DVec2::new(bay * pitch + 0.2, 0.2)).min(DVec2::new((bay + 1.0) * pitch - 0.2, 0.66) - q);
+                let inset = (q - DVec2::new(bay * pitch + 0.2, 0.2))
+                    .min(DVec2::new((bay + 1.0) * pitch - 0.2, 0.66) - q);
                 let line = inset.min_element();
-                panel(if line > 0.0 && line < 0.03 { 0.6 } else if line > 0.0 { 0.88 } else { 1.0 })
+                panel(if line > 0.0 && line < 0.03 {
+                    0.6
+                } else if line > 0.0 {
+                    0.88
+                } else {
+                    1.0
+                })
             }
             GroundFloor::Door(paint) => {
                 let middle = 0.5 * self.width;
@@ -456,9 +543,16 @@ impl Facade {
                     let mut surface = self.glazing(q, footprint, view, sun, door, 0.0);
                     let p = q - door.low;
                     if surface.mirror > 0.0 && p.y < 1.95 {
-                        let panel = ((p.x / 0.55).fract() - 0.5).abs() < 0.34 && ((p.y / 0.65).fract() - 0.5).abs() < 0.36;
-                        let grain = fractal(q * DVec2::new(40.0, 4.0), 40.0 * footprint, 2, self.seed.fork(9));
-                        surface.albedo = *paint * (if panel { 0.85 } else { 1.05 } + 0.08 * grain) as f32;
+                        let panel = ((p.x / 0.55).fract() - 0.5).abs() < 0.34
+                            && ((p.y / 0.65).fract() - 0.5).abs() < 0.36;
+                        let grain = fractal(
+                            q * DVec2::new(40.0, 4.0),
+                            40.0 * footprint,
+                            2,
+                            self.seed.fork(9),
+                        );
+                        surface.albedo =
+                            *paint * (if panel { 0.85 } else { 1.05 } + 0.08 * grain) as f32;
                         surface.mirror = 0.0;
                         surface.glow = Vec3::ZERO;
                         if p.distance(DVec2::new(0.98, 0.98)) < 0.035 {
@@ -485,10 +579,18 @@ impl Facade {
                 }
                 if q.y < 0.7 {
                     // a plinth of rough stone
-                    let stone = crate::texture::Masonry { length: 0.7, height: 0.35, joint: 0.015, shift: 0.5 };
+                    let stone = crate::texture::Masonry {
+                        length: 0.7,
+                        height: 0.35,
+                        joint: 0.015,
+                        shift: 0.5,
+                    };
                     let at = stone.at(q, footprint, self.seed.fork(10));
                     let grain = fractal(q * 10.0, 10.0 * footprint, 4, self.seed.fork(11));
-                    return Surface::plain(hex(0x9a_90_82) * (0.55 + 0.4 * at.face + 0.1 * at.tint + 0.12 * grain) as f32);
+                    return Surface::plain(
+                        hex(0x9a_90_82)
+                            * (0.55 + 0.4 * at.face + 0.1 * at.tint + 0.12 * grain) as f32,
+                    );
                 }
                 self.wall(q, footprint)
             }
@@ -525,13 +627,15 @@ impl Facade {
                 let t = w / thickness;
                 let grain = fractal(q * 8.0, 8.0 * footprint, 3, self.seed.fork(13));
                 // a rounded profile: bright above, dark below
-                let shade = 0.72 + 0.32 * smoothstep(0.15, 0.75, t) - 0.10 * smoothstep(0.8, 1.0, t);
+                let shade =
+                    0.72 + 0.32 * smoothstep(0.15, 0.75, t) - 0.10 * smoothstep(0.8, 1.0, t);
                 *surface = Surface::plain(self.trim * (shade + 0.05 * grain) as f32);
                 surface.normal = DVec3::new(0.0, 0.5 * (t - 0.4), 1.0).normalize();
             } else if w < 0.0 {
                 if sun.z > 0.05 {
                     let reach = depth * sun.y / sun.z;
-                    surface.sun *= 1.0 - 0.95 * above(w, -reach, (0.02 * reach).max(footprint)) as f32;
+                    surface.sun *=
+                        1.0 - 0.95 * above(w, -reach, (0.02 * reach).max(footprint)) as f32;
                 }
                 surface.ambient *= (1.0 - 0.45 * smoothstep(-4.0 * depth, 0.0, w)) as f32;
             }

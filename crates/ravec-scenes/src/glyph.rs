@@ -93,8 +93,16 @@ pub(crate) fn spline(control: &[DVec2]) -> Vec<DVec2> {
     }
     let mut points = vec![control[0]];
     for i in 1..n - 1 {
-        let from = if i == 1 { control[0] } else { control[i - 1].midpoint(control[i]) };
-        let to = if i == n - 2 { control[n - 1] } else { control[i].midpoint(control[i + 1]) };
+        let from = if i == 1 {
+            control[0]
+        } else {
+            control[i - 1].midpoint(control[i])
+        };
+        let to = if i == n - 2 {
+            control[n - 1]
+        } else {
+            control[i].midpoint(control[i + 1])
+        };
         for piece in 1..=PIECES {
             let t = piece as f64 / PIECES as f64;
             let (a, b) = (from.lerp(control[i], t), control[i].lerp(to, t));
@@ -114,7 +122,10 @@ mod tests {
             let strokes = polylines(&letter.to_string());
             assert!(!strokes.is_empty(), "{letter}");
             for p in strokes.iter().flatten() {
-                assert!((0.0..=4.0).contains(&p.x) && (0.0..=6.0).contains(&p.y), "{letter} {p}");
+                assert!(
+                    (0.0..=4.0).contains(&p.x) && (0.0..=6.0).contains(&p.y),
+                    "{letter} {p}"
+                );
             }
         }
         assert!(polylines(" ").is_empty());

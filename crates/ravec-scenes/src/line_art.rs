@@ -49,25 +49,60 @@ fn drawing(size: Size, seed: Seed) -> Vec<Stroke> {
     let mut pen = |points: &[(f64, f64)], smooth: bool, width: f64| {
         let points: Vec<DVec2> = points.iter().map(|&(x, y)| place(x, y)).collect();
         strokes.push(Stroke {
-            points: if smooth { glyph::spline(&points) } else { points },
+            points: if smooth {
+                glyph::spline(&points)
+            } else {
+                points
+            },
             width: width * unit,
         });
     };
     // hull, deck and mast
-    pen(&[(28.0, 74.0), (34.0, 90.0), (44.0, 91.0), (78.0, 91.0), (90.0, 86.0), (97.0, 71.0)], true, 1.1);
-    pen(&[(28.0, 74.0), (55.0, 79.0), (80.0, 77.0), (97.0, 71.0)], true, 0.9);
-    pen(&[(31.5, 81.0), (56.0, 84.5), (80.0, 83.0), (94.0, 78.5)], true, 0.4);
+    pen(
+        &[
+            (28.0, 74.0),
+            (34.0, 90.0),
+            (44.0, 91.0),
+            (78.0, 91.0),
+            (90.0, 86.0),
+            (97.0, 71.0),
+        ],
+        true,
+        1.1,
+    );
+    pen(
+        &[(28.0, 74.0), (55.0, 79.0), (80.0, 77.0), (97.0, 71.0)],
+        true,
+        0.9,
+    );
+    pen(
+        &[(31.5, 81.0), (56.0, 84.5), (80.0, 83.0), (94.0, 78.5)],
+        true,
+        0.4,
+    );
     pen(&[(58.0, 78.0), (58.0, 15.0)], false, 1.2);
-    pen(&[(58.0, 15.0), (58.0, 11.0), (66.0, 12.5), (58.0, 14.5)], false, 0.5);
+    pen(
+        &[(58.0, 15.0), (58.0, 11.0), (66.0, 12.5), (58.0, 14.5)],
+        false,
+        0.5,
+    );
     // main sail with battens, fore sail with a seam
     pen(&[(60.0, 18.0), (74.0, 38.0), (87.0, 68.0)], true, 0.9);
     pen(&[(60.0, 18.0), (60.0, 69.0), (87.0, 68.0)], false, 0.9);
     for i in 1..5 {
         let y = 20.0 + 10.0 * f64::from(i);
-        pen(&[(60.0, y), (60.0 + 5.2 * f64::from(i), y - 0.4)], false, 0.35);
+        pen(
+            &[(60.0, y), (60.0 + 5.2 * f64::from(i), y - 0.4)],
+            false,
+            0.35,
+        );
     }
     pen(&[(56.0, 20.0), (46.0, 45.0), (29.0, 70.0)], true, 0.9);
-    pen(&[(29.0, 70.0), (45.0, 70.5), (56.0, 68.0), (56.0, 20.0)], false, 0.9);
+    pen(
+        &[(29.0, 70.0), (45.0, 70.5), (56.0, 68.0), (56.0, 20.0)],
+        false,
+        0.9,
+    );
     pen(&[(56.0, 40.0), (41.0, 57.0)], false, 0.3);
     // stays, thinner than a pixel in a small picture
     pen(&[(58.0, 15.0), (25.0, 73.0)], false, 0.22);
@@ -89,7 +124,10 @@ fn drawing(size: Size, seed: Seed) -> Vec<Stroke> {
             .map(|i| {
                 let x = 4.0 + 5.4 * f64::from(i);
                 let lift = if i % 2 == 0 { -1.6 } else { 1.6 };
-                (x, y + lift * seed.between(i64::from(i), i64::from(line), 1, 0.4, 1.0))
+                (
+                    x,
+                    y + lift * seed.between(i64::from(i), i64::from(line), 1, 0.4, 1.0),
+                )
             })
             .collect();
         pen(&wave, true, 0.7 - 0.1 * f64::from(line));
@@ -103,12 +141,29 @@ fn drawing(size: Size, seed: Seed) -> Vec<Stroke> {
     for i in 0..16 {
         let (sin, cos) = (f64::from(i) * 22.5 + 5.0).to_radians().sin_cos();
         let reach = if i % 2 == 0 { 13.5 } else { 11.5 };
-        pen(&[(22.0 + 9.0 * cos, 24.0 + 9.0 * sin), (22.0 + reach * cos, 24.0 + reach * sin)], false, 0.5);
+        pen(
+            &[
+                (22.0 + 9.0 * cos, 24.0 + 9.0 * sin),
+                (22.0 + reach * cos, 24.0 + reach * sin),
+            ],
+            false,
+            0.5,
+        );
     }
     for i in 0..4 {
         let x = seed.between(i, 0, 2, 74.0, 108.0);
         let y = seed.between(i, 0, 3, 10.0, 34.0);
-        pen(&[(x - 4.0, y - 1.0), (x - 2.0, y - 2.5), (x, y), (x + 2.0, y - 2.5), (x + 4.0, y - 1.0)], true, 0.45);
+        pen(
+            &[
+                (x - 4.0, y - 1.0),
+                (x - 2.0, y - 2.5),
+                (x, y),
+                (x + 2.0, y - 2.5),
+                (x + 4.0, y - 1.0),
+            ],
+            true,
+            0.45,
+        );
     }
     // the name on the hull's side and a caption
     for (text, x, y, height, width) in [
@@ -117,12 +172,25 @@ fn drawing(size: Size, seed: Seed) -> Vec<Stroke> {
     ] {
         let scale = height / glyph::HEIGHT;
         for polyline in glyph::polylines(text) {
-            let points: Vec<(f64, f64)> = polyline.iter().map(|p| (x + scale * p.x, y + scale * p.y)).collect();
+            let points: Vec<(f64, f64)> = polyline
+                .iter()
+                .map(|p| (x + scale * p.x, y + scale * p.y))
+                .collect();
             pen(&points, false, width);
         }
     }
     // a frame: long straight lines all around
-    pen(&[(2.0, 2.0), (118.0, 2.0), (118.0, 118.0), (2.0, 118.0), (2.0, 2.0)], false, 0.6);
+    pen(
+        &[
+            (2.0, 2.0),
+            (118.0, 2.0),
+            (118.0, 118.0),
+            (2.0, 118.0),
+            (2.0, 2.0),
+        ],
+        false,
+        0.6,
+    );
     strokes
 }
 

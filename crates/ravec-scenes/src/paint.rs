@@ -1,8 +1,8 @@
 //! From a colour for each position to a picture: rows in parallel, supersampled where needed.
 
 use glam::{DVec2, Vec3};
-use ravec_raster::{Image, LinearRgb, Size};
 use ravec_raster::color::LINEAR_FROM_SRGB8;
+use ravec_raster::{Image, LinearRgb, Size};
 use rayon::prelude::*;
 
 /// Linear light of an encoded colour written as `0xRRGGBB`: palettes read like those of a painting program.
@@ -48,24 +48,28 @@ pub(crate) fn paint_adaptive(
     let brightness = coarse.map(|LinearRgb(rgb)| LinearRgb(rgb.map(|v| v.max(0.0).sqrt())));
     let mut image = coarse;
     let step = 1.0 / grid as f64;
-    image.par_rows_mut().enumerate().with_max_len(4).for_each(|(row, pixels)| {
-        for (col, pixel) in pixels.iter_mut().enumerate() {
-            if !differs(&brightness, col, row) {
-                continue;
-            }
-            let corner = DVec2::new(col as f64, row as f64);
-            let mut sum = Vec3::ZERO;
-            for j in 0..grid {
-                for i in 0..grid {
-                    let at = |major: usize, minor: usize| {
-                        (major as f64 + (minor as f64 + 0.5) * step) * step
-                    };
-                    sum += color_at(corner + DVec2::new(at(i, j), at(j, i)), step);
+    image
+        .par_rows_mut()
+        .enumerate()
+        .with_max_len(4)
+        .for_each(|(row, pixels)| {
+            for (col, pixel) in pixels.iter_mut().enumerate() {
+                if !differs(&brightness, col, row) {
+                    continue;
                 }
+                let corner = DVec2::new(col as f64, row as f64);
+                let mut sum = Vec3::ZERO;
+                for j in 0..grid {
+                    for i in 0..grid {
+                        let at = |major: usize, minor: usize| {
+                            (major as f64 + (minor as f64 + 0.5) * step) * step
+                        };
+                        sum += color_at(corner + DVec2::new(at(i, j), at(j, i)), step);
+                    }
+                }
+                *pixel = LinearRgb((sum / (grid * grid) as f32).to_array());
             }
-            *pixel = LinearRgb((sum / (grid * grid) as f32).to_array());
-        }
-    });
+        });
     image
 }
 
@@ -89,7 +93,8 @@ mod tests {
         let size = Size::new(24, 24).unwrap();
         for degrees in (0..180).step_by(7) {
             let h = HalfPlane::from_angle(f64::from(degrees).to_radians(), DVec2::new(12.2, 11.7));
-            let sampled = paint_adaptive(size, 4, |p, _| Vec3::splat(f32::from(h.distance(p) < 0.0)));
+            let sampled =
+                paint_adaptive(size, 4, |p, _| Vec3::splat(f32::from(h.distance(p) < 0.0)));
             for row in 0..24 {
                 for col in 0..24 {
                     let exact = h.coverage(center(col, row)) as f32;

@@ -13,15 +13,28 @@ pub(crate) enum Prop {
     /// An opaque plain surface.
     Panel(Vec3),
     /// The street: `middle` is the x of the axis, kerbs at both sides of it.
-    Ground { middle: f64, kerbs: [f64; 2], seed: Seed },
+    Ground {
+        middle: f64,
+        kerbs: [f64; 2],
+        seed: Seed,
+    },
     /// Striped cloth; `scallop` is the depth of the lower border's waves.
-    Cloth { colors: [Vec3; 2], stripe: f64, scallop: f64 },
+    Cloth {
+        colors: [Vec3; 2],
+        stripe: f64,
+        scallop: f64,
+    },
     /// Strokes and fills, the first at the back.
     Drawing(Vec<Layer>),
     /// Leaves around blobs, over a drawing of the trunk or the pot.
     Plant(Plant),
     /// A wire with triangular flags.
-    Bunting { span: f64, ends: [f64; 2], sag: f64, seed: Seed },
+    Bunting {
+        span: f64,
+        ends: [f64; 2],
+        sag: f64,
+        seed: Seed,
+    },
     /// A bare wall of bricks.
     Bricks(Vec3, Seed),
 }
@@ -89,7 +102,10 @@ impl Layer {
         }
     }
 
-    pub(crate) fn strokes(color: u32, strokes: impl IntoIterator<Item = crate::stroke::Stroke>) -> Self {
+    pub(crate) fn strokes(
+        color: u32,
+        strokes: impl IntoIterator<Item = crate::stroke::Stroke>,
+    ) -> Self {
         Self {
             shape: Shape::Strokes(Strokes::new(strokes)),
             color: hex(color),
@@ -119,7 +135,10 @@ fn draw(layers: &[Layer], q: DVec2, footprint: f64) -> Surface {
 }
 
 fn drawn_opacity(layers: &[Layer], q: DVec2, footprint: f64) -> f64 {
-    layers.iter().map(|layer| layer.shape.coverage(q, footprint)).fold(0.0, f64::max)
+    layers
+        .iter()
+        .map(|layer| layer.shape.coverage(q, footprint))
+        .fold(0.0, f64::max)
 }
 
 impl Prop {
@@ -129,16 +148,30 @@ impl Prop {
             Self::Panel(color) => Surface::plain(*color),
             Self::Bricks(color, seed) => {
                 let stain = fractal(q * 0.6, 0.6 * footprint, 4, seed.fork(1));
-                let mut surface = Surface::plain(crate::texture::brick(q, footprint, *color, *seed) * (1.0 + 0.2 * stain) as f32);
+                let mut surface = Surface::plain(
+                    crate::texture::brick(q, footprint, *color, *seed) * (1.0 + 0.2 * stain) as f32,
+                );
                 surface.ambient = (0.5 + 0.5 * smoothstep(0.0, 4.0, q.y)) as f32;
                 surface
             }
-            Self::Ground { middle, kerbs, seed } => ground(q, q.x - middle, *kerbs, footprint, *seed),
-            Self::Cloth { colors, stripe, scallop } => {
+            Self::Ground {
+                middle,
+                kerbs,
+                seed,
+            } => ground(q, q.x - middle, *kerbs, footprint, *seed),
+            Self::Cloth {
+                colors,
+                stripe,
+                scallop,
+            } => {
                 let part = pulse(q.x / stripe, 0.5, footprint / stripe) as f32;
                 let mut surface = Surface::plain(colors[0].lerp(colors[1], part));
                 let wave = 0.5 - 0.5 * (q.x / stripe * std::f64::consts::TAU * 2.0).cos();
-                surface.alpha = if *scallop > 0.0 { above(q.y, scallop * (1.0 - wave.sqrt()), footprint) as f32 } else { 1.0 };
+                surface.alpha = if *scallop > 0.0 {
+                    above(q.y, scallop * (1.0 - wave.sqrt()), footprint) as f32
+                } else {
+                    1.0
+                };
                 // a soft sag between the ribs
                 let sag = (q.x / (2.0 * stripe) * std::f64::consts::TAU).sin();
                 surface.normal = DVec3::new(0.12 * sag, 0.0, 1.0).normalize();
@@ -151,7 +184,12 @@ impl Prop {
             }
             Self::Drawing(layers) => draw(layers, q, footprint),
             Self::Plant(plant) => plant.surface(q, footprint, sun),
-            Self::Bunting { span, ends, sag, seed } => bunting(q, footprint, *span, *ends, *sag, *seed),
+            Self::Bunting {
+                span,
+                ends,
+                sag,
+                seed,
+            } => bunting(q, footprint, *span, *ends, *sag, *seed),
         }
     }
 
@@ -168,7 +206,12 @@ impl Prop {
             }
             Self::Drawing(layers) => drawn_opacity(layers, q, footprint) as f32,
             Self::Plant(plant) => plant.opacity(q, footprint),
-            Self::Bunting { span, ends, sag, seed } => bunting(q, footprint, *span, *ends, *sag, *seed).alpha,
+            Self::Bunting {
+                span,
+                ends,
+                sag,
+                seed,
+            } => bunting(q, footprint, *span, *ends, *sag, *seed).alpha,
         }
     }
 }
@@ -206,7 +249,10 @@ impl Plant {
         }
         let exposed = smoothstep(-0.55, 0.75, toward.normalize().dot(sun));
         let t = leaves.height;
-        let mut surface = Surface::plain(self.colors[0].lerp(self.colors[1], (0.15 + 0.85 * t * exposed + 0.25 * (leaves.tint - 0.5)).clamp(0.0, 1.0) as f32));
+        let mut surface = Surface::plain(self.colors[0].lerp(
+            self.colors[1],
+            (0.15 + 0.85 * t * exposed + 0.25 * (leaves.tint - 0.5)).clamp(0.0, 1.0) as f32,
+        ));
         if leaves.tint < self.blossom.1 && t > 0.35 {
             surface.albedo = self.blossom.0 * (0.7 + 0.5 * t) as f32;
         }
@@ -244,9 +290,15 @@ fn ground(q: DVec2, x: f64, kerbs: [f64; 2], footprint: f64, seed: Seed) -> Surf
             let shade = (0.75 + 0.25 * edge) * (0.5 + 0.5 * along) * (1.0 + 0.12 * grain);
             return Surface::plain(hex(0xbd_b4_a6) * shade as f32);
         }
-        let slabs = Masonry { length: 0.62, height: 0.42, joint: 0.014, shift: 0.5 };
+        let slabs = Masonry {
+            length: 0.62,
+            height: 0.42,
+            joint: 0.014,
+            shift: 0.5,
+        };
         let stone = slabs.at(q, footprint, seed.fork(3));
-        let shade = (0.62 + 0.38 * stone.face) * (1.0 + 0.13 * stone.tint + 0.10 * grain + 0.14 * dirt);
+        let shade =
+            (0.62 + 0.38 * stone.face) * (1.0 + 0.13 * stone.tint + 0.10 * grain + 0.14 * dirt);
         let mut surface = Surface::plain(hex(0xaf_a4_93) * shade as f32);
         // walls shade the pavement's inner part from the sky
         surface.ambient = (1.0 - 0.35 * smoothstep(0.8, 1.9, from_kerb)) as f32;
@@ -255,7 +307,8 @@ fn ground(q: DVec2, x: f64, kerbs: [f64; 2], footprint: f64, seed: Seed) -> Surf
     let gutter = (x - left).min(right - x);
     if gutter < 0.22 {
         let along = pulse(q.y / 0.5, 0.97, footprint / 0.5);
-        let shade = (0.55 + 0.3 * gutter / 0.22) * (0.6 + 0.4 * along) * (1.0 + 0.15 * grain + 0.2 * dirt);
+        let shade =
+            (0.55 + 0.3 * gutter / 0.22) * (0.6 + 0.4 * along) * (1.0 + 0.15 * grain + 0.2 * dirt);
         return Surface::plain(hex(0x8d_86_7c) * shade as f32);
     }
     // each arc spans a lane
@@ -263,8 +316,16 @@ fn ground(q: DVec2, x: f64, kerbs: [f64; 2], footprint: f64, seed: Seed) -> Surf
     let lane_width = (right - left) / lanes;
     let t = (x - left) / lane_width;
     let t = t - t.floor() - 0.5;
-    let arched = DVec2::new(x, q.y + 1.3 * t * t * lane_width + 0.03 * gradient_noise(q * 1.7, seed.fork(4)));
-    let setts = Masonry { length: 0.145, height: 0.125, joint: 0.024, shift: 0.5 };
+    let arched = DVec2::new(
+        x,
+        q.y + 1.3 * t * t * lane_width + 0.03 * gradient_noise(q * 1.7, seed.fork(4)),
+    );
+    let setts = Masonry {
+        length: 0.145,
+        height: 0.125,
+        joint: 0.024,
+        shift: 0.5,
+    };
     let stone = setts.at(arched, footprint, seed.fork(5));
     let wheel = smoothstep(0.5, 0.1, ((x - 0.5 * (left + right)).abs() - 1.0).abs());
     let tone = 1.0 + 0.30 * stone.tint + 0.14 * grain + 0.20 * dirt + 0.10 * wheel;
@@ -278,7 +339,8 @@ fn ground(q: DVec2, x: f64, kerbs: [f64; 2], footprint: f64, seed: Seed) -> Surf
         let d = (DVec2::new(x, q.y) - center) / extent;
         1.0 - d.length() + 0.28 * fractal(q * 1.3, footprint, 4, seed.fork(6))
     };
-    let depth = sunk(DVec2::new(-1.25, 10.6), DVec2::new(1.5, 1.25)).max(sunk(DVec2::new(1.9, 14.5), DVec2::new(1.0, 1.8)));
+    let depth = sunk(DVec2::new(-1.25, 10.6), DVec2::new(1.5, 1.25))
+        .max(sunk(DVec2::new(1.9, 14.5), DVec2::new(1.0, 1.8)));
     let wet = smoothstep(-0.22, 0.04, depth) as f32;
     surface.albedo *= 1.0 - 0.5 * wet;
     let water = smoothstep(0.0, 0.10, depth) as f32;
@@ -307,7 +369,9 @@ fn bunting(q: DVec2, footprint: f64, span: f64, ends: [f64; 2], sag: f64, seed: 
     let half = FLAG.x * (1.0 - drop / FLAG.y);
     let covered = bar(aside, half.max(0.0), footprint) * above(wire(q.x) - q.y, 0.0, footprint);
     if covered > 0.0 && middle < span - 0.2 && middle > 0.2 {
-        let palette = [0xd9_3f_2e, 0xf2_c1_3d, 0x2f_7f_8f, 0xf4_ee_e0, 0x4d_8a_4a, 0xe3_78_35];
+        let palette = [
+            0xd9_3f_2e, 0xf2_c1_3d, 0x2f_7f_8f, 0xf4_ee_e0, 0x4d_8a_4a, 0xe3_78_35,
+        ];
         surface = Surface::plain(hex(palette[(seed.bits(index as i64, 0, 2) % 6) as usize]));
         surface.glow = surface.albedo * 0.16;
         surface.alpha = covered as f32;

@@ -29,7 +29,9 @@ impl Seed {
     /// A seed whose numbers have nothing to do with those of `self`: one for each independent use.
     #[inline]
     pub fn fork(self, stream: u64) -> Self {
-        Self(mix(mix(self.0.wrapping_add(STEP_X)).wrapping_add(stream.wrapping_mul(STEP_Y))))
+        Self(mix(
+            mix(self.0.wrapping_add(STEP_X)).wrapping_add(stream.wrapping_mul(STEP_Y))
+        ))
     }
 
     /// 64 random bits for a position and a channel.

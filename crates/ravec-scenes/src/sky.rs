@@ -33,6 +33,8 @@ pub(crate) fn sky(direction: DVec3, footprint_rad: f64, sun: DVec3, seed: Seed) 
     let light = (0.62 + 0.9 * (thick - toward)).clamp(0.25, 1.15);
     let bright = hex(0xff_f4_e2) * 1.12;
     let shade = hex(0x9c_a6_bd);
-    let cloud = shade.lerp(bright, light as f32).lerp(horizon, 0.5 * smoothstep(0.25, 0.02, up) as f32);
+    let cloud = shade
+        .lerp(bright, light as f32)
+        .lerp(horizon, 0.5 * smoothstep(0.25, 0.02, up) as f32);
     (clear + glow).lerp(cloud, 0.92 * cover as f32)
 }

@@ -159,7 +159,14 @@ impl Stage {
             if surface.alpha <= 0.0 {
                 continue;
             }
-            let color = self.shade(piece, &surface, from + t * direction, direction, spread * t, bounces);
+            let color = self.shade(
+                piece,
+                &surface,
+                from + t * direction,
+                direction,
+                spread * t,
+                bounces,
+            );
             let haze = 1.0 - (-t / HAZE_LENGTH).exp();
             light += left * surface.alpha * color.lerp(HAZE, haze as f32);
             left *= 1.0 - surface.alpha;
@@ -170,7 +177,15 @@ impl Stage {
         light + left * sky(direction, spread, self.sun, self.seed)
     }
 
-    fn shade(&self, piece: &Piece, surface: &Surface, at: DVec3, direction: DVec3, width: f64, bounces: u32) -> Vec3 {
+    fn shade(
+        &self,
+        piece: &Piece,
+        surface: &Surface,
+        at: DVec3,
+        direction: DVec3,
+        width: f64,
+        bounces: u32,
+    ) -> Vec3 {
         let n = surface.normal;
         let face = piece.normal();
         let mut normal = n.x * piece.right + n.y * piece.up + n.z * face;
@@ -180,13 +195,23 @@ impl Stage {
         }
         let facing = normal.dot(self.sun).max(0.0) as f32;
         let direct = facing * surface.sun;
-        let sun = if direct > 0.002 { direct * self.sunlight(at + 2e-3 * normal) } else { 0.0 };
+        let sun = if direct > 0.002 {
+            direct * self.sunlight(at + 2e-3 * normal)
+        } else {
+            0.0
+        };
         let up = normal.y as f32;
         let ambient = SKY_LIGHT * (0.62 + 0.38 * up) + BOUNCE_LIGHT * (0.55 - 0.35 * up);
-        let mut color = surface.albedo * (SUN_LIGHT * sun + ambient * surface.ambient) + surface.glow;
+        let mut color =
+            surface.albedo * (SUN_LIGHT * sun + ambient * surface.ambient) + surface.glow;
         if surface.mirror > 0.0 && bounces > 0 {
             let mirrored = direction - 2.0 * direction.dot(normal) * normal;
-            let seen = self.trace(at + 1e-3 * normal, mirrored, (width / 4.0).max(0.004), bounces - 1);
+            let seen = self.trace(
+                at + 1e-3 * normal,
+                mirrored,
+                (width / 4.0).max(0.004),
+                bounces - 1,
+            );
             color = color.lerp(seen, surface.mirror);
         }
         color
@@ -243,8 +268,13 @@ mod tests {
             let expected = camera.project(piece.point(q));
             assert!((mapped.truncate() / mapped.z).distance(expected) < 1e-9);
             // and the ray through that pixel meets the piece there
-            let (_, found) = piece.hit(camera.position, camera.direction(expected)).unwrap_or((0.0, DVec2::NAN));
-            assert!(found.distance(q) < 1e-9 || q.min_element() == 0.0, "{found} {q}");
+            let (_, found) = piece
+                .hit(camera.position, camera.direction(expected))
+                .unwrap_or((0.0, DVec2::NAN));
+            assert!(
+                found.distance(q) < 1e-9 || q.min_element() == 0.0,
+                "{found} {q}"
+            );
         }
     }
 

@@ -263,7 +263,11 @@ fn stage(seed: Seed) -> Stage {
         right: DVec3::X,
         up: DVec3::NEG_Z,
         size: DVec2::new(2.0 * GROUND_ASIDE, 400.0),
-        show: Show::Prop(Box::new(Prop::Ground { middle: GROUND_ASIDE, kerbs: KERBS, seed: seed.fork(100) })),
+        show: Show::Prop(Box::new(Prop::Ground {
+            middle: GROUND_ASIDE,
+            kerbs: KERBS,
+            seed: seed.fork(100),
+        })),
     }];
     let mut facade = |house: House, origin: DVec3, right: DVec3, index: u64| {
         let facade = Facade {
@@ -291,7 +295,12 @@ fn stage(seed: Seed) -> Stage {
     let mut depth = ROW_START;
     for (index, house) in left_row().into_iter().enumerate() {
         let width = house.width;
-        facade(house, DVec3::new(WALLS[0], 0.0, -depth), DVec3::NEG_Z, index as u64);
+        facade(
+            house,
+            DVec3::new(WALLS[0], 0.0, -depth),
+            DVec3::NEG_Z,
+            index as u64,
+        );
         depth += width;
     }
     let mut depth = ROW_START - 1.0;
@@ -303,7 +312,12 @@ fn stage(seed: Seed) -> Stage {
         }
         let width = house.width;
         depth += width;
-        facade(house, DVec3::new(WALLS[1], 0.0, -depth), DVec3::Z, 20 + index as u64);
+        facade(
+            house,
+            DVec3::new(WALLS[1], 0.0, -depth),
+            DVec3::Z,
+            20 + index as u64,
+        );
     }
     // the sunlit side of the house behind the gap
     pieces.push(Piece {
@@ -316,24 +330,53 @@ fn stage(seed: Seed) -> Stage {
     pieces.extend(church(DVec3::new(-9.0, 0.0, -78.0)));
 
     let wall = WALLS[0];
-    pieces.extend(awning(DVec3::new(wall, 2.62, -8.4), 4.6, [0xf3_ea_da, 0xb8_3a_2e]));
-    pieces.extend(awning(DVec3::new(wall, 2.62, -13.9), 5.6, [0xf3_ea_da, 0x2f_6b_66]));
+    pieces.extend(awning(
+        DVec3::new(wall, 2.62, -8.4),
+        4.6,
+        [0xf3_ea_da, 0xb8_3a_2e],
+    ));
+    pieces.extend(awning(
+        DVec3::new(wall, 2.62, -13.9),
+        5.6,
+        [0xf3_ea_da, 0x2f_6b_66],
+    ));
     pieces.push(hanging_sign(DVec3::new(wall, 3.75, -12.9), "CAFE"));
     for (index, depth) in [16.9, 27.5, 41.0].into_iter().enumerate() {
-        pieces.push(tree(DVec3::new(-3.75, 0.0, -depth), seed.fork(400 + index as u64)));
+        pieces.push(tree(
+            DVec3::new(-3.75, 0.0, -depth),
+            seed.fork(400 + index as u64),
+        ));
     }
     for (index, depth) in [21.5, 35.0].into_iter().enumerate() {
-        pieces.push(tree(DVec3::new(4.6, 0.0, -depth), seed.fork(410 + index as u64)));
+        pieces.push(tree(
+            DVec3::new(4.6, 0.0, -depth),
+            seed.fork(410 + index as u64),
+        ));
     }
-    for (x, depth) in [(3.95, 9.3), (-3.4, 13.6), (3.95, 18.0), (-3.4, 23.0), (-3.4, 34.0)] {
+    for (x, depth) in [
+        (3.95, 9.3),
+        (-3.4, 13.6),
+        (3.95, 18.0),
+        (-3.4, 23.0),
+        (-3.4, 34.0),
+    ] {
         pieces.push(lamp(DVec3::new(x, 0.0, -depth)));
     }
     pieces.push(bicycle(DVec3::new(-4.35, 0.0, -8.6)));
-    for (index, (x, depth, blossom)) in [(-4.55, 11.4, 0xd8_32_46), (-4.5, 13.4, 0xf0_c8_40), (4.9, 8.2, 0xe8_e2_f0), (4.9, 10.9, 0xd8_4a_7a)]
-        .into_iter()
-        .enumerate()
+    for (index, (x, depth, blossom)) in [
+        (-4.55, 11.4, 0xd8_32_46),
+        (-4.5, 13.4, 0xf0_c8_40),
+        (4.9, 8.2, 0xe8_e2_f0),
+        (4.9, 10.9, 0xd8_4a_7a),
+    ]
+    .into_iter()
+    .enumerate()
     {
-        pieces.push(pot(DVec3::new(x, 0.0, -depth), blossom, seed.fork(500 + index as u64)));
+        pieces.push(pot(
+            DVec3::new(x, 0.0, -depth),
+            blossom,
+            seed.fork(500 + index as u64),
+        ));
     }
     // flower boxes below the windows of three houses
     let mut boxes = Vec::new();
@@ -346,19 +389,38 @@ fn stage(seed: Seed) -> Stage {
         }
         for (index, window) in facade.windows().enumerate() {
             if index < 2 * facade.bays {
-                let at = piece.point(DVec2::new(0.5 * (window.low.x + window.high.x), window.low.y));
-                boxes.push(flower_box(at, piece.right, seed.fork(600 + boxes.len() as u64)));
+                let at = piece.point(DVec2::new(
+                    0.5 * (window.low.x + window.high.x),
+                    window.low.y,
+                ));
+                boxes.push(flower_box(
+                    at,
+                    piece.right,
+                    seed.fork(600 + boxes.len() as u64),
+                ));
             }
         }
     }
     pieces.extend(boxes);
-    for (index, (depth, ends, sag)) in [(12.2, [1.75, 1.9], 0.75), (19.5, [1.6, 1.4], 0.8), (29.0, [1.7, 1.5], 0.8)].into_iter().enumerate() {
+    for (index, (depth, ends, sag)) in [
+        (12.2, [1.75, 1.9], 0.75),
+        (19.5, [1.6, 1.4], 0.8),
+        (29.0, [1.7, 1.5], 0.8),
+    ]
+    .into_iter()
+    .enumerate()
+    {
         pieces.push(Piece {
             origin: DVec3::new(WALLS[0], 4.75, -depth),
             right: DVec3::X,
             up: DVec3::Y,
             size: DVec2::new(WALLS[1] - WALLS[0], 2.0),
-            show: Show::Prop(Box::new(Prop::Bunting { span: WALLS[1] - WALLS[0], ends, sag, seed: seed.fork(700 + index as u64) })),
+            show: Show::Prop(Box::new(Prop::Bunting {
+                span: WALLS[1] - WALLS[0],
+                ends,
+                sag,
+                seed: seed.fork(700 + index as u64),
+            })),
         });
     }
     Stage {
@@ -381,12 +443,27 @@ mod tests {
             assert!((far.truncate() / far.z).distance(truth.vanishing_point) < 1e-9);
             for corners in &facade.windows_in_image {
                 let plane_from_image = facade.image_from_plane.inverse();
-                let plane = corners.map(|c| plane_from_image * c.extend(1.0)).map(|h| h.truncate() / h.z);
+                let plane = corners
+                    .map(|c| plane_from_image * c.extend(1.0))
+                    .map(|h| h.truncate() / h.z);
                 // windows are axis-parallel rectangles on the wall
-                assert!((plane[0].y - plane[1].y).abs() < 1e-9 && (plane[1].x - plane[2].x).abs() < 1e-9);
-                assert!((plane[2].y - plane[3].y).abs() < 1e-9 && (plane[2].y - plane[1].y - 1.6).abs() < 1e-9);
+                assert!(
+                    (plane[0].y - plane[1].y).abs() < 1e-9
+                        && (plane[1].x - plane[2].x).abs() < 1e-9
+                );
+                assert!(
+                    (plane[2].y - plane[3].y).abs() < 1e-9
+                        && (plane[2].y - plane[1].y - 1.6).abs() < 1e-9
+                );
             }
         }
-        assert!(truth.facades.iter().map(|f| f.windows_in_image.len()).sum::<usize>() > 60);
+        assert!(
+            truth
+                .facades
+                .iter()
+                .map(|f| f.windows_in_image.len())
+                .sum::<usize>()
+                > 60
+        );
     }
 }

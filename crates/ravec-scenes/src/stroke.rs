@@ -36,8 +36,12 @@ impl Stroke {
 
     /// A stroke along an arc of a circle, flattened to pieces of at most 5 degrees.
     pub fn arc(center: DVec2, radius: f64, from_rad: f64, to_rad: f64, width: f64) -> Self {
-        let pieces = ((to_rad - from_rad).abs() / 5f64.to_radians()).ceil().max(1.0);
-        let at = |i: f64| center + radius * DVec2::from_angle(from_rad + (to_rad - from_rad) * i / pieces);
+        let pieces = ((to_rad - from_rad).abs() / 5f64.to_radians())
+            .ceil()
+            .max(1.0);
+        let at = |i: f64| {
+            center + radius * DVec2::from_angle(from_rad + (to_rad - from_rad) * i / pieces)
+        };
         Self {
             points: (0..=pieces as usize).map(|i| at(i as f64)).collect(),
             width,
@@ -101,7 +105,10 @@ impl Stroke {
     pub fn bounds(&self) -> (DVec2, DVec2) {
         let margin = DVec2::splat(0.5 * self.width);
         let low = self.points.iter().fold(DVec2::INFINITY, |a, &b| a.min(b));
-        let high = self.points.iter().fold(DVec2::NEG_INFINITY, |a, &b| a.max(b));
+        let high = self
+            .points
+            .iter()
+            .fold(DVec2::NEG_INFINITY, |a, &b| a.max(b));
         (low - margin, high + margin)
     }
 }
@@ -156,7 +163,8 @@ mod tests {
     fn sampled(stroke: &Stroke, p: DVec2) -> f64 {
         const N: i32 = 64;
         let at = |i: i32| (f64::from(i) + 0.5) / f64::from(N) - 0.5;
-        let inside = |i: &i32| stroke.distance(p + DVec2::new(at(i % N), at(i / N))) <= 0.5 * stroke.width;
+        let inside =
+            |i: &i32| stroke.distance(p + DVec2::new(at(i % N), at(i / N))) <= 0.5 * stroke.width;
         (0..N * N).filter(inside).count() as f64 / f64::from(N * N)
     }
 
@@ -187,10 +195,16 @@ mod tests {
 
     #[test]
     fn a_stroke_without_length_is_a_dot_and_one_without_points_is_nothing() {
-        let dot = Stroke { points: vec![DVec2::new(3.0, 3.0)], width: 4.0 };
+        let dot = Stroke {
+            points: vec![DVec2::new(3.0, 3.0)],
+            width: 4.0,
+        };
         assert_eq!(dot.coverage(DVec2::new(3.0, 3.0), 1.0), 1.0);
         assert_eq!(dot.coverage(DVec2::new(9.0, 3.0), 1.0), 0.0);
-        let nothing = Stroke { points: vec![], width: 4.0 };
+        let nothing = Stroke {
+            points: vec![],
+            width: 4.0,
+        };
         assert_eq!(nothing.coverage(DVec2::ZERO, 1.0), 0.0);
     }
 }

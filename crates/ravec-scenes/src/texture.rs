@@ -152,8 +152,16 @@ impl Masonry {
         let course = (p.y / self.height).floor();
         let shifted = p.x / self.length + self.shift * (course as i64 & 1) as f64;
         let column = shifted.floor();
-        let along = pulse(shifted, 1.0 - self.joint / self.length, footprint / self.length);
-        let across = pulse(p.y / self.height, 1.0 - self.joint / self.height, footprint / self.height);
+        let along = pulse(
+            shifted,
+            1.0 - self.joint / self.length,
+            footprint / self.length,
+        );
+        let across = pulse(
+            p.y / self.height,
+            1.0 - self.joint / self.height,
+            footprint / self.height,
+        );
         let visible = (2.0 - 3.0 * footprint / self.height).clamp(0.0, 1.0);
         let tint = visible * (2.0 * seed.unit(column as i64, course as i64, 2) - 1.0);
         let t = (p.y / self.height - course) / (1.0 - self.joint / self.height);
@@ -177,7 +185,11 @@ pub fn brick(p: DVec2, footprint: f64, color: Vec3, seed: Seed) -> Vec3 {
     let stone = WALL.at(p, footprint, seed);
     let grain = fractal(p / 0.05, footprint / 0.05, 3, seed.fork(1));
     let shade = 1.0 + 0.28 * stone.tint + 0.16 * grain - 0.12 * stone.relief;
-    let warm = Vec3::new(1.0, 1.0 - 0.08 * stone.tint as f32, 1.0 - 0.12 * stone.tint as f32);
+    let warm = Vec3::new(
+        1.0,
+        1.0 - 0.08 * stone.tint as f32,
+        1.0 - 0.12 * stone.tint as f32,
+    );
     let mortar = hex(0xb5_a8_98) * (0.9 + 0.15 * grain) as f32;
     mortar.lerp(color * warm * shade as f32, stone.face as f32)
 }
@@ -194,7 +206,8 @@ pub fn tiles(p: DVec2, footprint: f64, side: f64, colors: [Vec3; 2], seed: Seed)
     let wave = |x: f64| 2.0 * pulse(x / (2.0 * side), 0.5, footprint / (2.0 * side)) - 1.0;
     let even = 0.5 + 0.5 * wave(p.x) * wave(p.y);
     let cloud = fractal(p / (0.4 * side), footprint / (0.4 * side), 4, seed.fork(2));
-    let color = colors[0].lerp(colors[1], even as f32) * (1.0 + 0.07 * stone.tint + 0.08 * cloud) as f32;
+    let color =
+        colors[0].lerp(colors[1], even as f32) * (1.0 + 0.07 * stone.tint + 0.08 * cloud) as f32;
     (hex(0x6a_62_58)).lerp(color, stone.face as f32)
 }
 
@@ -205,11 +218,21 @@ pub fn wood(p: DVec2, footprint: f64, color: Vec3, seed: Seed) -> Vec3 {
     let plank = seed.unit(row as i64, 0, 3);
     let local = DVec2::new(p.x + 37.0 * plank, p.y);
     // rings of a trunk cut at a slant: lines that run along the plank and bend around knots
-    let bend = fractal(local * DVec2::new(1.2, 9.0), footprint * 9.0, 3, seed.fork(3));
+    let bend = fractal(
+        local * DVec2::new(1.2, 9.0),
+        footprint * 9.0,
+        3,
+        seed.fork(3),
+    );
     let rings = (local.y / 0.011 + 5.0 * bend + 40.0 * plank) * std::f64::consts::TAU * 0.5;
     let visible = (1.6 - 260.0 * footprint).clamp(0.0, 1.0);
     let line = visible * (0.5 + 0.5 * rings.sin()).powi(3);
-    let fibre = fractal(local * DVec2::new(14.0, 420.0), footprint * 420.0, 2, seed.fork(4));
+    let fibre = fractal(
+        local * DVec2::new(14.0, 420.0),
+        footprint * 420.0,
+        2,
+        seed.fork(4),
+    );
     let shade = 0.92 + 0.24 * (plank - 0.5) - 0.30 * line + 0.10 * fibre + 0.12 * bend;
     let gap = 1.0 - 0.75 * (1.0 - pulse(p.y / PLANK, 0.97, footprint / PLANK));
     let ruddy = Vec3::new(1.0, 1.0 - 0.12 * line as f32, 1.0 - 0.22 * line as f32);
@@ -232,14 +255,30 @@ pub fn marble(p: DVec2, footprint: f64, seed: Seed) -> Vec3 {
 /// A meadow seen from above: blades, patches of dry grass, small flowers.
 pub fn grass(p: DVec2, footprint: f64, seed: Seed) -> Vec3 {
     let patch = fractal(p * 0.7, footprint * 0.7, 4, seed.fork(9));
-    let blades = fractal(p * DVec2::new(60.0, 18.0), footprint * 60.0, 3, seed.fork(10));
+    let blades = fractal(
+        p * DVec2::new(60.0, 18.0),
+        footprint * 60.0,
+        3,
+        seed.fork(10),
+    );
     let tuft = fractal(p * 8.0, footprint * 8.0, 3, seed.fork(11));
     let green = hex(0x4f_6f_2c).lerp(hex(0x9a_97_4a), smoothstep(-0.3, 0.6, patch) as f32);
     let lit = green * (1.0 + 0.45 * blades + 0.35 * tuft).max(0.1) as f32;
     let flower = cellular(p * 5.0, seed.fork(12));
     let visible = smoothstep(0.09, 0.05, flower.nearest) * (1.5 - 12.0 * footprint).clamp(0.0, 1.0);
-    let petals = if flower.tint > 0.5 { hex(0xf4_f0_e0) } else { hex(0xe8_b9_3a) };
-    lit.lerp(petals, if flower.tint > 0.25 { visible as f32 } else { 0.0 })
+    let petals = if flower.tint > 0.5 {
+        hex(0xf4_f0_e0)
+    } else {
+        hex(0xe8_b9_3a)
+    };
+    lit.lerp(
+        petals,
+        if flower.tint > 0.25 {
+            visible as f32
+        } else {
+            0.0
+        },
+    )
 }
 
 /// Foliage as painted leaf over leaf.
@@ -323,7 +362,12 @@ mod tests {
     use super::*;
 
     fn grid() -> impl Iterator<Item = DVec2> {
-        (0..4096).map(|i| DVec2::new(0.173 * f64::from(i % 64) - 3.0, 0.191 * f64::from(i / 64) - 5.0))
+        (0..4096).map(|i| {
+            DVec2::new(
+                0.173 * f64::from(i % 64) - 3.0,
+                0.191 * f64::from(i / 64) - 5.0,
+            )
+        })
     }
 
     #[test]
@@ -336,7 +380,10 @@ mod tests {
             sums[1] += gradient / 4096.0;
         }
         // about 130 independent lattice cells: five standard errors of a uniform mean, and of ±0.4
-        assert!((sums[0] - 0.5).abs() < 0.13 && sums[1].abs() < 0.18, "{sums:?}");
+        assert!(
+            (sums[0] - 0.5).abs() < 0.13 && sums[1].abs() < 0.18,
+            "{sums:?}"
+        );
     }
 
     #[test]
@@ -354,7 +401,10 @@ mod tests {
     fn a_large_footprint_leaves_no_noise() {
         for p in grid().take(50) {
             assert_eq!(fractal(p, 0.5, 8, Seed(7)), 0.0);
-            let (a, b) = (brick(p, 4.0, Vec3::ONE, Seed(7)), brick(p + 1.7, 4.0, Vec3::ONE, Seed(7)));
+            let (a, b) = (
+                brick(p, 4.0, Vec3::ONE, Seed(7)),
+                brick(p + 1.7, 4.0, Vec3::ONE, Seed(7)),
+            );
             // the wall goes over into one colour, up to what part of a brick the footprint's border cuts
             assert!((a - b).abs().max_element() < 0.02, "{a} {b}");
         }
@@ -382,7 +432,12 @@ mod tests {
 
     #[test]
     fn stones_and_joints_have_their_share_of_the_area() {
-        let wall = Masonry { length: 2.0, height: 1.0, joint: 0.25, shift: 0.5 };
+        let wall = Masonry {
+            length: 2.0,
+            height: 1.0,
+            joint: 0.25,
+            shift: 0.5,
+        };
         let share = wall.at(DVec2::new(0.3, 0.2), 40.0, Seed(9)).face;
         assert!((share - (1.75 / 2.0) * 0.75).abs() < 1e-9);
         assert_eq!(wall.at(DVec2::new(0.8, 0.4), 0.01, Seed(9)).face, 1.0);
@@ -395,13 +450,22 @@ mod tests {
             for footprint in [0.0005, 0.02, 0.5] {
                 let colors = [
                     brick(p, footprint, hex(0x9c_4a_32), Seed(1)),
-                    tiles(p, footprint, 0.4, [hex(0xd8_cf_c0), hex(0x7d_4a_3a)], Seed(1)),
+                    tiles(
+                        p,
+                        footprint,
+                        0.4,
+                        [hex(0xd8_cf_c0), hex(0x7d_4a_3a)],
+                        Seed(1),
+                    ),
                     wood(p, footprint, hex(0x9a_6a_3c), Seed(1)),
                     marble(p, footprint, Seed(1)),
                     grass(p, footprint, Seed(1)),
                 ];
                 for color in colors {
-                    assert!(color.min_element() >= 0.0 && color.max_element() <= 1.3, "{color}");
+                    assert!(
+                        color.min_element() >= 0.0 && color.max_element() <= 1.3,
+                        "{color}"
+                    );
                 }
             }
         }
