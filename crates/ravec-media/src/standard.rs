@@ -1,6 +1,6 @@
 //! The profiles that files get whose source had none, or none that can be kept.
 
-use moxcms::{ColorDateTime, ColorProfile, LocalizableString, ProfileText, ToneReprCurve};
+use moxcms::{ColorProfile, LocalizableString, ProfileText, ToneReprCurve};
 use std::sync::LazyLock;
 
 /// The profile of 8- and 16-bit color files that we write in sRGB.
@@ -24,23 +24,25 @@ pub(crate) static GREY_SRGB: LazyLock<Vec<u8>> = LazyLock::new(|| {
     encoded(profile, "Grey with sRGB curve")
 });
 
+/// Where the header of a profile has its date of creation (ICC.1:2022, 7.2).
+const DATE_IN_HEADER: std::ops::Range<usize> = 24..36;
+
+/// The first of January 2024, midnight: year, month, day, hour, minute, second as 16-bit numbers.
+const DATE: [u8; 12] = [0x07, 0xe8, 0, 1, 0, 1, 0, 0, 0, 0, 0, 0];
+
 fn encoded(mut profile: ColorProfile, name: &str) -> Vec<u8> {
     profile.description = Some(ProfileText::Localizable(vec![LocalizableString::new(
         "en".into(),
         "US".into(),
         name.into(),
     )]));
-    // equal pictures are to give equal files, so the profile must not tell the time
-    profile.creation_date_time = ColorDateTime {
-        year: 2024,
-        month: 1,
-        day_of_the_month: 1,
-        hours: 0,
-        minutes: 0,
-        seconds: 0,
-    };
     // a profile that cannot be encoded is left out; a test shows that these can
-    profile.encode().unwrap_or_default()
+    let mut profile = profile.encode().unwrap_or_default();
+    // the encoder writes the time of day, but equal pictures are to give equal files
+    if let Some(date) = profile.get_mut(DATE_IN_HEADER) {
+        date.copy_from_slice(&DATE);
+    }
+    profile
 }
 
 #[cfg(test)]
@@ -57,6 +59,9 @@ mod tests {
         let drift = (0..9).map(|i| (matrix[i / 3][i % 3] - f64::from(u8::from(i % 4 == 0))).abs());
         assert!(drift.fold(0.0, f64::max) < 1e-4);
         assert_eq!(description(&SRGB).as_deref(), Some("sRGB"));
+        for profile in [&SRGB, &GREY_SRGB, &LINEAR_SRGB] {
+            assert_eq!(profile[DATE_IN_HEADER], DATE);
+        }
         assert!(SRGB.len() < 1000 && GREY_SRGB.len() < 1000);
     }
 }
