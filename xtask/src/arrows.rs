@@ -77,6 +77,7 @@ const QUARANTINE: &[(&[&str], &[&str])] = &[
             "png",
             "tempfile",
             "tiff",
+            "zune-jpeg",
         ],
         &["ravec-media"],
     ),

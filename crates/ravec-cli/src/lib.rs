@@ -1,1 +1,185 @@
-//! ravec-cli
+//! The command line program `ravec`: a thin layer over the operations of `ravec-jobs`.
+//!
+//! This crate parses flags, shows progress, catches Ctrl-C, prints the report and chooses the exit code. It holds no
+//! algorithm.
+//!
+//! # Exit codes
+//!
+//! | code | meaning |
+//! | --- | --- |
+//! | 0 | done |
+//! | 1 | the operation failed |
+//! | 2 | the command line is wrong |
+//! | 3 | an input cannot be read, is no valid picture, or exceeds a limit |
+//! | 4 | an output cannot be written |
+//! | 130 | interrupted by Ctrl-C; nothing half-written is left |
+//!
+//! # Streams
+//!
+//! Standard output carries what was asked for: a picture if the output is `-`, the report with `--json -`, else a summary.
+//! Standard error carries errors (one sentence, `ravec: error: ...`), warnings, the progress bar if it is a terminal, and
+//! what `-v` says.
+
+mod arguments;
+mod exit;
+mod interrupt;
+mod progress_bar;
+mod summary;
+
+use arguments::{Arguments, Command, Global};
+use clap::{CommandFactory as _, Parser as _};
+use exit::Failure;
+use ravec::progress::Progress;
+use ravec_jobs::{JobError, Report, Source, compare, scenes};
+use std::ffi::OsString;
+use std::io::IsTerminal as _;
+use std::path::Path;
+use std::process::ExitCode;
+use tracing_subscriber::EnvFilter;
+
+/// The definition of the command line, from which the help, the completions and the manual are made.
+pub fn command() -> clap::Command {
+    Arguments::command()
+}
+
+/// Runs the program with its arguments, the first of which is its name.
+pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
+    let arguments = match Arguments::try_parse_from(arguments) {
+        Ok(arguments) => arguments,
+        Err(answer) => return usage(&answer),
+    };
+    match exit::catch_bugs(|| execute(arguments)) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => failure.report(),
+    }
+}
+
+/// Help and version go to standard output; what is wrong with the flags is an error like any other.
+fn usage(answer: &clap::Error) -> ExitCode {
+    let text = answer.render();
+    let text = |terminal: bool| {
+        if terminal {
+            text.ansi().to_string()
+        } else {
+            text.to_string()
+        }
+    };
+    if answer.use_stderr() {
+        exit::tell(&format!("ravec: {}", text(std::io::stderr().is_terminal())));
+        return ExitCode::from(exit::USAGE);
+    }
+    match summary::print(&text(std::io::stdout().is_terminal())) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => failure.report(),
+    }
+}
+
+fn execute(Arguments { command, global }: Arguments) -> Result<(), Failure> {
+    listen(&global);
+    let limits = global.limits();
+    let source = |path| Source { path, limits };
+    match command {
+        Command::Compare { a, b, params } => job(&global, |progress| {
+            compare::run(&source(a), &source(b), &params, progress)
+        }),
+        Command::Scenes { out, params } => {
+            job(&global, |progress| scenes::run(&out, &params, progress))
+        }
+        Command::Completions { shell } => {
+            let mut script = Vec::new();
+            clap_complete::generate(shell, &mut command_for_pages(), "ravec", &mut script);
+            summary::print(&String::from_utf8_lossy(&script))
+        }
+        Command::Man { out } => manual(out.as_deref()),
+    }
+}
+
+/// Runs an operation with progress, cancellation and the chosen threads, then shows its report.
+fn job(
+    global: &Global,
+    operation: impl FnOnce(&Progress) -> Result<Report, JobError> + Send,
+) -> Result<(), Failure> {
+    let silent = global.quiet || global.verbose > 0 || !std::io::stderr().is_terminal();
+    let (progress, bar) = if silent {
+        (Progress::none(), None)
+    } else {
+        let (progress, bar) = progress_bar::drawn();
+        (progress, Some(bar))
+    };
+    let failed = |error: anyhow::Error| Failure::new(exit::FAILED, format_args!("{error:#}"));
+    interrupt::cancel_on_ctrl_c(&progress).map_err(failed)?;
+    let threads = global.threads.map_or(0, usize::from);
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .map_err(|error| {
+            Failure::new(
+                exit::FAILED,
+                format_args!(
+                    "cannot start {threads} threads: {error}; ask for fewer with --threads"
+                ),
+            )
+        })?;
+    let result = pool.install(|| operation(&progress));
+    if let Some(bar) = bar {
+        bar.finish_and_clear();
+    }
+    let report = result?;
+    if !global.quiet && global.verbose == 0 {
+        for warning in &report.warnings {
+            exit::tell(&format!("ravec: warning: {warning}\n"));
+        }
+    }
+    let to_stdout = |path: &Path| path.as_os_str() == "-";
+    let taken = global.json.as_deref().is_some_and(to_stdout)
+        || report.outputs.iter().any(|file| file.path == "-");
+    if !global.quiet && !taken {
+        summary::print(&summary::summary(&report))?;
+    }
+    match &global.json {
+        Some(path) => summary::write_json(&report, path),
+        None => Ok(()),
+    }
+}
+
+/// Lets `-v` (or the variable `RAVEC_LOG`, in the syntax of `tracing-subscriber`) decide what is said on standard error.
+fn listen(global: &Global) {
+    let level = match global.verbose {
+        0 => "off",
+        1 => "info",
+        2 => "debug",
+        _ => "trace",
+    };
+    let filter = EnvFilter::try_from_env("RAVEC_LOG").unwrap_or_else(|_| EnvFilter::new(level));
+    let subscriber = tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(std::io::stderr)
+        .with_ansi(std::io::stderr().is_terminal())
+        .with_target(false)
+        .without_time();
+    // Only a second subscriber in the same process can fail here, and then the first one stays.
+    drop(subscriber.try_init());
+}
+
+/// The definition without the parts that only make sense on a terminal.
+fn command_for_pages() -> clap::Command {
+    command().term_width(100)
+}
+
+fn manual(out: Option<&Path>) -> Result<(), Failure> {
+    let Some(folder) = out else {
+        let mut page = Vec::new();
+        clap_mangen::Man::new(command_for_pages())
+            .render(&mut page)
+            .expect("a vector takes every write");
+        return summary::print(&String::from_utf8_lossy(&page));
+    };
+    std::fs::create_dir_all(folder)
+        .and_then(|()| clap_mangen::generate_to(command_for_pages(), folder))
+        .map_err(|error| {
+            Failure::new(
+                exit::OUTPUT,
+                format_args!("cannot write the manual into {}: {error}", folder.display()),
+            )
+        })
+}

@@ -1,0 +1,150 @@
+//! The command line: one definition for the parser, the help, the completions and the manual.
+
+use crate::exit;
+use clap::{Args, Parser, Subcommand};
+use clap_complete::Shell;
+use ravec_jobs::{Limits, compare, scenes};
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+
+/// Raster and vector views of images that work together.
+#[derive(Debug, Parser)]
+#[command(
+    name = "ravec",
+    version,
+    after_help = exit::HELP,
+    arg_required_else_help = true,
+    propagate_version = true
+)]
+pub struct Arguments {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+    /// What all operations share.
+    #[command(flatten)]
+    pub global: Global,
+}
+
+/// The operations.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Compare two pictures of the same size: PSNR and largest difference
+    #[command(after_help = exit::HELP)]
+    Compare {
+        /// The reference
+        a: PathBuf,
+        /// The picture that is judged
+        b: PathBuf,
+        #[command(flatten)]
+        params: compare::Params,
+    },
+    /// Write procedural pictures together with what is known about them
+    #[command(after_help = exit::HELP)]
+    Scenes {
+        /// The folder to write into; made if it is missing
+        #[arg(short, long, value_name = "DIR")]
+        out: PathBuf,
+        #[command(flatten)]
+        params: scenes::Params,
+    },
+    /// Print a completion script for a shell
+    Completions {
+        /// The shell
+        shell: Shell,
+    },
+    /// Print the manual page, or write the pages of all commands into a folder
+    Man {
+        /// The folder to write into; made if it is missing
+        #[arg(short, long, value_name = "DIR")]
+        out: Option<PathBuf>,
+    },
+}
+
+/// Flags that every operation takes.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Global options")]
+pub struct Global {
+    /// Say on standard error what is done; twice: in detail
+    #[arg(short, long, global = true, action = clap::ArgAction::Count, conflicts_with = "quiet")]
+    pub verbose: u8,
+    /// Say nothing but errors
+    #[arg(short, long, global = true)]
+    pub quiet: bool,
+    /// Write a report of the run as JSON; `-` writes it to standard output
+    #[arg(long, global = true, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+    /// How many threads to work with [default: all cores]. The result does not depend on it
+    #[arg(long, global = true, value_name = "N")]
+    pub threads: Option<NonZeroUsize>,
+    /// The most pixels that a picture may have when read; `k`, `M` and `G` multiply by powers of 1000
+    #[arg(long, global = true, value_name = "COUNT", value_parser = count,
+        default_value_t = Limits::default().max_pixels)]
+    pub max_pixels: u64,
+    /// The most memory in bytes that reading a picture may take; `k`, `M` and `G` multiply by powers of 1000
+    #[arg(long, global = true, value_name = "COUNT", value_parser = count,
+        default_value_t = Limits::default().max_bytes)]
+    pub max_bytes: u64,
+}
+
+impl Global {
+    /// The limits for reading.
+    pub fn limits(&self) -> Limits {
+        Limits {
+            max_pixels: self.max_pixels,
+            max_bytes: self.max_bytes,
+        }
+    }
+}
+
+/// A positive whole number with an optional `k`, `M` or `G`.
+fn count(text: &str) -> Result<u64, String> {
+    let (digits, factor) = match text.char_indices().last() {
+        Some((at, 'k' | 'K')) => (&text[..at], 1_000),
+        Some((at, 'm' | 'M')) => (&text[..at], 1_000_000),
+        Some((at, 'g' | 'G')) => (&text[..at], 1_000_000_000),
+        _ => (text, 1),
+    };
+    digits
+        .parse::<u64>()
+        .ok()
+        .and_then(|number| number.checked_mul(factor))
+        .filter(|&number| number > 0)
+        .ok_or_else(|| "a positive whole number is needed, as in 500000000 or 500M".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory as _;
+
+    #[test]
+    fn the_definition_is_consistent() {
+        Arguments::command().debug_assert();
+    }
+
+    #[test]
+    fn counts_take_a_power_of_a_thousand() {
+        assert_eq!(count("12"), Ok(12));
+        assert_eq!(count("5k"), Ok(5_000));
+        assert_eq!(count("2M"), Ok(2_000_000));
+        assert_eq!(count("3G"), Ok(3_000_000_000));
+        for wrong in ["", "0", "k", "-1", "1.5M", "99999999999999999G", "1é"] {
+            assert!(count(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn flags_left_out_give_the_default_parameters() {
+        let parsed = Arguments::parse_from(["ravec", "compare", "a", "b"]);
+        let Command::Compare { params, .. } = parsed.command else {
+            panic!("not compare");
+        };
+        assert_eq!(params, compare::Params::default());
+        let parsed = Arguments::parse_from(["ravec", "scenes", "--out", "d"]);
+        let Command::Scenes { params, .. } = parsed.command else {
+            panic!("not scenes");
+        };
+        assert_eq!(params, scenes::Params::default());
+        assert_eq!(parsed.global.limits(), Limits::default());
+    }
+}

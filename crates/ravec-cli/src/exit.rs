@@ -1,0 +1,111 @@
+//! How the program ends: exit codes and the sentence of an error.
+
+use std::backtrace::Backtrace;
+use std::io::Write as _;
+use std::panic::{self, AssertUnwindSafe};
+use std::process::ExitCode;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// The operation failed for another reason than its files.
+pub const FAILED: u8 = 1;
+/// The command line was wrong: an unknown flag, a value out of range.
+pub const USAGE: u8 = 2;
+/// An output could not be written.
+pub const OUTPUT: u8 = 4;
+/// Ctrl-C, or a request to end.
+pub const INTERRUPTED: u8 = 130;
+
+/// The end of every help page.
+pub const HELP: &str = "\
+Exit codes:
+    0  done
+    1  the operation failed
+    2  the command line is wrong
+    3  an input cannot be read, is no valid picture, or exceeds a limit
+    4  an output cannot be written
+  130  interrupted by Ctrl-C; nothing half-written is left";
+
+/// Writes to standard error. Whether anybody listens there is not the program's business.
+pub fn tell(text: &str) {
+    drop(std::io::stderr().lock().write_all(text.as_bytes()));
+}
+
+/// An error and the code to end with.
+#[derive(Debug)]
+pub struct Failure {
+    /// The exit code.
+    pub code: u8,
+    /// What, where, and what to do. Empty if there is nobody left to tell.
+    pub sentence: String,
+}
+
+impl Failure {
+    /// A failure with its sentence.
+    pub fn new(code: u8, sentence: impl std::fmt::Display) -> Self {
+        Self {
+            code,
+            sentence: sentence.to_string(),
+        }
+    }
+
+    /// Tells the user and gives the exit code.
+    pub fn report(&self) -> ExitCode {
+        if !self.sentence.is_empty() {
+            tell(&format!("ravec: error: {}\n", self.sentence));
+        }
+        ExitCode::from(self.code)
+    }
+}
+
+impl From<ravec_jobs::JobError> for Failure {
+    fn from(error: ravec_jobs::JobError) -> Self {
+        Self::new(error.exit_code(), error)
+    }
+}
+
+/// Runs `work` and turns a panic in it, which is a bug, into a failure like any other.
+///
+/// A panic is not printed where it happens, because decoders may panic on hostile files and be caught further down, where
+/// that is an ordinary refusal. It is shown by `-vv`, with a backtrace if the variable `RUST_BACKTRACE` asks for one.
+///
+/// # Errors
+/// That of `work`, or the panic with the code for failures.
+pub fn catch_bugs<T>(work: impl FnOnce() -> Result<T, Failure>) -> Result<T, Failure> {
+    let last = Arc::new(Mutex::new(String::new()));
+    let seen = Arc::clone(&last);
+    panic::set_hook(Box::new(move |panic| {
+        tracing::debug!("{panic}\n{}", Backtrace::capture());
+        *seen.lock().unwrap_or_else(PoisonError::into_inner) = panic.to_string();
+    }));
+    // whatever the work left half-done is not looked at again
+    let result = panic::catch_unwind(AssertUnwindSafe(work));
+    drop(panic::take_hook());
+    result.unwrap_or_else(|_| {
+        let panic = last.lock().unwrap_or_else(PoisonError::into_inner);
+        let panic = panic.replace('\n', " ");
+        Err(Failure::new(
+            FAILED,
+            format_args!(
+                "this is a bug in ravec, please report it with the command that you gave: {panic}"
+            ),
+        ))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_bug_becomes_one_sentence_with_its_place() {
+        let failure = catch_bugs::<()>(|| panic!("the sky\nfell")).unwrap_err();
+        assert_eq!(failure.code, FAILED);
+        assert!(failure.sentence.contains("exit.rs"), "{}", failure.sentence);
+        assert!(
+            failure.sentence.ends_with("the sky fell"),
+            "{}",
+            failure.sentence
+        );
+        assert_eq!(failure.sentence.lines().count(), 1);
+    }
+}

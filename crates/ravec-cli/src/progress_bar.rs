@@ -1,0 +1,47 @@
+//! A progress bar on standard error, if that is a terminal.
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use ravec::progress::{Progress, Update};
+use std::sync::{Mutex, PoisonError};
+
+/// What the bar shows: the phase, the bar, the share, and the time so far.
+const STYLE: &str = "{msg:>12} [{bar:32}] {percent:>3} % {elapsed}";
+
+/// A progress whose updates are drawn, and the bar to clear when all is done.
+pub fn drawn() -> (Progress, ProgressBar) {
+    let bar = ProgressBar::with_draw_target(Some(1), ProgressDrawTarget::stderr_with_hz(15));
+    let style = ProgressStyle::with_template(STYLE)
+        .expect("the template is a constant that a test has seen")
+        .progress_chars("=> ");
+    bar.set_style(style);
+    let phase = Mutex::new("");
+    let sink = {
+        let bar = bar.clone();
+        move |update: Update| {
+            let mut shown = phase.lock().unwrap_or_else(PoisonError::into_inner);
+            if *shown != update.phase {
+                *shown = update.phase;
+                bar.set_length(update.total);
+                bar.set_message(update.phase);
+            }
+            bar.set_position(update.done);
+        }
+    };
+    (Progress::new(sink), bar)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_bar_follows_the_phases() {
+        let (progress, bar) = drawn();
+        bar.set_draw_target(ProgressDrawTarget::hidden());
+        progress.phase("read", 4).advance(3);
+        assert_eq!((bar.position(), bar.length()), (3, Some(4)));
+        progress.phase("fit", 9).advance(9);
+        assert_eq!((bar.position(), bar.length()), (9, Some(9)));
+        assert_eq!(bar.message(), "fit");
+    }
+}

@@ -1,0 +1,142 @@
+//! What the user sees of a report: lines on standard output, or JSON in a file.
+
+use crate::exit::{self, Failure};
+use ravec_jobs::{FileReport, Report, write_text};
+use std::fmt::Write as _;
+use std::io::{self, Write};
+use std::path::Path;
+
+/// The report for a reader: files, figures, warnings, time.
+pub fn summary(report: &Report) -> String {
+    let mut text = String::new();
+    for file in &report.inputs {
+        line(&mut text, "read", file);
+    }
+    for file in &report.outputs {
+        line(&mut text, "wrote", file);
+    }
+    let width = report.figures.keys().map(|name| name.len()).max();
+    for (name, figure) in &report.figures {
+        let width = width.unwrap_or(0);
+        put(
+            &mut text,
+            format_args!("{name:width$}  {}", number(*figure)),
+        );
+    }
+    if let Some(seed) = report.seed {
+        put(&mut text, format_args!("seed {seed}"));
+    }
+    let times: Vec<_> = report
+        .timings
+        .iter()
+        .map(|timing| format!("{} {:.3} s", timing.phase, timing.duration_secs))
+        .collect();
+    if !times.is_empty() {
+        put(&mut text, format_args!("{}", times.join(", ")));
+    }
+    text
+}
+
+fn line(text: &mut String, verb: &str, file: &FileReport) {
+    let size = match (file.width, file.height) {
+        (Some(width), Some(height)) => format!(", {width} x {height}"),
+        _ => String::new(),
+    };
+    let pixels = file
+        .pixels
+        .map_or(String::new(), |kind| format!(", {kind}"));
+    put(
+        text,
+        format_args!("{verb} {} ({}{size}{pixels})", file.path, file.format),
+    );
+}
+
+fn put(text: &mut String, line: std::fmt::Arguments<'_>) {
+    writeln!(text, "{line}").expect("a string takes every write");
+}
+
+/// Four significant digits at least, and whole numbers as such.
+fn number(figure: f64) -> String {
+    if figure.is_infinite() {
+        "infinite".to_owned()
+    } else if figure == figure.trunc() && figure.abs() < 1e15 {
+        format!("{figure}")
+    } else if figure.abs() >= 10.0 {
+        format!("{figure:.2}")
+    } else {
+        format!("{figure:.4}")
+    }
+}
+
+/// Writes the report as JSON to a file, or to standard output if the path is `-`.
+///
+/// # Errors
+/// With the code for outputs, if it cannot be written.
+pub fn write_json(report: &Report, path: &Path) -> Result<(), Failure> {
+    if path.as_os_str() == "-" {
+        print(&report.to_json())
+    } else {
+        write_text(path, &report.to_json()).map_err(Failure::from)
+    }
+}
+
+/// Prints to standard output. A reader that has gone away (`ravec ... | head`) ends the program without a word.
+///
+/// # Errors
+/// With the code for outputs, if it cannot be written.
+pub fn print(text: &str) -> Result<(), Failure> {
+    let mut out = io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Ok(()) => Ok(()),
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+        Err(error) => Err(Failure::new(
+            exit::OUTPUT,
+            format_args!("cannot write to standard output: {error}"),
+        )),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_summary_names_files_figures_seed_and_time() {
+        let mut report = Report::new("compare", &());
+        report.inputs.push(FileReport {
+            path: "a.png".to_owned(),
+            format: "png".to_owned(),
+            width: Some(4),
+            height: Some(3),
+            pixels: Some("8 bit"),
+        });
+        report.figures.insert("psnr_db", f64::INFINITY);
+        report.figures.insert("ssim", 0.98765);
+        report.seed = Some(7);
+        report.time("read", || ());
+        let text = summary(&report);
+        let lines: Vec<_> = text.lines().collect();
+        assert_eq!(
+            lines[..4],
+            [
+                "read a.png (png, 4 x 3, 8 bit)",
+                "psnr_db  infinite",
+                "ssim     0.9877",
+                "seed 7"
+            ]
+        );
+        assert!(lines[4].starts_with("read 0.0"), "{}", lines[4]);
+    }
+
+    #[test]
+    fn numbers_are_short_and_whole_ones_stay_whole() {
+        for (figure, text) in [
+            (31.4159, "31.42"),
+            (0.5, "0.5000"),
+            (12.0, "12"),
+            (-0.25, "-0.2500"),
+        ] {
+            assert_eq!(number(figure), text);
+        }
+    }
+}

@@ -1,0 +1,183 @@
+//! Why an operation did not succeed, and the exit code that says so.
+
+use ravec::progress::Cancelled;
+use ravec::raster::Size;
+use ravec_media::{DecodeError, EncodeError, ReadError, WriteError};
+use std::path::{Path, PathBuf};
+
+/// Why an operation did not succeed. The message says what, where, and what to do.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum JobError {
+    /// A parameter is out of its range.
+    #[error("{name} is {value}, but must be {range}")]
+    Parameter {
+        /// The parameter, as its flag is called.
+        name: &'static str,
+        /// What was asked for.
+        value: String,
+        /// What is possible.
+        range: &'static str,
+    },
+    /// An input cannot be read or is no valid picture.
+    #[error("cannot read {}: {}", shown(.path), plain(.cause))]
+    Read {
+        /// The file; `-` is standard input.
+        path: PathBuf,
+        /// What is wrong with it.
+        cause: DecodeError,
+    },
+    /// Two inputs must have the same size and have not.
+    #[error(
+        "{} has {a_size} pixels and {} has {b_size}: give two pictures of the same size",
+        shown(.a),
+        shown(.b)
+    )]
+    SizesDiffer {
+        /// The first file.
+        a: PathBuf,
+        /// Its size.
+        a_size: Size,
+        /// The second file.
+        b: PathBuf,
+        /// Its size.
+        b_size: Size,
+    },
+    /// An output cannot be written.
+    #[error("cannot write {}: {}", shown(.path), plain(.cause))]
+    Write {
+        /// The file; `-` is standard output.
+        path: PathBuf,
+        /// What is wrong.
+        cause: EncodeError,
+    },
+    /// The caller cancelled the work.
+    #[error("interrupted; nothing half-written is left")]
+    Cancelled,
+}
+
+impl JobError {
+    /// The exit code of a program that ends with this error: 2 for a parameter or
+    /// the extension of an output, 3 for an input, 4 for an output, 130
+    /// for a cancellation, 1 for anything else.
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Self::Parameter { .. }
+            | Self::Write {
+                cause: EncodeError::UnknownExtension | EncodeError::Quality { .. },
+                ..
+            } => 2,
+            Self::Read { .. } | Self::SizesDiffer { .. } => 3,
+            Self::Write { .. } => 4,
+            Self::Cancelled => 130,
+        }
+    }
+}
+
+impl From<Cancelled> for JobError {
+    fn from(_: Cancelled) -> Self {
+        Self::Cancelled
+    }
+}
+
+impl From<ReadError> for JobError {
+    fn from(ReadError { path, cause }: ReadError) -> Self {
+        Self::Read { path, cause }
+    }
+}
+
+impl From<WriteError> for JobError {
+    fn from(WriteError { path, cause }: WriteError) -> Self {
+        Self::Write { path, cause }
+    }
+}
+
+/// A path for a message.
+pub(crate) fn shown(path: &Path) -> String {
+    if path.as_os_str() == "-" {
+        "standard input or output".to_owned()
+    } else {
+        path.display().to_string()
+    }
+}
+
+/// The message of an error without the number that the system has for it.
+fn plain(cause: &impl std::fmt::Display) -> String {
+    let text = cause.to_string();
+    match text.rfind(" (os error ") {
+        Some(at) if text.ends_with(')') => text[..at].to_owned(),
+        _ => text,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io;
+
+    fn unreadable(cause: DecodeError) -> JobError {
+        let path = PathBuf::from("a.png");
+        JobError::from(ReadError { path, cause })
+    }
+
+    fn unwritable(path: &str, cause: EncodeError) -> JobError {
+        let path = PathBuf::from(path);
+        JobError::from(WriteError { path, cause })
+    }
+
+    #[test]
+    fn each_error_has_its_code_and_one_sentence() {
+        let size = |width| Size::new(width, 1).unwrap();
+        let no_file = io::Error::from_raw_os_error(2);
+        let cases = [
+            (
+                JobError::Parameter {
+                    name: "--width",
+                    value: "0".to_owned(),
+                    range: "1 to 65535",
+                },
+                2,
+                "--width is 0, but must be 1 to 65535",
+            ),
+            (
+                unreadable(DecodeError::Empty),
+                3,
+                "cannot read a.png: the file is empty",
+            ),
+            (
+                unreadable(no_file.into()),
+                3,
+                "cannot read a.png: No such file or directory",
+            ),
+            (
+                JobError::SizesDiffer {
+                    a: "a".into(),
+                    a_size: size(1),
+                    b: "-".into(),
+                    b_size: size(2),
+                },
+                3,
+                "a has 1 x 1 pixels and standard input or output has 2 x 1: give two pictures of the same size",
+            ),
+            (
+                unwritable("a.png", io::Error::other("disk full").into()),
+                4,
+                "cannot write a.png: disk full",
+            ),
+            (
+                unwritable("a.jpg", EncodeError::Quality { quality: 0 }),
+                2,
+                "cannot write a.jpg: JPEG quality is 1 to 100, not 0",
+            ),
+            (
+                Cancelled.into(),
+                130,
+                "interrupted; nothing half-written is left",
+            ),
+        ];
+        for (error, code, sentence) in cases {
+            assert_eq!(error.to_string(), sentence);
+            assert_eq!(error.exit_code(), code, "{sentence}");
+        }
+    }
+}

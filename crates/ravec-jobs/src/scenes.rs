@@ -1,0 +1,332 @@
+//! `scenes`: writes procedural pictures together with what is known about them.
+//!
+//! Each scene gives a picture, `NAME.png` (or `NAME.jpg`), and its truth in image coordinates, `NAME.json`. The truth is
+//! what the picture was drawn from, so that a method can be judged without photos and without marking anything by hand.
+//!
+//! Guarantees: equal parameters give equal files on any number of threads; each file is whole. Does not guarantee: that a
+//! cancellation takes effect before the scene at hand is drawn, nor that it removes finished files.
+
+use crate::error::JobError;
+use crate::files;
+use crate::report::Report;
+use ravec::progress::Progress;
+use ravec::raster::{AnyImage, Size, Srgb, Srgba};
+use ravec_media::{Picture, WriteOptions};
+use ravec_scenes::Seed;
+use ravec_scenes::catalog::{Scene, SceneId, render};
+use ravec_scenes::damage::add_gaussian_noise;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// What the pictures are like.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+pub struct Params {
+    /// Write only this scene; may be given several times [default: all]
+    #[cfg_attr(feature = "cli", arg(long = "scene", value_name = "NAME", value_parser = by_name()))]
+    pub scenes: Vec<SceneId>,
+    /// Columns, 16 to 8192 [default: what suits the scene]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "PX"))]
+    pub width: Option<u32>,
+    /// Rows, 16 to 8192 [default: what suits the scene]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "PX"))]
+    pub height: Option<u32>,
+    /// What the details are drawn from: another number gives other details of the same kind
+    #[cfg_attr(feature = "cli", arg(long, default_value_t = Params::default().seed))]
+    pub seed: u64,
+    /// Add Gaussian noise of this standard deviation in 8-bit steps, 0 to 255, to scenes without transparency
+    #[cfg_attr(feature = "cli", arg(long, value_name = "STEPS", default_value_t = Params::default().noise_sigma))]
+    pub noise_sigma: f64,
+    /// Write JPEG files of this quality, 1 to 100, instead of lossless PNG: lower shows more damage
+    #[cfg_attr(feature = "cli", arg(long, value_name = "QUALITY"))]
+    pub jpeg: Option<u8>,
+}
+
+impl Default for Params {
+    fn default() -> Self {
+        Self {
+            scenes: Vec::new(),
+            width: None,
+            height: None,
+            seed: 1,
+            noise_sigma: 0.0,
+            jpeg: None,
+        }
+    }
+}
+
+/// Names as flag values, so that help and completions list them.
+#[cfg(feature = "cli")]
+fn by_name() -> impl clap::builder::TypedValueParser<Value = SceneId> {
+    use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser as _};
+    let names = SceneId::ALL.map(|id| PossibleValue::new(id.name()).help(id.description()));
+    PossibleValuesParser::new(names)
+        .try_map(|name| SceneId::from_name(&name).ok_or("the scene is not in the catalog"))
+}
+
+/// The longest side: the street alone needs minutes there.
+const MAX_SIDE_PX: u32 = 8192;
+/// The shortest side: below, the shapes are thinner than a pixel.
+const MIN_SIDE_PX: u32 = 16;
+
+impl Params {
+    fn check(&self) -> Result<(), JobError> {
+        let wrong = |name, value: String, range| JobError::Parameter { name, value, range };
+        for (name, side) in [("--width", self.width), ("--height", self.height)] {
+            if let Some(side) = side.filter(|side| !(MIN_SIDE_PX..=MAX_SIDE_PX).contains(side)) {
+                return Err(wrong(name, side.to_string(), "16 to 8192"));
+            }
+        }
+        if !(0.0..=255.0).contains(&self.noise_sigma) {
+            return Err(wrong(
+                "--noise-sigma",
+                self.noise_sigma.to_string(),
+                "0 to 255",
+            ));
+        }
+        match self.jpeg {
+            Some(quality) if !(1..=100).contains(&quality) => {
+                Err(wrong("--jpeg", quality.to_string(), "1 to 100"))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn size_of(&self, id: SceneId) -> Size {
+        let default = id.default_size();
+        let side = |asked: Option<u32>, default| asked.map_or(default, |side| side as usize);
+        let (width, height) = (
+            side(self.width, default.width()),
+            side(self.height, default.height()),
+        );
+        Size::new(width, height).expect("`check` passed both sides")
+    }
+}
+
+/// Draws the scenes into the folder `out`, which is made if it is missing.
+///
+/// # Errors
+/// [`JobError::Parameter`] for a parameter out of range, [`JobError::Write`] if a file cannot be written,
+/// [`JobError::Cancelled`] between two scenes.
+pub fn run(out: &Path, params: &Params, progress: &Progress) -> Result<Report, JobError> {
+    params.check()?;
+    let all = params.scenes.is_empty();
+    let ids = if all {
+        &SceneId::ALL[..]
+    } else {
+        &params.scenes
+    };
+    let extension = if params.jpeg.is_some() { "jpg" } else { "png" };
+    let options = WriteOptions {
+        quality: params.jpeg.unwrap_or(WriteOptions::default().quality),
+        ..WriteOptions::default()
+    };
+    let mut report = Report::new("scenes", params);
+    report.seed = Some(params.seed);
+    progress.check()?;
+    files::make_folder(out)?;
+    let phase = progress.phase("draw", ids.len() as u64);
+    for &id in ids {
+        progress.check()?;
+        tracing::info!("drawing {}", id.name());
+        let size = params.size_of(id);
+        let scene = report.time("draw", || render(id, size, Seed(params.seed)));
+        let image = as_stored(&scene, params.noise_sigma);
+        let path = out.join(scene.name).with_extension(extension);
+        files::write(
+            &path,
+            &Picture::from_image(image),
+            &options,
+            &mut report,
+            progress,
+        )?;
+        let truth = serde_json::json!({
+            "scene": scene.name,
+            "width": size.width(),
+            "height": size.height(),
+            "seed": params.seed,
+            "truth": scene.truth,
+        });
+        let path = out.join(scene.name).with_extension("json");
+        files::write_output_text(&path, "JSON", &format!("{truth:#}\n"), &mut report)?;
+        phase.advance(1);
+    }
+    Ok(report)
+}
+
+/// The scene in 8 bit, with noise if it is opaque.
+fn as_stored(scene: &Scene, noise_sigma: f64) -> AnyImage {
+    if scene.image.has_alpha() {
+        return scene.image.convert::<Srgba<u8>>().into();
+    }
+    let image = scene.image.convert::<Srgb<u8>>();
+    if noise_sigma > 0.0 {
+        // not the seed itself: the noise must have nothing to do with the picture
+        add_gaussian_noise(&image, noise_sigma, scene.seed.fork(1)).into()
+    } else {
+        image.into()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::files::Source;
+    use ravec::raster::Image;
+    use ravec_scenes::catalog::Truth;
+
+    fn small() -> Params {
+        Params {
+            width: Some(48),
+            height: Some(32),
+            ..Params::default()
+        }
+    }
+
+    fn picture(path: &Path) -> Image<Srgb<u8>> {
+        let mut report = Report::new("test", &());
+        let picture = files::read(&Source::new(path), &mut report, &Progress::none());
+        picture.unwrap().convert()
+    }
+
+    #[test]
+    fn every_scene_comes_with_its_truth() {
+        let folder = tempfile::tempdir().unwrap();
+        let report = run(folder.path(), &small(), &Progress::none()).unwrap();
+        assert_eq!(report.outputs.len(), 2 * SceneId::ALL.len());
+        assert_eq!(report.seed, Some(1));
+        for id in SceneId::ALL {
+            let path = folder.path().join(id.name());
+            let image = picture(&path.with_extension("png"));
+            assert_eq!(image.size(), Size::new(48, 32).unwrap());
+            let json = std::fs::read_to_string(path.with_extension("json")).unwrap();
+            let truth: serde_json::Value = serde_json::from_str(&json).unwrap();
+            assert_eq!(
+                (&truth["scene"], &truth["width"]),
+                (&id.name().into(), &48.into())
+            );
+            let truth: Truth = serde_json::from_value(truth["truth"].clone()).unwrap();
+            assert_eq!(
+                truth,
+                render(id, image.size(), Seed(1)).truth,
+                "{}",
+                id.name()
+            );
+        }
+    }
+
+    #[test]
+    fn noise_has_the_deviation_that_was_asked_for() {
+        let folder = tempfile::tempdir().unwrap();
+        let quiet = Params {
+            scenes: vec![SceneId::EdgeGrey],
+            ..Params::default()
+        };
+        let noisy = Params {
+            noise_sigma: 5.0,
+            ..quiet.clone()
+        };
+        let path = folder.path().join("edge-grey.png");
+        let [quiet, noisy] = [quiet, noisy].map(|params| {
+            run(folder.path(), &params, &Progress::none()).unwrap();
+            picture(&path)
+        });
+        let squares = quiet
+            .pixels()
+            .iter()
+            .zip(noisy.pixels())
+            .flat_map(|(a, b)| [0, 1, 2].map(|c| (f64::from(a.0[c]) - f64::from(b.0[c])).powi(2)));
+        let count = 3.0 * quiet.size().pixels() as f64;
+        let sigma = (squares.sum::<f64>() / count).sqrt();
+        // five standard errors of a deviation from so many samples; rounding adds 1/12 to the variance
+        let expected = (25.0f64 + 1.0 / 12.0).sqrt();
+        assert!(
+            (sigma - expected).abs() < 5.0 * expected / (2.0 * count).sqrt(),
+            "{sigma}"
+        );
+    }
+
+    #[test]
+    fn jpeg_files_are_jpeg_and_a_picture_with_alpha_says_what_it_lost() {
+        let folder = tempfile::tempdir().unwrap();
+        let damaged = Params {
+            scenes: vec![SceneId::Disc, SceneId::Sprite],
+            jpeg: Some(10),
+            ..small()
+        };
+        let report = run(folder.path(), &damaged, &Progress::none()).unwrap();
+        assert_eq!(report.outputs.len(), 4);
+        assert_eq!(report.outputs[0].format, "JPEG");
+        assert_eq!(report.warnings.len(), 1);
+        assert!(
+            report.warnings[0].contains("sprite.jpg"),
+            "{}",
+            report.warnings[0]
+        );
+    }
+
+    #[test]
+    fn parameters_out_of_range_are_refused_before_anything_is_made() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("never");
+        for wrong in [
+            Params {
+                width: Some(15),
+                ..small()
+            },
+            Params {
+                height: Some(8193),
+                ..small()
+            },
+            Params {
+                noise_sigma: -1.0,
+                ..small()
+            },
+            Params {
+                noise_sigma: f64::NAN,
+                ..small()
+            },
+            Params {
+                jpeg: Some(0),
+                ..small()
+            },
+            Params {
+                jpeg: Some(101),
+                ..small()
+            },
+        ] {
+            let error = run(&out, &wrong, &Progress::none()).unwrap_err();
+            assert_eq!(error.exit_code(), 2, "{error}");
+        }
+        assert!(!out.exists());
+    }
+
+    #[test]
+    fn a_cancelled_run_writes_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let progress = Progress::none();
+        progress.cancel();
+        let out = folder.path().join("never");
+        assert!(matches!(
+            run(&out, &small(), &progress),
+            Err(JobError::Cancelled)
+        ));
+        assert!(!out.exists());
+    }
+
+    #[test]
+    fn parameters_survive_json_and_what_is_left_out_is_default() {
+        let text = serde_json::to_string(&small()).unwrap();
+        assert_eq!(serde_json::from_str::<Params>(&text).unwrap(), small());
+        let partial: Params =
+            serde_json::from_str(r#"{"seed": 9, "scenes": ["line-art"]}"#).unwrap();
+        let expected = Params {
+            seed: 9,
+            scenes: vec![SceneId::LineArt],
+            ..Params::default()
+        };
+        assert_eq!(partial, expected);
+        assert!(serde_json::from_str::<Params>(r#"{"sede": 9}"#).is_err());
+    }
+}
