@@ -6,6 +6,7 @@
 //! | module | what is in it |
 //! | --- | --- |
 //! | [`raster`] | images with typed colors, sampling, filters, metrics |
+//! | [`twocolor`] | two-color pixels, and filters that do not cross edges |
 //! | [`progress`] | progress and cancellation of long work |
 //!
 //! Everything here works on pixels in memory. Files are read and written by the crate `ravec-media`, which is not part of
@@ -26,6 +27,56 @@
 //! let grey = Srgb::<u8>::from_linear(LinearRgb([mean; 3]).to_linear());
 //! assert_eq!(grey, Srgb([188; 3]));
 //! # Ok::<(), ravec::raster::SizeError>(())
+//! ```
+//!
+//! # Blocks become lines
+//!
+//! A two-color pixel is a block of pixels that is replaced by one line and a color on each side of it. Of all the ways in
+//! which a line can split the block, the fit takes the best, and then finds the line itself to a fraction of a pixel.
+//!
+//! ```
+//! use ravec::progress::Progress;
+//! use ravec::raster::Size;
+//! use ravec::twocolor::{FitParams, TwoColorField};
+//! use ravec_scenes::edge::{EdgeTruth, TwoColors, edge};
+//!
+//! // an edge whose normal points 30 degrees below the x axis, 2 pixels to the right of the middle of a 64 × 64 picture
+//! let colors = TwoColors::from_encoded([200.0, 60.0, 40.0], [40.0, 70.0, 120.0]);
+//! let truth = EdgeTruth::from_angle(30f64.to_radians(), (34.0, 32.0).into(), colors);
+//! let picture = edge(Size::new(64, 64)?, &truth);
+//!
+//! let progress = Progress::none();
+//! let mut field = TwoColorField::fit(&picture, &FitParams::default(), &progress)?;
+//! field.refine_lines(&picture, &progress)?;
+//!
+//! assert!(field.block(0, 0).is_flat());
+//! let line = field.block(4, 4).line.expect("the edge crosses this block");
+//! assert!((line.normal.dot(truth.normal).abs() - 1.0).abs() < 1e-4, "parallel to the edge");
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! # Noise goes, edges stay
+//!
+//! Every window of a picture knows on which side of its line a pixel lies, so that averages need not cross edges.
+//!
+//! ```
+//! use ravec::progress::Progress;
+//! use ravec::raster::{Image, Rect, Size, Srgb};
+//! use ravec::twocolor::{CleanParams, clean};
+//! use ravec_scenes::{Seed, damage::add_gaussian_noise};
+//!
+//! let steps = Image::from_fn(Size::new(96, 64)?, |col, _| Srgb([if col < 48 { 90u8 } else { 160 }; 3]));
+//! let noisy = add_gaussian_noise(&steps, 15.0, Seed(1));
+//!
+//! let params = CleanParams { noise_sigma: Some(15.0), ..CleanParams::default() };
+//! let cleaned = clean(&noisy, Rect::of(noisy.size()), &params, &Progress::none())?.convert::<Srgb<u8>>();
+//!
+//! let error = |image: &Image<Srgb<u8>>| {
+//!     let pairs = image.pixels().iter().zip(steps.pixels());
+//!     pairs.map(|(a, b)| f64::from(a.0[1].abs_diff(b.0[1]))).sum::<f64>()
+//! };
+//! assert!(error(&cleaned) < 0.2 * error(&noisy));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
 //! # Long work can be watched and stopped
@@ -53,3 +104,4 @@
 
 pub use ravec_progress as progress;
 pub use ravec_raster as raster;
+pub use ravec_twocolor as twocolor;
