@@ -105,3 +105,8 @@
 pub use ravec_progress as progress;
 pub use ravec_raster as raster;
 pub use ravec_twocolor as twocolor;
+
+/// Runs the examples of the readme.
+#[cfg(doctest)]
+#[doc = include_str!("../../../README.md")]
+struct Readme;
