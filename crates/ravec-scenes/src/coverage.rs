@@ -149,7 +149,7 @@ pub(crate) fn above(x: f64, edge: f64, window: f64) -> f64 {
 #[inline]
 pub(crate) fn pulse(x: f64, duty: f64, window: f64) -> f64 {
     let integral = |t: f64| t.floor() * duty + (t - t.floor()).min(duty);
-    (integral(x + 0.5 * window) - integral(x - 0.5 * window)) / window
+    ((integral(x + 0.5 * window) - integral(x - 0.5 * window)) / window).clamp(0.0, 1.0)
 }
 
 #[cfg(test)]
@@ -201,7 +201,7 @@ mod tests {
         fn pulses_are_means_of_the_wave(x in -3.0..3.0, duty in 0.0..1.0, window in 0.01..2.5) {
             let n = 4000;
             let plain = (0..n).filter(|i| {
-                let t = x + window * ((f64::from(*i) + 0.5) / f64::from(n) - 0.5);
+                let t: f64 = x + window * ((f64::from(*i) + 0.5) / f64::from(n) - 0.5);
                 t - t.floor() < duty
             }).count() as f64 / f64::from(n);
             // each of the at most 7 jumps falls into one of n cells

@@ -159,7 +159,7 @@ impl Facade {
         match self.gable {
             Gable::None => self.height,
             Gable::Pointed(h) => self.height + h * t,
-            Gable::Stepped(h) => self.height + h * (t * 5.0).floor() / 5.0,
+            Gable::Stepped(h) => self.height + h * (t * 4.0).floor().min(3.0) / 3.0,
         }
     }
 
@@ -242,7 +242,7 @@ impl Facade {
             3,
             self.seed.fork(2),
         );
-        let weather = (1.0 + 0.10 * stain + 0.05 * streaks) as f32;
+        let weather = (1.0 + 0.10 * stain + 0.025 * streaks) as f32;
         let rough = |color: Vec3| {
             let grain = fractal(q * 14.0, 14.0 * footprint, 3, self.seed.fork(3));
             let patch = smoothstep(

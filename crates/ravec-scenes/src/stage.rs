@@ -114,7 +114,7 @@ pub(crate) struct Stage {
     pub seed: Seed,
 }
 
-const SUN_LIGHT: Vec3 = Vec3::new(2.75, 2.15, 1.45);
+const SUN_LIGHT: Vec3 = Vec3::new(3.0, 2.36, 1.62);
 const SKY_LIGHT: Vec3 = Vec3::new(0.42, 0.56, 0.80);
 const BOUNCE_LIGHT: Vec3 = Vec3::new(0.36, 0.27, 0.18);
 const HAZE: Vec3 = Vec3::new(0.86, 0.78, 0.70);

@@ -44,6 +44,9 @@ enum Skin {
     Plum,
     Grape,
     Glazed(Vec3),
+    Banded(Vec3),
+    /// A ring around a dark opening.
+    Lip(Vec3),
     Steel,
     Stem,
 }
@@ -53,29 +56,46 @@ struct Thing {
     name: &'static str,
     center: DVec3,
     radii: DVec3,
-    /// World from the ellipsoid's own axes: a turn about y, then a tilt about z.
+    /// World from the ellipsoid's own axes: a turn about y.
     turn: DMat3,
     skin: Skin,
+    /// Into the space in which the ellipsoid is the unit ball.
+    unit_from_world: DMat3,
 }
 
 impl Thing {
-    fn upright(name: &'static str, x: f64, z: f64, radii: DVec3, skin: Skin) -> Self {
+    fn at(name: &'static str, center: DVec3, radii: DVec3, skin: Skin) -> Self {
         Self {
             name,
-            center: DVec3::new(x, radii.y, z),
+            center,
             radii,
             turn: DMat3::IDENTITY,
             skin,
+            unit_from_world: DMat3::from_diagonal(radii.recip()),
         }
+    }
+
+    /// On the table.
+    fn upright(name: &'static str, x: f64, z: f64, radii: DVec3, skin: Skin) -> Self {
+        Self::at(name, DVec3::new(x, radii.y, z), radii, skin)
     }
 
     fn ball(name: &'static str, x: f64, z: f64, radius: f64, skin: Skin) -> Self {
         Self::upright(name, x, z, DVec3::splat(radius), skin)
     }
 
-    /// Into the space in which the ellipsoid is the unit ball.
+    /// Turned about y.
+    fn turned(self, angle_rad: f64) -> Self {
+        let turn = DMat3::from_rotation_y(angle_rad);
+        Self {
+            turn,
+            unit_from_world: self.unit_from_world * turn.transpose(),
+            ..self
+        }
+    }
+
     fn to_unit(&self, v: DVec3) -> DVec3 {
-        (self.turn.transpose() * v) / self.radii
+        self.unit_from_world * v
     }
 
     /// Nearest hit of a ray beyond `t` = 1e-6.
@@ -195,8 +215,8 @@ fn things(seed: Seed) -> Vec<Thing> {
             "vase",
             1.28,
             -1.25,
-            DVec3::new(0.62, 0.85, 0.62),
-            Skin::Glazed(hex(0x1f_4f_78)),
+            DVec3::new(0.62, 0.78, 0.62),
+            Skin::Banded(hex(0x1f_4f_78)),
         ),
         Thing::ball(
             "glazed ball",
@@ -206,25 +226,34 @@ fn things(seed: Seed) -> Vec<Thing> {
             Skin::Glazed(hex(0x2f_7d_5c)),
         ),
         Thing::upright("plum", 0.62, 1.05, DVec3::new(0.30, 0.27, 0.27), Skin::Plum),
-        Thing::upright(
+        Thing::at(
             "stem",
-            0.28,
-            -0.35,
+            DVec3::new(0.28, 0.98, -0.35),
             DVec3::new(0.026, 0.16, 0.026),
             Skin::Stem,
         ),
+        Thing::upright(
+            "lemon",
+            -1.95,
+            -0.95,
+            DVec3::new(0.50, 0.36, 0.36),
+            Skin::Lemon,
+        )
+        .turned(0.5),
+        Thing::at(
+            "neck",
+            DVec3::new(1.28, 1.58, -1.25),
+            DVec3::new(0.26, 0.26, 0.26),
+            Skin::Lip(hex(0x1f_4f_78)),
+        ),
+        Thing::at(
+            "lip",
+            DVec3::new(1.28, 1.84, -1.25),
+            DVec3::new(0.36, 0.06, 0.36),
+            Skin::Lip(hex(0x1f_4f_78)),
+        ),
         Thing::ball("pearl", -1.75, 1.15, 0.13, Skin::Glazed(hex(0xe9_e2_d8))),
     ];
-    let mut lemon = Thing::upright(
-        "lemon",
-        -1.95,
-        -0.95,
-        DVec3::new(0.50, 0.36, 0.36),
-        Skin::Lemon,
-    );
-    lemon.turn = DMat3::from_rotation_y(0.5);
-    things.push(lemon);
-    things[7].center.y = 0.98;
     // a bunch of grapes: a heap of two layers
     for i in 0..15 {
         let layer = if i < 9 { 0.0 } else { 1.0 };
@@ -233,17 +262,17 @@ fn things(seed: Seed) -> Vec<Thing> {
         let angle = k / count * std::f64::consts::TAU + 0.4 * layer;
         let ring = (if i % 2 == 0 { 0.36 } else { 0.17 }) * (1.0 - 0.35 * layer);
         let radius = 0.148 + 0.012 * seed.unit(i64::from(i), 0, 0);
-        things.push(Thing {
-            name: "grape",
-            center: DVec3::new(
-                1.32 + 1.35 * ring * angle.cos(),
-                radius + 0.21 * layer,
-                0.72 + ring * angle.sin(),
-            ),
-            radii: DVec3::splat(radius),
-            turn: DMat3::IDENTITY,
-            skin: Skin::Grape,
-        });
+        let center = DVec3::new(
+            1.32 + 1.35 * ring * angle.cos(),
+            radius + 0.21 * layer,
+            0.72 + ring * angle.sin(),
+        );
+        things.push(Thing::at(
+            "grape",
+            center,
+            DVec3::splat(radius),
+            Skin::Grape,
+        ));
     }
     things
 }
@@ -329,7 +358,7 @@ impl Studio {
         let wall = DVec2::new(direction.x / (-direction.z).max(0.2), direction.y);
         let cloud = fractal(wall * 2.2, 2.2 * spread, 5, self.seed.fork(1));
         let pool = smoothstep(1.1, 0.0, wall.distance(DVec2::new(-0.25, 0.10)));
-        let tone = hex(0x3c_3a_34).lerp(hex(0x8c_7c_62), pool as f32);
+        let tone = hex(0x3c_3a_34).lerp(hex(0xb4_a0_80), pool as f32);
         tone * (0.55 + 0.12 * cloud) as f32
     }
 
@@ -475,13 +504,13 @@ impl Studio {
         // reflectance, mirror at right angles, how much of the mirror grows at grazing angles
         let (albedo, polish, grazing) = match thing.skin {
             Skin::Orange => {
-                bump(&mut normal, 26.0, 0.30);
+                bump(&mut normal, 44.0, 0.11);
                 let spots = cellular(map * 22.0, seed);
                 let pores = smoothstep(0.12, 0.32, spots.nearest) as f32;
                 (hex(0xf0_82_12) * (0.86 + 0.14 * pores), 0.035, 0.35)
             }
             Skin::Lemon => {
-                bump(&mut normal, 18.0, 0.22);
+                bump(&mut normal, 30.0, 0.09);
                 let green = smoothstep(0.6, 1.0, unit.x.abs());
                 (
                     hex(0xf4_cf_2a).lerp(hex(0xb9_b0_30), 0.7 * green as f32),
@@ -515,7 +544,7 @@ impl Studio {
                     fractal(map * 3.0, footprint * 6.0, 4, seed) + 0.5 * unit.y,
                 );
                 (
-                    hex(0x2c_12_30).lerp(hex(0x6a_64_86), 0.55 * bloom as f32),
+                    hex(0x2c_12_30).lerp(hex(0x5a_50_74), 0.35 * bloom as f32),
                     0.04,
                     0.35,
                 )
@@ -527,31 +556,28 @@ impl Studio {
                     fractal(map * 3.0, footprint * 12.0, 3, seed) + 0.4 * unit.y,
                 );
                 (
-                    hex(0x4b_1b_3c).lerp(hex(0x8a_74_92), 0.4 * bloom as f32),
+                    hex(0x4b_1b_3c).lerp(hex(0x7a_5a_7c), 0.3 * bloom as f32),
                     0.05,
                     0.45,
                 )
             }
             Skin::Glazed(color) => {
                 let craze = fractal(map * 4.0, footprint * 8.0, 4, seed);
-                let rim = smoothstep(0.86, 0.90, unit.y) as f32;
-                let bands = smoothstep(
-                    0.035,
-                    0.02,
-                    ((unit.y * 3.0).fract().abs() - 0.5).abs() * 0.5,
-                ) as f32;
-                let pattern = if thing.name == "vase" {
-                    hex(0xd9_cf_b8)
-                } else {
-                    color
-                };
+                (color * (1.0 + 0.12 * craze) as f32, 0.07, 0.85)
+            }
+            Skin::Banded(color) => {
+                let craze = fractal(map * 4.0, footprint * 8.0, 4, seed);
+                let distance = (3.0 * unit.y - (3.0 * unit.y).floor() - 0.5).abs();
+                let band = smoothstep(0.07, 0.04, distance) as f32;
+                let painted = color.lerp(hex(0xd9_cf_b8), band);
+                (painted * (1.0 + 0.12 * craze) as f32, 0.07, 0.85)
+            }
+            Skin::Lip(color) => {
+                let hole = f32::from(unit.y > 0.0 && unit.x.hypot(unit.z) < 0.80);
                 (
-                    color
-                        .lerp(pattern, bands)
-                        .lerp(hex(0x12_14_18), rim * f32::from(thing.name == "vase"))
-                        * (1.0 + 0.12 * craze) as f32,
-                    0.07,
-                    0.85,
+                    color.lerp(hex(0x08_09_0c), hole),
+                    0.07 * (1.0 - f64::from(hole)),
+                    0.5,
                 )
             }
             Skin::Steel => (Vec3::splat(0.03), 0.72, 0.28),

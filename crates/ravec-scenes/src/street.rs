@@ -147,7 +147,7 @@ fn left_row() -> Vec<House> {
         House {
             width: 7.0,
             height: 9.3,
-            gable: Gable::Pointed(4.2),
+            gable: Gable::Pointed(3.0),
             wall: Wall::Timber(hex(0xee_dc_bd)),
             trim: 0xd8_c8_a8,
             shutters: None,
@@ -157,7 +157,7 @@ fn left_row() -> Vec<House> {
         House {
             width: 8.0,
             height: 9.4,
-            gable: Gable::Stepped(4.6),
+            gable: Gable::Stepped(2.6),
             wall: Wall::Brick(hex(0xa9_56_3b)),
             trim: 0xe3_d6_bb,
             shutters: Some(0x3c_5a_3c),
@@ -177,7 +177,7 @@ fn left_row() -> Vec<House> {
         House {
             width: 8.0,
             height: 9.3,
-            gable: Gable::Pointed(3.8),
+            gable: Gable::Pointed(2.6),
             wall: Wall::Plaster(hex(0xcf_c3_a0)),
             trim: 0xe9_e0_cf,
             shutters: Some(0x8a_3b_30),
@@ -212,7 +212,7 @@ fn right_row() -> Vec<House> {
         House {
             width: 7.5,
             height: 8.2,
-            gable: Gable::Stepped(3.6),
+            gable: Gable::Stepped(2.0),
             wall: Wall::Plaster(hex(0x9d_b4_c0)),
             trim: 0xee_e8_dc,
             shutters: Some(0x4b_5f_7c),
@@ -223,7 +223,7 @@ fn right_row() -> Vec<House> {
         House {
             width: 8.0,
             height: 9.3,
-            gable: Gable::Pointed(3.6),
+            gable: Gable::Pointed(2.8),
             wall: Wall::Plaster(hex(0xd9_a1_86)),
             trim: 0xec_e2_d0,
             shutters: Some(0x5c_70_52),
@@ -243,7 +243,7 @@ fn right_row() -> Vec<House> {
         House {
             width: 14.0,
             height: 9.6,
-            gable: Gable::Pointed(4.0),
+            gable: Gable::Pointed(3.0),
             wall: Wall::Brick(hex(0xa0_60_48)),
             trim: 0xe2_d6_c2,
             shutters: None,
@@ -425,7 +425,7 @@ fn stage(seed: Seed) -> Stage {
     }
     Stage {
         pieces,
-        sun: DVec3::new(0.60, 0.66, 0.30).normalize(),
+        sun: DVec3::new(0.46, 0.78, 0.32).normalize(),
         seed: seed.fork(800),
     }
 }

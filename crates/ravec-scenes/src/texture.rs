@@ -474,9 +474,10 @@ mod tests {
     #[test]
     fn leaves_grow_only_where_there_is_density() {
         let disc = |p: DVec2| 1.0 - p.length();
-        let inside = foliage(DVec2::new(0.1, 0.2), 0.001, 0.1, disc, Seed(2));
-        let outside = foliage(DVec2::new(2.0, 0.0), 0.001, 0.1, disc, Seed(2));
-        assert_eq!(outside.cover, 0.0);
-        assert_eq!(inside.cover, 1.0);
+        let cover = |p| foliage(p, 0.001, 0.1, disc, Seed(2)).cover;
+        assert!(grid().filter(|p| p.length() > 1.2).all(|p| cover(p) == 0.0));
+        let inner: Vec<f64> = grid().map(|p| cover(p * 0.05)).collect();
+        // four layers of leaves, each of which covers more than half
+        assert!(inner.iter().sum::<f64>() / inner.len() as f64 > 0.9);
     }
 }
