@@ -65,6 +65,16 @@ pub enum FitError {
         /// The side that was asked for.
         got: usize,
     },
+    /// The smallest and the largest block do not fit each other.
+    #[error(
+        "blocks from {min} to {max} pixels cannot be nested: choose a smallest of 2 to 32, times a power of two up to 64"
+    )]
+    Sizes {
+        /// The smallest side that was asked for.
+        min: usize,
+        /// The largest side.
+        max: usize,
+    },
     /// The region holds no pixel of the image.
     #[error("the region lies outside the image")]
     EmptyRegion,

@@ -49,6 +49,7 @@
 //! Source: D. Pavić and L. Kobbelt, "Two-Colored Pixels", Eurographics 2010; known in signal processing as wedgelets
 //! (D. Donoho, "Wedgelets: nearly minimax estimation of edges", 1999).
 
+mod adaptive;
 mod clean;
 mod coarse_to_fine;
 mod dense;
@@ -56,15 +57,22 @@ mod field;
 mod fit;
 mod line;
 mod pixel;
+mod placed;
+mod render;
 mod split_table;
 mod subpixel;
+mod svg;
 mod sweep;
 pub mod volume;
 
+pub use adaptive::{AdaptiveField, AdaptiveParams, Leaf};
 pub use clean::{CleanParams, NoiseLevel, clean, clean_with, estimate_noise};
 pub use dense::{CenteredWindow, WindowParams, map_windows};
 pub use field::{FitError, FitMethod, FitParams, TwoColorField};
 pub use line::Line;
 pub use pixel::TwoColorPixel;
+pub use placed::{BlockField, PlacedBlock};
+pub use render::{RenderError, render, render_mosaic, render_to};
 pub use split_table::{MAX_EXACT_SIDE, split_count};
 pub use subpixel::refine_line;
+pub use svg::{SvgParams, write_svg};
