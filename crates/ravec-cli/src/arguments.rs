@@ -3,7 +3,7 @@
 use crate::exit;
 use clap::{Args, Parser, Subcommand};
 use clap_complete::Shell;
-use ravec_jobs::{Limits, compare, scenes};
+use ravec_jobs::{Limits, compare, scenes, twocolor};
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
@@ -37,6 +37,20 @@ pub enum Command {
         b: PathBuf,
         #[command(flatten)]
         params: compare::Params,
+    },
+    /// Turn a picture into two-color pixels: blocks with one line and two colors, sharp at any scale
+    #[command(after_help = exit::HELP)]
+    Twocolor {
+        /// The picture; `-` is standard input
+        input: PathBuf,
+        /// The file to write; its extension says the format, `-` is standard output
+        #[arg(short, long, value_name = "FILE", required_unless_present = "svg")]
+        output: Option<PathBuf>,
+        /// Write a drawing as SVG, with equal-colored neighbors merged
+        #[arg(long, value_name = "FILE")]
+        svg: Option<PathBuf>,
+        #[command(flatten)]
+        params: twocolor::Params,
     },
     /// Write procedural pictures together with what is known about them
     #[command(after_help = exit::HELP)]

@@ -30,7 +30,7 @@ use arguments::{Arguments, Command, Global};
 use clap::{CommandFactory as _, Parser as _};
 use exit::Failure;
 use ravec::progress::Progress;
-use ravec_jobs::{JobError, Report, Source, compare, scenes};
+use ravec_jobs::{JobError, Report, Source, compare, scenes, twocolor};
 use std::ffi::OsString;
 use std::io::IsTerminal as _;
 use std::path::Path;
@@ -82,6 +82,20 @@ fn execute(Arguments { command, global }: Arguments) -> Result<(), Failure> {
         Command::Compare { a, b, params } => job(&global, |progress| {
             compare::run(&source(a), &source(b), &params, progress)
         }),
+        Command::Twocolor {
+            input,
+            output,
+            svg,
+            params,
+        } => {
+            let targets = twocolor::Targets {
+                picture: output,
+                svg,
+            };
+            job(&global, |progress| {
+                twocolor::run(&source(input), &targets, &params, progress)
+            })
+        }
         Command::Scenes { out, params } => {
             job(&global, |progress| scenes::run(&out, &params, progress))
         }

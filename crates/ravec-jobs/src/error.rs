@@ -2,6 +2,7 @@
 
 use ravec::progress::Cancelled;
 use ravec::raster::Size;
+use ravec::twocolor::{FitError, RenderError};
 use ravec_media::{DecodeError, EncodeError, ReadError, WriteError};
 use std::path::{Path, PathBuf};
 
@@ -51,6 +52,12 @@ pub enum JobError {
         /// What is wrong.
         cause: EncodeError,
     },
+    /// The fit refuses its input.
+    #[error(transparent)]
+    Fit(FitError),
+    /// The rendering refuses its input.
+    #[error(transparent)]
+    Render(RenderError),
     /// The caller cancelled the work.
     #[error("interrupted; nothing half-written is left")]
     Cancelled,
@@ -69,6 +76,7 @@ impl JobError {
             } => 2,
             Self::Read { .. } | Self::SizesDiffer { .. } => 3,
             Self::Write { .. } => 4,
+            Self::Fit(_) | Self::Render(_) => 1,
             Self::Cancelled => 130,
         }
     }
@@ -77,6 +85,24 @@ impl JobError {
 impl From<Cancelled> for JobError {
     fn from(_: Cancelled) -> Self {
         Self::Cancelled
+    }
+}
+
+impl From<FitError> for JobError {
+    fn from(error: FitError) -> Self {
+        match error {
+            FitError::Cancelled(_) => Self::Cancelled,
+            other => Self::Fit(other),
+        }
+    }
+}
+
+impl From<RenderError> for JobError {
+    fn from(error: RenderError) -> Self {
+        match error {
+            RenderError::Cancelled(_) => Self::Cancelled,
+            other => Self::Render(other),
+        }
     }
 }
 

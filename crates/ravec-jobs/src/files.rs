@@ -47,6 +47,17 @@ pub(crate) fn read(
     Ok(picture)
 }
 
+/// Refuses a target whose extension says no format, before any work is done for it.
+pub(crate) fn check_target(path: &Path) -> Result<(), JobError> {
+    if path.as_os_str() == "-" || ravec_media::Format::from_extension(path).is_some() {
+        return Ok(());
+    }
+    Err(JobError::Write {
+        path: path.to_path_buf(),
+        cause: ravec_media::EncodeError::UnknownExtension,
+    })
+}
+
 /// Writes a picture, whole or not at all, and records it.
 pub(crate) fn write(
     path: &Path,

@@ -30,6 +30,7 @@ mod error;
 mod files;
 mod report;
 pub mod scenes;
+pub mod twocolor;
 
 pub use error::JobError;
 pub use files::{Source, write_text};

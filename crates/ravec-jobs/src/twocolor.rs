@@ -1,0 +1,454 @@
+//! `twocolor`: an image as two-color pixels, as pixels again at any scale or as a drawing.
+//!
+//! Guarantees: equal parameters give equal files on any number of threads; outputs are whole or absent. The two-color
+//! picture is written with the sample kind, profile and EXIF block of its source.
+
+use crate::error::JobError;
+use crate::files::{self, Source};
+use crate::report::Report;
+use ravec::progress::Progress;
+use ravec::raster::{AnyImage, Color, Image, LinearRgba, Size};
+use ravec::twocolor::{
+    AdaptiveField, AdaptiveParams, BlockField, FitMethod, FitParams, SvgParams, TwoColorField,
+    render, render_mosaic, render_to, write_svg,
+};
+use ravec_media::WriteOptions;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// How the image is cut, fitted and drawn.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+pub struct Params {
+    /// Side of a block in pixels, 2 to 64; with --adaptive that of the smallest blocks, 2 to 32
+    ///
+    /// Larger blocks store less and abstract more. Up to 16 the best line of all is found; larger blocks are fitted coarse
+    /// to fine.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "PX", default_value_t = Params::default().size))]
+    pub size: usize,
+    /// Let blocks grow where two colors are enough
+    #[cfg_attr(feature = "cli", arg(long))]
+    pub adaptive: bool,
+    /// Side of the largest blocks with --adaptive: --size times a power of two, at most 64
+    #[cfg_attr(feature = "cli", arg(long, value_name = "PX", default_value_t = Params::default().max_size))]
+    pub max_size: usize,
+    /// With --adaptive, cut a block where its pixels are further than this from its colors: root mean square Oklab
+    /// distance, 0 to 1. Less follows more texture with more blocks
+    #[cfg_attr(feature = "cli", arg(long, value_name = "DISTANCE", default_value_t = Params::default().max_error))]
+    pub max_error: f32,
+    /// Oklab contrast below which a block has one color, 0 to 1. More gives fewer lines
+    #[cfg_attr(feature = "cli", arg(long, value_name = "CONTRAST", default_value_t = Params::default().flat_contrast))]
+    pub flat_contrast: f32,
+    /// Output pixels per pixel of the input, above 0: the lines stay sharp at any scale
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FACTOR", default_value_t = Params::default().scale))]
+    pub scale: f64,
+    /// Keep each line where the fit puts it, instead of moving it between pixel centers to where it explains the mixed
+    /// pixels along it
+    #[cfg_attr(feature = "cli", arg(long))]
+    pub whole_pixels: bool,
+    /// Draw each block in its mean color, without a line: the plain mosaic, for comparison
+    #[cfg_attr(feature = "cli", arg(long))]
+    pub mosaic: bool,
+    /// Levels of each color channel in a drawing, 2 to 256. Fewer merge more neighbors into one shape
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = Params::default().color_levels))]
+    pub color_levels: u16,
+}
+
+impl Default for Params {
+    fn default() -> Self {
+        let (fit, adaptive) = (FitParams::default(), AdaptiveParams::default());
+        Self {
+            size: fit.block_px,
+            adaptive: false,
+            max_size: adaptive.max_block_px,
+            max_error: adaptive.max_error,
+            flat_contrast: fit.flat_contrast,
+            scale: 1.0,
+            whole_pixels: false,
+            mosaic: false,
+            color_levels: SvgParams::default().color_levels,
+        }
+    }
+}
+
+/// Where the result goes: at least one of both.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Targets {
+    /// The picture; its extension says the format, `-` is standard output.
+    pub picture: Option<PathBuf>,
+    /// The drawing as SVG, in the input's size whatever the scale.
+    pub svg: Option<PathBuf>,
+}
+
+impl Params {
+    fn check(&self) -> Result<(), JobError> {
+        let wrong = |name, value: String, range| Err(JobError::Parameter { name, value, range });
+        if !self.adaptive && !(2..=64).contains(&self.size) {
+            return wrong("--size", self.size.to_string(), "2 to 64");
+        }
+        let ratio = self.max_size / self.size.max(1);
+        let nested = ratio.is_power_of_two() && ratio * self.size == self.max_size;
+        if self.adaptive && !(nested && (2..=32).contains(&self.size) && self.max_size <= 64) {
+            let sizes = format!("{} to {}", self.size, self.max_size);
+            return wrong(
+                "--size to --max-size",
+                sizes,
+                "2 to 32, then that times a power of two up to 64",
+            );
+        }
+        for (name, value) in [
+            ("--max-error", self.max_error),
+            ("--flat-contrast", self.flat_contrast),
+        ] {
+            if !(0.0..=1.0).contains(&value) {
+                return wrong(name, value.to_string(), "0 to 1");
+            }
+        }
+        if !(self.scale > 0.0 && self.scale <= 1024.0) {
+            return wrong("--scale", self.scale.to_string(), "above 0, up to 1024");
+        }
+        if !(2..=256).contains(&self.color_levels) {
+            return wrong("--color-levels", self.color_levels.to_string(), "2 to 256");
+        }
+        Ok(())
+    }
+
+    /// The size of the output, if it stays within the most pixels that a picture may have.
+    fn output_size(&self, input: Size, max_pixels: u64) -> Result<(), JobError> {
+        let pixels = input.pixels() as f64 * self.scale * self.scale;
+        if pixels > max_pixels as f64 {
+            return Err(JobError::Parameter {
+                name: "--scale",
+                value: self.scale.to_string(),
+                range: "small enough to keep the output within --max-pixels",
+            });
+        }
+        Ok(())
+    }
+}
+
+/// Fits the picture `source` and writes it to `targets`.
+///
+/// Figures: `blocks` and `flat_blocks`; `values` stored (a line has 2, a color 3); and, at the input's scale, `psnr_db` of
+/// the encoded colors against the input.
+///
+/// # Errors
+/// [`JobError::Parameter`] for a parameter out of range or no target at all, [`JobError::Read`], [`JobError::Write`],
+/// [`JobError::Cancelled`].
+pub fn run(
+    source: &Source,
+    targets: &Targets,
+    params: &Params,
+    progress: &Progress,
+) -> Result<Report, JobError> {
+    params.check()?;
+    if targets.picture.is_none() && targets.svg.is_none() {
+        return Err(JobError::Parameter {
+            name: "--output or --svg",
+            value: "missing".to_owned(),
+            range: "a file to write",
+        });
+    }
+    if let Some(path) = &targets.picture {
+        files::check_target(path)?;
+    }
+    let mut report = Report::new("twocolor", params);
+    let picture = files::read(source, &mut report, progress)?;
+    params.output_size(picture.image.size(), source.limits.max_pixels)?;
+    if params.adaptive {
+        let fit = AdaptiveParams {
+            min_block_px: params.size,
+            max_block_px: params.max_size,
+            max_error: params.max_error,
+            flat_contrast: params.flat_contrast,
+        };
+        let mut field = report.time("fit", || {
+            ravec::raster::with_image!(&picture.image, image => AdaptiveField::fit(image, &fit, progress))
+        })?;
+        if !params.whole_pixels {
+            report.time("refine", || {
+                ravec::raster::with_image!(&picture.image, image => field.refine_lines(image, progress))
+            })?;
+        }
+        deliver(&field, &picture, targets, params, &mut report, progress)?;
+    } else {
+        let fit = FitParams {
+            block_px: params.size,
+            method: FitMethod::Auto,
+            flat_contrast: params.flat_contrast,
+        };
+        let mut field = report.time("fit", || {
+            ravec::raster::with_image!(&picture.image, image => TwoColorField::fit(image, &fit, progress))
+        })?;
+        if !params.whole_pixels {
+            report.time("refine", || {
+                ravec::raster::with_image!(&picture.image, image => field.refine_lines(image, progress))
+            })?;
+        }
+        deliver(&field, &picture, targets, params, &mut report, progress)?;
+    }
+    Ok(report)
+}
+
+/// Draws, writes and measures.
+fn deliver(
+    field: &impl BlockField,
+    picture: &ravec_media::Picture,
+    targets: &Targets,
+    params: &Params,
+    report: &mut Report,
+    progress: &Progress,
+) -> Result<(), JobError> {
+    let (mut blocks, mut flat) = (0u32, 0u32);
+    for block in field.placed_blocks() {
+        blocks += 1;
+        flat += u32::from(block.pixel.is_flat());
+    }
+    report.figures.insert("blocks", f64::from(blocks));
+    report.figures.insert("flat_blocks", f64::from(flat));
+    report
+        .figures
+        .insert("values", f64::from(8 * (blocks - flat) + 3 * flat));
+    if let Some(path) = &targets.picture {
+        let image = report.time("render", || draw(field, params, progress))?;
+        if image.size() == picture.image.size() {
+            report
+                .figures
+                .insert("psnr_db", psnr_db(&picture.image, &image));
+        }
+        files::write(
+            path,
+            &picture.with_image(&image),
+            &WriteOptions::default(),
+            report,
+            progress,
+        )?;
+    }
+    if let Some(path) = &targets.svg {
+        write_drawing(field, path, params, report, progress)?;
+    }
+    Ok(())
+}
+
+fn draw(
+    field: &impl BlockField,
+    params: &Params,
+    progress: &Progress,
+) -> Result<Image<LinearRgba>, JobError> {
+    if params.mosaic {
+        let size = field.image_size();
+        let side = |pixels: usize| (pixels as f64 * params.scale).round().max(1.0) as usize;
+        let size = Size::new(side(size.width()), side(size.height())).map_err(|_| {
+            JobError::Parameter {
+                name: "--scale",
+                value: params.scale.to_string(),
+                range: "small enough for a picture",
+            }
+        })?;
+        return Ok(render_mosaic(field, size, progress)?);
+    }
+    if params.scale == 1.0 {
+        return Ok(render_to(field, field.image_size(), progress)?);
+    }
+    Ok(render(field, params.scale, progress)?)
+}
+
+fn write_drawing(
+    field: &impl BlockField,
+    path: &Path,
+    params: &Params,
+    report: &mut Report,
+    progress: &Progress,
+) -> Result<(), JobError> {
+    progress.check()?;
+    let svg = SvgParams {
+        title: None,
+        color_levels: params.color_levels,
+    };
+    let mut text = Vec::new();
+    report
+        .time("draw", || write_svg(field, &svg, &mut text))
+        .map_err(|cause| JobError::Write {
+            path: path.to_path_buf(),
+            cause: cause.into(),
+        })?;
+    report.figures.insert("svg_bytes", text.len() as f64);
+    let text = String::from_utf8_lossy(&text);
+    files::write_output_text(path, "SVG", &text, report)
+}
+
+/// The peak signal-to-noise ratio of encoded colors, weighted by alpha.
+pub(crate) fn psnr_db(a: &AnyImage, b: &Image<LinearRgba>) -> f64 {
+    let a = a.convert::<LinearRgba>();
+    let encoded = |pixel: LinearRgba| {
+        let alpha = pixel.alpha();
+        ravec::raster::Srgb::<f32>::from_linear(pixel)
+            .0
+            .map(|v| f64::from(v.clamp(0.0, 1.0) * alpha))
+    };
+    let squares: f64 = a
+        .pixels()
+        .iter()
+        .zip(b.pixels())
+        .map(|(&a, &b)| {
+            encoded(a)
+                .iter()
+                .zip(encoded(b))
+                .map(|(a, b)| (a - b) * (a - b))
+                .sum::<f64>()
+        })
+        .sum();
+    -10.0 * (squares / (3 * a.size().pixels()) as f64).log10()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ravec::raster::Srgb;
+    use ravec_media::Picture;
+
+    fn folder_with_picture(width: usize, height: usize) -> (tempfile::TempDir, Source) {
+        let folder = tempfile::tempdir().unwrap();
+        let image = Image::from_fn(Size::new(width, height).unwrap(), |col, row| {
+            if col * 2 > row {
+                Srgb([200u8, 180, 90])
+            } else {
+                Srgb([30, (row % 60) as u8, 120])
+            }
+        });
+        let path = folder.path().join("in.png");
+        ravec_media::write(&path, &Picture::from_image(image), &WriteOptions::default()).unwrap();
+        (folder, Source::new(path))
+    }
+
+    #[test]
+    fn a_picture_becomes_a_larger_picture_and_a_drawing() {
+        let (folder, source) = folder_with_picture(50, 40);
+        let targets = Targets {
+            picture: Some(folder.path().join("out.png")),
+            svg: Some(folder.path().join("out.svg")),
+        };
+        for adaptive in [false, true] {
+            let params = Params {
+                adaptive,
+                scale: 2.5,
+                ..Params::default()
+            };
+            let report = run(&source, &targets, &params, &Progress::none()).unwrap();
+            assert_eq!(
+                (report.outputs[0].width, report.outputs[0].height),
+                (Some(125), Some(100))
+            );
+            let svg = std::fs::read_to_string(targets.svg.as_ref().unwrap()).unwrap();
+            assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"));
+        }
+    }
+
+    #[test]
+    fn two_colors_are_nearer_to_the_picture_than_one() {
+        let (folder, source) = folder_with_picture(64, 64);
+        let targets = Targets {
+            picture: Some(folder.path().join("out.png")),
+            svg: None,
+        };
+        let psnr = |mosaic| {
+            let params = Params {
+                mosaic,
+                ..Params::default()
+            };
+            run(&source, &targets, &params, &Progress::none())
+                .unwrap()
+                .figures["psnr_db"]
+        };
+        assert!(psnr(false) > psnr(true) + 3.5);
+    }
+
+    #[test]
+    fn parameters_out_of_range_and_missing_targets_are_refused_before_reading() {
+        let nowhere = Source::new("does/not/exist.png");
+        let targets = Targets {
+            picture: Some("out.png".into()),
+            svg: None,
+        };
+        for wrong in [
+            Params {
+                size: 1,
+                ..Params::default()
+            },
+            Params {
+                size: 65,
+                ..Params::default()
+            },
+            Params {
+                size: 5,
+                adaptive: true,
+                ..Params::default()
+            },
+            Params {
+                scale: 0.0,
+                ..Params::default()
+            },
+            Params {
+                scale: f64::NAN,
+                ..Params::default()
+            },
+            Params {
+                flat_contrast: -0.1,
+                ..Params::default()
+            },
+            Params {
+                color_levels: 1,
+                ..Params::default()
+            },
+        ] {
+            let error = run(&nowhere, &targets, &wrong, &Progress::none()).unwrap_err();
+            assert_eq!(error.exit_code(), 2, "{error}");
+        }
+        let error = run(
+            &nowhere,
+            &Targets::default(),
+            &Params::default(),
+            &Progress::none(),
+        )
+        .unwrap_err();
+        assert_eq!(error.exit_code(), 2);
+        let unknown = Targets {
+            picture: Some("out.xyz".into()),
+            svg: None,
+        };
+        assert_eq!(
+            run(&nowhere, &unknown, &Params::default(), &Progress::none())
+                .unwrap_err()
+                .exit_code(),
+            2
+        );
+        assert_eq!(
+            run(&nowhere, &targets, &Params::default(), &Progress::none())
+                .unwrap_err()
+                .exit_code(),
+            3
+        );
+    }
+
+    #[test]
+    fn a_scale_beyond_the_limit_is_refused() {
+        let (folder, mut source) = folder_with_picture(50, 40);
+        source.limits.max_pixels = 3000;
+        let targets = Targets {
+            picture: Some(folder.path().join("out.png")),
+            svg: None,
+        };
+        let params = Params {
+            scale: 2.0,
+            ..Params::default()
+        };
+        assert_eq!(
+            run(&source, &targets, &params, &Progress::none())
+                .unwrap_err()
+                .exit_code(),
+            2
+        );
+        assert!(!folder.path().join("out.png").exists());
+    }
+}
