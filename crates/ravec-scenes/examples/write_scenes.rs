@@ -51,10 +51,8 @@ fn main() -> Result<(), Box<dyn Error>> {
             height,
             image::ColorType::Rgba8,
         )?;
-        std::fs::write(
-            path.with_extension("json"),
-            serde_json::to_string_pretty(&scene.truth)?,
-        )?;
+        let truth = std::fs::File::create(path.with_extension("json"))?;
+        serde_json::to_writer_pretty(truth, &scene.truth)?;
     }
     Ok(())
 }

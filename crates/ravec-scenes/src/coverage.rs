@@ -53,10 +53,9 @@ impl HalfPlane {
             return (u / wide + 0.5).clamp(0.0, 1.0);
         }
         let f = |x: f64| x.max(0.0) * x.max(0.0);
-        let sum = f(u + (wide + narrow) / 2.0)
-            - f(u + (wide - narrow) / 2.0)
-            - f(u - (wide - narrow) / 2.0)
-            + f(u - (wide + narrow) / 2.0);
+        // where the projections of the square's corners lie
+        let (outer, inner) = (0.5 * (wide + narrow), 0.5 * (wide - narrow));
+        let sum = f(u + outer) - f(u + inner) - f(u - inner) + f(u - outer);
         (sum / (2.0 * wide * narrow)).clamp(0.0, 1.0)
     }
 }

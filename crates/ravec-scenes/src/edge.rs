@@ -326,7 +326,7 @@ mod tests {
         };
         let picture = checkerboard(size(9, 8), &truth);
         let expected =
-            |col: usize, row: usize| COLORS.mixed(f64::from((col / 2 + row / 2) % 2 == 0));
+            |col: usize, row: usize| COLORS.mixed(f64::from((col / 2 + row / 2).is_multiple_of(2)));
         assert!(largest_difference(&picture, expected) < 1e-6);
     }
 

@@ -1,15 +1,14 @@
-//! The things of the street as pieces of the set: awnings, lamps, a bicycle, signs, trees, pots, a church.
+//! The things of the street as pieces of the set: awnings, lamps, a bicycle, signs, a church.
 
 use crate::glyph;
 use crate::paint::hex;
-use crate::props::{Layer, Plant, Prop};
-use crate::random::Seed;
+use crate::props::{Layer, Prop};
 use crate::stage::{Piece, Show};
 use crate::stroke::Stroke;
 use glam::{DVec2, DVec3};
 use std::f64::consts::{PI, TAU};
 
-fn prop(origin: DVec3, right: DVec3, up: DVec3, size: DVec2, prop: Prop) -> Piece {
+pub(crate) fn prop(origin: DVec3, right: DVec3, up: DVec3, size: DVec2, prop: Prop) -> Piece {
     Piece {
         origin,
         right: right.normalize(),
@@ -20,7 +19,7 @@ fn prop(origin: DVec3, right: DVec3, up: DVec3, size: DVec2, prop: Prop) -> Piec
 }
 
 /// A piece that faces the camera, with `foot` at the middle of its lower border.
-fn standing(foot: DVec3, size: DVec2, content: Prop) -> Piece {
+pub(crate) fn standing(foot: DVec3, size: DVec2, content: Prop) -> Piece {
     prop(
         foot - 0.5 * size.x * DVec3::X,
         DVec3::X,
@@ -30,7 +29,7 @@ fn standing(foot: DVec3, size: DVec2, content: Prop) -> Piece {
     )
 }
 
-fn stroke(points: &[(f64, f64)], width: f64) -> Stroke {
+pub(crate) fn stroke(points: &[(f64, f64)], width: f64) -> Stroke {
     Stroke {
         points: points.iter().map(|&p| p.into()).collect(),
         width,
@@ -72,8 +71,8 @@ pub(crate) fn awning(at: DVec3, length: f64, colors: [u32; 2]) -> [Piece; 2] {
 
 /// A cast-iron lamp post with a lantern.
 pub(crate) fn lamp(foot: DVec3) -> Piece {
-    const IRON: u32 = 0x2a_2f_30;
-    const SHINE: u32 = 0x6a_74_74;
+    const IRON: u32 = 0x2a2f30;
+    const SHINE: u32 = 0x6a7474;
     let x = 0.6;
     let layers = vec![
         Layer::fill(
@@ -103,7 +102,7 @@ pub(crate) fn lamp(foot: DVec3) -> Piece {
         Layer::disc(IRON, (x + 0.37, 3.05), 0.045),
         // the lantern: panes in an iron frame, a roof, a finial
         Layer::fill(
-            0xf7_e2_ac,
+            0xf7e2ac,
             &[
                 (x - 0.13, 3.42),
                 (x + 0.13, 3.42),
@@ -112,7 +111,7 @@ pub(crate) fn lamp(foot: DVec3) -> Piece {
             ],
         )
         .glowing(0.28),
-        Layer::disc(0xff_f1_c4, (x, 3.68), 0.075).glowing(0.9),
+        Layer::disc(0xfff1c4, (x, 3.68), 0.075).glowing(0.9),
         Layer::strokes(
             IRON,
             [
@@ -183,27 +182,27 @@ pub(crate) fn bicycle(foot: DVec3) -> Piece {
         }))
         .collect();
     let layers = vec![
-        Layer::strokes(0xa8_ab_ad, spokes(rear, 0.1).chain(spokes(front, 0.27))),
+        Layer::strokes(0xa8abad, spokes(rear, 0.1).chain(spokes(front, 0.27))),
         Layer::strokes(
-            0x1b_1b_1d,
+            0x1b1b1d,
             [circle(rear, RADIUS, 0.042), circle(front, RADIUS, 0.042)],
         ),
         Layer::strokes(
-            0xb9_bc_be,
+            0xb9bcbe,
             [
                 circle(rear, RADIUS - 0.03, 0.014),
                 circle(front, RADIUS - 0.03, 0.014),
             ],
         ),
         Layer::strokes(
-            0x8f_1f_22,
+            0x8f1f22,
             [
                 Stroke::arc(rear, RADIUS + 0.045, 0.35, 0.95 * PI, 0.022),
                 Stroke::arc(front, RADIUS + 0.045, 0.1, 0.8 * PI, 0.022),
             ],
         ),
         Layer::strokes(
-            0x3a_3a_3c,
+            0x3a3a3c,
             [
                 circle(crank, 0.095, 0.02),
                 line(rear, crank, 0.012),
@@ -211,7 +210,7 @@ pub(crate) fn bicycle(foot: DVec3) -> Piece {
             ],
         ),
         Layer::strokes(
-            0xb3_24_28,
+            0xb32428,
             [
                 line(rear, crank, 0.026),
                 line(rear, seat - DVec2::new(-0.02, 0.08), 0.022),
@@ -227,7 +226,7 @@ pub(crate) fn bicycle(foot: DVec3) -> Piece {
             ],
         ),
         Layer::strokes(
-            0xe8_6a_62,
+            0xe86a62,
             [line(
                 crank + DVec2::new(0.02, 0.02),
                 head - DVec2::new(0.01, 0.12),
@@ -235,7 +234,7 @@ pub(crate) fn bicycle(foot: DVec3) -> Piece {
             )],
         ),
         Layer::strokes(
-            0xb9_bc_be,
+            0xb9bcbe,
             [
                 line(seat, seat + DVec2::new(-0.025, 0.12), 0.026),
                 line(
@@ -248,14 +247,14 @@ pub(crate) fn bicycle(foot: DVec3) -> Piece {
             ],
         ),
         Layer::strokes(
-            0x24_1c_18,
+            0x241c18,
             [
                 stroke(&[(0.56, 0.99), (0.72, 1.0), (0.84, 0.97)], 0.055),
                 stroke(&[(1.12, 1.12), (1.04, 1.08)], 0.036),
                 stroke(&[(0.89, 0.15), (0.99, 0.15)], 0.03),
             ],
         ),
-        Layer::strokes(0x9a_6a_34, basket),
+        Layer::strokes(0x9a6a34, basket),
     ];
     let angle = 28f64.to_radians();
     prop(
@@ -283,7 +282,7 @@ pub(crate) fn hanging_sign(at: DVec3, text: &str) -> Piece {
     let (right, top) = (left + width, bottom + height);
     let layers = vec![
         Layer::strokes(
-            0x22_22_24,
+            0x222224,
             [
                 stroke(&[(0.0, 1.0), (right + 0.1, 1.0)], 0.04),
                 stroke(&[(0.0, 1.34), (0.5, 1.3), (0.9, 1.02)], 0.025),
@@ -292,11 +291,11 @@ pub(crate) fn hanging_sign(at: DVec3, text: &str) -> Piece {
             ],
         ),
         Layer::fill(
-            0xd9_b2_5a,
+            0xd9b25a,
             &[(left, bottom), (right, bottom), (right, top), (left, top)],
         ),
         Layer::fill(
-            0x7b_22_26,
+            0x7b2226,
             &[
                 (left + 0.045, bottom + 0.045),
                 (right - 0.045, bottom + 0.045),
@@ -304,7 +303,7 @@ pub(crate) fn hanging_sign(at: DVec3, text: &str) -> Piece {
                 (left + 0.045, top - 0.045),
             ],
         ),
-        Layer::strokes(0xfb_ed_c6, letters),
+        Layer::strokes(0xfbedc6, letters),
     ];
     prop(
         at,
@@ -315,142 +314,13 @@ pub(crate) fn hanging_sign(at: DVec3, text: &str) -> Piece {
     )
 }
 
-/// A small street tree.
-pub(crate) fn tree(foot: DVec3, seed: Seed) -> Piece {
-    let size = DVec2::new(4.6, 6.6);
-    let x = 0.5 * size.x;
-    let mut blobs = vec![(DVec2::new(x, 4.5), 1.25)];
-    for i in 0..11 {
-        let angle = f64::from(i) / 11.0 * TAU;
-        let reach = seed.between(i64::from(i), 0, 0, 0.75, 1.2);
-        let center = DVec2::new(
-            x + 1.05 * reach * angle.cos(),
-            4.45 + 1.05 * reach * angle.sin(),
-        );
-        blobs.push((center, seed.between(i64::from(i), 0, 1, 0.5, 0.85)));
-    }
-    let bark = 0x57_45_36;
-    let stem = vec![
-        Layer::fill(
-            bark,
-            &[
-                (x - 0.13, 0.0),
-                (x + 0.13, 0.0),
-                (x + 0.08, 2.9),
-                (x - 0.08, 2.9),
-            ],
-        ),
-        Layer::strokes(
-            bark,
-            [
-                stroke(&[(x, 2.7), (x - 0.5, 3.6), (x - 0.8, 4.5)], 0.09),
-                stroke(&[(x, 2.7), (x + 0.35, 3.5), (x + 0.9, 4.2)], 0.08),
-                stroke(&[(x, 2.7), (x + 0.05, 4.9)], 0.09),
-            ],
-        ),
-        Layer::fill(
-            0x86_6e_56,
-            &[
-                (x + 0.02, 0.0),
-                (x + 0.09, 0.0),
-                (x + 0.055, 2.9),
-                (x + 0.01, 2.9),
-            ],
-        ),
-    ];
-    let plant = Plant {
-        stem,
-        blobs,
-        leaf: 0.15,
-        colors: [hex(0x24_3d_1c), hex(0x9d_b1_3e)],
-        blossom: (hex(0xc9_b3_3c), 0.06),
-        seed: seed.fork(2),
-    };
-    standing(foot, size, Prop::Plant(plant))
-}
-
-/// A pot with flowers.
-pub(crate) fn pot(foot: DVec3, blossom: u32, seed: Seed) -> Piece {
-    let size = DVec2::new(1.2, 1.35);
-    let stem = vec![
-        Layer::fill(
-            0xb0_5e_3a,
-            &[(0.39, 0.0), (0.81, 0.0), (0.90, 0.50), (0.30, 0.50)],
-        ),
-        Layer::fill(
-            0xc8_76_4c,
-            &[(0.62, 0.0), (0.74, 0.0), (0.80, 0.46), (0.64, 0.46)],
-        ),
-        Layer::fill(
-            0xbd_69_43,
-            &[(0.26, 0.46), (0.94, 0.46), (0.95, 0.57), (0.25, 0.57)],
-        ),
-    ];
-    let blobs = vec![
-        (DVec2::new(0.60, 0.86), 0.36),
-        (DVec2::new(0.36, 0.76), 0.24),
-        (DVec2::new(0.84, 0.78), 0.25),
-        (DVec2::new(0.60, 1.08), 0.20),
-    ];
-    let plant = Plant {
-        stem,
-        blobs,
-        leaf: 0.085,
-        colors: [hex(0x25_42_20), hex(0x7f_a3_45)],
-        blossom: (hex(blossom), 0.32),
-        seed,
-    };
-    standing(foot, size, Prop::Plant(plant))
-}
-
-/// A box of geraniums in front of a wall, below a window whose sill's middle is at `sill`.
-pub(crate) fn flower_box(sill: DVec3, right: DVec3, seed: Seed) -> Piece {
-    let size = DVec2::new(1.3, 0.72);
-    let stem = vec![
-        Layer::fill(
-            0x6b_4a_33,
-            &[(0.15, 0.12), (1.15, 0.12), (1.15, 0.34), (0.15, 0.34)],
-        ),
-        Layer::fill(
-            0x84_60_44,
-            &[(0.15, 0.31), (1.15, 0.31), (1.15, 0.34), (0.15, 0.34)],
-        ),
-    ];
-    let blobs = (0..6)
-        .map(|i| {
-            let x = 0.22 + 0.172 * f64::from(i);
-            (
-                DVec2::new(x, seed.between(i64::from(i), 0, 0, 0.33, 0.44)),
-                seed.between(i64::from(i), 0, 1, 0.13, 0.2),
-            )
-        })
-        .collect();
-    let red = [0xd4_26_34, 0xe0_4a_6a, 0xe8_7a_2c][(seed.bits(0, 0, 2) % 3) as usize];
-    let plant = Plant {
-        stem,
-        blobs,
-        leaf: 0.07,
-        colors: [hex(0x22_40_1e), hex(0x78_9e_40)],
-        blossom: (hex(red), 0.45),
-        seed: seed.fork(1),
-    };
-    let out = right.cross(DVec3::Y);
-    prop(
-        sill - 0.5 * size.x * right + 0.17 * out - DVec3::Y * 0.34,
-        right,
-        DVec3::Y,
-        size,
-        Prop::Plant(plant),
-    )
-}
-
 /// The church and the roofs that close the street.
 pub(crate) fn church(origin: DVec3) -> [Piece; 1] {
     let x = 8.3;
     let mut layers = vec![
         // roofs of the next quarter
         Layer::fill(
-            0xa9_6a_52,
+            0xa96a52,
             &[
                 (-1.0, 0.0),
                 (7.0, 0.0),
@@ -460,11 +330,11 @@ pub(crate) fn church(origin: DVec3) -> [Piece; 1] {
             ],
         ),
         Layer::fill(
-            0xd8_c4_a4,
+            0xd8c4a4,
             &[(-1.0, 0.0), (6.0, 0.0), (6.0, 8.0), (-1.0, 8.0)],
         ),
         Layer::fill(
-            0x96_5a_48,
+            0x965a48,
             &[
                 (11.0, 0.0),
                 (22.0, 0.0),
@@ -474,21 +344,21 @@ pub(crate) fn church(origin: DVec3) -> [Piece; 1] {
             ],
         ),
         Layer::fill(
-            0xcd_b0_90,
+            0xcdb090,
             &[(11.0, 0.0), (22.0, 0.0), (22.0, 8.0), (11.0, 8.0)],
         ),
         // nave
         Layer::fill(
-            0xc9_b8_9c,
+            0xc9b89c,
             &[(4.0, 0.0), (13.5, 0.0), (13.5, 9.0), (4.0, 9.0)],
         ),
         Layer::fill(
-            0x7c_50_48,
+            0x7c5048,
             &[(3.6, 9.0), (13.9, 9.0), (12.0, 13.5), (5.5, 13.5)],
         ),
         // tower with its shaded side, belfry and spire
         Layer::fill(
-            0xd9_c7_a6,
+            0xd9c7a6,
             &[
                 (x - 2.2, 0.0),
                 (x + 2.2, 0.0),
@@ -497,7 +367,7 @@ pub(crate) fn church(origin: DVec3) -> [Piece; 1] {
             ],
         ),
         Layer::fill(
-            0xb5_a3_8a,
+            0xb5a38a,
             &[
                 (x - 2.2, 0.0),
                 (x - 1.3, 0.0),
@@ -506,7 +376,7 @@ pub(crate) fn church(origin: DVec3) -> [Piece; 1] {
             ],
         ),
         Layer::fill(
-            0xee_dd_bd,
+            0xeeddbd,
             &[
                 (x - 2.5, 18.6),
                 (x + 2.5, 18.6),
@@ -514,10 +384,10 @@ pub(crate) fn church(origin: DVec3) -> [Piece; 1] {
                 (x - 2.5, 19.2),
             ],
         ),
-        Layer::fill(0x4f_6e_66, &[(x - 2.4, 19.2), (x + 2.4, 19.2), (x, 30.0)]),
-        Layer::fill(0x6f_90_84, &[(x + 0.2, 19.2), (x + 2.4, 19.2), (x, 30.0)]),
+        Layer::fill(0x4f6e66, &[(x - 2.4, 19.2), (x + 2.4, 19.2), (x, 30.0)]),
+        Layer::fill(0x6f9084, &[(x + 0.2, 19.2), (x + 2.4, 19.2), (x, 30.0)]),
         Layer::strokes(
-            0x3c_3a_36,
+            0x3c3a36,
             [
                 stroke(&[(x, 29.6), (x, 31.6)], 0.12),
                 stroke(&[(x - 0.5, 30.9), (x + 0.5, 30.9)], 0.12),
@@ -527,7 +397,7 @@ pub(crate) fn church(origin: DVec3) -> [Piece; 1] {
     for side in [-0.95, 0.95] {
         let c = x + side;
         layers.push(Layer::fill(
-            0x3b_38_3a,
+            0x3b383a,
             &[
                 (c - 0.45, 14.6),
                 (c + 0.45, 14.6),
@@ -537,10 +407,10 @@ pub(crate) fn church(origin: DVec3) -> [Piece; 1] {
             ],
         ));
     }
-    layers.push(Layer::disc(0x35_3a_44, (x, 12.2), 1.25));
-    layers.push(Layer::disc(0xf4_ea_d2, (x, 12.2), 1.08));
+    layers.push(Layer::disc(0x353a44, (x, 12.2), 1.25));
+    layers.push(Layer::disc(0xf4ead2, (x, 12.2), 1.08));
     layers.push(Layer::strokes(
-        0x2a_2a_2e,
+        0x2a2a2e,
         [
             stroke(&[(x, 12.2), (x + 0.5, 12.75)], 0.14),
             stroke(&[(x, 12.2), (x - 0.1, 13.1)], 0.1),

@@ -183,7 +183,7 @@ fn halved(plane: &Plane) -> Plane {
 /// Linear interpolation to twice the size: three quarters of the nearer sample and one of the farther, each way.
 fn doubled(plane: &Plane, size: Size) -> Plane {
     Image::from_fn(size, |col, row| {
-        let side = |i: usize| if i % 2 == 0 { -1 } else { 1 };
+        let side = |i: usize| if i.is_multiple_of(2) { -1 } else { 1 };
         let (x, y) = ((col / 2) as isize, (row / 2) as isize);
         let (dx, dy) = (side(col), side(row));
         let near = 0.75 * plane.clamped(x, y) + 0.25 * plane.clamped(x + dx, y);

@@ -26,8 +26,8 @@ pub struct LineArtTruth {
 pub fn line_art(size: Size, seed: Seed) -> (Image<LinearRgb>, LineArtTruth) {
     let truth = LineArtTruth {
         strokes: drawing(size, seed),
-        ink: hex(0x17_1a_22).to_array(),
-        paper: hex(0xf6_f1_e4).to_array(),
+        ink: hex(0x171a22).to_array(),
+        paper: hex(0xf6f1e4).to_array(),
     };
     (draw(size, &truth), truth)
 }

@@ -6,9 +6,10 @@
 //!
 //! Plane coordinates: metres, x to the right; y up on a front, away from the viewer on a floor.
 
-use crate::facade::{Facade, Gable, GroundFloor, Wall};
+use crate::facade::{Facade, Gable, Wall};
 use crate::paint::{hex, paint_adaptive};
 use crate::random::Seed;
+use crate::shopfront::GroundFloor;
 use crate::sky::sky;
 use crate::stage::film;
 use crate::texture::{Masonry, fractal, marble, smoothstep, tiles};
@@ -92,19 +93,19 @@ fn placed(size: Size, corners: [(f64, f64); 4], seed: Seed) -> [DVec2; 4] {
 /// A house front with 3 × 5 windows, shutters, a door and ledges, in the shade of a tree, before the sky.
 pub fn facade(size: Size, seed: Seed) -> (Image<LinearRgb>, PlaneTruth) {
     let walls = [
-        Wall::Plaster(hex(0xe2_b8_84)),
-        Wall::Brick(hex(0xa5_57_3e)),
-        Wall::Plaster(hex(0xc9_d0_c4)),
+        Wall::Plaster(hex(0xe2b884)),
+        Wall::Brick(hex(0xa5573e)),
+        Wall::Plaster(hex(0xc9d0c4)),
     ];
     let front = Facade {
         width: 13.0,
         height: 12.7,
         gable: Gable::None,
         wall: walls[(seed.bits(0, 0, 7) % 3) as usize],
-        trim: hex(0xee_e6_d6),
-        shutters: Some(hex(0x3f_66_70)),
+        trim: hex(0xeee6d6),
+        shutters: Some(hex(0x3f6670)),
         bays: 5,
-        ground_floor: GroundFloor::Door(hex(0x7a_2d_24)),
+        ground_floor: GroundFloor::Door(hex(0x7a2d24)),
         seed: seed.fork(1),
     };
     let extent = DVec2::new(front.width, front.height);
@@ -222,11 +223,11 @@ pub fn floor(size: Size, seed: Seed) -> (Image<LinearRgb>, PlaneTruth) {
                     && (0.07..0.30).contains(&-q.y);
                 let grain = fractal(q * 30.0, 30.0 * side / scale, 4, seed.fork(9));
                 let base = if skirting {
-                    hex(0xe6_dd_ce)
+                    hex(0xe6ddce)
                 } else if panel {
-                    hex(0x8c_9a_94)
+                    hex(0x8c9a94)
                 } else {
-                    hex(0x9d_aa_a2)
+                    hex(0x9daaa2)
                 };
                 let light = 0.55 - 0.5 * q.length();
                 film(base * (light.max(0.08) * (1.0 + 0.06 * grain)) as f32, 1.1)
@@ -241,7 +242,7 @@ fn floor_color(q: DVec2, footprint: f64, marks: &[DVec2], tile: f64, seed: Seed)
         q,
         footprint,
         tile,
-        [hex(0xd8_cb_b6), hex(0x5a_3d_36)],
+        [hex(0xd8cbb6), hex(0x5a3d36)],
         seed.fork(3),
     );
     let stone = marble(q * 1.3, 1.3 * footprint, seed.fork(4));
@@ -259,7 +260,7 @@ fn floor_color(q: DVec2, footprint: f64, marks: &[DVec2], tile: f64, seed: Seed)
         let border = p.min_element().min(tile - p.max_element());
         if border > 0.0 {
             let rim = smoothstep(0.075 + 0.5 * footprint, 0.075 - 0.5 * footprint, border) as f32;
-            color = hex(0xc4_8a_3a).lerp(hex(0x1d_22_2b), rim);
+            color = hex(0xc48a3a).lerp(hex(0x1d222b), rim);
         }
     }
     color

@@ -288,7 +288,7 @@ fn ground(q: DVec2, x: f64, kerbs: [f64; 2], footprint: f64, seed: Seed) -> Surf
             let along = pulse(q.y / 0.9, 0.985, footprint / 0.9);
             let edge = smoothstep(0.0, 0.03, from_kerb);
             let shade = (0.75 + 0.25 * edge) * (0.5 + 0.5 * along) * (1.0 + 0.12 * grain);
-            return Surface::plain(hex(0xbd_b4_a6) * shade as f32);
+            return Surface::plain(hex(0xbdb4a6) * shade as f32);
         }
         let slabs = Masonry {
             length: 0.62,
@@ -299,7 +299,7 @@ fn ground(q: DVec2, x: f64, kerbs: [f64; 2], footprint: f64, seed: Seed) -> Surf
         let stone = slabs.at(q, footprint, seed.fork(3));
         let shade =
             (0.62 + 0.38 * stone.face) * (1.0 + 0.13 * stone.tint + 0.10 * grain + 0.14 * dirt);
-        let mut surface = Surface::plain(hex(0xaf_a4_93) * shade as f32);
+        let mut surface = Surface::plain(hex(0xafa493) * shade as f32);
         // walls shade the pavement's inner part from the sky
         surface.ambient = (1.0 - 0.35 * smoothstep(0.8, 1.9, from_kerb)) as f32;
         return surface;
@@ -309,7 +309,7 @@ fn ground(q: DVec2, x: f64, kerbs: [f64; 2], footprint: f64, seed: Seed) -> Surf
         let along = pulse(q.y / 0.5, 0.97, footprint / 0.5);
         let shade =
             (0.55 + 0.3 * gutter / 0.22) * (0.6 + 0.4 * along) * (1.0 + 0.15 * grain + 0.2 * dirt);
-        return Surface::plain(hex(0x8d_86_7c) * shade as f32);
+        return Surface::plain(hex(0x8d867c) * shade as f32);
     }
     // each arc spans a lane
     let lanes = 5.0;
@@ -329,8 +329,8 @@ fn ground(q: DVec2, x: f64, kerbs: [f64; 2], footprint: f64, seed: Seed) -> Surf
     let stone = setts.at(arched, footprint, seed.fork(5));
     let wheel = smoothstep(0.5, 0.1, ((x - 0.5 * (left + right)).abs() - 1.0).abs());
     let tone = 1.0 + 0.30 * stone.tint + 0.14 * grain + 0.20 * dirt + 0.10 * wheel;
-    let face = hex(0x9b_93_8c).lerp(hex(0xa8_8b_76), (0.5 + 0.5 * stone.tint) as f32);
-    let mut surface = Surface::plain(hex(0x4b_45_3e).lerp(face * tone as f32, stone.face as f32));
+    let face = hex(0x9b938c).lerp(hex(0xa88b76), (0.5 + 0.5 * stone.tint) as f32);
+    let mut surface = Surface::plain(hex(0x4b453e).lerp(face * tone as f32, stone.face as f32));
     // rounded heads: they turn a little towards and away from the viewer
     surface.normal = DVec3::new(0.12 * (stone.tint), 0.30 * stone.relief, 1.0).normalize();
     surface.ambient = (0.7 + 0.3 * stone.face) as f32;
@@ -369,9 +369,7 @@ fn bunting(q: DVec2, footprint: f64, span: f64, ends: [f64; 2], sag: f64, seed: 
     let half = FLAG.x * (1.0 - drop / FLAG.y);
     let covered = bar(aside, half.max(0.0), footprint) * above(wire(q.x) - q.y, 0.0, footprint);
     if covered > 0.0 && middle < span - 0.2 && middle > 0.2 {
-        let palette = [
-            0xd9_3f_2e, 0xf2_c1_3d, 0x2f_7f_8f, 0xf4_ee_e0, 0x4d_8a_4a, 0xe3_78_35,
-        ];
+        let palette = [0xd93f2e, 0xf2c13d, 0x2f7f8f, 0xf4eee0, 0x4d8a4a, 0xe37835];
         surface = Surface::plain(hex(palette[(seed.bits(index as i64, 0, 2) % 6) as usize]));
         surface.glow = surface.albedo * 0.16;
         surface.alpha = covered as f32;
@@ -379,7 +377,7 @@ fn bunting(q: DVec2, footprint: f64, span: f64, ends: [f64; 2], sag: f64, seed: 
     }
     let thread = bar(q.y - wire(q.x), 0.008, footprint) as f32;
     if thread > 0.0 {
-        surface.albedo = surface.albedo.lerp(hex(0x2b_28_26), thread);
+        surface.albedo = surface.albedo.lerp(hex(0x2b2826), thread);
         surface.alpha = surface.alpha.max(thread);
     }
     surface

@@ -3,7 +3,7 @@
 //! A generator with a state would tie the numbers to the order in which pixels are visited. Here each number is the
 //! hash of where it is used, so that rows can be painted by any number of threads, in any order, with the same bytes.
 //!
-//! Source: the finaliser of SplitMix64 (Steele, Lea, Flood, "Fast splittable pseudorandom number generators", 2014)
+//! Source: the finaliser of `SplitMix64` (Steele, Lea, Flood, "Fast splittable pseudorandom number generators", 2014)
 //! over a lattice of odd multipliers. Good enough for textures, noise and layouts; not for secrets.
 
 use serde::{Deserialize, Serialize};

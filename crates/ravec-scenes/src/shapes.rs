@@ -12,6 +12,7 @@ use crate::stage::film;
 use crate::texture::{fractal, grass, smoothstep};
 use glam::{DVec2, DVec3, Vec3};
 use ravec_raster::{Image, LinearRgb, Size};
+use rayon::iter::{IndexedParallelIterator as _, ParallelIterator as _};
 use serde::{Deserialize, Serialize};
 
 /// One shape; lengths in pixels, colours in linear light.
@@ -119,7 +120,6 @@ pub fn shapes(size: Size, seed: Seed) -> (Image<LinearRgb>, ShapesTruth) {
     let truth = layout(size, seed);
     let mut image = landscape(size, seed.fork(50));
     let shapes = &truth.shapes;
-    use rayon::iter::{IndexedParallelIterator as _, ParallelIterator as _};
     image.par_rows_mut().enumerate().for_each(|(row, pixels)| {
         for (col, pixel) in pixels.iter_mut().enumerate() {
             let p = crate::paint::center(col, row);
@@ -137,7 +137,7 @@ fn layout(size: Size, seed: Seed) -> ShapesTruth {
     let extent = DVec2::new(size.width() as f64, size.height() as f64);
     let unit = extent.min_element();
     let palette = [
-        0xd8_3a_2e, 0xf0_b8_2c, 0x24_63_a8, 0xf4_f1_ea, 0x23_24_2c, 0x3f_8f_5a, 0xb0_52_93,
+        0xd83a2e, 0xf0b82c, 0x2463a8, 0xf4f1ea, 0x23242c, 0x3f8f5a, 0xb05293,
     ];
     let color = |i: i64| hex(palette[(seed.bits(i, 0, 9) % 7) as usize]).to_array();
     let mut shapes = Vec::new();
@@ -218,8 +218,8 @@ pub fn landscape(size: Size, seed: Seed) -> Image<LinearRgb> {
             if !last && -q.y < outline - 0.01 * (2.0 - k) && -q.y > -0.05 {
                 // nearer ridges were handled by the loop's order
                 let woods = fractal(q * 60.0, 60.0 * footprint, 4, seed.fork(7 + ridge as u64));
-                let near = hex(0x3d_5a_38) * (1.0 + 0.35 * woods) as f32;
-                let haze = hex(0xb4_c6_d8);
+                let near = hex(0x3d5a38) * (1.0 + 0.35 * woods) as f32;
+                let haze = hex(0xb4c6d8);
                 return film(near.lerp(haze, 0.72 - 0.34 * k as f32), 1.25);
             }
         }
@@ -233,7 +233,7 @@ pub fn landscape(size: Size, seed: Seed) -> Image<LinearRgb> {
             let shade = 0.75 + 0.35 * fractal(ground * 0.25, 0.25 * width, 4, seed.fork(21));
             let warm = Vec3::new(1.9, 1.75, 1.2) * shade as f32;
             return film(
-                (tuft * warm).lerp(hex(0xa8_ba_a8), smoothstep(3.0, 30.0, depth) as f32 * 0.6),
+                (tuft * warm).lerp(hex(0xa8baa8), smoothstep(3.0, 30.0, depth) as f32 * 0.6),
                 0.9,
             );
         }

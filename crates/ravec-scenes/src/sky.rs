@@ -9,9 +9,9 @@ use glam::{DVec2, DVec3, Vec3};
 pub(crate) fn sky(direction: DVec3, footprint_rad: f64, sun: DVec3, seed: Seed) -> Vec3 {
     let up = direction.y.max(0.0);
     let height = up.sqrt() as f32;
-    let zenith = hex(0x2f_6c_b5);
-    let middle = hex(0x86_b4_dc);
-    let horizon = hex(0xf3_dd_bd);
+    let zenith = hex(0x2f6cb5);
+    let middle = hex(0x86b4dc);
+    let horizon = hex(0xf3ddbd);
     let clear = if height < 0.45 {
         horizon.lerp(middle, smoothstep(0.0, 0.45, height as f64) as f32)
     } else {
@@ -31,8 +31,8 @@ pub(crate) fn sky(direction: DVec3, footprint_rad: f64, sun: DVec3, seed: Seed) 
     // lit from the side of the sun: thinner towards it is brighter
     let toward = shape(q + 0.12 * DVec2::new(sun.x, sun.z));
     let light = (0.62 + 0.9 * (thick - toward)).clamp(0.25, 1.15);
-    let bright = hex(0xff_f4_e2) * 1.12;
-    let shade = hex(0x9c_a6_bd);
+    let bright = hex(0xfff4e2) * 1.12;
+    let shade = hex(0x9ca6bd);
     let cloud = shade
         .lerp(bright, light as f32)
         .lerp(horizon, 0.5 * smoothstep(0.25, 0.02, up) as f32);

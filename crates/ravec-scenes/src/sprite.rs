@@ -67,8 +67,7 @@ pub fn sprite(size: Size, seed: Seed) -> (Image<LinearRgba>, SpriteTruth) {
 fn leaf(q: DVec2, footprint: f64, seed: Seed) -> Vec3 {
     let cloud = fractal(q * 6.0, 6.0 * footprint, 5, seed.fork(1));
     let autumn = smoothstep(-0.4, 0.6, q.x + 0.4 * cloud);
-    let mut color =
-        hex(0x3f_7d_2a).lerp(hex(0xd8_a0_2c), autumn as f32) * (1.0 + 0.18 * cloud) as f32;
+    let mut color = hex(0x3f7d2a).lerp(hex(0xd8a02c), autumn as f32) * (1.0 + 0.18 * cloud) as f32;
     // side veins leave the middle one at a slant, in turns
     let side = q.x - 1.1 * q.y.abs() + if q.y > 0.0 { 0.04 } else { 0.0 };
     let t = (side / 0.08).rem_euclid(1.0) - 0.5;
@@ -80,7 +79,7 @@ fn leaf(q: DVec2, footprint: f64, seed: Seed) -> Vec3 {
     // light falls across the blade between the veins
     color *= (1.0 + 0.35 * t * q.y.signum() + 0.5 * q.y) as f32;
     color
-        .lerp(hex(0xe6_dc_8c), 0.75 * vein as f32)
+        .lerp(hex(0xe6dc8c), 0.75 * vein as f32)
         .max(Vec3::splat(0.002))
 }
 

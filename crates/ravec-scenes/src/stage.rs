@@ -41,21 +41,6 @@ impl Piece {
         DVec3::new(v.dot(self.right), v.dot(self.up), v.dot(self.normal()))
     }
 
-    /// Ray parameter and local coordinates of the hit, if any.
-    #[inline]
-    fn hit(&self, from: DVec3, direction: DVec3) -> Option<(f64, DVec2)> {
-        let normal = self.normal();
-        let speed = direction.dot(normal);
-        let t = (self.origin - from).dot(normal) / speed;
-        // also refuses NaN and infinity, for rays within the plane
-        if !(t > 1e-6 && t < 1e6) {
-            return None;
-        }
-        let p = from + t * direction - self.origin;
-        let q = DVec2::new(p.dot(self.right), p.dot(self.up));
-        (q.x >= 0.0 && q.y >= 0.0 && q.x <= self.size.x && q.y <= self.size.y).then_some((t, q))
-    }
-
     fn surface(&self, q: DVec2, footprint: f64, direction: DVec3, sun: DVec3) -> Surface {
         let (view, sun) = (self.local(direction), self.local(sun));
         match &self.show {
@@ -109,9 +94,56 @@ impl Camera {
 /// A lit set.
 pub(crate) struct Stage {
     pub pieces: Vec<Piece>,
+    /// The rectangle of each piece, close together in memory: most rays miss most pieces.
+    plates: Vec<Plate>,
     /// Unit vector towards the sun.
-    pub sun: DVec3,
-    pub seed: Seed,
+    sun: DVec3,
+    seed: Seed,
+}
+
+/// A rectangle, prepared for rays.
+struct Plate {
+    /// Unit normal and the plane's distance from the origin along it.
+    normal: DVec3,
+    distance: f64,
+    right: DVec3,
+    up: DVec3,
+    /// Coordinates of the piece's origin along `right` and `up`.
+    low: DVec2,
+    size: DVec2,
+}
+
+impl Plate {
+    fn new(piece: &Piece) -> Self {
+        let normal = piece.normal();
+        Self {
+            normal,
+            distance: piece.origin.dot(normal),
+            right: piece.right,
+            up: piece.up,
+            low: DVec2::new(piece.origin.dot(piece.right), piece.origin.dot(piece.up)),
+            size: piece.size,
+        }
+    }
+
+    /// Ray parameter and local coordinates of the hit, if any.
+    #[inline(always)]
+    fn hit(&self, from: DVec3, direction: DVec3) -> Option<(f64, DVec2)> {
+        let t = (self.distance - from.dot(self.normal)) / direction.dot(self.normal);
+        // also refuses NaN and infinity, for rays within the plane
+        if !(t > 1e-6 && t < 1e6) {
+            return None;
+        }
+        let p = from + t * direction;
+        let x = p.dot(self.right) - self.low.x;
+        if !(0.0..=self.size.x).contains(&x) {
+            return None;
+        }
+        let y = p.dot(self.up) - self.low.y;
+        (0.0..=self.size.y)
+            .contains(&y)
+            .then_some((t, DVec2::new(x, y)))
+    }
 }
 
 const SUN_LIGHT: Vec3 = Vec3::new(3.0, 2.36, 1.62);
@@ -124,6 +156,15 @@ const HAZE_LENGTH: f64 = 260.0;
 const SUN_ANGLE: f64 = 0.018;
 
 impl Stage {
+    pub(crate) fn new(pieces: Vec<Piece>, sun: DVec3, seed: Seed) -> Self {
+        Self {
+            plates: pieces.iter().map(Plate::new).collect(),
+            pieces,
+            sun: sun.normalize(),
+            seed,
+        }
+    }
+
     /// Radiance that arrives at `from` along −`direction`; `spread` is the width of the ray at distance 1.
     pub(crate) fn radiance(&self, from: DVec3, direction: DVec3, spread: f64) -> Vec3 {
         self.trace(from, direction.normalize(), spread / direction.length(), 1)
@@ -134,8 +175,8 @@ impl Stage {
         const MOST: usize = 24;
         let mut hits = [(f64::INFINITY, 0usize, DVec2::ZERO); MOST];
         let mut count = 0;
-        for (index, piece) in self.pieces.iter().enumerate() {
-            if let Some((t, q)) = piece.hit(from, direction)
+        for (index, plate) in self.plates.iter().enumerate() {
+            if let Some((t, q)) = plate.hit(from, direction)
                 && count < MOST
             {
                 let mut slot = count;
@@ -220,8 +261,8 @@ impl Stage {
     /// How much of the sun is seen from a point.
     fn sunlight(&self, at: DVec3) -> f32 {
         let mut light = 1.0f32;
-        for piece in &self.pieces {
-            if let Some((t, q)) = piece.hit(at, self.sun)
+        for (plate, piece) in self.plates.iter().zip(&self.pieces) {
+            if let Some((t, q)) = plate.hit(at, self.sun)
                 && t > 0.02
             {
                 light *= 1.0 - piece.opacity(q, (SUN_ANGLE * t).max(0.004));
@@ -268,7 +309,7 @@ mod tests {
             let expected = camera.project(piece.point(q));
             assert!((mapped.truncate() / mapped.z).distance(expected) < 1e-9);
             // and the ray through that pixel meets the piece there
-            let (_, found) = piece
+            let (_, found) = Plate::new(&piece)
                 .hit(camera.position, camera.direction(expected))
                 .unwrap_or((0.0, DVec2::NAN));
             assert!(

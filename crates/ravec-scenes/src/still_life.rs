@@ -8,6 +8,7 @@
 //! World: x to the right, y up, the table at y = 0, the camera looks along −z and a little down.
 
 use crate::coverage::pulse;
+use crate::ellipsoid::{Camera, Ellipsoid};
 use crate::paint::{hex, paint_adaptive};
 use crate::random::Seed;
 use crate::stage::film;
@@ -54,25 +55,14 @@ enum Skin {
 #[derive(Debug, Clone, Copy)]
 struct Thing {
     name: &'static str,
-    center: DVec3,
-    radii: DVec3,
-    /// World from the ellipsoid's own axes: a turn about y.
-    turn: DMat3,
+    body: Ellipsoid,
     skin: Skin,
-    /// Into the space in which the ellipsoid is the unit ball.
-    unit_from_world: DMat3,
 }
 
 impl Thing {
     fn at(name: &'static str, center: DVec3, radii: DVec3, skin: Skin) -> Self {
-        Self {
-            name,
-            center,
-            radii,
-            turn: DMat3::IDENTITY,
-            skin,
-            unit_from_world: DMat3::from_diagonal(radii.recip()),
-        }
+        let body = Ellipsoid::new(center, radii);
+        Self { name, body, skin }
     }
 
     /// On the table.
@@ -84,112 +74,11 @@ impl Thing {
         Self::upright(name, x, z, DVec3::splat(radius), skin)
     }
 
-    /// Turned about y.
     fn turned(self, angle_rad: f64) -> Self {
-        let turn = DMat3::from_rotation_y(angle_rad);
         Self {
-            turn,
-            unit_from_world: self.unit_from_world * turn.transpose(),
+            body: self.body.turned(angle_rad),
             ..self
         }
-    }
-
-    fn to_unit(&self, v: DVec3) -> DVec3 {
-        self.unit_from_world * v
-    }
-
-    /// Nearest hit of a ray beyond `t` = 1e-6.
-    fn hit(&self, from: DVec3, direction: DVec3) -> Option<f64> {
-        let (o, d) = (self.to_unit(from - self.center), self.to_unit(direction));
-        let (a, b, c) = (d.length_squared(), o.dot(d), o.length_squared() - 1.0);
-        let root = b * b - a * c;
-        if root <= 0.0 {
-            return None;
-        }
-        let t = (-b - root.sqrt()) / a;
-        (t > 1e-6).then_some(t)
-    }
-
-    fn normal(&self, at: DVec3) -> DVec3 {
-        (self.turn * (self.to_unit(at - self.center) / self.radii)).normalize()
-    }
-
-    /// Share of a light of angular radius `size` that is seen past the thing from `at` (Quilez, "sphere soft shadow").
-    fn lets_through(&self, at: DVec3, toward: DVec3, size: f64) -> f64 {
-        let (o, d) = (self.to_unit(at - self.center), self.to_unit(toward));
-        let stretch = d.length();
-        let d = d / stretch;
-        let along = -o.dot(d);
-        if along <= 0.0 {
-            return 1.0;
-        }
-        let miss = (o.length_squared() - along * along).max(0.0).sqrt();
-        let penumbra = size * along;
-        smoothstep(1.0 - penumbra, 1.0 + penumbra, miss)
-    }
-
-    /// How much of the light from all around the thing takes away at a point with a normal.
-    fn occlusion(&self, at: DVec3, normal: DVec3) -> f64 {
-        let mean = self.radii.element_product().cbrt();
-        let d = self.center - at;
-        let distance = d.length().max(mean);
-        (0.5 + 0.5 * normal.dot(d) / distance).max(0.0) * (mean / distance).powi(2)
-    }
-
-    /// The outline in the image as a conic, negative inside.
-    fn outline(&self, camera: &Camera) -> DMat3 {
-        let radii = DMat3::from_diagonal(self.radii * self.radii);
-        let spread = self.turn * radii * self.turn.transpose();
-        // P (x, 1) = M (x − position), so P Q* Pᵀ = M (spread − c cᵀ) Mᵀ with c relative to the camera
-        let c = self.center - camera.position;
-        let outer = DMat3::from_cols(c * c.x, c * c.y, c * c.z);
-        let dual = camera.image_from_world * (spread - outer) * camera.image_from_world.transpose();
-        let conic = dual.inverse();
-        let middle = camera.project(self.center).extend(1.0);
-        if middle.dot(conic * middle) > 0.0 {
-            -conic
-        } else {
-            conic
-        }
-    }
-}
-
-struct Camera {
-    position: DVec3,
-    image_from_world: DMat3,
-    world_from_image: DMat3,
-}
-
-impl Camera {
-    fn new(size: Size) -> Self {
-        let extent = DVec2::new(size.width() as f64, size.height() as f64);
-        let f = 1.28 * extent.x.min(1.5 * extent.y);
-        let center = extent * DVec2::new(0.5, 0.52);
-        let (sin, cos) = 19f64.to_radians().sin_cos();
-        // rows: right, down, forward
-        let down = DVec3::new(0.0, -cos, sin);
-        let forward = DVec3::new(0.0, -sin, -cos);
-        let rows = DMat3::from_cols(DVec3::X, down, forward).transpose();
-        let lens = DMat3::from_cols(
-            DVec3::new(f, 0.0, 0.0),
-            DVec3::new(0.0, f, 0.0),
-            center.extend(1.0),
-        );
-        let image_from_world = lens * rows;
-        Self {
-            position: DVec3::new(0.0, 2.55, 5.6),
-            image_from_world,
-            world_from_image: image_from_world.inverse(),
-        }
-    }
-
-    fn project(&self, point: DVec3) -> DVec2 {
-        let h = self.image_from_world * (point - self.position);
-        h.truncate() / h.z
-    }
-
-    fn direction(&self, p: DVec2) -> DVec3 {
-        (self.world_from_image * p.extend(1.0)).normalize()
     }
 }
 
@@ -216,14 +105,14 @@ fn things(seed: Seed) -> Vec<Thing> {
             1.28,
             -1.25,
             DVec3::new(0.62, 0.78, 0.62),
-            Skin::Banded(hex(0x1f_4f_78)),
+            Skin::Banded(hex(0x1f4f78)),
         ),
         Thing::ball(
             "glazed ball",
             1.95,
             -0.05,
             0.34,
-            Skin::Glazed(hex(0x2f_7d_5c)),
+            Skin::Glazed(hex(0x2f7d5c)),
         ),
         Thing::upright("plum", 0.62, 1.05, DVec3::new(0.30, 0.27, 0.27), Skin::Plum),
         Thing::at(
@@ -244,15 +133,15 @@ fn things(seed: Seed) -> Vec<Thing> {
             "neck",
             DVec3::new(1.28, 1.58, -1.25),
             DVec3::new(0.26, 0.26, 0.26),
-            Skin::Lip(hex(0x1f_4f_78)),
+            Skin::Lip(hex(0x1f4f78)),
         ),
         Thing::at(
             "lip",
             DVec3::new(1.28, 1.84, -1.25),
             DVec3::new(0.36, 0.06, 0.36),
-            Skin::Lip(hex(0x1f_4f_78)),
+            Skin::Lip(hex(0x1f4f78)),
         ),
-        Thing::ball("pearl", -1.75, 1.15, 0.13, Skin::Glazed(hex(0xe9_e2_d8))),
+        Thing::ball("pearl", -1.75, 1.15, 0.13, Skin::Glazed(hex(0xe9e2d8))),
     ];
     // a bunch of grapes: a heap of two layers
     for i in 0..15 {
@@ -304,8 +193,8 @@ pub fn still_life(size: Size, seed: Seed) -> (Image<LinearRgb>, StillLifeTruth) 
             .iter()
             .map(|thing| ThingTruth {
                 name: thing.name.to_owned(),
-                center_in_image: camera.project(thing.center),
-                outline_conic: thing.outline(&camera),
+                center_in_image: camera.project(thing.body.center),
+                outline_conic: thing.body.outline(&camera),
             })
             .collect(),
         table_edge_row: camera.project(DVec3::new(0.0, 0.0, TABLE_END)).y,
@@ -318,7 +207,7 @@ impl Studio {
         let mut nearest = f64::INFINITY;
         let mut found = None;
         for thing in &self.things {
-            if let Some(t) = thing.hit(from, direction)
+            if let Some(t) = thing.body.hit(from, direction)
                 && t < nearest
             {
                 (nearest, found) = (t, Some(thing));
@@ -358,7 +247,7 @@ impl Studio {
         let wall = DVec2::new(direction.x / (-direction.z).max(0.2), direction.y);
         let cloud = fractal(wall * 2.2, 2.2 * spread, 5, self.seed.fork(1));
         let pool = smoothstep(1.1, 0.0, wall.distance(DVec2::new(-0.25, 0.10)));
-        let tone = hex(0x3c_3a_34).lerp(hex(0xb4_a0_80), pool as f32);
+        let tone = hex(0x3c3a34).lerp(hex(0xb4a080), pool as f32);
         tone * (0.55 + 0.12 * cloud) as f32
     }
 
@@ -370,9 +259,9 @@ impl Studio {
                 continue;
             }
             if direct > 0.0 {
-                direct *= thing.lets_through(at, self.light, 0.26);
+                direct *= thing.body.lets_through(at, self.light, 0.26);
             }
-            open *= 1.0 - thing.occlusion(at, normal).min(0.92);
+            open *= 1.0 - thing.body.occlusion(at, normal).min(0.92);
         }
         (direct as f32, open as f32)
     }
@@ -396,12 +285,7 @@ impl Studio {
             (color, 0.0)
         } else {
             // planks of an old table run from left to right; the texture's metre is a third of ours
-            let color = wood(
-                q * 0.36,
-                0.36 * footprint,
-                hex(0x8f_5a_30),
-                self.seed.fork(2),
-            );
+            let color = wood(q * 0.36, 0.36 * footprint, hex(0x8f5a30), self.seed.fork(2));
             let near_cloth = self.cloth(q + DVec2::new(-0.05, 0.03), footprint).is_some();
             (color * if near_cloth { 0.6 } else { 1.0 }, 0.32)
         };
@@ -453,11 +337,11 @@ impl Studio {
         let band = |offset: f64, duty: f64, period: f64| {
             pulse((bent.y + offset) / period, duty, footprint / period) as f32
         };
-        let linen = hex(0xea_e2_d0);
+        let linen = hex(0xeae2d0);
         let mut color = linen;
-        color = color.lerp(hex(0x2d_4f_7c), band(0.0, 0.30, 0.52));
-        color = color.lerp(hex(0xb8_3b_32), band(-0.36, 0.06, 0.52));
-        color = color.lerp(hex(0xb8_3b_32), band(-0.46, 0.04, 0.52) * 0.9);
+        color = color.lerp(hex(0x2d4f7c), band(0.0, 0.30, 0.52));
+        color = color.lerp(hex(0xb83b32), band(-0.36, 0.06, 0.52));
+        color = color.lerp(hex(0xb83b32), band(-0.46, 0.04, 0.52) * 0.9);
         // threads of the weave
         let fine = (1.5 - 120.0 * footprint).clamp(0.0, 1.0);
         let weave = (bent.x * 420.0).sin() * (bent.y * 420.0).sin();
@@ -481,14 +365,14 @@ impl Studio {
         footprint: f64,
         bounces: u32,
     ) -> Vec3 {
-        let mut normal = thing.normal(at);
-        let own = thing.turn.transpose() * (at - thing.center);
-        let unit = own / thing.radii;
+        let mut normal = thing.body.normal(at);
+        let own = thing.body.turn.transpose() * (at - thing.body.center);
+        let unit = own / thing.body.radii;
         // a map of the surface without a seam towards the viewer
         let map = DVec2::new(unit.x.atan2(unit.z.abs() + 0.3), unit.y);
         let seed = self
             .seed
-            .fork(40_u64.wrapping_add_signed((thing.center.x * 100.0) as i64));
+            .fork(40_u64.wrapping_add_signed((thing.body.center.x * 100.0) as i64));
         let bump = |normal: &mut DVec3, scale: f64, height: f64| {
             let p = DVec2::new(own.x + 0.7 * own.z, own.y - 0.4 * own.z) * scale;
             let visible = (1.5 - 2.5 * footprint * scale).clamp(0.0, 1.0) * height;
@@ -507,13 +391,13 @@ impl Studio {
                 bump(&mut normal, 44.0, 0.11);
                 let spots = cellular(map * 22.0, seed);
                 let pores = smoothstep(0.12, 0.32, spots.nearest) as f32;
-                (hex(0xf0_82_12) * (0.86 + 0.14 * pores), 0.035, 0.35)
+                (hex(0xf08212) * (0.86 + 0.14 * pores), 0.035, 0.35)
             }
             Skin::Lemon => {
                 bump(&mut normal, 30.0, 0.09);
                 let green = smoothstep(0.6, 1.0, unit.x.abs());
                 (
-                    hex(0xf4_cf_2a).lerp(hex(0xb9_b0_30), 0.7 * green as f32),
+                    hex(0xf4cf2a).lerp(hex(0xb9b030), 0.7 * green as f32),
                     0.035,
                     0.35,
                 )
@@ -528,11 +412,11 @@ impl Studio {
                 let blush =
                     smoothstep(-0.5, 0.6, streak * 0.7 + unit.x * 0.5 - 0.15 + 0.4 * unit.z);
                 let dots = smoothstep(0.10, 0.05, cellular(map * 13.0, seed.fork(1)).nearest);
-                let skin = hex(0xd8_b6_3e).lerp(hex(0xa8_16_1c), (0.25 + 0.75 * blush) as f32);
+                let skin = hex(0xd8b63e).lerp(hex(0xa8161c), (0.25 + 0.75 * blush) as f32);
                 let hollow = smoothstep(0.80, 1.0, unit.y) as f32;
                 (
-                    skin.lerp(hex(0x7d_84_36), hollow)
-                        .lerp(hex(0xe2_b8_88), 0.5 * dots as f32),
+                    skin.lerp(hex(0x7d8436), hollow)
+                        .lerp(hex(0xe2b888), 0.5 * dots as f32),
                     0.05,
                     0.6,
                 )
@@ -544,7 +428,7 @@ impl Studio {
                     fractal(map * 3.0, footprint * 6.0, 4, seed) + 0.5 * unit.y,
                 );
                 (
-                    hex(0x2c_12_30).lerp(hex(0x5a_50_74), 0.35 * bloom as f32),
+                    hex(0x2c1230).lerp(hex(0x5a5074), 0.35 * bloom as f32),
                     0.04,
                     0.35,
                 )
@@ -556,7 +440,7 @@ impl Studio {
                     fractal(map * 3.0, footprint * 12.0, 3, seed) + 0.4 * unit.y,
                 );
                 (
-                    hex(0x4b_1b_3c).lerp(hex(0x7a_5a_7c), 0.3 * bloom as f32),
+                    hex(0x4b1b3c).lerp(hex(0x7a5a7c), 0.3 * bloom as f32),
                     0.05,
                     0.45,
                 )
@@ -569,25 +453,25 @@ impl Studio {
                 let craze = fractal(map * 4.0, footprint * 8.0, 4, seed);
                 let distance = (3.0 * unit.y - (3.0 * unit.y).floor() - 0.5).abs();
                 let band = smoothstep(0.07, 0.04, distance) as f32;
-                let painted = color.lerp(hex(0xd9_cf_b8), band);
+                let painted = color.lerp(hex(0xd9cfb8), band);
                 (painted * (1.0 + 0.12 * craze) as f32, 0.07, 0.85)
             }
             Skin::Lip(color) => {
                 let hole = f32::from(unit.y > 0.0 && unit.x.hypot(unit.z) < 0.80);
                 (
-                    color.lerp(hex(0x08_09_0c), hole),
+                    color.lerp(hex(0x08090c), hole),
                     0.07 * (1.0 - f64::from(hole)),
                     0.5,
                 )
             }
             Skin::Steel => (Vec3::splat(0.03), 0.72, 0.28),
-            Skin::Stem => (hex(0x4a_32_1c), 0.0, 0.0),
+            Skin::Stem => (hex(0x4a321c), 0.0, 0.0),
         };
         let mut color = self.shaded(albedo, at, normal, Some(thing));
         if matches!(thing.skin, Skin::Grape | Skin::Plum) {
             // light passes through the rim
             let rim = (1.0 + normal.dot(direction)).max(0.0).powi(3) as f32;
-            color += hex(0x7a_22_3a) * rim * 0.5;
+            color += hex(0x7a223a) * rim * 0.5;
         }
         if polish > 0.0 {
             let facing = (-normal.dot(direction)).clamp(0.0, 1.0);
@@ -620,32 +504,18 @@ mod tests {
         let size = Size::new(96, 64).unwrap();
         let camera = Camera::new(size);
         for thing in things(Seed(1)) {
-            let conic = thing.outline(&camera);
-            let center = camera.project(thing.center);
+            let conic = thing.body.outline(&camera);
+            let center = camera.project(thing.body.center);
             for i in 0..400 {
                 let step = DVec2::new(f64::from(i % 20) - 9.5, f64::from(i / 20) - 9.5);
-                let p = center + step * (1.5 * thing.radii.x);
+                let p = center + step * (1.5 * thing.body.radii.x);
                 let value = p.extend(1.0).dot(conic * p.extend(1.0));
-                let hit = thing.hit(camera.position, camera.direction(p)).is_some();
+                let hit = thing
+                    .body
+                    .hit(camera.position, camera.direction(p))
+                    .is_some();
                 assert_eq!(hit, value < 0.0, "{} at {p}", thing.name);
             }
-        }
-    }
-
-    #[test]
-    fn directions_and_projections_are_inverse() {
-        let camera = Camera::new(Size::new(300, 200).unwrap());
-        for p in [
-            DVec2::ZERO,
-            DVec2::new(300.0, 0.0),
-            DVec2::new(150.0, 120.0),
-        ] {
-            assert!(
-                camera
-                    .project(camera.position + 3.0 * camera.direction(p))
-                    .distance(p)
-                    < 1e-9
-            );
         }
     }
 }

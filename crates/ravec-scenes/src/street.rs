@@ -7,11 +7,13 @@
 //!
 //! Cost: about two microseconds a pixel and core.
 
-use crate::facade::{Facade, Gable, GroundFloor, Wall};
-use crate::furniture::{awning, bicycle, church, flower_box, hanging_sign, lamp, pot, tree};
+use crate::facade::{Facade, Gable, Wall};
+use crate::furniture::{awning, bicycle, church, hanging_sign, lamp};
+use crate::greenery::{flower_box, pot, tree};
 use crate::paint::{hex, paint_adaptive};
 use crate::props::Prop;
 use crate::random::Seed;
+use crate::shopfront::GroundFloor;
 use crate::stage::{Camera, Piece, Show, Stage, film};
 use glam::{DMat3, DVec2, DVec3, Vec3};
 use ravec_raster::{Image, LinearRgb, Size};
@@ -138,61 +140,61 @@ fn left_row() -> Vec<House> {
             width: 10.0,
             height: 9.6,
             gable: Gable::None,
-            wall: Wall::Plaster(hex(0xe3_b5_72)),
-            trim: 0xee_e3_cd,
-            shutters: Some(0x3d_6f_78),
+            wall: Wall::Plaster(hex(0xe3b572)),
+            trim: 0xeee3cd,
+            shutters: Some(0x3d6f78),
             bays: 4,
-            front: (0x24_4a_45, Some("BAKERY")),
+            front: (0x244a45, Some("BAKERY")),
         },
         House {
             width: 7.0,
             height: 9.3,
             gable: Gable::Pointed(3.0),
-            wall: Wall::Timber(hex(0xee_dc_bd)),
-            trim: 0xd8_c8_a8,
+            wall: Wall::Timber(hex(0xeedcbd)),
+            trim: 0xd8c8a8,
             shutters: None,
             bays: 4,
-            front: (0x7c_2f_26, Some("CAFE RAVEC")),
+            front: (0x7c2f26, Some("CAFE RAVEC")),
         },
         House {
             width: 8.0,
             height: 9.4,
             gable: Gable::Stepped(2.6),
-            wall: Wall::Brick(hex(0xa9_56_3b)),
-            trim: 0xe3_d6_bb,
-            shutters: Some(0x3c_5a_3c),
+            wall: Wall::Brick(hex(0xa9563b)),
+            trim: 0xe3d6bb,
+            shutters: Some(0x3c5a3c),
             bays: 4,
-            front: (0x3a_4f_6e, None),
+            front: (0x3a4f6e, None),
         },
         House {
             width: 9.0,
             height: 12.4,
             gable: Gable::None,
-            wall: Wall::Plaster(hex(0xd4_8a_6c)),
-            trim: 0xec_df_c8,
-            shutters: Some(0x55_6a_5a),
+            wall: Wall::Plaster(hex(0xd48a6c)),
+            trim: 0xecdfc8,
+            shutters: Some(0x556a5a),
             bays: 4,
-            front: (0x4a_2e_44, Some("BOOKS")),
+            front: (0x4a2e44, Some("BOOKS")),
         },
         House {
             width: 8.0,
             height: 9.3,
             gable: Gable::Pointed(2.6),
-            wall: Wall::Plaster(hex(0xcf_c3_a0)),
-            trim: 0xe9_e0_cf,
-            shutters: Some(0x8a_3b_30),
+            wall: Wall::Plaster(hex(0xcfc3a0)),
+            trim: 0xe9e0cf,
+            shutters: Some(0x8a3b30),
             bays: 3,
-            front: (0x5b_3a_24, None),
+            front: (0x5b3a24, None),
         },
         House {
             width: 16.0,
             height: 12.3,
             gable: Gable::None,
-            wall: Wall::Brick(hex(0xb5_7a_55)),
-            trim: 0xe6_dc_c6,
+            wall: Wall::Brick(hex(0xb57a55)),
+            trim: 0xe6dcc6,
             shutters: None,
             bays: 6,
-            front: (0x3b_3b_3f, None),
+            front: (0x3b3b3f, None),
         },
     ]
 }
@@ -203,52 +205,52 @@ fn right_row() -> Vec<House> {
             width: 9.5,
             height: 9.5,
             gable: Gable::None,
-            wall: Wall::Brick(hex(0x98_52_40)),
-            trim: 0xe0_d3_bc,
+            wall: Wall::Brick(hex(0x985240)),
+            trim: 0xe0d3bc,
             shutters: None,
             bays: 4,
-            front: (0x2f_3f_5c, Some("ANTIQUES")),
+            front: (0x2f3f5c, Some("ANTIQUES")),
         },
         House {
             width: 7.5,
             height: 8.2,
             gable: Gable::Stepped(2.0),
-            wall: Wall::Plaster(hex(0x9d_b4_c0)),
-            trim: 0xee_e8_dc,
-            shutters: Some(0x4b_5f_7c),
+            wall: Wall::Plaster(hex(0x9db4c0)),
+            trim: 0xeee8dc,
+            shutters: Some(0x4b5f7c),
             bays: 3,
-            front: (0x6e_27_23, None),
+            front: (0x6e2723, None),
         },
         // after a gap through which the sun falls
         House {
             width: 8.0,
             height: 9.3,
             gable: Gable::Pointed(2.8),
-            wall: Wall::Plaster(hex(0xd9_a1_86)),
-            trim: 0xec_e2_d0,
-            shutters: Some(0x5c_70_52),
+            wall: Wall::Plaster(hex(0xd9a186)),
+            trim: 0xece2d0,
+            shutters: Some(0x5c7052),
             bays: 4,
-            front: (0x2e_55_4c, Some("FLOWERS")),
+            front: (0x2e554c, Some("FLOWERS")),
         },
         House {
             width: 11.0,
             height: 12.3,
             gable: Gable::None,
-            wall: Wall::Plaster(hex(0xd8_cd_a8)),
-            trim: 0xee_e6_d4,
-            shutters: Some(0x46_59_66),
+            wall: Wall::Plaster(hex(0xd8cda8)),
+            trim: 0xeee6d4,
+            shutters: Some(0x465966),
             bays: 5,
-            front: (0x4a_2b_22, None),
+            front: (0x4a2b22, None),
         },
         House {
             width: 14.0,
             height: 9.6,
             gable: Gable::Pointed(3.0),
-            wall: Wall::Brick(hex(0xa0_60_48)),
-            trim: 0xe2_d6_c2,
+            wall: Wall::Brick(hex(0xa06048)),
+            trim: 0xe2d6c2,
             shutters: None,
             bays: 6,
-            front: (0x35_42_3c, None),
+            front: (0x35423c, None),
         },
     ]
 }
@@ -325,7 +327,7 @@ fn stage(seed: Seed) -> Stage {
         right: DVec3::X,
         up: DVec3::Y,
         size: DVec2::new(14.0, 9.3),
-        show: Show::Prop(Box::new(Prop::Bricks(hex(0xb5_6b_4a), seed.fork(300)))),
+        show: Show::Prop(Box::new(Prop::Bricks(hex(0xb56b4a), seed.fork(300)))),
     });
     pieces.extend(church(DVec3::new(-9.0, 0.0, -78.0)));
 
@@ -333,12 +335,12 @@ fn stage(seed: Seed) -> Stage {
     pieces.extend(awning(
         DVec3::new(wall, 2.62, -8.4),
         4.6,
-        [0xf3_ea_da, 0xb8_3a_2e],
+        [0xf3eada, 0xb83a2e],
     ));
     pieces.extend(awning(
         DVec3::new(wall, 2.62, -13.9),
         5.6,
-        [0xf3_ea_da, 0x2f_6b_66],
+        [0xf3eada, 0x2f6b66],
     ));
     pieces.push(hanging_sign(DVec3::new(wall, 3.75, -12.9), "CAFE"));
     for (index, depth) in [16.9, 27.5, 41.0].into_iter().enumerate() {
@@ -364,10 +366,10 @@ fn stage(seed: Seed) -> Stage {
     }
     pieces.push(bicycle(DVec3::new(-4.35, 0.0, -8.6)));
     for (index, (x, depth, blossom)) in [
-        (-4.55, 11.4, 0xd8_32_46),
-        (-4.5, 13.4, 0xf0_c8_40),
-        (4.9, 8.2, 0xe8_e2_f0),
-        (4.9, 10.9, 0xd8_4a_7a),
+        (-4.55, 11.4, 0xd83246),
+        (-4.5, 13.4, 0xf0c840),
+        (4.9, 8.2, 0xe8e2f0),
+        (4.9, 10.9, 0xd84a7a),
     ]
     .into_iter()
     .enumerate()
@@ -423,11 +425,8 @@ fn stage(seed: Seed) -> Stage {
             })),
         });
     }
-    Stage {
-        pieces,
-        sun: DVec3::new(0.46, 0.78, 0.32).normalize(),
-        seed: seed.fork(800),
-    }
+    let sun = DVec3::new(0.46, 0.78, 0.32);
+    Stage::new(pieces, sun, seed.fork(800))
 }
 
 #[cfg(test)]

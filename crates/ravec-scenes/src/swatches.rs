@@ -67,20 +67,20 @@ fn swatch(index: usize, q: DVec2, footprint: f64, seed: Seed) -> Vec3 {
         0 => Vec3::splat((0.4 + 0.3 * fractal(q * 3.0, 3.0 * footprint, 7, seed)) as f32),
         1 => {
             let cell = cellular(q * 7.0, seed);
-            let tint = hex(0x6d_84_9c).lerp(hex(0xc9_a2_74), cell.tint as f32);
+            let tint = hex(0x6d849c).lerp(hex(0xc9a274), cell.tint as f32);
             tint * ((cell.second - cell.nearest) * 6.0).clamp(0.12, 1.0) as f32
         }
-        2 => wood(q * 0.6, 0.6 * footprint, hex(0xa8_71_40), seed),
+        2 => wood(q * 0.6, 0.6 * footprint, hex(0xa87140), seed),
         3 => marble(q, footprint, seed),
         4 => {
-            brick(q, footprint, hex(0xa3_4f_38), seed)
+            brick(q, footprint, hex(0xa34f38), seed)
                 * (0.85 + 0.3 * value_noise(q * 2.0, seed)) as f32
         }
-        5 => tiles(q, footprint, 0.25, [hex(0xd6_c8_ae), hex(0x4f_6a_72)], seed),
+        5 => tiles(q, footprint, 0.25, [hex(0xd6c8ae), hex(0x4f6a72)], seed),
         6 => grass(q * 1.2, 1.2 * footprint, seed),
         _ => {
             let leaves = foliage(q, footprint, 0.16, |_| 1.0, seed);
-            let green = hex(0x1d_35_16).lerp(hex(0x8f_b0_3e), leaves.height as f32);
+            let green = hex(0x1d3516).lerp(hex(0x8fb03e), leaves.height as f32);
             green * (0.75 + 0.5 * leaves.tint) as f32 * (0.3 + 0.7 * leaves.cover) as f32
         }
     }

@@ -190,7 +190,7 @@ pub fn brick(p: DVec2, footprint: f64, color: Vec3, seed: Seed) -> Vec3 {
         1.0 - 0.08 * stone.tint as f32,
         1.0 - 0.12 * stone.tint as f32,
     );
-    let mortar = hex(0xb5_a8_98) * (0.9 + 0.15 * grain) as f32;
+    let mortar = hex(0xb5a898) * (0.9 + 0.15 * grain) as f32;
     mortar.lerp(color * warm * shade as f32, stone.face as f32)
 }
 
@@ -208,7 +208,7 @@ pub fn tiles(p: DVec2, footprint: f64, side: f64, colors: [Vec3; 2], seed: Seed)
     let cloud = fractal(p / (0.4 * side), footprint / (0.4 * side), 4, seed.fork(2));
     let color =
         colors[0].lerp(colors[1], even as f32) * (1.0 + 0.07 * stone.tint + 0.08 * cloud) as f32;
-    (hex(0x6a_62_58)).lerp(color, stone.face as f32)
+    (hex(0x6a6258)).lerp(color, stone.face as f32)
 }
 
 /// Planks of wood along x, 12 cm wide, with grain, knots and joints.
@@ -248,8 +248,8 @@ pub fn marble(p: DVec2, footprint: f64, seed: Seed) -> Vec3 {
     let vein = fractal((p + 0.6 * warp) * 2.0, footprint * 2.0, 5, seed.fork(7)).abs();
     let dark = (1.0 - vein * 3.5).clamp(0.0, 1.0).powi(3);
     let cloud = fractal(p * 3.0, footprint * 3.0, 4, seed.fork(8));
-    let stone = hex(0xec_e8_e1) * (0.92 + 0.08 * cloud) as f32;
-    stone.lerp(hex(0x5d_61_6b), 0.75 * dark as f32)
+    let stone = hex(0xece8e1) * (0.92 + 0.08 * cloud) as f32;
+    stone.lerp(hex(0x5d616b), 0.75 * dark as f32)
 }
 
 /// A meadow seen from above: blades, patches of dry grass, small flowers.
@@ -262,14 +262,14 @@ pub fn grass(p: DVec2, footprint: f64, seed: Seed) -> Vec3 {
         seed.fork(10),
     );
     let tuft = fractal(p * 8.0, footprint * 8.0, 3, seed.fork(11));
-    let green = hex(0x4f_6f_2c).lerp(hex(0x9a_97_4a), smoothstep(-0.3, 0.6, patch) as f32);
+    let green = hex(0x4f6f2c).lerp(hex(0x9a974a), smoothstep(-0.3, 0.6, patch) as f32);
     let lit = green * (1.0 + 0.45 * blades + 0.35 * tuft).max(0.1) as f32;
     let flower = cellular(p * 5.0, seed.fork(12));
     let visible = smoothstep(0.09, 0.05, flower.nearest) * (1.5 - 12.0 * footprint).clamp(0.0, 1.0);
     let petals = if flower.tint > 0.5 {
-        hex(0xf4_f0_e0)
+        hex(0xf4f0e0)
     } else {
-        hex(0xe8_b9_3a)
+        hex(0xe8b93a)
     };
     lit.lerp(
         petals,
@@ -449,15 +449,9 @@ mod tests {
         for p in grid() {
             for footprint in [0.0005, 0.02, 0.5] {
                 let colors = [
-                    brick(p, footprint, hex(0x9c_4a_32), Seed(1)),
-                    tiles(
-                        p,
-                        footprint,
-                        0.4,
-                        [hex(0xd8_cf_c0), hex(0x7d_4a_3a)],
-                        Seed(1),
-                    ),
-                    wood(p, footprint, hex(0x9a_6a_3c), Seed(1)),
+                    brick(p, footprint, hex(0x9c4a32), Seed(1)),
+                    tiles(p, footprint, 0.4, [hex(0xd8cfc0), hex(0x7d4a3a)], Seed(1)),
+                    wood(p, footprint, hex(0x9a6a3c), Seed(1)),
                     marble(p, footprint, Seed(1)),
                     grass(p, footprint, Seed(1)),
                 ];
