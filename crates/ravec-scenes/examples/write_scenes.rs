@@ -2,6 +2,11 @@
 //!
 //! `write_scenes FOLDER [NAME [WIDTH HEIGHT [SEED]]]`; without a name, all of them.
 
+#![allow(
+    clippy::disallowed_methods,
+    reason = "an example's files may be left half written"
+)]
+
 use ravec_raster::{Size, Srgba};
 use ravec_scenes::Seed;
 use ravec_scenes::catalog::{SceneId, render};

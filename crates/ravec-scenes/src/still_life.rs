@@ -133,7 +133,7 @@ fn things(seed: Seed) -> Vec<Thing> {
             "neck",
             DVec3::new(1.28, 1.58, -1.25),
             DVec3::new(0.26, 0.26, 0.26),
-            Skin::Lip(hex(0x1f4f78)),
+            Skin::Glazed(hex(0x1f4f78)),
         ),
         Thing::at(
             "lip",
