@@ -16,7 +16,7 @@ pub struct PlacedBlock<'a> {
     pub row_px: usize,
     /// Side of the square. It may reach beyond the right and lower border of the image.
     pub side_px: usize,
-    /// The line and the colours.
+    /// The line and the colors.
     pub pixel: &'a TwoColorPixel,
 }
 
@@ -48,7 +48,7 @@ impl PlacedBlock<'_> {
         [on_side_0, rect.pixels() - on_side_0]
     }
 
-    /// The mean colour of the block's pixels, weighted by alpha, and their mean alpha: what one colour instead of two
+    /// The mean color of the block's pixels, weighted by alpha, and their mean alpha: what one color instead of two
     /// would be.
     pub fn mean(&self, image_size: Size) -> (Oklab, f32) {
         let [(c0, a0, n0), (c1, a1, n1)] = {

@@ -1,12 +1,12 @@
 //! Two-color pixels drawn at any size, with exact coverage.
 //!
-//! A field is a picture without resolution: squares, each cut by a line into two colours. A pixel of the rendering is
+//! A field is a picture without resolution: squares, each cut by a line into two colors. A pixel of the rendering is
 //! the mean of that picture over the pixel's square, by exact area, in linear light and premultiplied by alpha. The
 //! share of a half plane in an axis-parallel rectangle has a closed form, so nothing is sampled and no polygon is
 //! clipped: for each pixel and block the two have a rectangle in common, and the line cuts it.
 //!
 //! Guarantees: sums are taken in f64 and rounded once, so that a constant field renders exactly constant at any size, and
-//! the result does not depend on the number of threads. Does not guarantee: colours inside the gamut, since Oklab means
+//! the result does not depend on the number of threads. Does not guarantee: colors inside the gamut, since Oklab means
 //! may lie a little outside it.
 //!
 //! Cost: O(pixels of the rendering + blocks). Memory: the result, and 32 bytes a pixel for the eight rows that each
@@ -78,9 +78,9 @@ pub fn render_to(
     })
 }
 
-/// Renders `field` with one colour a block, the mean of its pixels: the plain mosaic to compare with.
+/// Renders `field` with one color a block, the mean of its pixels: the plain mosaic to compare with.
 ///
-/// The mean is taken in Oklab, weighted by alpha: of all single colours it has the least error as the fit counts it.
+/// The mean is taken in Oklab, weighted by alpha: of all single colors it has the least error as the fit counts it.
 ///
 /// # Errors
 /// [`Cancelled`] soon after `progress` is.
@@ -146,7 +146,8 @@ fn paint(
                 }
                 let area = to_output.area(block.rect(to_output.from));
                 let paint = paint_of(&block);
-                strip.add(area, &paint, paint.line.map(|line| to_output.edge(&line)));
+                let edge = paint.line.map(|line| to_output.edge(&line));
+                strip.add(&area, &paint, edge.as_ref());
             }
             for (pixel, sum) in out.iter_mut().zip(&strip.sums) {
                 *pixel = straight(*sum);
@@ -263,7 +264,7 @@ struct Strip {
 
 impl Strip {
     /// Adds what `area` contributes to each pixel.
-    fn add(&mut self, area: Area, paint: &Paint, edge: Option<Edge>) {
+    fn add(&mut self, area: &Area, paint: &Paint, edge: Option<&Edge>) {
         let first_row = (area.y[0] as usize).max(self.window.row);
         let end_row = (area.y[1].ceil() as usize).min(self.window.bottom());
         let first_col = area.x[0] as usize;
@@ -276,7 +277,7 @@ impl Strip {
             for (col, sum) in (first_col..).zip(sums) {
                 let [left, right] = [area.x[0].max(col as f64), area.x[1].min((col + 1) as f64)];
                 let extent = DVec2::new(right - left, bottom - top);
-                let share = edge.as_ref().map_or(1.0, |edge| {
+                let share = edge.map_or(1.0, |edge| {
                     edge.share_of(0.5 * DVec2::new(left + right, top + bottom), extent)
                 });
                 let weight_0 = share * extent.x * extent.y;
