@@ -64,6 +64,23 @@ impl Heights {
     }
 }
 
+/// The primitive integer directions up to sign with components up to `fineness`: 13 for 1, 49 for 2.
+pub(super) fn directions(fineness: i32) -> impl Iterator<Item = [i32; 3]> {
+    let range = move || -fineness..=fineness;
+    range()
+        .flat_map(move |t| range().flat_map(move |y| range().map(move |x| [x, y, t])))
+        .filter(|u| {
+            let leading = u.iter().rev().find(|&&v| v != 0);
+            let is_double = u.iter().all(|v| v % 2 == 0);
+            leading.is_some_and(|&v| v > 0) && !is_double
+        })
+}
+
+/// Up to this many voxels the finer set of directions is used. Small blocks have few rows, so that the coarse set leaves
+/// large gaps between the splits that it meets, and the finer set costs little: without it, 2 of the 1350 splits of
+/// 3 × 3 × 3 voxels are missed when they are planted.
+const SMALL_VOXELS: usize = 128;
+
 /// One voxel: alpha times mean-free Oklab, and mean-free alpha. Four floats add in one instruction.
 pub(super) type Voxel = [f32; 4];
 
@@ -197,6 +214,11 @@ impl Block {
         self.extents.iter().product()
     }
 
+    /// How many of the [`directions`] to try.
+    pub fn fineness(&self) -> i32 {
+        if self.count() <= SMALL_VOXELS { 2 } else { 1 }
+    }
+
     /// How far apart neighbours along each axis are stored.
     pub fn strides(&self) -> [usize; 3] {
         [1, self.extents[0], self.extents[0] * self.extents[1]]
@@ -314,6 +336,21 @@ impl Block {
             alphas: std::array::from_fn(|i| {
                 (weights[i] * inverse(counts[i])).clamp(0.0, 1.0) as f32
             }),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn directions_are_primitive_and_listed_once() {
+        assert_eq!(directions(1).count(), 13);
+        let all: Vec<_> = directions(2).collect();
+        assert_eq!(all.len(), 49);
+        for (i, u) in all.iter().enumerate() {
+            assert!(all[..i].iter().all(|v| v != u && v.map(|c| -c) != *u));
         }
     }
 }

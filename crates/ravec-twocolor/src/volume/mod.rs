@@ -30,20 +30,26 @@
 //!    planes through the lines of two frames, and their least-squares plane are starts. So is the best plane along each
 //!    of a few dozen directions with small integer components, among them the scene cuts.
 //! 2. *Choice.* All starts are scored exactly; the best few that differ are kept.
-//! 3. *Line searches.* Each is improved along thirteen one-parameter motions (shifts, tilts, tilts about an end). Along
-//!    a motion voxels change sides one after the other; visiting these events in order scores every split that the
-//!    motion meets within reach. This goes on until no motion improves.
+//! 3. *Line searches.* Each is improved along 13 one-parameter motions (shifts, tilts, tilts about an end; 49 in small
+//!    blocks). Along a motion voxels change sides one after the other; visiting these events in order scores every split
+//!    that the motion meets within reach. This goes on until no motion improves.
 //! 4. *Centering.* Planes with equal splits have equal errors; the plane is put midway between the events at which its
 //!    split would change. So the time component is good to a fraction of a pixel a frame.
 //!
 //! The time axis counts a frame as a pixel. This choice affects no fit: stretching time turns planes into planes, so the
 //! splits are the same.
 //!
-//! Guarantees: the error is that of the split which the plane makes of the voxels' centers, with the best colors; it is
-//! never above that of any start; with one frame a block, blocks and errors are those of
-//! [`TwoColorField`](crate::TwoColorField). The same result on any number of threads. Does not guarantee: the optimum.
+//! Guarantees: the error is that of the split which the plane makes of the voxels' centers, with the best colors; with
+//! one frame a block, blocks and errors are those of [`TwoColorField`](crate::TwoColorField); the same result on any
+//! number of threads. Does not guarantee: the optimum. On random noise, where nothing guides the search, the error is on
+//! average 1.0000 to 1.0016 times the least of any plane for 2 × 2 × 2 to 4 × 4 × 2 voxels (99th percentile 1.00 to 1.03;
+//! tests enumerate all splits and assert 1.005 and 1.05); at 8 × 8 × 8 it is 1.0007 times that of a search from 16 starts.
+//! Every split of up to 3 × 3 × 3 voxels is found when it is planted.
 //!
-//! Memory: with [`VolumeBuilder`], the M frames of one slab and the blocks.
+//! Cost: O(N·M) a plane scored and O(N·M log N·M) a line search, times the starts; blocks below the flat threshold and
+//! blocks that two colors explain to within it are cheap. On two cores about 15 million voxels a second where edges are
+//! clean, 3 million where noise exceeds the threshold everywhere at edges. Memory: with [`VolumeBuilder`], the M frames of
+//! one slab and the blocks.
 
 mod block;
 mod builder;

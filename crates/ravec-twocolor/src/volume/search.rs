@@ -4,7 +4,7 @@
 //!
 //! ```text
 //! repeat until no motion improves:
-//!     for each of the 13 motions of the plane:
+//!     for each of the motions of the plane (13, or 49 in small blocks):
 //!         list when, along the motion, each voxel near the plane changes sides
 //!         in the order of these events: add or subtract the voxel, score the split
 //!         go to the middle of the interval with the best score
@@ -14,7 +14,7 @@
 //! all there is to ordering events. (2) Events closer than [`TIE`] count as one, so that rounding never makes a split that
 //! no plane makes. (3) The running sums drift by single-precision rounding, so a winner is scored afresh.
 
-use super::block::{Block, Heights, OTHERS, add};
+use super::block::{Block, Heights, OTHERS, add, directions};
 
 /// A plane and its gain.
 #[derive(Debug, Clone, Copy)]
@@ -45,24 +45,6 @@ impl Motion {
     }
 }
 
-/// The directions of the cube's 26 neighbours, up to sign: shift, two tilts, and their sums and differences, which are
-/// tilts about the ends of the block and about its diagonals.
-const MOTIONS: [[f64; 3]; 13] = [
-    [1., 0., 0.],
-    [0., 1., 0.],
-    [0., 0., 1.],
-    [1., 1., 0.],
-    [1., -1., 0.],
-    [1., 0., 1.],
-    [1., 0., -1.],
-    [0., 1., 1.],
-    [0., 1., -1.],
-    [1., 1., 1.],
-    [1., 1., -1.],
-    [1., -1., 1.],
-    [1., -1., -1.],
-];
-
 /// How far a line search moves the plane at the block's border, in voxels. Twice the distance of neighbouring voxels
 /// passes a wrong neighbour or two; longer searches cost in proportion and win little (starts differ by more).
 const REACH: f64 = 2.0;
@@ -84,9 +66,14 @@ pub(super) struct Searcher {
 
 impl Searcher {
     /// Improves a plane until no motion does.
-    pub fn improve(&mut self, block: &Block, start: Scored) -> Scored {
+    ///
+    /// A start may pass through voxels, so that rounding alone has told their sides; it is centered first, and what it
+    /// then splits is where the search begins.
+    pub fn improve(&mut self, block: &Block, start: &Heights) -> Scored {
         let middle = block.middle();
-        let mut best = start;
+        let plane = centered(block, start);
+        let gain = block.score(&plane);
+        let mut best = Scored { plane, gain };
         loop {
             // tilting may have made another axis the leading one
             let (normal, offset) = best.plane.plane(middle);
@@ -182,7 +169,8 @@ struct Step {
 fn motions(block: &Block, axis: usize) -> impl Iterator<Item = Motion> {
     let middle = block.middle();
     let half = OTHERS[axis].map(|other| middle[other]);
-    MOTIONS.into_iter().filter_map(move |[center, b, c]| {
+    directions(block.fineness()).filter_map(move |direction| {
+        let [c, b, center] = direction.map(f64::from);
         let unit = 1.0 / (center.abs() + b.abs() + c.abs());
         let slope = |tilt: f64, half: f64| {
             if tilt == 0.0 {

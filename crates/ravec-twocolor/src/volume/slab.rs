@@ -23,6 +23,7 @@ pub(super) fn fit_row<P: Color>(
     progress: &Progress,
     out: &mut [TwoColorVoxel],
 ) -> Result<(), Cancelled> {
+    progress.check()?;
     let side = params.block_px;
     if let [frame] = frames {
         let flat = FlatThreshold(params.flat_contrast);
@@ -36,10 +37,9 @@ pub(super) fn fit_row<P: Color>(
     let any = FlatThreshold(0.0);
     let mut in_frames = Vec::with_capacity(frames.len());
     for frame in frames {
-        progress.check()?;
         in_frames.push(fit_pixels(frame, side, row, any, out.len()));
+        progress.check()?;
     }
-    progress.check()?;
     let mean = mean_strip(frames, row * side, side);
     let still = fit_pixels(&mean, side, 0, any, out.len());
 
@@ -142,15 +142,15 @@ impl<'a> BlockFitter<'a> {
         let most = self.params.starts;
         let starts = self.starts.collect(block, &self.traces, still, most);
         let unseen = (block.energy - least_gain).min(block.energy - block.rounding());
-        let mut best = None;
-        for &start in starts {
-            let found = self.searcher.improve(block, start);
-            if best.is_none_or(|best: Scored| found.gain > best.gain) {
+        let mut best: Option<Scored> = None;
+        for start in starts {
+            let found = self.searcher.improve(block, &start.plane);
+            if best.is_none_or(|best| found.gain > best.gain) {
                 best = Some(found);
-                // what is left could not be seen
-                if f64::from(found.gain) >= unseen {
-                    break;
-                }
+            }
+            // what is left could not be seen
+            if f64::from(found.gain) >= unseen {
+                break;
             }
         }
         let Some(best) = best else {

@@ -1,6 +1,6 @@
 //! Planes to start the search from.
 
-use super::block::{Block, Heights, add};
+use super::block::{Block, Heights, add, directions};
 use super::search::Scored;
 use crate::line::Line;
 use glam::DVec2;
@@ -46,8 +46,7 @@ impl Starts {
         if traces.len() > 2 {
             self.try_moving(block, traces);
         }
-        let side = if block.count() <= SMALL_VOXELS { 2 } else { 1 };
-        self.try_directions(block, side);
+        self.try_directions(block);
 
         // stable: of equal ones the first stays first
         self.found.sort_by(|a, b| b.gain.total_cmp(&a.gain));
@@ -101,10 +100,10 @@ impl Starts {
         }
     }
 
-    /// The best plane along each direction with integer components up to `side`: the projections of voxels are integers,
+    /// The best plane along each of the [`directions`]: the projections of voxels are integers,
     /// so one pass sorts them and all offsets are scored.
-    fn try_directions(&mut self, block: &Block, side: i32) {
-        for (u, normal) in directions(side) {
+    fn try_directions(&mut self, block: &Block) {
+        for u in directions(block.fineness()) {
             let [ux, uy, ut] = u;
             let [w, h, m] = block.extents.map(|extent| extent as i32 - 1);
             let least = (ux * w).min(0) + (uy * h).min(0) + (ut * m).min(0);
@@ -133,7 +132,7 @@ impl Starts {
                 }
             }
             let offset = f64::from(best.1 + least) + 0.5;
-            if let Some(plane) = Heights::of_plane(normal, offset, block.middle()) {
+            if let Some(plane) = Heights::of_plane(u.map(f64::from), offset, block.middle()) {
                 self.found.push(Scored {
                     plane,
                     gain: best.0,
@@ -141,23 +140,6 @@ impl Starts {
             }
         }
     }
-}
-
-/// Up to this many voxels the finer set of directions is tried. Small blocks have few rows, so the coarse set leaves
-/// larger gaps between the splits that it meets; and they cost little.
-const SMALL_VOXELS: usize = 128;
-
-/// The primitive integer directions up to sign with components up to `side`: 13 for 1, 49 for 2.
-fn directions(side: i32) -> impl Iterator<Item = ([i32; 3], [f64; 3])> {
-    let range = move || -side..=side;
-    range()
-        .flat_map(move |t| range().flat_map(move |y| range().map(move |x| [x, y, t])))
-        .filter(|u| {
-            let leading = u.iter().rev().find(|&&v| v != 0);
-            let halved = u.iter().all(|v| v % 2 == 0);
-            leading.is_some_and(|&v| v > 0) && !halved
-        })
-        .map(|u| (u, u.map(f64::from)))
 }
 
 /// Whether two starts are so near that the search would take both to the same plane.
@@ -168,19 +150,4 @@ fn alike(a: &Scored, b: &Scored) -> bool {
             && near(a.plane.center, b.plane.center, 0.5)
             && near(a.plane.slopes[0], b.plane.slopes[0], 0.1)
             && near(a.plane.slopes[1], b.plane.slopes[1], 0.1))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn directions_are_primitive_and_listed_once() {
-        assert_eq!(directions(1).count(), 13);
-        let all: Vec<_> = directions(2).map(|(u, _)| u).collect();
-        assert_eq!(all.len(), 49);
-        for (i, u) in all.iter().enumerate() {
-            assert!(all[..i].iter().all(|v| v != u && v.map(|c| -c) != *u));
-        }
-    }
 }
