@@ -3,9 +3,12 @@
 mod any;
 mod average;
 pub mod color;
+mod coverage;
+mod distance;
 mod filter;
 mod image;
 mod integral;
+mod mask;
 mod pixel;
 mod pyramid;
 mod rect;
@@ -16,9 +19,11 @@ mod strips;
 
 pub use any::AnyImage;
 pub use average::Average;
+pub use distance::distance_to;
 pub use filter::{Gradient, gaussian_blur};
 pub use image::{Image, Plane};
 pub use integral::Integral;
+pub use mask::{Mask, MaskError};
 pub use pixel::{
     Color, LinearRgb, LinearRgba, Oklab, Pixel, PremulLinearRgba, Sample, Srgb, Srgba,
 };
