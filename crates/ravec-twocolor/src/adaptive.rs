@@ -26,7 +26,7 @@ pub struct AdaptiveParams {
     /// Side of the largest blocks: `min_block_px` times a power of two, at most 64 (default 32).
     pub max_block_px: usize,
     /// A block is cut where the root mean square Oklab distance of its pixels from their side's color exceeds this, 0 to 1
-    /// (default 0.03). Less follows more texture with more blocks.
+    /// (default 0.06). Less follows more texture with more blocks.
     pub max_error: f32,
     /// Oklab contrast below which a block is flat, as for [`FitParams::flat_contrast`] (default 0.01).
     pub flat_contrast: f32,
@@ -37,7 +37,7 @@ impl Default for AdaptiveParams {
         Self {
             min_block_px: 4,
             max_block_px: 32,
-            max_error: 0.03,
+            max_error: 0.06,
             flat_contrast: 0.01,
         }
     }

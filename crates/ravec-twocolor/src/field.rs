@@ -75,6 +75,18 @@ pub enum FitError {
         /// The largest side.
         max: usize,
     },
+    /// A strength is out of range.
+    #[error("a strength of {got} makes no sense: choose 0 to 1")]
+    Strength {
+        /// The strength that was asked for.
+        got: f32,
+    },
+    /// A number of iterations is out of range.
+    #[error("the operator cannot be applied {got} times: choose 1 to 16")]
+    Iterations {
+        /// The number that was asked for.
+        got: u32,
+    },
     /// The region holds no pixel of the image.
     #[error("the region lies outside the image")]
     EmptyRegion,

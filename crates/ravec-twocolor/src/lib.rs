@@ -50,16 +50,19 @@
 //! (D. Donoho, "Wedgelets: nearly minimax estimation of edges", 1999).
 
 mod adaptive;
+pub mod brush;
 mod clean;
 mod coarse_to_fine;
 mod dense;
 mod field;
 mod fit;
 mod line;
+mod operator;
 mod pixel;
 mod placed;
 mod render;
 mod split_table;
+mod stamp;
 mod subpixel;
 mod svg;
 mod sweep;
@@ -70,6 +73,7 @@ pub use clean::{CleanParams, NoiseLevel, clean, clean_with, estimate_noise};
 pub use dense::{CenteredWindow, WindowParams, map_windows};
 pub use field::{FitError, FitMethod, FitParams, TwoColorField};
 pub use line::Line;
+pub use operator::{Mode, OperatorParams, operate};
 pub use pixel::TwoColorPixel;
 pub use placed::{BlockField, PlacedBlock};
 pub use render::{RenderError, render, render_mosaic, render_to};

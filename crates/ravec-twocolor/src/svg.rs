@@ -9,8 +9,8 @@
 //! 4. Chain what is left into closed outlines, and leave out corners on straight runs.
 //!
 //! Browsers blend each shape with what lies below along its rim, which shows hairlines between shapes that merely touch.
-//! Here the polygons lie on their own squares, and squares are drawn with a thin stroke of their color, so that nothing
-//! shines through. Blocks with transparency are drawn as two polygons without stroke; they may show hairlines.
+//! Here the polygons lie on their own squares, and all are drawn with a stroke of their color that is half a pixel of the
+//! screen wide at any zoom, so that nothing shines through. Blocks with transparency are drawn as two polygons without stroke; they may show hairlines.
 //!
 //! Cost: O(blocks log blocks); about 110 bytes a block of its own colors.
 
@@ -81,7 +81,10 @@ pub fn write_svg(
     }
     let drawing = Drawing::of(blocks, params.color_levels.clamp(2, 256));
     // the strokes of squares must not cover the polygons, so all squares come first
-    writeln!(writer, "<g stroke-width=\".4\" stroke-linejoin=\"round\">")?;
+    writeln!(
+        writer,
+        "<style>path{{stroke-width:.5px;stroke-linejoin:round;vector-effect:non-scaling-stroke}}</style>"
+    )?;
     for (paint, outline) in drawing.squares {
         let path = path(outline);
         let color = hex(paint);
@@ -90,18 +93,14 @@ pub fn write_svg(
             "<path fill=\"{color}\" stroke=\"{color}\" d=\"{path}\"/>"
         )?;
     }
-    writeln!(writer, "</g>")?;
     for (paint, outline) in drawing.polygons {
         let path = path(outline);
-        let opacity = match paint.1 {
-            255 => String::new(),
+        let color = hex(paint);
+        let rim = match paint.1 {
+            255 => format!(" stroke=\"{color}\""),
             alpha => format!(" fill-opacity=\"{:.3}\"", f32::from(alpha) / 255.0),
         };
-        writeln!(
-            writer,
-            "<path fill=\"{}\"{opacity} d=\"{path}\"/>",
-            hex(paint)
-        )?;
+        writeln!(writer, "<path fill=\"{color}\"{rim} d=\"{path}\"/>")?;
     }
     writeln!(writer, "</svg>")
 }

@@ -212,7 +212,8 @@ fn clean_batch<S: Simd>(
         };
         for dz in 0..side {
             let z = dz as f32 - half;
-            for dx in 0..side {
+            // from the right, so that a pixel's estimates add up in the order of their windows wherever batches begin
+            for dx in (0..side).rev() {
                 let x = dx as f32 - half;
                 let at = dz * side + dx;
                 let inside = on_0[at];

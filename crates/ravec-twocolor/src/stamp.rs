@@ -1,0 +1,217 @@
+//! Stamps: a picture made of scattered two-color squares, one over another.
+//!
+//! Squares stand on a jittered grid, closer than they are wide, each with the split and colors of the window under it.
+//! Which of two overlapping squares lies on top is drawn from the seed, once for the whole picture, so that any region
+//! shows the same squares.
+
+use crate::field::{FitError, FitParams, TwoColorField};
+use crate::pixel::TwoColorPixel;
+use glam::DVec2;
+use ravec_progress::{Cancelled, Progress};
+use ravec_raster::{Color, Image, LinearRgba, PremulLinearRgba, Rect, Size};
+use rayon::prelude::*;
+
+/// Distance of neighbouring squares relative to their side: 0.7 covers every pixel whatever the jitter.
+const SPACING: f64 = 0.7;
+
+/// How far a square is moved off its grid point, relative to the spacing, at most.
+const JITTER: f64 = 0.2;
+
+/// A square on the picture.
+struct Stamp {
+    left: i64,
+    top: i64,
+    /// The highest lies on top.
+    rank: u64,
+    pixel: TwoColorPixel,
+}
+
+/// The pixels of `region`, which must lie in the image, drawn as squares of `side` pixels.
+pub(crate) fn stamp<P: Color>(
+    image: &Image<P>,
+    region: Rect,
+    side: usize,
+    seed: u64,
+    progress: &Progress,
+) -> Result<Image<LinearRgba>, FitError> {
+    let size = region.size().ok_or(FitError::EmptyRegion)?;
+    let spacing = SPACING * side as f64;
+    let reach = side as f64;
+    // the grid points whose squares may reach the region
+    let first = |begin: usize| ((begin as f64 - reach) / spacing).floor() as i64;
+    let last = |end: usize| ((end as f64 + reach) / spacing).ceil() as i64;
+    let columns = first(region.col)..=last(region.right());
+    let rows: Vec<i64> = (first(region.row)..=last(region.bottom())).collect();
+    let phase = progress.phase("stamp", rows.len() as u64);
+    let stamps: Vec<Vec<Stamp>> = rows
+        .into_par_iter()
+        .map(|j| {
+            progress.check()?;
+            phase.advance(1);
+            columns
+                .clone()
+                .filter_map(|i| Stamp::at(image, [i, j], side, spacing, seed).transpose())
+                .collect()
+        })
+        .collect::<Result<_, FitError>>()?;
+    let stamps: Vec<Stamp> = stamps.into_iter().flatten().collect();
+
+    let mut result = Image::new(size, LinearRgba::default());
+    result
+        .par_strips_mut(STRIP_ROWS)
+        .enumerate()
+        .try_for_each(|(strip, out)| {
+            progress.check()?;
+            draw(&stamps, side, region, region.row + strip * STRIP_ROWS, out);
+            Ok::<(), Cancelled>(())
+        })?;
+    Ok(result)
+}
+
+/// Rows drawn by one task.
+const STRIP_ROWS: usize = 16;
+
+impl Stamp {
+    /// The square of grid point `(i, j)`, if it lies on the picture.
+    fn at<P: Color>(
+        image: &Image<P>,
+        [i, j]: [i64; 2],
+        side: usize,
+        spacing: f64,
+        seed: u64,
+    ) -> Result<Option<Self>, FitError> {
+        let random = hash(seed, i, j);
+        let part = |shift: u32| {
+            ((random >> shift & 0xffff) as f64 / 65535.0 - 0.5) * 2.0 * JITTER * spacing
+        };
+        let place = |index: i64, jitter: f64| {
+            ((index as f64 + 0.5) * spacing + jitter).round() as i64 - side as i64 / 2
+        };
+        let (left, top) = (place(i, part(0)), place(j, part(16)));
+        // the window under it, moved inside where the square hangs over the border
+        let inside = |position: i64, len: usize| {
+            position.clamp(0, (len as i64 - side as i64).max(0)) as usize
+        };
+        if left + side as i64 <= 0 || top + side as i64 <= 0 {
+            return Ok(None);
+        }
+        if left >= image.width() as i64 || top >= image.height() as i64 {
+            return Ok(None);
+        }
+        let window = Size::new(side, side)
+            .and_then(|size| {
+                image.crop(
+                    inside(left, image.width()),
+                    inside(top, image.height()),
+                    size,
+                )
+            })
+            .map_err(|_| FitError::EmptyRegion)?;
+        let params = FitParams {
+            block_px: side,
+            ..FitParams::default()
+        };
+        let field = TwoColorField::fit(&window, &params, &Progress::none())?;
+        Ok(Some(Self {
+            left,
+            top,
+            rank: hash(!seed, i, j),
+            pixel: *field.block(0, 0),
+        }))
+    }
+
+    /// The color of the square at a pixel, or nothing beside it.
+    fn color_at(&self, side: usize, col: usize, row: usize) -> Option<PremulLinearRgba> {
+        let (x, y) = (col as i64 - self.left, row as i64 - self.top);
+        let inside = |v: i64| (0..side as i64).contains(&v);
+        if !inside(x) || !inside(y) {
+            return None;
+        }
+        let half = 0.5 * (side as f64 - 1.0);
+        let share = self.pixel.line.map_or(1.0, |line| {
+            line.coverage(DVec2::new(x as f64 - half, y as f64 - half))
+        });
+        let share = share as f32;
+        let [c0, c1] = [0, 1].map(|s| {
+            let straight = LinearRgba::from_rgb_alpha(
+                self.pixel.colors[s].to_linear().rgb(),
+                self.pixel.alphas[s],
+            );
+            PremulLinearRgba::from_linear(straight)
+        });
+        Some(PremulLinearRgba(std::array::from_fn(|c| {
+            share * c0.0[c] + (1.0 - share) * c1.0[c]
+        })))
+    }
+}
+
+/// Draws the topmost square at every pixel of some rows of the region.
+fn draw(stamps: &[Stamp], side: usize, region: Rect, first_row: usize, out: &mut [LinearRgba]) {
+    let rows = out.len() / region.width;
+    let mut top = vec![(0u64, None::<&Stamp>); out.len()];
+    for stamp in stamps {
+        let span = |begin: i64, low: usize, high: usize| {
+            let first = begin.max(low as i64);
+            let last = (begin + side as i64).min(high as i64);
+            first.max(0) as usize..last.max(first).max(0) as usize
+        };
+        for row in span(stamp.top, first_row, first_row + rows) {
+            for col in span(stamp.left, region.col, region.right()) {
+                let slot = &mut top[(row - first_row) * region.width + col - region.col];
+                if slot.1.is_none() || stamp.rank > slot.0 {
+                    *slot = (stamp.rank, Some(stamp));
+                }
+            }
+        }
+    }
+    for (i, (out, (_, stamp))) in out.iter_mut().zip(top).enumerate() {
+        let (col, row) = (region.col + i % region.width, first_row + i / region.width);
+        if let Some(color) = stamp.and_then(|stamp| stamp.color_at(side, col, row)) {
+            *out = color.to_linear();
+        }
+    }
+}
+
+/// A well-mixed number for a grid point (the finaliser of SplitMix64).
+fn hash(seed: u64, i: i64, j: i64) -> u64 {
+    let mut z = seed
+        .wrapping_add((i as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15))
+        .wrapping_add((j as u64).wrapping_mul(0xd1b5_4a32_d192_ed03));
+    for multiplier in [0xbf58_476d_1ce4_e5b9u64, 0x94d0_49bb_1331_11eb] {
+        z = (z ^ (z >> 30)).wrapping_mul(multiplier);
+    }
+    z ^ (z >> 31)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ravec_raster::Srgb;
+
+    #[test]
+    fn every_pixel_lies_under_a_square() {
+        let image = Image::new(Size::new(61, 47).unwrap(), Srgb([200u8, 100, 50]));
+        for side in [3, 9, 31] {
+            for seed in 0..5 {
+                let region = Rect::of(image.size());
+                let stamped = stamp(&image, region, side, seed, &Progress::none()).unwrap();
+                assert!(
+                    stamped
+                        .pixels()
+                        .iter()
+                        .all(|&p| Srgb::<u8>::from_linear(p) == Srgb([200, 100, 50]))
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn another_seed_scatters_differently() {
+        let image = Image::from_fn(Size::new(60, 60).unwrap(), |col, row| {
+            Srgb([(col * 4) as u8, (row * 4) as u8, 60])
+        });
+        let run = |seed| stamp(&image, Rect::of(image.size()), 9, seed, &Progress::none()).unwrap();
+        assert_eq!(run(1), run(1));
+        assert_ne!(run(1), run(2));
+    }
+}
