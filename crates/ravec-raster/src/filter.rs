@@ -97,7 +97,7 @@ fn half_kernel(sigma_px: f64) -> Vec<f32> {
 }
 
 /// The floats of a row with its first and last pixel repeated `reach` times.
-fn pad<P: Average>(row: &[P], reach: usize, padded: &mut Vec<f32>) {
+pub(crate) fn pad<P: Average>(row: &[P], reach: usize, padded: &mut Vec<f32>) {
     let numbers = P::numbers(row);
     padded.clear();
     for _ in 0..reach {
@@ -110,7 +110,11 @@ fn pad<P: Average>(row: &[P], reach: usize, padded: &mut Vec<f32>) {
 }
 
 /// `out[i] = k[0] · center[i] + Σ k[tap] · (before[i] + after[i])`, where `taps(tap)` gives the two slices of a distance.
-fn weigh<'a>(out: &mut [f32], kernel: &[f32], taps: impl Fn(usize) -> (&'a [f32], &'a [f32])) {
+pub(crate) fn weigh<'a>(
+    out: &mut [f32],
+    kernel: &[f32],
+    taps: impl Fn(usize) -> (&'a [f32], &'a [f32]),
+) {
     let mut start = 0;
     let mut chunks = out.chunks_exact_mut(LANES);
     for chunk in &mut chunks {
