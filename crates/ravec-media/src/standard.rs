@@ -24,6 +24,9 @@ pub(crate) static GREY_SRGB: LazyLock<Vec<u8>> = LazyLock::new(|| {
     encoded(profile, "Grey with sRGB curve")
 });
 
+/// Where the header of a profile has its size.
+const SIZE_IN_HEADER: std::ops::Range<usize> = 0..4;
+
 /// Where the header of a profile has its date of creation (ICC.1:2022, 7.2).
 const DATE_IN_HEADER: std::ops::Range<usize> = 24..36;
 
@@ -41,6 +44,12 @@ fn encoded(mut profile: ColorProfile, name: &str) -> Vec<u8> {
     // the encoder writes the time of day, but equal pictures are to give equal files
     if let Some(date) = profile.get_mut(DATE_IN_HEADER) {
         date.copy_from_slice(&DATE);
+    }
+    // the size of a profile is a multiple of four (ICC.1:2022, 7.2.2), which the encoder forgets and some readers insist on
+    profile.resize(profile.len().next_multiple_of(4), 0);
+    let size = (profile.len() as u32).to_be_bytes();
+    if let Some(field) = profile.get_mut(SIZE_IN_HEADER) {
+        field.copy_from_slice(&size);
     }
     profile
 }
@@ -61,6 +70,8 @@ mod tests {
         assert_eq!(description(&SRGB).as_deref(), Some("sRGB"));
         for profile in [&SRGB, &GREY_SRGB, &LINEAR_SRGB] {
             assert_eq!(profile[DATE_IN_HEADER], DATE);
+            assert_eq!(profile.len() % 4, 0);
+            assert_eq!(profile[SIZE_IN_HEADER], (profile.len() as u32).to_be_bytes());
         }
         assert!(SRGB.len() < 1000 && GREY_SRGB.len() < 1000);
     }

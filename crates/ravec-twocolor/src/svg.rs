@@ -10,7 +10,8 @@
 //!
 //! Browsers blend each shape with what lies below along its rim, which shows hairlines between shapes that merely touch.
 //! Here the polygons lie on their own squares, and all are drawn with a stroke of their color that is half a pixel of the
-//! screen wide at any zoom, so that nothing shines through. Blocks with transparency are drawn as two polygons without stroke; they may show hairlines.
+//! screen wide at any zoom, so that nothing shines through. Blocks with transparency are drawn as two polygons without
+//! stroke; they may show hairlines.
 //!
 //! Cost: O(blocks log blocks); about 110 bytes a block of its own colors.
 

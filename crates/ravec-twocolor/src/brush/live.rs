@@ -107,19 +107,22 @@ impl Brush {
             return Ok(region);
         }
         self.cells.ensure(&self.before, path, region, progress)?;
+        // where the nearest point of the way has moved, paint may have to go again
+        let columns = region.col..region.right();
+        for row in region.row..region.bottom() {
+            self.image.row_mut(row)[columns.clone()]
+                .copy_from_slice(&self.before.row(row)[columns.clone()]);
+            if let Some(mask) = &mut self.mask {
+                mask.row_mut(row)[columns.clone()].fill(0.0);
+            }
+        }
         let painter = Painter {
             stroke: &self.stroke,
             path,
             cells: &self.cells,
             before: &self.before,
         };
-        let nothing = self.mask.as_ref().map(|mask| Plane::new(mask.size(), 0.0));
-        painter.paint(
-            region,
-            &mut self.image,
-            self.mask.as_mut(),
-            nothing.as_ref(),
-        );
+        painter.paint(region, &mut self.image, self.mask.as_mut());
         Ok(region)
     }
 }

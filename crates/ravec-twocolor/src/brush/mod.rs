@@ -90,7 +90,7 @@ fn paint(painted: &mut Painted, stroke: &Stroke, progress: &Progress) -> Result<
         cells: &cells,
         before: &before,
     };
-    let touched = painter.paint(region, &mut painted.image, painted.mask.as_mut(), None);
+    let touched = painter.paint(region, &mut painted.image, painted.mask.as_mut());
     painted.touched.push(touched);
     Ok(())
 }

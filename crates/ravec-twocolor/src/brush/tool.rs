@@ -25,14 +25,12 @@ pub(crate) struct Painter<'a> {
 }
 
 impl Painter<'_> {
-    /// Paints the pixels of `region` into `image` (and the mask); returns how many had a positive effect. `mask_before` is
-    /// the mask before the stroke, if it was painted on already.
+    /// Paints the pixels of `region` into `image` (and the mask); returns how many had a positive effect.
     pub fn paint(
         &self,
         region: Rect,
         image: &mut Image<LinearRgba>,
         mask: Option<&mut Plane>,
-        mask_before: Option<&Plane>,
     ) -> u64 {
         let width = image.width();
         let rows = region.row * width..region.bottom() * width;
@@ -51,9 +49,8 @@ impl Painter<'_> {
                     let rect = strip_of(strip, out.len());
                     self.each(rect, |col, row, effect| {
                         let slot = &mut out[(row - rect.row) * width + col];
-                        let start = mask_before.map_or(*slot, |mask| mask[(col, row)]);
                         // selecting again does not select more
-                        *slot = start.max(effect);
+                        *slot = slot.max(effect);
                     })
                 })
                 .sum();
