@@ -163,7 +163,7 @@ mod tests {
             let size = Size::new(w, h).unwrap();
             let member = |col: usize, row: usize| {
                 let mixed = ((row * w + col) as u32 + seed).wrapping_mul(2_654_435_761);
-                (mixed >> 8) % sparsity == 0
+                (mixed >> 8).is_multiple_of(sparsity)
             };
             let members: Vec<_> = (0..h)
                 .flat_map(|row| (0..w).map(move |col| (col, row)))

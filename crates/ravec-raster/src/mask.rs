@@ -74,8 +74,8 @@ impl Mask {
 
     /// The plane's values as coverage, cut off at 0 and 1; NaN becomes 0.
     pub fn from_coverage(plane: &Plane) -> Self {
-        // `max` with a number takes the number instead of NaN
-        Self(plane.map(|value| value.max(0.0).min(1.0)))
+        // NaN is not above 0
+        Self(plane.map(|value| if value > 0.0 { value.min(1.0) } else { 0.0 }))
     }
 
     /// Covers the pixels whose value is at least `threshold`; NaN is not.

@@ -102,16 +102,18 @@ pub fn compare_with_progress<A: Color, B: Color>(
             let mut sums = Sums::default();
             let first = index * ROWS_PER_STRIP;
             let rows = out.len() / size.width();
-            let mut luma = LumaRows::new(size.width());
+            let (mut seen_a, mut seen_b) = (SeenRow::new(size.width()), SeenRow::new(size.width()));
             let mut slab = Slab::new(size.width());
             let halo = Halo::around(first, rows, size.height());
             for row in halo.above..halo.below {
                 progress.check()?;
-                luma.read(a.row(row), b.row(row));
-                slab.push(&luma.a, &luma.b);
+                seen_a.read(a.row(row));
+                seen_b.read(b.row(row));
+                slab.push(&seen_a.luma, &seen_b.luma);
                 if (first..first + rows).contains(&row) {
                     let out = &mut out[(row - first) * size.width()..][..size.width()];
-                    sums.add_row(a.row(row), b.row(row), out);
+                    sums.add_stored(a.row(row), b.row(row));
+                    sums.add_seen(&seen_a, &seen_b, out);
                 }
             }
             let (inner_cols, inner_rows) = interior(size);
@@ -163,11 +165,12 @@ pub fn ssim_map<A: Color, B: Color>(a: &Image<A>, b: &Image<B>) -> Result<Plane,
         .for_each(|(index, out)| {
             let first = index * ROWS_PER_STRIP;
             let halo = Halo::around(first, out.len() / width, height);
-            let mut luma = LumaRows::new(width);
+            let (mut seen_a, mut seen_b) = (SeenRow::new(width), SeenRow::new(width));
             let mut slab = Slab::new(width);
             for row in halo.above..halo.below {
-                luma.read(a.row(row), b.row(row));
-                slab.push(&luma.a, &luma.b);
+                seen_a.read(a.row(row));
+                seen_b.read(b.row(row));
+                slab.push(&seen_a.luma, &seen_b.luma);
             }
             for (row, out) in (first..).zip(out.chunks_exact_mut(width)) {
                 slab.similarity(row - halo.above, out);
@@ -237,37 +240,41 @@ impl Halo {
     }
 }
 
-/// Encoded luma of one row of both pictures.
-struct LumaRows {
-    a: Vec<f32>,
-    b: Vec<f32>,
+/// One row as it is seen.
+struct SeenRow {
+    linear: Vec<[f32; 3]>,
+    encoded: Vec<[f32; 3]>,
+    luma: Vec<f32>,
 }
 
-impl LumaRows {
+impl SeenRow {
     fn new(width: usize) -> Self {
         Self {
-            a: vec![0.0; width],
-            b: vec![0.0; width],
+            linear: vec![[0.0; 3]; width],
+            encoded: vec![[0.0; 3]; width],
+            luma: vec![0.0; width],
         }
     }
 
-    fn read<A: Color, B: Color>(&mut self, a: &[A], b: &[B]) {
-        fill_luma(&mut self.a, a);
-        fill_luma(&mut self.b, b);
-    }
-}
-
-fn fill_luma<P: Color>(luma: &mut [f32], row: &[P]) {
-    for (value, pixel) in luma.iter_mut().zip(row) {
-        let [r, g, b] = shown(pixel.to_linear()).map(srgb_from_linear);
-        *value = 0.299 * r + 0.587 * g + 0.114 * b;
+    fn read<P: Color>(&mut self, row: &[P]) {
+        for (seen, pixel) in self.linear.iter_mut().zip(row) {
+            *seen = shown(pixel.to_linear());
+        }
+        // over plain numbers, so that the loop vectorises
+        let linear = self.linear.as_flattened();
+        for (encoded, &linear) in self.encoded.as_flattened_mut().iter_mut().zip(linear) {
+            *encoded = srgb_from_linear(linear);
+        }
+        for (luma, [r, g, b]) in self.luma.iter_mut().zip(&self.encoded) {
+            *luma = 0.299 * r + 0.587 * g + 0.114 * b;
+        }
     }
 }
 
 /// A share of 0 to 1; NaN is 0.
 #[inline(always)]
 fn unit(value: f32) -> f32 {
-    value.max(0.0).min(1.0)
+    if value > 0.0 { value.min(1.0) } else { 0.0 }
 }
 
 /// The linear light that is seen of a pixel in front of middle grey.
@@ -307,35 +314,40 @@ struct Sums {
 }
 
 impl Sums {
-    /// Adds all but the similarity, and writes the CIEDE2000 differences.
-    fn add_row<A: Color, B: Color>(&mut self, a: &[A], b: &[B], delta_e_out: &mut [f32]) {
-        for (out, (&a, &b)) in delta_e_out.iter_mut().zip(a.iter().zip(b)) {
+    /// Adds what can be told only from the stored pixels.
+    fn add_stored<A: Color, B: Color>(&mut self, a: &[A], b: &[B]) {
+        for (&a, &b) in a.iter().zip(b) {
             let (a, b) = (a.to_linear(), b.to_linear());
             let mut pairs = a.0.iter().zip(b.0);
-            if pairs.all(|(&x, y)| x == y || (x.is_nan() && y.is_nan())) {
-                continue;
+            self.different |= !pairs.all(|(&x, y)| x == y || (x.is_nan() && y.is_nan()));
+            if A::HAS_ALPHA || B::HAS_ALPHA {
+                let alpha = f64::from(unit(a.alpha()) - unit(b.alpha())).abs();
+                self.alpha_max_abs = self.alpha_max_abs.max(alpha);
             }
-            self.different = true;
-            let alpha = f64::from(unit(a.alpha()) - unit(b.alpha())).abs();
-            self.alpha_max_abs = self.alpha_max_abs.max(alpha);
-            let (a, b) = (shown(a), shown(b));
-            if a == b {
-                continue;
+        }
+    }
+
+    /// Adds what is seen, and writes the CIEDE2000 differences.
+    fn add_seen(&mut self, a: &SeenRow, b: &SeenRow, delta_e_out: &mut [f32]) {
+        let encoded = a
+            .encoded
+            .as_flattened()
+            .iter()
+            .zip(b.encoded.as_flattened());
+        for (&x, &y) in encoded {
+            let difference = f64::from(x) - f64::from(y);
+            self.squares += difference * difference;
+            self.max_abs = self.max_abs.max(difference.abs());
+        }
+        let linear = a.linear.iter().zip(&b.linear);
+        for (out, (&a, &b)) in delta_e_out.iter_mut().zip(linear) {
+            if a != b {
+                let difference = delta_e(a, b);
+                *out = difference as f32;
+                self.delta_e += difference;
+                self.delta_e_max = self.delta_e_max.max(difference);
+                self.delta_e_oklab += f64::from(delta_e_oklab(a, b));
             }
-            let encoded = a
-                .map(srgb_from_linear)
-                .into_iter()
-                .zip(b.map(srgb_from_linear));
-            for (x, y) in encoded {
-                let difference = f64::from(x) - f64::from(y);
-                self.squares += difference * difference;
-                self.max_abs = self.max_abs.max(difference.abs());
-            }
-            let difference = delta_e(a, b);
-            *out = difference as f32;
-            self.delta_e += difference;
-            self.delta_e_max = self.delta_e_max.max(difference);
-            self.delta_e_oklab += f64::from(delta_e_oklab(a, b));
         }
     }
 

@@ -2,7 +2,7 @@
 //!
 //! Source: Wang, Bovik, Sheikh, Simoncelli, "Image quality assessment: from error visibility to structural similarity",
 //! 2004. Gaussian window of 11 × 11 pixels and σ = 1.5, K₁ = 0.01, K₂ = 0.03, range 1. At a pixel, with means μ,
-//! variances σ² and covariance σ_xy under the window:
+//! variances σ² and covariance σxy under the window:
 //!
 //! ```text
 //! ssim = (2 μx μy + C1)(2 σxy + C2) / (μx² + μy² + C1)(σx² + σy² + C2)

@@ -104,8 +104,9 @@ mod tests {
         let phase = progress.phase("write", 23);
         for_each_strip(&mut image, 5, &progress, &phase, |first, pixels| {
             for (index, row) in pixels.chunks_exact_mut(2).enumerate() {
-                row.iter_mut()
-                    .for_each(|pixel| *pixel += (first + index) as u32);
+                for pixel in row {
+                    *pixel += (first + index) as u32;
+                }
             }
         })
         .unwrap();
