@@ -3,7 +3,7 @@
 use crate::exit;
 use clap::{Args, Parser, Subcommand};
 use clap_complete::Shell;
-use ravec_jobs::{Limits, compare, scenes, twocolor};
+use ravec_jobs::{Limits, brush, compare, scenes, twocolor};
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
@@ -51,6 +51,26 @@ pub enum Command {
         svg: Option<PathBuf>,
         #[command(flatten)]
         params: twocolor::Params,
+    },
+    /// Work on a picture with a brush that stops at edges, or on all of it
+    #[command(after_help = exit::HELP)]
+    Brush {
+        /// The picture; `-` is standard input
+        input: PathBuf,
+        /// The file to write; its extension says the format, `-` is standard output
+        #[arg(short, long, value_name = "FILE")]
+        output: PathBuf,
+        /// Apply the mode to the whole picture
+        #[arg(long, required_unless_present = "stroke", conflicts_with = "stroke")]
+        everywhere: bool,
+        /// Strokes as JSON: a list of strokes, or the points [[x, y], ...] of one with the settings of the flags
+        #[arg(long, value_name = "FILE")]
+        stroke: Option<PathBuf>,
+        /// Write the selection that mask strokes painted
+        #[arg(long, value_name = "FILE", requires = "stroke")]
+        mask: Option<PathBuf>,
+        #[command(flatten)]
+        params: brush::Params,
     },
     /// Write procedural pictures together with what is known about them
     #[command(after_help = exit::HELP)]

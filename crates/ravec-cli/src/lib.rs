@@ -30,7 +30,7 @@ use arguments::{Arguments, Command, Global};
 use clap::{CommandFactory as _, Parser as _};
 use exit::Failure;
 use ravec::progress::Progress;
-use ravec_jobs::{JobError, Report, Source, compare, scenes, twocolor};
+use ravec_jobs::{JobError, Report, Source, brush, compare, scenes, twocolor};
 use std::ffi::OsString;
 use std::io::IsTerminal as _;
 use std::path::Path;
@@ -94,6 +94,23 @@ fn execute(Arguments { command, global }: Arguments) -> Result<(), Failure> {
             };
             job(&global, |progress| {
                 twocolor::run(&source(input), &targets, &params, progress)
+            })
+        }
+        Command::Brush {
+            input,
+            output,
+            everywhere: _,
+            stroke,
+            mask,
+            params,
+        } => {
+            let targets = brush::Targets {
+                picture: output,
+                mask,
+                strokes: stroke,
+            };
+            job(&global, |progress| {
+                brush::run(&source(input), &targets, &params, progress)
             })
         }
         Command::Scenes { out, params } => {

@@ -2,7 +2,8 @@
 
 use ravec::progress::Cancelled;
 use ravec::raster::Size;
-use ravec::twocolor::{FitError, RenderError};
+use ravec::twocolor::brush::StrokeError;
+use ravec::twocolor::{EnlargeError, FitError, RenderError};
 use ravec_media::{DecodeError, EncodeError, ReadError, WriteError};
 use std::path::{Path, PathBuf};
 
@@ -52,6 +53,14 @@ pub enum JobError {
         /// What is wrong.
         cause: EncodeError,
     },
+    /// Strokes cannot be read or make no sense.
+    #[error("cannot use the strokes in {}: {reason}", shown(.path))]
+    Strokes {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        reason: String,
+    },
     /// The fit refuses its input.
     #[error(transparent)]
     Fit(FitError),
@@ -74,7 +83,7 @@ impl JobError {
                 cause: EncodeError::UnknownExtension | EncodeError::Quality { .. },
                 ..
             } => 2,
-            Self::Read { .. } | Self::SizesDiffer { .. } => 3,
+            Self::Read { .. } | Self::SizesDiffer { .. } | Self::Strokes { .. } => 3,
             Self::Write { .. } => 4,
             Self::Fit(_) | Self::Render(_) => 1,
             Self::Cancelled => 130,
@@ -93,6 +102,34 @@ impl From<FitError> for JobError {
         match error {
             FitError::Cancelled(_) => Self::Cancelled,
             other => Self::Fit(other),
+        }
+    }
+}
+
+impl From<EnlargeError> for JobError {
+    fn from(error: EnlargeError) -> Self {
+        match error {
+            EnlargeError::Scale(error) => error.into(),
+            EnlargeError::Fit(error) => error.into(),
+            other => Self::Parameter {
+                name: "--scale",
+                value: other.to_string(),
+                range: "smaller",
+            },
+        }
+    }
+}
+
+impl JobError {
+    /// What is wrong with the strokes of a file.
+    pub(crate) fn from_strokes(path: &Path, error: StrokeError) -> Self {
+        match error {
+            StrokeError::Cancelled(_) => Self::Cancelled,
+            StrokeError::Fit(error) => error.into(),
+            other => Self::Strokes {
+                path: path.to_path_buf(),
+                reason: other.to_string(),
+            },
         }
     }
 }

@@ -25,6 +25,7 @@
 //! Words: a *source* is a file to be read and what that may cost; a *figure* is a measured number with its unit in its
 //! name.
 
+pub mod brush;
 pub mod compare;
 mod error;
 mod files;

@@ -172,7 +172,7 @@ fn draw(stamps: &[Stamp], side: usize, region: Rect, first_row: usize, out: &mut
     }
 }
 
-/// A well-mixed number for a grid point (the finaliser of SplitMix64).
+/// A well-mixed number for a grid point (the finaliser of `SplitMix64`).
 fn hash(seed: u64, i: i64, j: i64) -> u64 {
     let mut z = seed
         .wrapping_add((i as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15))

@@ -25,7 +25,7 @@ struct Cell {
 pub(crate) struct Cells {
     size: Size,
     columns: usize,
-    cells: Vec<Option<Cell>>,
+    filled: Vec<Option<Cell>>,
     windows: WindowParams,
     /// The operator whose result is not a function of one window.
     regional: Option<OperatorParams>,
@@ -40,7 +40,7 @@ impl Cells {
         Self {
             size,
             columns: size.cells(SIDE).width(),
-            cells: std::iter::repeat_with(|| None)
+            filled: std::iter::repeat_with(|| None)
                 .take(size.cells(SIDE).pixels())
                 .collect(),
             windows: WindowParams {
@@ -71,7 +71,7 @@ impl Cells {
             .flat_map(|y| (region.col / SIDE..=(region.right() - 1) / SIDE).map(move |x| (x, y)))
             .filter(|&(x, y)| reaches(path, self.rect(x, y)))
             .map(|(x, y)| y * self.columns + x)
-            .filter(|&cell| self.cells[cell].is_none())
+            .filter(|&cell| self.filled[cell].is_none())
             .collect();
         let filled: Vec<(usize, Cell)> = missing
             .into_par_iter()
@@ -98,7 +98,7 @@ impl Cells {
             })
             .collect::<Result<_, StrokeError>>()?;
         for (index, cell) in filled {
-            self.cells[index] = Some(cell);
+            self.filled[index] = Some(cell);
         }
         Ok(())
     }
@@ -108,7 +108,7 @@ impl Cells {
     }
 
     fn at(&self, col: usize, row: usize) -> Option<(&Cell, [usize; 2])> {
-        let cell = self.cells[row / SIDE * self.columns + col / SIDE].as_ref()?;
+        let cell = self.filled[row / SIDE * self.columns + col / SIDE].as_ref()?;
         Some((cell, [col % SIDE, row % SIDE]))
     }
 

@@ -1,0 +1,612 @@
+//! `brush`: strokes that stop at edges, or an operator over the whole picture.
+//!
+//! Guarantees: pixels that no stroke reaches keep their samples; equal parameters give equal files on any number of
+//! threads; outputs are whole or absent.
+
+use crate::error::JobError;
+use crate::files::{self, Source};
+use crate::report::Report;
+use ravec::progress::Progress;
+use ravec::raster::{Image, LinearRgba, Rect, Size, Srgb, with_image};
+use ravec::twocolor::brush::{Painted, Stroke, Strokes, Tool, replay};
+use ravec::twocolor::{
+    CleanParams, Mode, OperatorParams, WindowParams, clean_with, enlarge, estimate_noise, operate,
+};
+use ravec_media::{Picture, WriteOptions};
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// What the brush does.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+pub enum BrushMode {
+    /// Even areas with crisp edges
+    Abstract,
+    /// Less noise within areas, edges kept
+    #[default]
+    Smooth,
+    /// Crisper edges without halos
+    Sharpen,
+    /// Less noise and compression damage, texture kept
+    Clean,
+    /// Smooth edges instead of stairs; with --scale, enlarge with crisp edges
+    Antialias,
+    /// A picture made of two-color squares
+    Stamp,
+    /// Paint --color
+    Color,
+    /// Brighten
+    Dodge,
+    /// Darken
+    Burn,
+    /// Change the saturation by --amount
+    Saturation,
+    /// Give the hue of --color, keep the lightness
+    Recolor,
+    /// Select: write the selection to --mask
+    Mask,
+    /// Copy from --offset
+    Clone,
+}
+
+impl BrushMode {
+    fn operator(self) -> Option<Mode> {
+        match self {
+            Self::Abstract => Some(Mode::Abstract),
+            Self::Smooth => Some(Mode::Smooth),
+            Self::Sharpen => Some(Mode::Sharpen),
+            Self::Clean => Some(Mode::Clean),
+            Self::Antialias => Some(Mode::Antialias),
+            Self::Stamp => Some(Mode::Stamp),
+            _ => None,
+        }
+    }
+}
+
+/// How the picture is worked on.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+pub struct Params {
+    /// What the brush does
+    #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t = Params::default().mode))]
+    pub mode: BrushMode,
+    /// How far pixels go towards their new color, 0 to 1
+    #[cfg_attr(feature = "cli", arg(long, value_name = "SHARE", default_value_t = Params::default().strength))]
+    pub strength: f32,
+    /// How often the operator is applied, 1 to 16: more gives a stronger look
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = Params::default().iterations))]
+    pub iterations: u32,
+    /// Side of the windows in pixels, odd, 3 to 31: larger ones act more broadly
+    #[cfg_attr(feature = "cli", arg(long, value_name = "PX", default_value_t = Params::default().window))]
+    pub window: usize,
+    /// For clean: standard deviation of the noise in steps of 8-bit values, 0 to 255 [default: estimated]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "STEPS"))]
+    pub noise_sigma: Option<f32>,
+    /// For stamp with --everywhere: another number scatters the squares differently
+    #[cfg_attr(feature = "cli", arg(long, default_value_t = Params::default().seed))]
+    pub seed: u64,
+    /// For antialias with --everywhere: output pixels per pixel of the input, above 0
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FACTOR", default_value_t = Params::default().scale))]
+    pub scale: f64,
+    /// Radius of a stroke that is given as plain points, in pixels
+    #[cfg_attr(feature = "cli", arg(long, value_name = "PX", default_value_t = Params::default().radius))]
+    pub radius: f64,
+    /// Hardness of such a stroke: the share of the radius with full effect, 0 to 1
+    #[cfg_attr(feature = "cli", arg(long, value_name = "SHARE", default_value_t = Params::default().hardness))]
+    pub hardness: f64,
+    /// Let such a stroke cross edges
+    #[cfg_attr(feature = "cli", arg(long))]
+    pub across_edges: bool,
+    /// Color of such a stroke, as #rrggbb
+    #[cfg_attr(feature = "cli", arg(long, value_name = "#RRGGBB", default_value = "#c03020", value_parser = color))]
+    pub color: [u8; 3],
+    /// Change of the saturation by such a stroke, -1 to 4
+    #[cfg_attr(feature = "cli", arg(long, value_name = "AMOUNT", allow_negative_numbers = true, default_value_t = Params::default().amount))]
+    pub amount: f32,
+    /// Where such a stroke copies from, relative to each pixel, as COLUMNS,ROWS
+    #[cfg_attr(feature = "cli", arg(long, value_name = "DX,DY", allow_hyphen_values = true, default_value = "0,0", value_parser = offset))]
+    pub offset: [i32; 2],
+    /// Leave out the last strokes: undo
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = Params::default().undo))]
+    pub undo: usize,
+}
+
+impl Default for Params {
+    fn default() -> Self {
+        let operator = OperatorParams::default();
+        Self {
+            mode: BrushMode::default(),
+            strength: 1.0,
+            iterations: 1,
+            window: operator.window_px,
+            noise_sigma: None,
+            seed: 0,
+            scale: 1.0,
+            radius: 32.0,
+            hardness: 0.5,
+            across_edges: false,
+            color: [0xc0, 0x30, 0x20],
+            amount: 0.5,
+            offset: [0, 0],
+            undo: 0,
+        }
+    }
+}
+
+/// A color as #rrggbb.
+#[cfg(feature = "cli")]
+fn color(text: &str) -> Result<[u8; 3], String> {
+    let digits = text.strip_prefix('#').unwrap_or(text);
+    let number = u32::from_str_radix(digits, 16)
+        .ok()
+        .filter(|_| digits.len() == 6);
+    number
+        .map(|number| [(number >> 16) as u8, (number >> 8) as u8, number as u8])
+        .ok_or_else(|| "a color has six hexadecimal digits, as in #c03020".to_owned())
+}
+
+/// Two whole numbers.
+#[cfg(feature = "cli")]
+fn offset(text: &str) -> Result<[i32; 2], String> {
+    let numbers: Result<Vec<i32>, _> = text.split(',').map(|part| part.trim().parse()).collect();
+    match numbers.as_deref() {
+        Ok(&[x, y]) => Ok([x, y]),
+        _ => Err("two whole numbers are needed, as in -40,12".to_owned()),
+    }
+}
+
+/// Where the brush goes, and where results go.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Targets {
+    /// The picture; its extension says the format, `-` is standard output.
+    pub picture: PathBuf,
+    /// The selection that mask strokes painted, as a grey picture.
+    pub mask: Option<PathBuf>,
+    /// Strokes as JSON: a list of strokes with the size that they were drawn on, or plain points `[[x, y], …]` of one stroke;
+    /// nothing to work on the whole picture.
+    pub strokes: Option<PathBuf>,
+}
+
+/// The largest file of strokes that is read.
+const MAX_STROKES_BYTES: u64 = 256 << 20;
+
+impl Params {
+    fn check(&self, everywhere: bool) -> Result<(), JobError> {
+        let wrong = |name, value: String, range| Err(JobError::Parameter { name, value, range });
+        if !(0.0..=1.0).contains(&self.strength) {
+            return wrong("--strength", self.strength.to_string(), "0 to 1");
+        }
+        if !(1..=16).contains(&self.iterations) {
+            return wrong("--iterations", self.iterations.to_string(), "1 to 16");
+        }
+        if !(3..=31).contains(&self.window) || self.window.is_multiple_of(2) {
+            return wrong("--window", self.window.to_string(), "odd, 3 to 31");
+        }
+        if self
+            .noise_sigma
+            .is_some_and(|sigma| !(0.0..=255.0).contains(&sigma))
+        {
+            return wrong(
+                "--noise-sigma",
+                format!("{:?}", self.noise_sigma),
+                "0 to 255",
+            );
+        }
+        if !(self.scale > 0.0 && self.scale <= 64.0) {
+            return wrong("--scale", self.scale.to_string(), "above 0, up to 64");
+        }
+        if self.scale != 1.0 && !(everywhere && self.mode == BrushMode::Antialias) {
+            return wrong(
+                "--scale",
+                self.scale.to_string(),
+                "1, unless with --mode antialias --everywhere",
+            );
+        }
+        if everywhere && self.mode.operator().is_none() {
+            let mode = format!("{:?}", self.mode).to_lowercase();
+            return wrong(
+                "--mode",
+                mode,
+                "abstract, smooth, sharpen, clean, antialias or stamp with --everywhere",
+            );
+        }
+        Ok(())
+    }
+
+    /// A stroke of plain points with these settings.
+    fn stroke(&self, points: Vec<[f64; 2]>) -> Stroke {
+        let tool = match self.mode {
+            BrushMode::Color => Tool::Color { rgb: self.color },
+            BrushMode::Dodge => Tool::Dodge,
+            BrushMode::Burn => Tool::Burn,
+            BrushMode::Saturation => Tool::Saturation {
+                amount: self.amount,
+            },
+            BrushMode::Recolor => Tool::Recolor { rgb: self.color },
+            BrushMode::Mask => Tool::Mask,
+            BrushMode::Clone => Tool::Clone {
+                offset: self.offset,
+            },
+            other => Tool::Operator {
+                mode: other.operator().unwrap_or_default(),
+                iterations: self.iterations,
+                noise_sigma: self.noise_sigma,
+            },
+        };
+        Stroke {
+            hardness: self.hardness,
+            strength: f64::from(self.strength),
+            edge_aware: !self.across_edges,
+            window_px: self.window,
+            ..Stroke::new(tool, points, self.radius)
+        }
+    }
+}
+
+/// Works on the picture `source` and writes `targets`.
+///
+/// Figures: `strokes` and `touched_pixels`; for cleaning the `noise_sigma_steps` that were assumed, and `compressed` (1 or
+/// 0) where they were estimated.
+///
+/// # Errors
+/// [`JobError::Parameter`] for a parameter out of range, [`JobError::Strokes`] for strokes that cannot be read or make no
+/// sense, [`JobError::Read`], [`JobError::Write`], [`JobError::Cancelled`].
+pub fn run(
+    source: &Source,
+    targets: &Targets,
+    params: &Params,
+    progress: &Progress,
+) -> Result<Report, JobError> {
+    params.check(targets.strokes.is_none())?;
+    files::check_target(&targets.picture)?;
+    if let Some(path) = &targets.mask {
+        files::check_target(path)?;
+    }
+    let mut report = Report::new("brush", params);
+    if params.mode == BrushMode::Stamp {
+        report.seed = Some(params.seed);
+    }
+    let picture = files::read(source, &mut report, progress)?;
+    let result = match &targets.strokes {
+        None => everywhere(
+            &picture,
+            params,
+            source.limits.max_pixels,
+            &mut report,
+            progress,
+        )?,
+        Some(path) => {
+            let mut strokes = read_strokes(path, picture.image.size(), params)?;
+            strokes
+                .strokes
+                .truncate(strokes.strokes.len().saturating_sub(params.undo));
+            let failed = |cause| JobError::from_strokes(path, cause);
+            let Painted {
+                image,
+                mask,
+                touched,
+            } = report.time("paint", || {
+                replay(picture.convert(), &strokes, progress).map_err(failed)
+            })?;
+            report.figures.insert("strokes", touched.len() as f64);
+            report
+                .figures
+                .insert("touched_pixels", touched.iter().sum::<u64>() as f64);
+            for (i, _) in touched
+                .iter()
+                .enumerate()
+                .filter(|(_, pixels)| **pixels == 0)
+            {
+                report.warn(format!(
+                    "stroke {} lies outside the picture or has no effect",
+                    i + 1
+                ));
+            }
+            if let Some(path) = &targets.mask {
+                write_mask(path, mask, picture.image.size(), &mut report, progress)?;
+            }
+            image
+        }
+    };
+    let options = WriteOptions::default();
+    files::write(
+        &targets.picture,
+        &picture.with_image(&result),
+        &options,
+        &mut report,
+        progress,
+    )?;
+    Ok(report)
+}
+
+/// The operator over the whole picture.
+fn everywhere(
+    picture: &Picture,
+    params: &Params,
+    max_pixels: u64,
+    report: &mut Report,
+    progress: &Progress,
+) -> Result<Image<LinearRgba>, JobError> {
+    let whole = Rect::of(picture.image.size());
+    if params.scale != 1.0 {
+        if whole.pixels() as f64 * params.scale * params.scale > max_pixels as f64 {
+            return Err(JobError::Parameter {
+                name: "--scale",
+                value: params.scale.to_string(),
+                range: "small enough to keep the output within --max-pixels",
+            });
+        }
+        let window = WindowParams {
+            window_px: params.window,
+            ..WindowParams::default()
+        };
+        return report.time("enlarge", || {
+            Ok(with_image!(&picture.image, image => enlarge(image, params.scale, &window, progress))?)
+        });
+    }
+    let mut operator = OperatorParams {
+        mode: params.mode.operator().unwrap_or_default(),
+        window_px: params.window,
+        strength: params.strength,
+        iterations: params.iterations,
+        noise_sigma: params.noise_sigma,
+        seed: params.seed,
+    };
+    if operator.mode == Mode::Clean && operator.noise_sigma.is_none() {
+        let noise = report.time(
+            "estimate",
+            || with_image!(&picture.image, image => estimate_noise(image, progress)),
+        )?;
+        report
+            .figures
+            .insert("noise_sigma_steps", f64::from(noise.typical()));
+        report
+            .figures
+            .insert("compressed", f64::from(u8::from(noise.is_compressed())));
+        if params.strength == 1.0 && params.iterations == 1 {
+            let clean = CleanParams::default();
+            return report.time("clean", || {
+                Ok(with_image!(&picture.image, image => clean_with(image, whole, &noise, &clean, progress))?)
+            });
+        }
+        operator.noise_sigma = Some(noise.typical());
+    } else if let Some(sigma) = operator.noise_sigma {
+        report.figures.insert("noise_sigma_steps", f64::from(sigma));
+    }
+    report.time("operate", || {
+        Ok(with_image!(&picture.image, image => operate(image, whole, &operator, progress))?)
+    })
+}
+
+fn read_strokes(path: &Path, size: Size, params: &Params) -> Result<Strokes, JobError> {
+    let unreadable = |reason: String| JobError::Strokes {
+        path: path.to_path_buf(),
+        reason,
+    };
+    let length = std::fs::metadata(path)
+        .map_err(|error| unreadable(error.to_string()))?
+        .len();
+    if length > MAX_STROKES_BYTES {
+        return Err(unreadable(format!(
+            "it has {length} bytes, at most {MAX_STROKES_BYTES} are read"
+        )));
+    }
+    let text = std::fs::read_to_string(path).map_err(|error| unreadable(error.to_string()))?;
+    if text.trim_start().starts_with('[') {
+        let points: Vec<[f64; 2]> = serde_json::from_str(&text).map_err(|error| {
+            unreadable(format!("it is no list of points [[x, y], ...]: {error}"))
+        })?;
+        let mut strokes = Strokes::new(size);
+        strokes.strokes.push(params.stroke(points));
+        return Ok(strokes);
+    }
+    serde_json::from_str(&text)
+        .map_err(|error| unreadable(format!("it is no list of strokes: {error}")))
+}
+
+/// The selection as grey; black where there was no mask stroke.
+fn write_mask(
+    path: &Path,
+    mask: Option<ravec::raster::Plane>,
+    size: Size,
+    report: &mut Report,
+    progress: &Progress,
+) -> Result<(), JobError> {
+    let grey = match mask {
+        Some(mask) => mask.map(|v| Srgb([(v * 255.0).round() as u8; 3])),
+        None => {
+            report.warn("no stroke selects anything; the mask is black");
+            Image::new(size, Srgb([0u8; 3]))
+        }
+    };
+    let mut picture = Picture::from_image(grey);
+    picture.origin.grey = true;
+    files::write(path, &picture, &WriteOptions::default(), report, progress)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ravec::raster::AnyImage;
+
+    struct Folder(tempfile::TempDir);
+
+    impl Folder {
+        fn new() -> Self {
+            let folder = Self(tempfile::tempdir().unwrap());
+            let image = Image::from_fn(Size::new(60, 40).unwrap(), |col, row| {
+                let texture = ((col * 7 + row * 13) % 9) as u8;
+                if col > 30 {
+                    Srgb([150 + texture, 140, 130])
+                } else {
+                    Srgb([60, 70 + texture, 90])
+                }
+            });
+            ravec_media::write(
+                folder.path("in.png"),
+                &Picture::from_image(image),
+                &WriteOptions::default(),
+            )
+            .unwrap();
+            folder
+        }
+
+        fn path(&self, name: &str) -> PathBuf {
+            self.0.path().join(name)
+        }
+
+        fn run(&self, strokes: Option<&str>, params: &Params) -> Result<Report, JobError> {
+            let path = self.path("strokes.json");
+            if let Some(text) = strokes {
+                files::write_text(&path, text).unwrap();
+            }
+            let targets = Targets {
+                picture: self.path("out.png"),
+                mask: Some(self.path("mask.png")),
+                strokes: strokes.map(|_| path),
+            };
+            run(
+                &Source::new(self.path("in.png")),
+                &targets,
+                params,
+                &Progress::none(),
+            )
+        }
+
+        fn image(&self, name: &str) -> Image<Srgb<u8>> {
+            match ravec_media::read(self.path(name), &ravec_media::Limits::default())
+                .unwrap()
+                .image
+            {
+                AnyImage::Srgb8(image) => image,
+                other => panic!("{:?}", other.size()),
+            }
+        }
+    }
+
+    #[test]
+    fn every_operator_works_on_the_whole_picture() {
+        let folder = Folder::new();
+        for mode in [
+            BrushMode::Abstract,
+            BrushMode::Smooth,
+            BrushMode::Sharpen,
+            BrushMode::Clean,
+            BrushMode::Antialias,
+            BrushMode::Stamp,
+        ] {
+            folder
+                .run(
+                    None,
+                    &Params {
+                        mode,
+                        ..Params::default()
+                    },
+                )
+                .unwrap();
+            assert_eq!(folder.image("out.png").size(), Size::new(60, 40).unwrap());
+        }
+        let enlarged = Params {
+            mode: BrushMode::Antialias,
+            scale: 3.0,
+            ..Params::default()
+        };
+        folder.run(None, &enlarged).unwrap();
+        assert_eq!(folder.image("out.png").size(), Size::new(180, 120).unwrap());
+    }
+
+    #[test]
+    fn plain_points_are_a_stroke_with_the_flags_settings() {
+        let folder = Folder::new();
+        let params = Params {
+            mode: BrushMode::Color,
+            radius: 6.0,
+            color: [250, 0, 0],
+            ..Params::default()
+        };
+        let report = folder.run(Some("[[10, 20], [20, 20]]"), &params).unwrap();
+        assert!(report.figures["touched_pixels"] > 100.0);
+        let (before, after) = (folder.image("in.png"), folder.image("out.png"));
+        assert_eq!(after[(15, 20)], Srgb([250, 0, 0]));
+        for (row, col) in (0..40).flat_map(|row| (0..60).map(move |col| (row, col))) {
+            let far = !(3..27).contains(&col) || !(13..27).contains(&row);
+            assert!(!far || before[(col, row)] == after[(col, row)]);
+        }
+    }
+
+    #[test]
+    fn lists_of_strokes_select_undo_and_warn() {
+        let folder = Folder::new();
+        let list = r#"{"version":1,"width":60,"height":40,"strokes":[
+            {"tool":"mask","points":[[10,20]],"radius_px":5},
+            {"tool":"burn","points":[[40,20]],"radius_px":5},
+            {"tool":"dodge","points":[[400,20]],"radius_px":5}]}"#;
+        let report = folder.run(Some(list), &Params::default()).unwrap();
+        assert_eq!(report.warnings.len(), 1);
+        assert_eq!(folder.image("mask.png")[(10, 20)], Srgb([255; 3]));
+        assert_ne!(folder.image("out.png"), folder.image("in.png"));
+        folder
+            .run(
+                Some(list),
+                &Params {
+                    undo: 2,
+                    ..Params::default()
+                },
+            )
+            .unwrap();
+        assert_eq!(folder.image("out.png"), folder.image("in.png"));
+    }
+
+    #[test]
+    fn strokes_that_make_no_sense_are_an_input_error() {
+        let folder = Folder::new();
+        for text in [
+            "",
+            "nonsense",
+            "[[1]]",
+            "[]",
+            "{}",
+            r#"{"version":7,"width":1,"height":1,"strokes":[]}"#,
+        ] {
+            let error = folder.run(Some(text), &Params::default()).unwrap_err();
+            assert_eq!(error.exit_code(), 3, "{text}: {error}");
+            assert!(!folder.path("out.png").exists());
+        }
+    }
+
+    #[test]
+    fn parameters_out_of_range_are_refused() {
+        let folder = Folder::new();
+        for wrong in [
+            Params {
+                strength: 2.0,
+                ..Params::default()
+            },
+            Params {
+                iterations: 0,
+                ..Params::default()
+            },
+            Params {
+                window: 8,
+                ..Params::default()
+            },
+            Params {
+                noise_sigma: Some(-1.0),
+                ..Params::default()
+            },
+            Params {
+                scale: 2.0,
+                ..Params::default()
+            },
+            Params {
+                mode: BrushMode::Dodge,
+                ..Params::default()
+            },
+        ] {
+            let error = folder.run(None, &wrong).unwrap_err();
+            assert_eq!(error.exit_code(), 2, "{error}");
+        }
+    }
+}
