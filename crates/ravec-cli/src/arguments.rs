@@ -3,7 +3,7 @@
 use crate::exit;
 use clap::{Args, Parser, Subcommand};
 use clap_complete::Shell;
-use ravec_jobs::{Limits, brush, compare, scenes, twocolor};
+use ravec_jobs::{Limits, brush, compare, demo, scenes, twocolor};
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
@@ -71,6 +71,18 @@ pub enum Command {
         mask: Option<PathBuf>,
         #[command(flatten)]
         params: brush::Params,
+    },
+    /// Show what Ravec does: a page of pictures and figures, on a built-in scene or a photo
+    #[command(after_help = exit::HELP)]
+    Demo {
+        /// A photo to use instead of the built-in street
+        #[arg(long, value_name = "PHOTO")]
+        image: Option<PathBuf>,
+        /// The folder to write into; made if it is missing
+        #[arg(short, long, value_name = "DIR", default_value = "ravec-demo")]
+        out: PathBuf,
+        #[command(flatten)]
+        params: demo::Params,
     },
     /// Write procedural pictures together with what is known about them
     #[command(after_help = exit::HELP)]

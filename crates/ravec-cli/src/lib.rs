@@ -30,7 +30,7 @@ use arguments::{Arguments, Command, Global};
 use clap::{CommandFactory as _, Parser as _};
 use exit::Failure;
 use ravec::progress::Progress;
-use ravec_jobs::{JobError, Report, Source, brush, compare, scenes, twocolor};
+use ravec_jobs::{JobError, Report, Source, brush, compare, demo, scenes, twocolor};
 use std::ffi::OsString;
 use std::io::IsTerminal as _;
 use std::path::Path;
@@ -111,6 +111,12 @@ fn execute(Arguments { command, global }: Arguments) -> Result<(), Failure> {
             };
             job(&global, |progress| {
                 brush::run(&source(input), &targets, &params, progress)
+            })
+        }
+        Command::Demo { image, out, params } => {
+            let photo = image.map(source);
+            job(&global, |progress| {
+                demo::run(photo.as_ref(), &out, &params, progress)
             })
         }
         Command::Scenes { out, params } => {

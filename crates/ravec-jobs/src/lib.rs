@@ -27,8 +27,10 @@
 
 pub mod brush;
 pub mod compare;
+pub mod demo;
 mod error;
 mod files;
+mod gallery;
 mod report;
 pub mod scenes;
 pub mod twocolor;
