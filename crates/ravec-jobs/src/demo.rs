@@ -48,7 +48,7 @@ impl Default for Params {
 }
 
 /// Side of the part that is shown enlarged, in pixels.
-const CROP: [usize; 2] = [112, 84];
+const CROP: [usize; 2] = [96, 72];
 
 /// How much parts are enlarged.
 const ZOOM: usize = 4;
@@ -178,6 +178,36 @@ impl Demo<'_> {
         let best = places.max_by(|&a, &b| score(a.0, a.1).total_cmp(&score(b.0, b.1)));
         let (col, row) = best.unwrap_or((0, 0));
         Ok(Rect::new(8 * col, 8 * row, CROP[0], CROP[1]).intersection(Rect::of(self.size())))
+    }
+
+    /// An even place beside the part with edges, and a part of twice the size around it.
+    fn even_place(&self) -> Result<(Rect, [f64; 2]), JobError> {
+        let field = self.fit(8)?;
+        let grid = field.grid_size();
+        let span = |begin: usize, len: usize, limit: usize| {
+            begin / 8..((begin + len) / 8).clamp(begin / 8 + 1, limit)
+        };
+        let columns = span(self.detail.col, self.detail.width, grid.width());
+        let rows = span(self.detail.row, self.detail.height, grid.height());
+        let unevenness = |&(col, row): &(usize, usize)| {
+            let block = field.block(col, row);
+            block.contrast() + block.error.sqrt()
+        };
+        let places = rows.flat_map(|row| columns.clone().map(move |col| (col, row)));
+        let best = places
+            .min_by(|a, b| unevenness(a).total_cmp(&unevenness(b)))
+            .unwrap_or((0, 0));
+        let (x, y) = (8 * best.0 + 4, 8 * best.1 + 4);
+        let part = Rect::new(
+            x.saturating_sub(CROP[0]),
+            y.saturating_sub(CROP[1]),
+            2 * CROP[0],
+            2 * CROP[1],
+        );
+        Ok((
+            part.intersection(Rect::of(self.size())),
+            [x as f64, y as f64],
+        ))
     }
 
     fn crop(&self, image: &Image<LinearRgba>, caption: impl Into<String>) -> Figure {
@@ -337,8 +367,10 @@ impl Demo<'_> {
             whole(&blocks, "two-color pixels, N = 4"),
         ];
         if drawn {
+            let text = String::from_utf8_lossy(&svg);
             figures.push(Figure::svg(
-                &String::from_utf8_lossy(&svg),
+                &text,
+                size.width(),
                 "the same as a vector graphic",
             ));
         }
@@ -391,23 +423,16 @@ impl Demo<'_> {
     fn paint(&mut self) -> Result<(), JobError> {
         self.page.section(
             "The brush",
-            "One broad stroke through the part, with each tool. Paint stops where the color on the way from the brush changes, \
-             so nothing has to be masked.",
+            "One dab of a brush that is wider than the place it is set on, with each tool. Paint stops where the color on the way \
+             from its middle changes, so nothing has to be masked.",
         );
-        let detail = self.detail;
-        let at = |x: f64, y: f64| {
-            [
-                detail.col as f64 + x * detail.width as f64,
-                detail.row as f64 + y * detail.height as f64,
-            ]
-        };
-        let points = vec![at(0.2, 0.55), at(0.5, 0.45), at(0.8, 0.55)];
+        let (part, dab) = self.even_place()?;
         let smooth = |mode| Tool::Operator {
             mode,
             iterations: 1,
             noise_sigma: None,
         };
-        let mut figures = vec![self.crop(&self.image, "input")];
+        let mut figures = vec![Figure::crop(&self.image, part, 2, "input")];
         for (tool, name) in [
             (Tool::Color { rgb: [200, 40, 30] }, "color"),
             (Tool::Recolor { rgb: [40, 90, 200] }, "recolor"),
@@ -419,17 +444,15 @@ impl Demo<'_> {
             (Tool::Mask, "mask"),
         ] {
             let mut strokes = Strokes::new(self.size());
-            let radius = 0.35 * detail.height.max(3) as f64;
-            strokes
-                .strokes
-                .push(Stroke::new(tool, points.clone(), radius));
+            let radius = 0.45 * part.height.max(3) as f64;
+            strokes.strokes.push(Stroke::new(tool, vec![dab], radius));
             let failed = |cause| JobError::from_strokes(Path::new("the demonstration"), cause);
             let painted = replay(self.image.clone(), &strokes, self.progress).map_err(failed)?;
             let shown = match painted.mask {
                 Some(mask) => mask.map(|v| LinearRgba([v, v, v, 1.0])),
                 None => painted.image,
             };
-            figures.push(self.crop(&shown, name));
+            figures.push(Figure::crop(&shown, part, 2, name));
         }
         self.page.figures(&figures);
         Ok(())

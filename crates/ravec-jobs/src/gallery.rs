@@ -68,12 +68,12 @@ impl Figure {
         }
     }
 
-    /// A drawing as SVG.
-    pub fn svg(text: &str, caption: impl Into<String>) -> Self {
+    /// A drawing as SVG, `width` CSS pixels wide.
+    pub fn svg(text: &str, width: usize, caption: impl Into<String>) -> Self {
         Self {
             source: format!("data:image/svg+xml;base64,{}", STANDARD.encode(text)),
             caption: caption.into(),
-            width: None,
+            width: Some(width),
         }
     }
 }
@@ -211,7 +211,7 @@ mod tests {
         page.figures(&[
             Figure::picture(&image, "whole"),
             Figure::crop(&image, Rect::new(4, 2, 10, 10), 4, "part \"quoted\""),
-            Figure::svg("<svg/>", "drawn"),
+            Figure::svg("<svg/>", 30, "drawn"),
         ]);
         page.table(&["a", "b"], &[vec!["1".to_owned(), "2 < 3".to_owned()]]);
         let html = page.finish();

@@ -1,0 +1,305 @@
+//! Whole operations: time, rate and quality, as tables for `docs/measurements.md`.
+//!
+//! `cargo bench -p ravec-jobs --bench whole` measures on the built-in street; with `RAVEC_PHOTOS=DIR` the quality tables are
+//! made from the PNG files in that folder instead. `cargo test` only compiles it.
+
+use fearless_simd::Level;
+use ravec::progress::Progress;
+use ravec::raster::{Image, LinearRgba, Rect, Size, Srgb, compare};
+use ravec::twocolor::brush::{Brush, Stroke, Tool};
+use ravec::twocolor::{
+    CleanParams, FitMethod, FitParams, Mode, OperatorParams, TwoColorField, clean, operate,
+    render_mosaic, render_to,
+};
+use ravec_media::Limits;
+use ravec_scenes::Seed;
+use ravec_scenes::street::street;
+use std::time::Instant;
+
+/// Median seconds of some runs.
+fn median<T>(runs: usize, mut work: impl FnMut() -> T) -> f64 {
+    let mut times: Vec<f64> = (0..runs)
+        .map(|_| {
+            let start = Instant::now();
+            std::hint::black_box(work());
+            start.elapsed().as_secs_f64()
+        })
+        .collect();
+    times.sort_by(f64::total_cmp);
+    times[runs / 2]
+}
+
+/// The picture repeated, mirrored at its borders, to a given size.
+fn tiled(image: &Image<Srgb<u8>>, width: usize, height: usize) -> Image<Srgb<u8>> {
+    let mirrored = |i: usize, len: usize| {
+        let j = i % (2 * len);
+        j.min(2 * len - 1 - j)
+    };
+    let size = Size::new(width, height).expect("sizes of the tables are positive");
+    Image::from_fn(size, |col, row| {
+        image[(mirrored(col, image.width()), mirrored(row, image.height()))]
+    })
+}
+
+fn photos() -> Vec<Image<Srgb<u8>>> {
+    let Some(folder) = std::env::var_os("RAVEC_PHOTOS") else {
+        eprintln!("RAVEC_PHOTOS is not set: the street stands in for photos");
+        return Vec::new();
+    };
+    let mut paths: Vec<_> = std::fs::read_dir(folder)
+        .expect("RAVEC_PHOTOS names a folder")
+        .filter_map(|entry| entry.ok().map(|entry| entry.path()))
+        .filter(|path| path.extension().is_some_and(|extension| extension == "png"))
+        .collect();
+    paths.sort();
+    paths
+        .iter()
+        .filter_map(|path| ravec_media::read(path, &Limits::default()).ok())
+        .map(|picture| picture.convert())
+        .collect()
+}
+
+fn fit(image: &Image<Srgb<u8>>, block_px: usize, method: FitMethod) -> TwoColorField {
+    let params = FitParams {
+        block_px,
+        method,
+        ..FitParams::default()
+    };
+    TwoColorField::fit(image, &params, &Progress::none()).expect("the table's sides can be fitted")
+}
+
+fn main() {
+    // `cargo test --benches` runs this with `--test`: compiling was the test
+    if std::env::args().any(|argument| argument == "--test") {
+        return;
+    }
+    let street: Image<Srgb<u8>> = street(Size::new(1536, 1024).expect("a positive size"), Seed(1))
+        .0
+        .convert();
+    let photos = match photos() {
+        photos if photos.is_empty() => vec![street.clone()],
+        photos => photos,
+    };
+    let base = photos[0].clone();
+    exact_fit(&base);
+    coarse_to_fine(&photos);
+    reconstruction(&photos);
+    brush(&base);
+    growth(&base);
+}
+
+fn exact_fit(base: &Image<Srgb<u8>>) {
+    let image = tiled(base, 4000, 3000);
+    println!("### Exact fit, 12 megapixels, 8 bit in, colors converted\n");
+    println!("| N | instruction set | ms | megapixels/s |\n|---|---|---|---|");
+    for block_px in [8, 16] {
+        let params = FitParams {
+            block_px,
+            method: FitMethod::Exact,
+            ..FitParams::default()
+        };
+        let mut levels = vec![("widest", Level::new())];
+        #[cfg(target_arch = "x86_64")]
+        levels.extend(
+            Level::new()
+                .as_avx2()
+                .map(|avx2| ("AVX2", Level::Avx2(avx2))),
+        );
+        levels.push(("baseline", Level::baseline()));
+        for (name, level) in levels {
+            let seconds = median(7, || {
+                TwoColorField::fit_with(level, &image, &params, &Progress::none())
+            });
+            println!(
+                "| {block_px} | {name} | {:.1} | {:.0} |",
+                1e3 * seconds,
+                12.0 / seconds
+            );
+        }
+    }
+    println!();
+}
+
+fn coarse_to_fine(photos: &[Image<Srgb<u8>>]) {
+    println!(
+        "### Coarse to fine against exact, {} pictures\n",
+        photos.len()
+    );
+    println!(
+        "| N | blocks | mean ratio | 99th percentile | sum ratio | speed-up |\n|---|---|---|---|---|---|"
+    );
+    for block_px in [16, 24, 32] {
+        let (mut ratios, mut sums, mut times) = (Vec::new(), [0.0f64; 2], [0.0f64; 2]);
+        for image in photos {
+            let methods = [FitMethod::Exact, FitMethod::CoarseToFine];
+            let fields = methods.map(|method| fit(image, block_px, method));
+            for (time, method) in times.iter_mut().zip(methods) {
+                *time += median(3, || fit(image, block_px, method));
+            }
+            for (exact, coarse) in fields[0].blocks().iter().zip(fields[1].blocks()) {
+                let (exact, coarse) = (f64::from(exact.error), f64::from(coarse.error));
+                sums = [sums[0] + exact, sums[1] + coarse];
+                // below this the block is flat but for rounding
+                if exact > 1e-5 {
+                    ratios.push(coarse / exact);
+                }
+            }
+        }
+        ratios.sort_by(f64::total_cmp);
+        let mean = ratios.iter().sum::<f64>() / ratios.len() as f64;
+        let p99 = ratios[(ratios.len() - 1) * 99 / 100];
+        println!(
+            "| {block_px} | {} | {mean:.4} | {p99:.3} | {:.4} | {:.2} |",
+            ratios.len(),
+            sums[1] / sums[0],
+            times[0] / times[1]
+        );
+    }
+    println!();
+}
+
+fn reconstruction(photos: &[Image<Srgb<u8>>]) {
+    println!(
+        "### Two-color image against the mosaic of the same blocks, mean over {} pictures\n",
+        photos.len()
+    );
+    println!(
+        "| N | two-color PSNR dB | mosaic PSNR dB | gain dB | two-color SSIM | mosaic SSIM |\n|---|---|---|---|---|---|"
+    );
+    for block_px in [4, 8, 12, 16] {
+        let mut sums = [0.0; 4];
+        for image in photos {
+            let mut field = fit(image, block_px, FitMethod::Auto);
+            let progress = Progress::none();
+            field
+                .refine_lines(image, &progress)
+                .expect("nobody cancels");
+            let lines = render_to(&field, image.size(), &progress).expect("nobody cancels");
+            let mosaic = render_mosaic(&field, image.size(), &progress).expect("nobody cancels");
+            let [a, b] =
+                [&lines, &mosaic].map(|result| compare(image, result).expect("sizes agree"));
+            for (sum, value) in sums.iter_mut().zip([a.psnr_db, b.psnr_db, a.ssim, b.ssim]) {
+                *sum += value / photos.len() as f64;
+            }
+        }
+        let [a, b, c, d] = sums;
+        println!(
+            "| {block_px} | {a:.2} | {b:.2} | {:.2} | {c:.3} | {d:.3} |",
+            a - b
+        );
+    }
+    println!();
+}
+
+fn brush(base: &Image<Srgb<u8>>) {
+    let image: Image<LinearRgba> = tiled(base, 1024, 1024).convert();
+    println!("### Brush, radius 64, window 9: one dab away from earlier ones, on 1 megapixel\n");
+    println!("| tool | ms |\n|---|---|");
+    let operator = |mode| Tool::Operator {
+        mode,
+        iterations: 1,
+        noise_sigma: Some(5.0),
+    };
+    for (name, tool) in [
+        ("abstract", operator(Mode::Abstract)),
+        ("smooth", operator(Mode::Smooth)),
+        ("sharpen", operator(Mode::Sharpen)),
+        ("clean", operator(Mode::Clean)),
+        ("antialias", operator(Mode::Antialias)),
+        ("stamp", operator(Mode::Stamp)),
+        ("color", Tool::Color { rgb: [200, 30, 30] }),
+        ("dodge", Tool::Dodge),
+        ("saturation", Tool::Saturation { amount: 0.5 }),
+        ("clone", Tool::Clone { offset: [40, 0] }),
+        ("mask", Tool::Mask),
+    ] {
+        let mut times = Vec::new();
+        for run in 0..7 {
+            let progress = Progress::none();
+            let stroke = Stroke::new(tool.clone(), vec![[150.0, 150.0]], 64.0);
+            let mut brush =
+                Brush::begin(image.clone(), stroke, &progress).expect("the stroke is valid");
+            let start = Instant::now();
+            // a step of two radii: nothing under the new dab is known yet
+            brush
+                .extend([150.0 + 129.0, 150.0 + f64::from(run)], &progress)
+                .expect("the point is valid");
+            times.push(start.elapsed().as_secs_f64());
+        }
+        times.sort_by(f64::total_cmp);
+        println!("| {name} | {:.1} |", 1e3 * times[3]);
+    }
+    println!(
+        "\n(each extension covers a band of 129 x 128 pixels beside the new dab: about twice the dab's own area)\n"
+    );
+    let params = OperatorParams {
+        mode: Mode::Smooth,
+        ..OperatorParams::default()
+    };
+    let whole = Rect::of(image.size());
+    let seconds = median(5, || operate(&image, whole, &params, &Progress::none()));
+    println!(
+        "Whole-image smooth pass of 1 megapixel: {:.0} ms\n",
+        1e3 * seconds
+    );
+}
+
+fn growth(base: &Image<Srgb<u8>>) {
+    println!("### Nanoseconds a pixel over size\n");
+    println!("| operation | 1 MP | 4 MP | 16 MP | 64 MP |\n|---|---|---|---|---|");
+    let images: Vec<Image<Srgb<u8>>> = [1000, 2000, 4000, 8000]
+        .map(|side| tiled(base, side, side))
+        .into();
+    let row = |name: &str, work: &dyn Fn(&Image<Srgb<u8>>)| {
+        let cells: Vec<String> = images
+            .iter()
+            .map(|image| {
+                let runs = if image.width() > 3000 { 3 } else { 7 };
+                format!(
+                    "{:.2}",
+                    1e9 * median(runs, || work(image)) / image.size().pixels() as f64
+                )
+            })
+            .collect();
+        println!("| {name} | {} |", cells.join(" | "));
+    };
+    row("fit, N = 8", &|image| drop(fit(image, 8, FitMethod::Auto)));
+    row("fit, N = 16", &|image| {
+        drop(fit(image, 16, FitMethod::Auto))
+    });
+    row("fit, N = 32", &|image| {
+        drop(fit(image, 32, FitMethod::Auto))
+    });
+    let clean_params = CleanParams {
+        noise_sigma: Some(10.0),
+        ..CleanParams::default()
+    };
+    row("clean", &|image| {
+        drop(clean(
+            image,
+            Rect::of(image.size()),
+            &clean_params,
+            &Progress::none(),
+        ))
+    });
+    let smooth = OperatorParams::default();
+    row("smooth", &|image| {
+        drop(operate(
+            image,
+            Rect::of(image.size()),
+            &smooth,
+            &Progress::none(),
+        ))
+    });
+    let fields: Vec<TwoColorField> = images
+        .iter()
+        .map(|image| fit(image, 8, FitMethod::Auto))
+        .collect();
+    row("render, N = 8", &|image| {
+        let field = fields
+            .iter()
+            .find(|field| field.image_size() == image.size())
+            .expect("fitted above");
+        drop(render_to(field, image.size(), &Progress::none()));
+    });
+}
