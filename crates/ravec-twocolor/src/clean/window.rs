@@ -103,8 +103,10 @@ fn clean_batch<S: Simd>(
         }
     }
     let found = batch.best_split(table);
-    let mean: [S::f32s; CHANNELS] =
-        std::array::from_fn(|c| S::f32s::from_slice(simd, &found.mean[c][..S::f32s::LEN]));
+    let mut mean = [zero; CHANNELS];
+    for (mean, found) in mean.iter_mut().zip(&found.mean) {
+        *mean = S::f32s::from_slice(simd, &found[..S::f32s::LEN]);
+    }
     let variance = variances(simd, noise, &found.mean[0]);
 
     // two sides if the gain stands out of the noise; else everything lies on side 0
