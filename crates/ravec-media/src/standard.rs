@@ -27,6 +27,12 @@ pub(crate) static GREY_SRGB: LazyLock<Vec<u8>> = LazyLock::new(|| {
 /// Where the header of a profile has its size.
 const SIZE_IN_HEADER: std::ops::Range<usize> = 0..4;
 
+/// Where the header of a profile has the illuminant of its connection space.
+const ILLUMINANT_IN_HEADER: std::ops::Range<usize> = 68..80;
+
+/// D50 as the standard rounds it (ICC.1:2022, 7.2.16).
+const D50: [u8; 12] = [0, 0, 0xf6, 0xd6, 0, 1, 0, 0, 0, 0, 0xd3, 0x2d];
+
 /// Where the header of a profile has its date of creation (ICC.1:2022, 7.2).
 const DATE_IN_HEADER: std::ops::Range<usize> = 24..36;
 
@@ -44,6 +50,10 @@ fn encoded(mut profile: ColorProfile, name: &str) -> Vec<u8> {
     // the encoder writes the time of day, but equal pictures are to give equal files
     if let Some(date) = profile.get_mut(DATE_IN_HEADER) {
         date.copy_from_slice(&DATE);
+    }
+    // the encoder rounds it otherwise, and some readers compare bytes
+    if let Some(illuminant) = profile.get_mut(ILLUMINANT_IN_HEADER) {
+        illuminant.copy_from_slice(&D50);
     }
     // the size of a profile is a multiple of four (ICC.1:2022, 7.2.2), which the encoder forgets and some readers insist on
     profile.resize(profile.len().next_multiple_of(4), 0);
@@ -71,7 +81,10 @@ mod tests {
         for profile in [&SRGB, &GREY_SRGB, &LINEAR_SRGB] {
             assert_eq!(profile[DATE_IN_HEADER], DATE);
             assert_eq!(profile.len() % 4, 0);
-            assert_eq!(profile[SIZE_IN_HEADER], (profile.len() as u32).to_be_bytes());
+            assert_eq!(
+                profile[SIZE_IN_HEADER],
+                (profile.len() as u32).to_be_bytes()
+            );
         }
         assert!(SRGB.len() < 1000 && GREY_SRGB.len() < 1000);
     }
