@@ -414,12 +414,11 @@ fn write_mask(
     report: &mut Report,
     progress: &Progress,
 ) -> Result<(), JobError> {
-    let grey = match mask {
-        Some(mask) => mask.map(|v| Srgb([(v * 255.0).round() as u8; 3])),
-        None => {
-            report.warn("no stroke selects anything; the mask is black");
-            Image::new(size, Srgb([0u8; 3]))
-        }
+    let grey = if let Some(mask) = mask {
+        mask.map(|v| Srgb([(v * 255.0).round() as u8; 3]))
+    } else {
+        report.warn("no stroke selects anything; the mask is black");
+        Image::new(size, Srgb([0u8; 3]))
     };
     let mut picture = Picture::from_image(grey);
     picture.origin.grey = true;

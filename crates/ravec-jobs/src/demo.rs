@@ -60,6 +60,9 @@ const ZOOM: usize = 4;
 ///
 /// # Errors
 /// [`JobError::Parameter`], [`JobError::Read`] for the photo, [`JobError::Write`], [`JobError::Cancelled`].
+///
+/// # Panics
+/// Never: the size of the built-in street follows from a side that was checked.
 pub fn run(
     photo: Option<&Source>,
     out: &Path,
@@ -75,19 +78,17 @@ pub fn run(
     }
     let mut report = Report::new("demo", params);
     report.seed = Some(params.seed);
-    let (image, origin) = match photo {
-        Some(source) => {
-            let picture = files::read(source, &mut report, progress)?;
-            (reduced(&picture.image, params.max_side), "the photo")
-        }
-        None => {
-            let side = |share: usize| (params.max_side * share / 3).max(1);
-            let size = Size::new(side(3), side(2)).map_err(|_| JobError::Cancelled)?;
-            let phase = progress.phase("draw", 1);
-            let image = report.time("draw", || street(size, Seed(params.seed)).0);
-            phase.advance(1);
-            (image.convert(), "a street drawn by formulas")
-        }
+    let (image, origin) = if let Some(source) = photo {
+        let picture = files::read(source, &mut report, progress)?;
+        (reduced(&picture.image, params.max_side), "the photo")
+    } else {
+        // three to two; at least 64 pixels wide, as checked above
+        let size =
+            Size::new(params.max_side, params.max_side * 2 / 3).expect("both sides are positive");
+        let phase = progress.phase("draw", 1);
+        let image = report.time("draw", || street(size, Seed(params.seed)).0);
+        phase.advance(1);
+        (image.convert(), "a street drawn by formulas")
     };
     let mut demo = Demo {
         // eight bits, as a file would have

@@ -27,12 +27,12 @@ impl Figure {
     pub fn picture(image: &Image<LinearRgba>, caption: impl Into<String>) -> Self {
         let source = if image.is_opaque() {
             data_uri(
-                Picture::from_image(image.convert::<Srgb<u8>>()),
+                &Picture::from_image(image.convert::<Srgb<u8>>()),
                 Format::Jpeg,
             )
         } else {
             data_uri(
-                Picture::from_image(image.convert::<Srgba<u8>>()),
+                &Picture::from_image(image.convert::<Srgba<u8>>()),
                 Format::Png,
             )
         };
@@ -57,7 +57,7 @@ impl Figure {
             .and_then(|size| image.crop(part.col, part.row, size).ok());
         let source = cropped.map_or(String::new(), |image| {
             data_uri(
-                Picture::from_image(image.convert::<Srgba<u8>>()),
+                &Picture::from_image(image.convert::<Srgba<u8>>()),
                 Format::Png,
             )
         });
@@ -79,7 +79,7 @@ impl Figure {
 }
 
 /// The picture as a data address.
-fn data_uri(picture: Picture, format: Format) -> String {
+fn data_uri(picture: &Picture, format: Format) -> String {
     let mut bytes = Cursor::new(Vec::new());
     let options = WriteOptions {
         quality: 90,
@@ -87,7 +87,7 @@ fn data_uri(picture: Picture, format: Format) -> String {
     };
     // 8-bit pictures that are already in memory fit both formats; only a side beyond the format's limit can fail, and then
     // the caption stands alone
-    if let Err(error) = encode(&mut bytes, format, &picture, &options) {
+    if let Err(error) = encode(&mut bytes, format, picture, &options) {
         tracing::warn!("a figure was left out: {error}");
         return String::new();
     }

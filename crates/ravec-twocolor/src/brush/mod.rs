@@ -3,7 +3,8 @@
 //! A [`Stroke`] is a polyline with a radius, a tool and a strength. Its effect on a pixel is the product of three things:
 //!
 //! 1. the *profile*: 1 within the hard core, falling to 0 at the radius, of the distance to the polyline. Distances, not
-//!    dabs, so that overlaps do not multiply and nothing depends on how the stroke was cut into events (see [`path`]);
+//!    dabs, so that overlaps do not multiply and nothing depends on how the stroke was cut into events (repeated and straight points
+//!    are dropped first);
 //!    strokes that accumulate use dabs at equal distances along the polyline instead.
 //! 2. the *edge mask*: on the straight way from the nearest point of the polyline to the pixel, how far the color of the
 //!    own side moves away from where the brush is. Own-side colors are even up to an edge and jump across it, so paint stops
