@@ -169,7 +169,7 @@ mod tests {
         let seen = Arc::new(Mutex::new(Vec::new()));
         let sink = Arc::clone(&seen);
         work(&Progress::new(move |update| {
-            sink.lock().unwrap().push(update)
+            sink.lock().unwrap().push(update);
         }));
         seen.lock().unwrap().clone()
     }
