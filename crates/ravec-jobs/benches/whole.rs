@@ -265,10 +265,10 @@ fn growth(base: &Image<Srgb<u8>>) {
     };
     row("fit, N = 8", &|image| drop(fit(image, 8, FitMethod::Auto)));
     row("fit, N = 16", &|image| {
-        drop(fit(image, 16, FitMethod::Auto))
+        drop(fit(image, 16, FitMethod::Auto));
     });
     row("fit, N = 32", &|image| {
-        drop(fit(image, 32, FitMethod::Auto))
+        drop(fit(image, 32, FitMethod::Auto));
     });
     let clean_params = CleanParams {
         noise_sigma: Some(10.0),
@@ -280,7 +280,7 @@ fn growth(base: &Image<Srgb<u8>>) {
             Rect::of(image.size()),
             &clean_params,
             &Progress::none(),
-        ))
+        ));
     });
     let smooth = OperatorParams::default();
     row("smooth", &|image| {
@@ -289,7 +289,7 @@ fn growth(base: &Image<Srgb<u8>>) {
             Rect::of(image.size()),
             &smooth,
             &Progress::none(),
-        ))
+        ));
     });
     let fields: Vec<TwoColorField> = images
         .iter()
