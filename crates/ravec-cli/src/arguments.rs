@@ -28,7 +28,7 @@ pub struct Arguments {
 /// The operations.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Compare two pictures of the same size: PSNR and largest difference
+    /// Compare two pictures of the same size: PSNR, SSIM, color difference
     #[command(after_help = exit::HELP)]
     Compare {
         /// The reference

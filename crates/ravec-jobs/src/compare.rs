@@ -3,8 +3,8 @@
 use crate::error::JobError;
 use crate::files::{self, Source};
 use crate::report::Report;
-use ravec::progress::{Cancelled, Progress};
-use ravec::raster::{AnyImage, Srgba};
+use ravec::progress::Progress;
+use ravec::raster::{LinearRgba, MetricError, compare_with_progress, with_image};
 use serde::{Deserialize, Serialize};
 
 /// How the pictures are compared: there is nothing to choose yet.
@@ -13,11 +13,12 @@ use serde::{Deserialize, Serialize};
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct Params {}
 
-/// Compares `b` with the reference `a`.
+/// Compares `b` with the reference `a`, as they are shown: alpha over a middle grey.
 ///
-/// Figures: `psnr_db`, the peak signal-to-noise ratio of the encoded colors, infinite for equal pictures;
-/// `max_difference_steps`, the largest difference of a sample in 8-bit steps. Colors count by their alpha, so what is
-/// hidden in transparent pixels makes no difference, but alpha itself does.
+/// Figures: `psnr_db`, the peak signal-to-noise ratio of the encoded colors, infinite for equal pictures; `ssim`, the mean
+/// structural similarity of luma, 1 for equal pictures; `delta_e_mean`, `delta_e_p95` and `delta_e_max`, CIEDE2000 color
+/// differences, of which 1 is just noticeable; `max_difference_steps`, the largest difference of a sample in 8-bit steps;
+/// `max_alpha_difference`, 0 to 1; `identical`, 1 if no pixel differs at all.
 ///
 /// # Errors
 /// [`JobError::Read`] for an input that is no picture, [`JobError::SizesDiffer`], [`JobError::Cancelled`].
@@ -30,66 +31,43 @@ pub fn run(
     let mut report = Report::new("compare", params);
     let image_a = files::read(a, &mut report, progress)?.image;
     let image_b = files::read(b, &mut report, progress)?.image;
+    let differ = JobError::SizesDiffer {
+        a: a.path.clone(),
+        a_size: image_a.size(),
+        b: b.path.clone(),
+        b_size: image_b.size(),
+    };
     if image_a.size() != image_b.size() {
-        return Err(JobError::SizesDiffer {
-            a: a.path.clone(),
-            a_size: image_a.size(),
-            b: b.path.clone(),
-            b_size: image_b.size(),
-        });
+        return Err(differ);
     }
-    let difference = report.time("compare", || difference(&image_a, &image_b, progress))?;
-    report.figures.insert("psnr_db", difference.psnr_db());
-    report
-        .figures
-        .insert("max_difference_steps", 255.0 * difference.largest);
+    let image_b = image_b.convert::<LinearRgba>();
+    let compared = report.time(
+        "compare",
+        || with_image!(&image_a, image_a => compare_with_progress(image_a, &image_b, progress)),
+    );
+    let found = compared.map_err(|error| match error {
+        MetricError::Cancelled(_) => JobError::Cancelled,
+        _ => differ,
+    })?;
+    for (name, figure) in [
+        ("psnr_db", found.psnr_db),
+        ("ssim", found.ssim),
+        ("delta_e_mean", found.delta_e_mean),
+        ("delta_e_p95", found.delta_e_p95),
+        ("delta_e_max", found.delta_e_max),
+        ("max_difference_steps", 255.0 * found.max_abs),
+        ("max_alpha_difference", found.alpha_max_abs),
+        ("identical", f64::from(u8::from(found.identical))),
+    ] {
+        report.figures.insert(name, figure);
+    }
     Ok(report)
-}
-
-/// Sums over all samples, on a scale of 0 to 1.
-struct Difference {
-    mean_square: f64,
-    largest: f64,
-}
-
-impl Difference {
-    fn psnr_db(&self) -> f64 {
-        -10.0 * self.mean_square.log10()
-    }
-}
-
-fn difference(a: &AnyImage, b: &AnyImage, progress: &Progress) -> Result<Difference, Cancelled> {
-    let channels = if a.has_alpha() || b.has_alpha() { 4 } else { 3 };
-    let (a, b) = (a.convert::<Srgba<f32>>(), b.convert::<Srgba<f32>>());
-    let phase = progress.phase("compare", a.height() as u64);
-    let (mut squares, mut largest) = (0.0, 0.0f64);
-    for (row_a, row_b) in a.rows().zip(b.rows()) {
-        progress.check()?;
-        for (a, b) in row_a.iter().zip(row_b) {
-            let (a, b) = (weighted(*a), weighted(*b));
-            for channel in 0..channels {
-                let difference = (a[channel] - b[channel]).abs();
-                squares += difference * difference;
-                largest = largest.max(difference);
-            }
-        }
-        phase.advance(1);
-    }
-    Ok(Difference {
-        mean_square: squares / (channels * a.size().pixels()) as f64,
-        largest,
-    })
-}
-
-/// Encoded colors times alpha, and alpha.
-fn weighted(Srgba([r, g, b, alpha]): Srgba<f32>) -> [f64; 4] {
-    [r * alpha, g * alpha, b * alpha, alpha].map(f64::from)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ravec::raster::{Image, Size, Srgb};
+    use ravec::raster::{AnyImage, Image, Size, Srgb, Srgba};
     use ravec_media::{Picture, WriteOptions};
     use std::path::Path;
 
@@ -115,6 +93,8 @@ mod tests {
         // 20 log10(255); samples are rounded to f32
         assert!((report.figures["psnr_db"] - 48.1308).abs() < 1e-3);
         assert!((report.figures["max_difference_steps"] - 1.0).abs() < 1e-4);
+        assert!(report.figures["delta_e_mean"] > 0.1 && report.figures["delta_e_mean"] < 2.0);
+        assert!(report.figures["ssim"] > 0.99);
     }
 
     #[test]
@@ -130,7 +110,8 @@ mod tests {
             Image::new(size, Srgba([0u8, 0, 0, 0])).into(),
             Image::new(size, Srgba([0u8, 0, 0, 255])).into(),
         );
-        assert_eq!(report.figures["max_difference_steps"], 255.0);
+        assert_eq!(report.figures["max_alpha_difference"], 1.0);
+        assert_eq!(report.figures["identical"], 0.0);
     }
 
     #[test]
