@@ -250,6 +250,15 @@ pub(crate) fn apply(mode: Mode, pixel: LinearRgba, sides: &Sides) -> LinearRgba 
         return pixel;
     }
     let here = oklab_from_linear(pixel.rgb());
+    // a pixel that is not a number, or has one in its window, stays as it is
+    if here
+        .iter()
+        .chain(&sides.own)
+        .chain(&sides.other)
+        .any(|v| !v.is_finite())
+    {
+        return pixel;
+    }
     let color = match mode {
         Mode::Sharpen => std::array::from_fn(|c| {
             let (own, other) = (sides.own[c], sides.other[c]);
@@ -490,6 +499,20 @@ mod tests {
             }
         }
         assert!(after < 0.6 * before, "{before} to {after}");
+    }
+
+    #[test]
+    fn pixels_that_are_not_numbers_stay_and_do_not_spread() {
+        let mut image = noisy_edge(40, 5.0);
+        image[(20, 20)] = LinearRgba([f32::NAN, 0.5, f32::INFINITY, 1.0]);
+        for mode in [Mode::Abstract, Mode::Smooth, Mode::Sharpen, Mode::Antialias] {
+            let result = run(&image, Rect::of(image.size()), &of(mode));
+            let broken = result
+                .pixels()
+                .iter()
+                .filter(|p| p.0.iter().any(|v| !v.is_finite()));
+            assert_eq!(broken.count(), 1, "{mode:?}");
+        }
     }
 
     #[test]
