@@ -30,6 +30,11 @@ const CRATES: &[Crate] = &[
         uses: &["ravec-raster", "ravec-progress"],
     },
     Crate {
+        name: "ravec-mesh",
+        layer: "vocabulary",
+        uses: &["ravec-progress"],
+    },
+    Crate {
         name: "ravec-twocolor",
         layer: "representations",
         uses: &["ravec-raster", "ravec-progress"],
@@ -52,7 +57,7 @@ const CRATES: &[Crate] = &[
     Crate {
         name: "ravec-scenes",
         layer: "development",
-        uses: &["ravec-raster"],
+        uses: &["ravec-raster", "ravec-mesh"],
     },
     Crate {
         name: "xtask",
