@@ -1,0 +1,105 @@
+//! A hierarchy of boxes over triangles, for all questions of the kind "which triangles are near".
+//!
+//! The plain idea of every query: a box that is farther away than the best triangle so far holds nothing better. The
+//! departures from it:
+//!
+//! 1. A node has up to eight children, whose boxes lie side by side, one axis after the other, so that eight of them are
+//!    measured by a few vector instructions.
+//! 2. Boxes are `f32` in a local frame (centered on the mesh and scaled by a power of two to a size of about 1), rounded
+//!    outward, so that they lose nothing to large coordinates. Triangles stay `f64`.
+//! 3. A query point is rounded, too, and the radius of the search is widened by what that moved it. Boxes are thus never
+//!    skipped wrongly, and every answer is that of a linear scan over the exact triangles, bit for bit.
+//! 4. Triangles are stored in the order of the leaves, each with its three corners, so that a leaf is one piece of memory.
+//!
+//! Guarantees: the answers do not depend on the shape of the tree, on hints or on the number of threads; among equally
+//! near triangles the one with the lowest index wins; any soup will do, also an empty one. Does not guarantee: sizes or
+//! distances beyond 1e75 overflow.
+//!
+//! Cost: building O(n log n), about half a second a million triangles and core; 72 + 8 bytes a triangle for corners and
+//! names, about 40 for boxes. A query near the surface takes about a microsecond at a million triangles.
+
+mod build;
+mod closest;
+mod frame;
+mod node;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use crate::{Aabb, TriMesh};
+use build::Prim;
+use frame::Frame;
+use node::Node;
+
+pub use closest::Closest;
+
+/// A search structure over the triangles of a mesh. It keeps a copy of their corners, so that the mesh may go.
+#[derive(Debug, Clone)]
+pub struct Bvh {
+    frame: Frame,
+    /// The root comes first; there is none if there are no triangles.
+    nodes: Vec<Node>,
+    /// The corners of the triangles in the order of the leaves: by slot.
+    corners: Vec<[DVec3; 3]>,
+    /// The triangle in a slot.
+    triangle_of: Vec<u32>,
+    /// The slot of a triangle.
+    slot_of: Vec<u32>,
+}
+
+impl Bvh {
+    /// The structure over all triangles of `mesh`, built in the caller's thread pool.
+    pub fn new(mesh: &TriMesh) -> Self {
+        let frame = Frame::around(mesh.bounds());
+        let mut prims: Vec<Prim> = (0..mesh.triangles().len() as u32)
+            .into_par_iter()
+            .map(|triangle| Prim::new(&frame, mesh.corners(triangle), triangle))
+            .collect();
+        let nodes = build::nodes(&mut prims);
+        let triangle_of: Vec<u32> = prims.par_iter().map(|prim| prim.triangle).collect();
+        let corners = triangle_of.par_iter().map(|&t| mesh.corners(t)).collect();
+        let mut slot_of = vec![0; triangle_of.len()];
+        for (slot, &triangle) in triangle_of.iter().enumerate() {
+            slot_of[triangle as usize] = slot as u32;
+        }
+        Self {
+            frame,
+            nodes,
+            corners,
+            triangle_of,
+            slot_of,
+        }
+    }
+
+    /// The number of triangles.
+    pub fn len(&self) -> usize {
+        self.corners.len()
+    }
+
+    /// Whether there are no triangles.
+    pub fn is_empty(&self) -> bool {
+        self.corners.is_empty()
+    }
+
+    /// The places of the corners of `triangle`, named as in the mesh.
+    ///
+    /// # Panics
+    /// If there is no such triangle.
+    #[inline]
+    pub fn corners(&self, triangle: u32) -> [DVec3; 3] {
+        self.corners[self.slot_of[triangle as usize] as usize]
+    }
+
+    /// The smallest box around all triangles; empty if there are none.
+    pub fn bounds(&self) -> Aabb {
+        Aabb::around(self.corners.iter().flatten().copied())
+    }
+
+    /// The number of bytes this structure holds on to.
+    pub fn memory_bytes(&self) -> usize {
+        size_of_val(&*self.nodes)
+            + size_of_val(&*self.corners)
+            + size_of_val(&*self.triangle_of)
+            + size_of_val(&*self.slot_of)
+    }
+}

@@ -1,0 +1,182 @@
+//! The triangle closest to a point.
+
+use glam::DVec3;
+
+use super::Bvh;
+use super::frame::LocalPoint;
+use super::node::{Child, STACK};
+use crate::closest::{Feature, closest_on_triangle, distance_sq_to_triangle};
+
+/// The place of a mesh that is closest to a given point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Closest {
+    /// The triangle it lies on; of equally close ones the one with the lowest index.
+    pub triangle: u32,
+    /// The place, rounded.
+    pub point: DVec3,
+    /// The part of that triangle it lies on.
+    pub feature: Feature,
+    /// The squared distance; more accurate than the distance to the rounded `point`.
+    pub distance_sq: f64,
+}
+
+/// The best so far.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Best {
+    pub distance_sq: f64,
+    pub triangle: u32,
+    pub slot: u32,
+}
+
+impl Best {
+    /// Nothing found yet within the squared distance.
+    pub const fn within(distance_sq: f64) -> Self {
+        Self {
+            distance_sq,
+            triangle: u32::MAX,
+            slot: u32::MAX,
+        }
+    }
+}
+
+/// Children that are still to be looked into, the nearest last.
+pub(super) struct Stack {
+    entries: [(f32, Child); STACK],
+    len: usize,
+}
+
+impl Stack {
+    pub fn new() -> Self {
+        Self {
+            entries: [(0.0, Child::Node(0)); STACK],
+            len: 0,
+        }
+    }
+
+    /// Keeps the entries from `base` on sorted, the nearest last.
+    #[inline]
+    pub fn insert(&mut self, base: usize, distance_sq: f32, child: Child) {
+        let mut at = self.len;
+        while at > base && self.entries[at - 1].0 < distance_sq {
+            self.entries[at] = self.entries[at - 1];
+            at -= 1;
+        }
+        self.entries[at] = (distance_sq, child);
+        self.len += 1;
+    }
+
+    #[inline]
+    pub fn pop(&mut self) -> Option<(f32, Child)> {
+        self.len = self.len.checked_sub(1)?;
+        Some(self.entries[self.len])
+    }
+
+    #[inline]
+    pub fn len(&self) -> usize {
+        self.len
+    }
+}
+
+impl Bvh {
+    /// The place closest to `p`; `None` if there are no triangles or `p` is not finite.
+    pub fn closest(&self, p: DVec3) -> Option<Closest> {
+        self.finish(p, self.search(p, Best::within(f64::INFINITY)))
+    }
+
+    /// As [`Self::closest`], and with the same answer, but faster if `hint` is a triangle close to the answer.
+    ///
+    /// # Panics
+    /// If there is no triangle `hint`.
+    pub fn closest_with_hint(&self, p: DVec3, hint: u32) -> Option<Closest> {
+        self.finish(p, self.search(p, self.hinted(p, hint)))
+    }
+
+    /// The place closest to `p`, unless it is farther than `max_distance`, which may be infinite.
+    pub fn closest_within(&self, p: DVec3, max_distance: f64) -> Option<Closest> {
+        if max_distance.is_nan() || max_distance < 0.0 {
+            return None;
+        }
+        self.finish(p, self.search(p, Best::within(max_distance * max_distance)))
+    }
+
+    /// The hint as the best so far.
+    #[inline]
+    pub(super) fn hinted(&self, p: DVec3, hint: u32) -> Best {
+        let slot = self.slot_of[hint as usize];
+        Best {
+            distance_sq: distance_sq_to_triangle(p, self.corners[slot as usize]),
+            triangle: hint,
+            slot,
+        }
+    }
+
+    fn search(&self, p: DVec3, mut best: Best) -> Best {
+        if !self.is_empty() && p.is_finite() {
+            let local = self.frame.local_point(p);
+            let mut stack = Stack::new();
+            stack.insert(0, 0.0, Child::Node(0));
+            self.drain(p, &local, &mut stack, &mut best);
+        }
+        best
+    }
+
+    /// Looks into what is on the stack, and below it, for something closer than the best.
+    #[inline]
+    pub(super) fn drain(&self, p: DVec3, local: &LocalPoint, stack: &mut Stack, best: &mut Best) {
+        let mut reach_sq = self.frame.reach_sq(local, best.distance_sq);
+        while let Some((distance_sq, child)) = stack.pop() {
+            if distance_sq > reach_sq {
+                continue;
+            }
+            match child {
+                Child::Node(node) => {
+                    let node = &self.nodes[node as usize];
+                    let distances_sq = node.distances_sq(local.at);
+                    let base = stack.len();
+                    for (lane, &distance_sq) in distances_sq[..node.len()].iter().enumerate() {
+                        if distance_sq <= reach_sq {
+                            stack.insert(base, distance_sq, node.child(lane));
+                        }
+                    }
+                }
+                Child::Leaf { first, count } => {
+                    let before = best.distance_sq;
+                    self.try_leaf(p, first, count, best);
+                    if best.distance_sq < before {
+                        reach_sq = self.frame.reach_sq(local, best.distance_sq);
+                    }
+                }
+            }
+        }
+    }
+
+    #[inline]
+    fn try_leaf(&self, p: DVec3, first: u32, count: u32, best: &mut Best) {
+        for slot in first..first + count {
+            let distance_sq = distance_sq_to_triangle(p, self.corners[slot as usize]);
+            let triangle = self.triangle_of[slot as usize];
+            if distance_sq < best.distance_sq
+                || (distance_sq == best.distance_sq && triangle < best.triangle)
+            {
+                *best = Best {
+                    distance_sq,
+                    triangle,
+                    slot,
+                };
+            }
+        }
+    }
+
+    /// Works out the rest of the answer.
+    #[inline]
+    pub(super) fn finish(&self, p: DVec3, best: Best) -> Option<Closest> {
+        let corners = *self.corners.get(best.slot as usize)?;
+        let found = closest_on_triangle(p, corners);
+        Some(Closest {
+            triangle: best.triangle,
+            point: found.point,
+            feature: found.feature,
+            distance_sq: found.distance_sq,
+        })
+    }
+}

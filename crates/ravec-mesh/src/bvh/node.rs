@@ -1,0 +1,95 @@
+//! A node: the boxes of up to eight children.
+
+use super::frame::LocalBox;
+
+/// Children of a node: as many `f32` as the widest common vector registers hold.
+pub(super) const WIDTH: usize = 8;
+
+/// More than the largest number of entries a traversal ever holds: see [`super::build::MAX_DEPTH`].
+pub(super) const STACK: usize = 192;
+
+/// Up to eight boxes with what they hold.
+#[derive(Debug, Clone, Copy)]
+#[repr(align(32))]
+pub(super) struct Node {
+    min: [[f32; WIDTH]; 3],
+    max: [[f32; WIDTH]; 3],
+    index: [u32; WIDTH],
+    count: [u8; WIDTH],
+    len: u8,
+}
+
+/// What a box holds: a node, or a run of triangles.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Child {
+    Node(u32),
+    Leaf { first: u32, count: u32 },
+}
+
+impl Node {
+    pub const EMPTY: Self = Self {
+        min: [[f32::INFINITY; WIDTH]; 3],
+        max: [[f32::NEG_INFINITY; WIDTH]; 3],
+        index: [0; WIDTH],
+        count: [0; WIDTH],
+        len: 0,
+    };
+
+    pub fn push(&mut self, bounds: &LocalBox, child: Child) {
+        let lane = self.len as usize;
+        for axis in 0..3 {
+            self.min[axis][lane] = bounds.min[axis];
+            self.max[axis][lane] = bounds.max[axis];
+        }
+        (self.index[lane], self.count[lane]) = match child {
+            Child::Node(node) => (node, 0),
+            Child::Leaf { first, count } => (first, count as u8),
+        };
+        self.len += 1;
+    }
+
+    pub fn len(&self) -> usize {
+        self.len as usize
+    }
+
+    #[inline]
+    pub fn child(&self, lane: usize) -> Child {
+        match (self.index[lane], self.count[lane]) {
+            (node, 0) => Child::Node(node),
+            (first, count) => Child::Leaf {
+                first,
+                count: count.into(),
+            },
+        }
+    }
+
+    /// Renames the nodes among the children: `by` is added to their index.
+    pub fn shift_nodes(&mut self, by: u32) {
+        for lane in 0..self.len() {
+            if self.count[lane] == 0 {
+                self.index[lane] += by;
+            }
+        }
+    }
+
+    /// The squared distance from `p` to each box; infinite where there is none.
+    #[inline]
+    pub fn distances_sq(&self, p: [f32; 3]) -> [f32; WIDTH] {
+        let mut sum = [0.0; WIDTH];
+        for axis in 0..3 {
+            for lane in 0..WIDTH {
+                let below = self.min[axis][lane] - p[axis];
+                let above = p[axis] - self.max[axis][lane];
+                let outside = larger(larger(below, above), 0.0);
+                sum[lane] += outside * outside;
+            }
+        }
+        sum
+    }
+}
+
+/// The maximum as one instruction: `f32::max` takes more for the sake of NaN.
+#[inline(always)]
+fn larger(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
