@@ -22,6 +22,7 @@ mod build;
 mod closest;
 mod frame;
 mod node;
+mod pairs;
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -101,5 +102,31 @@ impl Bvh {
             + size_of_val(&*self.corners)
             + size_of_val(&*self.triangle_of)
             + size_of_val(&*self.slot_of)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Soups of up to `most` triangles: large and small ones, some of them repeated, flat or far away.
+    pub(super) fn soup(most: usize) -> impl Strategy<Value = TriMesh> {
+        let place = [-1.0..1.0, -1.0..1.0, -1.0..1.0].prop_map(DVec3::from_array);
+        let grid =
+            [-2_i32..3, -2_i32..3, -2_i32..3].prop_map(|at| DVec3::from_array(at.map(f64::from)));
+        let corner = prop_oneof![place.clone(), grid];
+        let large = [corner.clone(), corner.clone(), corner];
+        let small = (place.clone(), [place.clone(), place.clone(), place])
+            .prop_map(|(at, corners)| corners.map(|corner| at + 0.1 * corner));
+        let shift = prop_oneof![Just(0.0), Just(1e6)];
+        let corners = prop::collection::vec(prop_oneof![large, small], 0..most);
+        (corners, shift).prop_map(|(corners, shift)| {
+            let positions = corners.iter().flatten().map(|&at| at + shift).collect();
+            let triangles = (0..corners.len() as u32)
+                .map(|t| [3 * t, 3 * t + 1, 3 * t + 2])
+                .collect();
+            TriMesh::new(positions, triangles).unwrap()
+        })
     }
 }

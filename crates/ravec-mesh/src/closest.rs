@@ -221,8 +221,7 @@ mod tests {
     fn place() -> impl Strategy<Value = DVec3> {
         // Small integers make coincident and collinear corners likely.
         prop_oneof![
-            [-2_i32..3, -2_i32..3, -2_i32..3]
-                .prop_map(|v| DVec3::from_array(v.map(f64::from))),
+            [-2_i32..3, -2_i32..3, -2_i32..3].prop_map(|v| DVec3::from_array(v.map(f64::from))),
             [-2.0..2.0, -2.0..2.0, -2.0..2.0].prop_map(DVec3::from_array),
         ]
     }
@@ -283,8 +282,16 @@ mod tests {
         let corners = [DVec3::ZERO, DVec3::X, DVec3::Y];
         for (p, feature, distance) in [
             (DVec3::new(-3.0, -4.0, 0.0), Feature::Vertex(0), 5.0),
-            (DVec3::new(4.0, -1.0, 0.0), Feature::Vertex(1), 10_f64.sqrt()),
-            (DVec3::new(-1.0, 4.0, 0.0), Feature::Vertex(2), 10_f64.sqrt()),
+            (
+                DVec3::new(4.0, -1.0, 0.0),
+                Feature::Vertex(1),
+                10_f64.sqrt(),
+            ),
+            (
+                DVec3::new(-1.0, 4.0, 0.0),
+                Feature::Vertex(2),
+                10_f64.sqrt(),
+            ),
             (DVec3::new(0.5, -2.0, 0.0), Feature::Edge(0), 2.0),
             (DVec3::new(1.0, 1.0, 0.0), Feature::Edge(1), 0.5_f64.sqrt()),
             (DVec3::new(-2.0, 0.5, 0.0), Feature::Edge(2), 2.0),
@@ -309,7 +316,10 @@ mod tests {
     fn segments_and_points_count_as_triangles() {
         let p = DVec3::new(1.0, 2.0, 0.0);
         let point = closest_on_triangle(p, [DVec3::ZERO; 3]);
-        assert_eq!((point.feature, point.distance_sq), (Feature::Vertex(0), 5.0));
+        assert_eq!(
+            (point.feature, point.distance_sq),
+            (Feature::Vertex(0), 5.0)
+        );
         let segment = closest_on_triangle(p, [DVec3::ZERO, DVec3::X * 3.0, DVec3::X * 2.0]);
         assert_eq!((segment.point, segment.distance_sq), (DVec3::X, 4.0));
     }

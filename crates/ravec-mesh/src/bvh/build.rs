@@ -122,7 +122,8 @@ fn build(prims: &mut [Prim], first: usize, depth: usize, nodes: &mut Vec<Node>) 
                 subtree
             })
             .collect();
-        for ((mut subtree, (bounds, count)), &first) in subtrees.into_iter().zip(bounds).zip(&firsts)
+        for ((mut subtree, (bounds, count)), &first) in
+            subtrees.into_iter().zip(bounds).zip(&firsts)
         {
             let root = nodes.len() as u32;
             node.push(&bounds, child(root, first, count));
@@ -131,7 +132,10 @@ fn build(prims: &mut [Prim], first: usize, depth: usize, nodes: &mut Vec<Node>) 
         }
     } else {
         for (part, &first) in parts.into_iter().zip(&firsts) {
-            node.push(&part.bounds, child(nodes.len() as u32, first, part.prims.len()));
+            node.push(
+                &part.bounds,
+                child(nodes.len() as u32, first, part.prims.len()),
+            );
             if part.prims.len() > LEAF {
                 build(part.prims, first, depth + 1, nodes);
             }

@@ -72,6 +72,28 @@ impl Node {
         }
     }
 
+    /// The box of a child.
+    #[inline]
+    pub fn bounds(&self, lane: usize) -> LocalBox {
+        LocalBox {
+            min: [0, 1, 2].map(|axis| self.min[axis][lane]),
+            max: [0, 1, 2].map(|axis| self.max[axis][lane]),
+        }
+    }
+
+    /// Which boxes share a point with `other`; none where there is no box.
+    #[inline]
+    pub fn touching(&self, other: &LocalBox) -> [bool; WIDTH] {
+        let mut touches = [true; WIDTH];
+        for axis in 0..3 {
+            for (lane, touches) in touches.iter_mut().enumerate() {
+                *touches &= (self.min[axis][lane] <= other.max[axis])
+                    & (other.min[axis] <= self.max[axis][lane]);
+            }
+        }
+        touches
+    }
+
     /// The squared distance from `p` to each box; infinite where there is none.
     #[inline]
     pub fn distances_sq(&self, p: [f32; 3]) -> [f32; WIDTH] {
