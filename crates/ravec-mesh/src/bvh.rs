@@ -23,6 +23,7 @@ mod closest;
 mod frame;
 mod node;
 mod pairs;
+mod range;
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -33,6 +34,7 @@ use frame::Frame;
 use node::Node;
 
 pub use closest::Closest;
+pub use range::RayHit;
 
 /// A search structure over the triangles of a mesh. It keeps a copy of their corners, so that the mesh may go.
 #[derive(Debug, Clone)]

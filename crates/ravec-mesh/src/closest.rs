@@ -50,7 +50,7 @@ pub fn closest_on_triangle(p: DVec3, corners: [DVec3; 3]) -> ClosestOnTriangle {
     let (aa, bb, d) = (ab.length_squared(), ac.length_squared(), ab.dot(ac));
     let area_sq = aa * bb - d * d;
     if area_sq > BLUNT * (aa * bb) {
-        closest_on_blunt(p, a, [ab, ac, ap], [aa, bb, d, area_sq])
+        closest_on_blunt(p, corners, [ab, ac, ap], [aa, bb, d, area_sq])
     } else {
         closest_on_sharp(p, corners)
     }
@@ -62,44 +62,55 @@ pub fn distance_sq_to_triangle(p: DVec3, corners: [DVec3; 3]) -> f64 {
     closest_on_triangle(p, corners).distance_sq
 }
 
+/// A corner as the answer: exactly there, and equally far as seen from all triangles that share it.
+#[inline]
+fn at_corner(p: DVec3, corners: [DVec3; 3], corner: u8) -> ClosestOnTriangle {
+    let point = corners[corner as usize];
+    ClosestOnTriangle {
+        point,
+        feature: Feature::Vertex(corner),
+        distance_sq: (p - point).length_squared(),
+    }
+}
+
 /// The closest point if the angle at the first corner is neither small nor nearly straight.
 #[inline]
 fn closest_on_blunt(
     p: DVec3,
-    a: DVec3,
+    corners: [DVec3; 3],
     [ab, ac, ap]: [DVec3; 3],
     [ab_sq, ac_sq, ab_ac, area_sq]: [f64; 4],
 ) -> ClosestOnTriangle {
     let (along_b, along_c) = (ab.dot(ap), ac.dot(ap));
-    let at = |offset: DVec3, feature| ClosestOnTriangle {
-        point: a + offset,
-        feature,
+    let on_edge = |offset: DVec3, edge| ClosestOnTriangle {
+        point: corners[0] + offset,
+        feature: Feature::Edge(edge),
         distance_sq: (ap - offset).length_squared(),
     };
     if along_b <= 0.0 && along_c <= 0.0 {
-        return at(DVec3::ZERO, Feature::Vertex(0));
+        return at_corner(p, corners, 0);
     }
     // The same products as seen from the other two corners.
     let (b_along_b, b_along_c) = (along_b - ab_sq, along_c - ab_ac);
     if b_along_b >= 0.0 && b_along_c <= b_along_b {
-        return at(ab, Feature::Vertex(1));
+        return at_corner(p, corners, 1);
     }
     let (c_along_b, c_along_c) = (along_b - ab_ac, along_c - ac_sq);
     if c_along_c >= 0.0 && c_along_b <= c_along_c {
-        return at(ac, Feature::Vertex(2));
+        return at_corner(p, corners, 2);
     }
     let weight_c = ab_sq * along_c - ab_ac * along_b;
     if weight_c <= 0.0 && along_b >= 0.0 && b_along_b <= 0.0 {
-        return at(ab * (along_b / ab_sq), Feature::Edge(0));
+        return on_edge(ab * (along_b / ab_sq), 0);
     }
     let weight_b = ac_sq * along_b - ab_ac * along_c;
     if weight_b <= 0.0 && along_c >= 0.0 && c_along_c <= 0.0 {
-        return at(ac * (along_c / ac_sq), Feature::Edge(2));
+        return on_edge(ac * (along_c / ac_sq), 2);
     }
     let (from_b, from_c) = (b_along_c - b_along_b, c_along_b - c_along_c);
     if area_sq - weight_b - weight_c <= 0.0 && from_b >= 0.0 && from_c >= 0.0 {
         let bc = ac - ab;
-        return at(ab + bc * (from_b / (from_b + from_c)), Feature::Edge(1));
+        return on_edge(ab + bc * (from_b / (from_b + from_c)), 1);
     }
     let normal = ab.cross(ac);
     let height = normal.dot(ap);
@@ -124,59 +135,56 @@ fn closest_on_sharp(p: DVec3, corners: [DVec3; 3]) -> ClosestOnTriangle {
         1 + usize::from(third > second)
     };
     let turn = (longest + 2) % 3;
-    let [a, b, c] = [
-        corners[turn],
-        corners[(turn + 1) % 3],
-        corners[(turn + 2) % 3],
-    ];
+    let mut turned = corners;
+    turned.rotate_left(turn);
+    let [a, b, c] = turned;
     let (ab, ac, ap) = (b - a, c - a, p - a);
     let (ab_sq, ac_sq, ab_ac) = (ab.length_squared(), ac.length_squared(), ab.dot(ac));
     let area_sq = ab_sq * ac_sq - ab_ac * ab_ac;
-    let turned = if area_sq > BLUNT * (ab_sq * ac_sq) {
-        closest_on_blunt(p, a, [ab, ac, ap], [ab_sq, ac_sq, ab_ac, area_sq])
-    } else {
-        closest_on_cap([ab, ac, ap], a)
-    };
+    if area_sq <= BLUNT * (ab_sq * ac_sq) {
+        return closest_on_cap(p, corners, a, [ab, ac, ap]);
+    }
+    let found = closest_on_blunt(p, turned, [ab, ac, ap], [ab_sq, ac_sq, ab_ac, area_sq]);
     let back = |i: u8| (i + turn as u8) % 3;
     ClosestOnTriangle {
-        feature: match turned.feature {
+        feature: match found.feature {
             Feature::Vertex(i) => Feature::Vertex(back(i)),
             Feature::Edge(i) => Feature::Edge(back(i)),
             Feature::Face => Feature::Face,
         },
-        ..turned
+        ..found
     }
 }
 
-/// The closest point of a triangle that is nearly a segment or a point: the best of its edges, or of its face where that
-/// is seen to be closer still.
-fn closest_on_cap([ab, ac, ap]: [DVec3; 3], a: DVec3) -> ClosestOnTriangle {
-    let ends = [DVec3::ZERO, ab, ac];
-    let mut best = ClosestOnTriangle {
-        point: a,
-        feature: Feature::Vertex(0),
-        distance_sq: ap.length_squared(),
-    };
-    let mut offer = |offset: DVec3, feature| {
-        let distance_sq = (ap - offset).length_squared();
-        if distance_sq < best.distance_sq {
-            best = ClosestOnTriangle {
-                point: a + offset,
-                feature,
-                distance_sq,
-            };
+/// The closest point of a triangle that is nearly a segment or a point: the best of its corners and edges, or of its face
+/// where that is seen to be closer still. Offsets of the face are taken from the bluntest corner, `a`.
+fn closest_on_cap(
+    p: DVec3,
+    corners: [DVec3; 3],
+    a: DVec3,
+    [ab, ac, ap]: [DVec3; 3],
+) -> ClosestOnTriangle {
+    let mut best = at_corner(p, corners, 0);
+    let mut offer = |found: ClosestOnTriangle| {
+        if found.distance_sq < best.distance_sq {
+            best = found;
         }
     };
-    for i in 0..3 {
-        let (from, to) = (ends[i], ends[(i + 1) % 3]);
-        let (edge, offset) = (to - from, ap - from);
-        let (along, length_sq) = (edge.dot(offset), edge.length_squared());
-        if along <= 0.0 || length_sq == 0.0 {
-            offer(from, Feature::Vertex(i as u8));
-        } else if along >= length_sq {
-            offer(to, Feature::Vertex(((i + 1) % 3) as u8));
-        } else {
-            offer(from + edge * (along / length_sq), Feature::Edge(i as u8));
+    let on = |from: DVec3, offset: DVec3, feature| ClosestOnTriangle {
+        point: from + offset,
+        feature,
+        distance_sq: ((p - from) - offset).length_squared(),
+    };
+    for i in 1..3 {
+        offer(at_corner(p, corners, i));
+    }
+    for i in 0..3_u8 {
+        let (from, to) = (corners[i as usize], corners[(i as usize + 1) % 3]);
+        let edge = to - from;
+        let (along, length_sq) = (edge.dot(p - from), edge.length_squared());
+        // False for an edge without length.
+        if along > 0.0 && along < length_sq {
+            offer(on(from, edge * (along / length_sq), Feature::Edge(i)));
         }
     }
     // Cross products keep twice the digits of the products of lengths that the fast formulas use.
@@ -186,7 +194,7 @@ fn closest_on_cap([ab, ac, ap]: [DVec3; 3], a: DVec3) -> ClosestOnTriangle {
     let weight_c = ab.cross(ap).dot(normal) / normal_sq;
     // False also where the weights are not numbers, for lack of area.
     if weight_b > 0.0 && weight_c > 0.0 && weight_b + weight_c < 1.0 {
-        offer(ab * weight_b + ac * weight_c, Feature::Face);
+        offer(on(a, ab * weight_b + ac * weight_c, Feature::Face));
     }
     best
 }

@@ -180,3 +180,71 @@ impl Bvh {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::TriMesh;
+    use crate::bvh::tests::soup;
+    use proptest::prelude::*;
+
+    /// The plain definition.
+    fn closest_naive(mesh: &TriMesh, p: DVec3) -> Option<Closest> {
+        let mut best: Option<Closest> = None;
+        for triangle in 0..mesh.triangles().len() as u32 {
+            let found = closest_on_triangle(p, mesh.corners(triangle));
+            if best.is_none_or(|best| found.distance_sq < best.distance_sq) {
+                best = Some(Closest {
+                    triangle,
+                    point: found.point,
+                    feature: found.feature,
+                    distance_sq: found.distance_sq,
+                });
+            }
+        }
+        best
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(96))]
+        #[test]
+        fn the_closest_place_is_that_of_a_scan_whatever_the_hint_and_the_bound(
+            mesh in soup(200),
+            at in [-1.5..1.5, -1.5..1.5, -1.5..1.5].prop_map(DVec3::from_array),
+            far in prop_oneof![Just(1.0), Just(1e3), Just(1e-3)],
+            hint in any::<prop::sample::Index>(),
+        ) {
+            let bvh = Bvh::new(&mesh);
+            let p = at * far + mesh.bounds().min.max(DVec3::ZERO);
+            let expected = closest_naive(&mesh, p);
+            prop_assert_eq!(bvh.closest(p), expected);
+            let Some(found) = expected else { return Ok(()) };
+            let hint = hint.index(bvh.len()) as u32;
+            prop_assert_eq!(bvh.closest_with_hint(p, hint), expected);
+            let distance = found.distance_sq.sqrt();
+            if distance > 0.0 {
+                prop_assert_eq!(bvh.closest_within(p, distance * 1.001), expected);
+                prop_assert_eq!(bvh.closest_within(p, distance * 0.999), None);
+            }
+        }
+    }
+
+    #[test]
+    fn nothing_is_closest_to_what_is_not_a_place() {
+        let mesh = TriMesh::new(vec![DVec3::ZERO, DVec3::X, DVec3::Y], vec![[0, 1, 2]]).unwrap();
+        let bvh = Bvh::new(&mesh);
+        assert_eq!(bvh.closest(DVec3::NAN), None);
+        assert_eq!(bvh.closest(DVec3::INFINITY), None);
+        assert_eq!(bvh.closest_within(DVec3::ZERO, f64::NAN), None);
+        assert_eq!(bvh.closest_within(DVec3::ZERO, -1.0), None);
+        assert_eq!(Bvh::new(&TriMesh::default()).closest(DVec3::ZERO), None);
+    }
+
+    #[test]
+    fn many_equal_triangles_are_searched_within_the_bounded_stack() {
+        let positions = vec![DVec3::ZERO, DVec3::X, DVec3::Y];
+        let mesh = TriMesh::new(positions, vec![[0, 1, 2]; 20_000]).unwrap();
+        let found = Bvh::new(&mesh).closest(DVec3::new(0.2, 0.2, 1.0)).unwrap();
+        assert_eq!((found.triangle, found.distance_sq), (0, 1.0));
+    }
+}

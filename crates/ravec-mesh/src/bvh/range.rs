@@ -1,0 +1,332 @@
+//! The triangles in a box, in a ball and along a ray.
+
+use glam::{DVec2, DVec3};
+
+use super::Bvh;
+use super::node::{Child, Node, STACK, WIDTH};
+use crate::closest::distance_sq_to_triangle;
+use crate::{Aabb, Sign, orient2d};
+
+/// A place where a line meets a triangle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RayHit {
+    /// The triangle that is met.
+    pub triangle: u32,
+    /// How far along: the place is `origin + t * direction`, with a relative error of a few roundings unless the ray is
+    /// nearly parallel to the triangle.
+    pub t: f64,
+    /// Whether the ray goes through from the back to the front: the way the normal points.
+    pub outward: bool,
+}
+
+impl Bvh {
+    /// Calls `visit` with each triangle whose box touches `bounds`, in no particular order.
+    pub fn for_each_touching(&self, bounds: &Aabb, mut visit: impl FnMut(u32)) {
+        if bounds.is_empty() {
+            return;
+        }
+        let local = self.frame.local_box(bounds.min, bounds.max);
+        self.descend(
+            |node| node.touching(&local),
+            |slot| {
+                if Aabb::around(self.corners[slot as usize]).touches(bounds) {
+                    visit(self.triangle_of[slot as usize]);
+                }
+            },
+        );
+    }
+
+    /// Calls `visit` with each triangle that is no farther than `max_distance` from `p`, and its squared distance, in no
+    /// particular order. There are none if either is not a number, or `p` is not finite.
+    pub fn for_each_within(&self, p: DVec3, max_distance: f64, mut visit: impl FnMut(u32, f64)) {
+        if !p.is_finite() || max_distance.is_nan() || max_distance < 0.0 {
+            return;
+        }
+        let local = self.frame.local_point(p);
+        let max_sq = max_distance * max_distance;
+        let reach_sq = self.frame.reach_sq(&local, max_sq);
+        self.descend(
+            |node| node.distances_sq(local.at).map(|sq| sq <= reach_sq),
+            |slot| {
+                let distance_sq = distance_sq_to_triangle(p, self.corners[slot as usize]);
+                if distance_sq <= max_sq {
+                    visit(self.triangle_of[slot as usize], distance_sq);
+                }
+            },
+        );
+    }
+
+    /// The triangles that the ray from `origin` along `direction` goes through, in the order of the ray; equally far ones
+    /// by index. The length of `direction` is the unit of `t`.
+    ///
+    /// A ray through an edge or a corner meets as many triangles as one beside it. So it meets a closed surface an even
+    /// number of times if it starts outside, and an odd number of times if it starts in a solid. Triangles that lie along
+    /// the ray, or without area, are not met. None are met if `direction` is zero, or anything is not finite.
+    pub fn ray_hits(&self, origin: DVec3, direction: DVec3) -> Vec<RayHit> {
+        let mut hits = Vec::new();
+        let longest = direction.abs().max_element();
+        if !origin.is_finite() || !(longest > 0.0 && longest.is_finite()) {
+            return hits;
+        }
+        let ray = Ray::new(origin, direction);
+        let (from, along) = (self.frame.to_local(origin), direction / longest);
+        // The error of the slabs' arithmetic, in double precision, is some 1e-16 of the farthest coordinate.
+        let slack = 1e-14 * (4.0 + from.abs().max_element());
+        self.descend(
+            |node| meeting(node, from, along, slack),
+            |slot| {
+                if let Some((t, outward)) = ray.meets(self.corners[slot as usize]) {
+                    hits.push(RayHit {
+                        triangle: self.triangle_of[slot as usize],
+                        t,
+                        outward,
+                    });
+                }
+            },
+        );
+        hits.sort_unstable_by(|a, b| a.t.total_cmp(&b.t).then(a.triangle.cmp(&b.triangle)));
+        hits
+    }
+
+    /// Calls `visit` with the slots of all leaves whose boxes, and those above them, pass `test`.
+    #[inline]
+    fn descend(&self, test: impl Fn(&Node) -> [bool; WIDTH], mut visit: impl FnMut(u32)) {
+        if self.is_empty() {
+            return;
+        }
+        let mut stack = [0; STACK];
+        let mut len = 1;
+        while len > 0 {
+            len -= 1;
+            let node = &self.nodes[stack[len] as usize];
+            let passes = test(node);
+            for lane in (0..node.len()).filter(|&lane| passes[lane]) {
+                match node.child(lane) {
+                    Child::Node(child) => {
+                        stack[len] = child;
+                        len += 1;
+                    }
+                    Child::Leaf { first, count } => (first..first + count).for_each(&mut visit),
+                }
+            }
+        }
+    }
+}
+
+/// Which boxes a ray in the local frame meets, when they are grown by `slack`. The largest component of `along` is 1.
+#[inline]
+fn meeting(node: &Node, from: DVec3, along: DVec3, slack: f64) -> [bool; WIDTH] {
+    let mut enter = [0.0_f64; WIDTH];
+    let mut leave = [f64::INFINITY; WIDTH];
+    for axis in 0..3 {
+        let (from, along) = (from[axis], along[axis]);
+        // Below this the ray drifts by less than the slack on its way through the mesh.
+        let drifts = along.abs() > 1e-20;
+        let per_along = 1.0 / along;
+        for lane in 0..WIDTH {
+            let bounds = node.bounds(lane);
+            let low = f64::from(bounds.min[axis]) - slack - from;
+            let high = f64::from(bounds.max[axis]) + slack - from;
+            if drifts {
+                let (first, second) = (low * per_along, high * per_along);
+                enter[lane] = enter[lane].max(first.min(second));
+                leave[lane] = leave[lane].min(first.max(second));
+            } else if low > 0.0 || high < 0.0 {
+                leave[lane] = -1.0;
+            }
+        }
+    }
+    std::array::from_fn(|lane| enter[lane] <= leave[lane])
+}
+
+/// A ray, and the projection along it.
+///
+/// Source: Woop, Benthin and Wald, *Watertight Ray/Triangle Intersection*, 2013. Corners are sheared so that the ray is the
+/// third axis, and the triangle is met if the origin is inside its projection. What a corner is projected to depends on
+/// nothing but its place, so that neighbors agree on their common edge. We differ in: signs in the projection are exact,
+/// and an origin on the border counts as moved by less than anything to the right, and by less than that upward.
+struct Ray {
+    origin: DVec3,
+    /// The axes in the order of the sheared coordinates; the last one is the longest of the direction.
+    axes: [usize; 3],
+    /// What is taken off the first two coordinates for each unit of the third.
+    shear: DVec2,
+    /// The direction along the third axis.
+    length: f64,
+}
+
+impl Ray {
+    fn new(origin: DVec3, direction: DVec3) -> Self {
+        let size = direction.abs();
+        let z = if size.x >= size.y && size.x >= size.z {
+            0
+        } else {
+            1 + usize::from(size.z > size.y)
+        };
+        let mut axes = [(z + 1) % 3, (z + 2) % 3, z];
+        // Keeps the sense of rotation as seen along the ray.
+        if direction[z] < 0.0 {
+            axes.swap(0, 1);
+        }
+        let length = direction[z];
+        Self {
+            origin,
+            axes,
+            shear: DVec2::new(direction[axes[0]], direction[axes[1]]) / length,
+            length,
+        }
+    }
+
+    /// Where the triangle is met, and whether from its back.
+    #[inline]
+    fn meets(&self, corners: [DVec3; 3]) -> Option<(f64, bool)> {
+        let offsets = corners.map(|corner| {
+            let offset = corner - self.origin;
+            let [x, y, z] = self.axes.map(|axis| offset[axis]);
+            (DVec2::new(x, y) - self.shear * z, z)
+        });
+        let [(a, az), (b, bz), (c, cz)] = offsets;
+        let side = side_of_origin(a, b);
+        if side == Sign::Zero || side_of_origin(b, c) != side || side_of_origin(c, a) != side {
+            return None;
+        }
+        let weights = [b.perp_dot(c), c.perp_dot(a), a.perp_dot(b)];
+        let depth = (weights[0] * az + weights[1] * bz + weights[2] * cz)
+            / (weights[0] + weights[1] + weights[2]);
+        // Rounding must not carry the place out of the triangle, nor make it no number.
+        let depth = depth.max(az.min(bz).min(cz)).min(az.max(bz).max(cz));
+        let t = depth / self.length;
+        (t >= 0.0).then_some((t, side == Sign::Positive))
+    }
+}
+
+/// The side of the line from `a` to `b` on which the origin lies, moved as described above; zero if both are one.
+#[inline]
+fn side_of_origin(a: DVec2, b: DVec2) -> Sign {
+    match orient2d(a, b, DVec2::ZERO) {
+        Sign::Zero if a.y != b.y => Sign::of(a.y - b.y),
+        Sign::Zero => Sign::of(b.x - a.x),
+        sign => sign,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::TriMesh;
+    use crate::bvh::tests::soup;
+    use proptest::prelude::*;
+
+    fn triangles(mesh: &TriMesh) -> impl Iterator<Item = (u32, [DVec3; 3])> {
+        (0..mesh.triangles().len() as u32).map(|t| (t, mesh.corners(t)))
+    }
+
+    fn place() -> impl Strategy<Value = DVec3> {
+        [-2.0..2.0, -2.0..2.0, -2.0..2.0].prop_map(DVec3::from_array)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+        #[test]
+        fn ranges_hold_what_a_scan_finds(mesh in soup(150), p in place(), size in place(), radius in 0.0..2.0_f64) {
+            let bvh = Bvh::new(&mesh);
+            let p = p + bvh.bounds().min.max(DVec3::ZERO);
+            let bounds = Aabb::new(p.min(p + size), p.max(p + size));
+            let mut found = Vec::new();
+            bvh.for_each_touching(&bounds, |t| found.push(t));
+            found.sort_unstable();
+            let expected: Vec<u32> = triangles(&mesh)
+                .filter(|(_, corners)| Aabb::around(*corners).touches(&bounds))
+                .map(|(t, _)| t)
+                .collect();
+            prop_assert_eq!(found, expected);
+
+            let mut found = Vec::new();
+            bvh.for_each_within(p, radius, |t, distance_sq| found.push((t, distance_sq)));
+            found.sort_unstable_by_key(|&(t, _)| t);
+            let expected: Vec<(u32, f64)> = triangles(&mesh)
+                .map(|(t, corners)| (t, distance_sq_to_triangle(p, corners)))
+                .filter(|&(_, distance_sq)| distance_sq <= radius * radius)
+                .collect();
+            prop_assert_eq!(found, expected);
+        }
+
+        #[test]
+        fn rays_meet_what_the_equations_of_planes_say(mesh in soup(150), p in place(), direction in place()) {
+            let bvh = Bvh::new(&mesh);
+            let p = p + bvh.bounds().min.max(DVec3::ZERO);
+            let hits = bvh.ray_hits(p, direction);
+            prop_assert!(hits.is_sorted_by(|a, b| a.t <= b.t));
+            for (t, [a, b, c]) in triangles(&mesh) {
+                let hit = hits.iter().find(|hit| hit.triangle == t);
+                // How far inside the ray passes, as the least of three volumes, in units of the triangle's size.
+                let volume = |from: DVec3, to: DVec3| direction.dot((from - p).cross(to - p));
+                let volumes = [volume(a, b), volume(b, c), volume(c, a)];
+                let normal = (b - a).cross(c - a);
+                let t = (a - p).dot(normal) / direction.dot(normal);
+                let inside = volumes.iter().all(|&v| v > 1e-7) || volumes.iter().all(|&v| v < -1e-7);
+                let outside = volumes.iter().any(|&v| v > 1e-7) && volumes.iter().any(|&v| v < -1e-7);
+                if inside && t > 1e-6 {
+                    let hit = hit.expect("met");
+                    prop_assert!((hit.t - t).abs() <= 1e-6 * (1.0 + t), "{} for {t}", hit.t);
+                    prop_assert_eq!(hit.outward, direction.dot(normal) > 0.0);
+                } else if outside || t < -1e-6 {
+                    prop_assert!(hit.is_none());
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn rays_through_edges_and_corners_of_a_box_leave_it_once() {
+        let positions: Vec<DVec3> = (0..8)
+            .map(|i| DVec3::new(f64::from(i & 1), f64::from(i >> 1 & 1), f64::from(i >> 2)))
+            .collect();
+        let quads = [
+            [0, 2, 3, 1],
+            [4, 5, 7, 6],
+            [0, 1, 5, 4],
+            [2, 6, 7, 3],
+            [0, 4, 6, 2],
+            [1, 3, 7, 5],
+        ];
+        let triangles = quads
+            .iter()
+            .flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]])
+            .collect();
+        let bvh = Bvh::new(&TriMesh::new(positions, triangles).unwrap());
+        let center = DVec3::splat(0.5);
+        for i in 0..125 {
+            let to = DVec3::new(
+                f64::from(i % 5) - 2.0,
+                f64::from(i / 5 % 5) - 2.0,
+                f64::from(i / 25) - 2.0,
+            );
+            let from_inside = bvh.ray_hits(center, to);
+            let from_outside = bvh.ray_hits(center - 4.0 * to, to);
+            if to == DVec3::ZERO {
+                assert!(from_inside.is_empty());
+            } else {
+                let reach = 0.5 / to.abs().max_element();
+                assert_eq!(from_inside.len(), 1, "{to}");
+                assert!(from_inside[0].outward);
+                assert!((from_inside[0].t - reach).abs() < 1e-15);
+                assert_eq!(from_outside.len(), 2, "{to}");
+                assert!(!from_outside[0].outward && from_outside[1].outward);
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_not_a_place_meets_nothing() {
+        let mesh = TriMesh::new(vec![DVec3::ZERO, DVec3::X, DVec3::Y], vec![[0, 1, 2]]).unwrap();
+        let bvh = Bvh::new(&mesh);
+        let nan = DVec3::new(0.0, f64::NAN, 0.0);
+        assert!(bvh.ray_hits(nan, DVec3::X).is_empty());
+        assert!(bvh.ray_hits(DVec3::ZERO, nan).is_empty());
+        assert!(bvh.ray_hits(DVec3::ZERO, DVec3::INFINITY).is_empty());
+        bvh.for_each_within(nan, 1.0, |_, _| panic!("no place"));
+        bvh.for_each_within(DVec3::ZERO, -1.0, |_, _| panic!("no ball"));
+        bvh.for_each_touching(&Aabb::EMPTY, |_| panic!("no box"));
+    }
+}
