@@ -1,15 +1,26 @@
 //! Triangle meshes: formats, checks, measures, closest points and exact intersections.
 
 mod aabb;
+mod adjacency;
 mod bvh;
+mod check;
 mod closest;
+mod measures;
 mod predicates;
+mod self_intersection;
 mod tri_intersect;
 mod tri_mesh;
 
 pub use aabb::Aabb;
+pub use adjacency::{Adjacency, Components, EdgeUse, Fans};
 pub use bvh::{Bvh, Closest, RayHit};
+pub use check::{BoundaryLoop, CheckParams, Found, MeshCheck, check};
 pub use closest::{ClosestOnTriangle, Feature, closest_on_triangle, distance_sq_to_triangle};
+pub use measures::{Measures, SideLengths, measure};
 pub use predicates::{Sign, on_one_line, orient2d, orient3d};
+pub use self_intersection::{
+    IntersectingPair, SelfIntersections, for_each_self_intersection, intersections_with,
+    self_intersections,
+};
 pub use tri_intersect::{TriTri, intersection};
 pub use tri_mesh::{MeshError, TriMesh};

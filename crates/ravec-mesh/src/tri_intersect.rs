@@ -19,6 +19,7 @@ mod coplanar;
 mod degenerate;
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 use crate::predicates::{OrientedPlane, Sign, orient3d};
 
@@ -26,7 +27,8 @@ use crate::predicates::{OrientedPlane, Sign, orient3d};
 ///
 /// The *interior* of a triangle is the triangle without its edges, that of a triangle without area the segment without
 /// its ends, that of a point the point.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum TriTri {
     /// No common point.
     Disjoint,
@@ -48,8 +50,7 @@ impl TriTri {
     /// Whether the triangles meet anywhere but between corners that they have in common: [`Touch`](Self::Touch),
     /// [`Crossing`](Self::Crossing) or [`CoplanarOverlap`](Self::CoplanarOverlap).
     ///
-    /// [`Same`](Self::Same) is not counted: a repeated triangle is a defect of its own, and would otherwise hide among
-    /// the intersections. libigl and CGAL count alike.
+    /// [`Same`](Self::Same) is not among them: a repeated triangle is a defect of its own.
     #[inline]
     pub fn is_improper(self) -> bool {
         matches!(self, Self::Touch | Self::Crossing | Self::CoplanarOverlap)
