@@ -5,6 +5,7 @@ mod adjacency;
 mod bvh;
 mod check;
 mod closest;
+mod format;
 mod measures;
 mod predicates;
 mod self_intersection;
@@ -16,6 +17,11 @@ pub use adjacency::{Adjacency, Components, EdgeUse, Fans};
 pub use bvh::{Bvh, Closest, RayHit};
 pub use check::{BoundaryLoop, CheckParams, Found, MeshCheck, check};
 pub use closest::{ClosestOnTriangle, Feature, closest_on_triangle, distance_sq_to_triangle};
+pub use format::{
+    BufferResolver, LengthUnit, MeshFile, MeshFormat, MeshLimits, Place, Precision, ReadMeshError,
+    ReadOptions, ReadWarning, Welded, WriteMeshError, WriteOptions, read_mesh,
+    read_mesh_with_buffers, weld, write_mesh,
+};
 pub use measures::{Measures, SideLengths, measure};
 pub use predicates::{Sign, on_one_line, orient2d, orient3d};
 pub use self_intersection::{

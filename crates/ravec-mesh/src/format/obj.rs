@@ -1,0 +1,127 @@
+//! Wavefront OBJ, as a stream.
+//!
+//! Read are the statements `v` and `f`, with indices from 1 or, negative, back from the last vertex so far. A statement
+//! goes on in the next line after a backslash, `#` begins a comment. Normals, texture coordinates, colors, groups and
+//! materials are left out; lines, points and free-form surfaces, too.
+
+use glam::DVec3;
+
+use super::MeshFormat;
+use super::error::{Place, ReadMeshError};
+use super::number::{integer, shown, three, words};
+use super::read::MeshFile;
+use super::soup::Soup;
+use super::source::Source;
+
+/// The longest statement, put together from its lines.
+const LONGEST: usize = 1 << 26;
+
+pub(super) fn read(mut source: Source<'_>) -> Result<MeshFile, ReadMeshError> {
+    source.skip_mark()?;
+    let mut reader = Reader {
+        soup: Soup::new(MeshFormat::Obj, &source.limits),
+        corners: Vec::new(),
+    };
+    // A statement of several lines, and where it began.
+    let mut joined = Vec::new();
+    let mut begun = None;
+    while let Some((line, place)) = source.content_line(Some(b'#'))? {
+        match line.trim_ascii_end().strip_suffix(b"\\") {
+            None if begun.is_none() => reader.statement(line, place)?,
+            part => {
+                let start = *begun.get_or_insert(place);
+                joined.extend_from_slice(part.unwrap_or(line));
+                joined.push(b' ');
+                if joined.len() > LONGEST {
+                    return Err(fault(start, "the statement is too long"));
+                }
+                if part.is_none() {
+                    reader.statement(&joined, start)?;
+                    joined.clear();
+                    begun = None;
+                }
+            }
+        }
+    }
+    if let Some(start) = begun {
+        reader.statement(&joined, start)?;
+    }
+    reader.soup.finish(None, source.progress)
+}
+
+fn fault(place: Place, what: impl Into<String>) -> ReadMeshError {
+    ReadMeshError::syntax(MeshFormat::Obj, place, what)
+}
+
+struct Reader {
+    soup: Soup,
+    /// The corners of the face at hand.
+    corners: Vec<u32>,
+}
+
+impl Reader {
+    fn statement(&mut self, line: &[u8], place: Place) -> Result<(), ReadMeshError> {
+        let mut words = words(line);
+        let Some(keyword) = words.next() else {
+            return Ok(());
+        };
+        match keyword {
+            b"v" => {
+                let Some(at) = three(&mut words) else {
+                    let what = format!("`{}` lacks three numbers", shown(line));
+                    return Err(fault(place, what));
+                };
+                // One more is a weight, which polygons do not use; three more are a color.
+                if words.count() >= 3 {
+                    self.soup.ignore("colors");
+                }
+                self.soup.vertex(DVec3::from_array(at), place)
+            }
+            b"f" | b"fo" => self.face(words, place),
+            b"vn" => self.ignore("normals"),
+            b"vt" => self.ignore("texture coordinates"),
+            b"mtllib" | b"usemtl" | b"maplib" | b"usemap" => self.ignore("materials"),
+            b"l" => self.ignore("lines"),
+            b"p" => self.ignore("points"),
+            b"vp" | b"cstype" | b"curv" | b"curv2" | b"surf" => {
+                self.ignore("free-form curves and surfaces")
+            }
+            // Groups, smoothing and what else there may be say nothing about the shape.
+            keyword if keyword.is_ascii() => Ok(()),
+            keyword => {
+                let what = format!("`{}` is no word of an OBJ file", shown(keyword));
+                Err(fault(place, what))
+            }
+        }
+    }
+
+    #[expect(clippy::unnecessary_wraps, reason = "the outcome of a statement")]
+    fn ignore(&mut self, what: &'static str) -> Result<(), ReadMeshError> {
+        self.soup.ignore(what);
+        Ok(())
+    }
+
+    fn face<'a>(
+        &mut self,
+        words: impl Iterator<Item = &'a [u8]>,
+        place: Place,
+    ) -> Result<(), ReadMeshError> {
+        self.corners.clear();
+        for word in words {
+            // Corners are spelled `v`, `v/vt`, `v//vn` or `v/vt/vn`.
+            let end = word.iter().position(|&byte| byte == b'/');
+            let Some(written) = integer(&word[..end.unwrap_or(word.len())]) else {
+                let what = format!("`{}` is not the corner of a face", shown(word));
+                return Err(fault(place, what));
+            };
+            // Back from the last vertex so far, which is −1.
+            let base = if written < 0 {
+                -(self.soup.vertices() as i64)
+            } else {
+                1
+            };
+            self.corners.push(self.soup.index(written, base, place)?);
+        }
+        self.soup.face(&self.corners)
+    }
+}

@@ -1,0 +1,152 @@
+//! OFF in text, as a stream.
+//!
+//! An optional first word, a line with the numbers of vertices, faces and edges, a line for each vertex and a line for
+//! each face. Prefixes of the first word announce texture coordinates, colors and normals, which are left out, or points
+//! of other dimensions, which are refused. `#` begins a comment.
+
+use glam::DVec3;
+
+use super::MeshFormat;
+use super::error::{Place, ReadMeshError};
+use super::number::{integer, shown, three, words};
+use super::read::{MeshFile, ReadWarning};
+use super::soup::Soup;
+use super::source::Source;
+
+/// The first word, `[ST][C][N][4][n]OFF`.
+pub(super) struct Header<'a> {
+    texture: bool,
+    color: bool,
+    normal: bool,
+    /// Points of another number of coordinates than three.
+    dimension: bool,
+    /// What stands behind: files exist in which the counts follow without a space.
+    rest: &'a [u8],
+}
+
+impl<'a> Header<'a> {
+    pub(super) fn parse(word: &'a [u8]) -> Option<Self> {
+        let mut rest = word;
+        let mut has = |prefix: &[u8]| {
+            let stripped = rest.strip_prefix(prefix);
+            rest = stripped.unwrap_or(rest);
+            stripped.is_some()
+        };
+        let (texture, color, normal) = (has(b"ST"), has(b"C"), has(b"N"));
+        let (four, many) = (has(b"4"), has(b"n"));
+        (has(b"OFF") && rest.iter().all(u8::is_ascii_digit)).then_some(Self {
+            texture,
+            color,
+            normal,
+            dimension: four || many,
+            rest,
+        })
+    }
+}
+
+fn fault(place: Place, what: impl Into<String>) -> ReadMeshError {
+    ReadMeshError::syntax(MeshFormat::Off, place, what)
+}
+
+pub(super) fn read(mut source: Source<'_>) -> Result<MeshFile, ReadMeshError> {
+    source.skip_mark()?;
+    let mut soup = Soup::new(MeshFormat::Off, &source.limits);
+    let (vertices, faces) = counts(&mut source, &mut soup)?;
+    soup.claim(vertices, faces)?;
+    for vertex in 0..vertices {
+        let Some((line, place)) = source.content_line(Some(b'#'))? else {
+            return Err(source.truncated(format!("vertex {vertex} of {vertices}")));
+        };
+        let Some(at) = three(&mut words(line)) else {
+            let what = format!("`{}` does not begin with three numbers", shown(line));
+            return Err(fault(place, what));
+        };
+        soup.vertex(DVec3::from_array(at), place)?;
+    }
+    let mut corners = Vec::new();
+    for face in 0..faces {
+        let Some((line, place)) = source.content_line(Some(b'#'))? else {
+            return Err(source.truncated(format!("face {face} of {faces}")));
+        };
+        let mut words = words(line);
+        let count = words.next().unwrap_or_default();
+        let Some(Ok(length)) = integer(count).map(u64::try_from) else {
+            let what = format!("`{}` is not a number of corners", shown(count));
+            return Err(fault(place, what));
+        };
+        soup.check_room(length.saturating_sub(2))?;
+        corners.clear();
+        for _ in 0..length {
+            let Some(written) = words.next().and_then(integer) else {
+                let what = format!("the face lacks its {length} corners");
+                return Err(fault(place, what));
+            };
+            corners.push(soup.index(written, 0, place)?);
+        }
+        if words.next().is_some() {
+            soup.ignore("colors");
+        }
+        soup.face(&corners)?;
+    }
+    if source.content_line(Some(b'#'))?.is_some() {
+        soup.warn(ReadWarning::MoreBehindTheEnd);
+    }
+    soup.finish(None, source.progress)
+}
+
+/// Reads the first word and the numbers of vertices and faces.
+fn counts(source: &mut Source<'_>, soup: &mut Soup) -> Result<(u64, u64), ReadMeshError> {
+    let mut found: Vec<u64> = Vec::new();
+    let mut first = true;
+    while found.is_empty() {
+        let Some((line, place)) = source.content_line(Some(b'#'))? else {
+            return Err(source.truncated("the header"));
+        };
+        for word in words(line) {
+            let mut word = word;
+            if std::mem::take(&mut first)
+                && let Some(header) = Header::parse(word)
+            {
+                if header.dimension {
+                    return Err(ReadMeshError::Unsupported {
+                        format: MeshFormat::Off,
+                        what: format!(
+                            "`{}` announces points that do not have three coordinates; only surfaces in space are read",
+                            shown(word)
+                        ),
+                    });
+                }
+                for (there, what) in [
+                    (header.texture, "texture coordinates"),
+                    (header.color, "colors"),
+                    (header.normal, "normals"),
+                ] {
+                    if there {
+                        soup.ignore(what);
+                    }
+                }
+                word = header.rest;
+                if word.is_empty() {
+                    continue;
+                }
+            }
+            if word == b"BINARY" {
+                return Err(ReadMeshError::Unsupported {
+                    format: MeshFormat::Off,
+                    what: "binary OFF is not read; save it as text or as PLY".to_owned(),
+                });
+            }
+            match integer(word).map(u64::try_from) {
+                Some(Ok(count)) => found.push(count),
+                _ => {
+                    let what = format!("`{}` is not a number of vertices or faces", shown(word));
+                    return Err(fault(place, what));
+                }
+            }
+        }
+        if found.len() == 1 {
+            return Err(fault(place, "the number of faces is missing"));
+        }
+    }
+    Ok((found[0], found[1]))
+}

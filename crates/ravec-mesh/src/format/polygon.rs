@@ -1,0 +1,182 @@
+//! Polygons cut into triangles.
+//!
+//! A quadrilateral is cut along its shorter diagonal among those that keep both halves on the same side. Larger
+//! polygons are seen along their Newell normal; convex ones become a fan, others are cut ear by ear.
+//!
+//! Guarantees: n − 2 triangles that use the corners in their cyclic order, so that the edges of the polygon stay edges;
+//! a simple plane polygon is covered exactly once. Does not guarantee: anything but the count for polygons that cross
+//! themselves or are far from plane. Cost: O(n) if convex, else O(n · reflex corners), and a fan beyond
+//! [`MOST_EARS`] corners, so that a hostile file costs no more than a bounded time per corner.
+
+use glam::{DVec2, DVec3};
+
+/// Non-convex polygons with more corners become a fan. Text outlines have some hundred corners; at 2048 the worst case
+/// costs about 4 µs a corner.
+const MOST_EARS: usize = 2048;
+
+/// Appends the triangles of the polygon `corners`, at least three, to `triangles`.
+pub(super) fn triangulate(corners: &[u32], positions: &[DVec3], triangles: &mut Vec<[u32; 3]>) {
+    let at = |corner: u32| positions[corner as usize];
+    match *corners {
+        [a, b, c] => triangles.push([a, b, c]),
+        [a, b, c, d] => {
+            let [pa, pb, pc, pd] = [a, b, c, d].map(at);
+            let normal = |a: DVec3, b: DVec3, c: DVec3| (b - a).cross(c - a);
+            let along_ac = normal(pa, pb, pc).dot(normal(pa, pc, pd)) > 0.0;
+            let along_bd = normal(pa, pb, pd).dot(normal(pb, pc, pd)) > 0.0;
+            let shorter_ac = pa.distance_squared(pc) <= pb.distance_squared(pd);
+            if along_ac && (shorter_ac || !along_bd) || shorter_ac && !along_bd {
+                triangles.extend([[a, b, c], [a, c, d]]);
+            } else {
+                triangles.extend([[a, b, d], [b, c, d]]);
+            }
+        }
+        _ => cut_ears(corners, positions, triangles),
+    }
+}
+
+/// Twice the signed area.
+fn turn(a: DVec2, b: DVec2, c: DVec2) -> f64 {
+    (b - a).perp_dot(c - a)
+}
+
+fn cut_ears(corners: &[u32], positions: &[DVec3], triangles: &mut Vec<[u32; 3]>) {
+    let count = corners.len();
+    let flat = flattened(corners, positions);
+    let reflex = |before: usize, corner: usize, after: usize| {
+        turn(flat[before], flat[corner], flat[after]) < 0.0
+    };
+    let mut hollow: Vec<usize> = (0..count)
+        .filter(|&i| reflex((i + count - 1) % count, i, (i + 1) % count))
+        .collect();
+    if hollow.is_empty() || count > MOST_EARS {
+        triangles.extend((1..count - 1).map(|i| [corners[0], corners[i], corners[i + 1]]));
+        return;
+    }
+    let mut next: Vec<usize> = (0..count).map(|i| (i + 1) % count).collect();
+    let mut previous: Vec<usize> = (0..count).map(|i| (i + count - 1) % count).collect();
+    let (mut left, mut tip, mut tried) = (count, 0, 0);
+    while left > 3 {
+        let (before, after) = (previous[tip], next[tip]);
+        let [a, b, c] = [before, tip, after].map(|i| flat[i]);
+        let is_ear = turn(a, b, c) > 0.0
+            && !hollow.iter().any(|&i| {
+                let p = flat[i];
+                i != before
+                    && i != tip
+                    && i != after
+                    && p != a
+                    && p != b
+                    && p != c
+                    && turn(a, b, p) >= 0.0
+                    && turn(b, c, p) >= 0.0
+                    && turn(c, a, p) >= 0.0
+            });
+        // A polygon without ears crosses itself or has no area: any corner will do.
+        if is_ear || tried > left {
+            triangles.push([before, tip, after].map(|i| corners[i]));
+            next[before] = after;
+            previous[after] = before;
+            left -= 1;
+            tried = 0;
+            hollow.retain(|&i| i != tip && reflex(previous[i], i, next[i]));
+            // Going on behind the ear instead of beside it avoids a fan of needles.
+            tip = next[after];
+        } else {
+            tip = after;
+            tried += 1;
+        }
+    }
+    triangles.push([previous[tip], tip, next[tip]].map(|i| corners[i]));
+}
+
+/// The polygon as seen along its Newell normal, counter-clockwise, relative to its first corner.
+fn flattened(corners: &[u32], positions: &[DVec3]) -> Vec<DVec2> {
+    let origin = positions[corners[0] as usize];
+    let points = || corners.iter().map(|&v| positions[v as usize] - origin);
+    let normal: DVec3 = points()
+        .zip(points().cycle().skip(1))
+        .map(|(p, q)| p.cross(q))
+        .sum();
+    let size = normal.abs();
+    // Dropping the axis nearest to the normal keeps the sense of all turns.
+    let (keep, sign): (fn(DVec3) -> DVec2, f64) = if size.x >= size.y && size.x >= size.z {
+        (|p| DVec2::new(p.y, p.z), normal.x)
+    } else if size.y >= size.z {
+        (|p| DVec2::new(p.z, p.x), normal.y)
+    } else {
+        (|p| DVec2::new(p.x, p.y), normal.z)
+    };
+    let mirror = DVec2::new(1.0, if sign < 0.0 { -1.0 } else { 1.0 });
+    points().map(|p| keep(p) * mirror).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn area(triangles: &[[u32; 3]], positions: &[DVec3]) -> (DVec3, f64) {
+        let normals = triangles.iter().map(|t| {
+            let [a, b, c] = t.map(|v| positions[v as usize]);
+            0.5 * (b - a).cross(c - a)
+        });
+        normals.fold((DVec3::ZERO, 0.0), |(sum, sizes), normal| {
+            (sum + normal, sizes + normal.length())
+        })
+    }
+
+    fn cut(positions: &[DVec3]) -> Vec<[u32; 3]> {
+        let corners: Vec<u32> = (0..positions.len() as u32).collect();
+        let mut triangles = Vec::new();
+        triangulate(&corners, positions, &mut triangles);
+        triangles
+    }
+
+    #[test]
+    fn a_hollow_quadrilateral_is_cut_at_its_hollow_corner() {
+        // The dart's shorter diagonal runs outside.
+        let dart = [(0.0, 0.0), (4.0, -1.0), (1.0, 0.0), (4.0, 1.0)];
+        let positions = dart.map(|(x, y)| DVec3::new(x, y, 0.0));
+        for start in 0..4 {
+            let mut turned = positions;
+            turned.rotate_left(start);
+            let (sum, sizes) = area(&cut(&turned), &turned);
+            assert!((sum.length() - sizes).abs() < 1e-12, "start {start}");
+        }
+    }
+
+    #[test]
+    fn a_rectangle_of_unequal_diagonals_is_cut_along_the_shorter_one() {
+        let kite = [(0.0, 0.0), (1.0, -0.5), (3.0, 0.0), (1.0, 0.5)];
+        let positions = kite.map(|(x, y)| DVec3::new(x, y, 0.0));
+        assert_eq!(cut(&positions), [[0, 1, 3], [1, 2, 3]]);
+    }
+
+    proptest! {
+        /// A polygon that is star-shaped around the origin is simple, whatever its radii.
+        #[test]
+        fn a_star_shaped_polygon_is_covered_exactly_once(
+            radii in prop::collection::vec(0.1_f64..1.0, 4..40),
+            tilt in -1.0_f64..1.0,
+        ) {
+            let count = radii.len() as f64;
+            let positions: Vec<DVec3> = radii.iter().enumerate().map(|(i, r)| {
+                let (sin, cos) = (i as f64 / count * std::f64::consts::TAU).sin_cos();
+                DVec3::new(r * cos, r * sin, tilt * r * sin)
+            }).collect();
+            let triangles = cut(&positions);
+            prop_assert_eq!(triangles.len(), positions.len() - 2);
+            let (sum, sizes) = area(&triangles, &positions);
+            prop_assert!((sum.length() - sizes).abs() < 1e-9 * sizes, "{} {}", sum.length(), sizes);
+        }
+
+        #[test]
+        fn any_polygon_gives_two_triangles_fewer_than_corners(
+            raw in prop::collection::vec(prop::array::uniform3(-2_i8..3), 3..30),
+        ) {
+            let positions: Vec<DVec3> = raw.iter().map(|&p| DVec3::from_array(p.map(f64::from))).collect();
+            prop_assert_eq!(cut(&positions).len(), positions.len() - 2);
+        }
+    }
+}

@@ -1,0 +1,207 @@
+//! Reading: what is allowed, what is found, and the choice of the reader.
+
+use std::fmt;
+use std::io::{self, Read};
+
+use ravec_progress::Progress;
+
+use super::error::ReadMeshError;
+use super::source::Source;
+use super::weld::weld;
+use super::{LengthUnit, MeshFormat, gltf, obj, off, ply, sniff, stl, threemf};
+use crate::TriMesh;
+
+/// Bounds on a mesh that is read: every file is taken to be hostile.
+///
+/// Counts that a file claims are checked before anything is allocated, and memory grows with the data that really come.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct MeshLimits {
+    /// The most bytes that are taken from the file, from what is packed inside it, and from files it refers to
+    /// (default 8 GiB). Formats that cannot be read as a stream (3MF, glTF) are held in memory whole.
+    pub max_bytes: u64,
+    /// The most triangles, those of cut polygons and of repeated parts counted (default 200 million; never more than
+    /// `u32::MAX`). Each takes 12 bytes, up to four times as much while it is read.
+    pub max_triangles: u64,
+    /// The most vertices, counted like the triangles, for STL after welding (default 200 million; never more than
+    /// `u32::MAX`). Each takes 24 bytes, up to four times as much while it is read.
+    pub max_vertices: u64,
+}
+
+impl Default for MeshLimits {
+    fn default() -> Self {
+        Self {
+            max_bytes: 8 << 30,
+            max_triangles: 200_000_000,
+            max_vertices: 200_000_000,
+        }
+    }
+}
+
+/// How a mesh is read.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct ReadOptions {
+    /// What reading may cost at most.
+    pub limits: MeshLimits,
+    /// Which vertices are made one: `None` (the default) those at equal places for STL, which cannot say it otherwise,
+    /// and none for other formats; `Some(0.0)` those at equal places in any format; more those within this distance
+    /// (in units of the file, see [`weld`]), which closes cracks and collapses small triangles.
+    pub weld_tolerance: Option<f64>,
+    /// How many bytes will come, if known (default: not known). Only used to report progress.
+    pub size: Option<u64>,
+}
+
+/// A mesh and what its file says about it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MeshFile {
+    /// The mesh, in units of the file.
+    pub mesh: TriMesh,
+    /// The format that was recognized.
+    pub format: MeshFormat,
+    /// The unit of its coordinates: what a 3MF file names, meters for glTF, unknown for all others.
+    pub unit: Option<LengthUnit>,
+    /// What is not as in the file, each at most once.
+    pub warnings: Vec<ReadWarning>,
+}
+
+/// Something in a file that is not in the mesh as it was there.
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum ReadWarning {
+    /// Polygons with more than three corners became triangles.
+    PolygonsCut {
+        /// How many polygons.
+        polygons: u64,
+        /// Into how many triangles.
+        triangles: u64,
+    },
+    /// Faces with fewer than three corners were left out.
+    FacesLeftOut {
+        /// How many.
+        faces: u64,
+    },
+    /// Data that a [`TriMesh`] does not hold were left out.
+    Ignored {
+        /// Which, in the plural.
+        what: &'static str,
+    },
+    /// Vertices were made one.
+    Welded {
+        /// How many became one with an earlier one.
+        vertices: u64,
+        /// How many triangles lost a corner thereby.
+        collapsed: u64,
+    },
+    /// The file goes on behind the end of the mesh.
+    MoreBehindTheEnd,
+    /// A text file lacks the line that ends it, perhaps because it was cut off there.
+    NoEnd,
+    /// There is no triangle in the mesh.
+    NoTriangles,
+}
+
+impl fmt::Display for ReadWarning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::PolygonsCut {
+                polygons,
+                triangles,
+            } => write!(f, "cut {polygons} polygons into {triangles} triangles"),
+            Self::FacesLeftOut { faces } => {
+                write!(f, "left out {faces} faces with fewer than three corners")
+            }
+            Self::Ignored { what } => write!(f, "left out {what}"),
+            Self::Welded {
+                vertices,
+                collapsed,
+            } => write!(
+                f,
+                "welded {vertices} vertices to others, which collapsed {collapsed} triangles"
+            ),
+            Self::MoreBehindTheEnd => f.write_str(
+                "the file goes on behind the last element that its header announces; that was left out",
+            ),
+            Self::NoEnd => {
+                f.write_str("the file lacks its last line; it may be cut off between two triangles")
+            }
+            Self::NoTriangles => f.write_str("the mesh has no triangles"),
+        }
+    }
+}
+
+/// Gives the bytes of another file that a glTF file refers to by a relative address, percent signs already decoded.
+///
+/// The address comes out of the file: open it only if it stays inside the folder that it should be in.
+pub type BufferResolver<'a> = dyn FnMut(&str) -> io::Result<Box<dyn Read>> + 'a;
+
+/// Reads a mesh of any format, which is recognized by its content.
+///
+/// `reader` need not be buffered. Cancellation is noticed at least every 256 KiB.
+///
+/// # Errors
+/// All variants of [`ReadMeshError`]; [`ReadMeshError::Unsupported`] also if the data of a glTF file are in other files.
+///
+/// ```
+/// use ravec_mesh::{MeshFormat, ReadOptions, read_mesh};
+/// use ravec_progress::Progress;
+///
+/// let text = "OFF\n4 2 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 1 2\n3 0 2 3\n";
+/// let file = read_mesh(text.as_bytes(), &ReadOptions::default(), &Progress::none())?;
+/// assert_eq!(file.format, MeshFormat::Off);
+/// assert_eq!(file.mesh.triangles(), [[0, 1, 2], [0, 2, 3]]);
+/// # Ok::<(), ravec_mesh::ReadMeshError>(())
+/// ```
+pub fn read_mesh(
+    reader: impl Read,
+    options: &ReadOptions,
+    progress: &Progress,
+) -> Result<MeshFile, ReadMeshError> {
+    read_dyn(reader, None, options, progress)
+}
+
+/// Reads a mesh like [`read_mesh`]; the data of glTF files that are in other files are asked of `buffers`.
+///
+/// # Errors
+/// All variants of [`ReadMeshError`]; [`ReadMeshError::Io`] also for errors of `buffers`.
+pub fn read_mesh_with_buffers(
+    reader: impl Read,
+    buffers: &mut BufferResolver<'_>,
+    options: &ReadOptions,
+    progress: &Progress,
+) -> Result<MeshFile, ReadMeshError> {
+    read_dyn(reader, Some(buffers), options, progress)
+}
+
+fn read_dyn(
+    mut reader: impl Read,
+    buffers: Option<&mut BufferResolver<'_>>,
+    options: &ReadOptions,
+    progress: &Progress,
+) -> Result<MeshFile, ReadMeshError> {
+    let mut source = Source::new(&mut reader, options, progress);
+    let head = source.peek(sniff::HEAD)?;
+    if head.is_empty() {
+        return Err(ReadMeshError::Empty);
+    }
+    source.format = MeshFormat::sniff(head).ok_or(ReadMeshError::UnknownFormat)?;
+    let mut file = match source.format {
+        MeshFormat::StlBinary => stl::read_binary(source),
+        MeshFormat::StlAscii => stl::read_ascii(source),
+        MeshFormat::PlyBinary | MeshFormat::PlyAscii => ply::read(source),
+        MeshFormat::Obj => obj::read(source),
+        MeshFormat::Off => off::read(source),
+        MeshFormat::ThreeMf => threemf::read(source),
+        MeshFormat::Glb | MeshFormat::Gltf => gltf::read(source, buffers),
+    }?;
+    if let Some(tolerance) = options.weld_tolerance {
+        progress.check()?;
+        let welded = weld(&file.mesh, tolerance);
+        file.mesh = welded.mesh;
+        if welded.merged > 0 {
+            file.warnings.push(ReadWarning::Welded {
+                vertices: welded.merged as u64,
+                collapsed: welded.collapsed as u64,
+            });
+        }
+    }
+    Ok(file)
+}

@@ -1,0 +1,251 @@
+//! The vertices and faces of a file while it is read.
+//!
+//! Counts are checked against the limits before anything is stored; memory grows with the data, never with a count that
+//! a header claims.
+
+use glam::DVec3;
+use ravec_progress::Progress;
+
+use super::error::{Place, ReadMeshError};
+use super::polygon::triangulate;
+use super::read::{MeshFile, MeshLimits, ReadWarning};
+use super::{LengthUnit, MeshFormat};
+use crate::TriMesh;
+
+/// Reserving more than this on the word of a header would let a file of some bytes take all the memory.
+const TRUSTED: u64 = 1 << 16;
+
+/// A face with more than three corners, kept until the positions of all its corners are known.
+struct Polygon {
+    /// How many triangles stand before it.
+    before: usize,
+    /// Where its corners end in `corners`; they begin where those of the polygon before end.
+    end: usize,
+}
+
+/// What was read so far.
+pub(super) struct Soup {
+    format: MeshFormat,
+    limits: MeshLimits,
+    positions: Vec<DVec3>,
+    triangles: Vec<[u32; 3]>,
+    polygons: Vec<Polygon>,
+    corners: Vec<u32>,
+    /// Triangles that the polygons will give.
+    more: u64,
+    /// The highest index that a face names, where, and as what it stands there.
+    highest: Option<(u32, Place, i64)>,
+    left_out: u64,
+    warnings: Vec<ReadWarning>,
+}
+
+impl Soup {
+    pub(super) fn new(format: MeshFormat, limits: &MeshLimits) -> Self {
+        // Indices are 32-bit whatever the caller allows.
+        let most = u64::from(u32::MAX);
+        let limits = MeshLimits {
+            max_vertices: limits.max_vertices.min(most),
+            max_triangles: limits.max_triangles.min(most),
+            max_bytes: limits.max_bytes,
+        };
+        Self {
+            format,
+            limits,
+            positions: Vec::new(),
+            triangles: Vec::new(),
+            polygons: Vec::new(),
+            corners: Vec::new(),
+            more: 0,
+            highest: None,
+            left_out: 0,
+            warnings: Vec::new(),
+        }
+    }
+
+    /// Announces counts that a header claims: those beyond the limits are refused at once.
+    pub(super) fn claim(&mut self, vertices: u64, faces: u64) -> Result<(), ReadMeshError> {
+        self.check_vertices(vertices)?;
+        self.check_triangles(faces)?;
+        self.positions.reserve(vertices.min(TRUSTED) as usize);
+        self.triangles.reserve(faces.min(TRUSTED) as usize);
+        Ok(())
+    }
+
+    #[inline]
+    fn check_vertices(&self, count: u64) -> Result<(), ReadMeshError> {
+        if count > self.limits.max_vertices {
+            return Err(ReadMeshError::TooMany {
+                what: "vertices",
+                limit: self.limits.max_vertices,
+            });
+        }
+        Ok(())
+    }
+
+    #[inline]
+    fn check_triangles(&self, count: u64) -> Result<(), ReadMeshError> {
+        if count > self.limits.max_triangles {
+            return Err(ReadMeshError::TooMany {
+                what: "triangles",
+                limit: self.limits.max_triangles,
+            });
+        }
+        Ok(())
+    }
+
+    /// How many vertices there are.
+    pub(super) fn vertices(&self) -> usize {
+        self.positions.len()
+    }
+
+    /// Fails unless `triangles` more may come.
+    #[inline]
+    pub(super) fn check_room(&self, triangles: u64) -> Result<(), ReadMeshError> {
+        let so_far = self.triangles.len() as u64 + self.more;
+        self.check_triangles(so_far.saturating_add(triangles))
+    }
+
+    /// Adds a vertex.
+    #[inline]
+    pub(super) fn vertex(&mut self, at: DVec3, place: Place) -> Result<(), ReadMeshError> {
+        if !at.is_finite() {
+            return Err(ReadMeshError::NotFinite {
+                format: self.format,
+                place,
+                vertex: self.positions.len() as u64,
+                at: at.to_array(),
+            });
+        }
+        self.check_vertices(self.positions.len() as u64 + 1)?;
+        self.positions.push(at);
+        Ok(())
+    }
+
+    /// The index that stands in the file as `written`, `base` subtracted. It may name a vertex that is yet to come.
+    #[inline]
+    pub(super) fn index(
+        &mut self,
+        written: i64,
+        base: i64,
+        place: Place,
+    ) -> Result<u32, ReadMeshError> {
+        match u32::try_from(written - base) {
+            Ok(index) => {
+                let higher = self.highest.is_none_or(|(highest, ..)| index > highest);
+                if index as usize >= self.positions.len() && higher {
+                    self.highest = Some((index, place, written));
+                }
+                Ok(index)
+            }
+            Err(_) => Err(self.no_such_vertex(written, place)),
+        }
+    }
+
+    fn no_such_vertex(&self, index: i64, place: Place) -> ReadMeshError {
+        ReadMeshError::NoSuchVertex {
+            format: self.format,
+            place,
+            index,
+            vertices: self.positions.len() as u64,
+        }
+    }
+
+    /// Adds a face; one with fewer than three corners is counted and left out.
+    #[inline]
+    pub(super) fn face(&mut self, corners: &[u32]) -> Result<(), ReadMeshError> {
+        let gives = (corners.len() as u64).saturating_sub(2);
+        self.check_room(gives)?;
+        match *corners {
+            [a, b, c] => self.triangles.push([a, b, c]),
+            [] | [_] | [_, _] => self.left_out += 1,
+            _ => {
+                self.more += gives;
+                self.corners.extend_from_slice(corners);
+                self.polygons.push(Polygon {
+                    before: self.triangles.len(),
+                    end: self.corners.len(),
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Remembers that something of the file is not in the mesh.
+    pub(super) fn warn(&mut self, warning: ReadWarning) {
+        if !self.warnings.contains(&warning) {
+            self.warnings.push(warning);
+        }
+    }
+
+    /// Remembers that a kind of data is not in the mesh.
+    #[inline]
+    pub(super) fn ignore(&mut self, what: &'static str) {
+        self.warn(ReadWarning::Ignored { what });
+    }
+
+    /// The mesh, with its polygons cut into triangles.
+    pub(super) fn finish(
+        self,
+        unit: Option<LengthUnit>,
+        progress: &Progress,
+    ) -> Result<MeshFile, ReadMeshError> {
+        if let Some((index, place, written)) = self.highest
+            && index as usize >= self.positions.len()
+        {
+            return Err(self.no_such_vertex(written, place));
+        }
+        let mut warnings = self.warnings;
+        let polygons = self.polygons.len() as u64;
+        if polygons > 0 {
+            warnings.push(ReadWarning::PolygonsCut {
+                polygons,
+                triangles: self.more,
+            });
+        }
+        if self.left_out > 0 {
+            warnings.push(ReadWarning::FacesLeftOut {
+                faces: self.left_out,
+            });
+        }
+        let triangles = if self.polygons.is_empty() {
+            self.triangles
+        } else {
+            let mut all = Vec::with_capacity(self.triangles.len() + self.more as usize);
+            let (mut taken, mut start) = (0, 0);
+            for (i, polygon) in self.polygons.iter().enumerate() {
+                if i % 1024 == 0 {
+                    progress.check()?;
+                }
+                all.extend_from_slice(&self.triangles[taken..polygon.before]);
+                triangulate(&self.corners[start..polygon.end], &self.positions, &mut all);
+                (taken, start) = (polygon.before, polygon.end);
+            }
+            all.extend_from_slice(&self.triangles[taken..]);
+            all
+        };
+        mesh_file(self.format, self.positions, triangles, unit, warnings)
+    }
+}
+
+/// Puts the parts together.
+pub(super) fn mesh_file(
+    format: MeshFormat,
+    positions: Vec<DVec3>,
+    triangles: Vec<[u32; 3]>,
+    unit: Option<LengthUnit>,
+    mut warnings: Vec<ReadWarning>,
+) -> Result<MeshFile, ReadMeshError> {
+    let mesh = TriMesh::new(positions, triangles).map_err(|error| ReadMeshError::Unsupported {
+        format,
+        what: error.to_string(),
+    })?;
+    if mesh.triangles().is_empty() {
+        warnings.push(ReadWarning::NoTriangles);
+    }
+    Ok(MeshFile {
+        mesh,
+        format,
+        unit,
+        warnings,
+    })
+}

@@ -1,0 +1,53 @@
+//! STL, binary and ASCII.
+//!
+//! Coordinates are rounded to 32-bit floats, so that vertices closer to one another than their spacing (1 part in 10⁷)
+//! become one when the file is read. Normals are those of the exact triangles, zero for those without area.
+
+use std::io::Write as _;
+
+use glam::DVec3;
+
+use super::super::error::WriteMeshError;
+use super::{Sink, rounded};
+use crate::TriMesh;
+
+fn normal([a, b, c]: [DVec3; 3]) -> [f32; 3] {
+    rounded((b - a).cross(c - a).normalize_or_zero())
+}
+
+pub(super) fn write_binary(mesh: &TriMesh, sink: &mut Sink<'_>) -> Result<(), WriteMeshError> {
+    // Must not begin with `solid`, which is the mark of the text form.
+    let mut header = [b' '; 80];
+    header[..17].copy_from_slice(b"binary STL, ravec");
+    sink.bytes(&header);
+    // A mesh never has more triangles than fit.
+    sink.bytes(&(mesh.triangles().len() as u32).to_le_bytes());
+    sink.rows(0..mesh.triangles().len() as u32, |buffer, triangle| {
+        let corners = mesh.corners(triangle);
+        let mut row = [0; 50];
+        let [a, b, c] = corners.map(rounded);
+        let numbers = [normal(corners), a, b, c];
+        let words = row.as_chunks_mut::<4>().0;
+        for (word, number) in words.iter_mut().zip(numbers.as_flattened()) {
+            *word = number.to_le_bytes();
+        }
+        buffer.extend_from_slice(&row);
+        Ok(())
+    })
+}
+
+pub(super) fn write_ascii(mesh: &TriMesh, sink: &mut Sink<'_>) -> Result<(), WriteMeshError> {
+    sink.bytes(b"solid ravec\n");
+    sink.rows(0..mesh.triangles().len() as u32, |buffer, triangle| {
+        let corners = mesh.corners(triangle);
+        let [x, y, z] = normal(corners);
+        write!(buffer, "facet normal {x:?} {y:?} {z:?}\n outer loop\n")?;
+        for [x, y, z] in corners.map(rounded) {
+            writeln!(buffer, "  vertex {x:?} {y:?} {z:?}")?;
+        }
+        buffer.extend_from_slice(b" endloop\nendfacet\n");
+        Ok(())
+    })?;
+    sink.bytes(b"endsolid ravec\n");
+    Ok(())
+}
