@@ -211,24 +211,39 @@ impl Adjacency {
         Fans { count, of }
     }
 
-    /// The parts of the mesh: two triangles are in one part if one can be reached from the other across edges.
-    ///
-    /// Triangles that name a vertex twice belong to the part of the first triangle at their first vertex with one, or
-    /// else are parts of their own.
+    /// The parts of the mesh: two triangles are in one part if one can be reached from the other through vertices that
+    /// triangles have in common.
     pub fn components(&self, mesh: &TriMesh) -> Components {
+        let mut sets = DisjointSets::new(mesh.positions().len());
+        for &[a, b, c] in mesh.triangles() {
+            sets.join(a, b);
+            sets.join(b, c);
+        }
+        let mut number = vec![NONE; mesh.positions().len()];
+        let mut count = 0;
+        let of_triangle = mesh
+            .triangles()
+            .iter()
+            .map(|t| {
+                let number = &mut number[sets.root(t[0]) as usize];
+                if *number == NONE {
+                    *number = count;
+                    count += 1;
+                }
+                *number
+            })
+            .collect();
+        Components { count, of_triangle }
+    }
+
+    /// As [`Self::components`], but parts that meet in single vertices are apart: two triangles are in one part if one
+    /// can be reached from the other across edges. A triangle that names a vertex twice is a part of its own.
+    pub fn patches(&self, mesh: &TriMesh) -> Components {
         let mut sets = DisjointSets::new(mesh.triangles().len());
         for edge in 0..self.edges.len() as u32 {
             let uses = self.uses(edge);
             for other in &uses[1..] {
                 sets.join(uses[0].triangle, other.triangle);
-            }
-        }
-        for (triangle, t) in (0_u32..).zip(mesh.triangles()) {
-            if !is_proper(*t) {
-                let first = t.iter().find_map(|&v| self.triangles_at(v).first());
-                if let Some(&first) = first {
-                    sets.join(triangle, first);
-                }
             }
         }
         let (count, of_triangle) = sets.numbered();
@@ -326,14 +341,15 @@ mod tests {
     }
 
     #[test]
-    fn two_tetrahedra_at_one_vertex_pinch_it_and_are_two_parts() {
+    fn two_tetrahedra_at_one_vertex_pinch_it_and_are_two_patches_of_one_part() {
         let other = TETRAHEDRON.map(|t| t.map(|v| if v == 0 { 0 } else { v + 3 }));
         let mesh = mesh(7, [TETRAHEDRON, other].concat());
         let found = Adjacency::new(&mesh);
         assert_eq!(found.pinched_vertices(&mesh), [0]);
         assert_eq!(found.fans(0, &mesh).of, [0, 0, 0, 1, 1, 1]);
-        let parts = found.components(&mesh);
-        assert_eq!(parts.of_triangle, [0, 0, 0, 0, 1, 1, 1, 1]);
+        assert_eq!(found.components(&mesh).of_triangle, [0; 8]);
+        let patches = found.patches(&mesh);
+        assert_eq!(patches.of_triangle, [0, 0, 0, 0, 1, 1, 1, 1]);
     }
 
     #[test]

@@ -5,7 +5,8 @@
 //! three and does not intersect itself is the surface of a solid, which is what most uses need.
 //!
 //! Works on indices: vertices at the same place are two vertices. Weld them first if that is not meant.
-//! Triangles that name a vertex twice count as degenerate and are otherwise passed over.
+//! Triangles that name a vertex twice count as degenerate and are otherwise passed over, as if their sides had been sewn
+//! together.
 //!
 //! Guarantees: exact (areas and intersections by exact signs); the same on any number of threads.
 //! Cost: O(n), about half a second a million triangles and core; as much again for intersections.
@@ -88,7 +89,7 @@ pub struct MeshCheck {
     pub vertices: u64,
     /// The number of edges.
     pub edges: u64,
-    /// The number of parts that hang together across edges.
+    /// The number of parts; what shares a vertex hangs together.
     pub components: u32,
     /// Whether there are triangles, and no edge has just one.
     pub closed: bool,

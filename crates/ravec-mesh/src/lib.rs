@@ -6,15 +6,18 @@ mod bvh;
 mod check;
 mod closest;
 mod format;
+mod hausdorff;
 mod measures;
 mod predicates;
 mod self_intersection;
+mod simplify;
+mod tri_distance;
 mod tri_intersect;
 mod tri_mesh;
 
 pub use aabb::Aabb;
 pub use adjacency::{Adjacency, Components, EdgeUse, Fans};
-pub use bvh::{Bvh, Closest, RayHit};
+pub use bvh::{Bvh, Closest, RayHit, WindingNumbers, winding_number};
 pub use check::{BoundaryLoop, CheckParams, Found, MeshCheck, check};
 pub use closest::{ClosestOnTriangle, Feature, closest_on_triangle, distance_sq_to_triangle};
 pub use format::{
@@ -22,11 +25,19 @@ pub use format::{
     ReadOptions, ReadWarning, Welded, WriteMeshError, WriteOptions, read_mesh,
     read_mesh_with_buffers, weld, write_mesh,
 };
+pub use hausdorff::{
+    Hausdorff, HausdorffError, HausdorffParams, OneSided, distances_to, hausdorff, vertex_distances,
+};
 pub use measures::{Measures, SideLengths, measure};
 pub use predicates::{Sign, on_one_line, orient2d, orient3d};
 pub use self_intersection::{
     IntersectingPair, SelfIntersections, for_each_self_intersection, intersections_with,
     self_intersections,
+};
+pub use tri_distance::triangle_distance_sq;
+pub use simplify::{
+    BoundaryRule, CollapseCandidate, Keep, Simplified, SimplifyError, SimplifyParams, SimplifyReport,
+    Vetoes, simplify,
 };
 pub use tri_intersect::{TriTri, intersection};
 pub use tri_mesh::{MeshError, TriMesh};

@@ -39,7 +39,7 @@ pub struct SelfIntersections {
     pub crossing: u64,
     /// Pairs that overlap within a plane.
     pub overlapping: u64,
-    /// Pairs with the same three corners.
+    /// Pairs with the same three corners. Other programs often leave them out (libigl, CGAL).
     pub coincident: u64,
     /// Pairs that touch beyond common corners, while their interiors stay apart.
     pub touching: u64,

@@ -1,0 +1,387 @@
+//! The queue of edges, and what happens to them.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+use glam::DVec3;
+use ravec_progress::{Cancelled, Progress};
+use rayon::prelude::*;
+
+use super::examine::{Examiner, Freedom, Limits, Plan, Veto, freedom};
+use super::octree::LooseOctree;
+use super::quadric::Quadric;
+use super::surface::{GONE, Surface};
+use super::{CollapseCandidate, Keep, Simplified, SimplifyError, SimplifyParams, SimplifyReport};
+use crate::{Aabb, Adjacency, TriMesh};
+
+/// The share of the squared length of an edge that is added to its cost, for the area it stands for.
+///
+/// It orders the edges of flat parts, whose quadrics are rounding: short ones first, which keeps triangles in shape. A
+/// larger share would prefer short edges also where the surface is curved.
+const LENGTH_SHARE: f64 = 1e-9;
+
+/// The weight of the planes across boundaries and features, relative to the square of the edge. Smaller lets curves
+/// shrink where they bend, larger freezes their bends.
+const CURVE_WEIGHT: f64 = 3.0;
+
+/// How often what was vetoed may be tried again. Later rounds find next to nothing.
+const ROUNDS: u32 = 6;
+
+/// Coordinates in which the mesh has a diagonal of 1, so that squares neither overflow nor vanish in `f32`.
+#[derive(Debug, Clone, Copy)]
+struct Frame {
+    origin: DVec3,
+    scale: f64,
+}
+
+impl Frame {
+    #[inline]
+    fn to_local(self, p: DVec3) -> DVec3 {
+        (p - self.origin) * self.scale
+    }
+}
+
+/// An edge in the queue: its cost, its ends and the sum of their stamps at the time, from the highest bits to the lowest.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Entry(u128);
+
+impl Entry {
+    #[inline]
+    fn new(cost: f64, a: u32, b: u32, stamp: u32) -> Self {
+        // the bits of numbers that are not negative are in their order
+        let bits = (cost as f32).to_bits();
+        let parts = [bits, a, b, stamp].map(u128::from);
+        Self(parts[0] << 96 | parts[1] << 64 | parts[2] << 32 | parts[3])
+    }
+
+    #[inline]
+    fn parts(self) -> [u32; 3] {
+        [64, 32, 0].map(|shift| (self.0 >> shift) as u32)
+    }
+}
+
+pub(super) struct Engine<V> {
+    surface: Surface,
+    quadrics: Vec<Quadric>,
+    errors: Vec<f64>,
+    /// Grows with each change of a vertex.
+    stamps: Vec<u32>,
+    /// When the triangles at a vertex last changed, as a number of collapses.
+    touched: Vec<u32>,
+    frame: Frame,
+    limits: Limits,
+    target: u64,
+    tree: Option<LooseOctree>,
+    queue: BinaryHeap<Reverse<Entry>>,
+    /// What was vetoed, and after how many collapses.
+    vetoed: Vec<(Entry, u32)>,
+    examiner: Examiner,
+    report: SimplifyReport,
+    veto: V,
+}
+
+/// The collapse of an edge and its cost, if its ends allow any.
+#[inline]
+fn planned(
+    surface: &Surface,
+    quadrics: &[Quadric],
+    frame: Frame,
+    [a, b]: [u32; 2],
+    max_error: f64,
+) -> Result<(Plan, f64), Veto> {
+    let freedom = freedom(surface, a, b).ok_or(Veto::Features)?;
+    let quadric = quadrics[a as usize] + quadrics[b as usize];
+    let [p, q] = [a, b].map(|v| surface.positions[v as usize]);
+    let (kept, removed, position, value) = match freedom {
+        Freedom::To([kept, removed]) => {
+            let position = surface.positions[kept as usize];
+            let value = quadric.at(frame.to_local(position));
+            (kept, removed, position, value)
+        }
+        Freedom::Between([kept, removed]) => {
+            let (local_p, local_q) = (frame.to_local(p), frame.to_local(q));
+            let middle = 0.5 * (local_p + local_q);
+            let lowest = quadric.lowest(middle);
+            let position = frame.origin + lowest / frame.scale;
+            // a point far away is the meeting of nearly parallel planes
+            let near = lowest.distance_squared(middle) <= local_p.distance_squared(local_q);
+            let (value, position) = if near && position.is_finite() {
+                (quadric.at(lowest), position)
+            } else {
+                let others = [(local_p, p), (local_q, q), (middle, 0.5 * p + 0.5 * q)];
+                let valued = others.map(|(local, place)| (quadric.at(local), place));
+                let [first, rest @ ..] = valued;
+                rest.into_iter().fold(
+                    first,
+                    |best, other| if other.0 < best.0 { other } else { best },
+                )
+            };
+            (kept, removed, position, value)
+        }
+    };
+    let allowed = max_error * frame.scale;
+    if value > allowed * allowed * quadric.weight && quadric.weight > 0.0 {
+        return Err(Veto::Error);
+    }
+    let length_sq = p.distance_squared(q) * frame.scale * frame.scale;
+    let cost = value + LENGTH_SHARE * length_sq * quadric.weight;
+    let plan = Plan {
+        kept,
+        removed,
+        position,
+    };
+    Ok((plan, cost))
+}
+
+impl<V: FnMut(&CollapseCandidate<'_>) -> bool> Engine<V> {
+    pub fn new(
+        mesh: &TriMesh,
+        params: &SimplifyParams,
+        keep: &Keep<'_>,
+        veto: V,
+        progress: &Progress,
+    ) -> Result<Self, SimplifyError> {
+        let adjacency = Adjacency::new(mesh);
+        progress.check()?;
+        let surface = Surface::new(mesh, &adjacency, params, keep)?;
+        progress.check()?;
+        let bounds = mesh.bounds();
+        let diagonal = bounds.diagonal();
+        let frame = Frame {
+            origin: if bounds.is_empty() {
+                DVec3::ZERO
+            } else {
+                bounds.center()
+            },
+            scale: if diagonal > 0.0 { 1.0 / diagonal } else { 1.0 },
+        };
+        let vertices = mesh.positions().len();
+        let local = |v: u32| frame.to_local(mesh.positions()[v as usize]);
+        let mut quadrics: Vec<Quadric> = (0..vertices as u32)
+            .into_par_iter()
+            .map(|v| {
+                surface.star(v).fold(Quadric::default(), |sum, (_, t)| {
+                    sum + Quadric::corner(t.map(local))
+                })
+            })
+            .collect();
+        for (edge, &ends) in (0_u32..).zip(adjacency.edges()) {
+            if !surface.is_special(ends[0], ends[1]) {
+                continue;
+            }
+            let [p, q] = ends.map(local);
+            for at in adjacency.uses(edge) {
+                let [a, b, c] = mesh.triangles()[at.triangle as usize].map(local);
+                let across = (q - p).cross((b - a).cross(c - a));
+                if let Some(n) = across.try_normalize() {
+                    let wall = Quadric::plane(n, p, CURVE_WEIGHT * p.distance_squared(q));
+                    ends.into_iter().for_each(|v| quadrics[v as usize] += wall);
+                }
+            }
+        }
+        progress.check()?;
+        let limits = Limits::new(params);
+        let planned: Vec<Result<Entry, Veto>> = adjacency
+            .edges()
+            .par_iter()
+            .map(|&[a, b]| {
+                let planned = planned(&surface, &quadrics, frame, [a, b], limits.max_error);
+                planned.map(|(_, cost)| Entry::new(cost, a, b, 0))
+            })
+            .collect();
+        let mut report = SimplifyReport {
+            triangles_before: mesh.triangles().len() as u64,
+            ..SimplifyReport::default()
+        };
+        let mut entries = Vec::with_capacity(planned.len());
+        for planned in planned {
+            match planned {
+                Ok(entry) => entries.push(Reverse(entry)),
+                Err(veto) => report.vetoes.count(veto),
+            }
+        }
+        progress.check()?;
+        let tree = params.avoid_intersections.then(|| {
+            let mut tree = LooseOctree::new(bounds, surface.triangles.len());
+            for (t, corners) in (0_u32..).zip(&surface.triangles) {
+                if *corners != GONE {
+                    tree.insert(t, &Aabb::around(surface.corners(t)));
+                }
+            }
+            tree
+        });
+        Ok(Self {
+            surface,
+            quadrics,
+            errors: vec![0.0; vertices],
+            stamps: vec![0; vertices],
+            touched: vec![0; vertices],
+            frame,
+            limits,
+            target: params.target_triangles,
+            tree,
+            queue: BinaryHeap::from(entries),
+            vetoed: Vec::new(),
+            examiner: Examiner::new(vertices),
+            report,
+            veto,
+        })
+    }
+
+    /// Collapses edges until the target is reached or nothing more is allowed.
+    pub fn run(&mut self, progress: &Progress) -> Result<(), Cancelled> {
+        let phase = progress.phase("simplify", self.surface.alive.saturating_sub(self.target));
+        for _ in 0..ROUNDS {
+            let before = self.report.collapses;
+            while self.surface.alive > self.target {
+                let Some(Reverse(entry)) = self.queue.pop() else {
+                    break;
+                };
+                let [a, b, stamp] = entry.parts();
+                if self.stamp(a, b) != stamp {
+                    continue;
+                }
+                progress.check()?;
+                match self.try_collapse(a, b) {
+                    Ok(()) => phase.advance(self.examiner.vanishing.len() as u64),
+                    Err(veto) => {
+                        self.report.vetoes.count(veto);
+                        self.vetoed.push((entry, self.report.collapses as u32));
+                    }
+                }
+            }
+            if self.surface.alive <= self.target || self.report.collapses == before {
+                break;
+            }
+            for (entry, when) in std::mem::take(&mut self.vetoed) {
+                let [a, b, stamp] = entry.parts();
+                let changed = self.touched[a as usize].max(self.touched[b as usize]) > when;
+                if changed && self.stamp(a, b) == stamp {
+                    self.queue.push(Reverse(entry));
+                } else if self.stamp(a, b) == stamp {
+                    self.vetoed.push((entry, when));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    #[inline]
+    fn stamp(&self, a: u32, b: u32) -> u32 {
+        self.stamps[a as usize].wrapping_add(self.stamps[b as usize])
+    }
+
+    fn try_collapse(&mut self, a: u32, b: u32) -> Result<(), Veto> {
+        let max_error = self.limits.max_error;
+        let (plan, _) = planned(&self.surface, &self.quadrics, self.frame, [a, b], max_error)?;
+        let (surface, examiner) = (&self.surface, &mut self.examiner);
+        examiner.gather(surface, &plan)?;
+        examiner.examine_shape(surface, &plan, &self.limits)?;
+        let errors = [plan.kept, plan.removed].map(|v| self.errors[v as usize]);
+        examiner.examine_error(surface, &plan, errors, &self.limits)?;
+        if let Some(tree) = &self.tree {
+            examiner.examine_intersections(surface, &plan, tree)?;
+        }
+        if (self.veto)(&examiner.candidate(surface, &plan)) {
+            return Err(Veto::Caller);
+        }
+        self.collapse(&plan);
+        Ok(())
+    }
+
+    fn collapse(&mut self, plan: &Plan) {
+        let Plan {
+            kept,
+            removed,
+            position,
+        } = *plan;
+        let examiner = &mut self.examiner;
+        self.report.collapses += 1;
+        self.report.largest_error = self.report.largest_error.max(examiner.error);
+        self.errors[kept as usize] = examiner.error;
+        let quadric = self.quadrics[removed as usize];
+        self.quadrics[kept as usize] += quadric;
+        for v in [kept, removed] {
+            self.stamps[v as usize] = self.stamps[v as usize].wrapping_add(1);
+        }
+        if let Some(tree) = &mut self.tree {
+            for &t in &examiner.vanishing {
+                tree.remove(t);
+            }
+            for (&t, corners) in examiner.changed.iter().zip(&examiner.after) {
+                tree.update(t, &Aabb::around(*corners));
+            }
+        }
+        let ends = [kept, removed];
+        self.surface
+            .merge(ends, position, &examiner.changed, &examiner.vanishing);
+        // the edges of the merged vertex
+        let mark = examiner.next_mark();
+        examiner.is_new(kept, mark);
+        let now = self.report.collapses as u32;
+        self.touched[kept as usize] = now;
+        for i in 0..examiner.changed.len() {
+            for w in self.surface.triangles[examiner.changed[i] as usize] {
+                if !examiner.is_new(w, mark) {
+                    continue;
+                }
+                self.touched[w as usize] = now;
+                let ends = [kept, w];
+                let limit = self.limits.max_error;
+                match planned(&self.surface, &self.quadrics, self.frame, ends, limit) {
+                    Ok((_, cost)) => {
+                        let stamp =
+                            self.stamps[kept as usize].wrapping_add(self.stamps[w as usize]);
+                        let entry = Entry::new(cost, kept, w, stamp);
+                        self.queue.push(Reverse(entry));
+                    }
+                    Err(veto) => self.report.vetoes.count(veto),
+                }
+            }
+        }
+    }
+
+    /// The mesh as it is now.
+    pub fn finish(self, mesh: &TriMesh) -> Simplified {
+        let surface = self.surface;
+        let mut name = vec![u32::MAX; mesh.positions().len()];
+        for &v in surface.triangles.iter().filter(|t| **t != GONE).flatten() {
+            name[v as usize] = 0;
+        }
+        let mut positions = Vec::new();
+        let mut vertex_origin = Vec::new();
+        for (v, name) in (0_u32..).zip(&mut name).filter(|(_, name)| **name == 0) {
+            *name = positions.len() as u32;
+            positions.push(surface.positions[v as usize]);
+            vertex_origin.push(v);
+        }
+        let mut triangles = Vec::new();
+        let mut triangle_origin = Vec::new();
+        for (t, corners) in (0_u32..).zip(&surface.triangles) {
+            if *corners != GONE {
+                triangles.push(corners.map(|v| name[v as usize]));
+                triangle_origin.push(t);
+            }
+        }
+        let mut features: Vec<[u32; 2]> = surface
+            .features()
+            .map(|ends| {
+                let [a, b] = ends.map(|v| name[v as usize]);
+                [a.min(b), a.max(b)]
+            })
+            .collect();
+        features.sort_unstable();
+        let mut report = self.report;
+        report.triangles_after = triangles.len() as u64;
+        report.target_reached = report.triangles_after <= self.target;
+        Simplified {
+            mesh: TriMesh::new(positions, triangles).expect(
+                "places were checked to be finite, and names are of vertices that were counted",
+            ),
+            vertex_origin,
+            triangle_origin,
+            features,
+            report,
+        }
+    }
+}

@@ -1,0 +1,350 @@
+//! Whether a collapse is allowed.
+
+use glam::DVec3;
+
+use super::octree::LooseOctree;
+use super::surface::{Class, Surface};
+use super::{CollapseCandidate, SimplifyParams, Vetoes};
+use crate::{Aabb, TriTri, distance_sq_to_triangle, intersection};
+
+/// Two vertices that are to become one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Plan {
+    pub kept: u32,
+    pub removed: u32,
+    pub position: DVec3,
+}
+
+/// Why a collapse does not happen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Veto {
+    Topology,
+    Features,
+    Turns,
+    Quality,
+    Error,
+    Intersections,
+    Caller,
+}
+
+impl Vetoes {
+    pub(super) fn count(&mut self, veto: Veto) {
+        let counter = match veto {
+            Veto::Topology => &mut self.topology,
+            Veto::Features => &mut self.features,
+            Veto::Turns => &mut self.turns,
+            Veto::Quality => &mut self.quality,
+            Veto::Error => &mut self.error,
+            Veto::Intersections => &mut self.intersections,
+            Veto::Caller => &mut self.caller,
+        };
+        *counter += 1;
+    }
+}
+
+/// Below this quality, see [`SimplifyParams::min_quality`], the direction of a normal is rounding and may turn at will.
+const NO_NORMAL: f64 = 1e-8;
+
+/// The limits, in the form in which they are compared.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Limits {
+    pub max_error: f64,
+    turn_cos_sq: f64,
+    min_quality: f64,
+}
+
+impl Limits {
+    pub fn new(params: &SimplifyParams) -> Self {
+        Self {
+            max_error: params.max_error,
+            turn_cos_sq: params.max_turn_rad.cos().powi(2),
+            min_quality: params.min_quality,
+        }
+    }
+}
+
+/// What is known about the collapse under examination. The lists are kept for the next one.
+#[derive(Default)]
+pub(super) struct Examiner {
+    /// The triangles that change, where their corners are and will be.
+    pub changed: Vec<u32>,
+    before: Vec<[DVec3; 3]>,
+    pub after: Vec<[DVec3; 3]>,
+    /// The triangles that vanish, and where their corners are.
+    pub vanishing: Vec<u32>,
+    vanishing_at: Vec<[DVec3; 3]>,
+    pub error: f64,
+    /// Vertices that were seen carry the number of the examination, or the one after it if they were seen twice.
+    marks: Vec<u32>,
+    mark: u32,
+    common: Vec<u32>,
+    boxes: Vec<Aabb>,
+    found: Vec<u32>,
+    stack: Vec<(u32, DVec3, f64)>,
+}
+
+impl Examiner {
+    pub fn new(vertices: usize) -> Self {
+        Self {
+            marks: vec![0; vertices],
+            ..Self::default()
+        }
+    }
+
+    /// A number that no vertex carries, nor the one after it.
+    pub fn next_mark(&mut self) -> u32 {
+        if self.mark >= u32::MAX - 3 {
+            self.marks.fill(0);
+            self.mark = 0;
+        }
+        self.mark += 2;
+        self.mark
+    }
+
+    /// Whether `v` did not carry `mark` yet, which it does from now on.
+    #[inline]
+    pub fn is_new(&mut self, v: u32, mark: u32) -> bool {
+        std::mem::replace(&mut self.marks[v as usize], mark) != mark
+    }
+
+    /// Gathers the triangles around the edge, and examines whether the topology stays.
+    ///
+    /// The link condition: a vertex with edges to both ends must be the third corner of a triangle at the edge, and no
+    /// triangle may become the same as another.
+    pub fn gather(&mut self, surface: &Surface, plan: &Plan) -> Result<(), Veto> {
+        let Plan { kept, removed, .. } = *plan;
+        self.changed.clear();
+        self.vanishing.clear();
+        self.common.clear();
+        let mark = self.next_mark();
+        for (t, corners) in surface.star(removed) {
+            if corners.contains(&kept) {
+                self.vanishing.push(t);
+            } else {
+                self.changed.push(t);
+            }
+            for w in corners {
+                self.marks[w as usize] = mark;
+            }
+        }
+        let of_removed = self.changed.len();
+        for (t, corners) in surface.star(kept) {
+            if !corners.contains(&removed) {
+                self.changed.push(t);
+            }
+            for w in corners {
+                if self.marks[w as usize] == mark && w != kept && w != removed {
+                    self.marks[w as usize] = mark + 1;
+                    self.common.push(w);
+                }
+            }
+        }
+        if self.changed.is_empty() || self.common.len() != self.vanishing.len() {
+            return Err(Veto::Topology);
+        }
+        // two boundaries or features would become one
+        let special = |&w: &u32| surface.is_special(kept, w) && surface.is_special(removed, w);
+        if self.common.iter().any(special) {
+            return Err(Veto::Topology);
+        }
+        // a triangle of one end over two common neighbors, and the same of the other end
+        let over_common = |t: u32, apex: u32| {
+            let corners = surface.triangles[t as usize];
+            let mut others = corners.iter().filter(|&&w| w != apex);
+            let both = others.all(|&w| self.marks[w as usize] == mark + 1);
+            both.then_some(corners)
+        };
+        for &t in &self.changed[..of_removed] {
+            let Some(corners) = over_common(t, removed) else {
+                continue;
+            };
+            let twin = self.changed[of_removed..].iter().any(|&s| {
+                over_common(s, kept)
+                    .is_some_and(|other| other.iter().all(|&w| w == kept || corners.contains(&w)))
+            });
+            if twin {
+                return Err(Veto::Topology);
+            }
+        }
+        Ok(())
+    }
+
+    /// Examines the shape of the triangles that [`Self::gather`] found.
+    pub fn examine_shape(
+        &mut self,
+        surface: &Surface,
+        plan: &Plan,
+        limits: &Limits,
+    ) -> Result<(), Veto> {
+        self.before.clear();
+        self.after.clear();
+        self.vanishing_at.clear();
+        let mut worst_sq = f64::INFINITY;
+        let mut new_worst_sq = f64::INFINITY;
+        for &t in &self.changed {
+            let names = surface.triangles[t as usize];
+            let before = surface.corners(t);
+            let after: [DVec3; 3] = std::array::from_fn(|i| {
+                if names[i] == plan.kept || names[i] == plan.removed {
+                    plan.position
+                } else {
+                    before[i]
+                }
+            });
+            let (old, new) = (normal(&before), normal(&after));
+            let (old_sq, new_sq) = (quality_sq(&before, old), quality_sq(&after, new));
+            worst_sq = worst_sq.min(old_sq);
+            new_worst_sq = new_worst_sq.min(new_sq);
+            if old_sq > NO_NORMAL * NO_NORMAL {
+                let along = old.dot(new);
+                let least_sq = limits.turn_cos_sq * old.length_squared() * new.length_squared();
+                if along <= 0.0 || along * along < least_sq {
+                    return Err(Veto::Turns);
+                }
+            }
+            self.before.push(before);
+            self.after.push(after);
+        }
+        for &t in &self.vanishing {
+            let at = surface.corners(t);
+            worst_sq = worst_sq.min(quality_sq(&at, normal(&at)));
+            self.vanishing_at.push(at);
+        }
+        let least_sq = limits.min_quality * limits.min_quality;
+        if new_worst_sq <= 0.0 || new_worst_sq < least_sq.min(worst_sq) {
+            return Err(Veto::Quality);
+        }
+        Ok(())
+    }
+
+    /// Estimates the error, from those of the two ends.
+    pub fn examine_error(
+        &mut self,
+        surface: &Surface,
+        plan: &Plan,
+        [kept_error, removed_error]: [f64; 2],
+        limits: &Limits,
+    ) -> Result<(), Veto> {
+        let distance = |p: DVec3, triangles: &mut dyn Iterator<Item = &[DVec3; 3]>| {
+            triangles
+                .map(|t| distance_sq_to_triangle(p, *t))
+                .fold(f64::INFINITY, f64::min)
+                .sqrt()
+        };
+        let [kept_at, removed_at] =
+            [plan.kept, plan.removed].map(|v| surface.positions[v as usize]);
+        self.error = removed_error + distance(removed_at, &mut self.after.iter());
+        if kept_at == plan.position {
+            self.error = self.error.max(kept_error);
+        } else {
+            let old = &mut self.before.iter().chain(&self.vanishing_at);
+            let back = distance(plan.position, old) + kept_error.max(removed_error);
+            let kept = kept_error + distance(kept_at, &mut self.after.iter());
+            self.error = self.error.max(back).max(kept);
+        }
+        if self.error <= limits.max_error {
+            Ok(())
+        } else {
+            Err(Veto::Error)
+        }
+    }
+
+    /// Examines whether the new triangles would meet one another, or others, where they should not.
+    pub fn examine_intersections(
+        &mut self,
+        surface: &Surface,
+        plan: &Plan,
+        tree: &LooseOctree,
+    ) -> Result<(), Veto> {
+        let bad = |kind: TriTri| kind.is_improper() || kind == TriTri::Same;
+        self.boxes.clear();
+        self.boxes
+            .extend(self.after.iter().map(|t| Aabb::around(*t)));
+        for (i, t) in self.after.iter().enumerate() {
+            if self.after[..i].iter().any(|s| bad(intersection(s, t))) {
+                return Err(Veto::Intersections);
+            }
+        }
+        let whole = self.boxes.iter().fold(Aabb::EMPTY, |sum, b| sum.union(*b));
+        self.found.clear();
+        tree.search(&whole, &mut self.stack, &mut self.found);
+        for &other in &self.found {
+            let corners = surface.corners(other);
+            let bounds = Aabb::around(corners);
+            if !bounds.touches(&whole) {
+                continue;
+            }
+            let names = surface.triangles[other as usize];
+            if names.contains(&plan.kept) || names.contains(&plan.removed) {
+                continue;
+            }
+            // a vertex at the place of another would meet it as if they were one
+            let meets = corners.contains(&plan.position)
+                || (self.after.iter().zip(&self.boxes))
+                    .any(|(t, b)| b.touches(&bounds) && bad(intersection(t, &corners)));
+            if meets {
+                return Err(Veto::Intersections);
+            }
+        }
+        Ok(())
+    }
+
+    /// The collapse as the caller sees it.
+    pub fn candidate<'a>(&'a self, surface: &Surface, plan: &Plan) -> CollapseCandidate<'a> {
+        let vertices = [plan.kept, plan.removed];
+        CollapseCandidate {
+            vertices,
+            from: vertices.map(|v| surface.positions[v as usize]),
+            position: plan.position,
+            error: self.error,
+            triangles: &self.changed,
+            before: &self.before,
+            after: &self.after,
+            vanishing: &self.vanishing,
+        }
+    }
+}
+
+/// Of the vertices of an edge, which one is kept, and whether the other may go there, or both may move.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Freedom {
+    /// The first one stays in its place.
+    To([u32; 2]),
+    /// Both may move.
+    Between([u32; 2]),
+}
+
+/// What the classes of the ends allow: what is on a curve leaves it never, and what is on two meets only along an edge
+/// of theirs.
+#[inline]
+pub(super) fn freedom(surface: &Surface, a: u32, b: u32) -> Option<Freedom> {
+    let (class_a, class_b) = (surface.class(a), surface.class(b));
+    let ordered = if class_a >= class_b { [a, b] } else { [b, a] };
+    match (class_a.max(class_b), class_a.min(class_b)) {
+        (Class::Free, _) => Some(Freedom::Between(ordered)),
+        (_, Class::Free) => Some(Freedom::To(ordered)),
+        (Class::Fixed, Class::Fixed) => None,
+        (most, _) if surface.is_special(a, b) => Some(if most == Class::Fixed {
+            Freedom::To(ordered)
+        } else {
+            Freedom::Between(ordered)
+        }),
+        _ => None,
+    }
+}
+
+#[inline]
+fn normal([a, b, c]: &[DVec3; 3]) -> DVec3 {
+    (b - a).cross(c - a)
+}
+
+/// The squared quality of a triangle with this normal: see [`SimplifyParams::min_quality`].
+#[inline]
+fn quality_sq([a, b, c]: &[DVec3; 3], normal: DVec3) -> f64 {
+    let sides = a.distance_squared(*b) + b.distance_squared(*c) + c.distance_squared(*a);
+    if sides > 0.0 {
+        12.0 * normal.length_squared() / (sides * sides)
+    } else {
+        0.0
+    }
+}
