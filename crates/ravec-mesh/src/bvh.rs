@@ -24,6 +24,7 @@ mod frame;
 mod node;
 mod pairs;
 mod range;
+mod winding;
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -35,6 +36,7 @@ use node::Node;
 
 pub use closest::Closest;
 pub use range::RayHit;
+pub use winding::{WindingNumbers, winding_number};
 
 /// A search structure over the triangles of a mesh. It keeps a copy of their corners, so that the mesh may go.
 #[derive(Debug, Clone)]
