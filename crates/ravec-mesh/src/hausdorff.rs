@@ -15,7 +15,7 @@
 //! few roundings of the size; they differ by the tolerance at most unless [`HausdorffParams::max_pieces`] was reached.
 //! The same on any number of threads. Does not guarantee: a bound of the error of mean and root mean square, which are
 //! taken from samples.
-//! Cost: a closest-point query for each vertex and sample, and three for each piece that is cut.
+//! Cost: a closest-point query for each vertex and sample, and three to seven for each piece that is cut.
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
@@ -328,6 +328,8 @@ fn sampled(
 struct Piece {
     corners: [DVec3; 3],
     near: [Near; 3],
+    /// What is closest to its middle, if that was looked at.
+    middle: Option<Near>,
     /// No point of the piece is farther from the other surface.
     upper: f64,
     /// When it was made; the older of two equal ones goes first.
@@ -335,36 +337,52 @@ struct Piece {
 }
 
 impl Piece {
-    fn new(other: &Bvh, corners: [DVec3; 3], near: [Near; 3]) -> Self {
+    /// The piece with these corners. Its bound is made no lower than it takes to fall to `enough`.
+    fn new(other: &Bvh, corners: [DVec3; 3], near: [Near; 3], enough: f64) -> Self {
         // No point is farther from the nearest corner than the longest edge over the root of 3.
         let edge_sq = |i: usize| corners[i].distance_squared(corners[(i + 1) % 3]);
         let reach = (edge_sq(0).max(edge_sq(1)).max(edge_sq(2)) / 3.0).sqrt();
         let farthest = near
             .iter()
             .fold(0.0_f64, |most, near| most.max(near.distance));
-        let mut upper = farthest + reach;
-        for (i, &Near { triangle, distance }) in near.iter().enumerate() {
-            if near[..i].iter().any(|near| near.triangle == triangle) {
-                continue;
-            }
-            let triangle = other.corners(triangle);
-            let others = [corners[(i + 1) % 3], corners[(i + 2) % 3]];
-            let over = others
-                .map(|corner| distance_sq_to_triangle(corner, triangle).sqrt())
-                .into_iter()
-                .fold(distance, f64::max);
-            upper = upper.min(over);
-        }
-        Self {
+        let mut piece = Self {
             corners,
             near,
-            upper: upper.max(farthest),
+            middle: None,
+            upper: farthest + reach,
             order: 0,
+        };
+        for (i, &Near { triangle, .. }) in near.iter().enumerate() {
+            if !near[..i].iter().any(|near| near.triangle == triangle) {
+                piece.bound_by(other, triangle);
+            }
         }
+        // At corners many triangles are equally close, often others than the one below the piece.
+        if piece.upper > enough {
+            let middle = near_middle(other, &piece);
+            piece.middle = Some(middle);
+            piece.bound_by(other, middle.triangle);
+        }
+        piece.upper = piece.upper.max(farthest);
+        piece
+    }
+
+    fn middle(&self) -> DVec3 {
+        (self.corners[0] + self.corners[1] + self.corners[2]) / 3.0
+    }
+
+    fn bound_by(&mut self, other: &Bvh, triangle: u32) {
+        let triangle = other.corners(triangle);
+        let over_sq = self
+            .corners
+            .map(|corner| distance_sq_to_triangle(corner, triangle))
+            .into_iter()
+            .fold(0.0, f64::max);
+        self.upper = self.upper.min(over_sq.sqrt());
     }
 
     /// Four pieces, cut at the middles of the edges.
-    fn cut(&self, other: &Bvh) -> [Self; 4] {
+    fn cut(&self, other: &Bvh, enough: f64) -> [Self; 4] {
         let [a, b, c] = self.corners;
         let [na, nb, nc] = self.near;
         let middle = |i: usize| {
@@ -373,12 +391,26 @@ impl Piece {
         };
         let [(ab, nab), (bc, nbc), (ca, nca)] = [0, 1, 2].map(middle);
         [
-            Self::new(other, [a, ab, ca], [na, nab, nca]),
-            Self::new(other, [b, bc, ab], [nb, nbc, nab]),
-            Self::new(other, [c, ca, bc], [nc, nca, nbc]),
-            Self::new(other, [ab, bc, ca], [nab, nbc, nca]),
+            Self::new(other, [a, ab, ca], [na, nab, nca], enough),
+            Self::new(other, [b, bc, ab], [nb, nbc, nab], enough),
+            Self::new(other, [c, ca, bc], [nc, nca, nbc], enough),
+            Self::new(other, [ab, bc, ca], [nab, nbc, nca], enough),
         ]
     }
+
+    /// The places of a piece that was looked at.
+    fn offer_to(&self, farthest: &mut Farthest) {
+        for (&at, &near) in self.corners.iter().zip(&self.near) {
+            farthest.offer(at, near);
+        }
+        if let Some(near) = self.middle {
+            farthest.offer(self.middle(), near);
+        }
+    }
+}
+
+fn near_middle(other: &Bvh, piece: &Piece) -> Near {
+    near(other, piece.middle(), piece.near[0].triangle)
 }
 
 impl Ord for Piece {
@@ -415,10 +447,7 @@ fn enclosed(
     farthest: &mut Farthest,
     progress: &Progress,
 ) -> Result<f64, Cancelled> {
-    let settled = |piece: &Piece, lower: f64| piece.upper <= lower + params.tolerance;
-    let lower = farthest.near.distance;
-    // The largest bound among pieces that were put away.
-    let mut upper = lower;
+    let enough = farthest.near.distance + params.tolerance;
     let chunks: Vec<(Vec<Piece>, f64)> = surface
         .triangles()
         .par_chunks(CHUNK)
@@ -428,8 +457,8 @@ fn enclosed(
             for &corners in chunk {
                 let near = corners.map(|vertex| vertices[vertex as usize]);
                 let corners = corners.map(|vertex| surface.positions()[vertex as usize]);
-                let piece = Piece::new(other, corners, near);
-                if settled(&piece, lower) {
+                let piece = Piece::new(other, corners, near, enough);
+                if piece.upper <= enough {
                     upper = upper.max(piece.upper);
                 } else {
                     pieces.push(piece);
@@ -438,23 +467,23 @@ fn enclosed(
             Ok((pieces, upper))
         })
         .collect::<Result<_, Cancelled>>()?;
+    // The largest bound among pieces that were put away.
+    let mut upper = 0.0_f64;
     let mut heap = BinaryHeap::new();
     let mut order = 0;
     for (pieces, most) in chunks {
         upper = upper.max(most);
         for piece in pieces {
+            piece.offer_to(farthest);
             heap.push(Piece { order, ..piece });
             order += 1;
         }
     }
     let phase = progress.phase("bounds", params.max_pieces);
     while order < params.max_pieces {
-        let lower = farthest.near.distance;
+        let enough = farthest.near.distance + params.tolerance;
         let mut round = Vec::new();
-        while round.len() < ROUND
-            && let Some(piece) = heap.peek()
-            && !settled(piece, lower)
-        {
+        while round.len() < ROUND && heap.peek().is_some_and(|piece| piece.upper > enough) {
             round.extend(heap.pop());
         }
         if round.is_empty() {
@@ -464,16 +493,13 @@ fn enclosed(
             .par_iter()
             .map(|piece| {
                 progress.check()?;
-                Ok(piece.cut(other))
+                Ok(piece.cut(other, enough))
             })
             .collect::<Result<_, Cancelled>>()?;
-        for pieces in &cut {
-            // The last one has the middles of the edges for corners.
-            for (&at, &near) in pieces[3].corners.iter().zip(&pieces[3].near) {
-                farthest.offer(at, near);
-            }
+        for piece in cut.iter().flatten() {
+            piece.offer_to(farthest);
         }
-        let lower = farthest.near.distance;
+        let enough = farthest.near.distance + params.tolerance;
         for (parent, pieces) in round.iter().zip(cut) {
             for piece in pieces {
                 // What holds for the whole holds for its parts.
@@ -483,7 +509,7 @@ fn enclosed(
                     ..piece
                 };
                 order += 1;
-                if settled(&piece, lower) {
+                if piece.upper <= enough {
                     upper = upper.max(piece.upper);
                 } else {
                     heap.push(piece);

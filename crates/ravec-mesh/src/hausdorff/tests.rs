@@ -76,8 +76,9 @@ fn measured(a: &TriMesh, b: &TriMesh, tolerance: f64) -> Hausdorff {
 fn a_mesh_is_at_distance_zero_from_itself() {
     for mesh in [cube(false), sphere(3)] {
         let found = measured(&mesh, &mesh, 1e-9);
-        assert_eq!(found.lower(), 0.0);
-        assert!(found.upper() < 1e-12 && found.forward.rms < 1e-12);
+        // Places within faces are rounded.
+        assert!(found.lower() < 1e-15);
+        assert!(found.upper() <= 1e-9 && found.forward.rms < 1e-12);
     }
 }
 
@@ -112,7 +113,7 @@ fn a_shifted_cube_is_as_far_as_it_was_shifted() {
 #[test]
 fn an_open_box_is_near_the_closed_one_but_not_the_other_way_around() {
     let found = measured(&cube(true), &cube(false), 1e-6);
-    assert!(found.forward.upper < 1e-12);
+    assert!(found.forward.upper <= 1e-6);
     // The middle of the missing top is half a side from the rim: inside a triangle's edge, and no vertex.
     assert!((found.backward.lower - 0.5).abs() < 1e-6);
     assert!(found.backward.from.distance(DVec3::new(0.5, 0.5, 1.0)) < 1e-5);
