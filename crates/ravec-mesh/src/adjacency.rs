@@ -336,7 +336,7 @@ mod tests {
             assert_eq!(uses.len(), 2);
             assert_ne!(uses[0].forward, uses[1].forward);
         }
-        assert_eq!(found.pinched_vertices(&mesh), []);
+        assert!(found.pinched_vertices(&mesh).is_empty());
         assert_eq!(found.components(&mesh).count, 1);
     }
 

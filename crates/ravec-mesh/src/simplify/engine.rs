@@ -1,15 +1,14 @@
 //! The queue of edges, and what happens to them.
 
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
-
 use glam::DVec3;
 use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
 
+use super::deviation::Deviation;
 use super::examine::{Examiner, Freedom, Limits, Plan, Veto, freedom};
 use super::octree::LooseOctree;
 use super::quadric::Quadric;
+use super::queue::{Entry, Queue};
 use super::surface::{GONE, Surface};
 use super::{CollapseCandidate, Keep, Simplified, SimplifyError, SimplifyParams, SimplifyReport};
 use crate::{Aabb, Adjacency, TriMesh};
@@ -41,29 +40,11 @@ impl Frame {
     }
 }
 
-/// An edge in the queue: its cost, its ends and the sum of their stamps at the time, from the highest bits to the lowest.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-struct Entry(u128);
-
-impl Entry {
-    #[inline]
-    fn new(cost: f64, a: u32, b: u32, stamp: u32) -> Self {
-        // the bits of numbers that are not negative are in their order
-        let bits = (cost as f32).to_bits();
-        let parts = [bits, a, b, stamp].map(u128::from);
-        Self(parts[0] << 96 | parts[1] << 64 | parts[2] << 32 | parts[3])
-    }
-
-    #[inline]
-    fn parts(self) -> [u32; 3] {
-        [64, 32, 0].map(|shift| (self.0 >> shift) as u32)
-    }
-}
-
 pub(super) struct Engine<V> {
     surface: Surface,
     quadrics: Vec<Quadric>,
-    errors: Vec<f64>,
+    /// Only if the error is limited.
+    deviation: Option<Deviation>,
     /// Grows with each change of a vertex.
     stamps: Vec<u32>,
     /// When the triangles at a vertex last changed, as a number of collapses.
@@ -72,7 +53,7 @@ pub(super) struct Engine<V> {
     limits: Limits,
     target: u64,
     tree: Option<LooseOctree>,
-    queue: BinaryHeap<Reverse<Entry>>,
+    queue: Queue,
     /// What was vetoed, and after how many collapses.
     vetoed: Vec<(Entry, u32)>,
     examiner: Examiner,
@@ -186,17 +167,17 @@ impl<V: FnMut(&CollapseCandidate<'_>) -> bool> Engine<V> {
             .par_iter()
             .map(|&[a, b]| {
                 let planned = planned(&surface, &quadrics, frame, [a, b], limits.max_error);
-                planned.map(|(_, cost)| Entry::new(cost, a, b, 0))
+                planned.map(|(_, cost)| Entry::new(cost, [a, b], 0))
             })
             .collect();
         let mut report = SimplifyReport {
             triangles_before: mesh.triangles().len() as u64,
             ..SimplifyReport::default()
         };
-        let mut entries = Vec::with_capacity(planned.len());
+        let mut queue = Queue::new();
         for planned in planned {
             match planned {
-                Ok(entry) => entries.push(Reverse(entry)),
+                Ok(entry) => queue.push(entry),
                 Err(veto) => report.vetoes.count(veto),
             }
         }
@@ -210,17 +191,19 @@ impl<V: FnMut(&CollapseCandidate<'_>) -> bool> Engine<V> {
             }
             tree
         });
+        let limited = params.max_error < f64::INFINITY;
+        let deviation = limited.then(|| Deviation::new(mesh, &surface, &adjacency));
         Ok(Self {
             surface,
             quadrics,
-            errors: vec![0.0; vertices],
+            deviation,
             stamps: vec![0; vertices],
             touched: vec![0; vertices],
             frame,
             limits,
             target: params.target_triangles,
             tree,
-            queue: BinaryHeap::from(entries),
+            queue,
             vetoed: Vec::new(),
             examiner: Examiner::new(vertices),
             report,
@@ -234,10 +217,10 @@ impl<V: FnMut(&CollapseCandidate<'_>) -> bool> Engine<V> {
         for _ in 0..ROUNDS {
             let before = self.report.collapses;
             while self.surface.alive > self.target {
-                let Some(Reverse(entry)) = self.queue.pop() else {
+                let Some(entry) = self.queue.pop() else {
                     break;
                 };
-                let [a, b, stamp] = entry.parts();
+                let ([a, b], stamp) = (entry.ends, entry.stamp);
                 if self.stamp(a, b) != stamp {
                     continue;
                 }
@@ -254,10 +237,10 @@ impl<V: FnMut(&CollapseCandidate<'_>) -> bool> Engine<V> {
                 break;
             }
             for (entry, when) in std::mem::take(&mut self.vetoed) {
-                let [a, b, stamp] = entry.parts();
+                let ([a, b], stamp) = (entry.ends, entry.stamp);
                 let changed = self.touched[a as usize].max(self.touched[b as usize]) > when;
                 if changed && self.stamp(a, b) == stamp {
-                    self.queue.push(Reverse(entry));
+                    self.queue.push(entry);
                 } else if self.stamp(a, b) == stamp {
                     self.vetoed.push((entry, when));
                 }
@@ -277,8 +260,9 @@ impl<V: FnMut(&CollapseCandidate<'_>) -> bool> Engine<V> {
         let (surface, examiner) = (&self.surface, &mut self.examiner);
         examiner.gather(surface, &plan)?;
         examiner.examine_shape(surface, &plan, &self.limits)?;
-        let errors = [plan.kept, plan.removed].map(|v| self.errors[v as usize]);
-        examiner.examine_error(surface, &plan, errors, &self.limits)?;
+        if let Some(deviation) = &mut self.deviation {
+            examiner.examine_deviation(&plan, deviation, &self.limits)?;
+        }
         if let Some(tree) = &self.tree {
             examiner.examine_intersections(surface, &plan, tree)?;
         }
@@ -297,8 +281,9 @@ impl<V: FnMut(&CollapseCandidate<'_>) -> bool> Engine<V> {
         } = *plan;
         let examiner = &mut self.examiner;
         self.report.collapses += 1;
-        self.report.largest_error = self.report.largest_error.max(examiner.error);
-        self.errors[kept as usize] = examiner.error;
+        if let Some(deviation) = &mut self.deviation {
+            deviation.accept(&examiner.old(), &examiner.changed);
+        }
         let quadric = self.quadrics[removed as usize];
         self.quadrics[kept as usize] += quadric;
         for v in [kept, removed] {
@@ -332,8 +317,8 @@ impl<V: FnMut(&CollapseCandidate<'_>) -> bool> Engine<V> {
                     Ok((_, cost)) => {
                         let stamp =
                             self.stamps[kept as usize].wrapping_add(self.stamps[w as usize]);
-                        let entry = Entry::new(cost, kept, w, stamp);
-                        self.queue.push(Reverse(entry));
+                        let entry = Entry::new(cost, ends, stamp);
+                        self.queue.push(entry);
                     }
                     Err(veto) => self.report.vetoes.count(veto),
                 }
@@ -373,6 +358,7 @@ impl<V: FnMut(&CollapseCandidate<'_>) -> bool> Engine<V> {
         features.sort_unstable();
         let mut report = self.report;
         report.triangles_after = triangles.len() as u64;
+        report.largest_error = self.deviation.map(|deviation| deviation.largest);
         report.target_reached = report.triangles_after <= self.target;
         Simplified {
             mesh: TriMesh::new(positions, triangles).expect(

@@ -2,10 +2,11 @@
 
 use glam::DVec3;
 
+use super::deviation::Deviation;
 use super::octree::LooseOctree;
 use super::surface::{Class, Surface};
 use super::{CollapseCandidate, SimplifyParams, Vetoes};
-use crate::{Aabb, TriTri, distance_sq_to_triangle, intersection};
+use crate::{Aabb, TriTri, intersection};
 
 /// Two vertices that are to become one.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -70,10 +71,8 @@ pub(super) struct Examiner {
     pub changed: Vec<u32>,
     before: Vec<[DVec3; 3]>,
     pub after: Vec<[DVec3; 3]>,
-    /// The triangles that vanish, and where their corners are.
+    /// The triangles that vanish.
     pub vanishing: Vec<u32>,
-    vanishing_at: Vec<[DVec3; 3]>,
-    pub error: f64,
     /// Vertices that were seen carry the number of the examination, or the one after it if they were seen twice.
     marks: Vec<u32>,
     mark: u32,
@@ -178,7 +177,6 @@ impl Examiner {
     ) -> Result<(), Veto> {
         self.before.clear();
         self.after.clear();
-        self.vanishing_at.clear();
         let mut worst_sq = f64::INFINITY;
         let mut new_worst_sq = f64::INFINITY;
         for &t in &self.changed {
@@ -208,7 +206,6 @@ impl Examiner {
         for &t in &self.vanishing {
             let at = surface.corners(t);
             worst_sq = worst_sq.min(quality_sq(&at, normal(&at)));
-            self.vanishing_at.push(at);
         }
         let least_sq = limits.min_quality * limits.min_quality;
         if new_worst_sq <= 0.0 || new_worst_sq < least_sq.min(worst_sq) {
@@ -217,36 +214,24 @@ impl Examiner {
         Ok(())
     }
 
-    /// Estimates the error, from those of the two ends.
-    pub fn examine_error(
-        &mut self,
-        surface: &Surface,
+    /// Examines how far the surface would be from the original one.
+    pub fn examine_deviation(
+        &self,
         plan: &Plan,
-        [kept_error, removed_error]: [f64; 2],
+        deviation: &mut Deviation,
         limits: &Limits,
     ) -> Result<(), Veto> {
-        let distance = |p: DVec3, triangles: &mut dyn Iterator<Item = &[DVec3; 3]>| {
-            triangles
-                .map(|t| distance_sq_to_triangle(p, *t))
-                .fold(f64::INFINITY, f64::min)
-                .sqrt()
-        };
-        let [kept_at, removed_at] =
-            [plan.kept, plan.removed].map(|v| surface.positions[v as usize]);
-        self.error = removed_error + distance(removed_at, &mut self.after.iter());
-        if kept_at == plan.position {
-            self.error = self.error.max(kept_error);
-        } else {
-            let old = &mut self.before.iter().chain(&self.vanishing_at);
-            let back = distance(plan.position, old) + kept_error.max(removed_error);
-            let kept = kept_error + distance(kept_at, &mut self.after.iter());
-            self.error = self.error.max(back).max(kept);
-        }
-        if self.error <= limits.max_error {
+        let old = self.old();
+        if deviation.stays_within(limits.max_error, &old, &self.after, plan.position) {
             Ok(())
         } else {
             Err(Veto::Error)
         }
+    }
+
+    /// The triangles that change, and those that vanish.
+    pub fn old(&self) -> [&[u32]; 2] {
+        [&self.changed, &self.vanishing]
     }
 
     /// Examines whether the new triangles would meet one another, or others, where they should not.
@@ -296,7 +281,6 @@ impl Examiner {
             vertices,
             from: vertices.map(|v| surface.positions[v as usize]),
             position: plan.position,
-            error: self.error,
             triangles: &self.changed,
             before: &self.before,
             after: &self.after,

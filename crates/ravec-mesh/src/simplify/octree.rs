@@ -2,7 +2,8 @@
 //!
 //! A box lives in the cell that holds its center, at the deepest level whose cells are no smaller than the box; so it sticks
 //! out of its cell by no more than half a cell, and moving it costs one way down the tree. A search for a box visits the
-//! cells that meet it when grown by half.
+//! cells that meet it when grown by half; of those, only the ones whose boxes it meets. These grow with what is added and
+//! never shrink, which is right though not tight.
 //!
 //! Source: Ulrich, "Loose Octrees", *Game Programming Gems*, 2000.
 
@@ -26,6 +27,8 @@ struct Node {
     first: u32,
     /// Items in this cell and all below.
     count: u32,
+    /// A box around all of them.
+    bounds: Rounded,
 }
 
 impl Node {
@@ -33,6 +36,7 @@ impl Node {
         children: [NONE; 8],
         first: NONE,
         count: 0,
+        bounds: Rounded::EMPTY,
     };
 }
 
@@ -41,6 +45,53 @@ struct Item {
     next: u32,
     previous: u32,
     node: u32,
+    bounds: Rounded,
+}
+
+/// A box rounded outward.
+#[derive(Debug, Clone, Copy)]
+struct Rounded {
+    min: [f32; 3],
+    max: [f32; 3],
+}
+
+impl Rounded {
+    const EMPTY: Self = Self {
+        min: [f32::INFINITY; 3],
+        max: [f32::NEG_INFINITY; 3],
+    };
+
+    #[inline]
+    fn around(bounds: &Aabb) -> Self {
+        let down = |x: f64| {
+            let rounded = x as f32;
+            if f64::from(rounded) > x {
+                rounded.next_down()
+            } else {
+                rounded
+            }
+        };
+        let (min, max) = (bounds.min.to_array(), bounds.max.to_array());
+        Self {
+            min: min.map(down),
+            max: max.map(|x| -down(-x)),
+        }
+    }
+
+    #[inline]
+    fn include(&mut self, other: &Self) {
+        for axis in 0..3 {
+            self.min[axis] = self.min[axis].min(other.min[axis]);
+            self.max[axis] = self.max[axis].max(other.max[axis]);
+        }
+    }
+
+    #[inline]
+    fn touches(&self, other: &Self) -> bool {
+        let apart =
+            |axis: usize| self.min[axis] > other.max[axis] || other.min[axis] > self.max[axis];
+        !(apart(0) | apart(1) | apart(2))
+    }
 }
 
 /// Where a box lives.
@@ -69,6 +120,7 @@ impl LooseOctree {
             next: NONE,
             previous: NONE,
             node: NONE,
+            bounds: Rounded::EMPTY,
         };
         let nowhere = Address {
             level: 0,
@@ -108,8 +160,10 @@ impl LooseOctree {
     /// Adds an item that is not there.
     pub fn insert(&mut self, item: u32, bounds: &Aabb) {
         let address = self.address(bounds);
+        let bounds = Rounded::around(bounds);
         let mut node = 0_usize;
         self.nodes[0].count += 1;
+        self.nodes[0].bounds.include(&bounds);
         for level in (0..address.level).rev() {
             let octant = (0..3)
                 .map(|axis| ((address.cell[axis] >> level & 1) as usize) << axis)
@@ -122,6 +176,7 @@ impl LooseOctree {
             }
             node = child as usize;
             self.nodes[node].count += 1;
+            self.nodes[node].bounds.include(&bounds);
         }
         let next = self.nodes[node].first;
         if next != NONE {
@@ -132,6 +187,7 @@ impl LooseOctree {
             next,
             previous: NONE,
             node: node as u32,
+            bounds,
         };
         self.addresses[item as usize] = address;
     }
@@ -152,6 +208,7 @@ impl LooseOctree {
             next,
             previous,
             node,
+            ..
         } = self.items[item as usize];
         if next != NONE {
             self.items[next as usize].previous = previous;
@@ -165,34 +222,45 @@ impl LooseOctree {
 
     /// Gives an item that is there another box.
     pub fn update(&mut self, item: u32, bounds: &Aabb) {
-        if self.address(bounds) != self.addresses[item as usize] {
-            self.remove(item);
-            self.insert(item, bounds);
-        }
+        self.remove(item);
+        self.insert(item, bounds);
     }
 
-    /// Appends all items whose boxes may meet `bounds`, and some others.
+    /// Appends all items whose boxes meet `bounds`, or nearly.
     pub fn search(&self, bounds: &Aabb, stack: &mut Vec<(u32, DVec3, f64)>, found: &mut Vec<u32>) {
+        let wanted = Rounded::around(bounds);
         stack.clear();
         stack.push((0, self.min, self.side));
-        while let Some((node, min, side)) = stack.pop() {
+        while let Some((node, corner, side)) = stack.pop() {
             let node = &self.nodes[node as usize];
             let mut item = node.first;
             while item != NONE {
-                found.push(item);
-                item = self.items[item as usize].next;
+                let held = &self.items[item as usize];
+                if held.bounds.touches(&wanted) {
+                    found.push(item);
+                }
+                item = held.next;
             }
             let half = 0.5 * side;
-            let (low, high) = (bounds.min - LOOSE * half, bounds.max + LOOSE * half);
-            for (octant, &child) in node.children.iter().enumerate() {
-                if child == NONE || self.nodes[child as usize].count == 0 {
+            // along each axis the lower half of the node is met, the upper one, or both
+            let middle = corner + half;
+            let lower = (bounds.min - LOOSE * half).cmple(middle).bitmask();
+            let upper = middle.cmple(bounds.max + LOOSE * half).bitmask();
+            for (octant, &child) in (0_u32..).zip(&node.children) {
+                let met = (!octant & lower) | (octant & upper);
+                if met != 7 || child == NONE {
                     continue;
                 }
-                let bit = |axis: usize| (octant >> axis & 1) as f64;
-                let corner = min + half * DVec3::new(bit(0), bit(1), bit(2));
-                if low.cmple(corner + half).all() && corner.cmple(high).all() {
-                    stack.push((child, corner, half));
+                let below = &self.nodes[child as usize];
+                if below.count == 0 || !below.bounds.touches(&wanted) {
+                    continue;
                 }
+                let bit = |axis: u32| f64::from(octant >> axis & 1);
+                stack.push((
+                    child,
+                    corner + half * DVec3::new(bit(0), bit(1), bit(2)),
+                    half,
+                ));
             }
         }
     }
