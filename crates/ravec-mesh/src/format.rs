@@ -5,7 +5,7 @@
 //!
 //! | format | read | written as |
 //! | --- | --- | --- |
-//! | STL | binary and ASCII, as a stream | 32-bit floats |
+//! | STL | binary and ASCII, as a stream | 32-bit floats in binary, all digits in ASCII |
 //! | PLY | binary of both byte orders and ASCII, polygons and triangle strips, as a stream | little-endian or ASCII, 64-bit floats where 32 bits would lose something |
 //! | OBJ | polygons, relative indices, continued lines, as a stream | all digits |
 //! | OFF | with the prefixes `ST`, `C`, `N`, as a stream | all digits |
@@ -117,7 +117,7 @@ impl MeshFormat {
 
 impl fmt::Display for MeshFormat {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
+        f.pad(match self {
             Self::StlBinary => "binary STL",
             Self::StlAscii => "ASCII STL",
             Self::PlyBinary => "binary PLY",
@@ -187,6 +187,6 @@ impl LengthUnit {
 
 impl fmt::Display for LengthUnit {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
+        f.pad(self.name())
     }
 }

@@ -73,7 +73,7 @@ pub(super) fn read(
     let buffers = Buffers::new(
         format,
         file,
-        inside,
+        inside.as_ref(),
         &document.buffers,
         resolver,
         &options,
@@ -124,17 +124,11 @@ fn chunks(file: &[u8]) -> Result<(Range<usize>, Option<Range<usize>>), ReadMeshE
         }
         at = end;
     }
-    match json {
-        Some(json) => Ok((json, None)),
-        None => {
-            let what = "the first chunk of the file is not its JSON";
-            Err(ReadMeshError::syntax(
-                MeshFormat::Glb,
-                Place::Byte(12),
-                what,
-            ))
-        }
-    }
+    let json = json.ok_or_else(|| {
+        let what = "the first chunk of the file is not its JSON";
+        ReadMeshError::syntax(MeshFormat::Glb, Place::Byte(12), what)
+    })?;
+    Ok((json, None))
 }
 
 /// The scene while it is read.
@@ -154,18 +148,11 @@ impl Scene<'_> {
 
     fn read(&mut self) -> Result<(), ReadMeshError> {
         let document = self.document;
-        let roots = match document.scenes.get(document.scene.unwrap_or(0)) {
-            Some(scene) => scene.nodes.clone(),
-            None => {
-                let mut is_root = vec![true; document.nodes.len()];
-                for &child in document.nodes.iter().flat_map(|node| &node.children) {
-                    if let Some(is_root) = is_root.get_mut(child) {
-                        *is_root = false;
-                    }
-                }
-                (0..is_root.len()).filter(|&node| is_root[node]).collect()
-            }
-        };
+        let scene = document.scenes.get(document.scene.unwrap_or(0));
+        let roots = scene.map_or_else(
+            || without_parents(&document.nodes),
+            |scene| scene.nodes.clone(),
+        );
         if document.nodes.is_empty() {
             for mesh in 0..document.meshes.len() {
                 self.mesh(mesh, &DAffine3::IDENTITY)?;
@@ -323,10 +310,10 @@ impl Scene<'_> {
                 _ => (i % 3 == 2, false),
             };
             if complete {
-                let [a, b] = if odd != mirrors {
-                    [last[1], last[0]]
-                } else {
+                let [a, b] = if odd == mirrors {
                     last
+                } else {
+                    [last[1], last[0]]
                 };
                 self.soup.face(&[a, b, corner])?;
             }
@@ -338,6 +325,17 @@ impl Scene<'_> {
         }
         Ok(())
     }
+}
+
+/// The nodes that are nobody's children.
+fn without_parents(nodes: &[Node]) -> Vec<usize> {
+    let mut is_root = vec![true; nodes.len()];
+    for &child in nodes.iter().flat_map(|node| &node.children) {
+        if let Some(is_root) = is_root.get_mut(child) {
+            *is_root = false;
+        }
+    }
+    (0..nodes.len()).filter(|&node| is_root[node]).collect()
 }
 
 /// The transform of a node.

@@ -18,8 +18,7 @@ pub(super) fn three<'a>(words: &mut impl Iterator<Item = &'a [u8]>) -> Option<[f
 pub(super) fn integer(word: &[u8]) -> Option<i64> {
     let (negative, digits) = match word {
         [b'-', digits @ ..] => (true, digits),
-        [b'+', digits @ ..] => (false, digits),
-        digits => (false, digits),
+        [b'+', digits @ ..] | digits => (false, digits),
     };
     if digits.is_empty() || digits.len() > 18 {
         return None;

@@ -15,9 +15,8 @@ use super::source::Source;
 
 /// The first word, `[ST][C][N][4][n]OFF`.
 pub(super) struct Header<'a> {
-    texture: bool,
-    color: bool,
-    normal: bool,
+    /// Kinds of data behind the coordinates.
+    others: Vec<&'static str>,
     /// Points of another number of coordinates than three.
     dimension: bool,
     /// What stands behind: files exist in which the counts follow without a space.
@@ -32,12 +31,16 @@ impl<'a> Header<'a> {
             rest = stripped.unwrap_or(rest);
             stripped.is_some()
         };
-        let (texture, color, normal) = (has(b"ST"), has(b"C"), has(b"N"));
+        let prefixes = [
+            (&b"ST"[..], "texture coordinates"),
+            (b"C", "colors"),
+            (b"N", "normals"),
+        ];
+        let others = prefixes.into_iter().filter(|(prefix, _)| has(prefix));
+        let others = others.map(|(_, what)| what).collect();
         let (four, many) = (has(b"4"), has(b"n"));
         (has(b"OFF") && rest.iter().all(u8::is_ascii_digit)).then_some(Self {
-            texture,
-            color,
-            normal,
+            others,
             dimension: four || many,
             rest,
         })
@@ -116,14 +119,8 @@ fn counts(source: &mut Source<'_>, soup: &mut Soup) -> Result<(u64, u64), ReadMe
                         ),
                     });
                 }
-                for (there, what) in [
-                    (header.texture, "texture coordinates"),
-                    (header.color, "colors"),
-                    (header.normal, "normals"),
-                ] {
-                    if there {
-                        soup.ignore(what);
-                    }
+                for what in header.others {
+                    soup.ignore(what);
                 }
                 word = header.rest;
                 if word.is_empty() {
@@ -136,13 +133,11 @@ fn counts(source: &mut Source<'_>, soup: &mut Soup) -> Result<(u64, u64), ReadMe
                     what: "binary OFF is not read; save it as text or as PLY".to_owned(),
                 });
             }
-            match integer(word).map(u64::try_from) {
-                Some(Ok(count)) => found.push(count),
-                _ => {
-                    let what = format!("`{}` is not a number of vertices or faces", shown(word));
-                    return Err(fault(place, what));
-                }
-            }
+            let Some(Ok(count)) = integer(word).map(u64::try_from) else {
+                let what = format!("`{}` is not a number of vertices or faces", shown(word));
+                return Err(fault(place, what));
+            };
+            found.push(count);
         }
         if found.len() == 1 {
             return Err(fault(place, "the number of faces is missing"));

@@ -306,32 +306,27 @@ impl Table<'_> {
         };
         for (column, property) in self.element.properties.iter().enumerate() {
             let word = next()?;
-            match property.count {
-                None => {
-                    // Values of other columns may be anything.
-                    if self.takes_number(column) {
-                        let value = parsed(word)?;
-                        self.pick(column, value);
-                    }
+            if property.count.is_none() {
+                // Values of other columns may be anything.
+                if self.takes_number(column) {
+                    let value = parsed(word)?;
+                    self.pick(column, value);
                 }
-                Some(_) => {
-                    let count = integer(word).and_then(|count| u64::try_from(count).ok());
-                    let count = count.ok_or_else(|| {
-                        fault(format!("`{}` is not the length of a list", shown(word)))
-                    })?;
-                    let wanted = self.takes_list(column);
-                    if wanted {
-                        self.check_length(count, soup)?;
-                    }
-                    for _ in 0..count {
-                        let word = next()?;
-                        if wanted {
-                            let index = integer(word).ok_or_else(|| {
-                                fault(format!("`{}` is not an index", shown(word)))
-                            })?;
-                            self.push_index(index, place, soup)?;
-                        }
-                    }
+                continue;
+            }
+            let count = integer(word).and_then(|count| u64::try_from(count).ok());
+            let count = count
+                .ok_or_else(|| fault(format!("`{}` is not the length of a list", shown(word))))?;
+            let wanted = self.takes_list(column);
+            if wanted {
+                self.check_length(count, soup)?;
+            }
+            for _ in 0..count {
+                let word = next()?;
+                if wanted {
+                    let index = integer(word)
+                        .ok_or_else(|| fault(format!("`{}` is not an index", shown(word))))?;
+                    self.push_index(index, place, soup)?;
                 }
             }
         }

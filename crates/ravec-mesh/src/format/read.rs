@@ -46,7 +46,8 @@ pub struct ReadOptions {
     /// and none for other formats; `Some(0.0)` those at equal places in any format; more those within this distance
     /// (in units of the file, see [`weld`]), which closes cracks and collapses small triangles.
     pub weld_tolerance: Option<f64>,
-    /// How many bytes will come, if known (default: not known). Only used to report progress.
+    /// How many bytes will come, if known (default: not known). Used to report progress, and as a mark of binary
+    /// STL files, which have no other.
     pub size: Option<u64>,
 }
 
@@ -182,7 +183,14 @@ fn read_dyn(
     if head.is_empty() {
         return Err(ReadMeshError::Empty);
     }
-    source.format = MeshFormat::sniff(head).ok_or(ReadMeshError::UnknownFormat)?;
+    // Of a binary STL file with extraordinary numbers at least the size is right.
+    let is_stl = || {
+        options
+            .size
+            .is_some_and(|size| sniff::is_size_of_stl(head, size))
+    };
+    let format = MeshFormat::sniff(head).or_else(|| is_stl().then_some(MeshFormat::StlBinary));
+    source.format = format.ok_or(ReadMeshError::UnknownFormat)?;
     let mut file = match source.format {
         MeshFormat::StlBinary => stl::read_binary(source),
         MeshFormat::StlAscii => stl::read_ascii(source),

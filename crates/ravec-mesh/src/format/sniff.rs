@@ -1,8 +1,8 @@
 //! Which format a file has, from its first bytes.
 //!
 //! Magic numbers decide where there are some. Text is OFF or OBJ by its first line that is not a comment. Binary STL has
-//! no mark at all (not even the absence of `solid` at its start): it is what is not text and whose first triangles
-//! consist of numbers of ordinary size.
+//! no mark at all (not even the absence of `solid` at its start): it is what is not text and has the right size, or whose
+//! first triangles consist of numbers of ordinary magnitude.
 
 use super::MeshFormat;
 use super::number::{integer, words};
@@ -37,6 +37,31 @@ pub(super) fn sniff(head: &[u8]) -> Option<MeshFormat> {
     }
 }
 
+/// The statements that an OBJ file may begin with.
+const OBJ: [&[u8]; 21] = [
+    b"v",
+    b"vt",
+    b"vn",
+    b"vp",
+    b"f",
+    b"fo",
+    b"l",
+    b"p",
+    b"o",
+    b"g",
+    b"s",
+    b"mg",
+    b"mtllib",
+    b"usemtl",
+    b"usemap",
+    b"maplib",
+    b"shadow_obj",
+    b"trace_obj",
+    b"lod",
+    b"cstype",
+    b"deg",
+];
+
 fn is_text(head: &[u8]) -> bool {
     let head = &head[..head.len().min(TEXT)];
     !head
@@ -60,29 +85,6 @@ fn sniff_text(head: &[u8]) -> Option<MeshFormat> {
         if Header::parse(first).is_some() {
             return Some(MeshFormat::Off);
         }
-        const OBJ: [&[u8]; 21] = [
-            b"v",
-            b"vt",
-            b"vn",
-            b"vp",
-            b"f",
-            b"fo",
-            b"l",
-            b"p",
-            b"o",
-            b"g",
-            b"s",
-            b"mg",
-            b"mtllib",
-            b"usemtl",
-            b"usemap",
-            b"maplib",
-            b"shadow_obj",
-            b"trace_obj",
-            b"lod",
-            b"cstype",
-            b"deg",
-        ];
         if OBJ.contains(&first) {
             return Some(MeshFormat::Obj);
         }
@@ -99,10 +101,7 @@ fn sniff_text(head: &[u8]) -> Option<MeshFormat> {
 
 fn looks_like_stl(head: &[u8]) -> bool {
     const MOST: usize = 20;
-    let Some((header, facets)) = head.split_at_checked(84) else {
-        return false;
-    };
-    let none = header[80..] == [0; 4] && facets.is_empty();
+    let facets = head.get(84..).unwrap_or_default();
     let numbers = facets.chunks_exact(50).take(MOST).flat_map(|facet| {
         let numbers = facet[..48].as_chunks::<4>().0;
         numbers.iter().map(|&bytes| f32::from_le_bytes(bytes).abs())
@@ -113,7 +112,15 @@ fn looks_like_stl(head: &[u8]) -> bool {
         count += 1;
     }
     // Of random bits three numbers in ten are in this range.
-    none || count > 0 && ordinary * 10 >= count * 6
+    is_size_of_stl(head, head.len() as u64) || count > 0 && ordinary * 10 >= count * 6
+}
+
+/// Whether a binary STL file that begins with `head` has `size` bytes.
+pub(super) fn is_size_of_stl(head: &[u8], size: u64) -> bool {
+    let count = head
+        .get(80..84)
+        .map(|count| [count[0], count[1], count[2], count[3]]);
+    count.is_some_and(|count| size == 84 + 50 * u64::from(u32::from_le_bytes(count)))
 }
 
 #[cfg(test)]

@@ -237,7 +237,11 @@ impl<'a> Source<'a> {
             let there = &self.buffer[self.start..self.end];
             let gap = there.iter().position(|byte| !byte.is_ascii_whitespace());
             let blank = &there[..gap.unwrap_or(there.len())];
-            self.line += blank.iter().filter(|&&byte| byte == b'\n').count() as u64;
+            // Mostly a single byte.
+            self.line += blank
+                .iter()
+                .map(|&byte| u64::from(byte == b'\n'))
+                .sum::<u64>();
             self.start += blank.len();
             if gap.is_some() {
                 break;

@@ -131,10 +131,7 @@ pub(super) fn read_ascii(mut source: Source<'_>) -> Result<MeshFile, ReadMeshErr
     // The corners of a loop that has begun.
     let mut open: Option<usize> = None;
     let mut ended = false;
-    loop {
-        let Some((word, place)) = source.word()? else {
-            break;
-        };
+    while let Some((word, place)) = source.word()? {
         ended = false;
         if word.eq_ignore_ascii_case(b"vertex") {
             let vertex = 3 * welder.triangles.len() as u64 + open.unwrap_or(0) as u64;
@@ -209,13 +206,11 @@ fn coordinates(source: &mut Source<'_>, vertex: u64, place: Place) -> Result<DVe
         let Some((word, place)) = source.word()? else {
             return Err(source.truncated("a vertex"));
         };
-        match number(word) {
-            Some(value) => *x = value,
-            None => {
-                let what = format!("`{}` is not a number", shown(word));
-                return Err(source.syntax(place, what));
-            }
-        }
+        let Some(value) = number(word) else {
+            let what = format!("`{}` is not a number", shown(word));
+            return Err(source.syntax(place, what));
+        };
+        *x = value;
     }
     if !at.iter().all(|x| x.is_finite()) {
         return Err(ReadMeshError::NotFinite {

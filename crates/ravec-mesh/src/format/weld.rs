@@ -29,6 +29,7 @@ pub struct Welded {
 ///
 /// `tolerance` is a length in units of the mesh; 0 (and anything that is not a positive number) welds vertices at
 /// exactly equal places only. More closes wider cracks and collapses small triangles.
+#[expect(clippy::missing_panics_doc, reason = "the parts of a mesh make a mesh")]
 pub fn weld(mesh: &TriMesh, tolerance: f64) -> Welded {
     let positions = mesh.positions();
     let (kept, new_from_old) = if tolerance > 0.0 && tolerance.is_finite() {

@@ -18,7 +18,8 @@ use crate::TriMesh;
 /// How a mesh is written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct WriteOptions {
-    /// How exactly coordinates are written (default [`Precision::Exact`]). STL and glTF hold 32-bit floats in any case.
+    /// How exactly coordinates are written (default [`Precision::Exact`]). Binary STL and glTF hold
+    /// 32-bit floats in any case.
     pub precision: Precision,
     /// The unit of the coordinates, if known. 3MF names it (default: millimeters); glTF, whose unit is the meter, scales
     /// by it (default: not at all); no other format knows units.
@@ -66,7 +67,7 @@ pub fn write_mesh(
     let single = options.precision == Precision::Single;
     let always_single = matches!(
         format,
-        MeshFormat::StlBinary | MeshFormat::StlAscii | MeshFormat::Glb | MeshFormat::Gltf
+        MeshFormat::StlBinary | MeshFormat::Glb | MeshFormat::Gltf
     );
     if single || always_single {
         check_f32(mesh, format)?;
@@ -81,12 +82,12 @@ pub fn write_mesh(
     };
     match format {
         MeshFormat::StlBinary => stl::write_binary(mesh, &mut sink),
-        MeshFormat::StlAscii => stl::write_ascii(mesh, &mut sink),
+        MeshFormat::StlAscii => stl::write_ascii(mesh, options.precision, &mut sink),
         MeshFormat::PlyBinary => ply::write_binary(mesh, options.precision, &mut sink),
         MeshFormat::PlyAscii => ply::write_ascii(mesh, options.precision, &mut sink),
         MeshFormat::Obj => text::write_obj(mesh, options.precision, &mut sink),
         MeshFormat::Off => text::write_off(mesh, options.precision, &mut sink),
-        MeshFormat::ThreeMf => threemf::write(mesh, options, &mut sink),
+        MeshFormat::ThreeMf => threemf::write(mesh, *options, &mut sink),
         MeshFormat::Glb => gltf::write_glb(mesh, options.unit, &mut sink),
         MeshFormat::Gltf => gltf::write_gltf(mesh, options.unit, &mut sink),
     }?;

@@ -108,7 +108,7 @@ impl Buffers {
     pub(super) fn new(
         format: MeshFormat,
         file: Vec<u8>,
-        inside: Option<Range<usize>>,
+        inside: Option<&Range<usize>>,
         buffers: &[Buffer],
         mut resolver: Option<&mut BufferResolver<'_>>,
         options: &ReadOptions,
@@ -122,7 +122,7 @@ impl Buffers {
                 index: i as u64,
             };
             let fault = |what: &str| ReadMeshError::syntax(format, place, what);
-            let bytes = match (&buffer.uri, &inside) {
+            let bytes = match (&buffer.uri, inside) {
                 (None, Some(inside)) if i == 0 => Bytes::Inside(inside.clone()),
                 (None, _) => return Err(fault("it has neither data nor an address")),
                 (Some(uri), _) => {

@@ -159,17 +159,15 @@ pub(super) fn read(source: &mut Source<'_>) -> Result<(Encoding, Vec<Element>), 
             b"element" => {
                 let name = next().to_vec();
                 let rows = next();
-                match integer(rows).map(u64::try_from) {
-                    Some(Ok(rows)) => elements.push(Element {
-                        name,
-                        rows,
-                        properties: Vec::new(),
-                    }),
-                    _ => {
-                        let what = format!("`{}` is not a number of elements", shown(rows));
-                        return Err(fault(place, what));
-                    }
-                }
+                let Some(Ok(rows)) = integer(rows).map(u64::try_from) else {
+                    let what = format!("`{}` is not a number of elements", shown(rows));
+                    return Err(fault(place, what));
+                };
+                elements.push(Element {
+                    name,
+                    rows,
+                    properties: Vec::new(),
+                });
             }
             b"property" => {
                 let mut types = [next(), b""];

@@ -91,7 +91,7 @@ pub(super) fn root_of(relations: impl BufRead) -> Option<String> {
                 for attribute in tag.attributes().with_checks(false).flatten() {
                     match attribute.key.local_name().as_ref() {
                         "Target" => {
-                            target = attribute.normalized_value(XmlVersion::Implicit1_0).ok()
+                            target = attribute.normalized_value(XmlVersion::Implicit1_0).ok();
                         }
                         "Type" => is_model = attribute.value.ends_with("/3dmodel"),
                         _ => {}

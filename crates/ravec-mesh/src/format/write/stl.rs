@@ -1,14 +1,15 @@
 //! STL, binary and ASCII.
 //!
-//! Coordinates are rounded to 32-bit floats, so that vertices closer to one another than their spacing (1 part in 10⁷)
-//! become one when the file is read. Normals are those of the exact triangles, zero for those without area.
+//! Coordinates of the binary form are rounded to 32-bit floats, so that vertices closer to one another than their spacing
+//! (1 part in 10⁷) become one when the file is read. Normals are those of the exact triangles, zero for those without
+//! area.
 
 use std::io::Write as _;
 
 use glam::DVec3;
 
 use super::super::error::WriteMeshError;
-use super::{Sink, rounded};
+use super::{Precision, Sink, point, rounded};
 use crate::TriMesh;
 
 fn normal([a, b, c]: [DVec3; 3]) -> [f32; 3] {
@@ -36,14 +37,20 @@ pub(super) fn write_binary(mesh: &TriMesh, sink: &mut Sink<'_>) -> Result<(), Wr
     })
 }
 
-pub(super) fn write_ascii(mesh: &TriMesh, sink: &mut Sink<'_>) -> Result<(), WriteMeshError> {
+pub(super) fn write_ascii(
+    mesh: &TriMesh,
+    precision: Precision,
+    sink: &mut Sink<'_>,
+) -> Result<(), WriteMeshError> {
     sink.bytes(b"solid ravec\n");
     sink.rows(0..mesh.triangles().len() as u32, |buffer, triangle| {
         let corners = mesh.corners(triangle);
         let [x, y, z] = normal(corners);
         write!(buffer, "facet normal {x:?} {y:?} {z:?}\n outer loop\n")?;
-        for [x, y, z] in corners.map(rounded) {
-            writeln!(buffer, "  vertex {x:?} {y:?} {z:?}")?;
+        for corner in corners {
+            buffer.extend_from_slice(b"  vertex ");
+            point(buffer, corner, precision)?;
+            buffer.push(b'\n');
         }
         buffer.extend_from_slice(b" endloop\nendfacet\n");
         Ok(())

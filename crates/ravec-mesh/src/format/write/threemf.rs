@@ -1,13 +1,15 @@
 //! 3MF: one object, built once.
 
-use std::io::{self, Write as _};
+use std::cell::{Cell, RefCell};
+use std::io::{self, Seek, Write};
 
+use ravec_progress::{Phase, Progress};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
 use super::super::LengthUnit;
 use super::super::error::WriteMeshError;
-use super::{Sink, WriteOptions, number, whole};
+use super::{FULL, ROW, Sink, WriteOptions, number, whole};
 use crate::TriMesh;
 
 const TYPES: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
@@ -16,6 +18,9 @@ const TYPES: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
 <Default Extension="model" ContentType="application/vnd.ms-package.3dmanufacturing-3dmodel+xml"/>
 </Types>
 "#;
+
+/// Of 871 k triangles 1 packs 15.6 MB in 0.7 s, 3 packs 14.9 MB in 1.0 s, 6 packs 13.8 MB in 2.6 s.
+const LEVEL: i64 = 3;
 
 const RELATIONS: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
 <Relationships xmlns="http://schemas.openxmlformats.org/package/2006/relationships">
@@ -32,15 +37,100 @@ fn failed(error: zip::result::ZipError) -> WriteMeshError {
 
 pub(super) fn write(
     mesh: &TriMesh,
-    options: &WriteOptions,
+    options: WriteOptions,
     sink: &mut Sink<'_>,
+) -> Result<(), WriteMeshError> {
+    let muted = Muted {
+        writer: RefCell::new(&mut *sink.writer),
+        failure: Cell::new(None),
+        is_mute: Cell::new(false),
+    };
+    let mut archive = ZipWriter::new_stream(&muted);
+    // The archive is finished when it is dropped, at the latest.
+    write_entries(
+        mesh,
+        options,
+        sink.progress,
+        sink.phase,
+        &muted,
+        &mut archive,
+    )
+    .inspect_err(|_| muted.is_mute.set(true))?;
+    archive.finish().map_err(failed)?;
+    muted.check()?;
+    Ok(())
+}
+
+/// A writer that keeps errors to itself, and all bytes from the first error on: `zip` would report on the standard error
+/// stream that it cannot finish an archive, and would finish one that was given up.
+struct Muted<'a> {
+    writer: RefCell<&'a mut dyn Write>,
+    failure: Cell<Option<io::Error>>,
+    is_mute: Cell<bool>,
+}
+
+impl Muted<'_> {
+    /// Notices the first error; all is quiet from then on.
+    fn keep(&self, outcome: io::Result<()>) {
+        if let Err(error) = outcome {
+            self.failure.set(Some(error));
+            self.is_mute.set(true);
+        }
+    }
+
+    fn check(&self) -> io::Result<()> {
+        self.failure.take().map_or(Ok(()), Err)
+    }
+}
+
+impl Write for &Muted<'_> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        if !self.is_mute.get() {
+            self.keep(self.writer.borrow_mut().write_all(bytes));
+        }
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        if !self.is_mute.get() {
+            self.keep(self.writer.borrow_mut().flush());
+        }
+        Ok(())
+    }
+}
+
+/// Hands on to an archive and asks for errors behind it.
+struct Checked<'a, 'b, W: Write + Seek> {
+    archive: &'a mut ZipWriter<W>,
+    muted: &'a Muted<'b>,
+}
+
+impl<W: Write + Seek> Write for Checked<'_, '_, W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = self.archive.write(bytes)?;
+        self.muted.check()?;
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.archive.flush()
+    }
+}
+
+fn write_entries<W: Write + Seek>(
+    mesh: &TriMesh,
+    options: WriteOptions,
+    progress: &Progress,
+    phase: &Phase,
+    muted: &Muted<'_>,
+    archive: &mut ZipWriter<W>,
 ) -> Result<(), WriteMeshError> {
     // An archive entry above 4 GiB has to be announced as such: at most so many bytes are a vertex and a triangle.
     let most = 130 * mesh.positions().len() as u64 + 80 * mesh.triangles().len() as u64;
     let entry = SimpleFileOptions::default()
         .compression_method(CompressionMethod::Deflated)
+        .compression_level(Some(LEVEL))
         .large_file(most > u64::from(u32::MAX) / 2);
-    let mut archive = ZipWriter::new_stream(&mut *sink.writer);
     for (name, content) in [("[Content_Types].xml", TYPES), ("_rels/.rels", RELATIONS)] {
         archive.start_file(name, entry).map_err(failed)?;
         archive.write_all(content.as_bytes())?;
@@ -49,20 +139,18 @@ pub(super) fn write(
         .start_file("3D/3dmodel.model", entry)
         .map_err(failed)?;
     let mut model = Sink {
-        writer: &mut archive,
-        buffer: std::mem::take(&mut sink.buffer),
-        progress: sink.progress,
-        phase: sink.phase,
+        writer: &mut Checked { archive, muted },
+        buffer: Vec::with_capacity(FULL + ROW),
+        progress,
+        phase,
     };
     write_model(mesh, options, &mut model)?;
-    model.flush()?;
-    archive.finish().map_err(failed)?;
-    Ok(())
+    model.flush()
 }
 
 fn write_model(
     mesh: &TriMesh,
-    options: &WriteOptions,
+    options: WriteOptions,
     sink: &mut Sink<'_>,
 ) -> Result<(), WriteMeshError> {
     let unit = options.unit.unwrap_or(LengthUnit::Millimeter);
