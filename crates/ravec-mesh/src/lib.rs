@@ -9,6 +9,7 @@ mod format;
 mod hausdorff;
 mod measures;
 mod predicates;
+pub mod render;
 mod self_intersection;
 mod simplify;
 mod tri_distance;

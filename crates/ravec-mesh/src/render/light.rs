@@ -1,0 +1,40 @@
+//! Light: how bright and of which color a surface looks.
+//!
+//! Lights are fixed to the eye, so that every view is well lit: a key light from the upper left, a weak one from the right
+//! that keeps the dark side readable, a sky that is lighter than the ground, and a highlight that tells curvature.
+
+use glam::Vec3;
+
+/// Toward the key light, in the coordinates of the view.
+const KEY: Vec3 = Vec3::new(-0.408_248_3, 0.577_35, 0.707_106_8);
+/// Toward the light that fills the shadows.
+const FILL: Vec3 = Vec3::new(0.805_823, 0.161_165, 0.569_803);
+
+const KEY_POWER: f32 = 0.62;
+const FILL_POWER: f32 = 0.16;
+const SKY: f32 = 0.34;
+const GROUND: f32 = 0.12;
+/// The highlight's power and sharpness: those of a satin finish.
+const SHINE: f32 = 0.14;
+const SHARPNESS: i32 = 32;
+
+/// How a surface looks.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Look {
+    /// Linear light.
+    pub color: Vec3,
+    /// How much of the highlight there is, 0 to 1; colors that carry numbers have none.
+    pub shine: f32,
+}
+
+/// The light that comes from a surface with the normal `normal` toward `eye`, both of unit length, in the coordinates of the
+/// view. The normal is on the side that is seen.
+pub(super) fn shaded(look: Look, normal: Vec3, eye: Vec3) -> Vec3 {
+    let key = normal.dot(KEY).max(0.0);
+    let fill = normal.dot(FILL).max(0.0);
+    let sky = GROUND + (SKY - GROUND) * (0.5 + 0.5 * normal.y);
+    let bright = KEY_POWER * key + FILL_POWER * fill + sky;
+    let half = (KEY + eye).normalize_or_zero();
+    let shine = SHINE * look.shine * normal.dot(half).max(0.0).powi(SHARPNESS);
+    look.color * bright + Vec3::splat(shine)
+}
