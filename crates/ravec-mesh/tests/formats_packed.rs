@@ -20,7 +20,7 @@ fn places(file: &MeshFile) -> Vec<[f64; 3]> {
     file.mesh
         .positions()
         .iter()
-        .map(|at| at.to_array())
+        .map(glam::DVec3::to_array)
         .collect()
 }
 
@@ -120,9 +120,12 @@ fn faults_of_a_3mf_file_are_named() {
     let item = "<item objectid=\"1\"/>";
     let broken = |from: &str, to: &str| model(&TRIANGLE.replacen(from, to, 1), item);
     let own = "<object id=\"1\"><components><component objectid=\"1\"/></components></object>";
-    let deep: String = (2..200)
-        .map(|id| format!("<object id=\"{id}\"><components><component objectid=\"{}\"/></components></object>", id - 1))
-        .collect();
+    let mut deep = TRIANGLE.to_owned();
+    for id in 2..200 {
+        let component = format!("<component objectid=\"{}\"/>", id - 1);
+        let object = format!("<object id=\"{id}\"><components>{component}</components></object>");
+        deep.push_str(&object);
+    }
     for (file, expected) in [
         (
             broken("<vertex x=\"0\" ", "<vertex "),
@@ -141,7 +144,7 @@ fn faults_of_a_3mf_file_are_named() {
         (model("", item), "there is no such object"),
         (model(own, item), "a component of itself"),
         (
-            model(&(TRIANGLE.to_owned() + &deep), "<item objectid=\"199\"/>"),
+            model(&deep, "<item objectid=\"199\"/>"),
             "nested more than 64 deep",
         ),
         (
@@ -381,7 +384,7 @@ fn gltf_data_in_other_files_are_asked_for() {
     let file = gltf_at(&rest, ",\"uri\":\"my%20data.bin\"");
     match read(&file) {
         Err(ReadMeshError::Unsupported { what, .. }) => {
-            assert!(what.contains("my%20data.bin"), "{what}")
+            assert!(what.contains("my%20data.bin"), "{what}");
         }
         other => panic!("{other:?}"),
     }

@@ -19,7 +19,7 @@ const TYPES: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
 </Types>
 "#;
 
-/// Of 871 k triangles 1 packs 15.6 MB in 0.7 s, 3 packs 14.9 MB in 1.0 s, 6 packs 13.8 MB in 2.6 s.
+/// Of 871 k triangles level 1 makes 18.4 MB in 0.8 s, level 3 14.6 MB in 1.2 s, level 6 13.8 MB in 2.6 s.
 const LEVEL: i64 = 3;
 
 const RELATIONS: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
