@@ -1,7 +1,7 @@
 //! Pictures of meshes, without a window: depth, shading, edges, colors by value and cuts.
 //!
 //! Triangles are sorted into tiles, and each tile is drawn on its own: nearest triangle for each sample, light, lines, mean
-//! over the samples of a pixel. See [`tile`] for how, [`lines`] for how hidden lines are removed, [`camera`] for the view.
+//! over the samples of a pixel. Hidden lines are removed by depth; backs are shaded, too, in another color.
 //!
 //! Guarantees: the same picture, bit for bit, on any number of threads; no gaps and no double samples between neighboring
 //! triangles; any soup will do, also an empty one. Does not guarantee: an order among surfaces that are nearer to each

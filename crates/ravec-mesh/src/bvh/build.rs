@@ -127,7 +127,9 @@ fn build(prims: &mut [Prim], first: usize, depth: usize, nodes: &mut Vec<Node>) 
         {
             let root = nodes.len() as u32;
             node.push(&bounds, child(root, first, count));
-            subtree.iter_mut().for_each(|node| node.shift_nodes(root));
+            for node in &mut subtree {
+                node.shift_nodes(root);
+            }
             nodes.append(&mut subtree);
         }
     } else {

@@ -87,8 +87,12 @@ impl Node {
         let mut touches = [true; WIDTH];
         for axis in 0..3 {
             for (lane, touches) in touches.iter_mut().enumerate() {
-                *touches &= (self.min[axis][lane] <= other.max[axis])
-                    & (other.min[axis] <= self.max[axis][lane]);
+                let (below, above) = (
+                    self.min[axis][lane] <= other.max[axis],
+                    other.min[axis] <= self.max[axis][lane],
+                );
+                // Without branches, so that all lanes are compared at once.
+                *touches = *touches & below & above;
             }
         }
         touches
@@ -98,12 +102,10 @@ impl Node {
     #[inline]
     pub fn distances_sq(&self, p: [f32; 3]) -> [f32; WIDTH] {
         let mut sum = [0.0; WIDTH];
-        for axis in 0..3 {
-            for lane in 0..WIDTH {
-                let below = self.min[axis][lane] - p[axis];
-                let above = p[axis] - self.max[axis][lane];
-                let outside = larger(larger(below, above), 0.0);
-                sum[lane] += outside * outside;
+        for ((&p, min), max) in p.iter().zip(&self.min).zip(&self.max) {
+            for ((sum, min), max) in sum.iter_mut().zip(min).zip(max) {
+                let outside = larger(larger(min - p, p - max), 0.0);
+                *sum += outside * outside;
             }
         }
         sum

@@ -65,7 +65,7 @@ impl Bvh {
     pub fn ray_hits(&self, origin: DVec3, direction: DVec3) -> Vec<RayHit> {
         let mut hits = Vec::new();
         let longest = direction.abs().max_element();
-        if !origin.is_finite() || !(longest > 0.0 && longest.is_finite()) {
+        if !(origin.is_finite() && longest > 0.0 && longest.is_finite()) {
             return hits;
         }
         let ray = Ray::new(origin, direction);

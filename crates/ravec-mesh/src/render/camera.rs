@@ -314,9 +314,10 @@ impl Projector {
 
     #[inline]
     fn raw_depth(&self, p: DVec3) -> f64 {
-        match self.eye {
-            None => self.local(p).z,
-            Some(_) => self.on_plane(p).1,
+        if self.eye.is_none() {
+            self.local(p).z
+        } else {
+            self.on_plane(p).1
         }
     }
 
@@ -332,17 +333,15 @@ impl Projector {
         }
     }
 
-    /// The direction toward the eye as seen from `p`, of unit length, in the coordinates of the view.
+    /// The direction toward the eye as seen from a place at `sample`, of unit length, in the coordinates of the view.
     #[inline]
     pub fn toward_eye(&self, sample: [f64; 2]) -> DVec3 {
-        match self.eye {
-            None => DVec3::Z,
-            Some(_) => {
-                let x = (sample[0] - self.shift[0]) / self.scale;
-                let y = (self.shift[1] - sample[1]) / self.scale;
-                DVec3::new(-x, -y, 1.0).normalize()
-            }
+        if self.eye.is_none() {
+            return DVec3::Z;
         }
+        let x = (sample[0] - self.shift[0]) / self.scale;
+        let y = (self.shift[1] - sample[1]) / self.scale;
+        DVec3::new(-x, -y, 1.0).normalize()
     }
 
     /// Samples per unit of length where the frame's middle is; everywhere if orthographic.

@@ -83,7 +83,7 @@ pub(super) fn encoded(light: Vec3) -> Rgb8 {
 
 /// Lightness and two differences of color. Source: Ottosson, *A perceptual color space for image processing*, 2020.
 fn oklab(light: Vec3) -> Vec3 {
-    let cone = |r: f32, g: f32, b: f32| light.dot(Vec3::new(r, g, b)).cbrt();
+    let cone = |r: f32, g: f32, b: f32| light.dot(Vec3::new(r, g, b)).max(0.0).powf(1.0 / 3.0);
     let l = cone(0.412_221_46, 0.536_332_55, 0.051_445_995);
     let m = cone(0.211_903_5, 0.680_699_5, 0.107_396_96);
     let s = cone(0.088_302_46, 0.281_718_85, 0.629_978_7);

@@ -17,6 +17,8 @@ use crate::TriMesh;
 pub(super) enum Kind {
     Wire,
     Feature,
+    /// The outline of a cut, in the style of features.
+    Cut,
 }
 
 /// A piece of a line that is not cut away.
@@ -114,8 +116,7 @@ fn edge_line(
     let Side { low, high, .. } = sides[0];
     let facing =
         |side: &Side| signed_area(projected, mesh.triangles()[side.triangle as usize]) < 0.0;
-    let capped = params.section.is_some_and(|section| section.capped);
-    if low == high || capped && !sides.iter().any(facing) {
+    if low == high {
         return None;
     }
     let is_feature = params.features.as_ref().is_some_and(|features| {
@@ -181,7 +182,7 @@ fn cut_line(
     };
     let ends = [projector.project(from), projector.project(to)];
     let slope = slope(projected, mesh.triangles()[triangle as usize]);
-    Some(Line::new(ends, slope, Kind::Feature))
+    Some(Line::new(ends, slope, Kind::Cut))
 }
 
 /// The part of a segment that is not cut away.

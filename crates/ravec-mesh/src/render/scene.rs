@@ -12,6 +12,10 @@ use crate::TriMesh;
 /// Steps of a scale of colors: finer than bytes can show.
 const STEPS: usize = 1024;
 
+/// How much of the shadows is left where colors carry numbers: enough to see the shape, and still find the color in the
+/// legend.
+const RELIEF_OF_NUMBERS: f32 = 0.5;
+
 /// How dark the back of a surface is whose color carries numbers.
 const BACK_OF_NUMBERS: f32 = 0.55;
 
@@ -105,7 +109,7 @@ impl<'a> Scene<'a> {
     pub fn line_width(&self, kind: Kind) -> f64 {
         let style = match kind {
             Kind::Wire => self.params.wireframe,
-            Kind::Feature => self.params.features.map(|features| features.style),
+            Kind::Feature | Kind::Cut => self.params.features.map(|features| features.style),
         };
         style.map_or(0.0, |style| {
             style.width_px * f64::from(self.samples_per_side)
@@ -113,7 +117,7 @@ impl<'a> Scene<'a> {
     }
 
     pub fn line_color(&self, kind: Kind) -> Vec3 {
-        self.inks[kind as usize]
+        self.inks[usize::from(kind != Kind::Wire)]
     }
 
     /// Light and cover of where there is nothing.
@@ -135,10 +139,14 @@ impl<'a> Scene<'a> {
         }
     }
 
+    /// Whether backs stand for the inside of a solid that is cut.
+    pub fn is_capped(&self) -> bool {
+        self.params.section.is_some_and(|section| section.capped)
+    }
+
     /// The light of a place of a triangle.
     pub fn light(&self, triangle: u32, weights: [f32; 3], front: bool, sample: [f64; 2]) -> Vec3 {
-        let capped = self.params.section.is_some_and(|section| section.capped);
-        if capped && !front {
+        if self.is_capped() && !front {
             // As if seen on the plane of the cut: flat, and equally bright from everywhere.
             return self.cut;
         }
@@ -168,6 +176,7 @@ impl<'a> Scene<'a> {
                 return Look {
                     color: if front { self.front } else { self.back },
                     shine: 1.0,
+                    relief: 1.0,
                 };
             }
             Paint::VertexColors(colors) => (0..3)
@@ -184,6 +193,7 @@ impl<'a> Scene<'a> {
                 BACK_OF_NUMBERS * color
             },
             shine: 0.0,
+            relief: RELIEF_OF_NUMBERS,
         }
     }
 }

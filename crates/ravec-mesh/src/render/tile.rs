@@ -8,7 +8,7 @@
 use glam::{DVec2, Vec3};
 
 use super::camera::Projected;
-use super::lines::{Kind, Line};
+use super::lines::{Kind, Line, signed_area};
 use super::scene::Scene;
 
 /// Pixels along a side. Buffers of a tile fit into the second level of a cache.
@@ -113,6 +113,8 @@ impl<'a> Tile<'a> {
             self.ink = vec![0.0; self.depth.len()];
             self.ink_kind = vec![Kind::Wire; self.depth.len()];
         }
+        // What is behind the cut of a solid is within it.
+        let hidden_by_cap = self.scene.is_capped() && line.kind != Kind::Cut;
         let [a, b] = line.ends;
         let (from, to) = (DVec2::new(a.x, a.y), DVec2::new(b.x, b.y));
         let along = to - from;
@@ -147,7 +149,10 @@ impl<'a> Tile<'a> {
                 let key = a.key + t * (b.key - a.key) + line.bias;
                 // Nothing far in front of the line is drawn on.
                 let beside = key + line.slope * (reach + 1.0);
-                if f64::from(self.depth[sample]) <= beside && self.is_seen(middle, key) {
+                if f64::from(self.depth[sample]) <= beside
+                    && self.is_seen(middle, key)
+                    && !(hidden_by_cap && self.is_cap(sample))
+                {
                     self.ink[sample] = cover;
                     self.ink_kind[sample] = line.kind;
                 }
@@ -166,6 +171,12 @@ impl<'a> Tile<'a> {
             let mut columns = range(0, middle.x);
             columns.any(|column| f64::from(self.depth[row * self.size[0] + column]) <= key)
         })
+    }
+
+    fn is_cap(&self, sample: usize) -> bool {
+        let triangles = self.scene.mesh.triangles();
+        let corners = triangles.get(self.triangle[sample] as usize);
+        corners.is_some_and(|&corners| signed_area(&self.scene.projected, corners) > 0.0)
     }
 
     /// The pixels, row by row, as premultiplied linear light.
