@@ -10,8 +10,8 @@
 //! however few pairs are listed. Cost: about half a second a million triangles and core, plus what is found.
 
 use std::collections::BinaryHeap;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
@@ -87,7 +87,7 @@ impl Smallest {
             return;
         }
         // a thread that panicked while it held the lock left a valid heap
-        let mut kept = self.kept.lock().unwrap_or_else(|held| held.into_inner());
+        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
         kept.push(pair);
         if kept.len() > self.limit {
             kept.pop();
@@ -99,7 +99,7 @@ impl Smallest {
 
     fn sorted(self) -> Vec<IntersectingPair> {
         let kept = self.kept.into_inner();
-        kept.unwrap_or_else(|held| held.into_inner())
+        kept.unwrap_or_else(PoisonError::into_inner)
             .into_sorted_vec()
     }
 }

@@ -73,11 +73,11 @@ impl Common {
             first: [false; 3],
             second: [false; 3],
         };
-        for i in 0..3 {
-            for j in 0..3 {
-                if a[i] == b[j] {
-                    common.first[i] = true;
-                    common.second[j] = true;
+        for (p, of_first) in a.iter().zip(&mut common.first) {
+            for (q, of_second) in b.iter().zip(&mut common.second) {
+                if p == q {
+                    *of_first = true;
+                    *of_second = true;
                 }
             }
         }
@@ -85,15 +85,15 @@ impl Common {
     }
 
     #[inline]
-    fn count(&self) -> usize {
+    fn count(self) -> usize {
         self.first.iter().filter(|&&common| common).count()
     }
 
-    fn all(&self) -> bool {
+    fn all(self) -> bool {
         self.first == [true; 3] && self.second == [true; 3]
     }
 
-    fn swapped(&self) -> Self {
+    fn swapped(self) -> Self {
         Self {
             first: self.second,
             second: self.first,

@@ -87,10 +87,15 @@ impl Solid {
     }
 
     /// The same thing elsewhere.
+    ///
+    /// # Panics
+    /// If `shift` is not finite.
     #[must_use]
     pub fn shifted(self, shift: DVec3) -> Self {
         let (mut positions, triangles) = self.mesh.into_parts();
-        positions.iter_mut().for_each(|p| *p += shift);
+        for p in &mut positions {
+            *p += shift;
+        }
         let mesh = TriMesh::new(positions, triangles)
             .expect("a mesh stays one, as long as places stay numbers");
         Self {

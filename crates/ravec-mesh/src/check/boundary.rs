@@ -48,7 +48,9 @@ pub(super) fn loops(mesh: &TriMesh, adjacency: &Adjacency, boundary: &[u32]) -> 
                 sets.join(edges[0], other);
             }
             if edges.len() != 2 {
-                edges.iter().for_each(|&i| loose[i as usize] = true);
+                for &i in edges {
+                    loose[i as usize] = true;
+                }
             }
         }
     }

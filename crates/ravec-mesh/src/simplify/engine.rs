@@ -156,7 +156,9 @@ impl<V: FnMut(&CollapseCandidate<'_>) -> bool> Engine<V> {
                 let across = (q - p).cross((b - a).cross(c - a));
                 if let Some(n) = across.try_normalize() {
                     let wall = Quadric::plane(n, p, CURVE_WEIGHT * p.distance_squared(q));
-                    ends.into_iter().for_each(|v| quadrics[v as usize] += wall);
+                    for v in ends {
+                        quadrics[v as usize] += wall;
+                    }
                 }
             }
         }

@@ -84,8 +84,8 @@ pub fn comb(fins: u32, thickness: f64, gap: f64, height: f64) -> Solid {
         let (low, high) = (at(x, gap), at(x, gap + height));
         outline.extend(if i % 2 == 1 { [low, high] } else { [high, low] });
     }
-    let base = |i: u32| count + 2 * (count - 1 - i) + u32::from(i % 2 == 0);
-    let tip = |i: u32| count + 2 * (count - 1 - i) + u32::from(i % 2 == 1);
+    let base = |i: u32| count + 2 * (count - 1 - i) + 1 - i % 2;
+    let tip = |i: u32| count + 2 * (count - 1 - i) + i % 2;
     let mut caps = Vec::new();
     for i in 0..count - 1 {
         let (a, b, c, d) = (i, i + 1, base(i + 1), base(i));

@@ -51,7 +51,9 @@ pub fn icosphere(radius: f64, divisions: u32) -> Solid {
             DVec3::new(long, 0.0, one),
         ]);
     }
-    positions.iter_mut().for_each(|p| *p = p.normalize());
+    for p in &mut positions {
+        *p = p.normalize();
+    }
     // the sides of the icosahedron are its shortest distances: 2 among corners of length √(1 + golden²)
     let side_sq = 4.0 / (1.0 + golden * golden);
     let near =
@@ -83,7 +85,9 @@ pub fn icosphere(radius: f64, divisions: u32) -> Solid {
             })
             .collect();
     }
-    positions.iter_mut().for_each(|p| *p *= radius);
+    for p in &mut positions {
+        *p *= radius;
+    }
     sphere("icosphere", positions, triangles, radius)
 }
 
@@ -99,7 +103,9 @@ pub fn uv_sphere(radius: f64, slices: u32, stacks: u32) -> Solid {
             DVec3::new(sin * x, sin * y, -cos)
         }));
     }
-    positions.iter_mut().for_each(|p| *p *= radius);
+    for p in &mut positions {
+        *p *= radius;
+    }
     let at = |stack: u32, i: u32| 2 + (stack - 1) * slices + i % slices;
     let mut triangles = Vec::new();
     for i in 0..slices {
