@@ -230,7 +230,7 @@ pub fn check(
         manifold,
         oriented,
         euler,
-        // each part has 2 - 2 handles
+        // a part with h handles adds 2 - 2h
         genus: (closed && manifold && oriented && proper == mesh.triangles().len())
             .then(|| (i64::from(components) - euler / 2).unsigned_abs()),
         boundary_edges: Found::of(&boundary_ends, limit),
