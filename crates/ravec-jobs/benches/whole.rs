@@ -1,7 +1,8 @@
 //! Whole operations: time, rate and quality, as tables for `docs/measurements.md`.
 //!
 //! `cargo bench -p ravec-jobs --bench whole` measures on the built-in street; with `RAVEC_PHOTOS=DIR` the quality tables are
-//! made from the PNG files in that folder instead. `cargo test` only compiles it.
+//! made from the PNG files in that folder instead. Names of sections (`fit`, `coarse`, `reconstruction`, `brush`, `growth`)
+//! behind `--` choose what is run. `cargo test` only compiles it.
 
 use fearless_simd::Level;
 use ravec::progress::Progress;
@@ -81,11 +82,23 @@ fn main() {
         photos => photos,
     };
     let base = photos[0].clone();
-    exact_fit(&base);
-    coarse_to_fine(&photos);
-    reconstruction(&photos);
-    brush(&base);
-    growth(&base);
+    let sections: [(&str, &dyn Fn()); 5] = [
+        ("fit", &|| exact_fit(&base)),
+        ("coarse", &|| coarse_to_fine(&photos)),
+        ("reconstruction", &|| reconstruction(&photos)),
+        ("brush", &|| brush(&base)),
+        ("growth", &|| growth(&base)),
+    ];
+    // `cargo bench` adds an option of its own
+    let named: Vec<String> = std::env::args()
+        .skip(1)
+        .filter(|argument| !argument.starts_with('-'))
+        .collect();
+    for (name, run) in sections {
+        if named.is_empty() || named.iter().any(|asked| asked == name) {
+            run();
+        }
+    }
 }
 
 fn exact_fit(base: &Image<Srgb<u8>>) {
@@ -193,8 +206,8 @@ fn reconstruction(photos: &[Image<Srgb<u8>>]) {
 
 fn brush(base: &Image<Srgb<u8>>) {
     let image: Image<LinearRgba> = tiled(base, 1024, 1024).convert();
-    println!("### Brush, radius 64, window 9: one dab away from earlier ones, on 1 megapixel\n");
-    println!("| tool | ms |\n|---|---|");
+    println!("### Brush, radius 64, window 9, on 1 megapixel; medians of 9\n");
+    println!("| tool | one dab, ms | stroke on by 129 px, ms |\n|---|---|---|");
     let operator = |mode| Tool::Operator {
         mode,
         iterations: 1,
@@ -213,24 +226,37 @@ fn brush(base: &Image<Srgb<u8>>) {
         ("clone", Tool::Clone { offset: [40, 0] }),
         ("mask", Tool::Mask),
     ] {
-        let mut times = Vec::new();
-        for run in 0..7 {
-            let progress = Progress::none();
-            let stroke = Stroke::new(tool.clone(), vec![[150.0, 150.0]], 64.0);
-            let mut brush =
-                Brush::begin(image.clone(), stroke, &progress).expect("the stroke is valid");
+        let progress = Progress::none();
+        let dab = |run: usize| {
+            let at = 150.0 + 40.0 * run as f64;
+            Stroke::new(tool.clone(), vec![[at, at]], 64.0)
+        };
+        let mut brush = Brush::begin(image.clone(), dab(0), &progress).expect("a valid stroke");
+        let (mut dabs, mut steps) = (Vec::new(), Vec::new());
+        for run in 0..9 {
+            let start = Instant::now();
+            brush
+                .next_stroke(dab(run), &progress)
+                .expect("a valid stroke");
+            dabs.push(start.elapsed().as_secs_f64());
             let start = Instant::now();
             // a step of two radii: nothing under the new dab is known yet
+            let [[x, y], ..] = brush.stroke().points[..] else {
+                continue;
+            };
             brush
-                .extend([150.0 + 129.0, 150.0 + f64::from(run)], &progress)
-                .expect("the point is valid");
-            times.push(start.elapsed().as_secs_f64());
+                .extend([x + 129.0, y], &progress)
+                .expect("a valid point");
+            steps.push(start.elapsed().as_secs_f64());
         }
-        times.sort_by(f64::total_cmp);
-        println!("| {name} | {:.1} |", 1e3 * times[3]);
+        let [dab, step] = [dabs, steps].map(|mut times| {
+            times.sort_by(f64::total_cmp);
+            1e3 * times[times.len() / 2]
+        });
+        println!("| {name} | {dab:.1} | {step:.1} |");
     }
     println!(
-        "\n(each extension covers a band of 129 x 128 pixels beside the new dab: about twice the dab's own area)\n"
+        "\n(a step covers a band of 129 x 128 pixels beside the new dab: about twice the dab's own area)\n"
     );
     let params = OperatorParams {
         mode: Mode::Smooth,

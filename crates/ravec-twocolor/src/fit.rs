@@ -1,7 +1,7 @@
 //! The fit of the blocks of one row of an image.
 
 use crate::coarse_to_fine;
-use crate::pixel::TwoColorPixel;
+use crate::pixel::{MAX_LIGHT, TwoColorPixel, countable};
 use crate::split_table::{SplitTable, split_table};
 use crate::sweep::{Batch, Found, FoundWeighted, MAX_LANES, OPAQUE, WEIGHTED};
 use fearless_simd::prelude::*;
@@ -105,7 +105,7 @@ pub(crate) fn fit_block_row<S: Simd, P: Color>(
     }
 }
 
-/// Puts linear light into the lanes. Stops and returns false at the first pixel that is not opaque.
+/// Puts linear light into the lanes. Returns false, perhaps midway, if a pixel is not opaque or not a number.
 #[inline(always)]
 fn gather_opaque<S: Simd, P: Color>(
     batch: &mut Batch<S, OPAQUE>,
@@ -130,7 +130,16 @@ fn gather_opaque<S: Simd, P: Color>(
             }
         }
     }
-    true
+    // in whole vectors, after the fact: cheaper than a look at each pixel
+    let mut countable = true;
+    for pixel in &batch.pixels {
+        for channel in pixel {
+            for lane in 0..Batch::<S, OPAQUE>::LANES {
+                countable &= (lane >= blocks) | (channel[lane].abs() <= MAX_LIGHT);
+            }
+        }
+    }
+    countable
 }
 
 /// Linear light to Oklab, in place.
@@ -163,7 +172,7 @@ fn gather_weighted<S: Simd, P: Color>(
                 None
             };
             let channels = inside.map_or([0.0; WEIGHTED], |pixel| {
-                let color = pixel.to_linear();
+                let color = countable(pixel.to_linear());
                 let alpha = color.alpha().clamp(0.0, 1.0);
                 let [l, a, b] = oklab_from_linear(color.rgb());
                 [alpha * l, alpha * a, alpha * b, alpha, 1.0]

@@ -2,8 +2,10 @@
 
 use super::path::Path;
 use super::stroke::{Stroke, StrokeError};
+use crate::clean::NoiseLevel;
 use crate::dense::{WindowParams, map_windows};
-use crate::operator::{Mode, OperatorParams, Sides, operate};
+use crate::operator::{Mode, OperatorParams, noise_for, operate_with};
+use crate::pointwise::Sides;
 use glam::DVec2;
 use ravec_progress::Progress;
 use ravec_raster::{Image, LinearRgba, Rect, Size};
@@ -12,8 +14,9 @@ use rayon::prelude::*;
 /// Side of a cell in pixels: small, so that few windows outside a round brush are fitted; large enough for whole batches.
 const SIDE: usize = 32;
 
-/// The sides of the window around a pixel, as plain numbers: own color, other color, coverage, quality.
-type Packed = [f32; 8];
+/// The sides of the window around a pixel, as plain numbers: own color, other color, coverage, quality,
+/// variance, remoteness.
+type Packed = [f32; 10];
 
 /// A cell: the windows of its pixels, and for some tools what its pixels become.
 struct Cell {
@@ -29,6 +32,8 @@ pub(crate) struct Cells {
     windows: WindowParams,
     /// The operator whose result is not a function of one window.
     regional: Option<OperatorParams>,
+    /// What a cleaning operator works against, once known.
+    noise: Option<NoiseLevel>,
 }
 
 impl Cells {
@@ -48,6 +53,7 @@ impl Cells {
                 ..WindowParams::default()
             },
             regional: stroke.operator().filter(|params| !pointwise(params)),
+            noise: None,
         }
     }
 
@@ -60,11 +66,10 @@ impl Cells {
         progress: &Progress,
     ) -> Result<(), StrokeError> {
         // the noise of the whole picture, once, not of every cell
-        if let Some(params) = &mut self.regional
-            && params.mode == Mode::Clean
-            && params.noise_sigma.is_none()
+        if let Some(params) = &self.regional
+            && self.noise.is_none()
         {
-            params.noise_sigma = Some(crate::clean::estimate_noise(image, progress)?.typical());
+            self.noise = noise_for(image, params, progress)?;
         }
         let rows = region.row / SIDE..=(region.bottom() - 1) / SIDE;
         let missing: Vec<usize> = rows
@@ -85,13 +90,22 @@ impl Cells {
                         other,
                         coverage,
                         quality,
-                    } = Sides::of(window);
+                        variance,
+                        remoteness,
+                    } = Sides::of(window, self.windows.window_px);
+                    let ([l0, a0, b0], [l1, a1, b1]) = (own, other);
                     [
-                        own[0], own[1], own[2], other[0], other[1], other[2], coverage, quality,
+                        l0, a0, b0, l1, a1, b1, coverage, quality, variance, remoteness,
                     ]
                 })?;
                 let target = match &self.regional {
-                    Some(params) => Some(operate(image, rect, params, &quiet)?),
+                    Some(params) => Some(operate_with(
+                        image,
+                        rect,
+                        params,
+                        self.noise.as_ref(),
+                        &quiet,
+                    )?),
                     None => None,
                 };
                 Ok((cell, Cell { sides, target }))
@@ -115,12 +129,25 @@ impl Cells {
     /// The sides of the window around a pixel, if its cell is filled.
     pub fn sides(&self, col: usize, row: usize) -> Option<Sides> {
         let (cell, [x, y]) = self.at(col, row)?;
-        let [a, b, c, d, e, f, coverage, quality] = cell.sides[(x, y)];
-        Some(Sides {
-            own: [a, b, c],
-            other: [d, e, f],
+        let [
+            l0,
+            a0,
+            b0,
+            l1,
+            a1,
+            b1,
             coverage,
             quality,
+            variance,
+            remoteness,
+        ] = cell.sides[(x, y)];
+        Some(Sides {
+            own: [l0, a0, b0],
+            other: [l1, a1, b1],
+            coverage,
+            quality,
+            variance,
+            remoteness,
         })
     }
 
