@@ -1,5 +1,9 @@
 //! A picture before and after the stroke that is being painted.
 
+use crate::clean::NoiseLevel;
+use crate::field::FitError;
+use crate::operator::{OperatorParams, noise_for};
+use ravec_progress::Progress;
 use ravec_raster::{Image, LinearRgba, Rect};
 
 /// Two copies of a picture that differ only where the current stroke has painted, so that the next stroke costs as much as
@@ -11,6 +15,9 @@ pub(crate) struct Canvas {
     pub image: Image<LinearRgba>,
     /// All pixels where the two may differ.
     painted: Rect,
+    /// The noise that the first cleaning stroke found in the whole picture. Later ones use it again: painting does not change
+    /// what the camera did, and the estimate costs as much as the picture is large.
+    noise: Option<NoiseLevel>,
 }
 
 impl Canvas {
@@ -19,7 +26,23 @@ impl Canvas {
             before: image.clone(),
             image,
             painted: Rect::new(0, 0, 0, 0),
+            noise: None,
         }
+    }
+
+    /// The noise that a cleaning stroke works against: given by the stroke, or that of the picture.
+    pub fn noise_for(
+        &mut self,
+        operator: &OperatorParams,
+        progress: &Progress,
+    ) -> Result<Option<NoiseLevel>, FitError> {
+        if operator.noise_sigma.is_some() {
+            return noise_for(&self.before, operator, progress);
+        }
+        if self.noise.is_none() {
+            self.noise = noise_for(&self.before, operator, progress)?;
+        }
+        Ok(self.noise.clone())
     }
 
     /// Takes the stroke off the pixels of `region`, which must lie in the picture, before it is painted there anew.

@@ -1,10 +1,11 @@
 //! What the tools need to know of the picture under a stroke, worked out cell by cell as strokes reach them.
 
+use super::canvas::Canvas;
 use super::path::Path;
 use super::stroke::{Stroke, StrokeError};
 use crate::clean::NoiseLevel;
 use crate::dense::{WindowParams, map_windows};
-use crate::operator::{Mode, OperatorParams, noise_for, operate_with};
+use crate::operator::{Mode, OperatorParams, operate_with};
 use crate::pointwise::Sides;
 use glam::DVec2;
 use ravec_progress::Progress;
@@ -60,7 +61,7 @@ impl Cells {
     /// Fills the cells of `region` that the path reaches.
     pub fn ensure(
         &mut self,
-        image: &Image<LinearRgba>,
+        canvas: &mut Canvas,
         path: &Path,
         region: Rect,
         progress: &Progress,
@@ -69,8 +70,9 @@ impl Cells {
         if let Some(params) = &self.regional
             && self.noise.is_none()
         {
-            self.noise = noise_for(image, params, progress)?;
+            self.noise = canvas.noise_for(params, progress)?;
         }
+        let image = &canvas.before;
         let rows = region.row / SIDE..=(region.bottom() - 1) / SIDE;
         let missing: Vec<usize> = rows
             .flat_map(|y| (region.col / SIDE..=(region.right() - 1) / SIDE).map(move |x| (x, y)))

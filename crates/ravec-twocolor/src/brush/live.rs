@@ -123,8 +123,8 @@ impl Brush {
         if region.is_empty() {
             return Ok(region);
         }
-        let before = &self.canvas.before;
-        self.cells.ensure(before, path, region, progress)?;
+        self.cells
+            .ensure(&mut self.canvas, path, region, progress)?;
         // where the nearest point of the way has moved, paint may have to go again
         self.canvas.wipe(region);
         if let Some(mask) = &mut self.mask {

@@ -90,7 +90,7 @@ fn paint(
         return Ok(0);
     }
     let mut cells = Cells::new(size, stroke);
-    cells.ensure(&canvas.before, &path, region, progress)?;
+    cells.ensure(canvas, &path, region, progress)?;
     canvas.wipe(region);
     if stroke.tool == Tool::Mask && mask.is_none() {
         *mask = Some(Plane::new(size, 0.0));
