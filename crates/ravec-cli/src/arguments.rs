@@ -70,7 +70,12 @@ pub enum Command {
         #[arg(long, value_name = "FILE")]
         stroke: Option<PathBuf>,
         /// Write the selection that mask strokes painted as a grey picture
-        #[arg(long, value_name = "FILE", requires = "stroke")]
+        #[arg(
+            long,
+            value_name = "FILE",
+            requires = "stroke",
+            conflicts_with = "everywhere"
+        )]
         mask: Option<PathBuf>,
         #[command(flatten)]
         params: brush::Params,

@@ -1,6 +1,7 @@
 //! The end of each help page: examples, the form of input files, exit codes.
 //!
-//! The examples are run by the tests as they are written here, with `photo.jpg` and the like in the folder.
+//! The examples are run by the tests as they are written here, with `photo.jpg` and the like in the folder. Paragraphs are one
+//! line each, which is broken to the width of the terminal.
 
 /// What the program ends with.
 macro_rules! exit_codes {
@@ -24,7 +25,7 @@ Examples:
   ravec demo --image photo.jpg --out gallery
   ravec twocolor photo.jpg -o blocks.png
 
-Pictures are PNG, JPEG, WebP, TIFF, BMP, OpenEXR or Radiance HDR, told apart by their content. An output replaces an older
+Pictures are PNG, JPEG, WebP, TIFF, BMP, OpenEXR or Radiance HDR, told apart by their content. An output replaces an older \
 file of its name once it is whole, but never an input.
 
 ",
@@ -38,7 +39,7 @@ Examples:
   ravec compare photo.jpg noisy.jpg
   ravec compare photo.jpg noisy.jpg -q --json figures.json
 
-Figures: psnr_db (infinite, or null in JSON, for equal pictures), ssim (1 for equal pictures), delta_e_mean, delta_e_p95 and
+Figures: psnr_db (infinite, or null in JSON, for equal pictures), ssim (1 for equal pictures), delta_e_mean, delta_e_p95 and \
 delta_e_max (CIEDE2000; 1 is just noticeable), max_difference_steps (of 255), max_alpha_difference, identical (0 or 1).
 
 ",
@@ -77,9 +78,9 @@ Strokes: points, in pixels from the upper left corner, are one stroke with the s
 Strokes with settings of their own fit a picture of any size, because they say on which size they were drawn:
   {\"version\": 1, \"width\": 800, \"height\": 600, \"strokes\": [
     {\"tool\": {\"operator\": {\"mode\": \"smooth\"}}, \"points\": [[40, 30], [90, 50]], \"radius_px\": 20},
-    {\"tool\": {\"color\": {\"rgb\": [192, 48, 32]}}, \"points\": [[200, 150]], \"radius_px\": 60, \"hardness\": 1},
+    {\"tool\": {\"color\": {\"rgb\": [192, 48, 32]}}, \"points\": [[200, 150]], \"radius_px\": 60},
     {\"tool\": \"mask\", \"points\": [[200, 150]], \"radius_px\": 60}]}
-Tools: {\"operator\": {\"mode\": MODE, \"iterations\": 1, \"noise_sigma\": null}}, {\"color\": {\"rgb\": [R, G, B]}}, \"dodge\", \"burn\",
+Tools: {\"operator\": {\"mode\": MODE, \"iterations\": 1, \"noise_sigma\": null}}, {\"color\": {\"rgb\": [R, G, B]}}, \"dodge\", \"burn\", \
 {\"saturation\": {\"amount\": 0.5}}, {\"recolor\": {\"rgb\": [R, G, B]}}, \"mask\", {\"clone\": {\"offset\": [DX, DY]}}.
 Settings: hardness, strength, edge_aware, edge_tolerance, window_px, accumulate, spacing.
 A list [...] of such strokes is taken as drawn on the picture as it is.
