@@ -397,7 +397,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.json");
         let read = |text: &[u8]| {
-            std::fs::write(&path, text).unwrap();
+            write_atomically(&path, |writer| writer.write_all(text)).unwrap();
             read_text(&path, 9).map_err(|error| error.to_string())
         };
         assert_eq!(read("\u{feff}[1, 2]".as_bytes()).unwrap(), "[1, 2]");
