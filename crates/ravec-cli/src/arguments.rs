@@ -163,7 +163,7 @@ pub struct Global {
     /// How many threads to work with, 1 to 1024 [default: all cores]. The result does not depend on it
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
-    /// The most pixels that a picture may have when read; `k`, `M` and `G` multiply by powers of 1000
+    /// The most pixels that a picture may have when read or enlarged; `k`, `M` and `G` multiply by powers of 1000
     #[arg(long, global = true, value_name = "COUNT", value_parser = count,
         default_value_t = Limits::default().max_pixels)]
     pub max_pixels: u64,

@@ -80,9 +80,18 @@ Strokes with settings of their own fit a picture of any size, because they say o
     {\"tool\": {\"operator\": {\"mode\": \"smooth\"}}, \"points\": [[40, 30], [90, 50]], \"radius_px\": 20},
     {\"tool\": {\"color\": {\"rgb\": [192, 48, 32]}}, \"points\": [[200, 150]], \"radius_px\": 60},
     {\"tool\": \"mask\", \"points\": [[200, 150]], \"radius_px\": 60}]}
-Tools: {\"operator\": {\"mode\": MODE, \"iterations\": 1, \"noise_sigma\": null}}, {\"color\": {\"rgb\": [R, G, B]}}, \"dodge\", \"burn\", \
-{\"saturation\": {\"amount\": 0.5}}, {\"recolor\": {\"rgb\": [R, G, B]}}, \"mask\", {\"clone\": {\"offset\": [DX, DY]}}.
-Settings: hardness, strength, edge_aware, edge_tolerance, window_px, accumulate, spacing.
+Tools:
+  {\"operator\": {\"mode\": \"smooth\", \"iterations\": 1, \"noise_sigma\": null}}
+  {\"color\": {\"rgb\": [192, 48, 32]}}
+  {\"recolor\": {\"rgb\": [192, 48, 32]}}
+  {\"saturation\": {\"amount\": 0.5}}
+  {\"clone\": {\"offset\": [-40, 12]}}
+  \"dodge\"
+  \"burn\"
+  \"mask\"
+Settings of a stroke that may be left out, as they are then:
+  \"hardness\": 0.5, \"strength\": 1, \"edge_aware\": true, \"edge_tolerance\": 0.08,
+  \"window_px\": 9, \"accumulate\": false, \"spacing\": 0.25
 A list [...] of such strokes is taken as drawn on the picture as it is.
 
 Figures: strokes and touched_pixels with --stroke; noise_sigma_steps and compressed (0 or 1) with --mode clean.

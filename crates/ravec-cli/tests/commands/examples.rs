@@ -76,6 +76,37 @@ fn examples_of_the_help_run_as_they_are_written() {
     }
 }
 
+#[test]
+fn tools_and_settings_of_the_help_are_understood() {
+    let folder = studio();
+    let help = done(folder.path(), "help brush");
+    let lines = |title: &str| {
+        let (_, rest) = help.split_once(title).unwrap();
+        let lines = rest
+            .lines()
+            .skip(1)
+            .take_while(|line| line.starts_with("  "));
+        lines.map(str::trim).collect::<Vec<_>>()
+    };
+    let paint = |tool: &str, settings: &str| {
+        let strokes =
+            format!("[{{\"tool\": {tool}, \"points\": [[80, 60]], \"radius_px\": 20{settings}}}]");
+        std::fs::write(folder.path().join("strokes.json"), strokes).unwrap();
+        let arguments = "-q brush photo.jpg -o out.png --mask mask.png --stroke strokes.json";
+        done(folder.path(), arguments);
+        std::fs::read(folder.path().join("out.png")).unwrap()
+    };
+    let settings = format!(", {}", lines("Settings").concat());
+    let tools = lines("Tools");
+    assert_eq!(tools.len(), 8, "{tools:?}");
+    for tool in tools {
+        assert!(
+            paint(tool, "") == paint(tool, &settings),
+            "{tool}: no defaults"
+        );
+    }
+}
+
 #[cfg(unix)]
 #[test]
 fn commands_of_the_readme_run_as_they_are_written() {
