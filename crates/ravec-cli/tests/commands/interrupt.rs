@@ -53,10 +53,6 @@ fn work_that_is_interrupted_leaves_everything_as_it_was() {
         (format!("brush large.bmp -o out.png {slow}"), "-INT"),
         (format!("brush large.bmp -o out.png {slow}"), "-TERM"),
         (
-            format!("brush large.bmp -o out.png --mode abstract {slow}"),
-            "-INT",
-        ),
-        (
             "demo --image large.bmp --max-side 1600 --out gallery".to_owned(),
             "-INT",
         ),
