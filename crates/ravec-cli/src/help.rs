@@ -119,7 +119,7 @@ pub const SCENES: &str = concat!(
 Examples:
   ravec scenes --out scenes --width 96 --height 64
   ravec scenes --out noisy --scene disc --scene wedge --noise-sigma 10
-  ravec scenes --out damaged --scene line-art --jpeg 30 --seed 7
+  ravec scenes --out damaged --scene line-art --width 320 --height 240 --jpeg 30
 
 Each scene is a picture NAME.png (or NAME.jpg) and NAME.json, which says what it was drawn from.
 

@@ -71,7 +71,7 @@ fn work_that_is_interrupted_leaves_everything_as_it_was() {
 #[test]
 fn scenes_that_are_interrupted_are_whole_or_absent() {
     let folder = studio();
-    let arguments = "scenes --out scenes --scene disc --scene street --width 960 --height 720";
+    let arguments = "scenes --out scenes --scene disc --scene street --width 640 --height 480";
     let (code, said) = interrupted(folder.path(), arguments, "drawing street", "-INT");
     assert_eq!(code, Some(130), "{said}");
     let written = files(&folder.path().join("scenes"));
