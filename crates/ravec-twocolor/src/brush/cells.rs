@@ -5,15 +5,20 @@ use super::path::Path;
 use super::stroke::{Stroke, StrokeError};
 use crate::clean::NoiseLevel;
 use crate::dense::{WindowParams, map_windows};
+use crate::field::FitError;
 use crate::operator::{Mode, OperatorParams, operate_with};
 use crate::pointwise::Sides;
 use glam::DVec2;
 use ravec_progress::Progress;
 use ravec_raster::{Image, LinearRgba, Rect, Size};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Side of a cell in pixels: small, so that few windows outside a round brush are fitted; large enough for whole batches.
 const SIDE: usize = 32;
+
+/// The most cells that one task hands to a regional operator.
+const LONGEST_RUN: usize = 4;
 
 /// The sides of the window around a pixel, as plain numbers: own color, other color, coverage, quality,
 /// variance, remoteness.
@@ -80,36 +85,21 @@ impl Cells {
             .map(|(x, y)| y * self.columns + x)
             .filter(|&cell| self.filled[cell].is_none())
             .collect();
-        let filled: Vec<(usize, Cell)> = missing
+        let runs = self.runs(&missing);
+        let targets: Vec<Vec<Image<LinearRgba>>> = runs
             .into_par_iter()
-            .map(|cell| {
+            .map(|run| self.targets_of(image, run, progress))
+            .collect::<Result<_, StrokeError>>()?;
+        let mut targets = targets.into_iter().flatten();
+        let filled: Vec<(usize, Option<Image<LinearRgba>>)> = missing
+            .into_iter()
+            .map(|cell| (cell, targets.next()))
+            .collect();
+        let filled: Vec<(usize, Cell)> = filled
+            .into_par_iter()
+            .map(|(cell, target)| {
                 progress.check()?;
-                let rect = self.rect(cell % self.columns, cell / self.columns);
-                let quiet = Progress::none();
-                let sides = map_windows(image, rect, &self.windows, &quiet, |_, _, window| {
-                    let Sides {
-                        own,
-                        other,
-                        coverage,
-                        quality,
-                        variance,
-                        remoteness,
-                    } = Sides::of(window, self.windows.window_px);
-                    let ([l0, a0, b0], [l1, a1, b1]) = (own, other);
-                    [
-                        l0, a0, b0, l1, a1, b1, coverage, quality, variance, remoteness,
-                    ]
-                })?;
-                let target = match &self.regional {
-                    Some(params) => Some(operate_with(
-                        image,
-                        rect,
-                        params,
-                        self.noise.as_ref(),
-                        &quiet,
-                    )?),
-                    None => None,
-                };
+                let sides = self.sides_of(image, cell)?;
                 Ok((cell, Cell { sides, target }))
             })
             .collect::<Result<_, StrokeError>>()?;
@@ -117,6 +107,79 @@ impl Cells {
             self.filled[index] = Some(cell);
         }
         Ok(())
+    }
+
+    /// Cells side by side, for an operator that reads around its region: so that cells share what lies between them. Nothing
+    /// for the other tools.
+    fn runs(&self, cells: &[usize]) -> Vec<Range<usize>> {
+        if self.regional.is_none() {
+            return vec![];
+        }
+        let row = |cell: usize| cell / self.columns;
+        cells
+            .chunk_by(|&a, &b| a + 1 == b && row(a) == row(b))
+            .flat_map(|run| run.chunks(LONGEST_RUN))
+            .map(|run| run[0]..run[0] + run.len())
+            .collect()
+    }
+
+    /// What the operator makes of each of some cells side by side.
+    fn targets_of(
+        &self,
+        image: &Image<LinearRgba>,
+        run: Range<usize>,
+        progress: &Progress,
+    ) -> Result<Vec<Image<LinearRgba>>, StrokeError> {
+        progress.check()?;
+        let Some(params) = &self.regional else {
+            return Ok(vec![]);
+        };
+        let rects: Vec<Rect> = run.map(|cell| self.rect_of(cell)).collect();
+        let (Some(first), Some(last)) = (rects.first(), rects.last()) else {
+            return Ok(vec![]);
+        };
+        let whole = Rect::new(first.col, first.row, last.right() - first.col, first.height);
+        let quiet = Progress::none();
+        let targets = operate_with(image, whole, params, self.noise.as_ref(), &quiet)?;
+        let crop = |rect: &Rect| {
+            let size = rect.size().ok_or(FitError::EmptyRegion)?;
+            let cropped = targets.crop(rect.col - whole.col, 0, size);
+            cropped.map_err(|_| FitError::EmptyRegion.into())
+        };
+        rects.iter().map(crop).collect()
+    }
+
+    /// The windows of a cell's pixels.
+    fn sides_of(
+        &self,
+        image: &Image<LinearRgba>,
+        cell: usize,
+    ) -> Result<Image<Packed>, StrokeError> {
+        let rect = self.rect_of(cell);
+        let sides = map_windows(
+            image,
+            rect,
+            &self.windows,
+            &Progress::none(),
+            |_, _, window| {
+                let Sides {
+                    own: [l0, a0, b0],
+                    other: [l1, a1, b1],
+                    coverage,
+                    quality,
+                    variance,
+                    remoteness,
+                } = Sides::of(window, self.windows.window_px);
+                [
+                    l0, a0, b0, l1, a1, b1, coverage, quality, variance, remoteness,
+                ]
+            },
+        )?;
+        Ok(sides)
+    }
+
+    fn rect_of(&self, cell: usize) -> Rect {
+        self.rect(cell % self.columns, cell / self.columns)
     }
 
     fn rect(&self, x: usize, y: usize) -> Rect {
