@@ -1,18 +1,17 @@
 //! The command line: one definition for the parser, the help, the completions and the manual.
 
-use crate::exit;
-use clap::{Args, Parser, Subcommand};
+use crate::help;
+use clap::{ArgGroup, Args, Parser, Subcommand};
 use clap_complete::Shell;
 use ravec_jobs::{Limits, brush, compare, demo, scenes, twocolor};
-use std::num::NonZeroUsize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Raster and vector views of images that work together.
 #[derive(Debug, Parser)]
 #[command(
     name = "ravec",
     version,
-    after_help = exit::HELP,
+    after_help = help::PROGRAM,
     arg_required_else_help = true,
     propagate_version = true
 )]
@@ -29,53 +28,62 @@ pub struct Arguments {
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Compare two pictures of the same size: PSNR, SSIM, color difference
-    #[command(after_help = exit::HELP)]
+    #[command(after_help = help::COMPARE)]
     Compare {
-        /// The reference
+        /// The reference; `-` is standard input
         a: PathBuf,
-        /// The picture that is judged
+        /// The picture that is judged; `-` is standard input
         b: PathBuf,
         #[command(flatten)]
         params: compare::Params,
     },
     /// Turn a picture into two-color pixels: blocks with one line and two colors, sharp at any scale
-    #[command(after_help = exit::HELP)]
+    #[command(
+        after_help = help::TWOCOLOR,
+        group = ArgGroup::new("result").args(["output", "svg"]).required(true).multiple(true)
+    )]
     Twocolor {
         /// The picture; `-` is standard input
         input: PathBuf,
-        /// The file to write; its extension says the format, `-` is standard output
-        #[arg(short, long, value_name = "FILE", required_unless_present = "svg")]
+        /// The picture to write; its extension says the format, `-` is standard output in the input's format
+        #[arg(short, long, value_name = "FILE")]
         output: Option<PathBuf>,
-        /// Write a drawing as SVG, with equal-colored neighbors merged
+        /// The drawing to write as SVG, with equal-colored neighbors merged; `-` is standard output
         #[arg(long, value_name = "FILE")]
         svg: Option<PathBuf>,
         #[command(flatten)]
         params: twocolor::Params,
     },
     /// Work on a picture with a brush that stops at edges, or on all of it
-    #[command(after_help = exit::HELP)]
+    #[command(after_help = help::BRUSH)]
     Brush {
         /// The picture; `-` is standard input
         input: PathBuf,
-        /// The file to write; its extension says the format, `-` is standard output
+        /// The picture to write; its extension says the format, `-` is standard output in the input's format
         #[arg(short, long, value_name = "FILE")]
         output: PathBuf,
         /// Apply the mode to the whole picture
         #[arg(long, required_unless_present = "stroke", conflicts_with = "stroke")]
         everywhere: bool,
-        /// Strokes as JSON: a list of strokes, or the points [[x, y], ...] of one with the settings of the flags
+        /// Strokes as JSON, or the points [[x, y], ...] of one stroke with the settings of the flags: see below; `-` is
+        /// standard input
         #[arg(long, value_name = "FILE")]
         stroke: Option<PathBuf>,
-        /// Write the selection that mask strokes painted
-        #[arg(long, value_name = "FILE", requires = "stroke")]
+        /// Write the selection that mask strokes painted as a grey picture
+        #[arg(
+            long,
+            value_name = "FILE",
+            requires = "stroke",
+            conflicts_with = "everywhere"
+        )]
         mask: Option<PathBuf>,
         #[command(flatten)]
         params: brush::Params,
     },
     /// Show what Ravec does: a page of pictures and figures, on a built-in scene or a photo
-    #[command(after_help = exit::HELP)]
+    #[command(after_help = help::DEMO)]
     Demo {
-        /// A photo to use instead of the built-in street
+        /// A photo to use instead of the built-in street; `-` is standard input
         #[arg(long, value_name = "PHOTO")]
         image: Option<PathBuf>,
         /// The folder to write into; made if it is missing
@@ -85,7 +93,7 @@ pub enum Command {
         params: demo::Params,
     },
     /// Write procedural pictures together with what is known about them
-    #[command(after_help = exit::HELP)]
+    #[command(after_help = help::SCENES)]
     Scenes {
         /// The folder to write into; made if it is missing
         #[arg(short, long, value_name = "DIR")]
@@ -94,16 +102,49 @@ pub enum Command {
         params: scenes::Params,
     },
     /// Print a completion script for a shell
+    #[command(after_help = help::COMPLETIONS)]
     Completions {
         /// The shell
         shell: Shell,
     },
     /// Print the manual page, or write the pages of all commands into a folder
+    #[command(after_help = help::MAN)]
     Man {
         /// The folder to write into; made if it is missing
         #[arg(short, long, value_name = "DIR")]
         out: Option<PathBuf>,
     },
+}
+
+impl Command {
+    /// The files that the operation reads.
+    pub fn inputs(&self) -> Vec<&Path> {
+        match self {
+            Self::Compare { a, b, .. } => vec![a, b],
+            Self::Twocolor { input, .. } => vec![input],
+            Self::Brush { input, stroke, .. } => {
+                let stroke = stroke.as_deref();
+                std::iter::once(input.as_path()).chain(stroke).collect()
+            }
+            Self::Demo { image, .. } => image.as_deref().into_iter().collect(),
+            Self::Scenes { .. } | Self::Completions { .. } | Self::Man { .. } => Vec::new(),
+        }
+    }
+
+    /// The files that the operation writes, apart from those in a folder that it fills.
+    pub fn outputs(&self) -> Vec<&Path> {
+        match self {
+            Self::Twocolor { output, svg, .. } => output
+                .as_deref()
+                .into_iter()
+                .chain(svg.as_deref())
+                .collect(),
+            Self::Brush { output, mask, .. } => std::iter::once(output.as_path())
+                .chain(mask.as_deref())
+                .collect(),
+            _ => Vec::new(),
+        }
+    }
 }
 
 /// Flags that every operation takes.
@@ -119,10 +160,10 @@ pub struct Global {
     /// Write a report of the run as JSON; `-` writes it to standard output
     #[arg(long, global = true, value_name = "FILE")]
     pub json: Option<PathBuf>,
-    /// How many threads to work with [default: all cores]. The result does not depend on it
-    #[arg(long, global = true, value_name = "N")]
-    pub threads: Option<NonZeroUsize>,
-    /// The most pixels that a picture may have when read; `k`, `M` and `G` multiply by powers of 1000
+    /// How many threads to work with, 1 to 1024 [default: all cores]. The result does not depend on it
+    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// The most pixels that a picture may have when read or enlarged; `k`, `M` and `G` multiply by powers of 1000
     #[arg(long, global = true, value_name = "COUNT", value_parser = count,
         default_value_t = Limits::default().max_pixels)]
     pub max_pixels: u64,
@@ -169,6 +210,32 @@ mod tests {
     }
 
     #[test]
+    fn the_files_of_an_operation_are_known_before_it_runs() {
+        let files = |line: &str| {
+            let command = Arguments::parse_from(line.split(' ')).command;
+            let text = |paths: Vec<&Path>| {
+                let names: Vec<_> = paths.iter().map(|path| path.to_str().unwrap()).collect();
+                names.join(" ")
+            };
+            (text(command.inputs()), text(command.outputs()))
+        };
+        for (line, inputs, outputs) in [
+            ("ravec compare a b", "a b", ""),
+            ("ravec twocolor a -o b --svg c", "a", "b c"),
+            ("ravec brush a -o b --stroke c --mask d", "a c", "b d"),
+            ("ravec brush a -o b --everywhere", "a", "b"),
+            ("ravec demo --image a", "a", ""),
+            ("ravec scenes -o a", "", ""),
+        ] {
+            assert_eq!(
+                files(line),
+                (inputs.to_owned(), outputs.to_owned()),
+                "{line}"
+            );
+        }
+    }
+
+    #[test]
     fn counts_take_a_power_of_a_thousand() {
         assert_eq!(count("12"), Ok(12));
         assert_eq!(count("5k"), Ok(5_000));
@@ -191,6 +258,21 @@ mod tests {
             panic!("not scenes");
         };
         assert_eq!(params, scenes::Params::default());
+        let parsed = Arguments::parse_from(["ravec", "twocolor", "a", "-o", "b"]);
+        let Command::Twocolor { params, .. } = parsed.command else {
+            panic!("not twocolor");
+        };
+        assert_eq!(params, twocolor::Params::default());
+        let parsed = Arguments::parse_from(["ravec", "brush", "a", "-o", "b", "--everywhere"]);
+        let Command::Brush { params, .. } = parsed.command else {
+            panic!("not brush");
+        };
+        assert_eq!(params, brush::Params::default());
+        let parsed = Arguments::parse_from(["ravec", "demo"]);
+        let Command::Demo { params, .. } = parsed.command else {
+            panic!("not demo");
+        };
+        assert_eq!(params, demo::Params::default());
         assert_eq!(parsed.global.limits(), Limits::default());
     }
 }

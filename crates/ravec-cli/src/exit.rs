@@ -15,16 +15,6 @@ pub const OUTPUT: u8 = 4;
 /// Ctrl-C, or a request to end.
 pub const INTERRUPTED: u8 = 130;
 
-/// The end of every help page.
-pub const HELP: &str = "\
-Exit codes:
-    0  done
-    1  the operation failed
-    2  the command line is wrong
-    3  an input cannot be read, is no valid picture, or exceeds a limit
-    4  an output cannot be written
-  130  interrupted by Ctrl-C; nothing half-written is left";
-
 /// Writes to standard error. Whether anybody listens there is not the program's business.
 pub fn tell(text: &str) {
     drop(std::io::stderr().lock().write_all(text.as_bytes()));

@@ -22,6 +22,7 @@
 
 mod arguments;
 mod exit;
+mod help;
 mod interrupt;
 mod progress_bar;
 mod summary;
@@ -30,7 +31,9 @@ use arguments::{Arguments, Command, Global};
 use clap::{CommandFactory as _, Parser as _};
 use exit::Failure;
 use ravec::progress::Progress;
-use ravec_jobs::{JobError, Report, Source, brush, compare, demo, scenes, twocolor};
+use ravec_jobs::{
+    JobError, Report, Source, brush, check_files, check_folder, compare, demo, scenes, twocolor,
+};
 use std::ffi::OsString;
 use std::io::IsTerminal as _;
 use std::path::Path;
@@ -76,6 +79,13 @@ fn usage(answer: &clap::Error) -> ExitCode {
 
 fn execute(Arguments { command, global }: Arguments) -> Result<(), Failure> {
     listen(&global);
+    // the operations look at their own files; only here is the report known, too
+    let outputs: Vec<_> = command
+        .outputs()
+        .into_iter()
+        .chain(global.json.as_deref())
+        .collect();
+    check_files(&command.inputs(), &outputs)?;
     let limits = global.limits();
     let source = |path| Source { path, limits };
     match command {
@@ -145,6 +155,7 @@ fn job(
     };
     let failed = |error: anyhow::Error| Failure::new(exit::FAILED, format_args!("{error:#}"));
     interrupt::cancel_on_ctrl_c(&progress).map_err(failed)?;
+    // none: rayon takes the number of cores
     let threads = global.threads.map_or(0, usize::from);
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
@@ -211,6 +222,7 @@ fn manual(out: Option<&Path>) -> Result<(), Failure> {
             .expect("a vector takes every write");
         return summary::print(&String::from_utf8_lossy(&page));
     };
+    check_folder(folder)?;
     std::fs::create_dir_all(folder)
         .and_then(|()| clap_mangen::generate_to(command_for_pages(), folder))
         .map_err(|error| {

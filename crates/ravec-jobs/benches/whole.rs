@@ -1,11 +1,13 @@
 //! Whole operations: time, rate and quality, as tables for `docs/measurements.md`.
 //!
 //! `cargo bench -p ravec-jobs --bench whole` measures on the built-in street; with `RAVEC_PHOTOS=DIR` the quality tables are
-//! made from the PNG files in that folder instead. `cargo test` only compiles it.
+//! made from the PNG files in that folder instead. Names of sections (`fit`, `coarse`, `reconstruction`, `reduction`, `brush`,
+//! `growth`)
+//! behind `--` choose what is run. `cargo test` only compiles it.
 
 use fearless_simd::Level;
 use ravec::progress::Progress;
-use ravec::raster::{Image, LinearRgba, Rect, Size, Srgb, compare};
+use ravec::raster::{Image, LinearRgba, Rect, ResizeFilter, Size, Srgb, compare, resize};
 use ravec::twocolor::brush::{Brush, Stroke, Tool};
 use ravec::twocolor::{
     CleanParams, FitMethod, FitParams, Mode, OperatorParams, TwoColorField, clean, operate,
@@ -13,6 +15,7 @@ use ravec::twocolor::{
 };
 use ravec_media::Limits;
 use ravec_scenes::Seed;
+use ravec_scenes::catalog::{SceneId, render};
 use ravec_scenes::street::street;
 use std::time::Instant;
 
@@ -81,11 +84,24 @@ fn main() {
         photos => photos,
     };
     let base = photos[0].clone();
-    exact_fit(&base);
-    coarse_to_fine(&photos);
-    reconstruction(&photos);
-    brush(&base);
-    growth(&base);
+    let sections: [(&str, &dyn Fn()); 6] = [
+        ("fit", &|| exact_fit(&base)),
+        ("coarse", &|| coarse_to_fine(&photos)),
+        ("reconstruction", &|| reconstruction(&photos)),
+        ("reduction", &|| reduction(&photos)),
+        ("brush", &|| brush(&base)),
+        ("growth", &|| growth(&base)),
+    ];
+    // `cargo bench` adds an option of its own
+    let named: Vec<String> = std::env::args()
+        .skip(1)
+        .filter(|argument| !argument.starts_with('-'))
+        .collect();
+    for (name, run) in sections {
+        if named.is_empty() || named.iter().any(|asked| asked == name) {
+            run();
+        }
+    }
 }
 
 fn exact_fit(base: &Image<Srgb<u8>>) {
@@ -169,12 +185,9 @@ fn reconstruction(photos: &[Image<Srgb<u8>>]) {
     for block_px in [4, 8, 12, 16] {
         let mut sums = [0.0; 4];
         for image in photos {
-            let mut field = fit(image, block_px, FitMethod::Auto);
             let progress = Progress::none();
-            field
-                .refine_lines(image, &progress)
-                .expect("nobody cancels");
-            let lines = render_to(&field, image.size(), &progress).expect("nobody cancels");
+            let lines = redrawn(image, block_px);
+            let field = fit(image, block_px, FitMethod::Auto);
             let mosaic = render_mosaic(&field, image.size(), &progress).expect("nobody cancels");
             let [a, b] =
                 [&lines, &mosaic].map(|result| compare(image, result).expect("sizes agree"));
@@ -191,10 +204,69 @@ fn reconstruction(photos: &[Image<Srgb<u8>>]) {
     println!();
 }
 
+/// Numbers that a two-color pixel of an opaque picture holds: angle and offset of its line, and two colors.
+const VALUES_PER_BLOCK: f64 = 8.0;
+
+/// The picture drawn again from its two-color pixels, whose lines know parts of pixels.
+fn redrawn(image: &Image<Srgb<u8>>, block_px: usize) -> Image<LinearRgba> {
+    let progress = Progress::none();
+    let mut field = fit(image, block_px, FitMethod::Auto);
+    field
+        .refine_lines(image, &progress)
+        .expect("nobody cancels");
+    render_to(&field, image.size(), &progress).expect("nobody cancels")
+}
+
+/// The picture shrunk to as many values as its two-color pixels hold, and grown again.
+fn reduced(image: &Image<Srgb<u8>>, block_px: usize, filter: ResizeFilter) -> Image<Srgb<u8>> {
+    let scale = (VALUES_PER_BLOCK / 3.0).sqrt() / block_px as f64;
+    let side = |len: usize| (len as f64 * scale).round().max(1.0) as usize;
+    let small = Size::new(side(image.width()), side(image.height())).expect("both are positive");
+    let small = resize(image, small, filter);
+    resize(&small, image.size(), ResizeFilter::Bilinear)
+}
+
+fn reduction(photos: &[Image<Srgb<u8>>]) {
+    println!(
+        "### Two-color image against a reduction to equally many values, drawn up bilinearly: SSIM\n"
+    );
+    println!("(the better of reductions by box and Lanczos)\n");
+    println!("| picture | N = 4 | N = 8 | N = 16 |\n|---|---|---|---|");
+    let mut pictures: Vec<(String, Image<Srgb<u8>>)> = SceneId::ALL
+        .into_iter()
+        .map(|id| {
+            let scene = render(id, id.default_size(), id.default_seed());
+            (id.name().to_owned(), scene.image.convert())
+        })
+        .collect();
+    let numbered = photos.iter().enumerate();
+    pictures.extend(numbered.map(|(i, photo)| (format!("photo {}", i + 1), photo.clone())));
+    let (mut wins, mut count) = ([0; 3], 0);
+    for (name, image) in &pictures {
+        let mut cells = Vec::new();
+        for (i, block_px) in [4, 8, 16].into_iter().enumerate() {
+            let ours = compare(image, &redrawn(image, block_px)).expect("sizes agree");
+            let theirs = [ResizeFilter::Box, ResizeFilter::Lanczos3]
+                .map(|filter| compare(image, &reduced(image, block_px, filter)))
+                .map(|result| result.expect("sizes agree").ssim)
+                .into_iter()
+                .fold(0.0, f64::max);
+            wins[i] += usize::from(ours.ssim > theirs);
+            cells.push(format!("{:.3} / {theirs:.3}", ours.ssim));
+        }
+        count += 1;
+        println!("| {name} | {} |", cells.join(" | "));
+    }
+    println!(
+        "| better on | {} |\n",
+        wins.map(|wins| format!("{wins} of {count}")).join(" | ")
+    );
+}
+
 fn brush(base: &Image<Srgb<u8>>) {
     let image: Image<LinearRgba> = tiled(base, 1024, 1024).convert();
-    println!("### Brush, radius 64, window 9: one dab away from earlier ones, on 1 megapixel\n");
-    println!("| tool | ms |\n|---|---|");
+    println!("### Brush, radius 64, window 9, on 1 megapixel; medians of 9\n");
+    println!("| tool | one dab, ms | stroke on by 129 px, ms |\n|---|---|---|");
     let operator = |mode| Tool::Operator {
         mode,
         iterations: 1,
@@ -213,24 +285,37 @@ fn brush(base: &Image<Srgb<u8>>) {
         ("clone", Tool::Clone { offset: [40, 0] }),
         ("mask", Tool::Mask),
     ] {
-        let mut times = Vec::new();
-        for run in 0..7 {
-            let progress = Progress::none();
-            let stroke = Stroke::new(tool.clone(), vec![[150.0, 150.0]], 64.0);
-            let mut brush =
-                Brush::begin(image.clone(), stroke, &progress).expect("the stroke is valid");
+        let progress = Progress::none();
+        let dab = |run: usize| {
+            let at = 150.0 + 40.0 * run as f64;
+            Stroke::new(tool.clone(), vec![[at, at]], 64.0)
+        };
+        let mut brush = Brush::begin(image.clone(), dab(0), &progress).expect("a valid stroke");
+        let (mut dabs, mut steps) = (Vec::new(), Vec::new());
+        for run in 0..9 {
+            let start = Instant::now();
+            brush
+                .next_stroke(dab(run), &progress)
+                .expect("a valid stroke");
+            dabs.push(start.elapsed().as_secs_f64());
             let start = Instant::now();
             // a step of two radii: nothing under the new dab is known yet
+            let [[x, y], ..] = brush.stroke().points[..] else {
+                continue;
+            };
             brush
-                .extend([150.0 + 129.0, 150.0 + f64::from(run)], &progress)
-                .expect("the point is valid");
-            times.push(start.elapsed().as_secs_f64());
+                .extend([x + 129.0, y], &progress)
+                .expect("a valid point");
+            steps.push(start.elapsed().as_secs_f64());
         }
-        times.sort_by(f64::total_cmp);
-        println!("| {name} | {:.1} |", 1e3 * times[3]);
+        let [dab, step] = [dabs, steps].map(|mut times| {
+            times.sort_by(f64::total_cmp);
+            1e3 * times[times.len() / 2]
+        });
+        println!("| {name} | {dab:.1} | {step:.1} |");
     }
     println!(
-        "\n(each extension covers a band of 129 x 128 pixels beside the new dab: about twice the dab's own area)\n"
+        "\n(a step covers a band of 129 x 128 pixels beside the new dab: about twice the dab's own area)\n"
     );
     let params = OperatorParams {
         mode: Mode::Smooth,

@@ -3,7 +3,7 @@
 //! Guarantees: pixels that no stroke reaches keep their samples; equal parameters give equal files on any number of
 //! threads; outputs are whole or absent.
 
-use crate::error::JobError;
+use crate::error::{JobError, plain};
 use crate::files::{self, Source};
 use crate::report::Report;
 use ravec::progress::Progress;
@@ -90,7 +90,7 @@ pub struct Params {
     /// For antialias with --everywhere: output pixels per pixel of the input, above 0
     #[cfg_attr(feature = "cli", arg(long, value_name = "FACTOR", default_value_t = Params::default().scale))]
     pub scale: f64,
-    /// Radius of a stroke that is given as plain points, in pixels
+    /// Radius of a stroke that is given as plain points, in pixels, above 0, up to 4096
     #[cfg_attr(feature = "cli", arg(long, value_name = "PX", default_value_t = Params::default().radius))]
     pub radius: f64,
     /// Hardness of such a stroke: the share of the radius with full effect, 0 to 1
@@ -108,9 +108,12 @@ pub struct Params {
     /// Where such a stroke copies from, relative to each pixel, as COLUMNS,ROWS
     #[cfg_attr(feature = "cli", arg(long, value_name = "DX,DY", allow_hyphen_values = true, default_value = "0,0", value_parser = offset))]
     pub offset: [i32; 2],
-    /// Leave out the last strokes: undo
+    /// Leave out the last N strokes: undo
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = Params::default().undo))]
     pub undo: usize,
+    /// Quality of a JPEG output, 1 to 100: higher is larger and closer to the picture
+    #[cfg_attr(feature = "cli", arg(long, value_name = "QUALITY", default_value_t = Params::default().quality))]
+    pub quality: u8,
 }
 
 impl Default for Params {
@@ -131,6 +134,7 @@ impl Default for Params {
             amount: 0.5,
             offset: [0, 0],
             undo: 0,
+            quality: WriteOptions::default().quality,
         }
     }
 }
@@ -164,8 +168,8 @@ pub struct Targets {
     pub picture: PathBuf,
     /// The selection that mask strokes painted, as a grey picture.
     pub mask: Option<PathBuf>,
-    /// Strokes as JSON: a list of strokes with the size that they were drawn on, or plain points `[[x, y], …]` of one stroke;
-    /// nothing to work on the whole picture.
+    /// Strokes as JSON: strokes with the size that they were drawn on, a plain list of strokes on this picture, or plain
+    /// points `[[x, y], …]` of one stroke; `-` is standard input, nothing means the whole picture.
     pub strokes: Option<PathBuf>,
 }
 
@@ -184,15 +188,20 @@ impl Params {
         if !(3..=31).contains(&self.window) || self.window.is_multiple_of(2) {
             return wrong("--window", self.window.to_string(), "odd, 3 to 31");
         }
-        if self
-            .noise_sigma
-            .is_some_and(|sigma| !(0.0..=255.0).contains(&sigma))
-        {
-            return wrong(
-                "--noise-sigma",
-                format!("{:?}", self.noise_sigma),
-                "0 to 255",
-            );
+        if let Some(sigma) = self.noise_sigma.filter(|s| !(0.0..=255.0).contains(s)) {
+            return wrong("--noise-sigma", sigma.to_string(), "0 to 255");
+        }
+        if !(self.radius > 0.0 && self.radius <= 4096.0) {
+            return wrong("--radius", self.radius.to_string(), "above 0, up to 4096");
+        }
+        if !(0.0..=1.0).contains(&self.hardness) {
+            return wrong("--hardness", self.hardness.to_string(), "0 to 1");
+        }
+        if !(-1.0..=4.0).contains(&self.amount) {
+            return wrong("--amount", self.amount.to_string(), "-1 to 4");
+        }
+        if !(1..=100).contains(&self.quality) {
+            return wrong("--quality", self.quality.to_string(), "1 to 100");
         }
         if !(self.scale > 0.0 && self.scale <= 64.0) {
             return wrong("--scale", self.scale.to_string(), "above 0, up to 64");
@@ -213,6 +222,24 @@ impl Params {
             );
         }
         Ok(())
+    }
+
+    /// The size of the output, if it stays within the most pixels that a picture may have.
+    fn output_size(&self, input: Size, max_pixels: u64) -> Result<Size, JobError> {
+        let wrong = |range| JobError::Parameter {
+            name: "--scale",
+            value: self.scale.to_string(),
+            range,
+        };
+        if self.scale == 1.0 {
+            return Ok(input);
+        }
+        if input.pixels() as f64 * self.scale * self.scale > max_pixels as f64 {
+            return Err(wrong("small enough to keep the output within --max-pixels"));
+        }
+        let side = |pixels: usize| (pixels as f64 * self.scale).round().max(1.0) as usize;
+        Size::new(side(input.width()), side(input.height()))
+            .map_err(|_| wrong("small enough for a picture"))
     }
 
     /// A stroke of plain points with these settings.
@@ -252,7 +279,8 @@ impl Params {
 ///
 /// # Errors
 /// [`JobError::Parameter`] for a parameter out of range, [`JobError::Strokes`] for strokes that cannot be read or make no
-/// sense, [`JobError::Read`], [`JobError::Write`], [`JobError::Cancelled`].
+/// sense, [`JobError::Read`], [`JobError::Write`], what [`check_files`](crate::check_files) refuses,
+/// [`JobError::Cancelled`].
 pub fn run(
     source: &Source,
     targets: &Targets,
@@ -264,19 +292,18 @@ pub fn run(
     if let Some(path) = &targets.mask {
         files::check_target(path)?;
     }
+    let inputs = [Some(&source.path), targets.strokes.as_ref()];
+    let outputs = [Some(&targets.picture), targets.mask.as_ref()];
+    files::check_files(&paths(inputs), &paths(outputs))?;
     let mut report = Report::new("brush", params);
     if params.mode == BrushMode::Stamp {
         report.seed = Some(params.seed);
     }
     let picture = files::read(source, &mut report, progress)?;
+    let size = params.output_size(picture.image.size(), source.limits.max_pixels)?;
+    files::check_size(&targets.picture, size, &picture)?;
     let result = match &targets.strokes {
-        None => everywhere(
-            &picture,
-            params,
-            source.limits.max_pixels,
-            &mut report,
-            progress,
-        )?,
+        None => everywhere(&picture, params, &mut report, progress)?,
         Some(path) => {
             let mut strokes = read_strokes(path, picture.image.size(), params)?;
             strokes
@@ -304,13 +331,19 @@ pub fn run(
                     i + 1
                 ));
             }
+            if mask.is_some() && targets.mask.is_none() {
+                report.warn("the selection is not kept: name a file for it with --mask");
+            }
             if let Some(path) = &targets.mask {
                 write_mask(path, mask, picture.image.size(), &mut report, progress)?;
             }
             image
         }
     };
-    let options = WriteOptions::default();
+    let options = WriteOptions {
+        quality: params.quality,
+        ..WriteOptions::default()
+    };
     files::write(
         &targets.picture,
         &picture.with_image(&result),
@@ -321,23 +354,19 @@ pub fn run(
     Ok(report)
 }
 
+fn paths(files: [Option<&PathBuf>; 2]) -> Vec<&Path> {
+    files.into_iter().flatten().map(PathBuf::as_path).collect()
+}
+
 /// The operator over the whole picture.
 fn everywhere(
     picture: &Picture,
     params: &Params,
-    max_pixels: u64,
     report: &mut Report,
     progress: &Progress,
 ) -> Result<Image<LinearRgba>, JobError> {
     let whole = Rect::of(picture.image.size());
     if params.scale != 1.0 {
-        if whole.pixels() as f64 * params.scale * params.scale > max_pixels as f64 {
-            return Err(JobError::Parameter {
-                name: "--scale",
-                value: params.scale.to_string(),
-                range: "small enough to keep the output within --max-pixels",
-            });
-        }
         let window = WindowParams {
             window_px: params.window,
             ..WindowParams::default()
@@ -372,7 +401,7 @@ fn everywhere(
             });
         }
         operator.noise_sigma = Some(noise.typical());
-    } else if let Some(sigma) = operator.noise_sigma {
+    } else if let (Mode::Clean, Some(sigma)) = (operator.mode, operator.noise_sigma) {
         report.figures.insert("noise_sigma_steps", f64::from(sigma));
     }
     report.time("operate", || {
@@ -385,16 +414,17 @@ fn read_strokes(path: &Path, size: Size, params: &Params) -> Result<Strokes, Job
         path: path.to_path_buf(),
         reason,
     };
-    let length = std::fs::metadata(path)
-        .map_err(|error| unreadable(error.to_string()))?
-        .len();
-    if length > MAX_STROKES_BYTES {
-        return Err(unreadable(format!(
-            "it has {length} bytes, at most {MAX_STROKES_BYTES} are read"
-        )));
+    let text =
+        files::read_text(path, MAX_STROKES_BYTES).map_err(|error| unreadable(plain(&error)))?;
+    let list = text.trim_start().strip_prefix('[');
+    if list.is_some_and(|rest| rest.trim_start().starts_with('{')) {
+        let list: Vec<Stroke> = serde_json::from_str(&text)
+            .map_err(|error| unreadable(format!("it is no list of strokes: {error}")))?;
+        let mut strokes = Strokes::new(size);
+        strokes.strokes = list;
+        return Ok(strokes);
     }
-    let text = std::fs::read_to_string(path).map_err(|error| unreadable(error.to_string()))?;
-    if text.trim_start().starts_with('[') {
+    if list.is_some() {
         let points: Vec<[f64; 2]> = serde_json::from_str(&text).map_err(|error| {
             unreadable(format!("it is no list of points [[x, y], ...]: {error}"))
         })?;
@@ -403,7 +433,7 @@ fn read_strokes(path: &Path, size: Size, params: &Params) -> Result<Strokes, Job
         return Ok(strokes);
     }
     serde_json::from_str(&text)
-        .map_err(|error| unreadable(format!("it is no list of strokes: {error}")))
+        .map_err(|error| unreadable(format!("they are not in the form of strokes: {error}")))
 }
 
 /// The selection as grey; black where there was no mask stroke.
@@ -559,12 +589,27 @@ mod tests {
     }
 
     #[test]
+    fn a_plain_list_of_strokes_was_drawn_on_this_picture() {
+        let folder = Folder::new();
+        let strokes = r#"[{"tool":"burn","points":[[40,20]],"radius_px":5}]"#;
+        folder.run(Some(strokes), &Params::default()).unwrap();
+        let plain = folder.image("out.png");
+        let sized = format!(r#"{{"version":1,"width":60,"height":40,"strokes":{strokes}}}"#);
+        folder.run(Some(&sized), &Params::default()).unwrap();
+        assert_eq!(folder.image("out.png"), plain);
+        assert_ne!(plain, folder.image("in.png"));
+    }
+
+    #[test]
     fn strokes_that_make_no_sense_are_an_input_error() {
         let folder = Folder::new();
         for text in [
             "",
             "nonsense",
             "[[1]]",
+            "[[NaN, 1]]",
+            "[[1e999, 1]]",
+            "[{}]",
             "[]",
             "{}",
             r#"{"version":7,"width":1,"height":1,"strokes":[]}"#,
@@ -597,6 +642,22 @@ mod tests {
             },
             Params {
                 scale: 2.0,
+                ..Params::default()
+            },
+            Params {
+                radius: 0.0,
+                ..Params::default()
+            },
+            Params {
+                hardness: f64::NAN,
+                ..Params::default()
+            },
+            Params {
+                amount: 5.0,
+                ..Params::default()
+            },
+            Params {
+                quality: 101,
                 ..Params::default()
             },
             Params {

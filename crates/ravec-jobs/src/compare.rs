@@ -21,13 +21,15 @@ pub struct Params {}
 /// `max_alpha_difference`, 0 to 1; `identical`, 1 if no pixel differs at all.
 ///
 /// # Errors
-/// [`JobError::Read`] for an input that is no picture, [`JobError::SizesDiffer`], [`JobError::Cancelled`].
+/// [`JobError::Read`] for an input that is no picture, [`JobError::SizesDiffer`], [`JobError::InputTwice`] if both are
+/// standard input, [`JobError::Cancelled`].
 pub fn run(
     a: &Source,
     b: &Source,
     params: &Params,
     progress: &Progress,
 ) -> Result<Report, JobError> {
+    files::check_files(&[&a.path, &b.path], &[])?;
     let mut report = Report::new("compare", params);
     let image_a = files::read(a, &mut report, progress)?.image;
     let image_b = files::read(b, &mut report, progress)?.image;

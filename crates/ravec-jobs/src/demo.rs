@@ -76,6 +76,7 @@ pub fn run(
             range: "64 to 8192",
         });
     }
+    files::check_folder(out)?;
     let mut report = Report::new("demo", params);
     report.seed = Some(params.seed);
     let (image, origin) = if let Some(source) = photo {

@@ -22,7 +22,7 @@ pub enum JobError {
         range: &'static str,
     },
     /// An input cannot be read or is no valid picture.
-    #[error("cannot read {}: {}", shown(.path), plain(.cause))]
+    #[error("cannot read {}: {}", input_name(.path), plain(.cause))]
     Read {
         /// The file; `-` is standard input.
         path: PathBuf,
@@ -32,8 +32,8 @@ pub enum JobError {
     /// Two inputs must have the same size and have not.
     #[error(
         "{} has {a_size} pixels and {} has {b_size}: give two pictures of the same size",
-        shown(.a),
-        shown(.b)
+        input_name(.a),
+        input_name(.b)
     )]
     SizesDiffer {
         /// The first file.
@@ -46,15 +46,30 @@ pub enum JobError {
         b_size: Size,
     },
     /// An output cannot be written.
-    #[error("cannot write {}: {}", shown(.path), plain(.cause))]
+    #[error("cannot write {}: {}", output_name(.path), plain(.cause))]
     Write {
         /// The file; `-` is standard output.
         path: PathBuf,
         /// What is wrong.
         cause: EncodeError,
     },
+    /// An output would take the place of an input.
+    #[error("cannot write {}: it is an input, which stays as it is; choose another name", output_name(.path))]
+    OverwritesInput {
+        /// The file.
+        path: PathBuf,
+    },
+    /// Two outputs would go to the same place.
+    #[error("{} cannot take two outputs: give each its own file", output_name(.path))]
+    OutputTwice {
+        /// The file; `-` is standard output.
+        path: PathBuf,
+    },
+    /// Two inputs would come from standard input.
+    #[error("standard input can be read only once: give a file for the other input")]
+    InputTwice,
     /// Strokes cannot be read or make no sense.
-    #[error("cannot use the strokes in {}: {reason}", shown(.path))]
+    #[error("cannot use the strokes in {}: {reason}", input_name(.path))]
     Strokes {
         /// The file.
         path: PathBuf,
@@ -73,12 +88,14 @@ pub enum JobError {
 }
 
 impl JobError {
-    /// The exit code of a program that ends with this error: 2 for a parameter or
-    /// the extension of an output, 3 for an input, 4 for an output, 130
-    /// for a cancellation, 1 for anything else.
+    /// The exit code of a program that ends with this error: 2 for a parameter, the extension of an output or files that
+    /// get in each other's way, 3 for an input, 4 for an output, 130 for a cancellation, 1 for anything else.
     pub fn exit_code(&self) -> u8 {
         match self {
             Self::Parameter { .. }
+            | Self::OverwritesInput { .. }
+            | Self::OutputTwice { .. }
+            | Self::InputTwice
             | Self::Write {
                 cause: EncodeError::UnknownExtension | EncodeError::Quality { .. },
                 ..
@@ -155,17 +172,26 @@ impl From<WriteError> for JobError {
     }
 }
 
-/// A path for a message.
-pub(crate) fn shown(path: &Path) -> String {
+/// A path that is read, for a message.
+fn input_name(path: &Path) -> String {
+    name(path, "standard input")
+}
+
+/// A path that is written, for a message.
+fn output_name(path: &Path) -> String {
+    name(path, "standard output")
+}
+
+fn name(path: &Path, stream: &str) -> String {
     if path.as_os_str() == "-" {
-        "standard input or output".to_owned()
+        stream.to_owned()
     } else {
         path.display().to_string()
     }
 }
 
 /// The message of an error without the number that the system has for it.
-fn plain(cause: &impl std::fmt::Display) -> String {
+pub(crate) fn plain(cause: &impl std::fmt::Display) -> String {
     let text = cause.to_string();
     match text.rfind(" (os error ") {
         Some(at) if text.ends_with(')') => text[..at].to_owned(),
@@ -220,7 +246,7 @@ mod tests {
                     b_size: size(2),
                 },
                 3,
-                "a has 1 x 1 pixels and standard input or output has 2 x 1: give two pictures of the same size",
+                "a has 1 x 1 pixels and standard input has 2 x 1: give two pictures of the same size",
             ),
             (
                 unwritable("a.png", io::Error::other("disk full").into()),
@@ -231,6 +257,28 @@ mod tests {
                 unwritable("a.jpg", EncodeError::Quality { quality: 0 }),
                 2,
                 "cannot write a.jpg: JPEG quality is 1 to 100, not 0",
+            ),
+            (
+                unwritable("-", io::Error::other("no reader").into()),
+                4,
+                "cannot write standard output: no reader",
+            ),
+            (
+                JobError::OverwritesInput {
+                    path: "a.png".into(),
+                },
+                2,
+                "cannot write a.png: it is an input, which stays as it is; choose another name",
+            ),
+            (
+                JobError::OutputTwice { path: "-".into() },
+                2,
+                "standard output cannot take two outputs: give each its own file",
+            ),
+            (
+                JobError::InputTwice,
+                2,
+                "standard input can be read only once: give a file for the other input",
             ),
             (
                 Cancelled.into(),

@@ -3,9 +3,14 @@
 use crate::error::JobError;
 use crate::report::{FileReport, Report};
 use ravec::progress::Progress;
-use ravec::raster::AnyImage;
-use ravec_media::{Limits, Picture, WriteOptions, write_atomically};
-use std::io::Write as _;
+use ravec::raster::Size;
+use ravec_media::{
+    EncodeError, Format, Limits, Picture, SampleKind, WriteOptions, check_writable,
+    write_atomically,
+};
+use std::collections::HashSet;
+use std::fs::File;
+use std::io::{self, Read as _, Write as _};
 use std::path::{Path, PathBuf};
 
 /// A picture file to be read.
@@ -43,18 +48,158 @@ pub(crate) fn read(
         report.warn(format!("{}: {warning}", path.display()));
     }
     let format = picture.origin.format.map_or("none", |format| format.name());
-    report.inputs.push(described(path, format, &picture.image));
+    let file = described(path, format, picture.origin.sample, &picture);
+    report.inputs.push(file);
     Ok(picture)
 }
 
 /// Refuses a target whose extension says no format, before any work is done for it.
 pub(crate) fn check_target(path: &Path) -> Result<(), JobError> {
-    if path.as_os_str() == "-" || ravec_media::Format::from_extension(path).is_some() {
+    if is_stream(path) || Format::from_extension(path).is_some() {
         return Ok(());
     }
-    Err(JobError::Write {
+    Err(unwritable(path, EncodeError::UnknownExtension))
+}
+
+/// Refuses a picture that the target's format cannot hold, before any work is done for it. `source` is what the picture
+/// is made from.
+pub(crate) fn check_size(path: &Path, size: Size, source: &Picture) -> Result<(), JobError> {
+    let format = format_of(path, source, &WriteOptions::default());
+    let (limit, longest) = (format.max_side(), size.width().max(size.height()));
+    if longest as u64 <= limit {
+        return Ok(());
+    }
+    let cause = EncodeError::TooLarge {
+        format,
+        size,
+        limit,
+    };
+    Err(unwritable(path, cause))
+}
+
+/// Refuses files that get in each other's way, and outputs that cannot be written, before any work is done for them.
+///
+/// An output may take the place of an older file, but not that of an input or of another output, whatever their names
+/// look like. Standard input and standard output serve once. Pipes and devices are the caller's business.
+///
+/// # Errors
+/// [`JobError::InputTwice`], [`JobError::OverwritesInput`], [`JobError::OutputTwice`], [`JobError::Write`].
+pub fn check_files(inputs: &[&Path], outputs: &[&Path]) -> Result<(), JobError> {
+    if inputs.iter().filter(|path| is_stream(path)).count() > 1 {
+        return Err(JobError::InputTwice);
+    }
+    let files = inputs.iter().filter(|path| !is_stream(path));
+    let read: HashSet<_> = files.filter_map(|path| identity(path)).collect();
+    let mut written = HashSet::new();
+    for &path in outputs {
+        let place = if is_stream(path) {
+            Some(path.to_path_buf())
+        } else {
+            identity(path)
+        };
+        let path = || path.to_path_buf();
+        match place {
+            Some(place) if read.contains(&place) => {
+                return Err(JobError::OverwritesInput { path: path() });
+            }
+            Some(place) if !written.insert(place.clone()) => {
+                return Err(JobError::OutputTwice { path: path() });
+            }
+            _ => {}
+        }
+    }
+    for path in outputs.iter().filter(|path| !is_stream(path)) {
+        check_writable(path).map_err(|cause| unwritable(path, cause))?;
+    }
+    Ok(())
+}
+
+/// Refuses a folder that cannot be made or written into, before any work is done for it.
+///
+/// # Errors
+/// [`JobError::Write`].
+pub fn check_folder(path: &Path) -> Result<(), JobError> {
+    // the nearest folder that is there decides; the last ancestor of a relative path is empty and means the present one
+    let nearest = path.ancestors().find(|path| path.exists());
+    let nearest = nearest.unwrap_or(Path::new(""));
+    if nearest.is_file() {
+        let text = if nearest == path {
+            "it is a file, not a folder"
+        } else {
+            "what should be its folder is a file"
+        };
+        let cause = io::Error::new(io::ErrorKind::NotADirectory, text);
+        return Err(unwritable(path, cause));
+    }
+    check_writable(&nearest.join(".ravec-probe")).map_err(|cause| match cause.kind() {
+        io::ErrorKind::PermissionDenied => {
+            let text = if nearest == path {
+                "the folder is write-protected"
+            } else {
+                "its folder is write-protected"
+            };
+            unwritable(path, io::Error::new(cause.kind(), text))
+        }
+        _ => unwritable(path, cause),
+    })
+}
+
+/// What tells a plain file from others: its place in the file system without links. None for what is no plain file, or
+/// cannot be found.
+fn identity(path: &Path) -> Option<PathBuf> {
+    match path.metadata() {
+        Ok(metadata) if metadata.is_file() => path.canonicalize().ok(),
+        Ok(_) => None,
+        Err(_) => {
+            let folder = match path.parent()? {
+                folder if folder == Path::new("") => Path::new("."),
+                folder => folder,
+            };
+            Some(folder.canonicalize().ok()?.join(path.file_name()?))
+        }
+    }
+}
+
+fn is_stream(path: &Path) -> bool {
+    path.as_os_str() == "-"
+}
+
+fn unwritable(path: &Path, cause: impl Into<EncodeError>) -> JobError {
+    JobError::Write {
         path: path.to_path_buf(),
-        cause: ravec_media::EncodeError::UnknownExtension,
+        cause: cause.into(),
+    }
+}
+
+/// The format that [`ravec_media::write`] will take.
+fn format_of(path: &Path, picture: &Picture, options: &WriteOptions) -> Format {
+    let by_name = Format::from_extension(path).filter(|_| !is_stream(path));
+    let format = options.format.or(by_name).or(picture.origin.format);
+    format.unwrap_or(Format::Png)
+}
+
+/// Reads a text of at most `max_bytes`, without the byte order mark that some editors put first; `-` is standard input.
+///
+/// The error says what is wrong, without the path.
+pub(crate) fn read_text(path: &Path, max_bytes: u64) -> io::Result<String> {
+    let mut data = Vec::new();
+    let most = max_bytes.saturating_add(1);
+    if is_stream(path) {
+        io::stdin().lock().take(most).read_to_end(&mut data)?;
+    } else {
+        File::open(path)?.take(most).read_to_end(&mut data)?;
+    }
+    if data.len() as u64 > max_bytes {
+        let text = format!("it has more than {max_bytes} bytes, which is the most that is read");
+        return Err(io::Error::other(text));
+    }
+    if data.is_empty() {
+        return Err(io::Error::other("it is empty"));
+    }
+    let text = String::from_utf8(data).map_err(|_| io::Error::other("it is not text in UTF-8"))?;
+    Ok(match text.strip_prefix('\u{feff}') {
+        Some(rest) => rest.to_owned(),
+        None => text,
     })
 }
 
@@ -72,24 +217,28 @@ pub(crate) fn write(
     for warning in warnings {
         report.warn(format!("{}: {warning}", path.display()));
     }
-    let by_name = ravec_media::Format::from_extension(path);
-    let format = options.format.or(by_name).or(picture.origin.format);
-    let format = format.unwrap_or(ravec_media::Format::Png).name();
-    report.outputs.push(described(path, format, &picture.image));
+    let format = format_of(path, picture, options);
+    let sample = format.nearest_sample(options.sample.unwrap_or(picture.origin.sample));
+    let mut file = described(path, format.name(), sample, picture);
+    if !format.has_alpha() {
+        file.pixels = Some(pixels(sample, false));
+    }
+    report.outputs.push(file);
     Ok(())
 }
 
-/// Writes a text, whole or not at all.
+/// Writes a text, whole or not at all, or to standard output if the path is `-`.
 ///
 /// # Errors
 /// [`JobError::Write`] if the file cannot be written; an old file of that name is then as it was.
 pub fn write_text(path: &Path, text: &str) -> Result<(), JobError> {
-    write_atomically(path, |writer| writer.write_all(text.as_bytes())).map_err(|cause| {
-        JobError::Write {
-            path: path.to_path_buf(),
-            cause: cause.into(),
-        }
-    })
+    let written = if is_stream(path) {
+        let mut out = io::stdout().lock();
+        out.write_all(text.as_bytes()).and_then(|()| out.flush())
+    } else {
+        write_atomically(path, |writer| writer.write_all(text.as_bytes()))
+    };
+    written.map_err(|cause| unwritable(path, cause))
 }
 
 /// Writes a text that is an output of the operation, and records it.
@@ -113,33 +262,35 @@ pub(crate) fn write_output_text(
 
 /// Makes a folder and those above it.
 pub(crate) fn make_folder(path: &Path) -> Result<(), JobError> {
-    std::fs::create_dir_all(path).map_err(|cause| JobError::Write {
-        path: path.to_path_buf(),
-        cause: cause.into(),
-    })
+    std::fs::create_dir_all(path).map_err(|cause| unwritable(path, cause))
 }
 
-fn described(path: &Path, format: &str, image: &AnyImage) -> FileReport {
+fn described(path: &Path, format: &str, sample: SampleKind, picture: &Picture) -> FileReport {
+    let size = picture.image.size();
     FileReport {
         path: path.display().to_string(),
         format: format.to_owned(),
-        width: Some(image.size().width()),
-        height: Some(image.size().height()),
-        pixels: Some(match image {
-            AnyImage::Srgb8(_) => "8 bit",
-            AnyImage::Srgba8(_) => "8 bit with alpha",
-            AnyImage::Srgb16(_) => "16 bit",
-            AnyImage::Srgba16(_) => "16 bit with alpha",
-            AnyImage::Linear(_) => "float",
-            AnyImage::LinearAlpha(_) => "float with alpha",
-        }),
+        width: Some(size.width()),
+        height: Some(size.height()),
+        pixels: Some(pixels(sample, picture.image.has_alpha())),
+    }
+}
+
+fn pixels(sample: SampleKind, alpha: bool) -> &'static str {
+    match (sample, alpha) {
+        (SampleKind::U8, false) => "8 bit",
+        (SampleKind::U8, true) => "8 bit with alpha",
+        (SampleKind::U16, false) => "16 bit",
+        (SampleKind::U16, true) => "16 bit with alpha",
+        (SampleKind::F32, false) => "float",
+        (SampleKind::F32, true) => "float with alpha",
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ravec::raster::{Image, Size, Srgba};
+    use ravec::raster::{Image, LinearRgba, Srgba};
 
     #[test]
     fn a_picture_that_is_written_and_read_leaves_its_trace_in_the_report() {
@@ -168,6 +319,95 @@ mod tests {
         assert_eq!(report.inputs[0].pixels, Some("8 bit with alpha"));
         let phases: Vec<_> = report.timings.iter().map(|timing| timing.phase).collect();
         assert_eq!(phases, ["write", "read"]);
+    }
+
+    #[test]
+    fn a_report_says_what_the_written_file_holds_not_what_was_in_memory() {
+        let folder = tempfile::tempdir().unwrap();
+        let size = Size::new(5, 3).unwrap();
+        let picture = Picture::from_image(Image::new(size, LinearRgba([0.5, 0.4, 0.3, 0.2])));
+        let mut report = Report::new("test", &());
+        for (name, pixels) in [
+            ("a.exr", "float with alpha"),
+            ("a.png", "16 bit with alpha"),
+            ("a.webp", "8 bit with alpha"),
+            ("a.jpg", "8 bit"),
+            ("a.hdr", "float"),
+        ] {
+            let path = folder.path().join(name);
+            let options = WriteOptions::default();
+            write(&path, &picture, &options, &mut report, &Progress::none()).unwrap();
+            let file = report.outputs.last().unwrap();
+            assert_eq!(file.pixels, Some(pixels), "{name}");
+        }
+    }
+
+    #[test]
+    fn an_output_may_replace_an_old_file_but_no_input_and_no_other_output() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        write_text(&at("in"), "x").unwrap();
+        write_text(&at("old"), "x").unwrap();
+        let (input, old, new, stream) = (at("in"), at("old"), at("new"), PathBuf::from("-"));
+        check_files(&[&input, &input], &[&old, &new, &stream]).unwrap();
+        check_files(&[&stream], &[&stream]).unwrap();
+
+        let disguised = folder.path().join(".").join("in");
+        let error = check_files(&[&input], &[&disguised]).unwrap_err();
+        assert!(matches!(error, JobError::OverwritesInput { .. }), "{error}");
+        for twice in [&old, &new, &stream] {
+            let error = check_files(&[&input], &[twice, twice]).unwrap_err();
+            assert!(matches!(error, JobError::OutputTwice { .. }), "{error}");
+        }
+        let error = check_files(&[&stream, &stream], &[]).unwrap_err();
+        assert!(matches!(error, JobError::InputTwice), "{error}");
+        let error = check_files(&[], &[&new, &at("no/file")]).unwrap_err();
+        assert_eq!(error.exit_code(), 4);
+        assert!(!new.exists());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_to_an_input_is_that_input_and_a_device_takes_many_outputs() {
+        let folder = tempfile::tempdir().unwrap();
+        let (file, link) = (folder.path().join("file"), folder.path().join("link"));
+        write_text(&file, "x").unwrap();
+        std::os::unix::fs::symlink("file", &link).unwrap();
+        let error = check_files(&[&file], &[&link]).unwrap_err();
+        assert!(matches!(error, JobError::OverwritesInput { .. }), "{error}");
+        let null = Path::new("/dev/null");
+        check_files(&[null], &[null, null]).unwrap();
+    }
+
+    #[test]
+    fn folders_are_looked_at_without_making_them() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("file");
+        write_text(&file, "x").unwrap();
+        check_folder(folder.path()).unwrap();
+        check_folder(&folder.path().join("a/b")).unwrap();
+        assert!(!folder.path().join("a").exists());
+        for path in [&file, &file.join("below")] {
+            assert_eq!(check_folder(path).unwrap_err().exit_code(), 4);
+        }
+    }
+
+    #[test]
+    fn texts_are_read_up_to_a_limit_without_their_mark() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.json");
+        let read = |text: &[u8]| {
+            write_atomically(&path, |writer| writer.write_all(text)).unwrap();
+            read_text(&path, 9).map_err(|error| error.to_string())
+        };
+        assert_eq!(read("\u{feff}[1, 2]".as_bytes()).unwrap(), "[1, 2]");
+        assert_eq!(read(b"").unwrap_err(), "it is empty");
+        assert_eq!(read(b"[\xff]").unwrap_err(), "it is not text in UTF-8");
+        assert!(
+            read(b"0123456789")
+                .unwrap_err()
+                .contains("more than 9 bytes")
+        );
     }
 
     #[test]

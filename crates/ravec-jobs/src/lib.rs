@@ -36,6 +36,6 @@ pub mod scenes;
 pub mod twocolor;
 
 pub use error::JobError;
-pub use files::{Source, write_text};
+pub use files::{Source, check_files, check_folder, write_text};
 pub use ravec_media::Limits;
 pub use report::{FileReport, Report, Timing};

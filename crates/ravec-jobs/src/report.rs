@@ -32,7 +32,7 @@ pub struct Report {
 pub struct FileReport {
     /// The path as it was given; `-` is standard input or output.
     pub path: String,
-    /// The format, as in `png`.
+    /// The format, as in `PNG`.
     pub format: String,
     /// Columns, if it is a picture.
     pub width: Option<usize>,

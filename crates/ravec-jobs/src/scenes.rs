@@ -111,6 +111,7 @@ impl Params {
 /// [`JobError::Cancelled`] between two scenes.
 pub fn run(out: &Path, params: &Params, progress: &Progress) -> Result<Report, JobError> {
     params.check()?;
+    files::check_folder(out)?;
     let all = params.scenes.is_empty();
     let ids = if all {
         &SceneId::ALL[..]

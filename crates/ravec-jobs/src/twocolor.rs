@@ -53,6 +53,9 @@ pub struct Params {
     /// Levels of each color channel in a drawing, 2 to 256. Fewer merge more neighbors into one shape
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = Params::default().color_levels))]
     pub color_levels: u16,
+    /// Quality of a JPEG output, 1 to 100: higher is larger and closer to the picture
+    #[cfg_attr(feature = "cli", arg(long, value_name = "QUALITY", default_value_t = Params::default().quality))]
+    pub quality: u8,
 }
 
 impl Default for Params {
@@ -68,6 +71,7 @@ impl Default for Params {
             whole_pixels: false,
             mosaic: false,
             color_levels: SvgParams::default().color_levels,
+            quality: WriteOptions::default().quality,
         }
     }
 }
@@ -77,7 +81,7 @@ impl Default for Params {
 pub struct Targets {
     /// The picture; its extension says the format, `-` is standard output.
     pub picture: Option<PathBuf>,
-    /// The drawing as SVG, in the input's size whatever the scale.
+    /// The drawing as SVG, in the input's size whatever the scale; `-` is standard output.
     pub svg: Option<PathBuf>,
 }
 
@@ -87,14 +91,16 @@ impl Params {
         if !self.adaptive && !(2..=64).contains(&self.size) {
             return wrong("--size", self.size.to_string(), "2 to 64");
         }
-        let ratio = self.max_size / self.size.max(1);
+        if self.adaptive && !(2..=32).contains(&self.size) {
+            return wrong("--size", self.size.to_string(), "2 to 32 with --adaptive");
+        }
+        let ratio = self.max_size / self.size;
         let nested = ratio.is_power_of_two() && ratio * self.size == self.max_size;
-        if self.adaptive && !(nested && (2..=32).contains(&self.size) && self.max_size <= 64) {
-            let sizes = format!("{} to {}", self.size, self.max_size);
+        if self.adaptive && !(nested && self.max_size <= 64) {
             return wrong(
-                "--size to --max-size",
-                sizes,
-                "2 to 32, then that times a power of two up to 64",
+                "--max-size",
+                self.max_size.to_string(),
+                "--size times a power of two, at most 64",
             );
         }
         for (name, value) in [
@@ -111,11 +117,14 @@ impl Params {
         if !(2..=256).contains(&self.color_levels) {
             return wrong("--color-levels", self.color_levels.to_string(), "2 to 256");
         }
+        if !(1..=100).contains(&self.quality) {
+            return wrong("--quality", self.quality.to_string(), "1 to 100");
+        }
         Ok(())
     }
 
     /// The size of the output, if it stays within the most pixels that a picture may have.
-    fn output_size(&self, input: Size, max_pixels: u64) -> Result<(), JobError> {
+    fn output_size(&self, input: Size, max_pixels: u64) -> Result<Size, JobError> {
         let pixels = input.pixels() as f64 * self.scale * self.scale;
         if pixels > max_pixels as f64 {
             return Err(JobError::Parameter {
@@ -124,7 +133,12 @@ impl Params {
                 range: "small enough to keep the output within --max-pixels",
             });
         }
-        Ok(())
+        let side = |pixels: usize| (pixels as f64 * self.scale).round().max(1.0) as usize;
+        Size::new(side(input.width()), side(input.height())).map_err(|_| JobError::Parameter {
+            name: "--scale",
+            value: self.scale.to_string(),
+            range: "small enough for a picture",
+        })
     }
 }
 
@@ -135,7 +149,7 @@ impl Params {
 ///
 /// # Errors
 /// [`JobError::Parameter`] for a parameter out of range or no target at all, [`JobError::Read`], [`JobError::Write`],
-/// [`JobError::Cancelled`].
+/// what [`check_files`](crate::check_files) refuses, [`JobError::Cancelled`].
 pub fn run(
     source: &Source,
     targets: &Targets,
@@ -153,9 +167,15 @@ pub fn run(
     if let Some(path) = &targets.picture {
         files::check_target(path)?;
     }
+    let outputs = targets.picture.iter().chain(&targets.svg);
+    let outputs: Vec<&Path> = outputs.map(PathBuf::as_path).collect();
+    files::check_files(&[&source.path], &outputs)?;
     let mut report = Report::new("twocolor", params);
     let picture = files::read(source, &mut report, progress)?;
-    params.output_size(picture.image.size(), source.limits.max_pixels)?;
+    let size = params.output_size(picture.image.size(), source.limits.max_pixels)?;
+    if let Some(path) = &targets.picture {
+        files::check_size(path, size, &picture)?;
+    }
     if params.adaptive {
         let fit = AdaptiveParams {
             min_block_px: params.size,
@@ -217,13 +237,12 @@ fn deliver(
                 .figures
                 .insert("psnr_db", psnr_db(&picture.image, &image));
         }
-        files::write(
-            path,
-            &picture.with_image(&image),
-            &WriteOptions::default(),
-            report,
-            progress,
-        )?;
+        let options = WriteOptions {
+            quality: params.quality,
+            ..WriteOptions::default()
+        };
+        let picture = picture.with_image(&image);
+        files::write(path, &picture, &options, report, progress)?;
     }
     if let Some(path) = &targets.svg {
         write_drawing(field, path, params, report, progress)?;
@@ -398,7 +417,16 @@ mod tests {
                 ..Params::default()
             },
             Params {
+                size: 64,
+                adaptive: true,
+                ..Params::default()
+            },
+            Params {
                 color_levels: 1,
+                ..Params::default()
+            },
+            Params {
+                quality: 0,
                 ..Params::default()
             },
         ] {

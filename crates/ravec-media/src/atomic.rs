@@ -1,6 +1,6 @@
 //! Files that appear whole or not at all.
 
-use std::fs::File;
+use std::fs::{File, Permissions};
 use std::io::{self, BufWriter, Seek as _, SeekFrom, Write as _};
 use std::path::{Path, PathBuf};
 
@@ -23,32 +23,68 @@ pub fn write_atomically<T, E: From<io::Error>>(
     path: &Path,
     write: impl FnOnce(&mut AtomicWriter<'_>) -> Result<T, E>,
 ) -> Result<T, E> {
-    let target = follow_links(path)?;
-    let old = match std::fs::metadata(&target) {
-        Ok(metadata) => Some(metadata),
-        Err(error) if error.kind() == io::ErrorKind::NotFound => None,
-        Err(error) => return Err(error.into()),
-    };
-    match old {
-        Some(old) if old.is_dir() => Err(io::Error::from(io::ErrorKind::IsADirectory).into()),
-        Some(old) if !old.is_file() => {
+    match Target::of(path)? {
+        Target::Stream(path) => {
             let mut file = tempfile::tempfile()?;
             let value = fill(&file, write)?;
             file.seek(SeekFrom::Start(0))?;
-            io::copy(&mut file, &mut File::options().write(true).open(&target)?)?;
+            io::copy(&mut file, &mut File::options().write(true).open(path)?)?;
             Ok(value)
         }
-        Some(old) if old.permissions().readonly() => {
-            Err(io::Error::from(io::ErrorKind::PermissionDenied).into())
-        }
-        old => {
-            let temporary = new_temporary(folder_of(&target))?;
+        Target::File { path, permissions } => {
+            let temporary = new_temporary(folder_of(&path))?;
             let value = fill(temporary.as_file(), write)?;
-            if let Some(old) = old {
-                temporary.as_file().set_permissions(old.permissions())?;
+            if let Some(permissions) = permissions {
+                temporary.as_file().set_permissions(permissions)?;
             }
-            temporary.persist(&target).map_err(|failed| failed.error)?;
+            temporary.persist(&path).map_err(|failed| failed.error)?;
             Ok(value)
+        }
+    }
+}
+
+/// Refuses a target that [`write_atomically`] could not even begin to write, so that long work for it need not be done.
+///
+/// Makes a temporary file in the target's folder and removes it. Does not guarantee: that writing will succeed later.
+///
+/// # Errors
+/// As [`write_atomically`] would have.
+pub fn check_writable(path: &Path) -> io::Result<()> {
+    match Target::of(path)? {
+        Target::File { path, .. } => new_temporary(folder_of(&path)).map(drop),
+        // opening a pipe would wait for its reader
+        Target::Stream(_) => Ok(()),
+    }
+}
+
+/// Where the content goes in the end.
+enum Target {
+    /// A plain file, old or to be made.
+    File {
+        path: PathBuf,
+        /// Those of the old file.
+        permissions: Option<Permissions>,
+    },
+    /// Something else that takes bytes.
+    Stream(PathBuf),
+}
+
+impl Target {
+    fn of(path: &Path) -> io::Result<Self> {
+        let path = follow_links(path)?;
+        match std::fs::metadata(&path) {
+            Ok(old) if old.is_dir() => Err(io::ErrorKind::IsADirectory.into()),
+            Ok(old) if !old.is_file() => Ok(Self::Stream(path)),
+            Ok(old) if old.permissions().readonly() => Err(io::ErrorKind::PermissionDenied.into()),
+            Ok(old) => Ok(Self::File {
+                path,
+                permissions: Some(old.permissions()),
+            }),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(Self::File {
+                path,
+                permissions: None,
+            }),
+            Err(error) => Err(error),
         }
     }
 }
@@ -77,9 +113,21 @@ fn new_temporary(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
     {
         use std::os::unix::fs::PermissionsExt as _;
         // the default of temporary files is private; the system takes the umask off these
-        builder.permissions(std::fs::Permissions::from_mode(0o666));
+        builder.permissions(Permissions::from_mode(0o666));
     }
-    builder.tempfile_in(folder)
+    // the error names the temporary file, of which nobody has heard
+    builder
+        .tempfile_in(folder)
+        .map_err(|error| match error.kind() {
+            kind @ io::ErrorKind::NotFound => io::Error::new(kind, "its folder does not exist"),
+            kind @ io::ErrorKind::PermissionDenied => {
+                io::Error::new(kind, "its folder is write-protected")
+            }
+            kind @ io::ErrorKind::NotADirectory => {
+                io::Error::new(kind, "what should be its folder is a file")
+            }
+            _ => error,
+        })
 }
 
 /// The path behind any symbolic links, which need not exist.
@@ -154,10 +202,30 @@ mod tests {
     #[test]
     fn a_missing_folder_and_a_folder_as_target_are_errors() {
         let folder = tempfile::tempdir().unwrap();
-        let missing = put(&folder.path().join("no/a.txt"), "x").unwrap_err();
+        let path = folder.path().join("no/a.txt");
+        let missing = put(&path, "x").unwrap_err();
         assert_eq!(missing.kind(), io::ErrorKind::NotFound);
+        assert_eq!(missing.to_string(), "its folder does not exist");
+        assert_eq!(
+            check_writable(&path).unwrap_err().to_string(),
+            missing.to_string()
+        );
         let error = put(folder.path(), "x").unwrap_err();
         assert_eq!(error.kind(), io::ErrorKind::IsADirectory);
+        assert!(check_writable(folder.path()).is_err());
+    }
+
+    #[test]
+    fn looking_whether_a_file_can_be_written_leaves_everything_as_it_was() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.txt");
+        check_writable(&path).unwrap();
+        assert!(names(folder.path()).is_empty());
+        put(&path, "old").unwrap();
+        check_writable(&path).unwrap();
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "old");
+        assert_eq!(names(folder.path()), ["a.txt"]);
+        assert!(check_writable(&path.join("b.txt")).is_err());
     }
 
     #[cfg(unix)]

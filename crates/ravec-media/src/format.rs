@@ -121,8 +121,8 @@ impl Format {
         }
     }
 
-    /// The longest side that the format can say.
-    pub(crate) fn max_side(self) -> u64 {
+    /// The longest side that a picture in the format can have, in pixels.
+    pub fn max_side(self) -> u64 {
         match self {
             Self::WebP => 16_384,
             Self::Jpeg => 65_535,

@@ -53,7 +53,7 @@ mod standard;
 mod tiff;
 mod write;
 
-pub use atomic::{AtomicWriter, write_atomically};
+pub use atomic::{AtomicWriter, check_writable, write_atomically};
 pub use format::Format;
 pub use limits::Limits;
 pub use picture::{Origin, Picture, SampleKind, Warning};

@@ -14,6 +14,7 @@ use image::codecs::{bmp, hdr, openexr, png, webp};
 use image::metadata::Orientation;
 use image::{ColorType, ImageDecoder, ImageError, ImageResult};
 use ravec_raster::Size;
+use std::error::Error as _;
 use std::io::{self, BufRead, Read, Seek, SeekFrom};
 
 /// A file whose header has been read.
@@ -328,10 +329,16 @@ fn decode_error(format: Format, error: ImageError, limits: &Limits) -> DecodeErr
             }
         }
         ImageError::IoError(error) if error.raw_os_error().is_some() => DecodeError::Io(error),
-        error => DecodeError::Damaged {
-            format,
-            reason: error.to_string(),
-        },
+        error => {
+            // the outer error names the format, as ours does
+            let reason = error
+                .source()
+                .map_or_else(|| error.to_string(), ToString::to_string);
+            DecodeError::Damaged {
+                format,
+                reason: one_line(&reason),
+            }
+        }
     }
 }
 
@@ -349,7 +356,7 @@ fn tiff_error(error: TiffError, limits: &Limits) -> DecodeError {
         },
         error => DecodeError::Damaged {
             format,
-            reason: error.to_string(),
+            reason: one_line(&error.to_string()),
         },
     }
 }
@@ -362,9 +369,19 @@ fn jpeg_error(error: &zune_jpeg::errors::DecodeErrors) -> DecodeError {
             format,
             reason: format!("{what:?}"),
         },
+        DecodeErrors::IoErrors(_) | DecodeErrors::ExhaustedData => DecodeError::Damaged {
+            format,
+            reason: "it ends early".into(),
+        },
         error => DecodeError::Damaged {
             format,
-            reason: error.to_string(),
+            reason: one_line(&error.to_string()),
         },
     }
+}
+
+/// What a decoder says, as part of a sentence.
+fn one_line(text: &str) -> String {
+    let words: Vec<_> = text.split_whitespace().collect();
+    words.join(" ").trim_end_matches('.').to_owned()
 }

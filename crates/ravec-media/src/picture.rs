@@ -56,13 +56,11 @@ pub enum Warning {
     #[error("the picture is CMYK without a usable color profile; its colors are approximate")]
     CmykWithoutProfile,
     /// Numbers that are not finite were replaced.
-    #[error(
-        "{nan} not-a-number samples were set to 0 and {infinite} infinite ones to the largest finite number"
-    )]
+    #[error("{nan} not-a-number samples were set to 0 and {infinite} infinite ones to 1e30")]
     NotFinite {
         /// Samples that were NaN and became 0.
         nan: u64,
-        /// Samples that were infinite and became ±`f32::MAX`.
+        /// Samples that were infinite and became ±10³⁰.
         infinite: u64,
     },
     /// Pixels of an `OpenEXR` file that shine without covering have no straight color.

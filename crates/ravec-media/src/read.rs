@@ -134,7 +134,7 @@ pub fn probe(path: impl AsRef<Path>, limits: &Limits) -> Result<Probe, ReadError
 /// * EXIF orientation is applied.
 /// * Colors become sRGB by the embedded profile. If that profile *is* sRGB, or there is none, integer samples are kept
 ///   exactly; otherwise pixels are floats in linear light, not clipped to sRGB.
-/// * Float files are linear light; NaN becomes 0 and infinities the largest finite number, with a warning.
+/// * Float files are linear light; NaN becomes 0 and infinities ±10³⁰, with a warning.
 /// * Alpha is straight.
 ///
 /// Panics of the decoders on hostile data are caught here and reported as damage.

@@ -6,6 +6,9 @@ use crate::profile::Profile;
 use ravec_raster::{AnyImage, Image, LinearRgb, LinearRgba, Pixel, Size, SizeError, Srgb, Srgba};
 use rayon::prelude::*;
 
+/// What stands for an infinite sample: far beyond any light, and its square and sums of many still are numbers.
+const INFINITE: f32 = 1e30;
+
 /// What the samples of a pixel mean.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Channels {
@@ -85,7 +88,7 @@ impl Samples {
                     *sample = 0.0;
                     (1, 0)
                 } else if sample.is_infinite() {
-                    *sample = f32::MAX.copysign(*sample);
+                    *sample = INFINITE.copysign(*sample);
                     (0, 1)
                 } else {
                     (0, 0)
@@ -298,7 +301,7 @@ mod tests {
         let Samples::F32(samples) = samples else {
             unreachable!()
         };
-        assert_eq!(samples, [1.0, 0.0, f32::MIN, f32::MAX, -2.0]);
+        assert_eq!(samples, [1.0, 0.0, -INFINITE, INFINITE, -2.0]);
     }
 
     #[test]

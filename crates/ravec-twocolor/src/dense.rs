@@ -8,7 +8,7 @@
 
 use crate::field::FitError;
 use crate::fit::{FlatThreshold, opaque_pixel, weighted_pixel};
-use crate::pixel::TwoColorPixel;
+use crate::pixel::{TwoColorPixel, countable};
 use crate::split_table::{MAX_EXACT_SIDE, SplitTable, split_table};
 use crate::sweep::{Batch, MAX_LANES, OPAQUE, WEIGHTED};
 use fearless_simd::prelude::*;
@@ -153,13 +153,13 @@ impl Surroundings {
             let [l, a, b, alpha, inside] =
                 [l, a, b, alpha, inside].map(|plane| &mut plane[from..][..pixels.len()]);
             for (i, pixel) in pixels.iter().enumerate() {
-                [l[i], a[i], b[i], alpha[i]] = pixel.to_linear().0;
+                [l[i], a[i], b[i], alpha[i]] = countable(pixel.to_linear()).0;
             }
             for i in 0..pixels.len() {
                 [l[i], a[i], b[i]] = oklab_from_linear([l[i], a[i], b[i]]);
                 inside[i] = 1.0;
             }
-            if P::HAS_ALPHA && alpha.iter().any(|&alpha| alpha < 1.0) {
+            if alpha.iter().any(|&alpha| alpha < 1.0) {
                 opaque = false;
                 for i in 0..pixels.len() {
                     alpha[i] = alpha[i].clamp(0.0, 1.0);

@@ -14,7 +14,7 @@
 use crate::dense::{WindowParams, map_windows};
 use crate::field::FitError;
 use crate::line::coverage;
-use crate::operator::quality;
+use crate::pointwise::quality;
 use crate::render::RenderError;
 use crate::subpixel::refine_line;
 use glam::DVec2;

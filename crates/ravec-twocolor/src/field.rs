@@ -1,8 +1,9 @@
 //! A regular grid of two-color pixels over an image.
 
-use crate::fit::{FlatThreshold, Search, fit_block_row};
+use crate::fit::{FlatThreshold, Search, fit_block_column, fit_block_row};
 use crate::pixel::TwoColorPixel;
 use crate::split_table::MAX_EXACT_SIDE;
+use crate::sweep::MAX_LANES;
 use fearless_simd::{Level, dispatch};
 use ravec_progress::{Cancelled, Progress};
 use ravec_raster::{Color, Image, Oklab, Size};
@@ -156,15 +157,37 @@ impl TwoColorField {
         let mut blocks = vec![empty; grid.pixels()];
         let flat = FlatThreshold(params.flat_contrast);
         let phase = progress.phase("fit", grid.height() as u64);
+        // a column that the border clips is fitted on its own, many of its blocks at once
+        let whole = Size::new(image.width() / side, image.height() / side).ok();
+        let clipped = image.width() / side < grid.width();
         blocks
             .par_chunks_mut(grid.width())
             .enumerate()
             .try_for_each(|(row, out)| {
                 progress.check()?;
+                let alone = clipped && whole.is_some_and(|whole| row < whole.height());
+                let out = &mut out[..grid.width() - usize::from(alone)];
                 dispatch!(level, simd => fit_block_row(simd, image, side, search, row, flat, out));
                 phase.advance(1);
                 Ok::<(), Cancelled>(())
             })?;
+        if let (true, Some(whole)) = (clipped, whole) {
+            let mut column = vec![empty; whole.height()];
+            column
+                .par_chunks_mut(MAX_LANES)
+                .enumerate()
+                .try_for_each(|(chunk, out)| {
+                    progress.check()?;
+                    let first = [whole.width(), chunk * MAX_LANES];
+                    dispatch!(level, simd => {
+                        fit_block_column(simd, image, side, search, first, flat, out);
+                    });
+                    Ok::<(), Cancelled>(())
+                })?;
+            for (row, pixel) in blocks.chunks_mut(grid.width()).zip(column) {
+                row[whole.width()] = pixel;
+            }
+        }
         Ok(Self {
             image_size: image.size(),
             block_px: side,

@@ -1,7 +1,7 @@
-//! The fit of the blocks of one row of an image.
+//! The fit of some blocks of an image that lie in a row or in a column.
 
 use crate::coarse_to_fine;
-use crate::pixel::TwoColorPixel;
+use crate::pixel::{MAX_LIGHT, TwoColorPixel, countable};
 use crate::split_table::{SplitTable, split_table};
 use crate::sweep::{Batch, Found, FoundWeighted, MAX_LANES, OPAQUE, WEIGHTED};
 use fearless_simd::prelude::*;
@@ -81,31 +81,62 @@ pub(crate) fn fit_block_row<S: Simd, P: Color>(
         } else {
             let weighted =
                 weighted.get_or_insert_with(|| Batch::<S, WEIGHTED>::new(simd, side * side));
-            gather_weighted(weighted, image, side, first, top, out.len());
-            match search {
-                Search::Exact => {
-                    let table = split_table(side);
-                    let found = weighted.best_split(table);
-                    for (lane, pixel) in out.iter_mut().enumerate() {
-                        *pixel = weighted_pixel(table, &found, lane, flat);
-                    }
-                }
-                Search::CoarseToFine => {
-                    coarse_to_fine::fit_weighted(
-                        simd,
-                        weighted,
-                        side,
-                        out.len(),
-                        flat,
-                        |lane, pixel| out[lane] = pixel,
-                    );
-                }
-            }
+            let corner = |lane: usize| ((first + lane) * side, top);
+            gather_weighted(simd, weighted, image, side, out.len(), corner);
+            fit_weighted(simd, weighted, side, search, flat, out);
         }
     }
 }
 
-/// Puts linear light into the lanes. Stops and returns false at the first pixel that is not opaque.
+/// Fits some blocks of block column `block_col` from block row `first_row` down, as many as `out` has entries.
+///
+/// Together they fill the vectors, which a column that the image's border clips would leave nearly empty row by row.
+#[inline(always)]
+pub(crate) fn fit_block_column<S: Simd, P: Color>(
+    simd: S,
+    image: &Image<P>,
+    side: usize,
+    search: Search,
+    [block_col, first_row]: [usize; 2],
+    flat: FlatThreshold,
+    out: &mut [TwoColorPixel],
+) {
+    let mut weighted = Batch::<S, WEIGHTED>::new(simd, side * side);
+    for (batch, out) in out.chunks_mut(Batch::<S, WEIGHTED>::LANES).enumerate() {
+        let first = first_row + batch * Batch::<S, WEIGHTED>::LANES;
+        let corner = |lane: usize| (block_col * side, (first + lane) * side);
+        gather_weighted(simd, &mut weighted, image, side, out.len(), corner);
+        fit_weighted(simd, &mut weighted, side, search, flat, out);
+    }
+}
+
+/// Fits the blocks of a batch, of which `out` has as many as are wanted.
+#[inline(always)]
+fn fit_weighted<S: Simd>(
+    simd: S,
+    batch: &mut Batch<S, WEIGHTED>,
+    side: usize,
+    search: Search,
+    flat: FlatThreshold,
+    out: &mut [TwoColorPixel],
+) {
+    match search {
+        Search::Exact => {
+            let table = split_table(side);
+            let found = batch.best_split(table);
+            for (lane, pixel) in out.iter_mut().enumerate() {
+                *pixel = weighted_pixel(table, &found, lane, flat);
+            }
+        }
+        Search::CoarseToFine => {
+            coarse_to_fine::fit_weighted(simd, batch, side, out.len(), flat, |lane, pixel| {
+                out[lane] = pixel;
+            });
+        }
+    }
+}
+
+/// Puts linear light into the lanes. Returns false, perhaps midway, if a pixel is not opaque or not a number.
 #[inline(always)]
 fn gather_opaque<S: Simd, P: Color>(
     batch: &mut Batch<S, OPAQUE>,
@@ -130,7 +161,16 @@ fn gather_opaque<S: Simd, P: Color>(
             }
         }
     }
-    true
+    // in whole vectors, after the fact: cheaper than a look at each pixel
+    let mut countable = true;
+    for pixel in &batch.pixels {
+        for channel in pixel {
+            for lane in 0..Batch::<S, OPAQUE>::LANES {
+                countable &= (lane >= blocks) | (channel[lane].abs() <= MAX_LIGHT);
+            }
+        }
+    }
+    countable
 }
 
 /// Linear light to Oklab, in place.
@@ -144,33 +184,41 @@ fn to_oklab<S: Simd>(batch: &mut Batch<S, OPAQUE>) {
     }
 }
 
-/// Puts weighted Oklab colours into the lanes; what lies outside the image has no weight.
+/// Puts weighted Oklab colours into the lanes, each with the block at its `corner`; what lies outside the image has no
+/// weight.
 #[inline(always)]
 fn gather_weighted<S: Simd, P: Color>(
+    simd: S,
     batch: &mut Batch<S, WEIGHTED>,
     image: &Image<P>,
     side: usize,
-    first_block: usize,
-    top: usize,
     blocks: usize,
+    corner: impl Fn(usize) -> (usize, usize),
 ) {
-    for (index, slot) in batch.pixels.iter_mut().enumerate() {
-        let (dx, row) = (index % side, top + index / side);
-        for lane in 0..Batch::<S, WEIGHTED>::LANES {
-            let inside = if lane < blocks {
-                image.get((first_block + lane) * side + dx, row)
-            } else {
-                None
-            };
-            let channels = inside.map_or([0.0; WEIGHTED], |pixel| {
-                let color = pixel.to_linear();
-                let alpha = color.alpha().clamp(0.0, 1.0);
-                let [l, a, b] = oklab_from_linear(color.rgb());
-                [alpha * l, alpha * a, alpha * b, alpha, 1.0]
-            });
-            for (slot, value) in slot.iter_mut().zip(channels) {
-                slot[lane] = value;
+    for slot in &mut batch.pixels {
+        *slot = [S::f32s::splat(simd, 0.0); WEIGHTED];
+    }
+    for lane in 0..blocks {
+        let (left, top) = corner(lane);
+        let right = (left + side).min(image.width());
+        for row in top..(top + side).min(image.height()) {
+            let slots = &mut batch.pixels[(row - top) * side..][..right - left];
+            for (slot, &pixel) in slots.iter_mut().zip(&image.row(row)[left..right]) {
+                let color = countable(pixel.to_linear());
+                let [r, g, b, alpha] = color.0;
+                for (channel, value) in slot.iter_mut().zip([r, g, b, alpha, 1.0]) {
+                    channel[lane] = value;
+                }
             }
+        }
+    }
+    // in whole vectors
+    for [r, g, b, alpha, _] in &mut batch.pixels {
+        for lane in 0..Batch::<S, WEIGHTED>::LANES {
+            let cover = alpha[lane].clamp(0.0, 1.0);
+            let color = oklab_from_linear([r[lane], g[lane], b[lane]]);
+            [r[lane], g[lane], b[lane]] = color.map(|v| cover * v);
+            alpha[lane] = cover;
         }
     }
 }

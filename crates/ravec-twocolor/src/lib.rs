@@ -61,6 +61,7 @@ mod line;
 mod operator;
 mod pixel;
 mod placed;
+mod pointwise;
 mod render;
 mod split_table;
 mod stamp;

@@ -1,7 +1,27 @@
 //! The two-color pixel itself.
 
 use crate::line::Line;
-use ravec_raster::Oklab;
+use ravec_raster::{LinearRgba, Oklab};
+
+/// Light beyond this, either way, counts as not a number: squares of its Oklab colour still fit an `f32`, and the
+/// brightest file formats end at 65 504.
+pub(crate) const MAX_LIGHT: f32 = 1e9;
+
+/// A pixel as fits see it: one that is not a number counts as fully transparent.
+#[inline(always)]
+pub(crate) fn countable(pixel: LinearRgba) -> LinearRgba {
+    if is_countable(pixel) {
+        pixel
+    } else {
+        LinearRgba::default()
+    }
+}
+
+/// Whether all four values are numbers that can be reckoned with.
+#[inline(always)]
+pub(crate) fn is_countable(pixel: LinearRgba) -> bool {
+    pixel.0.iter().all(|v| v.abs() <= MAX_LIGHT)
+}
 
 /// A square block of an image, replaced by a line and the colour on each side of it.
 ///

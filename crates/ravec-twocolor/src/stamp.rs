@@ -5,7 +5,7 @@
 //! shows the same squares.
 
 use crate::field::{FitError, FitParams, TwoColorField};
-use crate::pixel::TwoColorPixel;
+use crate::line::Line;
 use glam::DVec2;
 use ravec_progress::{Cancelled, Progress};
 use ravec_raster::{Color, Image, LinearRgba, PremulLinearRgba, Rect, Size};
@@ -17,13 +17,45 @@ const SPACING: f64 = 0.7;
 /// How far a square is moved off its grid point, relative to the spacing, at most.
 const JITTER: f64 = 0.2;
 
-/// A square on the picture.
-struct Stamp {
+/// Where a square lies.
+struct Place {
     left: i64,
     top: i64,
     /// The highest lies on top.
     rank: u64,
-    pixel: TwoColorPixel,
+}
+
+impl Place {
+    /// The place of grid point `(i, j)`.
+    fn of([i, j]: [i64; 2], side: usize, spacing: f64, seed: u64) -> Self {
+        let random = hash(seed, i, j);
+        let part = |shift: u32| {
+            ((random >> shift & 0xffff) as f64 / 65535.0 - 0.5) * 2.0 * JITTER * spacing
+        };
+        let corner = |index: i64, jitter: f64| {
+            ((index as f64 + 0.5) * spacing + jitter).round() as i64 - side as i64 / 2
+        };
+        Self {
+            left: corner(i, part(0)),
+            top: corner(j, part(16)),
+            rank: hash(!seed, i, j),
+        }
+    }
+
+    fn touches(&self, side: usize, region: Rect) -> bool {
+        let overlap = |begin: i64, low: usize, high: usize| {
+            begin < high as i64 && begin + side as i64 > low as i64
+        };
+        overlap(self.left, region.col, region.right())
+            && overlap(self.top, region.row, region.bottom())
+    }
+}
+
+/// A square on the picture.
+struct Stamp {
+    place: Place,
+    line: Option<Line>,
+    colors: [PremulLinearRgba; 2],
 }
 
 /// The pixels of `region`, which must lie in the image, drawn as squares of `side` pixels.
@@ -48,10 +80,11 @@ pub(crate) fn stamp<P: Color>(
         .map(|j| {
             progress.check()?;
             phase.advance(1);
-            columns
+            let places = columns
                 .clone()
-                .filter_map(|i| Stamp::at(image, [i, j], side, spacing, seed).transpose())
-                .collect()
+                .map(|i| Place::of([i, j], side, spacing, seed))
+                .filter(|place| place.touches(side, region));
+            fit_row(image, side, places.collect())
         })
         .collect::<Result<_, FitError>>()?;
     let stamps: Vec<Stamp> = stamps.into_iter().flatten().collect();
@@ -71,74 +104,66 @@ pub(crate) fn stamp<P: Color>(
 /// Rows drawn by one task.
 const STRIP_ROWS: usize = 16;
 
-impl Stamp {
-    /// The square of grid point `(i, j)`, if it lies on the picture.
-    fn at<P: Color>(
-        image: &Image<P>,
-        [i, j]: [i64; 2],
-        side: usize,
-        spacing: f64,
-        seed: u64,
-    ) -> Result<Option<Self>, FitError> {
-        let random = hash(seed, i, j);
-        let part = |shift: u32| {
-            ((random >> shift & 0xffff) as f64 / 65535.0 - 0.5) * 2.0 * JITTER * spacing
-        };
-        let place = |index: i64, jitter: f64| {
-            ((index as f64 + 0.5) * spacing + jitter).round() as i64 - side as i64 / 2
-        };
-        let (left, top) = (place(i, part(0)), place(j, part(16)));
-        // the window under it, moved inside where the square hangs over the border
-        let inside = |position: i64, len: usize| {
-            position.clamp(0, (len as i64 - side as i64).max(0)) as usize
-        };
-        if left + side as i64 <= 0 || top + side as i64 <= 0 {
-            return Ok(None);
-        }
-        if left >= image.width() as i64 || top >= image.height() as i64 {
-            return Ok(None);
-        }
-        let window = Size::new(side, side)
-            .and_then(|size| {
-                image.crop(
-                    inside(left, image.width()),
-                    inside(top, image.height()),
-                    size,
-                )
-            })
-            .map_err(|_| FitError::EmptyRegion)?;
-        let params = FitParams {
-            block_px: side,
-            ..FitParams::default()
-        };
-        let field = TwoColorField::fit(&window, &params, &Progress::none())?;
-        Ok(Some(Self {
-            left,
-            top,
-            rank: hash(!seed, i, j),
-            pixel: *field.block(0, 0),
-        }))
+/// The squares of some places, each with the split and colors of the window under it: fitted side by side, as one picture
+/// of windows, because fits of several blocks share vectors.
+fn fit_row<P: Color>(
+    image: &Image<P>,
+    side: usize,
+    places: Vec<Place>,
+) -> Result<Vec<Stamp>, FitError> {
+    if places.is_empty() {
+        return Ok(vec![]);
     }
+    // where a square hangs over the border, the window is moved inside; a smaller picture goes on with its last pixels
+    let inside =
+        |position: i64, len: usize| position.clamp(0, (len as i64 - side as i64).max(0)) as usize;
+    let windows = Size::new(places.len() * side, side).map_err(|_| FitError::EmptyRegion)?;
+    let mut row = Image::new(windows, LinearRgba::default());
+    for (index, place) in places.iter().enumerate() {
+        let left = inside(place.left, image.width());
+        let top = inside(place.top, image.height());
+        for y in 0..side {
+            let source = image.row((top + y).min(image.height() - 1));
+            let target = &mut row.row_mut(y)[index * side..][..side];
+            for (x, target) in target.iter_mut().enumerate() {
+                *target = source[(left + x).min(image.width() - 1)].to_linear();
+            }
+        }
+    }
+    let params = FitParams {
+        block_px: side,
+        ..FitParams::default()
+    };
+    let field = TwoColorField::fit(&row, &params, &Progress::none())?;
+    let stamps = places.into_iter().enumerate().map(|(index, place)| {
+        let pixel = field.block(index, 0);
+        Stamp {
+            place,
+            line: pixel.line,
+            colors: [0, 1].map(|s| {
+                let color = pixel.colors[s].to_linear().rgb();
+                let straight = LinearRgba::from_rgb_alpha(color, pixel.alphas[s]);
+                PremulLinearRgba::from_linear(straight)
+            }),
+        }
+    });
+    Ok(stamps.collect())
+}
 
+impl Stamp {
     /// The color of the square at a pixel, or nothing beside it.
     fn color_at(&self, side: usize, col: usize, row: usize) -> Option<PremulLinearRgba> {
-        let (x, y) = (col as i64 - self.left, row as i64 - self.top);
+        let (x, y) = (col as i64 - self.place.left, row as i64 - self.place.top);
         let inside = |v: i64| (0..side as i64).contains(&v);
         if !inside(x) || !inside(y) {
             return None;
         }
         let half = 0.5 * (side as f64 - 1.0);
-        let share = self.pixel.line.map_or(1.0, |line| {
+        let share = self.line.map_or(1.0, |line| {
             line.coverage(DVec2::new(x as f64 - half, y as f64 - half))
         });
         let share = share as f32;
-        let [c0, c1] = [0, 1].map(|s| {
-            let straight = LinearRgba::from_rgb_alpha(
-                self.pixel.colors[s].to_linear().rgb(),
-                self.pixel.alphas[s],
-            );
-            PremulLinearRgba::from_linear(straight)
-        });
+        let [c0, c1] = self.colors;
         Some(PremulLinearRgba(std::array::from_fn(|c| {
             share * c0.0[c] + (1.0 - share) * c1.0[c]
         })))
@@ -155,11 +180,11 @@ fn draw(stamps: &[Stamp], side: usize, region: Rect, first_row: usize, out: &mut
             let last = (begin + side as i64).min(high as i64);
             first.max(0) as usize..last.max(first).max(0) as usize
         };
-        for row in span(stamp.top, first_row, first_row + rows) {
-            for col in span(stamp.left, region.col, region.right()) {
+        for row in span(stamp.place.top, first_row, first_row + rows) {
+            for col in span(stamp.place.left, region.col, region.right()) {
                 let slot = &mut top[(row - first_row) * region.width + col - region.col];
-                if slot.1.is_none() || stamp.rank > slot.0 {
-                    *slot = (stamp.rank, Some(stamp));
+                if slot.1.is_none() || stamp.place.rank > slot.0 {
+                    *slot = (stamp.place.rank, Some(stamp));
                 }
             }
         }
@@ -203,6 +228,19 @@ mod tests {
                 );
             }
         }
+    }
+
+    #[test]
+    fn pictures_smaller_than_a_square_stay_opaque() {
+        let image = Image::new(Size::new(7, 2).unwrap(), Srgb([200u8, 100, 50]));
+        let region = Rect::of(image.size());
+        let stamped = stamp(&image, region, 9, 0, &Progress::none()).unwrap();
+        assert!(
+            stamped
+                .pixels()
+                .iter()
+                .all(|p| (p.alpha() - 1.0).abs() < 1e-6)
+        );
     }
 
     #[test]

@@ -130,6 +130,38 @@ fn a_stroke_is_the_same_live_replayed_and_cut_into_pieces() {
 }
 
 #[test]
+fn strokes_one_after_another_are_the_same_live_and_replayed() {
+    let image = picture(96, 80);
+    let strokes: Vec<Stroke> = tools()
+        .into_iter()
+        .filter(|tool| *tool != Tool::Mask)
+        .enumerate()
+        .map(|(i, tool)| {
+            let begin = 10.0 + 6.0 * i as f64;
+            Stroke::new(tool, vec![[begin, 20.0], [50.0, 30.0 + begin / 2.0]], 9.0)
+        })
+        .collect();
+    let progress = Progress::none();
+    let mut brush: Option<Brush> = None;
+    for stroke in &strokes {
+        let first = Stroke {
+            points: stroke.points[..1].to_vec(),
+            ..stroke.clone()
+        };
+        match &mut brush {
+            None => brush = Some(Brush::begin(image.clone(), first, &progress).unwrap()),
+            Some(brush) => {
+                brush.next_stroke(first, &progress).unwrap();
+            }
+        }
+        let brush = brush.as_mut().unwrap();
+        brush.extend(stroke.points[1], &progress).unwrap();
+    }
+    let live = brush.unwrap().finish();
+    assert!(live == painted(&image, strokes).image);
+}
+
+#[test]
 fn paint_does_not_cross_an_edge_of_64_steps() {
     let image = picture(96, 80);
     let stroke = Stroke {

@@ -1,6 +1,7 @@
 //! `ravec compare`, and how inputs are refused.
 
-use crate::program::{assert_refused, bmp, code, folder, ravec, stderr, stdout};
+use crate::pictures::bmp;
+use crate::program::{assert_refused, code, folder, ravec, stderr, stdout};
 use serde_json::Value;
 
 #[test]

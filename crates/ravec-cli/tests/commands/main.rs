@@ -1,6 +1,14 @@
 //! The program as a user meets it: what it prints, what it leaves behind, how it ends.
 
+mod brush;
 mod compare;
+mod demo;
+mod examples;
 mod frame;
+mod hostile;
+mod interrupt;
+mod outputs;
+mod pictures;
 mod program;
 mod scenes;
+mod twocolor;

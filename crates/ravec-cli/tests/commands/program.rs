@@ -1,5 +1,7 @@
 //! Runs the program and looks at how it ended.
 
+use crate::pictures::bmp;
+use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
@@ -54,29 +56,56 @@ pub fn folder() -> tempfile::TempDir {
     folder
 }
 
-/// A bitmap file of 24 bits a pixel, blue first, from the bottom row.
-pub fn bmp(width: usize, height: usize, pixel_at: impl Fn(usize, usize) -> [u8; 3]) -> Vec<u8> {
-    let row_bytes = (3 * width).next_multiple_of(4);
-    let mut file = b"BM".to_vec();
-    let long = |file: &mut Vec<u8>, number: usize| file.extend((number as u32).to_le_bytes());
-    long(&mut file, 54 + row_bytes * height);
-    long(&mut file, 0);
-    long(&mut file, 54);
-    long(&mut file, 40);
-    long(&mut file, width);
-    long(&mut file, height);
-    file.extend([1, 0, 24, 0]);
-    for number in [0, row_bytes * height, 2835, 2835, 0, 0] {
-        long(&mut file, number);
+/// A small photo-like picture as `photo.jpg` and, with noise, as `noisy.jpg`, both of 160 x 120 pixels.
+pub fn photos(folder: &Path) {
+    for (name, noise) in [("photo.jpg", "0"), ("noisy.jpg", "15")] {
+        let arguments = "-q scenes --out . --scene still-life --width 160 --height 120 --jpeg 95";
+        let mut arguments: Vec<_> = arguments.split(' ').collect();
+        arguments.extend(["--noise-sigma", noise]);
+        let output = ravec(folder, &arguments);
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        std::fs::rename(folder.join("still-life.jpg"), folder.join(name)).unwrap();
     }
-    for row in (0..height).rev() {
-        for col in 0..width {
-            let [r, g, b] = pixel_at(col, row);
-            file.extend([b, g, r]);
-        }
-        file.extend(vec![0; row_bytes - 3 * width]);
+    std::fs::remove_file(folder.join("still-life.json")).unwrap();
+}
+
+/// Runs the arguments, separated by spaces, and asserts success. Gives what was printed.
+#[track_caller]
+pub fn done(folder: &Path, arguments: &str) -> String {
+    let output = ravec(folder, &arguments.split(' ').collect::<Vec<_>>());
+    assert_eq!(code(&output), 0, "{arguments}: {}", stderr(&output));
+    stdout(&output)
+}
+
+/// Runs the arguments, separated by spaces, with a report, and gives it.
+#[track_caller]
+pub fn report(folder: &Path, arguments: &str) -> Value {
+    let text = done(folder, &format!("-q --json - {arguments}"));
+    let report: Value = serde_json::from_str(&text).unwrap();
+    for field in [
+        "operation",
+        "version",
+        "inputs",
+        "outputs",
+        "parameters",
+        "seed",
+        "timings",
+        "figures",
+        "warnings",
+    ] {
+        assert!(report.get(field).is_some(), "no {field} in {text}");
     }
-    file
+    report
+}
+
+/// The arguments, separated by spaces, give the same bytes in `out` on one thread and on three.
+#[track_caller]
+pub fn assert_same_on_any_threads(folder: &Path, arguments: &str, out: &str) {
+    let bytes = |threads| {
+        done(folder, &format!("-q --threads {threads} {arguments}"));
+        std::fs::read(folder.join(out)).unwrap()
+    };
+    assert!(bytes(1) == bytes(3), "{arguments}");
 }
 
 pub fn files(folder: &Path) -> Vec<PathBuf> {

@@ -1,19 +1,28 @@
 //! What the tools need to know of the picture under a stroke, worked out cell by cell as strokes reach them.
 
+use super::canvas::Canvas;
 use super::path::Path;
 use super::stroke::{Stroke, StrokeError};
+use crate::clean::NoiseLevel;
 use crate::dense::{WindowParams, map_windows};
-use crate::operator::{Mode, OperatorParams, Sides, operate};
+use crate::field::FitError;
+use crate::operator::{Mode, OperatorParams, operate_with};
+use crate::pointwise::Sides;
 use glam::DVec2;
 use ravec_progress::Progress;
 use ravec_raster::{Image, LinearRgba, Rect, Size};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Side of a cell in pixels: small, so that few windows outside a round brush are fitted; large enough for whole batches.
 const SIDE: usize = 32;
 
-/// The sides of the window around a pixel, as plain numbers: own color, other color, coverage, quality.
-type Packed = [f32; 8];
+/// The most cells that one task hands to a regional operator.
+const LONGEST_RUN: usize = 4;
+
+/// The sides of the window around a pixel, as plain numbers: own color, other color, coverage, quality,
+/// variance, remoteness.
+type Packed = [f32; 10];
 
 /// A cell: the windows of its pixels, and for some tools what its pixels become.
 struct Cell {
@@ -29,6 +38,8 @@ pub(crate) struct Cells {
     windows: WindowParams,
     /// The operator whose result is not a function of one window.
     regional: Option<OperatorParams>,
+    /// What a cleaning operator works against, once known.
+    noise: Option<NoiseLevel>,
 }
 
 impl Cells {
@@ -48,24 +59,25 @@ impl Cells {
                 ..WindowParams::default()
             },
             regional: stroke.operator().filter(|params| !pointwise(params)),
+            noise: None,
         }
     }
 
     /// Fills the cells of `region` that the path reaches.
     pub fn ensure(
         &mut self,
-        image: &Image<LinearRgba>,
+        canvas: &mut Canvas,
         path: &Path,
         region: Rect,
         progress: &Progress,
     ) -> Result<(), StrokeError> {
         // the noise of the whole picture, once, not of every cell
-        if let Some(params) = &mut self.regional
-            && params.mode == Mode::Clean
-            && params.noise_sigma.is_none()
+        if let Some(params) = &self.regional
+            && self.noise.is_none()
         {
-            params.noise_sigma = Some(crate::clean::estimate_noise(image, progress)?.typical());
+            self.noise = canvas.noise_for(params, progress)?;
         }
+        let image = &canvas.before;
         let rows = region.row / SIDE..=(region.bottom() - 1) / SIDE;
         let missing: Vec<usize> = rows
             .flat_map(|y| (region.col / SIDE..=(region.right() - 1) / SIDE).map(move |x| (x, y)))
@@ -73,27 +85,21 @@ impl Cells {
             .map(|(x, y)| y * self.columns + x)
             .filter(|&cell| self.filled[cell].is_none())
             .collect();
-        let filled: Vec<(usize, Cell)> = missing
+        let runs = self.runs(&missing);
+        let targets: Vec<Vec<Image<LinearRgba>>> = runs
             .into_par_iter()
-            .map(|cell| {
+            .map(|run| self.targets_of(image, run, progress))
+            .collect::<Result<_, StrokeError>>()?;
+        let mut targets = targets.into_iter().flatten();
+        let filled: Vec<(usize, Option<Image<LinearRgba>>)> = missing
+            .into_iter()
+            .map(|cell| (cell, targets.next()))
+            .collect();
+        let filled: Vec<(usize, Cell)> = filled
+            .into_par_iter()
+            .map(|(cell, target)| {
                 progress.check()?;
-                let rect = self.rect(cell % self.columns, cell / self.columns);
-                let quiet = Progress::none();
-                let sides = map_windows(image, rect, &self.windows, &quiet, |_, _, window| {
-                    let Sides {
-                        own,
-                        other,
-                        coverage,
-                        quality,
-                    } = Sides::of(window);
-                    [
-                        own[0], own[1], own[2], other[0], other[1], other[2], coverage, quality,
-                    ]
-                })?;
-                let target = match &self.regional {
-                    Some(params) => Some(operate(image, rect, params, &quiet)?),
-                    None => None,
-                };
+                let sides = self.sides_of(image, cell)?;
                 Ok((cell, Cell { sides, target }))
             })
             .collect::<Result<_, StrokeError>>()?;
@@ -101,6 +107,79 @@ impl Cells {
             self.filled[index] = Some(cell);
         }
         Ok(())
+    }
+
+    /// Cells side by side, for an operator that reads around its region: so that cells share what lies between them. Nothing
+    /// for the other tools.
+    fn runs(&self, cells: &[usize]) -> Vec<Range<usize>> {
+        if self.regional.is_none() {
+            return vec![];
+        }
+        let row = |cell: usize| cell / self.columns;
+        cells
+            .chunk_by(|&a, &b| a + 1 == b && row(a) == row(b))
+            .flat_map(|run| run.chunks(LONGEST_RUN))
+            .map(|run| run[0]..run[0] + run.len())
+            .collect()
+    }
+
+    /// What the operator makes of each of some cells side by side.
+    fn targets_of(
+        &self,
+        image: &Image<LinearRgba>,
+        run: Range<usize>,
+        progress: &Progress,
+    ) -> Result<Vec<Image<LinearRgba>>, StrokeError> {
+        progress.check()?;
+        let Some(params) = &self.regional else {
+            return Ok(vec![]);
+        };
+        let rects: Vec<Rect> = run.map(|cell| self.rect_of(cell)).collect();
+        let (Some(first), Some(last)) = (rects.first(), rects.last()) else {
+            return Ok(vec![]);
+        };
+        let whole = Rect::new(first.col, first.row, last.right() - first.col, first.height);
+        let quiet = Progress::none();
+        let targets = operate_with(image, whole, params, self.noise.as_ref(), &quiet)?;
+        let crop = |rect: &Rect| {
+            let size = rect.size().ok_or(FitError::EmptyRegion)?;
+            let cropped = targets.crop(rect.col - whole.col, 0, size);
+            cropped.map_err(|_| FitError::EmptyRegion.into())
+        };
+        rects.iter().map(crop).collect()
+    }
+
+    /// The windows of a cell's pixels.
+    fn sides_of(
+        &self,
+        image: &Image<LinearRgba>,
+        cell: usize,
+    ) -> Result<Image<Packed>, StrokeError> {
+        let rect = self.rect_of(cell);
+        let sides = map_windows(
+            image,
+            rect,
+            &self.windows,
+            &Progress::none(),
+            |_, _, window| {
+                let Sides {
+                    own: [l0, a0, b0],
+                    other: [l1, a1, b1],
+                    coverage,
+                    quality,
+                    variance,
+                    remoteness,
+                } = Sides::of(window, self.windows.window_px);
+                [
+                    l0, a0, b0, l1, a1, b1, coverage, quality, variance, remoteness,
+                ]
+            },
+        )?;
+        Ok(sides)
+    }
+
+    fn rect_of(&self, cell: usize) -> Rect {
+        self.rect(cell % self.columns, cell / self.columns)
     }
 
     fn rect(&self, x: usize, y: usize) -> Rect {
@@ -115,12 +194,25 @@ impl Cells {
     /// The sides of the window around a pixel, if its cell is filled.
     pub fn sides(&self, col: usize, row: usize) -> Option<Sides> {
         let (cell, [x, y]) = self.at(col, row)?;
-        let [a, b, c, d, e, f, coverage, quality] = cell.sides[(x, y)];
-        Some(Sides {
-            own: [a, b, c],
-            other: [d, e, f],
+        let [
+            l0,
+            a0,
+            b0,
+            l1,
+            a1,
+            b1,
             coverage,
             quality,
+            variance,
+            remoteness,
+        ] = cell.sides[(x, y)];
+        Some(Sides {
+            own: [l0, a0, b0],
+            other: [l1, a1, b1],
+            coverage,
+            quality,
+            variance,
+            remoteness,
         })
     }
 

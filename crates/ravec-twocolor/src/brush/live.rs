@@ -1,5 +1,6 @@
 //! A stroke while it is being drawn.
 
+use super::canvas::Canvas;
 use super::cells::Cells;
 use super::path::Path;
 use super::stroke::{Problem, Stroke, StrokeError, Tool};
@@ -28,8 +29,7 @@ use ravec_raster::{Image, LinearRgba, Plane, Rect};
 /// ```
 pub struct Brush {
     stroke: Stroke,
-    before: Image<LinearRgba>,
-    image: Image<LinearRgba>,
+    canvas: Canvas,
     mask: Option<Plane>,
     cells: Cells,
 }
@@ -44,20 +44,37 @@ impl Brush {
         stroke: Stroke,
         progress: &Progress,
     ) -> Result<Self, StrokeError> {
-        stroke
-            .check()
-            .map_err(|Problem(problem)| StrokeError::Stroke { number: 1, problem })?;
-        let mask = (stroke.tool == Tool::Mask).then(|| Plane::new(image.size(), 0.0));
+        check(&stroke)?;
         let mut brush = Self {
             cells: Cells::new(image.size(), &stroke),
-            before: image.clone(),
-            image,
-            mask,
+            mask: selection(&stroke, &image),
+            canvas: Canvas::new(image),
             stroke,
         };
         let path = Path::of(&brush.stroke);
         brush.repaint(&path, path.bounds(), progress)?;
         Ok(brush)
+    }
+
+    /// Ends the stroke and puts the brush down again for another; returns the pixels that may have changed. Costs as much as
+    /// the pixels that the two strokes reach, where [`begin`](Self::begin) copies the whole picture. The selection of a mask
+    /// stroke is to be fetched before.
+    ///
+    /// # Errors
+    /// As [`begin`](Self::begin). If `stroke` makes no sense, the one before goes on; if cancelled, it has ended and the new
+    /// one has begun without having painted.
+    pub fn next_stroke(
+        &mut self,
+        stroke: Stroke,
+        progress: &Progress,
+    ) -> Result<Rect, StrokeError> {
+        check(&stroke)?;
+        self.canvas.settle();
+        self.cells = Cells::new(self.canvas.image.size(), &stroke);
+        self.mask = selection(&stroke, &self.canvas.image);
+        self.stroke = stroke;
+        let path = Path::of(&self.stroke);
+        self.repaint(&path, path.bounds(), progress)
     }
 
     /// Moves the brush to a point; returns the pixels that may have changed.
@@ -66,9 +83,9 @@ impl Brush {
     /// As [`begin`](Self::begin); the stroke is then as it was.
     pub fn extend(&mut self, point: [f64; 2], progress: &Progress) -> Result<Rect, StrokeError> {
         self.stroke.points.push(point);
-        if let Err(Problem(problem)) = self.stroke.check() {
+        if let Err(error) = check(&self.stroke) {
             self.stroke.points.pop();
-            return Err(StrokeError::Stroke { number: 1, problem });
+            return Err(error);
         }
         let path = Path::of(&self.stroke);
         // the last corner may have gone, so the segment before the new one counts as changed
@@ -78,7 +95,7 @@ impl Brush {
 
     /// The picture so far.
     pub fn image(&self) -> &Image<LinearRgba> {
-        &self.image
+        &self.canvas.image
     }
 
     /// The selection so far, of a mask stroke.
@@ -93,7 +110,7 @@ impl Brush {
 
     /// Lifts the brush.
     pub fn finish(self) -> Image<LinearRgba> {
-        self.image
+        self.canvas.image
     }
 
     fn repaint(
@@ -102,27 +119,36 @@ impl Brush {
         region: Rect,
         progress: &Progress,
     ) -> Result<Rect, StrokeError> {
-        let region = region.intersection(Rect::of(self.image.size()));
+        let region = region.intersection(Rect::of(self.canvas.image.size()));
         if region.is_empty() {
             return Ok(region);
         }
-        self.cells.ensure(&self.before, path, region, progress)?;
+        self.cells
+            .ensure(&mut self.canvas, path, region, progress)?;
         // where the nearest point of the way has moved, paint may have to go again
-        let columns = region.col..region.right();
-        for row in region.row..region.bottom() {
-            self.image.row_mut(row)[columns.clone()]
-                .copy_from_slice(&self.before.row(row)[columns.clone()]);
-            if let Some(mask) = &mut self.mask {
-                mask.row_mut(row)[columns.clone()].fill(0.0);
+        self.canvas.wipe(region);
+        if let Some(mask) = &mut self.mask {
+            for row in region.row..region.bottom() {
+                mask.row_mut(row)[region.col..region.right()].fill(0.0);
             }
         }
         let painter = Painter {
             stroke: &self.stroke,
             path,
             cells: &self.cells,
-            before: &self.before,
+            before: &self.canvas.before,
         };
-        painter.paint(region, &mut self.image, self.mask.as_mut());
+        painter.paint(region, &mut self.canvas.image, self.mask.as_mut());
         Ok(region)
     }
+}
+
+fn check(stroke: &Stroke) -> Result<(), StrokeError> {
+    let checked = stroke.check();
+    checked.map_err(|Problem(problem)| StrokeError::Stroke { number: 1, problem })
+}
+
+/// The selection that a mask stroke begins with.
+fn selection(stroke: &Stroke, image: &Image<LinearRgba>) -> Option<Plane> {
+    (stroke.tool == Tool::Mask).then(|| Plane::new(image.size(), 0.0))
 }

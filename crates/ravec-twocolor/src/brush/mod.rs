@@ -20,6 +20,7 @@
 //!
 //! Cost: one exact fit a pixel under the stroke. Memory: two copies of the picture, and 32 bytes a pixel under the stroke.
 
+mod canvas;
 mod cells;
 mod live;
 mod path;
@@ -29,6 +30,7 @@ mod tool;
 pub use live::Brush;
 pub use stroke::{Stroke, StrokeError, Strokes, Tool};
 
+use canvas::Canvas;
 use cells::Cells;
 use path::Path;
 use ravec_progress::Progress;
@@ -57,41 +59,47 @@ pub fn replay(
     progress: &Progress,
 ) -> Result<Painted, StrokeError> {
     let strokes = strokes.scaled_to(image.size())?;
-    let mut painted = Painted {
-        mask: None,
-        touched: Vec::with_capacity(strokes.len()),
-        image,
-    };
+    let mut canvas = Canvas::new(image);
+    let mut mask = None;
+    let mut touched = Vec::with_capacity(strokes.len());
     let phase = progress.phase("strokes", strokes.len() as u64);
     for stroke in &strokes {
         progress.check()?;
-        paint(&mut painted, stroke, progress)?;
+        touched.push(paint(&mut canvas, &mut mask, stroke, progress)?);
+        canvas.settle();
         phase.advance(1);
     }
-    Ok(painted)
+    Ok(Painted {
+        image: canvas.image,
+        mask,
+        touched,
+    })
 }
 
-/// One stroke, already in pixels of the picture.
-fn paint(painted: &mut Painted, stroke: &Stroke, progress: &Progress) -> Result<(), StrokeError> {
+/// One stroke, already in pixels of the picture; returns how many pixels it could change.
+fn paint(
+    canvas: &mut Canvas,
+    mask: &mut Option<Plane>,
+    stroke: &Stroke,
+    progress: &Progress,
+) -> Result<u64, StrokeError> {
     let path = Path::of(stroke);
-    let region = path.bounds().intersection(Rect::of(painted.image.size()));
+    let size = canvas.image.size();
+    let region = path.bounds().intersection(Rect::of(size));
     if region.is_empty() {
-        painted.touched.push(0);
-        return Ok(());
+        return Ok(0);
     }
-    let before = painted.image.clone();
-    let mut cells = Cells::new(before.size(), stroke);
-    cells.ensure(&before, &path, region, progress)?;
-    if stroke.tool == Tool::Mask && painted.mask.is_none() {
-        painted.mask = Some(Plane::new(before.size(), 0.0));
+    let mut cells = Cells::new(size, stroke);
+    cells.ensure(canvas, &path, region, progress)?;
+    canvas.wipe(region);
+    if stroke.tool == Tool::Mask && mask.is_none() {
+        *mask = Some(Plane::new(size, 0.0));
     }
     let painter = Painter {
         stroke,
         path: &path,
         cells: &cells,
-        before: &before,
+        before: &canvas.before,
     };
-    let touched = painter.paint(region, &mut painted.image, painted.mask.as_mut());
-    painted.touched.push(touched);
-    Ok(())
+    Ok(painter.paint(region, &mut canvas.image, mask.as_mut()))
 }

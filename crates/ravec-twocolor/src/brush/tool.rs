@@ -3,7 +3,7 @@
 use super::cells::Cells;
 use super::path::{Nearest, Path};
 use super::stroke::{Stroke, Tool};
-use crate::operator::{apply, mixed};
+use crate::pointwise::{apply, mixed};
 use glam::DVec2;
 use ravec_raster::color::{linear_from_oklab, oklab_from_linear};
 use ravec_raster::{Color, Image, LinearRgba, Plane, Rect, Srgb};

@@ -16,6 +16,7 @@
 //! Non-guarantees: pictures scaled after compression are not recognised; chroma is cleaned but not bounded.
 
 use super::dct::{Block, SIDE, forward, inverse};
+use crate::pixel::{countable, is_countable};
 use ravec_progress::{Cancelled, Progress};
 use ravec_raster::color::{linear_from_srgb, srgb_from_linear};
 use ravec_raster::{Color, Image, LinearRgba, Plane, Rect, Size};
@@ -84,7 +85,7 @@ pub(super) struct Compression {
 /// Luma as JPEG has it, 0 to 255, from linear light.
 #[inline(always)]
 fn luma(color: LinearRgba) -> f32 {
-    let [r, g, b] = color.rgb().map(srgb_from_linear);
+    let [r, g, b] = countable(color).rgb().map(srgb_from_linear);
     255.0 * (0.299 * r + 0.587 * g + 0.114 * b)
 }
 
@@ -179,7 +180,7 @@ impl Compression {
         for (y, row) in inverse(&excess).iter().enumerate() {
             for (x, change) in row.iter().enumerate() {
                 let pixel = &mut cleaned[y * width + left + x];
-                if pixel.alpha() > 0.0 {
+                if pixel.alpha() > 0.0 && is_countable(*pixel) {
                     let rgb = pixel
                         .rgb()
                         .map(|v| linear_from_srgb(srgb_from_linear(v) + change / 255.0));

@@ -14,6 +14,7 @@
 use super::compression::Compression;
 use super::dct::{Block, SIDE, forward};
 use super::strip::{CHANNELS, opponent_from_rgb};
+use crate::pixel::is_countable;
 use ravec_progress::{Cancelled, Progress};
 use ravec_raster::color::srgb_from_linear;
 use ravec_raster::{Color, Image};
@@ -133,7 +134,7 @@ fn probe<P: Color>(image: &Image<P>, left: usize, top: usize) -> Option<Probe> {
     for y in 0..SIDE {
         for (x, pixel) in image.row(top + y)[left..left + SIDE].iter().enumerate() {
             let color = pixel.to_linear();
-            if color.alpha() < 1.0 {
+            if color.alpha() < 1.0 || !is_countable(color) {
                 return None;
             }
             let encoded = color.rgb().map(srgb_from_linear);

@@ -4,6 +4,7 @@
 //! by equally many. Column `X = i·s + f` of a padded row is entry `i` of its *phase* `f`: pixel `dx` of the windows
 //! `i, i + 1, …` is then the run of entries from `i + dx / s` of phase `dx % s`.
 
+use crate::pixel::{countable, is_countable};
 use crate::sweep::MAX_LANES;
 use fearless_simd::prelude::*;
 use ravec_raster::color::{linear_from_srgb, srgb_from_linear};
@@ -114,10 +115,18 @@ impl Strip {
             let from = mirrored((target.row + y) as isize - lead[1] as isize, image.height());
             let pixels = &image.row(from)[used.0..used.1];
             let row = &mut row[used.0..used.1];
+            let mut numbers = true;
             for (slot, pixel) in row.iter_mut().zip(pixels) {
-                *slot = pixel.to_linear().0;
+                let pixel = pixel.to_linear();
+                numbers &= is_countable(pixel);
+                *slot = pixel.0;
             }
-            if P::HAS_ALPHA {
+            if !numbers {
+                for slot in row.iter_mut() {
+                    *slot = countable(LinearRgba(*slot)).0;
+                }
+            }
+            if P::HAS_ALPHA || !numbers {
                 cover_transparent(row);
             }
             for slot in row.iter_mut() {
@@ -147,7 +156,8 @@ impl Strip {
         self.entry(dx % self.stride, j * self.stride + dy, i + dx / self.stride)
     }
 
-    /// Writes the cleaned target pixels in linear light; alpha, and what is fully transparent, as in `image`.
+    /// Writes the cleaned target pixels in linear light; alpha, and what is fully transparent or not a number, as in
+    /// `image`.
     #[inline(always)]
     pub fn write<P: Color>(&self, image: &Image<P>, out: &mut [LinearRgba]) {
         let mut cleaned = vec![[0.0f32; 3]; self.target.width];
@@ -163,7 +173,7 @@ impl Strip {
             let originals = &image.row(self.target.row + y)[self.target.col..][..self.target.width];
             for ((out, original), color) in out.iter_mut().zip(originals).zip(&cleaned) {
                 let original = original.to_linear();
-                let visible = original.alpha() > 0.0;
+                let visible = original.alpha() > 0.0 && is_countable(original);
                 *out = if visible {
                     LinearRgba::from_rgb_alpha(*color, original.alpha())
                 } else {

@@ -8,6 +8,7 @@ use super::voxel::{TwoColorVoxel, VoxelPlane};
 use crate::fit::{FlatThreshold, Search, fit_block_row};
 use crate::line::Line;
 use crate::pixel::TwoColorPixel;
+use crate::pixel::countable;
 use fearless_simd::{Level, dispatch};
 use glam::{DVec2, DVec3};
 use ravec_progress::{Cancelled, Progress};
@@ -76,7 +77,10 @@ fn mean_strip<P: Color>(frames: &[Image<P>], top: usize, rows: usize) -> Image<P
     for frame in frames {
         for row in 0..height {
             for (sum, &pixel) in mean.row_mut(row).iter_mut().zip(frame.row(top + row)) {
-                *sum = sum.plus(share, PremulLinearRgba::from_linear(pixel.to_linear()));
+                *sum = sum.plus(
+                    share,
+                    PremulLinearRgba::from_linear(countable(pixel.to_linear())),
+                );
             }
         }
     }
@@ -189,7 +193,7 @@ impl<'a> BlockFitter<'a> {
         let voxels = frames.iter().flat_map(|frame| {
             (top..bottom).flat_map(move |row| {
                 frame.row(row)[left..right].iter().map(|pixel| {
-                    let color = pixel.to_linear();
+                    let color = countable(pixel.to_linear());
                     let alpha = color.alpha().clamp(0.0, 1.0);
                     (oklab_from_linear(color.rgb()), alpha)
                 })

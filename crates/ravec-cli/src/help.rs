@@ -1,0 +1,150 @@
+//! The end of each help page: examples, the form of input files, exit codes.
+//!
+//! The examples are run by the tests as they are written here, with `photo.jpg` and the like in the folder. Paragraphs are one
+//! line each, which is broken to the width of the terminal.
+
+/// What the program ends with.
+macro_rules! exit_codes {
+    () => {
+        "\
+Exit codes:
+    0  done
+    1  the operation failed
+    2  the command line is wrong
+    3  an input cannot be read, is no valid picture, or exceeds a limit
+    4  an output cannot be written
+  130  interrupted by Ctrl-C; nothing half-written is left"
+    };
+}
+
+/// Of the whole program.
+pub const PROGRAM: &str = concat!(
+    "\
+Examples:
+  ravec demo
+  ravec demo --image photo.jpg --out gallery
+  ravec twocolor photo.jpg -o blocks.png
+
+Pictures are PNG, JPEG, WebP, TIFF, BMP, OpenEXR or Radiance HDR, told apart by their content. An output replaces an older \
+file of its name once it is whole, but never an input.
+
+",
+    exit_codes!()
+);
+
+/// Of `ravec compare`.
+pub const COMPARE: &str = concat!(
+    "\
+Examples:
+  ravec compare photo.jpg noisy.jpg
+  ravec compare photo.jpg noisy.jpg -q --json figures.json
+
+Figures: psnr_db (infinite, or null in JSON, for equal pictures), ssim (1 for equal pictures), delta_e_mean, delta_e_p95 and \
+delta_e_max (CIEDE2000; 1 is just noticeable), max_difference_steps (of 255), max_alpha_difference, identical (0 or 1).
+
+",
+    exit_codes!()
+);
+
+/// Of `ravec twocolor`.
+pub const TWOCOLOR: &str = concat!(
+    "\
+Examples:
+  ravec twocolor photo.jpg -o blocks.png --size 8
+  ravec twocolor photo.jpg -o large.png --size 4 --scale 4
+  ravec twocolor photo.jpg --svg photo.svg --adaptive
+  ravec twocolor - -o - --size 16 <photo.jpg >blocks.jpg
+
+Figures: blocks, flat_blocks (of one color), values (stored numbers), psnr_db (at scale 1), svg_bytes.
+
+",
+    exit_codes!()
+);
+
+/// Of `ravec brush`.
+pub const BRUSH: &str = concat!(
+    "\
+Examples:
+  ravec brush noisy.jpg -o clean.png --mode clean --everywhere
+  ravec brush noisy.jpg -o clean.png --mode clean --everywhere --noise-sigma 15
+  ravec brush photo.jpg -o large.png --mode antialias --scale 3 --everywhere
+  ravec brush photo.jpg -o look.jpg --mode abstract --iterations 3 --everywhere
+  ravec brush photo.jpg -o red.png --mode color --color '#c03020' --radius 80 --stroke points.json
+  ravec brush photo.jpg -o all.png --stroke strokes.json --mask mask.png
+  echo '[[40, 30], [90, 50]]' | ravec brush photo.jpg -o light.png --mode dodge --stroke -
+
+Strokes: points, in pixels from the upper left corner, are one stroke with the settings of the flags:
+  [[40, 30], [90, 50]]
+Strokes with settings of their own fit a picture of any size, because they say on which size they were drawn:
+  {\"version\": 1, \"width\": 800, \"height\": 600, \"strokes\": [
+    {\"tool\": {\"operator\": {\"mode\": \"smooth\"}}, \"points\": [[40, 30], [90, 50]], \"radius_px\": 20},
+    {\"tool\": {\"color\": {\"rgb\": [192, 48, 32]}}, \"points\": [[200, 150]], \"radius_px\": 60},
+    {\"tool\": \"mask\", \"points\": [[200, 150]], \"radius_px\": 60}]}
+Tools:
+  {\"operator\": {\"mode\": \"smooth\", \"iterations\": 1, \"noise_sigma\": null}}
+  {\"color\": {\"rgb\": [192, 48, 32]}}
+  {\"recolor\": {\"rgb\": [192, 48, 32]}}
+  {\"saturation\": {\"amount\": 0.5}}
+  {\"clone\": {\"offset\": [-40, 12]}}
+  \"dodge\"
+  \"burn\"
+  \"mask\"
+Settings of a stroke that may be left out, as they are then:
+  \"hardness\": 0.5, \"strength\": 1, \"edge_aware\": true, \"edge_tolerance\": 0.08,
+  \"window_px\": 9, \"accumulate\": false, \"spacing\": 0.25
+A list [...] of such strokes is taken as drawn on the picture as it is.
+
+Figures: strokes and touched_pixels with --stroke; noise_sigma_steps and compressed (0 or 1) with --mode clean.
+
+",
+    exit_codes!()
+);
+
+/// Of `ravec demo`.
+pub const DEMO: &str = concat!(
+    "\
+Examples:
+  ravec demo
+  ravec demo --image photo.jpg --out gallery
+
+Open index.html in the folder with a browser; it needs no other file.
+
+",
+    exit_codes!()
+);
+
+/// Of `ravec scenes`.
+pub const SCENES: &str = concat!(
+    "\
+Examples:
+  ravec scenes --out scenes --width 96 --height 64
+  ravec scenes --out noisy --scene disc --scene wedge --noise-sigma 10
+  ravec scenes --out damaged --scene line-art --width 320 --height 240 --jpeg 30
+
+Each scene is a picture NAME.png (or NAME.jpg) and NAME.json, which says what it was drawn from.
+
+",
+    exit_codes!()
+);
+
+/// Of `ravec completions`.
+pub const COMPLETIONS: &str = concat!(
+    "\
+Examples:
+  ravec completions bash >ravec.bash
+  ravec completions zsh >_ravec
+
+",
+    exit_codes!()
+);
+
+/// Of `ravec man`.
+pub const MAN: &str = concat!(
+    "\
+Examples:
+  ravec man >ravec.1
+  ravec man --out pages
+
+",
+    exit_codes!()
+);

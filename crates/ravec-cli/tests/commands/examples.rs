@@ -1,0 +1,121 @@
+//! The examples of the help pages and of the readme, run as they are written.
+
+use crate::program::{code, done, photos, stderr};
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+const COMMANDS: [&str; 7] = [
+    "compare",
+    "twocolor",
+    "brush",
+    "demo",
+    "scenes",
+    "completions",
+    "man",
+];
+
+/// A folder with the files that the examples are about.
+fn studio() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    photos(folder.path());
+    for (name, photo) in [("a.png", "photo.jpg"), ("b.png", "noisy.jpg")] {
+        done(folder.path(), &format!("-q twocolor {photo} -o {name}"));
+    }
+    std::fs::write(folder.path().join("points.json"), "[[40, 30], [90, 50]]").unwrap();
+    let help = done(folder.path(), "help brush");
+    let begin = help.find("{\"version\"").unwrap();
+    let strokes = &help[begin..];
+    let strokes = &strokes[..strokes.find("}]}").unwrap() + 3];
+    std::fs::write(folder.path().join("strokes.json"), strokes).unwrap();
+    folder
+}
+
+/// Runs a line as a shell would, on small pictures where it is about built-in ones.
+#[cfg(unix)]
+fn run(folder: &Path, line: &str) {
+    let small = match line {
+        "ravec demo" => " --max-side 120",
+        "ravec scenes --out scenes" => " --width 48 --height 32",
+        _ => "",
+    };
+    let programs = Path::new(env!("CARGO_BIN_EXE_ravec")).parent().unwrap();
+    let path = std::env::var("PATH").unwrap_or_default();
+    let output = Command::new("sh")
+        .args(["-c", &format!("{line}{small}")])
+        .env("PATH", format!("{}:{path}", programs.display()))
+        .current_dir(folder)
+        .stdin(Stdio::null())
+        .output()
+        .unwrap();
+    assert_eq!(code(&output), 0, "{line}: {}", stderr(&output));
+    assert_eq!(stderr(&output), "", "{line}");
+}
+
+#[cfg(unix)]
+#[test]
+fn examples_of_the_help_run_as_they_are_written() {
+    let folder = studio();
+    let pages = COMMANDS.map(|command| done(folder.path(), &format!("help {command}")));
+    let program = done(folder.path(), "--help");
+    for page in pages.iter().chain([&program]) {
+        let (_, examples) = page.split_once("Examples:\n").expect("every page has some");
+        let (examples, _) = examples.split_once("\n\n").unwrap();
+        for line in examples.lines() {
+            run(folder.path(), line.trim());
+        }
+    }
+    for written in [
+        "ravec-demo/index.html",
+        "gallery/index.html",
+        "blocks.jpg",
+        "mask.png",
+        "pages/ravec-brush.1",
+        "figures.json",
+    ] {
+        assert!(folder.path().join(written).is_file(), "{written}");
+    }
+}
+
+#[test]
+fn tools_and_settings_of_the_help_are_understood() {
+    let folder = studio();
+    let help = done(folder.path(), "help brush");
+    let lines = |title: &str| {
+        let (_, rest) = help.split_once(title).unwrap();
+        let lines = rest
+            .lines()
+            .skip(1)
+            .take_while(|line| line.starts_with("  "));
+        lines.map(str::trim).collect::<Vec<_>>()
+    };
+    let paint = |tool: &str, settings: &str| {
+        let strokes =
+            format!("[{{\"tool\": {tool}, \"points\": [[80, 60]], \"radius_px\": 20{settings}}}]");
+        std::fs::write(folder.path().join("strokes.json"), strokes).unwrap();
+        let arguments = "-q brush photo.jpg -o out.png --mask mask.png --stroke strokes.json";
+        done(folder.path(), arguments);
+        std::fs::read(folder.path().join("out.png")).unwrap()
+    };
+    let settings = format!(", {}", lines("Settings").concat());
+    let tools = lines("Tools");
+    assert_eq!(tools.len(), 8, "{tools:?}");
+    for tool in tools {
+        assert!(
+            paint(tool, "") == paint(tool, &settings),
+            "{tool}: no defaults"
+        );
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn commands_of_the_readme_run_as_they_are_written() {
+    let folder = studio();
+    let readme = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../README.md");
+    let readme = std::fs::read_to_string(readme).unwrap();
+    let lines: Vec<_> = readme.lines().filter(|l| l.starts_with("ravec ")).collect();
+    assert!(lines.len() > 5, "{lines:?}");
+    for line in lines {
+        run(folder.path(), line.split(" # ").next().unwrap().trim());
+    }
+}

@@ -1,0 +1,83 @@
+//! A picture before and after the stroke that is being painted.
+
+use crate::clean::NoiseLevel;
+use crate::field::FitError;
+use crate::operator::{OperatorParams, noise_for};
+use ravec_progress::Progress;
+use ravec_raster::{Image, LinearRgba, Rect};
+
+/// Two copies of a picture that differ only where the current stroke has painted, so that the next stroke costs as much as
+/// the pixels that this one changed and not as much as the picture.
+pub(crate) struct Canvas {
+    /// The picture before the stroke.
+    pub before: Image<LinearRgba>,
+    /// The picture with the stroke.
+    pub image: Image<LinearRgba>,
+    /// All pixels where the two may differ.
+    painted: Rect,
+    /// The noise that the first cleaning stroke found in the whole picture. Later ones use it again: painting does not change
+    /// what the camera did, and the estimate costs as much as the picture is large.
+    noise: Option<NoiseLevel>,
+}
+
+impl Canvas {
+    pub fn new(image: Image<LinearRgba>) -> Self {
+        Self {
+            before: image.clone(),
+            image,
+            painted: Rect::new(0, 0, 0, 0),
+            noise: None,
+        }
+    }
+
+    /// The noise that a cleaning stroke works against: given by the stroke, or that of the picture.
+    pub fn noise_for(
+        &mut self,
+        operator: &OperatorParams,
+        progress: &Progress,
+    ) -> Result<Option<NoiseLevel>, FitError> {
+        if operator.noise_sigma.is_some() {
+            return noise_for(&self.before, operator, progress);
+        }
+        if self.noise.is_none() {
+            self.noise = noise_for(&self.before, operator, progress)?;
+        }
+        Ok(self.noise.clone())
+    }
+
+    /// Takes the stroke off the pixels of `region`, which must lie in the picture, before it is painted there anew.
+    pub fn wipe(&mut self, region: Rect) {
+        copy(&self.before, &mut self.image, region);
+        self.painted = union(self.painted, region);
+    }
+
+    /// Ends the stroke: what was painted is what the next one finds.
+    pub fn settle(&mut self) {
+        copy(&self.image, &mut self.before, self.painted);
+        self.painted = Rect::new(0, 0, 0, 0);
+    }
+}
+
+fn copy(from: &Image<LinearRgba>, to: &mut Image<LinearRgba>, region: Rect) {
+    let columns = region.col..region.right();
+    for row in region.row..region.bottom() {
+        to.row_mut(row)[columns.clone()].copy_from_slice(&from.row(row)[columns.clone()]);
+    }
+}
+
+/// The smallest rectangle around both.
+fn union(a: Rect, b: Rect) -> Rect {
+    if a.is_empty() {
+        return b;
+    }
+    if b.is_empty() {
+        return a;
+    }
+    let (col, row) = (a.col.min(b.col), a.row.min(b.row));
+    Rect::new(
+        col,
+        row,
+        a.right().max(b.right()) - col,
+        a.bottom().max(b.bottom()) - row,
+    )
+}
