@@ -122,6 +122,11 @@ pub fn intersection(a: &[DVec3; 3], b: &[DVec3; 3]) -> TriTri {
     if one_side(heights_a) {
         return TriTri::Disjoint;
     }
+    if common.count() == 2 && heights_a != [Sign::Zero; 3] {
+        // one corner of `a` is off the plane of `b`: what the two share is on the line of the common edge, or at the
+        // common corner if `a` names it twice
+        return TriTri::Neighbors;
+    }
     let plane_a = OrientedPlane::through(a[0], a[1], a[2]);
     let heights_b = heights(&plane_a, b, common.second);
     if one_side(heights_b) {
