@@ -101,7 +101,8 @@ fn planned(
         }
     };
     let allowed = max_error * frame.scale;
-    if value > allowed * allowed * quadric.weight && quadric.weight > 0.0 {
+    // spares the measurement of what is hopeless
+    if value > allowed * allowed * quadric.weight + quadric.rounding() && quadric.weight > 0.0 {
         return Err(Veto::Error);
     }
     let length_sq = p.distance_squared(q) * frame.scale * frame.scale;

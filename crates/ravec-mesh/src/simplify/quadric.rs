@@ -100,6 +100,13 @@ impl Quadric {
         (x.dot(self.times(x) + 2.0 * self.b) + self.c).max(0.0)
     }
 
+    /// More than the rounding of values within a distance of 1 from the origin: some twenty roundings of sums of terms that
+    /// are no larger than the sum of the weights of the planes, which is the trace of A.
+    #[inline]
+    pub fn rounding(&self) -> f64 {
+        1e-14 * (self.a[0] + self.a[1] + self.a[2])
+    }
+
     /// The place of the smallest value; in directions in which that is not determined, the one closest to `middle`.
     #[inline]
     pub fn lowest(&self, middle: DVec3) -> DVec3 {
