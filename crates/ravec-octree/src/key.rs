@@ -1,0 +1,149 @@
+//! Where cells and their corners lie: integers on the lattice of the finest level.
+
+use glam::DVec3;
+
+/// The finest level: a side of the root holds 2²⁰ of its cells, and a corner fits 63 bits.
+pub const MAX_LEVEL: u8 = 20;
+
+/// A point of the lattice, 0 to 2²⁰ in each direction.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Corner(pub [u32; 3]);
+
+impl Corner {
+    /// One number for it.
+    #[inline]
+    pub fn code(self) -> u64 {
+        let [x, y, z] = self.0.map(u64::from);
+        x | y << 21 | z << 42
+    }
+
+    /// The corner moved by `by` along an axis.
+    #[inline]
+    #[must_use]
+    pub fn moved(mut self, axis: usize, by: u32) -> Self {
+        self.0[axis] += by;
+        self
+    }
+}
+
+/// A cell: its lowest corner and its level, 0 for the root.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct CellKey {
+    /// The corner with the smallest coordinates.
+    pub at: Corner,
+    /// How often the root was halved, at most [`MAX_LEVEL`].
+    pub level: u8,
+}
+
+impl CellKey {
+    /// The cell that holds all others.
+    pub const ROOT: Self = Self {
+        at: Corner([0; 3]),
+        level: 0,
+    };
+
+    /// Its side on the lattice.
+    #[inline]
+    pub fn side(self) -> u32 {
+        1 << (MAX_LEVEL - self.level)
+    }
+
+    /// The child whose place is said by the bits of `octant`: bit 0 for x, 1 for y, 2 for z.
+    ///
+    /// # Panics
+    /// On the finest level.
+    #[must_use]
+    pub fn child(self, octant: usize) -> Self {
+        assert!(
+            self.level < MAX_LEVEL,
+            "a cell of the finest level has no children"
+        );
+        let half = self.side() / 2;
+        let place = |axis: usize| self.at.0[axis] + half * (octant >> axis & 1) as u32;
+        Self {
+            at: Corner([0, 1, 2].map(place)),
+            level: self.level + 1,
+        }
+    }
+
+    /// The corner whose place is said by the bits of `octant`.
+    #[inline]
+    pub fn corner(self, octant: usize) -> Corner {
+        let place = |axis: usize| self.at.0[axis] + self.side() * (octant >> axis & 1) as u32;
+        Corner([0, 1, 2].map(place))
+    }
+}
+
+/// Where the lattice lies in space.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Frame {
+    /// The lowest corner of the root.
+    pub origin: DVec3,
+    /// The side of the root.
+    pub side: f64,
+}
+
+impl Frame {
+    /// The place of a corner.
+    #[inline]
+    pub fn point(&self, corner: Corner) -> DVec3 {
+        let step = self.side / f64::from(1u32 << MAX_LEVEL);
+        let [x, y, z] = corner.0.map(f64::from);
+        self.origin + step * DVec3::new(x, y, z)
+    }
+
+    /// The lowest and the highest corner of a cell.
+    #[inline]
+    pub fn bounds(&self, cell: CellKey) -> [DVec3; 2] {
+        [self.point(cell.corner(0)), self.point(cell.corner(7))]
+    }
+
+    /// The side of the cells of a level.
+    #[inline]
+    pub fn side_at(&self, level: u8) -> f64 {
+        self.side / f64::from(1u32 << level)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn children_fill_their_parent_and_share_its_corners() {
+        let parent = CellKey::ROOT.child(5).child(2);
+        for octant in 0..8 {
+            let child = parent.child(octant);
+            assert_eq!(child.corner(octant), parent.corner(octant));
+            assert_eq!(2 * child.side(), parent.side());
+            // all of them meet in the middle
+            assert_eq!(child.corner(7 - octant), parent.child(0).corner(7));
+        }
+    }
+
+    #[test]
+    fn codes_tell_corners_apart() {
+        let end = 1 << MAX_LEVEL;
+        let mut codes: Vec<u64> = [0, 1, end - 1, end]
+            .into_iter()
+            .flat_map(|x| [0, 1, end].map(|y| [x, y]))
+            .flat_map(|[x, y]| [0, 1, end].map(|z| Corner([x, y, z]).code()))
+            .collect();
+        codes.sort_unstable();
+        codes.dedup();
+        assert_eq!(codes.len(), 36);
+    }
+
+    #[test]
+    fn the_frame_puts_the_root_where_it_is_said_to_be() {
+        let frame = Frame {
+            origin: DVec3::new(1.0, 2.0, 3.0),
+            side: 8.0,
+        };
+        let [low, high] = frame.bounds(CellKey::ROOT);
+        assert_eq!(low, frame.origin);
+        assert_eq!(high, frame.origin + DVec3::splat(8.0));
+        let [low, high] = frame.bounds(CellKey::ROOT.child(7));
+        assert_eq!(high - low, DVec3::splat(frame.side_at(1)));
+    }
+}
