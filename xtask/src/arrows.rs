@@ -42,7 +42,12 @@ const CRATES: &[Crate] = &[
     Crate {
         name: "ravec",
         layer: "assembly",
-        uses: &["ravec-twocolor", "ravec-raster", "ravec-progress"],
+        uses: &[
+            "ravec-twocolor",
+            "ravec-mesh",
+            "ravec-raster",
+            "ravec-progress",
+        ],
     },
     Crate {
         name: "ravec-jobs",

@@ -109,6 +109,7 @@ mod tests {
             width: Some(4),
             height: Some(3),
             pixels: Some("8 bit"),
+            ..FileReport::default()
         });
         report.figures.insert("psnr_db", f64::INFINITY);
         report.figures.insert("ssim", 0.98765);

@@ -1,5 +1,6 @@
 //! Why an operation did not succeed, and the exit code that says so.
 
+use ravec::mesh::{ReadMeshError, WriteMeshError};
 use ravec::progress::Cancelled;
 use ravec::raster::Size;
 use ravec::twocolor::brush::StrokeError;
@@ -68,6 +69,38 @@ pub enum JobError {
     /// Two inputs would come from standard input.
     #[error("standard input can be read only once: give a file for the other input")]
     InputTwice,
+    /// An input cannot be read or is no valid mesh.
+    #[error("cannot read {}: {}", input_name(.path), read_reason(.cause))]
+    ReadMesh {
+        /// The file; `-` is standard input.
+        path: PathBuf,
+        /// What is wrong with it.
+        cause: ReadMeshError,
+    },
+    /// A mesh has no triangles where some are needed.
+    #[error("cannot use {}: the mesh has no triangles", input_name(.path))]
+    NoTriangles {
+        /// The file; `-` is standard input.
+        path: PathBuf,
+    },
+    /// A mesh cannot be written.
+    #[error("cannot write {}: {}", output_name(.path), write_reason(.cause))]
+    WriteMesh {
+        /// The file; `-` is standard output.
+        path: PathBuf,
+        /// What is wrong.
+        cause: WriteMeshError,
+    },
+    /// The extension of an output does not say which format a mesh is to have.
+    #[error(
+        "cannot write {}: its extension does not name a mesh format; known are {}",
+        output_name(.path),
+        crate::mesh::known_extensions()
+    )]
+    UnknownMeshFormat {
+        /// The file.
+        path: PathBuf,
+    },
     /// Strokes cannot be read or make no sense.
     #[error("cannot use the strokes in {}: {reason}", input_name(.path))]
     Strokes {
@@ -96,12 +129,17 @@ impl JobError {
             | Self::OverwritesInput { .. }
             | Self::OutputTwice { .. }
             | Self::InputTwice
+            | Self::UnknownMeshFormat { .. }
             | Self::Write {
                 cause: EncodeError::UnknownExtension | EncodeError::Quality { .. },
                 ..
             } => 2,
-            Self::Read { .. } | Self::SizesDiffer { .. } | Self::Strokes { .. } => 3,
-            Self::Write { .. } => 4,
+            Self::Read { .. }
+            | Self::ReadMesh { .. }
+            | Self::NoTriangles { .. }
+            | Self::SizesDiffer { .. }
+            | Self::Strokes { .. } => 3,
+            Self::Write { .. } | Self::WriteMesh { .. } => 4,
             Self::Fit(_) | Self::Render(_) => 1,
             Self::Cancelled => 130,
         }
@@ -151,6 +189,30 @@ impl JobError {
     }
 }
 
+impl JobError {
+    /// What is wrong with a mesh file that was read.
+    pub(crate) fn from_reading(path: &Path, cause: ReadMeshError) -> Self {
+        match cause {
+            ReadMeshError::Cancelled => Self::Cancelled,
+            cause => Self::ReadMesh {
+                path: path.to_path_buf(),
+                cause,
+            },
+        }
+    }
+
+    /// What is wrong with a mesh file that was written.
+    pub(crate) fn from_writing(path: &Path, cause: WriteMeshError) -> Self {
+        match cause {
+            WriteMeshError::Cancelled => Self::Cancelled,
+            cause => Self::WriteMesh {
+                path: path.to_path_buf(),
+                cause,
+            },
+        }
+    }
+}
+
 impl From<RenderError> for JobError {
     fn from(error: RenderError) -> Self {
         match error {
@@ -169,6 +231,22 @@ impl From<ReadError> for JobError {
 impl From<WriteError> for JobError {
     fn from(WriteError { path, cause }: WriteError) -> Self {
         Self::Write { path, cause }
+    }
+}
+
+/// That a file cannot be read is what the sentence says already.
+fn read_reason(cause: &ReadMeshError) -> String {
+    match cause {
+        ReadMeshError::Io(cause) => plain(cause),
+        cause => cause.to_string(),
+    }
+}
+
+/// That a file cannot be written is what the sentence says already.
+fn write_reason(cause: &WriteMeshError) -> String {
+    match cause {
+        WriteMeshError::Io(cause) => plain(cause),
+        cause => cause.to_string(),
     }
 }
 
@@ -279,6 +357,39 @@ mod tests {
                 JobError::InputTwice,
                 2,
                 "standard input can be read only once: give a file for the other input",
+            ),
+            (
+                JobError::from_reading(Path::new("a.stl"), ReadMeshError::Empty),
+                3,
+                "cannot read a.stl: the file is empty",
+            ),
+            (
+                JobError::from_reading(Path::new("a.stl"), io::Error::from_raw_os_error(2).into()),
+                3,
+                "cannot read a.stl: No such file or directory",
+            ),
+            (
+                JobError::NoTriangles { path: "-".into() },
+                3,
+                "cannot use standard input: the mesh has no triangles",
+            ),
+            (
+                JobError::from_writing(Path::new("-"), io::Error::other("disk full").into()),
+                4,
+                "cannot write standard output: disk full",
+            ),
+            (
+                JobError::UnknownMeshFormat {
+                    path: "a.png".into(),
+                },
+                2,
+                "cannot write a.png: its extension does not name a mesh format; known are .stl, .ply, .obj, .off, .3mf, \
+                 .glb, .gltf",
+            ),
+            (
+                JobError::from_reading(Path::new("a"), ReadMeshError::Cancelled),
+                130,
+                "interrupted; nothing half-written is left",
             ),
             (
                 Cancelled.into(),

@@ -160,7 +160,7 @@ fn identity(path: &Path) -> Option<PathBuf> {
     }
 }
 
-fn is_stream(path: &Path) -> bool {
+pub(crate) fn is_stream(path: &Path) -> bool {
     path.as_os_str() == "-"
 }
 
@@ -253,9 +253,7 @@ pub(crate) fn write_output_text(
     report.outputs.push(FileReport {
         path: path.display().to_string(),
         format: format.to_owned(),
-        width: None,
-        height: None,
-        pixels: None,
+        ..FileReport::default()
     });
     Ok(())
 }
@@ -273,6 +271,7 @@ fn described(path: &Path, format: &str, sample: SampleKind, picture: &Picture) -
         width: Some(size.width()),
         height: Some(size.height()),
         pixels: Some(pixels(sample, picture.image.has_alpha())),
+        ..FileReport::default()
     }
 }
 

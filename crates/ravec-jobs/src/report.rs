@@ -23,12 +23,16 @@ pub struct Report {
     pub timings: Vec<Timing>,
     /// What was measured, by name with the unit at its end (`psnr_db`). An infinite figure is `null` in JSON.
     pub figures: BTreeMap<&'static str, f64>,
+    /// What was found, with its places; empty if the operation looks for nothing.
+    pub findings: Vec<Finding>,
+    /// The verdict of an operation that judges: whether a mesh is sound or a distance small enough.
+    pub passed: Option<bool>,
     /// What the user should know although the run succeeded.
     pub warnings: Vec<String>,
 }
 
 /// A file that was read or written.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct FileReport {
     /// The path as it was given; `-` is standard input or output.
     pub path: String,
@@ -40,6 +44,38 @@ pub struct FileReport {
     pub height: Option<usize>,
     /// Sample kind and alpha of a picture, as in `8 bit with alpha`.
     pub pixels: Option<&'static str>,
+    /// Vertices, if it is a mesh.
+    pub vertices: Option<u64>,
+    /// Triangles, if it is a mesh.
+    pub triangles: Option<u64>,
+    /// The unit of a mesh's coordinates, if the file says it.
+    pub unit: Option<&'static str>,
+}
+
+/// Something that was looked for and found.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Finding {
+    /// What was found, in the plural, as in `boundary edges`.
+    pub what: &'static str,
+    /// How often.
+    pub count: u64,
+    /// Whether it keeps the operation from passing.
+    pub defect: bool,
+    /// Where: the first places, as many as were asked for.
+    pub places: Vec<Place>,
+}
+
+/// A place on a mesh. Vertices and triangles are counted from 0, in the order of the file.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct Place {
+    /// The vertices that it is about.
+    pub vertices: Vec<u32>,
+    /// The triangles that it is about.
+    pub triangles: Vec<u32>,
+    /// Where it is, in units of the file.
+    pub at: [f64; 3],
+    /// What else is to say, in a few words.
+    pub note: Option<String>,
 }
 
 /// The duration of a phase.
@@ -67,6 +103,8 @@ impl Report {
             seed: None,
             timings: Vec::new(),
             figures: BTreeMap::new(),
+            findings: Vec::new(),
+            passed: None,
             warnings: Vec::new(),
         }
     }

@@ -7,6 +7,7 @@
 //! | --- | --- |
 //! | [`raster`] | images with typed colors, sampling, filters, metrics |
 //! | [`twocolor`] | two-color pixels, and filters that do not cross edges |
+//! | [`mesh`] | triangle meshes: formats, checks, distances, simplification, pictures |
 //! | [`progress`] | progress and cancellation of long work |
 //!
 //! Everything here works on pixels in memory. Files are read and written by the crate `ravec-media`, which is not part of
@@ -102,6 +103,7 @@
 //! - Straight and premultiplied alpha are different types; only premultiplied pixels are averaged.
 //! - Same input, parameters and seed give the same bytes, on any number of threads.
 
+pub use ravec_mesh as mesh;
 pub use ravec_progress as progress;
 pub use ravec_raster as raster;
 pub use ravec_twocolor as twocolor;
