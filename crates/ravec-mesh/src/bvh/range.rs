@@ -4,8 +4,8 @@ use glam::{DVec2, DVec3};
 
 use super::Bvh;
 use super::node::{Child, Node, STACK, WIDTH};
-use crate::closest::distance_sq_to_triangle;
-use crate::{Aabb, Sign, orient2d};
+use crate::closest::{closest_on_triangle, distance_sq_to_triangle};
+use crate::{Aabb, Sign, orient2d, triangle_distance_sq};
 
 /// A place where a line meets a triangle.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -56,6 +56,56 @@ impl Bvh {
         );
     }
 
+    /// Whether any triangle comes closer to the given one than `distance`, by its exact distance.
+    ///
+    /// Fast where the answer is no and the middle of the given triangle is about as far as that, or farther.
+    pub fn comes_within(&self, facet: [DVec3; 3], distance: f64) -> bool {
+        let middle = (facet[0] + facet[1] + facet[2]) / 3.0;
+        let radius = facet
+            .iter()
+            .map(|&corner| corner.distance(middle))
+            .fold(0.0, f64::max);
+        let reach = distance + radius;
+        if !(reach.is_finite() && middle.is_finite()) || distance <= 0.0 {
+            return false;
+        }
+        let bounds = Aabb::around(facet).grown(distance);
+        let local = self.frame.local_box(bounds.min, bounds.max);
+        let point = self.frame.local_point(middle);
+        let reach_sq = self.frame.reach_sq(&point, reach * reach);
+        self.any(
+            |node| {
+                let near = node.distances_sq(point.at).map(|sq| sq <= reach_sq);
+                let touching = node.touching(&local);
+                std::array::from_fn(|lane| near[lane] & touching[lane])
+            },
+            |slot| {
+                let corners = self.corners[slot as usize];
+                let nearest = closest_on_triangle(middle, corners);
+                if nearest.distance_sq >= reach * reach {
+                    return false;
+                }
+                if nearest.distance_sq <= 0.0 {
+                    return true;
+                }
+                // a slab between the two: nothing of either is in it, so they are at least its thickness apart
+                let across = (middle - nearest.point) / nearest.distance_sq.sqrt();
+                let lowest = facet
+                    .map(|p| across.dot(p))
+                    .into_iter()
+                    .fold(f64::INFINITY, f64::min);
+                let highest = corners
+                    .map(|p| across.dot(p))
+                    .into_iter()
+                    .fold(f64::NEG_INFINITY, f64::max);
+                if lowest - highest >= distance {
+                    return false;
+                }
+                triangle_distance_sq(facet, corners) < distance * distance
+            },
+        )
+    }
+
     /// The triangles that the ray from `origin` along `direction` goes through, in the order of the ray; equally far ones
     /// by index. The length of `direction` is the unit of `t`.
     ///
@@ -91,8 +141,21 @@ impl Bvh {
     /// Calls `visit` with the slots of all leaves whose boxes, and those above them, pass `test`.
     #[inline]
     fn descend(&self, test: impl Fn(&Node) -> [bool; WIDTH], mut visit: impl FnMut(u32)) {
+        self.any(test, |slot| {
+            visit(slot);
+            false
+        });
+    }
+
+    /// As [`Self::descend`] until `visit` is true for a slot; whether that happened.
+    #[inline]
+    fn any(
+        &self,
+        test: impl Fn(&Node) -> [bool; WIDTH],
+        mut visit: impl FnMut(u32) -> bool,
+    ) -> bool {
         if self.is_empty() {
-            return;
+            return false;
         }
         let mut stack = [0; STACK];
         let mut len = 1;
@@ -106,10 +169,15 @@ impl Bvh {
                         stack[len] = child;
                         len += 1;
                     }
-                    Child::Leaf { first, count } => (first..first + count).for_each(&mut visit),
+                    Child::Leaf { first, count } => {
+                        if (first..first + count).any(&mut visit) {
+                            return true;
+                        }
+                    }
                 }
             }
         }
+        false
     }
 }
 
@@ -249,6 +317,18 @@ mod tests {
                 .filter(|&(_, distance_sq)| distance_sq <= radius * radius)
                 .collect();
             prop_assert_eq!(found, expected);
+        }
+
+        #[test]
+        fn what_comes_within_a_distance_is_found(mesh in soup(60), facet in [place(), place(), place()], distance in 0.01..3.0f64) {
+            let bvh = Bvh::new(&mesh);
+            let nearest = triangles(&mesh)
+                .map(|(_, corners)| triangle_distance_sq(facet, corners))
+                .fold(f64::INFINITY, f64::min)
+                .sqrt();
+            if (nearest - distance).abs() > 1e-9 {
+                prop_assert_eq!(bvh.comes_within(facet, distance), nearest < distance);
+            }
         }
 
         #[test]

@@ -1,0 +1,335 @@
+//! What a cell holds of the surface: samples of it, the vertex that represents them, and how well it does.
+
+use crate::field::{Field, Near, Region};
+use glam::{DMat3, DVec3};
+use ravec_mesh::closest_on_triangle;
+use ravec_octree::{CellKey, Frame};
+
+/// The share of a cell's side that its vertex keeps away from its faces, so that vertices of neighbours never meet.
+const MARGIN: f64 = 1e-4;
+
+/// Steps towards the pieces, and then towards the surface.
+const FIT_STEPS: usize = 6;
+const PROJECTIONS: usize = 2;
+
+/// The share of the tolerance that flatness may use up: the rest is for what lies between vertices.
+const FLATNESS: f64 = 0.8;
+
+/// The share of the tolerance by which a vertex may miss the surface.
+const MISS: f64 = 0.25;
+
+/// The share of the tolerance within which a sample counts as lying on the surface.
+const ON_SURFACE: f64 = 0.02;
+
+/// A point of the surface.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Sample {
+    pub point: DVec3,
+    /// The unit vector away from the triangles: the surface's normal, but for its sign.
+    pub away: DVec3,
+    pub triangle: u32,
+}
+
+/// What is known of a corner of a cell.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct CornerValue {
+    pub near: Near,
+    /// The field there: below zero is inside the offset solid.
+    pub value: f64,
+}
+
+/// A cell with its corners evaluated.
+pub(crate) struct Cell<'a> {
+    pub field: &'a Field<'a>,
+    pub frame: &'a Frame,
+    pub tolerance: f64,
+    pub key: CellKey,
+}
+
+/// What came of looking at a cell.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Fit {
+    /// Where its vertex would be; nothing if no sample was found.
+    pub vertex: Option<DVec3>,
+    /// Whether the vertex stands for all samples, and the signs of the corners for the surface.
+    pub is_good: bool,
+}
+
+impl Cell<'_> {
+    /// The lowest and the highest place for the vertex.
+    fn room(&self) -> [DVec3; 2] {
+        let [low, high] = self.frame.bounds(self.key);
+        let margin = MARGIN * (high - low);
+        [low + margin, high - margin]
+    }
+
+    /// Looks at the cell: `center` is its middle, `region` the side it lies on.
+    pub fn fit(&self, center: Near, region: Region, corners: &[CornerValue; 8]) -> Fit {
+        let changes = corners
+            .iter()
+            .any(|c| (c.value < 0.0) != (corners[0].value < 0.0));
+        let mut samples = Vec::with_capacity(24);
+        self.roots(corners, region, &mut samples);
+        self.feet(center, region, corners, &mut samples);
+        if samples.is_empty() {
+            return Fit {
+                vertex: None,
+                is_good: !changes,
+            };
+        }
+        if !changes {
+            // a sheet, or a bump, between the corners
+            let deep = samples
+                .iter()
+                .any(|sample| self.depth(sample.point) > 0.5 * self.tolerance);
+            return Fit {
+                vertex: None,
+                is_good: !deep,
+            };
+        }
+        let (vertex, miss) = self.vertex(&samples);
+        let flatness = samples
+            .iter()
+            .map(|sample| sample.away.dot(vertex - sample.point).abs())
+            .fold(0.0, f64::max);
+        Fit {
+            vertex: Some(vertex),
+            is_good: flatness <= FLATNESS * self.tolerance
+                && miss <= MISS * self.tolerance
+                && sign_components(corners) <= 2,
+        }
+    }
+
+    /// How far inside the cell a point is.
+    fn depth(&self, p: DVec3) -> f64 {
+        let [low, high] = self.frame.bounds(self.key);
+        (p - low).min(high - p).min_element()
+    }
+
+    /// Where the surface goes through the cell's edges.
+    fn roots(&self, corners: &[CornerValue; 8], region: Region, samples: &mut Vec<Sample>) {
+        for axis in 0..3 {
+            for octant in (0..8).filter(|octant| octant >> axis & 1 == 0) {
+                let [a, b] = [corners[octant], corners[octant | 1 << axis]];
+                if (a.value < 0.0) == (b.value < 0.0) {
+                    continue;
+                }
+                let [p, q] = [octant, octant | 1 << axis]
+                    .map(|octant| self.frame.point(self.key.corner(octant)));
+                samples.push(root(
+                    self.field,
+                    region,
+                    [p, q],
+                    [a, b],
+                    ON_SURFACE * self.tolerance,
+                ));
+            }
+        }
+    }
+
+    /// The points of the surface above what the corners and the middle are closest to, as far as they lie in the cell.
+    fn feet(
+        &self,
+        center: Near,
+        region: Region,
+        corners: &[CornerValue; 8],
+        samples: &mut Vec<Sample>,
+    ) {
+        let radius = self.field.radius();
+        let [low, high] = self.frame.bounds(self.key);
+        let at = |octant| self.frame.point(self.key.corner(octant));
+        // the side of the middle is not known where triangles go through the cell
+        let middle = (region != Region::Unknown || !self.field.is_signed()).then(|| CornerValue {
+            near: center,
+            value: self.field.value(center.distance, region),
+        });
+        let points = (0..8).map(|octant| (at(octant), corners[octant]));
+        let points = points.chain(middle.map(|middle| (0.5 * (low + high), middle)));
+        for (p, CornerValue { near, value }) in points {
+            // the other side of the solid has its surface elsewhere
+            let signed_distance = value + self.field.level;
+            if near.distance <= 0.0 || signed_distance * self.field.level < 0.0 {
+                continue;
+            }
+            let foot = p + (radius - near.distance) * near.away;
+            if foot.cmplt(low).any() || foot.cmpgt(high).any() {
+                continue;
+            }
+            let mut sample = Sample {
+                point: foot,
+                away: near.away,
+                triangle: near.triangle,
+            };
+            if near.distance < radius {
+                // something else may be closer out there
+                let there = self.field.near(foot, near.triangle);
+                if (there.distance - radius).abs() > ON_SURFACE * self.tolerance {
+                    continue;
+                }
+                sample.triangle = there.triangle;
+                sample.away = there.away;
+            }
+            samples.push(sample);
+        }
+    }
+
+    /// The point in the cell that is nearest to being on the pieces that the samples lie on, and by how much it misses the
+    /// surface.
+    pub fn vertex(&self, samples: &[Sample]) -> (DVec3, f64) {
+        let radius = self.field.radius();
+        let [low, high] = self.room();
+        let mut triangles: Vec<u32> = samples.iter().map(|sample| sample.triangle).collect();
+        triangles.sort_unstable();
+        triangles.dedup();
+        let mean = samples.iter().map(|sample| sample.point).sum::<DVec3>() / samples.len() as f64;
+        let mut v = mean.clamp(low, high);
+        let mut near = self.field.near(v, samples[0].triangle);
+        for _ in 0..3 {
+            v = self.toward_pieces(v, &triangles, [low, high]);
+            near = self.field.near(v, near.triangle);
+            let is_off = (near.distance - radius).abs() > MISS * self.tolerance;
+            if !is_off || triangles.contains(&near.triangle) {
+                break;
+            }
+            triangles.push(near.triangle);
+        }
+        for _ in 0..PROJECTIONS {
+            if (near.distance - radius).abs() <= 1e-3 * self.tolerance {
+                break;
+            }
+            let moved = (v + (radius - near.distance) * near.away).clamp(low, high);
+            let there = self.field.near(moved, near.triangle);
+            if (there.distance - radius).abs() >= (near.distance - radius).abs() {
+                break;
+            }
+            (v, near) = (moved, there);
+        }
+        (v, (near.distance - radius).abs())
+    }
+
+    /// Gauss-Newton steps on the distances to some triangles.
+    fn toward_pieces(&self, mut v: DVec3, triangles: &[u32], [low, high]: [DVec3; 2]) -> DVec3 {
+        let radius = self.field.radius();
+        let damping = 1e-3 * triangles.len() as f64;
+        for _ in 0..FIT_STEPS {
+            let mut normal_matrix = DMat3::from_diagonal(DVec3::splat(damping));
+            let mut right = DVec3::ZERO;
+            for &triangle in triangles {
+                let closest = closest_on_triangle(v, self.field.bvh().corners(triangle));
+                let distance = closest.distance_sq.sqrt();
+                if distance <= 0.0 {
+                    continue;
+                }
+                let gradient = (v - closest.point) / distance;
+                let outer = DMat3::from_cols(
+                    gradient * gradient.x,
+                    gradient * gradient.y,
+                    gradient * gradient.z,
+                );
+                normal_matrix += outer;
+                right += (radius - distance) * gradient;
+            }
+            let moved = (v + normal_matrix.inverse() * right).clamp(low, high);
+            let step = moved.distance(v);
+            v = moved;
+            if step <= 1e-3 * self.tolerance {
+                break;
+            }
+        }
+        v
+    }
+}
+
+/// Where the field is zero between two points at which it has different signs: within `enough` of the surface, or as near
+/// as numbers go.
+pub(crate) fn root(
+    field: &Field<'_>,
+    region: Region,
+    points: [DVec3; 2],
+    ends: [CornerValue; 2],
+    enough: f64,
+) -> Sample {
+    let (mut low, mut high) = (0.0, 1.0);
+    let [mut low_value, mut high_value] = ends.map(|end| end.value);
+    let mut hint = ends[0].near.triangle;
+    let mut best = None;
+    for round in 0..12 {
+        // the secant, kept off the ends; halves when that gets stuck
+        let t = if round % 3 == 2 {
+            0.5 * (low + high)
+        } else {
+            let t = low + (high - low) * low_value / (low_value - high_value);
+            t.clamp(low + 1e-6 * (high - low), high - 1e-6 * (high - low))
+        };
+        let point = points[0].lerp(points[1], t);
+        let near = field.near(point, hint);
+        hint = near.triangle;
+        let region = match region {
+            // the triangles are below the surface, so what is that far is on its side
+            Region::Unknown if near.distance > 0.5 * field.radius() => field.wanted(),
+            Region::Unknown => field.region(point),
+            known => known,
+        };
+        let value = field.value(near.distance, region);
+        let sample = Sample {
+            point,
+            away: near.away,
+            triangle: near.triangle,
+        };
+        best = Some(sample);
+        if value.abs() <= enough {
+            break;
+        }
+        if (value < 0.0) == (low_value < 0.0) {
+            (low, low_value) = (t, value);
+        } else {
+            (high, high_value) = (t, value);
+        }
+    }
+    best.expect("there was a round")
+}
+
+/// Groups of corners of equal sign that are joined by edges of the cell.
+fn sign_components(corners: &[CornerValue; 8]) -> usize {
+    let inside: u8 = (0..8)
+        .filter(|&octant| corners[octant].value < 0.0)
+        .map(|octant| 1 << octant)
+        .sum();
+    components_of(inside) + components_of(!inside)
+}
+
+/// Groups of a set of corners of a cube.
+fn components_of(mut set: u8) -> usize {
+    let mut count = 0;
+    while set != 0 {
+        count += 1;
+        let mut group = 1 << set.trailing_zeros();
+        loop {
+            let grown = (0..8)
+                .filter(|octant| group >> octant & 1 == 1)
+                .flat_map(|octant: u8| [1, 2, 4].map(|bit| 1 << (octant ^ bit)))
+                .fold(group, |all, corner: u8| all | corner)
+                & set;
+            if grown == group {
+                break;
+            }
+            group = grown;
+        }
+        set &= !group;
+    }
+    count
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn groups_of_corners_are_counted() {
+        assert_eq!(components_of(0), 0);
+        assert_eq!(components_of(0xff), 1);
+        assert_eq!(components_of(0b1000_0001), 2);
+        assert_eq!(components_of(0b0110_1001), 4);
+        assert_eq!(components_of(0b0000_1111), 1);
+    }
+}

@@ -1,0 +1,105 @@
+//! The function whose zero is the surface: the distance to the triangles, signed where they enclose a solid, less the
+//! distance that is asked for.
+
+use glam::DVec3;
+use ravec_mesh::{Bvh, Closest, WindingNumbers};
+
+/// On which side of the triangles something lies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Region {
+    /// Not known yet: triangles may be between its points.
+    Unknown,
+    /// Outside the solid; all of space if the triangles are not taken as a solid.
+    Outside,
+    /// Inside the solid.
+    Inside,
+}
+
+/// A point and what it is closest to.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Near {
+    /// The closest triangle.
+    pub triangle: u32,
+    /// The unit vector from the closest point here; zero on the triangles.
+    pub away: DVec3,
+    /// How far it is.
+    pub distance: f64,
+}
+
+/// The distance to the triangles, and the level at which the surface lies.
+pub(crate) struct Field<'a> {
+    bvh: &'a Bvh,
+    winding: Option<WindingNumbers<'a>>,
+    /// The signed distance of the surface: below zero inside the solid.
+    pub level: f64,
+}
+
+impl<'a> Field<'a> {
+    /// With `solid`, what the triangles wind around has negative distances.
+    pub fn new(bvh: &'a Bvh, solid: bool, level: f64) -> Self {
+        Self {
+            bvh,
+            winding: solid.then(|| WindingNumbers::new(bvh)),
+            level,
+        }
+    }
+
+    /// The distance of the surface from the triangles.
+    pub fn radius(&self) -> f64 {
+        self.level.abs()
+    }
+
+    /// Whether distances have a sign.
+    pub fn is_signed(&self) -> bool {
+        self.winding.is_some()
+    }
+
+    pub fn bvh(&self) -> &'a Bvh {
+        self.bvh
+    }
+
+    /// What is closest to a finite point; `hint` is a triangle near it.
+    #[inline]
+    pub fn near(&self, p: DVec3, hint: u32) -> Near {
+        let closest = self.bvh.closest_with_hint(p, hint);
+        let Closest {
+            triangle,
+            point,
+            distance_sq,
+            ..
+        } = closest.expect("the point is finite and there are triangles");
+        let distance = distance_sq.sqrt();
+        Near {
+            triangle,
+            away: (p - point).normalize_or_zero(),
+            distance,
+        }
+    }
+
+    /// The side of a point.
+    pub fn region(&self, p: DVec3) -> Region {
+        match &self.winding {
+            Some(winding) if winding.is_inside(p) => Region::Inside,
+            _ => Region::Outside,
+        }
+    }
+
+    /// The region of a level's own side.
+    pub fn wanted(&self) -> Region {
+        if self.level < 0.0 {
+            Region::Inside
+        } else {
+            Region::Outside
+        }
+    }
+
+    /// The value at a distance on a known side.
+    #[inline]
+    pub fn value(&self, distance: f64, region: Region) -> f64 {
+        if region == Region::Inside {
+            -distance - self.level
+        } else {
+            distance - self.level
+        }
+    }
+}

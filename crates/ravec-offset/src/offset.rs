@@ -1,0 +1,319 @@
+//! The whole way from triangles to their offset surface.
+
+use crate::certify::keeps_distance;
+use crate::extract::{Extracted, extract};
+use crate::field::Field;
+use crate::params::{OffsetError, OffsetParams, Side};
+use crate::refine::Refinement;
+use glam::DVec3;
+use ravec_mesh::{
+    Bvh, CheckParams, CollapseCandidate, Keep, SimplifyError, SimplifyParams, TriMesh, check,
+    self_intersections, simplify,
+};
+use ravec_octree::{Frame, MAX_LEVEL, NodeId};
+use ravec_progress::{Cancelled, Progress};
+use rayon::prelude::*;
+use rustc_hash::FxHashSet;
+
+/// Rounds of mending after which what is left is reported.
+const MOST_ROUNDS: u32 = 12;
+
+/// The share of the tolerance by which the surface is moved off round numbers, at which sheets tend to touch exactly.
+const OFF_ROUND: f64 = 0.0107;
+
+/// The share of the tolerance that extracted facets may use: the rest is for simplification.
+const EXTRACTED: f64 = 1.0;
+
+/// What was done, and what holds for the result.
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct OffsetReport {
+    /// Whether every facet is proved to keep the distance within the tolerance.
+    pub certified: bool,
+    /// Facets for which that proof failed.
+    pub uncertified_facets: u64,
+    /// Whether the surface is closed, manifold and consistently oriented.
+    pub solid: bool,
+    /// Pairs of triangles that meet where they should not.
+    pub self_intersections: u64,
+    /// Triangles of the result.
+    pub triangles: u64,
+    /// Triangles before simplification.
+    pub extracted_triangles: u64,
+    /// Cells of the tree, of all levels.
+    pub cells: u64,
+    /// The finest level of the tree that was used; the root is level 0.
+    pub deepest_level: u8,
+    /// How often cells were split to mend the surface.
+    pub rounds: u32,
+}
+
+/// An offset surface.
+#[derive(Debug, Clone)]
+pub struct Offset {
+    /// The surface; triangles are counterclockwise seen from outside of the offset solid.
+    pub mesh: TriMesh,
+    /// What holds for it.
+    pub report: OffsetReport,
+}
+
+/// The surface at a distance from the triangles of a mesh, which may be any triangles at all.
+///
+/// # Errors
+/// [`OffsetError`]: no triangles, parameters out of range, a side that only closed meshes have, nothing that deep inside;
+/// [`OffsetError::Cancelled`] soon after `progress` is.
+pub fn offset(
+    mesh: &TriMesh,
+    params: &OffsetParams,
+    progress: &Progress,
+) -> Result<Offset, OffsetError> {
+    if mesh.triangles().is_empty() {
+        return Err(OffsetError::NoTriangles);
+    }
+    let bounds = mesh.bounds();
+    params.check(bounds.diagonal())?;
+    let quick = CheckParams {
+        self_intersections: false,
+        list_limit: 0,
+    };
+    let boundary_edges = match params.side {
+        Side::Both => 0,
+        Side::Outer | Side::Inner | Side::Shell => {
+            check(mesh, &quick, progress)?.boundary_edges.count
+        }
+    };
+    let inward = matches!(params.side, Side::Inner | Side::Shell);
+    if inward && boundary_edges > 0 {
+        return Err(OffsetError::NotClosed { boundary_edges });
+    }
+    let bvh = Bvh::new(mesh);
+    let is_solid = inward || (params.side == Side::Outer && boundary_edges == 0);
+    let level = params.distance + OFF_ROUND * params.tolerance;
+    let field = Field::new(&bvh, is_solid, if inward { -level } else { level });
+    let margin = if inward { 0.0 } else { params.distance } + 4.0 * params.tolerance;
+    let mut job = Job {
+        params,
+        field: &field,
+        proved: FxHashSet::default(),
+    };
+    let frame = frame_around(&bounds.grown(margin));
+    let (extracted, refinement, rounds) = job.extract(frame, progress)?;
+    if extracted.triangles.is_empty() {
+        return Err(OffsetError::Empty {
+            distance: params.distance,
+        });
+    }
+    let deepest_level = refinement
+        .tree
+        .leaves()
+        .map(|leaf| refinement.tree.key(leaf).level)
+        .max()
+        .unwrap_or(0);
+    let cells = refinement.tree.len() as u64;
+    drop(refinement);
+    let extracted_triangles = extracted.triangles.len() as u64;
+    let surface = compact(extracted.positions, extracted.triangles);
+    let mut surface = if params.simplify {
+        job.simplify(&surface, progress)?
+    } else {
+        surface
+    };
+    let uncertified_facets = job.unproved(&surface, progress)?;
+    if params.side == Side::Shell {
+        surface = shell(mesh, &surface);
+    }
+    let full = CheckParams {
+        self_intersections: true,
+        list_limit: 0,
+    };
+    let checked = check(&surface, &full, progress)?;
+    Ok(Offset {
+        report: OffsetReport {
+            certified: uncertified_facets == 0,
+            uncertified_facets,
+            solid: checked.is_solid(),
+            self_intersections: checked.self_intersections.map_or(0, |found| found.count),
+            triangles: surface.triangles().len() as u64,
+            extracted_triangles,
+            cells,
+            deepest_level,
+            rounds,
+        },
+        mesh: surface,
+    })
+}
+
+/// A cube around a box, off its center, so that planes of symmetry do not lie in faces of cells.
+fn frame_around(bounds: &ravec_mesh::Aabb) -> Frame {
+    let extent = bounds.size().max_element();
+    let side = 1.0713 * extent;
+    let slack = 0.5 * (side - extent);
+    let low = bounds.center() - DVec3::splat(0.5 * side);
+    Frame {
+        origin: low + slack * DVec3::new(0.137, -0.211, 0.317),
+        side,
+    }
+}
+
+struct Job<'a> {
+    params: &'a OffsetParams,
+    field: &'a Field<'a>,
+    /// Facets that were proved, by the bits of their corners.
+    proved: FxHashSet<[u64; 9]>,
+}
+
+impl<'a> Job<'a> {
+    fn limits(&self, share: f64) -> [f64; 2] {
+        let (distance, tolerance) = (self.params.distance, share * self.params.tolerance);
+        [distance - tolerance, distance + tolerance]
+    }
+
+    /// Grows the tree and mends it until its surface is proved and does not meet itself.
+    fn extract(
+        &mut self,
+        frame: Frame,
+        progress: &Progress,
+    ) -> Result<(Extracted, Refinement<'a>, u32), Cancelled> {
+        let outer = self.params.side == Side::Outer;
+        let mut refinement = Refinement::grow(self.field, frame, self.params.tolerance, progress)?;
+        let mut rounds = 0;
+        loop {
+            progress.check()?;
+            let extracted = extract(&refinement, outer, progress)?;
+            let bad = self.bad_cells(&refinement, &extracted, progress)?;
+            if bad.is_empty() || rounds == MOST_ROUNDS {
+                return Ok((extracted, refinement, rounds));
+            }
+            refinement.split(&bad, progress)?;
+            rounds += 1;
+        }
+    }
+
+    /// Leaves that have to be split.
+    fn bad_cells(
+        &mut self,
+        refinement: &Refinement<'_>,
+        extracted: &Extracted,
+        progress: &Progress,
+    ) -> Result<Vec<NodeId>, Cancelled> {
+        let mut bad = extracted.crowded_cells();
+        let facet =
+            |t: usize| extracted.triangles[t].map(|corner| extracted.positions[corner as usize]);
+        let limits = self.limits(EXTRACTED);
+        let fresh: Vec<(usize, [u64; 9])> = (0..extracted.triangles.len())
+            .map(|t| (t, bits(facet(t))))
+            .filter(|(_, bits)| !self.proved.contains(bits))
+            .collect();
+        let held: Vec<bool> = fresh
+            .par_iter()
+            .map(|&(t, _)| {
+                let hint = refinement.tree.data(extracted.cells_of(t)[0]).hint;
+                progress.check()?;
+                Ok(keeps_distance(self.field, facet(t), limits, hint))
+            })
+            .collect::<Result<_, Cancelled>>()?;
+        for ((t, bits), held) in fresh.into_iter().zip(held) {
+            if held {
+                self.proved.insert(bits);
+            } else {
+                bad.extend(extracted.cells_of(t));
+            }
+        }
+        let mesh = TriMesh::new(extracted.positions.clone(), extracted.triangles.clone());
+        let mesh = mesh.expect("corners are finite and have numbers");
+        let bvh = Bvh::new(&mesh);
+        for pair in self_intersections(&bvh, usize::MAX, progress)?.pairs {
+            bad.extend(extracted.cells_of(pair.first as usize));
+            bad.extend(extracted.cells_of(pair.second as usize));
+        }
+        bad.sort_unstable();
+        bad.dedup();
+        let limit = (refinement.floor + 2).min(MAX_LEVEL);
+        bad.retain(|&leaf| refinement.tree.key(leaf).level < limit);
+        Ok(bad)
+    }
+
+    /// Merges triangles; each change is proved before it is made.
+    fn simplify(&self, surface: &TriMesh, progress: &Progress) -> Result<TriMesh, Cancelled> {
+        let limits = self.limits(1.0);
+        let params = SimplifyParams {
+            target_triangles: 0,
+            ..SimplifyParams::default()
+        };
+        let mut hint = 0;
+        let veto = |candidate: &CollapseCandidate<'_>| {
+            let near = self.field.near(candidate.position, hint);
+            hint = near.triangle;
+            near.distance < limits[0]
+                || near.distance > limits[1]
+                || !candidate
+                    .after
+                    .iter()
+                    .all(|&facet| keeps_distance(self.field, facet, limits, hint))
+        };
+        match simplify(surface, &params, &Keep::default(), veto, progress) {
+            Ok(simplified) => Ok(simplified.mesh),
+            Err(SimplifyError::Cancelled(cancelled)) => Err(cancelled),
+            // nothing else can be said against a surface of our own: keep it as it is
+            Err(_) => Ok(surface.clone()),
+        }
+    }
+
+    /// How many facets are not proved to keep the distance.
+    fn unproved(&self, surface: &TriMesh, progress: &Progress) -> Result<u64, Cancelled> {
+        let limits = self.limits(1.0);
+        (0..surface.triangles().len() as u32)
+            .into_par_iter()
+            .map(|t| {
+                progress.check()?;
+                Ok(u64::from(!keeps_distance(
+                    self.field,
+                    surface.corners(t),
+                    limits,
+                    0,
+                )))
+            })
+            .try_reduce(|| 0, |a, b| Ok(a + b))
+    }
+}
+
+fn bits(facet: [DVec3; 3]) -> [u64; 9] {
+    let mut bits = [0; 9];
+    for (bits, p) in bits.chunks_exact_mut(3).zip(facet) {
+        bits.copy_from_slice(&p.to_array().map(f64::to_bits));
+    }
+    bits
+}
+
+/// The mesh without vertices that no triangle uses.
+fn compact(positions: Vec<DVec3>, triangles: Vec<[u32; 3]>) -> TriMesh {
+    let mut numbers = vec![u32::MAX; positions.len()];
+    let mut used = Vec::new();
+    let triangles = triangles
+        .into_iter()
+        .map(|triangle| {
+            triangle.map(|corner| {
+                let number = &mut numbers[corner as usize];
+                if *number == u32::MAX {
+                    *number = used.len() as u32;
+                    used.push(positions[corner as usize]);
+                }
+                *number
+            })
+        })
+        .collect();
+    TriMesh::new(used, triangles).expect("corners are finite and have numbers")
+}
+
+/// The mesh with the surface inside it, turned so that the space between them is inside.
+fn shell(mesh: &TriMesh, inner: &TriMesh) -> TriMesh {
+    let mut positions = mesh.positions().to_vec();
+    let first = positions.len() as u32;
+    positions.extend(inner.positions());
+    let mut triangles = mesh.triangles().to_vec();
+    let turned = inner
+        .triangles()
+        .iter()
+        .map(|&[a, b, c]| [a, c, b].map(|v| v + first));
+    triangles.extend(turned);
+    TriMesh::new(positions, triangles).expect("corners of both have numbers")
+}

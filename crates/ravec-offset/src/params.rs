@@ -1,0 +1,109 @@
+//! What is asked for, and what is refused.
+
+use ravec_progress::Cancelled;
+
+/// Which part of the surface at the distance.
+#[derive(
+    Debug, Clone, Copy, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize,
+)]
+#[serde(rename_all = "kebab-case")]
+pub enum Side {
+    /// All points at the distance, on every side of every triangle.
+    #[default]
+    Both,
+    /// The border of what can be reached from far away: cavities are filled.
+    Outer,
+    /// Inside the solid that the triangles enclose.
+    Inner,
+    /// Between the triangles and the surface inside: a hollow solid with walls of the distance.
+    Shell,
+}
+
+/// How to offset.
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct OffsetParams {
+    /// The distance, in units of the mesh, above 0.
+    pub distance: f64,
+    /// How far the result may be off, in units of the mesh, above 0 and below half the distance.
+    pub tolerance: f64,
+    /// Which side (default both).
+    pub side: Side,
+    /// Whether to merge triangles as far as the tolerance allows (default yes).
+    pub simplify: bool,
+}
+
+impl Default for OffsetParams {
+    fn default() -> Self {
+        Self {
+            distance: 1.0,
+            tolerance: 0.01,
+            side: Side::default(),
+            simplify: true,
+        }
+    }
+}
+
+/// Why there is no offset.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum OffsetError {
+    /// Nothing to be at a distance from.
+    #[error("the mesh has no triangles")]
+    NoTriangles,
+    /// A distance that is none.
+    #[error("the distance is {got}, but must be a number above 0")]
+    Distance {
+        /// What was asked for.
+        got: f64,
+    },
+    /// A tolerance that leaves nothing, or that numbers cannot hold.
+    #[error(
+        "the tolerance is {got}, but must be at least {least:e} and below half the distance, {most}"
+    )]
+    Tolerance {
+        /// What was asked for.
+        got: f64,
+        /// The least for a mesh of this size.
+        least: f64,
+        /// Half the distance.
+        most: f64,
+    },
+    /// A side that only solids have.
+    #[error(
+        "the mesh is not closed ({boundary_edges} boundary edges), so it has no inside: choose side both or outer, or close it first"
+    )]
+    NotClosed {
+        /// Edges with a triangle on one side only.
+        boundary_edges: u64,
+    },
+    /// Nothing is that deep inside, or nothing at all was found.
+    #[error("no point of that side is {distance} away from the mesh: choose a smaller distance")]
+    Empty {
+        /// What was asked for.
+        distance: f64,
+    },
+    /// The caller gave up.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+}
+
+/// Cells per side of the root that the tolerance may ask for: the lattice has 2²⁰.
+const MOST_CELLS: f64 = 1_048_576.0;
+
+impl OffsetParams {
+    /// Refuses what makes no sense for a mesh with this diagonal.
+    pub(crate) fn check(&self, diagonal: f64) -> Result<(), OffsetError> {
+        let distance = self.distance;
+        if !(distance.is_finite() && distance > 0.0) {
+            return Err(OffsetError::Distance { got: distance });
+        }
+        let least = (diagonal + 4.0 * distance) * 3f64.sqrt() / MOST_CELLS;
+        let most = 0.5 * distance;
+        let got = self.tolerance;
+        if !(got.is_finite() && got >= least && got < most) {
+            return Err(OffsetError::Tolerance { got, least, most });
+        }
+        Ok(())
+    }
+}
