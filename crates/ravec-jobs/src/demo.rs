@@ -1,10 +1,11 @@
-//! `demo`: one page that shows what the two-color pixel is good for, with pictures, crops, timings and measured figures.
+//! `demo`: one page that shows what two-color pixels and meshes are good for, with pictures, timings and measured figures.
 //!
-//! Everything is worked out while the page is made, from the built-in street or from a photo.
+//! Everything is worked out while the page is made, from the built-in street or from a photo, and from solids with formulas.
 
 use crate::error::JobError;
 use crate::files::{self, Source};
 use crate::gallery::{Figure, Gallery};
+use crate::mesh;
 use crate::report::Report;
 use ravec::progress::Progress;
 use ravec::raster::{
@@ -56,7 +57,7 @@ const ZOOM: usize = 4;
 /// Makes the page `index.html` in the folder `out`, from a photo or from the built-in street.
 ///
 /// Figures: `twocolor_psnr_db` and `mosaic_psnr_db` at blocks of 8; `clean_psnr_db` and `noisy_psnr_db` at noise of 25 steps;
-/// `fit_megapixels_per_second`.
+/// `fit_megapixels_per_second`; `simplified_triangles` and `simplified_distance_percent` of a torus of 18 432 triangles.
 ///
 /// # Errors
 /// [`JobError::Parameter`], [`JobError::Read`] for the photo, [`JobError::Write`], [`JobError::Cancelled`].
@@ -95,8 +96,9 @@ pub fn run(
         // eight bits, as a file would have
         image: image.convert::<Srgb<u8>>().convert(),
         page: Gallery::new(
-            "Ravec: two-color pixels",
-            "Every block of pixels becomes a line and two colors. What that is good for, worked out just now.",
+            "Ravec",
+            "Pictures whose blocks of pixels become lines with two colors, and solids made of triangles: what that is good \
+             for, worked out just now.",
         ),
         detail: Rect::default(),
         report: &mut report,
@@ -110,6 +112,7 @@ pub fn run(
     demo.paint()?;
     demo.cleaning(Seed(params.seed))?;
     demo.speed()?;
+    mesh::show(&mut demo.page, demo.report, Seed(params.seed), progress)?;
     let page = demo.page.finish();
     files::make_folder(out)?;
     files::write_output_text(&out.join("index.html"), "HTML", &page, &mut report)?;
@@ -587,9 +590,11 @@ mod tests {
         let report = run(None, folder.path(), &params, &Progress::none()).unwrap();
         let html = std::fs::read_to_string(folder.path().join("index.html")).unwrap();
         assert!(html.trim_end().ends_with("</html>"));
-        assert!(html.matches("<img").count() > 30);
+        assert!(html.matches("<img").count() > 50);
         assert!(report.figures["twocolor_psnr_db"] > report.figures["mosaic_psnr_db"] + 2.0);
         assert!(report.figures["clean_psnr_db"] > report.figures["noisy_psnr_db"] + 3.0);
+        assert!(report.figures["simplified_triangles"] <= 1000.0);
+        assert!(report.figures["simplified_distance_percent"] < 1.0);
     }
 
     #[test]

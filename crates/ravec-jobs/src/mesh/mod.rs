@@ -1,8 +1,32 @@
 //! Operations on mesh files.
 //!
+//! | module | what it does |
+//! | --- | --- |
+//! | [`info`] | says what is in a file |
+//! | [`check`] | looks for defects and says where they are |
+//! | [`convert`] | writes a mesh in another format, unit or precision |
+//! | [`compare`] | measures how far two surfaces are apart |
+//! | [`render`] | draws a picture |
+//! | [`simplify`] | removes triangles that are not needed |
+//!
 //! [`read_mesh_file`] and [`write_mesh_file`] are what they all read and write with.
 
+pub mod check;
+pub mod compare;
+pub mod convert;
 mod files;
+pub mod info;
+mod length;
+mod refine;
+pub mod render;
+mod showcase;
+pub mod simplify;
+mod view;
+mod weld;
 
 pub use files::{MeshSource, MeshTarget, read_mesh_file, write_mesh_file};
 pub(crate) use files::{known_extensions, read, write};
+pub use length::{Length, LengthError};
+pub use ravec::mesh::MeshLimits;
+pub(crate) use showcase::show;
+pub use view::{Cut, CutError, Viewpoint, ViewpointError};

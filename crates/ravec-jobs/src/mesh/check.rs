@@ -1,0 +1,319 @@
+//! `mesh check`: the defects of a mesh, and where they are.
+
+use super::{Length, MeshSource, weld};
+use crate::error::JobError;
+use crate::files::check_files;
+use crate::report::{Finding, Place, Report};
+use glam::DVec3;
+use ravec::mesh::{CheckParams, Found, MeshCheck, TriMesh, TriTri, check, measure};
+use ravec::progress::Progress;
+use serde::{Deserialize, Serialize};
+
+/// What counts as a defect, and how much to say.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+pub struct Params {
+    /// Do not search for self-intersections, which takes about half of the time
+    #[cfg_attr(feature = "cli", arg(long))]
+    pub no_intersections: bool,
+    /// Let the surface have borders: they are listed, but are no defect
+    #[cfg_attr(feature = "cli", arg(long))]
+    pub open: bool,
+    /// How many places of each kind to list; all are counted
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = Params::default().list))]
+    pub list: usize,
+    /// Make vertices one first that are no farther apart than this, a length or as in 0.01%; 0 welds equal places
+    ///
+    /// Vertices at the same place are two otherwise, unless the file is STL, which cannot say it.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "LENGTH"))]
+    pub weld: Option<Length>,
+}
+
+impl Default for Params {
+    fn default() -> Self {
+        Self {
+            no_intersections: false,
+            open: false,
+            list: 10,
+            weld: None,
+        }
+    }
+}
+
+/// Looks for what keeps the mesh `source` from being the surface of a solid.
+///
+/// Defects: no triangles at all, boundary edges (unless [`Params::open`]), non-manifold edges, pinched vertices,
+/// orientation clashes, degenerate and duplicate triangles, self-intersections, and a surface that is inside out. Unused
+/// vertices are listed, but are no defect. [`Report::passed`] is true if there is none.
+///
+/// Figures: `triangles`, `vertices`, `edges`, `parts`, `closed`, `manifold`, `oriented`, `euler`, `genus` where there is one,
+/// and the count of each defect; `self_intersections` is the sum of pairs that are `crossing`, `overlapping` within a plane,
+/// `coincident` or `touching`.
+///
+/// # Errors
+/// [`JobError::Parameter`], [`JobError::ReadMesh`], [`JobError::Cancelled`].
+pub fn run(source: &MeshSource, params: &Params, progress: &Progress) -> Result<Report, JobError> {
+    weld::check(params.weld)?;
+    check_files(&[&source.path], &[])?;
+    let mut report = Report::new("mesh check", params);
+    let mesh = super::read(source, &[], &mut report, progress)?.mesh;
+    let mesh = weld::welded(mesh, params.weld, &mut report);
+    let asked = CheckParams {
+        self_intersections: !params.no_intersections,
+        list_limit: params.list,
+    };
+    let phase = progress.phase("check", 1);
+    let found = report.time("check", || check(&mesh, &asked, progress))?;
+    phase.advance(1);
+    count(&found, &mut report);
+    report.findings = findings(&mesh, &found, params);
+    report.passed = Some(report.findings.iter().all(|finding| !finding.defect));
+    Ok(report)
+}
+
+fn count(found: &MeshCheck, report: &mut Report) {
+    let yes = |fact: bool| f64::from(u8::from(fact));
+    report.figures.extend([
+        ("triangles", found.triangles as f64),
+        ("vertices", found.vertices as f64),
+        ("edges", found.edges as f64),
+        ("parts", f64::from(found.components)),
+        ("closed", yes(found.closed)),
+        ("manifold", yes(found.manifold)),
+        ("oriented", yes(found.oriented)),
+        ("euler", found.euler as f64),
+        ("boundary_edges", found.boundary_edges.count as f64),
+        ("boundary_loops", found.boundary_loops.count as f64),
+        ("non_manifold_edges", found.non_manifold_edges.count as f64),
+        ("pinched_vertices", found.pinched_vertices.count as f64),
+        (
+            "orientation_clashes",
+            found.orientation_clashes.count as f64,
+        ),
+        (
+            "degenerate_triangles",
+            found.degenerate_triangles.count as f64,
+        ),
+        (
+            "duplicate_triangles",
+            found.duplicate_triangles.count as f64,
+        ),
+        ("unused_vertices", found.unused_vertices.count as f64),
+    ]);
+    if let Some(genus) = found.genus {
+        report.figures.insert("genus", genus as f64);
+    }
+    if let Some(pairs) = &found.self_intersections {
+        report.figures.extend([
+            ("self_intersections", pairs.count as f64),
+            ("crossing", pairs.crossing as f64),
+            ("overlapping", pairs.overlapping as f64),
+            ("coincident", pairs.coincident as f64),
+            ("touching", pairs.touching as f64),
+        ]);
+    }
+}
+
+/// What was found, in the order in which one would repair it.
+pub(super) fn findings(mesh: &TriMesh, found: &MeshCheck, params: &Params) -> Vec<Finding> {
+    let vertex = |&v: &u32| Place {
+        vertices: vec![v],
+        at: mesh.positions()[v as usize].to_array(),
+        ..Place::default()
+    };
+    let edge = |&[a, b]: &[u32; 2]| {
+        let ends = [a, b].map(|v| mesh.positions()[v as usize]);
+        Place {
+            vertices: vec![a, b],
+            at: (0.5 * (ends[0] + ends[1])).to_array(),
+            ..Place::default()
+        }
+    };
+    let middle = |t: u32| mesh.corners(t).iter().sum::<DVec3>() / 3.0;
+    let triangle = |&t: &u32| Place {
+        triangles: vec![t],
+        at: middle(t).to_array(),
+        ..Place::default()
+    };
+    let mut findings = Vec::new();
+    let mut add = |what, count, defect, places| {
+        if count > 0 {
+            findings.push(Finding {
+                what,
+                count,
+                defect,
+                places,
+            });
+        }
+    };
+    if found.triangles == 0 {
+        add("meshes without triangles", 1, true, Vec::new());
+    }
+    let triangles = |found: &Found<u32>| found.listed.iter().map(triangle).collect();
+    let edges = |found: &Found<[u32; 2]>| found.listed.iter().map(edge).collect();
+    let f = &found.degenerate_triangles;
+    add("degenerate triangles", f.count, true, triangles(f));
+    let f = &found.duplicate_triangles;
+    add("duplicate triangles", f.count, true, triangles(f));
+    let f = &found.non_manifold_edges;
+    add("non-manifold edges", f.count, true, edges(f));
+    let f = &found.pinched_vertices;
+    let places = f.listed.iter().map(vertex).collect();
+    add("pinched vertices", f.count, true, places);
+    let f = &found.orientation_clashes;
+    add("orientation clashes", f.count, true, edges(f));
+    let f = &found.boundary_loops;
+    let places = f.listed.iter().map(|rim| Place {
+        note: Some(format!(
+            "{} of {} edges, {} long",
+            if rim.closed { "a loop" } else { "a chain" },
+            rim.edges,
+            rim.length
+        )),
+        ..vertex(&rim.vertex)
+    });
+    add("boundary loops", f.count, !params.open, places.collect());
+    let f = &found.boundary_edges;
+    add("boundary edges", f.count, !params.open, edges(f));
+    if let Some(pairs) = &found.self_intersections {
+        let places = pairs.pairs.iter().map(|pair| Place {
+            triangles: vec![pair.first, pair.second],
+            at: (0.5 * (middle(pair.first) + middle(pair.second))).to_array(),
+            note: Some(manner(pair.kind).to_owned()),
+            ..Place::default()
+        });
+        let places = places.collect();
+        add("self-intersections", pairs.count, true, places);
+    }
+    let inside_out = found.closed && found.oriented && measure(mesh).volume < 0.0;
+    add(
+        "surfaces that are inside out",
+        inside_out.into(),
+        true,
+        Vec::new(),
+    );
+    let f = &found.unused_vertices;
+    let places = f.listed.iter().map(vertex).collect();
+    add("unused vertices", f.count, false, places);
+    findings
+}
+
+fn manner(kind: TriTri) -> &'static str {
+    match kind {
+        TriTri::Crossing => "crossing",
+        TriTri::CoplanarOverlap => "overlapping",
+        TriTri::Same => "coincident",
+        _ => "touching",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::{MeshTarget, write_mesh_file};
+    use ravec::mesh::MeshFormat;
+    use ravec_scenes::Seed;
+    use ravec_scenes::solids::{crossing_plates, sheet, soup, torus};
+
+    fn checked(mesh: &TriMesh, params: &Params) -> Report {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.ply");
+        let (target, progress) = (MeshTarget::new(MeshFormat::PlyBinary), Progress::none());
+        write_mesh_file(&path, mesh, &target, &progress).unwrap();
+        run(&MeshSource::new(path), params, &progress).unwrap()
+    }
+
+    fn names(report: &Report) -> Vec<&'static str> {
+        report.findings.iter().map(|finding| finding.what).collect()
+    }
+
+    #[test]
+    fn a_solid_passes_and_the_same_inside_out_does_not() {
+        let mesh = torus(2.0, 0.5, 24, 12).mesh;
+        let report = checked(&mesh, &Params::default());
+        assert_eq!((report.passed, names(&report)), (Some(true), vec![]));
+        assert_eq!(report.figures["genus"], 1.0);
+        let (positions, mut triangles) = mesh.into_parts();
+        triangles.iter_mut().for_each(|t| t.swap(0, 1));
+        let flipped = TriMesh::new(positions, triangles).unwrap();
+        let report = checked(&flipped, &Params::default());
+        assert_eq!(report.passed, Some(false));
+        assert_eq!(names(&report), ["surfaces that are inside out"]);
+    }
+
+    #[test]
+    fn borders_are_defects_unless_the_surface_may_be_open() {
+        let mesh = sheet(1.0, 1.0, 4, 4).mesh;
+        let report = checked(&mesh, &Params::default());
+        assert_eq!(report.passed, Some(false));
+        assert_eq!(names(&report), ["boundary loops", "boundary edges"]);
+        let rim = &report.findings[0].places[0];
+        assert_eq!(rim.note.as_deref(), Some("a loop of 16 edges, 4 long"));
+        let open = Params {
+            open: true,
+            ..Params::default()
+        };
+        assert_eq!(checked(&mesh, &open).passed, Some(true));
+    }
+
+    #[test]
+    fn places_are_listed_up_to_the_limit_and_counted_beyond() {
+        let mesh = crossing_plates(1.0).mesh;
+        let params = Params {
+            open: true,
+            list: 1,
+            ..Params::default()
+        };
+        let report = checked(&mesh, &params);
+        let crossing = report.findings.last().unwrap();
+        assert_eq!(crossing.what, "self-intersections");
+        assert!(crossing.count > 1 && crossing.places.len() == 1);
+        assert_eq!(crossing.places[0].triangles.len(), 2);
+        assert_eq!(crossing.places[0].at[2], 0.0);
+        let params = Params {
+            no_intersections: true,
+            ..params
+        };
+        let report = checked(&mesh, &params);
+        assert_eq!(report.passed, Some(true));
+        assert!(!report.figures.contains_key("self_intersections"));
+    }
+
+    #[test]
+    fn what_was_planted_in_a_soup_is_found() {
+        let (solid, planted) = soup(80, Seed(3));
+        let report = checked(&solid.mesh, &Params::default());
+        let count = planted.segments.len() + planted.points.len();
+        assert_eq!(report.figures["degenerate_triangles"], count as f64);
+        assert_eq!(report.passed, Some(false));
+        for finding in &report.findings {
+            let listed = finding.places.len() as u64;
+            assert_eq!(listed, finding.count.min(10), "{}", finding.what);
+        }
+    }
+
+    #[test]
+    fn an_empty_mesh_does_not_pass() {
+        let report = checked(&TriMesh::default(), &Params::default());
+        assert_eq!(report.passed, Some(false));
+        assert_eq!(names(&report), ["meshes without triangles"]);
+    }
+
+    #[test]
+    fn welding_closes_what_only_looks_open() {
+        let mesh = torus(2.0, 0.5, 24, 12).mesh;
+        let apart = mesh.triangles().iter().flatten();
+        let positions: Vec<_> = apart.map(|&v| mesh.positions()[v as usize]).collect();
+        let triangles = (0..positions.len() as u32 / 3).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]);
+        let mesh = TriMesh::new(positions, triangles.collect()).unwrap();
+        assert_eq!(checked(&mesh, &Params::default()).passed, Some(false));
+        let params = Params {
+            weld: Some(Length::Units(0.0)),
+            ..Params::default()
+        };
+        let report = checked(&mesh, &params);
+        assert_eq!(report.passed, Some(true));
+        assert_eq!(report.figures["vertices"], 288.0);
+    }
+}

@@ -1,0 +1,270 @@
+//! `mesh compare`: how far two surfaces are apart, with a proof.
+
+use super::{Length, MeshSource};
+use crate::error::JobError;
+use crate::files::check_files;
+use crate::report::{Finding, Place, Report};
+use ravec::mesh::{Bvh, HausdorffError, HausdorffParams, OneSided, TriMesh, distances_to};
+use ravec::progress::Progress;
+use serde::{Deserialize, Serialize};
+
+/// How closely the distance is enclosed, and how large it may be.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+pub struct Params {
+    /// Largest difference between the bounds of the distance, a length or as in 0.01% of the diagonal of A
+    ///
+    /// Less takes longer where surfaces are curved in different ways.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "LENGTH", default_value_t = Params::default().tolerance))]
+    pub tolerance: Length,
+    /// Places on each surface for mean and root mean square, at most 100 million; 0 leaves both out
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = Params::default().samples))]
+    pub samples: u32,
+    /// Pass only if no place is farther than this from the other surface, a length or as in 0.1% of the diagonal of A;
+    /// else the exit code is 1
+    #[cfg_attr(feature = "cli", arg(long, value_name = "LENGTH"))]
+    pub within: Option<Length>,
+}
+
+impl Default for Params {
+    fn default() -> Self {
+        Self {
+            tolerance: Length::Percent(0.1),
+            samples: HausdorffParams::default().samples,
+            within: None,
+        }
+    }
+}
+
+/// Below this share of the diagonal, what is measured is the rounding of coordinates.
+const LEAST_TOLERANCE: f64 = 1e-9;
+
+impl Params {
+    fn check(&self) -> Result<(), JobError> {
+        let wrong = |name, value: String, range| Err(JobError::Parameter { name, value, range });
+        if !self.tolerance.is_positive() {
+            return wrong("--tolerance", self.tolerance.to_string(), "above 0");
+        }
+        if self.samples > 100_000_000 {
+            let samples = self.samples.to_string();
+            return wrong("--samples", samples, "0 to 100000000");
+        }
+        match self.within {
+            Some(within) if within.is_negative() => {
+                wrong("--within", within.to_string(), "at least 0")
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// Compares the surface `b` with the reference `a`, both ways.
+///
+/// Figures, in units of the files: `distance_lower` and `distance_upper`, between which the two-sided Hausdorff distance
+/// lies, and `distance_percent`, the upper one in percent of `diagonal`, the diagonal of the bounding box of `a`;
+/// `a_to_b_lower`, `a_to_b_upper`, `a_to_b_mean` and `a_to_b_rms` for the points of `a`, and the same for `b`. Means are
+/// taken from evenly spread samples. Findings are the farthest places. With [`Params::within`], [`Report::passed`] says
+/// whether the upper bound is no more than that.
+///
+/// # Errors
+/// [`JobError::Parameter`], [`JobError::ReadMesh`], [`JobError::NoTriangles`], [`JobError::InputTwice`] if both are standard
+/// input, [`JobError::Cancelled`].
+pub fn run(
+    a: &MeshSource,
+    b: &MeshSource,
+    params: &Params,
+    progress: &Progress,
+) -> Result<Report, JobError> {
+    params.check()?;
+    check_files(&[&a.path, &b.path], &[])?;
+    let mut report = Report::new("mesh compare", params);
+    let mesh_a = read_surface(a, &mut report, progress)?;
+    let mesh_b = read_surface(b, &mut report, progress)?;
+    let diagonal = mesh_a.bounds().diagonal();
+    let tolerance = params.tolerance.of(diagonal);
+    let size = diagonal.max(mesh_b.bounds().diagonal());
+    if tolerance < LEAST_TOLERANCE * size {
+        return Err(JobError::Parameter {
+            name: "--tolerance",
+            value: params.tolerance.to_string(),
+            range: "at least 0.0000001% of the larger diagonal",
+        });
+    }
+    let asked = HausdorffParams {
+        // of a single point, any length will do
+        tolerance: tolerance.max(f64::MIN_POSITIVE),
+        samples: params.samples,
+        ..HausdorffParams::default()
+    };
+    let failed = |error: HausdorffError| match error {
+        HausdorffError::Cancelled(_) => JobError::Cancelled,
+        other => JobError::Parameter {
+            name: "--tolerance",
+            value: params.tolerance.to_string(),
+            range: match other {
+                HausdorffError::Empty => "given for meshes with triangles",
+                _ => "a positive length",
+            },
+        },
+    };
+    let a_to_b = report
+        .time("a to b", || {
+            distances_to(&mesh_a, &Bvh::new(&mesh_b), &asked, progress)
+        })
+        .map_err(failed)?;
+    let b_to_a = report
+        .time("b to a", || {
+            distances_to(&mesh_b, &Bvh::new(&mesh_a), &asked, progress)
+        })
+        .map_err(failed)?;
+    let (lower, upper) = (
+        a_to_b.lower.max(b_to_a.lower),
+        a_to_b.upper.max(b_to_a.upper),
+    );
+    report.figures.extend([
+        ("distance_lower", lower),
+        ("distance_upper", upper),
+        ("diagonal", diagonal),
+        ("a_to_b_lower", a_to_b.lower),
+        ("a_to_b_upper", a_to_b.upper),
+        ("b_to_a_lower", b_to_a.lower),
+        ("b_to_a_upper", b_to_a.upper),
+    ]);
+    if diagonal > 0.0 {
+        let percent = 100.0 * upper / diagonal;
+        report.figures.insert("distance_percent", percent);
+    }
+    if params.samples > 0 {
+        report.figures.extend([
+            ("a_to_b_mean", a_to_b.mean),
+            ("a_to_b_rms", a_to_b.rms),
+            ("b_to_a_mean", b_to_a.mean),
+            ("b_to_a_rms", b_to_a.rms),
+        ]);
+    }
+    report.findings = vec![
+        farthest("farthest places of A from B", &a_to_b),
+        farthest("farthest places of B from A", &b_to_a),
+    ];
+    if upper - lower > 1.01 * tolerance {
+        report.warn(
+            "the distance could not be enclosed as closely as asked for within the most memory that is taken; give a \
+             larger --tolerance",
+        );
+    }
+    if let Some(within) = params.within {
+        let within = within.of(diagonal);
+        report.passed = Some(upper <= within);
+        if lower <= within && within < upper {
+            report.warn("the bounds do not decide about --within; give a smaller --tolerance");
+        }
+    }
+    Ok(report)
+}
+
+/// Reads a mesh that must have triangles.
+pub(super) fn read_surface(
+    source: &MeshSource,
+    report: &mut Report,
+    progress: &Progress,
+) -> Result<TriMesh, JobError> {
+    let mesh = super::read(source, &[], report, progress)?.mesh;
+    if mesh.triangles().is_empty() {
+        return Err(JobError::NoTriangles {
+            path: source.path.clone(),
+        });
+    }
+    Ok(mesh)
+}
+
+fn farthest(what: &'static str, side: &OneSided) -> Finding {
+    let [x, y, z] = side.to.to_array();
+    Finding {
+        what,
+        count: 1,
+        defect: false,
+        places: vec![Place {
+            at: side.from.to_array(),
+            note: Some(format!(
+                "{} away from the closest place ({x}, {y}, {z})",
+                side.lower
+            )),
+            ..Place::default()
+        }],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::{MeshTarget, write_mesh_file};
+    use ravec::mesh::MeshFormat;
+    use ravec_scenes::solids::{cuboid, icosphere};
+
+    fn compared(a: &TriMesh, b: &TriMesh, params: &Params) -> Result<Report, JobError> {
+        let folder = tempfile::tempdir().unwrap();
+        let (target, progress) = (MeshTarget::new(MeshFormat::PlyBinary), Progress::none());
+        let source = |name: &str, mesh: &TriMesh| {
+            let path = folder.path().join(name);
+            write_mesh_file(&path, mesh, &target, &progress).unwrap();
+            MeshSource::new(path)
+        };
+        let (a, b) = (source("a.ply", a), source("b.ply", b));
+        run(&a, &b, params, &progress)
+    }
+
+    #[test]
+    fn spheres_about_the_same_middle_are_the_difference_of_their_radii_apart() {
+        let (a, b) = (icosphere(1.0, 4), icosphere(1.25, 4));
+        let report = compared(&a.mesh, &b.mesh, &Params::default()).unwrap();
+        let slack = a.deviation + b.deviation;
+        for name in ["distance_lower", "distance_upper", "a_to_b_mean"] {
+            let figure = report.figures[name];
+            assert!((figure - 0.25).abs() < slack + 4e-3, "{name}: {figure}");
+        }
+        assert!(report.figures["distance_upper"] >= report.figures["distance_lower"]);
+        assert_eq!(report.findings.len(), 2);
+        assert_eq!(report.passed, None);
+    }
+
+    #[test]
+    fn a_mesh_is_within_nothing_of_itself_and_a_larger_one_is_not() {
+        let (a, b) = (
+            cuboid([1.0; 3].into()).mesh,
+            cuboid([1.1, 1.0, 1.0].into()).mesh,
+        );
+        let within = |length| Params {
+            within: Some(length),
+            ..Params::default()
+        };
+        let passed = |b: &TriMesh, length| compared(&a, b, &within(length)).unwrap().passed;
+        assert_eq!(passed(&a, Length::Units(0.0)), Some(true));
+        assert_eq!(passed(&b, Length::Units(0.04)), Some(false));
+        assert_eq!(passed(&b, Length::Percent(3.0)), Some(true));
+    }
+
+    #[test]
+    fn parameters_out_of_range_and_empty_meshes_are_refused() {
+        let a = cuboid([1.0; 3].into()).mesh;
+        let refused = |b: &TriMesh, params: &Params| compared(&a, b, params).unwrap_err();
+        for tolerance in [
+            Length::Units(0.0),
+            Length::Percent(-1.0),
+            Length::Units(1e-12),
+        ] {
+            let params = Params {
+                tolerance,
+                ..Params::default()
+            };
+            assert_eq!(refused(&a, &params).exit_code(), 2, "{tolerance}");
+        }
+        let params = Params {
+            within: Some(Length::Units(-1.0)),
+            ..Params::default()
+        };
+        assert_eq!(refused(&a, &params).exit_code(), 2);
+        let error = refused(&TriMesh::default(), &Params::default());
+        assert!(matches!(error, JobError::NoTriangles { .. }), "{error}");
+    }
+}

@@ -1,0 +1,350 @@
+//! `mesh convert`: a mesh in another format, unit or precision.
+
+use super::{Length, MeshSource, MeshTarget, weld};
+use crate::error::JobError;
+use crate::files::{check_files, is_stream};
+use crate::report::Report;
+use ravec::mesh::{self as library, LengthUnit, MeshFormat, TriMesh};
+use ravec::progress::Progress;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// A format to write.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+pub enum Format {
+    /// STL, binary
+    Stl,
+    /// STL in text
+    StlAscii,
+    /// PLY, binary
+    Ply,
+    /// PLY in text
+    PlyAscii,
+    /// Wavefront OBJ
+    Obj,
+    /// Object File Format
+    Off,
+    /// 3D Manufacturing Format
+    #[serde(rename = "3mf")]
+    #[cfg_attr(feature = "cli", value(name = "3mf"))]
+    ThreeMf,
+    /// glTF 2.0 in one binary file
+    Glb,
+    /// glTF 2.0 as JSON
+    Gltf,
+}
+
+impl From<Format> for MeshFormat {
+    fn from(format: Format) -> Self {
+        match format {
+            Format::Stl => Self::StlBinary,
+            Format::StlAscii => Self::StlAscii,
+            Format::Ply => Self::PlyBinary,
+            Format::PlyAscii => Self::PlyAscii,
+            Format::Obj => Self::Obj,
+            Format::Off => Self::Off,
+            Format::ThreeMf => Self::ThreeMf,
+            Format::Glb => Self::Glb,
+            Format::Gltf => Self::Gltf,
+        }
+    }
+}
+
+/// How exactly coordinates are written.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+pub enum Precision {
+    /// As they are, where the format can: binary STL and glTF hold 32-bit floats only
+    #[default]
+    Exact,
+    /// Rounded to 32-bit floats: smaller files
+    Single,
+}
+
+/// A unit of length.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+pub enum Unit {
+    /// 1e-6 m
+    #[cfg_attr(feature = "cli", value(alias = "um"))]
+    Micron,
+    /// 1e-3 m
+    #[cfg_attr(feature = "cli", value(alias = "mm"))]
+    Millimeter,
+    /// 1e-2 m
+    #[cfg_attr(feature = "cli", value(alias = "cm"))]
+    Centimeter,
+    /// 0.0254 m
+    #[cfg_attr(feature = "cli", value(alias = "in"))]
+    Inch,
+    /// 0.3048 m
+    #[cfg_attr(feature = "cli", value(alias = "ft"))]
+    Foot,
+    /// 1 m
+    #[cfg_attr(feature = "cli", value(alias = "m"))]
+    Meter,
+}
+
+impl From<Unit> for LengthUnit {
+    fn from(unit: Unit) -> Self {
+        match unit {
+            Unit::Micron => Self::Micron,
+            Unit::Millimeter => Self::Millimeter,
+            Unit::Centimeter => Self::Centimeter,
+            Unit::Inch => Self::Inch,
+            Unit::Foot => Self::Foot,
+            Unit::Meter => Self::Meter,
+        }
+    }
+}
+
+/// How a mesh is written.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+pub struct Output {
+    /// Format of the output [default: what its extension says; for standard output that of the input]
+    #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "FORMAT"))]
+    pub format: Option<Format>,
+    /// Write STL and PLY as text; OBJ, OFF and glTF are text anyway
+    #[cfg_attr(feature = "cli", arg(long))]
+    pub ascii: bool,
+    /// How exactly coordinates are written
+    #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "PRECISION", default_value_t = Precision::default()))]
+    pub precision: Precision,
+}
+
+impl Output {
+    /// Refuses what can be refused before the input is read.
+    pub(super) fn check(&self, path: &Path) -> Result<(), JobError> {
+        if !is_stream(path) || self.format.is_some() {
+            self.target(path, MeshFormat::Off)?;
+        }
+        Ok(())
+    }
+
+    /// What to write to `path`, once the format of the input is known.
+    pub(super) fn target(&self, path: &Path, input: MeshFormat) -> Result<MeshTarget, JobError> {
+        let mut target = match self.format {
+            Some(format) => MeshTarget::new(format.into()),
+            None => MeshTarget::of(path, input)?,
+        };
+        if self.ascii {
+            target.format = match target.format {
+                MeshFormat::StlBinary | MeshFormat::StlAscii => MeshFormat::StlAscii,
+                MeshFormat::PlyBinary | MeshFormat::PlyAscii => MeshFormat::PlyAscii,
+                text @ (MeshFormat::Obj | MeshFormat::Off | MeshFormat::Gltf) => text,
+                other => {
+                    return Err(JobError::Parameter {
+                        name: "--ascii",
+                        value: format!("given for {other}"),
+                        range: "left out: this format has no text form (STL, PLY, OBJ, OFF and glTF have)",
+                    });
+                }
+            };
+        }
+        target.precision = match self.precision {
+            Precision::Exact => library::Precision::Exact,
+            Precision::Single => library::Precision::Single,
+        };
+        Ok(target)
+    }
+}
+
+/// What becomes of the mesh on its way.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+pub struct Params {
+    /// How the mesh is written.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub output: Output,
+    /// Make vertices one that are no farther apart than this, a length or as in 0.01%; 0 welds equal places
+    ///
+    /// Triangles that lose a corner thereby are dropped. Vertices of STL files at equal places are always welded.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "LENGTH"))]
+    pub weld: Option<Length>,
+    /// Unit of the coordinates to write; those of an input with a known unit (3MF, glTF, --from-unit) are scaled to it
+    #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "UNIT"))]
+    pub unit: Option<Unit>,
+    /// Unit of the input's coordinates, whatever the file says
+    #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "UNIT"))]
+    pub from_unit: Option<Unit>,
+}
+
+/// Writes the mesh `source` to `path`.
+///
+/// Figures: `scale` of the coordinates if units differ; `largest_rounding` of a coordinate, if the output holds 32-bit
+/// floats; `welded_vertices` and `collapsed_triangles` if welding was asked for.
+///
+/// # Errors
+/// [`JobError::Parameter`], [`JobError::UnknownMeshFormat`], [`JobError::ReadMesh`], [`JobError::WriteMesh`], what
+/// [`check_files`] refuses, [`JobError::Cancelled`].
+pub fn run(
+    source: &MeshSource,
+    path: &Path,
+    params: &Params,
+    progress: &Progress,
+) -> Result<Report, JobError> {
+    weld::check(params.weld)?;
+    params.output.check(path)?;
+    check_files(&[&source.path], &[path])?;
+    let mut report = Report::new("mesh convert", params);
+    let file = super::read(source, &[path], &mut report, progress)?;
+    let mut target = params.output.target(path, file.format)?;
+    let from = params.from_unit.map(LengthUnit::from).or(file.unit);
+    target.unit = params.unit.map(LengthUnit::from).or(from);
+    let mesh = weld::welded(file.mesh, params.weld, &mut report);
+    progress.check()?;
+    let mesh = match (from, target.unit) {
+        (Some(from), Some(to)) if from != to => {
+            let scale = from.in_meters() / to.in_meters();
+            report.figures.insert("scale", scale);
+            scaled(mesh, scale, source)?
+        }
+        _ => mesh,
+    };
+    if rounds(&target) {
+        report
+            .figures
+            .insert("largest_rounding", largest_rounding(&mesh, &target));
+    }
+    super::write(path, &mesh, &target, &mut report, progress)?;
+    Ok(report)
+}
+
+fn scaled(mesh: TriMesh, scale: f64, source: &MeshSource) -> Result<TriMesh, JobError> {
+    let (mut positions, triangles) = mesh.into_parts();
+    for position in &mut positions {
+        *position *= scale;
+    }
+    TriMesh::new(positions, triangles).map_err(|_| JobError::Parameter {
+        name: "--unit",
+        value: format!(
+            "{scale} times smaller than that of {}",
+            source.path.display()
+        ),
+        range: "large enough for coordinates to stay finite",
+    })
+}
+
+/// Whether coordinates become 32-bit floats.
+fn rounds(target: &MeshTarget) -> bool {
+    target.precision == library::Precision::Single
+        || matches!(
+            target.format,
+            MeshFormat::StlBinary | MeshFormat::Glb | MeshFormat::Gltf
+        )
+}
+
+/// By how much a coordinate changes at most.
+fn largest_rounding(mesh: &TriMesh, target: &MeshTarget) -> f64 {
+    // glTF is in meters
+    let scale = match target.format {
+        MeshFormat::Glb | MeshFormat::Gltf => target.unit.map_or(1.0, LengthUnit::in_meters),
+        _ => 1.0,
+    };
+    let coordinates = mesh.positions().iter().flat_map(|at| at.to_array());
+    coordinates
+        .map(|x| ((f64::from((x * scale) as f32)) / scale - x).abs())
+        .fold(0.0, f64::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::{read_mesh_file, write_mesh_file};
+    use ravec::mesh::MeshLimits;
+    use ravec_scenes::solids::cuboid;
+
+    fn converted(from: &str, to: &str, params: &Params) -> (TriMesh, Report) {
+        let folder = tempfile::tempdir().unwrap();
+        let (input, output) = (folder.path().join(from), folder.path().join(to));
+        let mut target = MeshTarget::of(&input, MeshFormat::Off).unwrap();
+        target.unit = Some(LengthUnit::Inch);
+        let (mesh, progress) = (cuboid([1.0, 2.0, 3.0].into()).mesh, Progress::none());
+        write_mesh_file(&input, &mesh, &target, &progress).unwrap();
+        let report = run(&MeshSource::new(input), &output, params, &progress).unwrap();
+        let file = read_mesh_file(&output, &MeshLimits::default(), &progress).unwrap();
+        (file.mesh, report)
+    }
+
+    fn width(mesh: &TriMesh) -> f64 {
+        mesh.bounds().size().x
+    }
+
+    #[test]
+    fn known_units_are_kept_and_scaled_to_others() {
+        // from inches
+        let (mesh, report) = converted("a.3mf", "b.3mf", &Params::default());
+        assert_eq!(width(&mesh), 1.0);
+        assert_eq!(report.outputs[0].unit, Some("inch"));
+        assert!(!report.figures.contains_key("scale"));
+        let millimeters = Params {
+            unit: Some(Unit::Millimeter),
+            ..Params::default()
+        };
+        let (mesh, report) = converted("a.3mf", "b.off", &millimeters);
+        assert!((width(&mesh) - 25.4).abs() < 1e-12);
+        assert!((report.figures["scale"] - 25.4).abs() < 1e-12);
+        // glTF is in meters
+        let (mesh, _) = converted("a.3mf", "b.glb", &Params::default());
+        assert!((width(&mesh) - 0.0254).abs() < 1e-8);
+        // a file that says nothing is as it is
+        let (mesh, report) = converted("a.off", "b.3mf", &millimeters);
+        assert_eq!(width(&mesh), 1.0);
+        assert_eq!(report.outputs[0].unit, Some("millimeter"));
+        let from = Params {
+            from_unit: Some(Unit::Centimeter),
+            ..millimeters
+        };
+        let (mesh, _) = converted("a.off", "b.off", &from);
+        assert!((width(&mesh) - 10.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn rounding_is_measured_where_there_is_some() {
+        let single = Params {
+            output: Output {
+                precision: Precision::Single,
+                ..Output::default()
+            },
+            from_unit: Some(Unit::Inch),
+            unit: Some(Unit::Foot),
+            ..Params::default()
+        };
+        let (_, report) = converted("a.off", "b.ply", &single);
+        let rounding = report.figures["largest_rounding"];
+        // half a unit in the last place of a twenty-fourth to an eighth
+        assert!(rounding > 0.0 && rounding < 4e-9, "{rounding}");
+        let (_, report) = converted("a.off", "b.ply", &Params::default());
+        assert!(!report.figures.contains_key("largest_rounding"));
+    }
+
+    #[test]
+    fn text_forms_are_written_where_there_are_any() {
+        let ascii = Params {
+            output: Output {
+                ascii: true,
+                ..Output::default()
+            },
+            ..Params::default()
+        };
+        for (name, format) in [
+            ("b.stl", "ASCII STL"),
+            ("b.ply", "ASCII PLY"),
+            ("b.obj", "OBJ"),
+        ] {
+            let (_, report) = converted("a.off", name, &ascii);
+            assert_eq!(report.outputs[0].format, format);
+        }
+        for name in ["b.3mf", "b.glb"] {
+            let error = ascii.output.check(Path::new(name)).unwrap_err();
+            assert_eq!(error.exit_code(), 2, "{error}");
+        }
+    }
+}

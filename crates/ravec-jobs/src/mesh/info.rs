@@ -1,0 +1,122 @@
+//! `mesh info`: what is in a mesh file.
+
+use super::MeshSource;
+use crate::error::JobError;
+use crate::files::check_files;
+use crate::report::Report;
+use ravec::mesh::{CheckParams, check, measure};
+use ravec::progress::Progress;
+use serde::{Deserialize, Serialize};
+
+/// What is said: there is nothing to choose yet.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+pub struct Params {}
+
+/// Says what is in the file `source`.
+///
+/// Figures: `triangles`, `vertices`, `edges`, `parts` (what shares a vertex hangs together), `closed`, `manifold` and
+/// `oriented` (0 or 1), `boundary_edges`; `min_x` to `max_z`, `size_x` to `size_z` and `diagonal` of the bounding box;
+/// `area`; of closed and oriented meshes `volume` (negative if the surface is inside out); `side_min`, `side_mean` and
+/// `side_max` of the triangles' sides; of closed, manifold and oriented meshes `genus`, the number of handles. Lengths are
+/// in units of the file.
+///
+/// # Errors
+/// [`JobError::ReadMesh`], [`JobError::Cancelled`].
+pub fn run(source: &MeshSource, params: &Params, progress: &Progress) -> Result<Report, JobError> {
+    check_files(&[&source.path], &[])?;
+    let mut report = Report::new("mesh info", params);
+    let mesh = super::read(source, &[], &mut report, progress)?.mesh;
+    let quick = CheckParams {
+        self_intersections: false,
+        list_limit: 0,
+    };
+    let found = report.time("check", || check(&mesh, &quick, progress))?;
+    let measured = report.time("measure", || measure(&mesh));
+    progress.check()?;
+    let yes = |fact: bool| f64::from(u8::from(fact));
+    let size = measured.max - measured.min;
+    let sides = measured.side_lengths;
+    let figures = &mut report.figures;
+    figures.extend([
+        ("triangles", found.triangles as f64),
+        ("vertices", found.vertices as f64),
+        ("edges", found.edges as f64),
+        ("parts", f64::from(found.components)),
+        ("closed", yes(found.closed)),
+        ("manifold", yes(found.manifold)),
+        ("oriented", yes(found.oriented)),
+        ("boundary_edges", found.boundary_edges.count as f64),
+        ("area", measured.area),
+    ]);
+    if found.triangles > 0 {
+        figures.extend([
+            ("min_x", measured.min.x),
+            ("min_y", measured.min.y),
+            ("min_z", measured.min.z),
+            ("max_x", measured.max.x),
+            ("max_y", measured.max.y),
+            ("max_z", measured.max.z),
+            ("size_x", size.x),
+            ("size_y", size.y),
+            ("size_z", size.z),
+            ("diagonal", measured.diagonal),
+            ("side_min", sides.min),
+            ("side_mean", sides.mean),
+            ("side_max", sides.max),
+        ]);
+    }
+    if found.closed && found.oriented {
+        figures.insert("volume", measured.volume);
+    }
+    if let Some(genus) = found.genus {
+        figures.insert("genus", genus as f64);
+    }
+    Ok(report)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::{MeshTarget, write_mesh_file};
+    use ravec::mesh::{MeshFormat, TriMesh};
+    use ravec_scenes::solids::{cuboid, sheet};
+
+    fn figures_of(mesh: &TriMesh) -> std::collections::BTreeMap<&'static str, f64> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.ply");
+        let (target, progress) = (MeshTarget::new(MeshFormat::PlyBinary), Progress::none());
+        write_mesh_file(&path, mesh, &target, &progress).unwrap();
+        let report = run(&MeshSource::new(path), &Params::default(), &progress).unwrap();
+        report.figures
+    }
+
+    #[test]
+    fn the_figures_of_a_box_are_those_of_a_box() {
+        let figures = figures_of(&cuboid([2.0, 3.0, 4.0].into()).mesh);
+        for (name, expected) in [
+            ("volume", 24.0),
+            ("area", 52.0),
+            ("size_y", 3.0),
+            ("min_z", -2.0),
+            ("max_x", 1.0),
+            ("parts", 1.0),
+            ("genus", 0.0),
+            ("closed", 1.0),
+            ("diagonal", 29f64.sqrt()),
+        ] {
+            assert!((figures[name] - expected).abs() < 1e-12, "{name}");
+        }
+    }
+
+    #[test]
+    fn an_open_mesh_has_no_volume_and_an_empty_one_no_bounds() {
+        let figures = figures_of(&sheet(1.0, 1.0, 3, 2).mesh);
+        assert_eq!((figures["closed"], figures["boundary_edges"]), (0.0, 10.0));
+        assert!(!figures.contains_key("volume") && !figures.contains_key("genus"));
+        let figures = figures_of(&TriMesh::default());
+        assert_eq!(figures["triangles"], 0.0);
+        assert!(!figures.contains_key("diagonal"));
+    }
+}

@@ -1,0 +1,568 @@
+//! `mesh render`: a picture of a mesh, plain, cut open or colored by its distance to another.
+
+use super::compare::read_surface;
+use super::refine::refined;
+use super::{Cut, Length, MeshSource, Viewpoint};
+use crate::error::JobError;
+use crate::files::{self, check_files};
+use crate::report::Report;
+use ravec::mesh::render::{
+    Camera, ColorMap, FeatureLines, LineStyle, Paint, Projection, RenderError, RenderParams,
+    Rendering, Section, UpAxis, Values, View, render,
+};
+use ravec::mesh::{Bvh, TriMesh, vertex_distances};
+use ravec::progress::Progress;
+use ravec::raster::{AnyImage, Image, Size, Srgb, Srgba};
+use ravec_media::{Picture, WriteOptions};
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// The axis that points upward in the picture.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+pub enum Up {
+    /// As in scans and games
+    Y,
+    /// As in construction and printing
+    #[default]
+    Z,
+}
+
+/// Size, view and look of the picture.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+pub struct Params {
+    /// Columns, 1 to 16384; at most 100 million pixels in all
+    #[cfg_attr(feature = "cli", arg(long, value_name = "PX", default_value_t = Params::default().width))]
+    pub width: u32,
+    /// Rows, 1 to 16384
+    #[cfg_attr(feature = "cli", arg(long, value_name = "PX", default_value_t = Params::default().height))]
+    pub height: u32,
+    /// Where from: front, right, back, left, top, bottom, iso, or degrees around and up, as in 30,20
+    #[cfg_attr(feature = "cli", arg(long, value_name = "VIEW", allow_hyphen_values = true, default_value_t = Params::default().view))]
+    pub view: Viewpoint,
+    /// The axis that points upward
+    #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "AXIS", default_value_t = Params::default().up))]
+    pub up: Up,
+    /// Show depth, with this field of view, 1 to 150 degrees: more shows more depth [default: parallel lines stay parallel]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "DEGREES", num_args = 0..=1, default_missing_value = "35", require_equals = true))]
+    pub perspective: Option<f64>,
+    /// How many times larger than framed whole, about the middle, above 0
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FACTOR", default_value_t = Params::default().zoom))]
+    pub zoom: f64,
+    /// Draw the edges of all triangles
+    #[cfg_attr(feature = "cli", arg(long))]
+    pub edges: bool,
+    /// Draw edges as features where normals differ by more than this, 0 to 180 degrees
+    #[cfg_attr(feature = "cli", arg(long, value_name = "DEGREES", default_value_t = Params::default().feature_angle))]
+    pub feature_angle: f64,
+    /// Draw no features: neither creases and borders nor outlines
+    #[cfg_attr(feature = "cli", arg(long))]
+    pub no_features: bool,
+    /// Draw no outlines where the surface turns away from the eye
+    #[cfg_attr(feature = "cli", arg(long))]
+    pub no_outlines: bool,
+    /// Width of features in pixels, above 0, up to 64; other edges are half as wide
+    #[cfg_attr(feature = "cli", arg(long, value_name = "PX", default_value_t = Params::default().line_width))]
+    pub line_width: f64,
+    /// Color of lines
+    #[cfg_attr(feature = "cli", arg(long, value_name = "#RRGGBB", default_value = "#181c22", value_parser = crate::brush::color))]
+    pub line_color: [u8; 3],
+    /// Let the surface look smooth up to this angle between triangles, 0 to 180 degrees; 0 shows each triangle flat
+    #[cfg_attr(feature = "cli", arg(long, value_name = "DEGREES", default_value_t = Params::default().smooth_angle))]
+    pub smooth_angle: f64,
+    /// Cut the mesh open and take away what is beyond: x, y, z or a direction as in 1,1,0, a minus sign before an axis for
+    /// the other side, and where, as in x=2.5 or -y=40% [default place: 50%]
+    #[cfg_attr(
+        feature = "cli",
+        arg(long, value_name = "PLANE", allow_hyphen_values = true)
+    )]
+    pub section: Option<Cut>,
+    /// Show the inside of a cut, rather than fill it as if the mesh were solid
+    #[cfg_attr(feature = "cli", arg(long))]
+    pub hollow: bool,
+    /// Color of the outside
+    #[cfg_attr(feature = "cli", arg(long, value_name = "#RRGGBB", default_value = "#b2c0d0", value_parser = crate::brush::color))]
+    pub color: [u8; 3],
+    /// Color of the inside, so that flipped and open parts are seen
+    #[cfg_attr(feature = "cli", arg(long, value_name = "#RRGGBB", default_value = "#c4644e", value_parser = crate::brush::color))]
+    pub back_color: [u8; 3],
+    /// Color of a cut
+    #[cfg_attr(feature = "cli", arg(long, value_name = "#RRGGBB", default_value = "#e2b268", value_parser = crate::brush::color))]
+    pub cut_color: [u8; 3],
+    /// Color behind the mesh
+    #[cfg_attr(feature = "cli", arg(long, value_name = "#RRGGBB", default_value = "#ffffff", value_parser = crate::brush::color))]
+    pub background: [u8; 3],
+    /// Leave what is behind the mesh transparent
+    #[cfg_attr(feature = "cli", arg(long))]
+    pub transparent: bool,
+    /// Samples of a pixel along each side, 1 to 8: more makes smoother edges and takes longer
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = Params::default().samples))]
+    pub samples: u32,
+    /// With --compare: the distance at the end of the scale of colors, a length or as in 0.5% [default: the largest]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "LENGTH"))]
+    pub range: Option<Length>,
+    /// With --compare: show by how much distances fall short of this (blue) or exceed it (red), rather than distances
+    #[cfg_attr(feature = "cli", arg(long, value_name = "LENGTH"))]
+    pub expected: Option<Length>,
+    /// Quality of a JPEG output, 1 to 100: higher is larger and closer to the picture
+    #[cfg_attr(feature = "cli", arg(long, value_name = "QUALITY", default_value_t = Params::default().quality))]
+    pub quality: u8,
+}
+
+impl Default for Params {
+    fn default() -> Self {
+        let look = RenderParams::default();
+        let features = FeatureLines::default();
+        Self {
+            width: look.width,
+            height: look.height,
+            view: Viewpoint(View::ISO),
+            up: Up::default(),
+            perspective: None,
+            zoom: 1.0,
+            edges: false,
+            feature_angle: features.angle_deg,
+            no_features: false,
+            no_outlines: false,
+            line_width: features.style.width_px,
+            line_color: features.style.color,
+            smooth_angle: look.smooth_angle_deg,
+            section: None,
+            hollow: false,
+            color: look.front_color,
+            back_color: look.back_color,
+            cut_color: look.cut_color,
+            background: [255; 3],
+            transparent: false,
+            samples: look.samples_per_side,
+            range: None,
+            expected: None,
+            quality: WriteOptions::default().quality,
+        }
+    }
+}
+
+/// A picture takes 20 bytes a pixel while it is drawn.
+const MAX_PIXELS: u64 = 100_000_000;
+
+/// With colors for distances, edges are halved until they are no longer than this share of the diagonal.
+const FINE_EDGE: f64 = 1.0 / 150.0;
+
+/// And no further than to this number of triangles, which take seconds.
+const FINE_TRIANGLES: usize = 1_500_000;
+
+impl Params {
+    fn check(&self, compares: bool) -> Result<(), JobError> {
+        let wrong = |name, value: String, range| Err(JobError::Parameter { name, value, range });
+        for (name, side) in [("--width", self.width), ("--height", self.height)] {
+            if !(1..=16_384).contains(&side) {
+                return wrong(name, side.to_string(), "1 to 16384");
+            }
+        }
+        if u64::from(self.width) * u64::from(self.height) > MAX_PIXELS {
+            let size = format!("{} x {}", self.width, self.height);
+            let range = "100 million pixels at most";
+            return wrong("--width x --height", size, range);
+        }
+        if let Some(angle) = self.perspective.filter(|a| !(1.0..=150.0).contains(a)) {
+            return wrong("--perspective", angle.to_string(), "1 to 150");
+        }
+        if !(self.zoom > 0.0 && self.zoom <= 1e6) {
+            return wrong("--zoom", self.zoom.to_string(), "above 0, up to 1000000");
+        }
+        for (name, angle) in [
+            ("--feature-angle", self.feature_angle),
+            ("--smooth-angle", self.smooth_angle),
+        ] {
+            if !(0.0..=180.0).contains(&angle) {
+                return wrong(name, angle.to_string(), "0 to 180");
+            }
+        }
+        if !(self.line_width > 0.0 && self.line_width <= 64.0) {
+            let width = self.line_width.to_string();
+            return wrong("--line-width", width, "above 0, up to 64");
+        }
+        if !(1..=8).contains(&self.samples) {
+            return wrong("--samples", self.samples.to_string(), "1 to 8");
+        }
+        if !(1..=100).contains(&self.quality) {
+            return wrong("--quality", self.quality.to_string(), "1 to 100");
+        }
+        if let Some(range) = self.range.filter(|range| !range.is_positive()) {
+            return wrong("--range", range.to_string(), "above 0");
+        }
+        for (name, length) in [("--range", self.range), ("--expected", self.expected)] {
+            if let Some(length) = length.filter(|_| !compares) {
+                return wrong(name, length.to_string(), "left out without --compare");
+            }
+        }
+        Ok(())
+    }
+
+    fn look(&self, mesh: &TriMesh) -> RenderParams {
+        let style = LineStyle {
+            color: self.line_color,
+            width_px: self.line_width,
+        };
+        let features = FeatureLines {
+            angle_deg: self.feature_angle,
+            silhouettes: !self.no_outlines,
+            style,
+        };
+        let plane = self.section.and_then(|section| section.plane(mesh));
+        RenderParams {
+            width: self.width,
+            height: self.height,
+            samples_per_side: self.samples,
+            camera: Camera {
+                view: self.view.0,
+                up: match self.up {
+                    Up::Y => UpAxis::Y,
+                    Up::Z => UpAxis::Z,
+                },
+                projection: match self.perspective {
+                    Some(field_of_view_deg) => Projection::Perspective { field_of_view_deg },
+                    None => Projection::Orthographic,
+                },
+                frame: None,
+                zoom: self.zoom,
+            },
+            smooth_angle_deg: self.smooth_angle,
+            front_color: self.color,
+            back_color: self.back_color,
+            cut_color: self.cut_color,
+            background: (!self.transparent).then_some(self.background),
+            wireframe: self.edges.then_some(LineStyle {
+                width_px: 0.5 * self.line_width,
+                ..style
+            }),
+            features: (!self.no_features).then_some(features),
+            section: plane.map(|(normal, offset)| Section {
+                normal,
+                offset,
+                capped: !self.hollow,
+            }),
+        }
+    }
+}
+
+/// Draws the mesh `source` and writes the picture to `path`, whose extension says the format; standard output is PNG.
+///
+/// With `other`, colors show how far each place is from that surface. Triangles are cut for it until they are small, unless
+/// edges are drawn.
+///
+/// Figures, with `other` only, of the places drawn: `distance_min`, `distance_mean` (over vertices) and `distance_max`,
+/// `color_low` and `color_high` (the values at the ends of the scale).
+///
+/// # Errors
+/// [`JobError::Parameter`], [`JobError::ReadMesh`], [`JobError::NoTriangles`], [`JobError::Write`], what [`check_files`]
+/// refuses, [`JobError::Cancelled`].
+pub fn run(
+    source: &MeshSource,
+    other: Option<&MeshSource>,
+    path: &Path,
+    params: &Params,
+    progress: &Progress,
+) -> Result<Report, JobError> {
+    params.check(other.is_some())?;
+    files::check_target(path)?;
+    let inputs = std::iter::once(source).chain(other);
+    let inputs: Vec<_> = inputs.map(|source| source.path.as_path()).collect();
+    check_files(&inputs, &[path])?;
+    let mut report = Report::new("mesh render", params);
+    let mut mesh = read_surface(source, &mut report, progress)?;
+    let look = params.look(&mesh);
+    let rendering = if let Some(other) = other {
+        let diagonal = mesh.bounds().diagonal();
+        let reference = read_surface(other, &mut report, progress)?;
+        if !params.edges {
+            let edge = FINE_EDGE * diagonal;
+            mesh = report.time("refine", || refined(mesh, edge, FINE_TRIANGLES));
+        }
+        let values = report.time("compare", || {
+            vertex_distances(&mesh, &Bvh::new(&reference), progress)
+        })?;
+        summarize(&values, &mut report);
+        let values = Colored::new(values, diagonal, params);
+        report.time("render", || render(&mesh, &values.paint(), &look, progress))
+    } else {
+        report.time("render", || render(&mesh, &Paint::Plain, &look, progress))
+    };
+    let rendering = rendering.map_err(refused)?;
+    if let Some(legend) = rendering.legend {
+        report.figures.insert("color_low", legend.low);
+        report.figures.insert("color_high", legend.high);
+    }
+    let picture = Picture::from_image(image_of(rendering));
+    let options = WriteOptions {
+        quality: params.quality,
+        ..WriteOptions::default()
+    };
+    files::write(path, &picture, &options, &mut report, progress)?;
+    Ok(report)
+}
+
+fn summarize(distances: &[f64], report: &mut Report) {
+    let fold = |start: f64, pick: fn(f64, f64) -> f64| distances.iter().copied().fold(start, pick);
+    report.figures.extend([
+        ("distance_min", fold(f64::INFINITY, f64::min)),
+        ("distance_max", fold(0.0, f64::max)),
+        (
+            "distance_mean",
+            distances.iter().sum::<f64>() / distances.len().max(1) as f64,
+        ),
+    ]);
+}
+
+/// Numbers at vertices and the scale on which they are shown.
+struct Colored {
+    values: Vec<f64>,
+    map: ColorMap,
+    range: Option<[f64; 2]>,
+}
+
+impl Colored {
+    fn new(mut values: Vec<f64>, diagonal: f64, params: &Params) -> Self {
+        let end = params.range.map(|range| range.of(diagonal));
+        let Some(expected) = params.expected else {
+            let most = values.iter().copied().fold(0.0, f64::max);
+            return Self {
+                values,
+                map: ColorMap::Sequential,
+                range: Some([0.0, end.unwrap_or(most)]),
+            };
+        };
+        let expected = expected.of(diagonal);
+        values.iter_mut().for_each(|value| *value -= expected);
+        Self {
+            values,
+            map: ColorMap::Diverging,
+            range: end.map(|end| [-end, end]),
+        }
+    }
+
+    fn paint(&self) -> Paint<'_> {
+        Paint::VertexValues(Values {
+            values: &self.values,
+            map: self.map,
+            range: self.range,
+        })
+    }
+}
+
+/// What the renderer refuses that was not refused before: a plane beyond all numbers.
+fn refused(error: RenderError) -> JobError {
+    match error {
+        RenderError::Cancelled(_) => JobError::Cancelled,
+        other => JobError::Parameter {
+            name: "a parameter",
+            value: other.to_string(),
+            range: "such that a picture can be drawn",
+        },
+    }
+}
+
+/// The picture as an image: opaque where nothing shines through.
+pub(super) fn image_of(rendering: Rendering) -> AnyImage {
+    let picture = rendering.picture;
+    let (width, height) = (picture.width as usize, picture.height as usize);
+    let size = Size::new(width, height).expect("the renderer refuses pictures without pixels");
+    let pixel = |col: usize, row: usize| {
+        let start = 4 * (row * width + col);
+        [0, 1, 2, 3].map(|i| picture.pixels[start + i])
+    };
+    if picture.pixels.chunks_exact(4).all(|pixel| pixel[3] == 255) {
+        Image::from_fn(size, |col, row| {
+            let [r, g, b, _] = pixel(col, row);
+            Srgb([r, g, b])
+        })
+        .into()
+    } else {
+        Image::from_fn(size, |col, row| Srgba(pixel(col, row))).into()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::{MeshTarget, write_mesh_file};
+    use ravec::mesh::MeshFormat;
+    use ravec::raster::Srgba;
+    use ravec_scenes::solids::{cuboid, icosphere};
+    use std::path::PathBuf;
+
+    struct Studio {
+        folder: tempfile::TempDir,
+    }
+
+    impl Studio {
+        fn new() -> Self {
+            let studio = Self {
+                folder: tempfile::tempdir().unwrap(),
+            };
+            for (name, mesh) in [
+                ("box.off", cuboid([2.0, 1.0, 1.0].into()).mesh),
+                ("ball.off", icosphere(1.0, 4).mesh),
+                ("large.off", icosphere(1.2, 3).mesh),
+                ("none.off", TriMesh::default()),
+            ] {
+                let target = MeshTarget::new(MeshFormat::Off);
+                write_mesh_file(&studio.at(name), &mesh, &target, &Progress::none()).unwrap();
+            }
+            studio
+        }
+
+        fn at(&self, name: &str) -> PathBuf {
+            self.folder.path().join(name)
+        }
+
+        fn rendered(
+            &self,
+            name: &str,
+            other: Option<&str>,
+            params: &Params,
+        ) -> Result<(Image<Srgba<u8>>, Report), JobError> {
+            let out = self.at("out.png");
+            let other = other.map(|name| MeshSource::new(self.at(name)));
+            let source = MeshSource::new(self.at(name));
+            let report = run(&source, other.as_ref(), &out, params, &Progress::none())?;
+            let picture = ravec_media::read(&out, &crate::Limits::default()).unwrap();
+            Ok((picture.convert(), report))
+        }
+    }
+
+    fn small() -> Params {
+        Params {
+            width: 60,
+            height: 40,
+            ..Params::default()
+        }
+    }
+
+    #[test]
+    fn the_mesh_is_in_the_middle_and_the_background_around_it() {
+        let studio = Studio::new();
+        let params = Params {
+            view: Viewpoint(View::FRONT),
+            ..small()
+        };
+        let (image, report) = studio.rendered("box.off", None, &params).unwrap();
+        assert_eq!((image.width(), image.height()), (60, 40));
+        assert_ne!(image.get(30, 20).unwrap().0, [255; 4]);
+        assert_eq!(image.get(0, 0).unwrap().0, [255; 4]);
+        assert_eq!(report.outputs[0].format, "PNG");
+        let clear = Params {
+            transparent: true,
+            ..params
+        };
+        let (image, _) = studio.rendered("box.off", None, &clear).unwrap();
+        assert_eq!(image.get(0, 0).unwrap().0[3], 0);
+        assert_eq!(image.get(30, 20).unwrap().0[3], 255);
+    }
+
+    #[test]
+    fn a_cut_shows_its_color_where_the_solid_was_opened() {
+        let studio = Studio::new();
+        let params = Params {
+            view: Viewpoint(View::RIGHT),
+            section: Some("x=40%".parse().unwrap()),
+            cut_color: [0, 0, 255],
+            no_features: true,
+            ..small()
+        };
+        let blue = |params: &Params| {
+            let (image, _) = studio.rendered("box.off", None, params).unwrap();
+            let [r, _, b, _] = image.get(30, 20).unwrap().0;
+            b > r
+        };
+        assert!(blue(&params));
+        let hollow = Params {
+            hollow: true,
+            ..params.clone()
+        };
+        assert!(!blue(&hollow), "the inside is red");
+    }
+
+    #[test]
+    fn colors_stand_for_distances_within_the_range() {
+        let studio = Studio::new();
+        let (_, report) = studio
+            .rendered("ball.off", Some("large.off"), &small())
+            .unwrap();
+        let deviation = icosphere(1.2, 3).deviation + icosphere(1.0, 4).deviation;
+        for name in ["distance_min", "distance_mean", "distance_max"] {
+            assert!((report.figures[name] - 0.2).abs() <= deviation, "{name}");
+        }
+        assert_eq!(report.figures["color_low"], 0.0);
+        let expected = Params {
+            range: Some(Length::Units(0.05)),
+            expected: Some(Length::Units(0.25)),
+            ..small()
+        };
+        let (image, report) = studio
+            .rendered("ball.off", Some("large.off"), &expected)
+            .unwrap();
+        let scale = (report.figures["color_low"], report.figures["color_high"]);
+        assert_eq!(scale, (-0.05, 0.05));
+        let [r, _, b, _] = image.get(30, 20).unwrap().0;
+        assert!(b > r, "it falls short");
+    }
+
+    #[test]
+    fn parameters_out_of_range_are_refused_before_reading() {
+        let studio = Studio::new();
+        for wrong in [
+            Params {
+                width: 0,
+                ..small()
+            },
+            Params {
+                width: 16_000,
+                height: 16_000,
+                ..small()
+            },
+            Params {
+                perspective: Some(0.0),
+                ..small()
+            },
+            Params {
+                zoom: f64::NAN,
+                ..small()
+            },
+            Params {
+                feature_angle: -1.0,
+                ..small()
+            },
+            Params {
+                line_width: 0.0,
+                ..small()
+            },
+            Params {
+                samples: 9,
+                ..small()
+            },
+            Params {
+                quality: 0,
+                ..small()
+            },
+            Params {
+                range: Some(Length::Units(1.0)),
+                ..small()
+            },
+            Params {
+                expected: Some(Length::Units(1.0)),
+                ..small()
+            },
+        ] {
+            let error = studio.rendered("missing.off", None, &wrong).unwrap_err();
+            assert_eq!(error.exit_code(), 2, "{error}");
+        }
+        let error = studio.rendered("missing.off", None, &small()).unwrap_err();
+        assert_eq!(error.exit_code(), 3, "{error}");
+        let error = studio.rendered("none.off", None, &small()).unwrap_err();
+        assert!(matches!(error, JobError::NoTriangles { .. }), "{error}");
+    }
+}
