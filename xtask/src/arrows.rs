@@ -40,10 +40,21 @@ const CRATES: &[Crate] = &[
         uses: &["ravec-raster", "ravec-progress"],
     },
     Crate {
+        name: "ravec-octree",
+        layer: "representations",
+        uses: &[],
+    },
+    Crate {
+        name: "ravec-offset",
+        layer: "systems",
+        uses: &["ravec-mesh", "ravec-octree", "ravec-progress"],
+    },
+    Crate {
         name: "ravec",
         layer: "assembly",
         uses: &[
             "ravec-twocolor",
+            "ravec-offset",
             "ravec-mesh",
             "ravec-raster",
             "ravec-progress",

@@ -8,6 +8,7 @@
 //! | [`raster`] | images with typed colors, sampling, filters, metrics |
 //! | [`twocolor`] | two-color pixels, and filters that do not cross edges |
 //! | [`mesh`] | triangle meshes: formats, checks, distances, simplification, pictures |
+//! | [`offset`](mod@offset) | surfaces at a distance from any triangles, within a tolerance that is proved |
 //! | [`progress`] | progress and cancellation of long work |
 //!
 //! Everything here works on pixels in memory. Files are read and written by the crate `ravec-media`, which is not part of
@@ -80,6 +81,24 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
+//! # Surfaces at a distance
+//!
+//! The offset of a mesh is what lies at a given distance from its triangles. The mesh may be any triangles at all; the
+//! result is closed, does not meet itself, and says whether each of its facets is proved to keep the distance.
+//!
+//! ```
+//! use ravec::offset::{OffsetParams, Side, offset};
+//! use ravec::progress::Progress;
+//! use ravec_scenes::solids::crossing_plates;
+//!
+//! // two squares that go through each other: not the surface of any solid
+//! let plates = crossing_plates(2.0).mesh;
+//! let params = OffsetParams { distance: 0.2, tolerance: 0.01, side: Side::Outer, ..OffsetParams::default() };
+//! let padded = offset(&plates, &params, &Progress::none())?;
+//! assert!(padded.report.certified && padded.report.solid);
+//! # Ok::<(), ravec::offset::OffsetError>(())
+//! ```
+//!
 //! # Long work can be watched and stopped
 //!
 //! Whatever may take longer than a moment takes a [`progress::Progress`]. It is the caller who decides what becomes of it.
@@ -104,6 +123,7 @@
 //! - Same input, parameters and seed give the same bytes, on any number of threads.
 
 pub use ravec_mesh as mesh;
+pub use ravec_offset as offset;
 pub use ravec_progress as progress;
 pub use ravec_raster as raster;
 pub use ravec_twocolor as twocolor;
