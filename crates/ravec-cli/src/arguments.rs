@@ -1,10 +1,14 @@
 //! The command line: one definition for the parser, the help, the completions and the manual.
 
+mod mesh;
+
 use crate::help;
 use clap::{ArgGroup, Args, Parser, Subcommand};
 use clap_complete::Shell;
 use ravec_jobs::{Limits, brush, compare, demo, scenes, twocolor};
 use std::path::{Path, PathBuf};
+
+pub use mesh::{MeshCommand, MeshLimitFlags};
 
 /// Raster and vector views of images that work together.
 #[derive(Debug, Parser)]
@@ -80,6 +84,20 @@ pub enum Command {
         #[command(flatten)]
         params: brush::Params,
     },
+    /// Work on triangle meshes: describe, check, convert, compare, draw, simplify
+    #[command(
+        after_help = help::mesh::MESH,
+        arg_required_else_help = true,
+        subcommand_required = true
+    )]
+    Mesh {
+        /// What to do.
+        #[command(subcommand)]
+        command: MeshCommand,
+        /// What reading may cost.
+        #[command(flatten)]
+        limits: MeshLimitFlags,
+    },
     /// Show what Ravec does: a page of pictures and figures, on a built-in scene or a photo
     #[command(after_help = help::DEMO)]
     Demo {
@@ -126,6 +144,7 @@ impl Command {
                 let stroke = stroke.as_deref();
                 std::iter::once(input.as_path()).chain(stroke).collect()
             }
+            Self::Mesh { command, .. } => command.inputs(),
             Self::Demo { image, .. } => image.as_deref().into_iter().collect(),
             Self::Scenes { .. } | Self::Completions { .. } | Self::Man { .. } => Vec::new(),
         }
@@ -142,6 +161,7 @@ impl Command {
             Self::Brush { output, mask, .. } => std::iter::once(output.as_path())
                 .chain(mask.as_deref())
                 .collect(),
+            Self::Mesh { command, .. } => command.outputs(),
             _ => Vec::new(),
         }
     }
@@ -167,14 +187,15 @@ pub struct Global {
     #[arg(long, global = true, value_name = "COUNT", value_parser = count,
         default_value_t = Limits::default().max_pixels)]
     pub max_pixels: u64,
-    /// The most memory in bytes that reading a picture may take; `k`, `M` and `G` multiply by powers of 1000
+    /// The most memory in bytes that reading a picture may take, or the most bytes of a mesh file; `k`, `M` and `G` multiply by
+    /// powers of 1000
     #[arg(long, global = true, value_name = "COUNT", value_parser = count,
         default_value_t = Limits::default().max_bytes)]
     pub max_bytes: u64,
 }
 
 impl Global {
-    /// The limits for reading.
+    /// The limits for reading pictures.
     pub fn limits(&self) -> Limits {
         Limits {
             max_pixels: self.max_pixels,
@@ -203,6 +224,8 @@ fn count(text: &str) -> Result<u64, String> {
 mod tests {
     use super::*;
     use clap::CommandFactory as _;
+    use ravec_jobs::mesh::compare as mesh_compare;
+    use ravec_jobs::mesh::{MeshLimits, check, convert, info, render, simplify};
 
     #[test]
     fn the_definition_is_consistent() {
@@ -224,6 +247,12 @@ mod tests {
             ("ravec twocolor a -o b --svg c", "a", "b c"),
             ("ravec brush a -o b --stroke c --mask d", "a c", "b d"),
             ("ravec brush a -o b --everywhere", "a", "b"),
+            ("ravec mesh info a", "a", ""),
+            ("ravec mesh check a", "a", ""),
+            ("ravec mesh convert a -o b", "a", "b"),
+            ("ravec mesh compare a b", "a b", ""),
+            ("ravec mesh render a -o b --compare c", "a c", "b"),
+            ("ravec mesh simplify a -o b --error 1", "a", "b"),
             ("ravec demo --image a", "a", ""),
             ("ravec scenes -o a", "", ""),
         ] {
@@ -274,5 +303,46 @@ mod tests {
         };
         assert_eq!(params, demo::Params::default());
         assert_eq!(parsed.global.limits(), Limits::default());
+    }
+
+    #[test]
+    fn flags_left_out_give_the_default_parameters_of_operations_on_meshes() {
+        for line in [
+            "info a",
+            "check a",
+            "convert a -o b",
+            "compare a b",
+            "render a -o b",
+            "simplify a -o b --triangles 7",
+        ] {
+            let line = format!("ravec mesh {line}");
+            let parsed = Arguments::parse_from(line.split(' '));
+            let Command::Mesh { command, limits } = parsed.command else {
+                panic!("not mesh");
+            };
+            let bytes = parsed.global.max_bytes;
+            assert_eq!(limits.limits(bytes), MeshLimits::default());
+            match command {
+                MeshCommand::Info { params, .. } => assert_eq!(params, info::Params::default()),
+                MeshCommand::Check { params, .. } => assert_eq!(params, check::Params::default()),
+                MeshCommand::Convert { params, .. } => {
+                    assert_eq!(params, convert::Params::default());
+                }
+                MeshCommand::Compare { params, .. } => {
+                    assert_eq!(params, mesh_compare::Params::default());
+                }
+                MeshCommand::Render { params, .. } => {
+                    assert_eq!(params, render::Params::default());
+                }
+                MeshCommand::Simplify { params, .. } => {
+                    let goal = Some(7);
+                    let triangles = simplify::Params {
+                        triangles: goal,
+                        ..simplify::Params::default()
+                    };
+                    assert_eq!(params, triangles);
+                }
+            }
+        }
     }
 }

@@ -6,7 +6,7 @@ use std::panic::{self, AssertUnwindSafe};
 use std::process::ExitCode;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// The operation failed for another reason than its files.
+/// The operation failed for another reason than its files, or its verdict is no.
 pub const FAILED: u8 = 1;
 /// The command line was wrong: an unknown flag, a value out of range.
 pub const USAGE: u8 = 2;
@@ -25,7 +25,7 @@ pub fn tell(text: &str) {
 pub struct Failure {
     /// The exit code.
     pub code: u8,
-    /// What, where, and what to do. Empty if there is nobody left to tell.
+    /// What, where, and what to do. Empty if there is nobody left to tell, or all was said.
     pub sentence: String,
 }
 

@@ -9,13 +9,15 @@ macro_rules! exit_codes {
         "\
 Exit codes:
     0  done
-    1  the operation failed
+    1  the operation failed, or its verdict is no: a mesh has defects, a distance is too large
     2  the command line is wrong
-    3  an input cannot be read, is no valid picture, or exceeds a limit
+    3  an input cannot be read, is no valid picture or mesh, or exceeds a limit
     4  an output cannot be written
   130  interrupted by Ctrl-C; nothing half-written is left"
     };
 }
+
+pub mod mesh;
 
 /// Of the whole program.
 pub const PROGRAM: &str = concat!(
@@ -24,8 +26,10 @@ Examples:
   ravec demo
   ravec demo --image photo.jpg --out gallery
   ravec twocolor photo.jpg -o blocks.png
+  ravec mesh check part.stl
 
-Pictures are PNG, JPEG, WebP, TIFF, BMP, OpenEXR or Radiance HDR, told apart by their content. An output replaces an older \
+Pictures are PNG, JPEG, WebP, TIFF, BMP, OpenEXR or Radiance HDR, meshes are STL, PLY, OBJ, OFF, 3MF, GLB or glTF, told apart by \
+their content. An output replaces an older \
 file of its name once it is whole, but never an input.
 
 ",

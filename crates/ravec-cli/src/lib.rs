@@ -8,15 +8,15 @@
 //! | code | meaning |
 //! | --- | --- |
 //! | 0 | done |
-//! | 1 | the operation failed |
+//! | 1 | the operation failed, or its verdict is no: a mesh has defects, a distance is too large |
 //! | 2 | the command line is wrong |
-//! | 3 | an input cannot be read, is no valid picture, or exceeds a limit |
+//! | 3 | an input cannot be read, is no valid picture or mesh, or exceeds a limit |
 //! | 4 | an output cannot be written |
 //! | 130 | interrupted by Ctrl-C; nothing half-written is left |
 //!
 //! # Streams
 //!
-//! Standard output carries what was asked for: a picture if the output is `-`, the report with `--json -`, else a summary.
+//! Standard output carries what was asked for: a picture or mesh if the output is `-`, the report with `--json -`, else a summary.
 //! Standard error carries errors (one sentence, `ravec: error: ...`), warnings, the progress bar if it is a terminal, and
 //! what `-v` says.
 
@@ -27,12 +27,13 @@ mod interrupt;
 mod progress_bar;
 mod summary;
 
-use arguments::{Arguments, Command, Global};
+use arguments::{Arguments, Command, Global, MeshCommand};
 use clap::{CommandFactory as _, Parser as _};
 use exit::Failure;
 use ravec::progress::Progress;
 use ravec_jobs::{
-    JobError, Report, Source, brush, check_files, check_folder, compare, demo, scenes, twocolor,
+    JobError, Report, Source, brush, check_files, check_folder, compare, demo, mesh, scenes,
+    twocolor,
 };
 use std::ffi::OsString;
 use std::io::IsTerminal as _;
@@ -123,6 +124,10 @@ fn execute(Arguments { command, global }: Arguments) -> Result<(), Failure> {
                 brush::run(&source(input), &targets, &params, progress)
             })
         }
+        Command::Mesh { command, limits } => {
+            let limits = limits.limits(global.max_bytes);
+            job(&global, |progress| on_mesh(command, limits, progress))
+        }
         Command::Demo { image, out, params } => {
             let photo = image.map(source);
             job(&global, |progress| {
@@ -138,6 +143,42 @@ fn execute(Arguments { command, global }: Arguments) -> Result<(), Failure> {
             summary::print(&String::from_utf8_lossy(&script))
         }
         Command::Man { out } => manual(out.as_deref()),
+    }
+}
+
+/// Runs an operation on meshes.
+fn on_mesh(
+    command: MeshCommand,
+    limits: mesh::MeshLimits,
+    progress: &Progress,
+) -> Result<Report, JobError> {
+    let source = |path| mesh::MeshSource { path, limits };
+    match command {
+        MeshCommand::Info { input, params } => mesh::info::run(&source(input), &params, progress),
+        MeshCommand::Check { input, params } => mesh::check::run(&source(input), &params, progress),
+        MeshCommand::Convert {
+            input,
+            output,
+            params,
+        } => mesh::convert::run(&source(input), &output, &params, progress),
+        MeshCommand::Compare { a, b, params } => {
+            mesh::compare::run(&source(a), &source(b), &params, progress)
+        }
+        MeshCommand::Render {
+            input,
+            output,
+            compare,
+            params,
+        } => {
+            let other = compare.map(source);
+            let input = source(input);
+            mesh::render::run(&input, other.as_ref(), &output, &params, progress)
+        }
+        MeshCommand::Simplify {
+            input,
+            output,
+            params,
+        } => mesh::simplify::run(&source(input), &output, &params, progress),
     }
 }
 
@@ -184,10 +225,14 @@ fn job(
     if !global.quiet && !taken {
         summary::print(&summary::summary(&report))?;
     }
-    match &global.json {
-        Some(path) => summary::write_json(&report, path),
-        None => Ok(()),
+    if let Some(path) = &global.json {
+        summary::write_json(&report, path)?;
     }
+    if report.passed == Some(false) {
+        // what was found is in the summary and in the report
+        return Err(Failure::new(exit::FAILED, ""));
+    }
+    Ok(())
 }
 
 /// Lets `-v` (or the variable `RAVEC_LOG`, in the syntax of `tracing-subscriber`) decide what is said on standard error.

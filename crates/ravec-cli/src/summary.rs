@@ -1,7 +1,7 @@
 //! What the user sees of a report: lines on standard output, or JSON in a file.
 
 use crate::exit::{self, Failure};
-use ravec_jobs::{FileReport, Report, write_text};
+use ravec_jobs::{FileReport, Finding, Place, Report, write_text};
 use std::fmt::Write as _;
 use std::io::{self, Write};
 use std::path::Path;
@@ -22,6 +22,14 @@ pub fn summary(report: &Report) -> String {
             &mut text,
             format_args!("{name:width$}  {}", number(*figure)),
         );
+    }
+    for finding in &report.findings {
+        list(&mut text, finding);
+    }
+    match report.passed {
+        Some(true) => put(&mut text, format_args!("passed")),
+        Some(false) => put(&mut text, format_args!("not passed")),
+        None => {}
     }
     if let Some(seed) = report.seed {
         put(&mut text, format_args!("seed {seed}"));
@@ -45,10 +53,49 @@ fn line(text: &mut String, verb: &str, file: &FileReport) {
     let pixels = file
         .pixels
         .map_or(String::new(), |kind| format!(", {kind}"));
+    let counts = match (file.triangles, file.vertices) {
+        (Some(triangles), Some(vertices)) => {
+            format!(", {triangles} triangles, {vertices} vertices")
+        }
+        _ => String::new(),
+    };
+    let unit = file.unit.map_or(String::new(), |unit| format!(", {unit}"));
     put(
         text,
-        format_args!("{verb} {} ({}{size}{pixels})", file.path, file.format),
+        format_args!(
+            "{verb} {} ({}{size}{pixels}{counts}{unit})",
+            file.path, file.format
+        ),
     );
+}
+
+/// What was found, and where.
+fn list(text: &mut String, finding: &Finding) {
+    put(text, format_args!("{} {}", finding.count, finding.what));
+    for place in &finding.places {
+        put(text, format_args!("  {}", described(place)));
+    }
+    let more = finding.count - (finding.places.len() as u64).min(finding.count);
+    if more > 0 {
+        put(text, format_args!("  and {more} more"));
+    }
+}
+
+fn described(place: &Place) -> String {
+    let named = |one: &str, several: &str, indices: &[u32]| {
+        let list: Vec<_> = indices.iter().map(u32::to_string).collect();
+        let what = if list.len() == 1 { one } else { several };
+        (!list.is_empty()).then(|| format!("{what} {}", list.join(" and ")))
+    };
+    let [x, y, z] = place.at.map(number);
+    let parts = [
+        named("vertex", "vertices", &place.vertices),
+        named("triangle", "triangles", &place.triangles),
+        Some(format!("at ({x}, {y}, {z})")),
+        place.note.as_ref().map(|note| format!("- {note}")),
+    ];
+    let parts: Vec<_> = parts.into_iter().flatten().collect();
+    parts.join(" ")
 }
 
 fn put(text: &mut String, line: std::fmt::Arguments<'_>) {
@@ -127,6 +174,46 @@ mod tests {
             ]
         );
         assert!(lines[4].starts_with("read 0.0"), "{}", lines[4]);
+    }
+
+    #[test]
+    fn findings_say_how_often_where_and_how() {
+        let mut report = Report::new("mesh check", &());
+        report.findings = vec![
+            Finding {
+                what: "self-intersections",
+                count: 3,
+                defect: true,
+                places: vec![Place {
+                    triangles: vec![4, 9],
+                    at: [0.5, 12.0, -1.0],
+                    note: Some("crossing".to_owned()),
+                    ..Place::default()
+                }],
+            },
+            Finding {
+                what: "unused vertices",
+                count: 1,
+                defect: false,
+                places: vec![Place {
+                    vertices: vec![7],
+                    ..Place::default()
+                }],
+            },
+        ];
+        report.passed = Some(false);
+        let text = summary(&report);
+        assert_eq!(
+            text.lines().collect::<Vec<_>>(),
+            [
+                "3 self-intersections",
+                "  triangles 4 and 9 at (0.5000, 12, -1) - crossing",
+                "  and 2 more",
+                "1 unused vertices",
+                "  vertex 7 at (0, 0, 0)",
+                "not passed",
+            ]
+        );
     }
 
     #[test]

@@ -1,0 +1,129 @@
+//! The operations on meshes.
+
+use super::count;
+use crate::help;
+use clap::{ArgGroup, Args, Subcommand};
+use ravec_jobs::mesh::{MeshLimits, check, compare, convert, info, render, simplify};
+use std::path::{Path, PathBuf};
+
+/// The operations on meshes.
+#[derive(Debug, Subcommand)]
+pub enum MeshCommand {
+    /// Say what is in a mesh file: counts, size, area, volume
+    #[command(after_help = help::mesh::INFO)]
+    Info {
+        /// The mesh; `-` is standard input
+        input: PathBuf,
+        #[command(flatten)]
+        params: info::Params,
+    },
+    /// Look for defects and say where they are; the exit code is 1 if there are any
+    #[command(after_help = help::mesh::CHECK)]
+    Check {
+        /// The mesh; `-` is standard input
+        input: PathBuf,
+        #[command(flatten)]
+        params: check::Params,
+    },
+    /// Write a mesh in another format, unit or precision
+    #[command(after_help = help::mesh::CONVERT)]
+    Convert {
+        /// The mesh; `-` is standard input
+        input: PathBuf,
+        /// The mesh to write; its extension says the format, `-` is standard output in the input's format
+        #[arg(short, long, value_name = "FILE")]
+        output: PathBuf,
+        #[command(flatten)]
+        params: convert::Params,
+    },
+    /// Measure how far two surfaces are apart, both ways, with a proof
+    #[command(after_help = help::mesh::COMPARE)]
+    Compare {
+        /// The reference; `-` is standard input
+        a: PathBuf,
+        /// The mesh that is judged; `-` is standard input
+        b: PathBuf,
+        #[command(flatten)]
+        params: compare::Params,
+    },
+    /// Draw a picture of a mesh
+    #[command(after_help = help::mesh::RENDER)]
+    Render {
+        /// The mesh; `-` is standard input
+        input: PathBuf,
+        /// The picture to write; its extension says the format, `-` is standard output as PNG
+        #[arg(short, long, value_name = "FILE")]
+        output: PathBuf,
+        /// Color each place by its distance to this mesh; `-` is standard input
+        #[arg(long, value_name = "MESH")]
+        compare: Option<PathBuf>,
+        #[command(flatten)]
+        params: render::Params,
+    },
+    /// Remove triangles that are not needed, with edges kept and without new intersections
+    #[command(
+        after_help = help::mesh::SIMPLIFY,
+        group = ArgGroup::new("goal").args(["triangles", "error"]).required(true).multiple(true)
+    )]
+    Simplify {
+        /// The mesh; `-` is standard input
+        input: PathBuf,
+        /// The mesh to write; its extension says the format, `-` is standard output in the input's format
+        #[arg(short, long, value_name = "FILE")]
+        output: PathBuf,
+        #[command(flatten)]
+        params: simplify::Params,
+    },
+}
+
+impl MeshCommand {
+    /// The files that the operation reads.
+    pub fn inputs(&self) -> Vec<&Path> {
+        match self {
+            Self::Compare { a, b, .. } => vec![a, b],
+            Self::Render { input, compare, .. } => {
+                let compare = compare.as_deref();
+                std::iter::once(input.as_path()).chain(compare).collect()
+            }
+            Self::Info { input, .. }
+            | Self::Check { input, .. }
+            | Self::Convert { input, .. }
+            | Self::Simplify { input, .. } => vec![input],
+        }
+    }
+
+    /// The files that the operation writes.
+    pub fn outputs(&self) -> Vec<&Path> {
+        match self {
+            Self::Convert { output, .. }
+            | Self::Render { output, .. }
+            | Self::Simplify { output, .. } => vec![output],
+            Self::Info { .. } | Self::Check { .. } | Self::Compare { .. } => Vec::new(),
+        }
+    }
+}
+
+/// What reading a mesh may cost.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Limits")]
+pub struct MeshLimitFlags {
+    /// The most triangles that a mesh may have when read; `k`, `M` and `G` multiply by powers of 1000
+    #[arg(long, global = true, value_name = "COUNT", value_parser = count,
+        default_value_t = MeshLimits::default().max_triangles)]
+    pub max_triangles: u64,
+    /// The most vertices that a mesh may have when read; `k`, `M` and `G` multiply by powers of 1000
+    #[arg(long, global = true, value_name = "COUNT", value_parser = count,
+        default_value_t = MeshLimits::default().max_vertices)]
+    pub max_vertices: u64,
+}
+
+impl MeshLimitFlags {
+    /// The limits for reading.
+    pub fn limits(&self, max_bytes: u64) -> MeshLimits {
+        MeshLimits {
+            max_bytes,
+            max_triangles: self.max_triangles,
+            max_vertices: self.max_vertices,
+        }
+    }
+}
