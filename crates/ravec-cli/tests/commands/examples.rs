@@ -1,13 +1,21 @@
 //! The examples of the help pages and of the readme, run as they are written.
 
+use crate::meshes::parts;
 use crate::program::{code, done, photos, stderr};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-const COMMANDS: [&str; 7] = [
+const COMMANDS: [&str; 14] = [
     "compare",
     "twocolor",
     "brush",
+    "mesh",
+    "mesh info",
+    "mesh check",
+    "mesh convert",
+    "mesh compare",
+    "mesh render",
+    "mesh simplify",
     "demo",
     "scenes",
     "completions",
@@ -18,6 +26,7 @@ const COMMANDS: [&str; 7] = [
 fn studio() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     photos(folder.path());
+    parts(folder.path());
     for (name, photo) in [("a.png", "photo.jpg"), ("b.png", "noisy.jpg")] {
         done(folder.path(), &format!("-q twocolor {photo} -o {name}"));
     }
@@ -71,6 +80,11 @@ fn examples_of_the_help_run_as_they_are_written() {
         "mask.png",
         "pages/ravec-brush.1",
         "figures.json",
+        "part.png",
+        "cut.png",
+        "small.stl",
+        "part.3mf",
+        "distance.json",
     ] {
         assert!(folder.path().join(written).is_file(), "{written}");
     }

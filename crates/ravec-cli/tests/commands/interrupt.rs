@@ -1,6 +1,7 @@
 //! Ctrl-C in the middle of the work, which takes far longer than a signal needs to arrive.
 #![cfg(unix)]
 
+use crate::meshes::torus;
 use crate::pictures::bmp;
 use crate::program::files;
 use std::io::{BufRead as _, BufReader};
@@ -15,6 +16,8 @@ fn studio() -> tempfile::TempDir {
         [mixed as u8, (mixed >> 8) as u8, (col / 9 * 40) as u8]
     };
     std::fs::write(folder.path().join("large.bmp"), bmp(1600, 1200, texture)).unwrap();
+    let mesh = torus(2.0, 0.8, 400, 200).stl();
+    std::fs::write(folder.path().join("large.stl"), mesh).unwrap();
     for name in ["out.png", "r.json"] {
         std::fs::write(folder.path().join(name), "old").unwrap();
     }
@@ -56,8 +59,16 @@ fn work_that_is_interrupted_leaves_everything_as_it_was() {
             "demo --image large.bmp --max-side 1600 --out gallery".to_owned(),
             "-INT",
         ),
+        (
+            "mesh simplify large.stl -o out.ply --error 1%".to_owned(),
+            "-INT",
+        ),
+        (
+            "mesh compare large.stl large.stl --samples 90000000".to_owned(),
+            "-TERM",
+        ),
     ] {
-        // the picture is read, and the work on it begins
+        // the input is read, and the work on it begins
         let (code, said) = interrupted(folder.path(), &arguments, "phase done", signal);
         assert_eq!(code, Some(130), "{arguments}: {said}");
         assert!(said.contains("ravec: error: interrupted"), "{said}");
