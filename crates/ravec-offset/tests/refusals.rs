@@ -1,0 +1,120 @@
+//! What is refused, in which words, and how soon work that is not wanted any more ends.
+
+use glam::DVec3;
+use ravec_mesh::TriMesh;
+use ravec_offset::{OffsetError, OffsetParams, Side, offset};
+use ravec_progress::{Cancelled, Progress};
+use ravec_scenes::solids::{cuboid, icosphere, sheet, torus};
+use std::time::Duration;
+
+fn params(distance: f64, tolerance: f64, side: Side) -> OffsetParams {
+    OffsetParams {
+        distance,
+        tolerance,
+        side,
+        simplify: false,
+    }
+}
+
+/// The error of an offset that must not be.
+fn refusal(mesh: &TriMesh, params: &OffsetParams) -> OffsetError {
+    offset(mesh, params, &Progress::none())
+        .map(|found| found.report)
+        .unwrap_err()
+}
+
+fn cube() -> TriMesh {
+    cuboid(DVec3::ONE).mesh
+}
+
+#[test]
+fn a_mesh_without_triangles_has_no_offset() {
+    let nothing = TriMesh::new(vec![DVec3::ZERO, DVec3::X], Vec::new()).unwrap();
+    for side in [Side::Both, Side::Outer, Side::Inner, Side::Shell] {
+        let error = refusal(&nothing, &params(0.1, 0.01, side));
+        assert_eq!(error, OffsetError::NoTriangles);
+    }
+}
+
+#[test]
+fn a_distance_is_a_number_above_0() {
+    for distance in [0.0, -0.1, f64::INFINITY, f64::NEG_INFINITY] {
+        let error = refusal(&cube(), &params(distance, 0.01, Side::Both));
+        assert_eq!(error, OffsetError::Distance { got: distance });
+        assert!(error.to_string().contains(&distance.to_string()), "{error}");
+    }
+    let error = refusal(&cube(), &params(f64::NAN, 0.01, Side::Both));
+    assert!(matches!(error, OffsetError::Distance { got } if got.is_nan()));
+}
+
+#[test]
+fn a_tolerance_is_above_what_numbers_hold_and_below_half_the_distance() {
+    for tolerance in [0.0, -0.01, 0.05, 1.0, f64::INFINITY, 1e-9, 5e-324] {
+        let error = refusal(&cube(), &params(0.1, tolerance, Side::Both));
+        let OffsetError::Tolerance { got, least, most } = error else {
+            panic!("{error}");
+        };
+        assert_eq!((got, most), (tolerance, 0.05));
+        assert!(least > 0.0 && least < 1e-4, "{least}");
+        assert!(!(tolerance >= least && tolerance < most));
+    }
+    let error = refusal(&cube(), &params(0.1, f64::NAN, Side::Both));
+    assert!(matches!(error, OffsetError::Tolerance { got, .. } if got.is_nan()));
+    // far too far away to keep apart what is this close
+    let error = refusal(&cube(), &params(1e12, 1e-3, Side::Both));
+    assert!(matches!(error, OffsetError::Tolerance { .. }), "{error}");
+}
+
+#[test]
+fn an_open_sheet_has_no_inside() {
+    let sheet = sheet(2.0, 1.0, 4, 2);
+    for side in [Side::Inner, Side::Shell] {
+        let error = refusal(&sheet.mesh, &params(0.1, 0.01, side));
+        assert_eq!(error, OffsetError::NotClosed { boundary_edges: 12 });
+    }
+    let open_sides = [Side::Both, Side::Outer];
+    for side in open_sides {
+        assert!(offset(&sheet.mesh, &params(0.1, 0.01, side), &Progress::none()).is_ok());
+    }
+}
+
+#[test]
+fn nothing_is_farther_inside_than_the_middle() {
+    for (mesh, distance) in [
+        (cube(), 0.51),
+        (icosphere(1.0, 2).mesh, 1.01),
+        (torus(1.0, 0.3, 24, 12).mesh, 0.31),
+    ] {
+        for side in [Side::Inner, Side::Shell] {
+            let error = refusal(&mesh, &params(distance, 0.01 * distance, side));
+            assert_eq!(error, OffsetError::Empty { distance });
+        }
+    }
+}
+
+#[test]
+fn what_is_cancelled_before_it_begins_does_not_begin() {
+    let progress = Progress::none();
+    progress.cancel();
+    for side in [Side::Both, Side::Outer, Side::Inner, Side::Shell] {
+        let error = offset(&cube(), &params(0.1, 0.01, side), &progress).unwrap_err();
+        assert_eq!(error, OffsetError::Cancelled(Cancelled));
+    }
+}
+
+/// Can only fail by taking much longer than all other tests together: the whole work is minutes long.
+#[test]
+fn work_that_is_cancelled_from_another_thread_ends() {
+    let solid = torus(1.0, 0.4, 96, 48);
+    for delay_ms in [1, 30, 200] {
+        let progress = Progress::none();
+        let fine = params(0.2, 2e-5, Side::Both);
+        let result = std::thread::scope(|scope| {
+            let work = scope.spawn(|| offset(&solid.mesh, &fine, &progress));
+            std::thread::sleep(Duration::from_millis(delay_ms));
+            progress.cancel();
+            work.join().expect("the work does not panic")
+        });
+        assert_eq!(result.unwrap_err(), OffsetError::Cancelled(Cancelled));
+    }
+}
