@@ -251,14 +251,16 @@ pub(crate) fn root(
 ) -> Sample {
     let (mut low, mut high) = (0.0, 1.0);
     let [mut low_value, mut high_value] = ends.map(|end| end.value);
-    let mut hint = ends[0].near.triangle;
+    let nearer = usize::from(high_value.abs() < low_value.abs());
+    let mut hint = ends[nearer].near.triangle;
     let mut best = None;
     for round in 0..12 {
-        // the secant, kept off the ends; halves when that gets stuck
+        // where the piece of the closest triangle is, as most edges meet one piece only; halves when that gets stuck
         let t = if round % 3 == 2 {
             0.5 * (low + high)
         } else {
             let t = low + (high - low) * low_value / (low_value - high_value);
+            let t = root_on_piece(field, points, hint, t);
             t.clamp(low + 1e-6 * (high - low), high - 1e-6 * (high - low))
         };
         let point = points[0].lerp(points[1], t);
@@ -287,6 +289,27 @@ pub(crate) fn root(
         }
     }
     best.expect("there was a round")
+}
+
+/// Where a segment is at the field's distance from one triangle, by Newton's method from `t`.
+fn root_on_piece(field: &Field<'_>, points: [DVec3; 2], triangle: u32, mut t: f64) -> f64 {
+    let corners = field.bvh().corners(triangle);
+    let along = points[1] - points[0];
+    for _ in 0..4 {
+        let p = points[0] + t * along;
+        let closest = closest_on_triangle(p, corners);
+        let distance = closest.distance_sq.sqrt();
+        let slope = (p - closest.point).dot(along);
+        if slope == 0.0 {
+            break;
+        }
+        let step = (field.radius() - distance) * distance / slope;
+        t = (t + step).clamp(0.0, 1.0);
+        if step.abs() < 1e-6 {
+            break;
+        }
+    }
+    t
 }
 
 /// Groups of corners of equal sign that are joined by edges of the cell.

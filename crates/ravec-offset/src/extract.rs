@@ -66,10 +66,10 @@ pub(crate) fn extract(
         }
     });
     progress.check()?;
+    let mut contour = Contour::new(tree, &crossings);
     if outer_only {
-        crossings = reachable(refinement, &crossings);
+        contour = reachable(refinement, &crossings, contour);
     }
-    let contour = Contour::new(tree, &crossings);
     let positions = vertices(refinement, &contour);
     progress.check()?;
     Ok(Cutter {
@@ -90,7 +90,7 @@ fn edge_root(refinement: &Refinement<'_>, ends: [Corner; 2], cells: &[NodeId]) -
         .find(|&region| region != Region::Unknown)
         .unwrap_or(Region::Unknown);
     let hint = refinement.tree.data(cells[0]).hint;
-    let values = [0, 1].map(|i| {
+    let mut values = [0, 1].map(|i| {
         refinement.corner(ends[i]).copied().unwrap_or_else(|| {
             // a corner of finer, empty cells: only its sign is known
             let near = refinement.field.near(points[i], hint);
@@ -102,6 +102,8 @@ fn edge_root(refinement: &Refinement<'_>, ends: [Corner; 2], cells: &[NodeId]) -
             }
         })
     });
+    // a filled corner: the surface goes as close to it as it can
+    values[0].value = values[0].value.min(-1e-9 * refinement.tolerance);
     let enough = 0.02 * refinement.tolerance;
     let mut sample = root(refinement.field, region, points, values, enough);
     // off the ends, where other edges begin

@@ -10,13 +10,13 @@ use ravec_mesh::{
     Bvh, CheckParams, CollapseCandidate, Keep, SimplifyError, SimplifyParams, TriMesh, check,
     self_intersections, simplify,
 };
-use ravec_octree::{Frame, MAX_LEVEL, NodeId};
+use ravec_octree::{Frame, NodeId};
 use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
 use rustc_hash::FxHashSet;
 
 /// Rounds of mending after which what is left is reported.
-const MOST_ROUNDS: u32 = 12;
+const MOST_ROUNDS: u32 = 24;
 
 /// The share of the tolerance by which the surface is moved off round numbers, at which sheets tend to touch exactly.
 const OFF_ROUND: f64 = 0.0107;
@@ -180,10 +180,17 @@ impl<'a> Job<'a> {
             progress.check()?;
             let extracted = extract(&refinement, outer, progress)?;
             let bad = self.bad_cells(&refinement, &extracted, progress)?;
-            if bad.is_empty() || rounds == MOST_ROUNDS {
+            if rounds == MOST_ROUNDS {
                 return Ok((extracted, refinement, rounds));
             }
-            refinement.split(&bad, progress)?;
+            let limit = refinement.limit();
+            let (coarse, finest): (Vec<NodeId>, Vec<NodeId>) = bad
+                .into_iter()
+                .partition(|&leaf| refinement.tree.key(leaf).level < limit);
+            if coarse.is_empty() && !refinement.fill(&finest) {
+                return Ok((extracted, refinement, rounds));
+            }
+            refinement.split(&coarse, progress)?;
             rounds += 1;
         }
     }
@@ -218,17 +225,18 @@ impl<'a> Job<'a> {
                 bad.extend(extracted.cells_of(t));
             }
         }
-        let mesh = TriMesh::new(extracted.positions.clone(), extracted.triangles.clone());
-        let mesh = mesh.expect("corners are finite and have numbers");
-        let bvh = Bvh::new(&mesh);
-        for pair in self_intersections(&bvh, usize::MAX, progress)?.pairs {
-            bad.extend(extracted.cells_of(pair.first as usize));
-            bad.extend(extracted.cells_of(pair.second as usize));
+        // what has to be split anyway need not be searched for intersections yet
+        if bad.is_empty() {
+            let mesh = TriMesh::new(extracted.positions.clone(), extracted.triangles.clone());
+            let mesh = mesh.expect("corners are finite and have numbers");
+            let bvh = Bvh::new(&mesh);
+            for pair in self_intersections(&bvh, usize::MAX, progress)?.pairs {
+                bad.extend(extracted.cells_of(pair.first as usize));
+                bad.extend(extracted.cells_of(pair.second as usize));
+            }
         }
         bad.sort_unstable();
         bad.dedup();
-        let limit = (refinement.floor + 2).min(MAX_LEVEL);
-        bad.retain(|&leaf| refinement.tree.key(leaf).level < limit);
         Ok(bad)
     }
 

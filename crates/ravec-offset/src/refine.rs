@@ -6,7 +6,7 @@ use glam::DVec3;
 use ravec_octree::{CellKey, Corner, Frame, MAX_LEVEL, NodeId, Octree};
 use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
-use rustc_hash::FxHashMap;
+use rustc_hash::{FxHashMap, FxHashSet};
 
 /// Cells coarser than this are split without a look.
 const FIRST_LEVEL: u8 = 3;
@@ -40,6 +40,8 @@ pub(crate) struct Refinement<'a> {
     pub floor: u8,
     pub tree: Octree<Node>,
     corners: FxHashMap<u64, CornerValue>,
+    /// Corners that count as inside though the field says otherwise: see [`Self::fill`].
+    filled: FxHashSet<u64>,
 }
 
 /// What came of looking at the middle of a cell.
@@ -70,6 +72,7 @@ impl<'a> Refinement<'a> {
                 state: State::New,
             }),
             corners: FxHashMap::default(),
+            filled: FxHashSet::default(),
         };
         refinement.settle(vec![0], progress)?;
         Ok(refinement)
@@ -79,6 +82,28 @@ impl<'a> Refinement<'a> {
     pub fn split(&mut self, leaves: &[NodeId], progress: &Progress) -> Result<(), Cancelled> {
         let children = self.split_all(leaves);
         self.settle(children, progress)
+    }
+
+    /// The finest level: cells of it are so small that the surface may go anywhere in them.
+    pub fn limit(&self) -> u8 {
+        (self.floor + 2).min(MAX_LEVEL)
+    }
+
+    /// Puts all corners of some cells of the finest level inside, where sheets come closer than cells can tell apart. The
+    /// surface goes through these cells, so that moves it by less than their diagonal, a quarter of the tolerance. Returns
+    /// whether that changed anything.
+    pub fn fill(&mut self, leaves: &[NodeId]) -> bool {
+        let before = self.filled.len();
+        for &leaf in leaves {
+            let key = self.tree.key(leaf);
+            for octant in 0..8 {
+                let corner = key.corner(octant);
+                if !self.is_inside(leaf, corner) {
+                    self.filled.insert(corner.code());
+                }
+            }
+        }
+        self.filled.len() > before
     }
 
     fn split_all(&mut self, leaves: &[NodeId]) -> Vec<NodeId> {
@@ -226,6 +251,9 @@ impl<'a> Refinement<'a> {
 
     /// Whether a corner of a leaf lies inside the offset solid.
     pub fn is_inside(&self, leaf: NodeId, corner: Corner) -> bool {
+        if !self.filled.is_empty() && self.filled.contains(&corner.code()) {
+            return true;
+        }
         match self.tree.data(leaf).state {
             State::Empty { is_inside } => is_inside,
             State::New | State::Full { .. } => self.corners[&corner.code()].value < 0.0,

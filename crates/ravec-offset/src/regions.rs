@@ -53,11 +53,16 @@ impl Regions {
     }
 }
 
-/// Those of some crossings whose outer end can be reached from far away. They are all those of some closed surfaces.
+/// The part of a contour whose outer side can be reached from far away: some of its closed surfaces.
 pub(crate) fn reachable(
     refinement: &Refinement<'_>,
     crossings: &[(MinimalEdge, bool)],
-) -> Vec<(MinimalEdge, bool)> {
+    contour: Contour,
+) -> Contour {
+    // a single closed surface has nothing around it
+    if is_one_piece(&contour) {
+        return contour;
+    }
     let tree = &refinement.tree;
     let mut regions = Regions {
         parents: vec![FAR],
@@ -90,14 +95,13 @@ pub(crate) fn reachable(
         }
     });
     // where a face is ambiguous, what is inside is apart, so what is outside hangs together
-    let contour = Contour::new(tree, crossings);
     for dual in contour.duals.iter().filter(|dual| dual.is_ambiguous) {
         let [a, b] = dual
             .polygons
             .map(|polygon| regions.corner(contour.polygons[polygon as usize].ends()[1]));
         regions.join(a, b);
     }
-    crossings
+    let seen: Vec<(MinimalEdge, bool)> = crossings
         .iter()
         .filter(|(edge, start_inside)| {
             let outer = if *start_inside {
@@ -109,5 +113,27 @@ pub(crate) fn reachable(
             regions.root(corner) == FAR
         })
         .copied()
-        .collect()
+        .collect();
+    if seen.len() == crossings.len() {
+        return contour;
+    }
+    Contour::new(tree, &seen)
+}
+
+/// Whether all polygons hang together.
+fn is_one_piece(contour: &Contour) -> bool {
+    let mut seen = vec![false; contour.polygons.len()];
+    let mut front: Vec<u32> = seen.first().map(|_| 0).into_iter().collect();
+    let mut count = 0;
+    while let Some(polygon) = front.pop() {
+        if std::mem::replace(&mut seen[polygon as usize], true) {
+            continue;
+        }
+        count += 1;
+        for &dual in contour.polygons[polygon as usize].duals() {
+            let beside = contour.duals[dual as usize].polygons;
+            front.extend(beside.into_iter().filter(|&next| !seen[next as usize]));
+        }
+    }
+    count == seen.len()
 }
