@@ -71,7 +71,7 @@ fn line(text: &mut String, verb: &str, file: &FileReport) {
 
 /// What was found, and where.
 fn list(text: &mut String, finding: &Finding) {
-    put(text, format_args!("{} {}", finding.count, finding.what));
+    put(text, format_args!("{}: {}", finding.what, finding.count));
     for place in &finding.places {
         put(text, format_args!("  {}", described(place)));
     }
@@ -110,6 +110,12 @@ fn number(figure: f64) -> String {
         format!("{figure}")
     } else if figure.abs() >= 10.0 {
         format!("{figure:.2}")
+    } else if figure.abs() < 1e-4 {
+        format!("{figure:.3e}")
+    } else if figure.abs() < 0.1 {
+        // as many zeros behind the point as there are, and four digits
+        let zeros = (-figure.abs().log10()).floor() as usize;
+        format!("{figure:.*}", zeros + 4)
     } else {
         format!("{figure:.4}")
     }
@@ -206,10 +212,10 @@ mod tests {
         assert_eq!(
             text.lines().collect::<Vec<_>>(),
             [
-                "3 self-intersections",
+                "self-intersections: 3",
                 "  triangles 4 and 9 at (0.5000, 12, -1) - crossing",
                 "  and 2 more",
-                "1 unused vertices",
+                "unused vertices: 1",
                 "  vertex 7 at (0, 0, 0)",
                 "not passed",
             ]
@@ -223,6 +229,10 @@ mod tests {
             (0.5, "0.5000"),
             (12.0, "12"),
             (-0.25, "-0.2500"),
+            (0.0123456, "0.01235"),
+            (-0.00123456, "-0.001235"),
+            (1.23456e-7, "1.235e-7"),
+            (0.0, "0"),
         ] {
             assert_eq!(number(figure), text);
         }

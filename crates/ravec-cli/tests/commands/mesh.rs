@@ -82,9 +82,9 @@ fn check_ends_with_one_if_there_are_defects_and_says_where() {
     assert_eq!((code(&output), stderr(&output)), (1, String::new()));
     let said = stdout(&output);
     for words in [
-        "1 boundary loops",
+        "boundary loops: 1\n",
         "- a loop of 32 edges, 32 long",
-        "32 boundary edges",
+        "boundary edges: 32\n",
         "  and 22 more",
         "\nnot passed\n",
     ] {
@@ -247,7 +247,7 @@ fn compare_encloses_the_distance_and_judges_it() {
         assert!(mean > 0.03 && mean < upper, "{name}: {mean}");
     }
     assert_eq!(report["passed"], Value::Null);
-    assert_eq!(report["findings"][0]["what"], "farthest places of A from B");
+    assert_eq!(report["findings"][0]["what"], "farthest place of A from B");
 
     done(folder.path(), "mesh compare part.stl part.stl --within 0");
     let line = "mesh compare part.stl other.ply --within 0.01";

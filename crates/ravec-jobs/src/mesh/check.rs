@@ -1,5 +1,6 @@
 //! `mesh check`: the defects of a mesh, and where they are.
 
+use super::compare::short;
 use super::{Length, MeshSource, weld};
 use crate::error::JobError;
 use crate::files::check_files;
@@ -169,7 +170,7 @@ pub(super) fn findings(mesh: &TriMesh, found: &MeshCheck, params: &Params) -> Ve
             "{} of {} edges, {} long",
             if rim.closed { "a loop" } else { "a chain" },
             rim.edges,
-            rim.length
+            short(rim.length)
         )),
         ..vertex(&rim.vertex)
     });

@@ -144,8 +144,8 @@ pub fn run(
         ]);
     }
     report.findings = vec![
-        farthest("farthest places of A from B", &a_to_b),
-        farthest("farthest places of B from A", &b_to_a),
+        farthest("farthest place of A from B", &a_to_b),
+        farthest("farthest place of B from A", &b_to_a),
     ];
     if upper - lower > 1.01 * tolerance {
         report.warn(
@@ -178,8 +178,13 @@ pub(super) fn read_surface(
     Ok(mesh)
 }
 
+/// Six digits, which are enough for a sentence.
+pub(super) fn short(number: f64) -> f64 {
+    format!("{number:.5e}").parse().unwrap_or(number)
+}
+
 fn farthest(what: &'static str, side: &OneSided) -> Finding {
-    let [x, y, z] = side.to.to_array();
+    let [x, y, z] = side.to.to_array().map(short);
     Finding {
         what,
         count: 1,
@@ -188,7 +193,7 @@ fn farthest(what: &'static str, side: &OneSided) -> Finding {
             at: side.from.to_array(),
             note: Some(format!(
                 "{} away from the closest place ({x}, {y}, {z})",
-                side.lower
+                short(side.lower)
             )),
             ..Place::default()
         }],
@@ -226,6 +231,13 @@ mod tests {
         assert!(report.figures["distance_upper"] >= report.figures["distance_lower"]);
         assert_eq!(report.findings.len(), 2);
         assert_eq!(report.passed, None);
+    }
+
+    #[test]
+    fn numbers_in_sentences_have_six_digits() {
+        assert_eq!(short(0.001_413_305_667_9), 0.001_413_31);
+        assert_eq!(short(-123_456_789.0), -123_457_000.0);
+        assert_eq!(short(0.0), 0.0);
     }
 
     #[test]
