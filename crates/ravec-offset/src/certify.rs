@@ -10,39 +10,44 @@ use glam::DVec3;
 /// How often a facet may be halved each way until the bound is strong enough.
 const MOST_CUTS: u32 = 5;
 
-/// Whether no point of a facet is nearer to the triangles than `least` or farther than `most`; `hints` are triangles near its
-/// corners.
+/// Whether no point of a facet is nearer to the triangles than `least` or farther than `most`; `hints` are triangles that
+/// may be close to its corners.
 pub(crate) fn keeps_distance(
     field: &Field<'_>,
     facet: [DVec3; 3],
     [least, most]: [f64; 2],
-    hint: u32,
+    hints: [u32; 3],
 ) -> bool {
-    is_within(field, facet, most, hint, MOST_CUTS) && !field.bvh().comes_within(facet, least)
+    is_within(field, facet, most, hints, MOST_CUTS) && !field.bvh().comes_within(facet, least)
 }
 
-fn is_within(field: &Field<'_>, facet: [DVec3; 3], most: f64, hint: u32, cuts: u32) -> bool {
-    let middle = (facet[0] + facet[1] + facet[2]) / 3.0;
-    let center = field.near(middle, hint);
-    let distance_to = |triangle: u32| {
+fn is_within(field: &Field<'_>, facet: [DVec3; 3], most: f64, hints: [u32; 3], cuts: u32) -> bool {
+    let holds = |triangle: u32| {
         let corners = field.bvh().corners(triangle);
         facet
             .iter()
-            .map(|&p| ravec_mesh::distance_sq_to_triangle(p, corners))
-            .fold(0.0, f64::max)
-            .sqrt()
+            .all(|&p| ravec_mesh::distance_sq_to_triangle(p, corners) <= most * most)
     };
+    // most often no search is needed
+    if holds(hints[0])
+        || (hints[1] != hints[0] && holds(hints[1]))
+        || (hints[2] != hints[1] && hints[2] != hints[0] && holds(hints[2]))
+    {
+        return true;
+    }
+    let middle = (facet[0] + facet[1] + facet[2]) / 3.0;
+    let center = field.near(middle, hints[0]);
     if center.distance > most {
         return false;
     }
-    if distance_to(center.triangle) <= most {
+    if holds(center.triangle) {
         return true;
     }
-    let near = facet.map(|p| field.near(p, center.triangle));
+    let near = [0, 1, 2].map(|i| field.near(facet[i], hints[i]));
     if near.iter().any(|near| near.distance > most) {
         return false;
     }
-    if near.iter().any(|near| distance_to(near.triangle) <= most) {
+    if near.iter().any(|near| holds(near.triangle)) {
         return true;
     }
     if cuts == 0 {
@@ -50,7 +55,14 @@ fn is_within(field: &Field<'_>, facet: [DVec3; 3], most: f64, hint: u32, cuts: u
     }
     let [a, b, c] = facet;
     let [ab, bc, ca] = [(a + b) / 2.0, (b + c) / 2.0, (c + a) / 2.0];
-    [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
-        .into_iter()
-        .all(|part| is_within(field, part, most, center.triangle, cuts - 1))
+    let [ta, tb, tc] = near.map(|near| near.triangle);
+    let t = center.triangle;
+    [
+        ([a, ab, ca], [ta, t, t]),
+        ([ab, b, bc], [t, tb, t]),
+        ([ca, bc, c], [t, t, tc]),
+        ([ab, bc, ca], [t, t, t]),
+    ]
+    .into_iter()
+    .all(|(part, hints)| is_within(field, part, most, hints, cuts - 1))
 }

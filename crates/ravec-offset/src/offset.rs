@@ -13,7 +13,7 @@ use ravec_mesh::{
 use ravec_octree::{Frame, NodeId};
 use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
-use rustc_hash::FxHashSet;
+use rustc_hash::{FxHashMap, FxHashSet};
 
 /// Rounds of mending after which what is left is reported.
 const MOST_ROUNDS: u32 = 24;
@@ -213,9 +213,10 @@ impl<'a> Job<'a> {
         let held: Vec<bool> = fresh
             .par_iter()
             .map(|&(t, _)| {
-                let hint = refinement.tree.data(extracted.cells_of(t)[0]).hint;
+                let cells = extracted.cells_of(t);
+                let hints = [0, 1, 2].map(|i| refinement.tree.data(cells[i]).hint);
                 progress.check()?;
-                Ok(keeps_distance(self.field, facet(t), limits, hint))
+                Ok(keeps_distance(self.field, facet(t), limits, hints))
             })
             .collect::<Result<_, Cancelled>>()?;
         for ((t, bits), held) in fresh.into_iter().zip(held) {
@@ -247,16 +248,24 @@ impl<'a> Job<'a> {
             target_triangles: 0,
             ..SimplifyParams::default()
         };
+        // what the corners are closest to
+        let mut nearest: FxHashMap<[u64; 3], u32> = FxHashMap::default();
         let mut hint = 0;
         let veto = |candidate: &CollapseCandidate<'_>| {
             let near = self.field.near(candidate.position, hint);
             hint = near.triangle;
-            near.distance < limits[0]
-                || near.distance > limits[1]
-                || !candidate
-                    .after
-                    .iter()
-                    .all(|&facet| keeps_distance(self.field, facet, limits, hint))
+            if near.distance < limits[0] || near.distance > limits[1] {
+                return true;
+            }
+            nearest.insert(candidate.position.to_array().map(f64::to_bits), hint);
+            !candidate.after.iter().all(|&facet| {
+                let hints = facet.map(|p| {
+                    let key = p.to_array().map(f64::to_bits);
+                    let known = nearest.entry(key);
+                    *known.or_insert_with(|| self.field.near(p, hint).triangle)
+                });
+                keeps_distance(self.field, facet, limits, hints)
+            })
         };
         match simplify(surface, &params, &Keep::default(), veto, progress) {
             Ok(simplified) => Ok(simplified.mesh),
@@ -277,7 +286,7 @@ impl<'a> Job<'a> {
                     self.field,
                     surface.corners(t),
                     limits,
-                    0,
+                    [0; 3],
                 )))
             })
             .try_reduce(|| 0, |a, b| Ok(a + b))
