@@ -99,6 +99,30 @@
 //! # Ok::<(), ravec::offset::OffsetError>(())
 //! ```
 //!
+//! # Meshes are judged before they are used
+//!
+//! A mesh is a list of triangles that promises nothing. What it is the surface of is found by exact arithmetic, and how far
+//! two surfaces are apart is enclosed by bounds that hold for all of their points.
+//!
+//! ```
+//! use ravec::mesh::{
+//!     CheckParams, HausdorffParams, Keep, SimplifyParams, check, hausdorff, simplify,
+//! };
+//! use ravec::progress::Progress;
+//! use ravec_scenes::solids::torus;
+//!
+//! let progress = Progress::none();
+//! let torus = torus(2.0, 0.7, 60, 30).mesh;
+//! let found = check(&torus, &CheckParams::default(), &progress)?;
+//! assert!(found.is_solid() && found.genus == Some(1));
+//!
+//! let params = SimplifyParams { target_triangles: 1000, ..SimplifyParams::default() };
+//! let simple = simplify(&torus, &params, &Keep::default(), |_| false, &progress)?.mesh;
+//! let apart = hausdorff(&torus, &simple, &HausdorffParams::default(), &progress)?;
+//! assert!(apart.upper() < 0.1, "for all points of both");
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
 //! # Long work can be watched and stopped
 //!
 //! Whatever may take longer than a moment takes a [`progress::Progress`]. It is the caller who decides what becomes of it.
@@ -117,6 +141,7 @@
 //!
 //! - y points down; the center of pixel `(col, row)` is at `(col + 0.5, row + 0.5)`.
 //! - `(col, row)` are integers, `(x, y)` are reals; sizes are width × height.
+//! - Meshes are right-handed; triangles run counter-clockwise as seen from outside.
 //! - Samples are `f32`, geometry is `f64`, vectors are those of `glam`.
 //! - Colors are in linear light with sRGB primaries unless their type says otherwise.
 //! - Straight and premultiplied alpha are different types; only premultiplied pixels are averaged.
