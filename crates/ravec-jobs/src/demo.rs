@@ -57,7 +57,8 @@ const ZOOM: usize = 4;
 /// Makes the page `index.html` in the folder `out`, from a photo or from the built-in street.
 ///
 /// Figures: `twocolor_psnr_db` and `mosaic_psnr_db` at blocks of 8; `clean_psnr_db` and `noisy_psnr_db` at noise of 25 steps;
-/// `fit_megapixels_per_second`; `simplified_triangles` and `simplified_distance_percent` of a torus of 18 432 triangles.
+/// `fit_megapixels_per_second`; `simplified_triangles` and `simplified_distance_percent` of a torus of 18 432 triangles;
+/// `offset_triangles`, `offset_error_percent` (of the tolerance) and `offset_proved` of offsets.
 ///
 /// # Errors
 /// [`JobError::Parameter`], [`JobError::Read`] for the photo, [`JobError::Write`], [`JobError::Cancelled`].
@@ -113,6 +114,7 @@ pub fn run(
     demo.cleaning(Seed(params.seed))?;
     demo.speed()?;
     mesh::show(&mut demo.page, demo.report, Seed(params.seed), progress)?;
+    mesh::offset::show(&mut demo.page, demo.report, progress)?;
     let page = demo.page.finish();
     files::make_folder(out)?;
     files::write_output_text(&out.join("index.html"), "HTML", &page, &mut report)?;
@@ -590,11 +592,13 @@ mod tests {
         let report = run(None, folder.path(), &params, &Progress::none()).unwrap();
         let html = std::fs::read_to_string(folder.path().join("index.html")).unwrap();
         assert!(html.trim_end().ends_with("</html>"));
-        assert!(html.matches("<img").count() > 50);
+        assert!(html.matches("<img").count() > 60);
         assert!(report.figures["twocolor_psnr_db"] > report.figures["mosaic_psnr_db"] + 2.0);
         assert!(report.figures["clean_psnr_db"] > report.figures["noisy_psnr_db"] + 3.0);
         assert!(report.figures["simplified_triangles"] <= 1000.0);
         assert!(report.figures["simplified_distance_percent"] < 1.0);
+        assert_eq!(report.figures["offset_proved"], 1.0);
+        assert!(report.figures["offset_error_percent"] <= 100.0);
     }
 
     #[test]

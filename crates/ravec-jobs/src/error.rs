@@ -1,6 +1,7 @@
 //! Why an operation did not succeed, and the exit code that says so.
 
 use ravec::mesh::{ReadMeshError, WriteMeshError};
+use ravec::offset::OffsetError;
 use ravec::progress::Cancelled;
 use ravec::raster::Size;
 use ravec::twocolor::brush::StrokeError;
@@ -101,6 +102,14 @@ pub enum JobError {
         /// The file.
         path: PathBuf,
     },
+    /// There is no such offset of a mesh.
+    #[error("cannot offset {}: {cause}", input_name(.path))]
+    Offset {
+        /// The file; `-` is standard input.
+        path: PathBuf,
+        /// Why not.
+        cause: OffsetError,
+    },
     /// Strokes cannot be read or make no sense.
     #[error("cannot use the strokes in {}: {reason}", input_name(.path))]
     Strokes {
@@ -130,6 +139,10 @@ impl JobError {
             | Self::OutputTwice { .. }
             | Self::InputTwice
             | Self::UnknownMeshFormat { .. }
+            | Self::Offset {
+                cause: OffsetError::Distance { .. } | OffsetError::Tolerance { .. },
+                ..
+            }
             | Self::Write {
                 cause: EncodeError::UnknownExtension | EncodeError::Quality { .. },
                 ..
@@ -137,10 +150,14 @@ impl JobError {
             Self::Read { .. }
             | Self::ReadMesh { .. }
             | Self::NoTriangles { .. }
+            | Self::Offset {
+                cause: OffsetError::NotClosed { .. },
+                ..
+            }
             | Self::SizesDiffer { .. }
             | Self::Strokes { .. } => 3,
             Self::Write { .. } | Self::WriteMesh { .. } => 4,
-            Self::Fit(_) | Self::Render(_) => 1,
+            Self::Offset { .. } | Self::Fit(_) | Self::Render(_) => 1,
             Self::Cancelled => 130,
         }
     }
@@ -209,6 +226,18 @@ impl JobError {
                 path: path.to_path_buf(),
                 cause,
             },
+        }
+    }
+}
+
+impl JobError {
+    /// Why there is no offset of the mesh in a file.
+    pub(crate) fn from_offset(path: &Path, cause: OffsetError) -> Self {
+        let path = path.to_path_buf();
+        match cause {
+            OffsetError::Cancelled(_) => Self::Cancelled,
+            OffsetError::NoTriangles => Self::NoTriangles { path },
+            cause => Self::Offset { path, cause },
         }
     }
 }
@@ -385,6 +414,32 @@ mod tests {
                 2,
                 "cannot write a.png: its extension does not name a mesh format; known are .stl, .ply, .obj, .off, .3mf, \
                  .glb, .gltf",
+            ),
+            (
+                JobError::from_offset(Path::new("a"), OffsetError::NoTriangles),
+                3,
+                "cannot use a: the mesh has no triangles",
+            ),
+            (
+                JobError::from_offset(Path::new("a"), OffsetError::Distance { got: -1.0 }),
+                2,
+                "cannot offset a: the distance is -1, but must be a number above 0",
+            ),
+            (
+                JobError::from_offset(Path::new("a"), OffsetError::NotClosed { boundary_edges: 4 }),
+                3,
+                "cannot offset a: the mesh is not closed (4 boundary edges), so it has no inside: choose side both or \
+                 outer, or close it first",
+            ),
+            (
+                JobError::from_offset(Path::new("a"), OffsetError::Empty { distance: 9.0 }),
+                1,
+                "cannot offset a: no point of that side is 9 away from the mesh: choose a smaller distance",
+            ),
+            (
+                JobError::from_offset(Path::new("a"), OffsetError::Cancelled(Cancelled)),
+                130,
+                "interrupted; nothing half-written is left",
             ),
             (
                 JobError::from_reading(Path::new("a"), ReadMeshError::Cancelled),

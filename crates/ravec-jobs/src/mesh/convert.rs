@@ -233,7 +233,7 @@ fn scaled(mesh: TriMesh, scale: f64, source: &MeshSource) -> Result<TriMesh, Job
 }
 
 /// Whether coordinates become 32-bit floats.
-fn rounds(target: &MeshTarget) -> bool {
+pub(super) fn rounds(target: &MeshTarget) -> bool {
     target.precision == library::Precision::Single
         || matches!(
             target.format,

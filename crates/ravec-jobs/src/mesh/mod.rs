@@ -8,15 +8,18 @@
 //! | [`compare`] | measures how far two surfaces are apart |
 //! | [`render`] | draws a picture |
 //! | [`simplify`] | removes triangles that are not needed |
+//! | [`offset`] | makes the surface at a distance |
 //!
 //! [`read_mesh_file`] and [`write_mesh_file`] are what they all read and write with.
 
 pub mod check;
 pub mod compare;
 pub mod convert;
+mod dimension;
 mod files;
 pub mod info;
 mod length;
+pub mod offset;
 mod refine;
 pub mod render;
 mod showcase;
@@ -24,6 +27,7 @@ pub mod simplify;
 mod view;
 mod weld;
 
+pub use dimension::{Dimension, DimensionError};
 pub use files::{MeshSource, MeshTarget, read_mesh_file, write_mesh_file};
 pub(crate) use files::{known_extensions, read, write};
 pub use length::{Length, LengthError};

@@ -33,7 +33,7 @@ pub(crate) fn show(
 }
 
 /// What the pictures have in common.
-fn small() -> RenderParams {
+pub(super) fn small() -> RenderParams {
     RenderParams {
         width: 420,
         height: 320,
@@ -42,7 +42,7 @@ fn small() -> RenderParams {
     }
 }
 
-fn drawn(
+pub(super) fn drawn(
     mesh: &TriMesh,
     paint: &Paint<'_>,
     params: &RenderParams,
@@ -57,7 +57,7 @@ fn drawn(
 }
 
 /// The parameters of this page are constants.
-fn bug(name: &'static str, error: &impl std::fmt::Display) -> JobError {
+pub(super) fn bug(name: &'static str, error: &impl std::fmt::Display) -> JobError {
     JobError::Parameter {
         name,
         value: error.to_string(),

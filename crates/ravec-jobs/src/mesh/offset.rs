@@ -1,0 +1,361 @@
+//! `offset`: the surface at a distance from a mesh, closed and proved to be within a tolerance.
+
+mod showcase;
+
+use super::convert::{Output, Unit, rounds};
+use super::{Dimension, MeshSource, MeshTarget};
+use crate::error::JobError;
+use crate::files::check_files;
+use crate::report::{Finding, Report};
+use glam::DVec3;
+use ravec::mesh::{CheckParams, LengthUnit, MeshFormat, TriMesh, check, measure, weld};
+use ravec::offset as library;
+use ravec::progress::Progress;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+pub(crate) use showcase::show;
+
+/// A side of the mesh.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+pub enum Side {
+    /// All that is at the distance, whatever the triangles are
+    #[default]
+    Both,
+    /// What of it can be reached from far away: the mesh grows, and its cavities are filled
+    Outer,
+    /// Inside a closed mesh: it shrinks
+    Inner,
+    /// The closed mesh, hollowed: its walls are as thick as the distance
+    Shell,
+}
+
+impl Side {
+    fn is_inward(self) -> bool {
+        matches!(self, Self::Inner | Self::Shell)
+    }
+}
+
+impl From<Side> for library::Side {
+    fn from(side: Side) -> Self {
+        match side {
+            Side::Both => Self::Both,
+            Side::Outer => Self::Outer,
+            Side::Inner => Self::Inner,
+            Side::Shell => Self::Shell,
+        }
+    }
+}
+
+/// How far, how exactly, and where.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+pub struct Params {
+    /// How far from the mesh: 0.5 (units of the file), 2% (of the diagonal of its bounding box) or 2mm (um, mm, cm, m, in, ft)
+    ///
+    /// Above 0; with --side inner and shell also below, which is the same.
+    #[cfg_attr(
+        feature = "cli",
+        arg(short, long, value_name = "LENGTH", allow_hyphen_values = true)
+    )]
+    pub distance: Dimension,
+    /// How far any place may be off, a length like that, below half of it
+    /// [default: a twentieth of the distance, at most 0.1% of the diagonal]
+    ///
+    /// Less gives more triangles and takes longer, both about in inverse proportion.
+    #[cfg_attr(
+        feature = "cli",
+        arg(short, long, value_name = "LENGTH", allow_hyphen_values = true)
+    )]
+    pub tolerance: Option<Dimension>,
+    /// Which part of what is at the distance
+    #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "SIDE", default_value_t = Params::default().side))]
+    pub side: Side,
+    /// Keep all triangles, rather than merge them as far as the tolerance allows: faster, and many more triangles
+    #[cfg_attr(feature = "cli", arg(long))]
+    pub no_simplify: bool,
+    /// Unit of the input's coordinates, whatever the file says; most formats say nothing
+    #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "UNIT"))]
+    pub unit: Option<Unit>,
+    /// How the mesh is written.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub output: Output,
+}
+
+impl Default for Params {
+    fn default() -> Self {
+        Self {
+            distance: Dimension::Percent(2.0),
+            tolerance: None,
+            side: Side::default(),
+            no_simplify: false,
+            unit: None,
+            output: Output::default(),
+        }
+    }
+}
+
+/// The default tolerance as a share of the distance, and the most of it as a share of the diagonal.
+///
+/// At a twentieth, the eye takes rounded parts for smooth; a thousandth of the diagonal is less than a pixel of most pictures.
+const DEFAULT_TOLERANCE: [f64; 2] = [0.05, 1e-3];
+
+impl Params {
+    fn check(&self) -> Result<(), JobError> {
+        let wrong = |name, value: Dimension, range| {
+            let value = value.to_string();
+            Err(JobError::Parameter { name, value, range })
+        };
+        let distance = self.distance.number();
+        if distance == 0.0 || distance < 0.0 && !self.side.is_inward() {
+            let range = "above 0 (or below with --side inner or shell)";
+            return wrong("--distance", self.distance, range);
+        }
+        match self.tolerance {
+            Some(tolerance) if tolerance.number() <= 0.0 => {
+                wrong("--tolerance", tolerance, "above 0")
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Distance and tolerance in units of a mesh.
+    fn of(&self, diagonal: f64, unit: Option<LengthUnit>) -> Result<[f64; 2], JobError> {
+        let length = |name, dimension: Dimension| {
+            let length = dimension.of(diagonal, unit);
+            length.ok_or_else(|| JobError::Parameter {
+                name,
+                value: dimension.to_string(),
+                range: "a plain number or a percentage: the file does not name its unit (unless --unit does)",
+            })
+        };
+        let distance = length("--distance", self.distance.abs())?;
+        let [of_distance, of_diagonal] = DEFAULT_TOLERANCE;
+        let tolerance = match self.tolerance {
+            Some(tolerance) => length("--tolerance", tolerance)?,
+            None => (of_distance * distance).min(of_diagonal * diagonal),
+        };
+        Ok([distance, tolerance])
+    }
+}
+
+/// Writes the surface at a distance from the mesh `source` to `path`.
+///
+/// The mesh may be any triangles; [`Side::Inner`] and [`Side::Shell`] need a closed one. If a closed mesh is inside out it is
+/// turned. If the output holds 32-bit floats, their rounding is part of the tolerance, and it is the rounded mesh that is
+/// judged.
+///
+/// [`Report::passed`] says whether the result is what was promised: each triangle is proved to keep the distance within the
+/// tolerance, and all of them are the surface of a solid, closed, manifold and without self-intersections. If not, it is
+/// written all the same; a warning and findings say what is wrong with it.
+///
+/// Figures: `distance`, `tolerance`, `diagonal` (units of the file), `certified` and `solid` (0 or 1), `uncertified_triangles`,
+/// `self_intersections`, `triangles`, `extracted_triangles` (before they were merged), `cells`, `deepest_level` and
+/// `mending_rounds` of the octree; `largest_rounding` if the output holds 32-bit floats.
+///
+/// # Errors
+/// [`JobError::Parameter`], [`JobError::UnknownMeshFormat`], [`JobError::ReadMesh`], [`JobError::NoTriangles`],
+/// [`JobError::Offset`], [`JobError::WriteMesh`], what [`check_files`] refuses, [`JobError::Cancelled`].
+pub fn run(
+    source: &MeshSource,
+    path: &Path,
+    params: &Params,
+    progress: &Progress,
+) -> Result<Report, JobError> {
+    params.check()?;
+    params.output.check(path)?;
+    check_files(&[&source.path], &[path])?;
+    let mut report = Report::new("offset", params);
+    let file = super::read(source, &[path], &mut report, progress)?;
+    if file.mesh.triangles().is_empty() {
+        return Err(JobError::NoTriangles {
+            path: source.path.clone(),
+        });
+    }
+    let mut target = params.output.target(path, file.format)?;
+    target.unit = params.unit.map(LengthUnit::from).or(file.unit);
+    let diagonal = file.mesh.bounds().diagonal();
+    let [distance, tolerance] = params.of(diagonal, target.unit)?;
+    report.figures.extend([
+        ("diagonal", diagonal),
+        ("distance", distance),
+        ("tolerance", tolerance),
+    ]);
+    let rounding = if rounds(&target) {
+        rounding(&file.mesh, distance)
+    } else {
+        0.0
+    };
+    if rounding > 0.5 * tolerance {
+        return Err(JobError::Parameter {
+            name: "--tolerance",
+            value: tolerance.to_string(),
+            range: "larger where coordinates become 32-bit floats: write PLY, OBJ, OFF or 3MF instead",
+        });
+    }
+    let asked = library::OffsetParams {
+        distance,
+        tolerance: tolerance - rounding,
+        side: params.side.into(),
+        simplify: !params.no_simplify,
+    };
+    let offset = report.time("offset", || {
+        let turned = match params.side {
+            Side::Both => None,
+            _ => turned(&file.mesh, progress)?,
+        };
+        let offset = library::offset(turned.as_ref().unwrap_or(&file.mesh), &asked, progress);
+        offset
+            .map(|offset| (offset, turned.is_some()))
+            .map_err(|cause| JobError::from_offset(&source.path, cause))
+    });
+    let (library::Offset { mesh, report: done }, turned) = offset?;
+    drop(file);
+    if turned {
+        report.warn(format!(
+            "{}: the mesh is inside out and was turned",
+            source.path.display()
+        ));
+    }
+    let mut verdict = Verdict {
+        uncertified: done.uncertified_facets,
+        solid: done.solid,
+        self_intersections: done.self_intersections,
+    };
+    if rounds(&target) {
+        let moved = report.time("check", || verdict.judge_rounded(&mesh, &target, progress))?;
+        report.figures.insert("largest_rounding", moved);
+    }
+    verdict.tell(params.side, &mut report);
+    report.figures.extend([
+        ("triangles", done.triangles as f64),
+        ("extracted_triangles", done.extracted_triangles as f64),
+        ("cells", done.cells as f64),
+        ("deepest_level", f64::from(done.deepest_level)),
+        ("mending_rounds", f64::from(done.rounds)),
+    ]);
+    super::write(path, &mesh, &target, &mut report, progress)?;
+    Ok(report)
+}
+
+/// How far the vertices of an offset move at most when their coordinates become 32-bit floats.
+fn rounding(mesh: &TriMesh, distance: f64) -> f64 {
+    let bounds = mesh.bounds();
+    let largest = bounds.min.abs().max(bounds.max.abs()).max_element() + 2.0 * distance;
+    // half of the last of 24 bits on each axis, and a little for a change of units on the way
+    let of_number = 0.5f64.powi(24) * (1.0 + 1e-6);
+    3f64.sqrt() * largest * of_number
+}
+
+/// A closed mesh that is inside out, turned.
+fn turned(mesh: &TriMesh, progress: &Progress) -> Result<Option<TriMesh>, JobError> {
+    if measure(mesh).volume >= 0.0 {
+        return Ok(None);
+    }
+    let quick = CheckParams {
+        self_intersections: false,
+        list_limit: 0,
+    };
+    if !check(mesh, &quick, progress)?.closed {
+        return Ok(None);
+    }
+    let triangles = mesh.triangles().iter().map(|&[a, b, c]| [a, c, b]);
+    let turned = TriMesh::new(mesh.positions().to_vec(), triangles.collect());
+    Ok(Some(turned.expect("only the order of corners is another")))
+}
+
+/// What is known about a result.
+struct Verdict {
+    uncertified: u64,
+    solid: bool,
+    self_intersections: u64,
+}
+
+impl Verdict {
+    /// Looks at the mesh as it will be in the file, and says by how much a coordinate changes at most.
+    fn judge_rounded(
+        &mut self,
+        mesh: &TriMesh,
+        target: &MeshTarget,
+        progress: &Progress,
+    ) -> Result<f64, JobError> {
+        // glTF is in meters
+        let scale = match target.format {
+            MeshFormat::Glb | MeshFormat::Gltf => target.unit.map_or(1.0, LengthUnit::in_meters),
+            _ => 1.0,
+        };
+        let round = |x: f64| f64::from((x * scale) as f32) / scale;
+        let rounded = |p: &DVec3| DVec3::new(round(p.x), round(p.y), round(p.z));
+        let positions: Vec<_> = mesh.positions().iter().map(rounded).collect();
+        let changes = positions.iter().zip(mesh.positions());
+        let moved = changes.map(|(a, b)| (*a - *b).abs().max_element());
+        let moved = moved.fold(0.0, f64::max);
+        // what is beyond all 32-bit floats is refused when it is written
+        if let Ok(rounded) = TriMesh::new(positions, mesh.triangles().to_vec())
+            && moved > 0.0
+        {
+            let full = CheckParams {
+                self_intersections: true,
+                list_limit: 0,
+            };
+            // vertices that have become equal are one for whoever reads the file
+            let found = check(&weld(&rounded, 0.0).mesh, &full, progress)?;
+            self.solid &= found.is_solid();
+            let pairs = found.self_intersections.map_or(0, |pairs| pairs.count);
+            self.self_intersections = self.self_intersections.max(pairs);
+        }
+        Ok(moved)
+    }
+
+    fn tell(&self, side: Side, report: &mut Report) {
+        let certified = self.uncertified == 0;
+        let yes = |fact: bool| f64::from(u8::from(fact));
+        report.figures.extend([
+            ("certified", yes(certified)),
+            ("uncertified_triangles", self.uncertified as f64),
+            ("solid", yes(self.solid)),
+            ("self_intersections", self.self_intersections as f64),
+        ]);
+        report.passed = Some(certified && self.solid);
+        for (what, count) in [
+            (
+                "triangles that are not proved to keep the distance",
+                self.uncertified,
+            ),
+            ("self-intersections", self.self_intersections),
+        ] {
+            if count > 0 {
+                report.findings.push(Finding {
+                    what,
+                    count,
+                    defect: true,
+                    places: Vec::new(),
+                });
+            }
+        }
+        if !certified {
+            report.warn(format!(
+                "the result is not proved: {} of its triangles may leave the tolerance",
+                self.uncertified
+            ));
+        }
+        if !self.solid {
+            let own = match side {
+                Side::Shell => {
+                    " (a shell takes over the defects of its input: see `ravec mesh check`)"
+                }
+                _ => "",
+            };
+            report.warn(match self.self_intersections {
+                0 => format!("the result is not closed or not manifold{own}"),
+                count => format!("the result meets itself {count} times{own}"),
+            });
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;
