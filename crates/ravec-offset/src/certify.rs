@@ -1,4 +1,4 @@
-//! The proof that facets keep the distance.
+//! The proof that facets keep the distance, and how far their normals are off.
 //!
 //! The distance to one triangle is a convex function, so over a facet its largest value is at a corner: no point of the
 //! facet is farther from the mesh than the least, over some triangles, of the largest distance of its corners to them. Where
@@ -6,6 +6,7 @@
 
 use crate::field::Field;
 use glam::DVec3;
+use ravec_mesh::{closest_on_triangle, distance_sq_to_triangle};
 
 /// How often a facet may be halved each way until the bound is strong enough.
 const MOST_CUTS: u32 = 5;
@@ -26,7 +27,7 @@ fn is_within(field: &Field<'_>, facet: [DVec3; 3], most: f64, hints: [u32; 3], c
         let corners = field.bvh().corners(triangle);
         facet
             .iter()
-            .all(|&p| ravec_mesh::distance_sq_to_triangle(p, corners) <= most * most)
+            .all(|&p| distance_sq_to_triangle(p, corners) <= most * most)
     };
     // most often no search is needed
     if holds(hints[0])
@@ -65,4 +66,39 @@ fn is_within(field: &Field<'_>, facet: [DVec3; 3], most: f64, hints: [u32; 3], c
     ]
     .into_iter()
     .all(|(part, hints)| is_within(field, part, most, hints, cuts - 1))
+}
+
+/// The angle in radians between a facet and the surface that it stands for, at the facet's middle; `hints` are triangles
+/// that may be close to its corners.
+pub(crate) fn normal_deviation(
+    field: &Field<'_>,
+    facet: [DVec3; 3],
+    hints: [u32; 3],
+    enough: f64,
+) -> f64 {
+    let [a, b, c] = facet;
+    let normal = (b - a).cross(c - a);
+    let middle = (a + b + c) / 3.0;
+    let off = |away: DVec3| {
+        // the surface inside a solid faces its triangles
+        let outward = if field.level < 0.0 { -away } else { away };
+        let length = normal.length() * away.length();
+        if length > 0.0 {
+            (normal.dot(outward) / length).clamp(-1.0, 1.0).acos()
+        } else {
+            std::f64::consts::PI
+        }
+    };
+    // a guess from what is known, and a search only if that is not good enough
+    let guess = hints
+        .map(|triangle| closest_on_triangle(middle, field.bvh().corners(triangle)))
+        .into_iter()
+        .min_by(|a, b| a.distance_sq.total_cmp(&b.distance_sq));
+    if let Some(guess) = guess {
+        let deviation = off(middle - guess.point);
+        if deviation <= enough {
+            return deviation;
+        }
+    }
+    off(field.near(middle, hints[0]).away)
 }

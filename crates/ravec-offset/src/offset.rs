@@ -1,6 +1,6 @@
 //! The whole way from triangles to their offset surface.
 
-use crate::certify::keeps_distance;
+use crate::certify::{keeps_distance, normal_deviation};
 use crate::extract::{Extracted, extract};
 use crate::field::Field;
 use crate::params::{OffsetError, OffsetParams, Side};
@@ -248,6 +248,7 @@ impl<'a> Job<'a> {
             target_triangles: 0,
             ..SimplifyParams::default()
         };
+        let most_deviation = self.params.max_normal_deviation_deg.to_radians();
         // what the corners are closest to
         let mut nearest: FxHashMap<[u64; 3], u32> = FxHashMap::default();
         let mut hint = 0;
@@ -258,14 +259,37 @@ impl<'a> Job<'a> {
                 return true;
             }
             nearest.insert(candidate.position.to_array().map(f64::to_bits), hint);
-            !candidate.after.iter().all(|&facet| {
-                let hints = facet.map(|p| {
+            let mut hints_of = |facet: [DVec3; 3]| {
+                facet.map(|p| {
                     let key = p.to_array().map(f64::to_bits);
                     let known = nearest.entry(key);
                     *known.or_insert_with(|| self.field.near(p, hint).triangle)
+                })
+            };
+            let deviation = |facet: [DVec3; 3], hints: [u32; 3]| {
+                normal_deviation(self.field, facet, hints, most_deviation)
+            };
+            // at creases facets may be off, but not more than they were
+            let mut allowed = None;
+            for &facet in candidate.after {
+                let worse = deviation(facet, hints_of(facet));
+                if worse <= most_deviation {
+                    continue;
+                }
+                let allowed = *allowed.get_or_insert_with(|| {
+                    let before = candidate.before.iter();
+                    before
+                        .map(|&facet| deviation(facet, hints_of(facet)))
+                        .fold(0.0, f64::max)
                 });
-                keeps_distance(self.field, facet, limits, hints)
-            })
+                if worse > allowed {
+                    return true;
+                }
+            }
+            candidate
+                .after
+                .iter()
+                .any(|&facet| !keeps_distance(self.field, facet, limits, hints_of(facet)))
         };
         match simplify(surface, &params, &Keep::default(), veto, progress) {
             Ok(simplified) => Ok(simplified.mesh),

@@ -31,6 +31,9 @@ pub struct OffsetParams {
     pub side: Side,
     /// Whether to merge triangles as far as the tolerance allows (default yes).
     pub simplify: bool,
+    /// How far simplification may turn a triangle away from the surface that it stands for, in degrees, above 0 and at most
+    /// 90 (default 4). Triangles at creases that were off more before may stay so. Less keeps more triangles.
+    pub max_normal_deviation_deg: f64,
 }
 
 impl Default for OffsetParams {
@@ -40,6 +43,7 @@ impl Default for OffsetParams {
             tolerance: 0.01,
             side: Side::default(),
             simplify: true,
+            max_normal_deviation_deg: 4.0,
         }
     }
 }
@@ -68,6 +72,12 @@ pub enum OffsetError {
         least: f64,
         /// Half the distance.
         most: f64,
+    },
+    /// A normal deviation that is none.
+    #[error("the normal deviation is {got} degrees, but must be above 0 and at most 90")]
+    NormalDeviation {
+        /// What was asked for.
+        got: f64,
     },
     /// A side that only solids have.
     #[error(
@@ -103,6 +113,10 @@ impl OffsetParams {
         let got = self.tolerance;
         if !(got.is_finite() && got >= least && got < most) {
             return Err(OffsetError::Tolerance { got, least, most });
+        }
+        let got = self.max_normal_deviation_deg;
+        if !(got > 0.0 && got <= 90.0) {
+            return Err(OffsetError::NormalDeviation { got });
         }
         Ok(())
     }
