@@ -146,7 +146,7 @@ fn flags_that_make_no_sense_are_refused_before_anything_is_read() {
         ("convert none -o out.xyz", "out.xyz"),
         ("convert none -o out", "known are .stl"),
         ("convert none -o out.glb --ascii", "--ascii"),
-        ("convert none -o out.ply --weld -1", "--weld"),
+        ("convert none -o out.ply --weld=-1", "--weld"),
         ("convert none -o out.ply --weld much", "a length is"),
         ("convert none -o out.ply --format png", "png"),
         ("compare none none --tolerance 0", "--tolerance"),
