@@ -13,6 +13,7 @@ fn params(distance: f64, tolerance: f64, side: Side) -> OffsetParams {
         tolerance,
         side,
         simplify: false,
+        ..OffsetParams::default()
     }
 }
 
@@ -63,6 +64,21 @@ fn a_tolerance_is_above_what_numbers_hold_and_below_half_the_distance() {
     // far too far away to keep apart what is this close
     let error = refusal(&cube(), &params(1e12, 1e-3, Side::Both));
     assert!(matches!(error, OffsetError::Tolerance { .. }), "{error}");
+}
+
+#[test]
+fn a_normal_deviation_is_above_0_and_at_most_a_right_angle() {
+    for degrees in [0.0, -4.0, 90.5, f64::INFINITY, f64::NAN] {
+        let asked = OffsetParams {
+            max_normal_deviation_deg: degrees,
+            ..params(0.1, 0.01, Side::Both)
+        };
+        let error = refusal(&cube(), &asked);
+        let OffsetError::NormalDeviation { got } = error else {
+            panic!("{error}");
+        };
+        assert_eq!(got.to_bits(), degrees.to_bits());
+    }
 }
 
 #[test]

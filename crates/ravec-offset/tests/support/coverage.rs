@@ -74,6 +74,7 @@ struct Sample {
 /// Measures how well `surface` covers the true offset, along tracks about `spacing` apart.
 pub fn coverage(truth: &Truth<'_>, surface: &TriMesh, tolerance: f64, spacing: f64) -> Coverage {
     let tracks = Tracks::new(truth.mesh, truth.delta, spacing);
+    let slack = truth.slack();
     let surface = Bvh::new(surface);
     let miss = |p: DVec3| {
         surface
@@ -82,7 +83,7 @@ pub fn coverage(truth: &Truth<'_>, surface: &TriMesh, tolerance: f64, spacing: f
     };
     let found: Vec<(Sample, f64)> = (0..tracks.parts())
         .into_par_iter()
-        .flat_map_iter(|part| truth.samples(&tracks, part, spacing))
+        .flat_map_iter(|part| truth.samples(&tracks, part, spacing, slack))
         .map(|sample| {
             let miss = miss(sample.at);
             (sample, miss)
@@ -130,16 +131,11 @@ pub fn coverage(truth: &Truth<'_>, surface: &TriMesh, tolerance: f64, spacing: f
 }
 
 impl Truth<'_> {
-    /// Whether a place at the distance from a part of the mesh is at the distance from all of it.
-    fn is_at_distance(&self, p: DVec3) -> bool {
-        let size = self
-            .mesh
-            .bounds()
-            .min
-            .abs()
-            .max(self.mesh.bounds().max.abs());
-        let slack = 1e-10 * self.delta + 1e-14 * size.max_element();
-        ((self.distance)(p) - self.delta).abs() <= slack
+    /// By how much rounding may change a distance.
+    fn slack(&self) -> f64 {
+        let bounds = self.mesh.bounds();
+        let size = bounds.min.abs().max(bounds.max.abs()).max_element();
+        1e-10 * self.delta + 1e-14 * size
     }
 
     /// Whether a place lies on the side that is meant.
@@ -151,7 +147,9 @@ impl Truth<'_> {
         }
     }
 
-    fn samples(&self, tracks: &Tracks, part: usize, spacing: f64) -> Vec<Sample> {
+    /// Places of the true offset over one part of the mesh.
+    fn samples(&self, tracks: &Tracks, part: usize, spacing: f64, slack: f64) -> Vec<Sample> {
+        let is_at_distance = |p: DVec3| ((self.distance)(p) - self.delta).abs() <= slack;
         let mut samples = Vec::new();
         for track in tracks.of(part) {
             let steps = (track.length(self.delta) / spacing).ceil().clamp(1.0, 1e4) as u32;
@@ -175,7 +173,7 @@ impl Truth<'_> {
             let mut before = None;
             for k in 0..=steps {
                 let t = f64::from(k) / f64::from(steps);
-                let holds = self.is_at_distance(at(t));
+                let holds = is_at_distance(at(t));
                 if holds && side(at(t)) {
                     offer(at(t), false);
                 }
@@ -185,7 +183,7 @@ impl Truth<'_> {
                     let (mut on, mut off) = if holds { (t, earlier) } else { (earlier, t) };
                     for _ in 0..40 {
                         let middle = 0.5 * (on + off);
-                        if self.is_at_distance(at(middle)) {
+                        if is_at_distance(at(middle)) {
                             on = middle;
                         } else {
                             off = middle;

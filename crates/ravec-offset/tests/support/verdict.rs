@@ -13,6 +13,7 @@ pub fn params(side: Side, distance: f64, tolerance: f64, simplify: bool) -> Offs
         tolerance,
         side,
         simplify,
+        ..OffsetParams::default()
     }
 }
 
