@@ -236,7 +236,9 @@ mod tests {
         assert_eq!((report.passed, names(&report)), (Some(true), vec![]));
         assert_eq!(report.figures["genus"], 1.0);
         let (positions, mut triangles) = mesh.into_parts();
-        triangles.iter_mut().for_each(|t| t.swap(0, 1));
+        for t in &mut triangles {
+            t.swap(0, 1);
+        }
         let flipped = TriMesh::new(positions, triangles).unwrap();
         let report = checked(&flipped, &Params::default());
         assert_eq!(report.passed, Some(false));

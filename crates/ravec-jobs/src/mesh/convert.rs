@@ -211,7 +211,7 @@ pub fn run(
     if rounds(&target) {
         report
             .figures
-            .insert("largest_rounding", largest_rounding(&mesh, &target));
+            .insert("largest_rounding", largest_rounding(&mesh, target));
     }
     super::write(path, &mesh, &target, &mut report, progress)?;
     Ok(report)
@@ -233,6 +233,10 @@ fn scaled(mesh: TriMesh, scale: f64, source: &MeshSource) -> Result<TriMesh, Job
 }
 
 /// Whether coordinates become 32-bit floats.
+#[expect(
+    clippy::trivially_copy_pass_by_ref,
+    reason = "taken as when it is written"
+)]
 pub(super) fn rounds(target: &MeshTarget) -> bool {
     target.precision == library::Precision::Single
         || matches!(
@@ -242,14 +246,15 @@ pub(super) fn rounds(target: &MeshTarget) -> bool {
 }
 
 /// By how much a coordinate changes at most.
-fn largest_rounding(mesh: &TriMesh, target: &MeshTarget) -> f64 {
+fn largest_rounding(mesh: &TriMesh, target: MeshTarget) -> f64 {
     // glTF is in meters
     let scale = match target.format {
         MeshFormat::Glb | MeshFormat::Gltf => target.unit.map_or(1.0, LengthUnit::in_meters),
         _ => 1.0,
     };
-    let coordinates = mesh.positions().iter().flat_map(|at| at.to_array());
-    coordinates
+    let positions = mesh.positions().iter();
+    positions
+        .flat_map(glam::DVec3::to_array)
         .map(|x| ((f64::from((x * scale) as f32)) / scale - x).abs())
         .fold(0.0, f64::max)
 }

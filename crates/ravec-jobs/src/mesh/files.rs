@@ -210,6 +210,10 @@ pub(crate) fn read(
 }
 
 /// Writes a mesh, whole or not at all, and records it.
+#[expect(
+    clippy::trivially_copy_pass_by_ref,
+    reason = "taken like in the public function"
+)]
 pub(crate) fn write(
     path: &Path,
     mesh: &TriMesh,
@@ -255,9 +259,14 @@ mod tests {
         "accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3","min":[0,0,0],"max":[1,1,0]}],
         "bufferViews":[{"buffer":0,"byteLength":36}],"buffers":[{"byteLength":36,"uri":"ADDRESS"}]}"#;
 
+    fn put(path: &Path, bytes: &[u8]) {
+        use std::io::Write as _;
+        write_atomically(path, |writer| writer.write_all(bytes)).unwrap();
+    }
+
     fn triangle_at(folder: &Path, address: &str) -> PathBuf {
         let path = folder.join("a.gltf");
-        std::fs::write(&path, TRIANGLE.replace("ADDRESS", address)).unwrap();
+        put(&path, TRIANGLE.replace("ADDRESS", address).as_bytes());
         path
     }
 
@@ -310,7 +319,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         std::fs::create_dir(folder.path().join("data")).unwrap();
         let data = folder.path().join("data/corners.bin");
-        std::fs::write(&data, corners()).unwrap();
+        put(&data, &corners());
         let source = MeshSource::new(triangle_at(folder.path(), "data/corners.bin"));
         let (mut report, progress) = (Report::new("test", &()), Progress::none());
         let file = read(&source, &[], &mut report, &progress).unwrap();
@@ -325,7 +334,7 @@ mod tests {
         let inner = folder.path().join("inner");
         std::fs::create_dir(&inner).unwrap();
         let secret = folder.path().join("corners.bin");
-        std::fs::write(&secret, corners()).unwrap();
+        put(&secret, &corners());
         let mut addresses = vec!["../corners.bin".to_owned(), secret.display().to_string()];
         #[cfg(unix)]
         {

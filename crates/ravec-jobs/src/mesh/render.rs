@@ -30,6 +30,10 @@ pub enum Up {
 }
 
 /// Size, view and look of the picture.
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "each is a flag of its own, which may be combined with all others"
+)]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
@@ -336,7 +340,9 @@ impl Colored {
             };
         };
         let expected = expected.of(diagonal);
-        values.iter_mut().for_each(|value| *value -= expected);
+        for value in &mut values {
+            *value -= expected;
+        }
         Self {
             values,
             map: ColorMap::Diverging,

@@ -148,12 +148,11 @@ impl From<NoNumber> for CutError {
 impl fmt::Display for Cut {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let sign = if self.before { "-" } else { "" };
-        match AXES.iter().find(|(_, along)| *along == self.along) {
-            Some((name, _)) => write!(f, "{sign}{name}={}", self.at),
-            None => {
-                let [x, y, z] = self.along;
-                write!(f, "{x},{y},{z}={}", self.at)
-            }
+        if let Some((name, _)) = AXES.iter().find(|(_, along)| *along == self.along) {
+            write!(f, "{sign}{name}={}", self.at)
+        } else {
+            let [x, y, z] = self.along;
+            write!(f, "{x},{y},{z}={}", self.at)
         }
     }
 }

@@ -20,7 +20,6 @@ pub(super) fn check(tolerance: Option<Length>) -> Result<(), JobError> {
 /// The mesh with vertices within `tolerance` made one, and without the triangles that thereby lost a corner.
 ///
 /// Figures: `welded_vertices` and `collapsed_triangles`.
-#[expect(clippy::missing_panics_doc, reason = "the parts of a mesh make a mesh")]
 pub(super) fn welded(mesh: TriMesh, tolerance: Option<Length>, report: &mut Report) -> TriMesh {
     let Some(tolerance) = tolerance else {
         return mesh;
