@@ -92,7 +92,8 @@ pub struct Contour {
 struct Side {
     cells: [NodeId; 2],
     polygon: u32,
-    side: u8,
+    /// From which corner of the polygon it goes to the next.
+    corner: u8,
 }
 
 impl Contour {
@@ -110,11 +111,11 @@ impl Contour {
                 sides.push(Side {
                     cells: [cell.min(next), cell.max(next)],
                     polygon,
-                    side: side as u8,
+                    corner: side as u8,
                 });
             }
         }
-        sides.sort_unstable_by_key(|side| (side.cells, side.polygon, side.side));
+        sides.sort_unstable_by_key(|side| (side.cells, side.polygon, side.corner));
 
         let mut duals = Vec::with_capacity(sides.len() / 2);
         let mut fans = Fans::new(4 * polygons.len());
@@ -123,7 +124,7 @@ impl Contour {
             for [a, b] in pairs(tree, &polygons, face) {
                 let dual = duals.len() as u32;
                 for side in [a, b] {
-                    polygons[side.polygon as usize].duals[side.side as usize] = dual;
+                    polygons[side.polygon as usize].duals[side.corner as usize] = dual;
                 }
                 for cell in a.cells {
                     fans.join(corner_in(&polygons, a, cell), corner_in(&polygons, b, cell));
@@ -181,7 +182,7 @@ fn polygon_around(&(edge, start_inside): &(MinimalEdge, bool)) -> Polygon {
 /// The number of the polygon's corner in a cell, over all polygons.
 fn corner_in(polygons: &[Polygon], side: &Side, cell: NodeId) -> usize {
     let polygon = &polygons[side.polygon as usize];
-    let at = usize::from(side.side);
+    let at = usize::from(side.corner);
     let corner = if polygon.cells[at] == cell {
         at
     } else {

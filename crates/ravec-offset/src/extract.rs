@@ -72,13 +72,18 @@ pub(crate) fn extract(
     }
     let positions = vertices(refinement, &contour);
     progress.check()?;
-    Ok(Cutter {
+    let cutter = Cutter {
         refinement,
         contour: &contour,
         positions,
-    }
-    .cut()
-    .with(contour))
+    };
+    let (positions, triangles, polygon_of) = cutter.cut();
+    Ok(Extracted {
+        positions,
+        triangles,
+        polygon_of,
+        contour,
+    })
 }
 
 /// The point where an edge of the lattice goes through the surface.
@@ -168,7 +173,8 @@ enum Cut {
 }
 
 impl Cutter<'_> {
-    fn cut(mut self) -> Triangles {
+    /// Positions, triangles, and the polygon of each triangle.
+    fn cut(mut self) -> (Vec<DVec3>, Vec<[u32; 3]>, Vec<u32>) {
         let contour = self.contour;
         let in_faces: Vec<Option<DVec3>> = (0..contour.duals.len())
             .into_par_iter()
@@ -220,11 +226,7 @@ impl Cutter<'_> {
             }
             polygon_of.resize(polygon_of.len() + triangles.len() - before, number);
         }
-        Triangles {
-            positions: self.positions,
-            triangles,
-            polygon_of,
-        }
+        (self.positions, triangles, polygon_of)
     }
 
     fn push(&mut self, place: DVec3) -> u32 {
@@ -311,24 +313,6 @@ impl Cutter<'_> {
             }
         }
         fan()
-    }
-}
-
-struct Triangles {
-    positions: Vec<DVec3>,
-    triangles: Vec<[u32; 3]>,
-    polygon_of: Vec<u32>,
-}
-
-impl Triangles {
-    /// Without the vertices that no triangle uses.
-    fn with(self, contour: Contour) -> Extracted {
-        Extracted {
-            positions: self.positions,
-            triangles: self.triangles,
-            polygon_of: self.polygon_of,
-            contour,
-        }
     }
 }
 

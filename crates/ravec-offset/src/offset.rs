@@ -21,9 +21,6 @@ const MOST_ROUNDS: u32 = 24;
 /// The share of the tolerance by which the surface is moved off round numbers, at which sheets tend to touch exactly.
 const OFF_ROUND: f64 = 0.0107;
 
-/// The share of the tolerance that extracted facets may use: the rest is for simplification.
-const EXTRACTED: f64 = 1.0;
-
 /// What was done, and what holds for the result.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct OffsetReport {
@@ -111,7 +108,7 @@ pub fn offset(
     let cells = refinement.tree.len() as u64;
     drop(refinement);
     let extracted_triangles = extracted.triangles.len() as u64;
-    let surface = compact(extracted.positions, extracted.triangles);
+    let surface = compact(&extracted.positions, &extracted.triangles);
     let mut surface = if params.simplify {
         job.simplify(&surface, progress)?
     } else {
@@ -162,8 +159,13 @@ struct Job<'a> {
 }
 
 impl<'a> Job<'a> {
-    fn limits(&self, share: f64) -> [f64; 2] {
-        let (distance, tolerance) = (self.params.distance, share * self.params.tolerance);
+    /// The least and the largest distance that a point of the result may have.
+    fn limits(&self) -> [f64; 2] {
+        let &OffsetParams {
+            distance,
+            tolerance,
+            ..
+        } = self.params;
         [distance - tolerance, distance + tolerance]
     }
 
@@ -205,7 +207,7 @@ impl<'a> Job<'a> {
         let mut bad = extracted.crowded_cells();
         let facet =
             |t: usize| extracted.triangles[t].map(|corner| extracted.positions[corner as usize]);
-        let limits = self.limits(EXTRACTED);
+        let limits = self.limits();
         let fresh: Vec<(usize, [u64; 9])> = (0..extracted.triangles.len())
             .map(|t| (t, bits(facet(t))))
             .filter(|(_, bits)| !self.proved.contains(bits))
@@ -243,7 +245,7 @@ impl<'a> Job<'a> {
 
     /// Merges triangles; each change is proved before it is made.
     fn simplify(&self, surface: &TriMesh, progress: &Progress) -> Result<TriMesh, Cancelled> {
-        let limits = self.limits(1.0);
+        let limits = self.limits();
         let params = SimplifyParams {
             target_triangles: 0,
             ..SimplifyParams::default()
@@ -301,7 +303,7 @@ impl<'a> Job<'a> {
 
     /// How many facets are not proved to keep the distance.
     fn unproved(&self, surface: &TriMesh, progress: &Progress) -> Result<u64, Cancelled> {
-        let limits = self.limits(1.0);
+        let limits = self.limits();
         (0..surface.triangles().len() as u32)
             .into_par_iter()
             .map(|t| {
@@ -326,11 +328,11 @@ fn bits(facet: [DVec3; 3]) -> [u64; 9] {
 }
 
 /// The mesh without vertices that no triangle uses.
-fn compact(positions: Vec<DVec3>, triangles: Vec<[u32; 3]>) -> TriMesh {
+fn compact(positions: &[DVec3], triangles: &[[u32; 3]]) -> TriMesh {
     let mut numbers = vec![u32::MAX; positions.len()];
     let mut used = Vec::new();
     let triangles = triangles
-        .into_iter()
+        .iter()
         .map(|triangle| {
             triangle.map(|corner| {
                 let number = &mut numbers[corner as usize];
