@@ -619,6 +619,8 @@ mod tests {
                 &Progress::none(),
             )
             .unwrap();
+            let page = std::fs::read_to_string(folder.path().join("index.html")).unwrap();
+            assert!(page.contains("</html>"), "{width} x {height}");
         }
     }
 
