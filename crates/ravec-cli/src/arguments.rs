@@ -5,6 +5,7 @@ mod mesh;
 use crate::help;
 use clap::{ArgGroup, Args, Parser, Subcommand};
 use clap_complete::Shell;
+use ravec_jobs::mesh::offset;
 use ravec_jobs::{Limits, brush, compare, demo, scenes, twocolor};
 use std::path::{Path, PathBuf};
 
@@ -98,6 +99,22 @@ pub enum Command {
         #[command(flatten)]
         limits: MeshLimitFlags,
     },
+    /// Make the surface at a distance from any triangles, closed and proved to be within a tolerance
+    ///
+    /// The exit code is 5 if the result was written but the proof failed.
+    #[command(after_help = help::OFFSET)]
+    Offset {
+        /// The mesh; `-` is standard input
+        input: PathBuf,
+        /// The mesh to write; its extension says the format, `-` is standard output in the input's format
+        #[arg(short, long, value_name = "FILE")]
+        output: PathBuf,
+        #[command(flatten)]
+        params: offset::Params,
+        /// What reading may cost.
+        #[command(flatten)]
+        limits: MeshLimitFlags,
+    },
     /// Show what Ravec does: a page of pictures and figures, on a built-in scene or a photo
     #[command(after_help = help::DEMO)]
     Demo {
@@ -145,6 +162,7 @@ impl Command {
                 std::iter::once(input.as_path()).chain(stroke).collect()
             }
             Self::Mesh { command, .. } => command.inputs(),
+            Self::Offset { input, .. } => vec![input],
             Self::Demo { image, .. } => image.as_deref().into_iter().collect(),
             Self::Scenes { .. } | Self::Completions { .. } | Self::Man { .. } => Vec::new(),
         }
@@ -162,6 +180,7 @@ impl Command {
                 .chain(mask.as_deref())
                 .collect(),
             Self::Mesh { command, .. } => command.outputs(),
+            Self::Offset { output, .. } => vec![output],
             _ => Vec::new(),
         }
     }
@@ -253,6 +272,7 @@ mod tests {
             ("ravec mesh compare a b", "a b", ""),
             ("ravec mesh render a -o b --compare c", "a c", "b"),
             ("ravec mesh simplify a -o b --error 1", "a", "b"),
+            ("ravec offset a -o b --distance 1", "a", "b"),
             ("ravec demo --image a", "a", ""),
             ("ravec scenes -o a", "", ""),
         ] {
@@ -297,6 +317,11 @@ mod tests {
             panic!("not brush");
         };
         assert_eq!(params, brush::Params::default());
+        let parsed = Arguments::parse_from(["ravec", "offset", "a", "-o", "b", "-d", "2%"]);
+        let Command::Offset { params, .. } = parsed.command else {
+            panic!("not offset");
+        };
+        assert_eq!(params, offset::Params::default());
         let parsed = Arguments::parse_from(["ravec", "demo"]);
         let Command::Demo { params, .. } = parsed.command else {
             panic!("not demo");

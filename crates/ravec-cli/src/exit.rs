@@ -12,6 +12,8 @@ pub const FAILED: u8 = 1;
 pub const USAGE: u8 = 2;
 /// An output could not be written.
 pub const OUTPUT: u8 = 4;
+/// An output was written, but the verdict on it is no.
+pub const NOT_AS_PROMISED: u8 = 5;
 /// Ctrl-C, or a request to end.
 pub const INTERRUPTED: u8 = 130;
 

@@ -13,6 +13,7 @@ Exit codes:
     2  the command line is wrong
     3  an input cannot be read, is no valid picture or mesh, or exceeds a limit
     4  an output cannot be written
+    5  an output was written, but is not what was promised: an offset is not proved or not solid
   130  interrupted by Ctrl-C; nothing half-written is left"
     };
 }
@@ -99,6 +100,31 @@ Settings of a stroke that may be left out, as they are then:
 A list [...] of such strokes is taken as drawn on the picture as it is.
 
 Figures: strokes and touched_pixels with --stroke; noise_sigma_steps and compressed (0 or 1) with --mode clean.
+
+",
+    exit_codes!()
+);
+
+/// Of `ravec offset`.
+pub const OFFSET: &str = concat!(
+    "\
+Examples:
+  ravec offset part.stl -o grown.stl --distance 2% --side outer
+  ravec offset part.stl -o hollow.3mf --distance 0.2mm --unit mm --side shell
+  ravec offset other.ply -o around.ply --distance 5% --tolerance 0.5% --no-simplify
+  ravec offset part.stl -o smaller.ply --distance=-1% --tolerance 0.1% --side inner -q --json smaller.json
+
+The mesh may be any triangles: open, crossing, flipped, doubled. Only inner and shell need a closed one. Edges and corners that \
+the offset has are sharp in the result. A triangle is proved if none of its points is nearer to the mesh than the distance less \
+the tolerance, nor farther than their sum; the result is solid if it is closed, manifold and does not meet itself. If any of \
+that fails, the result is written all the same, a warning says what is wrong, and the exit code is 5. Where coordinates become \
+32-bit floats (STL, glTF), all this holds for the mesh in the file.
+
+A length with a unit, as in 2mm, needs a file that names its own (3MF, glTF) or --unit.
+
+Figures: distance, tolerance and diagonal (that of the bounding box), in units of the file; certified and solid (0 or 1), \
+uncertified_triangles, self_intersections; triangles, extracted_triangles (before they were merged), cells, deepest_level and \
+mending_rounds of the octree; largest_rounding, where coordinates become 32-bit floats. In JSON, passed is the verdict.
 
 ",
     exit_codes!()

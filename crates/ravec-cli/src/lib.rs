@@ -12,6 +12,7 @@
 //! | 2 | the command line is wrong |
 //! | 3 | an input cannot be read, is no valid picture or mesh, or exceeds a limit |
 //! | 4 | an output cannot be written |
+//! | 5 | an output was written, but is not what was promised: an offset is not proved or not solid |
 //! | 130 | interrupted by Ctrl-C; nothing half-written is left |
 //!
 //! # Streams
@@ -128,6 +129,21 @@ fn execute(Arguments { command, global }: Arguments) -> Result<(), Failure> {
             let limits = limits.limits(global.max_bytes);
             job(&global, |progress| on_mesh(command, limits, progress))
         }
+        Command::Offset {
+            input,
+            output,
+            params,
+            limits,
+        } => {
+            let limits = limits.limits(global.max_bytes);
+            let input = mesh::MeshSource {
+                path: input,
+                limits,
+            };
+            job(&global, |progress| {
+                mesh::offset::run(&input, &output, &params, progress)
+            })
+        }
         Command::Demo { image, out, params } => {
             let photo = image.map(source);
             job(&global, |progress| {
@@ -230,7 +246,12 @@ fn job(
     }
     if report.passed == Some(false) {
         // what was found is in the summary and in the report
-        return Err(Failure::new(exit::FAILED, ""));
+        let code = if report.outputs.is_empty() {
+            exit::FAILED
+        } else {
+            exit::NOT_AS_PROMISED
+        };
+        return Err(Failure::new(code, ""));
     }
     Ok(())
 }

@@ -76,7 +76,8 @@ fn list(text: &mut String, finding: &Finding) {
         put(text, format_args!("  {}", described(place)));
     }
     let more = finding.count - (finding.places.len() as u64).min(finding.count);
-    if more > 0 {
+    // of some no place is known
+    if more > 0 && !finding.places.is_empty() {
         put(text, format_args!("  and {more} more"));
     }
 }

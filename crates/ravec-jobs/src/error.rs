@@ -140,7 +140,10 @@ impl JobError {
             | Self::InputTwice
             | Self::UnknownMeshFormat { .. }
             | Self::Offset {
-                cause: OffsetError::Distance { .. } | OffsetError::Tolerance { .. },
+                cause:
+                    OffsetError::Distance { .. }
+                    | OffsetError::Tolerance { .. }
+                    | OffsetError::NormalDeviation { .. },
                 ..
             }
             | Self::Write {

@@ -5,7 +5,7 @@ use crate::program::{code, done, photos, stderr};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-const COMMANDS: [&str; 14] = [
+const COMMANDS: [&str; 15] = [
     "compare",
     "twocolor",
     "brush",
@@ -16,6 +16,7 @@ const COMMANDS: [&str; 14] = [
     "mesh compare",
     "mesh render",
     "mesh simplify",
+    "offset",
     "demo",
     "scenes",
     "completions",
@@ -85,6 +86,9 @@ fn examples_of_the_help_run_as_they_are_written() {
         "small.stl",
         "part.3mf",
         "distance.json",
+        "grown.stl",
+        "hollow.3mf",
+        "smaller.json",
     ] {
         assert!(folder.path().join(written).is_file(), "{written}");
     }

@@ -64,6 +64,10 @@ fn work_that_is_interrupted_leaves_everything_as_it_was() {
             "-INT",
         ),
         (
+            "offset large.stl -o out.ply --distance 2% --tolerance 0.002%".to_owned(),
+            "-INT",
+        ),
+        (
             "mesh compare large.stl large.stl --samples 90000000".to_owned(),
             "-TERM",
         ),

@@ -10,6 +10,7 @@ mod interrupt;
 mod mesh;
 mod mesh_hostile;
 mod meshes;
+mod offset;
 mod outputs;
 mod pictures;
 mod program;

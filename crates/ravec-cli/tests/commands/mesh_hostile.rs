@@ -21,6 +21,7 @@ fn readers(name: &str) -> Vec<String> {
         format!("mesh render {name} -o out.png"),
         format!("mesh render part.stl -o out.png --compare {name}"),
         format!("mesh simplify {name} -o out.ply --error 1%"),
+        format!("offset {name} -o out.ply --distance 1%"),
     ]
 }
 
@@ -74,6 +75,7 @@ fn a_mesh_without_triangles_is_no_surface_but_can_be_converted() {
         "mesh compare part.stl none.off",
         "mesh render none.off -o out.png",
         "mesh render part.stl -o out.png --compare none.off",
+        "offset none.off -o out.ply --distance 1",
     ] {
         refused(folder.path(), line, 3, &["none.off", "no triangles"]);
     }

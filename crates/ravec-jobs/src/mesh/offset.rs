@@ -77,6 +77,11 @@ pub struct Params {
     /// Keep all triangles, rather than merge them as far as the tolerance allows: faster, and many more triangles
     #[cfg_attr(feature = "cli", arg(long))]
     pub no_simplify: bool,
+    /// How far merging may turn a triangle away from the surface that it stands for, above 0, up to 90 degrees
+    ///
+    /// Less keeps more triangles and looks smoother. At creases, triangles that were off more before stay so.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "DEGREES", default_value_t = Params::default().max_normal_deviation))]
+    pub max_normal_deviation: f64,
     /// Unit of the input's coordinates, whatever the file says; most formats say nothing
     #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "UNIT"))]
     pub unit: Option<Unit>,
@@ -92,6 +97,7 @@ impl Default for Params {
             tolerance: None,
             side: Side::default(),
             no_simplify: false,
+            max_normal_deviation: library::OffsetParams::default().max_normal_deviation_deg,
             unit: None,
             output: Output::default(),
         }
@@ -113,6 +119,14 @@ impl Params {
         if distance == 0.0 || distance < 0.0 && !self.side.is_inward() {
             let range = "above 0 (or below with --side inner or shell)";
             return wrong("--distance", self.distance, range);
+        }
+        let deviation = self.max_normal_deviation;
+        if !(deviation > 0.0 && deviation <= 90.0) {
+            return Err(JobError::Parameter {
+                name: "--max-normal-deviation",
+                value: deviation.to_string(),
+                range: "above 0, up to 90",
+            });
         }
         match self.tolerance {
             Some(tolerance) if tolerance.number() <= 0.0 => {
@@ -201,6 +215,7 @@ pub fn run(
         tolerance: tolerance - rounding,
         side: params.side.into(),
         simplify: !params.no_simplify,
+        max_normal_deviation_deg: params.max_normal_deviation,
     };
     let offset = report.time("offset", || {
         let turned = match params.side {

@@ -262,6 +262,15 @@ fn what_cannot_be_offset_is_refused_with_a_reason_and_without_a_file() {
         assert_eq!(got, code, "{text}");
         assert!(text.contains(word), "no `{word}` in: {text}");
     }
+    for deviation in [0.0, 90.5, f64::NAN] {
+        let asked = Params {
+            max_normal_deviation: deviation,
+            ..params("1", Side::Both)
+        };
+        let (code, text) = shop.refused("box.off", "out.off", &asked);
+        assert_eq!(code, 2);
+        assert!(text.contains("--max-normal-deviation is"), "{text}");
+    }
     let (code, text) = shop.refused("box.off", "out.png", &params("1", Side::Both));
     assert_eq!(code, 2, "{text}");
     let (code, text) = shop.refused("box.off", "no/out.off", &params("1", Side::Both));
