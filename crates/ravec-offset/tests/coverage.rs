@@ -23,7 +23,8 @@ fn assert_covered(
 }
 
 fn assert_all_covered(name: &str, mesh: &TriMesh, surface: &TriMesh, asked: &OffsetParams) {
-    let spacing = (0.4 * asked.distance).min(mesh.bounds().diagonal() / 25.0);
+    let size = mesh.bounds().diagonal().max(2.0 * asked.distance);
+    let spacing = (0.4 * asked.distance).max(size / 50.0).min(size / 25.0);
     let covered = coverage_by_oracle(mesh, surface, asked, spacing);
     let (samples, gaps) = (covered.samples, covered.gaps.len());
     assert!(samples > 100, "{name}, {asked:?}: {samples}");
@@ -82,6 +83,57 @@ fn offsets_of_soups_are_covered() {
         let (soup, _) = soup(12, Seed(seed));
         for side in [Side::Both, Side::Outer] {
             assert_covered(&format!("soup {seed}"), &soup.mesh, side, (0.2, 0.02, true));
+        }
+    }
+}
+
+/// Boxes, given by their lowest and highest corners.
+fn boxes(list: &[[DVec3; 2]]) -> TriMesh {
+    let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+    for &[low, high] in list {
+        let one = cuboid(high - low).shifted(0.5 * (low + high)).mesh;
+        let first = positions.len() as u32;
+        positions.extend(one.positions());
+        triangles.extend(one.triangles().iter().map(|t| t.map(|v| v + first)));
+    }
+    TriMesh::new(positions, triangles).unwrap()
+}
+
+/// A cell of the search may be larger than all of a room inside, and have no corner in it.
+#[test]
+fn small_rooms_inside_are_found_beside_large_ones() {
+    let large = [DVec3::ZERO, DVec3::ONE];
+    for (name, size) in [
+        ("cube", DVec3::splat(0.06)),
+        ("rod", dvec3(0.06, 0.06, 1.0)),
+        ("wall", dvec3(0.06, 1.0, 1.0)),
+    ] {
+        for place in [dvec3(1.5, 0.1, 0.0), dvec3(2.3, 0.37, -0.2)] {
+            let mesh = boxes(&[large, [place, place + size]]);
+            let asked = params(Side::Inner, 0.02, 0.002, false);
+            let (found, checked) = sound_offset(name, &mesh, &asked);
+            assert_eq!(checked.components, 2, "{name} at {place}");
+            assert_all_covered(name, &mesh, &found.mesh, &asked);
+        }
+    }
+}
+
+#[test]
+fn slits_between_solids_are_found() {
+    let large = [DVec3::ZERO, DVec3::ONE];
+    for place in [dvec3(1.25, 0.0, 0.0), dvec3(1.25, 0.1, -0.2)] {
+        let mesh = boxes(&[large, [place, place + DVec3::ONE]]);
+        assert_covered("slit", &mesh, Side::Outer, (0.1, 0.01, true));
+    }
+}
+
+#[test]
+fn triangles_without_area_are_points_and_segments() {
+    let ends = vec![DVec3::ZERO, dvec3(1.0, 0.2, -0.3)];
+    for triangle in [[0, 0, 0], [0, 1, 1]] {
+        let mesh = TriMesh::new(ends.clone(), vec![triangle]).unwrap();
+        for side in [Side::Both, Side::Outer] {
+            assert_covered("thin triangle", &mesh, side, (0.3, 0.03, true));
         }
     }
 }

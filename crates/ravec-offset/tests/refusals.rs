@@ -66,6 +66,18 @@ fn a_tolerance_is_above_what_numbers_hold_and_below_half_the_distance() {
     assert!(matches!(error, OffsetError::Tolerance { .. }), "{error}");
 }
 
+/// There, numbers are about 1e-4 apart.
+#[test]
+fn a_tolerance_that_coordinates_far_from_the_origin_cannot_hold_is_refused() {
+    let far = cuboid(DVec3::ONE)
+        .shifted(DVec3::new(1e12, -1e12, 1e12))
+        .mesh;
+    for side in [Side::Both, Side::Inner] {
+        let error = refusal(&far, &params(0.1, 0.001, side));
+        assert!(matches!(error, OffsetError::Tolerance { .. }), "{error}");
+    }
+}
+
 #[test]
 fn a_normal_deviation_is_above_0_and_at_most_a_right_angle() {
     for degrees in [0.0, -4.0, 90.5, f64::INFINITY, f64::NAN] {

@@ -167,7 +167,7 @@ fn one_thread_and_four_give_the_same_bytes() {
         (&comb(4, 0.04, 0.16, 0.6).mesh, Side::Both),
     ] {
         for simplify in [false, true] {
-            let asked = params(side, 0.1, 0.02, simplify);
+            let asked = params(side, 0.1, 0.03, simplify);
             let (one, four) = (offset_by(1, mesh, &asked), offset_by(4, mesh, &asked));
             assert_eq!(one.1, four.1);
             let bits = |mesh: &TriMesh| -> Vec<[u64; 3]> {

@@ -47,6 +47,8 @@ impl Track {
 pub struct Tracks {
     mesh: TriMesh,
     adjacency: Adjacency,
+    /// Sides of triangles that name a vertex twice, of which adjacency takes no notice.
+    loose: Vec<[u32; 2]>,
     distance: f64,
     spacing: f64,
 }
@@ -56,9 +58,21 @@ impl Tracks {
     pub fn new(mesh: &TriMesh, distance: f64, spacing: f64) -> Self {
         let mesh = weld(mesh, 0.0).mesh;
         let adjacency = Adjacency::new(&mesh);
+        let thin = mesh
+            .triangles()
+            .iter()
+            .filter(|[a, b, c]| a == b || b == c || c == a);
+        let mut loose: Vec<[u32; 2]> = thin
+            .flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]])
+            .filter(|[a, b]| a == b || adjacency.edge_between(*a, *b).is_none())
+            .map(|[a, b]| [a.min(b), a.max(b)])
+            .collect();
+        loose.sort_unstable();
+        loose.dedup();
         Self {
             mesh,
             adjacency,
+            loose,
             distance,
             spacing,
         }
@@ -66,18 +80,23 @@ impl Tracks {
 
     /// The number of faces, edges and vertices.
     pub fn parts(&self) -> usize {
-        self.mesh.triangles().len() + self.adjacency.edges().len() + self.mesh.positions().len()
+        let proper = self.mesh.triangles().len() + self.adjacency.edges().len();
+        proper + self.mesh.positions().len() + self.loose.len()
     }
 
     /// The tracks over one of them.
     pub fn of(&self, part: usize) -> Vec<Track> {
         let (faces, edges) = (self.mesh.triangles().len(), self.adjacency.edges().len());
+        let vertices = self.mesh.positions().len();
         if part < faces {
             self.over_face(part as u32)
         } else if part < faces + edges {
-            self.over_edge((part - faces) as u32)
-        } else {
+            let edge = (part - faces) as u32;
+            self.over_edge(self.adjacency.edges()[edge as usize], Some(edge))
+        } else if part < faces + edges + vertices {
             self.over_vertex((part - faces - edges) as u32)
+        } else {
+            self.over_edge(self.loose[part - faces - edges - vertices], None)
         }
     }
 
@@ -114,16 +133,14 @@ impl Tracks {
             .collect()
     }
 
-    fn over_edge(&self, edge: u32) -> Vec<Track> {
-        let ends = self.adjacency.edges()[edge as usize];
+    fn over_edge(&self, ends: [u32; 2], edge: Option<u32>) -> Vec<Track> {
         let [from, to] = ends.map(|v| self.mesh.positions()[v as usize]);
         let Some(along) = (to - from).try_normalize() else {
             return Vec::new();
         };
         // into the triangles at the edge
-        let into: Vec<DVec3> = self
-            .adjacency
-            .uses(edge)
+        let into: Vec<DVec3> = edge
+            .map_or(&[][..], |edge| self.adjacency.uses(edge))
             .iter()
             .filter_map(|u| {
                 let triangle = self.mesh.triangles()[u.triangle as usize];
@@ -169,7 +186,7 @@ impl Tracks {
     fn over_vertex(&self, vertex: u32) -> Vec<Track> {
         let center = self.mesh.positions()[vertex as usize];
         let triangles = self.adjacency.triangles_at(vertex);
-        if triangles.is_empty() {
+        if triangles.is_empty() && !self.loose.iter().any(|ends| ends.contains(&vertex)) {
             return Vec::new();
         }
         let mut along: Vec<DVec3> = Vec::new();
