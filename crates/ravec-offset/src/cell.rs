@@ -33,7 +33,8 @@ pub(crate) struct Sample {
 /// What is known of a corner of a cell.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct CornerValue {
-    pub near: Near,
+    /// The closest triangle.
+    pub triangle: u32,
     /// The field there: below zero is inside the offset solid.
     pub value: f64,
 }
@@ -139,13 +140,15 @@ impl Cell<'_> {
         let [low, high] = self.frame.bounds(self.key);
         let at = |octant| self.frame.point(self.key.corner(octant));
         // the side of the middle is not known where triangles go through the cell
-        let middle = (region != Region::Unknown || !self.field.is_signed()).then(|| CornerValue {
-            near: center,
-            value: self.field.value(center.distance, region),
+        let middle = (region != Region::Unknown || !self.field.is_signed()).then(|| {
+            let value = self.field.value(center.distance, region);
+            (0.5 * (low + high), center, value)
         });
-        let points = (0..8).map(|octant| (at(octant), corners[octant]));
-        let points = points.chain(middle.map(|middle| (0.5 * (low + high), middle)));
-        for (p, CornerValue { near, value }) in points {
+        let points = (0..8).map(|octant| {
+            let (p, CornerValue { triangle, value }) = (at(octant), corners[octant]);
+            (p, self.field.near_of(p, triangle), value)
+        });
+        for (p, near, value) in points.chain(middle) {
             // the other side of the solid has its surface elsewhere
             let signed_distance = value + self.field.level;
             if near.distance <= 0.0 || signed_distance * self.field.level < 0.0 {
@@ -252,7 +255,7 @@ pub(crate) fn root(
     let (mut low, mut high) = (0.0, 1.0);
     let [mut low_value, mut high_value] = ends.map(|end| end.value);
     let nearer = usize::from(high_value.abs() < low_value.abs());
-    let mut hint = ends[nearer].near.triangle;
+    let mut hint = ends[nearer].triangle;
     let mut best = None;
     for round in 0..12 {
         // where the piece of the closest triangle is, as most edges meet one piece only; halves when that gets stuck

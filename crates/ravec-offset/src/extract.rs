@@ -102,7 +102,7 @@ fn edge_root(refinement: &Refinement<'_>, ends: [Corner; 2], cells: &[NodeId]) -
             let value = refinement.field.radius() - near.distance;
             let inside = if i == 0 { -1.0 } else { 1.0 };
             CornerValue {
-                near,
+                triangle: near.triangle,
                 value: inside * value.abs(),
             }
         })

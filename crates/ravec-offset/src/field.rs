@@ -2,7 +2,7 @@
 //! distance that is asked for.
 
 use glam::DVec3;
-use ravec_mesh::{Bvh, Closest, WindingNumbers};
+use ravec_mesh::{Bvh, Closest, WindingNumbers, closest_on_triangle};
 
 /// On which side of the triangles something lies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -73,6 +73,17 @@ impl<'a> Field<'a> {
             triangle,
             away: (p - point).normalize_or_zero(),
             distance,
+        }
+    }
+
+    /// As [`Self::near`] for a point whose closest triangle is known.
+    #[inline]
+    pub fn near_of(&self, p: DVec3, triangle: u32) -> Near {
+        let closest = closest_on_triangle(p, self.bvh.corners(triangle));
+        Near {
+            triangle,
+            away: (p - closest.point).normalize_or_zero(),
+            distance: closest.distance_sq.sqrt(),
         }
     }
 

@@ -13,7 +13,8 @@ use ravec_mesh::{
 use ravec_octree::{Frame, NodeId};
 use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
-use rustc_hash::{FxHashMap, FxHashSet};
+use rustc_hash::{FxBuildHasher, FxHashMap, FxHashSet};
+use std::hash::BuildHasher as _;
 
 /// Rounds of mending after which what is left is reported.
 const MOST_ROUNDS: u32 = 24;
@@ -158,8 +159,8 @@ fn frame_around(bounds: &ravec_mesh::Aabb) -> Frame {
 struct Job<'a> {
     params: &'a OffsetParams,
     field: &'a Field<'a>,
-    /// Facets that were proved, by the bits of their corners.
-    proved: FxHashSet<[u64; 9]>,
+    /// Facets that were proved, by a hash of their corners: all facets of the result are proved once more.
+    proved: FxHashSet<u64>,
 }
 
 impl<'a> Job<'a> {
@@ -212,9 +213,9 @@ impl<'a> Job<'a> {
         let facet =
             |t: usize| extracted.triangles[t].map(|corner| extracted.positions[corner as usize]);
         let limits = self.limits();
-        let fresh: Vec<(usize, [u64; 9])> = (0..extracted.triangles.len())
-            .map(|t| (t, bits(facet(t))))
-            .filter(|(_, bits)| !self.proved.contains(bits))
+        let fresh: Vec<(usize, u64)> = (0..extracted.triangles.len())
+            .map(|t| (t, hash(facet(t))))
+            .filter(|(_, hash)| !self.proved.contains(hash))
             .collect();
         let held: Vec<bool> = fresh
             .par_iter()
@@ -225,9 +226,9 @@ impl<'a> Job<'a> {
                 Ok(keeps_distance(self.field, facet(t), limits, hints))
             })
             .collect::<Result<_, Cancelled>>()?;
-        for ((t, bits), held) in fresh.into_iter().zip(held) {
+        for ((t, hash), held) in fresh.into_iter().zip(held) {
             if held {
-                self.proved.insert(bits);
+                self.proved.insert(hash);
             } else {
                 bad.extend(extracted.cells_of(t));
             }
@@ -324,12 +325,8 @@ impl<'a> Job<'a> {
     }
 }
 
-fn bits(facet: [DVec3; 3]) -> [u64; 9] {
-    let mut bits = [0; 9];
-    for (bits, p) in bits.chunks_exact_mut(3).zip(facet) {
-        bits.copy_from_slice(&p.to_array().map(f64::to_bits));
-    }
-    bits
+fn hash(facet: [DVec3; 3]) -> u64 {
+    FxBuildHasher.hash_one(facet.map(|p| p.to_array().map(f64::to_bits)))
 }
 
 /// The mesh without vertices that no triangle uses.

@@ -225,7 +225,7 @@ impl<'a> Refinement<'a> {
             known => known,
         };
         CornerValue {
-            near,
+            triangle: near.triangle,
             value: self.field.value(near.distance, region),
         }
     }
