@@ -112,7 +112,7 @@ Examples:
   ravec offset part.stl -o grown.stl --distance 2% --side outer
   ravec offset part.stl -o hollow.3mf --distance 0.2mm --unit mm --side shell
   ravec offset other.ply -o around.ply --distance 5% --tolerance 0.5% --no-simplify
-  ravec offset part.stl -o smaller.ply --distance=-1% --tolerance 0.1% --side inner -q --json smaller.json
+  ravec offset part.stl -o smaller.ply --distance=-1% --side inner -q --json smaller.json
 
 The mesh may be any triangles: open, crossing, flipped, doubled. Only inner and shell need a closed one. Edges and corners that \
 the offset has are sharp in the result. A triangle is proved if none of its points is nearer to the mesh than the distance less \
