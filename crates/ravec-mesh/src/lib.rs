@@ -35,10 +35,10 @@ pub use self_intersection::{
     IntersectingPair, SelfIntersections, for_each_self_intersection, intersections_with,
     self_intersections,
 };
-pub use tri_distance::triangle_distance_sq;
 pub use simplify::{
-    BoundaryRule, CollapseCandidate, Keep, Simplified, SimplifyError, SimplifyParams, SimplifyReport,
-    Vetoes, simplify,
+    BoundaryRule, CollapseCandidate, Keep, Simplified, SimplifyError, SimplifyParams,
+    SimplifyReport, Vetoes, simplify,
 };
+pub use tri_distance::triangle_distance_sq;
 pub use tri_intersect::{TriTri, intersection};
 pub use tri_mesh::{MeshError, TriMesh};

@@ -2,7 +2,7 @@
 
 use crate::field::{Field, Near, Region};
 use glam::{DMat3, DVec3};
-use ravec_mesh::closest_on_triangle;
+use ravec_mesh::{Aabb, closest_on_triangle};
 use ravec_octree::{CellKey, Frame};
 
 /// The share of a cell's side that its vertex keeps away from its faces, so that vertices of neighbours never meet.
@@ -20,6 +20,9 @@ const MISS: f64 = 0.25;
 
 /// The share of the tolerance within which a sample counts as lying on the surface.
 const ON_SURFACE: f64 = 0.02;
+
+/// Triangles that may go through a cell that is not split: more may enclose rooms that its corners know nothing of.
+pub(crate) const MOST_TRIANGLES: usize = 6;
 
 /// A point of the surface.
 #[derive(Debug, Clone, Copy)]
@@ -72,6 +75,9 @@ impl Cell<'_> {
         let mut samples = Vec::with_capacity(24);
         self.roots(corners, region, &mut samples);
         self.feet(center, region, corners, &mut samples);
+        if region == Region::Unknown && self.field.is_signed() {
+            self.feet_of_triangles(center, &mut samples);
+        }
         if samples.is_empty() {
             return Fit {
                 vertex: None,
@@ -176,6 +182,43 @@ impl Cell<'_> {
         }
     }
 
+    /// The points of the surface above the triangles that go through the cell, on the side that is wanted.
+    fn feet_of_triangles(&self, center: Near, samples: &mut Vec<Sample>) {
+        let [low, high] = self.frame.bounds(self.key);
+        let radius = self.field.radius();
+        let bounds = Aabb {
+            min: low,
+            max: high,
+        };
+        let mut triangles = Vec::with_capacity(MOST_TRIANGLES);
+        self.field
+            .bvh()
+            .for_each_touching(&bounds, |triangle| triangles.push(triangle));
+        triangles.sort_unstable();
+        for triangle in triangles {
+            let corners = self.field.bvh().corners(triangle);
+            let normal = (corners[1] - corners[0])
+                .cross(corners[2] - corners[0])
+                .normalize_or_zero();
+            let base = closest_on_triangle(0.5 * (low + high), corners).point;
+            for away in [normal, -normal] {
+                let foot = base + radius * away;
+                if away == DVec3::ZERO || foot.cmplt(low).any() || foot.cmpgt(high).any() {
+                    continue;
+                }
+                let there = self.field.near(foot, center.triangle);
+                let is_off = (there.distance - radius).abs() > ON_SURFACE * self.tolerance;
+                if !is_off && self.field.region(foot) == self.field.wanted() {
+                    samples.push(Sample {
+                        point: foot,
+                        away: there.away,
+                        triangle: there.triangle,
+                    });
+                }
+            }
+        }
+    }
+
     /// The point in the cell that is nearest to being on the pieces that the samples lie on, and by how much it misses the
     /// surface.
     pub fn vertex(&self, samples: &[Sample]) -> (DVec3, f64) {
@@ -270,8 +313,6 @@ pub(crate) fn root(
         let near = field.near(point, hint);
         hint = near.triangle;
         let region = match region {
-            // the triangles are below the surface, so what is that far is on its side
-            Region::Unknown if near.distance > 0.5 * field.radius() => field.wanted(),
             Region::Unknown => field.region(point),
             known => known,
         };

@@ -11,6 +11,9 @@ use ravec_mesh::{closest_on_triangle, distance_sq_to_triangle};
 /// How often a facet may be halved each way until the bound is strong enough.
 const MOST_CUTS: u32 = 5;
 
+/// Crests that are more acute than about 10° are not followed to their end.
+const LEAST_SHARE: f64 = 0.08;
+
 /// Whether no point of a facet is nearer to the triangles than `least` or farther than `most`; `hints` are triangles that
 /// may be close to its corners.
 pub(crate) fn keeps_distance(
@@ -66,6 +69,25 @@ fn is_within(field: &Field<'_>, facet: [DVec3; 3], most: f64, hints: [u32; 3], c
     ]
     .into_iter()
     .all(|(part, hints)| is_within(field, part, most, hints, cuts - 1))
+}
+
+/// Limits for a facet that may cut a crest. Where two sheets meet at an angle α, the distance grows by sin(α/2) only on the
+/// way from the crest, so that a facet across it must keep the distance that much better.
+pub(crate) fn tightened(
+    field: &Field<'_>,
+    facet: [DVec3; 3],
+    [least, most]: [f64; 2],
+    hints: [u32; 3],
+) -> [f64; 2] {
+    let away = [0, 1, 2].map(|i| field.near_of(facet[i], hints[i]).away);
+    let most_apart = away[0]
+        .dot(away[1])
+        .min(away[1].dot(away[2]))
+        .min(away[2].dot(away[0]));
+    let half_opening_sine = (0.5 * (1.0 + most_apart)).max(0.0).sqrt();
+    let share = half_opening_sine.clamp(LEAST_SHARE, 1.0);
+    let (middle, half) = (0.5 * (least + most), 0.5 * (most - least));
+    [middle - share * half, middle + share * half]
 }
 
 /// The angle in radians between a facet and the surface that it stands for, at the facet's middle; `hints` are triangles

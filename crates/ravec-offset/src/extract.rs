@@ -35,17 +35,37 @@ impl Extracted {
         self.contour.polygons[self.polygon_of[triangle] as usize].cells()
     }
 
-    /// Leaves in which the surface has several sheets.
-    pub fn crowded_cells(&self) -> Vec<NodeId> {
-        let mut crowded: Vec<NodeId> = self
-            .contour
-            .vertex_cells
+    /// The triangles of polygons that have a corner in a leaf with several sheets, or share a leaf with such a polygon.
+    pub fn near_crowded_cells(&self) -> Vec<u32> {
+        let sheets = &self.contour.vertex_cells;
+        let mut near: FxHashSet<NodeId> = sheets
             .windows(2)
             .filter(|pair| pair[0] == pair[1])
             .map(|pair| pair[0])
             .collect();
-        crowded.dedup();
-        crowded
+        if near.is_empty() {
+            return vec![];
+        }
+        let touches = |polygon: &Polygon, cells: &FxHashSet<NodeId>| {
+            polygon.cells().iter().any(|cell| cells.contains(cell))
+        };
+        let polygons = &self.contour.polygons;
+        let beside: Vec<NodeId> = polygons
+            .iter()
+            .filter(|polygon| touches(polygon, &near))
+            .flat_map(|polygon| polygon.cells())
+            .copied()
+            .collect();
+        near.extend(beside);
+        let is_near: Vec<bool> = polygons
+            .iter()
+            .map(|polygon| touches(polygon, &near))
+            .collect();
+        (0u32..)
+            .zip(&self.polygon_of)
+            .filter(|&(_, &polygon)| is_near[polygon as usize])
+            .map(|(triangle, _)| triangle)
+            .collect()
     }
 }
 

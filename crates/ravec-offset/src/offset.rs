@@ -1,6 +1,6 @@
 //! The whole way from triangles to their offset surface.
 
-use crate::certify::{keeps_distance, normal_deviation};
+use crate::certify::{keeps_distance, normal_deviation, tightened};
 use crate::extract::{Extracted, extract};
 use crate::field::Field;
 use crate::params::{OffsetError, OffsetParams, Side};
@@ -72,7 +72,7 @@ pub fn offset(
         return Err(OffsetError::NoTriangles);
     }
     let bounds = mesh.bounds();
-    params.check(bounds.diagonal())?;
+    params.check(&bounds)?;
     let quick = CheckParams {
         self_intersections: false,
         list_limit: 0,
@@ -194,7 +194,8 @@ impl<'a> Job<'a> {
             let (coarse, finest): (Vec<NodeId>, Vec<NodeId>) = bad
                 .into_iter()
                 .partition(|&leaf| refinement.tree.key(leaf).level < limit);
-            if coarse.is_empty() && !refinement.fill(&finest) {
+            let filled = refinement.fill(&finest);
+            if coarse.is_empty() && !filled {
                 return Ok((extracted, refinement, rounds));
             }
             refinement.split(&coarse, progress)?;
@@ -209,7 +210,7 @@ impl<'a> Job<'a> {
         extracted: &Extracted,
         progress: &Progress,
     ) -> Result<Vec<NodeId>, Cancelled> {
-        let mut bad = extracted.crowded_cells();
+        let mut bad = Vec::new();
         let facet =
             |t: usize| extracted.triangles[t].map(|corner| extracted.positions[corner as usize]);
         let limits = self.limits();
@@ -223,6 +224,7 @@ impl<'a> Job<'a> {
                 let cells = extracted.cells_of(t);
                 let hints = [0, 1, 2].map(|i| refinement.tree.data(cells[i]).hint);
                 progress.check()?;
+                let limits = tightened(self.field, facet(t), limits, hints);
                 Ok(keeps_distance(self.field, facet(t), limits, hints))
             })
             .collect::<Result<_, Cancelled>>()?;
@@ -233,15 +235,12 @@ impl<'a> Job<'a> {
                 bad.extend(extracted.cells_of(t));
             }
         }
-        // what has to be split anyway need not be searched for intersections yet
+        // only cells with several sheets let triangles meet, so what is near these is searched first
+        let near = extracted.near_crowded_cells();
+        bad.extend(meeting_cells(extracted, &near, progress)?);
         if bad.is_empty() {
-            let mesh = TriMesh::new(extracted.positions.clone(), extracted.triangles.clone());
-            let mesh = mesh.expect("corners are finite and have numbers");
-            let bvh = Bvh::new(&mesh);
-            for pair in self_intersections(&bvh, usize::MAX, progress)?.pairs {
-                bad.extend(extracted.cells_of(pair.first as usize));
-                bad.extend(extracted.cells_of(pair.second as usize));
-            }
+            let all: Vec<u32> = (0..extracted.triangles.len() as u32).collect();
+            bad.extend(meeting_cells(extracted, &all, progress)?);
         }
         bad.sort_unstable();
         bad.dedup();
@@ -294,10 +293,11 @@ impl<'a> Job<'a> {
                     return true;
                 }
             }
-            candidate
-                .after
-                .iter()
-                .any(|&facet| !keeps_distance(self.field, facet, limits, hints_of(facet)))
+            candidate.after.iter().any(|&facet| {
+                let hints = hints_of(facet);
+                let limits = tightened(self.field, facet, limits, hints);
+                !keeps_distance(self.field, facet, limits, hints)
+            })
         };
         match simplify(surface, &params, &Keep::default(), veto, progress) {
             Ok(simplified) => Ok(simplified.mesh),
@@ -323,6 +323,26 @@ impl<'a> Job<'a> {
             })
             .try_reduce(|| 0, |a, b| Ok(a + b))
     }
+}
+
+/// The cells of those of some triangles that meet each other where they should not.
+fn meeting_cells(
+    extracted: &Extracted,
+    triangles: &[u32],
+    progress: &Progress,
+) -> Result<Vec<NodeId>, Cancelled> {
+    let chosen: Vec<[u32; 3]> = triangles
+        .iter()
+        .map(|&t| extracted.triangles[t as usize])
+        .collect();
+    let bvh = Bvh::new(&compact(&extracted.positions, &chosen));
+    let pairs = self_intersections(&bvh, usize::MAX, progress)?.pairs;
+    Ok(pairs
+        .iter()
+        .flat_map(|pair| [pair.first, pair.second])
+        .flat_map(|t| extracted.cells_of(triangles[t as usize] as usize))
+        .copied()
+        .collect())
 }
 
 fn hash(facet: [DVec3; 3]) -> u64 {

@@ -1,5 +1,6 @@
 //! What is asked for, and what is refused.
 
+use ravec_mesh::Aabb;
 use ravec_progress::Cancelled;
 
 /// Which part of the surface at the distance.
@@ -55,6 +56,14 @@ pub enum OffsetError {
     /// Nothing to be at a distance from.
     #[error("the mesh has no triangles")]
     NoTriangles,
+    /// A mesh that is too small or too large to reckon with.
+    #[error(
+        "the mesh measures {diagonal:e} across, but only sizes from 1e-40 to 1e40 can be offset: scale it first"
+    )]
+    Size {
+        /// The diagonal of its box.
+        diagonal: f64,
+    },
     /// A distance that is none.
     #[error("the distance is {got}, but must be a number above 0")]
     Distance {
@@ -101,14 +110,27 @@ pub enum OffsetError {
 /// Cells per side of the root that the tolerance may ask for: the lattice has 2²⁰.
 const MOST_CELLS: f64 = 1_048_576.0;
 
+/// The finest tolerance relative to the coordinates: some 2000 roundings.
+const FINEST: f64 = 4e-13;
+
+/// Sizes whose squares and cubes numbers can hold.
+const SIZES: std::ops::Range<f64> = 1e-40..1e40;
+
 impl OffsetParams {
-    /// Refuses what makes no sense for a mesh with this diagonal.
-    pub(crate) fn check(&self, diagonal: f64) -> Result<(), OffsetError> {
+    /// Refuses what makes no sense for a mesh in a box.
+    pub(crate) fn check(&self, bounds: &Aabb) -> Result<(), OffsetError> {
+        let diagonal = bounds.diagonal();
+        if diagonal > 0.0 && !SIZES.contains(&diagonal) {
+            return Err(OffsetError::Size { diagonal });
+        }
         let distance = self.distance;
-        if !(distance.is_finite() && distance > 0.0) {
+        let reach = diagonal + 4.0 * distance;
+        if !(distance.is_finite() && distance > 0.0 && SIZES.contains(&reach)) {
             return Err(OffsetError::Distance { got: distance });
         }
-        let least = (diagonal + 4.0 * distance) * 3f64.sqrt() / MOST_CELLS;
+        // so that the lattice is fine enough, and places far from the origin still differ
+        let farthest = bounds.min.abs().max(bounds.max.abs()).max_element();
+        let least = (reach * 3f64.sqrt() / MOST_CELLS).max(farthest * FINEST);
         let most = 0.5 * distance;
         let got = self.tolerance;
         if !(got.is_finite() && got >= least && got < most) {

@@ -1,8 +1,9 @@
 //! The tree: cells that may hold the surface are split until a vertex can stand for what they hold.
 
-use crate::cell::{Cell, CornerValue};
+use crate::cell::{Cell, CornerValue, MOST_TRIANGLES};
 use crate::field::{Field, Near, Region};
 use glam::DVec3;
+use ravec_mesh::Aabb;
 use ravec_octree::{CellKey, Corner, Frame, MAX_LEVEL, NodeId, Octree};
 use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
@@ -190,9 +191,22 @@ impl<'a> Refinement<'a> {
         if key.level < FIRST_LEVEL {
             return true;
         }
-        // without signs, a cell with triangles in it would hide the surface on one side of them
-        let radius = 0.5 * 3f64.sqrt() * self.frame.side_at(key.level);
-        !self.field.is_signed() && look.near.distance <= radius && key.level < self.floor
+        let [low, high] = self.frame.bounds(key);
+        let radius = 0.5 * (high - low).length();
+        if look.near.distance > radius || key.level >= self.floor {
+            return false;
+        }
+        // without signs, a cell with triangles in it would hide the surface on one side of them; with signs, many
+        // triangles may enclose what the corners know nothing of
+        let mut triangles = 0;
+        let bounds = Aabb {
+            min: low,
+            max: high,
+        };
+        self.field
+            .bvh()
+            .for_each_touching(&bounds, |_| triangles += 1);
+        !self.field.is_signed() || triangles > MOST_TRIANGLES
     }
 
     fn evaluate_corners(&mut self, cells: &[(NodeId, Look)]) {
