@@ -21,6 +21,9 @@ const MISS: f64 = 0.25;
 /// The share of the tolerance within which a sample counts as lying on the surface.
 const ON_SURFACE: f64 = 0.02;
 
+/// Rounds after which a root is as good as numbers go: a third of them halve.
+const MOST_ROUNDS: usize = 90;
+
 /// Triangles that may go through a cell that is not split: more may enclose rooms that its corners know nothing of.
 pub(crate) const MOST_TRIANGLES: usize = 6;
 
@@ -145,16 +148,17 @@ impl Cell<'_> {
         let radius = self.field.radius();
         let [low, high] = self.frame.bounds(self.key);
         let at = |octant| self.frame.point(self.key.corner(octant));
-        // the side of the middle is not known where triangles go through the cell
-        let middle = (region != Region::Unknown || !self.field.is_signed()).then(|| {
-            let value = self.field.value(center.distance, region);
-            (0.5 * (low + high), center, value)
-        });
+        let middle = 0.5 * (low + high);
+        let region = match region {
+            Region::Unknown => self.field.region(middle),
+            known => known,
+        };
+        let middle_value = self.field.value(center.distance, region);
         let points = (0..8).map(|octant| {
             let (p, CornerValue { triangle, value }) = (at(octant), corners[octant]);
             (p, self.field.near_of(p, triangle), value)
         });
-        for (p, near, value) in points.chain(middle) {
+        for (p, near, value) in points.chain([(middle, center, middle_value)]) {
             // the other side of the solid has its surface elsewhere
             let signed_distance = value + self.field.level;
             if near.distance <= 0.0 || signed_distance * self.field.level < 0.0 {
@@ -300,13 +304,16 @@ pub(crate) fn root(
     let nearer = usize::from(high_value.abs() < low_value.abs());
     let mut hint = ends[nearer].triangle;
     let mut best = None;
-    for round in 0..12 {
+    for round in 0..MOST_ROUNDS {
         // where the piece of the closest triangle is, as most edges meet one piece only; halves when that gets stuck
         let t = if round % 3 == 2 {
             0.5 * (low + high)
         } else {
-            let t = low + (high - low) * low_value / (low_value - high_value);
-            let t = root_on_piece(field, points, hint, t);
+            let mut t = low + (high - low) * low_value / (low_value - high_value);
+            // a piece has its like on the other side of its triangle
+            if region != Region::Unknown {
+                t = root_on_piece(field, points, hint, t);
+            }
             t.clamp(low + 1e-6 * (high - low), high - 1e-6 * (high - low))
         };
         let point = points[0].lerp(points[1], t);

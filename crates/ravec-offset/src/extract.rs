@@ -35,6 +35,23 @@ impl Extracted {
         self.contour.polygons[self.polygon_of[triangle] as usize].cells()
     }
 
+    /// The leaves in which sheets have the same vertex, which no search for intersections tells from a common one.
+    pub fn cells_with_equal_vertices(&self) -> Vec<NodeId> {
+        let sheets: Vec<usize> = (0..self.contour.vertex_cells.len()).collect();
+        sheets
+            .chunk_by(|&a, &b| self.contour.vertex_cells[a] == self.contour.vertex_cells[b])
+            .filter(|cell| {
+                cell.iter().enumerate().any(|(i, &a)| {
+                    let others = &cell[i + 1..];
+                    others
+                        .iter()
+                        .any(|&b| self.positions[a] == self.positions[b])
+                })
+            })
+            .map(|cell| self.contour.vertex_cells[cell[0]])
+            .collect()
+    }
+
     /// The triangles of polygons that have a corner in a leaf with several sheets, or share a leaf with such a polygon.
     pub fn near_crowded_cells(&self) -> Vec<u32> {
         let sheets = &self.contour.vertex_cells;
@@ -53,7 +70,7 @@ impl Extracted {
         let beside: Vec<NodeId> = polygons
             .iter()
             .filter(|polygon| touches(polygon, &near))
-            .flat_map(|polygon| polygon.cells())
+            .flat_map(Polygon::cells)
             .copied()
             .collect();
         near.extend(beside);

@@ -47,7 +47,7 @@ pub struct OffsetReport {
 
 /// The share of the tolerance by which simplification may leave the surface that it started from, either way: so crests,
 /// which the proof of the distance alone would let it cut, stay where they are.
-const CREST_SHARE: f64 = 0.9;
+const CREST_SHARE: f64 = 0.8;
 
 /// An offset surface.
 #[derive(Debug, Clone)]
@@ -186,14 +186,20 @@ impl<'a> Job<'a> {
         loop {
             progress.check()?;
             let extracted = extract(&refinement, outer, progress)?;
-            let bad = self.bad_cells(&refinement, &extracted, progress)?;
+            let unproved = self.unproved_cells(&refinement, &extracted, progress)?;
+            let meeting = meeting_cells(&extracted, unproved.is_empty(), progress)?;
             if rounds == MOST_ROUNDS {
                 return Ok((extracted, refinement, rounds));
             }
+            // what cannot be split any more is filled where triangles meet; a proof needs no second try
             let limit = refinement.limit();
-            let (coarse, finest): (Vec<NodeId>, Vec<NodeId>) = bad
-                .into_iter()
-                .partition(|&leaf| refinement.tree.key(leaf).level < limit);
+            let is_coarse = |&leaf: &NodeId| refinement.tree.key(leaf).level < limit;
+            let mut coarse: Vec<NodeId> = unproved.into_iter().filter(is_coarse).collect();
+            let (split, finest): (Vec<NodeId>, Vec<NodeId>) =
+                meeting.into_iter().partition(is_coarse);
+            coarse.extend(split);
+            coarse.sort_unstable();
+            coarse.dedup();
             let filled = refinement.fill(&finest);
             if coarse.is_empty() && !filled {
                 return Ok((extracted, refinement, rounds));
@@ -203,8 +209,8 @@ impl<'a> Job<'a> {
         }
     }
 
-    /// Leaves that have to be split.
-    fn bad_cells(
+    /// The leaves of facets that are not proved.
+    fn unproved_cells(
         &mut self,
         refinement: &Refinement<'_>,
         extracted: &Extracted,
@@ -235,15 +241,6 @@ impl<'a> Job<'a> {
                 bad.extend(extracted.cells_of(t));
             }
         }
-        // only cells with several sheets let triangles meet, so what is near these is searched first
-        let near = extracted.near_crowded_cells();
-        bad.extend(meeting_cells(extracted, &near, progress)?);
-        if bad.is_empty() {
-            let all: Vec<u32> = (0..extracted.triangles.len() as u32).collect();
-            bad.extend(meeting_cells(extracted, &all, progress)?);
-        }
-        bad.sort_unstable();
-        bad.dedup();
         Ok(bad)
     }
 
@@ -325,8 +322,23 @@ impl<'a> Job<'a> {
     }
 }
 
-/// The cells of those of some triangles that meet each other where they should not.
+/// The cells of triangles that meet where they should not. Only cells with several sheets let them, so what is near these
+/// is searched first; all is searched only if nothing was found and `thoroughly`.
 fn meeting_cells(
+    extracted: &Extracted,
+    thoroughly: bool,
+    progress: &Progress,
+) -> Result<Vec<NodeId>, Cancelled> {
+    let mut near = meeting_cells_of(extracted, &extracted.near_crowded_cells(), progress)?;
+    near.extend(extracted.cells_with_equal_vertices());
+    if !near.is_empty() || !thoroughly {
+        return Ok(near);
+    }
+    let all: Vec<u32> = (0..extracted.triangles.len() as u32).collect();
+    meeting_cells_of(extracted, &all, progress)
+}
+
+fn meeting_cells_of(
     extracted: &Extracted,
     triangles: &[u32],
     progress: &Progress,
@@ -337,12 +349,15 @@ fn meeting_cells(
         .collect();
     let bvh = Bvh::new(&compact(&extracted.positions, &chosen));
     let pairs = self_intersections(&bvh, usize::MAX, progress)?.pairs;
-    Ok(pairs
+    let mut cells: Vec<NodeId> = pairs
         .iter()
         .flat_map(|pair| [pair.first, pair.second])
         .flat_map(|t| extracted.cells_of(triangles[t as usize] as usize))
         .copied()
-        .collect())
+        .collect();
+    cells.sort_unstable();
+    cells.dedup();
+    Ok(cells)
 }
 
 fn hash(facet: [DVec3; 3]) -> u64 {
