@@ -156,13 +156,12 @@ impl Command {
     pub fn inputs(&self) -> Vec<&Path> {
         match self {
             Self::Compare { a, b, .. } => vec![a, b],
-            Self::Twocolor { input, .. } => vec![input],
+            Self::Twocolor { input, .. } | Self::Offset { input, .. } => vec![input],
             Self::Brush { input, stroke, .. } => {
                 let stroke = stroke.as_deref();
                 std::iter::once(input.as_path()).chain(stroke).collect()
             }
             Self::Mesh { command, .. } => command.inputs(),
-            Self::Offset { input, .. } => vec![input],
             Self::Demo { image, .. } => image.as_deref().into_iter().collect(),
             Self::Scenes { .. } | Self::Completions { .. } | Self::Man { .. } => Vec::new(),
         }

@@ -241,7 +241,7 @@ pub fn run(
         self_intersections: done.self_intersections,
     };
     if rounds(&target) {
-        let moved = report.time("check", || verdict.judge_rounded(&mesh, &target, progress))?;
+        let moved = report.time("check", || verdict.judge_rounded(&mesh, target, progress))?;
         report.figures.insert("largest_rounding", moved);
     }
     verdict.tell(params.side, &mut report);
@@ -294,7 +294,7 @@ impl Verdict {
     fn judge_rounded(
         &mut self,
         mesh: &TriMesh,
-        target: &MeshTarget,
+        target: MeshTarget,
         progress: &Progress,
     ) -> Result<f64, JobError> {
         // glTF is in meters

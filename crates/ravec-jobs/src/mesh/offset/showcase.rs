@@ -188,9 +188,9 @@ impl Studio<'_> {
         ];
         let fine = refined(mesh, fins.bounds().diagonal() / 120.0, 200_000);
         let mut values = vertex_distances(&fine, &Bvh::new(&fins), self.progress)?;
-        values
-            .iter_mut()
-            .for_each(|value| *value -= merged.distance);
+        for value in &mut values {
+            *value -= merged.distance;
+        }
         let largest = values.iter().fold(0.0, |most: f64, v| most.max(v.abs()));
         let paint = Paint::VertexValues(Values {
             values: &values,
