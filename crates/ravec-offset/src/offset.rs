@@ -17,7 +17,7 @@ use rustc_hash::{FxBuildHasher, FxHashMap, FxHashSet};
 use std::hash::BuildHasher as _;
 
 /// Rounds of mending after which what is left is reported.
-const MOST_ROUNDS: u32 = 24;
+const MOST_ROUNDS: u32 = 100;
 
 /// The share of the tolerance by which the surface is moved off round numbers, at which sheets tend to touch exactly.
 const OFF_ROUND: f64 = 0.0107;
@@ -224,12 +224,14 @@ impl<'a> Job<'a> {
             .map(|t| (t, hash(facet(t))))
             .filter(|(_, hash)| !self.proved.contains(hash))
             .collect();
+        let phase = progress.phase("prove", fresh.len() as u64);
         let held: Vec<bool> = fresh
             .par_iter()
             .map(|&(t, _)| {
                 let cells = extracted.cells_of(t);
                 let hints = [0, 1, 2].map(|i| refinement.tree.data(cells[i]).hint);
                 progress.check()?;
+                phase.advance(1);
                 let limits = tightened(self.field, facet(t), limits, hints);
                 Ok(keeps_distance(self.field, facet(t), limits, hints))
             })

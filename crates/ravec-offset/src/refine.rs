@@ -1,6 +1,6 @@
 //! The tree: cells that may hold the surface are split until a vertex can stand for what they hold.
 
-use crate::cell::{Cell, CornerValue, MOST_TRIANGLES};
+use crate::cell::{Cell, CornerValue, Fit, MOST_TRIANGLES};
 use crate::field::{Field, Near, Region};
 use glam::DVec3;
 use ravec_mesh::Aabb;
@@ -123,7 +123,15 @@ impl<'a> Refinement<'a> {
     fn settle(&mut self, mut front: Vec<NodeId>, progress: &Progress) -> Result<(), Cancelled> {
         while !front.is_empty() {
             progress.check()?;
-            let looks: Vec<Look> = front.par_iter().map(|&node| self.look(node)).collect();
+            let phase = progress.phase("refine", front.len() as u64);
+            let looks: Vec<Look> = front
+                .par_iter()
+                .map(|&node| {
+                    progress.check()?;
+                    phase.advance(1);
+                    Ok(self.look(node))
+                })
+                .collect::<Result<_, Cancelled>>()?;
             let (mut coarse, mut full) = (Vec::new(), Vec::new());
             for (&node, look) in front.iter().zip(looks) {
                 let data = self.tree.data_mut(node);
@@ -137,15 +145,16 @@ impl<'a> Refinement<'a> {
                     full.push((node, look));
                 }
             }
-            self.evaluate_corners(&full);
-            let fits: Vec<_> = full
+            self.evaluate_corners(&full, progress)?;
+            let fits: Vec<Fit> = full
                 .par_iter()
                 .map(|(node, look)| {
+                    progress.check()?;
                     let key = self.tree.key(*node);
                     let corners = self.corners_of(key);
-                    self.cell(key).fit(look.near, look.region, &corners)
+                    Ok(self.cell(key).fit(look.near, look.region, &corners))
                 })
-                .collect();
+                .collect::<Result<_, Cancelled>>()?;
             for ((node, _), fit) in full.into_iter().zip(fits) {
                 if fit.is_good || self.tree.key(node).level >= self.floor {
                     self.tree.data_mut(node).state = State::Full { vertex: fit.vertex };
@@ -209,7 +218,11 @@ impl<'a> Refinement<'a> {
         !self.field.is_signed() || triangles > MOST_TRIANGLES
     }
 
-    fn evaluate_corners(&mut self, cells: &[(NodeId, Look)]) {
+    fn evaluate_corners(
+        &mut self,
+        cells: &[(NodeId, Look)],
+        progress: &Progress,
+    ) -> Result<(), Cancelled> {
         let mut missing: Vec<(Corner, bool, Region, u32)> = cells
             .iter()
             .flat_map(|(node, look)| {
@@ -226,9 +239,13 @@ impl<'a> Refinement<'a> {
         missing.dedup_by_key(|&mut (corner, ..)| corner);
         let values: Vec<(u64, CornerValue)> = missing
             .into_par_iter()
-            .map(|(corner, _, region, hint)| (corner.code(), self.evaluate(corner, region, hint)))
-            .collect();
+            .map(|(corner, _, region, hint)| {
+                progress.check()?;
+                Ok((corner.code(), self.evaluate(corner, region, hint)))
+            })
+            .collect::<Result<_, Cancelled>>()?;
         self.corners.extend(values);
+        Ok(())
     }
 
     fn evaluate(&self, corner: Corner, region: Region, hint: u32) -> CornerValue {
