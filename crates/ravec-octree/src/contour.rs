@@ -15,6 +15,7 @@
 use crate::edges::MinimalEdge;
 use crate::key::Corner;
 use crate::tree::{NodeId, Octree};
+use rayon::prelude::*;
 
 /// A minimal edge with a change of sign, and the polygon around it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -102,6 +103,20 @@ impl Contour {
     /// # Panics
     /// If the signs do not belong to corners, so that around some face they change an odd number of times.
     pub fn new<T>(tree: &Octree<T>, crossings: &[(MinimalEdge, bool)]) -> Self {
+        Self::within(tree, crossings, |_| true)
+    }
+
+    /// A part of the surface: what is in some leaves. For these, all edges on which the sign changes must be given.
+    ///
+    /// Polygons with corners in other leaves are there as well, but what is said of them is not complete.
+    ///
+    /// # Panics
+    /// As [`Self::new`].
+    pub fn within<T>(
+        tree: &Octree<T>,
+        crossings: &[(MinimalEdge, bool)],
+        is_within: impl Fn(NodeId) -> bool,
+    ) -> Self {
         let mut polygons: Vec<Polygon> = crossings.iter().map(polygon_around).collect();
         let mut sides: Vec<Side> = Vec::with_capacity(4 * polygons.len());
         for (polygon, p) in (0u32..).zip(&polygons) {
@@ -115,11 +130,14 @@ impl Contour {
                 });
             }
         }
-        sides.sort_unstable_by_key(|side| (side.cells, side.polygon, side.corner));
+        sides.par_sort_unstable_by_key(|side| (side.cells, side.polygon, side.corner));
 
         let mut duals = Vec::with_capacity(sides.len() / 2);
         let mut fans = Fans::new(4 * polygons.len());
         for face in sides.chunk_by(|a, b| a.cells == b.cells) {
+            if !face[0].cells.iter().any(|&cell| is_within(cell)) {
+                continue;
+            }
             assert!(face.len().is_multiple_of(2), "signs belong to corners");
             for [a, b] in pairs(tree, &polygons, face) {
                 let dual = duals.len() as u32;

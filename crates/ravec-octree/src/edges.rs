@@ -8,6 +8,7 @@
 
 use crate::key::Corner;
 use crate::tree::{NodeId, Octree};
+use rayon::prelude::*;
 
 /// An edge and the leaves around it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -42,6 +43,52 @@ pub fn for_each_minimal_edge<T>(tree: &Octree<T>, mut visit: impl FnMut(MinimalE
     .cell(0);
 }
 
+/// What `select` makes of the minimal edges of a tree, in the order of [`for_each_minimal_edge`], by many threads.
+pub fn minimal_edges<T: Sync, R: Send>(
+    tree: &Octree<T>,
+    select: impl Fn(MinimalEdge) -> Option<R> + Sync,
+) -> Vec<R> {
+    let mut parts = Vec::new();
+    parts_of(tree, 0, PARALLEL_LEVELS, &mut parts);
+    let found: Vec<Vec<R>> = parts
+        .into_par_iter()
+        .map(|part| {
+            let mut found = Vec::new();
+            let mut visit = |edge| found.extend(select(edge));
+            let mut walk = Walk {
+                tree,
+                visit: &mut visit,
+            };
+            match part {
+                Part::Cell(node) => walk.cell(node),
+                Part::Between(node) => walk.between(node),
+            }
+            found
+        })
+        .collect();
+    found.into_iter().flatten().collect()
+}
+
+/// Levels of the tree from whose cells on the walk is done by one thread.
+const PARALLEL_LEVELS: u32 = 4;
+
+/// A part of the walk: a cell with all in it, or only what is between its children.
+enum Part {
+    Cell(NodeId),
+    Between(NodeId),
+}
+
+fn parts_of<T>(tree: &Octree<T>, node: NodeId, levels: u32, parts: &mut Vec<Part>) {
+    if levels == 0 || tree.is_leaf(node) {
+        parts.push(Part::Cell(node));
+        return;
+    }
+    for octant in 0..8 {
+        parts_of(tree, tree.child_or_self(node, octant), levels - 1, parts);
+    }
+    parts.push(Part::Between(node));
+}
+
 struct Walk<'a, T, V> {
     tree: &'a Octree<T>,
     visit: &'a mut V,
@@ -59,11 +106,16 @@ impl<T, V: FnMut(MinimalEdge)> Walk<'_, T, V> {
         if self.tree.is_leaf(node) {
             return;
         }
+        for octant in 0..8 {
+            self.cell(self.tree.child_or_self(node, octant));
+        }
+        self.between(node);
+    }
+
+    /// The edges between the children of a cell.
+    fn between(&mut self, node: NodeId) {
         let child = |octant| self.tree.child_or_self(node, octant);
         let children: [NodeId; 8] = std::array::from_fn(child);
-        for child in children {
-            self.cell(child);
-        }
         for axis in 0..3 {
             let [u, v] = others(axis);
             for part in 0..4 {
@@ -244,6 +296,9 @@ mod tests {
                 assert_eq!(tree.key(edge.smallest).side(), edge.length);
             });
             assert_eq!(found, naive(&tree));
+            let mut in_order = Vec::new();
+            for_each_minimal_edge(&tree, |edge| in_order.push(edge));
+            assert_eq!(minimal_edges(&tree, Some), in_order);
         }
     }
 

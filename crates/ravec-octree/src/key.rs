@@ -17,6 +17,13 @@ impl Corner {
         x | y << 21 | z << 42
     }
 
+    /// Its place on the curve that visits all points of a cell, of any level, one after the other (Morton, 1966).
+    #[inline]
+    pub fn morton(self) -> u64 {
+        let [x, y, z] = self.0.map(spread);
+        x | y << 1 | z << 2
+    }
+
     /// The corner moved by `by` along an axis.
     #[inline]
     #[must_use]
@@ -24,6 +31,22 @@ impl Corner {
         self.0[axis] += by;
         self
     }
+}
+
+/// The lowest 21 bits, each with two zeros above it.
+#[inline]
+fn spread(x: u32) -> u64 {
+    let mut x = u64::from(x);
+    for (by, mask) in [
+        (32, 0x001f_0000_0000_ffff),
+        (16, 0x001f_0000_ff00_00ff),
+        (8, 0x100f_00f0_0f00_f00f),
+        (4, 0x10c3_0c30_c30c_30c3),
+        (2, 0x1249_2492_4924_9249),
+    ] {
+        x = (x | x << by) & mask;
+    }
+    x
 }
 
 /// A cell: its lowest corner and its level, 0 for the root.
@@ -64,6 +87,12 @@ impl CellKey {
             at: Corner([0, 1, 2].map(place)),
             level: self.level + 1,
         }
+    }
+
+    /// Whether a point is in the cell, or on one of its lower faces: a point is in one cell of a level only.
+    #[inline]
+    pub fn owns(self, point: Corner) -> bool {
+        (0..3).all(|axis| point.0[axis].wrapping_sub(self.at.0[axis]) < self.side())
     }
 
     /// The corner whose place is said by the bits of `octant`.
@@ -132,6 +161,40 @@ mod tests {
         codes.sort_unstable();
         codes.dedup();
         assert_eq!(codes.len(), 36);
+    }
+
+    #[test]
+    fn the_curve_goes_through_cells_one_after_the_other() {
+        let bit_by_bit = |corner: Corner| -> u64 {
+            let bits = (0..=MAX_LEVEL).flat_map(|bit| (0..3).map(move |axis| (bit, axis)));
+            bits.map(|(bit, axis)| {
+                u64::from(corner.0[axis] >> bit & 1) << (3 * u32::from(bit) + axis as u32)
+            })
+            .sum()
+        };
+        let mut x = 1u32;
+        for _ in 0..200 {
+            x = x.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            let corner = Corner([x >> 12, x >> 11 & 0xf_ffff, x & 0xf_ffff]);
+            assert_eq!(corner.morton(), bit_by_bit(corner));
+        }
+        let end = Corner([1 << MAX_LEVEL; 3]);
+        assert_eq!(end.morton(), bit_by_bit(end));
+    }
+
+    #[test]
+    fn a_point_is_owned_by_one_child() {
+        let parent = CellKey::ROOT.child(3);
+        let m = parent.at.0[0] + parent.side() / 2;
+        for point in [
+            parent.at,
+            Corner([m, parent.at.0[1], m - 1]),
+            Corner([m; 3]),
+        ] {
+            let owners = (0..8).filter(|&octant| parent.child(octant).owns(point));
+            assert_eq!(owners.count(), usize::from(parent.owns(point)));
+        }
+        assert!(!parent.owns(parent.corner(7)));
     }
 
     #[test]

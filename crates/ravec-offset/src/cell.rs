@@ -3,7 +3,8 @@
 use crate::field::{Field, Near, Region};
 use glam::{DMat3, DVec3};
 use ravec_mesh::{Aabb, closest_on_triangle};
-use ravec_octree::{CellKey, Frame};
+use ravec_octree::{CellKey, Corner, Frame};
+use rustc_hash::FxHashMap;
 
 /// The share of a cell's side that its vertex keeps away from its faces, so that vertices of neighbours never meet.
 const MARGIN: f64 = 1e-4;
@@ -19,7 +20,7 @@ const FLATNESS: f64 = 0.8;
 const MISS: f64 = 0.25;
 
 /// The share of the tolerance within which a sample counts as lying on the surface.
-const ON_SURFACE: f64 = 0.02;
+pub(crate) const ON_SURFACE: f64 = 0.02;
 
 /// Rounds after which a root is as good as numbers go: a third of them halve.
 const MOST_ROUNDS: usize = 90;
@@ -43,6 +44,50 @@ pub(crate) struct CornerValue {
     pub triangle: u32,
     /// The field there: below zero is inside the offset solid.
     pub value: f64,
+}
+
+/// An edge of a cell: its lower end, its direction and its level.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub(crate) struct EdgeKey {
+    start: Corner,
+    level: u8,
+    axis: u8,
+}
+
+impl EdgeKey {
+    /// The ends, the lower one first.
+    pub fn ends(self) -> [Corner; 2] {
+        let level = CellKey {
+            at: self.start,
+            level: self.level,
+        };
+        let end = self.start.moved(self.axis.into(), level.side());
+        [self.start, end]
+    }
+}
+
+/// Where the surface goes through edges.
+pub(crate) type Roots = FxHashMap<EdgeKey, Sample>;
+
+/// The edges of a cell whose ends have different signs.
+pub(crate) fn crossed_edges(
+    key: CellKey,
+    corners: &[CornerValue; 8],
+) -> impl Iterator<Item = EdgeKey> + use<> {
+    let inside: u8 = (0..8)
+        .filter(|&octant| corners[octant].value < 0.0)
+        .map(|octant| 1 << octant)
+        .sum();
+    (0..24).filter_map(move |i| {
+        let (octant, axis) = (i % 8, i / 8);
+        let is_lower = octant >> axis & 1 == 0;
+        let differs = (inside >> octant ^ inside >> (octant | 1 << axis)) & 1 == 1;
+        (is_lower && differs).then(|| EdgeKey {
+            start: key.corner(octant),
+            level: key.level,
+            axis: axis as u8,
+        })
+    })
 }
 
 /// A cell with its corners evaluated.
@@ -70,13 +115,17 @@ impl Cell<'_> {
         [low + margin, high - margin]
     }
 
-    /// Looks at the cell: `center` is its middle, `region` the side it lies on.
-    pub fn fit(&self, center: Near, region: Region, corners: &[CornerValue; 8]) -> Fit {
-        let changes = corners
-            .iter()
-            .any(|c| (c.value < 0.0) != (corners[0].value < 0.0));
+    /// Looks at the cell: `center` is its middle, `region` the side it lies on, `roots` has at least those of its edges.
+    pub fn fit(
+        &self,
+        center: Near,
+        region: Region,
+        corners: &[CornerValue; 8],
+        roots: &Roots,
+    ) -> Fit {
         let mut samples = Vec::with_capacity(24);
-        self.roots(corners, region, &mut samples);
+        samples.extend(crossed_edges(self.key, corners).map(|edge| roots[&edge]));
+        let changes = !samples.is_empty();
         self.feet(center, region, corners, &mut samples);
         if region == Region::Unknown && self.field.is_signed() {
             self.feet_of_triangles(center, &mut samples);
@@ -114,27 +163,6 @@ impl Cell<'_> {
     fn depth(&self, p: DVec3) -> f64 {
         let [low, high] = self.frame.bounds(self.key);
         (p - low).min(high - p).min_element()
-    }
-
-    /// Where the surface goes through the cell's edges.
-    fn roots(&self, corners: &[CornerValue; 8], region: Region, samples: &mut Vec<Sample>) {
-        for axis in 0..3 {
-            for octant in (0..8).filter(|octant| octant >> axis & 1 == 0) {
-                let [a, b] = [corners[octant], corners[octant | 1 << axis]];
-                if (a.value < 0.0) == (b.value < 0.0) {
-                    continue;
-                }
-                let [p, q] = [octant, octant | 1 << axis]
-                    .map(|octant| self.frame.point(self.key.corner(octant)));
-                samples.push(root(
-                    self.field,
-                    region,
-                    [p, q],
-                    [a, b],
-                    ON_SURFACE * self.tolerance,
-                ));
-            }
-        }
     }
 
     /// The points of the surface above what the corners and the middle are closest to, as far as they lie in the cell.
@@ -233,15 +261,16 @@ impl Cell<'_> {
         triangles.dedup();
         let mean = samples.iter().map(|sample| sample.point).sum::<DVec3>() / samples.len() as f64;
         let mut v = mean.clamp(low, high);
+        v = self.toward_pieces(v, &triangles, [low, high]);
         let mut near = self.field.near(v, samples[0].triangle);
-        for _ in 0..3 {
-            v = self.toward_pieces(v, &triangles, [low, high]);
-            near = self.field.near(v, near.triangle);
+        for _ in 0..2 {
             let is_off = (near.distance - radius).abs() > MISS * self.tolerance;
             if !is_off || triangles.contains(&near.triangle) {
                 break;
             }
             triangles.push(near.triangle);
+            v = self.toward_pieces(v, &triangles, [low, high]);
+            near = self.field.near(v, near.triangle);
         }
         for _ in 0..PROJECTIONS {
             if (near.distance - radius).abs() <= 1e-3 * self.tolerance {

@@ -9,13 +9,16 @@
 use crate::cell::{CornerValue, Sample, root};
 use crate::field::Region;
 use crate::refine::Refinement;
-use crate::regions::reachable;
+use crate::tile::{Edge, Patch, VertexName};
 use glam::DVec3;
 use ravec_mesh::{Sign, orient3d};
-use ravec_octree::{CellKey, Contour, Corner, MinimalEdge, NodeId, Polygon, for_each_minimal_edge};
+use ravec_octree::{
+    CellKey, Contour, Corner, DualEdge, MinimalEdge, NodeId, Polygon, minimal_edges,
+};
 use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
 use rustc_hash::FxHashSet;
+use std::ops::Range;
 
 /// The share of a face's side that a dual edge, or a vertex in the face, keeps away from the face's border.
 const FACE_MARGIN: f64 = 1e-7;
@@ -23,6 +26,8 @@ const FACE_MARGIN: f64 = 1e-7;
 /// A surface with, for each triangle, the leaves that it comes from.
 pub(crate) struct Extracted {
     pub positions: Vec<DVec3>,
+    /// What the positions after those of the contour's vertices are called.
+    added: Vec<VertexName>,
     pub triangles: Vec<[u32; 3]>,
     /// The polygon of each triangle.
     pub polygon_of: Vec<u32>,
@@ -35,30 +40,36 @@ impl Extracted {
         self.contour.polygons[self.polygon_of[triangle] as usize].cells()
     }
 
-    /// The leaves in which sheets have the same vertex, which no search for intersections tells from a common one.
-    pub fn cells_with_equal_vertices(&self) -> Vec<NodeId> {
-        let sheets: Vec<usize> = (0..self.contour.vertex_cells.len()).collect();
-        sheets
-            .chunk_by(|&a, &b| self.contour.vertex_cells[a] == self.contour.vertex_cells[b])
-            .filter(|cell| {
-                cell.iter().enumerate().any(|(i, &a)| {
-                    let others = &cell[i + 1..];
-                    others
-                        .iter()
-                        .any(|&b| self.positions[a] == self.positions[b])
-                })
+    /// The vertices of each leaf that has several sheets and was looked at with all around it.
+    fn crowds(&self, refinement: &Refinement<'_>) -> impl Iterator<Item = Range<usize>> {
+        let cells = &self.contour.vertex_cells;
+        let mut start = 0;
+        cells
+            .chunk_by(|a, b| a == b)
+            .map(move |crowd| {
+                start += crowd.len();
+                start - crowd.len()..start
             })
-            .map(|cell| self.contour.vertex_cells[cell[0]])
+            .filter(|crowd| crowd.len() > 1 && refinement.is_core(cells[crowd.start]))
+    }
+
+    /// The leaves in which sheets have the same vertex, which no search for intersections tells from a common one.
+    pub fn cells_with_equal_vertices(&self, refinement: &Refinement<'_>) -> Vec<NodeId> {
+        self.crowds(refinement)
+            .filter(|crowd| {
+                crowd
+                    .clone()
+                    .any(|a| (a + 1..crowd.end).any(|b| self.positions[a] == self.positions[b]))
+            })
+            .map(|crowd| self.contour.vertex_cells[crowd.start])
             .collect()
     }
 
     /// The triangles of polygons that have a corner in a leaf with several sheets, or share a leaf with such a polygon.
-    pub fn near_crowded_cells(&self) -> Vec<u32> {
-        let sheets = &self.contour.vertex_cells;
-        let mut near: FxHashSet<NodeId> = sheets
-            .windows(2)
-            .filter(|pair| pair[0] == pair[1])
-            .map(|pair| pair[0])
+    pub fn near_crowded_cells(&self, refinement: &Refinement<'_>) -> Vec<u32> {
+        let mut near: FxHashSet<NodeId> = self
+            .crowds(refinement)
+            .map(|crowd| self.contour.vertex_cells[crowd.start])
             .collect();
         if near.is_empty() {
             return vec![];
@@ -84,43 +95,106 @@ impl Extracted {
             .map(|(triangle, _)| triangle)
             .collect()
     }
+
+    /// What belongs to a tile.
+    pub fn patch(&self, refinement: &Refinement<'_>, tile: CellKey) -> Patch {
+        let mut patch = Patch::default();
+        let mut numbers = vec![u32::MAX; self.positions.len()];
+        let mut last = None;
+        for (triangle, &polygon_number) in self.triangles.iter().zip(&self.polygon_of) {
+            let polygon = &self.contour.polygons[polygon_number as usize];
+            if !tile.owns(polygon.start) {
+                continue;
+            }
+            if last != Some(polygon_number) {
+                last = Some(polygon_number);
+                patch.edges.push(edge_of(polygon));
+            }
+            patch.edge_of.push(patch.edges.len() as u32 - 1);
+            patch.triangles.push(triangle.map(|v| {
+                let number = &mut numbers[v as usize];
+                if *number == u32::MAX {
+                    *number = patch.positions.len() as u32;
+                    patch.positions.push(self.positions[v as usize]);
+                    patch.names.push(self.name(refinement, v as usize));
+                }
+                *number
+            }));
+        }
+        patch
+    }
+
+    fn name(&self, refinement: &Refinement<'_>, vertex: usize) -> VertexName {
+        let cells = &self.contour.vertex_cells;
+        let Some(&leaf) = cells.get(vertex) else {
+            return self.added[vertex - cells.len()];
+        };
+        let before = cells[..vertex].iter().rev();
+        VertexName::Sheet {
+            leaf: refinement.tree.key(leaf).at,
+            number: before.take_while(|&&cell| cell == leaf).count() as u32,
+        }
+    }
+
+    /// Whether the polygon of a triangle belongs to a tile.
+    pub fn is_owned(&self, triangle: usize, tile: CellKey) -> bool {
+        tile.owns(self.contour.polygons[self.polygon_of[triangle] as usize].start)
+    }
 }
 
-/// The surface of a tree.
-///
-/// With `outer_only`, without what cannot be reached from far away.
+fn edge_of(polygon: &Polygon) -> Edge {
+    Edge {
+        start: polygon.start,
+        length: polygon.length,
+        axis: polygon.axis,
+    }
+}
+
+/// The surface of what was looked at.
 pub(crate) fn extract(
     refinement: &Refinement<'_>,
-    outer_only: bool,
     progress: &Progress,
 ) -> Result<Extracted, Cancelled> {
     let tree = &refinement.tree;
-    let mut crossings: Vec<(MinimalEdge, bool)> = Vec::new();
-    for_each_minimal_edge(tree, |edge| {
-        let start = refinement.is_inside(edge.smallest, edge.start);
-        if start != refinement.is_inside(edge.smallest, edge.end()) {
-            crossings.push((edge, start));
-        }
+    let mut crossings: Vec<(MinimalEdge, bool)> = minimal_edges(tree, |edge| {
+        let is_crossed = refinement.is_crossed(&edge);
+        is_crossed.then(|| (edge, refinement.is_inside(edge.smallest, edge.start)))
     });
     progress.check()?;
-    let mut contour = Contour::new(tree, &crossings);
-    if outer_only {
-        contour = reachable(refinement, &crossings, contour);
-    }
+    // an order that all tiles agree on
+    crossings.par_sort_unstable_by_key(|(edge, _)| (edge.start.morton(), edge.axis));
+    let contour = Contour::within(tree, &crossings, |cell| refinement.is_core(cell));
+    drop(crossings);
+    progress.check()?;
     let positions = vertices(refinement, &contour);
     progress.check()?;
     let cutter = Cutter {
         refinement,
         contour: &contour,
         positions,
+        added: Vec::new(),
     };
-    let (positions, triangles, polygon_of) = cutter.cut();
-    Ok(Extracted {
-        positions,
-        triangles,
-        polygon_of,
-        contour,
-    })
+    Ok(cutter.cut(progress)?.with(contour))
+}
+
+/// Triangles before they are joined with the contour that they come from.
+struct Triangles {
+    positions: Vec<DVec3>,
+    added: Vec<VertexName>,
+    triangles: Vec<[u32; 3]>,
+    polygon_of: Vec<u32>,
+}
+
+impl Triangles {
+    fn with(self, contour: Contour) -> Extracted {
+        Extracted {
+            positions: self.positions,
+            added: self.added,
+            triangles: self.triangles,
+            polygon_of: self.polygon_of,
+            contour,
+        }
+    }
 }
 
 /// The point where an edge of the lattice goes through the surface.
@@ -168,7 +242,9 @@ fn vertices(refinement: &Refinement<'_>, contour: &Contour) -> Vec<DVec3> {
     let mut polygons_of: Vec<(u32, u32)> = (0u32..)
         .zip(&contour.polygons)
         .flat_map(|(number, polygon)| polygon.vertices().iter().map(move |&v| (v, number)))
-        .filter(|&(vertex, _)| placed[vertex as usize].is_none())
+        .filter(|&(vertex, _)| {
+            placed[vertex as usize].is_none() && refinement.is_core(cells[vertex as usize])
+        })
         .collect();
     polygons_of.sort_unstable();
     let groups: Vec<&[(u32, u32)]> = polygons_of.chunk_by(|a, b| a.0 == b.0).collect();
@@ -199,10 +275,13 @@ struct Cutter<'a> {
     refinement: &'a Refinement<'a>,
     contour: &'a Contour,
     positions: Vec<DVec3>,
+    added: Vec<VertexName>,
 }
 
 /// A polygon's triangles before vertices on edges have numbers.
 enum Cut {
+    /// Not all around it was looked at.
+    Unknown,
     /// Corners of the polygon.
     Triangles(Vec<[u32; 3]>),
     /// Around a vertex on the polygon's edge.
@@ -210,21 +289,33 @@ enum Cut {
 }
 
 impl Cutter<'_> {
-    /// Positions, triangles, and the polygon of each triangle.
-    fn cut(mut self) -> (Vec<DVec3>, Vec<[u32; 3]>, Vec<u32>) {
+    fn cut(mut self, progress: &Progress) -> Result<Triangles, Cancelled> {
         let contour = self.contour;
-        let in_faces: Vec<Option<DVec3>> = (0..contour.duals.len())
-            .into_par_iter()
-            .map(|dual| self.face_vertex(dual))
-            .collect();
+        let is_core = |cells: &[NodeId]| cells.iter().all(|&cell| self.refinement.is_core(cell));
+        let in_faces: Vec<Option<DVec3>> = contour
+            .duals
+            .par_iter()
+            .map(|dual| {
+                progress.check()?;
+                Ok(self.face_vertex(dual).filter(|_| is_core(&dual.cells)))
+            })
+            .collect::<Result<_, Cancelled>>()?;
         let cuts: Vec<Cut> = contour
             .polygons
             .par_iter()
-            .map(|polygon| self.cut_polygon(polygon, &in_faces))
-            .collect();
+            .map(|polygon| {
+                progress.check()?;
+                Ok(if is_core(polygon.cells()) {
+                    self.cut_polygon(polygon, &in_faces)
+                } else {
+                    Cut::Unknown
+                })
+            })
+            .collect::<Result<_, Cancelled>>()?;
         let face_numbers: Vec<Option<u32>> = in_faces
             .into_iter()
-            .map(|place| place.map(|place| self.push(place)))
+            .zip(&contour.duals)
+            .map(|(place, dual)| place.map(|place| self.push(place, self.name_in_face(dual))))
             .collect();
         let mut triangles = Vec::with_capacity(2 * cuts.len());
         let mut polygon_of = Vec::with_capacity(2 * cuts.len());
@@ -244,9 +335,14 @@ impl Cutter<'_> {
             };
             let before = triangles.len();
             match cut {
+                Cut::Unknown => {}
                 Cut::Triangles(cut) => triangles.extend(cut),
                 Cut::Fan(center) => {
-                    let center = self.push(center);
+                    let name = VertexName::OnEdge {
+                        start: polygon.start,
+                        axis: polygon.axis,
+                    };
+                    let center = self.push(center, name);
                     let ring: Vec<u32> = polygon
                         .vertices()
                         .iter()
@@ -263,17 +359,39 @@ impl Cutter<'_> {
             }
             polygon_of.resize(polygon_of.len() + triangles.len() - before, number);
         }
-        (self.positions, triangles, polygon_of)
+        Ok(Triangles {
+            positions: self.positions,
+            added: self.added,
+            triangles,
+            polygon_of,
+        })
     }
 
-    fn push(&mut self, place: DVec3) -> u32 {
+    fn push(&mut self, place: DVec3, name: VertexName) -> u32 {
         self.positions.push(place);
+        self.added.push(name);
         (self.positions.len() - 1) as u32
     }
 
+    /// A vertex in a face is called after the first of the two polygons.
+    fn name_in_face(&self, dual: &DualEdge) -> VertexName {
+        let number = dual.polygons[0].min(dual.polygons[1]);
+        let polygon = &self.contour.polygons[number as usize];
+        let joins = |side: usize| {
+            let cells = polygon.cells();
+            let [a, b] = [cells[side], cells[(side + 1) % cells.len()]];
+            [a.min(b), a.max(b)] == dual.cells
+        };
+        let side = (0..polygon.cells().len()).find(|&side| joins(side));
+        VertexName::InFace {
+            start: polygon.start,
+            axis: polygon.axis,
+            side: side.expect("a dual edge joins corners of its polygons") as u8,
+        }
+    }
+
     /// A vertex in the minimal face of a dual edge, if the straight way does not go through the face.
-    fn face_vertex(&self, dual: usize) -> Option<DVec3> {
-        let dual = &self.contour.duals[dual];
+    fn face_vertex(&self, dual: &DualEdge) -> Option<DVec3> {
         let keys = dual.cells.map(|cell| self.refinement.tree.key(cell));
         let face = Face::between(keys, &self.refinement.frame);
         let ends = dual.vertices.map(|vertex| self.positions[vertex as usize]);

@@ -25,10 +25,12 @@ mod cell;
 mod certify;
 mod extract;
 mod field;
+mod mend;
 mod offset;
+mod outermost;
 mod params;
 mod refine;
-mod regions;
+mod tile;
 
 pub use offset::{Offset, OffsetReport, offset};
 pub use params::{OffsetError, OffsetParams, Side};

@@ -1,26 +1,27 @@
 //! The whole way from triangles to their offset surface.
 
 use crate::certify::{keeps_distance, normal_deviation, tightened};
-use crate::extract::{Extracted, extract};
 use crate::field::Field;
+use crate::mend::Mending;
 use crate::params::{OffsetError, OffsetParams, Side};
-use crate::refine::Refinement;
 use glam::DVec3;
 use ravec_mesh::{
     Bvh, CheckParams, CollapseCandidate, Keep, SimplifyError, SimplifyParams, TriMesh, check,
-    self_intersections, simplify,
+    simplify,
 };
-use ravec_octree::{Frame, NodeId};
+use ravec_octree::Frame;
 use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
-use rustc_hash::{FxBuildHasher, FxHashMap, FxHashSet};
-use std::hash::BuildHasher as _;
-
-/// Rounds of mending after which what is left is reported.
-const MOST_ROUNDS: u32 = 100;
+use rustc_hash::FxHashMap;
 
 /// The share of the tolerance by which the surface is moved off round numbers, at which sheets tend to touch exactly.
 const OFF_ROUND: f64 = 0.0107;
+
+/// Bytes that a node of the tree costs, with corners, polygons and triangles: as measured, rounded up.
+const BYTES_PER_NODE: u64 = 640;
+
+/// Bytes without which no tile is worth its while, beside what the mesh itself takes.
+const LEAST_MEMORY: u64 = 64 << 20;
 
 /// What was done, and what holds for the result.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -37,12 +38,18 @@ pub struct OffsetReport {
     pub triangles: u64,
     /// Triangles before simplification.
     pub extracted_triangles: u64,
-    /// Cells of the tree, of all levels.
+    /// Leaves of the tree.
     pub cells: u64,
     /// The finest level of the tree that was used; the root is level 0.
     pub deepest_level: u8,
+    /// Tiles that the tree was grown in, one after the other: 1 if memory is not limited.
+    pub tiles: u64,
     /// How often cells were split to mend the surface.
     pub rounds: u32,
+    /// Leaves that were split to mend it.
+    pub split_cells: u64,
+    /// Corners of the finest cells that were put inside to mend it, where sheets come too close for cells to tell apart.
+    pub filled_corners: u64,
 }
 
 /// The share of the tolerance by which simplification may leave the surface that it started from, either way: so crests,
@@ -92,53 +99,68 @@ pub fn offset(
     let level = params.distance + OFF_ROUND * params.tolerance;
     let field = Field::new(&bvh, is_solid, if inward { -level } else { level });
     let margin = if inward { 0.0 } else { params.distance } + 4.0 * params.tolerance;
-    let mut job = Job {
+    let job = Job {
         params,
         field: &field,
-        proved: FxHashSet::default(),
     };
-    let frame = frame_around(&bounds.grown(margin));
-    let (extracted, refinement, rounds) = job.extract(frame, progress)?;
-    if extracted.triangles.is_empty() {
+    let mending = Mending {
+        field: &field,
+        frame: frame_around(&bounds.grown(margin)),
+        tolerance: params.tolerance,
+        limits: job.limits(),
+        outer_only: params.side == Side::Outer,
+        most_nodes: match params.memory_bytes {
+            Some(bytes) => nodes_within(bytes, &bvh, mesh)?,
+            None => usize::MAX,
+        },
+    };
+    let mended = mending.run(progress)?;
+    if mended.triangles.is_empty() {
         return Err(OffsetError::Empty {
             distance: params.distance,
         });
     }
-    let deepest_level = refinement
-        .tree
-        .leaves()
-        .map(|leaf| refinement.tree.key(leaf).level)
-        .max()
-        .unwrap_or(0);
-    let cells = refinement.tree.len() as u64;
-    drop(refinement);
-    let extracted_triangles = extracted.triangles.len() as u64;
-    let surface = compact(&extracted.positions, &extracted.triangles);
-    let mut surface = if params.simplify {
-        job.simplify(&surface, progress)?
+    let extracted_triangles = mended.triangles.len() as u64;
+    let surface = TriMesh::new(mended.positions, mended.triangles);
+    let mut surface = surface.expect("corners are finite and have numbers");
+    let mut is_proved = mended.is_proved;
+    if params.simplify {
+        surface = job.simplify(&surface, progress)?;
+        is_proved = false;
+    }
+    let uncertified_facets = if is_proved {
+        0
     } else {
-        surface
+        job.unproved(&surface, progress)?
     };
-    let uncertified_facets = job.unproved(&surface, progress)?;
     if params.side == Side::Shell {
         surface = shell(mesh, &surface);
+        is_proved = false;
     }
-    let full = CheckParams {
-        self_intersections: true,
+    // what is as it was mended meets itself nowhere
+    let last = CheckParams {
+        self_intersections: !is_proved,
         list_limit: 0,
     };
-    let checked = check(&surface, &full, progress)?;
+    let checked = check(&surface, &last, progress)?;
+    let self_intersections = checked.self_intersections.map_or(0, |found| found.count);
     Ok(Offset {
         report: OffsetReport {
             certified: uncertified_facets == 0,
             uncertified_facets,
-            solid: checked.is_solid(),
-            self_intersections: checked.self_intersections.map_or(0, |found| found.count),
+            solid: checked.closed
+                && checked.manifold
+                && checked.oriented
+                && self_intersections == 0,
+            self_intersections,
             triangles: surface.triangles().len() as u64,
             extracted_triangles,
-            cells,
-            deepest_level,
-            rounds,
+            cells: mended.cells,
+            deepest_level: mended.deepest_level,
+            tiles: mended.tiles,
+            rounds: mended.rounds,
+            split_cells: mended.split,
+            filled_corners: mended.filled,
         },
         mesh: surface,
     })
@@ -159,11 +181,9 @@ fn frame_around(bounds: &ravec_mesh::Aabb) -> Frame {
 struct Job<'a> {
     params: &'a OffsetParams,
     field: &'a Field<'a>,
-    /// Facets that were proved, by a hash of their corners: all facets of the result are proved once more.
-    proved: FxHashSet<u64>,
 }
 
-impl<'a> Job<'a> {
+impl Job<'_> {
     /// The least and the largest distance that a point of the result may have.
     fn limits(&self) -> [f64; 2] {
         let &OffsetParams {
@@ -172,78 +192,6 @@ impl<'a> Job<'a> {
             ..
         } = self.params;
         [distance - tolerance, distance + tolerance]
-    }
-
-    /// Grows the tree and mends it until its surface is proved and does not meet itself.
-    fn extract(
-        &mut self,
-        frame: Frame,
-        progress: &Progress,
-    ) -> Result<(Extracted, Refinement<'a>, u32), Cancelled> {
-        let outer = self.params.side == Side::Outer;
-        let mut refinement = Refinement::grow(self.field, frame, self.params.tolerance, progress)?;
-        let mut rounds = 0;
-        loop {
-            progress.check()?;
-            let extracted = extract(&refinement, outer, progress)?;
-            let unproved = self.unproved_cells(&refinement, &extracted, progress)?;
-            let meeting = meeting_cells(&extracted, unproved.is_empty(), progress)?;
-            if rounds == MOST_ROUNDS {
-                return Ok((extracted, refinement, rounds));
-            }
-            // what cannot be split any more is filled where triangles meet; a proof needs no second try
-            let limit = refinement.limit();
-            let is_coarse = |&leaf: &NodeId| refinement.tree.key(leaf).level < limit;
-            let mut coarse: Vec<NodeId> = unproved.into_iter().filter(is_coarse).collect();
-            let (split, finest): (Vec<NodeId>, Vec<NodeId>) =
-                meeting.into_iter().partition(is_coarse);
-            coarse.extend(split);
-            coarse.sort_unstable();
-            coarse.dedup();
-            let filled = refinement.fill(&finest);
-            if coarse.is_empty() && !filled {
-                return Ok((extracted, refinement, rounds));
-            }
-            refinement.split(&coarse, progress)?;
-            rounds += 1;
-        }
-    }
-
-    /// The leaves of facets that are not proved.
-    fn unproved_cells(
-        &mut self,
-        refinement: &Refinement<'_>,
-        extracted: &Extracted,
-        progress: &Progress,
-    ) -> Result<Vec<NodeId>, Cancelled> {
-        let mut bad = Vec::new();
-        let facet =
-            |t: usize| extracted.triangles[t].map(|corner| extracted.positions[corner as usize]);
-        let limits = self.limits();
-        let fresh: Vec<(usize, u64)> = (0..extracted.triangles.len())
-            .map(|t| (t, hash(facet(t))))
-            .filter(|(_, hash)| !self.proved.contains(hash))
-            .collect();
-        let phase = progress.phase("prove", fresh.len() as u64);
-        let held: Vec<bool> = fresh
-            .par_iter()
-            .map(|&(t, _)| {
-                let cells = extracted.cells_of(t);
-                let hints = [0, 1, 2].map(|i| refinement.tree.data(cells[i]).hint);
-                progress.check()?;
-                phase.advance(1);
-                let limits = tightened(self.field, facet(t), limits, hints);
-                Ok(keeps_distance(self.field, facet(t), limits, hints))
-            })
-            .collect::<Result<_, Cancelled>>()?;
-        for ((t, hash), held) in fresh.into_iter().zip(held) {
-            if held {
-                self.proved.insert(hash);
-            } else {
-                bad.extend(extracted.cells_of(t));
-            }
-        }
-        Ok(bad)
     }
 
     /// Merges triangles; each change is proved before it is made.
@@ -324,66 +272,15 @@ impl<'a> Job<'a> {
     }
 }
 
-/// The cells of triangles that meet where they should not. Only cells with several sheets let them, so what is near these
-/// is searched first; all is searched only if nothing was found and `thoroughly`.
-fn meeting_cells(
-    extracted: &Extracted,
-    thoroughly: bool,
-    progress: &Progress,
-) -> Result<Vec<NodeId>, Cancelled> {
-    let mut near = meeting_cells_of(extracted, &extracted.near_crowded_cells(), progress)?;
-    near.extend(extracted.cells_with_equal_vertices());
-    if !near.is_empty() || !thoroughly {
-        return Ok(near);
+/// How many nodes of a tree take half of the memory that the mesh leaves: the rest is for the surface.
+fn nodes_within(bytes: u64, bvh: &Bvh, mesh: &TriMesh) -> Result<usize, OffsetError> {
+    let of_mesh = size_of_val(mesh.positions()) + size_of_val(mesh.triangles());
+    let taken = (bvh.memory_bytes() + of_mesh) as u64;
+    let least = taken + LEAST_MEMORY;
+    if bytes < least {
+        return Err(OffsetError::Memory { got: bytes, least });
     }
-    let all: Vec<u32> = (0..extracted.triangles.len() as u32).collect();
-    meeting_cells_of(extracted, &all, progress)
-}
-
-fn meeting_cells_of(
-    extracted: &Extracted,
-    triangles: &[u32],
-    progress: &Progress,
-) -> Result<Vec<NodeId>, Cancelled> {
-    let chosen: Vec<[u32; 3]> = triangles
-        .iter()
-        .map(|&t| extracted.triangles[t as usize])
-        .collect();
-    let bvh = Bvh::new(&compact(&extracted.positions, &chosen));
-    let pairs = self_intersections(&bvh, usize::MAX, progress)?.pairs;
-    let mut cells: Vec<NodeId> = pairs
-        .iter()
-        .flat_map(|pair| [pair.first, pair.second])
-        .flat_map(|t| extracted.cells_of(triangles[t as usize] as usize))
-        .copied()
-        .collect();
-    cells.sort_unstable();
-    cells.dedup();
-    Ok(cells)
-}
-
-fn hash(facet: [DVec3; 3]) -> u64 {
-    FxBuildHasher.hash_one(facet.map(|p| p.to_array().map(f64::to_bits)))
-}
-
-/// The mesh without vertices that no triangle uses.
-fn compact(positions: &[DVec3], triangles: &[[u32; 3]]) -> TriMesh {
-    let mut numbers = vec![u32::MAX; positions.len()];
-    let mut used = Vec::new();
-    let triangles = triangles
-        .iter()
-        .map(|triangle| {
-            triangle.map(|corner| {
-                let number = &mut numbers[corner as usize];
-                if *number == u32::MAX {
-                    *number = used.len() as u32;
-                    used.push(positions[corner as usize]);
-                }
-                *number
-            })
-        })
-        .collect();
-    TriMesh::new(used, triangles).expect("corners are finite and have numbers")
+    Ok(((bytes - taken) / 2 / BYTES_PER_NODE) as usize)
 }
 
 /// The mesh with the surface inside it, turned so that the space between them is inside.

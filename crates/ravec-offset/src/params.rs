@@ -35,6 +35,9 @@ pub struct OffsetParams {
     /// How far simplification may turn a triangle away from the surface that it stands for, in degrees, above 0 and at most
     /// 90 (default 4). Triangles at creases that were off more before may stay so. Less keeps more triangles.
     pub max_normal_deviation_deg: f64,
+    /// How much memory to use, in bytes (default as much as it takes). Less cuts space into more tiles, which takes longer
+    /// but gives the same surface. The surface itself stays in memory, so that it may take more than this.
+    pub memory_bytes: Option<u64>,
 }
 
 impl Default for OffsetParams {
@@ -45,6 +48,7 @@ impl Default for OffsetParams {
             side: Side::default(),
             simplify: true,
             max_normal_deviation_deg: 4.0,
+            memory_bytes: None,
         }
     }
 }
@@ -87,6 +91,14 @@ pub enum OffsetError {
     NormalDeviation {
         /// What was asked for.
         got: f64,
+    },
+    /// Less memory than the mesh itself takes.
+    #[error("{got} bytes of memory are not enough for this mesh: it takes at least {least}")]
+    Memory {
+        /// What was allowed.
+        got: u64,
+        /// The least for this mesh.
+        least: u64,
     },
     /// A side that only solids have.
     #[error(

@@ -1,10 +1,13 @@
 //! The tree: cells that may hold the surface are split until a vertex can stand for what they hold.
 
-use crate::cell::{Cell, CornerValue, Fit, MOST_TRIANGLES};
+use crate::cell::{
+    Cell, CornerValue, EdgeKey, Fit, MOST_TRIANGLES, ON_SURFACE, Roots, Sample, crossed_edges, root,
+};
 use crate::field::{Field, Near, Region};
+use crate::tile::{Edge, Orders, RINGS, Reach};
 use glam::DVec3;
 use ravec_mesh::Aabb;
-use ravec_octree::{CellKey, Corner, Frame, MAX_LEVEL, NodeId, Octree};
+use ravec_octree::{CellKey, Corner, Frame, MAX_LEVEL, MinimalEdge, NodeId, Octree, minimal_edges};
 use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
@@ -17,6 +20,8 @@ const FIRST_LEVEL: u8 = 3;
 pub(crate) enum State {
     /// Nothing yet.
     New,
+    /// It lies beyond what is looked at.
+    Beyond,
     /// All of it lies on one side of the surface.
     Empty { is_inside: bool },
     /// It may hold the surface; with the place of its vertex, if its corners have both signs.
@@ -41,8 +46,24 @@ pub(crate) struct Refinement<'a> {
     pub floor: u8,
     pub tree: Octree<Node>,
     corners: FxHashMap<u64, CornerValue>,
-    /// Corners that count as inside though the field says otherwise: see [`Self::fill`].
-    filled: FxHashSet<u64>,
+    /// Corners that count as inside though the field says otherwise: see [`Self::open_corners`].
+    filled: FxHashSet<Corner>,
+    /// Leaves that touch it are looked at.
+    reach: Reach,
+    most_nodes: usize,
+}
+
+/// Why a tree was not grown to its end.
+pub(crate) enum Halt {
+    Cancelled(Cancelled),
+    /// It would have more nodes than allowed.
+    TooLarge,
+}
+
+impl From<Cancelled> for Halt {
+    fn from(cancelled: Cancelled) -> Self {
+        Self::Cancelled(cancelled)
+    }
 }
 
 /// What came of looking at the middle of a cell.
@@ -53,15 +74,20 @@ struct Look {
 }
 
 impl<'a> Refinement<'a> {
-    /// Grows the tree over a cube until every cell is good.
+    /// Grows the tree over a cube until every cell that a tile depends on is good, with cells split and corners filled as
+    /// ordered.
     pub fn grow(
         field: &'a Field<'a>,
         frame: Frame,
         tolerance: f64,
+        tile: CellKey,
+        orders: &Orders,
+        most_nodes: usize,
         progress: &Progress,
-    ) -> Result<Self, Cancelled> {
+    ) -> Result<Self, Halt> {
         let floor_side = tolerance / 3f64.sqrt();
         let floor = (frame.side / floor_side).log2().ceil().max(0.0) as u8;
+        let reach = Reach::of(tile);
         let mut refinement = Self {
             field,
             frame,
@@ -73,16 +99,102 @@ impl<'a> Refinement<'a> {
                 state: State::New,
             }),
             corners: FxHashMap::default(),
-            filled: FxHashSet::default(),
+            filled: orders.filled.clone(),
+            reach,
+            most_nodes,
         };
-        refinement.settle(vec![0], progress)?;
+        refinement.settle(vec![0], orders, progress)?;
+        if tile == CellKey::ROOT {
+            return Ok(refinement);
+        }
+        for _ in 0..RINGS {
+            refinement.widen(orders, progress)?;
+        }
         Ok(refinement)
     }
 
-    /// Splits some leaves, whatever they hold, and goes on until every cell is good again.
-    pub fn split(&mut self, leaves: &[NodeId], progress: &Progress) -> Result<(), Cancelled> {
-        let children = self.split_all(leaves);
-        self.settle(children, progress)
+    /// Reaches as far as the leaves around edges within reach that go through the surface, and looks at all beside them.
+    fn widen(&mut self, orders: &Orders, progress: &Progress) -> Result<(), Halt> {
+        let crossed = minimal_edges(&self.tree, |edge| {
+            let is_near = self.reach.holds_between(edge.start, edge.end());
+            (is_near && self.is_crossed(&edge)).then_some(edge.cells)
+        });
+        for leaf in crossed.into_iter().flatten() {
+            self.reach.include(self.tree.key(leaf));
+        }
+        let is_beyond = |&leaf: &NodeId| !self.is_known(leaf);
+        let beyond: Vec<NodeId> = self.tree.leaves().filter(is_beyond).collect();
+        self.settle(beyond, orders, progress)
+    }
+
+    /// Whether the surface goes through an edge, as far as what is around it was looked at.
+    pub fn is_crossed(&self, edge: &MinimalEdge) -> bool {
+        let is_inside = |corner| self.is_inside(edge.smallest, corner);
+        edge.cells.iter().all(|&cell| self.is_known(cell))
+            && is_inside(edge.start) != is_inside(edge.end())
+    }
+
+    /// What a tile depends on.
+    pub fn reach(&self) -> Reach {
+        self.reach
+    }
+
+    /// Whether all around a leaf was looked at.
+    pub fn is_core(&self, leaf: NodeId) -> bool {
+        self.reach.contains(self.tree.key(leaf))
+    }
+
+    /// Does what is ordered, and goes on until every cell is good again.
+    pub fn mend(&mut self, orders: &Orders, progress: &Progress) -> Result<(), Halt> {
+        self.filled.extend(&orders.filled);
+        let mut leaves: Vec<NodeId> = orders
+            .split
+            .iter()
+            .filter_map(|&key| self.leaf_of(key))
+            .collect();
+        leaves.sort_unstable();
+        let children = self.split_all(&leaves);
+        self.settle(children, &Orders::default(), progress)
+    }
+
+    /// The leaf that is a cell, if it was looked at.
+    fn leaf_of(&self, key: CellKey) -> Option<NodeId> {
+        let leaf = self.leaf_at(key.at.0.map(|x| 2 * x + 1));
+        let is_known = !matches!(self.tree.data(leaf).state, State::Beyond);
+        (is_known && self.tree.key(leaf) == key).then_some(leaf)
+    }
+
+    /// The leaf that holds a point, given in half steps of the lattice.
+    fn leaf_at(&self, doubled: [u32; 3]) -> NodeId {
+        let mut node = 0;
+        while !self.tree.is_leaf(node) {
+            let key = self.tree.key(node);
+            let octant = (0..3)
+                .filter(|&axis| doubled[axis] > 2 * key.at.0[axis] + key.side())
+                .map(|axis| 1 << axis)
+                .sum();
+            node = self.tree.child_or_self(node, octant);
+        }
+        node
+    }
+
+    /// The leaves around an edge.
+    pub fn leaves_around(&self, edge: Edge) -> Vec<NodeId> {
+        let mut middle = edge.start.0.map(|x| 2 * x);
+        let axis = usize::from(edge.axis);
+        middle[axis] += edge.length;
+        let [u, v] = [(axis + 1) % 3, (axis + 2) % 3];
+        let mut leaves: Vec<NodeId> = (0..4)
+            .map(|k| {
+                let mut beside = middle;
+                beside[u] = beside[u] + 2 * (k & 1) - 1;
+                beside[v] = beside[v] + (k & 2) - 1;
+                self.leaf_at(beside)
+            })
+            .collect();
+        leaves.sort_unstable();
+        leaves.dedup();
+        leaves
     }
 
     /// The finest level: cells of it are so small that the surface may go anywhere in them.
@@ -90,21 +202,14 @@ impl<'a> Refinement<'a> {
         (self.floor + 2).min(MAX_LEVEL)
     }
 
-    /// Puts all corners of some cells of the finest level inside, where sheets come closer than cells can tell apart. The
-    /// surface goes through these cells, so that moves it by less than their diagonal, a quarter of the tolerance. Returns
-    /// whether that changed anything.
-    pub fn fill(&mut self, leaves: &[NodeId]) -> bool {
-        let before = self.filled.len();
-        for &leaf in leaves {
-            let key = self.tree.key(leaf);
-            for octant in 0..8 {
-                let corner = key.corner(octant);
-                if !self.is_inside(leaf, corner) {
-                    self.filled.insert(corner.code());
-                }
-            }
-        }
-        self.filled.len() > before
+    /// The corners of a leaf that lie outside. Where sheets come closer than cells can tell apart, those of cells of the
+    /// finest level are to count as inside: the surface goes through such a cell, so that moves it by less than its
+    /// diagonal, a quarter of the tolerance.
+    pub fn open_corners(&self, leaf: NodeId) -> impl Iterator<Item = Corner> + '_ {
+        let key = self.tree.key(leaf);
+        (0..8)
+            .map(move |octant| key.corner(octant))
+            .filter(move |&corner| !self.is_inside(leaf, corner))
     }
 
     fn split_all(&mut self, leaves: &[NodeId]) -> Vec<NodeId> {
@@ -120,9 +225,24 @@ impl<'a> Refinement<'a> {
     }
 
     /// Looks at new leaves, level by level.
-    fn settle(&mut self, mut front: Vec<NodeId>, progress: &Progress) -> Result<(), Cancelled> {
+    fn settle(
+        &mut self,
+        mut front: Vec<NodeId>,
+        orders: &Orders,
+        progress: &Progress,
+    ) -> Result<(), Halt> {
         while !front.is_empty() {
             progress.check()?;
+            if self.tree.len() > self.most_nodes {
+                return Err(Halt::TooLarge);
+            }
+            front.retain(|&node| {
+                let is_near = self.reach.touches(self.tree.key(node));
+                if !is_near {
+                    self.tree.data_mut(node).state = State::Beyond;
+                }
+                is_near
+            });
             let phase = progress.phase("refine", front.len() as u64);
             let looks: Vec<Look> = front
                 .par_iter()
@@ -137,8 +257,12 @@ impl<'a> Refinement<'a> {
                 let data = self.tree.data_mut(node);
                 data.hint = look.near.triangle;
                 data.region = look.region;
+                let is_ordered = orders.split.contains(&self.tree.key(node));
                 if let Some(is_inside) = look.empty {
-                    data.state = State::Empty { is_inside };
+                    self.tree.data_mut(node).state = State::Empty { is_inside };
+                    if is_ordered {
+                        coarse.push(node);
+                    }
                 } else if self.must_split(node, &look) {
                     coarse.push(node);
                 } else {
@@ -146,17 +270,21 @@ impl<'a> Refinement<'a> {
                 }
             }
             self.evaluate_corners(&full, progress)?;
+            let roots = self.roots(&full, progress)?;
             let fits: Vec<Fit> = full
                 .par_iter()
                 .map(|(node, look)| {
                     progress.check()?;
                     let key = self.tree.key(*node);
                     let corners = self.corners_of(key);
-                    Ok(self.cell(key).fit(look.near, look.region, &corners))
+                    let cell = self.cell(key);
+                    Ok(cell.fit(look.near, look.region, &corners, &roots))
                 })
                 .collect::<Result<_, Cancelled>>()?;
             for ((node, _), fit) in full.into_iter().zip(fits) {
-                if fit.is_good || self.tree.key(node).level >= self.floor {
+                let key = self.tree.key(node);
+                let is_done = fit.is_good || key.level >= self.floor;
+                if is_done && !orders.split.contains(&key) {
                     self.tree.data_mut(node).state = State::Full { vertex: fit.vertex };
                 } else {
                     coarse.push(node);
@@ -248,6 +376,34 @@ impl<'a> Refinement<'a> {
         Ok(())
     }
 
+    /// Where the surface goes through the edges of some cells. Up to four cells share an edge, so each is looked at once.
+    fn roots(&self, cells: &[(NodeId, Look)], progress: &Progress) -> Result<Roots, Cancelled> {
+        let mut edges: Vec<(EdgeKey, bool, Region)> = cells
+            .par_iter()
+            .flat_map_iter(|(node, look)| {
+                let key = self.tree.key(*node);
+                let unknown = look.region == Region::Unknown;
+                crossed_edges(key, &self.corners_of(key))
+                    .map(move |edge| (edge, unknown, look.region))
+            })
+            .collect();
+        // of each edge the cell that knows the side, if any does
+        edges.par_sort_unstable_by_key(|&(edge, unknown, _)| (edge, unknown));
+        edges.dedup_by_key(|&mut (edge, ..)| edge);
+        let roots: Vec<(EdgeKey, Sample)> = edges
+            .into_par_iter()
+            .map(|(edge, _, region)| {
+                progress.check()?;
+                let ends = edge.ends();
+                let points = ends.map(|end| self.frame.point(end));
+                let values = ends.map(|end| self.corners[&end.code()]);
+                let enough = ON_SURFACE * self.tolerance;
+                Ok((edge, root(self.field, region, points, values, enough)))
+            })
+            .collect::<Result<_, Cancelled>>()?;
+        Ok(roots.into_iter().collect())
+    }
+
     fn evaluate(&self, corner: Corner, region: Region, hint: u32) -> CornerValue {
         let p = self.frame.point(corner);
         let near = self.field.near(p, hint);
@@ -282,19 +438,26 @@ impl<'a> Refinement<'a> {
 
     /// Whether a corner of a leaf lies inside the offset solid.
     pub fn is_inside(&self, leaf: NodeId, corner: Corner) -> bool {
-        if !self.filled.is_empty() && self.filled.contains(&corner.code()) {
+        if !self.filled.is_empty() && self.filled.contains(&corner) {
             return true;
         }
         match self.tree.data(leaf).state {
             State::Empty { is_inside } => is_inside,
-            State::New | State::Full { .. } => self.corners[&corner.code()].value < 0.0,
+            State::New | State::Beyond | State::Full { .. } => {
+                self.corners[&corner.code()].value < 0.0
+            }
         }
+    }
+
+    /// Whether a leaf was looked at.
+    pub fn is_known(&self, leaf: NodeId) -> bool {
+        !matches!(self.tree.data(leaf).state, State::Beyond)
     }
 
     pub fn leaf_vertex(&self, leaf: NodeId) -> Option<DVec3> {
         match self.tree.data(leaf).state {
             State::Full { vertex } => vertex,
-            State::New | State::Empty { .. } => None,
+            State::New | State::Beyond | State::Empty { .. } => None,
         }
     }
 }

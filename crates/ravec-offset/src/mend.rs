@@ -1,0 +1,425 @@
+//! The surface, mended until it is proved and does not meet itself.
+//!
+//! All tiles are grown and cut into triangles; cells of triangles that are not proved, or meet others, are split; tiles that
+//! depend on these cells are done again. Every round sees the orders of the rounds before and no others, so that what comes
+//! out does not depend on the tiles. Where memory is limited a tile that would take too much is cut into eight, and only one
+//! tile is in memory at a time, beside the surface itself; otherwise all of space is one tile, which stays.
+
+use crate::certify::{keeps_distance, tightened};
+use crate::extract::{Extracted, extract};
+use crate::field::Field;
+use crate::outermost::{compact, reachable};
+use crate::refine::{Halt, Refinement};
+use crate::tile::{Assembled, Orders, Patch, Reach, assemble};
+use glam::DVec3;
+use ravec_mesh::{Bvh, self_intersections};
+use ravec_octree::{CellKey, Frame, NodeId};
+use ravec_progress::{Cancelled, Progress};
+use rayon::prelude::*;
+use rustc_hash::{FxBuildHasher, FxHashSet};
+use std::hash::BuildHasher as _;
+
+/// Rounds of mending after which what is left is reported.
+const MOST_ROUNDS: u32 = 100;
+
+/// Tiles of fewer cells along a side are not cut any more: they are hardly larger than what they depend on.
+const LEAST_CELLS: f64 = 16.0;
+
+/// What to mend, and how far.
+pub(crate) struct Mending<'a> {
+    pub field: &'a Field<'a>,
+    pub frame: Frame,
+    pub tolerance: f64,
+    /// The least and the largest distance that a point of the surface may have.
+    pub limits: [f64; 2],
+    /// Whether to drop what cannot be reached from far away.
+    pub outer_only: bool,
+    /// How many nodes the tree of a tile may have.
+    pub most_nodes: usize,
+}
+
+/// The surface, and what it took.
+pub(crate) struct Mended {
+    pub positions: Vec<DVec3>,
+    pub triangles: Vec<[u32; 3]>,
+    /// Whether all is proved, and triangles meet nowhere.
+    pub is_proved: bool,
+    /// Leaves of the tree.
+    pub cells: u64,
+    pub deepest_level: u8,
+    pub tiles: u64,
+    pub rounds: u32,
+    /// Leaves that were split, and corners that were filled, to mend the surface.
+    pub split: u64,
+    pub filled: u64,
+}
+
+/// A part of space.
+struct Tile<'a> {
+    key: CellKey,
+    /// What it depends on; nothing before it was done.
+    reach: Option<Reach>,
+    refinement: Option<Refinement<'a>>,
+    /// Facets that were proved, by a hash of their corners.
+    proved: FxHashSet<u64>,
+    patch: Patch,
+    /// Whether nothing is wrong with the patch.
+    is_proved: bool,
+    leaves: u64,
+    deepest_level: u8,
+}
+
+impl Tile<'_> {
+    fn new(key: CellKey) -> Self {
+        Self {
+            key,
+            reach: None,
+            refinement: None,
+            proved: FxHashSet::default(),
+            patch: Patch::default(),
+            is_proved: false,
+            leaves: 0,
+            deepest_level: 0,
+        }
+    }
+}
+
+impl<'a> Mending<'a> {
+    pub fn run(&self, progress: &Progress) -> Result<Mended, Cancelled> {
+        let mut tiles = vec![Tile::new(CellKey::ROOT)];
+        let mut orders = Orders::default();
+        let mut latest = Orders::default();
+        let mut rounds = 0;
+        loop {
+            let mut next = self.round(&mut tiles, &orders, &latest, progress)?;
+            if next.is_empty() || rounds == MOST_ROUNDS {
+                let whole = self.assemble(&tiles);
+                let mut is_proved = tiles.iter().all(|tile| tile.is_proved);
+                if is_proved {
+                    // only crowded cells let triangles meet, and these were searched: this is to be sure
+                    let pairs = meeting_pairs(&whole.positions, &whole.triangles, progress)?;
+                    is_proved = pairs.is_empty();
+                    next = self.separation(&whole, &pairs, &tiles, &orders, progress)?;
+                }
+                if next.is_empty() || rounds == MOST_ROUNDS {
+                    return Ok(Mended {
+                        positions: whole.positions,
+                        triangles: whole.triangles,
+                        is_proved,
+                        cells: tiles.iter().map(|tile| tile.leaves).sum(),
+                        deepest_level: tiles.iter().map(|t| t.deepest_level).max().unwrap_or(0),
+                        tiles: tiles.len() as u64,
+                        rounds,
+                        split: orders.split.len() as u64,
+                        filled: orders.filled.len() as u64,
+                    });
+                }
+            }
+            rounds += 1;
+            orders.extend(&next);
+            latest = next;
+        }
+    }
+
+    /// Does all tiles that the latest orders concern; returns what is to be done next.
+    fn round(
+        &self,
+        tiles: &mut Vec<Tile<'a>>,
+        orders: &Orders,
+        latest: &Orders,
+        progress: &Progress,
+    ) -> Result<Orders, Cancelled> {
+        let mut next = Orders::default();
+        let mut at = 0;
+        while at < tiles.len() {
+            let tile = &mut tiles[at];
+            let is_concerned = tile.reach.is_none_or(|reach| latest.concern(&reach));
+            if is_concerned {
+                match self.tend(tile, orders, latest, &mut next, progress) {
+                    Ok(()) => {}
+                    Err(Halt::Cancelled(cancelled)) => return Err(cancelled),
+                    Err(Halt::TooLarge) => {
+                        let key = tile.key;
+                        let children = (0..8).map(|octant| Tile::new(key.child(octant)));
+                        tiles.splice(at..=at, children);
+                        continue;
+                    }
+                }
+            }
+            at += 1;
+        }
+        Ok(next)
+    }
+
+    /// Grows a tile, or mends it, cuts it into triangles and judges these.
+    fn tend(
+        &self,
+        tile: &mut Tile<'a>,
+        orders: &Orders,
+        latest: &Orders,
+        next: &mut Orders,
+        progress: &Progress,
+    ) -> Result<(), Halt> {
+        let refinement = match tile.refinement.take() {
+            Some(mut refinement) => {
+                refinement.mend(latest, progress)?;
+                refinement
+            }
+            None => self.grow(tile.key, orders, progress)?,
+        };
+        let extracted = extract(&refinement, progress)?;
+        tile.patch = extracted.patch(&refinement, tile.key);
+        self.judge(tile, &refinement, &extracted, next, progress)?;
+        let leaves = || {
+            let all = refinement.tree.leaves();
+            all.map(|leaf| refinement.tree.key(leaf))
+                .filter(|key| tile.key.owns(key.at))
+        };
+        tile.leaves = leaves().count() as u64;
+        tile.deepest_level = leaves().map(|key| key.level).max().unwrap_or(0);
+        tile.reach = Some(refinement.reach());
+        // the only tile may stay: it was within what is allowed
+        if tile.key == CellKey::ROOT {
+            tile.refinement = Some(refinement);
+        } else {
+            tile.proved = FxHashSet::default();
+        }
+        Ok(())
+    }
+
+    fn grow(
+        &self,
+        tile: CellKey,
+        orders: &Orders,
+        progress: &Progress,
+    ) -> Result<Refinement<'a>, Halt> {
+        // the chords of a facet of this size leave a sphere by the tolerance
+        let cell = (8.0 * self.field.radius() * self.tolerance).sqrt();
+        let may_be_cut = self.frame.side_at(tile.level) >= LEAST_CELLS * cell;
+        let most_nodes = if may_be_cut {
+            self.most_nodes
+        } else {
+            usize::MAX
+        };
+        Refinement::grow(
+            self.field,
+            self.frame,
+            self.tolerance,
+            tile,
+            orders,
+            most_nodes,
+            progress,
+        )
+    }
+
+    /// Orders what mends facets that are not proved, and triangles that meet.
+    fn judge(
+        &self,
+        tile: &mut Tile<'_>,
+        refinement: &Refinement<'_>,
+        extracted: &Extracted,
+        next: &mut Orders,
+        progress: &Progress,
+    ) -> Result<(), Cancelled> {
+        let unproved = self.unproved_cells(tile, refinement, extracted, progress)?;
+        tile.is_proved = unproved.is_empty();
+        // a proof needs no second try where cells cannot be split
+        next.split.extend(
+            unproved
+                .into_iter()
+                .map(|leaf| refinement.tree.key(leaf))
+                .filter(|key| key.level < refinement.limit()),
+        );
+        let crowded = extracted.near_crowded_cells(refinement);
+        let chosen: Vec<[u32; 3]> = crowded
+            .iter()
+            .map(|&t| extracted.triangles[t as usize])
+            .collect();
+        let pairs = meeting_pairs(&extracted.positions, &chosen, progress)?;
+        let equal = extracted.cells_with_equal_vertices(refinement);
+        tile.is_proved &= pairs.is_empty() && equal.is_empty();
+        for pair in pairs {
+            for t in pair {
+                let triangle = crowded[t as usize] as usize;
+                separate(refinement, extracted.cells_of(triangle), next);
+            }
+        }
+        separate(refinement, &equal, next);
+        Ok(())
+    }
+
+    /// The leaves of facets of a tile that are not proved.
+    fn unproved_cells(
+        &self,
+        tile: &mut Tile<'_>,
+        refinement: &Refinement<'_>,
+        extracted: &Extracted,
+        progress: &Progress,
+    ) -> Result<Vec<NodeId>, Cancelled> {
+        let facet =
+            |t: usize| extracted.triangles[t].map(|corner| extracted.positions[corner as usize]);
+        let fresh: Vec<(usize, u64)> = (0..extracted.triangles.len())
+            .into_par_iter()
+            .filter(|&t| extracted.is_owned(t, tile.key))
+            .map(|t| (t, hash(facet(t))))
+            .filter(|(_, hash)| !tile.proved.contains(hash))
+            .collect();
+        let phase = progress.phase("prove", fresh.len() as u64);
+        let held: Vec<bool> = fresh
+            .par_iter()
+            .map(|&(t, _)| {
+                let cells = extracted.cells_of(t);
+                let hints = [0, 1, 2].map(|i| refinement.tree.data(cells[i]).hint);
+                progress.check()?;
+                phase.advance(1);
+                let limits = tightened(self.field, facet(t), self.limits, hints);
+                Ok(keeps_distance(self.field, facet(t), limits, hints))
+            })
+            .collect::<Result<_, Cancelled>>()?;
+        let mut bad = Vec::new();
+        for ((t, hash), held) in fresh.into_iter().zip(held) {
+            if held {
+                tile.proved.insert(hash);
+            } else {
+                bad.extend(extracted.cells_of(t));
+            }
+        }
+        Ok(bad)
+    }
+
+    fn assemble(&self, tiles: &[Tile<'_>]) -> Assembled {
+        let whole = assemble(tiles.iter().map(|tile| &tile.patch));
+        if !self.outer_only {
+            return whole;
+        }
+        let seen = reachable(&whole.positions, &whole.triangles);
+        if seen.iter().all(|&seen| seen) {
+            return whole;
+        }
+        whole.retain(|t| seen[t])
+    }
+
+    /// Orders what separates triangles that meet.
+    fn separation(
+        &self,
+        whole: &Assembled,
+        pairs: &[[u32; 2]],
+        tiles: &[Tile<'a>],
+        orders: &Orders,
+        progress: &Progress,
+    ) -> Result<Orders, Cancelled> {
+        let mut next = Orders::default();
+        let mut origins: Vec<[u32; 2]> = pairs
+            .iter()
+            .flatten()
+            .map(|&t| whole.origin[t as usize])
+            .collect();
+        origins.sort_unstable();
+        for of_tile in origins.chunk_by(|a, b| a[0] == b[0]) {
+            let tile = &tiles[of_tile[0][0] as usize];
+            let grown;
+            let refinement = match &tile.refinement {
+                Some(refinement) => refinement,
+                None => match self.grow(tile.key, orders, progress) {
+                    Ok(refinement) => {
+                        grown = refinement;
+                        &grown
+                    }
+                    Err(Halt::Cancelled(cancelled)) => return Err(cancelled),
+                    Err(Halt::TooLarge) => unreachable!("it was grown before"),
+                },
+            };
+            for &[_, t] in of_tile {
+                let edge = tile.patch.edges[tile.patch.edge_of[t as usize] as usize];
+                separate(refinement, &refinement.leaves_around(edge), &mut next);
+            }
+        }
+        Ok(next)
+    }
+}
+
+/// Orders what keeps the sheets in some leaves apart: finer cells, and where there are none, no gap.
+fn separate(refinement: &Refinement<'_>, leaves: &[NodeId], next: &mut Orders) {
+    for &leaf in leaves {
+        let key = refinement.tree.key(leaf);
+        if key.level < refinement.limit() {
+            next.split.insert(key);
+        } else {
+            next.filled.extend(refinement.open_corners(leaf));
+        }
+    }
+}
+
+/// Pairs of triangles that meet where they should not.
+fn meeting_pairs(
+    positions: &[DVec3],
+    triangles: &[[u32; 3]],
+    progress: &Progress,
+) -> Result<Vec<[u32; 2]>, Cancelled> {
+    if triangles.is_empty() {
+        return Ok(vec![]);
+    }
+    let bvh = Bvh::new(&compact(positions, triangles));
+    let pairs = self_intersections(&bvh, usize::MAX, progress)?.pairs;
+    Ok(pairs.iter().map(|pair| [pair.first, pair.second]).collect())
+}
+
+fn hash(facet: [DVec3; 3]) -> u64 {
+    FxBuildHasher.hash_one(facet.map(|p| p.to_array().map(f64::to_bits)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ravec_mesh::TriMesh;
+
+    /// Overlapping plates and needles, some of them repeated or without area.
+    fn soup(seed: u64) -> TriMesh {
+        let mut state = seed;
+        let mut random = move || {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
+            (state >> 33) as f64 / f64::from(1u32 << 31)
+        };
+        let mut positions: Vec<DVec3> = (0..24)
+            .map(|_| DVec3::new(random(), random(), random()))
+            .collect();
+        positions[7] = positions[6];
+        let triangles = (0..8).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]);
+        TriMesh::new(positions, triangles.chain([[3, 4, 5]]).collect()).unwrap()
+    }
+
+    fn mended(mesh: &TriMesh, outer_only: bool, most_nodes: usize) -> Mended {
+        let bvh = Bvh::new(mesh);
+        let (distance, tolerance) = (0.05, 0.004);
+        let bounds = mesh.bounds().grown(distance + 4.0 * tolerance);
+        let mending = Mending {
+            field: &Field::new(&bvh, false, distance),
+            frame: Frame {
+                origin: bounds.min,
+                side: 1.01 * bounds.size().max_element(),
+            },
+            tolerance,
+            limits: [distance - tolerance, distance + tolerance],
+            outer_only,
+            most_nodes,
+        };
+        mending.run(&Progress::none()).unwrap()
+    }
+
+    #[test]
+    fn the_surface_is_the_same_bit_by_bit_however_space_is_cut() {
+        for (seed, outer_only, most_nodes) in [(1, false, 12_000), (2, true, 5000)] {
+            let mesh = soup(seed);
+            let whole = mended(&mesh, outer_only, usize::MAX);
+            assert!(whole.is_proved && whole.tiles == 1 && !whole.triangles.is_empty());
+            let cut = mended(&mesh, outer_only, most_nodes);
+            assert!(cut.tiles >= 8, "{} tiles", cut.tiles);
+            assert_eq!(cut.positions, whole.positions);
+            assert_eq!(cut.triangles, whole.triangles);
+            let counts = |m: &Mended| (m.cells, m.deepest_level, m.rounds, m.split);
+            assert_eq!(counts(&cut), counts(&whole));
+        }
+    }
+}
