@@ -69,7 +69,7 @@ impl LocalBox {
         x * y + y * z + z * x
     }
 
-    fn around(prims: &[Prim]) -> Self {
+    fn around_all(prims: &[Prim]) -> Self {
         prims.iter().fold(Self::EMPTY, |mut sum, prim| {
             sum.include(&prim.bounds);
             sum
@@ -128,7 +128,7 @@ fn build(prims: &mut [Prim], first: usize, depth: usize, nodes: &mut Vec<Node>) 
             let root = nodes.len() as u32;
             node.push(&bounds, child(root, first, count));
             for node in &mut subtree {
-                node.shift_nodes(root);
+                node.children.shift_nodes(root);
             }
             nodes.append(&mut subtree);
         }
@@ -159,7 +159,7 @@ fn child(node: u32, first: usize, count: usize) -> Child {
 
 /// At most eight parts of a range, in order, none of them empty.
 fn cut_in_eight(prims: &mut [Prim], depth: usize) -> Vec<Part<'_>> {
-    let bounds = LocalBox::around(prims);
+    let bounds = LocalBox::around_all(prims);
     let mut parts = vec![Part { prims, bounds }];
     while parts.len() < WIDTH {
         // The part that is the most likely to be looked into; the first of equals.
@@ -185,7 +185,7 @@ fn cut_in_eight(prims: &mut [Prim], depth: usize) -> Vec<Part<'_>> {
         };
         let (left, right) = part.prims.split_at_mut(at);
         for (offset, prims) in [left, right].into_iter().enumerate() {
-            let bounds = LocalBox::around(prims);
+            let bounds = LocalBox::around_all(prims);
             parts.insert(best.0 + offset, Part { prims, bounds });
         }
     }

@@ -130,12 +130,14 @@ impl Bvh {
             }
             match child {
                 Child::Node(node) => {
-                    let node = &self.nodes[node as usize];
+                    let node = &self.turned[node as usize];
                     let distances_sq = node.distances_sq(local.at);
                     let base = stack.len();
-                    for (lane, &distance_sq) in distances_sq[..node.len()].iter().enumerate() {
+                    for (lane, &distance_sq) in
+                        distances_sq[..node.children.len()].iter().enumerate()
+                    {
                         if distance_sq <= reach_sq {
-                            stack.insert(base, distance_sq, node.child(lane));
+                            stack.insert(base, distance_sq, node.children.get(lane));
                         }
                     }
                 }
