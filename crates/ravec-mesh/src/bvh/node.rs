@@ -91,6 +91,12 @@ impl Children {
         self.len as usize
     }
 
+    /// A bit for each lane that holds something.
+    #[inline]
+    pub fn mask(&self) -> u32 {
+        (1 << self.len) - 1
+    }
+
     #[inline]
     pub fn get(&self, lane: usize) -> Child {
         match (self.index[lane], self.count[lane]) {
@@ -169,6 +175,12 @@ impl Boxes {
         }
         sum
     }
+}
+
+/// A bit for each lane of which `is` is true.
+#[inline(always)]
+pub(super) fn mask_of(is: impl Fn(usize) -> bool) -> u32 {
+    (0..WIDTH).fold(0, |mask, lane| mask | u32::from(is(lane)) << lane)
 }
 
 /// The maximum as one instruction: `f32::max` takes more for the sake of NaN.

@@ -70,7 +70,7 @@ impl<'a> WindingNumbers<'a> {
     pub fn new(bvh: &'a Bvh) -> Self {
         let moments = slots(&bvh.nodes)
             .into_par_iter()
-            .map(|(first, end)| Moments::of(&bvh.corners[first as usize..end as usize]))
+            .map(|below| Moments::of(&bvh.corners[below.start as usize..below.end as usize]))
             .collect();
         Self { bvh, moments }
     }
