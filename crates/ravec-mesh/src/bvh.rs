@@ -24,6 +24,7 @@ mod frame;
 mod node;
 mod pairs;
 mod range;
+mod turned;
 mod winding;
 
 use glam::DVec3;
@@ -33,6 +34,7 @@ use crate::{Aabb, TriMesh};
 use build::Prim;
 use frame::Frame;
 use node::Node;
+use turned::TurnedNode;
 
 pub use closest::Closest;
 pub use range::RayHit;
@@ -44,6 +46,8 @@ pub struct Bvh {
     frame: Frame,
     /// The root comes first; there is none if there are no triangles.
     nodes: Vec<Node>,
+    /// The same nodes with other boxes.
+    turned: Vec<TurnedNode>,
     /// The corners of the triangles in the order of the leaves: by slot.
     corners: Vec<[DVec3; 3]>,
     /// The triangle in a slot.
@@ -62,14 +66,16 @@ impl Bvh {
             .collect();
         let nodes = build::nodes(&mut prims);
         let triangle_of: Vec<u32> = prims.par_iter().map(|prim| prim.triangle).collect();
-        let corners = triangle_of.par_iter().map(|&t| mesh.corners(t)).collect();
+        let corners: Vec<[DVec3; 3]> = triangle_of.par_iter().map(|&t| mesh.corners(t)).collect();
         let mut slot_of = vec![0; triangle_of.len()];
         for (slot, &triangle) in triangle_of.iter().enumerate() {
             slot_of[triangle as usize] = slot as u32;
         }
+        let turned = turned::turned(&nodes, &frame, &corners);
         Self {
             frame,
             nodes,
+            turned,
             corners,
             triangle_of,
             slot_of,
@@ -103,6 +109,7 @@ impl Bvh {
     /// The number of bytes this structure holds on to.
     pub fn memory_bytes(&self) -> usize {
         size_of_val(&*self.nodes)
+            + size_of_val(&*self.turned)
             + size_of_val(&*self.corners)
             + size_of_val(&*self.triangle_of)
             + size_of_val(&*self.slot_of)

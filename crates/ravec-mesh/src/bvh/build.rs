@@ -14,6 +14,9 @@ use super::node::{Child, Node, WIDTH};
 /// Most triangles in a leaf.
 const LEAF: usize = 4;
 
+/// Most triangles below a node whose children are all leaves.
+const BOTTOM: usize = 16;
+
 /// Depth below which ranges are halved by number, whatever the heuristic says.
 ///
 /// This bounds the depth: 12 levels, and then 2^32 triangles shrink by 8 a level, 11 levels more. Each level leaves at
@@ -22,6 +25,7 @@ pub(super) const MAX_DEPTH: usize = 12;
 
 /// Bins of an axis. With 8 queries are 2 % slower; more than 16 gain nothing.
 const BINS: usize = 16;
+const FEW_BINS: usize = 8;
 
 /// Ranges from this size on are built in parallel.
 const PARALLEL: usize = 8192;
@@ -69,7 +73,7 @@ impl LocalBox {
         x * y + y * z + z * x
     }
 
-    fn around(prims: &[Prim]) -> Self {
+    fn around_all(prims: &[Prim]) -> Self {
         prims.iter().fold(Self::EMPTY, |mut sum, prim| {
             sum.include(&prim.bounds);
             sum
@@ -97,7 +101,13 @@ fn build(prims: &mut [Prim], first: usize, depth: usize, nodes: &mut Vec<Node>) 
     let at = nodes.len();
     nodes.push(Node::EMPTY);
     let parallel = prims.len() >= PARALLEL;
-    let parts = cut_in_eight(prims, depth);
+    let parts = if prims.len() <= BOTTOM {
+        let mut parts = Vec::with_capacity(WIDTH);
+        cut_into_leaves(prims, WIDTH, &mut parts);
+        parts
+    } else {
+        cut_in_eight(prims, depth)
+    };
     let firsts: Vec<usize> = parts
         .iter()
         .scan(first, |next, part| {
@@ -128,7 +138,7 @@ fn build(prims: &mut [Prim], first: usize, depth: usize, nodes: &mut Vec<Node>) 
             let root = nodes.len() as u32;
             node.push(&bounds, child(root, first, count));
             for node in &mut subtree {
-                node.shift_nodes(root);
+                node.children.shift_nodes(root);
             }
             nodes.append(&mut subtree);
         }
@@ -159,12 +169,12 @@ fn child(node: u32, first: usize, count: usize) -> Child {
 
 /// At most eight parts of a range, in order, none of them empty.
 fn cut_in_eight(prims: &mut [Prim], depth: usize) -> Vec<Part<'_>> {
-    let bounds = LocalBox::around(prims);
+    let bounds = LocalBox::around_all(prims);
     let mut parts = vec![Part { prims, bounds }];
     while parts.len() < WIDTH {
         // The part that is the most likely to be looked into; the first of equals.
         let worth = |part: &Part<'_>| match part.prims.len() {
-            0..=LEAF => -1.0,
+            0..=BOTTOM => -1.0,
             count if depth >= MAX_DEPTH => count as f32,
             _ => part.bounds.half_area(),
         };
@@ -179,21 +189,42 @@ fn cut_in_eight(prims: &mut [Prim], depth: usize) -> Vec<Part<'_>> {
         }
         let part = parts.remove(best.0);
         let at = if depth >= MAX_DEPTH {
-            halve(part.prims)
+            halve(part.prims, part.prims.len()/2)
         } else {
-            partition(part.prims)
+            cheapest_cut::<BINS>(part.prims, |_| true).unwrap_or_else(|| halve(part.prims, part.prims.len()/2))
         };
         let (left, right) = part.prims.split_at_mut(at);
         for (offset, prims) in [left, right].into_iter().enumerate() {
-            let bounds = LocalBox::around(prims);
+            let bounds = LocalBox::around_all(prims);
             parts.insert(best.0 + offset, Part { prims, bounds });
         }
     }
     parts
 }
 
-/// Puts the lower half along the longest axis first, and says where the upper one begins.
-fn halve(prims: &mut [Prim]) -> usize {
+/// Appends at most `lanes` parts of a range that are leaves, in order; there must be at least that many for all triangles.
+fn cut_into_leaves<'a>(prims: &'a mut [Prim], lanes: usize, parts: &mut Vec<Part<'a>>) {
+    let (count, lanes) = (prims.len(), lanes.min(prims.len()));
+    if lanes <= 1 {
+        let bounds = LocalBox::around_all(prims);
+        parts.push(Part { prims, bounds });
+        return;
+    }
+    let lanes_of = |count: usize| count.div_ceil(LEAF);
+    let fits = |at: usize| lanes_of(at) + lanes_of(count - at) <= lanes;
+    let at = cheapest_cut::<FEW_BINS>(prims, fits)
+        .unwrap_or_else(|| halve(prims, (count / 2).min(lanes / 2 * LEAF)));
+    let share = (lanes * at + count / 2) / count;
+    let least = lanes_of(at).max(lanes.saturating_sub(count - at));
+    let most = (lanes - lanes_of(count - at)).min(at);
+    let lower = share.clamp(least, most);
+    let (left, right) = prims.split_at_mut(at);
+    cut_into_leaves(left, lower, parts);
+    cut_into_leaves(right, lanes - lower, parts);
+}
+
+/// Puts the `half` lowest triangles along the longest axis first.
+fn halve(prims: &mut [Prim], half: usize) -> usize {
     let (low, high) = middles(prims);
     let axis = (0..3).fold(0, |best, axis| {
         if high[axis] - low[axis] > high[best] - low[best] {
@@ -202,7 +233,6 @@ fn halve(prims: &mut [Prim]) -> usize {
             best
         }
     });
-    let half = prims.len() / 2;
     prims.select_nth_unstable_by(half, |a, b| {
         let by_place = a.middle(axis).total_cmp(&b.middle(axis));
         by_place.then(a.triangle.cmp(&b.triangle))
@@ -223,8 +253,11 @@ fn middles(prims: &[Prim]) -> ([f32; 3], [f32; 3]) {
     (range.min, range.max)
 }
 
-/// Puts the triangles on the lower side of the cheapest cut first, and says where the others begin.
-fn partition(prims: &mut [Prim]) -> usize {
+/// Puts the triangles on the lower side of the cheapest cut that `fits` first, and says where the others begin.
+fn cheapest_cut<const BINS: usize>(
+    prims: &mut [Prim],
+    fits: impl Fn(usize) -> bool,
+) -> Option<usize> {
     let (low, high) = middles(prims);
     let per_unit = [0, 1, 2].map(|axis| BINS as f32 / (high[axis] - low[axis]));
     let bin_of = |prim: &Prim, axis: usize| {
@@ -256,14 +289,14 @@ fn partition(prims: &mut [Prim]) -> usize {
             sum.0.include(&bins[bin - 1].0);
             sum.1 += bins[bin - 1].1;
             let cost = sum.0.half_area() * sum.1 as f32 + above[bin];
-            if sum.1 > 0 && sum.1 < prims.len() && cost < best.0 {
+            if sum.1 > 0 && sum.1 < prims.len() && cost < best.0 && fits(sum.1) {
                 best = (cost, axis, bin);
             }
         }
     }
     let (cost, axis, bin) = best;
     if cost.is_infinite() {
-        return halve(prims);
+        return None;
     }
     let mut at = 0;
     for i in 0..prims.len() {
@@ -272,5 +305,5 @@ fn partition(prims: &mut [Prim]) -> usize {
             at += 1;
         }
     }
-    at
+    Some(at)
 }

@@ -3,8 +3,7 @@
 use glam::DVec3;
 
 use super::Bvh;
-use super::frame::LocalPoint;
-use super::node::{Child, STACK};
+use super::node::{Child, STACK, WIDTH, mask_of};
 use crate::closest::{Feature, closest_on_triangle, distance_sq_to_triangle};
 
 /// The place of a mesh that is closest to a given point.
@@ -39,41 +38,42 @@ impl Best {
     }
 }
 
-/// Children that are still to be looked into, the nearest last.
-pub(super) struct Stack {
-    entries: [(f32, Child); STACK],
+/// Boxes that are still to be looked into.
+///
+/// An entry is one number: the bits of the squared distance, which for what is not negative are in the order of the values,
+/// above the place of the box: its node times eight and its lane. Nodes are an eighth of the triangles, so that fits.
+struct Stack {
+    entries: [u64; STACK],
     len: usize,
 }
 
 impl Stack {
-    pub fn new() -> Self {
+    #[inline]
+    fn new() -> Self {
         Self {
-            entries: [(0.0, Child::Node(0)); STACK],
+            entries: [0; STACK],
             len: 0,
         }
     }
 
     /// Keeps the entries from `base` on sorted, the nearest last.
     #[inline]
-    pub fn insert(&mut self, base: usize, distance_sq: f32, child: Child) {
+    fn insert(&mut self, base: usize, distance_sq: f32, place: u32) {
+        let entry = u64::from(distance_sq.to_bits()) << 32 | u64::from(place);
         let mut at = self.len;
-        while at > base && self.entries[at - 1].0 < distance_sq {
+        while at > base && self.entries[at - 1] < entry {
             self.entries[at] = self.entries[at - 1];
             at -= 1;
         }
-        self.entries[at] = (distance_sq, child);
+        self.entries[at] = entry;
         self.len += 1;
     }
 
     #[inline]
-    pub fn pop(&mut self) -> Option<(f32, Child)> {
+    fn pop(&mut self) -> Option<(f32, u32)> {
         self.len = self.len.checked_sub(1)?;
-        Some(self.entries[self.len])
-    }
-
-    #[inline]
-    pub fn len(&self) -> usize {
-        self.len
+        let entry = self.entries[self.len];
+        Some((f32::from_bits((entry >> 32) as u32), entry as u32))
     }
 }
 
@@ -111,39 +111,39 @@ impl Bvh {
     }
 
     fn search(&self, p: DVec3, mut best: Best) -> Best {
-        if !self.is_empty() && p.is_finite() {
-            let local = self.frame.local_point(p);
-            let mut stack = Stack::new();
-            stack.insert(0, 0.0, Child::Node(0));
-            self.drain(p, &local, &mut stack, &mut best);
+        if self.is_empty() || !p.is_finite() {
+            return best;
         }
-        best
-    }
-
-    /// Looks into what is on the stack, and below it, for something closer than the best.
-    #[inline]
-    pub(super) fn drain(&self, p: DVec3, local: &LocalPoint, stack: &mut Stack, best: &mut Best) {
-        let mut reach_sq = self.frame.reach_sq(local, best.distance_sq);
-        while let Some((distance_sq, child)) = stack.pop() {
-            if distance_sq > reach_sq {
-                continue;
+        let local = self.frame.local_point(p);
+        let mut reach_sq = self.frame.reach_sq(&local, best.distance_sq);
+        let mut stack = Stack::new();
+        let mut at = 0;
+        loop {
+            let node = &self.turned[at as usize];
+            let distances_sq = node.distances_sq(local.at);
+            let base = stack.len;
+            let mut near = node.children.mask() & mask_of(|lane| distances_sq[lane] <= reach_sq);
+            while near != 0 {
+                let lane = near.trailing_zeros();
+                near &= near - 1;
+                stack.insert(base, distances_sq[lane as usize % WIDTH], at * WIDTH as u32 + lane);
             }
-            match child {
-                Child::Node(node) => {
-                    let node = &self.nodes[node as usize];
-                    let distances_sq = node.distances_sq(local.at);
-                    let base = stack.len();
-                    for (lane, &distance_sq) in distances_sq[..node.len()].iter().enumerate() {
-                        if distance_sq <= reach_sq {
-                            stack.insert(base, distance_sq, node.child(lane));
-                        }
-                    }
+            at = loop {
+                let Some((distance_sq, place)) = stack.pop() else {
+                    return best;
+                };
+                if distance_sq > reach_sq {
+                    continue;
                 }
-                Child::Leaf { first, count } => {
-                    let before = best.distance_sq;
-                    self.try_leaf(p, first, count, best);
-                    if best.distance_sq < before {
-                        reach_sq = self.frame.reach_sq(local, best.distance_sq);
+                let node = &self.turned[place as usize / WIDTH];
+                match node.children.get(place as usize % WIDTH) {
+                    Child::Node(node) => break node,
+                    Child::Leaf { first, count } => {
+                        let before = best.distance_sq;
+                        self.try_leaf(p, first, count, &mut best);
+                        if best.distance_sq < before {
+                            reach_sq = self.frame.reach_sq(&local, best.distance_sq);
+                        }
                     }
                 }
             }

@@ -17,7 +17,7 @@ pub(super) struct Frame {
 pub(super) struct LocalPoint {
     pub at: [f32; 3],
     /// No less than the distance by which rounding moved the point, and the errors of distances in double precision.
-    slack: f64,
+    pub slack: f64,
 }
 
 /// A box in the local frame, rounded outward.
@@ -35,6 +35,17 @@ fn round_down(x: f64) -> f32 {
         rounded.next_down()
     } else {
         rounded
+    }
+}
+
+impl LocalBox {
+    /// The smallest box that holds the given one.
+    #[inline]
+    pub fn around(min: DVec3, max: DVec3) -> Self {
+        Self {
+            min: min.to_array().map(round_down),
+            max: max.to_array().map(|x| -round_down(-x)),
+        }
     }
 }
 
@@ -75,11 +86,7 @@ impl Frame {
     /// The box around the given points.
     #[inline]
     pub fn local_box(self, min: DVec3, max: DVec3) -> LocalBox {
-        let (min, max) = (self.to_local(min), self.to_local(max));
-        LocalBox {
-            min: min.to_array().map(round_down),
-            max: max.to_array().map(|x| -round_down(-x)),
-        }
+        LocalBox::around(self.to_local(min), self.to_local(max))
     }
 
     /// A squared distance in the local frame that is exceeded only by boxes whose content is farther from the point
@@ -94,6 +101,6 @@ impl Frame {
     pub fn widened_sq(self, distance: f64, slack: f64) -> f32 {
         let distance = distance * self.scale + slack;
         // Six roundings of `f32` in the squared distance of a box are below 1e-6 of it.
-        (distance * distance * (1.0 + 1e-6)) as f32
+        (distance * distance * (1.0 + 4e-6)) as f32
     }
 }

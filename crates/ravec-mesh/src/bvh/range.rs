@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3};
 
 use super::Bvh;
-use super::node::{Child, Node, STACK, WIDTH};
+use super::node::{Boxes, Child, Children, STACK, WIDTH};
 use crate::closest::{closest_on_triangle, distance_sq_to_triangle};
 use crate::{Aabb, Sign, orient2d, triangle_distance_sq};
 
@@ -27,7 +27,10 @@ impl Bvh {
         }
         let local = self.frame.local_box(bounds.min, bounds.max);
         self.descend(
-            |node| node.touching(&local),
+            |at| {
+                let node = &self.nodes[at];
+                (&node.children, node.boxes.touching(&local))
+            },
             |slot| {
                 if Aabb::around(self.corners[slot as usize]).touches(bounds) {
                     visit(self.triangle_of[slot as usize]);
@@ -46,7 +49,11 @@ impl Bvh {
         let max_sq = max_distance * max_distance;
         let reach_sq = self.frame.reach_sq(&local, max_sq);
         self.descend(
-            |node| node.distances_sq(local.at).map(|sq| sq <= reach_sq),
+            |at| {
+                let node = &self.turned[at];
+                let near = node.distances_sq(local.at).map(|sq| sq <= reach_sq);
+                (&node.children, near)
+            },
             |slot| {
                 let distance_sq = distance_sq_to_triangle(p, self.corners[slot as usize]);
                 if distance_sq <= max_sq {
@@ -69,15 +76,15 @@ impl Bvh {
         if !(reach.is_finite() && middle.is_finite()) || distance <= 0.0 {
             return false;
         }
-        let bounds = Aabb::around(facet).grown(distance);
-        let local = self.frame.local_box(bounds.min, bounds.max);
-        let point = self.frame.local_point(middle);
-        let reach_sq = self.frame.reach_sq(&point, reach * reach);
+        let local = facet.map(|corner| self.frame.local_point(corner));
+        let slack = local.iter().map(|point| point.slack).fold(0.0, f64::max);
+        let reach_sq = self.frame.widened_sq(distance, slack);
+        let local = local.map(|point| point.at);
         self.any(
-            |node| {
-                let near = node.distances_sq(point.at).map(|sq| sq <= reach_sq);
-                let touching = node.touching(&local);
-                std::array::from_fn(|lane| near[lane] & touching[lane])
+            |at| {
+                let node = &self.turned[at];
+                let near = node.distances_sq_to(local).map(|sq| sq <= reach_sq);
+                (&node.children, near)
             },
             |slot| {
                 let corners = self.corners[slot as usize];
@@ -123,7 +130,10 @@ impl Bvh {
         // The error of the slabs' arithmetic, in double precision, is some 1e-16 of the farthest coordinate.
         let slack = 1e-14 * (4.0 + from.abs().max_element());
         self.descend(
-            |node| meeting(node, from, along, slack),
+            |at| {
+                let node = &self.nodes[at];
+                (&node.children, meeting(&node.boxes, from, along, slack))
+            },
             |slot| {
                 if let Some((t, outward)) = ray.meets(self.corners[slot as usize]) {
                     hits.push(RayHit {
@@ -138,9 +148,14 @@ impl Bvh {
         hits
     }
 
-    /// Calls `visit` with the slots of all leaves whose boxes, and those above them, pass `test`.
+    /// Calls `visit` with the slots of all leaves whose boxes, and those above them, pass `test`: what the node of an index
+    /// holds, and which of it is looked into.
     #[inline]
-    fn descend(&self, test: impl Fn(&Node) -> [bool; WIDTH], mut visit: impl FnMut(u32)) {
+    fn descend<'a>(
+        &self,
+        test: impl Fn(usize) -> (&'a Children, [bool; WIDTH]),
+        mut visit: impl FnMut(u32),
+    ) {
         self.any(test, |slot| {
             visit(slot);
             false
@@ -149,9 +164,9 @@ impl Bvh {
 
     /// As [`Self::descend`] until `visit` is true for a slot; whether that happened.
     #[inline]
-    fn any(
+    fn any<'a>(
         &self,
-        test: impl Fn(&Node) -> [bool; WIDTH],
+        test: impl Fn(usize) -> (&'a Children, [bool; WIDTH]),
         mut visit: impl FnMut(u32) -> bool,
     ) -> bool {
         if self.is_empty() {
@@ -161,10 +176,9 @@ impl Bvh {
         let mut len = 1;
         while len > 0 {
             len -= 1;
-            let node = &self.nodes[stack[len] as usize];
-            let passes = test(node);
-            for lane in (0..node.len()).filter(|&lane| passes[lane]) {
-                match node.child(lane) {
+            let (children, passes) = test(stack[len] as usize);
+            for lane in (0..children.len()).filter(|&lane| passes[lane]) {
+                match children.get(lane) {
                     Child::Node(child) => {
                         stack[len] = child;
                         len += 1;
@@ -183,7 +197,7 @@ impl Bvh {
 
 /// Which boxes a ray in the local frame meets, when they are grown by `slack`. The largest component of `along` is 1.
 #[inline]
-fn meeting(node: &Node, from: DVec3, along: DVec3, slack: f64) -> [bool; WIDTH] {
+fn meeting(boxes: &Boxes, from: DVec3, along: DVec3, slack: f64) -> [bool; WIDTH] {
     let mut enter = [0.0_f64; WIDTH];
     let mut leave = [f64::INFINITY; WIDTH];
     for axis in 0..3 {
@@ -192,7 +206,7 @@ fn meeting(node: &Node, from: DVec3, along: DVec3, slack: f64) -> [bool; WIDTH] 
         let drifts = along.abs() > 1e-20;
         let per_along = 1.0 / along;
         for lane in 0..WIDTH {
-            let bounds = node.bounds(lane);
+            let bounds = boxes.get(lane);
             let low = f64::from(bounds.min[axis]) - slack - from;
             let high = f64::from(bounds.max[axis]) + slack - from;
             if drifts {

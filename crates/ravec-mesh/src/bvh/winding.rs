@@ -26,6 +26,7 @@ use rayon::prelude::*;
 
 use super::Bvh;
 use super::node::{Child, STACK};
+use super::turned::slots;
 use crate::TriMesh;
 
 /// The share of the full solid angle by which all triangles of `mesh` go around `p`: the plain sum, linear in the number of
@@ -67,9 +68,9 @@ impl<'a> WindingNumbers<'a> {
 
     /// The moments of all nodes, computed in the caller's thread pool.
     pub fn new(bvh: &'a Bvh) -> Self {
-        let moments = slots(bvh)
+        let moments = slots(&bvh.nodes)
             .into_par_iter()
-            .map(|(first, end)| Moments::of(&bvh.corners[first as usize..end as usize]))
+            .map(|below| Moments::of(&bvh.corners[below.start as usize..below.end as usize]))
             .collect();
         Self { bvh, moments }
     }
@@ -131,23 +132,6 @@ impl<'a> WindingNumbers<'a> {
         }
         far / (4.0 * PI) + near / (2.0 * PI)
     }
-}
-
-/// For each node the slots below it: from the first to before the second.
-fn slots(bvh: &Bvh) -> Vec<(u32, u32)> {
-    let mut slots = vec![(u32::MAX, 0); bvh.nodes.len()];
-    // Children come after their parents.
-    for at in (0..bvh.nodes.len()).rev() {
-        let node = &bvh.nodes[at];
-        slots[at] = (0..node.len()).fold(slots[at], |(from, to), lane| {
-            let (first, end) = match node.child(lane) {
-                Child::Node(child) => slots[child as usize],
-                Child::Leaf { first, count } => (first, first + count),
-            };
-            (from.min(first), to.max(end))
-        });
-    }
-    slots
 }
 
 /// The moments of triangles about their middle: of the normal n and the offset d, integrated over the area.
