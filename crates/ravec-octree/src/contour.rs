@@ -108,7 +108,8 @@ impl Contour {
 
     /// A part of the surface: what is in some leaves. For these, all edges on which the sign changes must be given.
     ///
-    /// Polygons with corners in other leaves are there as well, but what is said of them is not complete.
+    /// Polygons with corners in other leaves are there as well, but what is said of them is not complete: their dual edges
+    /// between such leaves have the index `u32::MAX`.
     ///
     /// # Panics
     /// As [`Self::new`].
@@ -193,7 +194,7 @@ fn polygon_around(&(edge, start_inside): &(MinimalEdge, bool)) -> Polygon {
         length: edge.length,
         cells,
         vertices: [0; 4],
-        duals: [0; 4],
+        duals: [u32::MAX; 4],
     }
 }
 

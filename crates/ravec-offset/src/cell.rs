@@ -38,7 +38,7 @@ pub(crate) struct Sample {
 }
 
 /// What is known of a corner of a cell.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct CornerValue {
     /// The closest triangle.
     pub triangle: u32,

@@ -6,7 +6,7 @@
 //!
 //! Guarantees: closed, oriented, manifold by its indices. Intersections can be left only in cells with several vertices.
 
-use crate::cell::{CornerValue, Sample, root};
+use crate::cell::{CornerValue, ON_SURFACE, Sample, root};
 use crate::field::Region;
 use crate::refine::Refinement;
 use crate::tile::{Edge, Patch, VertexName};
@@ -17,7 +17,7 @@ use ravec_octree::{
 };
 use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
-use rustc_hash::FxHashSet;
+use rustc_hash::{FxHashMap, FxHashSet};
 use std::ops::Range;
 
 /// The share of a face's side that a dual edge, or a vertex in the face, keeps away from the face's border.
@@ -153,6 +153,7 @@ fn edge_of(polygon: &Polygon) -> Edge {
 /// The surface of what was looked at.
 pub(crate) fn extract(
     refinement: &Refinement<'_>,
+    places: &mut CrossingPlaces,
     progress: &Progress,
 ) -> Result<Extracted, Cancelled> {
     let tree = &refinement.tree;
@@ -174,7 +175,7 @@ pub(crate) fn extract(
         positions,
         added: Vec::new(),
     };
-    Ok(cutter.cut(progress)?.with(contour))
+    Ok(cutter.cut(places, progress)?.with(contour))
 }
 
 /// Triangles before they are joined with the contour that they come from.
@@ -197,36 +198,87 @@ impl Triangles {
     }
 }
 
-/// The point where an edge of the lattice goes through the surface.
-fn edge_root(refinement: &Refinement<'_>, ends: [Corner; 2], cells: &[NodeId]) -> Sample {
-    let points = ends.map(|end| refinement.frame.point(end));
-    let region = cells
-        .iter()
-        .map(|&cell| refinement.tree.data(cell).region)
-        .find(|&region| region != Region::Unknown)
-        .unwrap_or(Region::Unknown);
-    let hint = refinement.tree.data(cells[0]).hint;
-    let mut values = [0, 1].map(|i| {
-        refinement.corner(ends[i]).copied().unwrap_or_else(|| {
-            // a corner of finer, empty cells: only its sign is known
-            let near = refinement.field.near(points[i], hint);
-            let value = refinement.field.radius() - near.distance;
-            let inside = if i == 0 { -1.0 } else { 1.0 };
-            CornerValue {
-                triangle: near.triangle,
-                value: inside * value.abs(),
-            }
-        })
-    });
-    // a filled corner: the surface goes as close to it as it can
-    values[0].value = values[0].value.min(-1e-9 * refinement.tolerance);
-    let enough = 0.02 * refinement.tolerance;
-    let mut sample = root(refinement.field, region, points, values, enough);
-    // off the ends, where other edges begin
-    let along = points[1] - points[0];
-    let t = (sample.point - points[0]).dot(along) / along.length_squared();
-    sample.point = points[0] + t.clamp(1e-6, 1.0 - 1e-6) * along;
-    sample
+/// What the place where an edge goes through the surface depends on: its ends, the one inside first.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Crossing {
+    ends: [Corner; 2],
+    region: Region,
+    values: [CornerValue; 2],
+}
+
+impl Crossing {
+    fn of(refinement: &Refinement<'_>, polygon: &Polygon) -> Self {
+        let (ends, cells) = (polygon.ends(), polygon.cells());
+        let region = cells
+            .iter()
+            .map(|&cell| refinement.tree.data(cell).region)
+            .find(|&region| region != Region::Unknown)
+            .unwrap_or(Region::Unknown);
+        let hint = refinement.tree.data(cells[0]).hint;
+        let mut values = [0, 1].map(|i| {
+            refinement.corner(ends[i]).copied().unwrap_or_else(|| {
+                // a corner of finer, empty cells: only its sign is known
+                let near = refinement.field.near(refinement.frame.point(ends[i]), hint);
+                let value = refinement.field.radius() - near.distance;
+                let inside = if i == 0 { -1.0 } else { 1.0 };
+                CornerValue {
+                    triangle: near.triangle,
+                    value: inside * value.abs(),
+                }
+            })
+        });
+        // a filled corner: the surface goes as close to it as it can
+        values[0].value = values[0].value.min(-1e-9 * refinement.tolerance);
+        Self {
+            ends,
+            region,
+            values,
+        }
+    }
+
+    fn root(&self, refinement: &Refinement<'_>) -> Sample {
+        let points = self.ends.map(|end| refinement.frame.point(end));
+        let enough = ON_SURFACE * refinement.tolerance;
+        let mut sample = root(refinement.field, self.region, points, self.values, enough);
+        // off the ends, where other edges begin
+        let along = points[1] - points[0];
+        let t = (sample.point - points[0]).dot(along) / along.length_squared();
+        sample.point = points[0] + t.clamp(1e-6, 1.0 - 1e-6) * along;
+        sample
+    }
+}
+
+/// Where edges go through the surface, as far as that was asked for: rounds of mending ask again and again.
+#[derive(Debug, Default)]
+pub(crate) struct CrossingPlaces(FxHashMap<[Corner; 2], (Crossing, DVec3)>);
+
+impl CrossingPlaces {
+    /// Works out the places of some polygons' edges.
+    fn look_up<'p>(
+        &mut self,
+        refinement: &Refinement<'_>,
+        polygons: impl ParallelIterator<Item = &'p Polygon>,
+        progress: &Progress,
+    ) -> Result<(), Cancelled> {
+        let missing: Vec<(Crossing, DVec3)> = polygons
+            .map(|polygon| Crossing::of(refinement, polygon))
+            .filter(|crossing| {
+                let known = self.0.get(&crossing.ends);
+                known.is_none_or(|(known, _)| known != crossing)
+            })
+            .map(|crossing| {
+                progress.check()?;
+                Ok((crossing, crossing.root(refinement).point))
+            })
+            .collect::<Result<_, Cancelled>>()?;
+        let named = missing.into_iter().map(|place| (place.0.ends, place));
+        self.0.extend(named);
+        Ok(())
+    }
+
+    fn of(&self, polygon: &Polygon) -> DVec3 {
+        self.0[&polygon.ends()].1
+    }
 }
 
 /// The places of the contour's vertices.
@@ -255,7 +307,7 @@ fn vertices(refinement: &Refinement<'_>, contour: &Contour) -> Vec<DVec3> {
                 .iter()
                 .map(|&(_, polygon)| {
                     let polygon = &contour.polygons[polygon as usize];
-                    edge_root(refinement, polygon.ends(), polygon.cells())
+                    Crossing::of(refinement, polygon).root(refinement)
                 })
                 .collect();
             let vertex = group[0].0;
@@ -278,38 +330,68 @@ struct Cutter<'a> {
     added: Vec<VertexName>,
 }
 
-/// A polygon's triangles before vertices on edges have numbers.
+/// How a polygon is cut.
+#[derive(Debug, Clone, Copy, PartialEq)]
 enum Cut {
     /// Not all around it was looked at.
     Unknown,
-    /// Corners of the polygon.
-    Triangles(Vec<[u32; 3]>),
-    /// Around a vertex on the polygon's edge.
-    Fan(DVec3),
+    /// It is a triangle.
+    Whole,
+    /// Along the diagonal from a corner, the first or the second one.
+    Diagonal(usize),
+    /// Around a vertex on its edge.
+    Fan,
 }
 
 impl Cutter<'_> {
-    fn cut(mut self, progress: &Progress) -> Result<Triangles, Cancelled> {
+    fn cut(
+        mut self,
+        places: &mut CrossingPlaces,
+        progress: &Progress,
+    ) -> Result<Triangles, Cancelled> {
         let contour = self.contour;
         let is_core = |cells: &[NodeId]| cells.iter().all(|&cell| self.refinement.is_core(cell));
-        let in_faces: Vec<Option<DVec3>> = contour
+        let is_bent: Vec<bool> = contour
             .duals
             .par_iter()
-            .map(|dual| {
-                progress.check()?;
-                Ok(self.face_vertex(dual).filter(|_| is_core(&dual.cells)))
-            })
-            .collect::<Result<_, Cancelled>>()?;
-        let cuts: Vec<Cut> = contour
+            .map(|dual| is_core(&dual.cells) && self.is_bent(dual))
+            .collect();
+        let mut cuts: Vec<Cut> = contour
             .polygons
             .par_iter()
             .map(|polygon| {
                 progress.check()?;
                 Ok(if is_core(polygon.cells()) {
-                    self.cut_polygon(polygon, &in_faces)
+                    self.cut_polygon(polygon, &is_bent)
                 } else {
                     Cut::Unknown
                 })
+            })
+            .collect::<Result<_, Cancelled>>()?;
+        // a diagonal may be used by one polygon only
+        let mut diagonals: FxHashSet<[u32; 2]> = FxHashSet::default();
+        for (polygon, cut) in contour.polygons.iter().zip(&mut cuts) {
+            if let Cut::Diagonal(first) = *cut {
+                let (a, b) = (polygon.vertices()[first], polygon.vertices()[first + 2]);
+                if !diagonals.insert([a.min(b), a.max(b)]) {
+                    *cut = Cut::Fan;
+                }
+            }
+        }
+        drop(diagonals);
+        let polygons = contour.polygons.par_iter().zip(&cuts);
+        let fans = polygons.filter(|(polygon, cut)| {
+            let mut duals = polygon.duals().iter();
+            **cut == Cut::Fan || duals.any(|&dual| is_bent.get(dual as usize) == Some(&true))
+        });
+        places.look_up(self.refinement, fans.map(|(polygon, _)| polygon), progress)?;
+        let in_faces: Vec<Option<DVec3>> = contour
+            .duals
+            .par_iter()
+            .zip(&is_bent)
+            .map(|(dual, &is_bent)| {
+                progress.check()?;
+                Ok(is_bent.then(|| self.face_vertex(dual, places)))
             })
             .collect::<Result<_, Cancelled>>()?;
         let face_numbers: Vec<Option<u32>> = in_faces
@@ -317,32 +399,23 @@ impl Cutter<'_> {
             .zip(&contour.duals)
             .map(|(place, dual)| place.map(|place| self.push(place, self.name_in_face(dual))))
             .collect();
-        let mut triangles = Vec::with_capacity(2 * cuts.len());
+        let mut triangles: Vec<[u32; 3]> = Vec::with_capacity(2 * cuts.len());
         let mut polygon_of = Vec::with_capacity(2 * cuts.len());
-        // a diagonal may be used by one polygon only
-        let mut diagonals: FxHashSet<[u32; 2]> = FxHashSet::default();
         for (number, (polygon, cut)) in (0u32..).zip(contour.polygons.iter().zip(cuts)) {
-            let cut = match cut {
-                Cut::Triangles(cut) if cut.len() == 2 => {
-                    let (a, b) = (cut[0][0], cut[0][2]);
-                    if diagonals.insert([a.min(b), a.max(b)]) {
-                        Cut::Triangles(cut)
-                    } else {
-                        Cut::Fan(self.on_edge(polygon))
-                    }
-                }
-                other => other,
-            };
-            let before = triangles.len();
+            let v = |k: usize| polygon.vertices()[k % polygon.vertices().len()];
             match cut {
                 Cut::Unknown => {}
-                Cut::Triangles(cut) => triangles.extend(cut),
-                Cut::Fan(center) => {
+                Cut::Whole => triangles.push([v(0), v(1), v(2)]),
+                Cut::Diagonal(i) => {
+                    triangles.push([v(i), v(i + 1), v(i + 2)]);
+                    triangles.push([v(i + 2), v(i + 3), v(i)]);
+                }
+                Cut::Fan => {
                     let name = VertexName::OnEdge {
                         start: polygon.start,
                         axis: polygon.axis,
                     };
-                    let center = self.push(center, name);
+                    let center = self.push(places.of(polygon), name);
                     let ring: Vec<u32> = polygon
                         .vertices()
                         .iter()
@@ -357,7 +430,7 @@ impl Cutter<'_> {
                     triangles.extend((0..ring.len()).map(|i| [center, ring[i], next(i)]));
                 }
             }
-            polygon_of.resize(polygon_of.len() + triangles.len() - before, number);
+            polygon_of.resize(triangles.len(), number);
         }
         Ok(Triangles {
             positions: self.positions,
@@ -390,17 +463,24 @@ impl Cutter<'_> {
         }
     }
 
-    /// A vertex in the minimal face of a dual edge, if the straight way does not go through the face.
-    fn face_vertex(&self, dual: &DualEdge) -> Option<DVec3> {
+    fn face_of(&self, dual: &DualEdge) -> Face {
         let keys = dual.cells.map(|cell| self.refinement.tree.key(cell));
-        let face = Face::between(keys, &self.refinement.frame);
+        Face::between(keys, &self.refinement.frame)
+    }
+
+    /// Whether a dual edge takes a vertex in its minimal face: the straight way does not go through the face, or there is
+    /// another one through it.
+    fn is_bent(&self, dual: &DualEdge) -> bool {
         let ends = dual.vertices.map(|vertex| self.positions[vertex as usize]);
-        if !dual.is_ambiguous && face.is_crossed(ends) {
-            return None;
-        }
+        dual.is_ambiguous || !self.face_of(dual).is_crossed(ends)
+    }
+
+    /// The vertex in the minimal face of a dual edge.
+    fn face_vertex(&self, dual: &DualEdge, places: &CrossingPlaces) -> DVec3 {
+        let face = self.face_of(dual);
         let roots = dual
             .polygons
-            .map(|polygon| self.on_edge(&self.contour.polygons[polygon as usize]));
+            .map(|polygon| places.of(&self.contour.polygons[polygon as usize]));
         let mut place = 0.5 * (roots[0] + roots[1]);
         if !dual.is_ambiguous {
             // onto the surface, without leaving the face
@@ -422,23 +502,13 @@ impl Cutter<'_> {
                 }
             }
         }
-        place = face.clamp(place);
-        Some(place)
+        face.clamp(place)
     }
 
-    fn on_edge(&self, polygon: &Polygon) -> DVec3 {
-        edge_root(self.refinement, polygon.ends(), polygon.cells()).point
-    }
-
-    fn cut_polygon(&self, polygon: &Polygon, in_faces: &[Option<DVec3>]) -> Cut {
+    fn cut_polygon(&self, polygon: &Polygon, is_bent: &[bool]) -> Cut {
         let vertices = polygon.vertices();
-        let fan = || Cut::Fan(self.on_edge(polygon));
-        if polygon
-            .duals()
-            .iter()
-            .any(|&dual| in_faces[dual as usize].is_some())
-        {
-            return fan();
+        if polygon.duals().iter().any(|&dual| is_bent[dual as usize]) {
+            return Cut::Fan;
         }
         let [inside, outside] = polygon.ends().map(|end| self.refinement.frame.point(end));
         let edge = [inside, outside];
@@ -446,11 +516,11 @@ impl Cutter<'_> {
             .iter()
             .map(|&v| self.positions[v as usize])
             .collect();
-        if let &[a, b, c] = vertices {
+        if vertices.len() == 3 {
             return if pierces(edge, [p[0], p[1], p[2]]) {
-                Cut::Triangles(vec![[a, b, c]])
+                Cut::Whole
             } else {
-                fan()
+                Cut::Fan
             };
         }
         // the diagonal from corner `i` to the one across
@@ -461,13 +531,10 @@ impl Cutter<'_> {
         };
         let length = |i: usize| p[i].distance_squared(p[i + 2]);
         let first = usize::from(length(1) < length(0));
-        for i in [first, 1 - first] {
-            if allows(i) {
-                let v = |k: usize| vertices[(i + k) % 4];
-                return Cut::Triangles(vec![[v(0), v(1), v(2)], [v(2), v(3), v(0)]]);
-            }
-        }
-        fan()
+        let mut diagonals = [first, 1 - first].into_iter();
+        diagonals
+            .find(|&i| allows(i))
+            .map_or(Cut::Fan, Cut::Diagonal)
     }
 }
 

@@ -6,7 +6,7 @@
 //! tile is in memory at a time, beside the surface itself; otherwise all of space is one tile, which stays.
 
 use crate::certify::{keeps_distance, tightened};
-use crate::extract::{Extracted, extract};
+use crate::extract::{CrossingPlaces, Extracted, extract};
 use crate::field::Field;
 use crate::outermost::{compact, reachable};
 use crate::refine::{Halt, Refinement};
@@ -60,6 +60,7 @@ struct Tile<'a> {
     /// What it depends on; nothing before it was done.
     reach: Option<Reach>,
     refinement: Option<Refinement<'a>>,
+    places: CrossingPlaces,
     /// Facets that were proved, by a hash of their corners.
     proved: FxHashSet<u64>,
     patch: Patch,
@@ -75,6 +76,7 @@ impl Tile<'_> {
             key,
             reach: None,
             refinement: None,
+            places: CrossingPlaces::default(),
             proved: FxHashSet::default(),
             patch: Patch::default(),
             is_proved: false,
@@ -167,7 +169,7 @@ impl<'a> Mending<'a> {
             }
             None => self.grow(tile.key, orders, progress)?,
         };
-        let extracted = extract(&refinement, progress)?;
+        let extracted = extract(&refinement, &mut tile.places, progress)?;
         tile.patch = extracted.patch(&refinement, tile.key);
         self.judge(tile, &refinement, &extracted, next, progress)?;
         let leaves = || {
@@ -183,6 +185,7 @@ impl<'a> Mending<'a> {
             tile.refinement = Some(refinement);
         } else {
             tile.proved = FxHashSet::default();
+            tile.places = CrossingPlaces::default();
         }
         Ok(())
     }
