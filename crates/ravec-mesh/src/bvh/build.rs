@@ -2,29 +2,34 @@
 //!
 //! Top down: a range of triangles is cut in two where the surface area heuristic is lowest over 16 bins of each axis
 //! (Wald, *On fast Construction of SAH-based Bounding Volume Hierarchies*, 2007), and the larger part is cut again until
-//! there are eight, the children of one node. The shape depends only on the mesh: large ranges are built in parallel
-//! and put together in order.
+//! there are eight, the children of one node. We differ in: the last few triangles of a range are dealt out to all eight
+//! children of a node, since a node with few children costs as much to visit and to keep as a full one. The shape depends
+//! only on the mesh: large ranges are built in parallel and put together in order.
 
 use glam::DVec3;
 use rayon::prelude::*;
 
 use super::frame::{Frame, LocalBox};
-use super::node::{Child, Node, WIDTH};
+use super::node::{Child, MOST_NODES, Node, WIDTH};
 
 /// Most triangles in a leaf.
 const LEAF: usize = 4;
 
-/// Most triangles below a node whose children are all leaves.
+/// Most triangles below a node whose children are all leaves; they hold one or two each.
+///
+/// With 8 there is a third more memory; with 32 a search tries twice as many triangles. Not above [`WIDTH`] leaves.
 const BOTTOM: usize = 16;
 
 /// Depth below which ranges are halved by number, whatever the heuristic says.
 ///
-/// This bounds the depth: 12 levels, and then 2^32 triangles shrink by 8 a level, 11 levels more. Each level leaves at
-/// most 7 children for later on a stack, in all fewer than [`super::node::STACK`]. Real meshes stay above it.
+/// This bounds the depth: 12 levels; then 2^32 triangles shrink by 8 a level until there are at most 128, 9 levels; and 2
+/// levels until there are at most [`BOTTOM`], and one for these. Each level leaves at most 7 children for later on a stack, in all fewer than [`super::node::STACK`]. Real meshes stay above it.
 pub(super) const MAX_DEPTH: usize = 12;
 
 /// Bins of an axis. With 8 queries are 2 % slower; more than 16 gain nothing.
 const BINS: usize = 16;
+
+/// Bins of an axis for no more than [`BOTTOM`] triangles.
 const FEW_BINS: usize = 8;
 
 /// Ranges from this size on are built in parallel.
@@ -82,11 +87,15 @@ impl LocalBox {
 }
 
 /// The nodes over `prims`, root first; `prims` are put in the order of the leaves.
+///
+/// # Panics
+/// If there are more than [`MOST_NODES`].
 pub(super) fn nodes(prims: &mut [Prim]) -> Vec<Node> {
     let mut nodes = Vec::new();
     if !prims.is_empty() {
         build(prims, 0, 0, &mut nodes);
     }
+    assert!(nodes.len() <= MOST_NODES, "too many triangles");
     nodes
 }
 
@@ -189,9 +198,10 @@ fn cut_in_eight(prims: &mut [Prim], depth: usize) -> Vec<Part<'_>> {
         }
         let part = parts.remove(best.0);
         let at = if depth >= MAX_DEPTH {
-            halve(part.prims, part.prims.len()/2)
+            halve(part.prims, part.prims.len() / 2)
         } else {
-            cheapest_cut::<BINS>(part.prims, |_| true).unwrap_or_else(|| halve(part.prims, part.prims.len()/2))
+            cheapest_cut::<BINS>(part.prims, |_| true)
+                .unwrap_or_else(|| halve(part.prims, part.prims.len() / 2))
         };
         let (left, right) = part.prims.split_at_mut(at);
         for (offset, prims) in [left, right].into_iter().enumerate() {
@@ -202,7 +212,8 @@ fn cut_in_eight(prims: &mut [Prim], depth: usize) -> Vec<Part<'_>> {
     parts
 }
 
-/// Appends at most `lanes` parts of a range that are leaves, in order; there must be at least that many for all triangles.
+/// Appends `lanes` parts of a range that are leaves, in order, or one for each triangle if there are fewer. All triangles
+/// must fit in so many leaves.
 fn cut_into_leaves<'a>(prims: &'a mut [Prim], lanes: usize, parts: &mut Vec<Part<'a>>) {
     let (count, lanes) = (prims.len(), lanes.min(prims.len()));
     if lanes <= 1 {
@@ -214,6 +225,7 @@ fn cut_into_leaves<'a>(prims: &'a mut [Prim], lanes: usize, parts: &mut Vec<Part
     let fits = |at: usize| lanes_of(at) + lanes_of(count - at) <= lanes;
     let at = cheapest_cut::<FEW_BINS>(prims, fits)
         .unwrap_or_else(|| halve(prims, (count / 2).min(lanes / 2 * LEAF)));
+    // Each side gets its share of the leaves, but no fewer than it needs, and no more than it can fill.
     let share = (lanes * at + count / 2) / count;
     let least = lanes_of(at).max(lanes.saturating_sub(count - at));
     let most = (lanes - lanes_of(count - at)).min(at);
@@ -223,8 +235,8 @@ fn cut_into_leaves<'a>(prims: &'a mut [Prim], lanes: usize, parts: &mut Vec<Part
     cut_into_leaves(right, lanes - lower, parts);
 }
 
-/// Puts the `half` lowest triangles along the longest axis first.
-fn halve(prims: &mut [Prim], half: usize) -> usize {
+/// Puts the `lower` lowest triangles along the longest axis first, and returns that number.
+fn halve(prims: &mut [Prim], lower: usize) -> usize {
     let (low, high) = middles(prims);
     let axis = (0..3).fold(0, |best, axis| {
         if high[axis] - low[axis] > high[best] - low[best] {
@@ -233,11 +245,11 @@ fn halve(prims: &mut [Prim], half: usize) -> usize {
             best
         }
     });
-    prims.select_nth_unstable_by(half, |a, b| {
+    prims.select_nth_unstable_by(lower, |a, b| {
         let by_place = a.middle(axis).total_cmp(&b.middle(axis));
         by_place.then(a.triangle.cmp(&b.triangle))
     });
-    half
+    lower
 }
 
 /// The range of the middles along each axis.
@@ -253,7 +265,8 @@ fn middles(prims: &[Prim]) -> ([f32; 3], [f32; 3]) {
     (range.min, range.max)
 }
 
-/// Puts the triangles on the lower side of the cheapest cut that `fits` first, and says where the others begin.
+/// Puts the triangles on the lower side of the cheapest cut first, and says where the others begin. `None` if there is no
+/// cut between bins after a number of triangles that `fits`.
 fn cheapest_cut<const BINS: usize>(
     prims: &mut [Prim],
     fits: impl Fn(usize) -> bool,

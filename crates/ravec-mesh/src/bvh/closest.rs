@@ -41,7 +41,7 @@ impl Best {
 /// Boxes that are still to be looked into.
 ///
 /// An entry is one number: the bits of the squared distance, which for what is not negative are in the order of the values,
-/// above the place of the box: its node times eight and its lane. Nodes are an eighth of the triangles, so that fits.
+/// above the place of the box, its node times eight and its lane.
 struct Stack {
     entries: [u64; STACK],
     len: usize,
@@ -110,6 +110,9 @@ impl Bvh {
         }
     }
 
+    /// The best of `best` and all triangles.
+    ///
+    /// Down the nearest of the boxes first, until none of those that were left aside is near enough.
     fn search(&self, p: DVec3, mut best: Best) -> Best {
         if self.is_empty() || !p.is_finite() {
             return best;
@@ -126,7 +129,11 @@ impl Bvh {
             while near != 0 {
                 let lane = near.trailing_zeros();
                 near &= near - 1;
-                stack.insert(base, distances_sq[lane as usize % WIDTH], at * WIDTH as u32 + lane);
+                stack.insert(
+                    base,
+                    distances_sq[lane as usize % WIDTH],
+                    at * WIDTH as u32 + lane,
+                );
             }
             at = loop {
                 let Some((distance_sq, place)) = stack.pop() else {
@@ -153,6 +160,10 @@ impl Bvh {
     #[inline]
     fn try_leaf(&self, p: DVec3, first: u32, count: u32, best: &mut Best) {
         for slot in first..first + count {
+            // The hint, most often.
+            if slot == best.slot {
+                continue;
+            }
             let distance_sq = distance_sq_to_triangle(p, self.corners[slot as usize]);
             let triangle = self.triangle_of[slot as usize];
             if distance_sq < best.distance_sq

@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::turned::GROWTH;
 use crate::Aabb;
 
 /// Coordinates in which the mesh is centered on the origin and has a half extent between 1 and 2.
@@ -16,7 +17,7 @@ pub(super) struct Frame {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct LocalPoint {
     pub at: [f32; 3],
-    /// No less than the distance by which rounding moved the point, and the errors of distances in double precision.
+    /// No less than the distance by which rounding moved the point plus the errors of distances in double precision.
     pub slack: f64,
 }
 
@@ -96,11 +97,18 @@ impl Frame {
         self.widened_sq(distance_sq.sqrt(), point.slack)
     }
 
-    /// As [`Self::reach_sq`], for distances between boxes that were rounded outward.
+    /// What corners of something of the given size may be off once they are turned: see [`GROWTH`].
+    #[inline]
+    pub fn turned_slack(self, size: f64) -> f64 {
+        GROWTH * size * self.scale
+    }
+
+    /// As [`Self::reach_sq`], for distances from something whose corners are off by no more than `slack` in the local frame.
     #[inline]
     pub fn widened_sq(self, distance: f64, slack: f64) -> f32 {
         let distance = distance * self.scale + slack;
-        // Six roundings of `f32` in the squared distance of a box are below 1e-6 of it.
+        // Of the squared distance of a box, six roundings of `f32` are 0.4e-6, axes that are rounded unit vectors make
+        // 0.2e-6, and turning a point at that distance 0.9e-6.
         (distance * distance * (1.0 + 4e-6)) as f32
     }
 }

@@ -8,6 +8,9 @@ pub(super) const WIDTH: usize = 8;
 /// More than the largest number of entries a traversal ever holds: see [`super::build::MAX_DEPTH`].
 pub(super) const STACK: usize = 192;
 
+/// So many that the place of a box, its node times eight and its lane, is a `u32`.
+pub(super) const MOST_NODES: usize = 1 << 29;
+
 /// Up to eight boxes with what they hold.
 #[derive(Debug, Clone, Copy)]
 #[repr(align(32))]

@@ -65,7 +65,7 @@ impl Bvh {
 
     /// Whether any triangle comes closer to the given one than `distance`, by its exact distance.
     ///
-    /// Fast where the answer is no and the middle of the given triangle is about as far as that, or farther.
+    /// Fast where the answer is no and the given triangle is small, or parallel to what is near.
     pub fn comes_within(&self, facet: [DVec3; 3], distance: f64) -> bool {
         let middle = (facet[0] + facet[1] + facet[2]) / 3.0;
         let radius = facet
@@ -77,7 +77,8 @@ impl Bvh {
             return false;
         }
         let local = facet.map(|corner| self.frame.local_point(corner));
-        let slack = local.iter().map(|point| point.slack).fold(0.0, f64::max);
+        let slack = local.iter().map(|point| point.slack).fold(0.0, f64::max)
+            + self.frame.turned_slack(2.0 * radius);
         let reach_sq = self.frame.widened_sq(distance, slack);
         let local = local.map(|point| point.at);
         self.any(
@@ -334,8 +335,9 @@ mod tests {
         }
 
         #[test]
-        fn what_comes_within_a_distance_is_found(mesh in soup(60), facet in [place(), place(), place()], distance in 0.01..3.0f64) {
+        fn what_comes_within_a_distance_is_found(mesh in soup(60), facet in [place(), place(), place()], size in prop_oneof![Just(0.01), Just(1.0), Just(1e3)], distance in 0.01..3.0f64) {
             let bvh = Bvh::new(&mesh);
+            let facet = facet.map(|corner| bvh.bounds().min.max(DVec3::ZERO) + size * corner);
             let nearest = triangles(&mesh)
                 .map(|(_, corners)| triangle_distance_sq(facet, corners))
                 .fold(f64::INFINITY, f64::min)

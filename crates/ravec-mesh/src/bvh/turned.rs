@@ -37,8 +37,9 @@ const SAMPLE: usize = 32;
 ///
 /// An offset q from the center is turned with an error below 2.6e-7 |q| along each axis: a rounding of each coordinate, one
 /// of each product and two of the sum. |q| is at most the distance from the box and √3 times its extent. The latter makes
-/// 4.5e-7 of the extent, to be covered here; the former is left to [`Frame::widened_sq`].
-const GROWTH: f64 = 1e-6;
+/// 4.5e-7 of the extent, to be covered here; the former is left to [`Frame::widened_sq`]. The corners of a triangle may be
+/// farther by its size: [`Frame::turned_slack`].
+pub(super) const GROWTH: f64 = 1e-6;
 
 /// What double precision is off, at a size of about 1: some 1e-16.
 const EXACT: f64 = 1e-14;
@@ -319,7 +320,11 @@ mod tests {
         let (p, facet) = (place(at), facet.map(place));
         let local = bvh.frame.local_point(p);
         let local_facet = facet.map(|corner| bvh.frame.local_point(corner));
-        let slack = local_facet.iter().map(|c| c.slack).fold(0.0, f64::max);
+        let facet_size = (facet[1] - facet[0])
+            .length()
+            .max((facet[2] - facet[0]).length());
+        let slack = local_facet.iter().map(|c| c.slack).fold(0.0, f64::max)
+            + bvh.frame.turned_slack(2.0 * facet_size);
         let slots = slots(&bvh.nodes);
         for (node, straight) in bvh.turned.iter().zip(&bvh.nodes) {
             let distances_sq = node.distances_sq(local.at);
@@ -344,10 +349,11 @@ mod tests {
             mesh in prop_oneof![slivers(), soup(80)],
             at in place(),
             facet in [place(), place(), place()],
+            facet_size in prop_oneof![Just(1e-4), Just(0.1), Just(1.0), Just(1e4)],
             far in prop_oneof![Just(0.0), Just(1e-3), Just(0.5), Just(2.0), Just(1e3), Just(1e9)],
         ) {
             if !mesh.triangles().is_empty() {
-                assert_no_box_is_too_far(&mesh, at * far, facet.map(|corner| at * far + 0.1 * corner));
+                assert_no_box_is_too_far(&mesh, at * far, facet.map(|corner| at * far + facet_size * corner));
             }
         }
     }
@@ -362,7 +368,12 @@ mod tests {
         let positions = (0..16).flat_map(|j| (0..16).map(move |i| at(i, j)));
         let triangles = (0..15)
             .flat_map(|j| (0..15).map(move |i| j * 16 + i))
-            .flat_map(|first| [[first, first + 1, first + 16], [first + 1, first + 17, first + 16]]);
+            .flat_map(|first| {
+                [
+                    [first, first + 1, first + 16],
+                    [first + 1, first + 17, first + 16],
+                ]
+            });
         let mesh = TriMesh::new(positions.collect(), triangles.collect()).unwrap();
         let bvh = Bvh::new(&mesh);
         let height = 3.0;
