@@ -38,7 +38,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Bvh, TriMesh};
 
-pub use judge::{CollapseCandidate, CollapseJudge};
+pub use judge::{CollapseCandidate, CollapseJudge, Overseer, Trust};
 pub use patches::simplify_patches;
 
 /// What may happen to the edges with one triangle.
@@ -294,5 +294,5 @@ pub fn simplify(
     let mut engine = Engine::new(start, veto, progress)?;
     let phase = progress.phase("simplify", engine.most_to_do());
     engine.run(&phase, progress)?;
-    Ok(engine.finish().0)
+    Ok(engine.take_apart().into_simplified())
 }

@@ -62,6 +62,8 @@ pub(super) struct Engine<'a, J> {
     deviation: Option<Deviation<'a>>,
     /// Grows with each change of a vertex.
     stamps: Vec<u32>,
+    /// Of each vertex that is gone, the one it was merged into.
+    merged_into: Vec<u32>,
     /// When the triangles at a vertex last changed, as a number of collapses.
     touched: Vec<u32>,
     frame: Frame,
@@ -222,6 +224,7 @@ impl<'a, J: CollapseJudge> Engine<'a, J> {
             quadrics,
             deviation,
             stamps: vec![0; vertices],
+            merged_into: (0..vertices as u32).collect(),
             touched: vec![0; vertices],
             frame,
             limits,
@@ -287,7 +290,10 @@ impl<'a, J: CollapseJudge> Engine<'a, J> {
             examiner.examine_seal(surface, &plan)?;
         }
         examiner.examine_shape(surface, &plan, &self.limits)?;
-        if self.judge.refuses_early(&examiner.candidate(surface, &plan)) {
+        if self
+            .judge
+            .refuses_early(&examiner.candidate(surface, &plan))
+        {
             return Err(Veto::Caller);
         }
         if let Some(deviation) = &mut self.deviation {
@@ -314,6 +320,7 @@ impl<'a, J: CollapseJudge> Engine<'a, J> {
         if let Some(deviation) = &mut self.deviation {
             deviation.accept(&examiner.old(), &examiner.changed);
         }
+        self.merged_into[removed as usize] = kept;
         let quadric = self.quadrics[removed as usize];
         self.quadrics[kept as usize] += quadric;
         for v in [kept, removed] {
@@ -356,64 +363,93 @@ impl<'a, J: CollapseJudge> Engine<'a, J> {
         }
     }
 
-    /// The mesh as it is now.
-    pub fn finish(self) -> (Simplified, Vec<Sample>) {
-        let surface = self.surface;
-        let mut name = vec![u32::MAX; surface.positions.len()];
-        for &v in surface.triangles.iter().filter(|t| **t != GONE).flatten() {
+    /// How many triangles may go.
+    pub fn most_to_do(&self) -> u64 {
+        self.surface.alive.saturating_sub(self.target)
+    }
+
+    /// Takes what is left, in the names of the mesh that was given.
+    pub fn take_apart(self) -> Leftover {
+        let Self {
+            surface,
+            deviation,
+            mut merged_into,
+            mut report,
+            ..
+        } = self;
+        for v in 0..merged_into.len() {
+            let mut end = merged_into[v];
+            while merged_into[end as usize] != end {
+                end = merged_into[end as usize];
+            }
+            merged_into[v] = end;
+        }
+        report.triangles_after = surface.alive;
+        report.largest_error = deviation.as_ref().map(|deviation| deviation.largest);
+        report.target_reached = surface.alive <= self.target;
+        Leftover {
+            samples: deviation.map_or_else(Vec::new, |known| known.into_samples(&surface)),
+            features: surface.features().collect(),
+            positions: surface.positions,
+            triangles: surface.triangles,
+            merged_into,
+            report,
+        }
+    }
+}
+
+/// What an engine leaves, in the names of the mesh it was given.
+pub(super) struct Leftover {
+    /// Where the vertices are that are still there.
+    pub positions: Vec<DVec3>,
+    /// The corners of the triangles that are still there.
+    pub triangles: Vec<[u32; 3]>,
+    /// Of each vertex, the one that stands for it.
+    pub merged_into: Vec<u32>,
+    pub features: Vec<[u32; 2]>,
+    pub samples: Vec<Sample>,
+    pub report: SimplifyReport,
+}
+
+impl Leftover {
+    /// The mesh of what is still there.
+    pub fn into_simplified(self) -> Simplified {
+        let mut name = vec![u32::MAX; self.positions.len()];
+        for &v in self.triangles.iter().filter(|t| **t != GONE).flatten() {
             name[v as usize] = 0;
         }
         let mut positions = Vec::new();
         let mut vertex_origin = Vec::new();
         for (v, name) in (0_u32..).zip(&mut name).filter(|(_, name)| **name == 0) {
             *name = positions.len() as u32;
-            positions.push(surface.positions[v as usize]);
+            positions.push(self.positions[v as usize]);
             vertex_origin.push(v);
         }
         let mut triangles = Vec::new();
         let mut triangle_origin = Vec::new();
-        for (t, corners) in (0_u32..).zip(&surface.triangles) {
+        for (t, corners) in (0_u32..).zip(&self.triangles) {
             if *corners != GONE {
                 triangles.push(corners.map(|v| name[v as usize]));
                 triangle_origin.push(t);
             }
         }
-        let mut features: Vec<[u32; 2]> = surface
-            .features()
+        let mut features: Vec<[u32; 2]> = self
+            .features
+            .iter()
             .map(|ends| {
                 let [a, b] = ends.map(|v| name[v as usize]);
                 [a.min(b), a.max(b)]
             })
             .collect();
         features.sort_unstable();
-        let mut report = self.report;
-        report.triangles_after = triangles.len() as u64;
-        report.largest_error = self.deviation.as_ref().map(|deviation| deviation.largest);
-        report.target_reached = report.triangles_after <= self.target;
-        let mut place = vec![u32::MAX; surface.triangles.len()];
-        for (now, &t) in (0_u32..).zip(&triangle_origin) {
-            place[t as usize] = now;
-        }
-        let mut samples = self
-            .deviation
-            .map_or_else(Vec::new, |deviation| deviation.into_samples(&surface));
-        for sample in &mut samples {
-            sample.triangle = place[sample.triangle as usize];
-        }
-        let simplified = Simplified {
+        Simplified {
             mesh: TriMesh::new(positions, triangles).expect(
                 "places were checked to be finite, and names are of vertices that were counted",
             ),
             vertex_origin,
             triangle_origin,
             features,
-            report,
-        };
-        (simplified, samples)
-    }
-
-    /// How many triangles may go.
-    pub fn most_to_do(&self) -> u64 {
-        self.surface.alive.saturating_sub(self.target)
+            report: self.report,
+        }
     }
 }

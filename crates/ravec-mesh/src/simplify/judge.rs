@@ -2,6 +2,8 @@
 
 use glam::DVec3;
 
+use crate::TriMesh;
+
 /// A collapse that is about to happen, for the caller to judge.
 #[derive(Debug, Clone, Copy)]
 pub struct CollapseCandidate<'a> {
@@ -43,5 +45,32 @@ pub trait CollapseJudge {
 impl<F: FnMut(&CollapseCandidate<'_>) -> bool> CollapseJudge for F {
     fn refuses(&mut self, candidate: &CollapseCandidate<'_>) -> bool {
         self(candidate)
+    }
+}
+
+/// How far a judge may go on trust.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Trust {
+    /// All triangles are examined afterwards, by [`Overseer::faults`], and what is at fault is undone: a judge may admit
+    /// what is most probably right.
+    Examined,
+    /// What it admits is final.
+    Final,
+}
+
+/// What the caller of [`simplify_patches`](super::simplify_patches) has a say in.
+pub trait Overseer: Sync {
+    /// The kind of judges.
+    type Judge: CollapseJudge;
+
+    /// A judge for a part of the mesh. Names in candidates are indices into `part`, whose vertices are where they are by
+    /// then.
+    fn judge(&self, part: &TriMesh, trust: Trust) -> Self::Judge;
+
+    /// Those of `triangles` that must not stay (default: none). The collapses that made them are undone, and tried again
+    /// by a judge whose word is final.
+    fn faults(&self, mesh: &TriMesh, triangles: &[u32]) -> Vec<u32> {
+        let _ = (mesh, triangles);
+        Vec::new()
     }
 }
