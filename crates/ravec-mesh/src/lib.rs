@@ -36,8 +36,8 @@ pub use self_intersection::{
     self_intersections,
 };
 pub use simplify::{
-    BoundaryRule, CollapseCandidate, Keep, Simplified, SimplifyError, SimplifyParams,
-    SimplifyReport, Vetoes, simplify,
+    BoundaryRule, CollapseCandidate, CollapseJudge, Keep, Overseer, Simplified, SimplifyError,
+    SimplifyParams, SimplifyReport, Trust, Vetoes, simplify, simplify_patches,
 };
 pub use tri_distance::triangle_distance_sq;
 pub use tri_intersect::{TriTri, intersection};

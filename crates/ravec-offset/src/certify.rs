@@ -4,12 +4,12 @@
 //! facet is farther from the mesh than the least, over some triangles, of the largest distance of its corners to them. Where
 //! that bound is too weak the facet is cut. The smallest distance is that between facet and triangles, by exact distances.
 
-use crate::field::Field;
+use crate::field::{Field, Near};
 use glam::DVec3;
 use ravec_mesh::{closest_on_triangle, distance_sq_to_triangle};
 
 /// How often a facet may be halved each way until the bound is strong enough.
-const MOST_CUTS: u32 = 5;
+const MOST_CUTS: u32 = 8;
 
 /// Crests that are more acute than about 10° are not followed to their end.
 const LEAST_SHARE: f64 = 0.08;
@@ -22,53 +22,78 @@ pub(crate) fn keeps_distance(
     [least, most]: [f64; 2],
     hints: [u32; 3],
 ) -> bool {
-    is_within(field, facet, most, hints, MOST_CUTS) && !field.bvh().comes_within(facet, least)
+    stays_near(field, facet, most, hints) && !field.bvh().comes_within(facet, least)
 }
 
-fn is_within(field: &Field<'_>, facet: [DVec3; 3], most: f64, hints: [u32; 3], cuts: u32) -> bool {
-    let holds = |triangle: u32| {
-        let corners = field.bvh().corners(triangle);
-        facet
-            .iter()
-            .all(|&p| distance_sq_to_triangle(p, corners) <= most * most)
-    };
+/// As [`keeps_distance`], with the stricter limits of [`tightened`], for a facet of whose corners is known what is nearest.
+pub(crate) fn proved(
+    field: &Field<'_>,
+    facet: [DVec3; 3],
+    limits: [f64; 2],
+    near: [Near; 3],
+) -> bool {
+    let [least, most] = tighter(limits, spread(near));
+    let triangles = near.map(|near| near.triangle);
+    near.iter().all(|near| near.distance <= most)
+        && is_within(field, facet, most, triangles, MOST_CUTS)
+        && !field.bvh().comes_within(facet, least)
+}
+
+fn stays_near(field: &Field<'_>, facet: [DVec3; 3], most: f64, hints: [u32; 3]) -> bool {
     // most often no search is needed
-    if holds(hints[0])
-        || (hints[1] != hints[0] && holds(hints[1]))
-        || (hints[2] != hints[1] && hints[2] != hints[0] && holds(hints[2]))
-    {
-        return true;
-    }
-    let middle = (facet[0] + facet[1] + facet[2]) / 3.0;
-    let center = field.near(middle, hints[0]);
-    if center.distance > most {
-        return false;
-    }
-    if holds(center.triangle) {
+    if any_near_enough(field, facet, most, hints) {
         return true;
     }
     let near = [0, 1, 2].map(|i| field.near(facet[i], hints[i]));
-    if near.iter().any(|near| near.distance > most) {
-        return false;
-    }
-    if near.iter().any(|near| holds(near.triangle)) {
+    near.iter().all(|near| near.distance <= most)
+        && is_within(
+            field,
+            facet,
+            most,
+            near.map(|near| near.triangle),
+            MOST_CUTS,
+        )
+}
+
+/// Whether no point of a facet is farther than `most`, if `near` are the triangles that are closest to its corners, and these
+/// are near enough.
+fn is_within(field: &Field<'_>, facet: [DVec3; 3], most: f64, near: [u32; 3], cuts: u32) -> bool {
+    if any_near_enough(field, facet, most, near) {
         return true;
     }
     if cuts == 0 {
         return false;
     }
     let [a, b, c] = facet;
-    let [ab, bc, ca] = [(a + b) / 2.0, (b + c) / 2.0, (c + a) / 2.0];
-    let [ta, tb, tc] = near.map(|near| near.triangle);
-    let t = center.triangle;
+    let middles = [(a + b) / 2.0, (b + c) / 2.0, (c + a) / 2.0];
+    let mut found = near;
+    for (place, triangle) in middles.into_iter().zip(&mut found) {
+        let near = field.near(place, *triangle);
+        if near.distance > most {
+            return false;
+        }
+        *triangle = near.triangle;
+    }
+    let ([ab, bc, ca], [ta, tb, tc], [tab, tbc, tca]) = (middles, near, found);
     [
-        ([a, ab, ca], [ta, t, t]),
-        ([ab, b, bc], [t, tb, t]),
-        ([ca, bc, c], [t, t, tc]),
-        ([ab, bc, ca], [t, t, t]),
+        ([ab, bc, ca], [tab, tbc, tca]),
+        ([a, ab, ca], [ta, tab, tca]),
+        ([ab, b, bc], [tab, tb, tbc]),
+        ([ca, bc, c], [tca, tbc, tc]),
     ]
     .into_iter()
-    .all(|(part, hints)| is_within(field, part, most, hints, cuts - 1))
+    .all(|(part, near)| is_within(field, part, most, near, cuts - 1))
+}
+
+/// Whether one of three triangles is near enough to all corners.
+fn any_near_enough(field: &Field<'_>, facet: [DVec3; 3], most: f64, [r, s, t]: [u32; 3]) -> bool {
+    let is_near = |triangle: u32| {
+        let corners = field.bvh().corners(triangle);
+        facet
+            .iter()
+            .all(|&p| distance_sq_to_triangle(p, corners) <= most * most)
+    };
+    is_near(r) || (s != r && is_near(s)) || (t != s && t != r && is_near(t))
 }
 
 /// Limits for a facet that may cut a crest. Where two sheets meet at an angle α, the distance grows by sin(α/2) only on the
@@ -76,26 +101,32 @@ fn is_within(field: &Field<'_>, facet: [DVec3; 3], most: f64, hints: [u32; 3], c
 pub(crate) fn tightened(
     field: &Field<'_>,
     facet: [DVec3; 3],
-    [least, most]: [f64; 2],
+    limits: [f64; 2],
     hints: [u32; 3],
 ) -> [f64; 2] {
-    let away = [0, 1, 2].map(|i| field.near_of(facet[i], hints[i]).away);
-    let most_apart = away[0]
-        .dot(away[1])
-        .min(away[1].dot(away[2]))
-        .min(away[2].dot(away[0]));
+    let near = [0, 1, 2].map(|i| field.near_of(facet[i], hints[i]));
+    tighter(limits, spread(near))
+}
+
+fn tighter([least, most]: [f64; 2], most_apart: f64) -> [f64; 2] {
     let half_opening_sine = (0.5 * (1.0 + most_apart)).max(0.0).sqrt();
     let share = half_opening_sine.clamp(LEAST_SHARE, 1.0);
     let (middle, half) = (0.5 * (least + most), 0.5 * (most - least));
     [middle - share * half, middle + share * half]
 }
 
-/// The angle in radians between a facet and the surface that it stands for, at the facet's middle; `hints` are triangles
-/// that may be close to its corners.
+/// The cosine between those two of the directions away from what is nearest that differ most.
+pub(crate) fn spread(near: [Near; 3]) -> f64 {
+    let [a, b, c] = near.map(|near| near.away);
+    a.dot(b).min(b.dot(c)).min(c.dot(a))
+}
+
+/// The angle in radians between a facet and the surface that it stands for, at the facet's middle, or an estimate no better
+/// than `enough`; `near` is what is nearest to its corners.
 pub(crate) fn normal_deviation(
     field: &Field<'_>,
     facet: [DVec3; 3],
-    hints: [u32; 3],
+    near: [Near; 3],
     enough: f64,
 ) -> f64 {
     let [a, b, c] = facet;
@@ -112,15 +143,16 @@ pub(crate) fn normal_deviation(
         }
     };
     // a guess from what is known, and a search only if that is not good enough
-    let guess = hints
-        .map(|triangle| closest_on_triangle(middle, field.bvh().corners(triangle)))
+    let guess = near
+        .map(|near| closest_on_triangle(middle, field.bvh().corners(near.triangle)))
         .into_iter()
         .min_by(|a, b| a.distance_sq.total_cmp(&b.distance_sq));
-    if let Some(guess) = guess {
-        let deviation = off(middle - guess.point);
-        if deviation <= enough {
-            return deviation;
-        }
+    let Some(guess) = guess else {
+        return std::f64::consts::PI;
+    };
+    let deviation = off(middle - guess.point);
+    if deviation <= enough {
+        return deviation;
     }
-    off(field.near(middle, hints[0]).away)
+    off(field.near(middle, near[0].triangle).away)
 }

@@ -30,6 +30,7 @@ mod offset;
 mod outermost;
 mod params;
 mod refine;
+mod simplify;
 mod tile;
 
 pub use offset::{Offset, OffsetReport, offset};

@@ -1,18 +1,15 @@
 //! The whole way from triangles to their offset surface.
 
-use crate::certify::{keeps_distance, normal_deviation, tightened};
+use crate::certify::keeps_distance;
 use crate::field::Field;
 use crate::mend::Mending;
 use crate::params::{OffsetError, OffsetParams, Side};
+use crate::simplify::simplify;
 use glam::DVec3;
-use ravec_mesh::{
-    Bvh, CheckParams, CollapseCandidate, Keep, SimplifyError, SimplifyParams, TriMesh, check,
-    simplify,
-};
+use ravec_mesh::{Bvh, CheckParams, TriMesh, check};
 use ravec_octree::Frame;
 use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
-use rustc_hash::FxHashMap;
 
 /// The share of the tolerance by which the surface is moved off round numbers, at which sheets tend to touch exactly.
 const OFF_ROUND: f64 = 0.0107;
@@ -51,10 +48,6 @@ pub struct OffsetReport {
     /// Corners of the finest cells that were put inside to mend it, where sheets come too close for cells to tell apart.
     pub filled_corners: u64,
 }
-
-/// The share of the tolerance by which simplification may leave the surface that it started from, either way: so crests,
-/// which the proof of the distance alone would let it cut, stay where they are.
-const CREST_SHARE: f64 = 0.8;
 
 /// An offset surface.
 #[derive(Debug, Clone)]
@@ -125,7 +118,7 @@ pub fn offset(
     let mut surface = surface.expect("corners are finite and have numbers");
     let mut is_proved = mended.is_proved;
     if params.simplify {
-        surface = job.simplify(&surface, progress)?;
+        surface = simplify(&field, params, job.limits(), &surface, progress)?;
         is_proved = false;
     }
     let uncertified_facets = if is_proved {
@@ -192,66 +185,6 @@ impl Job<'_> {
             ..
         } = self.params;
         [distance - tolerance, distance + tolerance]
-    }
-
-    /// Merges triangles; each change is proved before it is made.
-    fn simplify(&self, surface: &TriMesh, progress: &Progress) -> Result<TriMesh, Cancelled> {
-        let limits = self.limits();
-        let params = SimplifyParams {
-            target_triangles: 0,
-            max_error: CREST_SHARE * self.params.tolerance,
-            ..SimplifyParams::default()
-        };
-        let most_deviation = self.params.max_normal_deviation_deg.to_radians();
-        // what the corners are closest to
-        let mut nearest: FxHashMap<[u64; 3], u32> = FxHashMap::default();
-        let mut hint = 0;
-        let veto = |candidate: &CollapseCandidate<'_>| {
-            let near = self.field.near(candidate.position, hint);
-            hint = near.triangle;
-            if near.distance < limits[0] || near.distance > limits[1] {
-                return true;
-            }
-            nearest.insert(candidate.position.to_array().map(f64::to_bits), hint);
-            let mut hints_of = |facet: [DVec3; 3]| {
-                facet.map(|p| {
-                    let key = p.to_array().map(f64::to_bits);
-                    let known = nearest.entry(key);
-                    *known.or_insert_with(|| self.field.near(p, hint).triangle)
-                })
-            };
-            let deviation = |facet: [DVec3; 3], hints: [u32; 3]| {
-                normal_deviation(self.field, facet, hints, most_deviation)
-            };
-            // at creases facets may be off, but not more than they were
-            let mut allowed = None;
-            for &facet in candidate.after {
-                let worse = deviation(facet, hints_of(facet));
-                if worse <= most_deviation {
-                    continue;
-                }
-                let allowed = *allowed.get_or_insert_with(|| {
-                    let before = candidate.before.iter();
-                    before
-                        .map(|&facet| deviation(facet, hints_of(facet)))
-                        .fold(0.0, f64::max)
-                });
-                if worse > allowed {
-                    return true;
-                }
-            }
-            candidate.after.iter().any(|&facet| {
-                let hints = hints_of(facet);
-                let limits = tightened(self.field, facet, limits, hints);
-                !keeps_distance(self.field, facet, limits, hints)
-            })
-        };
-        match simplify(surface, &params, &Keep::default(), veto, progress) {
-            Ok(simplified) => Ok(simplified.mesh),
-            Err(SimplifyError::Cancelled(cancelled)) => Err(cancelled),
-            // nothing else can be said against a surface of our own: keep it as it is
-            Err(_) => Ok(surface.clone()),
-        }
     }
 
     /// How many facets are not proved to keep the distance.

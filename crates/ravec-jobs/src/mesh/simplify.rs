@@ -98,6 +98,7 @@ impl Params {
             },
             max_turn_rad: self.max_turn.to_radians(),
             min_quality: self.min_quality,
+            both_ways: true,
             avoid_intersections: !self.allow_intersections,
         }
     }

@@ -2,7 +2,8 @@
 //!
 //! From the original, by samples: its vertices and the middles of its edges are handed from triangle to triangle, and
 //! after each collapse each is known to be within a distance of the triangle that has it. From the simplified surface, by
-//! the distances of new vertices, and of the middles of new edges and triangles, to the triangles of the original.
+//! the distances of new vertices, and of the middles of new edges and triangles, to the triangles of the original: first
+//! to that of the nearest sample, and only if that is too far are all searched.
 
 use glam::DVec3;
 
@@ -11,15 +12,48 @@ use crate::{Adjacency, Bvh, TriMesh, distance_sq_to_triangle};
 
 const NONE: u32 = u32::MAX;
 
+/// A sample that is that much closer to its own triangle than allowed, as a share of the squares, is left there. Its
+/// distance to another might be less still, but that is not worth the search.
+const NEAR_SHARE: f64 = 1.0 / 16.0;
+
+/// A place of the original.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Sample {
+    pub place: DVec3,
+    /// The triangle of the original it is on.
+    pub original: u32,
+    /// The triangle of the simplified surface it is near to.
+    pub triangle: u32,
+}
+
+/// The samples of a mesh that is not simplified yet.
+pub(super) fn samples(mesh: &TriMesh, adjacency: &Adjacency) -> Vec<Sample> {
+    let positions = mesh.positions();
+    let sample = |place: DVec3, triangle: u32| Sample {
+        place,
+        original: triangle,
+        triangle,
+    };
+    let vertices = (0..positions.len() as u32).filter_map(|v| {
+        let triangle = *adjacency.triangles_at(v).first()?;
+        Some(sample(positions[v as usize], triangle))
+    });
+    let edges = (0_u32..).zip(adjacency.edges()).map(|(edge, &[a, b])| {
+        let [p, q] = [a, b].map(|v| positions[v as usize]);
+        sample(0.5 * p + 0.5 * q, adjacency.uses(edge)[0].triangle)
+    });
+    vertices.chain(edges).collect()
+}
+
 /// What is known about the deviation.
-pub(super) struct Deviation {
-    samples: Vec<DVec3>,
+pub(super) struct Deviation<'a> {
+    samples: Vec<Sample>,
     /// The next sample of the same triangle.
     next: Vec<u32>,
     /// The first sample of each triangle.
     first: Vec<u32>,
-    /// The triangles of the original.
-    original: Bvh,
+    /// The triangles of the original, if the distance to them is limited, too.
+    original: Option<&'a Bvh>,
     /// The samples around the collapse under examination, with the place of their triangle among the new ones.
     moves: Vec<(u32, u32)>,
     pub largest: f64,
@@ -27,27 +61,18 @@ pub(super) struct Deviation {
     here: f64,
 }
 
-impl Deviation {
-    pub fn new(mesh: &TriMesh, surface: &Surface, adjacency: &Adjacency) -> Self {
-        let positions = mesh.positions();
-        let vertices = (0..positions.len() as u32)
-            .filter_map(|v| Some((positions[v as usize], *adjacency.triangles_at(v).first()?)));
-        let edges = (0_u32..).zip(adjacency.edges()).map(|(edge, &[a, b])| {
-            let [p, q] = [a, b].map(|v| positions[v as usize]);
-            (0.5 * p + 0.5 * q, adjacency.uses(edge)[0].triangle)
-        });
-        let mut first = vec![NONE; surface.triangles.len()];
-        let (mut samples, mut next) = (Vec::new(), Vec::new());
-        for (place, triangle) in vertices.chain(edges) {
-            let sample = samples.len() as u32;
-            samples.push(place);
-            next.push(std::mem::replace(&mut first[triangle as usize], sample));
-        }
+impl<'a> Deviation<'a> {
+    pub fn new(samples: Vec<Sample>, triangles: usize, original: Option<&'a Bvh>) -> Self {
+        let mut first = vec![NONE; triangles];
+        let next = (0_u32..)
+            .zip(&samples)
+            .map(|(i, sample)| std::mem::replace(&mut first[sample.triangle as usize], i))
+            .collect();
         Self {
             samples,
             next,
             first,
-            original: Bvh::new(mesh),
+            original,
             moves: Vec::new(),
             largest: 0.0,
             here: 0.0,
@@ -55,7 +80,7 @@ impl Deviation {
     }
 
     /// Whether the deviation stays within `limit` if the triangles `old` are replaced by those with corners at `new`, all
-    /// of which have one at `merged`.
+    /// of which have one at `merged`. The first of `old` are those that change into `new`, in the same order.
     pub fn stays_within(
         &mut self,
         limit: f64,
@@ -64,6 +89,36 @@ impl Deviation {
         merged: DVec3,
     ) -> bool {
         let limit_sq = limit * limit;
+        self.here = 0.0;
+        self.moves.clear();
+        for (k, &t) in old.iter().copied().flatten().enumerate() {
+            let mut i = self.first[t as usize];
+            while i != NONE {
+                let place = self.samples[i as usize].place;
+                let mut best = (f64::INFINITY, 0);
+                if let Some(corners) = new.get(k) {
+                    best = (distance_sq_to_triangle(place, *corners), k as u32);
+                }
+                if best.0 > NEAR_SHARE * limit_sq {
+                    for (other, corners) in (0_u32..).zip(new) {
+                        let distance_sq = distance_sq_to_triangle(place, *corners);
+                        if distance_sq < best.0 {
+                            best = (distance_sq, other);
+                        }
+                    }
+                    if best.0 > limit_sq {
+                        return false;
+                    }
+                }
+                self.here = self.here.max(best.0);
+                self.moves.push((i, best.1));
+                i = self.next[i as usize];
+            }
+        }
+        self.here = self.here.sqrt();
+        let Some(original) = self.original else {
+            return true;
+        };
         let middles = new.iter().flat_map(|corners| {
             let [a, b, c] = *corners;
             let next = if a == merged {
@@ -75,34 +130,31 @@ impl Deviation {
             };
             [(a + b + c) / 3.0, 0.5 * (merged + next)]
         });
-        self.here = 0.0;
         for place in std::iter::once(merged).chain(middles) {
-            match self.original.closest_within(place, limit) {
-                Some(found) => self.here = self.here.max(found.distance_sq.sqrt()),
-                None => return false,
-            }
-        }
-        self.moves.clear();
-        for &t in old.iter().copied().flatten() {
-            let mut sample = self.first[t as usize];
-            while sample != NONE {
-                let place = self.samples[sample as usize];
-                let mut best = (f64::INFINITY, 0);
-                for (i, corners) in (0_u32..).zip(new) {
-                    let distance_sq = distance_sq_to_triangle(place, *corners);
-                    if distance_sq < best.0 {
-                        best = (distance_sq, i);
-                    }
-                }
-                if best.0 > limit_sq {
-                    return false;
-                }
-                self.here = self.here.max(best.0.sqrt());
-                self.moves.push((sample, best.1));
-                sample = self.next[sample as usize];
-            }
+            let Some(distance) = self.distance_to(original, place, limit) else {
+                return false;
+            };
+            self.here = self.here.max(distance);
         }
         true
+    }
+
+    /// How far a place is from the original at most, unless that is more than the limit.
+    fn distance_to(&self, original: &Bvh, place: DVec3, limit: f64) -> Option<f64> {
+        let near = self
+            .moves
+            .iter()
+            .map(|&(i, _)| &self.samples[i as usize])
+            .map(|sample| (sample.place.distance_squared(place), sample.original))
+            .min_by(|a, b| a.0.total_cmp(&b.0));
+        let guess = near.map_or(f64::INFINITY, |(_, triangle)| {
+            distance_sq_to_triangle(place, original.corners(triangle))
+        });
+        if guess <= limit * limit {
+            return Some(guess.sqrt());
+        }
+        let found = original.closest_within(place, limit)?;
+        Some(found.distance_sq.sqrt())
     }
 
     /// Hands the samples over, after the collapse that was examined last.
@@ -115,5 +167,17 @@ impl Deviation {
             let first = &mut self.first[new[i as usize] as usize];
             self.next[sample as usize] = std::mem::replace(first, sample);
         }
+    }
+
+    /// The samples, each with the triangle that has it now.
+    pub fn into_samples(mut self, surface: &Surface) -> Vec<Sample> {
+        for t in 0..surface.triangles.len() as u32 {
+            let mut i = self.first[t as usize];
+            while i != NONE {
+                self.samples[i as usize].triangle = t;
+                i = self.next[i as usize];
+            }
+        }
+        self.samples
     }
 }

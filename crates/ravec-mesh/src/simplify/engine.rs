@@ -1,17 +1,18 @@
 //! The queue of edges, and what happens to them.
 
 use glam::DVec3;
-use ravec_progress::{Cancelled, Progress};
+use ravec_progress::{Cancelled, Phase, Progress};
 use rayon::prelude::*;
 
-use super::deviation::Deviation;
+use super::deviation::{Deviation, Sample, samples};
 use super::examine::{Examiner, Freedom, Limits, Plan, Veto, freedom};
+use super::judge::CollapseJudge;
 use super::octree::LooseOctree;
 use super::quadric::Quadric;
 use super::queue::{Entry, Queue};
 use super::surface::{GONE, Surface};
-use super::{CollapseCandidate, Keep, Simplified, SimplifyError, SimplifyParams, SimplifyReport};
-use crate::{Aabb, Adjacency, TriMesh};
+use super::{Keep, Simplified, SimplifyError, SimplifyParams, SimplifyReport};
+use crate::{Aabb, Adjacency, Bvh, TriMesh};
 
 /// The share of the squared length of an edge that is added to its cost, for the area it stands for.
 ///
@@ -40,13 +41,29 @@ impl Frame {
     }
 }
 
-pub(super) struct Engine<V> {
+/// What an engine starts from.
+pub(super) struct Start<'a> {
+    pub mesh: &'a TriMesh,
+    pub params: &'a SimplifyParams,
+    pub keep: Keep<'a>,
+    /// Whether the vertices to keep are also those of other triangles, elsewhere: then no edge between two of them may
+    /// come to be, since there might be one elsewhere.
+    pub sealed: bool,
+    /// What is known of the original, if this is not the first engine at work.
+    pub samples: Option<Vec<Sample>>,
+    /// The original, if the distance from it is limited.
+    pub original: Option<&'a Bvh>,
+}
+
+pub(super) struct Engine<'a, J> {
     surface: Surface,
     quadrics: Vec<Quadric>,
     /// Only if the error is limited.
-    deviation: Option<Deviation>,
+    deviation: Option<Deviation<'a>>,
     /// Grows with each change of a vertex.
     stamps: Vec<u32>,
+    /// Of each vertex that is gone, the one it was merged into.
+    merged_into: Vec<u32>,
     /// When the triangles at a vertex last changed, as a number of collapses.
     touched: Vec<u32>,
     frame: Frame,
@@ -57,8 +74,9 @@ pub(super) struct Engine<V> {
     /// What was vetoed, and after how many collapses.
     vetoed: Vec<(Entry, u32)>,
     examiner: Examiner,
+    sealed: bool,
     report: SimplifyReport,
-    veto: V,
+    judge: J,
 }
 
 /// The collapse of an edge and its cost, if its ends allow any.
@@ -115,17 +133,19 @@ fn planned(
     Ok((plan, cost))
 }
 
-impl<V: FnMut(&CollapseCandidate<'_>) -> bool> Engine<V> {
-    pub fn new(
-        mesh: &TriMesh,
-        params: &SimplifyParams,
-        keep: &Keep<'_>,
-        veto: V,
-        progress: &Progress,
-    ) -> Result<Self, SimplifyError> {
+impl<'a, J: CollapseJudge> Engine<'a, J> {
+    pub fn new(start: Start<'a>, judge: J, progress: &Progress) -> Result<Self, SimplifyError> {
+        let Start {
+            mesh,
+            params,
+            keep,
+            sealed,
+            samples: known,
+            original,
+        } = start;
         let adjacency = Adjacency::new(mesh);
         progress.check()?;
-        let surface = Surface::new(mesh, &adjacency, params, keep)?;
+        let surface = Surface::new(mesh, &adjacency, params, &keep)?;
         progress.check()?;
         let bounds = mesh.bounds();
         let diagonal = bounds.diagonal();
@@ -195,12 +215,16 @@ impl<V: FnMut(&CollapseCandidate<'_>) -> bool> Engine<V> {
             tree
         });
         let limited = params.max_error < f64::INFINITY;
-        let deviation = limited.then(|| Deviation::new(mesh, &surface, &adjacency));
+        let deviation = limited.then(|| {
+            let known = known.unwrap_or_else(|| samples(mesh, &adjacency));
+            Deviation::new(known, surface.triangles.len(), original)
+        });
         Ok(Self {
             surface,
             quadrics,
             deviation,
             stamps: vec![0; vertices],
+            merged_into: (0..vertices as u32).collect(),
             touched: vec![0; vertices],
             frame,
             limits,
@@ -209,14 +233,14 @@ impl<V: FnMut(&CollapseCandidate<'_>) -> bool> Engine<V> {
             queue,
             vetoed: Vec::new(),
             examiner: Examiner::new(vertices),
+            sealed,
             report,
-            veto,
+            judge,
         })
     }
 
     /// Collapses edges until the target is reached or nothing more is allowed.
-    pub fn run(&mut self, progress: &Progress) -> Result<(), Cancelled> {
-        let phase = progress.phase("simplify", self.surface.alive.saturating_sub(self.target));
+    pub fn run(&mut self, phase: &Phase, progress: &Progress) -> Result<(), Cancelled> {
         for _ in 0..ROUNDS {
             let before = self.report.collapses;
             while self.surface.alive > self.target {
@@ -262,14 +286,23 @@ impl<V: FnMut(&CollapseCandidate<'_>) -> bool> Engine<V> {
         let (plan, _) = planned(&self.surface, &self.quadrics, self.frame, [a, b], max_error)?;
         let (surface, examiner) = (&self.surface, &mut self.examiner);
         examiner.gather(surface, &plan)?;
+        if self.sealed {
+            examiner.examine_seal(surface, &plan)?;
+        }
         examiner.examine_shape(surface, &plan, &self.limits)?;
+        if self
+            .judge
+            .refuses_early(&examiner.candidate(surface, &plan))
+        {
+            return Err(Veto::Caller);
+        }
         if let Some(deviation) = &mut self.deviation {
             examiner.examine_deviation(&plan, deviation, &self.limits)?;
         }
         if let Some(tree) = &self.tree {
             examiner.examine_intersections(surface, &plan, tree)?;
         }
-        if (self.veto)(&examiner.candidate(surface, &plan)) {
+        if self.judge.refuses(&examiner.candidate(surface, &plan)) {
             return Err(Veto::Caller);
         }
         self.collapse(&plan);
@@ -287,6 +320,7 @@ impl<V: FnMut(&CollapseCandidate<'_>) -> bool> Engine<V> {
         if let Some(deviation) = &mut self.deviation {
             deviation.accept(&examiner.old(), &examiner.changed);
         }
+        self.merged_into[removed as usize] = kept;
         let quadric = self.quadrics[removed as usize];
         self.quadrics[kept as usize] += quadric;
         for v in [kept, removed] {
@@ -329,40 +363,85 @@ impl<V: FnMut(&CollapseCandidate<'_>) -> bool> Engine<V> {
         }
     }
 
-    /// The mesh as it is now.
-    pub fn finish(self, mesh: &TriMesh) -> Simplified {
-        let surface = self.surface;
-        let mut name = vec![u32::MAX; mesh.positions().len()];
-        for &v in surface.triangles.iter().filter(|t| **t != GONE).flatten() {
+    /// How many triangles may go.
+    pub fn most_to_do(&self) -> u64 {
+        self.surface.alive.saturating_sub(self.target)
+    }
+
+    /// Takes what is left, in the names of the mesh that was given.
+    pub fn take_apart(self) -> Leftover {
+        let Self {
+            surface,
+            deviation,
+            mut merged_into,
+            mut report,
+            ..
+        } = self;
+        for v in 0..merged_into.len() {
+            let mut end = merged_into[v];
+            while merged_into[end as usize] != end {
+                end = merged_into[end as usize];
+            }
+            merged_into[v] = end;
+        }
+        report.triangles_after = surface.alive;
+        report.largest_error = deviation.as_ref().map(|deviation| deviation.largest);
+        report.target_reached = surface.alive <= self.target;
+        Leftover {
+            samples: deviation.map_or_else(Vec::new, |known| known.into_samples(&surface)),
+            features: surface.features().collect(),
+            positions: surface.positions,
+            triangles: surface.triangles,
+            merged_into,
+            report,
+        }
+    }
+}
+
+/// What an engine leaves, in the names of the mesh it was given.
+pub(super) struct Leftover {
+    /// Where the vertices are that are still there.
+    pub positions: Vec<DVec3>,
+    /// The corners of the triangles that are still there.
+    pub triangles: Vec<[u32; 3]>,
+    /// Of each vertex, the one that stands for it.
+    pub merged_into: Vec<u32>,
+    pub features: Vec<[u32; 2]>,
+    pub samples: Vec<Sample>,
+    pub report: SimplifyReport,
+}
+
+impl Leftover {
+    /// The mesh of what is still there.
+    pub fn into_simplified(self) -> Simplified {
+        let mut name = vec![u32::MAX; self.positions.len()];
+        for &v in self.triangles.iter().filter(|t| **t != GONE).flatten() {
             name[v as usize] = 0;
         }
         let mut positions = Vec::new();
         let mut vertex_origin = Vec::new();
         for (v, name) in (0_u32..).zip(&mut name).filter(|(_, name)| **name == 0) {
             *name = positions.len() as u32;
-            positions.push(surface.positions[v as usize]);
+            positions.push(self.positions[v as usize]);
             vertex_origin.push(v);
         }
         let mut triangles = Vec::new();
         let mut triangle_origin = Vec::new();
-        for (t, corners) in (0_u32..).zip(&surface.triangles) {
+        for (t, corners) in (0_u32..).zip(&self.triangles) {
             if *corners != GONE {
                 triangles.push(corners.map(|v| name[v as usize]));
                 triangle_origin.push(t);
             }
         }
-        let mut features: Vec<[u32; 2]> = surface
-            .features()
+        let mut features: Vec<[u32; 2]> = self
+            .features
+            .iter()
             .map(|ends| {
                 let [a, b] = ends.map(|v| name[v as usize]);
                 [a.min(b), a.max(b)]
             })
             .collect();
         features.sort_unstable();
-        let mut report = self.report;
-        report.triangles_after = triangles.len() as u64;
-        report.largest_error = self.deviation.map(|deviation| deviation.largest);
-        report.target_reached = report.triangles_after <= self.target;
         Simplified {
             mesh: TriMesh::new(positions, triangles).expect(
                 "places were checked to be finite, and names are of vertices that were counted",
@@ -370,7 +449,7 @@ impl<V: FnMut(&CollapseCandidate<'_>) -> bool> Engine<V> {
             vertex_origin,
             triangle_origin,
             features,
-            report,
+            report: self.report,
         }
     }
 }

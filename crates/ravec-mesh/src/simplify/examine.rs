@@ -3,9 +3,10 @@
 use glam::DVec3;
 
 use super::deviation::Deviation;
+use super::judge::CollapseCandidate;
 use super::octree::LooseOctree;
 use super::surface::{Class, Surface};
-use super::{CollapseCandidate, SimplifyParams, Vetoes};
+use super::{SimplifyParams, Vetoes};
 use crate::{Aabb, TriTri, intersection};
 
 /// Two vertices that are to become one.
@@ -71,8 +72,12 @@ pub(super) struct Examiner {
     pub changed: Vec<u32>,
     before: Vec<[DVec3; 3]>,
     pub after: Vec<[DVec3; 3]>,
+    /// The names of the corners of what changes, as they will be.
+    corners: Vec<[u32; 3]>,
     /// The triangles that vanish.
     pub vanishing: Vec<u32>,
+    vanishing_corners: Vec<[u32; 3]>,
+    vanishing_at: Vec<[DVec3; 3]>,
     /// Vertices that were seen carry the number of the examination, or the one after it if they were seen twice.
     marks: Vec<u32>,
     mark: u32,
@@ -168,6 +173,20 @@ impl Examiner {
         Ok(())
     }
 
+    /// Examines whether an edge between two fixed vertices would come to be, after [`Self::gather`].
+    pub fn examine_seal(&self, surface: &Surface, plan: &Plan) -> Result<(), Veto> {
+        if surface.class(plan.kept) != Class::Fixed {
+            return Ok(());
+        }
+        let shared = self.mark + 1;
+        let joins = surface
+            .star(plan.removed)
+            .flat_map(|(_, corners)| corners)
+            .filter(|&w| w != plan.kept && w != plan.removed)
+            .any(|w| surface.class(w) == Class::Fixed && self.marks[w as usize] != shared);
+        if joins { Err(Veto::Topology) } else { Ok(()) }
+    }
+
     /// Examines the shape of the triangles that [`Self::gather`] found.
     pub fn examine_shape(
         &mut self,
@@ -177,6 +196,7 @@ impl Examiner {
     ) -> Result<(), Veto> {
         self.before.clear();
         self.after.clear();
+        self.corners.clear();
         let mut worst_sq = f64::INFINITY;
         let mut new_worst_sq = f64::INFINITY;
         for &t in &self.changed {
@@ -202,9 +222,15 @@ impl Examiner {
             }
             self.before.push(before);
             self.after.push(after);
+            let renamed = |v| if v == plan.removed { plan.kept } else { v };
+            self.corners.push(names.map(renamed));
         }
+        self.vanishing_corners.clear();
+        self.vanishing_at.clear();
         for &t in &self.vanishing {
             let at = surface.corners(t);
+            self.vanishing_corners.push(surface.triangles[t as usize]);
+            self.vanishing_at.push(at);
             worst_sq = worst_sq.min(quality_sq(&at, normal(&at)));
         }
         let least_sq = limits.min_quality * limits.min_quality;
@@ -218,7 +244,7 @@ impl Examiner {
     pub fn examine_deviation(
         &self,
         plan: &Plan,
-        deviation: &mut Deviation,
+        deviation: &mut Deviation<'_>,
         limits: &Limits,
     ) -> Result<(), Veto> {
         let old = self.old();
@@ -284,7 +310,10 @@ impl Examiner {
             triangles: &self.changed,
             before: &self.before,
             after: &self.after,
+            corners: &self.corners,
             vanishing: &self.vanishing,
+            vanishing_corners: &self.vanishing_corners,
+            vanishing_at: &self.vanishing_at,
         }
     }
 }

@@ -1,0 +1,76 @@
+//! What the caller of simplification has a say in.
+
+use glam::DVec3;
+
+use crate::TriMesh;
+
+/// A collapse that is about to happen, for the caller to judge.
+#[derive(Debug, Clone, Copy)]
+pub struct CollapseCandidate<'a> {
+    /// The vertices that are merged, by their index in the original mesh; the first one keeps its name.
+    pub vertices: [u32; 2],
+    /// Where these two are.
+    pub from: [DVec3; 2],
+    /// Where the merged vertex will be.
+    pub position: DVec3,
+    /// The triangles that will change, by their index in the original mesh.
+    pub triangles: &'a [u32],
+    /// Where the corners of `triangles` are.
+    pub before: &'a [[DVec3; 3]],
+    /// Where they will be, in the same order.
+    pub after: &'a [[DVec3; 3]],
+    /// The names they will have, by their index in the original mesh.
+    pub corners: &'a [[u32; 3]],
+    /// The triangles that will vanish, by their index in the original mesh.
+    pub vanishing: &'a [u32],
+    /// The names of their corners, by their index in the original mesh.
+    pub vanishing_corners: &'a [[u32; 3]],
+    /// Where these are.
+    pub vanishing_at: &'a [[DVec3; 3]],
+}
+
+/// Who may refuse collapses. A closure that answers whether to refuse is one that is asked last.
+pub trait CollapseJudge {
+    /// Whether to refuse a collapse whose new triangles have a good shape, while the distance from the original and
+    /// intersections are not examined yet: for questions that are cheaper than these.
+    fn refuses_early(&mut self, candidate: &CollapseCandidate<'_>) -> bool {
+        let _ = candidate;
+        false
+    }
+
+    /// Whether to refuse a collapse that all other conditions allow. If not, it happens.
+    fn refuses(&mut self, candidate: &CollapseCandidate<'_>) -> bool;
+}
+
+impl<F: FnMut(&CollapseCandidate<'_>) -> bool> CollapseJudge for F {
+    fn refuses(&mut self, candidate: &CollapseCandidate<'_>) -> bool {
+        self(candidate)
+    }
+}
+
+/// How far a judge may go on trust.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Trust {
+    /// All triangles are examined afterwards, by [`Overseer::faults`], and what is at fault is undone: a judge may admit
+    /// what is most probably right.
+    Examined,
+    /// What it admits is final.
+    Final,
+}
+
+/// What the caller of [`simplify_patches`](super::simplify_patches) has a say in.
+pub trait Overseer: Sync {
+    /// The kind of judges.
+    type Judge: CollapseJudge;
+
+    /// A judge for a part of the mesh. Names in candidates are indices into `part`, whose vertices are where they are by
+    /// then.
+    fn judge(&self, part: &TriMesh, trust: Trust) -> Self::Judge;
+
+    /// Those of `triangles` that must not stay (default: none). The collapses that made them are undone, and tried again
+    /// by a judge whose word is final.
+    fn faults(&self, mesh: &TriMesh, triangles: &[u32]) -> Vec<u32> {
+        let _ = (mesh, triangles);
+        Vec::new()
+    }
+}

@@ -1,0 +1,484 @@
+//! Simplification in parallel.
+//!
+//! 1. The triangles are cut into patches, by halving them again and again across the longest side of the box of their
+//!    middles. Patches are simplified side by side, with the vertices they share held fast.
+//! 2. Put together, they are examined: within a patch nothing is known of the others, so triangles of two might meet; and
+//!    the caller may find triangles at fault. The vertices of such triangles are *restored*: all that was merged into them is
+//!    what it was before. That is easy, since a triangle is there if and only if its corners were not merged with each
+//!    other. What is restored is examined again, and more is restored until nothing is at fault.
+//! 3. What is around vertices that were held or restored is simplified as a whole, so that no seam remains.
+//!
+//! Guarantees: as for [`simplify`](super::simplify); patches depend on the mesh alone. Does not guarantee: that the result
+//! is the one of [`simplify`](super::simplify), since collapses happen in another order.
+
+use std::sync::Mutex;
+
+use glam::DVec3;
+use ravec_progress::{Cancelled, Phase, Progress};
+use rayon::prelude::*;
+use rustc_hash::{FxHashMap, FxHashSet};
+
+use super::deviation::{Sample, samples};
+use super::engine::{Engine, Leftover, Start};
+use super::judge::{Overseer, Trust};
+use super::surface::edge_key;
+use super::{Keep, Simplified, SimplifyError, SimplifyParams, SimplifyReport, validate};
+use crate::adjacency::is_proper;
+use crate::{Aabb, Adjacency, Bvh, TriMesh, for_each_self_intersection};
+
+/// Patches have at least about half as many triangles: of smaller ones much is seam.
+const FEWEST: usize = 4096;
+
+/// Patches have at most about as many triangles: little is gained from fewer seams than that.
+const MOST: usize = 16_384;
+
+/// So many patches are made between these limits: enough for as many threads.
+const PATCHES: usize = 8;
+
+/// How many rings of triangles around what was held or restored are simplified in the end.
+const RINGS: usize = 2;
+
+/// Simplifies `mesh` in the caller's thread pool, by patches and then along their seams.
+///
+/// # Errors
+/// As for [`simplify`](super::simplify); and [`SimplifyError::BadParameter`] if a number of triangles is asked for, since
+/// patches cannot know their share.
+pub fn simplify_patches(
+    mesh: &TriMesh,
+    params: &SimplifyParams,
+    keep: &Keep<'_>,
+    overseer: &impl Overseer,
+    progress: &Progress,
+) -> Result<Simplified, SimplifyError> {
+    progress.check()?;
+    validate(mesh, params, keep)?;
+    if params.target_triangles > 0 {
+        return Err(SimplifyError::BadParameter {
+            name: "target_triangles",
+            value: params.target_triangles as f64,
+            range: "0 where patches are simplified",
+        });
+    }
+    let adjacency = Adjacency::new(mesh);
+    let no_edge = |&&[a, b]: &&[u32; 2]| adjacency.edge_between(a, b).is_none();
+    if let Some(&ends) = keep.features.iter().find(no_edge) {
+        return Err(SimplifyError::NoSuchEdge { ends });
+    }
+    progress.check()?;
+    let limited = params.max_error < f64::INFINITY;
+    let original = (limited && params.both_ways).then(|| Bvh::new(mesh));
+    let known = limited.then(|| samples(mesh, &adjacency));
+    drop(adjacency);
+    let mut fixed = vec![false; mesh.positions().len()];
+    for &v in keep.vertices {
+        fixed[v as usize] = true;
+    }
+    let task = Task {
+        mesh,
+        params,
+        original: original.as_ref(),
+        fixed,
+        overseer,
+        phase: progress.phase("simplify", mesh.triangles().len() as u64),
+        progress,
+    };
+    let mut assembly = Assembly {
+        positions: mesh.positions().to_vec(),
+        merged_into: (0..mesh.positions().len() as u32).collect(),
+        features: keep.features.to_vec(),
+        samples: known.unwrap_or_default(),
+        report: SimplifyReport::default(),
+    };
+    let groups = cut(mesh);
+    let apart = groups.len() > 1;
+    let free = if apart {
+        let held = task.simplify_apart(&mut assembly, &groups)?;
+        let mut free = task.restore(&mut assembly)?;
+        free.iter_mut()
+            .zip(held)
+            .for_each(|(free, held)| *free |= held);
+        Some(free)
+    } else {
+        None
+    };
+    task.simplify_whole(assembly, free)
+}
+
+/// What all steps have in common.
+struct Task<'a, O> {
+    mesh: &'a TriMesh,
+    params: &'a SimplifyParams,
+    original: Option<&'a Bvh>,
+    fixed: Vec<bool>,
+    overseer: &'a O,
+    phase: Phase,
+    progress: &'a Progress,
+}
+
+/// The mesh between the steps, in the names of the original.
+struct Assembly {
+    positions: Vec<DVec3>,
+    /// Of each vertex, the one that stands for it.
+    merged_into: Vec<u32>,
+    features: Vec<[u32; 2]>,
+    samples: Vec<Sample>,
+    report: SimplifyReport,
+}
+
+/// A part of the original or of what became of it, as a mesh of its own.
+struct Part {
+    mesh: TriMesh,
+    /// The names of its vertices and triangles in the original.
+    vertices: Vec<u32>,
+    triangles: Vec<u32>,
+}
+
+impl Part {
+    fn new(original: &TriMesh, assembly: &Assembly, triangles: impl Iterator<Item = u32>) -> Self {
+        let mut names: FxHashMap<u32, u32> = FxHashMap::default();
+        let mut vertices = Vec::new();
+        let mut kept = Vec::new();
+        let mut corners = Vec::new();
+        for t in triangles {
+            let now = original.triangles()[t as usize].map(|v| assembly.merged_into[v as usize]);
+            if is_proper(now) {
+                kept.push(t);
+                corners.push(now.map(|v| {
+                    *names.entry(v).or_insert_with(|| {
+                        vertices.push(v);
+                        vertices.len() as u32 - 1
+                    })
+                }));
+            }
+        }
+        let positions = vertices.iter().map(|&v| assembly.positions[v as usize]);
+        Self {
+            mesh: TriMesh::new(positions.collect(), corners).expect("names were just given"),
+            vertices,
+            triangles: kept,
+        }
+    }
+
+    /// The names of vertices that fulfill a condition on their names in the original.
+    fn vertices_that(&self, condition: impl Fn(usize) -> bool) -> Vec<u32> {
+        let named = (0_u32..).zip(&self.vertices);
+        let chosen = named.filter(|&(_, &v)| condition(v as usize));
+        chosen.map(|(name, _)| name).collect()
+    }
+
+    /// Those features of the original that are edges here, by their names here.
+    fn features(&self, features: &[[u32; 2]]) -> Vec<[u32; 2]> {
+        if features.is_empty() {
+            return Vec::new();
+        }
+        let sides = self.mesh.triangles().iter();
+        let edges: FxHashSet<u64> = sides
+            .flat_map(|&[a, b, c]| [edge_key(a, b), edge_key(b, c), edge_key(c, a)])
+            .collect();
+        let names: FxHashMap<u32, u32> = self.vertices.iter().copied().zip(0..).collect();
+        let named = features
+            .iter()
+            .filter_map(|[a, b]| Some([*names.get(a)?, *names.get(b)?]));
+        named
+            .filter(|&[a, b]| edges.contains(&edge_key(a, b)))
+            .collect()
+    }
+}
+
+impl<O: Overseer> Task<'_, O> {
+    /// Simplifies patches, and says which vertices were held fast.
+    fn simplify_apart(
+        &self,
+        assembly: &mut Assembly,
+        groups: &[Vec<u32>],
+    ) -> Result<Vec<bool>, SimplifyError> {
+        let (patch_of, held) = self.borders(groups);
+        let mut samples_of = vec![Vec::new(); groups.len()];
+        for sample in assembly.samples.drain(..) {
+            samples_of[patch_of[sample.triangle as usize] as usize].push(sample);
+        }
+        let shared = &*assembly;
+        let found: Vec<(Part, Leftover)> = groups
+            .par_iter()
+            .zip(samples_of)
+            .map(|(group, samples)| {
+                let part = Part::new(self.mesh, shared, group.iter().copied());
+                let keep = part.vertices_that(|v| held[v] || self.fixed[v]);
+                let features = part.features(&shared.features);
+                let leftover = self.run(&part, samples, &keep, &features, true)?;
+                Ok((part, leftover))
+            })
+            .collect::<Result<_, SimplifyError>>()?;
+        assembly.features.clear();
+        for (part, leftover) in found {
+            assembly.take(&part, leftover);
+        }
+        Ok(held)
+    }
+
+    /// Lets an engine work on a part.
+    fn run(
+        &self,
+        part: &Part,
+        mut samples: Vec<Sample>,
+        keep: &[u32],
+        features: &[[u32; 2]],
+        sealed: bool,
+    ) -> Result<Leftover, SimplifyError> {
+        let names: FxHashMap<u32, u32> = part.triangles.iter().copied().zip(0..).collect();
+        for sample in &mut samples {
+            sample.triangle = names[&sample.triangle];
+        }
+        let start = Start {
+            mesh: &part.mesh,
+            params: self.params,
+            keep: Keep {
+                features,
+                vertices: keep,
+            },
+            sealed,
+            samples: Some(samples),
+            original: self.original,
+        };
+        let trust = if sealed {
+            Trust::Examined
+        } else {
+            Trust::Final
+        };
+        let judge = self.overseer.judge(&part.mesh, trust);
+        let mut engine = Engine::new(start, judge, self.progress)?;
+        engine.run(&self.phase, self.progress)?;
+        Ok(engine.take_apart())
+    }
+
+    /// Undoes what is at fault, and says which vertices are what they were.
+    fn restore(&self, assembly: &mut Assembly) -> Result<Vec<bool>, SimplifyError> {
+        let merged: Vec<u32> = assembly.merged_into.clone();
+        let all = 0..self.mesh.triangles().len() as u32;
+        let mut restored = vec![false; merged.len()];
+        let mut suspects: Option<Vec<bool>> = None;
+        loop {
+            self.progress.check()?;
+            let part = Part::new(self.mesh, assembly, all.clone());
+            let faults = self.faults(&part, suspects.as_deref(), &restored)?;
+            // whole clusters are restored
+            let mut chosen = vec![false; merged.len()];
+            let mut any = false;
+            for v in faults {
+                let place = merged[v as usize] as usize;
+                any |= !std::mem::replace(&mut chosen[place], true) && !restored[place];
+            }
+            if !any {
+                return Ok(restored);
+            }
+            let mut fresh = vec![false; merged.len()];
+            for (v, &into) in merged.iter().enumerate() {
+                if chosen[into as usize] && !restored[v] {
+                    restored[v] = true;
+                    fresh[v] = true;
+                    assembly.merged_into[v] = v as u32;
+                    assembly.positions[v] = self.mesh.positions()[v];
+                }
+            }
+            for sample in &mut assembly.samples {
+                let corners = self.mesh.triangles()[sample.original as usize];
+                let now = corners.map(|v| assembly.merged_into[v as usize]);
+                if now.iter().any(|&v| fresh[v as usize]) && is_proper(now) {
+                    sample.triangle = sample.original;
+                }
+            }
+            suspects = Some(fresh);
+        }
+    }
+
+    /// The vertices of triangles that must not stay; of all, or of those at `suspects`.
+    fn faults(
+        &self,
+        part: &Part,
+        suspects: Option<&[bool]>,
+        restored: &[bool],
+    ) -> Result<Vec<u32>, Cancelled> {
+        let corners = |t: u32| part.mesh.triangles()[t as usize];
+        let name = |v: u32| part.vertices[v as usize];
+        let suspicious: Vec<u32> = (0..part.mesh.triangles().len() as u32)
+            .filter(|&t| {
+                let mut names = corners(t).into_iter().map(name);
+                suspects.is_none_or(|suspects| names.any(|v| suspects[v as usize]))
+            })
+            .collect();
+        let mut bad = self.overseer.faults(&part.mesh, &suspicious);
+        self.progress.check()?;
+        if suspects.is_some() {
+            // neighbors of what is restored may have come to be so twice
+            let adjacency = Adjacency::new(&part.mesh);
+            for (edge, ends) in (0_u32..).zip(adjacency.edges()) {
+                let uses = adjacency.uses(edge);
+                if uses.len() > 2 && ends.iter().any(|&v| restored[name(v) as usize]) {
+                    bad.extend(uses.iter().map(|at| at.triangle));
+                }
+            }
+        }
+        if self.params.avoid_intersections {
+            let bvh = Bvh::new(&part.mesh);
+            let pairs = Mutex::new(Vec::new());
+            for_each_self_intersection(&bvh, self.progress, |pair| {
+                if let Ok(mut pairs) = pairs.lock() {
+                    pairs.extend([pair.first, pair.second]);
+                }
+            })?;
+            bad.extend(pairs.into_inner().unwrap_or_default());
+        }
+        Ok(bad.into_iter().flat_map(|t| corners(t).map(name)).collect())
+    }
+
+    /// Simplifies what is put together, around vertices that are `free`, or everywhere.
+    fn simplify_whole(
+        &self,
+        mut assembly: Assembly,
+        free: Option<Vec<bool>>,
+    ) -> Result<Simplified, SimplifyError> {
+        let all = 0..self.mesh.triangles().len() as u32;
+        let part = Part::new(self.mesh, &assembly, all);
+        let mut params = *self.params;
+        let free = free.map(|free| {
+            // features that are known by their angle have been found by now
+            params.feature_angle_rad = std::f64::consts::PI;
+            let mut chosen: Vec<bool> = part.vertices.iter().map(|&v| free[v as usize]).collect();
+            grow(&mut chosen, &part.mesh, RINGS);
+            let mut by_name = vec![false; free.len()];
+            for (&v, chosen) in part.vertices.iter().zip(chosen) {
+                by_name[v as usize] = chosen;
+            }
+            by_name
+        });
+        let keep =
+            part.vertices_that(|v| self.fixed[v] || free.as_ref().is_some_and(|free| !free[v]));
+        let features = part.features(&assembly.features);
+        let samples = std::mem::take(&mut assembly.samples);
+        let whole = Task {
+            mesh: self.mesh,
+            params: &params,
+            original: self.original,
+            fixed: Vec::new(),
+            overseer: self.overseer,
+            phase: self
+                .progress
+                .phase("simplify", part.mesh.triangles().len() as u64),
+            progress: self.progress,
+        };
+        let leftover = whole.run(&part, samples, &keep, &features, false)?;
+        let mut found = leftover.into_simplified();
+        for v in &mut found.vertex_origin {
+            *v = part.vertices[*v as usize];
+        }
+        for t in &mut found.triangle_origin {
+            *t = part.triangles[*t as usize];
+        }
+        assembly.report.add(&found.report);
+        found.report = SimplifyReport {
+            triangles_before: self.mesh.triangles().len() as u64,
+            triangles_after: found.mesh.triangles().len() as u64,
+            ..assembly.report
+        };
+        Ok(found)
+    }
+
+    /// The patch of each triangle, and whether triangles of several patches share a vertex.
+    fn borders(&self, groups: &[Vec<u32>]) -> (Vec<u32>, Vec<bool>) {
+        let mut patch_of = vec![0; self.mesh.triangles().len()];
+        let mut last = vec![None; self.mesh.positions().len()];
+        let mut held = vec![false; last.len()];
+        for (p, group) in (0_u32..).zip(groups) {
+            for &t in group {
+                patch_of[t as usize] = p;
+                for v in self.mesh.triangles()[t as usize] {
+                    let before = last[v as usize].replace(p);
+                    held[v as usize] |= before.is_some_and(|before| before != p);
+                }
+            }
+        }
+        (patch_of, held)
+    }
+}
+
+impl Assembly {
+    /// Takes over what became of a part.
+    fn take(&mut self, part: &Part, leftover: Leftover) {
+        let name = |v: u32| part.vertices[v as usize];
+        for (v, &into) in (0_u32..).zip(&leftover.merged_into) {
+            self.merged_into[name(v) as usize] = name(into);
+            if v == into {
+                self.positions[name(v) as usize] = leftover.positions[v as usize];
+            }
+        }
+        let features = leftover.features.iter().map(|ends| ends.map(name));
+        self.features
+            .extend(features.map(|[a, b]| [a.min(b), a.max(b)]));
+        // an edge between patches is known to both
+        self.features.sort_unstable();
+        self.features.dedup();
+        let samples = leftover.samples.into_iter();
+        self.samples.extend(samples.map(|sample| Sample {
+            triangle: part.triangles[sample.triangle as usize],
+            ..sample
+        }));
+        self.report.add(&leftover.report);
+    }
+}
+
+impl SimplifyReport {
+    fn add(&mut self, other: &Self) {
+        self.collapses += other.collapses;
+        self.vetoes += other.vetoes;
+        self.largest_error = match (self.largest_error, other.largest_error) {
+            (Some(a), Some(b)) => Some(a.max(b)),
+            (a, b) => a.or(b),
+        };
+    }
+}
+
+/// Cuts the triangles into patches.
+fn cut(mesh: &TriMesh) -> Vec<Vec<u32>> {
+    let proper = (0_u32..)
+        .zip(mesh.triangles())
+        .filter(|(_, t)| is_proper(**t));
+    let all: Vec<u32> = proper.map(|(t, _)| t).collect();
+    let middles: Vec<DVec3> = (0..mesh.triangles().len() as u32)
+        .map(|t| mesh.corners(t).into_iter().sum())
+        .collect();
+    let most = (all.len() / PATCHES).clamp(FEWEST, MOST);
+    let mut patches = Vec::new();
+    let mut to_cut = vec![all];
+    while let Some(mut triangles) = to_cut.pop() {
+        if triangles.len() <= most + most / 8 {
+            triangles.sort_unstable();
+            patches.push(triangles);
+            continue;
+        }
+        let size = Aabb::around(triangles.iter().map(|&t| middles[t as usize])).size();
+        let longest = (0..3).max_by(|&a, &b| size[a].total_cmp(&size[b]));
+        let axis = longest.unwrap_or(0);
+        let half = triangles.len() / 2;
+        triangles.select_nth_unstable_by(half, |&s, &t| {
+            let [x, y] = [s, t].map(|t| middles[t as usize][axis]);
+            x.total_cmp(&y).then(s.cmp(&t))
+        });
+        to_cut.push(triangles.split_off(half));
+        to_cut.push(triangles);
+    }
+    patches
+}
+
+/// Adds rings of neighbors.
+fn grow(chosen: &mut [bool], mesh: &TriMesh, rings: usize) {
+    for _ in 0..rings {
+        let before = chosen.to_vec();
+        for corners in mesh.triangles() {
+            if corners.iter().any(|&v| before[v as usize]) {
+                for &v in corners {
+                    chosen[v as usize] = true;
+                }
+            }
+        }
+    }
+}

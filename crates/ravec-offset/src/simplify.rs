@@ -1,0 +1,191 @@
+//! Fewer triangles for the surface, all of them proved.
+//!
+//! Edges are collapsed as far as the tolerance allows. A proof for each of a dozen facets that a collapse changes would cost
+//! far more than the collapse; but nearly all that pass the cheap questions are proved, and nearly all are replaced by others
+//! soon. So patches are simplified on trust at first, by the distance of the merged vertex, by the directions of the facets
+//! around it, and by the distance of what was there before from these. Then what is left is proved, the little that is not
+//! proved is undone, and there, as along the seams of patches, facets are proved before they come to be.
+
+use crate::certify::{normal_deviation, proved, spread};
+use crate::field::{Field, Near};
+use crate::params::OffsetParams;
+use glam::DVec3;
+use ravec_mesh::{
+    CollapseCandidate, CollapseJudge, Keep, Overseer, SimplifyError, SimplifyParams, TriMesh,
+    Trust, simplify_patches,
+};
+use ravec_progress::{Cancelled, Progress};
+use rayon::prelude::*;
+
+/// The share of the tolerance by which simplification may leave the surface that it started from: so crests, which the
+/// proof of the distance alone would let it cut, stay where they are.
+const CREST_SHARE: f64 = 0.8;
+
+/// Facets between whose corners the direction to what is nearest turns by more, as a cosine, are not trusted.
+const TRUSTED_SPREAD: f64 = 0.9;
+
+/// Merges triangles of a surface that keeps the distance between `limits`.
+pub(crate) fn simplify(
+    field: &Field<'_>,
+    params: &OffsetParams,
+    limits: [f64; 2],
+    surface: &TriMesh,
+    progress: &Progress,
+) -> Result<TriMesh, Cancelled> {
+    let asked = SimplifyParams {
+        max_error: CREST_SHARE * params.tolerance,
+        both_ways: false,
+        ..SimplifyParams::default()
+    };
+    let overseer = Proofs {
+        field,
+        limits,
+        most_deviation: params.max_normal_deviation_deg.to_radians(),
+        progress,
+    };
+    match simplify_patches(surface, &asked, &Keep::default(), &overseer, progress) {
+        Ok(simplified) => Ok(simplified.mesh),
+        Err(SimplifyError::Cancelled(cancelled)) => Err(cancelled),
+        // nothing else can be said against a surface of our own: keep it as it is
+        Err(_) => Ok(surface.clone()),
+    }
+}
+
+/// What the facets must keep to.
+#[derive(Clone, Copy)]
+struct Proofs<'a> {
+    field: &'a Field<'a>,
+    limits: [f64; 2],
+    /// In radians.
+    most_deviation: f64,
+    progress: &'a Progress,
+}
+
+impl Proofs<'_> {
+    /// What is closest to each vertex.
+    fn nearest(&self, mesh: &TriMesh) -> Vec<Near> {
+        mesh.positions()
+            .par_chunks(256)
+            .flat_map_iter(|places| {
+                let mut hint = 0;
+                places.iter().map(move |&place| {
+                    let near = self.field.near(place, hint);
+                    hint = near.triangle;
+                    near
+                })
+            })
+            .collect()
+    }
+}
+
+impl<'a> Overseer for Proofs<'a> {
+    type Judge = Judge<'a>;
+
+    fn judge(&self, part: &TriMesh, trust: Trust) -> Judge<'a> {
+        let nearest = self.nearest(part);
+        Judge {
+            proofs: *self,
+            trust,
+            merged: nearest[0],
+            nearest,
+        }
+    }
+
+    fn faults(&self, mesh: &TriMesh, triangles: &[u32]) -> Vec<u32> {
+        let nearest = self.nearest(mesh);
+        triangles
+            .par_iter()
+            .copied()
+            .filter(|&t| {
+                let near = mesh.triangles()[t as usize].map(|v| nearest[v as usize]);
+                !self.progress.is_cancelled()
+                    && !proved(self.field, mesh.corners(t), self.limits, near)
+            })
+            .collect()
+    }
+}
+
+/// Whether collapses keep the distance and the directions.
+struct Judge<'a> {
+    proofs: Proofs<'a>,
+    trust: Trust,
+    /// What is closest to each vertex.
+    nearest: Vec<Near>,
+    /// What is closest to the merged vertex.
+    merged: Near,
+}
+
+impl Judge<'_> {
+    /// By how much facets are off, beyond what is allowed, times their area.
+    fn excess(&self, facet: [DVec3; 3], near: [Near; 3]) -> f64 {
+        let most = self.proofs.most_deviation;
+        let off = normal_deviation(self.proofs.field, facet, near, most);
+        if off <= most {
+            return 0.0;
+        }
+        let [a, b, c] = facet;
+        (off - most) * (b - a).cross(c - a).length()
+    }
+
+    /// What the corners of a facet will be closest to.
+    fn near(&self, candidate: &CollapseCandidate<'_>, corners: [u32; 3]) -> [Near; 3] {
+        corners.map(|v| {
+            if v == candidate.vertices[0] {
+                self.merged
+            } else {
+                self.nearest[v as usize]
+            }
+        })
+    }
+
+    /// What all facets around the edge together are off now.
+    fn excess_before(&self, candidate: &CollapseCandidate<'_>) -> f64 {
+        let changing = candidate.before.iter().zip(candidate.corners);
+        let vanishing = candidate.vanishing_at.iter();
+        changing
+            .chain(vanishing.zip(candidate.vanishing_corners))
+            .map(|(&facet, &corners)| self.excess(facet, self.near(candidate, corners)))
+            .sum()
+    }
+}
+
+impl CollapseJudge for Judge<'_> {
+    fn refuses_early(&mut self, candidate: &CollapseCandidate<'_>) -> bool {
+        let known = candidate.vertices.map(|v| self.nearest[v as usize]);
+        let [p, q] = (candidate.from).map(|p| p.distance_squared(candidate.position));
+        let hint = if p <= q { known[0] } else { known[1] };
+        let near = self.proofs.field.near(candidate.position, hint.triangle);
+        let [least, most] = self.proofs.limits;
+        if near.distance < least || near.distance > most {
+            return true;
+        }
+        self.merged = near;
+        // at creases facets may be off, but all together no more than they were
+        let mut excess = 0.0;
+        let mut allowed = None;
+        for (&facet, &corners) in candidate.after.iter().zip(candidate.corners) {
+            let worse = self.excess(facet, self.near(candidate, corners));
+            if worse > 0.0 {
+                excess += worse;
+                if excess > *allowed.get_or_insert_with(|| self.excess_before(candidate)) {
+                    return true;
+                }
+            }
+        }
+        false
+    }
+
+    fn refuses(&mut self, candidate: &CollapseCandidate<'_>) -> bool {
+        let Proofs { field, limits, .. } = self.proofs;
+        let mut facets = candidate.after.iter().zip(candidate.corners);
+        let refused = facets.any(|(&facet, &corners)| {
+            let near = self.near(candidate, corners);
+            (self.trust == Trust::Final || spread(near) < TRUSTED_SPREAD)
+                && !proved(field, facet, limits, near)
+        });
+        if !refused {
+            self.nearest[candidate.vertices[0] as usize] = self.merged;
+        }
+        refused
+    }
+}
