@@ -22,13 +22,16 @@
 //! Cost: about 12 searches for the closest triangle for each cell, and three for each triangle of the result.
 
 mod cell;
+mod cells;
 mod certify;
 mod extract;
 mod field;
+mod measure;
 mod offset;
 mod params;
 mod refine;
 mod regions;
 
+pub use cells::{OffsetCell, offset_cells};
 pub use offset::{Offset, OffsetReport, offset};
 pub use params::{OffsetError, OffsetParams, Side};
