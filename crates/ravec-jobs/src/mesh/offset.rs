@@ -167,8 +167,11 @@ impl Params {
 /// written all the same; a warning and findings say what is wrong with it.
 ///
 /// Figures: `distance`, `tolerance`, `diagonal` (units of the file), `certified` and `solid` (0 or 1), `uncertified_triangles`,
-/// `self_intersections`, `triangles`, `extracted_triangles` (before they were merged), `cells`, `deepest_level` and
-/// `mending_rounds` of the octree; `largest_rounding` if the output holds 32-bit floats.
+/// `self_intersections`, `triangles`, `extracted_triangles` (before they were merged); `cells` and `deepest_level` of the
+/// octree, and how it was mended: `mending_rounds`, `split_cells`, `filled_cells`; `feature_edges`, where the surface turns
+/// by more than 20°; `distance_least` and `distance_most`, proved for every point of the surface, and `distance_most_found`,
+/// the most that a corner or a middle of a triangle has; `largest_rounding` if the output holds 32-bit floats, which comes
+/// on top of these.
 ///
 /// # Errors
 /// [`JobError::Parameter`], [`JobError::UnknownMeshFormat`], [`JobError::ReadMesh`], [`JobError::NoTriangles`],
@@ -251,6 +254,12 @@ pub fn run(
         ("cells", done.cells as f64),
         ("deepest_level", f64::from(done.deepest_level)),
         ("mending_rounds", f64::from(done.rounds)),
+        ("split_cells", done.split_cells as f64),
+        ("filled_cells", done.filled_cells as f64),
+        ("feature_edges", done.feature_edges as f64),
+        ("distance_least", done.least_distance),
+        ("distance_most", done.most_distance),
+        ("distance_most_found", done.most_distance_found),
     ]);
     super::write(path, &mesh, &target, &mut report, progress)?;
     Ok(report)

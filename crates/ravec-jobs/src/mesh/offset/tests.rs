@@ -88,6 +88,13 @@ fn a_box_grows_by_the_distance_within_the_tolerance_and_the_report_proves_it() {
         assert_eq!(report.figures[figure], value, "{figure}");
     }
     assert!(!report.figures.contains_key("largest_rounding"));
+    let [least, found, most] =
+        ["least", "most_found", "most"].map(|name| report.figures[&*format!("distance_{name}")]);
+    assert!(0.48 <= least && least <= found && found <= most && most <= 0.52);
+    // what is a crease of the box is round at a distance
+    assert_eq!(report.figures["feature_edges"], 0.0);
+    let inner = shop.run("box.off", "inner.ply", &params("0.5", Side::Inner));
+    assert!(inner.unwrap().figures["feature_edges"] >= 12.0);
     let (out, block) = (shop.get("out.ply"), shop.get("box.off"));
     assert_eq!(report.figures["triangles"], out.triangles().len() as f64);
     let size = out.bounds().size();
