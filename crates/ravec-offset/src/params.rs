@@ -71,6 +71,12 @@ pub enum OffsetError {
         /// What was asked for.
         got: f64,
     },
+    /// A distance that is too small or too large to reckon with.
+    #[error("the distance is {}, but only sizes from 1e-40 to 1e40 can be offset", Short(*got))]
+    DistanceSize {
+        /// What was asked for.
+        got: f64,
+    },
     /// A distance that leaves no room for a tolerance that can be kept.
     #[error("the distance is {}, but for a mesh of this size and place must be above {}", Short(*got), Short(*least))]
     DistanceTooSmall {
@@ -163,8 +169,11 @@ impl OffsetParams {
         }
         let distance = self.distance;
         let reach = diagonal + 4.0 * distance;
-        if !(distance.is_finite() && distance > 0.0 && SIZES.contains(&reach)) {
+        if !(distance.is_finite() && distance > 0.0) {
             return Err(OffsetError::Distance { got: distance });
+        }
+        if !SIZES.contains(&reach) {
+            return Err(OffsetError::DistanceSize { got: distance });
         }
         // so that the lattice is fine enough, and places far from the origin still differ
         let farthest = bounds.min.abs().max(bounds.max.abs()).max_element();

@@ -92,6 +92,16 @@ fn the_limits_in_a_message_can_be_taken_at_their_word() {
 }
 
 #[test]
+fn a_distance_beyond_what_can_be_reckoned_with_is_refused_by_its_size() {
+    let point = TriMesh::new(vec![DVec3::ONE; 3], vec![[0, 1, 2]]).unwrap();
+    for (mesh, distance) in [(cube(), 1e300), (point, 1e-50)] {
+        let error = refusal(&mesh, &params(distance, 0.1 * distance, Side::Both));
+        assert_eq!(error, OffsetError::DistanceSize { got: distance });
+        assert!(error.to_string().contains(&format!("{distance:e}")));
+    }
+}
+
+#[test]
 fn a_distance_that_leaves_no_room_for_a_tolerance_is_refused_and_the_least_is_named() {
     for mesh in [cube(), cuboid(DVec3::ONE).shifted(DVec3::splat(1e9)).mesh] {
         let asked = params(1e-9, 1e-10, Side::Outer);

@@ -134,7 +134,14 @@ fn a_block_of_lengths_means_the_same_in_every_unit() {
 
 #[test]
 fn the_default_tolerance_is_a_twentieth_of_the_distance_but_at_most_a_thousandth_of_the_diagonal() {
-    for (distance, tolerance) in [("0.1", 0.005), ("50", 0.1), ("5%", 0.1), ("0.2%", 0.01)] {
+    for (distance, tolerance) in [
+        ("0.1", 0.005),
+        ("50", 0.1),
+        ("5%", 0.1),
+        ("0.2%", 0.01),
+        // far away, the mesh is small
+        ("2000", 2.0),
+    ] {
         let [_, default] = params(distance, Side::Both).of(100.0, None).unwrap();
         assert!((default - tolerance).abs() < 1e-12, "{distance}: {default}");
     }
