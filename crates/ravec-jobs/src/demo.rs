@@ -32,6 +32,8 @@ use std::time::Instant;
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct Params {
     /// The longest side of the picture that is worked on, 64 to 8192; larger photos are reduced
+    ///
+    /// Below 640, pictures of meshes are smaller and coarser, too.
     #[cfg_attr(feature = "cli", arg(long, value_name = "PX", default_value_t = Params::default().max_side))]
     pub max_side: usize,
     /// What the built-in street and the added noise are drawn from
@@ -57,7 +59,7 @@ const ZOOM: usize = 4;
 /// Makes the page `index.html` in the folder `out`, from a photo or from the built-in street.
 ///
 /// Figures: `twocolor_psnr_db` and `mosaic_psnr_db` at blocks of 8; `clean_psnr_db` and `noisy_psnr_db` at noise of 25 steps;
-/// `fit_megapixels_per_second`; `simplified_triangles` and `simplified_distance_percent` of a torus of 18 432 triangles;
+/// `fit_megapixels_per_second`; `simplified_triangles` and `simplified_distance_percent` of a torus;
 /// `offset_triangles`, `offset_error_percent` (of the tolerance) and `offset_proved` of offsets.
 ///
 /// # Errors
@@ -113,9 +115,11 @@ pub fn run(
     demo.paint()?;
     demo.cleaning(Seed(params.seed))?;
     demo.speed()?;
-    mesh::show(&mut demo.page, demo.report, Seed(params.seed), progress)?;
-    mesh::offset::show(&mut demo.page, demo.report, progress)?;
-    let page = demo.page.finish();
+    let mut page = demo.page;
+    let detail = mesh::Detail::of(params.max_side);
+    mesh::show(&mut page, &mut report, Seed(params.seed), detail, progress)?;
+    mesh::offset::show(&mut page, &mut report, detail, progress)?;
+    let page = page.finish();
     files::make_folder(out)?;
     files::write_output_text(&out.join("index.html"), "HTML", &page, &mut report)?;
     Ok(report)
@@ -615,7 +619,10 @@ mod tests {
             run(
                 Some(&Source::new(&path)),
                 folder.path(),
-                &Params::default(),
+                &Params {
+                    max_side: 64,
+                    ..Params::default()
+                },
                 &Progress::none(),
             )
             .unwrap();

@@ -142,6 +142,8 @@ impl JobError {
             | Self::Offset {
                 cause:
                     OffsetError::Distance { .. }
+                    | OffsetError::DistanceSize { .. }
+                    | OffsetError::DistanceTooSmall { .. }
                     | OffsetError::Tolerance { .. }
                     | OffsetError::NormalDeviation { .. },
                 ..

@@ -9,7 +9,7 @@ use glam::DVec3;
 use ravec_mesh::{closest_on_triangle, distance_sq_to_triangle};
 
 /// How often a facet may be halved each way until the bound is strong enough.
-const MOST_CUTS: u32 = 8;
+pub(crate) const MOST_CUTS: u32 = 8;
 
 /// Crests that are more acute than about 10° are not followed to their end.
 const LEAST_SHARE: f64 = 0.08;

@@ -22,9 +22,11 @@
 //! Cost: about 12 searches for the closest triangle for each cell, and three for each triangle of the result.
 
 mod cell;
+mod cells;
 mod certify;
 mod extract;
 mod field;
+mod measure;
 mod mend;
 mod offset;
 mod outermost;
@@ -33,5 +35,6 @@ mod refine;
 mod simplify;
 mod tile;
 
+pub use cells::{OffsetCell, offset_cells};
 pub use offset::{Offset, OffsetReport, offset};
 pub use params::{OffsetError, OffsetParams, Side};

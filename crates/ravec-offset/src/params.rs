@@ -62,7 +62,8 @@ pub enum OffsetError {
     NoTriangles,
     /// A mesh that is too small or too large to reckon with.
     #[error(
-        "the mesh measures {diagonal:e} across, but only sizes from 1e-40 to 1e40 can be offset: scale it first"
+        "the mesh measures {} across, but only sizes from 1e-40 to 1e40 can be offset: scale it first",
+        Short(*diagonal)
     )]
     Size {
         /// The diagonal of its box.
@@ -74,9 +75,26 @@ pub enum OffsetError {
         /// What was asked for.
         got: f64,
     },
+    /// A distance that is too small or too large to reckon with.
+    #[error("the distance is {}, but only sizes from 1e-40 to 1e40 can be offset", Short(*got))]
+    DistanceSize {
+        /// What was asked for.
+        got: f64,
+    },
+    /// A distance that leaves no room for a tolerance that can be kept.
+    #[error("the distance is {}, but for a mesh of this size and place must be above {}", Short(*got), Short(*least))]
+    DistanceTooSmall {
+        /// What was asked for.
+        got: f64,
+        /// What is too small just so.
+        least: f64,
+    },
     /// A tolerance that leaves nothing, or that numbers cannot hold.
     #[error(
-        "the tolerance is {got}, but must be at least {least:e} and below half the distance, {most}"
+        "the tolerance is {}, but must be at least {} and below half the distance, {}",
+        Short(*got),
+        Short(*least),
+        Short(*most)
     )]
     Tolerance {
         /// What was asked for.
@@ -109,7 +127,7 @@ pub enum OffsetError {
         boundary_edges: u64,
     },
     /// Nothing is that deep inside, or nothing at all was found.
-    #[error("no point of that side is {distance} away from the mesh: choose a smaller distance")]
+    #[error("no point of that side is {} away from the mesh: choose a smaller distance", Short(*distance))]
     Empty {
         /// What was asked for.
         distance: f64,
@@ -128,6 +146,32 @@ const FINEST: f64 = 4e-13;
 /// Sizes whose squares and cubes numbers can hold.
 const SIZES: std::ops::Range<f64> = 1e-40..1e40;
 
+/// A positive number, raised to three digits and by no more than [`MOST_RAISED`], so that a limit that is printed is one
+/// that can be typed.
+fn rounded_up(number: f64) -> f64 {
+    // half a unit of the third digit is at most this much
+    let digits = format!("{:.2e}", 1.005 * number);
+    digits.parse().unwrap_or(number)
+}
+
+/// A bound for what rounding up to three digits adds.
+const MOST_RAISED: f64 = 1.011;
+
+/// A number in six digits at most.
+struct Short(f64);
+
+impl std::fmt::Display for Short {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let six = format!("{:.5e}", self.0);
+        let short = six.parse().unwrap_or(self.0);
+        if short == 0.0 || (1e-4..1e9).contains(&short.abs()) || !short.is_finite() {
+            write!(f, "{short}")
+        } else {
+            write!(f, "{short:e}")
+        }
+    }
+}
+
 impl OffsetParams {
     /// Refuses what makes no sense for a mesh in a box.
     pub(crate) fn check(&self, bounds: &Aabb) -> Result<(), OffsetError> {
@@ -137,13 +181,26 @@ impl OffsetParams {
         }
         let distance = self.distance;
         let reach = diagonal + 4.0 * distance;
-        if !(distance.is_finite() && distance > 0.0 && SIZES.contains(&reach)) {
+        if !(distance.is_finite() && distance > 0.0) {
             return Err(OffsetError::Distance { got: distance });
+        }
+        if !SIZES.contains(&reach) {
+            return Err(OffsetError::DistanceSize { got: distance });
         }
         // so that the lattice is fine enough, and places far from the origin still differ
         let farthest = bounds.min.abs().max(bounds.max.abs()).max_element();
-        let least = (reach * 3f64.sqrt() / MOST_CELLS).max(farthest * FINEST);
+        let of_numbers = rounded_up(farthest * FINEST);
+        let least = rounded_up(reach * 3f64.sqrt() / MOST_CELLS).max(of_numbers);
         let most = 0.5 * distance;
+        if least >= most {
+            // the distance for which the two would be equal, were the first not rounded
+            let of_lattice = 2.0 * 3f64.sqrt() * diagonal / (MOST_CELLS - 8.0 * 3f64.sqrt());
+            let of_lattice = MOST_RAISED * of_lattice;
+            return Err(OffsetError::DistanceTooSmall {
+                got: distance,
+                least: rounded_up(of_lattice).max(2.0 * of_numbers),
+            });
+        }
         let got = self.tolerance;
         if !(got.is_finite() && got >= least && got < most) {
             return Err(OffsetError::Tolerance { got, least, most });

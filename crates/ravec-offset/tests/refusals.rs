@@ -66,6 +66,59 @@ fn a_tolerance_is_above_what_numbers_hold_and_below_half_the_distance() {
     assert!(matches!(error, OffsetError::Tolerance { .. }), "{error}");
 }
 
+#[test]
+fn the_limits_in_a_message_can_be_taken_at_their_word() {
+    let mesh = cuboid(DVec3::new(3.7, 0.3, 1.1)).mesh;
+    for (distance, tolerance) in [(0.123_456_789_012, 1e-9), (7.77e-5, 1e-12), (2e3, 1e-5)] {
+        let asked = params(distance, tolerance, Side::Both);
+        let OffsetError::Tolerance { least, .. } = refusal(&mesh, &asked) else {
+            panic!("not refused for its tolerance: {asked:?}");
+        };
+        let text = refusal(&mesh, &asked).to_string();
+        let named = text.split("at least ").nth(1).unwrap();
+        let named: f64 = named.split(' ').next().unwrap().parse().unwrap();
+        assert_eq!(named, least, "{text}");
+        assert!(
+            text.split([' ', ',']).all(|word| word.len() <= 11),
+            "{text}"
+        );
+        // what it says is enough: only the caller's wish ends that
+        let progress = Progress::none();
+        progress.cancel();
+        let enough = params(distance, named, Side::Both);
+        let error = offset(&mesh, &enough, &progress).unwrap_err();
+        assert_eq!(error, OffsetError::Cancelled(Cancelled));
+    }
+}
+
+#[test]
+fn a_distance_beyond_what_can_be_reckoned_with_is_refused_by_its_size() {
+    let point = TriMesh::new(vec![DVec3::ONE; 3], vec![[0, 1, 2]]).unwrap();
+    for (mesh, distance) in [(cube(), 1e300), (point, 1e-50)] {
+        let error = refusal(&mesh, &params(distance, 0.1 * distance, Side::Both));
+        assert_eq!(error, OffsetError::DistanceSize { got: distance });
+        assert!(error.to_string().contains(&format!("{distance:e}")));
+    }
+}
+
+#[test]
+fn a_distance_that_leaves_no_room_for_a_tolerance_is_refused_and_the_least_is_named() {
+    for mesh in [cube(), cuboid(DVec3::ONE).shifted(DVec3::splat(1e9)).mesh] {
+        let asked = params(1e-9, 1e-10, Side::Outer);
+        let error = refusal(&mesh, &asked);
+        let OffsetError::DistanceTooSmall { got: 1e-9, least } = error else {
+            panic!("{error}");
+        };
+        assert!(least > 1e-9);
+        // a little above it a tolerance just below half of it is possible
+        let (distance, progress) = (1.001 * least, Progress::none());
+        progress.cancel();
+        let enough = params(distance, 0.4999 * distance, Side::Both);
+        let error = offset(&mesh, &enough, &progress).unwrap_err();
+        assert_eq!(error, OffsetError::Cancelled(Cancelled), "{enough:?}");
+    }
+}
+
 /// There, numbers are about 1e-4 apart.
 #[test]
 fn a_tolerance_that_coordinates_far_from_the_origin_cannot_hold_is_refused() {
@@ -74,6 +127,11 @@ fn a_tolerance_that_coordinates_far_from_the_origin_cannot_hold_is_refused() {
         .mesh;
     for side in [Side::Both, Side::Inner] {
         let error = refusal(&far, &params(0.1, 0.001, side));
+        assert!(
+            matches!(error, OffsetError::DistanceTooSmall { .. }),
+            "{error}"
+        );
+        let error = refusal(&far, &params(10.0, 0.001, side));
         assert!(matches!(error, OffsetError::Tolerance { .. }), "{error}");
     }
 }

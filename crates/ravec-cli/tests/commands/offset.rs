@@ -149,7 +149,16 @@ fn the_summary_says_what_was_proved() {
         folder.path(),
         "offset box.stl -o out.stl --distance 0.5 --side outer",
     );
-    for words in ["read box.stl", "wrote out.stl", "certified", "passed"] {
+    for words in [
+        "read box.stl",
+        "wrote out.stl",
+        "certified",
+        "distance_least",
+        "distance_most ",
+        "feature_edges",
+        "split_cells",
+        "passed",
+    ] {
         assert!(text.contains(words), "no `{words}` in: {text}");
     }
 }
@@ -214,6 +223,7 @@ fn units_need_to_be_known() {
 #[test]
 fn what_makes_no_sense_is_refused_with_one_sentence_and_without_a_file() {
     let folder = folder();
+    std::fs::create_dir(folder.path().join("folder.ply")).unwrap();
     let flags = |rest: &str| format!("offset box.stl -o out.ply {rest}");
     for (line, expected, words) in [
         (flags("--distance 0"), 2, "--distance is 0"),
@@ -227,8 +237,30 @@ fn what_makes_no_sense_is_refused_with_one_sentence_and_without_a_file() {
             "half the distance",
         ),
         (flags("--distance 1 --tolerance 1e-9"), 2, "at least"),
-        (flags("--distance 1e-9"), 2, "tolerance"),
+        (flags("--distance 1e-9"), 2, "must be above 1."),
+        (flags("--distance 1e300"), 2, "the distance is 1e300"),
+        (flags("--distance 1e-300"), 2, "must be above"),
         (flags("--distance 5 --side inner"), 1, "smaller distance"),
+        (
+            "offset box.stl -o folder.ply --distance 1".to_owned(),
+            4,
+            "is a directory",
+        ),
+        (
+            "offset box.stl -o . --distance 1".to_owned(),
+            4,
+            "directory",
+        ),
+        (
+            "offset folder.ply -o out.ply --distance 1".to_owned(),
+            3,
+            "directory",
+        ),
+        (
+            "offset missing.stl -o out.ply --distance 1".to_owned(),
+            3,
+            "No such file",
+        ),
         (
             "offset sheet.obj -o out.ply --distance 0.1 --side inner".to_owned(),
             3,
@@ -268,5 +300,84 @@ fn what_makes_no_sense_is_refused_with_one_sentence_and_without_a_file() {
         let output = ravec(folder.path(), &line.split_whitespace().collect::<Vec<_>>());
         assert_eq!(code(&output), 2, "{line}");
         assert!(!folder.path().join("out.ply").exists());
+    }
+}
+
+#[test]
+fn limits_in_messages_are_short_numbers_and_the_smaller_is_below_the_larger() {
+    let folder = folder();
+    let line = "offset box.stl -o out.ply --distance 0.3% --tolerance 1e-9";
+    let output = ravec(folder.path(), &line.split(' ').collect::<Vec<_>>());
+    let said = stderr(&output);
+    let numbers: Vec<f64> = said
+        .split([' ', ','])
+        .filter_map(|word| word.trim().parse().ok())
+        .collect();
+    assert_eq!(numbers.len(), 3, "{said}");
+    assert!(numbers[0] < numbers[1] && numbers[1] < numbers[2], "{said}");
+    assert!(said.len() < 160, "{said}");
+}
+
+#[test]
+fn files_that_are_cut_off_in_any_format_are_refused_without_a_partial_output() {
+    let folder = folder();
+    for format in [
+        "stl",
+        "stl-ascii",
+        "ply",
+        "ply-ascii",
+        "obj",
+        "off",
+        "3mf",
+        "glb",
+        "gltf",
+    ] {
+        let line = format!("-q mesh convert box.stl -o - --format {format}");
+        let output = ravec(folder.path(), &line.split(' ').collect::<Vec<_>>());
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        let whole = output.stdout;
+        // a text of vertices and faces one after the other may be whole without its last lines
+        let last = if format == "obj" { 30 } else { 97 };
+        for percent in [3, 30, last] {
+            let name = format!("cut-{percent}.{format}");
+            let cut = &whole[..whole.len() * percent / 100];
+            std::fs::write(folder.path().join(&name), cut).unwrap();
+            let line = format!("offset {name} -o out.ply --distance 1%");
+            refused(folder.path(), &line, 3, &[&name]);
+        }
+    }
+}
+
+#[test]
+fn coordinates_that_are_no_numbers_are_refused_with_their_place() {
+    let folder = folder();
+    let mut stl = cuboid(1.0, 1.0, 1.0).stl();
+    // the second corner of the third triangle: 84 bytes of header, 50 for each triangle, 12 for its normal
+    let at = 84 + 2 * 50 + 12 + 12;
+    stl[at..at + 4].copy_from_slice(&f32::NAN.to_le_bytes());
+    std::fs::write(folder.path().join("nan.stl"), stl).unwrap();
+    let text = cuboid(1.0, 1.0, 1.0).obj();
+    let text = text.replacen("v 1 0 0", "v 1 inf 0", 1);
+    std::fs::write(folder.path().join("inf.obj"), text).unwrap();
+    for (name, words) in [
+        ("nan.stl", ["byte ", "NaN"]),
+        ("inf.obj", ["line 2", "vertex 1"]),
+    ] {
+        let line = format!("offset {name} -o out.ply --distance 1%");
+        refused(folder.path(), &line, 3, &[name, words[0], words[1]]);
+    }
+}
+
+#[test]
+fn an_older_output_stays_as_it_was_when_there_is_no_new_one() {
+    let folder = folder();
+    std::fs::write(folder.path().join("out.ply"), "old").unwrap();
+    for (rest, expected) in [("5 --side inner", 1), ("1 --tolerance 3", 2)] {
+        let line = format!("offset box.stl -o out.ply --distance {rest}");
+        refused(folder.path(), &line, expected, &[]);
+        assert_eq!(
+            std::fs::read(folder.path().join("out.ply")).unwrap(),
+            b"old"
+        );
     }
 }

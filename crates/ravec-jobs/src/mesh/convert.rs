@@ -4,7 +4,7 @@ use super::{Length, MeshSource, MeshTarget, weld};
 use crate::error::JobError;
 use crate::files::{check_files, is_stream};
 use crate::report::Report;
-use ravec::mesh::{self as library, LengthUnit, MeshFormat, TriMesh};
+use ravec::mesh::{self as library, LengthUnit, MeshFile, MeshFormat, TriMesh};
 use ravec::progress::Progress;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -118,9 +118,41 @@ pub struct Output {
     pub precision: Precision,
 }
 
+/// What a run that turns one file into another begins with.
+pub(super) struct Begun {
+    /// With the input in it.
+    pub report: Report,
+    /// What was read.
+    pub file: MeshFile,
+    /// What is to be written, in the unit of the input.
+    pub target: MeshTarget,
+}
+
 impl Output {
+    /// Checks the paths, reads the input and finds out how to write; whatever can be refused is refused before it is read.
+    pub(super) fn begin(
+        &self,
+        operation: &'static str,
+        params: &impl Serialize,
+        source: &MeshSource,
+        path: &Path,
+        progress: &Progress,
+    ) -> Result<Begun, JobError> {
+        self.check(path)?;
+        check_files(&[&source.path], &[path])?;
+        let mut report = Report::new(operation, params);
+        let file = super::read(source, &[path], &mut report, progress)?;
+        let mut target = self.target(path, file.format)?;
+        target.unit = file.unit;
+        Ok(Begun {
+            report,
+            file,
+            target,
+        })
+    }
+
     /// Refuses what can be refused before the input is read.
-    pub(super) fn check(&self, path: &Path) -> Result<(), JobError> {
+    fn check(&self, path: &Path) -> Result<(), JobError> {
         if !is_stream(path) || self.format.is_some() {
             self.target(path, MeshFormat::Off)?;
         }
@@ -128,7 +160,7 @@ impl Output {
     }
 
     /// What to write to `path`, once the format of the input is known.
-    pub(super) fn target(&self, path: &Path, input: MeshFormat) -> Result<MeshTarget, JobError> {
+    fn target(&self, path: &Path, input: MeshFormat) -> Result<MeshTarget, JobError> {
         let mut target = match self.format {
             Some(format) => MeshTarget::new(format.into()),
             None => MeshTarget::of(path, input)?,
@@ -191,11 +223,14 @@ pub fn run(
     progress: &Progress,
 ) -> Result<Report, JobError> {
     weld::check(params.weld)?;
-    params.output.check(path)?;
-    check_files(&[&source.path], &[path])?;
-    let mut report = Report::new("mesh convert", params);
-    let file = super::read(source, &[path], &mut report, progress)?;
-    let mut target = params.output.target(path, file.format)?;
+    let begun = params
+        .output
+        .begin("mesh convert", params, source, path, progress)?;
+    let Begun {
+        mut report,
+        file,
+        mut target,
+    } = begun;
     let from = params.from_unit.map(LengthUnit::from).or(file.unit);
     target.unit = params.unit.map(LengthUnit::from).or(from);
     let mesh = weld::welded(file.mesh, params.weld, &mut report);

@@ -32,5 +32,5 @@ pub use files::{MeshSource, MeshTarget, read_mesh_file, write_mesh_file};
 pub(crate) use files::{known_extensions, read, write};
 pub use length::{Length, LengthError};
 pub use ravec::mesh::MeshLimits;
-pub(crate) use showcase::show;
+pub(crate) use showcase::{Detail, show};
 pub use view::{Cut, CutError, Viewpoint, ViewpointError};

@@ -2,10 +2,9 @@
 
 mod showcase;
 
-use super::convert::{Output, Unit, rounds};
+use super::convert::{Begun, Output, Unit, rounds};
 use super::{Dimension, MeshSource, MeshTarget};
 use crate::error::JobError;
-use crate::files::check_files;
 use crate::report::{Finding, Report};
 use glam::DVec3;
 use ravec::mesh::{CheckParams, LengthUnit, MeshFormat, TriMesh, check, measure, weld};
@@ -63,7 +62,7 @@ pub struct Params {
     )]
     pub distance: Dimension,
     /// How far any place may be off, a length like that, below half of it
-    /// [default: a twentieth of the distance, at most 0.1% of the diagonal]
+    /// [default: a twentieth of the distance, at most 0.1% of the diagonal or of the distance, whichever is larger]
     ///
     /// Less gives more triangles and takes longer, both about in inverse proportion.
     #[cfg_attr(
@@ -104,7 +103,8 @@ impl Default for Params {
     }
 }
 
-/// The default tolerance as a share of the distance, and the most of it as a share of the diagonal.
+/// The default tolerance as a share of the distance, and the most of it as a share of the diagonal or, where that is
+/// larger, of the distance.
 ///
 /// At a twentieth, the eye takes rounded parts for smooth; a thousandth of the diagonal is less than a pixel of most pictures.
 const DEFAULT_TOLERANCE: [f64; 2] = [0.05, 1e-3];
@@ -150,7 +150,7 @@ impl Params {
         let [of_distance, of_diagonal] = DEFAULT_TOLERANCE;
         let tolerance = match self.tolerance {
             Some(tolerance) => length("--tolerance", tolerance)?,
-            None => (of_distance * distance).min(of_diagonal * diagonal),
+            None => (of_distance * distance).min(of_diagonal * diagonal.max(distance)),
         };
         Ok([distance, tolerance])
     }
@@ -167,12 +167,15 @@ impl Params {
 /// written all the same; a warning and findings say what is wrong with it.
 ///
 /// Figures: `distance`, `tolerance`, `diagonal` (units of the file), `certified` and `solid` (0 or 1), `uncertified_triangles`,
-/// `self_intersections`, `triangles`, `extracted_triangles` (before they were merged), `cells`, `deepest_level` and
-/// `mending_rounds` of the octree; `largest_rounding` if the output holds 32-bit floats.
+/// `self_intersections`, `triangles`, `extracted_triangles` (before they were merged); `cells` and `deepest_level` of the
+/// octree, and how it was mended: `mending_rounds`, `split_cells`, `filled_corners`; `feature_edges`, where the surface turns
+/// by more than 20°; `distance_least` and `distance_most`, proved for every point of the surface, and `distance_most_found`,
+/// the most that a corner or a middle of a triangle has; `largest_rounding` if the output holds 32-bit floats, which comes
+/// on top of these.
 ///
 /// # Errors
 /// [`JobError::Parameter`], [`JobError::UnknownMeshFormat`], [`JobError::ReadMesh`], [`JobError::NoTriangles`],
-/// [`JobError::Offset`], [`JobError::WriteMesh`], what [`check_files`] refuses, [`JobError::Cancelled`].
+/// [`JobError::Offset`], [`JobError::WriteMesh`], what [`check_files`](crate::check_files) refuses, [`JobError::Cancelled`].
 pub fn run(
     source: &MeshSource,
     path: &Path,
@@ -180,17 +183,22 @@ pub fn run(
     progress: &Progress,
 ) -> Result<Report, JobError> {
     params.check()?;
-    params.output.check(path)?;
-    check_files(&[&source.path], &[path])?;
-    let mut report = Report::new("offset", params);
-    let file = super::read(source, &[path], &mut report, progress)?;
+    let begun = params
+        .output
+        .begin("offset", params, source, path, progress)?;
+    let Begun {
+        mut report,
+        file,
+        mut target,
+    } = begun;
     if file.mesh.triangles().is_empty() {
         return Err(JobError::NoTriangles {
             path: source.path.clone(),
         });
     }
-    let mut target = params.output.target(path, file.format)?;
-    target.unit = params.unit.map(LengthUnit::from).or(file.unit);
+    if let Some(unit) = params.unit {
+        target.unit = Some(unit.into());
+    }
     let diagonal = file.mesh.bounds().diagonal();
     let [distance, tolerance] = params.of(diagonal, target.unit)?;
     report.figures.extend([
@@ -206,7 +214,7 @@ pub fn run(
     if rounding > 0.5 * tolerance {
         return Err(JobError::Parameter {
             name: "--tolerance",
-            value: tolerance.to_string(),
+            value: format!("{tolerance:.3e}"),
             range: "larger where coordinates become 32-bit floats: write PLY, OBJ, OFF or 3MF instead",
         });
     }
@@ -251,6 +259,12 @@ pub fn run(
         ("cells", done.cells as f64),
         ("deepest_level", f64::from(done.deepest_level)),
         ("mending_rounds", f64::from(done.rounds)),
+        ("split_cells", done.split_cells as f64),
+        ("filled_corners", done.filled_corners as f64),
+        ("feature_edges", done.feature_edges as f64),
+        ("distance_least", done.least_distance),
+        ("distance_most", done.most_distance),
+        ("distance_most_found", done.most_distance_found),
     ]);
     super::write(path, &mesh, &target, &mut report, progress)?;
     Ok(report)

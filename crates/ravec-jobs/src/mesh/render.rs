@@ -105,10 +105,12 @@ pub struct Params {
     /// Samples of a pixel along each side, 1 to 8: more makes smoother edges and takes longer
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = Params::default().samples))]
     pub samples: u32,
-    /// With --compare: the distance at the end of the scale of colors, a length or as in 0.5% [default: the largest]
+    /// With --compare: the distance at the end of the scale of colors, a length or as in 0.5% of the other mesh's diagonal
+    /// [default: the largest]
     #[cfg_attr(feature = "cli", arg(long, value_name = "LENGTH"))]
     pub range: Option<Length>,
-    /// With --compare: show by how much distances fall short of this (blue) or exceed it (red), rather than distances
+    /// With --compare: show by how much distances fall short of this (blue) or exceed it (red), rather than distances;
+    /// a length or as in 2% of the other mesh's diagonal
     #[cfg_attr(feature = "cli", arg(long, value_name = "LENGTH"))]
     pub expected: Option<Length>,
     /// Quality of a JPEG output, 1 to 100: higher is larger and closer to the picture
@@ -280,17 +282,16 @@ pub fn run(
     let mut mesh = read_surface(source, &mut report, progress)?;
     let look = params.look(&mesh);
     let rendering = if let Some(other) = other {
-        let diagonal = mesh.bounds().diagonal();
         let reference = read_surface(other, &mut report, progress)?;
         if !params.edges {
-            let edge = FINE_EDGE * diagonal;
+            let edge = FINE_EDGE * mesh.bounds().diagonal();
             mesh = report.time("refine", || refined(mesh, edge, FINE_TRIANGLES));
         }
         let values = report.time("compare", || {
             vertex_distances(&mesh, &Bvh::new(&reference), progress)
         })?;
         summarize(&values, &mut report);
-        let values = Colored::new(values, diagonal, params);
+        let values = Colored::new(values, reference.bounds().diagonal(), params);
         report.time("render", || render(&mesh, &values.paint(), &look, progress))
     } else {
         report.time("render", || render(&mesh, &Paint::Plain, &look, progress))
@@ -329,6 +330,8 @@ struct Colored {
 }
 
 impl Colored {
+    /// Shares are of the `diagonal` of the mesh to which distances were measured: what is 2% away from it stays so, however
+    /// large the mesh is that lies there.
     fn new(mut values: Vec<f64>, diagonal: f64, params: &Params) -> Self {
         let end = params.range.map(|range| range.of(diagonal));
         let Some(expected) = params.expected else {
@@ -515,6 +518,29 @@ mod tests {
         assert_eq!(scale, (-0.05, 0.05));
         let [r, _, b, _] = image.get(30, 20).unwrap().0;
         assert!(b > r, "it falls short");
+    }
+
+    #[test]
+    fn shares_are_of_the_mesh_to_which_distances_are_measured() {
+        let studio = Studio::new();
+        let (large, ball) = (icosphere(1.2, 3), icosphere(1.0, 4));
+        let expected = Params {
+            expected: Some(Length::Percent(100.0 * 0.2 / ball.mesh.bounds().diagonal())),
+            ..small()
+        };
+        let rendered = studio.rendered("large.off", Some("ball.off"), &expected);
+        let (_, report) = rendered.unwrap();
+        let deviation = large.deviation + ball.deviation;
+        assert!(report.figures["color_high"] <= deviation);
+        let ranged = Params {
+            range: Some(Length::Percent(1.0)),
+            ..expected
+        };
+        let (_, report) = studio
+            .rendered("large.off", Some("ball.off"), &ranged)
+            .unwrap();
+        let share = 0.01 * ball.mesh.bounds().diagonal();
+        assert!((report.figures["color_high"] - share).abs() < 1e-12);
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! The part of the demonstration that is about meshes: solids drawn by formulas, checked, cut open and simplified.
 
 use super::check::{Params as CheckList, findings};
+use super::refine::refined;
 use super::render::image_of;
 use crate::error::JobError;
 use crate::gallery::{Figure, Gallery};
@@ -19,26 +20,59 @@ use ravec_scenes::solids::{all, comb, torus};
 
 /// Puts the sections about meshes on the page.
 ///
-/// Figures: `simplified_triangles`, of a torus of 18 432, and `simplified_distance_percent`, the proven largest distance
-/// between the two in percent of the diagonal.
+/// Figures: `simplified_triangles`, of a torus, and `simplified_distance_percent`, the proven largest distance between the
+/// two in percent of the diagonal.
 pub(crate) fn show(
     page: &mut Gallery,
     report: &mut Report,
     seed: Seed,
+    detail: Detail,
     progress: &Progress,
 ) -> Result<(), JobError> {
-    checks(page, seed, progress)?;
-    cuts(page, progress)?;
-    simplification(page, report, progress)
+    checks(page, seed, detail, progress)?;
+    cuts(page, detail, progress)?;
+    simplification(page, report, detail, progress)
 }
 
-/// What the pictures have in common.
-pub(super) fn small() -> RenderParams {
-    RenderParams {
-        width: 420,
-        height: 320,
-        background: None,
-        ..RenderParams::default()
+/// How large the pictures of meshes are, and how fine what they show.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Detail {
+    /// The side of a picture as a share of that of a large page, 0.25 to 1.
+    share: f64,
+}
+
+impl Detail {
+    /// What fits a page whose pictures have sides up to `max_side`. From 640 on nothing is spared.
+    pub fn of(max_side: usize) -> Self {
+        Self {
+            share: (max_side as f64 / 640.0).clamp(0.25, 1.0),
+        }
+    }
+
+    /// What the pictures have in common.
+    pub(super) fn picture(self) -> RenderParams {
+        let side = |px: f64| (px * self.share) as u32;
+        RenderParams {
+            width: side(420.0),
+            height: side(320.0),
+            background: None,
+            ..RenderParams::default()
+        }
+    }
+
+    /// A length below which nothing can be seen, given for large pictures.
+    pub(super) fn length(self, fine: f64) -> f64 {
+        fine / self.share
+    }
+
+    /// A number of edges around something round, given for large pictures.
+    pub(super) fn edges(self, fine: u32) -> u32 {
+        (f64::from(fine) * self.share.sqrt()) as u32
+    }
+
+    /// A mesh with triangles so small that colors at their corners show what happens between them.
+    pub(super) fn refined(self, mesh: TriMesh, diagonal: f64) -> TriMesh {
+        refined(mesh, self.length(diagonal / 120.0), 200_000)
     }
 }
 
@@ -65,7 +99,12 @@ pub(super) fn bug(name: &'static str, error: &impl std::fmt::Display) -> JobErro
     }
 }
 
-fn checks(page: &mut Gallery, seed: Seed, progress: &Progress) -> Result<(), JobError> {
+fn checks(
+    page: &mut Gallery,
+    seed: Seed,
+    detail: Detail,
+    progress: &Progress,
+) -> Result<(), JobError> {
     page.section(
         "Meshes",
         "Solids and sheets with closed formulas, checked by exact arithmetic. The back of a surface is red; so are triangles \
@@ -92,7 +131,13 @@ fn checks(page: &mut Gallery, seed: Seed, progress: &Progress) -> Result<(), Job
         } else {
             Paint::Plain
         };
-        figures.push(drawn(mesh, &paint, &small(), solid.name, progress)?);
+        figures.push(drawn(
+            mesh,
+            &paint,
+            &detail.picture(),
+            solid.name,
+            progress,
+        )?);
         let defects = findings(mesh, &found, &CheckList::default());
         let defects = defects.iter().filter(|finding| finding.defect);
         let defects: Vec<_> = defects
@@ -116,9 +161,9 @@ fn checks(page: &mut Gallery, seed: Seed, progress: &Progress) -> Result<(), Job
     Ok(())
 }
 
-fn cuts(page: &mut Gallery, progress: &Progress) -> Result<(), JobError> {
+fn cuts(page: &mut Gallery, detail: Detail, progress: &Progress) -> Result<(), JobError> {
     page.paragraph("Cut open, as a solid and as a shell, and with the edges of all triangles.");
-    let ring = torus(2.0, 0.8, 96, 48).mesh;
+    let ring = torus(2.0, 0.8, detail.edges(96), detail.edges(48)).mesh;
     let fins = comb(6, 0.06, 0.2, 1.0).mesh;
     let cut = |normal: DVec3, offset, capped| RenderParams {
         section: Some(Section {
@@ -126,7 +171,7 @@ fn cuts(page: &mut Gallery, progress: &Progress) -> Result<(), JobError> {
             offset,
             capped,
         }),
-        ..small()
+        ..detail.picture()
     };
     let edges = RenderParams {
         wireframe: Some(LineStyle {
@@ -137,7 +182,7 @@ fn cuts(page: &mut Gallery, progress: &Progress) -> Result<(), JobError> {
             view: View::new(25.0, 20.0),
             ..Camera::default()
         },
-        ..small()
+        ..detail.picture()
     };
     let figures = [
         drawn(
@@ -170,6 +215,7 @@ fn cuts(page: &mut Gallery, progress: &Progress) -> Result<(), JobError> {
 fn simplification(
     page: &mut Gallery,
     report: &mut Report,
+    detail: Detail,
     progress: &Progress,
 ) -> Result<(), JobError> {
     page.section(
@@ -178,7 +224,7 @@ fn simplification(
          original, from violet (nothing) to yellow (the distance in the table, which is proven for every point of both \
          surfaces).",
     );
-    let ring = torus(2.0, 0.8, 128, 72).mesh;
+    let ring = torus(2.0, 0.8, detail.edges(128), detail.edges(72)).mesh;
     let bvh = Bvh::new(&ring);
     let diagonal = ring.bounds().diagonal();
     let edges = RenderParams {
@@ -188,7 +234,7 @@ fn simplification(
         }),
         smooth_angle_deg: 0.0,
         features: None,
-        ..small()
+        ..detail.picture()
     };
     let (mut figures, mut rows) = (Vec::new(), Vec::new());
     for target in [4000, 1000, 250] {
@@ -203,7 +249,7 @@ fn simplification(
             Err(other) => return Err(bug("the simplification", &other)),
         };
         let asked = HausdorffParams {
-            tolerance: 2e-4 * diagonal,
+            tolerance: detail.length(2e-4 * diagonal),
             samples: 20_000,
             ..HausdorffParams::default()
         };
@@ -230,14 +276,20 @@ fn simplification(
         ]);
         let caption = format!("{triangles} triangles");
         figures.push(drawn(&mesh, &Paint::Plain, &edges, caption, progress)?);
-        let fine = super::refine::refined(mesh, diagonal / 120.0, 200_000);
+        let fine = detail.refined(mesh, diagonal);
         let values = vertex_distances(&fine, &bvh, progress)?;
         let paint = Paint::VertexValues(Values {
             values: &values,
             map: ColorMap::Sequential,
             range: Some([0.0, apart.upper()]),
         });
-        figures.push(drawn(&fine, &paint, &small(), "its distance", progress)?);
+        figures.push(drawn(
+            &fine,
+            &paint,
+            &detail.picture(),
+            "its distance",
+            progress,
+        )?);
     }
     page.figures(&figures);
     page.table(

@@ -1,9 +1,8 @@
 //! `mesh simplify`: fewer triangles for nearly the same surface.
 
-use super::convert::Output;
+use super::convert::{Begun, Output};
 use super::{Length, MeshSource, weld};
 use crate::error::JobError;
-use crate::files::check_files;
 use crate::report::Report;
 use ravec::mesh::{BoundaryRule, Keep, SimplifyError, SimplifyParams, SimplifyReport, simplify};
 use ravec::progress::Progress;
@@ -111,7 +110,7 @@ impl Params {
 ///
 /// # Errors
 /// [`JobError::Parameter`], [`JobError::UnknownMeshFormat`], [`JobError::ReadMesh`], [`JobError::WriteMesh`], what
-/// [`check_files`] refuses, [`JobError::Cancelled`].
+/// [`check_files`](crate::check_files) refuses, [`JobError::Cancelled`].
 pub fn run(
     source: &MeshSource,
     path: &Path,
@@ -119,12 +118,14 @@ pub fn run(
     progress: &Progress,
 ) -> Result<Report, JobError> {
     params.check()?;
-    params.output.check(path)?;
-    check_files(&[&source.path], &[path])?;
-    let mut report = Report::new("mesh simplify", params);
-    let file = super::read(source, &[path], &mut report, progress)?;
-    let mut target = params.output.target(path, file.format)?;
-    target.unit = file.unit;
+    let begun = params
+        .output
+        .begin("mesh simplify", params, source, path, progress)?;
+    let Begun {
+        mut report,
+        file,
+        target,
+    } = begun;
     let mesh = weld::welded(file.mesh, params.weld, &mut report);
     let asked = params.of(mesh.bounds().diagonal());
     let simple = report.time("simplify", || {

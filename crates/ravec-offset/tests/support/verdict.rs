@@ -56,11 +56,23 @@ pub fn judged_offset(mesh: &TriMesh, params: &OffsetParams) -> Result<(Offset, M
         Side::Shell => mesh.triangles().len(),
         Side::Both | Side::Outer | Side::Inner => 0,
     };
+    let [least, most] = [report.least_distance, report.most_distance];
+    let is_within = least >= params.distance - params.tolerance
+        && most <= params.distance + params.tolerance
+        && (least..=most).contains(&report.most_distance_found);
+    if !is_within {
+        return Err(format!("proved to be from {least} to {most}: {report:?}"));
+    }
+    // no place is beyond what was proved, but for the rounding of the distance itself
     let oracle = Oracle::new(mesh);
-    let (worst, at) = farthest_off(&found.mesh, own, params, |p| oracle.distance(p));
-    if worst > params.tolerance {
+    let proved = OffsetParams {
+        distance: 0.5 * (least + most),
+        ..params.clone()
+    };
+    let (worst, at) = farthest_off(&found.mesh, own, &proved, |p| oracle.distance(p));
+    if worst > 0.5 * (most - least) + 1e-9 * params.distance {
         let share = worst / params.tolerance;
-        return Err(format!("{share} of the tolerance off at {at}"));
+        return Err(format!("{share} of the tolerance off at {at}: {report:?}"));
     }
     Ok((found, plain))
 }

@@ -2,25 +2,26 @@
 
 use crate::error::JobError;
 use crate::gallery::{Figure, Gallery};
-use crate::mesh::refine::refined;
-use crate::mesh::showcase::{bug, drawn, small};
+use crate::mesh::showcase::{Detail, bug, drawn};
 use crate::report::Report;
 use glam::DVec3;
 use ravec::mesh::render::{
-    Camera, ColorMap, LineStyle, Paint, RenderParams, Section, Values, View,
+    Camera, ColorMap, FeatureLines, LineStyle, Paint, RenderParams, Section, Values, View,
 };
 use ravec::mesh::{Bvh, TriMesh, vertex_distances};
-use ravec::offset::{Offset, OffsetError, OffsetParams, Side, offset};
+use ravec::offset::{Offset, OffsetCell, OffsetError, OffsetParams, Side, offset, offset_cells};
 use ravec::progress::Progress;
-use ravec_scenes::solids::{comb, cone, crossing_plates, torus};
+use ravec_scenes::solids::{comb, cone, crossing_plates, cuboid, torus};
 
 /// Puts the section about offsets on the page.
 ///
 /// Figures: `offset_triangles` of the offset in colors, `offset_error_percent`, the largest error at the vertices of a fine
-/// subdivision of it in percent of its tolerance, and `offset_proved` (0 or 1), whether all results of the section are.
+/// subdivision of it in percent of its tolerance, `offset_cells`, from which its surface was taken, and `offset_proved` (0
+/// or 1), whether all results of the section are.
 pub(crate) fn show(
     page: &mut Gallery,
     report: &mut Report,
+    detail: Detail,
     progress: &Progress,
 ) -> Result<(), JobError> {
     page.section(
@@ -31,14 +32,21 @@ pub(crate) fn show(
     let mut studio = Studio {
         rows: Vec::new(),
         proved: true,
+        detail,
         progress,
     };
     page.figures(&studio.growth()?);
     page.figures(&studio.insides()?);
     page.figures(&studio.soup()?);
     page.paragraph(
-        "The same surface before and after its triangles are merged: cells are small only where the surface is curved or \
-         creased. Colors show how far it is off, from blue (too near, by the whole tolerance) to red (too far).",
+        "The surface comes from the cells of an octree. Colors show their size, from violet (large) to yellow (small): they \
+         are small only where the surface is round; one cell is enough for a sharp corner.",
+    );
+    let figures = studio.cells(report)?;
+    page.figures(&figures);
+    page.paragraph(
+        "The same surface before and after its triangles are merged. Colors show how far it is off, from blue (too near, by \
+         the whole tolerance) to red (too far).",
     );
     let figures = studio.exactness(report)?;
     page.figures(&figures);
@@ -47,8 +55,10 @@ pub(crate) fn show(
             "offset",
             "distance",
             "tolerance",
+            "proved to be between",
             "triangles found",
             "triangles",
+            "creased edges",
             "proved",
             "self-intersections",
         ],
@@ -62,6 +72,7 @@ pub(crate) fn show(
 struct Studio<'a> {
     rows: Vec<Vec<String>>,
     proved: bool,
+    detail: Detail,
     progress: &'a Progress,
 }
 
@@ -73,19 +84,20 @@ impl Studio<'_> {
         mesh: &TriMesh,
         params: &OffsetParams,
     ) -> Result<TriMesh, JobError> {
-        let Offset { mesh, report } =
-            offset(mesh, params, self.progress).map_err(|error| match error {
-                OffsetError::Cancelled(_) => JobError::Cancelled,
-                other => bug("the offset of a solid", &other),
-            })?;
+        let Offset { mesh, report } = offset(mesh, params, self.progress).map_err(refused)?;
         let proved = report.certified && report.solid;
         self.proved &= proved;
         self.rows.push(vec![
             name.to_owned(),
             params.distance.to_string(),
             params.tolerance.to_string(),
+            format!(
+                "{:.4} and {:.4}",
+                report.least_distance, report.most_distance
+            ),
             report.extracted_triangles.to_string(),
             report.triangles.to_string(),
+            report.feature_edges.to_string(),
             if proved { "yes" } else { "no" }.to_owned(),
             report.self_intersections.to_string(),
         ]);
@@ -101,42 +113,66 @@ impl Studio<'_> {
         drawn(mesh, &Paint::Plain, params, caption, self.progress)
     }
 
+    fn look(&self) -> RenderParams {
+        RenderParams {
+            camera: Camera {
+                view: View::new(30.0, 30.0),
+                ..Camera::default()
+            },
+            ..self.detail.picture()
+        }
+    }
+
+    /// Cut through the middle, seen from the side that is taken away.
+    fn cut(&self) -> RenderParams {
+        RenderParams {
+            section: Some(Section {
+                normal: -DVec3::Y,
+                offset: 0.0,
+                capped: true,
+            }),
+            ..self.detail.picture()
+        }
+    }
+
     fn growth(&mut self) -> Result<Vec<Figure>, JobError> {
         let fins = fins();
-        let mut figures = vec![self.drawn(&fins, &look(), "a comb")?];
+        let mut figures = vec![self.drawn(&fins, &self.look(), "a comb")?];
         for distance in [0.05, 0.15, 0.4] {
             let params = OffsetParams {
                 distance,
-                tolerance: 0.01,
+                // at most a fifth of the distance, or parts would be missing
+                tolerance: self.detail.length(0.01).min(0.2 * distance),
                 side: Side::Outer,
                 ..OffsetParams::default()
             };
             let grown = self.offset("comb, outer", &fins, &params)?;
-            figures.push(self.drawn(&grown, &look(), &format!("grown by {distance}"))?);
+            figures.push(self.drawn(&grown, &self.look(), &format!("grown by {distance}"))?);
         }
         Ok(figures)
     }
 
     fn insides(&mut self) -> Result<Vec<Figure>, JobError> {
-        let shell = |distance| OffsetParams {
+        let detail = self.detail;
+        let shell = |distance: f64| OffsetParams {
             distance,
-            tolerance: 0.005,
+            tolerance: detail.length(0.1 * distance),
             side: Side::Shell,
             ..OffsetParams::default()
         };
-        let hat = cone(1.0, 2.0, 72).mesh;
+        let hat = cone(1.0, 2.0, detail.edges(72)).mesh;
         let hollow = self.offset("cone, shell", &hat, &shell(0.12))?;
         let inner = OffsetParams {
             side: Side::Inner,
             ..shell(0.025)
         };
         let shrunk = self.offset("comb, inner", &fins(), &inner)?;
-        let ring = torus(2.0, 0.8, 96, 48).mesh;
+        let ring = torus(2.0, 0.8, detail.edges(96), detail.edges(48)).mesh;
         let tube = self.offset("torus, shell", &ring, &shell(0.15))?;
         Ok(vec![
-            self.drawn(&hollow, &cut(-DVec3::Y), "a cone, hollowed and cut open")?,
-            self.drawn(&tube, &cut(-DVec3::Y), "a torus, hollowed and cut open")?,
-            self.drawn(&shrunk, &look(), "the comb, shrunk by 0.025")?,
+            self.drawn(&hollow, &self.cut(), "a cone, hollowed and cut open")?,
+            self.drawn(&tube, &self.cut(), "a torus, hollowed and cut open")?,
+            self.drawn(&shrunk, &self.look(), "the comb, shrunk by 0.025")?,
         ])
     }
 
@@ -144,24 +180,82 @@ impl Studio<'_> {
         let plates = crossing_plates(2.0).mesh;
         let params = OffsetParams {
             distance: 0.25,
-            tolerance: 0.01,
+            tolerance: self.detail.length(0.01),
             ..OffsetParams::default()
         };
         let padded = self.offset("crossing plates, both", &plates, &params)?;
         Ok(vec![
-            self.drawn(&plates, &look(), "two plates, no solid")?,
-            self.drawn(&padded, &look(), "what is 0.25 away from them")?,
+            self.drawn(&plates, &self.look(), "two plates, no solid")?,
+            self.drawn(&padded, &self.look(), "what is 0.25 away from them")?,
         ])
+    }
+
+    /// What cells and errors are shown of.
+    fn grown(&self) -> OffsetParams {
+        OffsetParams {
+            distance: 0.15,
+            tolerance: self.detail.length(0.005),
+            side: Side::Outer,
+            ..OffsetParams::default()
+        }
+    }
+
+    fn cells(&mut self, report: &mut Report) -> Result<Vec<Figure>, JobError> {
+        let cells = offset_cells(&fins(), &self.grown(), self.progress).map_err(refused)?;
+        report.figures.insert("offset_cells", cells.len() as f64);
+        // those behind a plane, so that the inside is seen, too
+        let behind = |cell: &&OffsetCell| cell.bounds.max.y > 0.0;
+        let open: Vec<OffsetCell> = cells.iter().filter(behind).copied().collect();
+        let on_plane = |cell: &&OffsetCell| cell.bounds.min.y <= 0.0;
+        let slice: Vec<OffsetCell> = open.iter().filter(on_plane).copied().collect();
+        let levels = cells.iter().map(|cell| f64::from(cell.level));
+        let [low, high] = levels.fold([f64::INFINITY, 0.0], |[low, high], level: f64| {
+            [low.min(level), high.max(level)]
+        });
+        let lines = RenderParams {
+            features: Some(FeatureLines {
+                angle_deg: 45.0,
+                silhouettes: true,
+                style: LineStyle {
+                    color: [24, 28, 34],
+                    width_px: 0.5,
+                },
+            }),
+            smooth_angle_deg: 0.0,
+            ..self.look()
+        };
+        let front = RenderParams {
+            camera: Camera {
+                view: View::FRONT,
+                ..Camera::default()
+            },
+            ..lines.clone()
+        };
+        let mut figures = Vec::new();
+        for (cells, look, caption) in [
+            (
+                &cells,
+                &lines,
+                format!("{} cells that hold it", cells.len()),
+            ),
+            (&open, &lines, "the same, cut open".to_owned()),
+            (&slice, &front, "those in the plane of the cut".to_owned()),
+        ] {
+            let (mesh, levels) = boxes(cells);
+            let paint = Paint::VertexValues(Values {
+                values: &levels,
+                map: ColorMap::Sequential,
+                // one more, so that the smallest are not as bright as paper
+                range: Some([low, high + 1.0]),
+            });
+            figures.push(drawn(&mesh, &paint, look, caption, self.progress)?);
+        }
+        Ok(figures)
     }
 
     fn exactness(&mut self, report: &mut Report) -> Result<Vec<Figure>, JobError> {
         let fins = fins();
-        let merged = OffsetParams {
-            distance: 0.15,
-            tolerance: 0.004,
-            side: Side::Outer,
-            ..OffsetParams::default()
-        };
+        let merged = self.grown();
         let found = OffsetParams {
             simplify: false,
             ..merged.clone()
@@ -176,7 +270,7 @@ impl Studio<'_> {
             }),
             smooth_angle_deg: 0.0,
             features: None,
-            ..look()
+            ..self.look()
         };
         let mut figures = vec![
             self.drawn(
@@ -186,7 +280,7 @@ impl Studio<'_> {
             )?,
             self.drawn(&mesh, &edges, &format!("{triangles} triangles"))?,
         ];
-        let fine = refined(mesh, fins.bounds().diagonal() / 120.0, 200_000);
+        let fine = self.detail.refined(mesh, fins.bounds().diagonal());
         let mut values = vertex_distances(&fine, &Bvh::new(&fins), self.progress)?;
         for value in &mut values {
             *value -= merged.distance;
@@ -197,7 +291,13 @@ impl Studio<'_> {
             map: ColorMap::Diverging,
             range: Some([-merged.tolerance, merged.tolerance]),
         });
-        figures.push(drawn(&fine, &paint, &look(), "its error", self.progress)?);
+        figures.push(drawn(
+            &fine,
+            &paint,
+            &self.look(),
+            "its error",
+            self.progress,
+        )?);
         report.figures.extend([
             ("offset_triangles", triangles as f64),
             ("offset_error_percent", 100.0 * largest / merged.tolerance),
@@ -210,24 +310,28 @@ fn fins() -> TriMesh {
     comb(4, 0.12, 0.3, 0.8).mesh
 }
 
-fn look() -> RenderParams {
-    RenderParams {
-        camera: Camera {
-            view: View::new(30.0, 30.0),
-            ..Camera::default()
-        },
-        ..small()
+/// Why there is no offset; the parameters of this page are constants.
+fn refused(error: OffsetError) -> JobError {
+    match error {
+        OffsetError::Cancelled(_) => JobError::Cancelled,
+        other => bug("the offset of a solid", &other),
     }
 }
 
-/// Cut through the middle, seen from the side that is taken away.
-fn cut(normal: DVec3) -> RenderParams {
-    RenderParams {
-        section: Some(Section {
-            normal,
-            offset: 0.0,
-            capped: true,
-        }),
-        ..small()
+/// Cells as boxes, and the level of each at its corners.
+fn boxes(cells: &[OffsetCell]) -> (TriMesh, Vec<f64>) {
+    let unit = cuboid(DVec3::ONE).mesh;
+    let middle = unit.bounds().center();
+    let (mut positions, mut triangles, mut levels) = (Vec::new(), Vec::new(), Vec::new());
+    for cell in cells {
+        let first = positions.len() as u32;
+        let (center, size) = (cell.bounds.center(), cell.bounds.size());
+        let corners = unit.positions().iter();
+        positions.extend(corners.map(|&p| center + size * (p - middle)));
+        levels.resize(positions.len(), f64::from(cell.level));
+        let sides = unit.triangles().iter();
+        triangles.extend(sides.map(|t| t.map(|v| v + first)));
     }
+    let mesh = TriMesh::new(positions, triangles);
+    (mesh.expect("corners of finite boxes have numbers"), levels)
 }

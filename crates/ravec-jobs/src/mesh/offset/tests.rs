@@ -88,6 +88,13 @@ fn a_box_grows_by_the_distance_within_the_tolerance_and_the_report_proves_it() {
         assert_eq!(report.figures[figure], value, "{figure}");
     }
     assert!(!report.figures.contains_key("largest_rounding"));
+    let [least, found, most] =
+        ["least", "most_found", "most"].map(|name| report.figures[&*format!("distance_{name}")]);
+    assert!(0.48 <= least && least <= found && found <= most && most <= 0.52);
+    // what is a crease of the box is round at a distance
+    assert_eq!(report.figures["feature_edges"], 0.0);
+    let inner = shop.run("box.off", "inner.ply", &params("0.5", Side::Inner));
+    assert!(inner.unwrap().figures["feature_edges"] >= 12.0);
     let (out, block) = (shop.get("out.ply"), shop.get("box.off"));
     assert_eq!(report.figures["triangles"], out.triangles().len() as f64);
     let size = out.bounds().size();
@@ -127,7 +134,14 @@ fn a_block_of_lengths_means_the_same_in_every_unit() {
 
 #[test]
 fn the_default_tolerance_is_a_twentieth_of_the_distance_but_at_most_a_thousandth_of_the_diagonal() {
-    for (distance, tolerance) in [("0.1", 0.005), ("50", 0.1), ("5%", 0.1), ("0.2%", 0.01)] {
+    for (distance, tolerance) in [
+        ("0.1", 0.005),
+        ("50", 0.1),
+        ("5%", 0.1),
+        ("0.2%", 0.01),
+        // far away, the mesh is small
+        ("2000", 2.0),
+    ] {
         let [_, default] = params(distance, Side::Both).of(100.0, None).unwrap();
         assert!((default - tolerance).abs() < 1e-12, "{distance}: {default}");
     }
