@@ -111,11 +111,13 @@ pub enum OffsetError {
         got: f64,
     },
     /// Less memory than the mesh itself takes.
-    #[error("{got} bytes of memory are not enough for this mesh: it takes at least {least}")]
+    #[error(
+        "{} MiB of memory are not enough for this mesh: it takes at least {}", got >> 20, (least >> 20) + 1
+    )]
     Memory {
-        /// What was allowed.
+        /// What was allowed, in bytes.
         got: u64,
-        /// The least for this mesh.
+        /// The least for this mesh, in bytes.
         least: u64,
     },
     /// A side that only solids have.

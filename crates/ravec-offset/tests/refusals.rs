@@ -204,3 +204,27 @@ fn work_that_is_cancelled_from_another_thread_ends() {
         assert_eq!(result.unwrap_err(), OffsetError::Cancelled(Cancelled));
     }
 }
+
+#[test]
+fn memory_that_the_mesh_itself_takes_is_not_enough() {
+    let params = OffsetParams {
+        memory_bytes: Some(10 << 20),
+        ..params(0.1, 0.01, Side::Both)
+    };
+    let error = refusal(&cube(), &params);
+    assert!(matches!(error, OffsetError::Memory { got, .. } if got == 10 << 20));
+    let sentence = "10 MiB of memory are not enough for this mesh: it takes at least 65";
+    assert_eq!(error.to_string(), sentence);
+}
+
+#[test]
+fn limited_memory_gives_the_same_surface() {
+    let free = params(0.1, 0.01, Side::Outer);
+    let limited = OffsetParams {
+        memory_bytes: Some(65 << 20),
+        ..free.clone()
+    };
+    let [free, limited] =
+        [free, limited].map(|params| offset(&cube(), &params, &Progress::none()).unwrap());
+    assert_eq!(free.mesh, limited.mesh);
+}

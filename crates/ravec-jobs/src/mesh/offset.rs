@@ -6,6 +6,7 @@ use super::convert::{Begun, Output, Unit, rounds};
 use super::{Dimension, MeshSource, MeshTarget};
 use crate::error::JobError;
 use crate::report::{Finding, Report};
+use bytesize::ByteSize;
 use glam::DVec3;
 use ravec::mesh::{CheckParams, LengthUnit, MeshFormat, TriMesh, check, measure, weld};
 use ravec::offset as library;
@@ -81,6 +82,11 @@ pub struct Params {
     /// Less keeps more triangles and looks smoother. At creases, triangles that were off more before stay so.
     #[cfg_attr(feature = "cli", arg(long, value_name = "DEGREES", default_value_t = Params::default().max_normal_deviation))]
     pub max_normal_deviation: f64,
+    /// How much memory to work in, such as 2GiB [default: as much as it takes]
+    ///
+    /// Less cuts space into more tiles: that takes longer, and gives the same surface. Mesh and result themselves stay in memory.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "SIZE"))]
+    pub memory: Option<ByteSize>,
     /// Unit of the input's coordinates, whatever the file says; most formats say nothing
     #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "UNIT"))]
     pub unit: Option<Unit>,
@@ -97,6 +103,7 @@ impl Default for Params {
             side: Side::default(),
             no_simplify: false,
             max_normal_deviation: library::OffsetParams::default().max_normal_deviation_deg,
+            memory: None,
             unit: None,
             output: Output::default(),
         }
@@ -224,6 +231,7 @@ pub fn run(
         side: params.side.into(),
         simplify: !params.no_simplify,
         max_normal_deviation_deg: params.max_normal_deviation,
+        memory_bytes: params.memory.map(|size| size.as_u64()),
     };
     let offset = report.time("offset", || {
         let turned = match params.side {
@@ -258,6 +266,7 @@ pub fn run(
         ("extracted_triangles", done.extracted_triangles as f64),
         ("cells", done.cells as f64),
         ("deepest_level", f64::from(done.deepest_level)),
+        ("tiles", done.tiles as f64),
         ("mending_rounds", f64::from(done.rounds)),
         ("split_cells", done.split_cells as f64),
         ("filled_corners", done.filled_corners as f64),
