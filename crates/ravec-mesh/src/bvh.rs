@@ -18,7 +18,7 @@
 //! distances beyond 1e75 overflow.
 //!
 //! Cost: building O(n log n), about 0.9 s a million triangles and core; 72 + 8 bytes a triangle for corners and names, about
-//! 66 for boxes. A query near the surface takes about a microsecond at a million triangles, one from a distance of many
+//! 52 for boxes. A query near the surface takes about a microsecond at a million triangles, one from a distance of many
 //! triangles two or three.
 
 mod build;
