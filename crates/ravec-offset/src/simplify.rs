@@ -6,7 +6,7 @@
 //! around it, and by the distance of what was there before from these. Then what is left is proved, the little that is not
 //! proved is undone, and there, as along the seams of patches, facets are proved before they come to be.
 
-use crate::certify::{normal_deviation, proved, spread};
+use crate::certify::{proved, spread, tilt};
 use crate::field::{Field, Near};
 use crate::params::OffsetParams;
 use glam::DVec3;
@@ -88,6 +88,8 @@ impl<'a> Overseer for Proofs<'a> {
             trust,
             merged: nearest[0],
             nearest,
+            lies: vec![None; part.triangles().len()],
+            after: Vec::new(),
         }
     }
 
@@ -113,18 +115,38 @@ struct Judge<'a> {
     nearest: Vec<Near>,
     /// What is closest to the merged vertex.
     merged: Near,
+    /// How facets lie, as far as is known.
+    lies: Vec<Option<Lie>>,
+    /// How those around the merged vertex will lie.
+    after: Vec<Lie>,
+}
+
+/// How a facet lies.
+#[derive(Debug, Clone, Copy)]
+struct Lie {
+    /// By how much it is off, beyond what is allowed, times its area.
+    excess: f64,
+    /// The triangle closest to its middle, or nearly.
+    triangle: u32,
 }
 
 impl Judge<'_> {
-    /// By how much facets are off, beyond what is allowed, times their area.
-    fn excess(&self, facet: [DVec3; 3], near: [Near; 3]) -> f64 {
+    /// How a facet lies, by what is nearest to its corners and a triangle that may be near to its middle.
+    fn lie(&self, facet: [DVec3; 3], near: [Near; 3], middle: Option<u32>) -> Lie {
         let most = self.proofs.most_deviation;
-        let off = normal_deviation(self.proofs.field, facet, near, most);
-        if off <= most {
-            return 0.0;
-        }
+        let corners = near.map(|near| near.triangle);
+        let middle = middle.unwrap_or(corners[0]);
+        let tilt = tilt(self.proofs.field, facet, corners, middle, most);
         let [a, b, c] = facet;
-        (off - most) * (b - a).cross(c - a).length()
+        let excess = if tilt.angle <= most {
+            0.0
+        } else {
+            (tilt.angle - most) * (b - a).cross(c - a).length()
+        };
+        Lie {
+            excess,
+            triangle: tilt.triangle,
+        }
     }
 
     /// What the corners of a facet will be closest to.
@@ -139,13 +161,21 @@ impl Judge<'_> {
     }
 
     /// What all facets around the edge together are off now.
-    fn excess_before(&self, candidate: &CollapseCandidate<'_>) -> f64 {
-        let changing = candidate.before.iter().zip(candidate.corners);
-        let vanishing = candidate.vanishing_at.iter();
-        changing
-            .chain(vanishing.zip(candidate.vanishing_corners))
-            .map(|(&facet, &corners)| self.excess(facet, self.near(candidate, corners)))
-            .sum()
+    fn excess_before(&mut self, candidate: &CollapseCandidate<'_>) -> f64 {
+        let triangles = candidate.triangles.iter().chain(candidate.vanishing);
+        let facets = candidate.before.iter().chain(candidate.vanishing_at);
+        let corners = (candidate.corners.iter()).chain(candidate.vanishing_corners);
+        let mut sum = 0.0;
+        for ((&t, &facet), &corners) in triangles.zip(facets).zip(corners) {
+            let lie = if let Some(lie) = self.lies[t as usize] {
+                lie
+            } else {
+                self.lie(facet, self.near(candidate, corners), None)
+            };
+            self.lies[t as usize] = Some(lie);
+            sum += lie.excess;
+        }
+        sum
     }
 }
 
@@ -163,10 +193,14 @@ impl CollapseJudge for Judge<'_> {
         // at creases facets may be off, but all together no more than they were
         let mut excess = 0.0;
         let mut allowed = None;
-        for (&facet, &corners) in candidate.after.iter().zip(candidate.corners) {
-            let worse = self.excess(facet, self.near(candidate, corners));
-            if worse > 0.0 {
-                excess += worse;
+        self.after.clear();
+        let facets = candidate.after.iter().zip(candidate.corners);
+        for ((&facet, &corners), &t) in facets.zip(candidate.triangles) {
+            let known = self.lies[t as usize].map(|lie| lie.triangle);
+            let lie = self.lie(facet, self.near(candidate, corners), known);
+            self.after.push(lie);
+            if lie.excess > 0.0 {
+                excess += lie.excess;
                 if excess > *allowed.get_or_insert_with(|| self.excess_before(candidate)) {
                     return true;
                 }
@@ -184,6 +218,9 @@ impl CollapseJudge for Judge<'_> {
                 && !proved(field, facet, limits, near)
         });
         if !refused {
+            for (&t, &lie) in candidate.triangles.iter().zip(&self.after) {
+                self.lies[t as usize] = Some(lie);
+            }
             self.nearest[candidate.vertices[0] as usize] = self.merged;
         }
         refused
