@@ -109,7 +109,7 @@ pub fn offset(
     let extracted_triangles = extracted.triangles.len() as u64;
     let surface = compact(&extracted.positions, &extracted.triangles);
     let mut surface = if params.simplify {
-        simplify(&field, params, job.limits(), &surface, progress)?
+        simplify(&field, params, job.limits(), [mesh, &surface], progress)?
     } else {
         surface
     };

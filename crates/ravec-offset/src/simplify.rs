@@ -11,8 +11,8 @@ use crate::field::{Field, Near};
 use crate::params::OffsetParams;
 use glam::DVec3;
 use ravec_mesh::{
-    CollapseCandidate, CollapseJudge, Keep, Overseer, SimplifyError, SimplifyParams, TriMesh,
-    Trust, simplify_patches,
+    Adjacency, CollapseCandidate, CollapseJudge, Keep, Overseer, SimplifyError, SimplifyParams,
+    TriMesh, Trust, simplify_patches,
 };
 use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
@@ -24,14 +24,19 @@ const CREST_SHARE: f64 = 0.8;
 /// Facets between whose corners the direction to what is nearest turns by more, as a cosine, are not trusted.
 const TRUSTED_SPREAD: f64 = 0.9;
 
-/// Merges triangles of a surface that keeps the distance between `limits`.
+/// How much more facets may be off where the mesh is rough, relative to what they may be off elsewhere.
+const MOST_LEEWAY: f64 = 0.8;
+
+/// Merges triangles of the `surface` of a `mesh`, which keeps the distance between `limits`.
 pub(crate) fn simplify(
     field: &Field<'_>,
     params: &OffsetParams,
     limits: [f64; 2],
-    surface: &TriMesh,
+    [mesh, surface]: [&TriMesh; 2],
     progress: &Progress,
 ) -> Result<TriMesh, Cancelled> {
+    let most_deviation = params.max_normal_deviation_deg.to_radians();
+    let leeway = (2.0 * roughness(mesh)).min(MOST_LEEWAY * most_deviation);
     let asked = SimplifyParams {
         max_error: CREST_SHARE * params.tolerance,
         both_ways: false,
@@ -40,7 +45,7 @@ pub(crate) fn simplify(
     let overseer = Proofs {
         field,
         limits,
-        most_deviation: params.max_normal_deviation_deg.to_radians(),
+        most_deviation: most_deviation + leeway,
         progress,
     };
     match simplify_patches(surface, &asked, &Keep::default(), &overseer, progress) {
@@ -49,6 +54,38 @@ pub(crate) fn simplify(
         // nothing else can be said against a surface of our own: keep it as it is
         Err(_) => Ok(surface.clone()),
     }
+}
+
+/// How rough a mesh is: the angle in radians, between neighboring triangles, that a quarter of the surface stays below.
+///
+/// On what was designed, more than that is flat or finely divided, so that it is next to nothing. The surface of what was
+/// scanned is as rough as that nearly everywhere; facets that follow its offset more closely follow noise.
+fn roughness(mesh: &TriMesh) -> f64 {
+    let adjacency = Adjacency::new(mesh);
+    let normal = |triangle: u32| {
+        let [a, b, c] = mesh.corners(triangle);
+        (b - a).cross(c - a)
+    };
+    let mut angles: Vec<(f64, f64)> = (0..adjacency.edges().len() as u32)
+        .into_par_iter()
+        .filter_map(|edge| {
+            let [one, other] = adjacency.uses(edge) else {
+                return None;
+            };
+            let (m, n) = (normal(one.triangle), normal(other.triangle));
+            let lengths = m.length() * n.length();
+            let cosine = (m.dot(n) / lengths).abs().min(1.0);
+            (lengths > 0.0).then(|| (cosine.acos(), m.length() + n.length()))
+        })
+        .collect();
+    angles.par_sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    let quarter = 0.25 * angles.iter().map(|(_, area)| area).sum::<f64>();
+    let mut below = 0.0;
+    let reached = angles.iter().find(|(_, area)| {
+        below += area;
+        below >= quarter
+    });
+    reached.map_or(0.0, |(angle, _)| *angle)
 }
 
 /// What the facets must keep to.
