@@ -121,14 +121,25 @@ pub(crate) fn spread(near: [Near; 3]) -> f64 {
     a.dot(b).min(b.dot(c)).min(c.dot(a))
 }
 
-/// The angle in radians between a facet and the surface that it stands for, at the facet's middle, or an estimate no better
-/// than `enough`; `near` is what is nearest to its corners.
-pub(crate) fn normal_deviation(
+/// How a facet lies.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Tilt {
+    /// The angle in radians between the facet and the surface that it stands for, at the facet's middle.
+    pub angle: f64,
+    /// The triangle closest to the middle, or one that is nearly so.
+    pub triangle: u32,
+}
+
+/// How a facet lies; `corners` are the triangles closest to its corners, and `middle` one that may be close to its middle. An
+/// angle up to `enough` is one that was found without a search.
+pub(crate) fn tilt(
     field: &Field<'_>,
     facet: [DVec3; 3],
-    near: [Near; 3],
+    corners: [u32; 3],
+    middle: u32,
     enough: f64,
-) -> f64 {
+) -> Tilt {
+    let hint = middle;
     let [a, b, c] = facet;
     let normal = (b - a).cross(c - a);
     let middle = (a + b + c) / 3.0;
@@ -143,16 +154,24 @@ pub(crate) fn normal_deviation(
         }
     };
     // a guess from what is known, and a search only if that is not good enough
-    let guess = near
-        .map(|near| closest_on_triangle(middle, field.bvh().corners(near.triangle)))
-        .into_iter()
-        .min_by(|a, b| a.distance_sq.total_cmp(&b.distance_sq));
-    let Some(guess) = guess else {
-        return std::f64::consts::PI;
-    };
-    let deviation = off(middle - guess.point);
-    if deviation <= enough {
-        return deviation;
+    let mut guess = (f64::INFINITY, hint, DVec3::ZERO);
+    for (i, &triangle) in corners.iter().enumerate() {
+        if corners[..i].contains(&triangle) {
+            continue;
+        }
+        let found = closest_on_triangle(middle, field.bvh().corners(triangle));
+        if found.distance_sq < guess.0 {
+            guess = (found.distance_sq, triangle, found.point);
+        }
     }
-    off(field.near(middle, near[0].triangle).away)
+    let (_, triangle, point) = guess;
+    let angle = off(middle - point);
+    if angle <= enough {
+        return Tilt { angle, triangle };
+    }
+    let near = field.near(middle, hint);
+    Tilt {
+        angle: off(near.away),
+        triangle: near.triangle,
+    }
 }

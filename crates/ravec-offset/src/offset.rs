@@ -106,7 +106,7 @@ pub fn offset(
     let mut surface = surface.expect("corners are finite and have numbers");
     let mut is_apart = mended.is_proved;
     if params.simplify {
-        surface = simplify(&field, params, limits, &surface, progress)?;
+        surface = simplify(&field, params, limits, [mesh, &surface], progress)?;
         is_apart = false;
     }
     let measured = measure(&field, &surface, limits, progress)?;

@@ -6,13 +6,13 @@
 //! around it, and by the distance of what was there before from these. Then what is left is proved, the little that is not
 //! proved is undone, and there, as along the seams of patches, facets are proved before they come to be.
 
-use crate::certify::{normal_deviation, proved, spread};
+use crate::certify::{proved, spread, tilt};
 use crate::field::{Field, Near};
 use crate::params::OffsetParams;
 use glam::DVec3;
 use ravec_mesh::{
-    CollapseCandidate, CollapseJudge, Keep, Overseer, SimplifyError, SimplifyParams, TriMesh,
-    Trust, simplify_patches,
+    Adjacency, CollapseCandidate, CollapseJudge, Keep, Overseer, SimplifyError, SimplifyParams,
+    TriMesh, Trust, simplify_patches,
 };
 use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
@@ -24,14 +24,19 @@ const CREST_SHARE: f64 = 0.8;
 /// Facets between whose corners the direction to what is nearest turns by more, as a cosine, are not trusted.
 const TRUSTED_SPREAD: f64 = 0.9;
 
-/// Merges triangles of a surface that keeps the distance between `limits`.
+/// How much more facets may be off where the mesh is rough, relative to what they may be off elsewhere.
+const MOST_LEEWAY: f64 = 0.8;
+
+/// Merges triangles of the `surface` of a `mesh`, which keeps the distance between `limits`.
 pub(crate) fn simplify(
     field: &Field<'_>,
     params: &OffsetParams,
     limits: [f64; 2],
-    surface: &TriMesh,
+    [mesh, surface]: [&TriMesh; 2],
     progress: &Progress,
 ) -> Result<TriMesh, Cancelled> {
+    let most_deviation = params.max_normal_deviation_deg.to_radians();
+    let leeway = (2.0 * roughness(mesh)).min(MOST_LEEWAY * most_deviation);
     let asked = SimplifyParams {
         max_error: CREST_SHARE * params.tolerance,
         both_ways: false,
@@ -40,7 +45,7 @@ pub(crate) fn simplify(
     let overseer = Proofs {
         field,
         limits,
-        most_deviation: params.max_normal_deviation_deg.to_radians(),
+        most_deviation: most_deviation + leeway,
         progress,
     };
     match simplify_patches(surface, &asked, &Keep::default(), &overseer, progress) {
@@ -49,6 +54,38 @@ pub(crate) fn simplify(
         // nothing else can be said against a surface of our own: keep it as it is
         Err(_) => Ok(surface.clone()),
     }
+}
+
+/// How rough a mesh is: the angle in radians, between neighboring triangles, that a quarter of the surface stays below.
+///
+/// On what was designed, more than that is flat or finely divided, so that it is next to nothing. The surface of what was
+/// scanned is as rough as that nearly everywhere; facets that follow its offset more closely follow noise.
+fn roughness(mesh: &TriMesh) -> f64 {
+    let adjacency = Adjacency::new(mesh);
+    let normal = |triangle: u32| {
+        let [a, b, c] = mesh.corners(triangle);
+        (b - a).cross(c - a)
+    };
+    let mut angles: Vec<(f64, f64)> = (0..adjacency.edges().len() as u32)
+        .into_par_iter()
+        .filter_map(|edge| {
+            let [one, other] = adjacency.uses(edge) else {
+                return None;
+            };
+            let (m, n) = (normal(one.triangle), normal(other.triangle));
+            let lengths = m.length() * n.length();
+            let cosine = (m.dot(n) / lengths).abs().min(1.0);
+            (lengths > 0.0).then(|| (cosine.acos(), m.length() + n.length()))
+        })
+        .collect();
+    angles.par_sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    let quarter = 0.25 * angles.iter().map(|(_, area)| area).sum::<f64>();
+    let mut below = 0.0;
+    let reached = angles.iter().find(|(_, area)| {
+        below += area;
+        below >= quarter
+    });
+    reached.map_or(0.0, |(angle, _)| *angle)
 }
 
 /// What the facets must keep to.
@@ -88,6 +125,8 @@ impl<'a> Overseer for Proofs<'a> {
             trust,
             merged: nearest[0],
             nearest,
+            lies: vec![None; part.triangles().len()],
+            after: Vec::new(),
         }
     }
 
@@ -113,18 +152,38 @@ struct Judge<'a> {
     nearest: Vec<Near>,
     /// What is closest to the merged vertex.
     merged: Near,
+    /// How facets lie, as far as is known.
+    lies: Vec<Option<Lie>>,
+    /// How those around the merged vertex will lie.
+    after: Vec<Lie>,
+}
+
+/// How a facet lies.
+#[derive(Debug, Clone, Copy)]
+struct Lie {
+    /// By how much it is off, beyond what is allowed, times its area.
+    excess: f64,
+    /// The triangle closest to its middle, or nearly.
+    triangle: u32,
 }
 
 impl Judge<'_> {
-    /// By how much facets are off, beyond what is allowed, times their area.
-    fn excess(&self, facet: [DVec3; 3], near: [Near; 3]) -> f64 {
+    /// How a facet lies, by what is nearest to its corners and a triangle that may be near to its middle.
+    fn lie(&self, facet: [DVec3; 3], near: [Near; 3], middle: Option<u32>) -> Lie {
         let most = self.proofs.most_deviation;
-        let off = normal_deviation(self.proofs.field, facet, near, most);
-        if off <= most {
-            return 0.0;
-        }
+        let corners = near.map(|near| near.triangle);
+        let middle = middle.unwrap_or(corners[0]);
+        let tilt = tilt(self.proofs.field, facet, corners, middle, most);
         let [a, b, c] = facet;
-        (off - most) * (b - a).cross(c - a).length()
+        let excess = if tilt.angle <= most {
+            0.0
+        } else {
+            (tilt.angle - most) * (b - a).cross(c - a).length()
+        };
+        Lie {
+            excess,
+            triangle: tilt.triangle,
+        }
     }
 
     /// What the corners of a facet will be closest to.
@@ -139,13 +198,21 @@ impl Judge<'_> {
     }
 
     /// What all facets around the edge together are off now.
-    fn excess_before(&self, candidate: &CollapseCandidate<'_>) -> f64 {
-        let changing = candidate.before.iter().zip(candidate.corners);
-        let vanishing = candidate.vanishing_at.iter();
-        changing
-            .chain(vanishing.zip(candidate.vanishing_corners))
-            .map(|(&facet, &corners)| self.excess(facet, self.near(candidate, corners)))
-            .sum()
+    fn excess_before(&mut self, candidate: &CollapseCandidate<'_>) -> f64 {
+        let triangles = candidate.triangles.iter().chain(candidate.vanishing);
+        let facets = candidate.before.iter().chain(candidate.vanishing_at);
+        let corners = (candidate.corners.iter()).chain(candidate.vanishing_corners);
+        let mut sum = 0.0;
+        for ((&t, &facet), &corners) in triangles.zip(facets).zip(corners) {
+            let lie = if let Some(lie) = self.lies[t as usize] {
+                lie
+            } else {
+                self.lie(facet, self.near(candidate, corners), None)
+            };
+            self.lies[t as usize] = Some(lie);
+            sum += lie.excess;
+        }
+        sum
     }
 }
 
@@ -163,10 +230,14 @@ impl CollapseJudge for Judge<'_> {
         // at creases facets may be off, but all together no more than they were
         let mut excess = 0.0;
         let mut allowed = None;
-        for (&facet, &corners) in candidate.after.iter().zip(candidate.corners) {
-            let worse = self.excess(facet, self.near(candidate, corners));
-            if worse > 0.0 {
-                excess += worse;
+        self.after.clear();
+        let facets = candidate.after.iter().zip(candidate.corners);
+        for ((&facet, &corners), &t) in facets.zip(candidate.triangles) {
+            let known = self.lies[t as usize].map(|lie| lie.triangle);
+            let lie = self.lie(facet, self.near(candidate, corners), known);
+            self.after.push(lie);
+            if lie.excess > 0.0 {
+                excess += lie.excess;
                 if excess > *allowed.get_or_insert_with(|| self.excess_before(candidate)) {
                     return true;
                 }
@@ -184,6 +255,9 @@ impl CollapseJudge for Judge<'_> {
                 && !proved(field, facet, limits, near)
         });
         if !refused {
+            for (&t, &lie) in candidate.triangles.iter().zip(&self.after) {
+                self.lies[t as usize] = Some(lie);
+            }
             self.nearest[candidate.vertices[0] as usize] = self.merged;
         }
         refused

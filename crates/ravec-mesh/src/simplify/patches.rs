@@ -21,7 +21,7 @@ use rustc_hash::{FxHashMap, FxHashSet};
 use super::deviation::{Sample, samples};
 use super::engine::{Engine, Leftover, Start};
 use super::judge::{Overseer, Trust};
-use super::surface::edge_key;
+use super::surface::{GONE, edge_key};
 use super::{Keep, Simplified, SimplifyError, SimplifyParams, SimplifyReport, validate};
 use crate::adjacency::is_proper;
 use crate::{Aabb, Adjacency, Bvh, TriMesh, for_each_self_intersection};
@@ -90,18 +90,18 @@ pub fn simplify_patches(
         report: SimplifyReport::default(),
     };
     let groups = cut(mesh);
-    let apart = groups.len() > 1;
-    let free = if apart {
-        let held = task.simplify_apart(&mut assembly, &groups)?;
-        let mut free = task.restore(&mut assembly)?;
-        free.iter_mut()
-            .zip(held)
-            .for_each(|(free, held)| *free |= held);
-        Some(free)
+    let free = if groups.len() > 1 {
+        Some(task.simplify_apart(&mut assembly, &groups)?)
     } else {
         None
     };
-    task.simplify_whole(assembly, free)
+    task.simplify_whole(&mut assembly, free.as_deref(), Trust::Examined)?;
+    let restored = task.restore(&mut assembly)?;
+    if restored.contains(&true) {
+        task.simplify_whole(&mut assembly, Some(&restored), Trust::Final)?;
+    }
+    progress.check()?;
+    Ok(assembly.into_simplified(mesh))
 }
 
 /// What all steps have in common.
@@ -113,6 +113,14 @@ struct Task<'a, O> {
     overseer: &'a O,
     phase: Phase,
     progress: &'a Progress,
+}
+
+/// What an engine is to do.
+struct Work<'a> {
+    params: &'a SimplifyParams,
+    keep: Keep<'a>,
+    trust: Trust,
+    sealed: bool,
 }
 
 /// The mesh between the steps, in the names of the original.
@@ -159,13 +167,6 @@ impl Part {
         }
     }
 
-    /// The names of vertices that fulfill a condition on their names in the original.
-    fn vertices_that(&self, condition: impl Fn(usize) -> bool) -> Vec<u32> {
-        let named = (0_u32..).zip(&self.vertices);
-        let chosen = named.filter(|&(_, &v)| condition(v as usize));
-        chosen.map(|(name, _)| name).collect()
-    }
-
     /// Those features of the original that are edges here, by their names here.
     fn features(&self, features: &[[u32; 2]]) -> Vec<[u32; 2]> {
         if features.is_empty() {
@@ -203,9 +204,19 @@ impl<O: Overseer> Task<'_, O> {
             .zip(samples_of)
             .map(|(group, samples)| {
                 let part = Part::new(self.mesh, shared, group.iter().copied());
-                let keep = part.vertices_that(|v| held[v] || self.fixed[v]);
-                let features = part.features(&shared.features);
-                let leftover = self.run(&part, samples, &keep, &features, true)?;
+                let is_kept = |v: u32| held[v as usize] || self.fixed[v as usize];
+                let named = (0_u32..).zip(&part.vertices);
+                let keep = named.filter(|&(_, &v)| is_kept(v)).map(|(name, _)| name);
+                let work = Work {
+                    params: self.params,
+                    keep: Keep {
+                        features: &part.features(&shared.features),
+                        vertices: &keep.collect::<Vec<u32>>(),
+                    },
+                    trust: Trust::Examined,
+                    sealed: true,
+                };
+                let leftover = self.run(&part, samples, work)?;
                 Ok((part, leftover))
             })
             .collect::<Result<_, SimplifyError>>()?;
@@ -213,6 +224,7 @@ impl<O: Overseer> Task<'_, O> {
         for (part, leftover) in found {
             assembly.take(&part, leftover);
         }
+        assembly.resolve();
         Ok(held)
     }
 
@@ -221,9 +233,7 @@ impl<O: Overseer> Task<'_, O> {
         &self,
         part: &Part,
         mut samples: Vec<Sample>,
-        keep: &[u32],
-        features: &[[u32; 2]],
-        sealed: bool,
+        work: Work<'_>,
     ) -> Result<Leftover, SimplifyError> {
         let names: FxHashMap<u32, u32> = part.triangles.iter().copied().zip(0..).collect();
         for sample in &mut samples {
@@ -231,21 +241,13 @@ impl<O: Overseer> Task<'_, O> {
         }
         let start = Start {
             mesh: &part.mesh,
-            params: self.params,
-            keep: Keep {
-                features,
-                vertices: keep,
-            },
-            sealed,
+            params: work.params,
+            keep: work.keep,
+            sealed: work.sealed,
             samples: Some(samples),
             original: self.original,
         };
-        let trust = if sealed {
-            Trust::Examined
-        } else {
-            Trust::Final
-        };
-        let judge = self.overseer.judge(&part.mesh, trust);
+        let judge = self.overseer.judge(&part.mesh, work.trust);
         let mut engine = Engine::new(start, judge, self.progress)?;
         engine.run(&self.phase, self.progress)?;
         Ok(engine.take_apart())
@@ -334,53 +336,50 @@ impl<O: Overseer> Task<'_, O> {
     /// Simplifies what is put together, around vertices that are `free`, or everywhere.
     fn simplify_whole(
         &self,
-        mut assembly: Assembly,
-        free: Option<Vec<bool>>,
-    ) -> Result<Simplified, SimplifyError> {
+        assembly: &mut Assembly,
+        free: Option<&[bool]>,
+        trust: Trust,
+    ) -> Result<(), SimplifyError> {
         let all = 0..self.mesh.triangles().len() as u32;
-        let part = Part::new(self.mesh, &assembly, all);
-        let mut params = *self.params;
+        let part = Part::new(self.mesh, assembly, all);
         let free = free.map(|free| {
-            // features that are known by their angle have been found by now
-            params.feature_angle_rad = std::f64::consts::PI;
-            let mut chosen: Vec<bool> = part.vertices.iter().map(|&v| free[v as usize]).collect();
-            grow(&mut chosen, &part.mesh, RINGS);
-            let mut by_name = vec![false; free.len()];
-            for (&v, chosen) in part.vertices.iter().zip(chosen) {
-                by_name[v as usize] = chosen;
-            }
-            by_name
+            let mut here: Vec<bool> = part.vertices.iter().map(|&v| free[v as usize]).collect();
+            grow(&mut here, &part.mesh, RINGS);
+            here
         });
-        let keep =
-            part.vertices_that(|v| self.fixed[v] || free.as_ref().is_some_and(|free| !free[v]));
+        let keep: Vec<u32> = (0_u32..)
+            .zip(&part.vertices)
+            .filter(|&(name, &v)| {
+                self.fixed[v as usize] || free.as_ref().is_some_and(|free| !free[name as usize])
+            })
+            .map(|(name, _)| name)
+            .collect();
         let features = part.features(&assembly.features);
+        let keep = Keep {
+            features: &features,
+            vertices: &keep,
+        };
         let samples = std::mem::take(&mut assembly.samples);
-        let whole = Task {
-            mesh: self.mesh,
+        let params = SimplifyParams {
+            // what has been simplified before has found its features
+            feature_angle_rad: if free.is_some() {
+                std::f64::consts::PI
+            } else {
+                self.params.feature_angle_rad
+            },
+            ..*self.params
+        };
+        let work = Work {
             params: &params,
-            original: self.original,
-            fixed: Vec::new(),
-            overseer: self.overseer,
-            phase: self
-                .progress
-                .phase("simplify", part.mesh.triangles().len() as u64),
-            progress: self.progress,
+            keep,
+            trust,
+            sealed: false,
         };
-        let leftover = whole.run(&part, samples, &keep, &features, false)?;
-        let mut found = leftover.into_simplified();
-        for v in &mut found.vertex_origin {
-            *v = part.vertices[*v as usize];
-        }
-        for t in &mut found.triangle_origin {
-            *t = part.triangles[*t as usize];
-        }
-        assembly.report.add(&found.report);
-        found.report = SimplifyReport {
-            triangles_before: self.mesh.triangles().len() as u64,
-            triangles_after: found.mesh.triangles().len() as u64,
-            ..assembly.report
-        };
-        Ok(found)
+        let leftover = self.run(&part, samples, work)?;
+        assembly.features.clear();
+        assembly.take(&part, leftover);
+        assembly.resolve();
+        Ok(())
     }
 
     /// The patch of each triangle, and whether triangles of several patches share a vertex.
@@ -423,6 +422,46 @@ impl Assembly {
             ..sample
         }));
         self.report.add(&leftover.report);
+    }
+}
+
+impl Assembly {
+    /// Lets each vertex know the one that stands for it in the end.
+    fn resolve(&mut self) {
+        for v in 0..self.merged_into.len() {
+            let mut end = self.merged_into[v];
+            while self.merged_into[end as usize] != end {
+                end = self.merged_into[end as usize];
+            }
+            self.merged_into[v] = end;
+        }
+    }
+
+    /// The mesh of what is still there.
+    fn into_simplified(self, mesh: &TriMesh) -> Simplified {
+        let corners = |t: &[u32; 3]| t.map(|v| self.merged_into[v as usize]);
+        let triangles: Vec<[u32; 3]> = mesh
+            .triangles()
+            .iter()
+            .map(corners)
+            .map(|now| if is_proper(now) { now } else { GONE })
+            .collect();
+        let left = triangles.iter().filter(|t| **t != GONE).count() as u64;
+        let report = SimplifyReport {
+            triangles_before: mesh.triangles().len() as u64,
+            triangles_after: left,
+            target_reached: left == 0,
+            ..self.report
+        };
+        Leftover {
+            positions: self.positions,
+            triangles,
+            merged_into: self.merged_into,
+            features: self.features,
+            samples: Vec::new(),
+            report,
+        }
+        .into_simplified()
     }
 }
 
