@@ -6,7 +6,7 @@
 
 use crate::field::Field;
 use glam::DVec3;
-use ravec_mesh::{closest_on_triangle, distance_sq_to_triangle};
+use ravec_mesh::distance_sq_to_triangle;
 
 /// How often a facet may be halved each way until the bound is strong enough.
 const MOST_CUTS: u32 = 5;
@@ -113,11 +113,11 @@ pub(crate) fn normal_deviation(
     };
     // a guess from what is known, and a search only if that is not good enough
     let guess = hints
-        .map(|triangle| closest_on_triangle(middle, field.bvh().corners(triangle)))
+        .map(|triangle| field.near_of(middle, triangle))
         .into_iter()
-        .min_by(|a, b| a.distance_sq.total_cmp(&b.distance_sq));
+        .min_by(|a, b| a.distance.total_cmp(&b.distance));
     if let Some(guess) = guess {
-        let deviation = off(middle - guess.point);
+        let deviation = off(guess.away);
         if deviation <= enough {
             return deviation;
         }

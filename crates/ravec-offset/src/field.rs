@@ -20,7 +20,10 @@ pub(crate) enum Region {
 pub(crate) struct Near {
     /// The closest triangle.
     pub triangle: u32,
-    /// The unit vector from the closest point here; zero on the triangles.
+    /// The closest point.
+    pub point: DVec3,
+    /// The unit vector from the closest point here; zero on the triangles. If the surface is made of the triangles
+    /// themselves it is the normal of the closest one.
     pub away: DVec3,
     /// How far it is.
     pub distance: f64,
@@ -68,11 +71,11 @@ impl<'a> Field<'a> {
             distance_sq,
             ..
         } = closest.expect("the point is finite and there are triangles");
-        let distance = distance_sq.sqrt();
         Near {
             triangle,
-            away: (p - point).normalize_or_zero(),
-            distance,
+            point,
+            away: self.away(p, point, triangle),
+            distance: distance_sq.sqrt(),
         }
     }
 
@@ -82,9 +85,36 @@ impl<'a> Field<'a> {
         let closest = closest_on_triangle(p, self.bvh.corners(triangle));
         Near {
             triangle,
-            away: (p - closest.point).normalize_or_zero(),
+            point: closest.point,
+            away: self.away(p, closest.point, triangle),
             distance: closest.distance_sq.sqrt(),
         }
+    }
+
+    #[inline]
+    fn away(&self, p: DVec3, closest: DVec3, triangle: u32) -> DVec3 {
+        if self.level == 0.0 {
+            let [a, b, c] = self.bvh.corners(triangle);
+            (b - a).cross(c - a).normalize_or_zero()
+        } else {
+            (p - closest).normalize_or_zero()
+        }
+    }
+
+    /// The point of the surface above what is closest to `p`, if nothing else is closer up there.
+    #[inline]
+    pub fn foot(&self, p: DVec3, near: &Near) -> DVec3 {
+        if self.level == 0.0 {
+            near.point
+        } else {
+            p + (self.radius() - near.distance) * near.away
+        }
+    }
+
+    /// Whether a point of a triangle is one of the border, if the surface is made of the triangles themselves: of solids
+    /// that overlap, parts of some lie inside others.
+    pub fn is_border(&self, p: DVec3, normal: DVec3, step: f64) -> bool {
+        self.level != 0.0 || self.region(p + step * normal) != self.region(p - step * normal)
     }
 
     /// The side of a point.

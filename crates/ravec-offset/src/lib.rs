@@ -29,6 +29,7 @@ mod offset;
 mod params;
 mod refine;
 mod regions;
+mod thicken;
 
 pub use offset::{Offset, OffsetReport, offset};
-pub use params::{OffsetError, OffsetParams, Side};
+pub use params::{OffsetError, OffsetParams, OpenRule, Side};

@@ -3,8 +3,9 @@
 use crate::certify::{keeps_distance, normal_deviation, tightened};
 use crate::extract::{Extracted, extract};
 use crate::field::Field;
-use crate::params::{OffsetError, OffsetParams, Side};
+use crate::params::{OffsetError, OffsetParams, OpenRule, Side};
 use crate::refine::Refinement;
+use crate::thicken::thicken;
 use glam::DVec3;
 use ravec_mesh::{
     Bvh, CheckParams, CollapseCandidate, Keep, SimplifyError, SimplifyParams, TriMesh, check,
@@ -43,6 +44,8 @@ pub struct OffsetReport {
     pub deepest_level: u8,
     /// How often cells were split to mend the surface.
     pub rounds: u32,
+    /// Of a thickened sheet, whether its own triangles are one of the skins, unchanged but for their direction.
+    pub sheet_kept: Option<bool>,
 }
 
 /// The share of the tolerance by which simplification may leave the surface that it started from, either way: so crests,
@@ -71,8 +74,21 @@ pub fn offset(
     if mesh.triangles().is_empty() {
         return Err(OffsetError::NoTriangles);
     }
+    if params.open == OpenRule::Thicken {
+        return thicken(mesh, params, progress);
+    }
+    params.check(&mesh.bounds())?;
+    surface(mesh, params, false, progress)
+}
+
+/// The surface, for parameters that were checked; with `wound`, around all that the triangles wind around, cavities too.
+pub(crate) fn surface(
+    mesh: &TriMesh,
+    params: &OffsetParams,
+    wound: bool,
+    progress: &Progress,
+) -> Result<Offset, OffsetError> {
     let bounds = mesh.bounds();
-    params.check(&bounds)?;
     let quick = CheckParams {
         self_intersections: false,
         list_limit: 0,
@@ -88,8 +104,12 @@ pub fn offset(
         return Err(OffsetError::NotClosed { boundary_edges });
     }
     let bvh = Bvh::new(mesh);
-    let is_solid = inward || (params.side == Side::Outer && boundary_edges == 0);
-    let level = params.distance + OFF_ROUND * params.tolerance;
+    let is_solid = wound || inward || (params.side == Side::Outer && boundary_edges == 0);
+    let level = if wound {
+        0.0
+    } else {
+        params.distance + OFF_ROUND * params.tolerance
+    };
     let field = Field::new(&bvh, is_solid, if inward { -level } else { level });
     let margin = if inward { 0.0 } else { params.distance } + 4.0 * params.tolerance;
     let mut job = Job {
@@ -139,6 +159,7 @@ pub fn offset(
             cells,
             deepest_level,
             rounds,
+            sheet_kept: None,
         },
         mesh: surface,
     })
@@ -367,7 +388,7 @@ fn hash(facet: [DVec3; 3]) -> u64 {
 }
 
 /// The mesh without vertices that no triangle uses.
-fn compact(positions: &[DVec3], triangles: &[[u32; 3]]) -> TriMesh {
+pub(crate) fn compact(positions: &[DVec3], triangles: &[[u32; 3]]) -> TriMesh {
     let mut numbers = vec![u32::MAX; positions.len()];
     let mut used = Vec::new();
     let triangles = triangles

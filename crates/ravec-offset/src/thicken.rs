@@ -1,0 +1,171 @@
+//! A sheet made thick on one side.
+//!
+//! The solid is the union of what stands over each triangle on its front, up to the distance: prisms, wedges between them at
+//! convex creases and cones at convex corners (`directions`, `slab`), cut off upright at the boundary of the sheet. They are
+//! closed polyhedra that may overlap, so their union is told by the winding number, and its border is extracted, proved and
+//! mended like an offset surface of distance 0. If the sheet allows it, the union starts a little above it, and the sheet
+//! itself takes the place of the lower skin (`seam`).
+//!
+//! Guarantees: as for all offsets, for what the report says; `certified` says that each triangle is within the tolerance of
+//! the border of that union or of the sheet. Does not guarantee: that the sheet is kept triangle for triangle
+//! (`sheet_kept` says so); it is not where it meets itself, is not manifold or oriented, or is buried in the solid.
+
+mod directions;
+mod seam;
+mod slab;
+
+use crate::certify::keeps_distance;
+use crate::field::Field;
+use crate::offset::{Offset, compact, surface};
+use crate::params::{OffsetError, OffsetParams, OpenRule, Side};
+use directions::Directed;
+use glam::DVec3;
+use ravec_mesh::{Adjacency, Bvh, CheckParams, TriMesh, check, weld};
+use ravec_progress::{Cancelled, Progress};
+use rustc_hash::FxHashSet;
+
+/// The share of the tolerance by which polyhedra may be off from prisms, cylinders and spheres.
+const SLACK: f64 = 0.1;
+
+/// The share of the tolerance by which the surface may be off from the polyhedra.
+const OFF: f64 = 0.85;
+
+/// The share of the tolerance at which the slab starts above a sheet that is kept, and by which the surface may be off from
+/// that: so little less that it never gets to the sheet, nor more than the tolerance away from it.
+const LIFT: f64 = 0.5;
+const OFF_LIFTED: f64 = 0.4;
+
+pub(crate) fn thicken(
+    mesh: &TriMesh,
+    params: &OffsetParams,
+    progress: &Progress,
+) -> Result<Offset, OffsetError> {
+    if params.side != Side::Both {
+        return Err(OffsetError::SideOfSheet { side: params.side });
+    }
+    let height = params.distance.abs();
+    let checked = OffsetParams {
+        distance: height,
+        ..params.clone()
+    };
+    checked.check(&mesh.bounds())?;
+    let sheet = cleaned(mesh, params.distance < 0.0);
+    if sheet.triangles().is_empty() {
+        let triangles = mesh.triangles().len() as u64;
+        return Err(OffsetError::NoArea { triangles });
+    }
+    let thickener = Thickener {
+        adjacency: Adjacency::new(&sheet),
+        sheet: &sheet,
+        height,
+        params: &checked,
+    };
+    if thickener.is_clean(progress)? {
+        if let Some(kept) = thickener.around_sheet(progress)? {
+            return Ok(kept);
+        }
+    }
+    let (mut offset, _) = thickener.around([0.0, height], OFF, progress)?;
+    offset.report.sheet_kept = Some(false);
+    Ok(offset)
+}
+
+/// A sheet, and how it is made thick.
+struct Thickener<'a> {
+    sheet: &'a TriMesh,
+    adjacency: Adjacency,
+    height: f64,
+    params: &'a OffsetParams,
+}
+
+impl Thickener<'_> {
+    /// The border of the slab between two heights, and the slab.
+    fn around(
+        &self,
+        heights: [f64; 2],
+        off: f64,
+        progress: &Progress,
+    ) -> Result<(Offset, slab::Slab), OffsetError> {
+        let slack = SLACK * self.params.tolerance;
+        let directed = Directed::new(self.sheet, &self.adjacency, heights[1], slack);
+        let slab = slab::slab(&directed, heights, slack);
+        let inner = OffsetParams {
+            distance: 0.0,
+            tolerance: off * self.params.tolerance,
+            open: OpenRule::Refuse,
+            ..self.params.clone()
+        };
+        Ok((surface(&slab.polyhedra, &inner, true, progress)?, slab))
+    }
+
+    /// Whether the sheet can be a skin as it is.
+    fn is_clean(&self, progress: &Progress) -> Result<bool, Cancelled> {
+        let full = CheckParams {
+            self_intersections: true,
+            list_limit: 0,
+        };
+        let found = check(self.sheet, &full, progress)?;
+        let meets_itself = found.self_intersections.is_none_or(|found| found.count > 0);
+        Ok(found.manifold && found.oriented && !meets_itself)
+    }
+
+    /// The solid with the sheet itself as one skin, if that can be.
+    fn around_sheet(&self, progress: &Progress) -> Result<Option<Offset>, OffsetError> {
+        let tolerance = self.params.tolerance;
+        let heights = [LIFT * tolerance, self.height];
+        let (mut offset, slab) = self.around(heights, OFF_LIFTED, progress)?;
+        let polyhedra = Bvh::new(&slab.polyhedra);
+        let surface = &offset.mesh;
+        let is_kept: Vec<bool> = (0..surface.triangles().len() as u32)
+            .map(|t| {
+                let [a, b, c] = surface.corners(t);
+                let nearest = polyhedra.closest((a + b + c) / 3.0);
+                !nearest.is_some_and(|nearest| slab.is_low[nearest.triangle as usize])
+            })
+            .collect();
+        let Some(sewn) = seam::sew(self.sheet, surface, &is_kept) else {
+            return Ok(None);
+        };
+        let sheet = Bvh::new(self.sheet);
+        let near_sheet = Field::new(&sheet, false, tolerance);
+        let loose = sewn.strip.clone().filter(|&t| {
+            !keeps_distance(&near_sheet, sewn.mesh.corners(t), [0.0, tolerance], [0; 3])
+        });
+        if loose.count() > 0 {
+            return Ok(None);
+        }
+        let mesh = compact(sewn.mesh.positions(), sewn.mesh.triangles());
+        let full = CheckParams {
+            self_intersections: true,
+            list_limit: 0,
+        };
+        let found = check(&mesh, &full, progress)?;
+        if !found.is_solid() {
+            return Ok(None);
+        }
+        let report = &mut offset.report;
+        report.solid = true;
+        report.self_intersections = 0;
+        report.triangles = mesh.triangles().len() as u64;
+        report.sheet_kept = Some(true);
+        offset.mesh = mesh;
+        Ok(Some(offset))
+    }
+}
+
+/// The sheet with vertices at the same place made one, without triangles that have no area or are there twice; turned if the
+/// other side is the front.
+fn cleaned(mesh: &TriMesh, turn: bool) -> TriMesh {
+    let welded = weld(mesh, 0.0).mesh;
+    let mut seen = FxHashSet::default();
+    let triangles = welded.triangles().iter().filter_map(|&[a, b, c]| {
+        let corners = [a, b, c].map(|v| welded.positions()[v as usize]);
+        let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+        let turned = if turn { [a, c, b] } else { [a, b, c] };
+        let least = turned.iter().position(|v| *v == a.min(b).min(c)).unwrap_or(0);
+        let key = [0, 1, 2].map(|i| turned[(least + i) % 3]);
+        (normal.normalize_or_zero() != DVec3::ZERO && seen.insert(key)).then_some(turned)
+    });
+    let triangles = triangles.collect();
+    TriMesh::new(welded.positions().to_vec(), triangles).expect("some of a mesh's triangles")
+}
