@@ -2,7 +2,7 @@
 //! distance that is asked for.
 
 use glam::DVec3;
-use ravec_mesh::{Bvh, Closest, WindingNumbers, closest_on_triangle};
+use ravec_mesh::{Aabb, Bvh, Closest, WindingNumbers, closest_on_triangle};
 
 /// On which side of the triangles something lies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -33,6 +33,8 @@ pub(crate) struct Near {
 pub(crate) struct Field<'a> {
     bvh: &'a Bvh,
     winding: Option<WindingNumbers<'a>>,
+    is_signed: bool,
+    bounds: Aabb,
     /// The signed distance of the surface: below zero inside the solid.
     pub level: f64,
 }
@@ -42,7 +44,10 @@ impl<'a> Field<'a> {
     pub fn new(bvh: &'a Bvh, solid: bool, level: f64) -> Self {
         Self {
             bvh,
-            winding: solid.then(|| WindingNumbers::new(bvh)),
+            // polyhedra are closed: rays count them, faster and exactly
+            winding: (solid && level != 0.0).then(|| WindingNumbers::new(bvh)),
+            is_signed: solid,
+            bounds: bvh.bounds(),
             level,
         }
     }
@@ -54,7 +59,7 @@ impl<'a> Field<'a> {
 
     /// Whether distances have a sign.
     pub fn is_signed(&self) -> bool {
-        self.winding.is_some()
+        self.is_signed
     }
 
     pub fn bvh(&self) -> &'a Bvh {
@@ -114,15 +119,37 @@ impl<'a> Field<'a> {
     /// Whether a point of a triangle is one of the border, if the surface is made of the triangles themselves: of solids
     /// that overlap, parts of some lie inside others.
     pub fn is_border(&self, p: DVec3, normal: DVec3, step: f64) -> bool {
-        self.level != 0.0 || self.region(p + step * normal) != self.region(p - step * normal)
+        // below the point there is a solid in any case
+        self.level != 0.0 || self.region(p + step * normal) == Region::Outside
     }
 
     /// The side of a point.
     pub fn region(&self, p: DVec3) -> Region {
-        match &self.winding {
-            Some(winding) if winding.is_inside(p) => Region::Inside,
-            _ => Region::Outside,
+        let is_inside = match &self.winding {
+            Some(winding) => winding.is_inside(p),
+            None => self.is_signed && self.turns_around(p) > 0,
+        };
+        if is_inside {
+            Region::Inside
+        } else {
+            Region::Outside
         }
+    }
+
+    /// How often closed polyhedra go around a point.
+    fn turns_around(&self, p: DVec3) -> i32 {
+        // along the axis on which it is not far to the end, and a little aside, where no edges are likely to be
+        let from_center = p - self.bounds.center();
+        let left = 0.5 * self.bounds.size() - from_center.abs();
+        let direction = if left.x <= left.y && left.x <= left.z {
+            DVec3::new(1f64.copysign(from_center.x), 0.0123, 0.0271)
+        } else if left.y <= left.z {
+            DVec3::new(0.0271, 1f64.copysign(from_center.y), 0.0123)
+        } else {
+            DVec3::new(0.0123, 0.0271, 1f64.copysign(from_center.z))
+        };
+        let hits = self.bvh.ray_hits(p, direction);
+        hits.iter().map(|hit| if hit.outward { 1 } else { -1 }).sum()
     }
 
     /// The region of a level's own side.

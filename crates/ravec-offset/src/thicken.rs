@@ -12,6 +12,7 @@
 
 mod directions;
 mod seam;
+mod skins;
 mod slab;
 
 use crate::certify::keeps_distance;
@@ -86,9 +87,7 @@ impl Thickener<'_> {
         off: f64,
         progress: &Progress,
     ) -> Result<(Offset, slab::Slab), OffsetError> {
-        let slack = SLACK * self.params.tolerance;
-        let directed = Directed::new(self.sheet, &self.adjacency, heights[1], slack);
-        let slab = slab::slab(&directed, heights, slack);
+        let slab = self.slab(heights);
         let inner = OffsetParams {
             distance: 0.0,
             tolerance: off * self.params.tolerance,
@@ -96,6 +95,12 @@ impl Thickener<'_> {
             ..self.params.clone()
         };
         Ok((surface(&slab.polyhedra, &inner, true, progress)?, slab))
+    }
+
+    fn slab(&self, heights: [f64; 2]) -> slab::Slab {
+        let slack = SLACK * self.params.tolerance;
+        let directed = Directed::new(self.sheet, &self.adjacency, heights[1], slack);
+        slab::slab(&directed, heights, slack)
     }
 
     /// Whether the sheet can be a skin as it is.
@@ -114,24 +119,20 @@ impl Thickener<'_> {
         let tolerance = self.params.tolerance;
         let heights = [LIFT * tolerance, self.height];
         let (mut offset, slab) = self.around(heights, OFF_LIFTED, progress)?;
-        let polyhedra = Bvh::new(&slab.polyhedra);
         let surface = &offset.mesh;
-        let is_kept: Vec<bool> = (0..surface.triangles().len() as u32)
-            .map(|t| {
-                let [a, b, c] = surface.corners(t);
-                let nearest = polyhedra.closest((a + b + c) / 3.0);
-                !nearest.is_some_and(|nearest| slab.is_low[nearest.triangle as usize])
-            })
-            .collect();
+        let parts = self.adjacency.patches(self.sheet).count as usize;
+        let is_kept = skins::upper(surface, &slab, OFF_LIFTED * tolerance, parts, progress)?;
         let Some(sewn) = seam::sew(self.sheet, surface, &is_kept) else {
+            eprintln!("DBG not sewn");
             return Ok(None);
         };
-        let sheet = Bvh::new(self.sheet);
-        let near_sheet = Field::new(&sheet, false, tolerance);
+        let whole = Bvh::new(&self.slab([0.0, self.height]).polyhedra);
+        let near_whole = Field::new(&whole, false, tolerance);
         let loose = sewn.strip.clone().filter(|&t| {
-            !keeps_distance(&near_sheet, sewn.mesh.corners(t), [0.0, tolerance], [0; 3])
+            !keeps_distance(&near_whole, sewn.mesh.corners(t), [0.0, tolerance], [0; 3])
         });
-        if loose.count() > 0 {
+        let loose=loose.count(); if loose > 0 {
+            eprintln!("DBG loose {loose}");
             return Ok(None);
         }
         let mesh = compact(sewn.mesh.positions(), sewn.mesh.triangles());
@@ -141,6 +142,7 @@ impl Thickener<'_> {
         };
         let found = check(&mesh, &full, progress)?;
         if !found.is_solid() {
+            eprintln!("DBG {found:?}");
             return Ok(None);
         }
         let report = &mut offset.report;

@@ -7,11 +7,15 @@
 //! Guarantees: where corners share a direction, the moved triangle keeps its height above the old one within the slack, and
 //! nowhere does a triangle turn over on its way.
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use ravec_mesh::{Adjacency, TriMesh};
 
 /// The share of its area, seen along the normal, that a triangle must keep on its way: less means it is about to turn over.
 const LEAST_AREA: f64 = 0.1;
+
+/// How strongly miters are drawn to the mean normal, and how long they may get.
+const MITER_DAMPING: f64 = 1e-4;
+const LONGEST_MITER: f64 = 3.0;
 
 /// Openings below this, sines of angles, are none.
 const LEAST_OPENING: f64 = 1e-9;
@@ -23,6 +27,8 @@ pub(super) struct Directed<'a> {
     pub normals: Vec<DVec3>,
     /// By triangle and corner; not quite of unit length, so that smooth parts keep their height.
     pub of_corner: Vec<[DVec3; 3]>,
+    /// By vertex, the way to the common corner of all triangles a unit above: across creases as well.
+    pub of_vertex: Vec<DVec3>,
 }
 
 /// The two triangles at an edge that bound one sheet: `left` runs from the lower vertex to the higher one, `right` back.
@@ -45,8 +51,12 @@ impl<'a> Directed<'a> {
             sheet,
             adjacency,
             of_corner: normals.iter().map(|&n| [n; 3]).collect(),
+            of_vertex: Vec::new(),
             normals,
         };
+        directed.of_vertex = (0..sheet.positions().len() as u32)
+            .map(|v| directed.miter(v))
+            .collect();
         // of a direction scaled for the middle of its heights, these are off by (1 - c) / (1 + c)
         let share = (slack / height).min(0.2);
         let least_cosine = (1.0 - share) / (1.0 + share);
@@ -151,6 +161,32 @@ impl<'a> Directed<'a> {
             parents[place] = root(&parents, place);
         }
         parents
+    }
+
+    /// The way to where the planes a unit above all triangles at a vertex meet, as well as they do.
+    fn miter(&self, v: u32) -> DVec3 {
+        let mut matrix = DMat3::ZERO;
+        let mut right = DVec3::ZERO;
+        for &t in self.adjacency.triangles_at(v) {
+            let normal = self.normals[t as usize];
+            let weighted = self.angle_at(t, v) * normal;
+            matrix += DMat3::from_cols(
+                weighted * normal.x,
+                weighted * normal.y,
+                weighted * normal.z,
+            );
+            right += weighted;
+        }
+        let mean = right.normalize_or_zero();
+        let trace = matrix.x_axis.x + matrix.y_axis.y + matrix.z_axis.z;
+        if trace <= 0.0 {
+            return mean;
+        }
+        // drawn to the mean where the planes do not say
+        let damping = MITER_DAMPING * trace;
+        matrix += DMat3::from_diagonal(DVec3::splat(damping));
+        let miter = matrix.inverse() * (right + damping * mean);
+        if miter.is_finite() { miter.clamp_length_max(LONGEST_MITER) } else { mean }
     }
 
     fn angle_at(&self, triangle: u32, v: u32) -> f64 {

@@ -35,6 +35,7 @@ pub(super) fn sew(
     let rims = loops(&sides_alone(sheet.triangles()))?;
     let cuts = loops(&sides_alone(&kept))?;
     if rims.len() != cuts.len() {
+        eprintln!("DBG rims {} cuts {}", rims.len(), cuts.len());
         return None;
     }
     let mut triangles: Vec<[u32; 3]> = sheet.triangles().iter().map(|&[a, b, c]| [a, c, b]).collect();
@@ -161,6 +162,7 @@ impl Along {
             params[i] = params[i - 1] + step;
         }
         let around = params[params.len() - 1] - params[0];
+        eprintln!("DBG around {around} of {length}");
         ((around - length).abs() < 0.5).then_some((rim, params))
     }
 }

@@ -85,46 +85,43 @@ impl Builder<'_> {
     }
 
     /// A patch at the upper height, counterclockwise seen from the front.
-    fn top<const N: usize>(&mut self, at: [DVec3; N], directions: [DVec3; N]) {
-        let corners: [DVec3; N] =
-            std::array::from_fn(|k| at[k] + self.heights[1] * directions[k]);
+    fn top<const N: usize>(&mut self, at: [u32; N], directions: [DVec3; N]) {
+        let corners: [DVec3; N] = std::array::from_fn(|k| self.high(at[k], directions[k]));
         for k in 1..N - 1 {
             self.triangle([corners[0], corners[k], corners[k + 1]], false);
         }
     }
 
-    /// A patch at the lower height, below one at the upper.
-    fn bottom<const N: usize>(&mut self, at: [DVec3; N], directions: [DVec3; N]) {
-        let corners: [DVec3; N] =
-            std::array::from_fn(|k| at[k] + self.heights[0] * directions[k]);
-        for k in 1..N - 1 {
-            self.triangle([corners[0], corners[k + 1], corners[k]], true);
-        }
+    /// A place above a vertex at the upper height.
+    fn high(&self, vertex: u32, direction: DVec3) -> DVec3 {
+        self.place(vertex) + self.heights[1] * direction
+    }
+
+    /// The place above a vertex at the lower height.
+    fn low(&self, vertex: u32) -> DVec3 {
+        self.place(vertex) + self.heights[0] * self.directed.of_vertex[vertex as usize]
     }
 
     /// A wall over an edge, seen from outside with `a` on the left.
-    fn wall(&mut self, [a, b]: [DVec3; 2], [da, db]: [DVec3; 2]) {
-        let [low, high] = self.heights;
-        let corners = [a + low * da, b + low * db, b + high * db, a + high * da];
+    fn wall(&mut self, [a, b]: [u32; 2], [da, db]: [DVec3; 2]) {
+        let corners = [self.low(a), self.low(b), self.high(b, db), self.high(a, da)];
         self.triangle([corners[0], corners[1], corners[2]], false);
         self.triangle([corners[0], corners[2], corners[3]], false);
     }
 
-    /// A wall over a vertex, seen from outside from left to right; straight at the lower height.
-    fn sector(&mut self, place: DVec3, turn: &[DVec3]) {
-        let [low, high] = self.heights;
-        let [first, last] = [turn[0], turn[turn.len() - 1]].map(|d| place + low * d);
-        self.triangle([first, last, place + high * turn[turn.len() - 1]], false);
+    /// A wall over a vertex, seen from outside from left to right.
+    fn sector(&mut self, vertex: u32, turn: &[DVec3]) {
+        let low = self.low(vertex);
         for pair in turn.windows(2) {
-            self.triangle([first, place + high * pair[1], place + high * pair[0]], false);
+            self.triangle([low, self.high(vertex, pair[1]), self.high(vertex, pair[0])], false);
         }
     }
 
     fn caps(&mut self, t: u32) {
-        let places = self.directed.sheet.corners(t);
-        let directions = self.directed.of_corner[t as usize];
-        self.top(places, directions);
-        self.bottom(places, directions);
+        let vertices = self.directed.sheet.triangles()[t as usize];
+        self.top(vertices, self.directed.of_corner[t as usize]);
+        let [a, b, c] = vertices.map(|v| self.low(v));
+        self.triangle([a, c, b], true);
     }
 
     fn edge(&mut self, edge: u32) {
@@ -143,7 +140,7 @@ impl Builder<'_> {
         for edge_use in uses {
             let ends = if edge_use.forward { [low, high] } else { [high, low] };
             let directions = ends.map(|v| directed.at(edge_use.triangle, v));
-            self.wall(ends.map(|v| self.place(v)), directions);
+            self.wall(ends, directions);
         }
         if uses.len() < 3 {
             return;
@@ -166,7 +163,7 @@ impl Builder<'_> {
 
     /// What opens between two prisms; `alone` if their sides are there as well.
     fn wedge(&mut self, hinge: Hinge, alone: bool) {
-        let places = hinge.ends.map(|v| self.place(v));
+        let ends = hinge.ends;
         let [from, to] = [hinge.left, hinge.right]
             .map(|t| hinge.ends.map(|v| self.directed.at(t, v)));
         let angle = (0..2).map(|i| from[i].angle_between(to[i])).fold(0.0, f64::max);
@@ -177,32 +174,27 @@ impl Builder<'_> {
         let [mut start, mut end] = [0, 1].map(|i| turn(from[i], to[i], steps));
         for k in 0..steps as usize {
             self.top(
-                [places[0], places[0], places[1], places[1]],
+                [ends[0], ends[0], ends[1], ends[1]],
                 [start[k], start[k + 1], end[k + 1], end[k]],
             );
         }
-        self.bottom(
-            [places[0], places[0], places[1], places[1]],
-            [from[0], to[0], to[1], from[1]],
-        );
         end.reverse();
         for (i, turn) in [&mut start, &mut end].into_iter().enumerate() {
             if alone {
-                self.sector(places[i], turn);
+                self.sector(ends[i], turn);
             } else if turn[0] != turn[turn.len() - 1] {
                 let turns = self.turns.entry(hinge.ends[i]).or_default();
                 turns.push(std::mem::take(turn));
             }
         }
         if alone {
-            self.wall([places[1], places[0]], [from[1], from[0]]);
-            self.wall(places, to);
+            self.wall([ends[1], ends[0]], [from[1], from[0]]);
+            self.wall(ends, to);
         }
     }
 
     /// A cone over the ends of wedges at a vertex.
     fn vertex(&mut self, vertex: u32, turns: &[Turn]) {
-        let place = self.place(vertex);
         let around = self.directed.adjacency.triangles_at(vertex);
         let mean = around
             .iter()
@@ -217,7 +209,7 @@ impl Builder<'_> {
         let (filled, open): (Vec<&Turn>, Vec<&Turn>) =
             turns.iter().partition(|turn| is_filled(turn));
         for turn in open {
-            self.sector(place, turn);
+            self.sector(vertex, turn);
         }
         let widest = filled
             .iter()
@@ -231,11 +223,10 @@ impl Builder<'_> {
             for pair in run.windows(2) {
                 let [to, from] = [pair[0], pair[1]].map(|d| turn(mean, d, rings));
                 for k in 0..rings as usize {
-                    self.top([place; 4], [from[k], from[k + 1], to[k + 1], to[k]]);
+                    self.top([vertex; 4], [from[k], from[k + 1], to[k + 1], to[k]]);
                 }
             }
             let (to, from) = (run[0], run[run.len() - 1]);
-            self.bottom([place; 3], [mean, from, to]);
             for (direction, count) in [(from, 1), (to, -1)] {
                 let key = direction.to_array().map(f64::to_bits);
                 rays.entry(key).or_insert((direction, 0)).1 += count;
@@ -249,7 +240,7 @@ impl Builder<'_> {
                 ray.reverse();
             }
             for _ in 0..count.abs() {
-                self.sector(place, &ray);
+                self.sector(vertex, &ray);
             }
         }
     }
