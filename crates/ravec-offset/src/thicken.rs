@@ -21,7 +21,7 @@ use crate::offset::{Offset, compact, surface};
 use crate::params::{OffsetError, OffsetParams, OpenRule, Side};
 use directions::Directed;
 use glam::DVec3;
-use ravec_mesh::{Adjacency, Bvh, CheckParams, TriMesh, check, weld};
+use ravec_mesh::{Adjacency, Bvh, CheckParams, TriMesh, check, self_intersections, weld};
 use ravec_progress::{Cancelled, Progress};
 use rustc_hash::FxHashSet;
 
@@ -35,6 +35,9 @@ const OFF: f64 = 0.85;
 /// that: so little less that it never gets to the sheet, nor more than the tolerance away from it.
 const LIFT: f64 = 0.5;
 const OFF_LIFTED: f64 = 0.4;
+
+/// Rounds in which the seam may give way where it meets itself.
+const MOST_ROUNDS: usize = 6;
 
 pub(crate) fn thicken(
     mesh: &TriMesh,
@@ -121,28 +124,47 @@ impl Thickener<'_> {
         let (mut offset, slab) = self.around(heights, OFF_LIFTED, progress)?;
         let surface = &offset.mesh;
         let parts = self.adjacency.patches(self.sheet).count as usize;
-        let is_kept = skins::upper(surface, &slab, OFF_LIFTED * tolerance, parts, progress)?;
-        let Some(sewn) = seam::sew(self.sheet, surface, &is_kept) else {
-            eprintln!("DBG not sewn");
-            return Ok(None);
-        };
+        let mut is_upper = skins::upper(surface, &slab, OFF_LIFTED * tolerance, parts, progress)?;
+        let around = Adjacency::new(surface);
         let whole = Bvh::new(&self.slab([0.0, self.height]).polyhedra);
         let near_whole = Field::new(&whole, false, tolerance);
-        let loose = sewn.strip.clone().filter(|&t| {
-            !keeps_distance(&near_whole, sewn.mesh.corners(t), [0.0, tolerance], [0; 3])
-        });
-        let loose=loose.count(); if loose > 0 {
-            eprintln!("DBG loose {loose}");
-            return Ok(None);
-        }
-        let mesh = compact(sewn.mesh.positions(), sewn.mesh.triangles());
-        let full = CheckParams {
-            self_intersections: true,
+        let mut round = 0;
+        let mesh = loop {
+            let reach = 2.0 * OFF_LIFTED * tolerance;
+            let Some(sewn) = seam::sew(self.sheet, &slab.lifted, reach, surface, &is_upper) else {
+                return Ok(None);
+            };
+            let mesh = &sewn.mesh;
+            let pairs = self_intersections(&Bvh::new(mesh), usize::MAX, progress)?.pairs;
+            let is_loose = |t: &u32| {
+                let corners = mesh.corners(*t);
+                !keeps_distance(&near_whole, corners, [0.0, tolerance], [0; 3])
+            };
+            let loose = sewn.fresh.iter().copied().filter(is_loose);
+            let meeting = pairs.iter().flat_map(|pair| [pair.first, pair.second]);
+            let bad: Vec<u32> = loose.chain(meeting).collect();
+            if bad.is_empty() {
+                break compact(mesh.positions(), mesh.triangles());
+            }
+            // move the cut away from there, into the lower skin
+            let first = self.sheet.positions().len() as u32;
+            let mut changed = false;
+            for v in bad.iter().flat_map(|&t| mesh.triangles()[t as usize]) {
+                for &t in v.checked_sub(first).map_or(&[][..], |v| around.triangles_at(v)) {
+                    changed |= !std::mem::replace(&mut is_upper[t as usize], true);
+                }
+            }
+            round += 1;
+            if !changed || round == MOST_ROUNDS {
+                return Ok(None);
+            }
+        };
+        let quick = CheckParams {
+            self_intersections: false,
             list_limit: 0,
         };
-        let found = check(&mesh, &full, progress)?;
-        if !found.is_solid() {
-            eprintln!("DBG {found:?}");
+        let found = check(&mesh, &quick, progress)?;
+        if !(found.closed && found.manifold && found.oriented) {
             return Ok(None);
         }
         let report = &mut offset.report;

@@ -25,6 +25,8 @@ pub(super) struct Slab {
     pub polyhedra: TriMesh,
     /// Whether a triangle lies at the lower height.
     pub is_low: Vec<bool>,
+    /// The vertices of the sheet at the lower height.
+    pub lifted: Vec<DVec3>,
 }
 
 /// The polyhedra between two `heights` above a sheet; round parts fall short of the upper one by the slack at most.
@@ -51,7 +53,10 @@ pub(super) fn slab(directed: &Directed<'_>, heights: [f64; 2], slack: f64) -> Sl
     }
     let count = builder.positions.len() as u32 / 3;
     let triangles = (0..count).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+    let vertices = 0..directed.sheet.positions().len() as u32;
+    let lifted = vertices.map(|v| builder.low(v)).collect();
     Slab {
+        lifted,
         polyhedra: TriMesh::new(builder.positions, triangles)
             .expect("three corners each, all finite"),
         is_low: builder.is_low,
