@@ -122,6 +122,14 @@ pub enum OffsetError {
         /// What was asked for.
         side: Side,
     },
+    /// A sheet that turns into its own other side.
+    #[error(
+        "the sheet has one side only, like a Möbius strip (seen near {place}), so it has no front: cut it open there"
+    )]
+    OneSided {
+        /// A place where its sides come together.
+        place: glam::DVec3,
+    },
     /// Nothing but triangles without area.
     #[error("all {triangles} triangles are without area, so the sheet has no side: mend it first")]
     NoArea {

@@ -21,7 +21,7 @@ use crate::offset::{Offset, compact, surface};
 use crate::params::{OffsetError, OffsetParams, OpenRule, Side};
 use directions::Directed;
 use glam::DVec3;
-use ravec_mesh::{Adjacency, Bvh, CheckParams, TriMesh, check, self_intersections, weld};
+use ravec_mesh::{Aabb, Adjacency, Bvh, CheckParams, TriMesh, check, self_intersections, weld};
 use ravec_progress::{Cancelled, Progress};
 use rustc_hash::FxHashSet;
 
@@ -52,14 +52,18 @@ pub(crate) fn thicken(
         distance: height,
         ..params.clone()
     };
-    checked.check(&mesh.bounds())?;
+    check_tolerance(&checked, &mesh.bounds())?;
     let sheet = cleaned(mesh, params.distance < 0.0);
     if sheet.triangles().is_empty() {
         let triangles = mesh.triangles().len() as u64;
         return Err(OffsetError::NoArea { triangles });
     }
+    let adjacency = Adjacency::new(&sheet);
+    if let Some(place) = one_sided(&sheet, &adjacency) {
+        return Err(OffsetError::OneSided { place });
+    }
     let thickener = Thickener {
-        adjacency: Adjacency::new(&sheet),
+        adjacency,
         sheet: &sheet,
         height,
         params: &checked,
@@ -175,6 +179,55 @@ impl Thickener<'_> {
         offset.mesh = mesh;
         Ok(Some(offset))
     }
+}
+
+/// Refuses what makes no sense for a mesh in a box; of the tolerance only a share is left for the surface.
+fn check_tolerance(params: &OffsetParams, bounds: &Aabb) -> Result<(), OffsetError> {
+    params.check(bounds)?;
+    let shared = OffsetParams {
+        tolerance: OFF_LIFTED * params.tolerance,
+        ..params.clone()
+    };
+    shared.check(bounds).map_err(|error| match error {
+        OffsetError::Tolerance { least, most, .. } => OffsetError::Tolerance {
+            got: params.tolerance,
+            least: least / OFF_LIFTED,
+            most,
+        },
+        other => other,
+    })
+}
+
+/// A place at which a part of a sheet cannot be oriented, if there is one. Edges of more than two triangles are left out.
+fn one_sided(sheet: &TriMesh, adjacency: &Adjacency) -> Option<DVec3> {
+    let mut is_turned: Vec<Option<bool>> = vec![None; sheet.triangles().len()];
+    for start in 0..sheet.triangles().len() as u32 {
+        let mut front = vec![start];
+        is_turned[start as usize].get_or_insert(false);
+        while let Some(t) = front.pop() {
+            let own = is_turned[t as usize]?;
+            for edge in (0..3).filter_map(|side| adjacency.edge_of(t, side)) {
+                let [a, b] = adjacency.uses(edge) else {
+                    continue;
+                };
+                let other = if a.triangle == t { b } else { a };
+                let expected = own ^ (a.forward == b.forward);
+                match &mut is_turned[other.triangle as usize] {
+                    Some(turned) if *turned != expected => {
+                        let [a, b] = adjacency.edges()[edge as usize];
+                        let at = |v: u32| sheet.positions()[v as usize];
+                        return Some(at(a).midpoint(at(b)));
+                    }
+                    Some(_) => {}
+                    unknown => {
+                        *unknown = Some(expected);
+                        front.push(other.triangle);
+                    }
+                }
+            }
+        }
+    }
+    None
 }
 
 /// The sheet with vertices at the same place made one, without triangles that have no area or are there twice; turned if the
