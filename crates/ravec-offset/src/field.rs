@@ -149,7 +149,9 @@ impl<'a> Field<'a> {
             DVec3::new(0.0123, 0.0271, 1f64.copysign(from_center.z))
         };
         let hits = self.bvh.ray_hits(p, direction);
-        hits.iter().map(|hit| if hit.outward { 1 } else { -1 }).sum()
+        hits.iter()
+            .map(|hit| if hit.outward { 1 } else { -1 })
+            .sum()
     }
 
     /// The region of a level's own side.

@@ -117,7 +117,9 @@ pub enum OffsetError {
         boundary_edges: u64,
     },
     /// A side of what is thickened.
-    #[error("a sheet is thickened on the side that its triangles face: side {side:?} does not go with it, choose both")]
+    #[error(
+        "a sheet is thickened on the side that its triangles face: side {side:?} does not go with it, choose both"
+    )]
     SideOfSheet {
         /// What was asked for.
         side: Side,

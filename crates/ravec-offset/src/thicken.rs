@@ -154,7 +154,10 @@ impl Thickener<'_> {
             let first = self.sheet.positions().len() as u32;
             let mut changed = false;
             for v in bad.iter().flat_map(|&t| mesh.triangles()[t as usize]) {
-                for &t in v.checked_sub(first).map_or(&[][..], |v| around.triangles_at(v)) {
+                for &t in v
+                    .checked_sub(first)
+                    .map_or(&[][..], |v| around.triangles_at(v))
+                {
                     changed |= !std::mem::replace(&mut is_upper[t as usize], true);
                 }
             }
@@ -239,7 +242,10 @@ fn cleaned(mesh: &TriMesh, turn: bool) -> TriMesh {
         let corners = [a, b, c].map(|v| welded.positions()[v as usize]);
         let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
         let turned = if turn { [a, c, b] } else { [a, b, c] };
-        let least = turned.iter().position(|v| *v == a.min(b).min(c)).unwrap_or(0);
+        let least = turned
+            .iter()
+            .position(|v| *v == a.min(b).min(c))
+            .unwrap_or(0);
         let key = [0, 1, 2].map(|i| turned[(least + i) % 3]);
         (normal.normalize_or_zero() != DVec3::ZERO && seen.insert(key)).then_some(turned)
     });

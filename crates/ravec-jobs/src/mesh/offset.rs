@@ -275,7 +275,9 @@ pub fn run(
     }
     verdict.tell(params.side, &mut report);
     if let Some(kept) = done.sheet_kept {
-        report.figures.insert("sheet_kept", f64::from(u8::from(kept)));
+        report
+            .figures
+            .insert("sheet_kept", f64::from(u8::from(kept)));
         if !kept {
             report.warn(
                 "the sheet itself could not be one of the skins, triangle for triangle: that skin follows it within the \

@@ -118,7 +118,9 @@ impl<'a> Directed<'a> {
             }
             let mut least = vec![1.0_f64; around.len()];
             for (&t, &part) in around.iter().zip(&parts) {
-                let cosine = means[part].normalize_or_zero().dot(self.normals[t as usize]);
+                let cosine = means[part]
+                    .normalize_or_zero()
+                    .dot(self.normals[t as usize]);
                 least[part] = least[part].min(cosine);
             }
             for (&t, &part) in around.iter().zip(&parts) {
@@ -186,7 +188,11 @@ impl<'a> Directed<'a> {
         let damping = MITER_DAMPING * trace;
         matrix += DMat3::from_diagonal(DVec3::splat(damping));
         let miter = matrix.inverse() * (right + damping * mean);
-        if miter.is_finite() { miter.clamp_length_max(LONGEST_MITER) } else { mean }
+        if miter.is_finite() {
+            miter.clamp_length_max(LONGEST_MITER)
+        } else {
+            mean
+        }
     }
 
     fn angle_at(&self, triangle: u32, v: u32) -> f64 {

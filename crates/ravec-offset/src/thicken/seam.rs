@@ -44,7 +44,11 @@ pub(super) fn sew(
     if rims.len() != cuts.len() {
         return None;
     }
-    let mut triangles: Vec<[u32; 3]> = sheet.triangles().iter().map(|&[a, b, c]| [a, c, b]).collect();
+    let mut triangles: Vec<[u32; 3]> = sheet
+        .triangles()
+        .iter()
+        .map(|&[a, b, c]| [a, c, b])
+        .collect();
     let start = triangles.len() as u32;
     let mut places = surface.positions().to_vec();
     // where the cut runs back, its vertices become one
@@ -78,7 +82,9 @@ pub(super) fn sew(
         }
     }
     let end = triangles.len() as u32;
-    let merged_kept = kept.iter().map(|triangle| triangle.map(|v| merged[v as usize] + first));
+    let merged_kept = kept
+        .iter()
+        .map(|triangle| triangle.map(|v| merged[v as usize] + first));
     triangles.extend(merged_kept.filter(|[a, b, c]| a != b && b != c && c != a));
     let is_cut: FxHashSet<u32> = cuts.iter().flatten().map(|v| v + first).collect();
     let at_cut = (end..triangles.len() as u32)
@@ -191,7 +197,11 @@ impl Along {
         for i in 1..params.len() {
             // the shorter way around; a step back is noise
             let step = (params[i] - params[i - 1]).rem_euclid(length);
-            let step = if step > 0.5 * length && params.len() > 4 { 0.0 } else { step };
+            let step = if step > 0.5 * length && params.len() > 4 {
+                0.0
+            } else {
+                step
+            };
             params[i] = params[i - 1] + step;
         }
         let around = params[params.len() - 1] - params[0];

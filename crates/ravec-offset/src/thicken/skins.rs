@@ -80,7 +80,8 @@ fn changes_around(surface: &TriMesh, adjacency: &Adjacency, is_upper: &[bool], v
         // each edge at the vertex starts there in one of its triangles
         corners[side as usize] == v
             && uses.is_some_and(|uses| {
-                uses.iter().any(|u| is_upper[u.triangle as usize] != is_upper[t as usize])
+                uses.iter()
+                    .any(|u| is_upper[u.triangle as usize] != is_upper[t as usize])
             })
     };
     let sides = around.iter().flat_map(|&t| [0, 1, 2].map(|side| (t, side)));
@@ -109,7 +110,10 @@ fn give_up_islands(
             at += 1;
             area += area_vector(surface.corners(t)).length();
             let edges = (0..3).filter_map(|side| adjacency.edge_of(t, side));
-            for other in edges.flat_map(|edge| adjacency.uses(edge)).map(|u| u.triangle) {
+            for other in edges
+                .flat_map(|edge| adjacency.uses(edge))
+                .map(|u| u.triangle)
+            {
                 if is_upper[other as usize] == side && !seen[other as usize] {
                     seen[other as usize] = true;
                     island.push(other);
@@ -119,7 +123,11 @@ fn give_up_islands(
         islands.push((area, island));
     }
     islands.sort_by(|a, b| b.0.total_cmp(&a.0));
-    for t in islands.into_iter().skip(parts).flat_map(|(_, island)| island) {
+    for t in islands
+        .into_iter()
+        .skip(parts)
+        .flat_map(|(_, island)| island)
+    {
         is_upper[t as usize] = !side;
     }
 }

@@ -4,8 +4,8 @@
 //! cone joins the wedges. At concave hinges prisms overlap. All of them are closed and face outward, so a point is in the
 //! solid just where the winding number of all of them is above 0. What two of them share and face oppositely is left out.
 //!
-//! Guarantees: no point of the solid is farther than its upper height and the slack from the sheet. Does not guarantee: that
-//! it holds all that is as near on the front of vertices that are neither convex nor concave.
+//! Guarantees: no point of the solid is farther than its upper height and the slack from the sheet. Does not guarantee: upright
+//! walls where a valley ends at the boundary; there a prism may stand out beyond the wall of its neighbor.
 //!
 //! Cost: two triangles for each of the sheet where it is smooth, and about 20 for each edge of a crease.
 
@@ -18,6 +18,9 @@ use rustc_hash::FxHashMap;
 ///
 /// What is left open then is a ten-millionth of the height wide; angles from dot products are no better than that.
 const LEAST_TURN: f64 = 1e-7;
+
+/// Vertices with more edges than this are not searched for what is nearest to them: it takes the cube of their number.
+const MOST_EDGES: usize = 64;
 
 /// Polyhedra that may overlap.
 pub(super) struct Slab {
@@ -50,6 +53,7 @@ pub(super) fn slab(directed: &Directed<'_>, heights: [f64; 2], slack: f64) -> Sl
     turns.sort_unstable_by_key(|&(vertex, _)| vertex);
     for (vertex, turns) in turns {
         builder.vertex(vertex, &turns);
+        builder.saddle(vertex);
     }
     let count = builder.positions.len() as u32 / 3;
     let triangles = (0..count).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
@@ -118,7 +122,10 @@ impl Builder<'_> {
     fn sector(&mut self, vertex: u32, turn: &[DVec3]) {
         let low = self.low(vertex);
         for pair in turn.windows(2) {
-            self.triangle([low, self.high(vertex, pair[1]), self.high(vertex, pair[0])], false);
+            self.triangle(
+                [low, self.high(vertex, pair[1]), self.high(vertex, pair[0])],
+                false,
+            );
         }
     }
 
@@ -143,7 +150,11 @@ impl Builder<'_> {
         let uses = directed.adjacency.uses(edge);
         let [low, high] = directed.adjacency.edges()[edge as usize];
         for edge_use in uses {
-            let ends = if edge_use.forward { [low, high] } else { [high, low] };
+            let ends = if edge_use.forward {
+                [low, high]
+            } else {
+                [high, low]
+            };
             let directions = ends.map(|v| directed.at(edge_use.triangle, v));
             self.wall(ends, directions);
         }
@@ -169,9 +180,11 @@ impl Builder<'_> {
     /// What opens between two prisms; `alone` if their sides are there as well.
     fn wedge(&mut self, hinge: Hinge, alone: bool) {
         let ends = hinge.ends;
-        let [from, to] = [hinge.left, hinge.right]
-            .map(|t| hinge.ends.map(|v| self.directed.at(t, v)));
-        let angle = (0..2).map(|i| from[i].angle_between(to[i])).fold(0.0, f64::max);
+        let [from, to] =
+            [hinge.left, hinge.right].map(|t| hinge.ends.map(|v| self.directed.at(t, v)));
+        let angle = (0..2)
+            .map(|i| from[i].angle_between(to[i]))
+            .fold(0.0, f64::max);
         if angle < LEAST_TURN && !alone {
             return;
         }
@@ -198,6 +211,61 @@ impl Builder<'_> {
         }
     }
 
+    /// Fills what is nearest to a vertex at which some hinges open and others close.
+    fn saddle(&mut self, vertex: u32) {
+        let directed = self.directed;
+        let around = directed.adjacency.triangles_at(vertex);
+        let mut edges: Vec<u32> = around
+            .iter()
+            .flat_map(|&t| (0..3).filter_map(move |side| directed.adjacency.edge_of(t, side)))
+            .filter(|&edge| directed.adjacency.edges()[edge as usize].contains(&vertex))
+            .collect();
+        edges.sort_unstable();
+        edges.dedup();
+        let mut closes = false;
+        for &edge in &edges {
+            let Some(hinge) = directed.hinge(edge) else {
+                return;
+            };
+            closes |= directed
+                .openings(hinge)
+                .into_iter()
+                .any(|opening| opening < 0.0);
+        }
+        if !closes || edges.len() > MOST_EDGES {
+            return;
+        }
+        let place = self.place(vertex);
+        let ways: Vec<DVec3> = edges
+            .iter()
+            .map(|&edge| {
+                let [a, b] = directed.adjacency.edges()[edge as usize];
+                (self.place(if a == vertex { b } else { a }) - place).normalize_or_zero()
+            })
+            .collect();
+        let Some(rays) = polar_cone(&ways, directed.of_vertex[vertex as usize]) else {
+            return;
+        };
+        let mean = rays.iter().sum::<DVec3>().normalize_or_zero();
+        let widest = rays
+            .iter()
+            .map(|ray| ray.angle_between(mean))
+            .fold(0.0, f64::max);
+        let rings = (widest / self.step).ceil().max(1.0) as u32;
+        for (i, &from) in rays.iter().enumerate() {
+            let to = rays[(i + 1) % rays.len()];
+            let steps = (from.angle_between(to) / self.step).ceil().max(1.0) as u32;
+            let border = turn(from, to, steps);
+            for pair in border.windows(2) {
+                let [from, to] = [pair[0], pair[1]].map(|d| turn(mean, d, rings));
+                for k in 0..rings as usize {
+                    self.top([vertex; 4], [from[k], from[k + 1], to[k + 1], to[k]]);
+                }
+            }
+            self.sector(vertex, &border);
+        }
+    }
+
     /// A cone over the ends of wedges at a vertex.
     fn vertex(&mut self, vertex: u32, turns: &[Turn]) {
         let around = self.directed.adjacency.triangles_at(vertex);
@@ -209,7 +277,10 @@ impl Builder<'_> {
         // seen from outside the wedge its end runs clockwise around the cone
         let is_filled = |turn: &Turn| {
             let is_ahead = turn.iter().all(|direction| mean.dot(*direction) > 0.0);
-            is_ahead && turn.windows(2).all(|pair| mean.dot(pair[1].cross(pair[0])) > 0.0)
+            is_ahead
+                && turn
+                    .windows(2)
+                    .all(|pair| mean.dot(pair[1].cross(pair[0])) > 0.0)
         };
         let (filled, open): (Vec<&Turn>, Vec<&Turn>) =
             turns.iter().partition(|turn| is_filled(turn));
@@ -249,6 +320,35 @@ impl Builder<'_> {
             }
         }
     }
+}
+
+/// The directions in which a vertex is closer than anything beside it, counterclockwise around their mean: the cone polar to
+/// its edges. Nothing if it has no inside on the front.
+fn polar_cone(edges: &[DVec3], front: DVec3) -> Option<Vec<DVec3>> {
+    let mut rays: Vec<DVec3> = Vec::new();
+    for (i, &a) in edges.iter().enumerate() {
+        for &b in &edges[i + 1..] {
+            let across = a.cross(b).normalize_or_zero();
+            for ray in [across, -across] {
+                let is_free = edges.iter().all(|edge| edge.dot(ray) <= LEAST_TURN);
+                let is_new = rays.iter().all(|other| other.distance(ray) > LEAST_TURN);
+                if ray.dot(front) > 0.0 && is_free && is_new {
+                    rays.push(ray);
+                }
+            }
+        }
+    }
+    let mean = rays.iter().sum::<DVec3>().normalize_or_zero();
+    let right = mean.any_orthonormal_vector();
+    let up = mean.cross(right);
+    rays.sort_by(|a, b| {
+        let angle = |ray: &DVec3| ray.dot(up).atan2(ray.dot(right));
+        angle(a).total_cmp(&angle(b))
+    });
+    let is_ahead = |pair: [DVec3; 2]| mean.dot(pair[0].cross(pair[1])) > LEAST_TURN;
+    let count = rays.len();
+    let is_cone = count > 2 && (0..count).all(|i| is_ahead([rays[i], rays[(i + 1) % count]]));
+    is_cone.then_some(rays)
 }
 
 /// The directions on the way from one to another in equal steps.
