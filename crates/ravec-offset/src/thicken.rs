@@ -68,10 +68,10 @@ pub(crate) fn thicken(
         height,
         params: &checked,
     };
-    if thickener.is_clean(progress)? {
-        if let Some(kept) = thickener.around_sheet(progress)? {
-            return Ok(kept);
-        }
+    if thickener.is_clean(progress)?
+        && let Some(kept) = thickener.around_sheet(progress)?
+    {
+        return Ok(kept);
     }
     let (mut offset, _) = thickener.around([0.0, height], OFF, progress)?;
     offset.report.sheet_kept = Some(false);
