@@ -293,8 +293,8 @@ fn a_sheet_becomes_a_plate_on_either_side() {
     let shop = Shop::new();
     for (distance, name) in [(0.25, "up.off"), (-0.25, "down.off")] {
         let params = Params {
-            distance: Dimension::Plain(distance),
-            tolerance: Some(Dimension::Plain(0.02)),
+            distance: Dimension::Units(distance),
+            tolerance: Some(Dimension::Units(0.02)),
             open: Open::Thicken,
             ..Params::default()
         };
