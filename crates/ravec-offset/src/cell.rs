@@ -192,8 +192,8 @@ impl Cell<'_> {
             if near.distance <= 0.0 || signed_distance * self.field.level < 0.0 {
                 continue;
             }
-            let foot = p + (radius - near.distance) * near.away;
-            if foot.cmplt(low).any() || foot.cmpgt(high).any() {
+            let foot = self.field.foot(p, &near);
+            if foot.cmplt(low).any() || foot.cmpgt(high).any() || !self.is_border(foot, near.away) {
                 continue;
             }
             let mut sample = Sample {
@@ -212,6 +212,10 @@ impl Cell<'_> {
             }
             samples.push(sample);
         }
+    }
+
+    fn is_border(&self, p: DVec3, normal: DVec3) -> bool {
+        self.field.is_border(p, normal, ON_SURFACE * self.tolerance)
     }
 
     /// The points of the surface above the triangles that go through the cell, on the side that is wanted.
@@ -236,6 +240,16 @@ impl Cell<'_> {
             for away in [normal, -normal] {
                 let foot = base + radius * away;
                 if away == DVec3::ZERO || foot.cmplt(low).any() || foot.cmpgt(high).any() {
+                    continue;
+                }
+                if radius == 0.0 {
+                    if away == normal && self.is_border(foot, normal) {
+                        samples.push(Sample {
+                            point: foot,
+                            away,
+                            triangle,
+                        });
+                    }
                     continue;
                 }
                 let there = self.field.near(foot, center.triangle);
@@ -276,7 +290,7 @@ impl Cell<'_> {
             if (near.distance - radius).abs() <= 1e-3 * self.tolerance {
                 break;
             }
-            let moved = (v + (radius - near.distance) * near.away).clamp(low, high);
+            let moved = self.field.foot(v, &near).clamp(low, high);
             let there = self.field.near(moved, near.triangle);
             if (there.distance - radius).abs() >= (near.distance - radius).abs() {
                 break;
@@ -294,12 +308,19 @@ impl Cell<'_> {
             let mut normal_matrix = DMat3::from_diagonal(DVec3::splat(damping));
             let mut right = DVec3::ZERO;
             for &triangle in triangles {
-                let closest = closest_on_triangle(v, self.field.bvh().corners(triangle));
-                let distance = closest.distance_sq.sqrt();
-                if distance <= 0.0 {
-                    continue;
-                }
-                let gradient = (v - closest.point) / distance;
+                let corners = self.field.bvh().corners(triangle);
+                let (distance, gradient) = if radius > 0.0 {
+                    let closest = closest_on_triangle(v, corners);
+                    let distance = closest.distance_sq.sqrt();
+                    if distance <= 0.0 {
+                        continue;
+                    }
+                    (distance, (v - closest.point) / distance)
+                } else {
+                    // the surface is made of the triangles themselves
+                    let normal = self.field.near_of(v, triangle).away;
+                    (normal.dot(v - corners[0]), normal)
+                };
                 let outer = DMat3::from_cols(
                     gradient * gradient.x,
                     gradient * gradient.y,

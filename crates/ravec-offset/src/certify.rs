@@ -6,7 +6,7 @@
 
 use crate::field::{Field, Near};
 use glam::DVec3;
-use ravec_mesh::{closest_on_triangle, distance_sq_to_triangle};
+use ravec_mesh::distance_sq_to_triangle;
 
 /// How often a facet may be halved each way until the bound is strong enough.
 pub(crate) const MOST_CUTS: u32 = 8;
@@ -154,20 +154,21 @@ pub(crate) fn tilt(
         }
     };
     // a guess from what is known, and a search only if that is not good enough
-    let mut guess = (f64::INFINITY, hint, DVec3::ZERO);
+    let mut guess: Option<Near> = None;
     for (i, &triangle) in corners.iter().enumerate() {
         if corners[..i].contains(&triangle) {
             continue;
         }
-        let found = closest_on_triangle(middle, field.bvh().corners(triangle));
-        if found.distance_sq < guess.0 {
-            guess = (found.distance_sq, triangle, found.point);
+        let found = field.near_of(middle, triangle);
+        if guess.is_none_or(|guess| found.distance < guess.distance) {
+            guess = Some(found);
         }
     }
-    let (_, triangle, point) = guess;
-    let angle = off(middle - point);
-    if angle <= enough {
-        return Tilt { angle, triangle };
+    if let Some(Near { triangle, away, .. }) = guess {
+        let angle = off(away);
+        if angle <= enough {
+            return Tilt { angle, triangle };
+        }
     }
     let near = field.near(middle, hint);
     Tilt {

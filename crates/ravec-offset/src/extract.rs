@@ -495,7 +495,7 @@ impl Cutter<'_> {
                 if slope < 0.01 {
                     break;
                 }
-                let step = (field.radius() - near.distance) / slope;
+                let step = (field.foot(place, &near) - place).dot(near.away) / slope;
                 place = face.clamp(place + step * along);
                 if step.abs() <= 0.02 * self.refinement.tolerance {
                     break;

@@ -2,7 +2,7 @@
 //! distance that is asked for.
 
 use glam::DVec3;
-use ravec_mesh::{Bvh, Closest, WindingNumbers, closest_on_triangle};
+use ravec_mesh::{Aabb, Bvh, Closest, WindingNumbers, closest_on_triangle};
 
 /// On which side of the triangles something lies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -20,7 +20,10 @@ pub(crate) enum Region {
 pub(crate) struct Near {
     /// The closest triangle.
     pub triangle: u32,
-    /// The unit vector from the closest point here; zero on the triangles.
+    /// The closest point.
+    pub point: DVec3,
+    /// The unit vector from the closest point here; zero on the triangles. If the surface is made of the triangles
+    /// themselves it is the normal of the closest one.
     pub away: DVec3,
     /// How far it is.
     pub distance: f64,
@@ -30,6 +33,8 @@ pub(crate) struct Near {
 pub(crate) struct Field<'a> {
     bvh: &'a Bvh,
     winding: Option<WindingNumbers<'a>>,
+    is_signed: bool,
+    bounds: Aabb,
     /// The signed distance of the surface: below zero inside the solid.
     pub level: f64,
 }
@@ -39,7 +44,10 @@ impl<'a> Field<'a> {
     pub fn new(bvh: &'a Bvh, solid: bool, level: f64) -> Self {
         Self {
             bvh,
-            winding: solid.then(|| WindingNumbers::new(bvh)),
+            // polyhedra are closed: rays count them, faster and exactly
+            winding: (solid && level != 0.0).then(|| WindingNumbers::new(bvh)),
+            is_signed: solid,
+            bounds: bvh.bounds(),
             level,
         }
     }
@@ -51,7 +59,7 @@ impl<'a> Field<'a> {
 
     /// Whether distances have a sign.
     pub fn is_signed(&self) -> bool {
-        self.winding.is_some()
+        self.is_signed
     }
 
     pub fn bvh(&self) -> &'a Bvh {
@@ -68,11 +76,11 @@ impl<'a> Field<'a> {
             distance_sq,
             ..
         } = closest.expect("the point is finite and there are triangles");
-        let distance = distance_sq.sqrt();
         Near {
             triangle,
-            away: (p - point).normalize_or_zero(),
-            distance,
+            point,
+            away: self.away(p, point, triangle),
+            distance: distance_sq.sqrt(),
         }
     }
 
@@ -82,17 +90,68 @@ impl<'a> Field<'a> {
         let closest = closest_on_triangle(p, self.bvh.corners(triangle));
         Near {
             triangle,
-            away: (p - closest.point).normalize_or_zero(),
+            point: closest.point,
+            away: self.away(p, closest.point, triangle),
             distance: closest.distance_sq.sqrt(),
         }
     }
 
+    #[inline]
+    fn away(&self, p: DVec3, closest: DVec3, triangle: u32) -> DVec3 {
+        if self.level == 0.0 {
+            let [a, b, c] = self.bvh.corners(triangle);
+            (b - a).cross(c - a).normalize_or_zero()
+        } else {
+            (p - closest).normalize_or_zero()
+        }
+    }
+
+    /// The point of the surface above what is closest to `p`, if nothing else is closer up there.
+    #[inline]
+    pub fn foot(&self, p: DVec3, near: &Near) -> DVec3 {
+        if self.level == 0.0 {
+            near.point
+        } else {
+            p + (self.radius() - near.distance) * near.away
+        }
+    }
+
+    /// Whether a point of a triangle is one of the border, if the surface is made of the triangles themselves: of solids
+    /// that overlap, parts of some lie inside others.
+    pub fn is_border(&self, p: DVec3, normal: DVec3, step: f64) -> bool {
+        // below the point there is a solid in any case
+        self.level != 0.0 || self.region(p + step * normal) == Region::Outside
+    }
+
     /// The side of a point.
     pub fn region(&self, p: DVec3) -> Region {
-        match &self.winding {
-            Some(winding) if winding.is_inside(p) => Region::Inside,
-            _ => Region::Outside,
+        let is_inside = match &self.winding {
+            Some(winding) => winding.is_inside(p),
+            None => self.is_signed && self.turns_around(p) > 0,
+        };
+        if is_inside {
+            Region::Inside
+        } else {
+            Region::Outside
         }
+    }
+
+    /// How often closed polyhedra go around a point.
+    fn turns_around(&self, p: DVec3) -> i32 {
+        // along the axis on which it is not far to the end, and a little aside, where no edges are likely to be
+        let from_center = p - self.bounds.center();
+        let left = 0.5 * self.bounds.size() - from_center.abs();
+        let direction = if left.x <= left.y && left.x <= left.z {
+            DVec3::new(1f64.copysign(from_center.x), 0.0123, 0.0271)
+        } else if left.y <= left.z {
+            DVec3::new(0.0271, 1f64.copysign(from_center.y), 0.0123)
+        } else {
+            DVec3::new(0.0123, 0.0271, 1f64.copysign(from_center.z))
+        };
+        let hits = self.bvh.ray_hits(p, direction);
+        hits.iter()
+            .map(|hit| if hit.outward { 1 } else { -1 })
+            .sum()
     }
 
     /// The region of a level's own side.

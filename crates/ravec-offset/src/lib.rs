@@ -33,8 +33,9 @@ mod outermost;
 mod params;
 mod refine;
 mod simplify;
+mod thicken;
 mod tile;
 
 pub use cells::{OffsetCell, offset_cells};
 pub use offset::{Offset, OffsetReport, offset};
-pub use params::{OffsetError, OffsetParams, Side};
+pub use params::{OffsetError, OffsetParams, OpenRule, Side};

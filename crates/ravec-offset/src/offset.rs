@@ -3,8 +3,9 @@
 use crate::field::Field;
 use crate::measure::{creases, measure};
 use crate::mend::Mending;
-use crate::params::{OffsetError, OffsetParams, Side};
+use crate::params::{OffsetError, OffsetParams, OpenRule, Side};
 use crate::simplify::simplify;
+use crate::thicken::thicken;
 use glam::DVec3;
 use ravec_mesh::{Bvh, CheckParams, TriMesh, check};
 use ravec_octree::Frame;
@@ -57,6 +58,8 @@ pub struct OffsetReport {
     /// Edges where the surface creases: both its facets and the normals of the true surface beside the edge turn by more
     /// than 20°.
     pub feature_edges: u64,
+    /// Of a thickened sheet, whether its own triangles are one of the skins, unchanged but for their direction.
+    pub sheet_kept: Option<bool>,
 }
 
 /// An offset surface.
@@ -78,7 +81,24 @@ pub fn offset(
     params: &OffsetParams,
     progress: &Progress,
 ) -> Result<Offset, OffsetError> {
-    let task = Task::new(mesh, params, progress)?;
+    if mesh.triangles().is_empty() {
+        return Err(OffsetError::NoTriangles);
+    }
+    if params.open == OpenRule::Thicken {
+        return thicken(mesh, params, progress);
+    }
+    params.check(&mesh.bounds())?;
+    surface(mesh, params, false, progress)
+}
+
+/// The surface, for parameters that were checked; with `wound`, around all that the triangles wind around, cavities too.
+pub(crate) fn surface(
+    mesh: &TriMesh,
+    params: &OffsetParams,
+    wound: bool,
+    progress: &Progress,
+) -> Result<Offset, OffsetError> {
+    let task = Task::checked(mesh, params, wound, progress)?;
     let field = task.field();
     let limits = [
         params.distance - params.tolerance,
@@ -110,7 +130,12 @@ pub fn offset(
         is_apart = false;
     }
     let measured = measure(&field, &surface, limits, progress)?;
-    let reach = (2.0 * params.tolerance).min(0.125 * params.distance);
+    let reach = 2.0 * params.tolerance;
+    let reach = if wound {
+        reach
+    } else {
+        reach.min(0.125 * params.distance)
+    };
     let feature_edges = creases(&field, &surface, reach, progress)?;
     if params.side == Side::Shell {
         surface = shell(mesh, &surface);
@@ -144,6 +169,7 @@ pub fn offset(
             most_distance: measured.most,
             most_distance_found: measured.most_found,
             feature_edges,
+            sheet_kept: None,
         },
         mesh: surface,
     })
@@ -169,8 +195,18 @@ impl Task {
         if mesh.triangles().is_empty() {
             return Err(OffsetError::NoTriangles);
         }
+        params.check(&mesh.bounds())?;
+        Self::checked(mesh, params, false, progress)
+    }
+
+    /// As [`Self::new`] for parameters that were checked; with `wound` around all that the triangles wind around.
+    fn checked(
+        mesh: &TriMesh,
+        params: &OffsetParams,
+        wound: bool,
+        progress: &Progress,
+    ) -> Result<Self, OffsetError> {
         let bounds = mesh.bounds();
-        params.check(&bounds)?;
         let quick = CheckParams {
             self_intersections: false,
             list_limit: 0,
@@ -186,11 +222,15 @@ impl Task {
             return Err(OffsetError::NotClosed { boundary_edges });
         }
         progress.check()?;
-        let level = params.distance + OFF_ROUND * params.tolerance;
+        let level = if wound {
+            0.0
+        } else {
+            params.distance + OFF_ROUND * params.tolerance
+        };
         let margin = if inward { 0.0 } else { params.distance } + 4.0 * params.tolerance;
         Ok(Self {
             bvh: Bvh::new(mesh),
-            is_solid: inward || (params.side == Side::Outer && boundary_edges == 0),
+            is_solid: wound || inward || (params.side == Side::Outer && boundary_edges == 0),
             level: if inward { -level } else { level },
             frame: frame_around(&bounds.grown(margin)),
         })

@@ -20,16 +20,35 @@ pub enum Side {
     Shell,
 }
 
+/// What to do with a mesh that is not closed.
+#[derive(
+    Debug, Clone, Copy, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize,
+)]
+#[serde(rename_all = "kebab-case")]
+pub enum OpenRule {
+    /// Refuse it where a side needs an inside.
+    #[default]
+    Refuse,
+    /// Take the mesh for a sheet, open or closed, and make it as thick as the distance, on the side that its triangles face
+    /// (that from which they are counterclockwise). The sheet is one skin of the result, the other is at the distance, and
+    /// walls stand upright along its boundary. Where parts of the sheet are nearer to each other than the distance, the
+    /// solids over them are one.
+    Thicken,
+}
+
 /// How to offset.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct OffsetParams {
-    /// The distance, in units of the mesh, above 0.
+    /// The distance, in units of the mesh, above 0. With [`OpenRule::Thicken`] it may be below: the sheet becomes thick on
+    /// the other side.
     pub distance: f64,
     /// How far the result may be off, in units of the mesh, above 0 and below half the distance.
     pub tolerance: f64,
     /// Which side (default both).
     pub side: Side,
+    /// What to do with a mesh that is not closed (default refuse); to thicken it, `side` must be both.
+    pub open: OpenRule,
     /// Whether to merge triangles as far as the tolerance allows (default yes).
     pub simplify: bool,
     /// How far simplification may turn a triangle away from the surface that it stands for, in degrees, above 0 and at most
@@ -48,6 +67,7 @@ impl Default for OffsetParams {
             distance: 1.0,
             tolerance: 0.01,
             side: Side::default(),
+            open: OpenRule::default(),
             simplify: true,
             max_normal_deviation_deg: 4.0,
             memory_bytes: None,
@@ -129,6 +149,28 @@ pub enum OffsetError {
     NotClosed {
         /// Edges with a triangle on one side only.
         boundary_edges: u64,
+    },
+    /// A side of what is thickened.
+    #[error(
+        "a sheet is thickened on the side that its triangles face: side {side:?} does not go with it, choose both"
+    )]
+    SideOfSheet {
+        /// What was asked for.
+        side: Side,
+    },
+    /// A sheet that turns into its own other side.
+    #[error(
+        "the sheet has one side only, like a Möbius strip (seen near {place}), so it has no front: cut it open there"
+    )]
+    OneSided {
+        /// A place where its sides come together.
+        place: glam::DVec3,
+    },
+    /// Nothing but triangles without area.
+    #[error("all {triangles} triangles are without area, so the sheet has no side: mend it first")]
+    NoArea {
+        /// How many.
+        triangles: u64,
     },
     /// Nothing is that deep inside, or nothing at all was found.
     #[error("no point of that side is {} away from the mesh: choose a smaller distance", Short(*distance))]

@@ -340,9 +340,13 @@ impl<'a> Refinement<'a> {
             min: low,
             max: high,
         };
-        self.field
-            .bvh()
-            .for_each_touching(&bounds, |_| triangles += 1);
+        let field = self.field;
+        field.bvh().for_each_touching(&bounds, |triangle| {
+            // large slanted triangles have boxes in which they are nearly nowhere
+            let is_far =
+                field.level == 0.0 && field.near_of(0.5 * (low + high), triangle).distance > radius;
+            triangles += usize::from(!is_far);
+        });
         !self.field.is_signed() || triangles > MOST_TRIANGLES
     }
 

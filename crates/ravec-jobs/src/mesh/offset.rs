@@ -49,6 +49,27 @@ impl From<Side> for library::Side {
     }
 }
 
+/// What to do with a mesh that is not closed.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+pub enum Open {
+    /// Refuse it where a side needs an inside
+    #[default]
+    Refuse,
+    /// Take it for a sheet, which becomes as thick as the distance on the side that its triangles face
+    Thicken,
+}
+
+impl From<Open> for library::OpenRule {
+    fn from(open: Open) -> Self {
+        match open {
+            Open::Refuse => Self::Refuse,
+            Open::Thicken => Self::Thicken,
+        }
+    }
+}
+
 /// How far, how exactly, and where.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -56,7 +77,7 @@ impl From<Side> for library::Side {
 pub struct Params {
     /// How far from the mesh: 0.5 (units of the file), 2% (of the diagonal of its bounding box) or 2mm (um, mm, cm, m, in, ft)
     ///
-    /// Above 0; with --side inner and shell also below, which is the same.
+    /// Above 0; with --side inner and shell also below, which is the same, and with --open thicken, which takes the other side.
     #[cfg_attr(
         feature = "cli",
         arg(short, long, value_name = "LENGTH", allow_hyphen_values = true)
@@ -74,6 +95,10 @@ pub struct Params {
     /// Which part of what is at the distance
     #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "SIDE", default_value_t = Params::default().side))]
     pub side: Side,
+    /// What to do with a mesh that is not closed: thicken makes a solid of a sheet, with the sheet itself as one skin, its
+    /// offset as the other, and upright walls along its boundary
+    #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "RULE", default_value_t = Params::default().open))]
+    pub open: Open,
     /// Keep all triangles, rather than merge them as far as the tolerance allows: faster, and many more triangles
     #[cfg_attr(feature = "cli", arg(long))]
     pub no_simplify: bool,
@@ -101,6 +126,7 @@ impl Default for Params {
             distance: Dimension::Percent(2.0),
             tolerance: None,
             side: Side::default(),
+            open: Open::default(),
             no_simplify: false,
             max_normal_deviation: library::OffsetParams::default().max_normal_deviation_deg,
             memory: None,
@@ -123,8 +149,9 @@ impl Params {
             Err(JobError::Parameter { name, value, range })
         };
         let distance = self.distance.number();
-        if distance == 0.0 || distance < 0.0 && !self.side.is_inward() {
-            let range = "above 0 (or below with --side inner or shell)";
+        let thickens = self.open == Open::Thicken;
+        if distance == 0.0 || distance < 0.0 && !self.side.is_inward() && !thickens {
+            let range = "above 0 (or below with --side inner or shell, or --open thicken)";
             return wrong("--distance", self.distance, range);
         }
         let deviation = self.max_normal_deviation;
@@ -177,7 +204,8 @@ impl Params {
 /// `self_intersections`, `triangles`, `extracted_triangles` (before they were merged); `cells` and `deepest_level` of the
 /// octree, and how it was mended: `mending_rounds`, `split_cells`, `filled_corners`; `feature_edges`, where the surface turns
 /// by more than 20°; `distance_least` and `distance_most`, proved for every point of the surface, and `distance_most_found`,
-/// the most that a corner or a middle of a triangle has; `largest_rounding` if the output holds 32-bit floats, which comes
+/// the most that a corner or a middle of a triangle has; `sheet_kept` (0 or 1) of a sheet that was thickened;
+/// `largest_rounding` if the output holds 32-bit floats, which comes
 /// on top of these.
 ///
 /// # Errors
@@ -225,10 +253,12 @@ pub fn run(
             range: "larger where coordinates become 32-bit floats: write PLY, OBJ, OFF or 3MF instead",
         });
     }
+    let turns = params.open == Open::Thicken && params.distance.number() < 0.0;
     let asked = library::OffsetParams {
-        distance,
+        distance: if turns { -distance } else { distance },
         tolerance: tolerance - rounding,
         side: params.side.into(),
+        open: params.open.into(),
         simplify: !params.no_simplify,
         max_normal_deviation_deg: params.max_normal_deviation,
         memory_bytes: params.memory.map(|size| size.as_u64()),
@@ -261,6 +291,19 @@ pub fn run(
         report.figures.insert("largest_rounding", moved);
     }
     verdict.tell(params.side, &mut report);
+    if let Some(kept) = done.sheet_kept {
+        report
+            .figures
+            .insert("sheet_kept", f64::from(u8::from(kept)));
+        if !kept {
+            report.warn(
+                "the sheet itself could not be one of the skins, triangle for triangle: that skin follows it within the \
+                 tolerance (where the sheet meets itself, is not manifold, faces both ways or lies within the distance of \
+                 itself, see `ravec mesh check`)"
+                    .to_owned(),
+            );
+        }
+    }
     report.figures.extend([
         ("triangles", done.triangles as f64),
         ("extracted_triangles", done.extracted_triangles as f64),

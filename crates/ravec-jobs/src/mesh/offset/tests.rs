@@ -301,3 +301,21 @@ fn nothing_is_written_after_a_cancellation() {
     assert!(matches!(error, Err(JobError::Cancelled)));
     assert!(!shop.at("out.off").exists());
 }
+
+#[test]
+fn a_sheet_becomes_a_plate_on_either_side() {
+    let shop = Shop::new();
+    for (distance, name) in [(0.25, "up.off"), (-0.25, "down.off")] {
+        let params = Params {
+            distance: Dimension::Units(distance),
+            tolerance: Some(Dimension::Units(0.02)),
+            open: Open::Thicken,
+            ..Params::default()
+        };
+        let report = shop.run("sheet.off", name, &params).unwrap();
+        assert_eq!(report.passed, Some(true));
+        assert_eq!(report.figures["sheet_kept"], 1.0);
+        let volume = measure(&shop.get(name)).volume;
+        assert!((volume - 0.5).abs() < 1e-3, "{volume}");
+    }
+}
