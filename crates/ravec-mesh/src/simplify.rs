@@ -19,14 +19,15 @@
 //! [`SimplifyParams::avoid_intersections`] a mesh without self-intersections stays without them, exactly; vertices that
 //! are not moved keep their places bit by bit; the same result on any number of threads. Does not guarantee: a distance
 //! to the original surface; the veto of the caller can.
-//! Cost: O(n), 2 to 5 µs for each collapse on one thread, 10 µs more for the search for intersections and 20 µs more for
-//! the error; some 300 bytes a triangle.
+//! Cost: O(n), 2 to 5 µs for each collapse on one thread, 10 µs more for the search for intersections, and about as much
+//! for the error; some 300 bytes a triangle. [`simplify_patches`] does the same on all threads of the pool.
 
 mod deviation;
 mod engine;
 mod examine;
 mod judge;
 mod octree;
+mod parts;
 mod patches;
 mod quadric;
 mod queue;
@@ -66,7 +67,7 @@ pub struct SimplifyParams {
     /// provably, kept below. Larger gives fewer triangles.
     pub max_error: f64,
     /// Whether to measure the error in both directions (default true), and not only from the original. Without, it takes
-    /// a third of the time, and parts of the simplified surface may be farther away, such as between two sheets.
+    /// less time, and parts of the simplified surface may be farther away, such as between two sheets.
     pub both_ways: bool,
     /// Edges at which triangles meet at a larger angle between their normals than this, in radians, are features (default
     /// π: none). Quadrics keep creases quite well by themselves; with this they are kept as chains of edges. Smaller

@@ -130,16 +130,15 @@ pub(crate) struct Tilt {
     pub triangle: u32,
 }
 
-/// How a facet lies; `corners` are the triangles closest to its corners, and `middle` one that may be close to its middle. An
+/// How a facet lies; `corners` are the triangles closest to its corners, and `hint` one that may be close to its middle. An
 /// angle up to `enough` is one that was found without a search.
 pub(crate) fn tilt(
     field: &Field<'_>,
     facet: [DVec3; 3],
     corners: [u32; 3],
-    middle: u32,
+    hint: u32,
     enough: f64,
 ) -> Tilt {
-    let hint = middle;
     let [a, b, c] = facet;
     let normal = (b - a).cross(c - a);
     let middle = (a + b + c) / 3.0;

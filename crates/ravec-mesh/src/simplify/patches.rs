@@ -16,24 +16,16 @@ use std::sync::Mutex;
 use glam::DVec3;
 use ravec_progress::{Cancelled, Phase, Progress};
 use rayon::prelude::*;
-use rustc_hash::{FxHashMap, FxHashSet};
+use rustc_hash::FxHashMap;
 
 use super::deviation::{Sample, samples};
 use super::engine::{Engine, Leftover, Start};
 use super::judge::{Overseer, Trust};
-use super::surface::{GONE, edge_key};
+use super::parts::{Part, cut, grow};
+use super::surface::{GONE, creases};
 use super::{Keep, Simplified, SimplifyError, SimplifyParams, SimplifyReport, validate};
 use crate::adjacency::is_proper;
-use crate::{Aabb, Adjacency, Bvh, TriMesh, for_each_self_intersection};
-
-/// Patches have at least about half as many triangles: of smaller ones much is seam.
-const FEWEST: usize = 4096;
-
-/// Patches have at most about as many triangles: little is gained from fewer seams than that.
-const MOST: usize = 16_384;
-
-/// So many patches are made between these limits: enough for as many threads.
-const PATCHES: usize = 8;
+use crate::{Adjacency, Bvh, TriMesh, for_each_self_intersection};
 
 /// How many rings of triangles around what was held or restored are simplified in the end.
 const RINGS: usize = 2;
@@ -68,6 +60,8 @@ pub fn simplify_patches(
     let limited = params.max_error < f64::INFINITY;
     let original = (limited && params.both_ways).then(|| Bvh::new(mesh));
     let known = limited.then(|| samples(mesh, &adjacency));
+    let mut features = creases(mesh, &adjacency, params.feature_angle_rad);
+    features.extend(keep.features);
     drop(adjacency);
     let mut fixed = vec![false; mesh.positions().len()];
     for &v in keep.vertices {
@@ -75,8 +69,13 @@ pub fn simplify_patches(
     }
     let task = Task {
         mesh,
-        params,
+        params: SimplifyParams {
+            // creases are named from now on
+            feature_angle_rad: std::f64::consts::PI,
+            ..*params
+        },
         original: original.as_ref(),
+        features,
         fixed,
         overseer,
         phase: progress.phase("simplify", mesh.triangles().len() as u64),
@@ -85,7 +84,6 @@ pub fn simplify_patches(
     let mut assembly = Assembly {
         positions: mesh.positions().to_vec(),
         merged_into: (0..mesh.positions().len() as u32).collect(),
-        features: keep.features.to_vec(),
         samples: known.unwrap_or_default(),
         report: SimplifyReport::default(),
     };
@@ -101,14 +99,16 @@ pub fn simplify_patches(
         task.simplify_whole(&mut assembly, Some(&restored), Trust::Final)?;
     }
     progress.check()?;
-    Ok(assembly.into_simplified(mesh))
+    Ok(task.finish(assembly))
 }
 
 /// What all steps have in common.
 struct Task<'a, O> {
     mesh: &'a TriMesh,
-    params: &'a SimplifyParams,
+    params: SimplifyParams,
     original: Option<&'a Bvh>,
+    /// All edges that are features.
+    features: Vec<[u32; 2]>,
     fixed: Vec<bool>,
     overseer: &'a O,
     phase: Phase,
@@ -116,8 +116,8 @@ struct Task<'a, O> {
 }
 
 /// What an engine is to do.
+#[derive(Clone, Copy)]
 struct Work<'a> {
-    params: &'a SimplifyParams,
     keep: Keep<'a>,
     trust: Trust,
     sealed: bool,
@@ -128,62 +128,8 @@ struct Assembly {
     positions: Vec<DVec3>,
     /// Of each vertex, the one that stands for it.
     merged_into: Vec<u32>,
-    features: Vec<[u32; 2]>,
     samples: Vec<Sample>,
     report: SimplifyReport,
-}
-
-/// A part of the original or of what became of it, as a mesh of its own.
-struct Part {
-    mesh: TriMesh,
-    /// The names of its vertices and triangles in the original.
-    vertices: Vec<u32>,
-    triangles: Vec<u32>,
-}
-
-impl Part {
-    fn new(original: &TriMesh, assembly: &Assembly, triangles: impl Iterator<Item = u32>) -> Self {
-        let mut names: FxHashMap<u32, u32> = FxHashMap::default();
-        let mut vertices = Vec::new();
-        let mut kept = Vec::new();
-        let mut corners = Vec::new();
-        for t in triangles {
-            let now = original.triangles()[t as usize].map(|v| assembly.merged_into[v as usize]);
-            if is_proper(now) {
-                kept.push(t);
-                corners.push(now.map(|v| {
-                    *names.entry(v).or_insert_with(|| {
-                        vertices.push(v);
-                        vertices.len() as u32 - 1
-                    })
-                }));
-            }
-        }
-        let positions = vertices.iter().map(|&v| assembly.positions[v as usize]);
-        Self {
-            mesh: TriMesh::new(positions.collect(), corners).expect("names were just given"),
-            vertices,
-            triangles: kept,
-        }
-    }
-
-    /// Those features of the original that are edges here, by their names here.
-    fn features(&self, features: &[[u32; 2]]) -> Vec<[u32; 2]> {
-        if features.is_empty() {
-            return Vec::new();
-        }
-        let sides = self.mesh.triangles().iter();
-        let edges: FxHashSet<u64> = sides
-            .flat_map(|&[a, b, c]| [edge_key(a, b), edge_key(b, c), edge_key(c, a)])
-            .collect();
-        let names: FxHashMap<u32, u32> = self.vertices.iter().copied().zip(0..).collect();
-        let named = features
-            .iter()
-            .filter_map(|[a, b]| Some([*names.get(a)?, *names.get(b)?]));
-        named
-            .filter(|&[a, b]| edges.contains(&edge_key(a, b)))
-            .collect()
-    }
 }
 
 impl<O: Overseer> Task<'_, O> {
@@ -203,14 +149,13 @@ impl<O: Overseer> Task<'_, O> {
             .par_iter()
             .zip(samples_of)
             .map(|(group, samples)| {
-                let part = Part::new(self.mesh, shared, group.iter().copied());
+                let part = Part::new(self.mesh, shared.now(), group.iter().copied());
                 let is_kept = |v: u32| held[v as usize] || self.fixed[v as usize];
                 let named = (0_u32..).zip(&part.vertices);
                 let keep = named.filter(|&(_, &v)| is_kept(v)).map(|(name, _)| name);
                 let work = Work {
-                    params: self.params,
                     keep: Keep {
-                        features: &part.features(&shared.features),
+                        features: &part.features(&self.features, &shared.merged_into),
                         vertices: &keep.collect::<Vec<u32>>(),
                     },
                     trust: Trust::Examined,
@@ -220,7 +165,6 @@ impl<O: Overseer> Task<'_, O> {
                 Ok((part, leftover))
             })
             .collect::<Result<_, SimplifyError>>()?;
-        assembly.features.clear();
         for (part, leftover) in found {
             assembly.take(&part, leftover);
         }
@@ -241,7 +185,7 @@ impl<O: Overseer> Task<'_, O> {
         }
         let start = Start {
             mesh: &part.mesh,
-            params: work.params,
+            params: &self.params,
             keep: work.keep,
             sealed: work.sealed,
             samples: Some(samples),
@@ -261,7 +205,7 @@ impl<O: Overseer> Task<'_, O> {
         let mut suspects: Option<Vec<bool>> = None;
         loop {
             self.progress.check()?;
-            let part = Part::new(self.mesh, assembly, all.clone());
+            let part = Part::new(self.mesh, assembly.now(), all.clone());
             let faults = self.faults(&part, suspects.as_deref(), &restored)?;
             // whole clusters are restored
             let mut chosen = vec![false; merged.len()];
@@ -341,7 +285,7 @@ impl<O: Overseer> Task<'_, O> {
         trust: Trust,
     ) -> Result<(), SimplifyError> {
         let all = 0..self.mesh.triangles().len() as u32;
-        let part = Part::new(self.mesh, assembly, all);
+        let part = Part::new(self.mesh, assembly.now(), all);
         let free = free.map(|free| {
             let mut here: Vec<bool> = part.vertices.iter().map(|&v| free[v as usize]).collect();
             grow(&mut here, &part.mesh, RINGS);
@@ -354,32 +298,51 @@ impl<O: Overseer> Task<'_, O> {
             })
             .map(|(name, _)| name)
             .collect();
-        let features = part.features(&assembly.features);
-        let keep = Keep {
-            features: &features,
-            vertices: &keep,
-        };
-        let samples = std::mem::take(&mut assembly.samples);
-        let params = SimplifyParams {
-            // what has been simplified before has found its features
-            feature_angle_rad: if free.is_some() {
-                std::f64::consts::PI
-            } else {
-                self.params.feature_angle_rad
-            },
-            ..*self.params
-        };
         let work = Work {
-            params: &params,
-            keep,
+            keep: Keep {
+                features: &part.features(&self.features, &assembly.merged_into),
+                vertices: &keep,
+            },
             trust,
             sealed: false,
         };
+        let samples = std::mem::take(&mut assembly.samples);
         let leftover = self.run(&part, samples, work)?;
-        assembly.features.clear();
         assembly.take(&part, leftover);
         assembly.resolve();
         Ok(())
+    }
+
+    /// The mesh of what is still there.
+    fn finish(&self, assembly: Assembly) -> Simplified {
+        let now = |v: u32| assembly.merged_into[v as usize];
+        let corners = self.mesh.triangles().iter().map(|t| t.map(now));
+        let triangles: Vec<[u32; 3]> = corners
+            .map(|corners| if is_proper(corners) { corners } else { GONE })
+            .collect();
+        let left = triangles.iter().filter(|t| **t != GONE).count() as u64;
+        let ends = self.features.iter().map(|ends| ends.map(now));
+        let mut features: Vec<[u32; 2]> = ends
+            .filter(|[a, b]| a != b)
+            .map(|[a, b]| [a.min(b), a.max(b)])
+            .collect();
+        features.sort_unstable();
+        features.dedup();
+        let report = SimplifyReport {
+            triangles_before: self.mesh.triangles().len() as u64,
+            triangles_after: left,
+            target_reached: left == 0,
+            ..assembly.report
+        };
+        Leftover {
+            positions: assembly.positions,
+            triangles,
+            merged_into: assembly.merged_into,
+            features,
+            samples: Vec::new(),
+            report,
+        }
+        .into_simplified()
     }
 
     /// The patch of each triangle, and whether triangles of several patches share a vertex.
@@ -401,6 +364,11 @@ impl<O: Overseer> Task<'_, O> {
 }
 
 impl Assembly {
+    /// Which vertices stand for which, and where they are.
+    fn now(&self) -> (&[u32], &[DVec3]) {
+        (&self.merged_into, &self.positions)
+    }
+
     /// Takes over what became of a part.
     fn take(&mut self, part: &Part, leftover: Leftover) {
         let name = |v: u32| part.vertices[v as usize];
@@ -410,12 +378,6 @@ impl Assembly {
                 self.positions[name(v) as usize] = leftover.positions[v as usize];
             }
         }
-        let features = leftover.features.iter().map(|ends| ends.map(name));
-        self.features
-            .extend(features.map(|[a, b]| [a.min(b), a.max(b)]));
-        // an edge between patches is known to both
-        self.features.sort_unstable();
-        self.features.dedup();
         let samples = leftover.samples.into_iter();
         self.samples.extend(samples.map(|sample| Sample {
             triangle: part.triangles[sample.triangle as usize],
@@ -436,33 +398,6 @@ impl Assembly {
             self.merged_into[v] = end;
         }
     }
-
-    /// The mesh of what is still there.
-    fn into_simplified(self, mesh: &TriMesh) -> Simplified {
-        let corners = |t: &[u32; 3]| t.map(|v| self.merged_into[v as usize]);
-        let triangles: Vec<[u32; 3]> = mesh
-            .triangles()
-            .iter()
-            .map(corners)
-            .map(|now| if is_proper(now) { now } else { GONE })
-            .collect();
-        let left = triangles.iter().filter(|t| **t != GONE).count() as u64;
-        let report = SimplifyReport {
-            triangles_before: mesh.triangles().len() as u64,
-            triangles_after: left,
-            target_reached: left == 0,
-            ..self.report
-        };
-        Leftover {
-            positions: self.positions,
-            triangles,
-            merged_into: self.merged_into,
-            features: self.features,
-            samples: Vec::new(),
-            report,
-        }
-        .into_simplified()
-    }
 }
 
 impl SimplifyReport {
@@ -473,51 +408,5 @@ impl SimplifyReport {
             (Some(a), Some(b)) => Some(a.max(b)),
             (a, b) => a.or(b),
         };
-    }
-}
-
-/// Cuts the triangles into patches.
-fn cut(mesh: &TriMesh) -> Vec<Vec<u32>> {
-    let proper = (0_u32..)
-        .zip(mesh.triangles())
-        .filter(|(_, t)| is_proper(**t));
-    let all: Vec<u32> = proper.map(|(t, _)| t).collect();
-    let middles: Vec<DVec3> = (0..mesh.triangles().len() as u32)
-        .map(|t| mesh.corners(t).into_iter().sum())
-        .collect();
-    let most = (all.len() / PATCHES).clamp(FEWEST, MOST);
-    let mut patches = Vec::new();
-    let mut to_cut = vec![all];
-    while let Some(mut triangles) = to_cut.pop() {
-        if triangles.len() <= most + most / 8 {
-            triangles.sort_unstable();
-            patches.push(triangles);
-            continue;
-        }
-        let size = Aabb::around(triangles.iter().map(|&t| middles[t as usize])).size();
-        let longest = (0..3).max_by(|&a, &b| size[a].total_cmp(&size[b]));
-        let axis = longest.unwrap_or(0);
-        let half = triangles.len() / 2;
-        triangles.select_nth_unstable_by(half, |&s, &t| {
-            let [x, y] = [s, t].map(|t| middles[t as usize][axis]);
-            x.total_cmp(&y).then(s.cmp(&t))
-        });
-        to_cut.push(triangles.split_off(half));
-        to_cut.push(triangles);
-    }
-    patches
-}
-
-/// Adds rings of neighbors.
-fn grow(chosen: &mut [bool], mesh: &TriMesh, rings: usize) {
-    for _ in 0..rings {
-        let before = chosen.to_vec();
-        for corners in mesh.triangles() {
-            if corners.iter().any(|&v| before[v as usize]) {
-                for &v in corners {
-                    chosen[v as usize] = true;
-                }
-            }
-        }
     }
 }

@@ -27,6 +27,29 @@ pub(super) fn edge_key(a: u32, b: u32) -> u64 {
     u64::from(a.min(b)) << 32 | u64::from(a.max(b))
 }
 
+/// The edges between two triangles whose normals differ by more than an angle.
+pub(super) fn creases(mesh: &TriMesh, adjacency: &Adjacency, angle_rad: f64) -> Vec<[u32; 2]> {
+    if angle_rad >= std::f64::consts::PI {
+        return Vec::new();
+    }
+    let cosine = angle_rad.cos();
+    (0_u32..)
+        .zip(adjacency.edges())
+        .filter(|&(edge, _)| match adjacency.uses(edge) {
+            [one, other] if one.forward != other.forward => {
+                let [m, n] = [one, other].map(|at| {
+                    let [p, q, r] = mesh.corners(at.triangle);
+                    (q - p).cross(r - p)
+                });
+                // slivers without a normal of their own make no crease
+                m.dot(n) < cosine * m.length() * n.length()
+            }
+            _ => false,
+        })
+        .map(|(_, &ends)| ends)
+        .collect()
+}
+
 /// Triangles, positions, and which triangles are at which vertex.
 pub(super) struct Surface {
     pub positions: Vec<DVec3>,
@@ -80,33 +103,22 @@ impl Surface {
             features.insert(edge_key(a, b));
         }
         let mut special = features.clone();
-        let cosine = params.feature_angle_rad.cos();
-        let looks_for_features = params.feature_angle_rad < std::f64::consts::PI;
+        for [a, b] in creases(mesh, adjacency, params.feature_angle_rad) {
+            special.insert(edge_key(a, b));
+            features.insert(edge_key(a, b));
+        }
         for (edge, &[a, b]) in (0_u32..).zip(adjacency.edges()) {
-            let key = edge_key(a, b);
             match adjacency.uses(edge) {
                 [_] => {
-                    special.insert(key);
+                    special.insert(edge_key(a, b));
                     if params.boundary == BoundaryRule::Lock {
                         fixed[a as usize] = true;
                         fixed[b as usize] = true;
                     }
                 }
-                [one, other] if one.forward != other.forward => {
-                    if looks_for_features {
-                        let [m, n] = [one, other].map(|u| {
-                            let [p, q, r] = mesh.corners(u.triangle);
-                            (q - p).cross(r - p)
-                        });
-                        // slivers without a normal of their own make no crease
-                        if m.dot(n) < cosine * m.length() * n.length() {
-                            special.insert(key);
-                            features.insert(key);
-                        }
-                    }
-                }
+                [one, other] if one.forward != other.forward => {}
                 _ => {
-                    special.insert(key);
+                    special.insert(edge_key(a, b));
                 }
             }
         }

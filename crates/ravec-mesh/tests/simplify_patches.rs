@@ -1,0 +1,209 @@
+//! Meshes simplified in patches: no seam, no harm, and nothing at fault.
+
+use std::collections::HashMap;
+
+use glam::DVec3;
+use ravec_mesh::{
+    CheckParams, CollapseCandidate, Keep, MeshCheck, Overseer, Simplified, SimplifyError,
+    SimplifyParams, TriMesh, Trust, check, simplify_patches,
+};
+use ravec_progress::Progress;
+
+/// Admits all.
+struct Easygoing;
+
+impl Overseer for Easygoing {
+    type Judge = fn(&CollapseCandidate<'_>) -> bool;
+
+    fn judge(&self, _: &TriMesh, _: Trust) -> Self::Judge {
+        |_| false
+    }
+}
+
+fn run(mesh: &TriMesh, params: &SimplifyParams, keep: &Keep<'_>) -> Simplified {
+    simplify_patches(mesh, params, keep, &Easygoing, &Progress::none()).unwrap()
+}
+
+fn checked(mesh: &TriMesh) -> MeshCheck {
+    check(mesh, &CheckParams::default(), &Progress::none()).unwrap()
+}
+
+/// The box from the origin to (1, 1, 1), each side a grid of `n` by `n` squares.
+fn grid_box(n: u32) -> TriMesh {
+    let mut names = HashMap::new();
+    let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+    let mut name = |p: [u32; 3]| {
+        *names.entry(p).or_insert_with(|| {
+            positions.push(DVec3::from_array(p.map(f64::from)) / f64::from(n));
+            positions.len() as u32 - 1
+        })
+    };
+    for axis in 0..3 {
+        for k in 0..2 * n * n {
+            let (side, i, j) = (k / (n * n), k / n % n, k % n);
+            let mut at = |u: u32, v: u32| {
+                let mut p = [0; 3];
+                (p[axis], p[(axis + 1) % 3], p[(axis + 2) % 3]) = (side * n, i + u, j + v);
+                name(p)
+            };
+            let mut quad = [at(0, 0), at(1, 0), at(1, 1), at(0, 1)];
+            if side == 0 {
+                quad.reverse();
+            }
+            let [a, b, c, d] = quad;
+            triangles.extend([[a, b, c], [a, c, d]]);
+        }
+    }
+    TriMesh::new(positions, triangles).unwrap()
+}
+
+/// A shell of two wavy spheres, close to one another, of 37 632 triangles: eight patches.
+fn thin_shell() -> TriMesh {
+    let ball = grid_box(56);
+    let wavy = |p: &DVec3, r: f64| {
+        let n = (*p - 0.5).normalize();
+        let waves = 0.08 * (9.0 * n.x).sin() * (7.0 * n.y + 1.0).sin() * (8.0 * n.z + 2.0).cos();
+        n * (r + waves)
+    };
+    let outer = ball.positions().iter().map(|p| wavy(p, 1.004));
+    let inner = ball.positions().iter().map(|p| wavy(p, 1.0));
+    let count = ball.positions().len() as u32;
+    let flipped = (ball.triangles().iter()).map(|&[a, b, c]| [a, c, b].map(|v| v + count));
+    let triangles = ball.triangles().iter().copied().chain(flipped).collect();
+    TriMesh::new(outer.chain(inner).collect(), triangles).unwrap()
+}
+
+#[test]
+fn no_seam_is_left_on_the_sides_of_a_box() {
+    let mesh = grid_box(40);
+    for feature_angle_rad in [std::f64::consts::PI, 0.5] {
+        let params = SimplifyParams {
+            max_error: 1e-9,
+            feature_angle_rad,
+            ..SimplifyParams::default()
+        };
+        let simple = run(&mesh, &params, &Keep::default());
+        assert_eq!(simple.mesh.triangles().len(), 12);
+        assert!(checked(&simple.mesh).is_solid());
+        let creases = if feature_angle_rad < 1.0 { 12 } else { 0 };
+        assert_eq!(simple.features.len(), creases);
+        // the corners of the box have integers as coordinates
+        let corners = simple.mesh.positions().iter();
+        assert!(corners.clone().all(|p| p.distance(p.round()) < 1e-9));
+    }
+}
+
+#[test]
+fn walls_in_different_patches_do_not_come_to_intersect_on_any_number_of_threads() {
+    let mesh = thin_shell();
+    let params = SimplifyParams {
+        max_error: 0.003,
+        ..SimplifyParams::default()
+    };
+    let with = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        pool.unwrap()
+            .install(|| run(&mesh, &params, &Keep::default()))
+    };
+    let simple = with(4);
+    assert!(checked(&simple.mesh).is_solid());
+    assert!(simple.report.triangles_after < simple.report.triangles_before / 4);
+    assert_eq!(
+        simple.report.triangles_after,
+        simple.mesh.triangles().len() as u64
+    );
+    assert_eq!(simple, with(1));
+}
+
+#[test]
+fn vertices_and_features_to_keep_stay_across_patches() {
+    let mesh = grid_box(40);
+    let id = |p: DVec3| {
+        let found = mesh.positions().iter().position(|q| q.distance(p) < 1e-9);
+        found.unwrap() as u32
+    };
+    let along = |i: u32| id(DVec3::new(f64::from(i) / 40.0, 0.5, 1.0));
+    let features: Vec<[u32; 2]> = (0..40).map(|i| [along(i), along(i + 1)]).collect();
+    let lone = id(DVec3::new(0.25, 0.0, 0.25));
+    let keep = Keep {
+        features: &features,
+        vertices: &[lone],
+    };
+    let params = SimplifyParams {
+        max_error: 1e-9,
+        ..SimplifyParams::default()
+    };
+    let simple = run(&mesh, &params, &keep);
+    assert!(simple.vertex_origin.contains(&lone));
+    let at = |v: u32| simple.mesh.positions()[v as usize];
+    let length: f64 = (simple.features.iter())
+        .map(|&[a, b]| at(a).distance(at(b)))
+        .sum();
+    assert!((length - 1.0).abs() < 1e-9, "{length}");
+    assert!(simple.mesh.triangles().len() < 40);
+}
+
+/// Admits all in the beginning, but no triangle with a longer side in the end.
+struct Strict {
+    longest: f64,
+}
+
+impl Strict {
+    fn refuses(longest: f64, [a, b, c]: [DVec3; 3]) -> bool {
+        a.distance(b).max(b.distance(c)).max(c.distance(a)) > longest
+    }
+}
+
+impl Overseer for Strict {
+    type Judge = Box<dyn FnMut(&CollapseCandidate<'_>) -> bool>;
+
+    fn judge(&self, _: &TriMesh, trust: Trust) -> Self::Judge {
+        let longest = self.longest;
+        Box::new(move |candidate| {
+            trust == Trust::Final && candidate.after.iter().any(|&t| Self::refuses(longest, t))
+        })
+    }
+
+    fn faults(&self, mesh: &TriMesh, triangles: &[u32]) -> Vec<u32> {
+        let is_bad = |&t: &u32| Self::refuses(self.longest, mesh.corners(t));
+        triangles.iter().copied().filter(is_bad).collect()
+    }
+}
+
+#[test]
+fn what_is_at_fault_is_undone_and_tried_again_with_care() {
+    let mesh = grid_box(40);
+    let params = SimplifyParams {
+        max_error: 1e-9,
+        ..SimplifyParams::default()
+    };
+    let strict = Strict { longest: 0.4 };
+    let progress = Progress::none();
+    let simple = simplify_patches(&mesh, &params, &Keep::default(), &strict, &progress).unwrap();
+    assert!(checked(&simple.mesh).is_solid());
+    let all: Vec<u32> = (0..simple.mesh.triangles().len() as u32).collect();
+    assert_eq!(strict.faults(&simple.mesh, &all), Vec::<u32>::new());
+    assert!(all.len() > 12 && all.len() < 1000, "{}", all.len());
+}
+
+#[test]
+fn a_number_of_triangles_is_refused_and_a_cancellation_heeded() {
+    let mesh = grid_box(4);
+    let params = SimplifyParams {
+        target_triangles: 10,
+        ..SimplifyParams::default()
+    };
+    let progress = Progress::none();
+    let refused = simplify_patches(&mesh, &params, &Keep::default(), &Easygoing, &progress);
+    assert!(matches!(
+        refused,
+        Err(SimplifyError::BadParameter {
+            name: "target_triangles",
+            ..
+        })
+    ));
+    progress.cancel();
+    let params = SimplifyParams::default();
+    let cancelled = simplify_patches(&mesh, &params, &Keep::default(), &Easygoing, &progress);
+    assert!(matches!(cancelled, Err(SimplifyError::Cancelled(_))));
+}
