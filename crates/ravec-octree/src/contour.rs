@@ -16,6 +16,7 @@ use crate::edges::MinimalEdge;
 use crate::key::Corner;
 use crate::tree::{NodeId, Octree};
 use rayon::prelude::*;
+use std::convert::Infallible;
 
 /// A minimal edge with a change of sign, and the polygon around it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -103,7 +104,8 @@ impl Contour {
     /// # Panics
     /// If the signs do not belong to corners, so that around some face they change an odd number of times.
     pub fn new<T>(tree: &Octree<T>, crossings: &[(MinimalEdge, bool)]) -> Self {
-        Self::within(tree, crossings, |_| true)
+        let Ok(contour) = Self::within(tree, crossings, |_| true, || Ok::<(), Infallible>(()));
+        contour
     }
 
     /// A part of the surface: what is in some leaves. For these, all edges on which the sign changes must be given.
@@ -111,13 +113,18 @@ impl Contour {
     /// Polygons with corners in other leaves are there as well, but what is said of them is not complete: their dual edges
     /// between such leaves have the index `u32::MAX`.
     ///
+    /// # Errors
+    /// That of `go_on`, which is asked again and again.
+    ///
     /// # Panics
     /// As [`Self::new`].
-    pub fn within<T>(
+    pub fn within<T, E>(
         tree: &Octree<T>,
         crossings: &[(MinimalEdge, bool)],
         is_within: impl Fn(NodeId) -> bool,
-    ) -> Self {
+        mut go_on: impl FnMut() -> Result<(), E>,
+    ) -> Result<Self, E> {
+        go_on()?;
         let mut polygons: Vec<Polygon> = crossings.iter().map(polygon_around).collect();
         let mut sides: Vec<Side> = Vec::with_capacity(4 * polygons.len());
         for (polygon, p) in (0u32..).zip(&polygons) {
@@ -131,11 +138,15 @@ impl Contour {
                 });
             }
         }
+        go_on()?;
         sides.par_sort_unstable_by_key(|side| (side.cells, side.polygon, side.corner));
 
         let mut duals = Vec::with_capacity(sides.len() / 2);
         let mut fans = Fans::new(4 * polygons.len());
         for face in sides.chunk_by(|a, b| a.cells == b.cells) {
+            if duals.len().is_multiple_of(FACES_AT_ONCE) {
+                go_on()?;
+            }
             if !face[0].cells.iter().any(|&cell| is_within(cell)) {
                 continue;
             }
@@ -156,7 +167,9 @@ impl Contour {
                 });
             }
         }
+        go_on()?;
         let vertex_cells = fans.number(&mut polygons);
+        go_on()?;
         for dual in &mut duals {
             let polygon = &polygons[dual.polygons[0] as usize];
             for (vertex, cell) in dual.vertices.iter_mut().zip(dual.cells) {
@@ -165,13 +178,16 @@ impl Contour {
                     polygon.vertices[corner.expect("a dual edge joins corners of its polygons")];
             }
         }
-        Self {
+        Ok(Self {
             polygons,
             duals,
             vertex_cells,
-        }
+        })
     }
 }
+
+/// So many faces are done in a few milliseconds.
+const FACES_AT_ONCE: usize = 1 << 14;
 
 fn polygon_around(&(edge, start_inside): &(MinimalEdge, bool)) -> Polygon {
     let [a, b, c, d] = edge.cells;
@@ -466,5 +482,80 @@ mod tests {
             let [a, b, c] = [0, 1, 2].map(|k| glam::DVec3::from(center(polygon.cells()[k])));
             assert!((b - a).cross(c - a).dot(a - glam::DVec3::splat(m)) > 0.0);
         }
+    }
+    #[test]
+    fn a_contour_that_is_not_wanted_any_more_ends_wherever_it_is() {
+        let tree = uniform(3);
+        let mut crossings = Vec::new();
+        for_each_minimal_edge(&tree, |edge| {
+            let inside = |c: Corner| c.0.iter().all(|&x| x >> (MAX_LEVEL - 3) & 3 == 2);
+            if inside(edge.start) != inside(edge.end()) {
+                crossings.push((edge, inside(edge.start)));
+            }
+        });
+        let mut asked = 0u32;
+        let whole = Contour::within(
+            &tree,
+            &crossings,
+            |_| true,
+            || {
+                asked += 1;
+                Ok::<(), ()>(())
+            },
+        );
+        check(&whole.unwrap());
+        for most in 0..asked {
+            let mut left = most;
+            let go_on = || {
+                let go_on = if left == 0 { Err("enough") } else { Ok(()) };
+                left = left.saturating_sub(1);
+                go_on
+            };
+            let end = Contour::within(&tree, &crossings, |_| true, go_on);
+            assert_eq!(end.unwrap_err(), "enough");
+        }
+    }
+
+    #[test]
+    fn a_part_of_a_contour_is_as_it_is_in_the_whole() {
+        let tree = uniform(3);
+        let inside = |c: Corner| (c.0[0] ^ c.0[1] ^ c.0[2]) >> (MAX_LEVEL - 3) & 3 == 3;
+        let at_border = |c: Corner| c.0.iter().any(|&x| x == 0 || x == 1 << MAX_LEVEL);
+        let inside = |c: Corner| !at_border(c) && inside(c);
+        let mut crossings = Vec::new();
+        for_each_minimal_edge(&tree, |edge| {
+            if inside(edge.start) != inside(edge.end()) {
+                crossings.push((edge, inside(edge.start)));
+            }
+        });
+        let whole = Contour::new(&tree, &crossings);
+        let is_within = |cell: NodeId| tree.key(cell).at.0[0] < 1 << (MAX_LEVEL - 1);
+        let known: Vec<_> = crossings
+            .iter()
+            .filter(|(edge, _)| edge.cells.iter().any(|&cell| is_within(cell)))
+            .copied()
+            .collect();
+        let go_on = || Ok::<(), Infallible>(());
+        let Ok(part) = Contour::within(&tree, &known, is_within, go_on);
+        // the polygon of an edge, as leaves with the number of the sheet there
+        let sheets = |contour: &Contour, polygon: &Polygon| -> Vec<(NodeId, usize)> {
+            let vertices = polygon.vertices().iter().map(|&v| {
+                let cell = contour.vertex_cells[v as usize];
+                let first = contour.vertex_cells.iter().position(|&c| c == cell);
+                (cell, v as usize - first.unwrap())
+            });
+            vertices.collect()
+        };
+        let mut compared = 0;
+        for polygon in &part.polygons {
+            if !polygon.cells().iter().all(|&cell| is_within(cell)) {
+                continue;
+            }
+            let same = |p: &&Polygon| (p.start, p.axis) == (polygon.start, polygon.axis);
+            let other = whole.polygons.iter().find(same).unwrap();
+            assert_eq!(sheets(&part, polygon), sheets(&whole, other));
+            compared += 1;
+        }
+        assert!(compared > 50);
     }
 }

@@ -158,13 +158,15 @@ pub(crate) fn extract(
 ) -> Result<Extracted, Cancelled> {
     let tree = &refinement.tree;
     let mut crossings: Vec<(MinimalEdge, bool)> = minimal_edges(tree, |edge| {
-        let is_crossed = refinement.is_crossed(&edge);
+        let is_crossed = !progress.is_cancelled() && refinement.is_crossed(&edge);
         is_crossed.then(|| (edge, refinement.is_inside(edge.smallest, edge.start)))
     });
     progress.check()?;
     // an order that all tiles agree on
     crossings.par_sort_unstable_by_key(|(edge, _)| (edge.start.morton(), edge.axis));
-    let contour = Contour::within(tree, &crossings, |cell| refinement.is_core(cell));
+    progress.check()?;
+    let is_core = |cell| refinement.is_core(cell);
+    let contour = Contour::within(tree, &crossings, is_core, || progress.check())?;
     drop(crossings);
     progress.check()?;
     let positions = vertices(refinement, &contour);

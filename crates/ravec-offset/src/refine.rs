@@ -254,6 +254,7 @@ impl<'a> Refinement<'a> {
                 .collect::<Result<_, Cancelled>>()?;
             let (mut coarse, mut full) = (Vec::new(), Vec::new());
             for (&node, look) in front.iter().zip(looks) {
+                progress.check()?;
                 let data = self.tree.data_mut(node);
                 data.hint = look.near.triangle;
                 data.region = look.region;

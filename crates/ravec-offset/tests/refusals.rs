@@ -5,6 +5,8 @@ use ravec_mesh::TriMesh;
 use ravec_offset::{OffsetError, OffsetParams, Side, offset};
 use ravec_progress::{Cancelled, Progress};
 use ravec_scenes::solids::{cuboid, icosphere, sheet, torus};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
 fn params(distance: f64, tolerance: f64, side: Side) -> OffsetParams {
@@ -186,6 +188,37 @@ fn what_is_cancelled_before_it_begins_does_not_begin() {
         let error = offset(&cube(), &params(0.1, 0.01, side), &progress).unwrap_err();
         assert_eq!(error, OffsetError::Cancelled(Cancelled));
     }
+}
+
+/// Cancelled when the first phase begins, the second and so on, until the work is done before it is.
+#[test]
+fn work_that_is_cancelled_in_any_phase_begins_no_other() {
+    let solid = torus(1.0, 0.4, 12, 8).mesh;
+    let mut ended = 0;
+    for nth in 0.. {
+        let (told, shared) = (Arc::new(AtomicUsize::new(0)), Arc::new(OnceLock::new()));
+        let (count, handle) = (Arc::clone(&told), Arc::clone(&shared));
+        let progress = Progress::new(move |update| {
+            if update.done == 0 && count.fetch_add(1, Ordering::Relaxed) == nth {
+                handle.get().map(Progress::cancel);
+            }
+        });
+        shared.set(progress.clone()).unwrap();
+        let one = OffsetParams {
+            simplify: true,
+            ..params(0.2, 0.05, Side::Outer)
+        };
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+        let result = pool.unwrap().install(|| offset(&solid, &one, &progress));
+        if told.load(Ordering::Relaxed) <= nth {
+            assert!(result.is_ok());
+            break;
+        }
+        assert_eq!(result.unwrap_err(), OffsetError::Cancelled(Cancelled));
+        assert_eq!(told.load(Ordering::Relaxed), nth + 1);
+        ended += 1;
+    }
+    assert!(ended > 10, "{ended}");
 }
 
 /// Can only fail by taking much longer than all other tests together: the whole work is minutes long.
