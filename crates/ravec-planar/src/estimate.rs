@@ -284,6 +284,11 @@ impl Frames {
         }
     }
 
+    /// The variance of equal noise in pixels within the frame of `dst`, when it is 1 within that of `src`.
+    pub(crate) fn noise_ratio_sq(&self) -> f64 {
+        (self.dst.scale / self.src.scale).powi(2)
+    }
+
     /// A map between pixels as one between the frames.
     pub(crate) fn apply(&self, dst_from_src: &DMat3) -> DMat3 {
         self.dst.matrix() * *dst_from_src * self.src.inverse()
@@ -298,7 +303,7 @@ impl Frames {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::strategies::{homography, point};
+    use crate::strategies::{homography, noisy_pairs, point};
     use glam::dvec2;
     use proptest::prelude::*;
     use ravec_scenes::Seed;
@@ -309,20 +314,6 @@ mod tests {
         DVec2::new(1000.0, 700.0),
         DVec2::new(0.0, 700.0),
     ];
-
-    /// Points all over a picture of 1000 × 700 pixels and their images, both with noise.
-    pub fn noisy_pairs(h: &Homography, count: i64, sigma_px: f64, seed: Seed) -> Vec<PointPair> {
-        (0..count)
-            .map(|i| {
-                let noise = |k| dvec2(seed.gaussian(i, 0, k), seed.gaussian(i, 1, k)) * sigma_px;
-                let src = dvec2(
-                    seed.between(i, 2, 0, 0.0, 1000.0),
-                    seed.between(i, 3, 0, 0.0, 700.0),
-                );
-                PointPair::new(src + noise(0), h.apply(src) + noise(1))
-            })
-            .collect()
-    }
 
     fn cost(h: &Homography, pairs: &[PointPair]) -> f64 {
         pairs

@@ -75,15 +75,6 @@ pub enum HomographyError {
         /// Pairs that must be explained.
         needed: usize,
     },
-    /// The work was cancelled.
-    #[error("cancelled")]
-    Cancelled,
-}
-
-impl From<ravec_progress::Cancelled> for HomographyError {
-    fn from(_: ravec_progress::Cancelled) -> Self {
-        Self::Cancelled
-    }
 }
 
 /// Twice a triangle's area below this share of its longest side's square counts as none: the closed form would lose

@@ -1,8 +1,10 @@
 //! Random geometry for the property tests of this crate.
 
+use crate::estimate::PointPair;
 use crate::homography::Homography;
 use glam::{DMat3, DVec2, dvec2};
 use proptest::prelude::*;
+use ravec_scenes::Seed;
 
 /// A point of a picture of 1000 × 700 pixels.
 pub fn point() -> impl Strategy<Value = DVec2> {
@@ -43,4 +45,18 @@ pub fn homography() -> impl Strategy<Value = Homography> {
                 .expect("each factor is regular")
             },
         )
+}
+
+/// Points all over a picture of 1000 × 700 pixels and their images, both with noise.
+pub fn noisy_pairs(h: &Homography, count: i64, sigma_px: f64, seed: Seed) -> Vec<PointPair> {
+    (0..count)
+        .map(|i| {
+            let noise = |k| dvec2(seed.gaussian(i, 0, k), seed.gaussian(i, 1, k)) * sigma_px;
+            let src = dvec2(
+                seed.between(i, 2, 0, 0.0, 1000.0),
+                seed.between(i, 3, 0, 0.0, 700.0),
+            );
+            PointPair::new(src + noise(0), h.apply(src) + noise(1))
+        })
+        .collect()
 }
