@@ -1,15 +1,19 @@
 //! Planes in pictures.
+mod align;
 mod estimate;
 mod features;
 mod homography;
 mod magsac;
 mod matching;
+mod photos;
 mod random;
 mod robust;
 #[cfg(test)]
 mod strategies;
+mod tilt;
 pub use estimate::{PointPair, estimate, estimate_linear, refine, symmetric_transfer_error};
 pub use features::{Descriptor, Feature, FeatureParams, Features, encoded_luminance};
 pub use homography::{Homography, HomographyError};
 pub use matching::{FeatureMatch, match_features};
+pub use photos::{MatchError, MatchParams, PhotoMatch, match_photos};
 pub use robust::{RobustFit, RobustParams, estimate_robust};

@@ -11,8 +11,9 @@
 //!
 //! Guarantees: integers throughout, so equal bytes everywhere. Cost: features × features / 2 × 128 multiplications.
 
-use crate::features::{Descriptor, Features};
+use crate::features::{Descriptor, Feature, Features};
 use fearless_simd::{Level, dispatch, prelude::*};
+use glam::DVec2;
 use rayon::prelude::*;
 
 /// Two features that look alike.
@@ -26,6 +27,9 @@ pub struct FeatureMatch {
     pub ratio: f64,
 }
 
+/// Features within this many blurs of each other may be one thing: it must not be its own rival in the ratio test.
+const NEAR_SIGMAS: f64 = 1.5;
+
 /// The mutual matches whose ratio is below `max_ratio` (0 to 1; 0.8 is usual, larger accepts more wrong ones), the surest
 /// first.
 pub fn match_features(first: &Features, second: &Features, max_ratio: f64) -> Vec<FeatureMatch> {
@@ -34,7 +38,7 @@ pub fn match_features(first: &Features, second: &Features, max_ratio: f64) -> Ve
         let pick = |features: &Features| -> (Vec<usize>, Vec<Entry>) {
             (0..features.points.len())
                 .filter(|&i| (features.points[i].response > 0.0) == dark)
-                .map(|i| (i, Entry::new(&features.descriptors[i])))
+                .map(|i| (i, Entry::new(&features.points[i], &features.descriptors[i])))
                 .unzip()
         };
         let ((first_index, first), (second_index, second)) = (pick(first), pick(second));
@@ -42,7 +46,7 @@ pub fn match_features(first: &Features, second: &Features, max_ratio: f64) -> Ve
         let back = nearest_two(&second, &first);
         for (i, found) in there.iter().enumerate() {
             let Some(found) = found else { continue };
-            let mutual = back[found.best].is_some_and(|back| back.best == i);
+            let mutual = back[found.best].is_some_and(|back| first[back.best].is_near(&first[i]));
             let ratio =
                 (f64::from(found.best_distance) / f64::from(found.next_distance.max(1))).sqrt();
             if mutual && ratio < max_ratio {
@@ -58,19 +62,28 @@ pub fn match_features(first: &Features, second: &Features, max_ratio: f64) -> Ve
     matches
 }
 
-/// A descriptor ready to be multiplied, and its squared length.
+/// A descriptor ready to be multiplied, its squared length, and where it is.
 struct Entry {
     values: [i16; 128],
     square: i32,
+    at: DVec2,
+    near_sq: f64,
 }
 
 impl Entry {
-    fn new(descriptor: &Descriptor) -> Self {
+    fn new(point: &Feature, descriptor: &Descriptor) -> Self {
         let values = descriptor.0.map(i16::from);
         Self {
             square: dot(&values, &values),
             values,
+            at: point.at,
+            near_sq: (NEAR_SIGMAS * point.sigma_px).powi(2),
         }
+    }
+
+    /// Whether both are the same thing: one point with two directions, or seen from two sides.
+    fn is_near(&self, other: &Self) -> bool {
+        self.at.distance_squared(other.at) < self.near_sq.max(other.near_sq)
     }
 }
 
@@ -110,11 +123,17 @@ fn nearest_two_of<S: Simd>(_simd: S, query: &Entry, entries: &[Entry]) -> Option
     };
     for (index, entry) in entries.iter().enumerate() {
         let distance = query.square + entry.square - 2 * dot(&query.values, &entry.values);
+        if distance >= found.next_distance {
+            continue;
+        }
+        let same_thing = found.best != usize::MAX && entry.is_near(&entries[found.best]);
         if distance < found.best_distance {
-            found.next_distance = found.best_distance;
+            if !same_thing {
+                found.next_distance = found.best_distance;
+            }
             found.best_distance = distance;
             found.best = index;
-        } else if distance < found.next_distance {
+        } else if !same_thing {
             found.next_distance = distance;
         }
     }
