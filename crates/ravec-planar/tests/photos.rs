@@ -12,26 +12,26 @@ use ravec_scenes::damage::add_gaussian_noise;
 use ravec_scenes::texture::{cellular, fractal};
 use rayon::prelude::*;
 
-const WIDTH: usize = 360;
-const HEIGHT: usize = 280;
+const WIDTH: usize = 480;
+const HEIGHT: usize = 360;
 
 /// A photo of a textured plane: clouds and cells of all sizes, with noise of 2 of 255 steps.
 fn photo(plane_from_image: &Homography, seed: Seed) -> Plane {
     let mut image = Image::new(Size::new(WIDTH, HEIGHT).unwrap(), LinearRgb([0.0; 3]));
     image.par_rows_mut().enumerate().for_each(|(row, line)| {
         for (col, pixel) in line.iter_mut().enumerate() {
-            // 2 × 2 samples a pixel
-            let sum: f64 = [(0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75)]
+            // two samples a pixel
+            let sum: f64 = [(0.25, 0.25), (0.75, 0.75)]
                 .iter()
                 .map(|&(x, y)| plane_from_image.apply(dvec2(col as f64 + x, row as f64 + y)))
                 .map(|q| {
-                    let clouds = fractal(q / 60.0, 1.0 / 60.0, 6, Seed(1));
+                    let clouds = fractal(q / 60.0, 1.0 / 60.0, 4, Seed(1));
                     let cells =
                         cellular(q / 14.0, Seed(2)).tint + 0.7 * cellular(q / 37.0, Seed(3)).tint;
                     0.35 + 0.2 * clouds + 0.09 * cells
                 })
                 .sum();
-            *pixel = LinearRgb([(sum / 4.0).clamp(0.0, 1.0) as f32; 3]);
+            *pixel = LinearRgb([(sum / 2.0).clamp(0.0, 1.0) as f32; 3]);
         }
     });
     encoded_luminance(&add_gaussian_noise(&image.convert::<Srgb<u8>>(), 2.0, seed))

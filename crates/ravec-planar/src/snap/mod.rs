@@ -8,6 +8,9 @@
 //! move all eight coordinates so that the lines lie on the nearest slopes, by least squares
 //! ```
 //!
+//! Where inner lines lie depends on how much nearer one side is than the other, which is not known before both families
+//! are found: it is tried as a fifth move, and forgotten afterwards.
+//!
 //! All moves can be tried because a small move of the corners shifts each place of a line by a fixed combination of the
 //! moves, so that trying one is a sum over a table. That makes the search independent of where it starts, as long as the
 //! edges are within reach.
@@ -202,16 +205,22 @@ fn search(
 ) -> Result<(QuadGrid, f64), SnapError> {
     let sites = Sites::new(grid, Some(family), plane.size());
     let evidence = Evidence::gather(plane, &sites, reach_px)?;
-    let directions = directions(grid, family);
-    let moves = best_moves(&evidence, &directions);
+    let (along, across) = (directions(grid, family), directions(grid, family.other()));
+    let mut modes = [[0.0; 8]; 5];
+    for corner in 0..4 {
+        modes[corner][2 * corner] = along[corner].x;
+        modes[corner][2 * corner + 1] = along[corner].y;
+        // one side longer, the opposite one shorter: the lines between shift towards the shorter one
+        let longer = if corner % 2 == 0 { -across[corner] } else { across[corner] };
+        modes[4][2 * corner] = longer.x;
+        modes[4][2 * corner + 1] = longer.y;
+    }
+    let moves = best_moves(&evidence, &modes);
     let mut corners = grid.corners();
-    for (corner, (direction, by)) in corners.iter_mut().zip(directions.iter().zip(moves.by_px)) {
+    for (corner, (direction, by)) in corners.iter_mut().zip(along.iter().zip(moves.by_px)) {
         *corner += *direction * by;
     }
-    Ok((
-        QuadGrid::new(corners, grid.columns(), grid.rows())?,
-        moves.excess,
-    ))
+    Ok((QuadGrid::new(corners, grid.columns(), grid.rows())?, moves.excess))
 }
 
 /// Along which direction each corner moves: its row for lines between columns, its column for lines between rows.

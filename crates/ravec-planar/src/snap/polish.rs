@@ -11,6 +11,9 @@ use ravec_raster::Plane;
 /// How far edges are looked for, in pixels, round by round: the search leaves about one pixel.
 const REACHES_PX: [usize; 8] = [4, 4, 3, 3, 2, 2, 2, 2];
 
+/// The blur across lines, in pixels: enough against the pixel grid and noise, without mixing neighbouring edges.
+const SIGMA_PX: f64 = 1.0;
+
 /// Moves are held back by this share of the mean weight: a corner that no edge determines stays where it is.
 const HOLD: f64 = 1e-4;
 
@@ -23,7 +26,7 @@ pub(super) fn polish(plane: &Plane, grid: &QuadGrid) -> Result<Snapped, SnapErro
         if sites.sites.is_empty() {
             return Err(SnapError::Outside);
         }
-        let mut profile = Profile::new(reach + 1);
+        let mut profile = Profile::new(reach + 1, SIGMA_PX);
         let slopes: Vec<Vec<f32>> = sites
             .sites
             .iter()

@@ -1,8 +1,7 @@
 //! The moves of four corners that bring lines onto edges, tried all.
 
 use crate::snap::SnapError;
-use crate::snap::sites::{Profile, Sites};
-use glam::DVec2;
+use crate::snap::sites::{Profile, Site, Sites};
 use ravec_raster::Plane;
 use rayon::prelude::*;
 
@@ -10,21 +9,43 @@ use rayon::prelude::*;
 /// of the coarsest step.
 const PIECES: usize = 16;
 
-/// Moves of one corner to each side in the coarsest search: (2 · 4 + 1)⁴ moves of all corners are tried.
+/// The blur across lines, in pixels. Edges must be wide enough to meet along a piece that is not yet parallel to them.
+const SIGMA_PX: f64 = 2.0;
+
+/// Four corners and the difference of two sides.
+const MOVES: usize = 5;
+
+/// Steps of one move to each side in the coarsest search: (2 · 4 + 1)⁵ moves are tried. With fewer, parallel edges come to
+/// lie within one step.
 const HALF_MOVES: i32 = 4;
 
+/// Shifts of an end of a line that are told apart in the coarsest search, in half steps: up to twice the reach.
+const CELLS: usize = 8 * HALF_MOVES as usize + 1;
+
+/// Coarse finds that are followed: a few parallel edges look alike from afar.
+const CANDIDATES: usize = 16;
+
+/// Steps uphill at one step size.
+const MAX_CLIMB: usize = 8;
+
 /// How much of the evidence the largest moves must bring more than none, to be preferred: a tie goes to the nearer one.
-const NEARNESS: f64 = 0.02;
+const NEARNESS: f32 = 0.02;
 
 /// How likely there is an edge at each distance from each piece of each line.
 pub(super) struct Evidence {
-    /// `lines` × [`PIECES`] rows of 2 · `reach` + 1 values from 0 to 1, or empty rows for pieces outside the picture.
-    rows: Vec<Vec<f32>>,
-    influences: Vec<[f64; 8]>,
-    lines: usize,
+    pieces: Vec<Piece>,
+    ends: Vec<[[f64; 8]; 2]>,
     reach: usize,
     /// What a line at any place finds.
     mean: f64,
+}
+
+struct Piece {
+    line: usize,
+    /// Its middle along the line, 0 to 1.
+    along: f32,
+    /// 2 · `reach` + 1 values from 0 to 1.
+    values: Vec<f32>,
 }
 
 impl Evidence {
@@ -38,7 +59,7 @@ impl Evidence {
             .par_iter()
             .with_min_len(64)
             .map_init(
-                || Profile::new(reach),
+                || Profile::new(reach, SIGMA_PX),
                 |profile, site| {
                     profile.read(plane, site.at, site.normal);
                     profile.slopes.clone()
@@ -46,34 +67,30 @@ impl Evidence {
             )
             .collect();
         let scale = edge_scale(slopes.iter().flatten().copied()).ok_or(SnapError::NoEdges)?;
-        let mut rows = vec![Vec::new(); sites.lines * PIECES];
-        let mut counts = vec![0usize; rows.len()];
-        let mut influences = vec![[0.0; 8]; rows.len()];
-        for (site, slopes) in sites.sites.iter().zip(&slopes) {
-            let piece = ((site.along * PIECES as f64) as usize).min(PIECES - 1);
-            let index = site.line * PIECES + piece;
-            let row: &mut Vec<f32> = &mut rows[index];
-            row.resize(2 * reach + 1, 0.0);
-            for (sum, slope) in row.iter_mut().zip(slopes) {
-                *sum += edgeness(*slope, scale);
-            }
-            for (sum, value) in influences[index].iter_mut().zip(site.influence) {
-                *sum += value;
-            }
-            counts[index] += 1;
-        }
-        for ((row, influence), &count) in rows.iter_mut().zip(&mut influences).zip(&counts) {
-            row.iter_mut().for_each(|value| *value /= count as f32);
-            influence
-                .iter_mut()
-                .for_each(|value| *value /= count.max(1) as f64);
-        }
-        let filled: Vec<f32> = rows.iter().flatten().copied().collect();
+        let piece_of = |site: &Site| (site.line, ((site.along * PIECES as f64) as usize).min(PIECES - 1));
+        let all: Vec<(&Site, &Vec<f32>)> = sites.sites.iter().zip(&slopes).collect();
+        let pieces: Vec<Piece> = all
+            .chunk_by(|a, b| piece_of(a.0) == piece_of(b.0))
+            .map(|sites| {
+                let share = 1.0 / sites.len() as f32;
+                let mut values = vec![0.0; 2 * reach + 1];
+                for (_, slopes) in sites {
+                    for (sum, slope) in values.iter_mut().zip(*slopes) {
+                        *sum += share * edgeness(*slope, scale);
+                    }
+                }
+                Piece {
+                    line: sites[0].0.line,
+                    along: sites.iter().map(|(site, _)| share * site.along as f32).sum(),
+                    values,
+                }
+            })
+            .collect();
+        let values = || pieces.iter().flat_map(|piece| &piece.values);
         Ok(Self {
-            mean: filled.iter().map(|&v| f64::from(v)).sum::<f64>() / filled.len() as f64,
-            rows,
-            influences,
-            lines: sites.lines,
+            mean: values().map(|&v| f64::from(v)).sum::<f64>() / values().count() as f64,
+            pieces,
+            ends: sites.ends.clone(),
             reach,
         })
     }
@@ -112,151 +129,181 @@ pub(super) struct Moves {
     pub excess: f64,
 }
 
-/// A row of evidence with the influence of the four moves on it.
-struct Row<'a> {
-    weights: [f32; 4],
-    values: &'a [f32],
-}
+/// By how much both ends of a line shift when each move grows by 1.
+type Ends = [[f32; MOVES]; 2];
 
-/// Tries all moves of the four corners along their directions.
-pub(super) fn best_moves(evidence: &Evidence, directions: &[DVec2; 4]) -> Moves {
-    let weights: Vec<[f32; 4]> = evidence
-        .influences
+/// Moves and what they find.
+type Scored = (f32, [f32; MOVES]);
+
+/// Tries all moves of four corners, each along its own direction, and of the difference of two sides; `modes` say what each
+/// move does to the corners' coordinates.
+pub(super) fn best_moves(evidence: &Evidence, modes: &[[f64; 8]; MOVES]) -> Moves {
+    let ends: Vec<Ends> = evidence
+        .ends
         .iter()
-        .map(|influence| {
-            std::array::from_fn(|k| {
-                (influence[2 * k] * directions[k].x + influence[2 * k + 1] * directions[k].y) as f32
+        .map(|ends| {
+            ends.map(|influence| {
+                std::array::from_fn(|k| modes[k].iter().zip(influence).map(|(m, i)| m * i).sum::<f64>() as f32)
             })
         })
         .collect();
     let mut step = evidence.reach as f32 / HALF_MOVES as f32;
-    let mut at = [0.0f32; 4];
-    let mut half_moves = HALF_MOVES;
-    loop {
-        // peaks as wide as the step, so that none is stepped over
-        let soft: Vec<Vec<f32>> = evidence
-            .rows
-            .iter()
-            .map(|row| softened(row, 0.5 * step))
+    let mut candidates = Level::new(evidence, &ends, step).best_of_all();
+    while step > 1.0 {
+        step *= 0.5;
+        let level = Level::new(evidence, &ends, step);
+        candidates = candidates.into_par_iter().map(|(_, at)| level.climb(at)).collect();
+    }
+    let none = (0.0, [0.0; MOVES]);
+    let (_, at) = candidates.into_iter().fold(none, |best, found| if found.0 > best.0 { found } else { best });
+    Moves {
+        by_px: std::array::from_fn(|k| f64::from(at[k])),
+        excess: excess(evidence, &ends, at),
+    }
+}
+
+fn shifts(ends: &Ends, moves: [f32; MOVES]) -> [f32; 2] {
+    ends.map(|weights| weights.iter().zip(moves).map(|(w, m)| w * m).sum())
+}
+
+/// The evidence at one step: each value is the highest within half a step, so that no edge lies between two moves.
+struct Level<'a> {
+    pieces: Vec<(&'a Piece, Vec<f32>)>,
+    ends: &'a [Ends],
+    reach: usize,
+    step: f32,
+    penalty: f32,
+}
+
+impl<'a> Level<'a> {
+    fn new(evidence: &'a Evidence, ends: &'a [Ends], step: f32) -> Self {
+        let radius = (0.5 * step).round() as usize;
+        let soft = |piece: &'a Piece| (piece, highest_within(&piece.values, radius));
+        let reach = evidence.reach;
+        Self {
+            pieces: evidence.pieces.par_iter().map(soft).collect(),
+            ends,
+            reach,
+            step,
+            penalty: NEARNESS * evidence.pieces.len() as f32 / (MOVES * reach * reach) as f32,
+        }
+    }
+
+    /// What a piece finds when the ends of its line shift.
+    fn find(&self, (piece, values): &(&Piece, Vec<f32>), [start, end]: [f32; 2]) -> f32 {
+        let shift = start + piece.along * (end - start);
+        // casts saturate: places out of reach find the ends of the row, or nothing
+        let at = (shift + self.reach as f32 + 0.5) as usize;
+        values.get(at).copied().unwrap_or(0.0)
+    }
+
+    fn score(&self, moves: [f32; MOVES]) -> f32 {
+        let found = self.pieces.iter().map(|piece| self.find(piece, shifts(&self.ends[piece.0.line], moves)));
+        found.sum::<f32>() - self.penalty * moves.iter().map(|m| m * m).sum::<f32>()
+    }
+
+    /// What each line finds for each pair of shifts of its ends, in half steps: `CELLS` × `CELLS` values a line.
+    fn tables(&self) -> Vec<Vec<f32>> {
+        let shift = |cell: usize| (cell as f32 - (CELLS / 2) as f32) * 0.5 * self.step;
+        (0..self.ends.len())
+            .into_par_iter()
+            .map(|line| {
+                let pieces: Vec<_> = self.pieces.iter().filter(|piece| piece.0.line == line).collect();
+                let cells = (0..CELLS * CELLS).map(|cell| [shift(cell / CELLS), shift(cell % CELLS)]);
+                cells.map(|ends| pieces.iter().map(|piece| self.find(piece, ends)).sum()).collect()
+            })
+            .collect()
+    }
+
+    /// The best of all moves, found by tables of lines instead of pieces: the best of the last three moves for each of the
+    /// first two, and the best [`CANDIDATES`] of those.
+    fn best_of_all(&self) -> Vec<Scored> {
+        let tables = self.tables();
+        let choices: Vec<f32> = (-HALF_MOVES..=HALF_MOVES).map(|k| k as f32 * self.step).collect();
+        let pairs: Vec<[f32; 2]> = choices.iter().flat_map(|&a| choices.iter().map(move |&b| [a, b])).collect();
+        let triples: Vec<[f32; 3]> =
+            pairs.iter().flat_map(|&[c, d]| choices.iter().map(move |&e| [c, d, e])).collect();
+        // shifts in cells of the tables, by line
+        let in_cells = 2.0 / self.step;
+        let cells = |moves: [f32; MOVES]| -> Vec<[f32; 2]> {
+            self.ends.iter().map(|ends| shifts(ends, moves).map(|shift| shift * in_cells)).collect()
+        };
+        let last: Vec<Vec<[f32; 2]>> = triples.iter().map(|&[c, d, e]| cells([0.0, 0.0, c, d, e])).collect();
+        let middle = (CELLS / 2) as f32 + 0.5;
+        let mut found: Vec<Scored> = pairs
+            .par_iter()
+            .with_min_len(8)
+            .map(|&[a, b]| {
+                let first = cells([a, b, 0.0, 0.0, 0.0]);
+                let mut best = (f32::MIN, [0.0; MOVES]);
+                for (triple, last) in triples.iter().zip(&last) {
+                    let mut score = 0.0;
+                    for ((table, first), last) in tables.iter().zip(&first).zip(last) {
+                        let [start, end] = [0, 1].map(|k| (first[k] + last[k] + middle) as usize);
+                        if start < CELLS && end < CELLS {
+                            score += table[start * CELLS + end];
+                        }
+                    }
+                    let moves = [a, b, triple[0], triple[1], triple[2]];
+                    score -= self.penalty * moves.iter().map(|m| m * m).sum::<f32>();
+                    if score > best.0 {
+                        best = (score, moves);
+                    }
+                }
+                best
+            })
             .collect();
-        let rows: Vec<Row<'_>> = soft
-            .iter()
-            .zip(&weights)
-            .filter(|(values, _)| !values.is_empty())
-            .map(|(values, &weights)| Row { weights, values })
-            .collect();
-        let penalty =
-            NEARNESS as f32 * rows.len() as f32 / (evidence.reach * evidence.reach) as f32;
-        // the coarse search covers everything; finer ones walk uphill
-        for _ in 0..8 {
-            let best = best_of_neighbours(&rows, evidence.reach, at, step, half_moves, penalty);
-            let settled = best == at;
-            at = best;
-            if settled || half_moves > 1 {
+        found.sort_by(|a, b| b.0.total_cmp(&a.0));
+        found.truncate(CANDIDATES);
+        found
+    }
+
+    /// Takes the best neighbour until there is none better.
+    fn climb(&self, start: [f32; MOVES]) -> Scored {
+        const OFFSETS: [f32; 3] = [-1.0, 0.0, 1.0];
+        let mut best = (self.score(start), start);
+        for _ in 0..MAX_CLIMB {
+            let center = best.1;
+            for k in 0..3usize.pow(MOVES as u32) {
+                let mut rest = k;
+                let moves = center.map(|at| {
+                    let offset = OFFSETS[rest % 3];
+                    rest /= 3;
+                    at + offset * self.step
+                });
+                if moves.iter().all(|m| m.abs() <= self.reach as f32) {
+                    let score = self.score(moves);
+                    if score > best.0 {
+                        best = (score, moves);
+                    }
+                }
+            }
+            if best.1 == center {
                 break;
             }
         }
-        half_moves = 1;
-        if step <= 1.0 {
-            break;
-        }
-        step *= 0.5;
-    }
-    Moves {
-        by_px: at.map(f64::from),
-        excess: excess(evidence, &weights, at),
+        best
     }
 }
 
-/// The best of the (2 · half + 1)⁴ moves around `center`; `center` itself among equals.
-fn best_of_neighbours(
-    rows: &[Row<'_>],
-    reach: usize,
-    center: [f32; 4],
-    step: f32,
-    half: i32,
-    penalty: f32,
-) -> [f32; 4] {
-    let choices: Vec<f32> = (-half..=half).map(|k| k as f32 * step).collect();
-    let outer: Vec<(f32, f32)> = choices
-        .iter()
-        .flat_map(|&a| choices.iter().map(move |&b| (a, b)))
-        .collect();
-    let middle = reach as f32 + 0.5;
-    let score = |moves: [f32; 4]| -> f32 {
-        let sum: f32 = rows
-            .iter()
-            .map(|row| {
-                let w = row.weights;
-                let shift = w[0] * moves[0] + w[1] * moves[1] + w[2] * moves[2] + w[3] * moves[3];
-                // casts saturate: places out of reach find the ends of the row, or nothing
-                row.values
-                    .get((shift + middle) as usize)
-                    .copied()
-                    .unwrap_or(0.0)
-            })
-            .sum();
-        sum - penalty * moves.iter().map(|m| 0.25 * m * m).sum::<f32>()
-    };
-    let here = (score(center), center);
-    outer
-        .par_iter()
-        .with_min_len(8)
-        .map(|&(a, b)| {
-            let mut best = here;
-            for &(c, d) in &outer {
-                let moves = [center[0] + a, center[1] + b, center[2] + c, center[3] + d];
-                if moves.iter().any(|m| m.abs() > reach as f32) {
-                    continue;
-                }
-                let found = score(moves);
-                if found > best.0 {
-                    best = (found, moves);
-                }
-            }
-            best
-        })
-        .collect::<Vec<_>>()
-        .into_iter()
-        .fold(
-            here,
-            |best, found| if found.0 > best.0 { found } else { best },
-        )
-        .1
-}
-
-/// The mean over `radius` pixels to each side.
-fn softened(row: &[f32], radius: f32) -> Vec<f32> {
-    let radius = radius.round() as usize;
-    if row.is_empty() || radius == 0 {
-        return row.to_vec();
-    }
-    let mut sums = vec![0.0f32];
-    for value in row {
-        sums.push(sums[sums.len() - 1] + value);
-    }
+/// The highest value within `radius` places to each side.
+fn highest_within(row: &[f32], radius: usize) -> Vec<f32> {
     (0..row.len())
         .map(|k| {
-            let (low, high) = (k.saturating_sub(radius), (k + radius + 1).min(row.len()));
-            (sums[high] - sums[low]) / (2 * radius + 1) as f32
+            let near = &row[k.saturating_sub(radius)..(k + radius + 1).min(row.len())];
+            near.iter().fold(0.0, |a: f32, &b| a.max(b))
         })
         .collect()
 }
 
 /// See [`Moves::excess`].
-fn excess(evidence: &Evidence, weights: &[[f32; 4]], moves: [f32; 4]) -> f64 {
-    let lines: Vec<f64> = (0..evidence.lines)
-        .map(|line| {
-            let mut sum = 0.0;
-            for index in line * PIECES..(line + 1) * PIECES {
-                let shift: f32 = weights[index].iter().zip(moves).map(|(w, m)| w * m).sum();
-                let row = softened(&evidence.rows[index], 1.0);
-                let at = (shift + evidence.reach as f32 + 0.5) as usize;
-                sum += row.get(at).map_or(0.0, |&v| f64::from(v) - evidence.mean);
-            }
-            sum / PIECES as f64
-        })
-        .collect();
+fn excess(evidence: &Evidence, ends: &[Ends], moves: [f32; MOVES]) -> f64 {
+    let level = Level::new(evidence, ends, 2.0);
+    let mut lines = vec![0.0; ends.len()];
+    for piece in &level.pieces {
+        let found = level.find(piece, shifts(&ends[piece.0.line], moves));
+        lines[piece.0.line] += (f64::from(found) - evidence.mean) / PIECES as f64;
+    }
     let best = lines.iter().fold(0.0f64, |a, &b| a.max(b));
     // a line that finds less than a third of what the best one finds speaks against the count
     lines.iter().map(|line| line - best / 3.0).sum()

@@ -12,6 +12,15 @@ pub(super) enum Family {
     Rows,
 }
 
+impl Family {
+    pub(super) fn other(self) -> Self {
+        match self {
+            Self::Columns => Self::Rows,
+            Self::Rows => Self::Columns,
+        }
+    }
+}
+
 /// A place on a line.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Site {
@@ -28,7 +37,8 @@ pub(super) struct Site {
 /// Places on lines that lie in the picture.
 pub(super) struct Sites {
     pub sites: Vec<Site>,
-    pub lines: usize,
+    /// The influence at both ends of each line. Between them it changes evenly, as a line moves to a line.
+    pub ends: Vec<[[f64; 8]; 2]>,
 }
 
 /// Distance of sites along a line in pixels. Nearer ones share most of their pixels.
@@ -40,11 +50,10 @@ const MAX_SITES: f64 = 400.0;
 impl Sites {
     /// The sites of one family or of both.
     pub(super) fn new(grid: &QuadGrid, family: Option<Family>, size: Size) -> Self {
-        let unit = dvec2(f64::from(grid.columns()), f64::from(grid.rows()));
         let maps = Moved::new(grid);
         let mut all = Self {
             sites: Vec::new(),
-            lines: 0,
+            ends: Vec::new(),
         };
         let extent = dvec2(size.width() as f64, size.height() as f64);
         for (this, count) in [
@@ -61,8 +70,9 @@ impl Sites {
                 };
                 let length = ends[0].distance(ends[1]);
                 let normal = (ends[1] - ends[0]).normalize_or_zero().perp();
-                let line = all.lines;
-                all.lines += 1;
+                let influence = |at: DVec2| maps.influence(maps.place(at), at, normal);
+                let line = all.ends.len();
+                all.ends.push(ends.map(influence));
                 let sites = (length / SPACING_PX).clamp(1.0, MAX_SITES).ceil() as usize;
                 for k in 0..sites {
                     // evenly in the picture; corners are left out, where lines meet
@@ -71,13 +81,12 @@ impl Sites {
                     if at.cmplt(DVec2::ZERO).any() || at.cmpgt(extent).any() {
                         continue;
                     }
-                    let place = maps.place(at) / unit;
                     all.sites.push(Site {
                         line,
                         along: share,
                         at,
                         normal,
-                        influence: maps.influence(place * unit, at, normal),
+                        influence: influence(at),
                     });
                 }
             }
@@ -120,22 +129,26 @@ impl Moved {
     }
 }
 
-/// The slope of the picture across a line.
+/// The picture across a line, and its slope.
 pub(super) struct Profile {
     /// Slopes at distances −reach, …, reach in whole pixels; in units of the picture a pixel.
     pub slopes: Vec<f32>,
     brightness: Vec<f32>,
+    /// Weights of differences over 1, 2, … pixels to each side.
+    derivative: Vec<f32>,
 }
 
-/// Weights of differences over one, two and three pixels to each side: the derivative of a Gaussian of deviation 1 pixel,
-/// scaled so that a ramp has its slope.
-const DERIVATIVE: [f32; 3] = [0.242_036, 0.107_981, 0.013_295];
-
 impl Profile {
-    pub(super) fn new(reach: usize) -> Self {
+    /// For slopes up to `reach` pixels away, of the picture blurred by `sigma_px` across the line.
+    pub(super) fn new(reach: usize, sigma_px: f64) -> Self {
+        let taps = (3.0 * sigma_px).ceil() as usize;
+        let raw = |m: usize| m as f64 * (-0.5 * (m as f64 / sigma_px).powi(2)).exp();
+        // a ramp has its slope: Σ w · 2 m = 1
+        let sum: f64 = (1..=taps).map(|m| raw(m) * 2.0 * m as f64).sum();
         Self {
             slopes: vec![0.0; 2 * reach + 1],
-            brightness: vec![0.0; 2 * reach + 1 + 2 * DERIVATIVE.len()],
+            brightness: vec![0.0; 2 * (reach + taps) + 1],
+            derivative: (1..=taps).map(|m| (raw(m) / sum) as f32).collect(),
         }
     }
 
@@ -145,14 +158,11 @@ impl Profile {
         for (k, value) in self.brightness.iter_mut().enumerate() {
             *value = plane.bilinear(at + normal * (k as f64 - half));
         }
-        let reach = DERIVATIVE.len();
+        let taps = self.derivative.len();
         for (k, slope) in self.slopes.iter_mut().enumerate() {
-            let center = k + reach;
-            *slope = (1..=reach)
-                .map(|m| {
-                    DERIVATIVE[m - 1] * (self.brightness[center + m] - self.brightness[center - m])
-                })
-                .sum();
+            let (before, after) = (&self.brightness[k..k + taps], &self.brightness[k + taps + 1..]);
+            let differences = after.iter().zip(before.iter().rev()).map(|(a, b)| a - b);
+            *slope = differences.zip(&self.derivative).map(|(d, w)| w * d).sum();
         }
     }
 }
