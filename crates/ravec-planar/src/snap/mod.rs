@@ -211,7 +211,11 @@ fn search(
         modes[corner][2 * corner] = along[corner].x;
         modes[corner][2 * corner + 1] = along[corner].y;
         // one side longer, the opposite one shorter: the lines between shift towards the shorter one
-        let longer = if corner % 2 == 0 { -across[corner] } else { across[corner] };
+        let longer = if corner % 2 == 0 {
+            -across[corner]
+        } else {
+            across[corner]
+        };
         modes[4][2 * corner] = longer.x;
         modes[4][2 * corner + 1] = longer.y;
     }
@@ -220,7 +224,10 @@ fn search(
     for (corner, (direction, by)) in corners.iter_mut().zip(along.iter().zip(moves.by_px)) {
         *corner += *direction * by;
     }
-    Ok((QuadGrid::new(corners, grid.columns(), grid.rows())?, moves.excess))
+    Ok((
+        QuadGrid::new(corners, grid.columns(), grid.rows())?,
+        moves.excess,
+    ))
 }
 
 /// Along which direction each corner moves: its row for lines between columns, its column for lines between rows.

@@ -26,7 +26,7 @@ const CELLS: usize = 8 * HALF_MOVES as usize + 1;
 const CANDIDATES: usize = 16;
 
 /// Steps uphill at one step size.
-const MAX_CLIMB: usize = 8;
+const MAX_CLIMB: usize = 4;
 
 /// How much of the evidence the largest moves must bring more than none, to be preferred: a tie goes to the nearer one.
 const NEARNESS: f32 = 0.02;
@@ -67,7 +67,12 @@ impl Evidence {
             )
             .collect();
         let scale = edge_scale(slopes.iter().flatten().copied()).ok_or(SnapError::NoEdges)?;
-        let piece_of = |site: &Site| (site.line, ((site.along * PIECES as f64) as usize).min(PIECES - 1));
+        let piece_of = |site: &Site| {
+            (
+                site.line,
+                ((site.along * PIECES as f64) as usize).min(PIECES - 1),
+            )
+        };
         let all: Vec<(&Site, &Vec<f32>)> = sites.sites.iter().zip(&slopes).collect();
         let pieces: Vec<Piece> = all
             .chunk_by(|a, b| piece_of(a.0) == piece_of(b.0))
@@ -79,9 +84,17 @@ impl Evidence {
                         *sum += share * edgeness(*slope, scale);
                     }
                 }
+                // what is uneven everywhere, as leaves in front of a wall are, says little about one place
+                let mean = values.iter().sum::<f32>() / values.len() as f32;
+                values
+                    .iter_mut()
+                    .for_each(|value| *value = (*value - mean).max(0.0));
                 Piece {
                     line: sites[0].0.line,
-                    along: sites.iter().map(|(site, _)| share * site.along as f32).sum(),
+                    along: sites
+                        .iter()
+                        .map(|(site, _)| share * site.along as f32)
+                        .sum(),
                     values,
                 }
             })
@@ -103,7 +116,7 @@ pub(super) fn edgeness(slope: f32, scale: f32) -> f32 {
     square / (square + scale * scale)
 }
 
-/// The slope that counts half: three times the usual one, which is noise and texture, as most places are no edges. Nothing
+/// The slope that counts half: some times the usual one, which is noise and texture, as most places are no edges. Nothing
 /// if the picture is even or not finite everywhere.
 pub(super) fn edge_scale(slopes: impl Iterator<Item = f32>) -> Option<f32> {
     let mut heights: Vec<f32> = slopes
@@ -118,7 +131,7 @@ pub(super) fn edge_scale(slopes: impl Iterator<Item = f32>) -> Option<f32> {
     let middle = heights.len() / 2;
     let (_, median, _) = heights.select_nth_unstable_by(middle, f32::total_cmp);
     // a picture without noise has a median of 0
-    Some((3.0 * *median).max(0.05 * largest))
+    Some((2.4 * *median).max(0.05 * largest))
 }
 
 /// The best moves.
@@ -143,7 +156,13 @@ pub(super) fn best_moves(evidence: &Evidence, modes: &[[f64; 8]; MOVES]) -> Move
         .iter()
         .map(|ends| {
             ends.map(|influence| {
-                std::array::from_fn(|k| modes[k].iter().zip(influence).map(|(m, i)| m * i).sum::<f64>() as f32)
+                std::array::from_fn(|k| {
+                    modes[k]
+                        .iter()
+                        .zip(influence)
+                        .map(|(m, i)| m * i)
+                        .sum::<f64>() as f32
+                })
             })
         })
         .collect();
@@ -152,10 +171,16 @@ pub(super) fn best_moves(evidence: &Evidence, modes: &[[f64; 8]; MOVES]) -> Move
     while step > 1.0 {
         step *= 0.5;
         let level = Level::new(evidence, &ends, step);
-        candidates = candidates.into_par_iter().map(|(_, at)| level.climb(at)).collect();
+        candidates = candidates
+            .into_par_iter()
+            .map(|(_, at)| level.climb(at))
+            .collect();
     }
     let none = (0.0, [0.0; MOVES]);
-    let (_, at) = candidates.into_iter().fold(none, |best, found| if found.0 > best.0 { found } else { best });
+    let (_, at) = candidates.into_iter().fold(
+        none,
+        |best, found| if found.0 > best.0 { found } else { best },
+    );
     Moves {
         by_px: std::array::from_fn(|k| f64::from(at[k])),
         excess: excess(evidence, &ends, at),
@@ -198,8 +223,18 @@ impl<'a> Level<'a> {
     }
 
     fn score(&self, moves: [f32; MOVES]) -> f32 {
-        let found = self.pieces.iter().map(|piece| self.find(piece, shifts(&self.ends[piece.0.line], moves)));
-        found.sum::<f32>() - self.penalty * moves.iter().map(|m| m * m).sum::<f32>()
+        let mut sum = 0.0;
+        // pieces come line by line
+        let mut line = usize::MAX;
+        let mut ends = [0.0; 2];
+        for piece in &self.pieces {
+            if piece.0.line != line {
+                line = piece.0.line;
+                ends = shifts(&self.ends[line], moves);
+            }
+            sum += self.find(piece, ends);
+        }
+        sum - self.penalty * moves.iter().map(|m| m * m).sum::<f32>()
     }
 
     /// What each line finds for each pair of shifts of its ends, in half steps: `CELLS` × `CELLS` values a line.
@@ -208,9 +243,16 @@ impl<'a> Level<'a> {
         (0..self.ends.len())
             .into_par_iter()
             .map(|line| {
-                let pieces: Vec<_> = self.pieces.iter().filter(|piece| piece.0.line == line).collect();
-                let cells = (0..CELLS * CELLS).map(|cell| [shift(cell / CELLS), shift(cell % CELLS)]);
-                cells.map(|ends| pieces.iter().map(|piece| self.find(piece, ends)).sum()).collect()
+                let pieces: Vec<_> = self
+                    .pieces
+                    .iter()
+                    .filter(|piece| piece.0.line == line)
+                    .collect();
+                let cells =
+                    (0..CELLS * CELLS).map(|cell| [shift(cell / CELLS), shift(cell % CELLS)]);
+                cells
+                    .map(|ends| pieces.iter().map(|piece| self.find(piece, ends)).sum())
+                    .collect()
             })
             .collect()
     }
@@ -219,16 +261,29 @@ impl<'a> Level<'a> {
     /// first two, and the best [`CANDIDATES`] of those.
     fn best_of_all(&self) -> Vec<Scored> {
         let tables = self.tables();
-        let choices: Vec<f32> = (-HALF_MOVES..=HALF_MOVES).map(|k| k as f32 * self.step).collect();
-        let pairs: Vec<[f32; 2]> = choices.iter().flat_map(|&a| choices.iter().map(move |&b| [a, b])).collect();
-        let triples: Vec<[f32; 3]> =
-            pairs.iter().flat_map(|&[c, d]| choices.iter().map(move |&e| [c, d, e])).collect();
+        let choices: Vec<f32> = (-HALF_MOVES..=HALF_MOVES)
+            .map(|k| k as f32 * self.step)
+            .collect();
+        let pairs: Vec<[f32; 2]> = choices
+            .iter()
+            .flat_map(|&a| choices.iter().map(move |&b| [a, b]))
+            .collect();
+        let triples: Vec<[f32; 3]> = pairs
+            .iter()
+            .flat_map(|&[c, d]| choices.iter().map(move |&e| [c, d, e]))
+            .collect();
         // shifts in cells of the tables, by line
         let in_cells = 2.0 / self.step;
         let cells = |moves: [f32; MOVES]| -> Vec<[f32; 2]> {
-            self.ends.iter().map(|ends| shifts(ends, moves).map(|shift| shift * in_cells)).collect()
+            self.ends
+                .iter()
+                .map(|ends| shifts(ends, moves).map(|shift| shift * in_cells))
+                .collect()
         };
-        let last: Vec<Vec<[f32; 2]>> = triples.iter().map(|&[c, d, e]| cells([0.0, 0.0, c, d, e])).collect();
+        let last: Vec<Vec<[f32; 2]>> = triples
+            .iter()
+            .map(|&[c, d, e]| cells([0.0, 0.0, c, d, e]))
+            .collect();
         let middle = (CELLS / 2) as f32 + 0.5;
         let mut found: Vec<Scored> = pairs
             .par_iter()

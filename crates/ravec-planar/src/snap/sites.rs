@@ -45,7 +45,7 @@ pub(super) struct Sites {
 const SPACING_PX: f64 = 2.0;
 
 /// Sites on a line at most: longer lines are known well enough.
-const MAX_SITES: f64 = 400.0;
+const MAX_SITES: f64 = 320.0;
 
 impl Sites {
     /// The sites of one family or of both.
@@ -160,7 +160,10 @@ impl Profile {
         }
         let taps = self.derivative.len();
         for (k, slope) in self.slopes.iter_mut().enumerate() {
-            let (before, after) = (&self.brightness[k..k + taps], &self.brightness[k + taps + 1..]);
+            let (before, after) = (
+                &self.brightness[k..k + taps],
+                &self.brightness[k + taps + 1..],
+            );
             let differences = after.iter().zip(before.iter().rev()).map(|(a, b)| a - b);
             *slope = differences.zip(&self.derivative).map(|(d, w)| w * d).sum();
         }
