@@ -36,8 +36,8 @@ pub(super) fn polish(plane: &Plane, grid: &QuadGrid) -> Result<Snapped, SnapErro
             })
             .collect();
         // noise is what lies away from the line; near it there is an edge nearly everywhere
-        let scale = edge_scale(slopes.iter().flat_map(|s| [s[0], s[s.len() - 1]]))
-            .ok_or(SnapError::NoEdges)?;
+        let away = slopes.iter().flat_map(|s| [s[0], s[s.len() - 1]]);
+        let scale = edge_scale(away, slopes.iter().flatten().copied()).ok_or(SnapError::NoEdges)?;
         let mut sum = NormalEquations::default();
         let (mut supported, mut weights) = (0.0, 0.0);
         for (site, slopes) in sites.sites.iter().zip(&slopes) {

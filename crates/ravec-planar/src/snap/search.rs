@@ -66,7 +66,8 @@ impl Evidence {
                 },
             )
             .collect();
-        let scale = edge_scale(slopes.iter().flatten().copied()).ok_or(SnapError::NoEdges)?;
+        let all = || slopes.iter().flatten().copied();
+        let scale = edge_scale(all(), all()).ok_or(SnapError::NoEdges)?;
         let piece_of = |site: &Site| {
             (
                 site.line,
@@ -116,14 +117,15 @@ pub(super) fn edgeness(slope: f32, scale: f32) -> f32 {
     square / (square + scale * scale)
 }
 
-/// The slope that counts half: some times the usual one, which is noise and texture, as most places are no edges. Nothing
-/// if the picture is even or not finite everywhere.
-pub(super) fn edge_scale(slopes: impl Iterator<Item = f32>) -> Option<f32> {
-    let mut heights: Vec<f32> = slopes
-        .map(f32::abs)
-        .filter(|slope| slope.is_finite())
-        .collect();
-    let largest = heights.iter().fold(0.0f32, |a, &b| a.max(b));
+/// The slope that counts half: some times that of the places given by `usual`, which are noise and texture as most places
+/// are no edges; not less than a share of the steepest of `all`. Nothing if the picture is even, or finite nowhere.
+pub(super) fn edge_scale(
+    usual: impl Iterator<Item = f32>,
+    all: impl Iterator<Item = f32>,
+) -> Option<f32> {
+    let finite = |slope: &f32| slope.is_finite();
+    let largest = all.map(f32::abs).filter(finite).fold(0.0, f32::max);
+    let mut heights: Vec<f32> = usual.map(f32::abs).filter(finite).collect();
     // a tenth of an encoded step of 255
     if heights.is_empty() || largest < 4e-4 {
         return None;
