@@ -58,7 +58,7 @@ mod tests {
         std::array::from_fn(|row| (0..N).map(|col| m[row][col] * x[col]).sum())
     }
 
-    /// AᵀA + 0.1, positive definite with eigenvalues from 0.1 to 0.1 + 5 · 5.
+    /// A random square plus a tenth, positive definite with eigenvalues from 0.1 to 0.1 + 5 · 5.
     fn positive() -> impl Strategy<Value = [[f64; 5]; 5]> {
         prop::array::uniform5(prop::array::uniform5(-1.0..1.0)).prop_map(|a: [[f64; 5]; 5]| {
             std::array::from_fn(|i| {

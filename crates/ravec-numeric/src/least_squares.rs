@@ -13,14 +13,14 @@
 
 use crate::dense::solve_positive;
 
-/// A weighted sum of squares at one point, with what is needed for a step: JᵀWJ, JᵀWr and rᵀWr.
+/// A weighted sum of squares at one point, with what is needed for a step: `JᵀWJ`, `JᵀWr` and `rᵀWr`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NormalEquations<const N: usize> {
-    /// JᵀWJ, of which only the lower triangle is kept.
+    /// `JᵀWJ`, of which only the lower triangle is kept.
     pub matrix: [[f64; N]; N],
-    /// JᵀWr, half of the gradient.
+    /// `JᵀWr`, half of the gradient.
     pub gradient: [f64; N],
-    /// rᵀWr.
+    /// `rᵀWr`.
     pub cost: f64,
 }
 

@@ -1,10 +1,10 @@
 //! How much a pair of points speaks for a model when nobody knows the noise.
 //!
 //! A threshold asks for the noise's σ. Here σ is anything up to a maximum, all equally likely, and the weight of a residual
-//! is its mean over them: it falls smoothly from the middle to nothing at k · σ_max. The loss is the integral that makes
+//! is its mean over them: it falls smoothly from the middle to nothing at k · s. The loss is the integral that makes
 //! iterated weighted least squares with these weights minimise it.
 //!
-//! Notation: r, residual with two degrees of freedom; x = r² / 2σ_max²; k² = 9.21, the quantile of χ² with two degrees of
+//! Notation: r, residual with two degrees of freedom; s, the largest σ; x = r² / 2s²; k² = 9.21, the quantile of χ² with two degrees of
 //! freedom at 99 %; weight ∝ Γ(½, x) − Γ(½, k²/2); loss ∝ ∫ weight · r dr.
 //!
 //! Source: Barath, Noskova, Ivashechkin and Matas, "MAGSAC++, a fast, reliable and accurate robust estimator", 2020. We
@@ -16,12 +16,12 @@ use std::sync::LazyLock;
 /// The quantile of χ² with two degrees of freedom at 99 %, −2 ln 0.01.
 pub(crate) const K_SQ: f64 = 9.210_340_371_976_182;
 
-/// Entries between r² = 0 and r² = (k σ_max)². With 512 the interpolated weight is wrong by less than 1.5 % of the whole
+/// Entries between r² = 0 and r² = (k s)². With 512 the interpolated weight is wrong by less than 1.5 % of the whole
 /// next to 0, where it falls like a root, and by less than 1e-4 from a twentieth of the range on.
 const ENTRIES: usize = 512;
 
 struct Tables {
-    /// From 1 at r = 0 to 0 at k σ_max.
+    /// From 1 at r = 0 to 0 at k s.
     weight: [f64; ENTRIES + 1],
     /// 1 − loss / greatest loss: from 1 to 0.
     gain: [f64; ENTRIES + 1],
@@ -52,7 +52,7 @@ static TABLES: LazyLock<Tables> = LazyLock::new(|| {
     }
 });
 
-/// The weight and the gain for one σ_max.
+/// The weight and the gain for one s.
 #[derive(Clone, Copy)]
 pub(crate) struct Kernel {
     tables: &'static Tables,

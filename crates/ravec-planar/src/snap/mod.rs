@@ -237,5 +237,5 @@ fn directions(grid: &QuadGrid, family: Family) -> [DVec2; 4] {
         Family::Columns => [b - a, b - a, c - d, c - d],
         Family::Rows => [d - a, c - b, c - b, d - a],
     }
-    .map(|direction| direction.normalize_or_zero())
+    .map(DVec2::normalize_or_zero)
 }

@@ -87,9 +87,9 @@ impl Evidence {
                 }
                 // what is uneven everywhere, as leaves in front of a wall are, says little about one place
                 let mean = values.iter().sum::<f32>() / values.len() as f32;
-                values
-                    .iter_mut()
-                    .for_each(|value| *value = (*value - mean).max(0.0));
+                for value in &mut values {
+                    *value = (*value - mean).max(0.0);
+                }
                 Piece {
                     line: sites[0].0.line,
                     along: sites
