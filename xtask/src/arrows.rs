@@ -20,6 +20,11 @@ const CRATES: &[Crate] = &[
         uses: &[],
     },
     Crate {
+        name: "ravec-numeric",
+        layer: "floor",
+        uses: &[],
+    },
+    Crate {
         name: "ravec-raster",
         layer: "vocabulary",
         uses: &["ravec-progress"],
@@ -40,6 +45,11 @@ const CRATES: &[Crate] = &[
         uses: &["ravec-raster", "ravec-progress"],
     },
     Crate {
+        name: "ravec-planar",
+        layer: "representations",
+        uses: &["ravec-raster", "ravec-numeric", "ravec-progress"],
+    },
+    Crate {
         name: "ravec-octree",
         layer: "representations",
         uses: &[],
@@ -54,6 +64,7 @@ const CRATES: &[Crate] = &[
         layer: "assembly",
         uses: &[
             "ravec-twocolor",
+            "ravec-planar",
             "ravec-offset",
             "ravec-mesh",
             "ravec-raster",

@@ -6,7 +6,7 @@ use crate::help;
 use clap::{ArgGroup, Args, Parser, Subcommand};
 use clap_complete::Shell;
 use ravec_jobs::mesh::offset;
-use ravec_jobs::{Limits, brush, compare, demo, scenes, twocolor};
+use ravec_jobs::{Limits, brush, compare, demo, match_photos, scenes, twocolor};
 use std::path::{Path, PathBuf};
 
 pub use mesh::{MeshCommand, MeshLimitFlags};
@@ -41,6 +41,19 @@ pub enum Command {
         b: PathBuf,
         #[command(flatten)]
         params: compare::Params,
+    },
+    /// Lay one photo of a plane on another: find the homography between them
+    #[command(after_help = help::MATCH)]
+    Match {
+        /// The photo from which the homography leads; `-` is standard input
+        first: PathBuf,
+        /// The photo to which it leads; `-` is standard input
+        second: PathBuf,
+        /// The text to write, nine numbers row by row; `-` is standard output
+        #[arg(short, long, value_name = "FILE")]
+        output: PathBuf,
+        #[command(flatten)]
+        params: match_photos::Params,
     },
     /// Turn a picture into two-color pixels: blocks with one line and two colors, sharp at any scale
     #[command(
@@ -156,6 +169,7 @@ impl Command {
     pub fn inputs(&self) -> Vec<&Path> {
         match self {
             Self::Compare { a, b, .. } => vec![a, b],
+            Self::Match { first, second, .. } => vec![first, second],
             Self::Twocolor { input, .. } | Self::Offset { input, .. } => vec![input],
             Self::Brush { input, stroke, .. } => {
                 let stroke = stroke.as_deref();
@@ -179,7 +193,7 @@ impl Command {
                 .chain(mask.as_deref())
                 .collect(),
             Self::Mesh { command, .. } => command.outputs(),
-            Self::Offset { output, .. } => vec![output],
+            Self::Offset { output, .. } | Self::Match { output, .. } => vec![output],
             _ => Vec::new(),
         }
     }
@@ -262,6 +276,7 @@ mod tests {
         };
         for (line, inputs, outputs) in [
             ("ravec compare a b", "a b", ""),
+            ("ravec match a b -o c", "a b", "c"),
             ("ravec twocolor a -o b --svg c", "a", "b c"),
             ("ravec brush a -o b --stroke c --mask d", "a c", "b d"),
             ("ravec brush a -o b --everywhere", "a", "b"),
@@ -301,6 +316,11 @@ mod tests {
             panic!("not compare");
         };
         assert_eq!(params, compare::Params::default());
+        let parsed = Arguments::parse_from(["ravec", "match", "a", "b", "-o", "c"]);
+        let Command::Match { params, .. } = parsed.command else {
+            panic!("not match");
+        };
+        assert_eq!(params, match_photos::Params::default());
         let parsed = Arguments::parse_from(["ravec", "scenes", "--out", "d"]);
         let Command::Scenes { params, .. } = parsed.command else {
             panic!("not scenes");

@@ -37,6 +37,22 @@ file of its name once it is whole, but never an input.
     exit_codes!()
 );
 
+/// Of `ravec match`.
+pub const MATCH: &str = concat!(
+    "\
+Examples:
+  ravec match poster.jpg street.jpg -o h.txt
+  ravec match poster.jpg street.jpg -o - -q
+
+The nine numbers h, row by row, lead from a point (x, y) of the first photo to (h1 x + h2 y + h3, h4 x + h5 y + h6) / (h7 x + h8 y + \
+h9) in the second. Points are in pixels, x right, y down; the centre of the first pixel is (0.5, 0.5).
+
+Figures: matches, inliers, patches, sigma_px, tilted (0 or 1).
+
+",
+    exit_codes!()
+);
+
 /// Of `ravec compare`.
 pub const COMPARE: &str = concat!(
     "\

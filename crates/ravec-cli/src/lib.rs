@@ -33,8 +33,8 @@ use clap::{CommandFactory as _, Parser as _};
 use exit::Failure;
 use ravec::progress::Progress;
 use ravec_jobs::{
-    JobError, Report, Source, brush, check_files, check_folder, compare, demo, mesh, scenes,
-    twocolor,
+    JobError, Report, Source, brush, check_files, check_folder, compare, demo, match_photos, mesh,
+    scenes, twocolor,
 };
 use std::ffi::OsString;
 use std::io::IsTerminal as _;
@@ -93,6 +93,14 @@ fn execute(Arguments { command, global }: Arguments) -> Result<(), Failure> {
     match command {
         Command::Compare { a, b, params } => job(&global, |progress| {
             compare::run(&source(a), &source(b), &params, progress)
+        }),
+        Command::Match {
+            first,
+            second,
+            output,
+            params,
+        } => job(&global, |progress| {
+            match_photos::run(&source(first), &source(second), &output, &params, progress)
         }),
         Command::Twocolor {
             input,

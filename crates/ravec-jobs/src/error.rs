@@ -2,6 +2,7 @@
 
 use ravec::mesh::{ReadMeshError, WriteMeshError};
 use ravec::offset::OffsetError;
+use ravec::planar::MatchError;
 use ravec::progress::Cancelled;
 use ravec::raster::Size;
 use ravec::twocolor::brush::StrokeError;
@@ -110,6 +111,16 @@ pub enum JobError {
         /// Why not.
         cause: OffsetError,
     },
+    /// Two photos could not be laid on each other.
+    #[error("cannot match {} with {}: {cause}", input_name(.first), input_name(.second))]
+    NoMatch {
+        /// The first photo; `-` is standard input.
+        first: PathBuf,
+        /// The second photo.
+        second: PathBuf,
+        /// Why not.
+        cause: MatchError,
+    },
     /// Strokes cannot be read or make no sense.
     #[error("cannot use the strokes in {}: {reason}", input_name(.path))]
     Strokes {
@@ -162,7 +173,7 @@ impl JobError {
             | Self::SizesDiffer { .. }
             | Self::Strokes { .. } => 3,
             Self::Write { .. } | Self::WriteMesh { .. } => 4,
-            Self::Offset { .. } | Self::Fit(_) | Self::Render(_) => 1,
+            Self::Offset { .. } | Self::NoMatch { .. } | Self::Fit(_) | Self::Render(_) => 1,
             Self::Cancelled => 130,
         }
     }
@@ -419,6 +430,15 @@ mod tests {
                 2,
                 "cannot write a.png: its extension does not name a mesh format; known are .stl, .ply, .obj, .off, .3mf, \
                  .glb, .gltf",
+            ),
+            (
+                JobError::NoMatch {
+                    first: "a".into(),
+                    second: "b".into(),
+                    cause: MatchError::TooFewMatches { matches: 2 },
+                },
+                1,
+                "cannot match a with b: only 2 features of the photos look alike, which is too few to trust",
             ),
             (
                 JobError::from_offset(Path::new("a"), OffsetError::NoTriangles),

@@ -31,6 +31,7 @@ pub mod demo;
 mod error;
 mod files;
 mod gallery;
+pub mod match_photos;
 pub mod mesh;
 mod report;
 pub mod scenes;

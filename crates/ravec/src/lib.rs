@@ -7,6 +7,7 @@
 //! | --- | --- |
 //! | [`raster`] | images with typed colors, sampling, filters, metrics |
 //! | [`twocolor`] | two-color pixels, and filters that do not cross edges |
+//! | [`planar`] | homographies, matching of photos, grids in perspective, rectification |
 //! | [`mesh`] | triangle meshes: formats, checks, distances, simplification, pictures |
 //! | [`offset`](mod@offset) | surfaces at a distance from any triangles, within a tolerance that is proved |
 //! | [`progress`] | progress and cancellation of long work |
@@ -149,6 +150,7 @@
 
 pub use ravec_mesh as mesh;
 pub use ravec_offset as offset;
+pub use ravec_planar as planar;
 pub use ravec_progress as progress;
 pub use ravec_raster as raster;
 pub use ravec_twocolor as twocolor;

@@ -1,0 +1,33 @@
+//! Small numerical tools that several crates share: symmetric systems, eigenvectors, non-linear least squares.
+//!
+//! Geometry from measurements ends in a handful of unknowns and a sum of squares over many measurements. Here the sum is
+//! kept as its normal equations, so that memory does not depend on the number of measurements, and minimised with damping.
+//!
+//! ```
+//! use ravec_numeric::{Descent, NormalEquations, minimize};
+//!
+//! // a decay a·exp(−b·t) through samples of 3·exp(−0.5·t)
+//! let samples: Vec<(f64, f64)> = (0..8).map(|t| (t as f64, 3.0 * (-0.5 * t as f64).exp())).collect();
+//! let found = minimize([1.0, 1.0], &Descent::default(), |[a, b]| {
+//!     let mut sum = NormalEquations::default();
+//!     for &(t, y) in &samples {
+//!         let decay = (-b * t).exp();
+//!         sum.add(a * decay - y, &[decay, -a * t * decay], 1.0);
+//!     }
+//!     Some(sum)
+//! });
+//! assert!((found.at[0] - 3.0).abs() < 1e-9 && (found.at[1] - 0.5).abs() < 1e-9);
+//! ```
+//!
+//! Guarantees: no panic and no endless loop, whatever the numbers are; a problem that cannot be solved gives `None` or
+//! stays where it started. Does not guarantee: the same last bits on machines with other vector units.
+//!
+//! # Current status
+//!
+//! What `ravec-planar` needs. The factorisations are those of `faer`.
+
+mod dense;
+mod least_squares;
+
+pub use dense::{Smallest, smallest_eigenvector, solve_positive};
+pub use least_squares::{Descent, Minimum, NormalEquations, minimize};

@@ -1,0 +1,367 @@
+//! The moves of four corners that bring lines onto edges, tried all.
+
+use crate::snap::SnapError;
+use crate::snap::sites::{Profile, Site, Sites};
+use ravec_raster::Plane;
+use rayon::prelude::*;
+
+/// Pieces of a line that are told apart. The ends of a line move differently; within a piece the difference is a fraction
+/// of the coarsest step.
+const PIECES: usize = 16;
+
+/// The blur across lines, in pixels. Edges must be wide enough to meet along a piece that is not yet parallel to them.
+const SIGMA_PX: f64 = 2.0;
+
+/// Four corners and the difference of two sides.
+const MOVES: usize = 5;
+
+/// Steps of one move to each side in the coarsest search: (2 · 4 + 1)⁵ moves are tried. With fewer, parallel edges come to
+/// lie within one step.
+const HALF_MOVES: i32 = 4;
+
+/// Shifts of an end of a line that are told apart in the coarsest search, in half steps: up to twice the reach.
+const CELLS: usize = 8 * HALF_MOVES as usize + 1;
+
+/// Coarse finds that are followed: a few parallel edges look alike from afar.
+const CANDIDATES: usize = 16;
+
+/// Steps uphill at one step size.
+const MAX_CLIMB: usize = 4;
+
+/// How much of the evidence the largest moves must bring more than none, to be preferred: a tie goes to the nearer one.
+const NEARNESS: f32 = 0.02;
+
+/// How likely there is an edge at each distance from each piece of each line.
+pub(super) struct Evidence {
+    pieces: Vec<Piece>,
+    ends: Vec<[[f64; 8]; 2]>,
+    reach: usize,
+    /// What a line at any place finds.
+    mean: f64,
+}
+
+struct Piece {
+    line: usize,
+    /// Its middle along the line, 0 to 1.
+    along: f32,
+    /// 2 · `reach` + 1 values from 0 to 1.
+    values: Vec<f32>,
+}
+
+impl Evidence {
+    pub(super) fn gather(plane: &Plane, sites: &Sites, reach_px: f64) -> Result<Self, SnapError> {
+        if sites.sites.is_empty() {
+            return Err(SnapError::Outside);
+        }
+        let reach = reach_px.ceil() as usize;
+        let slopes: Vec<Vec<f32>> = sites
+            .sites
+            .par_iter()
+            .with_min_len(64)
+            .map_init(
+                || Profile::new(reach, SIGMA_PX),
+                |profile, site| {
+                    profile.read(plane, site.at, site.normal);
+                    profile.slopes.clone()
+                },
+            )
+            .collect();
+        let all = || slopes.iter().flatten().copied();
+        let scale = edge_scale(all(), all()).ok_or(SnapError::NoEdges)?;
+        let piece_of = |site: &Site| {
+            (
+                site.line,
+                ((site.along * PIECES as f64) as usize).min(PIECES - 1),
+            )
+        };
+        let all: Vec<(&Site, &Vec<f32>)> = sites.sites.iter().zip(&slopes).collect();
+        let pieces: Vec<Piece> = all
+            .chunk_by(|a, b| piece_of(a.0) == piece_of(b.0))
+            .map(|sites| {
+                let share = 1.0 / sites.len() as f32;
+                let mut values = vec![0.0; 2 * reach + 1];
+                for (_, slopes) in sites {
+                    for (sum, slope) in values.iter_mut().zip(*slopes) {
+                        *sum += share * edgeness(*slope, scale);
+                    }
+                }
+                // what is uneven everywhere, as leaves in front of a wall are, says little about one place
+                let mean = values.iter().sum::<f32>() / values.len() as f32;
+                for value in &mut values {
+                    *value = (*value - mean).max(0.0);
+                }
+                Piece {
+                    line: sites[0].0.line,
+                    along: sites
+                        .iter()
+                        .map(|(site, _)| share * site.along as f32)
+                        .sum(),
+                    values,
+                }
+            })
+            .collect();
+        let values = || pieces.iter().flat_map(|piece| &piece.values);
+        Ok(Self {
+            mean: values().map(|&v| f64::from(v)).sum::<f64>() / values().count() as f64,
+            pieces,
+            ends: sites.ends.clone(),
+            reach,
+        })
+    }
+}
+
+/// How surely a slope is an edge, 0 to 1: one half at `scale`. It saturates, so that strong edges do not outvote many.
+#[inline]
+pub(super) fn edgeness(slope: f32, scale: f32) -> f32 {
+    let square = slope * slope;
+    square / (square + scale * scale)
+}
+
+/// The slope that counts half: some times that of the places given by `usual`, which are noise and texture as most places
+/// are no edges; not less than a share of the steepest of `all`. Nothing if the picture is even, or finite nowhere.
+pub(super) fn edge_scale(
+    usual: impl Iterator<Item = f32>,
+    all: impl Iterator<Item = f32>,
+) -> Option<f32> {
+    let finite = |slope: &f32| slope.is_finite();
+    let largest = all.map(f32::abs).filter(finite).fold(0.0, f32::max);
+    let mut heights: Vec<f32> = usual.map(f32::abs).filter(finite).collect();
+    // a tenth of an encoded step of 255
+    if heights.is_empty() || largest < 4e-4 {
+        return None;
+    }
+    let middle = heights.len() / 2;
+    let (_, median, _) = heights.select_nth_unstable_by(middle, f32::total_cmp);
+    // a picture without noise has a median of 0
+    Some((2.4 * *median).max(0.05 * largest))
+}
+
+/// The best moves.
+pub(super) struct Moves {
+    /// Of each corner along its direction, in pixels.
+    pub by_px: [f64; 4],
+    /// The evidence of all lines above what lines at any place find, less a share of the best line's for each.
+    pub excess: f64,
+}
+
+/// By how much both ends of a line shift when each move grows by 1.
+type Ends = [[f32; MOVES]; 2];
+
+/// Moves and what they find.
+type Scored = (f32, [f32; MOVES]);
+
+/// Tries all moves of four corners, each along its own direction, and of the difference of two sides; `modes` say what each
+/// move does to the corners' coordinates.
+pub(super) fn best_moves(evidence: &Evidence, modes: &[[f64; 8]; MOVES]) -> Moves {
+    let ends: Vec<Ends> = evidence
+        .ends
+        .iter()
+        .map(|ends| {
+            ends.map(|influence| {
+                std::array::from_fn(|k| {
+                    modes[k]
+                        .iter()
+                        .zip(influence)
+                        .map(|(m, i)| m * i)
+                        .sum::<f64>() as f32
+                })
+            })
+        })
+        .collect();
+    let mut step = evidence.reach as f32 / HALF_MOVES as f32;
+    let mut candidates = Level::new(evidence, &ends, step).best_of_all();
+    while step > 1.0 {
+        step *= 0.5;
+        let level = Level::new(evidence, &ends, step);
+        candidates = candidates
+            .into_par_iter()
+            .map(|(_, at)| level.climb(at))
+            .collect();
+    }
+    let none = (0.0, [0.0; MOVES]);
+    let (_, at) = candidates.into_iter().fold(
+        none,
+        |best, found| if found.0 > best.0 { found } else { best },
+    );
+    Moves {
+        by_px: std::array::from_fn(|k| f64::from(at[k])),
+        excess: excess(evidence, &ends, at),
+    }
+}
+
+fn shifts(ends: &Ends, moves: [f32; MOVES]) -> [f32; 2] {
+    ends.map(|weights| weights.iter().zip(moves).map(|(w, m)| w * m).sum())
+}
+
+/// The evidence at one step: each value is the highest within half a step, so that no edge lies between two moves.
+struct Level<'a> {
+    pieces: Vec<(&'a Piece, Vec<f32>)>,
+    ends: &'a [Ends],
+    reach: usize,
+    step: f32,
+    penalty: f32,
+}
+
+impl<'a> Level<'a> {
+    fn new(evidence: &'a Evidence, ends: &'a [Ends], step: f32) -> Self {
+        let radius = (0.5 * step).round() as usize;
+        let soft = |piece: &'a Piece| (piece, highest_within(&piece.values, radius));
+        let reach = evidence.reach;
+        Self {
+            pieces: evidence.pieces.par_iter().map(soft).collect(),
+            ends,
+            reach,
+            step,
+            penalty: NEARNESS * evidence.pieces.len() as f32 / (MOVES * reach * reach) as f32,
+        }
+    }
+
+    /// What a piece finds when the ends of its line shift.
+    fn find(&self, (piece, values): &(&Piece, Vec<f32>), [start, end]: [f32; 2]) -> f32 {
+        let shift = start + piece.along * (end - start);
+        // casts saturate: places out of reach find the ends of the row, or nothing
+        let at = (shift + self.reach as f32 + 0.5) as usize;
+        values.get(at).copied().unwrap_or(0.0)
+    }
+
+    fn score(&self, moves: [f32; MOVES]) -> f32 {
+        let mut sum = 0.0;
+        // pieces come line by line
+        let mut line = usize::MAX;
+        let mut ends = [0.0; 2];
+        for piece in &self.pieces {
+            if piece.0.line != line {
+                line = piece.0.line;
+                ends = shifts(&self.ends[line], moves);
+            }
+            sum += self.find(piece, ends);
+        }
+        sum - self.penalty * moves.iter().map(|m| m * m).sum::<f32>()
+    }
+
+    /// What each line finds for each pair of shifts of its ends, in half steps: `CELLS` × `CELLS` values a line.
+    fn tables(&self) -> Vec<Vec<f32>> {
+        let shift = |cell: usize| (cell as f32 - (CELLS / 2) as f32) * 0.5 * self.step;
+        (0..self.ends.len())
+            .into_par_iter()
+            .map(|line| {
+                let pieces: Vec<_> = self
+                    .pieces
+                    .iter()
+                    .filter(|piece| piece.0.line == line)
+                    .collect();
+                let cells =
+                    (0..CELLS * CELLS).map(|cell| [shift(cell / CELLS), shift(cell % CELLS)]);
+                cells
+                    .map(|ends| pieces.iter().map(|piece| self.find(piece, ends)).sum())
+                    .collect()
+            })
+            .collect()
+    }
+
+    /// The best of all moves, found by tables of lines instead of pieces: the best of the last three moves for each of the
+    /// first two, and the best [`CANDIDATES`] of those.
+    fn best_of_all(&self) -> Vec<Scored> {
+        let tables = self.tables();
+        let choices: Vec<f32> = (-HALF_MOVES..=HALF_MOVES)
+            .map(|k| k as f32 * self.step)
+            .collect();
+        let pairs: Vec<[f32; 2]> = choices
+            .iter()
+            .flat_map(|&a| choices.iter().map(move |&b| [a, b]))
+            .collect();
+        let triples: Vec<[f32; 3]> = pairs
+            .iter()
+            .flat_map(|&[c, d]| choices.iter().map(move |&e| [c, d, e]))
+            .collect();
+        // shifts in cells of the tables, by line
+        let in_cells = 2.0 / self.step;
+        let cells = |moves: [f32; MOVES]| -> Vec<[f32; 2]> {
+            self.ends
+                .iter()
+                .map(|ends| shifts(ends, moves).map(|shift| shift * in_cells))
+                .collect()
+        };
+        let last: Vec<Vec<[f32; 2]>> = triples
+            .iter()
+            .map(|&[c, d, e]| cells([0.0, 0.0, c, d, e]))
+            .collect();
+        let middle = (CELLS / 2) as f32 + 0.5;
+        let mut found: Vec<Scored> = pairs
+            .par_iter()
+            .with_min_len(8)
+            .map(|&[a, b]| {
+                let first = cells([a, b, 0.0, 0.0, 0.0]);
+                let mut best = (f32::MIN, [0.0; MOVES]);
+                for (triple, last) in triples.iter().zip(&last) {
+                    let mut score = 0.0;
+                    for ((table, first), last) in tables.iter().zip(&first).zip(last) {
+                        let [start, end] = [0, 1].map(|k| (first[k] + last[k] + middle) as usize);
+                        if start < CELLS && end < CELLS {
+                            score += table[start * CELLS + end];
+                        }
+                    }
+                    let moves = [a, b, triple[0], triple[1], triple[2]];
+                    score -= self.penalty * moves.iter().map(|m| m * m).sum::<f32>();
+                    if score > best.0 {
+                        best = (score, moves);
+                    }
+                }
+                best
+            })
+            .collect();
+        found.sort_by(|a, b| b.0.total_cmp(&a.0));
+        found.truncate(CANDIDATES);
+        found
+    }
+
+    /// Takes the best neighbour until there is none better.
+    fn climb(&self, start: [f32; MOVES]) -> Scored {
+        const OFFSETS: [f32; 3] = [-1.0, 0.0, 1.0];
+        let mut best = (self.score(start), start);
+        for _ in 0..MAX_CLIMB {
+            let center = best.1;
+            for k in 0..3usize.pow(MOVES as u32) {
+                let mut rest = k;
+                let moves = center.map(|at| {
+                    let offset = OFFSETS[rest % 3];
+                    rest /= 3;
+                    at + offset * self.step
+                });
+                if moves.iter().all(|m| m.abs() <= self.reach as f32) {
+                    let score = self.score(moves);
+                    if score > best.0 {
+                        best = (score, moves);
+                    }
+                }
+            }
+            if best.1 == center {
+                break;
+            }
+        }
+        best
+    }
+}
+
+/// The highest value within `radius` places to each side.
+fn highest_within(row: &[f32], radius: usize) -> Vec<f32> {
+    (0..row.len())
+        .map(|k| {
+            let near = &row[k.saturating_sub(radius)..(k + radius + 1).min(row.len())];
+            near.iter().fold(0.0, |a: f32, &b| a.max(b))
+        })
+        .collect()
+}
+
+/// See [`Moves::excess`].
+fn excess(evidence: &Evidence, ends: &[Ends], moves: [f32; MOVES]) -> f64 {
+    let level = Level::new(evidence, ends, 2.0);
+    let mut lines = vec![0.0; ends.len()];
+    for piece in &level.pieces {
+        let found = level.find(piece, shifts(&ends[piece.0.line], moves));
+        lines[piece.0.line] += (f64::from(found) - evidence.mean) / PIECES as f64;
+    }
+    let best = lines.iter().fold(0.0f64, |a, &b| a.max(b));
+    // a line that finds less than a third of what the best one finds speaks against the count
+    lines.iter().map(|line| line - best / 3.0).sum()
+}

@@ -1,0 +1,171 @@
+//! Places along the lines of a grid, and the picture across the lines there.
+
+use crate::homography::Homography;
+use crate::quad_grid::QuadGrid;
+use glam::{DVec2, dvec2};
+use ravec_raster::{Plane, Size};
+
+/// Lines between columns, or lines between rows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Family {
+    Columns,
+    Rows,
+}
+
+impl Family {
+    pub(super) fn other(self) -> Self {
+        match self {
+            Self::Columns => Self::Rows,
+            Self::Rows => Self::Columns,
+        }
+    }
+}
+
+/// A place on a line.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Site {
+    pub line: usize,
+    /// How far along the line, 0 to 1.
+    pub along: f64,
+    pub at: DVec2,
+    /// Across the line, of length 1.
+    pub normal: DVec2,
+    /// By how much the line moves across itself when a corner's x or y grows by 1: x₀, y₀, x₁, …
+    pub influence: [f64; 8],
+}
+
+/// Places on lines that lie in the picture.
+pub(super) struct Sites {
+    pub sites: Vec<Site>,
+    /// The influence at both ends of each line. Between them it changes evenly, as a line moves to a line.
+    pub ends: Vec<[[f64; 8]; 2]>,
+}
+
+/// Distance of sites along a line in pixels. Nearer ones share most of their pixels.
+const SPACING_PX: f64 = 2.0;
+
+/// Sites on a line at most: longer lines are known well enough.
+const MAX_SITES: f64 = 320.0;
+
+impl Sites {
+    /// The sites of one family or of both.
+    pub(super) fn new(grid: &QuadGrid, family: Option<Family>, size: Size) -> Self {
+        let maps = Moved::new(grid);
+        let mut all = Self {
+            sites: Vec::new(),
+            ends: Vec::new(),
+        };
+        let extent = dvec2(size.width() as f64, size.height() as f64);
+        for (this, count) in [
+            (Family::Columns, grid.columns()),
+            (Family::Rows, grid.rows()),
+        ] {
+            if family.is_some_and(|family| family != this) {
+                continue;
+            }
+            for index in 0..=count {
+                let ends = match this {
+                    Family::Columns => grid.column_line(index),
+                    Family::Rows => grid.row_line(index),
+                };
+                let length = ends[0].distance(ends[1]);
+                let normal = (ends[1] - ends[0]).normalize_or_zero().perp();
+                let influence = |at: DVec2| maps.influence(maps.place(at), at, normal);
+                let line = all.ends.len();
+                all.ends.push(ends.map(influence));
+                let sites = (length / SPACING_PX).clamp(1.0, MAX_SITES).ceil() as usize;
+                for k in 0..sites {
+                    // evenly in the picture; corners are left out, where lines meet
+                    let share = (k as f64 + 0.5) / sites as f64;
+                    let at = ends[0].lerp(ends[1], share);
+                    if at.cmplt(DVec2::ZERO).any() || at.cmpgt(extent).any() {
+                        continue;
+                    }
+                    all.sites.push(Site {
+                        line,
+                        along: share,
+                        at,
+                        normal,
+                        influence: influence(at),
+                    });
+                }
+            }
+        }
+        all
+    }
+}
+
+/// The grid's map, and those with each coordinate of a corner a little larger.
+struct Moved {
+    grid_from_image: Homography,
+    moved: [Option<Homography>; 8],
+}
+
+/// The step of the differences, in pixels: the map is smooth, so any step between rounding and curvature will do.
+const STEP_PX: f64 = 1e-3;
+
+impl Moved {
+    fn new(grid: &QuadGrid) -> Self {
+        let moved = std::array::from_fn(|k| {
+            let axis = if k % 2 == 0 { DVec2::X } else { DVec2::Y };
+            let corner = grid.corners()[k / 2] + axis * STEP_PX;
+            grid.with_corner(k / 2, corner)
+                .ok()
+                .map(|grid| grid.image_from_grid())
+        });
+        Self {
+            grid_from_image: grid.image_from_grid().inverse(),
+            moved,
+        }
+    }
+
+    fn place(&self, at: DVec2) -> DVec2 {
+        self.grid_from_image.apply(at)
+    }
+
+    fn influence(&self, in_grid: DVec2, at: DVec2, normal: DVec2) -> [f64; 8] {
+        self.moved
+            .map(|moved| moved.map_or(0.0, |map| (map.apply(in_grid) - at).dot(normal) / STEP_PX))
+    }
+}
+
+/// The picture across a line, and its slope.
+pub(super) struct Profile {
+    /// Slopes at distances −reach, …, reach in whole pixels; in units of the picture a pixel.
+    pub slopes: Vec<f32>,
+    brightness: Vec<f32>,
+    /// Weights of differences over 1, 2, … pixels to each side.
+    derivative: Vec<f32>,
+}
+
+impl Profile {
+    /// For slopes up to `reach` pixels away, of the picture blurred by `sigma_px` across the line.
+    pub(super) fn new(reach: usize, sigma_px: f64) -> Self {
+        let taps = (3.0 * sigma_px).ceil() as usize;
+        let raw = |m: usize| m as f64 * (-0.5 * (m as f64 / sigma_px).powi(2)).exp();
+        // a ramp has its slope: Σ w · 2 m = 1
+        let sum: f64 = (1..=taps).map(|m| raw(m) * 2.0 * m as f64).sum();
+        Self {
+            slopes: vec![0.0; 2 * reach + 1],
+            brightness: vec![0.0; 2 * (reach + taps) + 1],
+            derivative: (1..=taps).map(|m| (raw(m) / sum) as f32).collect(),
+        }
+    }
+
+    /// Reads the picture across a line at a place. Beyond the picture its border goes on, without slopes.
+    pub(super) fn read(&mut self, plane: &Plane, at: DVec2, normal: DVec2) {
+        let half = (self.brightness.len() / 2) as f64;
+        for (k, value) in self.brightness.iter_mut().enumerate() {
+            *value = plane.bilinear(at + normal * (k as f64 - half));
+        }
+        let taps = self.derivative.len();
+        for (k, slope) in self.slopes.iter_mut().enumerate() {
+            let (before, after) = (
+                &self.brightness[k..k + taps],
+                &self.brightness[k + taps + 1..],
+            );
+            let differences = after.iter().zip(before.iter().rev()).map(|(a, b)| a - b);
+            *slope = differences.zip(&self.derivative).map(|(d, w)| w * d).sum();
+        }
+    }
+}

@@ -1,0 +1,146 @@
+//! Panelled walls whose grid is an input, and grids that start beside it.
+
+use glam::{DVec2, dvec2};
+use ravec_planar::{QuadGrid, SnapError, SnapParams, snap, snap_counting};
+use ravec_progress::Progress;
+use ravec_raster::{Plane, Size};
+use ravec_scenes::Seed;
+
+const WIDTH: usize = 560;
+const HEIGHT: usize = 440;
+
+/// A wall of panels in different greys before an even ground, with noise of 4 of 255 steps; where `hidden` says so, there
+/// is something else.
+fn wall(truth: &QuadGrid, seed: Seed, hidden: impl Fn(DVec2) -> bool) -> Plane {
+    let grid_from_image = truth.image_from_grid().inverse();
+    let extent = dvec2(f64::from(truth.columns()), f64::from(truth.rows()));
+    let tone = |p: DVec2| {
+        let q = grid_from_image.apply(p);
+        if hidden(p) {
+            0.5
+        } else if q.cmpgt(DVec2::ZERO).all() && q.cmplt(extent).all() {
+            // neighbours differ by at least a tenth
+            let light = (q.x as i64 + q.y as i64) % 2;
+            0.25 + 0.3 * light as f64 + 0.2 * seed.unit(q.x as i64, q.y as i64, 1)
+        } else {
+            0.12
+        }
+    };
+    Plane::from_fn(Size::new(WIDTH, HEIGHT).unwrap(), |col, row| {
+        let sum: f64 = [(0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75)]
+            .iter()
+            .map(|&(x, y)| tone(dvec2(col as f64 + x, row as f64 + y)))
+            .sum();
+        (sum / 4.0 + seed.gaussian(col as i64, row as i64, 2) * 4.0 / 255.0) as f32
+    })
+}
+
+/// A quad that differs from seed to seed, and one with each corner 3 % of the diagonal beside it.
+fn quads(seed: Seed, columns: u32, rows: u32) -> (QuadGrid, QuadGrid) {
+    let middle = [
+        dvec2(90.0, 70.0),
+        dvec2(470.0, 90.0),
+        dvec2(460.0, 350.0),
+        dvec2(100.0, 370.0),
+    ];
+    let jitter = |k: i64, channel| seed.between(k, 0, channel, -30.0, 30.0);
+    let truth: [DVec2; 4] =
+        std::array::from_fn(|k| middle[k] + dvec2(jitter(k as i64, 3), jitter(k as i64, 4)));
+    let truth = QuadGrid::new(truth, columns, rows).unwrap();
+    let off = 0.03 * truth.diagonal_px();
+    let angle = |k: usize| seed.between(k as i64, 1, 5, 0.0, std::f64::consts::TAU);
+    let corners = truth.corners();
+    let rough = std::array::from_fn(|k| corners[k] + DVec2::from_angle(angle(k)) * off);
+    (truth, QuadGrid::new(rough, columns, rows).unwrap())
+}
+
+fn rms(found: &QuadGrid, truth: &QuadGrid) -> f64 {
+    let corners = found.corners().into_iter().zip(truth.corners());
+    (corners.map(|(a, b)| a.distance_squared(b)).sum::<f64>() / 4.0).sqrt()
+}
+
+#[test]
+fn a_grid_three_per_cent_off_snaps_to_a_tenth_of_a_pixel() {
+    for k in 0..12 {
+        let (truth, rough) = quads(Seed(k), 3 + k as u32 % 4, 3 + k as u32 % 3);
+        let picture = wall(&truth, Seed(k), |_| false);
+        let found = snap(&picture, &rough, &SnapParams::default(), &Progress::none()).unwrap();
+        assert!(
+            rms(&found.grid, &truth) < 0.1,
+            "{k}: {}",
+            rms(&found.grid, &truth)
+        );
+        assert!(found.support > 0.9);
+    }
+}
+
+#[test]
+fn what_hides_a_third_of_the_wall_costs_little() {
+    for k in 0..8 {
+        let (truth, rough) = quads(Seed(100 + k), 5, 4);
+        let center = truth.image_from_grid().apply(dvec2(2.0, 2.2));
+        let picture = wall(&truth, Seed(k), |p| {
+            p.distance(center) < 95.0 || (p.x - 380.0).abs() < 12.0
+        });
+        let found = snap(&picture, &rough, &SnapParams::default(), &Progress::none()).unwrap();
+        assert!(
+            rms(&found.grid, &truth) < 0.5,
+            "{k}: {}",
+            rms(&found.grid, &truth)
+        );
+    }
+}
+
+#[test]
+fn columns_and_rows_are_counted() {
+    for (k, columns, rows) in [(1, 4, 3), (2, 6, 5)] {
+        let (truth, rough) = quads(Seed(200 + k), columns, rows);
+        let picture = wall(&truth, Seed(k), |_| false);
+        let start = rough.divided(1, 1).unwrap();
+        let params = SnapParams::default();
+        let found =
+            snap_counting(&picture, &start, 2..=8, 2..=8, &params, &Progress::none()).unwrap();
+        assert_eq!((found.grid.columns(), found.grid.rows()), (columns, rows));
+        assert!(rms(&found.grid, &truth) < 0.2);
+    }
+}
+
+#[test]
+fn bad_input_is_refused() {
+    let (truth, rough) = quads(Seed(1), 4, 4);
+    let params = SnapParams::default();
+    let progress = Progress::none();
+    let size = Size::new(WIDTH, HEIGHT).unwrap();
+    for value in [0.5, f32::NAN] {
+        let found = snap(&Plane::new(size, value), &rough, &params, &progress);
+        assert_eq!(found, Err(SnapError::NoEdges));
+    }
+    let far = QuadGrid::new(rough.corners().map(|c| c + 5000.0), 4, 4).unwrap();
+    let picture = wall(&truth, Seed(1), |_| false);
+    assert_eq!(
+        snap(&picture, &far, &params, &progress),
+        Err(SnapError::Outside)
+    );
+    let empty = std::ops::RangeInclusive::new(3, 2);
+    let none = snap_counting(&picture, &rough, empty, 3..=4, &params, &progress);
+    assert_eq!(none, Err(SnapError::NoEdges));
+    progress.cancel();
+    assert_eq!(
+        snap(&picture, &rough, &params, &progress),
+        Err(SnapError::Cancelled)
+    );
+}
+
+#[test]
+fn one_thread_and_many_give_the_same_bytes() {
+    let (truth, rough) = quads(Seed(5), 4, 5);
+    let picture = wall(&truth, Seed(5), |_| false);
+    let on = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap();
+        pool.install(|| snap(&picture, &rough, &SnapParams::default(), &Progress::none()))
+    };
+    assert_eq!(on(1), on(3));
+}
