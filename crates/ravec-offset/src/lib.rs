@@ -3,8 +3,9 @@
 //! The points at a distance from a set of triangles lie on pieces of spheres around their corners, cylinders around their
 //! edges and planes beside them. An octree is split until one vertex a cell stands for the pieces in it (`refine`, `cell`);
 //! the surface dual to it is cut into triangles that do not meet each other (`extract`); every triangle is proved to keep the
-//! distance (`certify`), and cells whose triangles are not, or meet others, are split again (`offset`). Triangles are merged
-//! at the end, as far as the same proof allows.
+//! distance (`certify`), and cells whose triangles are not, or meet others, are split again (`mend`), tile by tile if memory is
+//! limited (`tile`). Triangles are merged at the end, as far as the same proof allows (`simplify`), and what is left is
+//! measured (`measure`). Sheets are made thick by the same means (`thicken`).
 //!
 //! Sources: Pavić and Kobbelt, *High-Resolution Volumetric Computation of Offset Surfaces with Feature Preservation*,
 //! Eurographics 2008; Schaefer, Ju and Warren, *Manifold Dual Contouring*, TVCG 2007; Ju and Udeshi, *Intersection-free
@@ -13,7 +14,8 @@
 //!
 //! Guarantees, for what [`OffsetReport`] says of them: every point of the result is at the distance from the triangles, within
 //! the tolerance (`certified`); it is closed, manifold and oriented (`solid`); no two triangles meet where they should not
-//! (`self_intersections` is 0). The same result for any number of threads.
+//! (`self_intersections` is 0). The same result for any number of threads; before triangles are merged also for any limit of
+//! memory.
 //!
 //! Does not guarantee: that every point of the true offset has a point of the result within the tolerance. Where the distance
 //! grows by less than one for one, at acute crests, a cut crest may be farther; and a part of the surface that is shallower
