@@ -31,6 +31,11 @@ fn studio() -> tempfile::TempDir {
     for (name, photo) in [("a.png", "photo.jpg"), ("b.png", "noisy.jpg")] {
         done(folder.path(), &format!("-q twocolor {photo} -o {name}"));
     }
+    let sheet = "solid sheet\n\
+        facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 30 0 0\nvertex 30 20 0\nendloop\nendfacet\n\
+        facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 30 20 0\nvertex 0 20 0\nendloop\nendfacet\n\
+        endsolid sheet\n";
+    std::fs::write(folder.path().join("sheet.stl"), sheet).unwrap();
     std::fs::write(folder.path().join("points.json"), "[[40, 30], [90, 50]]").unwrap();
     let help = done(folder.path(), "help brush");
     let begin = help.find("{\"version\"").unwrap();
