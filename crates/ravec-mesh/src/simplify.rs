@@ -26,7 +26,6 @@ mod deviation;
 mod engine;
 mod examine;
 mod judge;
-mod octree;
 mod parts;
 mod patches;
 mod quadric;

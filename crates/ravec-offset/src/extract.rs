@@ -180,15 +180,15 @@ pub(crate) fn extract(
     Ok(cutter.cut(places, progress)?.with(contour))
 }
 
-/// Triangles before they are joined with the contour that they come from.
-struct Triangles {
+/// The surface before it is joined with the contour that it comes from.
+struct Loose {
     positions: Vec<DVec3>,
     added: Vec<VertexName>,
     triangles: Vec<[u32; 3]>,
     polygon_of: Vec<u32>,
 }
 
-impl Triangles {
+impl Loose {
     fn with(self, contour: Contour) -> Extracted {
         Extracted {
             positions: self.positions,
@@ -346,11 +346,7 @@ enum Cut {
 }
 
 impl Cutter<'_> {
-    fn cut(
-        mut self,
-        places: &mut CrossingPlaces,
-        progress: &Progress,
-    ) -> Result<Triangles, Cancelled> {
+    fn cut(mut self, places: &mut CrossingPlaces, progress: &Progress) -> Result<Loose, Cancelled> {
         let contour = self.contour;
         let is_core = |cells: &[NodeId]| cells.iter().all(|&cell| self.refinement.is_core(cell));
         let is_bent: Vec<bool> = contour
@@ -434,7 +430,7 @@ impl Cutter<'_> {
             }
             polygon_of.resize(triangles.len(), number);
         }
-        Ok(Triangles {
+        Ok(Loose {
             positions: self.positions,
             added: self.added,
             triangles,

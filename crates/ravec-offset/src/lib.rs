@@ -4,8 +4,8 @@
 //! edges and planes beside them. An octree is split until one vertex a cell stands for the pieces in it (`refine`, `cell`);
 //! the surface dual to it is cut into triangles that do not meet each other (`extract`); every triangle is proved to keep the
 //! distance (`certify`), and cells whose triangles are not, or meet others, are split again (`mend`), tile by tile if memory is
-//! limited (`tile`). Triangles are merged at the end, as far as the same proof allows (`simplify`), and what is left is
-//! measured (`measure`). Sheets are made thick by the same means (`thicken`).
+//! limited (`tile`). Triangles are merged at the end, as far as the same proof allows (`simplify`), those that lie badly are turned
+//! (`smooth`), and what is left is measured (`measure`). Sheets are made thick by the same means (`thicken`).
 //!
 //! Sources: Pavić and Kobbelt, *High-Resolution Volumetric Computation of Offset Surfaces with Feature Preservation*,
 //! Eurographics 2008; Schaefer, Ju and Warren, *Manifold Dual Contouring*, TVCG 2007; Ju and Udeshi, *Intersection-free
@@ -35,6 +35,7 @@ mod outermost;
 mod params;
 mod refine;
 mod simplify;
+mod smooth;
 mod thicken;
 mod tile;
 

@@ -49,7 +49,7 @@ pub struct OffsetParams {
     pub side: Side,
     /// What to do with a mesh that is not closed (default refuse); to thicken it, `side` must be both.
     pub open: OpenRule,
-    /// Whether to merge triangles as far as the tolerance allows (default yes).
+    /// Whether to merge triangles as far as the tolerance allows, and to turn what then lies badly (default yes).
     pub simplify: bool,
     /// How far simplification may turn a triangle away from the surface that it stands for, in degrees, above 0 and at most
     /// 90 (default 4). Triangles at creases that were off more before may stay so. Where a mesh is rough, as scans are, it is

@@ -9,6 +9,7 @@
 use crate::certify::{proved, spread, tilt};
 use crate::field::{Field, Near};
 use crate::params::OffsetParams;
+use crate::smooth::smooth;
 use glam::DVec3;
 use ravec_mesh::{
     Adjacency, CollapseCandidate, CollapseJudge, Keep, Overseer, SimplifyError, SimplifyParams,
@@ -49,7 +50,13 @@ pub(crate) fn simplify(
         progress,
     };
     match simplify_patches(surface, &asked, &Keep::default(), &overseer, progress) {
-        Ok(simplified) => Ok(simplified.mesh),
+        Ok(simplified) => smooth(
+            field,
+            &simplified.mesh,
+            limits,
+            most_deviation + leeway,
+            progress,
+        ),
         Err(SimplifyError::Cancelled(cancelled)) => Err(cancelled),
         // nothing else can be said against a surface of our own: keep it as it is
         Err(_) => Ok(surface.clone()),
