@@ -9,8 +9,8 @@
 //! triangle, or with more than two, and their vertices stay as they are; facets turn by less than a right angle at a time;
 //! triangles that did not meet do not meet, exactly; the same result on any number of threads. Does not guarantee: the least
 //! possible sum of faults; a distance to what was there before, unless the caller refuses steps.
-//! Cost: for each facet with a fault some nine candidates, each of which costs the faults of the facets that it changes, and
-//! a search for intersections for the best of them; nothing for the other facets but the first question for their fault.
+//! Cost: one look at each facet; then for each facet with a fault six candidates, each of which costs a look at the facets
+//! that it changes, and a search for intersections for the best of them.
 //!
 //! Source: local steps as in Hoppe et al., "Mesh Optimization", 1993, without its collapses and splits.
 
@@ -32,19 +32,33 @@ const LEAST_GAIN: f64 = 0.02;
 /// How many steps there may be for each facet that has a fault at first. Far fewer are taken where they are of use.
 const MOST_STEPS: usize = 8;
 
+/// A facet as it is, or as it would be.
+#[derive(Debug, Clone, Copy)]
+pub struct Facet<L> {
+    /// The names of its corners, by their index in the mesh.
+    pub names: [u32; 3],
+    /// Where these are.
+    pub corners: [DVec3; 3],
+    /// What the judge sees in it.
+    pub look: L,
+}
+
 /// Who says what is wanted.
-///
-/// Facets are given by the names of their corners and where these are; the names are those of the mesh, the places those
-/// that are tried out.
 pub trait RelaxJudge: Sync {
-    /// How badly a facet lies: 0 if it may stay, else more than that, finite.
-    fn fault(&self, names: [u32; 3], corners: [DVec3; 3]) -> f64;
+    /// What a judge has to find out about a facet to judge it.
+    type Look: Copy + Send + Sync;
+
+    /// Looks at a facet with these corners; `like` is the look of one that was there, or nearby, if there was any.
+    fn look(&self, corners: [DVec3; 3], like: Option<&Self::Look>) -> Self::Look;
+
+    /// How badly a facet lies that looks like this: 0 if it may stay, else more than that, finite.
+    fn fault(&self, look: &Self::Look) -> f64;
 
     /// Where the vertex `of` would better be; `around` are the facets that have it as a corner. `None` if it may stay.
-    fn place(&self, of: u32, around: &[([u32; 3], [DVec3; 3])]) -> Option<DVec3>;
+    fn place(&self, of: u32, around: &[Facet<Self::Look>]) -> Option<DVec3>;
 
     /// Whether a step may be taken that lowers faults and lets no triangles meet; `after` are the facets that it makes.
-    fn admits(&self, after: &[([u32; 3], [DVec3; 3])]) -> bool;
+    fn admits(&self, after: &[Facet<Self::Look>]) -> bool;
 }
 
 /// What became of a mesh.
@@ -86,19 +100,20 @@ impl PartialOrd for Waiting {
 ///
 /// # Errors
 /// [`Cancelled`] if `progress` says so.
-pub fn relax(
+pub fn relax<J: RelaxJudge>(
     mesh: &TriMesh,
-    judge: &impl RelaxJudge,
+    judge: &J,
     progress: &Progress,
 ) -> Result<Relaxed, Cancelled> {
     progress.check()?;
-    let mut faults: Vec<f64> = (0..mesh.triangles().len() as u32)
+    let looks: Vec<J::Look> = (0..mesh.triangles().len() as u32)
         .into_par_iter()
         .map(|t| {
             progress.check()?;
-            Ok(judge.fault(mesh.triangles()[t as usize], mesh.corners(t)))
+            Ok(judge.look(mesh.corners(t), None))
         })
         .collect::<Result<_, Cancelled>>()?;
+    let mut faults: Vec<f64> = looks.iter().map(|look| judge.fault(look)).collect();
     let before = faults.iter().sum();
     let mut queue: BinaryHeap<Waiting> = (0..)
         .zip(&faults)
@@ -114,7 +129,7 @@ pub fn relax(
             faults: [before, before],
         });
     }
-    let mut steps = Steps::new(mesh, progress)?;
+    let mut steps = Steps::new(mesh, looks, judge, progress)?;
     let (mut flips, mut moves) = (0, 0);
     while let Some(Waiting { fault, triangle }) = queue.pop() {
         progress.check()?;
@@ -122,7 +137,7 @@ pub fn relax(
         if faults[triangle as usize].total_cmp(&fault) != Ordering::Equal {
             continue;
         }
-        let Some((step, fan, new)) = best(&mut steps, &faults, triangle, judge) else {
+        let Some((step, fan)) = best(&mut steps, &faults, triangle) else {
             continue;
         };
         match step {
@@ -130,7 +145,8 @@ pub fn relax(
             Step::Move { .. } => moves += 1,
         }
         steps.take(step, &fan);
-        for (&t, &fault) in fan.triangles.iter().zip(&new) {
+        for (&t, facet) in fan.triangles.iter().zip(&fan.after) {
+            let fault = judge.fault(&facet.look);
             faults[t as usize] = fault;
             if fault > 0.0 {
                 queue.push(Waiting { fault, triangle: t });
@@ -149,32 +165,28 @@ pub fn relax(
     })
 }
 
-/// Of the steps that concern a facet, the one that lowers faults most and may be taken; with the facets that it makes, and
-/// their faults.
-fn best(
-    steps: &mut Steps,
+/// Of the steps that concern a facet, the one that lowers faults most and may be taken; with the facets that it makes.
+fn best<J: RelaxJudge>(
+    steps: &mut Steps<'_, J>,
     faults: &[f64],
     triangle: u32,
-    judge: &impl RelaxJudge,
-) -> Option<(Step, Fan, Vec<f64>)> {
-    let mut candidates: Vec<(f64, Step, Fan, Vec<f64>)> = Vec::new();
-    for step in steps.of_triangle(triangle, judge) {
+) -> Option<(Step, Fan<J::Look>)> {
+    let mut candidates: Vec<(f64, Step, Fan<J::Look>)> = Vec::new();
+    for step in steps.of_triangle(triangle) {
         let Some(fan) = steps.fan(step) else {
             continue;
         };
         let before: f64 = fan.triangles.iter().map(|&t| faults[t as usize]).sum();
-        let new: Vec<f64> = (fan.after.iter())
-            .map(|&(names, corners)| judge.fault(names, corners))
-            .collect();
-        let gain = before - new.iter().sum::<f64>();
+        let after = fan.after.iter();
+        let gain = before - after.map(|f| steps.judge.fault(&f.look)).sum::<f64>();
         if gain > LEAST_GAIN * before {
-            candidates.push((gain, step, fan, new));
+            candidates.push((gain, step, fan));
         }
     }
     // the sort is stable: of equal gains the first candidate wins
     candidates.sort_by(|a, b| b.0.total_cmp(&a.0));
     candidates
         .into_iter()
-        .find(|(_, _, fan, _)| steps.stay_apart(fan) && judge.admits(&fan.after))
-        .map(|(_, step, fan, new)| (step, fan, new))
+        .find(|(_, _, fan)| steps.stay_apart(fan) && steps.judge.admits(&fan.after))
+        .map(|(_, step, fan)| (step, fan))
 }

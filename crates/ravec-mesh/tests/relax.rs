@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec3};
 use proptest::prelude::*;
-use ravec_mesh::{CheckParams, MeshCheck, RelaxJudge, TriMesh, check, relax};
+use ravec_mesh::{CheckParams, Facet, MeshCheck, RelaxJudge, TriMesh, check, relax};
 use ravec_progress::Progress;
 
 /// Where the roof of the tests has its ridge: between the vertices of its grid.
@@ -58,7 +58,9 @@ impl Roofer {
 }
 
 impl RelaxJudge for Roofer {
-    fn fault(&self, _: [u32; 3], corners: [DVec3; 3]) -> f64 {
+    type Look = f64;
+
+    fn look(&self, corners: [DVec3; 3], _: Option<&f64>) -> f64 {
         let normal = normal(corners);
         let off = normal.angle_between(Self::truth(middle(corners).x));
         if off > 1e-6 {
@@ -68,11 +70,15 @@ impl RelaxJudge for Roofer {
         }
     }
 
-    fn place(&self, of: u32, around: &[([u32; 3], [DVec3; 3])]) -> Option<DVec3> {
-        let (names, corners) = around[0];
+    fn fault(&self, look: &f64) -> f64 {
+        *look
+    }
+
+    fn place(&self, of: u32, around: &[Facet<Self::Look>]) -> Option<DVec3> {
+        let Facet { names, corners, .. } = around[0];
         let v = corners[names.iter().position(|&name| name == of).unwrap()];
         let (mut matrix, mut right) = (DMat3::from_diagonal(DVec3::splat(1e-6)), DVec3::ZERO);
-        for &(_, corners) in around {
+        for &Facet { corners, .. } in around {
             let m = middle(corners);
             let n = Self::truth(m.x);
             let on_plane = DVec3::new(m.x, m.y, roof_height(m.x));
@@ -82,7 +88,7 @@ impl RelaxJudge for Roofer {
         Some(v + matrix.inverse() * right)
     }
 
-    fn admits(&self, _: &[([u32; 3], [DVec3; 3])]) -> bool {
+    fn admits(&self, _: &[Facet<Self::Look>]) -> bool {
         true
     }
 }
@@ -91,13 +97,19 @@ impl RelaxJudge for Roofer {
 struct Tent;
 
 impl RelaxJudge for Tent {
-    fn fault(&self, _: [u32; 3], corners: [DVec3; 3]) -> f64 {
+    type Look = f64;
+
+    fn look(&self, corners: [DVec3; 3], _: Option<&f64>) -> f64 {
         normal(corners).normalize().x.abs()
     }
-    fn place(&self, _: u32, _: &[([u32; 3], [DVec3; 3])]) -> Option<DVec3> {
+    fn fault(&self, look: &f64) -> f64 {
+        *look
+    }
+
+    fn place(&self, _: u32, _: &[Facet<Self::Look>]) -> Option<DVec3> {
         None
     }
-    fn admits(&self, _: &[([u32; 3], [DVec3; 3])]) -> bool {
+    fn admits(&self, _: &[Facet<Self::Look>]) -> bool {
         true
     }
 }
@@ -106,13 +118,19 @@ impl RelaxJudge for Tent {
 struct Stubborn;
 
 impl RelaxJudge for Stubborn {
-    fn fault(&self, names: [u32; 3], corners: [DVec3; 3]) -> f64 {
-        Roofer.fault(names, corners)
+    type Look = f64;
+
+    fn look(&self, corners: [DVec3; 3], like: Option<&f64>) -> f64 {
+        Roofer.look(corners, like)
     }
-    fn place(&self, of: u32, around: &[([u32; 3], [DVec3; 3])]) -> Option<DVec3> {
+    fn fault(&self, look: &f64) -> f64 {
+        *look
+    }
+
+    fn place(&self, of: u32, around: &[Facet<Self::Look>]) -> Option<DVec3> {
         Roofer.place(of, around)
     }
-    fn admits(&self, _: &[([u32; 3], [DVec3; 3])]) -> bool {
+    fn admits(&self, _: &[Facet<Self::Look>]) -> bool {
         false
     }
 }
@@ -121,13 +139,19 @@ impl RelaxJudge for Stubborn {
 struct Content;
 
 impl RelaxJudge for Content {
-    fn fault(&self, _: [u32; 3], _: [DVec3; 3]) -> f64 {
+    type Look = f64;
+
+    fn look(&self, _: [DVec3; 3], _: Option<&f64>) -> f64 {
         0.0
     }
-    fn place(&self, _: u32, _: &[([u32; 3], [DVec3; 3])]) -> Option<DVec3> {
+    fn fault(&self, look: &f64) -> f64 {
+        *look
+    }
+
+    fn place(&self, _: u32, _: &[Facet<Self::Look>]) -> Option<DVec3> {
         unreachable!("nothing is wrong")
     }
-    fn admits(&self, _: &[([u32; 3], [DVec3; 3])]) -> bool {
+    fn admits(&self, _: &[Facet<Self::Look>]) -> bool {
         unreachable!("nothing is wrong")
     }
 }
@@ -219,16 +243,22 @@ proptest! {
             }
         }
         impl RelaxJudge for Whim {
-            fn fault(&self, _: [u32; 3], [a, b, c]: [DVec3; 3]) -> f64 {
+            type Look = f64;
+
+            fn look(&self, [a, b, c]: [DVec3; 3], _: Option<&f64>) -> f64 {
                 self.number(&[a.x + b.x + c.x, a.y + b.y + c.y, a.z + b.z + c.z])
             }
-            fn place(&self, of: u32, around: &[([u32; 3], [DVec3; 3])]) -> Option<DVec3> {
-                let (names, corners) = around[0];
+            fn fault(&self, look: &f64) -> f64 {
+                *look
+            }
+
+            fn place(&self, of: u32, around: &[Facet<Self::Look>]) -> Option<DVec3> {
+                let Facet { names, corners, .. } = around[0];
                 let v = corners[names.iter().position(|&name| name == of).unwrap()];
                 let shift = [0.0, 1.0, 2.0].map(|k| self.number(&[v.x, v.y, v.z, k]) - 0.5);
                 Some(v + self.reach * DVec3::from_array(shift))
             }
-            fn admits(&self, _: &[([u32; 3], [DVec3; 3])]) -> bool {
+            fn admits(&self, _: &[Facet<Self::Look>]) -> bool {
                 true
             }
         }

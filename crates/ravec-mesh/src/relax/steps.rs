@@ -3,7 +3,7 @@
 use glam::DVec3;
 use ravec_progress::{Cancelled, Progress};
 
-use super::RelaxJudge;
+use super::{Facet, RelaxJudge};
 use crate::loose_octree::LooseOctree;
 use crate::tri_intersect::{TriTri, intersection};
 use crate::{Aabb, Adjacency, TriMesh};
@@ -19,13 +19,18 @@ pub(super) enum Step {
 
 /// The facets that a step changes, and what they become.
 #[derive(Debug)]
-pub(super) struct Fan {
+pub(super) struct Fan<L> {
     pub triangles: Vec<u32>,
-    /// The names of their corners, and where these will be.
-    pub after: Vec<([u32; 3], [DVec3; 3])>,
+    pub after: Vec<Facet<L>>,
 }
 
-pub(super) struct Steps {
+/// Triangles, the names that their corners will have, and where these will be.
+type Change = (Vec<u32>, Vec<([u32; 3], [DVec3; 3])>);
+
+pub(super) struct Steps<'a, J: RelaxJudge> {
+    pub judge: &'a J,
+    /// How the facets look.
+    looks: Vec<J::Look>,
     positions: Vec<DVec3>,
     triangles: Vec<[u32; 3]>,
     /// The triangles at each vertex.
@@ -37,8 +42,13 @@ pub(super) struct Steps {
     found: Vec<u32>,
 }
 
-impl Steps {
-    pub fn new(mesh: &TriMesh, progress: &Progress) -> Result<Self, Cancelled> {
+impl<'a, J: RelaxJudge> Steps<'a, J> {
+    pub fn new(
+        mesh: &TriMesh,
+        looks: Vec<J::Look>,
+        judge: &'a J,
+        progress: &Progress,
+    ) -> Result<Self, Cancelled> {
         let adjacency = Adjacency::new(mesh);
         progress.check()?;
         let vertices = mesh.positions().len();
@@ -67,6 +77,8 @@ impl Steps {
         }
         progress.check()?;
         Ok(Self {
+            judge,
+            looks,
             positions: mesh.positions().to_vec(),
             triangles: mesh.triangles().to_vec(),
             stars,
@@ -81,12 +93,16 @@ impl Steps {
         self.triangles[triangle as usize].map(|v| self.positions[v as usize])
     }
 
-    fn facet(&self, triangle: u32) -> ([u32; 3], [DVec3; 3]) {
-        (self.triangles[triangle as usize], self.corners(triangle))
+    fn facet(&self, triangle: u32) -> Facet<J::Look> {
+        Facet {
+            names: self.triangles[triangle as usize],
+            corners: self.corners(triangle),
+            look: self.looks[triangle as usize],
+        }
     }
 
     /// All steps that concern a triangle: flips of its edges and moves of its corners.
-    pub fn of_triangle(&self, triangle: u32, judge: &impl RelaxJudge) -> Vec<Step> {
+    pub fn of_triangle(&self, triangle: u32) -> Vec<Step> {
         let names = self.triangles[triangle as usize];
         let mut steps = Vec::with_capacity(6);
         for i in 0..3 {
@@ -104,7 +120,7 @@ impl Steps {
             }
             let star = &self.stars[vertex as usize];
             let around: Vec<_> = star.iter().map(|&t| self.facet(t)).collect();
-            if let Some(to) = judge.place(vertex, &around) {
+            if let Some(to) = self.judge.place(vertex, &around) {
                 steps.push(Step::Move { vertex, to });
             }
         }
@@ -112,28 +128,41 @@ impl Steps {
     }
 
     /// What a step makes; `None` if topology or the shape of facets forbids it.
-    pub fn fan(&self, step: Step) -> Option<Fan> {
-        let fan = match step {
+    pub fn fan(&self, step: Step) -> Option<Fan<J::Look>> {
+        let (triangles, after) = match step {
             Step::Flip { triangles } => self.flipped(triangles)?,
             Step::Move { vertex, to } => self.moved(vertex, to)?,
         };
         // no facet may turn over: the directions before are those of the facets around
         let normal = |[a, b, c]: [DVec3; 3]| (b - a).cross(c - a);
-        let before = fan.triangles.iter().map(|&t| normal(self.corners(t)));
+        let before = triangles.iter().map(|&t| normal(self.corners(t)));
         let stands = match step {
             Step::Flip { .. } => {
                 let sum: DVec3 = before.sum();
-                let mut after = fan.after.iter().map(|&(_, at)| normal(at));
-                after.all(|n| n.dot(sum) > 0.0)
+                after.iter().all(|&(_, at)| normal(at).dot(sum) > 0.0)
             }
             Step::Move { .. } => before
-                .zip(&fan.after)
+                .zip(&after)
                 .all(|(old, &(_, at))| old.dot(normal(at)) > 0.0),
         };
-        stands.then_some(fan)
+        if !stands {
+            return None;
+        }
+        let after = triangles
+            .iter()
+            .zip(after)
+            .map(|(&t, (names, corners))| Facet {
+                names,
+                corners,
+                look: self.judge.look(corners, Some(&self.looks[t as usize])),
+            });
+        Some(Fan {
+            after: after.collect(),
+            triangles,
+        })
     }
 
-    fn flipped(&self, [one, other]: [u32; 2]) -> Option<Fan> {
+    fn flipped(&self, [one, other]: [u32; 2]) -> Option<Change> {
         let names = self.triangles[one as usize];
         let others = self.triangles[other as usize];
         let apex = names.into_iter().find(|v| !others.contains(v))?;
@@ -152,13 +181,11 @@ impl Steps {
             return None;
         }
         let facet = |names: [u32; 3]| (names, names.map(|v| self.positions[v as usize]));
-        Some(Fan {
-            triangles: vec![one, other],
-            after: vec![facet([apex, a, opposite]), facet([apex, opposite, b])],
-        })
+        let after = vec![facet([apex, a, opposite]), facet([apex, opposite, b])];
+        Some((vec![one, other], after))
     }
 
-    fn moved(&self, vertex: u32, to: DVec3) -> Option<Fan> {
+    fn moved(&self, vertex: u32, to: DVec3) -> Option<Change> {
         if !to.is_finite() || to == self.positions[vertex as usize] {
             return None;
         }
@@ -174,21 +201,20 @@ impl Steps {
             };
             (names, names.map(at))
         });
-        Some(Fan {
-            triangles: star.clone(),
-            after: after.collect(),
-        })
+        Some((star.clone(), after.collect()))
     }
 
     /// Whether the facets that a step makes meet one another, and all others, only in what they share.
-    pub fn stay_apart(&mut self, fan: &Fan) -> bool {
+    pub fn stay_apart(&mut self, fan: &Fan<J::Look>) -> bool {
         let bad = |kind: TriTri| kind.is_improper() || kind == TriTri::Same;
-        for (i, (_, t)) in fan.after.iter().enumerate() {
-            if fan.after[..i].iter().any(|(_, s)| bad(intersection(s, t))) {
+        for (i, t) in fan.after.iter().enumerate() {
+            let mut others = fan.after[..i].iter();
+            if others.any(|s| bad(intersection(&s.corners, &t.corners))) {
                 return false;
             }
         }
-        let boxes: Vec<Aabb> = fan.after.iter().map(|(_, t)| Aabb::around(*t)).collect();
+        let corners = fan.after.iter().map(|facet| facet.corners);
+        let boxes: Vec<Aabb> = corners.map(Aabb::around).collect();
         let whole = boxes.iter().fold(Aabb::EMPTY, |sum, b| sum.union(*b));
         self.found.clear();
         self.tree.search(&whole, &mut self.stack, &mut self.found);
@@ -196,24 +222,25 @@ impl Steps {
             if fan.triangles.contains(&other) {
                 return true;
             }
-            let (names, corners) = self.facet(other);
+            let corners = self.corners(other);
             let bounds = Aabb::around(corners);
-            fan.after.iter().zip(&boxes).all(|((own, t), b)| {
-                let apart = !b.touches(&bounds) || !bad(intersection(t, &corners));
+            fan.after.iter().zip(&boxes).all(|(own, b)| {
+                let apart = !b.touches(&bounds) || !bad(intersection(&own.corners, &corners));
                 // a vertex at the place of another would meet it as if they were one
-                let distinct = own.iter().zip(t).all(|(v, place)| {
-                    names.contains(v) || corners.iter().all(|corner| corner != place)
-                });
-                apart && distinct
+                let names = self.triangles[other as usize];
+                let mut places = own.names.iter().zip(&own.corners);
+                apart && places.all(|(v, place)| names.contains(v) || !corners.contains(place))
             })
         })
     }
 
     /// Does what was found possible.
-    pub fn take(&mut self, step: Step, fan: &Fan) {
-        for (&t, &(names, at)) in fan.triangles.iter().zip(&fan.after) {
+    pub fn take(&mut self, step: Step, fan: &Fan<J::Look>) {
+        for (&t, facet) in fan.triangles.iter().zip(&fan.after) {
+            self.looks[t as usize] = facet.look;
             if let Step::Flip { .. } = step {
                 let before = self.triangles[t as usize];
+                let names = facet.names;
                 for v in before.into_iter().filter(|v| !names.contains(v)) {
                     self.stars[v as usize].retain(|&s| s != t);
                 }
@@ -222,7 +249,7 @@ impl Steps {
                 }
                 self.triangles[t as usize] = names;
             }
-            self.tree.update(t, &Aabb::around(at));
+            self.tree.update(t, &Aabb::around(facet.corners));
         }
         if let Step::Move { vertex, to } = step {
             self.positions[vertex as usize] = to;
