@@ -84,6 +84,13 @@ impl Tile<'_> {
             deepest_level: 0,
         }
     }
+
+    /// Gives back the memory of all that can be found again.
+    fn forget(&mut self) {
+        self.refinement = None;
+        self.places = CrossingPlaces::default();
+        self.proved = FxHashSet::default();
+    }
 }
 
 impl<'a> Mending<'a> {
@@ -98,6 +105,8 @@ impl<'a> Mending<'a> {
                 let whole = self.assemble(&tiles);
                 let mut is_proved = tiles.iter().all(|tile| tile.is_proved);
                 if is_proved {
+                    // trees grow again in the rare case that they are needed
+                    tiles.iter_mut().for_each(Tile::forget);
                     // only crowded cells let triangles meet, and these were searched: this is to be sure
                     let pairs = meeting_pairs(&whole.positions, &whole.triangles, progress)?;
                     is_proved = pairs.is_empty();
@@ -169,6 +178,7 @@ impl<'a> Mending<'a> {
             }
             None => self.grow(tile.key, orders, progress)?,
         };
+        tile.patch = Patch::default();
         let extracted = extract(&refinement, &mut tile.places, progress)?;
         tile.patch = extracted.patch(&refinement, tile.key);
         self.judge(tile, &refinement, &extracted, next, progress)?;
@@ -184,8 +194,7 @@ impl<'a> Mending<'a> {
         if tile.key == CellKey::ROOT {
             tile.refinement = Some(refinement);
         } else {
-            tile.proved = FxHashSet::default();
-            tile.places = CrossingPlaces::default();
+            tile.forget();
         }
         Ok(())
     }
