@@ -28,6 +28,10 @@ const MOST_ROUNDS: usize = 90;
 /// Triangles that may go through a cell that is not split: more may enclose rooms that its corners know nothing of.
 pub(crate) const MOST_TRIANGLES: usize = 6;
 
+/// The cosines of the least and the largest angle of a crest that counts as acute: 5° and 25°. Sheets at less of an angle
+/// may be those of a thin gap, which has no crest.
+const ACUTE: [f64; 2] = [0.996, 0.906];
+
 /// A point of the surface.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Sample {
@@ -105,6 +109,17 @@ pub(crate) struct Fit {
     pub vertex: Option<DVec3>,
     /// Whether the vertex stands for all samples, and the signs of the corners for the surface.
     pub is_good: bool,
+    /// Whether two sheets go through the cell that meet at an acute crest, while no corner lies between them.
+    pub is_acute: bool,
+}
+
+/// Whether some of the samples lie on sheets that meet at an acute crest.
+fn is_acute(samples: &[Sample]) -> bool {
+    let opposed = |a: &Sample, b: &Sample| {
+        let cosine = -a.away.dot(b.away);
+        cosine < ACUTE[0] && cosine > ACUTE[1]
+    };
+    (1..samples.len()).any(|i| samples[..i].iter().any(|other| opposed(other, &samples[i])))
 }
 
 impl Cell<'_> {
@@ -134,6 +149,7 @@ impl Cell<'_> {
             return Fit {
                 vertex: None,
                 is_good: !changes,
+                is_acute: false,
             };
         }
         if !changes {
@@ -144,6 +160,7 @@ impl Cell<'_> {
             return Fit {
                 vertex: None,
                 is_good: !deep,
+                is_acute: is_acute(&samples),
             };
         }
         let (vertex, miss) = self.vertex(&samples);
@@ -156,6 +173,7 @@ impl Cell<'_> {
             is_good: flatness <= FLATNESS * self.tolerance
                 && miss <= MISS * self.tolerance
                 && sign_components(corners) <= 2,
+            is_acute: false,
         }
     }
 

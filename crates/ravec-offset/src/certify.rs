@@ -11,8 +11,8 @@ use ravec_mesh::distance_sq_to_triangle;
 /// How often a facet may be halved each way until the bound is strong enough.
 pub(crate) const MOST_CUTS: u32 = 8;
 
-/// Crests that are more acute than about 10° are not followed to their end.
-const LEAST_SHARE: f64 = 0.08;
+/// Crests that are more acute than about 5° are not followed to their end.
+const LEAST_SHARE: f64 = 0.04;
 
 /// Whether no point of a facet is nearer to the triangles than `least` or farther than `most`; `hints` are triangles that
 /// may be close to its corners.

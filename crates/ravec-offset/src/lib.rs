@@ -17,9 +17,9 @@
 //! (`self_intersections` is 0). The same result for any number of threads; before triangles are merged also for any limit of
 //! memory.
 //!
-//! Does not guarantee: that every point of the true offset has a point of the result within the tolerance. Where the distance
-//! grows by less than one for one, at acute crests, a cut crest may be farther; and a part of the surface that is shallower
-//! than half the tolerance within a cell may be missed.
+//! Does not guarantee: that every point of the true offset has a point of the result within the tolerance. It is so in all
+//! tests, for crests from 7° on; a more acute crest may be cut farther from its tip, and a part of the surface that is
+//! shallower than half the tolerance within a cell may be missed.
 //!
 //! Cost: about 12 searches for the closest triangle for each cell, and three for each triangle of the result.
 

@@ -15,6 +15,9 @@ use rustc_hash::{FxHashMap, FxHashSet};
 /// Cells coarser than this are split without a look.
 const FIRST_LEVEL: u8 = 3;
 
+/// How many levels below the floor cells are split at the tips of acute crests.
+const TIP_LEVELS: u8 = 3;
+
 /// What is known of a cell.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum State {
@@ -284,7 +287,12 @@ impl<'a> Refinement<'a> {
                 .collect::<Result<_, Cancelled>>()?;
             for ((node, _), fit) in full.into_iter().zip(fits) {
                 let key = self.tree.key(node);
-                let is_done = fit.is_good || key.level >= self.floor;
+                // the tip of an acute crest is thinner than cells that are as small as the tolerance
+                let is_done = if fit.is_acute {
+                    key.level >= (self.floor + TIP_LEVELS).min(MAX_LEVEL)
+                } else {
+                    fit.is_good || key.level >= self.floor
+                };
                 if is_done && !orders.split.contains(&key) {
                     self.tree.data_mut(node).state = State::Full { vertex: fit.vertex };
                 } else {
