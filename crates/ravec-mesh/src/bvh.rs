@@ -31,6 +31,7 @@ mod turned;
 mod winding;
 
 use glam::DVec3;
+use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
 
 use crate::{Aabb, TriMesh};
@@ -65,27 +66,40 @@ impl Bvh {
     /// # Panics
     /// If there are more than about a billion triangles.
     pub fn new(mesh: &TriMesh) -> Self {
+        Self::try_new(mesh, &Progress::none()).expect("nobody can cancel it")
+    }
+
+    /// As [`Self::new`], for meshes of which that takes more than a moment.
+    ///
+    /// # Errors
+    /// [`Cancelled`] soon after `progress` is cancelled.
+    ///
+    /// # Panics
+    /// As [`Self::new`].
+    pub fn try_new(mesh: &TriMesh, progress: &Progress) -> Result<Self, Cancelled> {
+        progress.check()?;
         let frame = Frame::around(mesh.bounds());
         let mut prims: Vec<Prim> = (0..mesh.triangles().len() as u32)
             .into_par_iter()
             .map(|triangle| Prim::new(&frame, mesh.corners(triangle), triangle))
             .collect();
-        let nodes = build::nodes(&mut prims);
+        let nodes = build::nodes(&mut prims, progress)?;
         let triangle_of: Vec<u32> = prims.par_iter().map(|prim| prim.triangle).collect();
         let corners: Vec<[DVec3; 3]> = triangle_of.par_iter().map(|&t| mesh.corners(t)).collect();
+        progress.check()?;
         let mut slot_of = vec![0; triangle_of.len()];
         for (slot, &triangle) in triangle_of.iter().enumerate() {
             slot_of[triangle as usize] = slot as u32;
         }
-        let turned = turned::turned(&nodes, &frame, &corners);
-        Self {
+        let turned = turned::turned(&nodes, &frame, &corners, progress)?;
+        Ok(Self {
             frame,
             nodes,
             turned,
             corners,
             triangle_of,
             slot_of,
-        }
+        })
     }
 
     /// The number of triangles.

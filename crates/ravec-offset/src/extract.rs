@@ -9,7 +9,7 @@
 use crate::cell::{CornerValue, ON_SURFACE, Sample, root};
 use crate::field::Region;
 use crate::refine::Refinement;
-use crate::tile::{Edge, Patch, VertexName};
+use crate::tile::{Edge, Patch, TRIANGLES_AT_ONCE, VertexName};
 use glam::DVec3;
 use ravec_mesh::{Sign, orient3d};
 use ravec_octree::{
@@ -97,11 +97,21 @@ impl Extracted {
     }
 
     /// What belongs to a tile.
-    pub fn patch(&self, refinement: &Refinement<'_>, tile: CellKey) -> Patch {
+    pub fn patch(
+        &self,
+        refinement: &Refinement<'_>,
+        tile: CellKey,
+        progress: &Progress,
+    ) -> Result<Patch, Cancelled> {
         let mut patch = Patch::default();
         let mut numbers = vec![u32::MAX; self.positions.len()];
         let mut last = None;
-        for (triangle, &polygon_number) in self.triangles.iter().zip(&self.polygon_of) {
+        for (t, (triangle, &polygon_number)) in
+            (0u32..).zip(self.triangles.iter().zip(&self.polygon_of))
+        {
+            if t.is_multiple_of(TRIANGLES_AT_ONCE) {
+                progress.check()?;
+            }
             let polygon = &self.contour.polygons[polygon_number as usize];
             if !tile.owns(polygon.start) {
                 continue;
@@ -121,7 +131,7 @@ impl Extracted {
                 *number
             }));
         }
-        patch
+        Ok(patch)
     }
 
     fn name(&self, refinement: &Refinement<'_>, vertex: usize) -> VertexName {
@@ -169,8 +179,7 @@ pub(crate) fn extract(
     let contour = Contour::within(tree, &crossings, is_core, || progress.check())?;
     drop(crossings);
     progress.check()?;
-    let positions = vertices(refinement, &contour);
-    progress.check()?;
+    let positions = vertices(refinement, &contour, progress)?;
     let cutter = Cutter {
         refinement,
         contour: &contour,
@@ -273,8 +282,12 @@ impl CrossingPlaces {
                 Ok((crossing, crossing.root(refinement).point))
             })
             .collect::<Result<_, Cancelled>>()?;
-        let named = missing.into_iter().map(|place| (place.0.ends, place));
-        self.0.extend(named);
+        self.0.reserve(missing.len());
+        for some in missing.chunks(TRIANGLES_AT_ONCE as usize) {
+            progress.check()?;
+            self.0
+                .extend(some.iter().map(|place| (place.0.ends, *place)));
+        }
         Ok(())
     }
 
@@ -284,7 +297,11 @@ impl CrossingPlaces {
 }
 
 /// The places of the contour's vertices.
-fn vertices(refinement: &Refinement<'_>, contour: &Contour) -> Vec<DVec3> {
+fn vertices(
+    refinement: &Refinement<'_>,
+    contour: &Contour,
+    progress: &Progress,
+) -> Result<Vec<DVec3>, Cancelled> {
     let cells = &contour.vertex_cells;
     let is_alone = |i: usize| {
         (i == 0 || cells[i - 1] != cells[i]) && (i + 1 == cells.len() || cells[i + 1] != cells[i])
@@ -292,6 +309,7 @@ fn vertices(refinement: &Refinement<'_>, contour: &Contour) -> Vec<DVec3> {
     let placed: Vec<Option<DVec3>> = (0..cells.len())
         .map(|i| refinement.leaf_vertex(cells[i]).filter(|_| is_alone(i)))
         .collect();
+    progress.check()?;
     // the others stand for where their own polygons' edges go through the surface
     let mut polygons_of: Vec<(u32, u32)> = (0u32..)
         .zip(&contour.polygons)
@@ -300,11 +318,14 @@ fn vertices(refinement: &Refinement<'_>, contour: &Contour) -> Vec<DVec3> {
             placed[vertex as usize].is_none() && refinement.is_core(cells[vertex as usize])
         })
         .collect();
+    progress.check()?;
     polygons_of.sort_unstable();
+    progress.check()?;
     let groups: Vec<&[(u32, u32)]> = polygons_of.chunk_by(|a, b| a.0 == b.0).collect();
     let found: Vec<(u32, DVec3)> = groups
         .into_par_iter()
         .map(|group| {
+            progress.check()?;
             let samples: Vec<Sample> = group
                 .iter()
                 .map(|&(_, polygon)| {
@@ -314,14 +335,14 @@ fn vertices(refinement: &Refinement<'_>, contour: &Contour) -> Vec<DVec3> {
                 .collect();
             let vertex = group[0].0;
             let key = refinement.tree.key(cells[vertex as usize]);
-            (vertex, refinement.cell(key).vertex(&samples).0)
+            Ok((vertex, refinement.cell(key).vertex(&samples).0))
         })
-        .collect();
+        .collect::<Result<_, Cancelled>>()?;
     let mut positions: Vec<DVec3> = placed.into_iter().map(Option::unwrap_or_default).collect();
     for (vertex, position) in found {
         positions[vertex as usize] = position;
     }
-    positions
+    Ok(positions)
 }
 
 /// Cuts polygons into triangles.
@@ -356,8 +377,11 @@ impl Cutter<'_> {
         let is_bent: Vec<bool> = contour
             .duals
             .par_iter()
-            .map(|dual| is_core(&dual.cells) && self.is_bent(dual))
-            .collect();
+            .map(|dual| {
+                progress.check()?;
+                Ok(is_core(&dual.cells) && self.is_bent(dual))
+            })
+            .collect::<Result<_, Cancelled>>()?;
         let mut cuts: Vec<Cut> = contour
             .polygons
             .par_iter()
@@ -372,7 +396,10 @@ impl Cutter<'_> {
             .collect::<Result<_, Cancelled>>()?;
         // a diagonal may be used by one polygon only
         let mut diagonals: FxHashSet<[u32; 2]> = FxHashSet::default();
-        for (polygon, cut) in contour.polygons.iter().zip(&mut cuts) {
+        for (number, (polygon, cut)) in (0u32..).zip(contour.polygons.iter().zip(&mut cuts)) {
+            if number.is_multiple_of(TRIANGLES_AT_ONCE) {
+                progress.check()?;
+            }
             if let Cut::Diagonal(first) = *cut {
                 let (a, b) = (polygon.vertices()[first], polygon.vertices()[first + 2]);
                 if !diagonals.insert([a.min(b), a.max(b)]) {
@@ -401,9 +428,13 @@ impl Cutter<'_> {
             .zip(&contour.duals)
             .map(|(place, dual)| place.map(|place| self.push(place, self.name_in_face(dual))))
             .collect();
+        progress.check()?;
         let mut triangles: Vec<[u32; 3]> = Vec::with_capacity(2 * cuts.len());
         let mut polygon_of = Vec::with_capacity(2 * cuts.len());
         for (number, (polygon, cut)) in (0u32..).zip(contour.polygons.iter().zip(cuts)) {
+            if number.is_multiple_of(TRIANGLES_AT_ONCE) {
+                progress.check()?;
+            }
             let v = |k: usize| polygon.vertices()[k % polygon.vertices().len()];
             match cut {
                 Cut::Unknown => {}

@@ -10,7 +10,7 @@ use crate::extract::{CrossingPlaces, Extracted, extract};
 use crate::field::Field;
 use crate::outermost::{compact, reachable};
 use crate::refine::{Halt, Refinement};
-use crate::tile::{Assembled, Orders, Patch, Reach, assemble};
+use crate::tile::{Assembled, Orders, Patch, Reach, TRIANGLES_AT_ONCE, assemble};
 use glam::DVec3;
 use ravec_mesh::{Bvh, self_intersections};
 use ravec_octree::{CellKey, Frame, NodeId};
@@ -95,7 +95,7 @@ impl<'a> Mending<'a> {
         loop {
             let mut next = self.round(&mut tiles, &orders, &latest, progress)?;
             if next.is_empty() || rounds == MOST_ROUNDS {
-                let whole = self.assemble(&tiles);
+                let whole = self.assemble(&tiles, progress)?;
                 let mut is_proved = tiles.iter().all(|tile| tile.is_proved);
                 if is_proved {
                     // only crowded cells let triangles meet, and these were searched: this is to be sure
@@ -170,7 +170,7 @@ impl<'a> Mending<'a> {
             None => self.grow(tile.key, orders, progress)?,
         };
         let extracted = extract(&refinement, &mut tile.places, progress)?;
-        tile.patch = extracted.patch(&refinement, tile.key);
+        tile.patch = extracted.patch(&refinement, tile.key, progress)?;
         self.judge(tile, &refinement, &extracted, next, progress)?;
         let leaves = || {
             let all = refinement.tree.leaves();
@@ -233,7 +233,9 @@ impl<'a> Mending<'a> {
                 .map(|leaf| refinement.tree.key(leaf))
                 .filter(|key| key.level < refinement.limit()),
         );
+        progress.check()?;
         let crowded = extracted.near_crowded_cells(refinement);
+        progress.check()?;
         let chosen: Vec<[u32; 3]> = crowded
             .iter()
             .map(|&t| extracted.triangles[t as usize])
@@ -265,8 +267,9 @@ impl<'a> Mending<'a> {
             .into_par_iter()
             .filter(|&t| extracted.is_owned(t, tile.key))
             .map(|t| (t, hash(facet(t))))
-            .filter(|(_, hash)| !tile.proved.contains(hash))
+            .filter(|(_, hash)| !progress.is_cancelled() && !tile.proved.contains(hash))
             .collect();
+        progress.check()?;
         let phase = progress.phase("prove", fresh.len() as u64);
         let held: Vec<bool> = fresh
             .par_iter()
@@ -280,7 +283,11 @@ impl<'a> Mending<'a> {
             })
             .collect::<Result<_, Cancelled>>()?;
         let mut bad = Vec::new();
-        for ((t, hash), held) in fresh.into_iter().zip(held) {
+        tile.proved.reserve(fresh.len());
+        for (i, ((t, hash), held)) in fresh.into_iter().zip(held).enumerate() {
+            if i.is_multiple_of(TRIANGLES_AT_ONCE as usize) {
+                progress.check()?;
+            }
             if held {
                 tile.proved.insert(hash);
             } else {
@@ -290,16 +297,16 @@ impl<'a> Mending<'a> {
         Ok(bad)
     }
 
-    fn assemble(&self, tiles: &[Tile<'_>]) -> Assembled {
-        let whole = assemble(tiles.iter().map(|tile| &tile.patch));
+    fn assemble(&self, tiles: &[Tile<'_>], progress: &Progress) -> Result<Assembled, Cancelled> {
+        let whole = assemble(tiles.iter().map(|tile| &tile.patch), progress)?;
         if !self.outer_only {
-            return whole;
+            return Ok(whole);
         }
-        let seen = reachable(&whole.positions, &whole.triangles);
+        let seen = reachable(&whole.positions, &whole.triangles, progress)?;
         if seen.iter().all(|&seen| seen) {
-            return whole;
+            return Ok(whole);
         }
-        whole.retain(|t| seen[t])
+        whole.retain(|t| seen[t], progress)
     }
 
     /// Orders what separates triangles that meet.
@@ -362,7 +369,7 @@ fn meeting_pairs(
     if triangles.is_empty() {
         return Ok(vec![]);
     }
-    let bvh = Bvh::new(&compact(positions, triangles));
+    let bvh = Bvh::try_new(&compact(positions, triangles, progress)?, progress)?;
     let pairs = self_intersections(&bvh, usize::MAX, progress)?.pairs;
     Ok(pairs.iter().map(|pair| [pair.first, pair.second]).collect())
 }
@@ -398,7 +405,7 @@ mod tests {
         let (distance, tolerance) = (0.05, 0.004);
         let bounds = mesh.bounds().grown(distance + 4.0 * tolerance);
         let mending = Mending {
-            field: &Field::new(&bvh, false, distance),
+            field: &Field::new(&bvh, false, distance, &Progress::none()).unwrap(),
             frame: Frame {
                 origin: bounds.min,
                 side: 1.01 * bounds.size().max_element(),

@@ -9,7 +9,7 @@ use crate::thicken::thicken;
 use glam::DVec3;
 use ravec_mesh::{Bvh, CheckParams, TriMesh, check};
 use ravec_octree::Frame;
-use ravec_progress::Progress;
+use ravec_progress::{Cancelled, Progress};
 
 /// The share of the tolerance by which the surface is moved off round numbers, at which sheets tend to touch exactly.
 const OFF_ROUND: f64 = 0.0107;
@@ -99,7 +99,7 @@ pub(crate) fn surface(
     progress: &Progress,
 ) -> Result<Offset, OffsetError> {
     let task = Task::checked(mesh, params, wound, progress)?;
-    let field = task.field();
+    let field = task.field(progress)?;
     let limits = [
         params.distance - params.tolerance,
         params.distance + params.tolerance,
@@ -229,15 +229,15 @@ impl Task {
         };
         let margin = if inward { 0.0 } else { params.distance } + 4.0 * params.tolerance;
         Ok(Self {
-            bvh: Bvh::new(mesh),
+            bvh: Bvh::try_new(mesh, progress)?,
             is_solid: wound || inward || (params.side == Side::Outer && boundary_edges == 0),
             level: if inward { -level } else { level },
             frame: frame_around(&bounds.grown(margin)),
         })
     }
 
-    pub fn field(&self) -> Field<'_> {
-        Field::new(&self.bvh, self.is_solid, self.level)
+    pub fn field(&self, progress: &Progress) -> Result<Field<'_>, Cancelled> {
+        Field::new(&self.bvh, self.is_solid, self.level, progress)
     }
 }
 

@@ -10,10 +10,13 @@ use ravec_mesh::Aabb;
 use ravec_octree::{CellKey, Corner, Frame, MAX_LEVEL, MinimalEdge, NodeId, Octree, minimal_edges};
 use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
-use rustc_hash::{FxHashMap, FxHashSet};
+use rustc_hash::{FxBuildHasher, FxHashMap, FxHashSet};
 
 /// Cells coarser than this are split without a look.
 const FIRST_LEVEL: u8 = 3;
+
+/// So many entries go into a table in a few milliseconds.
+const AT_ONCE: usize = 1 << 14;
 
 /// What is known of a cell.
 #[derive(Debug, Clone, Copy)]
@@ -117,8 +120,10 @@ impl<'a> Refinement<'a> {
     fn widen(&mut self, orders: &Orders, progress: &Progress) -> Result<(), Halt> {
         let crossed = minimal_edges(&self.tree, |edge| {
             let is_near = self.reach.holds_between(edge.start, edge.end());
-            (is_near && self.is_crossed(&edge)).then_some(edge.cells)
+            let is_wanted = is_near && !progress.is_cancelled() && self.is_crossed(&edge);
+            is_wanted.then_some(edge.cells)
         });
+        progress.check()?;
         for leaf in crossed.into_iter().flatten() {
             self.reach.include(self.tree.key(leaf));
         }
@@ -291,6 +296,8 @@ impl<'a> Refinement<'a> {
                     coarse.push(node);
                 }
             }
+            drop(roots);
+            progress.check()?;
             front = self.split_all(&coarse);
         }
         Ok(())
@@ -357,8 +364,8 @@ impl<'a> Refinement<'a> {
         progress: &Progress,
     ) -> Result<(), Cancelled> {
         let mut missing: Vec<(Corner, bool, Region, u32)> = cells
-            .iter()
-            .flat_map(|(node, look)| {
+            .par_iter()
+            .flat_map_iter(|(node, look)| {
                 let key = self.tree.key(*node);
                 (0..8).map(move |octant| {
                     let unknown = look.region == Region::Unknown;
@@ -369,7 +376,8 @@ impl<'a> Refinement<'a> {
             .collect();
         progress.check()?;
         // of each corner the cell that knows the side, if any does
-        missing.sort_unstable_by_key(|&(corner, unknown, ..)| (corner, unknown));
+        missing.par_sort_unstable_by_key(|&(corner, unknown, ..)| (corner, unknown));
+        progress.check()?;
         missing.dedup_by_key(|&mut (corner, ..)| corner);
         let values: Vec<(u64, CornerValue)> = missing
             .into_par_iter()
@@ -378,7 +386,11 @@ impl<'a> Refinement<'a> {
                 Ok((corner.code(), self.evaluate(corner, region, hint)))
             })
             .collect::<Result<_, Cancelled>>()?;
-        self.corners.extend(values);
+        self.corners.reserve(values.len());
+        for some in values.chunks(AT_ONCE) {
+            progress.check()?;
+            self.corners.extend(some.iter().copied());
+        }
         progress.check()
     }
 
@@ -393,10 +405,12 @@ impl<'a> Refinement<'a> {
                     .map(move |edge| (edge, unknown, look.region))
             })
             .collect();
+        progress.check()?;
         // of each edge the cell that knows the side, if any does
         edges.par_sort_unstable_by_key(|&(edge, unknown, _)| (edge, unknown));
         edges.dedup_by_key(|&mut (edge, ..)| edge);
-        let roots: Vec<(EdgeKey, Sample)> = edges
+        progress.check()?;
+        let found: Vec<(EdgeKey, Sample)> = edges
             .into_par_iter()
             .map(|(edge, _, region)| {
                 progress.check()?;
@@ -407,7 +421,12 @@ impl<'a> Refinement<'a> {
                 Ok((edge, root(self.field, region, points, values, enough)))
             })
             .collect::<Result<_, Cancelled>>()?;
-        Ok(roots.into_iter().collect())
+        let mut roots = Roots::with_capacity_and_hasher(found.len(), FxBuildHasher);
+        for some in found.chunks(AT_ONCE) {
+            progress.check()?;
+            roots.extend(some.iter().copied());
+        }
+        Ok(roots)
     }
 
     fn evaluate(&self, corner: Corner, region: Region, hint: u32) -> CornerValue {
