@@ -141,6 +141,22 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
+    #[test]
+    fn a_tree_that_is_cancelled_at_any_look_is_not_built() {
+        // enough triangles for several threads
+        let at = |k: u32| DVec3::new(f64::from(k % 100), f64::from(k / 100), f64::from(k % 7));
+        let row = (0..9900).filter(|k| k % 100 < 99);
+        let triangles = row.flat_map(|k| [[k, k + 1, k + 101], [k, k + 101, k + 100]]);
+        let mesh = TriMesh::new((0..10_000).map(at).collect(), triangles.collect()).unwrap();
+        let mut look = 1;
+        while look < 500 {
+            assert!(Bvh::try_new(&mesh, &Progress::cancelled_at(look)).is_err());
+            look += look.div_ceil(3);
+        }
+        let bvh = Bvh::new(&mesh);
+        assert!(WindingNumbers::try_new(&bvh, &Progress::cancelled_at(100)).is_err());
+    }
+
     /// Soups of up to `most` triangles: large and small ones, some of them repeated, flat or far away.
     pub(super) fn soup(most: usize) -> impl Strategy<Value = TriMesh> {
         let place = [-1.0..1.0, -1.0..1.0, -1.0..1.0].prop_map(DVec3::from_array);

@@ -22,6 +22,12 @@ use std::hash::BuildHasher as _;
 /// Rounds of mending after which what is left is reported.
 const MOST_ROUNDS: u32 = 100;
 
+/// As [`MOST_ROUNDS`] where the surface is made of the triangles themselves: what 40 rounds do not mend, 100 do not.
+const MOST_ROUNDS_OF_SURFACE: u32 = 40;
+
+/// Where more facets than this are not proved, their cells are split once and not twice.
+const MANY: usize = 2000;
+
 /// Tiles of fewer cells along a side are not cut any more: they are hardly larger than what they depend on.
 const LEAST_CELLS: f64 = 16.0;
 
@@ -92,9 +98,14 @@ impl<'a> Mending<'a> {
         let mut orders = Orders::default();
         let mut latest = Orders::default();
         let mut rounds = 0;
+        let most_rounds = if self.field.level == 0.0 {
+            MOST_ROUNDS_OF_SURFACE
+        } else {
+            MOST_ROUNDS
+        };
         loop {
             let mut next = self.round(&mut tiles, &orders, &latest, progress)?;
-            if next.is_empty() || rounds == MOST_ROUNDS {
+            if next.is_empty() || rounds == most_rounds {
                 let whole = self.assemble(&tiles, progress)?;
                 let mut is_proved = tiles.iter().all(|tile| tile.is_proved);
                 if is_proved {
@@ -103,7 +114,7 @@ impl<'a> Mending<'a> {
                     is_proved = pairs.is_empty();
                     next = self.separation(&whole, &pairs, &tiles, &orders, progress)?;
                 }
-                if next.is_empty() || rounds == MOST_ROUNDS {
+                if next.is_empty() || rounds == most_rounds {
                     return Ok(Mended {
                         positions: whole.positions,
                         triangles: whole.triangles,
@@ -227,12 +238,15 @@ impl<'a> Mending<'a> {
         let unproved = self.unproved_cells(tile, refinement, extracted, progress)?;
         tile.is_proved = unproved.is_empty();
         // a proof needs no second try where cells cannot be split
-        next.split.extend(
-            unproved
-                .into_iter()
-                .map(|leaf| refinement.tree.key(leaf))
-                .filter(|key| key.level < refinement.limit()),
-        );
+        for key in unproved.iter().map(|&leaf| refinement.tree.key(leaf)) {
+            if key.level < refinement.limit() {
+                if unproved.len() > MANY {
+                    next.split.insert(key);
+                } else {
+                    next.split.extend(parts(refinement, key));
+                }
+            }
+        }
         progress.check()?;
         let crowded = extracted.near_crowded_cells(refinement);
         progress.check()?;
@@ -348,12 +362,20 @@ impl<'a> Mending<'a> {
     }
 }
 
+/// A cell that is to be split, and if the surface is made of the triangles themselves its children too: where these meet,
+/// one halving rarely parts them, and each round costs as much as thousands of cells.
+fn parts(refinement: &Refinement<'_>, key: CellKey) -> impl Iterator<Item = CellKey> {
+    let is_deep = refinement.field.level == 0.0 && key.level + 1 < refinement.limit();
+    let octants = if is_deep { 0..8 } else { 0..0 };
+    std::iter::once(key).chain(octants.map(move |octant| key.child(octant)))
+}
+
 /// Orders what keeps the sheets in some leaves apart: finer cells, and where there are none, no gap.
 fn separate(refinement: &Refinement<'_>, leaves: &[NodeId], next: &mut Orders) {
     for &leaf in leaves {
         let key = refinement.tree.key(leaf);
         if key.level < refinement.limit() {
-            next.split.insert(key);
+            next.split.extend(parts(refinement, key));
         } else {
             next.filled.extend(refinement.open_corners(leaf));
         }

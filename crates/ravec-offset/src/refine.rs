@@ -1,7 +1,8 @@
 //! The tree: cells that may hold the surface are split until a vertex can stand for what they hold.
 
 use crate::cell::{
-    Cell, CornerValue, EdgeKey, Fit, MOST_TRIANGLES, ON_SURFACE, Roots, Sample, crossed_edges, root,
+    Cell, CornerValue, EdgeKey, Fit, MOST_TRIANGLES, MOST_TRIANGLES_OF_SURFACE, ON_SURFACE, Roots,
+    Sample, crossed_edges, root,
 };
 use crate::field::{Field, Near, Region};
 use crate::tile::{Edge, Orders, RINGS, Reach};
@@ -159,7 +160,8 @@ impl<'a> Refinement<'a> {
             .collect();
         leaves.sort_unstable();
         let children = self.split_all(&leaves);
-        self.settle(children, &Orders::default(), progress)
+        // orders may name children of what they split
+        self.settle(children, orders, progress)
     }
 
     /// The leaf that is a cell, if it was looked at.
@@ -355,7 +357,12 @@ impl<'a> Refinement<'a> {
                 field.level == 0.0 && field.near_of(0.5 * (low + high), triangle).distance > radius;
             triangles += usize::from(!is_far);
         });
-        !self.field.is_signed() || triangles > MOST_TRIANGLES
+        let most = if field.level == 0.0 {
+            MOST_TRIANGLES_OF_SURFACE
+        } else {
+            MOST_TRIANGLES
+        };
+        !self.field.is_signed() || triangles > most
     }
 
     fn evaluate_corners(
