@@ -17,7 +17,7 @@
 //! near triangles the one with the lowest index wins; any soup will do, also an empty one. Does not guarantee: sizes or
 //! distances beyond 1e75 overflow.
 //!
-//! Cost: building O(n log n), about 0.9 s a million triangles and core; 72 + 8 bytes a triangle for corners and names, about
+//! Cost: building O(n log n), about 0.9 s a million triangles and core, so it can be cancelled ([`Bvh::try_new`]); 72 + 8 bytes a triangle for corners and names, about
 //! 52 for boxes. A query near the surface takes about a microsecond at a million triangles, one from a distance of many
 //! triangles two or three.
 
