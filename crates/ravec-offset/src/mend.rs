@@ -25,6 +25,12 @@ const MOST_ROUNDS: u32 = 100;
 /// As [`MOST_ROUNDS`] where the surface is made of the triangles themselves: what 40 rounds do not mend, 100 do not.
 const MOST_ROUNDS_OF_SURFACE: u32 = 40;
 
+/// A surface of more triangles than this, made of the input's triangles themselves, is given up if a round makes it larger
+/// by this factor: that far from being mended, it would take minutes and end as crowded. Those that could be mended grew
+/// by a third in a round at most.
+const LARGE: usize = 500_000;
+const MOST_GROWTH: f64 = 1.6;
+
 /// Where more facets than this are not proved, their cells are split once and not twice.
 const MANY: usize = 2000;
 
@@ -50,6 +56,8 @@ pub(crate) struct Mended {
     pub triangles: Vec<[u32; 3]>,
     /// Whether all is proved, and triangles meet nowhere.
     pub is_proved: bool,
+    /// Whether mending was given up: each round made the surface much larger, and there is none.
+    pub is_given_up: bool,
     /// Leaves of the tree.
     pub cells: u64,
     pub deepest_level: u8,
@@ -98,6 +106,7 @@ impl<'a> Mending<'a> {
         let mut orders = Orders::default();
         let mut latest = Orders::default();
         let mut rounds = 0;
+        let mut size = 0;
         let most_rounds = if self.field.level == 0.0 {
             MOST_ROUNDS_OF_SURFACE
         } else {
@@ -105,6 +114,23 @@ impl<'a> Mending<'a> {
         };
         loop {
             let mut next = self.round(&mut tiles, &orders, &latest, progress)?;
+            let extracted = tiles.iter().map(|tile| tile.patch.triangles.len()).sum();
+            let before = std::mem::replace(&mut size, extracted);
+            let grows = before > 0 && extracted as f64 > MOST_GROWTH * before as f64;
+            if self.field.level == 0.0 && extracted > LARGE && grows {
+                return Ok(Mended {
+                    positions: vec![],
+                    triangles: vec![],
+                    is_proved: false,
+                    is_given_up: true,
+                    cells: 0,
+                    deepest_level: 0,
+                    tiles: tiles.len() as u64,
+                    rounds,
+                    split: orders.split.len() as u64,
+                    filled: orders.filled.len() as u64,
+                });
+            }
             if next.is_empty() || rounds == most_rounds {
                 let whole = self.assemble(&tiles, progress)?;
                 let mut is_proved = tiles.iter().all(|tile| tile.is_proved);
@@ -119,6 +145,7 @@ impl<'a> Mending<'a> {
                         positions: whole.positions,
                         triangles: whole.triangles,
                         is_proved,
+                        is_given_up: false,
                         cells: tiles.iter().map(|tile| tile.leaves).sum(),
                         deepest_level: tiles.iter().map(|t| t.deepest_level).max().unwrap_or(0),
                         tiles: tiles.len() as u64,

@@ -116,6 +116,11 @@ pub(crate) fn surface(
         },
     };
     let mended = mending.run(progress)?;
+    if mended.is_given_up {
+        return Err(OffsetError::TooRough {
+            tolerance: params.tolerance,
+        });
+    }
     if mended.triangles.is_empty() {
         return Err(OffsetError::Empty {
             distance: params.distance,

@@ -73,12 +73,21 @@ pub(crate) fn thicken(
         height,
         params: &checked,
     };
-    if thickener.is_clean(progress)?
-        && let Some(kept) = thickener.around_sheet(progress)?
-    {
-        return Ok(kept);
+    if thickener.is_clean(progress)? {
+        match thickener.around_sheet(progress) {
+            Ok(Some(kept)) => return Ok(kept),
+            // without the sheet as a skin there is more of the tolerance left
+            Ok(None) | Err(OffsetError::TooRough { .. }) => {}
+            Err(error) => return Err(error),
+        }
     }
-    let (mut offset, _) = thickener.around([0.0, height], OFF, progress)?;
+    let around = thickener.around([0.0, height], OFF, progress);
+    let (mut offset, _) = around.map_err(|error| match error {
+        OffsetError::TooRough { .. } => OffsetError::TooRough {
+            tolerance: params.tolerance,
+        },
+        other => other,
+    })?;
     offset.report.sheet_kept = Some(false);
     Ok(offset)
 }
