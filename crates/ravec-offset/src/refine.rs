@@ -379,7 +379,9 @@ impl<'a> Refinement<'a> {
                     (key.corner(octant), unknown, look.region, look.near.triangle)
                 })
             })
-            .filter(|(corner, ..)| !self.corners.contains_key(&corner.code()))
+            .filter(|(corner, ..)| {
+                !progress.is_cancelled() && !self.corners.contains_key(&corner.code())
+            })
             .collect();
         progress.check()?;
         // of each corner the cell that knows the side, if any does
@@ -415,6 +417,7 @@ impl<'a> Refinement<'a> {
         progress.check()?;
         // of each edge the cell that knows the side, if any does
         edges.par_sort_unstable_by_key(|&(edge, unknown, _)| (edge, unknown));
+        progress.check()?;
         edges.dedup_by_key(|&mut (edge, ..)| edge);
         progress.check()?;
         let found: Vec<(EdgeKey, Sample)> = edges
