@@ -68,6 +68,7 @@ impl<'a> WindingNumbers<'a> {
     pub const BETA: f64 = 2.0;
 
     /// The moments of all nodes, computed in the caller's thread pool.
+    #[expect(clippy::missing_panics_doc, reason = "nobody can cancel it")]
     pub fn new(bvh: &'a Bvh) -> Self {
         Self::try_new(bvh, &Progress::none()).expect("nobody can cancel it")
     }
