@@ -74,7 +74,8 @@ pub struct Offset {
 /// The surface at a distance from the triangles of a mesh, which may be any triangles at all.
 ///
 /// # Errors
-/// [`OffsetError`]: no triangles, parameters out of range, a side that only closed meshes have, nothing that deep inside;
+/// [`OffsetError`]: no triangles, parameters out of range, a side that only closed meshes have, nothing that deep inside, a
+/// sheet that is too rough to be thickened;
 /// [`OffsetError::Cancelled`] soon after `progress` is.
 pub fn offset(
     mesh: &TriMesh,
