@@ -191,14 +191,14 @@ pub(crate) fn extract(
 }
 
 /// Triangles before they are joined with the contour that they come from.
-struct Triangles {
+struct Pieces {
     positions: Vec<DVec3>,
     added: Vec<VertexName>,
     triangles: Vec<[u32; 3]>,
     polygon_of: Vec<u32>,
 }
 
-impl Triangles {
+impl Pieces {
     fn with(self, contour: Contour) -> Extracted {
         Extracted {
             positions: self.positions,
@@ -400,7 +400,7 @@ impl Cutter<'_> {
         mut self,
         places: &mut CrossingPlaces,
         progress: &Progress,
-    ) -> Result<Triangles, Cancelled> {
+    ) -> Result<Pieces, Cancelled> {
         let contour = self.contour;
         let is_core = |cells: &[NodeId]| cells.iter().all(|&cell| self.refinement.is_core(cell));
         let is_bent: Vec<bool> = contour
@@ -494,7 +494,7 @@ impl Cutter<'_> {
             }
             polygon_of.resize(triangles.len(), number);
         }
-        Ok(Triangles {
+        Ok(Pieces {
             positions: self.positions,
             added: self.added,
             triangles,
