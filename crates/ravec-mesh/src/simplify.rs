@@ -283,7 +283,11 @@ pub fn simplify(
     progress.check()?;
     validate(mesh, params, keep)?;
     let limited = params.max_error < f64::INFINITY;
-    let original = (limited && params.both_ways).then(|| Bvh::new(mesh));
+    let original = if limited && params.both_ways {
+        Some(Bvh::try_new(mesh, progress)?)
+    } else {
+        None
+    };
     let start = Start {
         mesh,
         params,

@@ -250,7 +250,7 @@ mod tests {
     /// A cube of side 4 around one of side 2: 1 apart at the faces, the root of 3 at the corners.
     fn measured(limits: [f64; 2]) -> Measured {
         let bvh = Bvh::new(&cube(2.0));
-        let field = Field::new(&bvh, true, 1.0);
+        let field = Field::new(&bvh, true, 1.0, &Progress::none()).unwrap();
         measure(&field, &cube(4.0), limits, &Progress::none()).unwrap()
     }
 
@@ -265,7 +265,7 @@ mod tests {
         assert!(found.most >= found.most_found && found.most <= limits[1]);
         // a facet through the middle of a cube, with one corner close to a face
         let bvh = Bvh::new(&cube(4.0));
-        let field = Field::new(&bvh, true, -1.0);
+        let field = Field::new(&bvh, true, -1.0, &Progress::none()).unwrap();
         let tilted = TriMesh::new(
             vec![
                 DVec3::new(-1.0, -1.0, 0.0),
@@ -299,7 +299,13 @@ mod tests {
                 (&small, &large)
             };
             let bvh = Bvh::new(mesh);
-            let field = Field::new(&bvh, true, if inner { -1.0 } else { 1.0 });
+            let field = Field::new(
+                &bvh,
+                true,
+                if inner { -1.0 } else { 1.0 },
+                &Progress::none(),
+            )
+            .unwrap();
             // outside, cylinders and spheres round what is an edge here
             let found = creases(&field, surface, 0.02, &Progress::none()).unwrap();
             assert_eq!(found, expected, "inner: {inner}");
@@ -311,7 +317,7 @@ mod tests {
         let progress = Progress::none();
         progress.cancel();
         let bvh = Bvh::new(&cube(2.0));
-        let field = Field::new(&bvh, true, 1.0);
+        let field = Field::new(&bvh, true, 1.0, &Progress::none()).unwrap();
         assert!(measure(&field, &cube(4.0), [0.9, 1.8], &progress).is_err());
         assert!(creases(&field, &cube(4.0), 0.1, &progress).is_err());
     }

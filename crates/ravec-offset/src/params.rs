@@ -142,6 +142,15 @@ pub enum OffsetError {
         /// The least for this mesh, in bytes.
         least: u64,
     },
+    /// A sheet that is so rough, for its size, that what stands over its triangles has too many parts to be told apart.
+    #[error(
+        "the sheet is too rough to be thickened with a tolerance of {}: allow a larger one, or simplify or smooth the sheet first",
+        Short(*tolerance)
+    )]
+    TooRough {
+        /// What was asked for.
+        tolerance: f64,
+    },
     /// A side that only solids have.
     #[error(
         "the mesh is not closed ({boundary_edges} boundary edges), so it has no inside: choose side both or outer, or close it first"

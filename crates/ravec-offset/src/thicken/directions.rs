@@ -9,6 +9,7 @@
 
 use glam::{DMat3, DVec3};
 use ravec_mesh::{Adjacency, TriMesh};
+use ravec_progress::{Cancelled, Progress};
 
 /// The share of its area, seen along the normal, that a triangle must keep on its way: less means it is about to turn over.
 const LEAST_AREA: f64 = 0.1;
@@ -41,7 +42,13 @@ pub(super) struct Hinge {
 
 impl<'a> Directed<'a> {
     /// The directions for moves by up to `height`, off by `slack` at most; no triangle may be without area.
-    pub fn new(sheet: &'a TriMesh, adjacency: &'a Adjacency, height: f64, slack: f64) -> Self {
+    pub fn new(
+        sheet: &'a TriMesh,
+        adjacency: &'a Adjacency,
+        height: f64,
+        slack: f64,
+        progress: &Progress,
+    ) -> Result<Self, Cancelled> {
         let normal = |t: u32| {
             let [a, b, c] = sheet.corners(t);
             (b - a).cross(c - a).normalize_or_zero()
@@ -55,16 +62,20 @@ impl<'a> Directed<'a> {
             normals,
         };
         directed.of_vertex = (0..sheet.positions().len() as u32)
-            .map(|v| directed.miter(v))
-            .collect();
+            .map(|v| {
+                progress.check()?;
+                Ok(directed.miter(v))
+            })
+            .collect::<Result<_, Cancelled>>()?;
         // of a direction scaled for the middle of its heights, these are off by (1 - c) / (1 + c)
         let share = (slack / height).min(0.2);
         let least_cosine = (1.0 - share) / (1.0 + share);
         for v in 0..sheet.positions().len() as u32 {
+            progress.check()?;
             directed.smooth(v, least_cosine);
         }
-        directed.sharpen(height);
-        directed
+        directed.sharpen(height, progress)?;
+        Ok(directed)
     }
 
     /// The direction of a triangle at one of its vertices.
@@ -213,14 +224,16 @@ impl<'a> Directed<'a> {
     }
 
     /// Takes directions apart where a triangle would turn over, or a hinge open at one end and close at the other.
-    fn sharpen(&mut self, height: f64) {
+    fn sharpen(&mut self, height: f64, progress: &Progress) -> Result<(), Cancelled> {
         loop {
+            progress.check()?;
             let mut bad: Vec<u32> = Vec::new();
             for t in 0..self.normals.len() as u32 {
                 if !self.keeps_its_side(t, height) {
                     bad.extend(self.sheet.triangles()[t as usize]);
                 }
             }
+            progress.check()?;
             for edge in 0..self.adjacency.edges().len() as u32 {
                 if let Some(hinge) = self.hinge(edge) {
                     let [a, b] = self.openings(hinge);
@@ -242,7 +255,7 @@ impl<'a> Directed<'a> {
                 }
             }
             if !changed {
-                return;
+                return Ok(());
             }
         }
     }
