@@ -329,7 +329,11 @@ impl<'a> Mending<'a> {
                 progress.check()?;
                 phase.advance(1);
                 let limits = tightened(self.field, facet(t), self.limits, hints);
-                Ok(keeps_distance(self.field, facet(t), limits, hints))
+                let level = |&cell: &NodeId| refinement.tree.key(cell).level;
+                let is_last = cells.iter().all(|cell| level(cell) >= refinement.limit());
+                // what cannot be split has to keep the distance, but cannot follow a crest any further
+                Ok(keeps_distance(self.field, facet(t), limits, hints)
+                    || is_last && keeps_distance(self.field, facet(t), self.limits, hints))
             })
             .collect::<Result<_, Cancelled>>()?;
         let mut bad = Vec::new();
