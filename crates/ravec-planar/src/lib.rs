@@ -41,7 +41,7 @@
 //!
 //! # Not guaranteed
 //!
-//! - The same last bits on machines with other vector units: small systems are solved by `faer`, which uses them.
+//! - The same last bits on machines with other vector units or mathematics libraries.
 //! - That a photo is free of lens distortion. A homography is for straight lines that are straight.
 //!
 //! # Words
