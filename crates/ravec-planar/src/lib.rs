@@ -33,6 +33,8 @@
 //! | the map from pairs of points | [`Homography::from_pairs`], [`estimate`](fn@estimate), [`estimate_robust`] |
 //! | the map from two photos | [`match_photos`], [`Features`], [`match_features`] |
 //! | grids in perspective | [`QuadGrid`], [`snap`](fn@snap), [`snap_counting`] |
+//! | a plane from straight on | [`proportions`], [`straight_view`] |
+//! | pictures through a map | [`warp`](fn@warp) |
 //!
 //! # Guarantees
 //!
@@ -62,11 +64,13 @@ mod matching;
 mod photos;
 mod quad_grid;
 mod random;
+mod rectify;
 mod robust;
 mod snap;
 #[cfg(test)]
 mod strategies;
 mod tilt;
+mod warp;
 
 pub use estimate::{PointPair, estimate, estimate_linear, refine, symmetric_transfer_error};
 pub use features::{Descriptor, Feature, FeatureParams, Features, encoded_luminance};
@@ -74,5 +78,9 @@ pub use homography::{Homography, HomographyError};
 pub use matching::{FeatureMatch, match_features};
 pub use photos::{MatchError, MatchParams, PhotoMatch, match_photos};
 pub use quad_grid::{QuadGrid, Side};
+pub use rectify::{
+    Known, Margin, ProportionError, Proportions, Straight, proportions, straight_view,
+};
 pub use robust::{RobustFit, RobustParams, estimate_robust};
 pub use snap::{SnapError, SnapParams, Snapped, snap, snap_counting};
+pub use warp::{Beyond, warp};
