@@ -97,13 +97,13 @@ const MAX_SIGMA_REL: f64 = 0.5;
 /// use glam::dvec2;
 /// use ravec_planar::{Known, proportions};
 ///
-/// // a sheet of DIN A4 on a table, 1000 × 750 pixels, focal length 900 pixels
-/// let quad = [dvec2(387.3, 210.0), dvec2(612.7, 210.0), dvec2(713.1, 538.4), dvec2(286.9, 538.4)];
-/// let known = proportions(quad, dvec2(500.0, 375.0), Known::Focal(900.0))?;
-/// let right = proportions(quad, dvec2(500.0, 375.0), Known::RightAngles);
-/// assert!(known.ratio > 0.5 && known.ratio < 0.7);
-/// // its upper and lower side are parallel
-/// assert!(right.is_err());
+/// // a sheet of DIN A4, 297 × 210 mm, on 1000 × 750 pixels
+/// let quad = [dvec2(224.81, 224.77), dvec2(743.40, 168.00), dvec2(797.13, 537.21), dvec2(352.85, 500.15)];
+/// let middle = dvec2(500.0, 375.0);
+/// let known = proportions(quad, middle, Known::Focal(900.0))?;
+/// let right = proportions(quad, middle, Known::RightAngles)?;
+/// assert!((known.ratio - 297.0 / 210.0).abs() < 1e-3 && (right.ratio - 297.0 / 210.0).abs() < 1e-3);
+/// assert!((right.focal_px.unwrap() - 900.0).abs() < 1.0);
 /// # Ok::<(), ravec_planar::ProportionError>(())
 /// ```
 ///
@@ -384,15 +384,10 @@ mod tests {
             proportions(quad, PRINCIPAL, Known::RightAngles),
             Err(ProportionError::ParallelSides)
         );
-        // no rectangle: the sides meet on the same side of the middle
-        let quad = [
-            dvec2(800.0, 100.0),
-            dvec2(1300.0, 150.0),
-            dvec2(1200.0, 480.0),
-            dvec2(700.0, 500.0),
-        ];
+        // cropped so far that the axis went through a point beyond both vanishing points
+        let quad = seen(dvec2(3.0, 2.0), [0.6, 0.5, 0.1], 1000.0);
         assert_eq!(
-            proportions(quad, PRINCIPAL, Known::RightAngles),
+            proportions(quad, DVec2::splat(2e4), Known::RightAngles),
             Err(ProportionError::NotRectangular)
         );
         for known in [
