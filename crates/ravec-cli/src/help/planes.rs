@@ -4,9 +4,9 @@
 pub const RECTIFY: &str = concat!(
     "\
 Examples:
-  ravec rectify photo.jpg -o front.png --quad 20,15,100,22,96,70,24,76 --aspect 4:3
-  ravec rectify photo.jpg -o front.png --quad 20,15,100,22,96,70,24,76 --focal 28mm --whole
-  ravec rectify photo.jpg -o front.png --quad 20,15,100,22,96,70,24,76 --width 300 --beyond '#ffffff' -q --json front.json
+  ravec rectify photo.jpg -o front.png --quad 36,26,130,7,136,97,52,85 --aspect 4:3
+  ravec rectify photo.jpg -o front.png --quad 36,26,130,7,136,97,52,85 --focal 28mm --whole
+  ravec rectify photo.jpg -o front.png --quad 36,26,130,7,136,97,52,85 --aspect 4:3 --width 300 --beyond '#ffffff' -q --json front.json
 
 The corners of a rectangle on the plane are given in turn, from the upper left one clockwise, in pixels, x right, y down; the centre of \
 the first pixel is (0.5, 0.5). Its proportions are those of --aspect; else they follow from the focal length, given or in the \
@@ -25,8 +25,8 @@ image_from_straight and straight_from_image, nine numbers each, row by row.
 pub const SNAP: &str = concat!(
     "\
 Examples:
-  ravec snap photo.jpg --quad 20,15,100,22,96,70,24,76 --grid 4x3
-  ravec snap photo.jpg --quad 20,15,100,22,96,70,24,76 --grid 4x3 -o grid.png
+  ravec snap photo.jpg --quad 36,26,130,7,136,97,52,85 --grid 4x3
+  ravec snap photo.jpg --quad 36,26,130,7,136,97,52,85 --grid 4x3 -o grid.png
 
 The corners of the grid are given in turn, from the upper left one clockwise, in pixels, x right, y down; the centre of the first pixel \
 is (0.5, 0.5). They should be within a few percent of the grid's diagonal of where they belong (--reach). Lines come to lie on \

@@ -5,6 +5,8 @@ pub mod planes;
 mod quad;
 pub mod rectify;
 mod segments;
+mod showcase;
 pub mod snap;
 
 pub use quad::{Focal, Grid, Quad, Ratio};
+pub(crate) use showcase::show;
