@@ -255,7 +255,8 @@ fn validate(mesh: &TriMesh, params: &SimplifyParams, keep: &Keep<'_>) -> Result<
 /// happen. Triangles that name a vertex twice, and vertices without triangles, are dropped.
 ///
 /// ```
-/// /// use ravec_mesh::{Keep, SimplifyParams, TriMesh, simplify};
+/// use glam::DVec3;
+/// use ravec_mesh::{Keep, SimplifyParams, TriMesh, simplify};
 /// use ravec_progress::Progress;
 ///
 /// // a flat square of 20 × 20 cells

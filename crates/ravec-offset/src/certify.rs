@@ -44,6 +44,13 @@ fn stays_near(field: &Field<'_>, facet: [DVec3; 3], most: f64, hints: [u32; 3]) 
     if any_near_enough(field, facet, most, hints) {
         return true;
     }
+    let center = field.near((facet[0] + facet[1] + facet[2]) / 3.0, hints[0]);
+    if center.distance > most {
+        return false;
+    }
+    if any_near_enough(field, facet, most, [center.triangle; 3]) {
+        return true;
+    }
     let near = [0, 1, 2].map(|i| field.near(facet[i], hints[i]));
     near.iter().all(|near| near.distance <= most)
         && is_within(

@@ -10,6 +10,7 @@
 //! turn by more than the angle of a crease two searches for the closest triangle.
 
 use crate::certify::MOST_CUTS;
+use crate::certify::keeps_distance;
 use crate::field::Field;
 use glam::DVec3;
 use ravec_mesh::{Adjacency, TriMesh, distance_sq_to_triangle};
@@ -74,10 +75,13 @@ pub(crate) fn measure(
         let facet = surface.corners(t);
         let nearest = least_distance(field, facet, least, LEAST_SLACK * half);
         let farthest = most_distance(field, facet, [enough, limits[1]], hints(t), MOST_CUTS);
-        // the least distance is known up to a slack, by which it may seem to be below the limit
-        let is_near = nearest < limits[0] && field.bvh().comes_within(facet, limits[0]);
-        let is_far = farthest > limits[1];
-        Ok((u64::from(is_near || is_far), nearest, farthest))
+        if nearest >= limits[0] && farthest <= limits[1] {
+            return Ok((0, nearest, farthest));
+        }
+        // the least distance is known up to a slack, and the search for a bound takes other ways than the proof does
+        let is_proved = keeps_distance(field, facet, limits, hints(t));
+        let farthest = if is_proved { limits[1] } else { farthest };
+        Ok((u64::from(!is_proved), nearest, farthest))
     };
     let (unproved, least, most) = (0..facets).into_par_iter().map(extremes).try_reduce(
         || (0, least, most_found),

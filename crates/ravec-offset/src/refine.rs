@@ -367,6 +367,7 @@ impl<'a> Refinement<'a> {
             })
             .filter(|(corner, ..)| !self.corners.contains_key(&corner.code()))
             .collect();
+        progress.check()?;
         // of each corner the cell that knows the side, if any does
         missing.sort_unstable_by_key(|&(corner, unknown, ..)| (corner, unknown));
         missing.dedup_by_key(|&mut (corner, ..)| corner);
@@ -378,7 +379,7 @@ impl<'a> Refinement<'a> {
             })
             .collect::<Result<_, Cancelled>>()?;
         self.corners.extend(values);
-        Ok(())
+        progress.check()
     }
 
     /// Where the surface goes through the edges of some cells. Up to four cells share an edge, so each is looked at once.
