@@ -249,7 +249,9 @@ fn other_wrong_flags_and_hopeless_pictures_are_refused() {
         &["--width is 0"],
     );
     refused(
-        &format!("rectify board.bmp -o o.png {quad} --margin=-1"), 2, &["--margin is -1"]
+        &format!("rectify board.bmp -o o.png {quad} --margin=-1"),
+        2,
+        &["--margin is -1"],
     );
     refused(
         &format!("rectify board.bmp -o o.png {quad} --beyond blue"),
