@@ -60,6 +60,9 @@ const MIN_DENSITY: f64 = 1.5;
 /// The fewest cells of a plane.
 const MIN_CELLS: usize = 12;
 
+/// The least area of a plane, as a share of that of its cells, which reach beyond its segments.
+const MIN_FILL: f64 = 0.2;
+
 /// The share of the length that may lie beyond either end of a plane: what belongs to something else.
 const TAIL: f64 = 0.02;
 
@@ -340,6 +343,11 @@ fn plane(
     ];
     let quad = in_turn(quad, middle);
     Homography::from_unit_square(quad).ok()?;
+    // two lines that cross are no plane
+    let area = 0.5 * (quad[2] - quad[0]).perp_dot(quad[3] - quad[1]).abs();
+    if area < MIN_FILL * region.count as f64 * cells.side.powi(2) {
+        return None;
+    }
     let length = |places: &[(f64, f64)]| places.iter().map(|place| place.1).sum::<f64>();
     Some(PlaneProposal {
         quad,

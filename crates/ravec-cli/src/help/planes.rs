@@ -6,7 +6,7 @@ pub const RECTIFY: &str = concat!(
 Examples:
   ravec rectify photo.jpg -o front.png --quad 36,26,130,7,136,97,52,85 --aspect 4:3
   ravec rectify photo.jpg -o front.png --quad 36,26,130,7,136,97,52,85 --focal 28mm --whole
-  ravec rectify photo.jpg -o front.png --quad 36,26,130,7,136,97,52,85 --aspect 4:3 --width 300 --beyond '#ffffff' -q --json front.json
+  ravec rectify photo.jpg -o front.png --quad 36,26,130,7,136,97,52,85 --aspect 4:3 --json f.json
 
 The corners of a rectangle on the plane are given in turn, from the upper left one clockwise, in pixels, x right, y down; the centre of \
 the first pixel is (0.5, 0.5). Its proportions are those of --aspect; else they follow from the focal length, given or in the \

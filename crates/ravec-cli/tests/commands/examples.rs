@@ -89,7 +89,7 @@ fn examples_of_the_help_run_as_they_are_written() {
         "mask.png",
         "pages/ravec-brush.1",
         "figures.json",
-        "front.json",
+        "f.json",
         "grid.png",
         "planes.json",
         "part.png",
