@@ -191,29 +191,8 @@ impl Cells {
                 length[self.index(at)] += share;
             }
         }
-        let summed = self.summed(&length, 1, self.columns, self.columns, self.rows);
-        self.summed(&summed, self.columns, self.rows, 1, self.columns)
-    }
-
-    /// Sums of up to 2 · `SPREAD` + 1 values along lines of `count` values that are `step` apart; `others` lines, `stride`
-    /// apart.
-    fn summed(
-        &self,
-        values: &[f64],
-        step: usize,
-        count: usize,
-        stride: usize,
-        others: usize,
-    ) -> Vec<f64> {
-        let mut sums = vec![0.0; values.len()];
-        for line in 0..others {
-            for k in 0..count {
-                let near = k.saturating_sub(SPREAD)..(k + SPREAD + 1).min(count);
-                sums[line * stride + k * step] =
-                    near.map(|near| values[line * stride + near * step]).sum();
-            }
-        }
-        sums
+        let rows = summed(&length, 1, self.columns, self.columns, self.rows);
+        summed(&rows, self.columns, self.rows, 1, self.columns)
     }
 
     /// The pair that is strongest in each cell, if any is strong enough.
@@ -278,6 +257,20 @@ impl Cells {
         }
         regions
     }
+}
+
+/// Sums of up to 2 · `SPREAD` + 1 values along lines of `count` values that are `step` apart; `others` lines, `stride`
+/// apart.
+fn summed(values: &[f64], step: usize, count: usize, stride: usize, others: usize) -> Vec<f64> {
+    let mut sums = vec![0.0; values.len()];
+    for line in 0..others {
+        for k in 0..count {
+            let near = k.saturating_sub(SPREAD)..(k + SPREAD + 1).min(count);
+            sums[line * stride + k * step] =
+                near.map(|near| values[line * stride + near * step]).sum();
+        }
+    }
+    sums
 }
 
 /// The rectangle around the segments of a place.

@@ -139,8 +139,8 @@ pub fn vanishing_points(
     let total: f64 = aims.iter().flatten().map(|aim| aim.length).sum();
     let mut left: Vec<usize> = (0..aims.len()).filter(|&k| aims[k].is_some()).collect();
     left.sort_by(|&a, &b| {
-        length_of(&aims[b])
-            .total_cmp(&length_of(&aims[a]))
+        length_of(aims[b].as_ref())
+            .total_cmp(&length_of(aims[a].as_ref()))
             .then(a.cmp(&b))
     });
     let mut found: Vec<VanishingPoint> = Vec::new();
@@ -155,7 +155,7 @@ pub fn vanishing_points(
             .copied()
             .filter(|&k| aims[k].as_ref().is_some_and(|aim| aim.weight(at).0 > 0.0))
             .collect();
-        let length: f64 = aiming.iter().map(|&k| length_of(&aims[k])).sum();
+        let length: f64 = aiming.iter().map(|&k| length_of(aims[k].as_ref())).sum();
         if aiming.len() < MIN_SEGMENTS || length < MIN_SHARE * total {
             break;
         }
@@ -186,8 +186,8 @@ pub fn vanishing_points(
     Ok(found)
 }
 
-fn length_of(aim: &Option<Aim>) -> f64 {
-    aim.as_ref().map_or(0.0, |aim| aim.length)
+fn length_of(aim: Option<&Aim>) -> f64 {
+    aim.map_or(0.0, |aim| aim.length)
 }
 
 /// Where two of the longest segments meet and most length aims at.

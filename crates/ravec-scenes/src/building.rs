@@ -31,7 +31,7 @@ const BAYS: [f64; 3] = [5.0, 4.0, 4.0];
 const BAY: DVec2 = DVec2::new(2.4, 3.0);
 
 struct Camera {
-    world_from_camera: DMat3,
+    world_from_view: DMat3,
     position: DVec3,
     focal_px: f64,
     middle: DVec2,
@@ -44,7 +44,7 @@ impl Camera {
 
     /// A homogeneous point of the picture.
     fn image_of_direction(&self, direction: DVec3) -> DVec3 {
-        let seen = self.world_from_camera.transpose() * direction;
+        let seen = self.world_from_view.transpose() * direction;
         (self.focal_px * seen.truncate() + seen.z * self.middle).extend(seen.z)
     }
 }
@@ -71,7 +71,7 @@ pub fn building(size: Size, focal: f64, seed: Seed) -> (Image<LinearRgb>, Buildi
     let roll = turn(3, -0.03, 0.03);
     let (sin, cos) = f64::sin_cos(roll);
     let camera = Camera {
-        world_from_camera: DMat3::from_cols(
+        world_from_view: DMat3::from_cols(
             right * cos + down * sin,
             down * cos - right * sin,
             forward,
@@ -83,7 +83,7 @@ pub fn building(size: Size, focal: f64, seed: Seed) -> (Image<LinearRgb>, Buildi
     let height = BAYS[1] * BAY.y;
     let widths = [BAYS[0] * BAY.x, BAYS[2] * BAY.x];
     let color = |p: DVec2, side_px: f64| {
-        let ray = camera.world_from_camera * ((p - camera.middle) / focal_px).extend(1.0);
+        let ray = camera.world_from_view * ((p - camera.middle) / focal_px).extend(1.0);
         // distances to the right wall, the left wall and the ground along the ray
         let hits = [
             -position.z / ray.z,

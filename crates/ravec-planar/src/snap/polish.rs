@@ -44,12 +44,11 @@ pub(super) fn polish(
             .map_init(new_profile, |profile, site| {
                 profile.read(plane, site.at, site.normal);
                 let mut seen = vec![0.0; 2 * reach + 3];
-                match joint(site) {
-                    Some(joint) => joint.respond(site, &profile.slopes, &mut seen),
-                    None => {
-                        let first = (profile.slopes.len() - seen.len()) / 2;
-                        seen.copy_from_slice(&profile.slopes[first..][..2 * reach + 3]);
-                    }
+                if let Some(joint) = joint(site) {
+                    joint.respond(site, &profile.slopes, &mut seen);
+                } else {
+                    let first = (profile.slopes.len() - seen.len()) / 2;
+                    seen.copy_from_slice(&profile.slopes[first..][..2 * reach + 3]);
                 }
                 seen
             })
