@@ -465,7 +465,7 @@ mod tests {
     fn stripes_towards_the_horizon_fade_instead_of_swarming() {
         // a floor with stripes of 6 pixels along and 4 across, from 1 to 30 pixels of it a pixel
         let image = Plane::from_fn(size(600, 1200), |col, row| {
-            (f32::from(u8::from(col % 6 < 3)) + f32::from(u8::from(row % 4 < 2))) / 2.0
+            0.5 * f32::from(u8::from(col % 6 < 3) + u8::from(row % 4 < 2))
         });
         let quad = [
             dvec2(70.0, 20.0),
