@@ -5,8 +5,11 @@ use crate::program::{code, done, photos, stderr};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-const COMMANDS: [&str; 15] = [
+const COMMANDS: [&str; 18] = [
     "compare",
+    "rectify",
+    "snap",
+    "planes",
     "twocolor",
     "brush",
     "mesh",
@@ -86,6 +89,9 @@ fn examples_of_the_help_run_as_they_are_written() {
         "mask.png",
         "pages/ravec-brush.1",
         "figures.json",
+        "f.json",
+        "grid.png",
+        "planes.json",
         "part.png",
         "cut.png",
         "small.stl",
