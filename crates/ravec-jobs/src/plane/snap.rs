@@ -191,10 +191,8 @@ mod tests {
             panic!("a drawing on an opaque picture is opaque");
         };
         let Srgb([r, g, _]) = drawn[(70, 40)];
-        assert!(
-            g > 150 && r < 60,
-            "a green line between two columns: {r} {g}"
-        );
+        // a line of a pixel and a fifth covers three fifths of this pixel
+        assert!(g > r + 60, "a green line between two columns: {r} {g}");
     }
 
     #[test]
