@@ -200,12 +200,10 @@ mod tests {
             .map(|plane| serde_json::from_value(plane["quad"].clone()).unwrap())
             .collect();
         for wall in truth.walls_in_image {
-            // a quadrilateral with the middle of the wall in it, whose sides point where those of the wall do
+            // a quadrilateral with the middle of the wall in it
             let middle = wall.iter().sum::<DVec2>() / 4.0;
             let found = quads.iter().any(|quad| {
-                let inside =
-                    (0..4).all(|k| (quad[(k + 1) % 4] - quad[k]).perp_dot(middle - quad[k]) > 0.0);
-                inside
+                (0..4).all(|k| (quad[(k + 1) % 4] - quad[k]).perp_dot(middle - quad[k]) > 0.0)
             });
             assert!(found, "{wall:?} {quads:?}");
         }
