@@ -98,7 +98,7 @@ fn tiles(truth: &QuadGrid, seed: Seed, hidden: impl Fn(DVec2) -> bool) -> Plane 
     let grid_from_image = truth.image_from_grid().inverse();
     let width = seed.between(1, 0, 8, 0.025, 0.05);
     let tone = seed.between(2, 0, 8, 0.07, 0.1)
-        * if seed.bits(3, 0, 8) % 2 == 0 {
+        * if seed.bits(3, 0, 8).is_multiple_of(2) {
             1.0
         } else {
             -1.0
