@@ -33,7 +33,7 @@ use clap::{CommandFactory as _, Parser as _};
 use exit::Failure;
 use ravec::progress::Progress;
 use ravec_jobs::{
-    JobError, Report, Source, brush, check_files, check_folder, compare, demo, match_photos, mesh,
+    JobError, Report, Source, brush, check_files, check_folder, compare, complete, demo, match_photos, mesh,
     scenes, twocolor,
 };
 use std::ffi::OsString;
@@ -101,6 +101,15 @@ fn execute(Arguments { command, global }: Arguments) -> Result<(), Failure> {
             params,
         } => job(&global, |progress| {
             match_photos::run(&source(first), &source(second), &output, &params, progress)
+        }),
+        Command::Complete {
+            input,
+            mask,
+            output,
+            params,
+        } => job(&global, |progress| {
+            let mask = mask.map(source);
+            complete::run(&source(input), mask.as_ref(), &output, &params, progress)
         }),
         Command::Twocolor {
             input,

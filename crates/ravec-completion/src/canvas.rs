@@ -18,8 +18,10 @@ pub(crate) const HOLE: u8 = 4;
 /// The gradient is known as well.
 pub(crate) const STEADY: u8 = 8;
 
-/// Sources keep this distance from a hole: so far does the kernel reach with which they are sampled.
-const CLEAR_PX: f64 = 2.9;
+/// Sources keep this distance from a hole, whose rim is often a little of both.
+const CLEAR_PX: f64 = 2.0;
+/// So far does the kernel reach with which sources are sampled. What was in the hole must not show there.
+const KERNEL_PX: usize = 2;
 
 /// A picture with what is known about each pixel: bits of [`KNOWN`], [`SOURCE`], [`HOLE`].
 pub(crate) struct Canvas {
@@ -37,10 +39,48 @@ impl Canvas {
             (false, true) => KNOWN,
             (false, false) => KNOWN | SOURCE,
         });
-        Self {
-            inks: image.map(ink_of),
-            states: Image::from_vec(image.width(), states.collect()).expect("one for each pixel"),
+        let states = Image::from_vec(image.width(), states.collect()).expect("one for each pixel");
+        let mut inks = image.map(ink_of);
+        forget(&mut inks, &states);
+        Self { inks, states }
+    }
+}
+
+/// Replaces what is not known by the mean of known neighbors, as far as a kernel reaches, and by nothing beyond.
+fn forget(inks: &mut Image<Ink>, states: &Image<u8>) {
+    let (width, height) = (states.width(), states.height());
+    let mut unknown: Vec<(usize, usize)> = Vec::new();
+    let mut known = states.map(|state| u8::from(state & KNOWN != 0));
+    for row in 0..height {
+        for col in 0..width {
+            if known[(col, row)] == 0 {
+                inks[(col, row)] = [0.0; 4];
+                unknown.push((col, row));
+            }
         }
+    }
+    for _ in 0..KERNEL_PX {
+        let mut found = Vec::new();
+        for &(col, row) in &unknown {
+            let (mut sum, mut count) = ([0.0f32; 4], 0.0f32);
+            for k in 0..9 {
+                let place = ((col + k % 3).wrapping_sub(1), (row + k / 3).wrapping_sub(1));
+                if known.get(place.0, place.1) == Some(1) {
+                    count += 1.0;
+                    for (sum, value) in sum.iter_mut().zip(inks[place]) {
+                        *sum += value;
+                    }
+                }
+            }
+            if count > 0.0 {
+                found.push(((col, row), sum.map(|value| value / count)));
+            }
+        }
+        for (place, ink) in found {
+            inks[place] = ink;
+            known[place] = 1;
+        }
+        unknown.retain(|&place| known[place] == 0);
     }
 }
 

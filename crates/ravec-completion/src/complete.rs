@@ -28,7 +28,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CompleteParams {
-    /// How far from the hole sources are looked for without a plane, in pixels, 16 and more (default 230). Farther finds
+    /// How far from the hole sources are looked for without a plane, in pixels, 16 and more (default 200). Farther finds
     /// more, of which more is in another light or at another distance.
     pub search_px: usize,
     /// Bend the tones of what is copied to those of the rim (default true). Without it seams show where light changes, but
@@ -38,7 +38,7 @@ pub struct CompleteParams {
 
 impl Default for CompleteParams {
     fn default() -> Self {
-        Self { search_px: 230, blend: true }
+        Self { search_px: 200, blend: true }
     }
 }
 
@@ -271,7 +271,7 @@ fn fill(
     let coarse = cut.assign(side as i32, None, None, 2, progress)?;
     let (kept, start) = most_used(&offsets, &coarse);
     let cut = Cut { offsets: &kept, ..cut };
-    let labels = cut.assign(1, Some(&start), Some(2 * side as i32), 2, progress)?;
+    let labels = cut.assign(1, Some(&start), Some(side as i32 + 1), 2, progress)?;
     let (fine, used) = to_subpixel(&sheet, &kept, &labels);
     summary.offsets += used;
     summary.parts += 1;
@@ -346,7 +346,7 @@ fn most_used(offsets: &[IVec2], labels: &[u16]) -> (Vec<IVec2>, Vec<u16>) {
         counts[usize::from(label)] += 1;
     }
     let mut order: Vec<usize> = (0..offsets.len()).filter(|&label| counts[label] > 0).collect();
-    order.sort_by_key(|&label| (std::cmp::Reverse(counts[label]), label));
+    order.sort_by_key(|&label| std::cmp::Reverse((counts[label], label)));
     order.truncate(MAX_OFFSETS);
     let mut renumbered = vec![UNLABELED; offsets.len()];
     for (new, &old) in order.iter().enumerate() {
@@ -362,7 +362,7 @@ fn to_subpixel(sheet: &Sheet, offsets: &[IVec2], labels: &[u16]) -> (Vec<DVec2>,
     for index in sheet.hole().filter(|&index| labels[index] != UNLABELED) {
         used[usize::from(labels[index])] = true;
     }
-    let ring = proposals::around(sheet);
+    let ring = proposals::around(sheet, usize::MAX);
     let fine = offsets.iter().zip(&used).map(|(&offset, &used)| {
         if used { subpixel::refined(sheet, &ring, offset) } else { offset.as_dvec2() }
     });

@@ -16,12 +16,12 @@ use ravec_progress::{Cancelled, Progress};
 use ravec_raster::Rect;
 
 /// The standard deviation of the transition between two pieces. None at all leaves visible seams, much more a blur.
-const FEATHER_PX: f32 = 2.0;
+const FEATHER_PX: f32 = 4.0;
 /// Beyond two standard deviations there is next to nothing.
-const REACH_PX: isize = 4;
+const REACH_PX: isize = 8;
 /// Where a piece meets the rim with a larger difference than this, the rim has an edge that the piece has not, and its tone
 /// should not follow.
-const TRUSTED_STEP: f32 = 0.15;
+const TRUSTED_STEP: f32 = 0.6;
 /// Samples for a pixel in each direction where the source is finer than the hole, at most.
 const MAX_TAPS: f64 = 4.0;
 

@@ -26,9 +26,9 @@ pub(crate) const UNLABELED: u16 = u16::MAX;
 const RIM_WEIGHT: f32 = 4.0;
 /// How much the pull towards the expected mean counts against a seam: without it bland sources win; much more, and seams
 /// are accepted for it.
-const GUIDANCE_WEIGHT: f32 = 0.05;
+const GUIDANCE_WEIGHT: f32 = 0.03;
 /// What a seam costs for each pixel of its length, however little it shows: fewer, larger pieces.
-const SEAM_COST: f32 = 0.01;
+const SEAM_COST: f32 = 0.001;
 /// Known pixels around the hole that take part.
 const RIM_PX: i32 = 2;
 /// What it costs to compare with a pixel that is not known: as much as a plainly visible seam.

@@ -11,7 +11,7 @@ use ravec_progress::{Cancelled, Progress};
 use ravec_raster::{Image, gaussian_blur};
 
 /// The standard deviation of the window in which means and contrasts are taken.
-const WINDOW_SIGMA_PX: f64 = 5.0;
+const WINDOW_SIGMA_PX: f64 = 6.0;
 /// How much a difference of contrast counts against one of tone.
 const CONTRAST: f32 = 1.0;
 

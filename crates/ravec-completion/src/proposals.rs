@@ -33,7 +33,7 @@ pub(crate) struct Proposals {
 }
 
 /// Places where the whole surroundings of a hole fit best.
-const RING_MINIMA: usize = 30;
+const RING_MINIMA: usize = 20;
 /// Discs on the rim, and the best places of each.
 const DISCS: usize = 16;
 const DISC_MINIMA: usize = 4;
@@ -42,7 +42,7 @@ const PERIODS: usize = 12;
 /// The known ring around a hole is this wide: enough to see a pattern, not enough to see past it.
 const RING_PX: i32 = 8;
 /// Most pixels of a ring that direct sums look at.
-const RING_SAMPLES: usize = 4000;
+const RING_SAMPLES: usize = 1500;
 /// Offsets this near to a better one are left out.
 const APART_PX: i32 = 3;
 /// Reduced sheets have at most this many pixels, if the hole is large enough to survive.
@@ -332,7 +332,7 @@ pub(crate) fn propose(sheet: &Sheet, progress: &Progress) -> Result<Proposals, C
             reduced.weight(x, y, HOLE)
         });
         let offsets = map.minima(RING_MINIMA, apart, 0.6, 0.4, corner, limit);
-        let pixels = around(sheet);
+        let pixels = around(sheet, RING_SAMPLES);
         found.ring = refine(sheet, &offsets, f, &pixels);
     }
     progress.check()?;
@@ -374,8 +374,8 @@ pub(crate) fn bounds(sheet: &Sheet) -> Option<(IVec2, IVec2)> {
     })
 }
 
-/// Known pixels around the hole, thinned to a number that direct sums can afford.
-pub(crate) fn around(sheet: &Sheet) -> Vec<u32> {
+/// Known pixels around the hole, at most about `samples` of them, evenly thinned.
+pub(crate) fn around(sheet: &Sheet, samples: usize) -> Vec<u32> {
     let Some((low, high)) = bounds(sheet) else { return Vec::new() };
     let (low, high) = (low - RING_PX, high + RING_PX);
     let mut pixels: Vec<u32> = Vec::new();
@@ -388,7 +388,7 @@ pub(crate) fn around(sheet: &Sheet) -> Vec<u32> {
             }
         }
     }
-    let step = pixels.len().div_ceil(RING_SAMPLES).max(1);
+    let step = pixels.len().div_ceil(samples).max(1);
     pixels.into_iter().step_by(step).collect()
 }
 

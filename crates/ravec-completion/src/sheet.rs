@@ -8,13 +8,13 @@ use crate::canvas::{Canvas, HOLE, Ink, KNOWN, STEADY};
 use glam::{DVec2, IVec2, dvec2};
 use rayon::prelude::*;
 use ravec_planar::Homography;
-use ravec_raster::{Rect, Size};
+use ravec_raster::Rect;
 
 /// What pixels are compared by: the ink, and the gradient of its luminance.
 pub(crate) type Feature = [f32; 8];
 
 /// How much a gradient counts against a color. More follows edges, less follows tones.
-pub(crate) const GRADIENT_WEIGHT: f32 = 0.5;
+pub(crate) const GRADIENT_WEIGHT: f32 = 0.35;
 
 /// A flat view of the surroundings of a hole.
 pub(crate) struct Sheet {
@@ -74,9 +74,6 @@ impl Sheet {
         (0..self.states.len()).filter(|&index| self.is(index, HOLE))
     }
 
-    pub(crate) fn size(&self) -> Size {
-        Size::new(self.width, self.height).expect("a sheet is not empty")
-    }
 
     /// Fills in [`Sheet::features`] and the bit [`STEADY`].
     pub(crate) fn find_features(&mut self) {

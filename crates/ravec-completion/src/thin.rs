@@ -11,7 +11,7 @@ use ravec_progress::{Cancelled, Progress};
 use ravec_raster::{Image, Mask};
 
 /// Parts into which no disc of this radius fits are thin.
-const RADIUS_PX: f64 = 3.5;
+const RADIUS_PX: f64 = 5.0;
 /// Iterations end when no value moves by more than a part of an 8-bit step.
 const TOLERANCE: f64 = 1e-4;
 const MAX_STEPS: usize = 400;
