@@ -33,8 +33,8 @@ use clap::{CommandFactory as _, Parser as _};
 use exit::Failure;
 use ravec::progress::Progress;
 use ravec_jobs::{
-    JobError, Report, Source, brush, check_files, check_folder, compare, complete, demo, match_photos, mesh,
-    scenes, twocolor,
+    JobError, Report, Source, brush, check_files, check_folder, compare, complete, demo,
+    match_photos, mesh, scenes, twocolor,
 };
 use std::ffi::OsString;
 use std::io::IsTerminal as _;

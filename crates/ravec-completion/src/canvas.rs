@@ -33,7 +33,11 @@ impl Canvas {
     /// A picture of which the pixels of `hole` are not known, not even those covered in part.
     pub(crate) fn new<P: Color>(image: &Image<P>, hole: &Mask) -> Self {
         let clear = solid(hole).dilate(CLEAR_PX);
-        let states = hole.coverage().pixels().iter().zip(clear.coverage().pixels());
+        let states = hole
+            .coverage()
+            .pixels()
+            .iter()
+            .zip(clear.coverage().pixels());
         let states = states.map(|(&hole, &clear)| match (hole > 0.0, clear > 0.0) {
             (true, _) => 0,
             (false, true) => KNOWN,
@@ -92,10 +96,18 @@ pub(crate) fn solid(mask: &Mask) -> Mask {
 /// The ink of a pixel. What is not a number becomes 0, what is infinite the nearest finite value.
 pub(crate) fn ink_of<P: Color>(pixel: P) -> Ink {
     let linear = pixel.to_linear();
-    let alpha = if linear.alpha() > 0.0 { linear.alpha().min(1.0) } else { 0.0 };
+    let alpha = if linear.alpha() > 0.0 {
+        linear.alpha().min(1.0)
+    } else {
+        0.0
+    };
     let [r, g, b] = linear.rgb().map(|value| {
         let encoded = srgb_from_linear(value) * alpha;
-        if encoded.is_nan() { 0.0 } else { encoded.clamp(-1e3, 1e3) }
+        if encoded.is_nan() {
+            0.0
+        } else {
+            encoded.clamp(-1e3, 1e3)
+        }
     });
     [r, g, b, alpha]
 }
@@ -113,7 +125,7 @@ pub(crate) fn mixed<P: Color>(pixel: P, ink: Ink, coverage: f32) -> P {
     // where the old color is unknown, as it may be in a hole, nothing of it is left
     let (old_share, new_share) = ((1.0 - coverage) * old.alpha(), coverage * alpha);
     let sum = old_share + new_share;
-    if !(sum > 0.0) {
+    if sum <= 0.0 || sum.is_nan() {
         return P::from_linear(LinearRgba::default());
     }
     let mix = |c: usize| (old_share * old.0[c] + new_share * new.0[c]) / sum;

@@ -38,7 +38,10 @@ pub struct CompleteParams {
 
 impl Default for CompleteParams {
     fn default() -> Self {
-        Self { search_px: 200, blend: true }
+        Self {
+            search_px: 200,
+            blend: true,
+        }
     }
 }
 
@@ -154,35 +157,74 @@ pub fn complete<P: Color>(
     progress: &Progress,
 ) -> Result<Completed<P>, CompleteError> {
     if image.size() != hole.size() {
-        return Err(CompleteError::MaskSize { image: image.size(), mask: hole.size() });
+        return Err(CompleteError::MaskSize {
+            image: image.size(),
+            mask: hole.size(),
+        });
     }
     let mut maps = Vec::new();
     for (index, quad) in planes.iter().enumerate() {
         maps.push(plane_map(quad, image.size(), index + 1)?);
     }
-    let mut summary = CompleteSummary::default();
-    summary.hole_px = hole.coverage().pixels().iter().filter(|&&coverage| coverage > 0.0).count();
+    let mut summary = CompleteSummary {
+        hole_px: hole
+            .coverage()
+            .pixels()
+            .iter()
+            .filter(|&&coverage| coverage > 0.0)
+            .count(),
+        ..CompleteSummary::default()
+    };
     if summary.hole_px == 0 {
         summary.plane_px = vec![0; planes.len()];
-        return Ok(Completed { image: image.clone(), summary });
+        return Ok(Completed {
+            image: image.clone(),
+            summary,
+        });
     }
     let mut canvas = Canvas::new(image, hole);
-    if !canvas.states.pixels().iter().any(|&state| state & SOURCE != 0) {
-        return Err(CompleteError::NoSource { largest_radius_px: largest_radius(hole) });
+    if !canvas
+        .states
+        .pixels()
+        .iter()
+        .any(|&state| state & SOURCE != 0)
+    {
+        return Err(CompleteError::NoSource {
+            largest_radius_px: largest_radius(hole),
+        });
     }
     let thin = thin::thin_parts(hole);
     summary.thin_px = thin.area_px() as usize;
-    thin::bend(&mut canvas.inks, &thin, |col, row| hole.at(col, row) > 0.0, progress)?;
-    for (state, &thin) in canvas.states.pixels_mut().iter_mut().zip(thin.coverage().pixels()) {
+    thin::bend(
+        &mut canvas.inks,
+        &thin,
+        |col, row| hole.at(col, row) > 0.0,
+        progress,
+    )?;
+    for (state, &thin) in canvas
+        .states
+        .pixels_mut()
+        .iter_mut()
+        .zip(thin.coverage().pixels())
+    {
         if thin > 0.0 {
             *state = KNOWN;
         }
     }
-    let mut rest = Mask::from_fn(hole.size(), |col, row| hole.at(col, row) > 0.0 && thin.at(col, row) == 0.0);
+    let mut rest = Mask::from_fn(hole.size(), |col, row| {
+        hole.at(col, row) > 0.0 && thin.at(col, row) == 0.0
+    });
     for (quad, map) in planes.iter().zip(&maps) {
         let part = parts::take_quad(&mut rest, quad);
         summary.plane_px.push(part.len());
-        fill(&mut canvas, &part, Some(map), params, &mut summary, progress)?;
+        fill(
+            &mut canvas,
+            &part,
+            Some(map),
+            params,
+            &mut summary,
+            progress,
+        )?;
     }
     for part in parts::split(&rest) {
         fill(&mut canvas, &part, None, params, &mut summary, progress)?;
@@ -196,7 +238,10 @@ pub fn complete<P: Color>(
             }
         }
     }
-    Ok(Completed { image: filled, summary })
+    Ok(Completed {
+        image: filled,
+        summary,
+    })
 }
 
 /// The map from the unit square to a plane's quadrilateral, if that can be used.
@@ -209,8 +254,11 @@ fn plane_map(quad: &[DVec2; 4], size: Size, plane: usize) -> Result<Homography, 
     if crosses(a, b, c, d) || crosses(b, c, d, a) {
         return Err(CompleteError::QuadCrosses { plane });
     }
-    let map = Homography::from_unit_square(*quad).map_err(|cause| CompleteError::Plane { plane, cause })?;
-    let (low, high) = quad.iter().fold((a, a), |(low, high), &p| (low.min(p), high.max(p)));
+    let map = Homography::from_unit_square(*quad)
+        .map_err(|cause| CompleteError::Plane { plane, cause })?;
+    let (low, high) = quad
+        .iter()
+        .fold((a, a), |(low, high), &p| (low.min(p), high.max(p)));
     let end = DVec2::new(size.width() as f64, size.height() as f64);
     if low.cmpge(end).any() || high.cmple(DVec2::ZERO).any() {
         return Err(CompleteError::PlaneOutside { plane });
@@ -263,20 +311,34 @@ fn fill(
     summary.proposals += offsets.len();
     cover(&sheet, &mut offsets);
     let guidance = guidance(&sheet, progress)?;
-    let cut = Cut { sheet: &sheet, offsets: &offsets, guidance: &guidance };
+    let cut = Cut {
+        sheet: &sheet,
+        offsets: &offsets,
+        guidance: &guidance,
+    };
     let mut side = 2;
     while part.len() / (side * side) > MAX_CELLS {
         side *= 2;
     }
     let coarse = cut.assign(side as i32, None, None, 2, progress)?;
     let (kept, start) = most_used(&offsets, &coarse);
-    let cut = Cut { offsets: &kept, ..cut };
+    let cut = Cut {
+        offsets: &kept,
+        ..cut
+    };
     let labels = cut.assign(1, Some(&start), Some(side as i32 + 1), 2, progress)?;
     let (fine, used) = to_subpixel(&sheet, &kept, &labels);
     summary.offsets += used;
     summary.parts += 1;
-    summary.sourceless_px += sheet.hole().filter(|&index| labels[index] == UNLABELED).count();
-    let composition = Composition { sheet: &sheet, labels: &labels, offsets: &fine };
+    summary.sourceless_px += sheet
+        .hole()
+        .filter(|&index| labels[index] == UNLABELED)
+        .count();
+    let composition = Composition {
+        sheet: &sheet,
+        labels: &labels,
+        offsets: &fine,
+    };
     compose(canvas, &composition, params.blend, progress)?;
     for &place in part {
         canvas.states[place] = KNOWN;
@@ -295,7 +357,9 @@ fn flat(canvas: &Canvas, part: &Part, params: &CompleteParams) -> Sheet {
     loop {
         let window = bounds.grown(margin).clipped(canvas.states.size());
         let sheet = Sheet::window(canvas, window);
-        let sources = (0..sheet.states.len()).filter(|&index| sheet.is(index, SOURCE)).count();
+        let sources = (0..sheet.states.len())
+            .filter(|&index| sheet.is(index, SOURCE))
+            .count();
         if sources >= 2 * part.len() || window == Rect::of(canvas.states.size()) {
             return sheet;
         }
@@ -320,20 +384,36 @@ const MAX_COVERING: usize = 64;
 /// Adds offsets until each pixel of the hole has a source with one of them.
 fn cover(sheet: &Sheet, offsets: &mut Vec<IVec2>) {
     let fills = |offset: IVec2, pixel: usize| {
-        sheet.shifted(pixel, offset).is_some_and(|source| sheet.is(source, SOURCE))
+        sheet
+            .shifted(pixel, offset)
+            .is_some_and(|source| sheet.is(source, SOURCE))
     };
     let mut open: Vec<usize> = sheet
         .hole()
         .filter(|&pixel| !offsets.iter().any(|&offset| fills(offset, pixel)))
         .collect();
-    let sources: Vec<usize> = (0..sheet.states.len()).filter(|&index| sheet.is(index, SOURCE)).collect();
+    let sources: Vec<usize> = (0..sheet.states.len())
+        .filter(|&index| sheet.is(index, SOURCE))
+        .collect();
     let stride = (sources.len() / 200).max(1);
     for _ in 0..MAX_COVERING {
-        let Some(&pixel) = open.get(open.len() / 2) else { return };
+        let Some(&pixel) = open.get(open.len() / 2) else {
+            return;
+        };
         let thinned = (open.len() / 300).max(1);
-        let gain = |offset: IVec2| open.iter().step_by(thinned).filter(|&&pixel| fills(offset, pixel)).count();
-        let candidates = sources.iter().step_by(stride).map(|&source| sheet.position(source) - sheet.position(pixel));
-        let Some(best) = candidates.max_by_key(|&offset| gain(offset)) else { return };
+        let gain = |offset: IVec2| {
+            open.iter()
+                .step_by(thinned)
+                .filter(|&&pixel| fills(offset, pixel))
+                .count()
+        };
+        let candidates = sources
+            .iter()
+            .step_by(stride)
+            .map(|&source| sheet.position(source) - sheet.position(pixel));
+        let Some(best) = candidates.max_by_key(|&offset| gain(offset)) else {
+            return;
+        };
         open.retain(|&pixel| !fills(best, pixel));
         offsets.push(best);
     }
@@ -345,15 +425,26 @@ fn most_used(offsets: &[IVec2], labels: &[u16]) -> (Vec<IVec2>, Vec<u16>) {
     for &label in labels.iter().filter(|&&label| label != UNLABELED) {
         counts[usize::from(label)] += 1;
     }
-    let mut order: Vec<usize> = (0..offsets.len()).filter(|&label| counts[label] > 0).collect();
+    let mut order: Vec<usize> = (0..offsets.len())
+        .filter(|&label| counts[label] > 0)
+        .collect();
     order.sort_by_key(|&label| std::cmp::Reverse((counts[label], label)));
     order.truncate(MAX_OFFSETS);
     let mut renumbered = vec![UNLABELED; offsets.len()];
     for (new, &old) in order.iter().enumerate() {
         renumbered[old] = new as u16;
     }
-    let start = labels.iter().map(|&label| if label == UNLABELED { UNLABELED } else { renumbered[usize::from(label)] });
-    (order.iter().map(|&label| offsets[label]).collect(), start.collect())
+    let start = labels.iter().map(|&label| {
+        if label == UNLABELED {
+            UNLABELED
+        } else {
+            renumbered[usize::from(label)]
+        }
+    });
+    (
+        order.iter().map(|&label| offsets[label]).collect(),
+        start.collect(),
+    )
 }
 
 /// The offsets to a fraction of a pixel, and how many of them are used.
@@ -364,7 +455,11 @@ fn to_subpixel(sheet: &Sheet, offsets: &[IVec2], labels: &[u16]) -> (Vec<DVec2>,
     }
     let ring = proposals::around(sheet, usize::MAX);
     let fine = offsets.iter().zip(&used).map(|(&offset, &used)| {
-        if used { subpixel::refined(sheet, &ring, offset) } else { offset.as_dvec2() }
+        if used {
+            subpixel::refined(sheet, &ring, offset)
+        } else {
+            offset.as_dvec2()
+        }
     });
     (fine.collect(), used.iter().filter(|&&used| used).count())
 }

@@ -10,10 +10,10 @@ use crate::poisson::Blend;
 use crate::rectified::mean_ink;
 use crate::sheet::{Sheet, center, ink_distance_sq};
 use glam::{DVec2, IVec2, dvec2};
-use rayon::prelude::*;
 use ravec_planar::Homography;
 use ravec_progress::{Cancelled, Progress};
 use ravec_raster::Rect;
+use rayon::prelude::*;
 
 /// The standard deviation of the transition between two pieces. None at all leaves visible seams, much more a blur.
 const FEATHER_PX: f32 = 4.0;
@@ -49,11 +49,15 @@ struct Maps<'a> {
 
 impl Maps<'_> {
     fn on_sheet(&self, (col, row): (usize, usize)) -> DVec2 {
-        self.sheet_from_image.apply(dvec2(col as f64 + 0.5, row as f64 + 0.5))
+        self.sheet_from_image
+            .apply(dvec2(col as f64 + 0.5, row as f64 + 0.5))
     }
 
     fn label(&self, place: (usize, usize)) -> u16 {
-        let index = self.composition.sheet.index(self.on_sheet(place).floor().as_ivec2());
+        let index = self
+            .composition
+            .sheet
+            .index(self.on_sheet(place).floor().as_ivec2());
         index.map_or(UNLABELED, |index| self.composition.labels[index])
     }
 
@@ -61,7 +65,9 @@ impl Maps<'_> {
     fn reaches(&self, place: (usize, usize), label: u16) -> bool {
         let at = self.on_sheet(place) + self.composition.offsets[usize::from(label)];
         let sheet = self.composition.sheet;
-        sheet.index(at.floor().as_ivec2()).is_some_and(|index| sheet.is(index, KNOWN))
+        sheet
+            .index(at.floor().as_ivec2())
+            .is_some_and(|index| sheet.is(index, KNOWN))
     }
 
     /// What a piece shows at a pixel.
@@ -69,7 +75,8 @@ impl Maps<'_> {
         let at = self.on_sheet(place) + self.composition.offsets[usize::from(label)];
         let image_from_sheet = &self.composition.sheet.image_from_sheet;
         let from = image_from_sheet.apply(at);
-        let j = image_from_sheet.jacobian(at) * self.sheet_from_image.jacobian(center(place_of(place)));
+        let j =
+            image_from_sheet.jacobian(at) * self.sheet_from_image.jacobian(center(place_of(place)));
         let finer = j.x_axis.length().max(j.y_axis.length());
         // a little finer is still within what the kernel tells apart
         let taps = (finer - 0.25).ceil().clamp(1.0, MAX_TAPS);
@@ -97,8 +104,15 @@ fn place_of((col, row): (usize, usize)) -> IVec2 {
 }
 
 /// Fills the hole of a canvas.
-pub(crate) fn compose(canvas: &mut Canvas, composition: &Composition, blend: bool, progress: &Progress) -> Result<(), Cancelled> {
-    let Some(bounds) = hole_bounds(canvas) else { return Ok(()) };
+pub(crate) fn compose(
+    canvas: &mut Canvas,
+    composition: &Composition,
+    blend: bool,
+    progress: &Progress,
+) -> Result<(), Cancelled> {
+    let Some(bounds) = hole_bounds(canvas) else {
+        return Ok(());
+    };
     let (places, values) = {
         let maps = Maps {
             canvas,
@@ -134,7 +148,12 @@ pub(crate) fn compose(canvas: &mut Canvas, composition: &Composition, blend: boo
 
 fn hole_bounds(canvas: &Canvas) -> Option<Rect> {
     let width = canvas.states.width();
-    let holes = canvas.states.pixels().iter().enumerate().filter(|(_, state)| **state & HOLE != 0);
+    let holes = canvas
+        .states
+        .pixels()
+        .iter()
+        .enumerate()
+        .filter(|(_, state)| **state & HOLE != 0);
     holes
         .map(|(index, _)| Rect::new(index % width, index / width, 1, 1))
         .reduce(Rect::bounding)
@@ -142,10 +161,18 @@ fn hole_bounds(canvas: &Canvas) -> Option<Rect> {
 
 /// The pixels of the hole with their shares.
 fn pieces(maps: &Maps, bounds: Rect) -> Vec<Piece> {
-    let places = |rect: Rect| (0..rect.pixels()).map(move |k| (rect.col + k % rect.width, rect.row + k / rect.width));
+    let places = |rect: Rect| {
+        (0..rect.pixels()).map(move |k| (rect.col + k % rect.width, rect.row + k / rect.width))
+    };
     let hole = |place| maps.canvas.states[place] & HOLE != 0;
     let labels: Vec<u16> = places(bounds)
-        .map(|place| if hole(place) { maps.label(place) } else { UNLABELED })
+        .map(|place| {
+            if hole(place) {
+                maps.label(place)
+            } else {
+                UNLABELED
+            }
+        })
         .collect();
     let label = |col: usize, row: usize| {
         bounds
@@ -158,13 +185,24 @@ fn pieces(maps: &Maps, bounds: Rect) -> Vec<Piece> {
         .into_par_iter()
         .with_min_len(256)
         .map(|place| {
-            let Some(own) = label(place.0, place.1) else { return Piece { place, shares: Vec::new() } };
+            let Some(own) = label(place.0, place.1) else {
+                return Piece {
+                    place,
+                    shares: Vec::new(),
+                };
+            };
             let mut shares = vec![(own, 0.0)];
             for dy in -REACH_PX..=REACH_PX {
                 for dx in -REACH_PX..=REACH_PX {
-                    let (col, row) = (place.0.wrapping_add_signed(dx), place.1.wrapping_add_signed(dy));
-                    let Some(other) = label(col, row) else { continue };
-                    let share = (-0.5 * (dx * dx + dy * dy) as f32 / (FEATHER_PX * FEATHER_PX)).exp();
+                    let (col, row) = (
+                        place.0.wrapping_add_signed(dx),
+                        place.1.wrapping_add_signed(dy),
+                    );
+                    let Some(other) = label(col, row) else {
+                        continue;
+                    };
+                    let share =
+                        (-0.5 * (dx * dx + dy * dy) as f32 / (FEATHER_PX * FEATHER_PX)).exp();
                     match shares.iter_mut().find(|known| known.0 == other) {
                         Some(known) => known.1 += share,
                         None => shares.push((other, share)),
@@ -190,18 +228,30 @@ fn system(maps: &Maps, pieces: &[Piece], values: Vec<Ink>, bounds: Rect, blend: 
         number[at(piece.place)] = index as u32;
     }
     let size = maps.canvas.states.size();
-    let mut system = Blend { values, ..Blend::default() };
+    let mut system = Blend {
+        values,
+        ..Blend::default()
+    };
     for (i, piece) in pieces.iter().enumerate() {
         if !blend && !piece.shares.is_empty() {
             system.anchors.push((i as u32, system.values[i], 1.0));
             continue;
         }
         let (col, row) = piece.place;
-        for (x, y) in [(col.wrapping_sub(1), row), (col, row.wrapping_sub(1)), (col + 1, row), (col, row + 1)] {
+        for (x, y) in [
+            (col.wrapping_sub(1), row),
+            (col, row.wrapping_sub(1)),
+            (col + 1, row),
+            (col, row + 1),
+        ] {
             if x >= size.width() || y >= size.height() {
                 continue;
             }
-            let j = if bounds.contains(x, y) { number[at((x, y))] } else { u32::MAX };
+            let j = if bounds.contains(x, y) {
+                number[at((x, y))]
+            } else {
+                u32::MAX
+            };
             if j == u32::MAX {
                 if maps.canvas.states[(x, y)] & KNOWN == 0 {
                     continue;
@@ -210,8 +260,11 @@ fn system(maps: &Maps, pieces: &[Piece], values: Vec<Ink>, bounds: Rect, blend: 
                 let known = maps.canvas.inks[(x, y)];
                 if weight > 0.0 {
                     let wanted = std::array::from_fn(|c| known[c] + sum[c] / weight);
-                    let step = ink_distance_sq(&wanted, &system.values[i]) / (TRUSTED_STEP * TRUSTED_STEP);
-                    system.anchors.push((i as u32, wanted, (1.0 + step).powi(-2)));
+                    let step =
+                        ink_distance_sq(&wanted, &system.values[i]) / (TRUSTED_STEP * TRUSTED_STEP);
+                    system
+                        .anchors
+                        .push((i as u32, wanted, (1.0 + step).powi(-2)));
                 } else if piece.shares.is_empty() {
                     system.anchors.push((i as u32, known, 1.0));
                 }

@@ -13,9 +13,9 @@
 //!
 //! Cost: for each label and sweep one largest flow on the pixels that may take it, about half a microsecond a pixel.
 
+use crate::canvas::{HOLE, KNOWN, SOURCE};
 use crate::guidance::Guidance;
 use crate::max_flow::FlowGraph;
-use crate::canvas::{HOLE, KNOWN, SOURCE};
 use crate::sheet::{Feature, Sheet, distance_sq, ink_distance_sq};
 use glam::IVec2;
 use ravec_progress::{Cancelled, Progress};
@@ -57,18 +57,21 @@ impl Cells {
             let at = sheet.position(index);
             for k in 0..(2 * RIM_PX + 1).pow(2) {
                 let d = IVec2::new(k % (2 * RIM_PX + 1), k / (2 * RIM_PX + 1)) - RIM_PX;
-                if let Some(near) = sheet.index(at + d) {
-                    if sheet.is(near, KNOWN) {
-                        member[near] = true;
-                    }
+                if let Some(near) = sheet.index(at + d)
+                    && sheet.is(near, KNOWN)
+                {
+                    member[near] = true;
                 }
             }
         }
         let side_px = side as usize;
-        let (columns, rows) = (sheet.width.div_ceil(side_px), sheet.height.div_ceil(side_px));
+        let (columns, rows) = (
+            sheet.width.div_ceil(side_px),
+            sheet.height.div_ceil(side_px),
+        );
         let mut number = vec![NONE; columns * rows];
         let (mut starts, mut pixels, mut places) = (vec![0], Vec::new(), Vec::new());
-        for cell in 0..columns * rows {
+        for (cell, number) in number.iter_mut().enumerate() {
             let (col, row) = (cell % columns * side_px, cell / columns * side_px);
             for y in row..(row + side_px).min(sheet.height) {
                 for x in col..(col + side_px).min(sheet.width) {
@@ -78,16 +81,28 @@ impl Cells {
                 }
             }
             if pixels.len() as u32 > starts[places.len()] {
-                number[cell] = places.len() as u32;
+                *number = places.len() as u32;
                 places.push(cell);
                 starts.push(pixels.len() as u32);
             }
         }
         let right = places.iter().map(|&cell| {
-            if cell % columns + 1 < columns { number[cell + 1] } else { NONE }
+            if cell % columns + 1 < columns {
+                number[cell + 1]
+            } else {
+                NONE
+            }
         });
-        let below = places.iter().map(|&cell| number.get(cell + columns).copied().unwrap_or(NONE));
-        Self { side, right: right.collect(), below: below.collect(), starts, pixels }
+        let below = places
+            .iter()
+            .map(|&cell| number.get(cell + columns).copied().unwrap_or(NONE));
+        Self {
+            side,
+            right: right.collect(),
+            below: below.collect(),
+            starts,
+            pixels,
+        }
     }
 
     fn len(&self) -> usize {
@@ -114,7 +129,10 @@ impl Cut<'_> {
     /// The known pixel at an offset.
     #[inline]
     fn source(&self, pixel: u32, label: u16) -> u32 {
-        match self.sheet.shifted(pixel as usize, self.offsets[usize::from(label)]) {
+        match self
+            .sheet
+            .shifted(pixel as usize, self.offsets[usize::from(label)])
+        {
             Some(index) if self.sheet.states[index] & KNOWN != 0 => index as u32,
             _ => NONE,
         }
@@ -129,7 +147,9 @@ impl Cut<'_> {
                 return IMPOSSIBLE;
             }
             let (expected, found) = (&self.guidance.expected, &self.guidance.found);
-            return cost(GUIDANCE_WEIGHT * ink_distance_sq(&expected[pixel], &found[source as usize]));
+            return cost(
+                GUIDANCE_WEIGHT * ink_distance_sq(&expected[pixel], &found[source as usize]),
+            );
         }
         let difference = if usable {
             ink_distance_sq(&sheet.inks[pixel], &sheet.inks[source as usize])
@@ -185,7 +205,11 @@ impl Cut<'_> {
         }
         let cells = Cells::new(self.sheet, side);
         let count = cells.len();
-        let mut state = State { labels: vec![0; count], costs: vec![0; count], fixed: vec![false; count] };
+        let mut state = State {
+            labels: vec![0; count],
+            costs: vec![0; count],
+            fixed: vec![false; count],
+        };
         for cell in 0..count {
             if let Some(start) = start {
                 let label = start[cells.pixels(cell)[0] as usize];
@@ -240,11 +264,23 @@ impl Cut<'_> {
         for cell in 0..cells.len() {
             let (pixels, old) = (cells.pixels(cell), state.labels[cell]);
             let mut free = old != label && !state.fixed[cell];
-            let cost = if free { self.cell_cost(pixels, label) } else { 0 };
+            let cost = if free {
+                self.cell_cost(pixels, label)
+            } else {
+                0
+            };
             free &= cost < IMPOSSIBLE;
             scratch.costs.push(cost);
-            scratch.change.push(if old == label { 0.0 } else { self.difference(pixels, old, label) });
-            scratch.number.push(if free { scratch.free.len() as u32 } else { NONE });
+            scratch.change.push(if old == label {
+                0.0
+            } else {
+                self.difference(pixels, old, label)
+            });
+            scratch.number.push(if free {
+                scratch.free.len() as u32
+            } else {
+                NONE
+            });
             if free {
                 scratch.free.push(cell as u32);
             }
@@ -255,7 +291,11 @@ impl Cut<'_> {
         let graph = &mut scratch.graph;
         graph.reset(scratch.free.len());
         for (number, &cell) in scratch.free.iter().enumerate() {
-            graph.add_terminals(number as u32, scratch.costs[cell as usize], state.costs[cell as usize]);
+            graph.add_terminals(
+                number as u32,
+                scratch.costs[cell as usize],
+                state.costs[cell as usize],
+            );
         }
         let length = cells.side as f32;
         for cell in 0..cells.len() {
@@ -277,9 +317,20 @@ impl Cut<'_> {
                 } else {
                     let (pixels, others) = (cells.pixels(cell), cells.pixels(other));
                     (
-                        seam(self.difference(pixels, la, lb), self.difference(others, la, lb)),
-                        if la == label { 0 } else { seam(here, self.difference(others, la, label)) },
-                        if lb == label { 0 } else { seam(self.difference(pixels, lb, label), there) },
+                        seam(
+                            self.difference(pixels, la, lb),
+                            self.difference(others, la, lb),
+                        ),
+                        if la == label {
+                            0
+                        } else {
+                            seam(here, self.difference(others, la, label))
+                        },
+                        if lb == label {
+                            0
+                        } else {
+                            seam(self.difference(pixels, lb, label), there)
+                        },
                     )
                 };
                 match (a, b) {

@@ -161,7 +161,7 @@ impl Spectrum {
 fn fast_len(n: usize) -> usize {
     let smooth = |mut m: usize| {
         for factor in [2, 3, 5] {
-            while m % factor == 0 {
+            while m.is_multiple_of(factor) {
                 m /= factor;
             }
         }

@@ -3,9 +3,9 @@
 //! Seams are cheapest where nothing happens, so that a cut on its own prefers bland sources. A weak pull towards the local
 //! mean and contrast that the rim suggests cures that.
 
-use crate::poisson::Blend;
 use crate::canvas::{HOLE, KNOWN};
-use crate::sheet::{Sheet};
+use crate::poisson::Blend;
+use crate::sheet::Sheet;
 use glam::IVec2;
 use ravec_progress::{Cancelled, Progress};
 use ravec_raster::{Image, gaussian_blur};
@@ -45,7 +45,12 @@ pub(crate) fn guidance(sheet: &Sheet, progress: &Progress) -> Result<Guidance, C
         .map(|m| {
             let share = m[5].max(1e-6);
             let l = m[4] / share;
-            [m[0] / share, m[1] / share, m[2] / share, CONTRAST * (m[3] / share - l * l).max(0.0).sqrt()]
+            [
+                m[0] / share,
+                m[1] / share,
+                m[2] / share,
+                CONTRAST * (m[3] / share - l * l).max(0.0).sqrt(),
+            ]
         })
         .collect();
     let mut expected = found.clone();
@@ -54,10 +59,15 @@ pub(crate) fn guidance(sheet: &Sheet, progress: &Progress) -> Result<Guidance, C
     for (n, &index) in hole.iter().enumerate() {
         number[index] = n as u32;
     }
-    let mut blend = Blend { values: hole.iter().map(|&index| found[index]).collect(), ..Blend::default() };
+    let mut blend = Blend {
+        values: hole.iter().map(|&index| found[index]).collect(),
+        ..Blend::default()
+    };
     for (n, &index) in hole.iter().enumerate() {
         for step in [IVec2::X, IVec2::Y, IVec2::NEG_X, IVec2::NEG_Y] {
-            let Some(other) = sheet.shifted(index, step) else { continue };
+            let Some(other) = sheet.shifted(index, step) else {
+                continue;
+            };
             if sheet.is(other, HOLE) {
                 if other > index {
                     blend.pairs.push((n as u32, number[other], [0.0; 4]));

@@ -81,8 +81,7 @@ impl FlowGraph {
     /// round. Both are at least 0.
     pub(crate) fn add_edge(&mut self, from: u32, to: u32, capacity: i32, back: i32) {
         let index = self.arcs.len() as u32;
-        for (tail, head, left, index) in
-            [(from, to, capacity, index), (to, from, back, index + 1)]
+        for (tail, head, left, index) in [(from, to, capacity, index), (to, from, back, index + 1)]
         {
             let first = &mut self.nodes[tail as usize].first;
             self.arcs.push(Arc {
@@ -240,13 +239,14 @@ impl FlowGraph {
             if self.residual(arc, !node.sink_side) > 0 {
                 let head = self.arcs[arc as usize].head;
                 let other = &self.nodes[head as usize];
-                if other.sink_side == node.sink_side && other.parent != NONE {
-                    if let Some(distance) = self.distance_to_root(head) {
-                        if distance < best_distance {
-                            (best, best_distance) = (arc, distance);
-                        }
-                        self.mark_path(head, distance);
+                if other.sink_side == node.sink_side
+                    && other.parent != NONE
+                    && let Some(distance) = self.distance_to_root(head)
+                {
+                    if distance < best_distance {
+                        (best, best_distance) = (arc, distance);
                     }
+                    self.mark_path(head, distance);
                 }
             }
             arc = self.arcs[arc as usize].next;

@@ -29,7 +29,9 @@ pub(crate) fn take_quad(hole: &mut Mask, quad: &[DVec2; 4]) -> Part {
         }
         !(left && right)
     };
-    let part: Part = members(hole).filter(|&(col, row)| inside(col as f64 + 0.5, row as f64 + 0.5)).collect();
+    let part: Part = members(hole)
+        .filter(|&(col, row)| inside(col as f64 + 0.5, row as f64 + 0.5))
+        .collect();
     let mut rest = hole.coverage().clone();
     for &place in &part {
         rest[place] = 0.0;
@@ -40,7 +42,12 @@ pub(crate) fn take_quad(hole: &mut Mask, quad: &[DVec2; 4]) -> Part {
 
 fn members(mask: &Mask) -> impl Iterator<Item = (usize, usize)> {
     let width = mask.size().width();
-    let covered = mask.coverage().pixels().iter().enumerate().filter(|(_, coverage)| **coverage > 0.0);
+    let covered = mask
+        .coverage()
+        .pixels()
+        .iter()
+        .enumerate()
+        .filter(|(_, coverage)| **coverage > 0.0);
     covered.map(move |(index, _)| (index % width, index / width))
 }
 
@@ -84,19 +91,31 @@ pub(crate) fn split(hole: &Mask) -> Vec<Part> {
     for (col, row) in members(hole) {
         parts[group[row * width + col] as usize].push((col, row));
     }
-    parts.into_iter().filter(|part| !part.is_empty()).flat_map(tiled).collect()
+    parts
+        .into_iter()
+        .filter(|part| !part.is_empty())
+        .flat_map(tiled)
+        .collect()
 }
 
 /// A part, or its halves and theirs, if it is long and sparse.
 fn tiled(part: Part) -> Vec<Part> {
-    let low = part.iter().fold((usize::MAX, usize::MAX), |low, p| (low.0.min(p.0), low.1.min(p.1)));
-    let high = part.iter().fold((0, 0), |high, p| (high.0.max(p.0), high.1.max(p.1)));
+    let low = part.iter().fold((usize::MAX, usize::MAX), |low, p| {
+        (low.0.min(p.0), low.1.min(p.1))
+    });
+    let high = part
+        .iter()
+        .fold((0, 0), |high, p| (high.0.max(p.0), high.1.max(p.1)));
     let (width, height) = (high.0 - low.0 + 1, high.1 - low.1 + 1);
     if width.max(height) <= LONG_PX || part.len() as f64 >= SPARSE * (width * height) as f64 {
         return vec![part];
     }
     let (first, second): (Part, Part) = part.into_iter().partition(|&(col, row)| {
-        if width > height { col < low.0 + width / 2 } else { row < low.1 + height / 2 }
+        if width > height {
+            col < low.0 + width / 2
+        } else {
+            row < low.1 + height / 2
+        }
     });
     tiled(first).into_iter().chain(tiled(second)).collect()
 }
@@ -131,7 +150,12 @@ mod tests {
     #[test]
     fn a_quad_takes_what_is_in_it_whichever_way_round() {
         let size = Size::new(20, 20).unwrap();
-        let quad = [dvec2(0.0, 0.0), dvec2(10.0, 0.0), dvec2(10.0, 20.0), dvec2(0.0, 20.0)];
+        let quad = [
+            dvec2(0.0, 0.0),
+            dvec2(10.0, 0.0),
+            dvec2(10.0, 20.0),
+            dvec2(0.0, 20.0),
+        ];
         let turned = [quad[0], quad[3], quad[2], quad[1]];
         for quad in [quad, turned] {
             let mut hole = Mask::full(size);

@@ -53,7 +53,11 @@ impl Blend {
             *degree += anchored;
         }
         let scaled = |residual: &[[f32; 4]]| -> Vec<[f32; 4]> {
-            residual.iter().zip(&degree).map(|(r, d)| r.map(|v| v / d.max(1e-6))).collect()
+            residual
+                .iter()
+                .zip(&degree)
+                .map(|(r, d)| r.map(|v| v / d.max(1e-6)))
+                .collect()
         };
         let dot = |a: &[[f32; 4]], b: &[[f32; 4]]| -> [f64; 4] {
             let mut sum = [0f64; 4];
@@ -74,8 +78,11 @@ impl Blend {
             }
             progress.check()?;
             phase.advance(1);
-            let mut applied: Vec<[f32; 4]> =
-                direction.iter().zip(&anchored).map(|(d, a)| d.map(|v| v * a)).collect();
+            let mut applied: Vec<[f32; 4]> = direction
+                .iter()
+                .zip(&anchored)
+                .map(|(d, a)| d.map(|v| v * a))
+                .collect();
             for &(i, j, _) in &self.pairs {
                 let (i, j) = (i as usize, j as usize);
                 for c in 0..4 {
@@ -86,7 +93,11 @@ impl Blend {
             }
             let curvature = dot(&direction, &applied);
             let step: [f32; 4] = std::array::from_fn(|c| {
-                if curvature[c] > 0.0 { (energy[c] / curvature[c]) as f32 } else { 0.0 }
+                if curvature[c] > 0.0 {
+                    (energy[c] / curvature[c]) as f32
+                } else {
+                    0.0
+                }
             });
             for i in 0..n {
                 for c in 0..4 {
@@ -97,7 +108,11 @@ impl Blend {
             let better = scaled(&residual);
             let next = dot(&residual, &better);
             for c in 0..4 {
-                let ratio = if energy[c] > 0.0 { (next[c] / energy[c]) as f32 } else { 0.0 };
+                let ratio = if energy[c] > 0.0 {
+                    (next[c] / energy[c]) as f32
+                } else {
+                    0.0
+                };
                 for (d, b) in direction.iter_mut().zip(&better) {
                     d[c] = b[c] + ratio * d[c];
                 }

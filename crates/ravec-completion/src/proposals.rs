@@ -10,12 +10,12 @@
 //!
 //! Cost: a dozen transforms for the ring, eight for each disc, six for the periods, all of the reduced sheet.
 
-use crate::fourier::{Fourier, Spectrum};
 use crate::canvas::{HOLE, KNOWN, SOURCE, STEADY};
+use crate::fourier::{Fourier, Spectrum};
 use crate::sheet::{Feature, Sheet, distance_sq};
 use glam::IVec2;
-use rayon::prelude::*;
 use ravec_progress::{Cancelled, Progress};
+use rayon::prelude::*;
 
 /// A shift from a pixel of the hole to its source, with how well it fits where it was found: smaller is better.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -85,14 +85,19 @@ impl Reduced {
                     }
                 }
                 let scale = if known > 0.0 { 1.0 / known } else { 0.0 };
-                (sum.map(|value| value * scale), all & (KNOWN | SOURCE | STEADY) | any & HOLE)
+                (
+                    sum.map(|value| value * scale),
+                    all & (KNOWN | SOURCE | STEADY) | any & HOLE,
+                )
             })
             .collect();
         Self {
             factor: factor as i32,
             width,
             height,
-            channels: std::array::from_fn(|channel| cells.iter().map(|(f, _)| f[channel]).collect()),
+            channels: std::array::from_fn(|channel| {
+                cells.iter().map(|(f, _)| f[channel]).collect()
+            }),
             states: cells.iter().map(|&(_, state)| state).collect(),
         }
     }
@@ -134,7 +139,12 @@ impl Prepared {
             }
             fourier.forward(rows)
         };
-        let count = reduced.states.iter().filter(|&&s| s & SOURCE != 0).count().max(1);
+        let count = reduced
+            .states
+            .iter()
+            .filter(|&&s| s & SOURCE != 0)
+            .count()
+            .max(1);
         let means: [f32; CHANNELS] = std::array::from_fn(|channel| {
             let sum: f64 = reduced.channels[channel]
                 .iter()
@@ -152,10 +162,18 @@ impl Prepared {
             })
         };
         let source = padded(&|_| 1.0);
-        let channels =
-            std::array::from_fn(|channel| padded(&|index| reduced.channels[channel][index] - means[channel]));
+        let channels = std::array::from_fn(|channel| {
+            padded(&|index| reduced.channels[channel][index] - means[channel])
+        });
         let energies = [energy(0, COLORS), energy(COLORS, CHANNELS)];
-        Self { reduced, fourier, source, channels, energies, means }
+        Self {
+            reduced,
+            fourier,
+            source,
+            channels,
+            energies,
+            means,
+        }
     }
 
     /// The transform of a window of the reduced sheet that begins at `corner`.
@@ -172,7 +190,8 @@ impl Prepared {
 
     /// The channel of a pixel, less its mean.
     fn channel(&self, channel: usize, col: i32, row: i32) -> f32 {
-        self.reduced.channels[channel][row as usize * self.reduced.width + col as usize] - self.means[channel]
+        self.reduced.channels[channel][row as usize * self.reduced.width + col as usize]
+            - self.means[channel]
     }
 
     /// The mean squared difference of the weighted window to the sheet at all shifts, with the share of the weight that is
@@ -185,17 +204,31 @@ impl Prepared {
         needed: &dyn Fn(i32, i32) -> f32,
     ) -> Map {
         let steady = |x: i32, y: i32| weight(x, y) * self.reduced.weight(x, y, STEADY);
-        let weights = |channel: usize, x: i32, y: i32| if channel < COLORS { weight(x, y) } else { steady(x, y) };
+        let weights = |channel: usize, x: i32, y: i32| {
+            if channel < COLORS {
+                weight(x, y)
+            } else {
+                steady(x, y)
+            }
+        };
         let of_sheet = |channel: usize, x: i32, y: i32| {
             let w = weights(channel, x, y);
-            if w > 0.0 { w * self.channel(channel, x, y) } else { 0.0 }
+            if w > 0.0 {
+                w * self.channel(channel, x, y)
+            } else {
+                0.0
+            }
         };
         let mut sum = self.fourier.zero();
         let own = self.template(corner, size, |x, y| {
             (0..CHANNELS)
                 .map(|channel| {
                     let w = weights(channel, x, y);
-                    if w > 0.0 { w * self.channel(channel, x, y).powi(2) } else { 0.0 }
+                    if w > 0.0 {
+                        w * self.channel(channel, x, y).powi(2)
+                    } else {
+                        0.0
+                    }
                 })
                 .sum()
         });
@@ -244,7 +277,15 @@ struct Map {
 
 impl Map {
     /// The best shifts (positions of the window's corner on the sheet, cyclic), apart from one another.
-    fn minima(&self, count: usize, apart: i32, compared: f32, covered: f32, corner: IVec2, limit: IVec2) -> Vec<(IVec2, f32)> {
+    fn minima(
+        &self,
+        count: usize,
+        apart: i32,
+        compared: f32,
+        covered: f32,
+        corner: IVec2,
+        limit: IVec2,
+    ) -> Vec<(IVec2, f32)> {
         let score = |index: usize| {
             let share = self.compared[index] / self.weight;
             if share < compared || self.covered[index] / self.need < covered {
@@ -253,8 +294,20 @@ impl Map {
                 self.mismatch[index] / self.compared[index]
             }
         };
-        let scores: Vec<f32> = (0..self.mismatch.len()).into_par_iter().with_min_len(4096).map(score).collect();
-        best_apart(&scores, self.width, self.height, count, apart, corner, limit)
+        let scores: Vec<f32> = (0..self.mismatch.len())
+            .into_par_iter()
+            .with_min_len(4096)
+            .map(score)
+            .collect();
+        best_apart(
+            &scores,
+            self.width,
+            self.height,
+            count,
+            apart,
+            corner,
+            limit,
+        )
     }
 }
 
@@ -278,7 +331,10 @@ fn best_apart(
             }
             let (col, row) = (index % width, index / width);
             (0..9).all(|k| {
-                let (x, y) = ((col + width + k % 3 - 1) % width, (row + height + k / 3 - 1) % height);
+                let (x, y) = (
+                    (col + width + k % 3 - 1) % width,
+                    (row + height + k / 3 - 1) % height,
+                );
                 let other = scores[y * width + x];
                 value < other || value == other && index <= y * width + x || other.is_nan()
             })
@@ -291,9 +347,18 @@ fn best_apart(
         if chosen.len() >= count {
             break;
         }
-        let mut at = IVec2::new((index as usize % width) as i32, (index as usize / width) as i32);
+        let mut at = IVec2::new(
+            (index as usize % width) as i32,
+            (index as usize / width) as i32,
+        );
         // shifts beyond the largest are those to the left and above
-        let wrap = |value: i32, limit: i32, len: usize| if value > limit { value - len as i32 } else { value };
+        let wrap = |value: i32, limit: i32, len: usize| {
+            if value > limit {
+                value - len as i32
+            } else {
+                value
+            }
+        };
         at = IVec2::new(wrap(at.x, limit.x, width), wrap(at.y, limit.y, height)) - corner;
         let near = |other: &(IVec2, f32)| (other.0 - at).abs().max_element() <= apart;
         if at != IVec2::ZERO && !chosen.iter().any(near) {
@@ -328,9 +393,12 @@ pub(crate) fn propose(sheet: &Sheet, progress: &Progress) -> Result<Proposals, C
     let apart = (APART_PX / f).max(1);
     let limit = IVec2::new(reduced.width as i32, reduced.height as i32);
     {
-        let map = prepared.mismatch(corner, size, &|x, y| reduced.weight(x, y, KNOWN), &|x, y| {
-            reduced.weight(x, y, HOLE)
-        });
+        let map = prepared.mismatch(
+            corner,
+            size,
+            &|x, y| reduced.weight(x, y, KNOWN),
+            &|x, y| reduced.weight(x, y, HOLE),
+        );
         let offsets = map.minima(RING_MINIMA, apart, 0.6, 0.4, corner, limit);
         let pixels = around(sheet, RING_SAMPLES);
         found.ring = refine(sheet, &offsets, f, &pixels);
@@ -348,7 +416,13 @@ pub(crate) fn propose(sheet: &Sheet, progress: &Progress) -> Result<Proposals, C
                 let d = IVec2::new(x, y) - middle_reduced;
                 d.length_squared() <= r * r
             };
-            let weight = |x: i32, y: i32| if in_disc(x, y) { reduced.weight(x, y, KNOWN) } else { 0.0 };
+            let weight = |x: i32, y: i32| {
+                if in_disc(x, y) {
+                    reduced.weight(x, y, KNOWN)
+                } else {
+                    0.0
+                }
+            };
             let needed = |x: i32, y: i32| f32::from(in_disc(x, y));
             let map = prepared.mismatch(corner, size, &weight, &needed);
             let offsets = map.minima(DISC_MINIMA, apart, 0.98, 0.98, corner, limit);
@@ -356,7 +430,8 @@ pub(crate) fn propose(sheet: &Sheet, progress: &Progress) -> Result<Proposals, C
                 .filter_map(|i| {
                     let d = IVec2::new(i % (2 * radius + 1), i / (2 * radius + 1)) - radius;
                     let index = sheet.index(middle + d)?;
-                    (d.length_squared() <= radius * radius && sheet.is(index, KNOWN)).then_some(index as u32)
+                    (d.length_squared() <= radius * radius && sheet.is(index, KNOWN))
+                        .then_some(index as u32)
                 })
                 .collect();
             found.discs.extend(refine(sheet, &offsets, f, &pixels));
@@ -369,22 +444,29 @@ pub(crate) fn propose(sheet: &Sheet, progress: &Progress) -> Result<Proposals, C
 
 /// The smallest rectangle around the hole, both corners included.
 pub(crate) fn bounds(sheet: &Sheet) -> Option<(IVec2, IVec2)> {
-    sheet.hole().map(|index| sheet.position(index)).fold(None, |bounds, at| {
-        Some(bounds.map_or((at, at), |(low, high): (IVec2, IVec2)| (low.min(at), high.max(at))))
-    })
+    sheet
+        .hole()
+        .map(|index| sheet.position(index))
+        .fold(None, |bounds, at| {
+            Some(bounds.map_or((at, at), |(low, high): (IVec2, IVec2)| {
+                (low.min(at), high.max(at))
+            }))
+        })
 }
 
 /// Known pixels around the hole, at most about `samples` of them, evenly thinned.
 pub(crate) fn around(sheet: &Sheet, samples: usize) -> Vec<u32> {
-    let Some((low, high)) = bounds(sheet) else { return Vec::new() };
+    let Some((low, high)) = bounds(sheet) else {
+        return Vec::new();
+    };
     let (low, high) = (low - RING_PX, high + RING_PX);
     let mut pixels: Vec<u32> = Vec::new();
     for y in low.y..=high.y {
         for x in low.x..=high.x {
-            if let Some(index) = sheet.index(IVec2::new(x, y)) {
-                if sheet.is(index, KNOWN) {
-                    pixels.push(index as u32);
-                }
+            if let Some(index) = sheet.index(IVec2::new(x, y))
+                && sheet.is(index, KNOWN)
+            {
+                pixels.push(index as u32);
             }
         }
     }
@@ -411,7 +493,10 @@ fn refine(sheet: &Sheet, offsets: &[(IVec2, f32)], factor: i32, pixels: &[u32]) 
     refined.sort_by(|a, b| a.score.total_cmp(&b.score));
     let mut kept: Vec<Proposal> = Vec::new();
     for proposal in refined {
-        if !kept.iter().any(|k| (k.offset - proposal.offset).abs().max_element() < APART_PX.min(2)) {
+        if !kept
+            .iter()
+            .any(|k| (k.offset - proposal.offset).abs().max_element() < APART_PX.min(2))
+        {
             kept.push(proposal);
         }
     }
@@ -426,7 +511,9 @@ pub(crate) fn mismatch(sheet: &Sheet, pixels: &[u32], offset: IVec2) -> Option<f
     let (mut sum, mut count) = (0.0f32, 0u32);
     for &index in pixels {
         let index = index as usize;
-        let Some(other) = sheet.shifted(index, offset) else { continue };
+        let Some(other) = sheet.shifted(index, offset) else {
+            continue;
+        };
         if !sheet.is(other, SOURCE) {
             continue;
         }
@@ -461,7 +548,10 @@ fn rim_points(sheet: &Sheet, count: usize, apart: i32) -> Vec<IVec2> {
         for (distance, &other) in nearest.iter_mut().zip(&rim) {
             *distance = (*distance).min((other - at).as_i64vec2().length_squared());
         }
-        next = (0..rim.len()).rev().max_by_key(|&i| nearest[i]).unwrap_or(rim.len());
+        next = (0..rim.len())
+            .rev()
+            .max_by_key(|&i| nearest[i])
+            .unwrap_or(rim.len());
     }
     chosen
 }
@@ -486,7 +576,8 @@ fn periods(sheet: &Sheet, prepared: &Prepared, count: usize) -> Vec<Proposal> {
         0.299 * c[0][index] + 0.587 * c[1][index] + 0.114 * c[2][index]
     };
     let plane = |value: &dyn Fn(usize) -> f32| {
-        Plane::from_vec(width, (0..width * height).map(value).collect()).expect("whole rows of a sheet")
+        Plane::from_vec(width, (0..width * height).map(value).collect())
+            .expect("whole rows of a sheet")
     };
     let sigma = FLAT_SIGMA_PX / f64::from(reduced.factor);
     let shares = gaussian_blur(&plane(&known), sigma);
@@ -526,8 +617,16 @@ fn periods(sheet: &Sheet, prepared: &Prepared, count: usize) -> Vec<Proposal> {
     let scores: Vec<f32> = (0..fw * fh)
         .map(|index| {
             let (col, row) = ((index % fw) as i32, (index / fw) as i32);
-            let x = if col > fw as i32 / 2 { col - fw as i32 } else { col };
-            let y = if row > fh as i32 / 2 { row - fh as i32 } else { row };
+            let x = if col > fw as i32 / 2 {
+                col - fw as i32
+            } else {
+                col
+            };
+            let y = if row > fh as i32 / 2 {
+                row - fh as i32
+            } else {
+                row
+            };
             let far = 2 * x.abs() > width as i32 || 2 * y.abs() > height as i32;
             let long = IVec2::new(x, y).length_squared() * reduced.factor.pow(2);
             if far || overlap[index] < MIN_OVERLAP * total || long < MIN_PERIOD_PX * MIN_PERIOD_PX {
@@ -535,14 +634,19 @@ fn periods(sheet: &Sheet, prepared: &Prepared, count: usize) -> Vec<Proposal> {
             }
             let norm = (here[index].max(0.0) * there[index].max(0.0)).sqrt();
             let correlation = products[index] / (norm + 1e-6 * total);
-            if correlation > MIN_CORRELATION { -correlation } else { f32::INFINITY }
+            if correlation > MIN_CORRELATION {
+                -correlation
+            } else {
+                f32::INFINITY
+            }
         })
         .collect();
     let limit = IVec2::new(width as i32, height as i32);
     let apart = (APART_PX / reduced.factor).max(1);
     let peaks = best_apart(&scores, fw, fh, count, apart, IVec2::ZERO, limit);
-    let mut pixels: Vec<u32> =
-        (0..sheet.inks.len() as u32).filter(|&i| sheet.is(i as usize, KNOWN | SOURCE)).collect();
+    let mut pixels: Vec<u32> = (0..sheet.inks.len() as u32)
+        .filter(|&i| sheet.is(i as usize, KNOWN | SOURCE))
+        .collect();
     // a stride without a common factor with the width, so that all columns are seen
     let step = (pixels.len() / 3000).max(1) | 1;
     pixels = pixels.into_iter().step_by(step).collect();
@@ -557,7 +661,10 @@ fn periods(sheet: &Sheet, prepared: &Prepared, count: usize) -> Vec<Proposal> {
                     overlapping(sheet, &pixels, offset).map(|score| (offset, score))
                 })
                 .min_by(|a, b| a.1.total_cmp(&b.1))?;
-            Some(Proposal { offset: best.0, score })
+            Some(Proposal {
+                offset: best.0,
+                score,
+            })
         })
         .collect()
 }
@@ -566,11 +673,11 @@ fn periods(sheet: &Sheet, prepared: &Prepared, count: usize) -> Vec<Proposal> {
 fn overlapping(sheet: &Sheet, pixels: &[u32], offset: IVec2) -> Option<f32> {
     let (mut sum, mut count) = (0.0f32, 0u32);
     for &index in pixels {
-        if let Some(other) = sheet.shifted(index as usize, offset) {
-            if sheet.is(other, KNOWN) {
-                count += 1;
-                sum += distance_sq(&sheet.features[index as usize], &sheet.features[other]);
-            }
+        if let Some(other) = sheet.shifted(index as usize, offset)
+            && sheet.is(other, KNOWN)
+        {
+            count += 1;
+            sum += distance_sq(&sheet.features[index as usize], &sheet.features[other]);
         }
     }
     (count > 0).then(|| sum / count as f32)

@@ -5,8 +5,8 @@
 use crate::canvas::{Canvas, HOLE, Ink, KNOWN, SOURCE};
 use crate::sheet::{Sheet, center};
 use glam::{DVec2, IVec2, dvec2};
-use rayon::prelude::*;
 use ravec_planar::Homography;
+use rayon::prelude::*;
 
 /// Sheet pixels per picture pixel at the hole. Less blurs what repeats, more costs and gains nothing.
 const SCALE: f64 = 0.9;
@@ -36,14 +36,24 @@ impl Sheet {
             })
             .collect();
         let (inks, states) = cells.into_iter().unzip();
-        let mut sheet = Self { width, height, inks, states, features: Vec::new(), image_from_sheet };
+        let mut sheet = Self {
+            width,
+            height,
+            inks,
+            states,
+            features: Vec::new(),
+            image_from_sheet,
+        };
         sheet.find_features();
         Some(sheet)
     }
 }
 
 /// Where the sheet begins, its size, and the map from it, at the scale of the hole.
-fn extent(canvas: &Canvas, image_from_plane: &Homography) -> Option<(DVec2, [usize; 2], Homography)> {
+fn extent(
+    canvas: &Canvas,
+    image_from_plane: &Homography,
+) -> Option<(DVec2, [usize; 2], Homography)> {
     let plane_from_image = image_from_plane.inverse();
     let (width, height) = (canvas.states.width(), canvas.states.height());
     let pixels = || (0..width * height).map(|index| (index % width, index / width));
@@ -65,7 +75,9 @@ fn extent(canvas: &Canvas, image_from_plane: &Homography) -> Option<(DVec2, [usi
     let sheet_from_image = image_from_sheet.inverse();
     let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
     for place in pixels() {
-        let Some(at) = sheet_from_image.try_apply(middle(place)) else { continue };
+        let Some(at) = sheet_from_image.try_apply(middle(place)) else {
+            continue;
+        };
         let hole = canvas.states[place] & HOLE != 0;
         if hole || resolution(&image_from_sheet, at) > MARGIN * MIN_RESOLUTION {
             low = low.min(at);
@@ -74,7 +86,8 @@ fn extent(canvas: &Canvas, image_from_plane: &Homography) -> Option<(DVec2, [usi
     }
     let low = low.floor();
     let size = (high - low).ceil() + 1.0;
-    let fits = size.is_finite() && size.element_product() <= MAX_GROWTH * (width * height) as f64 + 1e4;
+    let fits =
+        size.is_finite() && size.element_product() <= MAX_GROWTH * (width * height) as f64 + 1e4;
     fits.then_some((low, [size.x as usize, size.y as usize], image_from_sheet))
 }
 
@@ -91,7 +104,12 @@ fn sampled(canvas: &Canvas, image_from_sheet: &Homography, at: DVec2) -> Option<
         return None;
     }
     let j = image_from_sheet.jacobian(at);
-    let taps = j.x_axis.length().max(j.y_axis.length()).ceil().clamp(1.0, MAX_TAPS);
+    let taps = j
+        .x_axis
+        .length()
+        .max(j.y_axis.length())
+        .ceil()
+        .clamp(1.0, MAX_TAPS);
     let ink = mean_ink(canvas, taps as usize, |d| from + j * d);
     // what lies under the pixel, and at least the four nearest pixels, decides
     let reach = (0.5 * (j.x_axis.abs() + j.y_axis.abs())).max(DVec2::splat(0.75));
@@ -105,7 +123,11 @@ fn sampled(canvas: &Canvas, image_from_sheet: &Homography, at: DVec2) -> Option<
             any |= state;
         }
     }
-    let mut state = if any & HOLE != 0 { HOLE } else { all & (KNOWN | SOURCE) };
+    let mut state = if any & HOLE != 0 {
+        HOLE
+    } else {
+        all & (KNOWN | SOURCE)
+    };
     if resolution(image_from_sheet, at) < MIN_RESOLUTION {
         state &= !SOURCE;
     }

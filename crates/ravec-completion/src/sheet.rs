@@ -6,9 +6,9 @@
 
 use crate::canvas::{Canvas, HOLE, Ink, KNOWN, STEADY};
 use glam::{DVec2, IVec2, dvec2};
-use rayon::prelude::*;
 use ravec_planar::Homography;
 use ravec_raster::Rect;
+use rayon::prelude::*;
 
 /// What pixels are compared by: the ink, and the gradient of its luminance.
 pub(crate) type Feature = [f32; 8];
@@ -17,6 +17,7 @@ pub(crate) type Feature = [f32; 8];
 pub(crate) const GRADIENT_WEIGHT: f32 = 0.35;
 
 /// A flat view of the surroundings of a hole.
+#[expect(clippy::struct_field_names, reason = "maps are named dst_from_src")]
 pub(crate) struct Sheet {
     pub(crate) width: usize,
     pub(crate) height: usize,
@@ -30,7 +31,12 @@ pub(crate) struct Sheet {
 impl Sheet {
     /// A window of the picture.
     pub(crate) fn window(canvas: &Canvas, window: Rect) -> Self {
-        let at = |index: usize| (window.col + index % window.width, window.row + index / window.width);
+        let at = |index: usize| {
+            (
+                window.col + index % window.width,
+                window.row + index / window.width,
+            )
+        };
         let count = window.pixels();
         let mut sheet = Self {
             width: window.width,
@@ -38,8 +44,11 @@ impl Sheet {
             inks: (0..count).map(|index| canvas.inks[at(index)]).collect(),
             states: (0..count).map(|index| canvas.states[at(index)]).collect(),
             features: Vec::new(),
-            image_from_sheet: Homography::from_translation(dvec2(window.col as f64, window.row as f64))
-                .expect("a shift by a finite offset"),
+            image_from_sheet: Homography::from_translation(dvec2(
+                window.col as f64,
+                window.row as f64,
+            ))
+            .expect("a shift by a finite offset"),
         };
         sheet.find_features();
         sheet
@@ -74,7 +83,6 @@ impl Sheet {
         (0..self.states.len()).filter(|&index| self.is(index, HOLE))
     }
 
-
     /// Fills in [`Sheet::features`] and the bit [`STEADY`].
     pub(crate) fn find_features(&mut self) {
         let luminance: Vec<f32> = self
@@ -88,18 +96,42 @@ impl Sheet {
             .with_min_len(4096)
             .map(|index| {
                 let (col, row) = (index % width, index / width);
-                let (left, right) = (index - usize::from(col > 0), index + usize::from(col + 1 < width));
+                let (left, right) = (
+                    index - usize::from(col > 0),
+                    index + usize::from(col + 1 < width),
+                );
                 let up = if row > 0 { index - width } else { index };
-                let down = if row + 1 < height { index + width } else { index };
-                let known = [index, left, right, up, down].iter().all(|&i| self.states[i] & KNOWN != 0);
+                let down = if row + 1 < height {
+                    index + width
+                } else {
+                    index
+                };
+                let known = [index, left, right, up, down]
+                    .iter()
+                    .all(|&i| self.states[i] & KNOWN != 0);
                 let [r, g, b, a] = self.inks[index];
                 let (dx, dy) = if known {
-                    (luminance[right] - luminance[left], luminance[down] - luminance[up])
+                    (
+                        luminance[right] - luminance[left],
+                        luminance[down] - luminance[up],
+                    )
                 } else {
                     (0.0, 0.0)
                 };
                 let state = self.states[index] & !STEADY | if known { STEADY } else { 0 };
-                ([r, g, b, a, GRADIENT_WEIGHT * dx, GRADIENT_WEIGHT * dy, 0.0, 0.0], state)
+                (
+                    [
+                        r,
+                        g,
+                        b,
+                        a,
+                        GRADIENT_WEIGHT * dx,
+                        GRADIENT_WEIGHT * dy,
+                        0.0,
+                        0.0,
+                    ],
+                    state,
+                )
             })
             .collect();
         (self.features, self.states) = found.into_iter().unzip();

@@ -20,13 +20,19 @@ pub(crate) fn refined(sheet: &Sheet, pixels: &[u32], offset: IVec2) -> DVec2 {
     let mut pairs: Vec<(usize, usize, f32)> = Vec::new();
     for &index in pixels {
         let index = index as usize;
-        let Some(other) = sheet.shifted(index, offset) else { continue };
+        let Some(other) = sheet.shifted(index, offset) else {
+            continue;
+        };
         let inside = {
             let at = sheet.position(other);
             at.x > 0 && at.y > 0 && at.x + 1 < sheet.width as i32 && at.y + 1 < sheet.height as i32
         };
         if inside && sheet.is(index, KNOWN | STEADY) && sheet.is(other, KNOWN | STEADY) {
-            pairs.push((index, other, distance_sq(&sheet.features[index], &sheet.features[other])));
+            pairs.push((
+                index,
+                other,
+                distance_sq(&sheet.features[index], &sheet.features[other]),
+            ));
         }
     }
     if pairs.len() < 24 {
@@ -101,4 +107,3 @@ fn sampled(sheet: &Sheet, index: usize, shift: DVec2) -> [f32; 3] {
         (1.0 - ty) * ((1.0 - tx) * a[i] + tx * b[i]) + ty * ((1.0 - tx) * c[i] + tx * d[i])
     })
 }
-

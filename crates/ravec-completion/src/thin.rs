@@ -22,7 +22,9 @@ pub(crate) fn thin_parts(hole: &Mask) -> Mask {
     let solid = Mask::from_fn(hole.size(), |col, row| covered[(col, row)] > 0.0);
     // half a pixel more on the way back, so that the stairs of a thick part's rim are not taken for scratches
     let thick = solid.erode(RADIUS_PX).dilate(RADIUS_PX + 1.5);
-    Mask::from_fn(hole.size(), |col, row| solid.at(col, row) > 0.0 && thick.at(col, row) == 0.0)
+    Mask::from_fn(hole.size(), |col, row| {
+        solid.at(col, row) > 0.0 && thick.at(col, row) == 0.0
+    })
 }
 
 /// A second difference: unknowns with their factors, and what the known pixels in it add up to.
@@ -94,7 +96,10 @@ pub(crate) fn bend(
     };
     // start from the mean of what is known nearby
     let mut values = start(inks, &places, &number, &unknown);
-    let mut down: Vec<Ink> = transposed(&residuals(&values, true)).iter().map(|v| v.map(|v| -v)).collect();
+    let mut down: Vec<Ink> = transposed(&residuals(&values, true))
+        .iter()
+        .map(|v| v.map(|v| -v))
+        .collect();
     let mut direction = down.clone();
     let mut energy = dot(&down, &down);
     let enough = count as f64 * TOLERANCE * TOLERANCE;
@@ -106,7 +111,11 @@ pub(crate) fn bend(
         let bent = residuals(&direction, false);
         let curvature = dot(&bent, &bent);
         let step: [f32; 4] = std::array::from_fn(|c| {
-            if curvature[c] > 0.0 { (energy[c] / curvature[c]) as f32 } else { 0.0 }
+            if curvature[c] > 0.0 {
+                (energy[c] / curvature[c]) as f32
+            } else {
+                0.0
+            }
         });
         let applied = transposed(&bent);
         for i in 0..count {
@@ -118,7 +127,11 @@ pub(crate) fn bend(
         let next = dot(&down, &down);
         for (direction, down) in direction.iter_mut().zip(&down) {
             for c in 0..4 {
-                let ratio = if energy[c] > 0.0 { (next[c] / energy[c]) as f32 } else { 0.0 };
+                let ratio = if energy[c] > 0.0 {
+                    (next[c] / energy[c]) as f32
+                } else {
+                    0.0
+                };
                 direction[c] = down[c] + ratio * direction[c];
             }
         }
@@ -173,17 +186,28 @@ fn stencils(
     let shapes: [&[(isize, isize, f32)]; 3] = [
         &[(-1, 0, 1.0), (0, 0, -2.0), (1, 0, 1.0)],
         &[(0, -1, 1.0), (0, 0, -2.0), (0, 1, 1.0)],
-        &[(0, 0, ROOT_2), (1, 0, -ROOT_2), (0, 1, -ROOT_2), (1, 1, ROOT_2)],
+        &[
+            (0, 0, ROOT_2),
+            (1, 0, -ROOT_2),
+            (0, 1, -ROOT_2),
+            (1, 1, ROOT_2),
+        ],
     ];
     let mut found = Vec::new();
     for (own, &(col, row)) in places.iter().enumerate() {
         for shape in shapes {
             // each stencil belongs to the first of its unknowns
             for &(ox, oy, _) in shape {
-                let mut stencil = Stencil { terms: [(0, 0.0); 4], known: [0.0; 4] };
+                let mut stencil = Stencil {
+                    terms: [(0, 0.0); 4],
+                    known: [0.0; 4],
+                };
                 let mut first = u32::MAX;
                 let whole = shape.iter().enumerate().all(|(k, &(dx, dy, factor))| {
-                    let (x, y) = (col.wrapping_add_signed(dx - ox), row.wrapping_add_signed(dy - oy));
+                    let (x, y) = (
+                        col.wrapping_add_signed(dx - ox),
+                        row.wrapping_add_signed(dy - oy),
+                    );
                     match number.get(x, y) {
                         None => false,
                         Some(u32::MAX) => {

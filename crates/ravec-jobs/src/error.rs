@@ -1,8 +1,8 @@
 //! Why an operation did not succeed, and the exit code that says so.
 
+use ravec::completion::CompleteError;
 use ravec::mesh::{ReadMeshError, WriteMeshError};
 use ravec::offset::OffsetError;
-use ravec::completion::CompleteError;
 use ravec::planar::MatchError;
 use ravec::progress::Cancelled;
 use ravec::raster::Size;

@@ -48,7 +48,8 @@ impl Surface {
                 let grain = fractal(p / 0.3, footprint / 0.3, 4, seed);
                 let cell = DVec2::new(p.x.rem_euclid(3.0), p.y.rem_euclid(3.6));
                 let inside = |margin: f64| {
-                    let (low, high) = (DVec2::new(0.9, 0.8) - margin, DVec2::new(2.1, 2.6) + margin);
+                    let (low, high) =
+                        (DVec2::new(0.9, 0.8) - margin, DVec2::new(2.1, 2.6) + margin);
                     cell.cmpgt(low).all() && cell.cmplt(high).all()
                 };
                 let bar = (cell.x - 1.5).abs() < 0.05 || (cell.y - 1.4).abs() < 0.05;
@@ -85,9 +86,15 @@ pub struct Occlusion {
 /// Never: the outline of the post follows from the size.
 pub fn occluded(surface: Surface, size: Size, seed: Seed) -> Occlusion {
     let end = DVec2::new(size.width() as f64, size.height() as f64);
-    let corners = [(-0.05, -0.25), (1.1, 0.08 * (0.5 + seed.unit(1, 0, 0))), (1.05, 0.85), (-0.1, 1.3)]
-        .map(|(x, y)| end * DVec2::new(x, y));
-    let image_from_plane = image_from_unit_square(corners) * DMat3::from_scale(surface.extent().recip());
+    let corners = [
+        (-0.05, -0.25),
+        (1.1, 0.08 * (0.5 + seed.unit(1, 0, 0))),
+        (1.05, 0.85),
+        (-0.1, 1.3),
+    ]
+    .map(|(x, y)| end * DVec2::new(x, y));
+    let image_from_plane =
+        image_from_unit_square(corners) * DMat3::from_scale(surface.extent().recip());
     let plane_from_image = image_from_plane.inverse();
     let on_plane = |p: DVec2| {
         let h = plane_from_image * p.extend(1.0);
@@ -95,12 +102,14 @@ pub fn occluded(surface: Surface, size: Size, seed: Seed) -> Occlusion {
     };
     let background = paint_adaptive(size, 4, |p, side| {
         let q = on_plane(p);
-        let footprint = (on_plane(p + DVec2::X * side) - q).perp_dot(on_plane(p + DVec2::Y * side) - q);
+        let footprint =
+            (on_plane(p + DVec2::X * side) - q).perp_dot(on_plane(p + DVec2::Y * side) - q);
         let grain = fractal(p / end.y * 9.0, 9.0 * side / end.y, 3, seed.fork(2));
         surface.color(q, footprint.abs().sqrt(), seed) * (0.8 + 0.03 * grain) as f32
     });
     let middle = 0.42 + 0.1 * seed.unit(2, 0, 0);
-    let outline = [(-0.025, 0.3), (0.025, 0.3), (0.035, 0.75), (-0.035, 0.75)].map(|(x, y)| end * DVec2::new(middle + x, y));
+    let outline = [(-0.025, 0.3), (0.025, 0.3), (0.035, 0.75), (-0.035, 0.75)]
+        .map(|(x, y)| end * DVec2::new(middle + x, y));
     let head = end * DVec2::new(middle, 0.28);
     let pole = Mask::from_polygon(size, &outline).expect("corners within a picture");
     let lamp = Mask::from_disc(size, head, 0.06 * end.y).expect("a place within a picture");
@@ -111,7 +120,13 @@ pub fn occluded(surface: Surface, size: Size, seed: Seed) -> Occlusion {
         let LinearRgb(behind) = background[(col, row)];
         LinearRgb([0, 1, 2].map(|c| behind[c] + share * (paint[c] - behind[c])))
     });
-    Occlusion { picture, background, post, corners_in_image: corners, image_from_plane }
+    Occlusion {
+        picture,
+        background,
+        post,
+        corners_in_image: corners,
+        image_from_plane,
+    }
 }
 
 #[cfg(test)]
@@ -127,7 +142,10 @@ mod tests {
             for row in 0..90 {
                 for col in 0..120 {
                     let same = scene.picture[(col, row)] == scene.background[(col, row)];
-                    assert!(same || scene.post.at(col, row) > 0.0, "{surface:?} {col} {row}");
+                    assert!(
+                        same || scene.post.at(col, row) > 0.0,
+                        "{surface:?} {col} {row}"
+                    );
                 }
             }
         }

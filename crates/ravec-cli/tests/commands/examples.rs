@@ -38,7 +38,9 @@ fn studio() -> tempfile::TempDir {
         facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 30 20 0\nvertex 0 20 0\nendloop\nendfacet\n\
         endsolid sheet\n";
     std::fs::write(folder.path().join("sheet.stl"), sheet).unwrap();
-    let mask = bmp(160, 120, |col, row| [255 * u8::from((60..80).contains(&col) && (40..60).contains(&row)); 3]);
+    let mask = bmp(160, 120, |col, row| {
+        [255 * u8::from((60..80).contains(&col) && (40..60).contains(&row)); 3]
+    });
     std::fs::write(folder.path().join("mask.png"), mask).unwrap();
     std::fs::write(folder.path().join("points.json"), "[[40, 30], [90, 50]]").unwrap();
     let help = done(folder.path(), "help brush");
