@@ -17,7 +17,7 @@
 //! near triangles the one with the lowest index wins; any soup will do, also an empty one. Does not guarantee: sizes or
 //! distances beyond 1e75 overflow.
 //!
-//! Cost: building O(n log n), about 0.9 s a million triangles and core; 72 + 8 bytes a triangle for corners and names, about
+//! Cost: building O(n log n), about 0.9 s a million triangles and core, so it can be cancelled ([`Bvh::try_new`]); 72 + 8 bytes a triangle for corners and names, about
 //! 52 for boxes. A query near the surface takes about a microsecond at a million triangles, one from a distance of many
 //! triangles two or three.
 
@@ -31,6 +31,7 @@ mod turned;
 mod winding;
 
 use glam::DVec3;
+use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
 
 use crate::{Aabb, TriMesh};
@@ -65,27 +66,40 @@ impl Bvh {
     /// # Panics
     /// If there are more than about a billion triangles.
     pub fn new(mesh: &TriMesh) -> Self {
+        Self::try_new(mesh, &Progress::none()).expect("nobody can cancel it")
+    }
+
+    /// As [`Self::new`], for meshes of which that takes more than a moment.
+    ///
+    /// # Errors
+    /// [`Cancelled`] soon after `progress` is cancelled.
+    ///
+    /// # Panics
+    /// As [`Self::new`].
+    pub fn try_new(mesh: &TriMesh, progress: &Progress) -> Result<Self, Cancelled> {
+        progress.check()?;
         let frame = Frame::around(mesh.bounds());
         let mut prims: Vec<Prim> = (0..mesh.triangles().len() as u32)
             .into_par_iter()
             .map(|triangle| Prim::new(&frame, mesh.corners(triangle), triangle))
             .collect();
-        let nodes = build::nodes(&mut prims);
+        let nodes = build::nodes(&mut prims, progress)?;
         let triangle_of: Vec<u32> = prims.par_iter().map(|prim| prim.triangle).collect();
         let corners: Vec<[DVec3; 3]> = triangle_of.par_iter().map(|&t| mesh.corners(t)).collect();
+        progress.check()?;
         let mut slot_of = vec![0; triangle_of.len()];
         for (slot, &triangle) in triangle_of.iter().enumerate() {
             slot_of[triangle as usize] = slot as u32;
         }
-        let turned = turned::turned(&nodes, &frame, &corners);
-        Self {
+        let turned = turned::turned(&nodes, &frame, &corners, progress)?;
+        Ok(Self {
             frame,
             nodes,
             turned,
             corners,
             triangle_of,
             slot_of,
-        }
+        })
     }
 
     /// The number of triangles.
@@ -126,6 +140,22 @@ impl Bvh {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    #[test]
+    fn a_tree_that_is_cancelled_at_any_look_is_not_built() {
+        // enough triangles for several threads
+        let at = |k: u32| DVec3::new(f64::from(k % 100), f64::from(k / 100), f64::from(k % 7));
+        let row = (0..9900).filter(|k| k % 100 < 99);
+        let triangles = row.flat_map(|k| [[k, k + 1, k + 101], [k, k + 101, k + 100]]);
+        let mesh = TriMesh::new((0..10_000).map(at).collect(), triangles.collect()).unwrap();
+        let mut look = 1;
+        while look < 500 {
+            assert!(Bvh::try_new(&mesh, &Progress::cancelled_at(look)).is_err());
+            look += look.div_ceil(3);
+        }
+        let bvh = Bvh::new(&mesh);
+        assert!(WindingNumbers::try_new(&bvh, &Progress::cancelled_at(100)).is_err());
+    }
 
     /// Soups of up to `most` triangles: large and small ones, some of them repeated, flat or far away.
     pub(super) fn soup(most: usize) -> impl Strategy<Value = TriMesh> {

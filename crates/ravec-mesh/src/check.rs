@@ -165,6 +165,9 @@ pub fn check(
     let mut orientation_clashes = Found::default();
     let mut oriented = true;
     for (edge, &ends) in (0_u32..).zip(adjacency.edges()) {
+        if edge.is_multiple_of(AT_ONCE) {
+            progress.check()?;
+        }
         let uses = adjacency.uses(edge);
         let forward = uses.iter().filter(|u| u.forward).count();
         match uses.len() {
@@ -186,6 +189,7 @@ pub fn check(
         .map(|&edge| adjacency.edges()[edge as usize])
         .collect();
     let boundary_loops = boundary::loops(mesh, &adjacency, &boundary);
+    progress.check()?;
     let pinched = adjacency.pinched_vertices(mesh);
     progress.check()?;
     let degenerate: Vec<u32> = (0..mesh.triangles().len() as u32)
@@ -195,7 +199,9 @@ pub fn check(
             on_one_line(a, b, c)
         })
         .collect();
+    progress.check()?;
     let duplicates = duplicate_triangles(mesh, &adjacency);
+    progress.check()?;
     let mut used = vec![false; mesh.positions().len()];
     for &v in mesh.triangles().iter().flatten() {
         used[v as usize] = true;
@@ -209,7 +215,9 @@ pub fn check(
         .into_par_iter()
         .filter(|&v| !adjacency.triangles_at(v).is_empty())
         .count();
+    progress.check()?;
     let components = adjacency.components(mesh).count;
+    progress.check()?;
     let closed = proper > 0 && boundary.is_empty();
     let manifold = non_manifold_edges.is_empty() && pinched.is_empty();
     let euler = corners as i64 - adjacency.edges().len() as i64 + proper as i64;
@@ -217,7 +225,11 @@ pub fn check(
     drop(adjacency);
     progress.check()?;
     let self_intersections = if params.self_intersections {
-        Some(self_intersections(&Bvh::new(mesh), limit, progress)?)
+        Some(self_intersections(
+            &Bvh::try_new(mesh, progress)?,
+            limit,
+            progress,
+        )?)
     } else {
         None
     };
@@ -244,6 +256,9 @@ pub fn check(
         self_intersections,
     })
 }
+
+/// So many edges take about a millisecond.
+const AT_ONCE: u32 = 1 << 16;
 
 /// The triangles that name the same three vertices as one before them, ascending. Those that name a vertex twice are
 /// listed as degenerate and not here.

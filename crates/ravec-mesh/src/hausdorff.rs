@@ -115,8 +115,8 @@ pub fn hausdorff(
     params: &HausdorffParams,
     progress: &Progress,
 ) -> Result<Hausdorff, HausdorffError> {
-    let forward = distances_to(a, &Bvh::new(b), params, progress)?;
-    let backward = distances_to(b, &Bvh::new(a), params, progress)?;
+    let forward = distances_to(a, &Bvh::try_new(b, progress)?, params, progress)?;
+    let backward = distances_to(b, &Bvh::try_new(a, progress)?, params, progress)?;
     Ok(Hausdorff { forward, backward })
 }
 

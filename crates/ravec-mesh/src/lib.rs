@@ -7,8 +7,10 @@ mod check;
 mod closest;
 mod format;
 mod hausdorff;
+mod loose_octree;
 mod measures;
 mod predicates;
+mod relax;
 pub mod render;
 mod self_intersection;
 mod simplify;
@@ -31,6 +33,7 @@ pub use hausdorff::{
 };
 pub use measures::{Measures, SideLengths, measure};
 pub use predicates::{Sign, on_one_line, orient2d, orient3d};
+pub use relax::{Facet, RelaxJudge, Relaxed, relax};
 pub use self_intersection::{
     IntersectingPair, SelfIntersections, for_each_self_intersection, intersections_with,
     self_intersections,

@@ -26,7 +26,6 @@ mod deviation;
 mod engine;
 mod examine;
 mod judge;
-mod octree;
 mod parts;
 mod patches;
 mod quadric;
@@ -255,7 +254,8 @@ fn validate(mesh: &TriMesh, params: &SimplifyParams, keep: &Keep<'_>) -> Result<
 /// happen. Triangles that name a vertex twice, and vertices without triangles, are dropped.
 ///
 /// ```
-/// /// use ravec_mesh::{Keep, SimplifyParams, TriMesh, simplify};
+/// use glam::DVec3;
+/// use ravec_mesh::{Keep, SimplifyParams, TriMesh, simplify};
 /// use ravec_progress::Progress;
 ///
 /// // a flat square of 20 × 20 cells
@@ -283,7 +283,11 @@ pub fn simplify(
     progress.check()?;
     validate(mesh, params, keep)?;
     let limited = params.max_error < f64::INFINITY;
-    let original = (limited && params.both_ways).then(|| Bvh::new(mesh));
+    let original = if limited && params.both_ways {
+        Some(Bvh::try_new(mesh, progress)?)
+    } else {
+        None
+    };
     let start = Start {
         mesh,
         params,

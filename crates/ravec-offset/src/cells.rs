@@ -32,7 +32,7 @@ pub fn offset_cells(
     progress: &Progress,
 ) -> Result<Vec<OffsetCell>, OffsetError> {
     let task = Task::new(mesh, params, progress)?;
-    let field = task.field();
+    let field = task.field(progress)?;
     let grown = Refinement::grow(
         &field,
         task.frame,

@@ -4,6 +4,7 @@
 //! facet is farther from the mesh than the least, over some triangles, of the largest distance of its corners to them. Where
 //! that bound is too weak the facet is cut. The smallest distance is that between facet and triangles, by exact distances.
 
+use crate::cell::ON_SURFACE;
 use crate::field::{Field, Near};
 use glam::DVec3;
 use ravec_mesh::distance_sq_to_triangle;
@@ -11,8 +12,11 @@ use ravec_mesh::distance_sq_to_triangle;
 /// How often a facet may be halved each way until the bound is strong enough.
 pub(crate) const MOST_CUTS: u32 = 8;
 
-/// Crests that are more acute than about 10° are not followed to their end.
-const LEAST_SHARE: f64 = 0.08;
+/// Directions that differ by more, as a cosine, are looked at more closely; less tightens the limits by an eighth at most.
+const SPREAD_OF_CREST: f64 = 0.5;
+
+/// Crests that are more acute than about 5° are not followed to their end.
+const LEAST_SHARE: f64 = 0.04;
 
 /// Whether no point of a facet is nearer to the triangles than `least` or farther than `most`; `hints` are triangles that
 /// may be close to its corners.
@@ -32,7 +36,7 @@ pub(crate) fn proved(
     limits: [f64; 2],
     near: [Near; 3],
 ) -> bool {
-    let [least, most] = tighter(limits, spread(near));
+    let [least, most] = tighter(limits, spread_of_border(field, near, limits));
     let triangles = near.map(|near| near.triangle);
     near.iter().all(|near| near.distance <= most)
         && is_within(field, facet, most, triangles, MOST_CUTS)
@@ -42,6 +46,13 @@ pub(crate) fn proved(
 fn stays_near(field: &Field<'_>, facet: [DVec3; 3], most: f64, hints: [u32; 3]) -> bool {
     // most often no search is needed
     if any_near_enough(field, facet, most, hints) {
+        return true;
+    }
+    let center = field.near((facet[0] + facet[1] + facet[2]) / 3.0, hints[0]);
+    if center.distance > most {
+        return false;
+    }
+    if any_near_enough(field, facet, most, [center.triangle; 3]) {
         return true;
     }
     let near = [0, 1, 2].map(|i| field.near(facet[i], hints[i]));
@@ -105,7 +116,7 @@ pub(crate) fn tightened(
     hints: [u32; 3],
 ) -> [f64; 2] {
     let near = [0, 1, 2].map(|i| field.near_of(facet[i], hints[i]));
-    tighter(limits, spread(near))
+    tighter(limits, spread_of_border(field, near, limits))
 }
 
 fn tighter([least, most]: [f64; 2], most_apart: f64) -> [f64; 2] {
@@ -113,6 +124,22 @@ fn tighter([least, most]: [f64; 2], most_apart: f64) -> [f64; 2] {
     let share = half_opening_sine.clamp(LEAST_SHARE, 1.0);
     let (middle, half) = (0.5 * (least + most), 0.5 * (most - least));
     [middle - share * half, middle + share * half]
+}
+
+/// As [`spread`], of the border only. Where the surface is made of the triangles themselves, others end at it from within,
+/// at any angle: no crests are there.
+fn spread_of_border(field: &Field<'_>, near: [Near; 3], [least, most]: [f64; 2]) -> f64 {
+    let all = spread(near);
+    if field.level != 0.0 || all >= SPREAD_OF_CREST {
+        return all;
+    }
+    let step = ON_SURFACE * 0.5 * (most - least);
+    let is_border = near.map(|near| field.is_border(near.point, near.away, step));
+    let pairs = [(0, 1), (1, 2), (2, 0)].into_iter();
+    pairs
+        .filter(|&(i, j)| is_border[i] && is_border[j])
+        .map(|(i, j)| near[i].away.dot(near[j].away))
+        .fold(1.0, f64::min)
 }
 
 /// The cosine between those two of the directions away from what is nearest that differ most.

@@ -9,7 +9,7 @@
 use crate::cell::{CornerValue, ON_SURFACE, Sample, root};
 use crate::field::Region;
 use crate::refine::Refinement;
-use crate::tile::{Edge, Patch, VertexName};
+use crate::tile::{Edge, Patch, TRIANGLES_AT_ONCE, VertexName};
 use glam::DVec3;
 use ravec_mesh::{Sign, orient3d};
 use ravec_octree::{
@@ -17,7 +17,8 @@ use ravec_octree::{
 };
 use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
-use rustc_hash::{FxHashMap, FxHashSet};
+use rustc_hash::{FxBuildHasher, FxHashMap, FxHashSet};
+use std::hash::BuildHasher as _;
 use std::ops::Range;
 
 /// The share of a face's side that a dual edge, or a vertex in the face, keeps away from the face's border.
@@ -97,11 +98,21 @@ impl Extracted {
     }
 
     /// What belongs to a tile.
-    pub fn patch(&self, refinement: &Refinement<'_>, tile: CellKey) -> Patch {
+    pub fn patch(
+        &self,
+        refinement: &Refinement<'_>,
+        tile: CellKey,
+        progress: &Progress,
+    ) -> Result<Patch, Cancelled> {
         let mut patch = Patch::default();
         let mut numbers = vec![u32::MAX; self.positions.len()];
         let mut last = None;
-        for (triangle, &polygon_number) in self.triangles.iter().zip(&self.polygon_of) {
+        for (t, (triangle, &polygon_number)) in
+            (0u32..).zip(self.triangles.iter().zip(&self.polygon_of))
+        {
+            if t.is_multiple_of(TRIANGLES_AT_ONCE) {
+                progress.check()?;
+            }
             let polygon = &self.contour.polygons[polygon_number as usize];
             if !tile.owns(polygon.start) {
                 continue;
@@ -121,7 +132,7 @@ impl Extracted {
                 *number
             }));
         }
-        patch
+        Ok(patch)
     }
 
     fn name(&self, refinement: &Refinement<'_>, vertex: usize) -> VertexName {
@@ -169,8 +180,7 @@ pub(crate) fn extract(
     let contour = Contour::within(tree, &crossings, is_core, || progress.check())?;
     drop(crossings);
     progress.check()?;
-    let positions = vertices(refinement, &contour);
-    progress.check()?;
+    let positions = vertices(refinement, &contour, places, progress)?;
     let cutter = Cutter {
         refinement,
         contour: &contour,
@@ -181,14 +191,14 @@ pub(crate) fn extract(
 }
 
 /// Triangles before they are joined with the contour that they come from.
-struct Triangles {
+struct Pieces {
     positions: Vec<DVec3>,
     added: Vec<VertexName>,
     triangles: Vec<[u32; 3]>,
     polygon_of: Vec<u32>,
 }
 
-impl Triangles {
+impl Pieces {
     fn with(self, contour: Contour) -> Extracted {
         Extracted {
             positions: self.positions,
@@ -206,6 +216,8 @@ pub(crate) struct Crossing {
     ends: [Corner; 2],
     region: Region,
     values: [CornerValue; 2],
+    /// Whether the end inside is a filled corner, outside by its value.
+    is_filled: bool,
 }
 
 impl Crossing {
@@ -230,18 +242,29 @@ impl Crossing {
             })
         });
         // a filled corner: the surface goes as close to it as it can
+        let is_filled = values[0].value > 0.0;
         values[0].value = values[0].value.min(-1e-9 * refinement.tolerance);
         Self {
             ends,
             region,
             values,
+            is_filled,
         }
     }
 
     fn root(&self, refinement: &Refinement<'_>) -> Sample {
         let points = self.ends.map(|end| refinement.frame.point(end));
         let enough = ON_SURFACE * refinement.tolerance;
-        let mut sample = root(refinement.field, self.region, points, self.values, enough);
+        let mut sample = if self.is_filled {
+            let near = refinement.field.near(points[0], self.values[0].triangle);
+            Sample {
+                point: points[0],
+                away: near.away,
+                triangle: near.triangle,
+            }
+        } else {
+            root(refinement.field, self.region, points, self.values, enough)
+        };
         // off the ends, where other edges begin
         let along = points[1] - points[0];
         let t = (sample.point - points[0]).dot(along) / along.length_squared();
@@ -250,9 +273,14 @@ impl Crossing {
     }
 }
 
-/// Where edges go through the surface, as far as that was asked for: rounds of mending ask again and again.
+/// Where edges go through the surface, as far as that was asked for, and where that puts the vertices of leaves that have
+/// several: rounds of mending ask again and again.
 #[derive(Debug, Default)]
-pub(crate) struct CrossingPlaces(FxHashMap<[Corner; 2], (Crossing, DVec3)>);
+pub(crate) struct CrossingPlaces {
+    crossings: FxHashMap<[Corner; 2], (Crossing, Sample)>,
+    /// By a hash of the leaf and of where its edges go through the surface.
+    vertices: FxHashMap<u64, DVec3>,
+}
 
 impl CrossingPlaces {
     /// Works out the places of some polygons' edges.
@@ -262,29 +290,38 @@ impl CrossingPlaces {
         polygons: impl ParallelIterator<Item = &'p Polygon>,
         progress: &Progress,
     ) -> Result<(), Cancelled> {
-        let missing: Vec<(Crossing, DVec3)> = polygons
+        let missing: Vec<(Crossing, Sample)> = polygons
             .map(|polygon| Crossing::of(refinement, polygon))
             .filter(|crossing| {
-                let known = self.0.get(&crossing.ends);
+                let known = self.crossings.get(&crossing.ends);
                 known.is_none_or(|(known, _)| known != crossing)
             })
             .map(|crossing| {
                 progress.check()?;
-                Ok((crossing, crossing.root(refinement).point))
+                Ok((crossing, crossing.root(refinement)))
             })
             .collect::<Result<_, Cancelled>>()?;
-        let named = missing.into_iter().map(|place| (place.0.ends, place));
-        self.0.extend(named);
+        self.crossings.reserve(missing.len());
+        for some in missing.chunks(TRIANGLES_AT_ONCE as usize) {
+            progress.check()?;
+            let named = some.iter().map(|place| (place.0.ends, *place));
+            self.crossings.extend(named);
+        }
         Ok(())
     }
 
-    fn of(&self, polygon: &Polygon) -> DVec3 {
-        self.0[&polygon.ends()].1
+    fn of(&self, polygon: &Polygon) -> Sample {
+        self.crossings[&polygon.ends()].1
     }
 }
 
 /// The places of the contour's vertices.
-fn vertices(refinement: &Refinement<'_>, contour: &Contour) -> Vec<DVec3> {
+fn vertices(
+    refinement: &Refinement<'_>,
+    contour: &Contour,
+    places: &mut CrossingPlaces,
+    progress: &Progress,
+) -> Result<Vec<DVec3>, Cancelled> {
     let cells = &contour.vertex_cells;
     let is_alone = |i: usize| {
         (i == 0 || cells[i - 1] != cells[i]) && (i + 1 == cells.len() || cells[i + 1] != cells[i])
@@ -292,6 +329,7 @@ fn vertices(refinement: &Refinement<'_>, contour: &Contour) -> Vec<DVec3> {
     let placed: Vec<Option<DVec3>> = (0..cells.len())
         .map(|i| refinement.leaf_vertex(cells[i]).filter(|_| is_alone(i)))
         .collect();
+    progress.check()?;
     // the others stand for where their own polygons' edges go through the surface
     let mut polygons_of: Vec<(u32, u32)> = (0u32..)
         .zip(&contour.polygons)
@@ -300,28 +338,40 @@ fn vertices(refinement: &Refinement<'_>, contour: &Contour) -> Vec<DVec3> {
             placed[vertex as usize].is_none() && refinement.is_core(cells[vertex as usize])
         })
         .collect();
+    progress.check()?;
     polygons_of.sort_unstable();
+    progress.check()?;
+    let mut numbers: Vec<u32> = polygons_of.iter().map(|&(_, polygon)| polygon).collect();
+    numbers.par_sort_unstable();
+    numbers.dedup();
+    let polygons = numbers.par_iter().map(|&n| &contour.polygons[n as usize]);
+    places.look_up(refinement, polygons, progress)?;
     let groups: Vec<&[(u32, u32)]> = polygons_of.chunk_by(|a, b| a.0 == b.0).collect();
-    let found: Vec<(u32, DVec3)> = groups
+    let known = &places.vertices;
+    let found: Vec<(u32, u64, DVec3)> = groups
         .into_par_iter()
         .map(|group| {
+            progress.check()?;
             let samples: Vec<Sample> = group
                 .iter()
-                .map(|&(_, polygon)| {
-                    let polygon = &contour.polygons[polygon as usize];
-                    Crossing::of(refinement, polygon).root(refinement)
-                })
+                .map(|&(_, polygon)| places.of(&contour.polygons[polygon as usize]))
                 .collect();
             let vertex = group[0].0;
             let key = refinement.tree.key(cells[vertex as usize]);
-            (vertex, refinement.cell(key).vertex(&samples).0)
+            let points = samples.iter().map(|s| s.point.to_array().map(f64::to_bits));
+            let hash = FxBuildHasher.hash_one((key, points.collect::<Vec<_>>()));
+            let position = known.get(&hash).copied();
+            let position = position.unwrap_or_else(|| refinement.cell(key).vertex(&samples).0);
+            Ok((vertex, hash, position))
         })
-        .collect();
+        .collect::<Result<_, Cancelled>>()?;
     let mut positions: Vec<DVec3> = placed.into_iter().map(Option::unwrap_or_default).collect();
-    for (vertex, position) in found {
+    places.vertices.clear();
+    for (vertex, hash, position) in found {
         positions[vertex as usize] = position;
+        places.vertices.insert(hash, position);
     }
-    positions
+    Ok(positions)
 }
 
 /// Cuts polygons into triangles.
@@ -350,14 +400,17 @@ impl Cutter<'_> {
         mut self,
         places: &mut CrossingPlaces,
         progress: &Progress,
-    ) -> Result<Triangles, Cancelled> {
+    ) -> Result<Pieces, Cancelled> {
         let contour = self.contour;
         let is_core = |cells: &[NodeId]| cells.iter().all(|&cell| self.refinement.is_core(cell));
         let is_bent: Vec<bool> = contour
             .duals
             .par_iter()
-            .map(|dual| is_core(&dual.cells) && self.is_bent(dual))
-            .collect();
+            .map(|dual| {
+                progress.check()?;
+                Ok(is_core(&dual.cells) && self.is_bent(dual))
+            })
+            .collect::<Result<_, Cancelled>>()?;
         let mut cuts: Vec<Cut> = contour
             .polygons
             .par_iter()
@@ -372,7 +425,10 @@ impl Cutter<'_> {
             .collect::<Result<_, Cancelled>>()?;
         // a diagonal may be used by one polygon only
         let mut diagonals: FxHashSet<[u32; 2]> = FxHashSet::default();
-        for (polygon, cut) in contour.polygons.iter().zip(&mut cuts) {
+        for (number, (polygon, cut)) in (0u32..).zip(contour.polygons.iter().zip(&mut cuts)) {
+            if number.is_multiple_of(TRIANGLES_AT_ONCE) {
+                progress.check()?;
+            }
             if let Cut::Diagonal(first) = *cut {
                 let (a, b) = (polygon.vertices()[first], polygon.vertices()[first + 2]);
                 if !diagonals.insert([a.min(b), a.max(b)]) {
@@ -401,9 +457,13 @@ impl Cutter<'_> {
             .zip(&contour.duals)
             .map(|(place, dual)| place.map(|place| self.push(place, self.name_in_face(dual))))
             .collect();
+        progress.check()?;
         let mut triangles: Vec<[u32; 3]> = Vec::with_capacity(2 * cuts.len());
         let mut polygon_of = Vec::with_capacity(2 * cuts.len());
         for (number, (polygon, cut)) in (0u32..).zip(contour.polygons.iter().zip(cuts)) {
+            if number.is_multiple_of(TRIANGLES_AT_ONCE) {
+                progress.check()?;
+            }
             let v = |k: usize| polygon.vertices()[k % polygon.vertices().len()];
             match cut {
                 Cut::Unknown => {}
@@ -417,7 +477,7 @@ impl Cutter<'_> {
                         start: polygon.start,
                         axis: polygon.axis,
                     };
-                    let center = self.push(places.of(polygon), name);
+                    let center = self.push(places.of(polygon).point, name);
                     let ring: Vec<u32> = polygon
                         .vertices()
                         .iter()
@@ -434,7 +494,7 @@ impl Cutter<'_> {
             }
             polygon_of.resize(triangles.len(), number);
         }
-        Ok(Triangles {
+        Ok(Pieces {
             positions: self.positions,
             added: self.added,
             triangles,
@@ -482,7 +542,7 @@ impl Cutter<'_> {
         let face = self.face_of(dual);
         let roots = dual
             .polygons
-            .map(|polygon| places.of(&self.contour.polygons[polygon as usize]));
+            .map(|polygon| places.of(&self.contour.polygons[polygon as usize]).point);
         let mut place = 0.5 * (roots[0] + roots[1]);
         if !dual.is_ambiguous {
             // onto the surface, without leaving the face

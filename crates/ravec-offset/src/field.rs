@@ -3,6 +3,7 @@
 
 use glam::DVec3;
 use ravec_mesh::{Aabb, Bvh, Closest, WindingNumbers, closest_on_triangle};
+use ravec_progress::{Cancelled, Progress};
 
 /// On which side of the triangles something lies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -41,15 +42,25 @@ pub(crate) struct Field<'a> {
 
 impl<'a> Field<'a> {
     /// With `solid`, what the triangles wind around has negative distances.
-    pub fn new(bvh: &'a Bvh, solid: bool, level: f64) -> Self {
-        Self {
+    pub fn new(
+        bvh: &'a Bvh,
+        solid: bool,
+        level: f64,
+        progress: &Progress,
+    ) -> Result<Self, Cancelled> {
+        // polyhedra are closed: rays count them, faster and exactly
+        let winding = if solid && level != 0.0 {
+            Some(WindingNumbers::try_new(bvh, progress)?)
+        } else {
+            None
+        };
+        Ok(Self {
             bvh,
-            // polyhedra are closed: rays count them, faster and exactly
-            winding: (solid && level != 0.0).then(|| WindingNumbers::new(bvh)),
+            winding,
             is_signed: solid,
             bounds: bvh.bounds(),
             level,
-        }
+        })
     }
 
     /// The distance of the surface from the triangles.

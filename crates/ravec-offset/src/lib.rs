@@ -4,8 +4,8 @@
 //! edges and planes beside them. An octree is split until one vertex a cell stands for the pieces in it (`refine`, `cell`);
 //! the surface dual to it is cut into triangles that do not meet each other (`extract`); every triangle is proved to keep the
 //! distance (`certify`), and cells whose triangles are not, or meet others, are split again (`mend`), tile by tile if memory is
-//! limited (`tile`). Triangles are merged at the end, as far as the same proof allows (`simplify`), and what is left is
-//! measured (`measure`). Sheets are made thick by the same means (`thicken`).
+//! limited (`tile`). Triangles are merged at the end, as far as the same proof allows (`simplify`), those that lie badly are turned
+//! (`smooth`), and what is left is measured (`measure`). Sheets are made thick by the same means (`thicken`).
 //!
 //! Sources: Pavić and Kobbelt, *High-Resolution Volumetric Computation of Offset Surfaces with Feature Preservation*,
 //! Eurographics 2008; Schaefer, Ju and Warren, *Manifold Dual Contouring*, TVCG 2007; Ju and Udeshi, *Intersection-free
@@ -17,9 +17,9 @@
 //! (`self_intersections` is 0). The same result for any number of threads; before triangles are merged also for any limit of
 //! memory.
 //!
-//! Does not guarantee: that every point of the true offset has a point of the result within the tolerance. Where the distance
-//! grows by less than one for one, at acute crests, a cut crest may be farther; and a part of the surface that is shallower
-//! than half the tolerance within a cell may be missed.
+//! Does not guarantee: that every point of the true offset has a point of the result within the tolerance. It is so in all
+//! tests, for crests from 7° on; a more acute crest may be cut farther from its tip, and a part of the surface that is
+//! shallower than half the tolerance within a cell may be missed.
 //!
 //! Cost: about 12 searches for the closest triangle for each cell, and three for each triangle of the result.
 
@@ -35,6 +35,7 @@ mod outermost;
 mod params;
 mod refine;
 mod simplify;
+mod smooth;
 mod thicken;
 mod tile;
 

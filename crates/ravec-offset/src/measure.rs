@@ -10,6 +10,7 @@
 //! turn by more than the angle of a crease two searches for the closest triangle.
 
 use crate::certify::MOST_CUTS;
+use crate::certify::keeps_distance;
 use crate::field::Field;
 use glam::DVec3;
 use ravec_mesh::{Adjacency, TriMesh, distance_sq_to_triangle};
@@ -74,10 +75,13 @@ pub(crate) fn measure(
         let facet = surface.corners(t);
         let nearest = least_distance(field, facet, least, LEAST_SLACK * half);
         let farthest = most_distance(field, facet, [enough, limits[1]], hints(t), MOST_CUTS);
-        // the least distance is known up to a slack, by which it may seem to be below the limit
-        let is_near = nearest < limits[0] && field.bvh().comes_within(facet, limits[0]);
-        let is_far = farthest > limits[1];
-        Ok((u64::from(is_near || is_far), nearest, farthest))
+        if nearest >= limits[0] && farthest <= limits[1] {
+            return Ok((0, nearest, farthest));
+        }
+        // the least distance is known up to a slack, and the search for a bound takes other ways than the proof does
+        let is_proved = keeps_distance(field, facet, limits, hints(t));
+        let farthest = if is_proved { limits[1] } else { farthest };
+        Ok((u64::from(!is_proved), nearest, farthest))
     };
     let (unproved, least, most) = (0..facets).into_par_iter().map(extremes).try_reduce(
         || (0, least, most_found),
@@ -246,7 +250,7 @@ mod tests {
     /// A cube of side 4 around one of side 2: 1 apart at the faces, the root of 3 at the corners.
     fn measured(limits: [f64; 2]) -> Measured {
         let bvh = Bvh::new(&cube(2.0));
-        let field = Field::new(&bvh, true, 1.0);
+        let field = Field::new(&bvh, true, 1.0, &Progress::none()).unwrap();
         measure(&field, &cube(4.0), limits, &Progress::none()).unwrap()
     }
 
@@ -261,7 +265,7 @@ mod tests {
         assert!(found.most >= found.most_found && found.most <= limits[1]);
         // a facet through the middle of a cube, with one corner close to a face
         let bvh = Bvh::new(&cube(4.0));
-        let field = Field::new(&bvh, true, -1.0);
+        let field = Field::new(&bvh, true, -1.0, &Progress::none()).unwrap();
         let tilted = TriMesh::new(
             vec![
                 DVec3::new(-1.0, -1.0, 0.0),
@@ -295,7 +299,13 @@ mod tests {
                 (&small, &large)
             };
             let bvh = Bvh::new(mesh);
-            let field = Field::new(&bvh, true, if inner { -1.0 } else { 1.0 });
+            let field = Field::new(
+                &bvh,
+                true,
+                if inner { -1.0 } else { 1.0 },
+                &Progress::none(),
+            )
+            .unwrap();
             // outside, cylinders and spheres round what is an edge here
             let found = creases(&field, surface, 0.02, &Progress::none()).unwrap();
             assert_eq!(found, expected, "inner: {inner}");
@@ -307,7 +317,7 @@ mod tests {
         let progress = Progress::none();
         progress.cancel();
         let bvh = Bvh::new(&cube(2.0));
-        let field = Field::new(&bvh, true, 1.0);
+        let field = Field::new(&bvh, true, 1.0, &Progress::none()).unwrap();
         assert!(measure(&field, &cube(4.0), [0.9, 1.8], &progress).is_err());
         assert!(creases(&field, &cube(4.0), 0.1, &progress).is_err());
     }

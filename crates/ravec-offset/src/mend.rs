@@ -10,7 +10,7 @@ use crate::extract::{CrossingPlaces, Extracted, extract};
 use crate::field::Field;
 use crate::outermost::{compact, reachable};
 use crate::refine::{Halt, Refinement};
-use crate::tile::{Assembled, Orders, Patch, Reach, assemble};
+use crate::tile::{Assembled, Orders, Patch, Reach, TRIANGLES_AT_ONCE, assemble};
 use glam::DVec3;
 use ravec_mesh::{Bvh, self_intersections};
 use ravec_octree::{CellKey, Frame, NodeId};
@@ -21,6 +21,18 @@ use std::hash::BuildHasher as _;
 
 /// Rounds of mending after which what is left is reported.
 const MOST_ROUNDS: u32 = 100;
+
+/// As [`MOST_ROUNDS`] where the surface is made of the triangles themselves: what 40 rounds do not mend, 100 do not.
+const MOST_ROUNDS_OF_SURFACE: u32 = 40;
+
+/// A surface of more triangles than this, made of the input's triangles themselves, is given up if a round makes it larger
+/// by this factor: that far from being mended, it would take minutes and end as crowded. Those that could be mended grew
+/// by a third in a round at most.
+const LARGE: usize = 500_000;
+const MOST_GROWTH: f64 = 1.6;
+
+/// Where more facets than this are not proved, their cells are split once and not twice.
+const MANY: usize = 2000;
 
 /// Tiles of fewer cells along a side are not cut any more: they are hardly larger than what they depend on.
 const LEAST_CELLS: f64 = 16.0;
@@ -44,6 +56,8 @@ pub(crate) struct Mended {
     pub triangles: Vec<[u32; 3]>,
     /// Whether all is proved, and triangles meet nowhere.
     pub is_proved: bool,
+    /// Whether mending was given up: each round made the surface much larger, and there is none.
+    pub is_given_up: bool,
     /// Leaves of the tree.
     pub cells: u64,
     pub deepest_level: u8,
@@ -84,6 +98,13 @@ impl Tile<'_> {
             deepest_level: 0,
         }
     }
+
+    /// Gives back the memory of all that can be found again.
+    fn forget(&mut self) {
+        self.refinement = None;
+        self.places = CrossingPlaces::default();
+        self.proved = FxHashSet::default();
+    }
 }
 
 impl<'a> Mending<'a> {
@@ -92,22 +113,48 @@ impl<'a> Mending<'a> {
         let mut orders = Orders::default();
         let mut latest = Orders::default();
         let mut rounds = 0;
+        let mut size = 0;
+        let most_rounds = if self.field.level == 0.0 {
+            MOST_ROUNDS_OF_SURFACE
+        } else {
+            MOST_ROUNDS
+        };
         loop {
             let mut next = self.round(&mut tiles, &orders, &latest, progress)?;
-            if next.is_empty() || rounds == MOST_ROUNDS {
-                let whole = self.assemble(&tiles);
+            let extracted = tiles.iter().map(|tile| tile.patch.triangles.len()).sum();
+            let before = std::mem::replace(&mut size, extracted);
+            let grows = before > 0 && extracted as f64 > MOST_GROWTH * before as f64;
+            if self.field.level == 0.0 && extracted > LARGE && grows {
+                return Ok(Mended {
+                    positions: vec![],
+                    triangles: vec![],
+                    is_proved: false,
+                    is_given_up: true,
+                    cells: 0,
+                    deepest_level: 0,
+                    tiles: tiles.len() as u64,
+                    rounds,
+                    split: orders.split.len() as u64,
+                    filled: orders.filled.len() as u64,
+                });
+            }
+            if next.is_empty() || rounds == most_rounds {
+                let whole = self.assemble(&tiles, progress)?;
                 let mut is_proved = tiles.iter().all(|tile| tile.is_proved);
                 if is_proved {
+                    // trees grow again in the rare case that they are needed
+                    tiles.iter_mut().for_each(Tile::forget);
                     // only crowded cells let triangles meet, and these were searched: this is to be sure
                     let pairs = meeting_pairs(&whole.positions, &whole.triangles, progress)?;
                     is_proved = pairs.is_empty();
                     next = self.separation(&whole, &pairs, &tiles, &orders, progress)?;
                 }
-                if next.is_empty() || rounds == MOST_ROUNDS {
+                if next.is_empty() || rounds == most_rounds {
                     return Ok(Mended {
                         positions: whole.positions,
                         triangles: whole.triangles,
                         is_proved,
+                        is_given_up: false,
                         cells: tiles.iter().map(|tile| tile.leaves).sum(),
                         deepest_level: tiles.iter().map(|t| t.deepest_level).max().unwrap_or(0),
                         tiles: tiles.len() as u64,
@@ -169,8 +216,9 @@ impl<'a> Mending<'a> {
             }
             None => self.grow(tile.key, orders, progress)?,
         };
+        tile.patch = Patch::default();
         let extracted = extract(&refinement, &mut tile.places, progress)?;
-        tile.patch = extracted.patch(&refinement, tile.key);
+        tile.patch = extracted.patch(&refinement, tile.key, progress)?;
         self.judge(tile, &refinement, &extracted, next, progress)?;
         let leaves = || {
             let all = refinement.tree.leaves();
@@ -184,8 +232,7 @@ impl<'a> Mending<'a> {
         if tile.key == CellKey::ROOT {
             tile.refinement = Some(refinement);
         } else {
-            tile.proved = FxHashSet::default();
-            tile.places = CrossingPlaces::default();
+            tile.forget();
         }
         Ok(())
     }
@@ -227,13 +274,18 @@ impl<'a> Mending<'a> {
         let unproved = self.unproved_cells(tile, refinement, extracted, progress)?;
         tile.is_proved = unproved.is_empty();
         // a proof needs no second try where cells cannot be split
-        next.split.extend(
-            unproved
-                .into_iter()
-                .map(|leaf| refinement.tree.key(leaf))
-                .filter(|key| key.level < refinement.limit()),
-        );
+        for key in unproved.iter().map(|&leaf| refinement.tree.key(leaf)) {
+            if key.level < refinement.limit() {
+                if unproved.len() > MANY {
+                    next.split.insert(key);
+                } else {
+                    next.split.extend(parts(refinement, key));
+                }
+            }
+        }
+        progress.check()?;
         let crowded = extracted.near_crowded_cells(refinement);
+        progress.check()?;
         let chosen: Vec<[u32; 3]> = crowded
             .iter()
             .map(|&t| extracted.triangles[t as usize])
@@ -265,8 +317,9 @@ impl<'a> Mending<'a> {
             .into_par_iter()
             .filter(|&t| extracted.is_owned(t, tile.key))
             .map(|t| (t, hash(facet(t))))
-            .filter(|(_, hash)| !tile.proved.contains(hash))
+            .filter(|(_, hash)| !progress.is_cancelled() && !tile.proved.contains(hash))
             .collect();
+        progress.check()?;
         let phase = progress.phase("prove", fresh.len() as u64);
         let held: Vec<bool> = fresh
             .par_iter()
@@ -276,11 +329,19 @@ impl<'a> Mending<'a> {
                 progress.check()?;
                 phase.advance(1);
                 let limits = tightened(self.field, facet(t), self.limits, hints);
-                Ok(keeps_distance(self.field, facet(t), limits, hints))
+                let level = |&cell: &NodeId| refinement.tree.key(cell).level;
+                let is_last = cells.iter().all(|cell| level(cell) >= refinement.limit());
+                // what cannot be split has to keep the distance, but cannot follow a crest any further
+                Ok(keeps_distance(self.field, facet(t), limits, hints)
+                    || is_last && keeps_distance(self.field, facet(t), self.limits, hints))
             })
             .collect::<Result<_, Cancelled>>()?;
         let mut bad = Vec::new();
-        for ((t, hash), held) in fresh.into_iter().zip(held) {
+        tile.proved.reserve(fresh.len());
+        for (i, ((t, hash), held)) in fresh.into_iter().zip(held).enumerate() {
+            if i.is_multiple_of(TRIANGLES_AT_ONCE as usize) {
+                progress.check()?;
+            }
             if held {
                 tile.proved.insert(hash);
             } else {
@@ -290,16 +351,16 @@ impl<'a> Mending<'a> {
         Ok(bad)
     }
 
-    fn assemble(&self, tiles: &[Tile<'_>]) -> Assembled {
-        let whole = assemble(tiles.iter().map(|tile| &tile.patch));
+    fn assemble(&self, tiles: &[Tile<'_>], progress: &Progress) -> Result<Assembled, Cancelled> {
+        let whole = assemble(tiles.iter().map(|tile| &tile.patch), progress)?;
         if !self.outer_only {
-            return whole;
+            return Ok(whole);
         }
-        let seen = reachable(&whole.positions, &whole.triangles);
+        let seen = reachable(&whole.positions, &whole.triangles, progress)?;
         if seen.iter().all(|&seen| seen) {
-            return whole;
+            return Ok(whole);
         }
-        whole.retain(|t| seen[t])
+        whole.retain(|t| seen[t], progress)
     }
 
     /// Orders what separates triangles that meet.
@@ -341,12 +402,20 @@ impl<'a> Mending<'a> {
     }
 }
 
+/// A cell that is to be split, and if the surface is made of the triangles themselves its children too: where these meet,
+/// one halving rarely parts them, and each round costs as much as thousands of cells.
+fn parts(refinement: &Refinement<'_>, key: CellKey) -> impl Iterator<Item = CellKey> {
+    let is_deep = refinement.field.level == 0.0 && key.level + 1 < refinement.limit();
+    let octants = if is_deep { 0..8 } else { 0..0 };
+    std::iter::once(key).chain(octants.map(move |octant| key.child(octant)))
+}
+
 /// Orders what keeps the sheets in some leaves apart: finer cells, and where there are none, no gap.
 fn separate(refinement: &Refinement<'_>, leaves: &[NodeId], next: &mut Orders) {
     for &leaf in leaves {
         let key = refinement.tree.key(leaf);
         if key.level < refinement.limit() {
-            next.split.insert(key);
+            next.split.extend(parts(refinement, key));
         } else {
             next.filled.extend(refinement.open_corners(leaf));
         }
@@ -362,7 +431,7 @@ fn meeting_pairs(
     if triangles.is_empty() {
         return Ok(vec![]);
     }
-    let bvh = Bvh::new(&compact(positions, triangles));
+    let bvh = Bvh::try_new(&compact(positions, triangles, progress)?, progress)?;
     let pairs = self_intersections(&bvh, usize::MAX, progress)?.pairs;
     Ok(pairs.iter().map(|pair| [pair.first, pair.second]).collect())
 }
@@ -398,7 +467,7 @@ mod tests {
         let (distance, tolerance) = (0.05, 0.004);
         let bounds = mesh.bounds().grown(distance + 4.0 * tolerance);
         let mending = Mending {
-            field: &Field::new(&bvh, false, distance),
+            field: &Field::new(&bvh, false, distance, &Progress::none()).unwrap(),
             frame: Frame {
                 origin: bounds.min,
                 side: 1.01 * bounds.size().max_element(),

@@ -9,7 +9,7 @@ use crate::thicken::thicken;
 use glam::DVec3;
 use ravec_mesh::{Bvh, CheckParams, TriMesh, check};
 use ravec_octree::Frame;
-use ravec_progress::Progress;
+use ravec_progress::{Cancelled, Progress};
 
 /// The share of the tolerance by which the surface is moved off round numbers, at which sheets tend to touch exactly.
 const OFF_ROUND: f64 = 0.0107;
@@ -74,7 +74,8 @@ pub struct Offset {
 /// The surface at a distance from the triangles of a mesh, which may be any triangles at all.
 ///
 /// # Errors
-/// [`OffsetError`]: no triangles, parameters out of range, a side that only closed meshes have, nothing that deep inside;
+/// [`OffsetError`]: no triangles, parameters out of range, a side that only closed meshes have, nothing that deep inside, a
+/// sheet that is too rough to be thickened;
 /// [`OffsetError::Cancelled`] soon after `progress` is.
 pub fn offset(
     mesh: &TriMesh,
@@ -99,7 +100,7 @@ pub(crate) fn surface(
     progress: &Progress,
 ) -> Result<Offset, OffsetError> {
     let task = Task::checked(mesh, params, wound, progress)?;
-    let field = task.field();
+    let field = task.field(progress)?;
     let limits = [
         params.distance - params.tolerance,
         params.distance + params.tolerance,
@@ -116,6 +117,11 @@ pub(crate) fn surface(
         },
     };
     let mended = mending.run(progress)?;
+    if mended.is_given_up {
+        return Err(OffsetError::TooRough {
+            tolerance: params.tolerance,
+        });
+    }
     if mended.triangles.is_empty() {
         return Err(OffsetError::Empty {
             distance: params.distance,
@@ -229,15 +235,15 @@ impl Task {
         };
         let margin = if inward { 0.0 } else { params.distance } + 4.0 * params.tolerance;
         Ok(Self {
-            bvh: Bvh::new(mesh),
+            bvh: Bvh::try_new(mesh, progress)?,
             is_solid: wound || inward || (params.side == Side::Outer && boundary_edges == 0),
             level: if inward { -level } else { level },
             frame: frame_around(&bounds.grown(margin)),
         })
     }
 
-    pub fn field(&self) -> Field<'_> {
-        Field::new(&self.bvh, self.is_solid, self.level)
+    pub fn field(&self, progress: &Progress) -> Result<Field<'_>, Cancelled> {
+        Field::new(&self.bvh, self.is_solid, self.level, progress)
     }
 }
 

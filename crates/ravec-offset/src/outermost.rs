@@ -1,18 +1,24 @@
 //! Which closed surfaces can be reached from far away.
 
+use crate::tile::TRIANGLES_AT_ONCE;
 use glam::DVec3;
 use ravec_mesh::{Aabb, Bvh, TriMesh, WindingNumbers, measure};
+use ravec_progress::{Cancelled, Progress};
 
 /// Of each triangle of a closed surface that does not meet itself, and is seen from outside of what it encloses, whether it
 /// can be reached from far away.
 ///
 /// What a part of the surface encloses hangs together. So the border of a cavity, which encloses nothing, cannot be reached,
 /// and of the other parts those that lie inside another one cannot.
-pub(crate) fn reachable(positions: &[DVec3], triangles: &[[u32; 3]]) -> Vec<bool> {
-    let part_of = parts(positions.len(), triangles);
+pub(crate) fn reachable(
+    positions: &[DVec3],
+    triangles: &[[u32; 3]],
+    progress: &Progress,
+) -> Result<Vec<bool>, Cancelled> {
+    let part_of = parts(positions.len(), triangles, progress)?;
     let count = part_of.iter().max().map_or(0, |&last| last as usize + 1);
     if count <= 1 {
-        return vec![true; triangles.len()];
+        return Ok(vec![true; triangles.len()]);
     }
     let mut groups: Vec<Vec<[u32; 3]>> = vec![Vec::new(); count];
     for (triangle, &part) in triangles.iter().zip(&part_of) {
@@ -20,8 +26,8 @@ pub(crate) fn reachable(positions: &[DVec3], triangles: &[[u32; 3]]) -> Vec<bool
     }
     let parts: Vec<TriMesh> = groups
         .iter()
-        .map(|group| compact(positions, group))
-        .collect();
+        .map(|group| compact(positions, group, progress))
+        .collect::<Result<_, Cancelled>>()?;
     drop(groups);
     let encloses: Vec<bool> = parts
         .iter()
@@ -29,6 +35,7 @@ pub(crate) fn reachable(positions: &[DVec3], triangles: &[[u32; 3]]) -> Vec<bool
         .collect();
     let mut seen = encloses.clone();
     for (solid, part) in parts.iter().enumerate().filter(|&(i, _)| encloses[i]) {
+        progress.check()?;
         let bounds = part.bounds();
         let inside_box: Vec<usize> = (0..count)
             .filter(|&other| other != solid && seen[other])
@@ -37,13 +44,14 @@ pub(crate) fn reachable(positions: &[DVec3], triangles: &[[u32; 3]]) -> Vec<bool
         if inside_box.is_empty() {
             continue;
         }
-        let bvh = Bvh::new(part);
-        let winding = WindingNumbers::new(&bvh);
+        let bvh = Bvh::try_new(part, progress)?;
+        let winding = WindingNumbers::try_new(&bvh, progress)?;
         for other in inside_box {
+            progress.check()?;
             seen[other] = !winding.is_inside(parts[other].positions()[0]);
         }
     }
-    part_of.iter().map(|&part| seen[part as usize]).collect()
+    Ok(part_of.iter().map(|&part| seen[part as usize]).collect())
 }
 
 fn holds(bounds: &Aabb, p: DVec3) -> bool {
@@ -60,17 +68,25 @@ fn root(parents: &mut [u32], mut at: u32) -> u32 {
 }
 
 /// Of each triangle the number of the part that it hangs together with.
-fn parts(vertices: usize, triangles: &[[u32; 3]]) -> Vec<u32> {
+fn parts(
+    vertices: usize,
+    triangles: &[[u32; 3]],
+    progress: &Progress,
+) -> Result<Vec<u32>, Cancelled> {
     let mut parents: Vec<u32> = (0..vertices as u32).collect();
-    for &[a, b, c] in triangles {
-        for other in [b, c] {
-            let (a, b) = (root(&mut parents, a), root(&mut parents, other));
-            parents[a.max(b) as usize] = a.min(b);
+    for some in triangles.chunks(TRIANGLES_AT_ONCE as usize) {
+        progress.check()?;
+        for &[a, b, c] in some {
+            for other in [b, c] {
+                let (a, b) = (root(&mut parents, a), root(&mut parents, other));
+                parents[a.max(b) as usize] = a.min(b);
+            }
         }
     }
+    progress.check()?;
     let mut numbers = vec![u32::MAX; vertices];
     let mut count = 0;
-    triangles
+    let numbered = triangles
         .iter()
         .map(|&[a, ..]| {
             let number = &mut numbers[root(&mut parents, a) as usize];
@@ -80,25 +96,32 @@ fn parts(vertices: usize, triangles: &[[u32; 3]]) -> Vec<u32> {
             }
             *number
         })
-        .collect()
+        .collect();
+    Ok(numbered)
 }
 
 /// The mesh of some triangles, without vertices that none of them uses.
-pub(crate) fn compact(positions: &[DVec3], triangles: &[[u32; 3]]) -> TriMesh {
+pub(crate) fn compact(
+    positions: &[DVec3],
+    triangles: &[[u32; 3]],
+    progress: &Progress,
+) -> Result<TriMesh, Cancelled> {
     let mut numbers = rustc_hash::FxHashMap::default();
     let mut used = Vec::new();
-    let triangles = triangles
-        .iter()
-        .map(|triangle| {
+    let mut compacted = Vec::with_capacity(triangles.len());
+    for some in triangles.chunks(TRIANGLES_AT_ONCE as usize) {
+        progress.check()?;
+        compacted.extend(some.iter().map(|triangle| {
             triangle.map(|corner| {
                 *numbers.entry(corner).or_insert_with(|| {
                     used.push(positions[corner as usize]);
                     (used.len() - 1) as u32
                 })
             })
-        })
-        .collect();
-    TriMesh::new(used, triangles).expect("corners are finite and have numbers")
+        }));
+    }
+    progress.check()?;
+    Ok(TriMesh::new(used, compacted).expect("corners are finite and have numbers"))
 }
 
 #[cfg(test)]
@@ -134,9 +157,12 @@ mod tests {
         add_box(1.0, false, &mut positions, &mut triangles);
         add_box(3.0, false, &mut positions, &mut triangles);
         add_box(2.0, true, &mut positions, &mut triangles);
-        let seen = reachable(&positions, &triangles);
+        let seen = reachable(&positions, &triangles, &Progress::none()).unwrap();
         assert_eq!(seen, [[false; 12], [true; 12], [false; 12]].concat());
-        assert_eq!(reachable(&positions, &triangles[..12]), vec![true; 12]);
+        assert_eq!(
+            reachable(&positions, &triangles[..12], &Progress::none()).unwrap(),
+            vec![true; 12]
+        );
     }
 
     #[test]
@@ -148,6 +174,9 @@ mod tests {
             p.x += 1.5;
             p.y += 2.5;
         }
-        assert_eq!(reachable(&positions, &triangles), vec![true; 24]);
+        assert_eq!(
+            reachable(&positions, &triangles, &Progress::none()).unwrap(),
+            vec![true; 24]
+        );
     }
 }

@@ -49,7 +49,7 @@ pub struct OffsetParams {
     pub side: Side,
     /// What to do with a mesh that is not closed (default refuse); to thicken it, `side` must be both.
     pub open: OpenRule,
-    /// Whether to merge triangles as far as the tolerance allows (default yes).
+    /// Whether to merge triangles as far as the tolerance allows, and to turn what then lies badly (default yes).
     pub simplify: bool,
     /// How far simplification may turn a triangle away from the surface that it stands for, in degrees, above 0 and at most
     /// 90 (default 4). Triangles at creases that were off more before may stay so. Where a mesh is rough, as scans are, it is
@@ -141,6 +141,15 @@ pub enum OffsetError {
         got: u64,
         /// The least for this mesh, in bytes.
         least: u64,
+    },
+    /// A sheet that is so rough, for its size, that what stands over its triangles has too many parts to be told apart.
+    #[error(
+        "the sheet is too rough to be thickened with a tolerance of {}: allow a larger one, or simplify or smooth the sheet first",
+        Short(*tolerance)
+    )]
+    TooRough {
+        /// What was asked for.
+        tolerance: f64,
     },
     /// A side that only solids have.
     #[error(

@@ -1,7 +1,8 @@
 //! The tree: cells that may hold the surface are split until a vertex can stand for what they hold.
 
 use crate::cell::{
-    Cell, CornerValue, EdgeKey, Fit, MOST_TRIANGLES, ON_SURFACE, Roots, Sample, crossed_edges, root,
+    Cell, CornerValue, EdgeKey, Fit, MOST_TRIANGLES, MOST_TRIANGLES_OF_SURFACE, ON_SURFACE, Roots,
+    Sample, crossed_edges, root,
 };
 use crate::field::{Field, Near, Region};
 use crate::tile::{Edge, Orders, RINGS, Reach};
@@ -10,10 +11,16 @@ use ravec_mesh::Aabb;
 use ravec_octree::{CellKey, Corner, Frame, MAX_LEVEL, MinimalEdge, NodeId, Octree, minimal_edges};
 use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
-use rustc_hash::{FxHashMap, FxHashSet};
+use rustc_hash::{FxBuildHasher, FxHashMap, FxHashSet};
 
 /// Cells coarser than this are split without a look.
 const FIRST_LEVEL: u8 = 3;
+
+/// How many levels below the floor cells are split at the tips of acute crests.
+const TIP_LEVELS: u8 = 3;
+
+/// So many entries go into a table in a few milliseconds.
+const AT_ONCE: usize = 1 << 14;
 
 /// What is known of a cell.
 #[derive(Debug, Clone, Copy)]
@@ -117,8 +124,10 @@ impl<'a> Refinement<'a> {
     fn widen(&mut self, orders: &Orders, progress: &Progress) -> Result<(), Halt> {
         let crossed = minimal_edges(&self.tree, |edge| {
             let is_near = self.reach.holds_between(edge.start, edge.end());
-            (is_near && self.is_crossed(&edge)).then_some(edge.cells)
+            let is_wanted = is_near && !progress.is_cancelled() && self.is_crossed(&edge);
+            is_wanted.then_some(edge.cells)
         });
+        progress.check()?;
         for leaf in crossed.into_iter().flatten() {
             self.reach.include(self.tree.key(leaf));
         }
@@ -154,7 +163,8 @@ impl<'a> Refinement<'a> {
             .collect();
         leaves.sort_unstable();
         let children = self.split_all(&leaves);
-        self.settle(children, &Orders::default(), progress)
+        // orders may name children of what they split
+        self.settle(children, orders, progress)
     }
 
     /// The leaf that is a cell, if it was looked at.
@@ -284,13 +294,20 @@ impl<'a> Refinement<'a> {
                 .collect::<Result<_, Cancelled>>()?;
             for ((node, _), fit) in full.into_iter().zip(fits) {
                 let key = self.tree.key(node);
-                let is_done = fit.is_good || key.level >= self.floor;
+                // the tip of an acute crest is thinner than cells that are as small as the tolerance
+                let is_done = if fit.is_acute {
+                    key.level >= (self.floor + TIP_LEVELS).min(MAX_LEVEL)
+                } else {
+                    fit.is_good || key.level >= self.floor
+                };
                 if is_done && !orders.split.contains(&key) {
                     self.tree.data_mut(node).state = State::Full { vertex: fit.vertex };
                 } else {
                     coarse.push(node);
                 }
             }
+            drop(roots);
+            progress.check()?;
             front = self.split_all(&coarse);
         }
         Ok(())
@@ -348,7 +365,12 @@ impl<'a> Refinement<'a> {
                 field.level == 0.0 && field.near_of(0.5 * (low + high), triangle).distance > radius;
             triangles += usize::from(!is_far);
         });
-        !self.field.is_signed() || triangles > MOST_TRIANGLES
+        let most = if field.level == 0.0 {
+            MOST_TRIANGLES_OF_SURFACE
+        } else {
+            MOST_TRIANGLES
+        };
+        !self.field.is_signed() || triangles > most
     }
 
     fn evaluate_corners(
@@ -357,18 +379,22 @@ impl<'a> Refinement<'a> {
         progress: &Progress,
     ) -> Result<(), Cancelled> {
         let mut missing: Vec<(Corner, bool, Region, u32)> = cells
-            .iter()
-            .flat_map(|(node, look)| {
+            .par_iter()
+            .flat_map_iter(|(node, look)| {
                 let key = self.tree.key(*node);
                 (0..8).map(move |octant| {
                     let unknown = look.region == Region::Unknown;
                     (key.corner(octant), unknown, look.region, look.near.triangle)
                 })
             })
-            .filter(|(corner, ..)| !self.corners.contains_key(&corner.code()))
+            .filter(|(corner, ..)| {
+                !progress.is_cancelled() && !self.corners.contains_key(&corner.code())
+            })
             .collect();
+        progress.check()?;
         // of each corner the cell that knows the side, if any does
-        missing.sort_unstable_by_key(|&(corner, unknown, ..)| (corner, unknown));
+        missing.par_sort_unstable_by_key(|&(corner, unknown, ..)| (corner, unknown));
+        progress.check()?;
         missing.dedup_by_key(|&mut (corner, ..)| corner);
         let values: Vec<(u64, CornerValue)> = missing
             .into_par_iter()
@@ -377,8 +403,12 @@ impl<'a> Refinement<'a> {
                 Ok((corner.code(), self.evaluate(corner, region, hint)))
             })
             .collect::<Result<_, Cancelled>>()?;
-        self.corners.extend(values);
-        Ok(())
+        self.corners.reserve(values.len());
+        for some in values.chunks(AT_ONCE) {
+            progress.check()?;
+            self.corners.extend(some.iter().copied());
+        }
+        progress.check()
     }
 
     /// Where the surface goes through the edges of some cells. Up to four cells share an edge, so each is looked at once.
@@ -392,10 +422,13 @@ impl<'a> Refinement<'a> {
                     .map(move |edge| (edge, unknown, look.region))
             })
             .collect();
+        progress.check()?;
         // of each edge the cell that knows the side, if any does
         edges.par_sort_unstable_by_key(|&(edge, unknown, _)| (edge, unknown));
+        progress.check()?;
         edges.dedup_by_key(|&mut (edge, ..)| edge);
-        let roots: Vec<(EdgeKey, Sample)> = edges
+        progress.check()?;
+        let found: Vec<(EdgeKey, Sample)> = edges
             .into_par_iter()
             .map(|(edge, _, region)| {
                 progress.check()?;
@@ -406,7 +439,12 @@ impl<'a> Refinement<'a> {
                 Ok((edge, root(self.field, region, points, values, enough)))
             })
             .collect::<Result<_, Cancelled>>()?;
-        Ok(roots.into_iter().collect())
+        let mut roots = Roots::with_capacity_and_hasher(found.len(), FxBuildHasher);
+        for some in found.chunks(AT_ONCE) {
+            progress.check()?;
+            roots.extend(some.iter().copied());
+        }
+        Ok(roots)
     }
 
     fn evaluate(&self, corner: Corner, region: Region, hint: u32) -> CornerValue {

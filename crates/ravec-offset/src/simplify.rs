@@ -9,6 +9,7 @@
 use crate::certify::{proved, spread, tilt};
 use crate::field::{Field, Near};
 use crate::params::OffsetParams;
+use crate::smooth::smooth;
 use glam::DVec3;
 use ravec_mesh::{
     Adjacency, CollapseCandidate, CollapseJudge, Keep, Overseer, SimplifyError, SimplifyParams,
@@ -36,7 +37,9 @@ pub(crate) fn simplify(
     progress: &Progress,
 ) -> Result<TriMesh, Cancelled> {
     let most_deviation = params.max_normal_deviation_deg.to_radians();
+    progress.check()?;
     let leeway = (2.0 * roughness(mesh)).min(MOST_LEEWAY * most_deviation);
+    progress.check()?;
     let asked = SimplifyParams {
         max_error: CREST_SHARE * params.tolerance,
         both_ways: false,
@@ -49,7 +52,13 @@ pub(crate) fn simplify(
         progress,
     };
     match simplify_patches(surface, &asked, &Keep::default(), &overseer, progress) {
-        Ok(simplified) => Ok(simplified.mesh),
+        Ok(simplified) => smooth(
+            field,
+            &simplified.mesh,
+            limits,
+            most_deviation + leeway,
+            progress,
+        ),
         Err(SimplifyError::Cancelled(cancelled)) => Err(cancelled),
         // nothing else can be said against a surface of our own: keep it as it is
         Err(_) => Ok(surface.clone()),
@@ -99,14 +108,19 @@ struct Proofs<'a> {
 }
 
 impl Proofs<'_> {
-    /// What is closest to each vertex.
+    /// What is closest to each vertex; anything after a cancellation.
     fn nearest(&self, mesh: &TriMesh) -> Vec<Near> {
         mesh.positions()
             .par_chunks(256)
             .flat_map_iter(|places| {
+                let is_cancelled = self.progress.is_cancelled();
                 let mut hint = 0;
                 places.iter().map(move |&place| {
-                    let near = self.field.near(place, hint);
+                    let near = if is_cancelled {
+                        self.field.near_of(place, 0)
+                    } else {
+                        self.field.near(place, hint)
+                    };
                     hint = near.triangle;
                     near
                 })

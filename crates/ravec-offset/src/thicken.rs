@@ -54,27 +54,40 @@ pub(crate) fn thicken(
         ..params.clone()
     };
     check_tolerance(&checked, &mesh.bounds())?;
+    progress.check()?;
     let sheet = cleaned(mesh, params.distance < 0.0);
     if sheet.triangles().is_empty() {
         let triangles = mesh.triangles().len() as u64;
         return Err(OffsetError::NoArea { triangles });
     }
+    progress.check()?;
     let adjacency = Adjacency::new(&sheet);
+    progress.check()?;
     if let Some(place) = one_sided(&sheet, &adjacency) {
         return Err(OffsetError::OneSided { place });
     }
+    progress.check()?;
     let thickener = Thickener {
         adjacency,
         sheet: &sheet,
         height,
         params: &checked,
     };
-    if thickener.is_clean(progress)?
-        && let Some(kept) = thickener.around_sheet(progress)?
-    {
-        return Ok(kept);
+    if thickener.is_clean(progress)? {
+        match thickener.around_sheet(progress) {
+            Ok(Some(kept)) => return Ok(kept),
+            // without the sheet as a skin there is more of the tolerance left
+            Ok(None) | Err(OffsetError::TooRough { .. }) => {}
+            Err(error) => return Err(error),
+        }
     }
-    let (mut offset, _) = thickener.around([0.0, height], OFF, progress)?;
+    let around = thickener.around([0.0, height], OFF, progress);
+    let (mut offset, _) = around.map_err(|error| match error {
+        OffsetError::TooRough { .. } => OffsetError::TooRough {
+            tolerance: params.tolerance,
+        },
+        other => other,
+    })?;
     offset.report.sheet_kept = Some(false);
     Ok(offset)
 }
@@ -95,7 +108,7 @@ impl Thickener<'_> {
         off: f64,
         progress: &Progress,
     ) -> Result<(Offset, slab::Slab), OffsetError> {
-        let slab = self.slab(heights);
+        let slab = self.slab(heights, progress)?;
         let inner = OffsetParams {
             distance: 0.0,
             tolerance: off * self.params.tolerance,
@@ -105,10 +118,10 @@ impl Thickener<'_> {
         Ok((surface(&slab.polyhedra, &inner, true, progress)?, slab))
     }
 
-    fn slab(&self, heights: [f64; 2]) -> slab::Slab {
+    fn slab(&self, heights: [f64; 2], progress: &Progress) -> Result<slab::Slab, Cancelled> {
         let slack = SLACK * self.params.tolerance;
-        let directed = Directed::new(self.sheet, &self.adjacency, heights[1], slack);
-        slab::slab(&directed, heights, slack)
+        let directed = Directed::new(self.sheet, &self.adjacency, heights[1], slack, progress)?;
+        slab::slab(&directed, heights, slack, progress)
     }
 
     /// Whether the sheet can be a skin as it is.
@@ -131,8 +144,9 @@ impl Thickener<'_> {
         let parts = self.adjacency.patches(self.sheet).count as usize;
         let mut is_upper = skins::upper(surface, &slab, OFF_LIFTED * tolerance, parts, progress)?;
         let around = Adjacency::new(surface);
-        let whole = Bvh::new(&self.slab([0.0, self.height]).polyhedra);
-        let near_whole = Field::new(&whole, false, tolerance);
+        let whole = self.slab([0.0, self.height], progress)?.polyhedra;
+        let whole = Bvh::try_new(&whole, progress)?;
+        let near_whole = Field::new(&whole, false, tolerance, progress)?;
         let mut round = 0;
         let mesh = loop {
             let reach = 2.0 * OFF_LIFTED * tolerance;
@@ -140,7 +154,8 @@ impl Thickener<'_> {
                 return Ok(None);
             };
             let mesh = &sewn.mesh;
-            let pairs = self_intersections(&Bvh::new(mesh), usize::MAX, progress)?.pairs;
+            let bvh = Bvh::try_new(mesh, progress)?;
+            let pairs = self_intersections(&bvh, usize::MAX, progress)?.pairs;
             let is_loose = |t: &u32| {
                 let corners = mesh.corners(*t);
                 !keeps_distance(&near_whole, corners, [0.0, tolerance], [0; 3])
@@ -149,7 +164,7 @@ impl Thickener<'_> {
             let meeting = pairs.iter().flat_map(|pair| [pair.first, pair.second]);
             let bad: Vec<u32> = loose.chain(meeting).collect();
             if bad.is_empty() {
-                break compact(mesh.positions(), mesh.triangles());
+                break compact(mesh.positions(), mesh.triangles(), progress)?;
             }
             // move the cut away from there, into the lower skin
             let first = self.sheet.positions().len() as u32;

@@ -9,11 +9,15 @@
 
 use glam::DVec3;
 use ravec_octree::{CellKey, Corner};
+use ravec_progress::{Cancelled, Progress};
 use rustc_hash::{FxHashMap, FxHashSet};
 
 /// How often a reach is widened by the leaves around its edges on which the surface lies. Polygons of a tile have corners in
 /// leaves that are reached at once; triangles that may meet them near a crowded leaf have theirs up to two leaves farther.
 pub(crate) const RINGS: usize = 3;
+
+/// So many triangles are put in place in a few milliseconds.
+pub(crate) const TRIANGLES_AT_ONCE: u32 = 1 << 15;
 
 /// A box of the lattice, with its border.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -127,12 +131,18 @@ pub(crate) struct Assembled {
 }
 
 /// Puts patches together, in their order: that of the curve through their cells.
-pub(crate) fn assemble<'a>(patches: impl Iterator<Item = &'a Patch>) -> Assembled {
+pub(crate) fn assemble<'a>(
+    patches: impl Iterator<Item = &'a Patch>,
+    progress: &Progress,
+) -> Result<Assembled, Cancelled> {
     let mut whole = Assembled::default();
     let mut number_of: FxHashMap<VertexName, u32> = FxHashMap::default();
     for (tile, patch) in (0u32..).zip(patches) {
         let mut numbers = vec![u32::MAX; patch.positions.len()];
         for (t, triangle) in (0u32..).zip(&patch.triangles) {
+            if t.is_multiple_of(TRIANGLES_AT_ONCE) {
+                progress.check()?;
+            }
             let triangle = triangle.map(|v| {
                 let number = &mut numbers[v as usize];
                 if *number == u32::MAX {
@@ -148,15 +158,22 @@ pub(crate) fn assemble<'a>(patches: impl Iterator<Item = &'a Patch>) -> Assemble
             whole.origin.push([tile, t]);
         }
     }
-    whole
+    Ok(whole)
 }
 
 impl Assembled {
     /// Only some of the triangles.
-    pub fn retain(self, keep: impl Fn(usize) -> bool) -> Self {
+    pub fn retain(
+        self,
+        keep: impl Fn(usize) -> bool,
+        progress: &Progress,
+    ) -> Result<Self, Cancelled> {
         let mut numbers = vec![u32::MAX; self.positions.len()];
         let mut kept = Self::default();
         for (t, (triangle, origin)) in self.triangles.into_iter().zip(self.origin).enumerate() {
+            if t.is_multiple_of(TRIANGLES_AT_ONCE as usize) {
+                progress.check()?;
+            }
             if !keep(t) {
                 continue;
             }
@@ -170,6 +187,6 @@ impl Assembled {
             }));
             kept.origin.push(origin);
         }
-        kept
+        Ok(kept)
     }
 }

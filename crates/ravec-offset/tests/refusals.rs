@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use ravec_mesh::TriMesh;
-use ravec_offset::{OffsetError, OffsetParams, Side, offset};
+use ravec_offset::{OffsetError, OffsetParams, OpenRule, Side, offset};
 use ravec_progress::{Cancelled, Progress};
 use ravec_scenes::solids::{cuboid, icosphere, sheet, torus};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -219,6 +219,41 @@ fn work_that_is_cancelled_in_any_phase_begins_no_other() {
         ended += 1;
     }
     assert!(ended > 10, "{ended}");
+}
+
+/// Every step over a whole mesh looks whether it is still wanted; here each look in turn, or nearly, is told that it is not.
+#[test]
+fn work_that_is_cancelled_at_any_look_ends_with_that() {
+    let solid = torus(1.0, 0.4, 16, 10).mesh;
+    let tent = vec![
+        DVec3::new(0.0, 0.0, 0.0),
+        DVec3::new(1.0, 0.0, 0.0),
+        DVec3::new(1.0, 1.0, 0.0),
+        DVec3::new(0.0, 1.0, 0.0),
+        DVec3::new(0.5, 0.5, 0.4),
+    ];
+    let tent = TriMesh::new(tent, vec![[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]).unwrap();
+    let simplified = |side| OffsetParams {
+        simplify: true,
+        ..params(0.2, 0.05, side)
+    };
+    let thickened = OffsetParams {
+        open: OpenRule::Thicken,
+        ..simplified(Side::Both)
+    };
+    for (mesh, asked) in [
+        (&solid, simplified(Side::Outer)),
+        (&solid, simplified(Side::Shell)),
+        (&tent, thickened),
+    ] {
+        let (mut look, mut ended) = (1_u64, 0);
+        while let Err(error) = offset(mesh, &asked, &Progress::cancelled_at(look)) {
+            assert_eq!(error, OffsetError::Cancelled(Cancelled), "look {look}");
+            ended += 1;
+            look += look.div_ceil(3);
+        }
+        assert!(ended > 20, "{ended}");
+    }
 }
 
 /// Can only fail by taking much longer than all other tests together: the whole work is minutes long.

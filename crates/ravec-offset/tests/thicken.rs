@@ -97,6 +97,7 @@ fn sound(sheet: &TriMesh, params: &OffsetParams) -> Offset {
         .filter(|&v| adjacency.triangles_at(v).len() > 1)
         .map(|v| sheet.positions()[v as usize])
         .collect();
+    let saddles = saddles(sheet, &adjacency);
     let nearest = |p: DVec3, triangles: &mut dyn Iterator<Item = [DVec3; 3]>| {
         let distances = triangles.map(|corners| distance_sq_to_triangle(p, corners));
         distances.fold(f64::INFINITY, f64::min).sqrt()
@@ -112,13 +113,40 @@ fn sound(sheet: &TriMesh, params: &OffsetParams) -> Offset {
                 let corners = rim.iter().map(|corner| p.distance(*corner));
                 distance < height && corners.fold(f64::INFINITY, f64::min) <= 1.5 * height
             };
+            let is_at_saddle = || {
+                let mut reach = saddles.iter().map(|v| p.distance(*v));
+                distance < height && reach.any(|reach| reach <= height + tolerance)
+            };
             assert!(
-                is_on_skin || is_on_wall() || is_at_corner(),
+                is_on_skin || is_on_wall() || is_at_corner() || is_at_saddle(),
                 "{p} is {distance} away"
             );
         }
     }
     found
+}
+
+/// The vertices around which hinges open as well as close: the sphere above them need not be whole.
+fn saddles(sheet: &TriMesh, adjacency: &Adjacency) -> Vec<DVec3> {
+    let mut bends = vec![[false; 2]; sheet.positions().len()];
+    for (edge, ends) in (0_u32..).zip(adjacency.edges()) {
+        let [one, other] = adjacency.uses(edge) else {
+            continue;
+        };
+        let [a, b, c] = sheet.corners(one.triangle);
+        let beyond = sheet.triangles()[other.triangle as usize];
+        let apex = beyond.into_iter().find(|v| !ends.contains(v)).unwrap();
+        let height = (b - a)
+            .cross(c - a)
+            .dot(sheet.positions()[apex as usize] - a);
+        for &v in ends {
+            bends[v as usize][usize::from(height > 0.0)] |= height != 0.0;
+        }
+    }
+    let both = bends.iter().zip(sheet.positions());
+    both.filter(|(bends, _)| **bends == [true; 2])
+        .map(|(_, &p)| p)
+        .collect()
 }
 
 /// As [`sound`], for a sheet that must be a skin of the result, turned, vertex by vertex and triangle by triangle.

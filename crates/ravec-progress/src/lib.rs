@@ -61,6 +61,8 @@ type Sink = dyn Fn(Update) + Send + Sync;
 struct Shared {
     cancelled: AtomicBool,
     sink: Option<Box<Sink>>,
+    /// How many looks at the cancellation are left until it comes by itself.
+    looks_left: Option<AtomicU64>,
 }
 
 /// Where long work reports to, and where it learns that it is no longer wanted. Clones are handles of the same thing.
@@ -88,8 +90,26 @@ impl Progress {
     pub fn new(sink: impl Fn(Update) + Send + Sync + 'static) -> Self {
         Self {
             shared: Arc::new(Shared {
-                cancelled: AtomicBool::new(false),
                 sink: Some(Box::new(sink)),
+                ..Shared::default()
+            }),
+        }
+    }
+
+    /// A progress that cancels itself when it is asked for the `look`-th time (from 1) whether it is cancelled: to test that
+    /// work stops wherever it is interrupted, without a clock.
+    ///
+    /// ```
+    /// # use ravec_progress::{Cancelled, Progress};
+    /// let progress = Progress::cancelled_at(2);
+    /// assert_eq!(progress.check(), Ok(()));
+    /// assert_eq!(progress.check(), Err(Cancelled));
+    /// ```
+    pub fn cancelled_at(look: u64) -> Self {
+        Self {
+            shared: Arc::new(Shared {
+                looks_left: Some(AtomicU64::new(look)),
+                ..Shared::default()
             }),
         }
     }
@@ -101,6 +121,11 @@ impl Progress {
 
     /// Whether [`cancel`](Self::cancel) was called on this progress or a clone of it.
     pub fn is_cancelled(&self) -> bool {
+        if let Some(left) = &self.shared.looks_left
+            && left.fetch_sub(1, Ordering::Relaxed) == 1
+        {
+            self.cancel();
+        }
         self.shared.cancelled.load(Ordering::Relaxed)
     }
 
@@ -201,6 +226,13 @@ mod tests {
             seen.iter()
                 .all(|update| update.total == 1 && update.done <= 1)
         );
+    }
+
+    #[test]
+    fn a_cancellation_that_comes_by_itself_comes_at_its_look_and_stays() {
+        let progress = Progress::cancelled_at(3);
+        let looks: Vec<bool> = (0..5).map(|_| progress.is_cancelled()).collect();
+        assert_eq!(looks, [false, false, true, true, true]);
     }
 
     #[test]

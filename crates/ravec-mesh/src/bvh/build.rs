@@ -7,6 +7,7 @@
 //! only on the mesh: large ranges are built in parallel and put together in order.
 
 use glam::DVec3;
+use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
 
 use super::frame::{Frame, LocalBox};
@@ -88,15 +89,18 @@ impl LocalBox {
 
 /// The nodes over `prims`, root first; `prims` are put in the order of the leaves.
 ///
+/// # Errors
+/// [`Cancelled`] soon after `progress` is cancelled.
+///
 /// # Panics
 /// If there are more than [`MOST_NODES`].
-pub(super) fn nodes(prims: &mut [Prim]) -> Vec<Node> {
+pub(super) fn nodes(prims: &mut [Prim], progress: &Progress) -> Result<Vec<Node>, Cancelled> {
     let mut nodes = Vec::new();
     if !prims.is_empty() {
-        build(prims, 0, 0, &mut nodes);
+        build(prims, 0, 0, &mut nodes, progress)?;
     }
     assert!(nodes.len() <= MOST_NODES, "too many triangles");
-    nodes
+    Ok(nodes)
 }
 
 /// A part of a range on its way to becoming a child.
@@ -106,7 +110,13 @@ struct Part<'a> {
 }
 
 /// Appends the node over `prims`, which start at slot `first`, and all nodes below it.
-fn build(prims: &mut [Prim], first: usize, depth: usize, nodes: &mut Vec<Node>) {
+fn build(
+    prims: &mut [Prim],
+    first: usize,
+    depth: usize,
+    nodes: &mut Vec<Node>,
+    progress: &Progress,
+) -> Result<(), Cancelled> {
     let at = nodes.len();
     nodes.push(Node::EMPTY);
     let parallel = prims.len() >= PARALLEL;
@@ -115,7 +125,7 @@ fn build(prims: &mut [Prim], first: usize, depth: usize, nodes: &mut Vec<Node>) 
         cut_into_leaves(prims, WIDTH, &mut parts);
         parts
     } else {
-        cut_in_eight(prims, depth)
+        cut_in_eight(prims, depth, progress)?
     };
     let firsts: Vec<usize> = parts
         .iter()
@@ -136,11 +146,11 @@ fn build(prims: &mut [Prim], first: usize, depth: usize, nodes: &mut Vec<Node>) 
             .map(|(part, &first)| {
                 let mut subtree = Vec::new();
                 if part.prims.len() > LEAF {
-                    build(part.prims, first, depth + 1, &mut subtree);
+                    build(part.prims, first, depth + 1, &mut subtree, progress)?;
                 }
-                subtree
+                Ok(subtree)
             })
-            .collect();
+            .collect::<Result<_, Cancelled>>()?;
         for ((mut subtree, (bounds, count)), &first) in
             subtrees.into_iter().zip(bounds).zip(&firsts)
         {
@@ -158,11 +168,12 @@ fn build(prims: &mut [Prim], first: usize, depth: usize, nodes: &mut Vec<Node>) 
                 child(nodes.len() as u32, first, part.prims.len()),
             );
             if part.prims.len() > LEAF {
-                build(part.prims, first, depth + 1, nodes);
+                build(part.prims, first, depth + 1, nodes, progress)?;
             }
         }
     }
     nodes[at] = node;
+    Ok(())
 }
 
 fn child(node: u32, first: usize, count: usize) -> Child {
@@ -177,10 +188,15 @@ fn child(node: u32, first: usize, count: usize) -> Child {
 }
 
 /// At most eight parts of a range, in order, none of them empty.
-fn cut_in_eight(prims: &mut [Prim], depth: usize) -> Vec<Part<'_>> {
+fn cut_in_eight<'a>(
+    prims: &'a mut [Prim],
+    depth: usize,
+    progress: &Progress,
+) -> Result<Vec<Part<'a>>, Cancelled> {
     let bounds = LocalBox::around_all(prims);
     let mut parts = vec![Part { prims, bounds }];
     while parts.len() < WIDTH {
+        progress.check()?;
         // The part that is the most likely to be looked into; the first of equals.
         let worth = |part: &Part<'_>| match part.prims.len() {
             0..=BOTTOM => -1.0,
@@ -209,7 +225,7 @@ fn cut_in_eight(prims: &mut [Prim], depth: usize) -> Vec<Part<'_>> {
             parts.insert(best.0 + offset, Part { prims, bounds });
         }
     }
-    parts
+    Ok(parts)
 }
 
 /// Appends `lanes` parts of a range that are leaves, in order, or one for each triangle if there are fewer. All triangles

@@ -22,6 +22,7 @@
 use std::ops::Range;
 
 use glam::DVec3;
+use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
 
 use super::frame::{Frame, LocalBox};
@@ -185,13 +186,22 @@ impl Turn {
 }
 
 /// The turned twins of `nodes`, whose leaves hold `corners` by slot.
-pub(super) fn turned(nodes: &[Node], frame: &Frame, corners: &[[DVec3; 3]]) -> Vec<TurnedNode> {
+///
+/// # Errors
+/// [`Cancelled`] soon after `progress` is cancelled.
+pub(super) fn turned(
+    nodes: &[Node],
+    frame: &Frame,
+    corners: &[[DVec3; 3]],
+    progress: &Progress,
+) -> Result<Vec<TurnedNode>, Cancelled> {
     let slots = slots(nodes);
     (nodes, &slots)
         .into_par_iter()
         .map_init(Vec::new, |triangles, (node, below)| {
+            progress.check()?;
             if below.len() > FLAT {
-                return TurnedNode::straight(node);
+                return Ok(TurnedNode::straight(node));
             }
             triangles.clear();
             let corners = &corners[below.start as usize..below.end as usize];
@@ -208,7 +218,7 @@ pub(super) fn turned(nodes: &[Node], frame: &Frame, corners: &[[DVec3; 3]]) -> V
                     0..0
                 }
             });
-            TurnedNode::fitted(node, triangles, &ranges[..node.len()])
+            Ok(TurnedNode::fitted(node, triangles, &ranges[..node.len()]))
         })
         .collect()
 }

@@ -22,6 +22,7 @@
 use std::f64::consts::PI;
 
 use glam::DVec3;
+use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
 
 use super::Bvh;
@@ -67,12 +68,24 @@ impl<'a> WindingNumbers<'a> {
     pub const BETA: f64 = 2.0;
 
     /// The moments of all nodes, computed in the caller's thread pool.
+    #[expect(clippy::missing_panics_doc, reason = "nobody can cancel it")]
     pub fn new(bvh: &'a Bvh) -> Self {
+        Self::try_new(bvh, &Progress::none()).expect("nobody can cancel it")
+    }
+
+    /// As [`Self::new`], for meshes of which that takes more than a moment.
+    ///
+    /// # Errors
+    /// [`Cancelled`] soon after `progress` is cancelled.
+    pub fn try_new(bvh: &'a Bvh, progress: &Progress) -> Result<Self, Cancelled> {
         let moments = slots(&bvh.nodes)
             .into_par_iter()
-            .map(|below| Moments::of(&bvh.corners[below.start as usize..below.end as usize]))
-            .collect();
-        Self { bvh, moments }
+            .map(|below| {
+                let triangles = &bvh.corners[below.start as usize..below.end as usize];
+                Moments::of(triangles, progress)
+            })
+            .collect::<Result<_, Cancelled>>()?;
+        Ok(Self { bvh, moments })
     }
 
     /// The winding number around `p` with a `beta` of [`Self::BETA`].
@@ -134,6 +147,9 @@ impl<'a> WindingNumbers<'a> {
     }
 }
 
+/// So many triangles take about a millisecond.
+const AT_ONCE: usize = 1 << 14;
+
 /// The moments of triangles about their middle: of the normal n and the offset d, integrated over the area.
 #[derive(Debug, Clone, Copy)]
 struct Moments {
@@ -150,7 +166,8 @@ struct Moments {
 }
 
 impl Moments {
-    fn of(triangles: &[[DVec3; 3]]) -> Self {
+    fn of(triangles: &[[DVec3; 3]], progress: &Progress) -> Result<Self, Cancelled> {
+        progress.check()?;
         let mut area = 0.0;
         let mut center = DVec3::ZERO;
         for [a, b, c] in triangles {
@@ -167,7 +184,10 @@ impl Moments {
         let mut first = DVec3::ZERO;
         let mut second = [[0.0; 3]; 3];
         let mut third = [[[0.0; 3]; 3]; 3];
-        for corners in triangles {
+        for (i, corners) in triangles.iter().enumerate() {
+            if i % AT_ONCE == AT_ONCE - 1 {
+                progress.check()?;
+            }
             let corners = corners.map(|corner| corner - center);
             let [a, b, c] = corners;
             let farthest = corners.map(DVec3::length_squared);
@@ -188,13 +208,13 @@ impl Moments {
                 }
             }
         }
-        Self {
+        Ok(Self {
             center,
             radius_sq,
             first,
             second: second_harmonic(&second),
             third: third_harmonic(&third),
-        }
+        })
     }
 
     /// The solid angle as seen from afar; `offset` leads from there to the center.

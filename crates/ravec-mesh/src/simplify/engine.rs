@@ -7,11 +7,11 @@ use rayon::prelude::*;
 use super::deviation::{Deviation, Sample, samples};
 use super::examine::{Examiner, Freedom, Limits, Plan, Veto, freedom};
 use super::judge::CollapseJudge;
-use super::octree::LooseOctree;
 use super::quadric::Quadric;
 use super::queue::{Entry, Queue};
 use super::surface::{GONE, Surface};
 use super::{Keep, Simplified, SimplifyError, SimplifyParams, SimplifyReport};
+use crate::loose_octree::LooseOctree;
 use crate::{Aabb, Adjacency, Bvh, TriMesh};
 
 /// The share of the squared length of an edge that is added to its cost, for the area it stands for.

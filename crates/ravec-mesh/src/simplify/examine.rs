@@ -4,9 +4,9 @@ use glam::DVec3;
 
 use super::deviation::Deviation;
 use super::judge::CollapseCandidate;
-use super::octree::LooseOctree;
 use super::surface::{Class, Surface};
 use super::{SimplifyParams, Vetoes};
+use crate::loose_octree::LooseOctree;
 use crate::{Aabb, TriTri, intersection};
 
 /// Two vertices that are to become one.

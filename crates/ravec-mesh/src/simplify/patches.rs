@@ -58,11 +58,17 @@ pub fn simplify_patches(
     }
     progress.check()?;
     let limited = params.max_error < f64::INFINITY;
-    let original = (limited && params.both_ways).then(|| Bvh::new(mesh));
+    let original = if limited && params.both_ways {
+        Some(Bvh::try_new(mesh, progress)?)
+    } else {
+        None
+    };
     let known = limited.then(|| samples(mesh, &adjacency));
+    progress.check()?;
     let mut features = creases(mesh, &adjacency, params.feature_angle_rad);
     features.extend(keep.features);
     drop(adjacency);
+    progress.check()?;
     let mut fixed = vec![false; mesh.positions().len()];
     for &v in keep.vertices {
         fixed[v as usize] = true;
@@ -87,7 +93,9 @@ pub fn simplify_patches(
         samples: known.unwrap_or_default(),
         report: SimplifyReport::default(),
     };
+    progress.check()?;
     let groups = cut(mesh);
+    progress.check()?;
     let free = if groups.len() > 1 {
         Some(task.simplify_apart(&mut assembly, &groups)?)
     } else {
@@ -140,6 +148,7 @@ impl<O: Overseer> Task<'_, O> {
         groups: &[Vec<u32>],
     ) -> Result<Vec<bool>, SimplifyError> {
         let (patch_of, held) = self.borders(groups);
+        self.progress.check()?;
         let mut samples_of = vec![Vec::new(); groups.len()];
         for sample in assembly.samples.drain(..) {
             samples_of[patch_of[sample.triangle as usize] as usize].push(sample);
@@ -149,6 +158,7 @@ impl<O: Overseer> Task<'_, O> {
             .par_iter()
             .zip(samples_of)
             .map(|(group, samples)| {
+                self.progress.check()?;
                 let part = Part::new(self.mesh, shared.now(), group.iter().copied());
                 let is_kept = |v: u32| held[v as usize] || self.fixed[v as usize];
                 let named = (0_u32..).zip(&part.vertices);
@@ -166,9 +176,11 @@ impl<O: Overseer> Task<'_, O> {
             })
             .collect::<Result<_, SimplifyError>>()?;
         for (part, leftover) in found {
+            self.progress.check()?;
             assembly.take(&part, leftover);
         }
         assembly.resolve();
+        self.progress.check()?;
         Ok(held)
     }
 
@@ -183,6 +195,8 @@ impl<O: Overseer> Task<'_, O> {
         for sample in &mut samples {
             sample.triangle = names[&sample.triangle];
         }
+        drop(names);
+        self.progress.check()?;
         let start = Start {
             mesh: &part.mesh,
             params: &self.params,
@@ -192,6 +206,7 @@ impl<O: Overseer> Task<'_, O> {
             original: self.original,
         };
         let judge = self.overseer.judge(&part.mesh, work.trust);
+        self.progress.check()?;
         let mut engine = Engine::new(start, judge, self.progress)?;
         engine.run(&self.phase, self.progress)?;
         Ok(engine.take_apart())
@@ -206,6 +221,7 @@ impl<O: Overseer> Task<'_, O> {
         loop {
             self.progress.check()?;
             let part = Part::new(self.mesh, assembly.now(), all.clone());
+            self.progress.check()?;
             let faults = self.faults(&part, suspects.as_deref(), &restored)?;
             // whole clusters are restored
             let mut chosen = vec![false; merged.len()];
@@ -252,6 +268,7 @@ impl<O: Overseer> Task<'_, O> {
                 suspects.is_none_or(|suspects| names.any(|v| suspects[v as usize]))
             })
             .collect();
+        self.progress.check()?;
         let mut bad = self.overseer.faults(&part.mesh, &suspicious);
         self.progress.check()?;
         if suspects.is_some() {
@@ -265,7 +282,7 @@ impl<O: Overseer> Task<'_, O> {
             }
         }
         if self.params.avoid_intersections {
-            let bvh = Bvh::new(&part.mesh);
+            let bvh = Bvh::try_new(&part.mesh, self.progress)?;
             let pairs = Mutex::new(Vec::new());
             for_each_self_intersection(&bvh, self.progress, |pair| {
                 if let Ok(mut pairs) = pairs.lock() {
@@ -286,6 +303,7 @@ impl<O: Overseer> Task<'_, O> {
     ) -> Result<(), SimplifyError> {
         let all = 0..self.mesh.triangles().len() as u32;
         let part = Part::new(self.mesh, assembly.now(), all);
+        self.progress.check()?;
         let free = free.map(|free| {
             let mut here: Vec<bool> = part.vertices.iter().map(|&v| free[v as usize]).collect();
             grow(&mut here, &part.mesh, RINGS);
@@ -298,6 +316,7 @@ impl<O: Overseer> Task<'_, O> {
             })
             .map(|(name, _)| name)
             .collect();
+        self.progress.check()?;
         let work = Work {
             keep: Keep {
                 features: &part.features(&self.features, &assembly.merged_into),

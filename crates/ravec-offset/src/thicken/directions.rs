@@ -4,11 +4,13 @@
 //! part has its own direction, and what opens between them is filled by `slab`. So a fine scan needs one prism for each
 //! triangle and nothing between them.
 //!
-//! Guarantees: where corners share a direction, the moved triangle keeps its height above the old one within the slack, and
-//! nowhere does a triangle turn over on its way.
+//! Guarantees: where corners share a direction, the moved triangle keeps its height above the old one within the slack; on
+//! the boundary they share one only if it leans by less than half of the tolerance; nowhere does a triangle turn over on its
+//! way.
 
 use glam::{DMat3, DVec3};
 use ravec_mesh::{Adjacency, TriMesh};
+use ravec_progress::{Cancelled, Progress};
 
 /// The share of its area, seen along the normal, that a triangle must keep on its way: less means it is about to turn over.
 const LEAST_AREA: f64 = 0.1;
@@ -16,6 +18,9 @@ const LEAST_AREA: f64 = 0.1;
 /// How strongly miters are drawn to the mean normal, and how long they may get.
 const MITER_DAMPING: f64 = 1e-4;
 const LONGEST_MITER: f64 = 3.0;
+
+/// How far walls over the boundary may lean at their top, in slacks: less than half of the tolerance.
+const MOST_LEAN: f64 = 4.0;
 
 /// Openings below this, sines of angles, are none.
 const LEAST_OPENING: f64 = 1e-9;
@@ -41,7 +46,13 @@ pub(super) struct Hinge {
 
 impl<'a> Directed<'a> {
     /// The directions for moves by up to `height`, off by `slack` at most; no triangle may be without area.
-    pub fn new(sheet: &'a TriMesh, adjacency: &'a Adjacency, height: f64, slack: f64) -> Self {
+    pub fn new(
+        sheet: &'a TriMesh,
+        adjacency: &'a Adjacency,
+        height: f64,
+        slack: f64,
+        progress: &Progress,
+    ) -> Result<Self, Cancelled> {
         let normal = |t: u32| {
             let [a, b, c] = sheet.corners(t);
             (b - a).cross(c - a).normalize_or_zero()
@@ -55,16 +66,35 @@ impl<'a> Directed<'a> {
             normals,
         };
         directed.of_vertex = (0..sheet.positions().len() as u32)
-            .map(|v| directed.miter(v))
-            .collect();
+            .map(|v| {
+                progress.check()?;
+                Ok(directed.miter(v))
+            })
+            .collect::<Result<_, Cancelled>>()?;
         // of a direction scaled for the middle of its heights, these are off by (1 - c) / (1 + c)
         let share = (slack / height).min(0.2);
         let least_cosine = (1.0 - share) / (1.0 + share);
-        for v in 0..sheet.positions().len() as u32 {
+        let lean = (MOST_LEAN * slack / height).min(1.0);
+        let upright_cosine = (1.0 - lean * lean).sqrt().max(least_cosine);
+        let mut is_border = vec![false; sheet.positions().len()];
+        for (edge, ends) in (0_u32..).zip(adjacency.edges()) {
+            if adjacency.uses(edge).len() == 1 {
+                for &v in ends {
+                    is_border[v as usize] = true;
+                }
+            }
+        }
+        for (v, is_border) in (0_u32..).zip(is_border) {
+            progress.check()?;
+            let least_cosine = if is_border {
+                upright_cosine
+            } else {
+                least_cosine
+            };
             directed.smooth(v, least_cosine);
         }
-        directed.sharpen(height);
-        directed
+        directed.sharpen(height, progress)?;
+        Ok(directed)
     }
 
     /// The direction of a triangle at one of its vertices.
@@ -213,14 +243,16 @@ impl<'a> Directed<'a> {
     }
 
     /// Takes directions apart where a triangle would turn over, or a hinge open at one end and close at the other.
-    fn sharpen(&mut self, height: f64) {
+    fn sharpen(&mut self, height: f64, progress: &Progress) -> Result<(), Cancelled> {
         loop {
+            progress.check()?;
             let mut bad: Vec<u32> = Vec::new();
             for t in 0..self.normals.len() as u32 {
                 if !self.keeps_its_side(t, height) {
                     bad.extend(self.sheet.triangles()[t as usize]);
                 }
             }
+            progress.check()?;
             for edge in 0..self.adjacency.edges().len() as u32 {
                 if let Some(hinge) = self.hinge(edge) {
                     let [a, b] = self.openings(hinge);
@@ -242,7 +274,7 @@ impl<'a> Directed<'a> {
                 }
             }
             if !changed {
-                return;
+                return Ok(());
             }
         }
     }

@@ -22,7 +22,7 @@ pub(super) fn upper(
     parts: usize,
     progress: &Progress,
 ) -> Result<Vec<bool>, Cancelled> {
-    let polyhedra = Bvh::new(&slab.polyhedra);
+    let polyhedra = Bvh::try_new(&slab.polyhedra, progress)?;
     let mut is_upper = (0..surface.triangles().len() as u32)
         .into_par_iter()
         .map(|t| {
@@ -44,9 +44,11 @@ pub(super) fn upper(
         .collect::<Result<Vec<bool>, Cancelled>>()?;
     let adjacency = Adjacency::new(surface);
     for side in [true, false] {
+        progress.check()?;
         give_up_islands(surface, &adjacency, &mut is_upper, side, parts);
     }
     for _ in 0..MOST_ROUNDS {
+        progress.check()?;
         let pinched: Vec<u32> = (0..surface.positions().len() as u32)
             .into_par_iter()
             .filter(|&v| changes_around(surface, &adjacency, &is_upper, v) > 2)

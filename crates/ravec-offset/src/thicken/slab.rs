@@ -12,6 +12,7 @@
 use super::directions::{Directed, Hinge};
 use glam::DVec3;
 use ravec_mesh::TriMesh;
+use ravec_progress::{Cancelled, Progress};
 use rustc_hash::FxHashMap;
 
 /// Below this angle in radians directions are taken for the same.
@@ -33,7 +34,12 @@ pub(super) struct Slab {
 }
 
 /// The polyhedra between two `heights` above a sheet; round parts fall short of the upper one by the slack at most.
-pub(super) fn slab(directed: &Directed<'_>, heights: [f64; 2], slack: f64) -> Slab {
+pub(super) fn slab(
+    directed: &Directed<'_>,
+    heights: [f64; 2],
+    slack: f64,
+    progress: &Progress,
+) -> Result<Slab, Cancelled> {
     let mut builder = Builder {
         directed,
         heights,
@@ -44,27 +50,31 @@ pub(super) fn slab(directed: &Directed<'_>, heights: [f64; 2], slack: f64) -> Sl
         turns: FxHashMap::default(),
     };
     for t in 0..directed.normals.len() as u32 {
+        progress.check()?;
         builder.caps(t);
     }
     for edge in 0..directed.adjacency.edges().len() as u32 {
+        progress.check()?;
         builder.edge(edge);
     }
     let mut turns: Vec<(u32, Vec<Turn>)> = builder.turns.drain().collect();
     turns.sort_unstable_by_key(|&(vertex, _)| vertex);
     for (vertex, turns) in turns {
+        progress.check()?;
         builder.vertex(vertex, &turns);
         builder.saddle(vertex);
     }
+    progress.check()?;
     let count = builder.positions.len() as u32 / 3;
     let triangles = (0..count).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
     let vertices = 0..directed.sheet.positions().len() as u32;
     let lifted = vertices.map(|v| builder.low(v)).collect();
-    Slab {
+    Ok(Slab {
         lifted,
         polyhedra: TriMesh::new(builder.positions, triangles)
             .expect("three corners each, all finite"),
         is_low: builder.is_low,
-    }
+    })
 }
 
 /// The directions along the end of a wedge, seen from outside of it from left to right.

@@ -39,7 +39,7 @@ pub(crate) fn show(
     page.figures(&studio.insides()?);
     page.figures(&studio.soup()?);
     page.paragraph(
-        "The surface comes from the cells of an octree. Colors show their size, from violet (large) to yellow (small): they \
+        "The surface comes from the cells of an octree. Colors show their size, from dark (large) to yellow (small): they \
          are small only where the surface is round; one cell is enough for a sharp corner.",
     );
     let figures = studio.cells(report)?;
@@ -245,8 +245,8 @@ impl Studio<'_> {
             let paint = Paint::VertexValues(Values {
                 values: &levels,
                 map: ColorMap::Sequential,
-                // one more, so that the smallest are not as bright as paper
-                range: Some([low, high + 1.0]),
+                // without the darkest colors, on which lines could not be seen
+                range: Some([low - 1.0, high]),
             });
             figures.push(drawn(&mesh, &paint, look, caption, self.progress)?);
         }

@@ -103,7 +103,7 @@ struct Address {
 
 /// Items, named by numbers, by their boxes.
 #[derive(Debug, Clone)]
-pub(super) struct LooseOctree {
+pub(crate) struct LooseOctree {
     min: DVec3,
     side: f64,
     nodes: Vec<Node>,

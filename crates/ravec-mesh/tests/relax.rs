@@ -1,0 +1,280 @@
+//! Relaxed meshes: what must stay, and what must become better.
+
+use glam::{DMat3, DVec3};
+use proptest::prelude::*;
+use ravec_mesh::{CheckParams, Facet, MeshCheck, RelaxJudge, TriMesh, check, relax};
+use ravec_progress::Progress;
+
+/// Where the roof of the tests has its ridge: between the vertices of its grid.
+const RIDGE: f64 = 0.47;
+const SLOPE: f64 = 0.2;
+
+fn roof_height(x: f64) -> f64 {
+    -SLOPE * (x - RIDGE).abs()
+}
+
+/// A unit square of `n` by `n` cells, bent to a roof whose ridge runs through the middle of cells.
+fn roof(n: u32) -> TriMesh {
+    let positions = (0..(n + 1) * (n + 1)).map(|k| {
+        let [x, y] = [k % (n + 1), k / (n + 1)].map(|i| f64::from(i) / f64::from(n));
+        DVec3::new(x, y, roof_height(x))
+    });
+    let cells = (0..n * (n + 1)).filter(|k| k % (n + 1) < n);
+    let triangles = cells.flat_map(|k| [[k, k + 1, k + n + 2], [k, k + n + 2, k + n + 1]]);
+    TriMesh::new(positions.collect(), triangles.collect()).unwrap()
+}
+
+/// A torus with radii 3 and 1, of `n` by `m` squares.
+fn torus(n: u32, m: u32) -> TriMesh {
+    let angle = |i: u32, n: u32| std::f64::consts::TAU * f64::from(i) / f64::from(n);
+    let positions = (0..n * m).map(|k| {
+        let ((s, c), (t, d)) = (angle(k / m, n).sin_cos(), angle(k % m, m).sin_cos());
+        DVec3::new((3.0 + d) * c, (3.0 + d) * s, t)
+    });
+    let at = |i: u32, j: u32| i % n * m + j % m;
+    let triangles = (0..n * m).flat_map(|k| {
+        let (i, j) = (k / m, k % m);
+        let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
+        [[a, b, c], [a, c, d]]
+    });
+    TriMesh::new(positions.collect(), triangles.collect()).unwrap()
+}
+
+fn normal([a, b, c]: [DVec3; 3]) -> DVec3 {
+    (b - a).cross(c - a)
+}
+
+fn middle([a, b, c]: [DVec3; 3]) -> DVec3 {
+    (a + b + c) / 3.0
+}
+
+/// Wants facets to lie in the two planes of the roof.
+struct Roofer;
+
+impl Roofer {
+    fn truth(x: f64) -> DVec3 {
+        DVec3::new(SLOPE * (x - RIDGE).signum(), 0.0, 1.0).normalize()
+    }
+}
+
+impl RelaxJudge for Roofer {
+    type Look = f64;
+
+    fn look(&self, corners: [DVec3; 3], _: Option<&f64>) -> f64 {
+        let normal = normal(corners);
+        let off = normal.angle_between(Self::truth(middle(corners).x));
+        if off > 1e-6 {
+            off * normal.length()
+        } else {
+            0.0
+        }
+    }
+
+    fn fault(&self, look: &f64) -> f64 {
+        *look
+    }
+
+    fn place(&self, of: u32, around: &[Facet<Self::Look>]) -> Option<DVec3> {
+        let Facet { names, corners, .. } = around[0];
+        let v = corners[names.iter().position(|&name| name == of).unwrap()];
+        let (mut matrix, mut right) = (DMat3::from_diagonal(DVec3::splat(1e-6)), DVec3::ZERO);
+        for &Facet { corners, .. } in around {
+            let m = middle(corners);
+            let n = Self::truth(m.x);
+            let on_plane = DVec3::new(m.x, m.y, roof_height(m.x));
+            matrix += DMat3::from_cols(n.x * n, n.y * n, n.z * n);
+            right += n.dot(on_plane - v) * n;
+        }
+        Some(v + matrix.inverse() * right)
+    }
+
+    fn admits(&self, _: &[Facet<Self::Look>]) -> bool {
+        true
+    }
+}
+
+/// Wants the sides of a tent to face the front and the back, none the left or the right.
+struct Tent;
+
+impl RelaxJudge for Tent {
+    type Look = f64;
+
+    fn look(&self, corners: [DVec3; 3], _: Option<&f64>) -> f64 {
+        normal(corners).normalize().x.abs()
+    }
+    fn fault(&self, look: &f64) -> f64 {
+        *look
+    }
+
+    fn place(&self, _: u32, _: &[Facet<Self::Look>]) -> Option<DVec3> {
+        None
+    }
+    fn admits(&self, _: &[Facet<Self::Look>]) -> bool {
+        true
+    }
+}
+
+/// Wants what [`Roofer`] wants, and admits nothing.
+struct Stubborn;
+
+impl RelaxJudge for Stubborn {
+    type Look = f64;
+
+    fn look(&self, corners: [DVec3; 3], like: Option<&f64>) -> f64 {
+        Roofer.look(corners, like)
+    }
+    fn fault(&self, look: &f64) -> f64 {
+        *look
+    }
+
+    fn place(&self, of: u32, around: &[Facet<Self::Look>]) -> Option<DVec3> {
+        Roofer.place(of, around)
+    }
+    fn admits(&self, _: &[Facet<Self::Look>]) -> bool {
+        false
+    }
+}
+
+/// Finds no fault.
+struct Content;
+
+impl RelaxJudge for Content {
+    type Look = f64;
+
+    fn look(&self, _: [DVec3; 3], _: Option<&f64>) -> f64 {
+        0.0
+    }
+    fn fault(&self, look: &f64) -> f64 {
+        *look
+    }
+
+    fn place(&self, _: u32, _: &[Facet<Self::Look>]) -> Option<DVec3> {
+        unreachable!("nothing is wrong")
+    }
+    fn admits(&self, _: &[Facet<Self::Look>]) -> bool {
+        unreachable!("nothing is wrong")
+    }
+}
+
+fn checked(mesh: &TriMesh) -> MeshCheck {
+    check(mesh, &CheckParams::default(), &Progress::none()).unwrap()
+}
+
+#[test]
+fn a_crease_between_vertices_is_found_by_moves_and_flips() {
+    let mesh = roof(12);
+    let relaxed = relax(&mesh, &Roofer, &Progress::none()).unwrap();
+    // what is left lies at the two ends of the ridge, where vertices of the boundary stay
+    assert!(
+        relaxed.faults[1] < 0.25 * relaxed.faults[0],
+        "{:?}",
+        relaxed.faults
+    );
+    let ridge = relaxed.mesh.positions().iter();
+    let on_it = ridge.filter(|p| (p.x - RIDGE).abs() < 1e-4).count();
+    assert!(on_it >= 9, "{on_it} vertices on the ridge");
+    for (before, after) in mesh.positions().iter().zip(relaxed.mesh.positions()) {
+        // the smallest step that the pull of `place` leaves undone
+        assert!(
+            (after.z - roof_height(after.x)).abs() < 1e-4,
+            "{before} went to {after}"
+        );
+        let on_boundary = [before.x, before.y].iter().any(|&c| c == 0.0 || c == 1.0);
+        assert!(!on_boundary || before == after, "{before} went to {after}");
+    }
+    assert_eq!(checked(&relaxed.mesh).self_intersections.unwrap().count, 0);
+}
+
+#[test]
+fn an_edge_across_a_crease_flips_even_if_no_vertex_may_move() {
+    // a tent over a square, whose ridge should go from left to right
+    let places = [
+        DVec3::new(-1.0, 0.0, 0.5),
+        DVec3::new(0.0, -1.0, 0.0),
+        DVec3::new(1.0, 0.0, 0.5),
+        DVec3::new(0.0, 1.0, 0.0),
+    ];
+    let mesh = TriMesh::new(places.to_vec(), vec![[0, 1, 3], [1, 2, 3]]).unwrap();
+    let relaxed = relax(&mesh, &Tent, &Progress::none()).unwrap();
+    assert_eq!((relaxed.flips, relaxed.moves), (1, 0));
+    let ridge = |t: &[u32; 3]| t.contains(&0) && t.contains(&2);
+    assert!(relaxed.mesh.triangles().iter().all(ridge));
+    assert_eq!(relaxed.faults[1], 0.0);
+}
+
+#[test]
+fn what_is_not_admitted_does_not_happen() {
+    let mesh = roof(6);
+    let relaxed = relax(&mesh, &Stubborn, &Progress::none()).unwrap();
+    assert_eq!(relaxed.mesh, mesh);
+    assert_eq!(relaxed.faults[0], relaxed.faults[1]);
+}
+
+#[test]
+fn a_mesh_without_faults_is_returned_as_it_is() {
+    let mesh = torus(20, 12);
+    let relaxed = relax(&mesh, &Content, &Progress::none()).unwrap();
+    assert_eq!(relaxed.mesh, mesh);
+}
+
+#[test]
+fn a_cancelled_relaxation_stops() {
+    let progress = Progress::none();
+    progress.cancel();
+    assert!(relax(&roof(4), &Roofer, &progress).is_err());
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
+
+    /// Whatever is wished for, a closed mesh stays closed and apart from itself, and the sum of faults falls.
+    #[test]
+    fn wishes_without_sense_break_nothing(seed in 0_u64..1 << 40, reach in 0.01..2.0_f64) {
+        /// Likes what a hash likes.
+        struct Whim { seed: u64, reach: f64 }
+        impl Whim {
+            fn number(&self, values: &[f64]) -> f64 {
+                let mut hash = self.seed ^ 0x9e37_79b9_7f4a_7c15;
+                for value in values {
+                    hash = (hash ^ value.to_bits()).wrapping_mul(0xff51_afd7_ed55_8ccd);
+                    hash ^= hash >> 33;
+                }
+                (hash >> 11) as f64 / (1_u64 << 53) as f64
+            }
+        }
+        impl RelaxJudge for Whim {
+            type Look = f64;
+
+            fn look(&self, [a, b, c]: [DVec3; 3], _: Option<&f64>) -> f64 {
+                self.number(&[a.x + b.x + c.x, a.y + b.y + c.y, a.z + b.z + c.z])
+            }
+            fn fault(&self, look: &f64) -> f64 {
+                *look
+            }
+
+            fn place(&self, of: u32, around: &[Facet<Self::Look>]) -> Option<DVec3> {
+                let Facet { names, corners, .. } = around[0];
+                let v = corners[names.iter().position(|&name| name == of).unwrap()];
+                let shift = [0.0, 1.0, 2.0].map(|k| self.number(&[v.x, v.y, v.z, k]) - 0.5);
+                Some(v + self.reach * DVec3::from_array(shift))
+            }
+            fn admits(&self, _: &[Facet<Self::Look>]) -> bool {
+                true
+            }
+        }
+        let mesh = torus(14, 9);
+        let before = checked(&mesh);
+        let whim = Whim { seed, reach };
+        let relaxed = relax(&mesh, &whim, &Progress::none()).unwrap();
+        let after = checked(&relaxed.mesh);
+        prop_assert!(relaxed.flips + relaxed.moves > 0);
+        prop_assert!(relaxed.faults[1] < relaxed.faults[0]);
+        prop_assert_eq!(relaxed.mesh.triangles().len(), mesh.triangles().len());
+        prop_assert!(after.closed && after.manifold && after.oriented);
+        prop_assert_eq!(after.self_intersections.unwrap().count, 0);
+        prop_assert_eq!(after.components, before.components);
+        prop_assert_eq!(after.euler, before.euler);
+        let again = relax(&mesh, &whim, &Progress::none()).unwrap();
+        prop_assert_eq!(again.mesh, relaxed.mesh);
+    }
+}

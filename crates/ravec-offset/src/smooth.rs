@@ -1,0 +1,111 @@
+//! Facets that lie as the surface does.
+//!
+//! After simplification a few facets are left that lie across a crease, or otherwise point away from the surface by more
+//! than is allowed. Their corners are moved to where the planes that touch the surface around them meet, and their edges
+//! flipped, as long as that lessens what they are off, and the tolerance is proved for what comes to be.
+
+use crate::certify::proved;
+use crate::field::{Field, Near};
+use glam::{DMat3, DVec3};
+use ravec_mesh::{Facet, RelaxJudge, TriMesh, relax};
+use ravec_progress::{Cancelled, Progress};
+
+/// What facets are turned to, as a share of what is allowed: a step that just keeps what is allowed at the middle of a facet
+/// would be worth nothing.
+const AIM: f64 = 0.8;
+
+/// What holds a vertex in the directions in which the planes do not, relative to their mean weight: enough for flat parts,
+/// too little to keep it from a crease of a few degrees.
+const HOLD: f64 = 1e-5;
+
+/// Turns facets of `surface` that are off by more than `most_deviation`, in radians, while distances stay within `limits`.
+pub(crate) fn smooth(
+    field: &Field<'_>,
+    surface: &TriMesh,
+    limits: [f64; 2],
+    most_deviation: f64,
+    progress: &Progress,
+) -> Result<TriMesh, Cancelled> {
+    let facets = Facets {
+        field,
+        limits,
+        aim: AIM * most_deviation,
+    };
+    relax(surface, &facets, progress).map(|relaxed| relaxed.mesh)
+}
+
+struct Facets<'a> {
+    field: &'a Field<'a>,
+    limits: [f64; 2],
+    /// In radians.
+    aim: f64,
+}
+
+/// How a facet lies.
+#[derive(Debug, Clone, Copy)]
+struct Lie {
+    /// By how much more than is aimed at the facet is off at its middle, times its area.
+    fault: f64,
+    area: f64,
+    /// What is closest to the middle.
+    near: Near,
+    /// The point of the surface there.
+    foot: DVec3,
+}
+
+impl RelaxJudge for Facets<'_> {
+    type Look = Lie;
+
+    fn look(&self, corners: [DVec3; 3], like: Option<&Lie>) -> Lie {
+        let [a, b, c] = corners;
+        let normal = (b - a).cross(c - a);
+        let middle = (a + b + c) / 3.0;
+        let near = (self.field).near(middle, like.map_or(0, |lie| lie.near.triangle));
+        let outward = if self.field.level < 0.0 {
+            -near.away
+        } else {
+            near.away
+        };
+        let length = normal.length();
+        let fault = if length > 0.0 {
+            let angle = (normal.dot(outward) / length).clamp(-1.0, 1.0).acos();
+            (angle - self.aim).max(0.0) * length
+        } else {
+            0.0
+        };
+        Lie {
+            fault,
+            area: length,
+            near,
+            foot: self.field.foot(middle, &near),
+        }
+    }
+
+    fn fault(&self, look: &Lie) -> f64 {
+        look.fault
+    }
+
+    /// Where the planes meet that touch the surface at the middles of the facets around.
+    fn place(&self, of: u32, around: &[Facet<Lie>]) -> Option<DVec3> {
+        let Facet { names, corners, .. } = around.first()?;
+        let v = corners[names.iter().position(|&name| name == of)?];
+        let mut matrix = DMat3::ZERO;
+        let mut right = DVec3::ZERO;
+        for Facet { look, .. } in around {
+            let n = look.near.away;
+            matrix += look.area * DMat3::from_cols(n.x * n, n.y * n, n.z * n);
+            right += look.area * n.dot(look.foot - v) * n;
+        }
+        let trace = matrix.x_axis.x + matrix.y_axis.y + matrix.z_axis.z;
+        let held = matrix + DMat3::from_diagonal(DVec3::splat(HOLD * trace / 3.0));
+        (trace > 0.0).then(|| v + held.inverse() * right)
+    }
+
+    fn admits(&self, after: &[Facet<Lie>]) -> bool {
+        after.iter().all(|facet| {
+            let hint = facet.look.near.triangle;
+            let near = facet.corners.map(|p| self.field.near(p, hint));
+            proved(self.field, facet.corners, self.limits, near)
+        })
+    }
+}
