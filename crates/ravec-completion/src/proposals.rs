@@ -682,3 +682,96 @@ fn overlapping(sheet: &Sheet, pixels: &[u32], offset: IVec2) -> Option<f32> {
     }
     (count > 0).then(|| sum / count as f32)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::canvas::Canvas;
+    use ravec_raster::{Image, Mask, Rect, Size, Srgb};
+
+    fn sheet(pattern: impl Fn(usize, usize) -> [u8; 3], hole: Rect) -> Sheet {
+        let size = Size::new(96, 80).unwrap();
+        let image = Image::from_fn(size, |col, row| Srgb(pattern(col, row)));
+        let mut canvas = Canvas::new(&image, &Mask::from_rect(size, hole));
+        for row in hole.row..hole.bottom() {
+            canvas.states.row_mut(row)[hole.col..hole.right()].fill(HOLE);
+        }
+        Sheet::window(&canvas, Rect::of(size))
+    }
+
+    fn noise(col: usize, row: usize) -> [u8; 3] {
+        let value = (col as u64 * 7919 + row as u64 * 104_729).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        [40, 48, 56].map(|shift| (value >> shift) as u8)
+    }
+
+    #[test]
+    fn a_planted_copy_of_the_surroundings_is_the_first_proposal() {
+        let hole = Rect::new(55, 40, 16, 14);
+        let around = hole.grown(10);
+        let sheet = sheet(
+            |col, row| {
+                if around.contains(col + 40, row + 9) {
+                    noise(col + 40, row + 9)
+                } else {
+                    noise(col, row)
+                }
+            },
+            hole,
+        );
+        let found = propose(&sheet, &Progress::none()).unwrap();
+        assert_eq!(found.ring[0].offset, IVec2::new(-40, -9));
+        assert_eq!(found.ring[0].score, 0.0);
+    }
+
+    #[test]
+    fn a_period_is_found_in_both_directions() {
+        let pattern = |col: usize, row: usize| noise(col % 13, row % 17);
+        let found = propose(
+            &sheet(pattern, Rect::new(40, 30, 16, 14)),
+            &Progress::none(),
+        )
+        .unwrap();
+        let has = |x: i32, y: i32| found.periods.iter().any(|p| p.offset == IVec2::new(x, y));
+        assert!(
+            has(13, 0) && has(-13, 0) && has(0, 17),
+            "{:?}",
+            found.periods
+        );
+    }
+
+    #[test]
+    fn the_transforms_agree_with_direct_sums() {
+        let sheet = sheet(noise, Rect::new(40, 30, 12, 10));
+        let prepared = Prepared::new(Reduced::new(&sheet, 1), 32);
+        let reduced = &prepared.reduced;
+        let (corner, size) = (IVec2::new(34, 24), IVec2::new(24, 22));
+        let map = prepared.mismatch(
+            corner,
+            size,
+            &|x, y| reduced.weight(x, y, KNOWN),
+            &|x, y| reduced.weight(x, y, HOLE),
+        );
+        for to in [(0, 0), (5, 50), (60, 3), (72, 58), (30, 20)] {
+            let mut sum = 0.0f64;
+            for k in 0..size.x * size.y {
+                let step = IVec2::new(k % size.x, k / size.x);
+                let a = sheet.index(corner + step).unwrap();
+                let b = sheet.index(IVec2::from(to) + step).unwrap();
+                if !sheet.is(a, KNOWN) || !sheet.is(b, SOURCE) {
+                    continue;
+                }
+                let channels = if sheet.is(a, STEADY) {
+                    CHANNELS
+                } else {
+                    COLORS
+                };
+                for channel in 0..channels {
+                    let d = sheet.features[a][channel] - sheet.features[b][channel];
+                    sum += f64::from(d).powi(2);
+                }
+            }
+            let found = f64::from(map.mismatch[to.1 as usize * map.width + to.0 as usize]);
+            assert!((found - sum).abs() <= 1e-3 * sum, "{to:?}: {found} {sum}");
+        }
+    }
+}

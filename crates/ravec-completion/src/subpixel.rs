@@ -107,3 +107,46 @@ fn sampled(sheet: &Sheet, index: usize, shift: DVec2) -> [f32; 3] {
         (1.0 - ty) * ((1.0 - tx) * a[i] + tx * b[i]) + ty * ((1.0 - tx) * c[i] + tx * d[i])
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::canvas::{Canvas, HOLE};
+    use crate::proposals::around;
+    use ravec_raster::{Image, LinearRgb, Mask, Rect, Size};
+
+    /// A hole in waves of the given lengths.
+    fn waves(x_px: f64, y_px: f64) -> Sheet {
+        let size = Size::new(90, 80).unwrap();
+        let image = Image::from_fn(size, |col, row| {
+            let turn = std::f64::consts::TAU;
+            let value = 0.5
+                + 0.1 * (turn * col as f64 / x_px).sin()
+                + 0.1 * (turn * row as f64 / y_px).sin();
+            LinearRgb([value as f32; 3])
+        });
+        let hole = Rect::new(40, 30, 16, 16);
+        let mut canvas = Canvas::new(&image, &Mask::from_rect(size, hole));
+        for row in hole.row..hole.bottom() {
+            canvas.states.row_mut(row)[hole.col..hole.right()].fill(HOLE);
+        }
+        Sheet::window(&canvas, Rect::of(size))
+    }
+
+    #[test]
+    fn the_length_of_a_wave_is_found_to_a_twentieth_of_a_pixel() {
+        let sheet = waves(18.4, 21.7);
+        let found = refined(&sheet, &around(&sheet, usize::MAX), IVec2::new(18, 22));
+        assert!(found.distance(DVec2::new(18.4, 21.7)) < 0.05, "{found}");
+    }
+
+    #[test]
+    fn whole_offsets_stay_whole() {
+        let sheet = waves(18.0, 22.0);
+        let offset = IVec2::new(-18, 22);
+        assert_eq!(
+            refined(&sheet, &around(&sheet, usize::MAX), offset),
+            offset.as_dvec2()
+        );
+    }
+}
