@@ -60,11 +60,17 @@ const CRATES: &[Crate] = &[
         uses: &["ravec-mesh", "ravec-octree", "ravec-progress"],
     },
     Crate {
+        name: "ravec-completion",
+        layer: "systems",
+        uses: &["ravec-planar", "ravec-raster", "ravec-progress"],
+    },
+    Crate {
         name: "ravec",
         layer: "assembly",
         uses: &[
             "ravec-twocolor",
             "ravec-planar",
+            "ravec-completion",
             "ravec-offset",
             "ravec-mesh",
             "ravec-raster",

@@ -7,7 +7,7 @@ use clap::{ArgGroup, Args, Parser, Subcommand};
 use clap_complete::Shell;
 use ravec_jobs::mesh::offset;
 use ravec_jobs::plane::{planes, rectify, snap};
-use ravec_jobs::{Limits, brush, compare, demo, match_photos, scenes, twocolor};
+use ravec_jobs::{Limits, brush, compare, complete, demo, match_photos, scenes, twocolor};
 use std::path::{Path, PathBuf};
 
 pub use mesh::{MeshCommand, MeshLimitFlags};
@@ -88,6 +88,23 @@ pub enum Command {
         output: Option<PathBuf>,
         #[command(flatten)]
         params: planes::Params,
+    },
+    /// Fill holes of a picture from the rest of it, in perspective where planes are given
+    #[command(
+        after_help = help::COMPLETE,
+        group = ArgGroup::new("hole").args(["mask", "polygons"]).required(true).multiple(true)
+    )]
+    Complete {
+        /// The picture; `-` is standard input
+        input: PathBuf,
+        /// What is replaced, a picture of the same size: white replaces, black keeps, grey mixes; `-` is standard input
+        #[arg(short, long, value_name = "FILE")]
+        mask: Option<PathBuf>,
+        /// The picture to write; its extension says the format, `-` is standard output in the input's format
+        #[arg(short, long, value_name = "FILE")]
+        output: PathBuf,
+        #[command(flatten)]
+        params: complete::Params,
     },
     /// Turn a picture into two-color pixels: blocks with one line and two colors, sharp at any scale
     #[command(
@@ -204,6 +221,10 @@ impl Command {
         match self {
             Self::Compare { a, b, .. } => vec![a, b],
             Self::Match { first, second, .. } => vec![first, second],
+            Self::Complete { input, mask, .. } => {
+                let mask = mask.as_deref();
+                std::iter::once(input.as_path()).chain(mask).collect()
+            }
             Self::Twocolor { input, .. }
             | Self::Rectify { input, .. }
             | Self::Snap { input, .. }
@@ -236,6 +257,7 @@ impl Command {
             }
             Self::Offset { output, .. }
             | Self::Match { output, .. }
+            | Self::Complete { output, .. }
             | Self::Rectify { output, .. } => vec![output],
             _ => Vec::new(),
         }
@@ -323,6 +345,7 @@ mod tests {
             ("ravec rectify a -o b --quad 0,0,9,0,9,9,0,9", "a", "b"),
             ("ravec snap a -o b --quad 0,0,9,0,9,9,0,9", "a", "b"),
             ("ravec planes a -o b", "a", "b"),
+            ("ravec complete a --mask b -o c", "a b", "c"),
             ("ravec twocolor a -o b --svg c", "a", "b c"),
             ("ravec brush a -o b --stroke c --mask d", "a c", "b d"),
             ("ravec brush a -o b --everywhere", "a", "b"),
@@ -383,6 +406,11 @@ mod tests {
             panic!("not planes");
         };
         assert_eq!(params, planes::Params::default());
+        let parsed = Arguments::parse_from(["ravec", "complete", "a", "-m", "b", "-o", "c"]);
+        let Command::Complete { params, .. } = parsed.command else {
+            panic!("not complete");
+        };
+        assert_eq!(params, complete::Params::default());
         let parsed = Arguments::parse_from(["ravec", "scenes", "--out", "d"]);
         let Command::Scenes { params, .. } = parsed.command else {
             panic!("not scenes");

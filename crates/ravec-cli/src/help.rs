@@ -54,6 +54,22 @@ Figures: matches, inliers, patches, sigma_px, tilted (0 or 1).
     exit_codes!()
 );
 
+/// Of `ravec complete`.
+pub const COMPLETE: &str = concat!(
+    "\
+Examples:
+  ravec complete photo.jpg --polygon 40,30,70,28,72,60,41,58 -o without.png
+  ravec complete photo.jpg --mask mask.png -o without.png --plane 10,8,110,20,108,70,12,80
+
+Points are in pixels, x right, y down; the centre of the first pixel is (0.5, 0.5). Pixels that are not masked stay as they are, \
+bit for bit.
+
+Figures: hole_px, thin_px, plane_px, parts, proposals, offsets, sourceless_px.
+
+",
+    exit_codes!()
+);
+
 /// Of `ravec compare`.
 pub const COMPARE: &str = concat!(
     "\

@@ -33,8 +33,8 @@ use clap::{CommandFactory as _, Parser as _};
 use exit::Failure;
 use ravec::progress::Progress;
 use ravec_jobs::{
-    JobError, Report, Source, brush, check_files, check_folder, compare, demo, match_photos, mesh,
-    plane, scenes, twocolor,
+    JobError, Report, Source, brush, check_files, check_folder, compare, complete, demo,
+    match_photos, mesh, plane, scenes, twocolor,
 };
 use std::ffi::OsString;
 use std::io::IsTerminal as _;
@@ -122,6 +122,15 @@ fn execute(Arguments { command, global }: Arguments) -> Result<(), Failure> {
             params,
         } => answer(&global, |progress| {
             plane::planes::run(&source(input), output.as_deref(), &params, progress)
+        }),
+        Command::Complete {
+            input,
+            mask,
+            output,
+            params,
+        } => job(&global, |progress| {
+            let mask = mask.map(source);
+            complete::run(&source(input), mask.as_ref(), &output, &params, progress)
         }),
         Command::Twocolor {
             input,

@@ -8,10 +8,12 @@ use crate::gallery::{Figure, Gallery};
 use crate::mesh;
 use crate::plane;
 use crate::report::Report;
+use glam::DVec2;
+use ravec::completion::{CompleteParams, complete};
 use ravec::progress::Progress;
 use ravec::raster::{
-    AnyImage, Comparison, Image, LinearRgb, LinearRgba, PremulLinearRgba, Rect, ResizeFilter, Size,
-    Srgb, compare, resize,
+    AnyImage, Comparison, Image, LinearRgb, LinearRgba, Mask, PremulLinearRgba, Rect, ResizeFilter,
+    Size, Srgb, compare, resize,
 };
 use ravec::twocolor::brush::{Stroke, Strokes, Tool, replay};
 use ravec::twocolor::{
@@ -22,6 +24,7 @@ use ravec::twocolor::{
 use ravec_scenes::Seed;
 use ravec_scenes::damage::{SensorNoise, add_gaussian_noise, add_sensor_noise};
 use ravec_scenes::jpeg::{JpegParams, add_jpeg_damage};
+use ravec_scenes::occlusion::{Surface, occluded};
 use ravec_scenes::street::street;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -60,7 +63,9 @@ const ZOOM: usize = 4;
 /// Makes the page `index.html` in the folder `out`, from a photo or from the built-in street.
 ///
 /// Figures: `twocolor_psnr_db` and `mosaic_psnr_db` at blocks of 8; `clean_psnr_db` and `noisy_psnr_db` at noise of 25 steps;
-/// `fit_megapixels_per_second`; `snapped_px`, how far a grid that snapped is off; `simplified_triangles` and `simplified_distance_percent` of a torus;
+/// `fit_megapixels_per_second`; `snapped_px`, how far a grid that snapped is off;
+/// `simplified_triangles` and `simplified_distance_percent` of a torus;
+/// `front_completed_error_steps` and `floor_completed_error_steps` of what was filled in perspective, in 8-bit steps;
 /// `offset_triangles`, `offset_error_percent` (of the tolerance) and `offset_proved` of offsets.
 ///
 /// # Errors
@@ -115,6 +120,7 @@ pub fn run(
     demo.operator()?;
     demo.paint()?;
     demo.cleaning(Seed(params.seed))?;
+    demo.completion(params.max_side, Seed(params.seed))?;
     demo.speed()?;
     let mut page = demo.page;
     let side = params.max_side;
@@ -542,6 +548,53 @@ impl Demo<'_> {
         Ok(())
     }
 
+    /// Posts before a house front and a floor, taken away with and without the perspective.
+    fn completion(&mut self, max_side: usize, seed: Seed) -> Result<(), JobError> {
+        self.page.section(
+            "What is in the way goes",
+            "A hole is filled from where the picture looks like its surroundings. On a plane that is anywhere on the plane, once \
+             the perspective is taken out; without it, windows have the wrong size and courses the wrong slant.",
+        );
+        let width = max_side.clamp(96, 420);
+        let size = Size::new(width, width * 3 / 4).expect("both sides are positive");
+        for (surface, figure) in [
+            (Surface::Windows, "front_completed_error_steps"),
+            (Surface::Tiles, "floor_completed_error_steps"),
+        ] {
+            let scene = occluded(surface, size, seed);
+            let hole = Mask::from_fn(size, |col, row| scene.post.at(col, row) > 0.0);
+            let picture = scene.picture.convert::<Srgb<u8>>();
+            let params = CompleteParams::default();
+            let filled =
+                |planes: &[[DVec2; 4]]| complete(&picture, &hole, planes, &params, self.progress);
+            let failed = |cause| JobError::from_completing(Path::new("the built-in scene"), cause);
+            let (flat, plane) = self.report.time("complete", || {
+                let flat = filled(&[]).map_err(failed)?.image;
+                let plane = filled(&[scene.corners_in_image]).map_err(failed)?.image;
+                Ok::<_, JobError>((flat, plane))
+            })?;
+            let truth = scene.background.convert::<Srgb<u8>>();
+            let (with, without) = (
+                error_steps(&plane, &truth, &hole),
+                error_steps(&flat, &truth, &hole),
+            );
+            self.report.figures.insert(figure, with);
+            let figures = [
+                Figure::picture(&picture.convert(), "something in the way"),
+                Figure::picture(
+                    &flat.convert(),
+                    format!("filled as it lies: {without:.1} steps off"),
+                ),
+                Figure::picture(
+                    &plane.convert(),
+                    format!("in perspective: {with:.1} steps off"),
+                ),
+            ];
+            self.page.figures(&figures);
+        }
+        Ok(())
+    }
+
     fn speed(&mut self) -> Result<(), JobError> {
         self.page.section(
             "Speed",
@@ -584,6 +637,23 @@ impl Demo<'_> {
     }
 }
 
+/// The root of the mean squared difference in a hole, in 8-bit steps.
+fn error_steps(a: &Image<Srgb<u8>>, b: &Image<Srgb<u8>>, hole: &Mask) -> f64 {
+    let covered = hole
+        .coverage()
+        .pixels()
+        .iter()
+        .zip(a.pixels().iter().zip(b.pixels()));
+    let (mut sum, mut count) = (0.0, 0.0f64);
+    for (_, (a, b)) in covered.filter(|(coverage, _)| **coverage > 0.0) {
+        for c in 0..3 {
+            sum += f64::from(a.0[c].abs_diff(b.0[c])).powi(2);
+            count += 1.0;
+        }
+    }
+    (sum / count.max(1.0)).sqrt()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -604,6 +674,7 @@ mod tests {
         assert!(report.figures["clean_psnr_db"] > report.figures["noisy_psnr_db"] + 3.0);
         assert!(report.figures["simplified_triangles"] <= 1000.0);
         assert!(report.figures["simplified_distance_percent"] < 1.0);
+        assert!(report.figures["front_completed_error_steps"] < 25.0);
         assert_eq!(report.figures["offset_proved"], 1.0);
         assert!(report.figures["offset_error_percent"] <= 100.0);
     }

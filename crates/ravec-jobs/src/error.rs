@@ -1,5 +1,6 @@
 //! Why an operation did not succeed, and the exit code that says so.
 
+use ravec::completion::CompleteError;
 use ravec::mesh::{ReadMeshError, WriteMeshError};
 use ravec::offset::OffsetError;
 use ravec::planar::{HomographyError, MatchError, ProportionError, SnapError};
@@ -151,6 +152,14 @@ pub enum JobError {
         /// Why not.
         cause: SnapError,
     },
+    /// A hole cannot be filled.
+    #[error("cannot complete {}: {cause}", input_name(.path))]
+    Complete {
+        /// The picture; `-` is standard input.
+        path: PathBuf,
+        /// Why not.
+        cause: CompleteError,
+    },
     /// Strokes cannot be read or make no sense.
     #[error("cannot use the strokes in {}: {reason}", input_name(.path))]
     Strokes {
@@ -191,6 +200,13 @@ impl JobError {
                     | OffsetError::NormalDeviation { .. },
                 ..
             }
+            | Self::Complete {
+                cause:
+                    CompleteError::QuadCrosses { .. }
+                    | CompleteError::Plane { .. }
+                    | CompleteError::PlaneOutside { .. },
+                ..
+            }
             | Self::Write {
                 cause: EncodeError::UnknownExtension | EncodeError::Quality { .. },
                 ..
@@ -203,6 +219,7 @@ impl JobError {
                 ..
             }
             | Self::SizesDiffer { .. }
+            | Self::Complete { .. }
             | Self::Strokes { .. } => 3,
             Self::Write { .. } | Self::WriteMesh { .. } => 4,
             Self::Offset { .. }
@@ -254,6 +271,19 @@ impl JobError {
             other => Self::Strokes {
                 path: path.to_path_buf(),
                 reason: other.to_string(),
+            },
+        }
+    }
+}
+
+impl JobError {
+    /// Why a hole of the picture in a file cannot be filled.
+    pub(crate) fn from_completing(path: &Path, cause: CompleteError) -> Self {
+        match cause {
+            CompleteError::Cancelled(_) => Self::Cancelled,
+            cause => Self::Complete {
+                path: path.to_path_buf(),
+                cause,
             },
         }
     }

@@ -27,6 +27,7 @@
 
 pub mod brush;
 pub mod compare;
+pub mod complete;
 pub mod demo;
 mod error;
 mod files;

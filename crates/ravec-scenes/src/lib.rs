@@ -37,6 +37,7 @@ mod glyph;
 mod greenery;
 pub mod jpeg;
 pub mod line_art;
+pub mod occlusion;
 mod paint;
 pub mod plane;
 mod props;

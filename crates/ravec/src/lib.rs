@@ -8,6 +8,7 @@
 //! | [`raster`] | images with typed colors, sampling, filters, metrics |
 //! | [`twocolor`] | two-color pixels, and filters that do not cross edges |
 //! | [`planar`] | homographies, matching of photos, grids in perspective, rectification |
+//! | [`completion`] | holes filled from the rest of a picture, in perspective where planes are known |
 //! | [`mesh`] | triangle meshes: formats, checks, distances, simplification, pictures |
 //! | [`offset`](mod@offset) | surfaces at a distance from any triangles, within a tolerance that is proved |
 //! | [`progress`] | progress and cancellation of long work |
@@ -148,6 +149,7 @@
 //! - Straight and premultiplied alpha are different types; only premultiplied pixels are averaged.
 //! - Same input, parameters and seed give the same bytes, on any number of threads.
 
+pub use ravec_completion as completion;
 pub use ravec_mesh as mesh;
 pub use ravec_offset as offset;
 pub use ravec_planar as planar;

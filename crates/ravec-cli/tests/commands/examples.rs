@@ -1,15 +1,17 @@
 //! The examples of the help pages and of the readme, run as they are written.
 
 use crate::meshes::parts;
+use crate::pictures::bmp;
 use crate::program::{code, done, photos, stderr};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-const COMMANDS: [&str; 18] = [
+const COMMANDS: [&str; 19] = [
     "compare",
     "rectify",
     "snap",
     "planes",
+    "complete",
     "twocolor",
     "brush",
     "mesh",
@@ -39,6 +41,10 @@ fn studio() -> tempfile::TempDir {
         facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 30 20 0\nvertex 0 20 0\nendloop\nendfacet\n\
         endsolid sheet\n";
     std::fs::write(folder.path().join("sheet.stl"), sheet).unwrap();
+    let mask = bmp(160, 120, |col, row| {
+        [255 * u8::from((60..80).contains(&col) && (40..60).contains(&row)); 3]
+    });
+    std::fs::write(folder.path().join("mask.png"), mask).unwrap();
     std::fs::write(folder.path().join("points.json"), "[[40, 30], [90, 50]]").unwrap();
     let help = done(folder.path(), "help brush");
     let begin = help.find("{\"version\"").unwrap();
@@ -92,6 +98,7 @@ fn examples_of_the_help_run_as_they_are_written() {
         "f.json",
         "grid.png",
         "planes.json",
+        "without.png",
         "part.png",
         "cut.png",
         "small.stl",

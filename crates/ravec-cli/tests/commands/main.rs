@@ -2,6 +2,7 @@
 
 mod brush;
 mod compare;
+mod complete;
 mod demo;
 mod examples;
 mod frame;
