@@ -6,6 +6,7 @@ use crate::help;
 use clap::{ArgGroup, Args, Parser, Subcommand};
 use clap_complete::Shell;
 use ravec_jobs::mesh::offset;
+use ravec_jobs::plane::{planes, rectify, snap};
 use ravec_jobs::{Limits, brush, compare, complete, demo, match_photos, scenes, twocolor};
 use std::path::{Path, PathBuf};
 
@@ -71,6 +72,39 @@ pub enum Command {
         output: PathBuf,
         #[command(flatten)]
         params: complete::Params,
+    },
+    /// Show a plane of a picture from straight on, with its true proportions
+    #[command(after_help = help::planes::RECTIFY)]
+    Rectify {
+        /// The picture; `-` is standard input
+        input: PathBuf,
+        /// The picture to write; its extension says the format, `-` is standard output in the input's format
+        #[arg(short, long, value_name = "FILE")]
+        output: PathBuf,
+        #[command(flatten)]
+        params: rectify::Params,
+    },
+    /// Move a rough grid onto the edges below it, and print its corners as JSON
+    #[command(after_help = help::planes::SNAP)]
+    Snap {
+        /// The picture; `-` is standard input
+        input: PathBuf,
+        /// A picture to write with the grid before (orange) and after (green)
+        #[arg(short, long, value_name = "FILE")]
+        output: Option<PathBuf>,
+        #[command(flatten)]
+        params: snap::Params,
+    },
+    /// Propose planes from the edges of a picture, and print them as JSON
+    #[command(after_help = help::planes::PLANES)]
+    Planes {
+        /// The picture; `-` is standard input
+        input: PathBuf,
+        /// A picture to write with the planes and the edges that led to them
+        #[arg(short, long, value_name = "FILE")]
+        output: Option<PathBuf>,
+        #[command(flatten)]
+        params: planes::Params,
     },
     /// Turn a picture into two-color pixels: blocks with one line and two colors, sharp at any scale
     #[command(
@@ -191,7 +225,11 @@ impl Command {
                 let mask = mask.as_deref();
                 std::iter::once(input.as_path()).chain(mask).collect()
             }
-            Self::Twocolor { input, .. } | Self::Offset { input, .. } => vec![input],
+            Self::Twocolor { input, .. }
+            | Self::Rectify { input, .. }
+            | Self::Snap { input, .. }
+            | Self::Planes { input, .. }
+            | Self::Offset { input, .. } => vec![input],
             Self::Brush { input, stroke, .. } => {
                 let stroke = stroke.as_deref();
                 std::iter::once(input.as_path()).chain(stroke).collect()
@@ -214,8 +252,12 @@ impl Command {
                 .chain(mask.as_deref())
                 .collect(),
             Self::Mesh { command, .. } => command.outputs(),
+            Self::Snap { output, .. } | Self::Planes { output, .. } => {
+                output.as_deref().into_iter().collect()
+            }
             Self::Offset { output, .. }
             | Self::Match { output, .. }
+            | Self::Rectify { output, .. }
             | Self::Complete { output, .. } => vec![output],
             _ => Vec::new(),
         }
@@ -301,6 +343,9 @@ mod tests {
             ("ravec compare a b", "a b", ""),
             ("ravec match a b -o c", "a b", "c"),
             ("ravec complete a --mask b -o c", "a b", "c"),
+            ("ravec rectify a -o b --quad 0,0,9,0,9,9,0,9", "a", "b"),
+            ("ravec snap a -o b --quad 0,0,9,0,9,9,0,9", "a", "b"),
+            ("ravec planes a -o b", "a", "b"),
             ("ravec twocolor a -o b --svg c", "a", "b c"),
             ("ravec brush a -o b --stroke c --mask d", "a c", "b d"),
             ("ravec brush a -o b --everywhere", "a", "b"),
@@ -350,6 +395,22 @@ mod tests {
             panic!("not complete");
         };
         assert_eq!(params, complete::Params::default());
+        let quad = "0,0,9,0,9,9,0,9";
+        let parsed = Arguments::parse_from(["ravec", "rectify", "a", "-o", "b", "--quad", quad]);
+        let Command::Rectify { params, .. } = parsed.command else {
+            panic!("not rectify");
+        };
+        assert_eq!(params, rectify::Params::new(quad.parse().unwrap()));
+        let parsed = Arguments::parse_from(["ravec", "snap", "a", "--quad", quad]);
+        let Command::Snap { params, .. } = parsed.command else {
+            panic!("not snap");
+        };
+        assert_eq!(params, snap::Params::new(quad.parse().unwrap()));
+        let parsed = Arguments::parse_from(["ravec", "planes", "a"]);
+        let Command::Planes { params, .. } = parsed.command else {
+            panic!("not planes");
+        };
+        assert_eq!(params, planes::Params::default());
         let parsed = Arguments::parse_from(["ravec", "scenes", "--out", "d"]);
         let Command::Scenes { params, .. } = parsed.command else {
             panic!("not scenes");

@@ -19,6 +19,7 @@ Exit codes:
 }
 
 pub mod mesh;
+pub mod planes;
 
 /// Of the whole program.
 pub const PROGRAM: &str = concat!(

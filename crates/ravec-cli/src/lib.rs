@@ -34,7 +34,7 @@ use exit::Failure;
 use ravec::progress::Progress;
 use ravec_jobs::{
     JobError, Report, Source, brush, check_files, check_folder, compare, complete, demo,
-    match_photos, mesh, scenes, twocolor,
+    match_photos, mesh, plane, scenes, twocolor,
 };
 use std::ffi::OsString;
 use std::io::IsTerminal as _;
@@ -110,6 +110,27 @@ fn execute(Arguments { command, global }: Arguments) -> Result<(), Failure> {
         } => job(&global, |progress| {
             let mask = mask.map(source);
             complete::run(&source(input), mask.as_ref(), &output, &params, progress)
+        }),
+        Command::Rectify {
+            input,
+            output,
+            params,
+        } => job(&global, |progress| {
+            plane::rectify::run(&source(input), &output, &params, progress)
+        }),
+        Command::Snap {
+            input,
+            output,
+            params,
+        } => answer(&global, |progress| {
+            plane::snap::run(&source(input), output.as_deref(), &params, progress)
+        }),
+        Command::Planes {
+            input,
+            output,
+            params,
+        } => answer(&global, |progress| {
+            plane::planes::run(&source(input), output.as_deref(), &params, progress)
         }),
         Command::Twocolor {
             input,
@@ -215,11 +236,40 @@ fn on_mesh(
     }
 }
 
-/// Runs an operation with progress, cancellation and the chosen threads, then shows its report.
+/// Runs an operation and shows its report.
 fn job(
     global: &Global,
     operation: impl FnOnce(&Progress) -> Result<Report, JobError> + Send,
 ) -> Result<(), Failure> {
+    let report = perform(global, operation)?;
+    show(global, &report, |report| {
+        if global.quiet {
+            Ok(())
+        } else {
+            summary::print(&summary::summary(report))
+        }
+    })
+}
+
+/// Runs an operation whose result is no file, and prints the result, unless standard output has something else to carry.
+fn answer(
+    global: &Global,
+    operation: impl FnOnce(&Progress) -> Result<Report, JobError> + Send,
+) -> Result<(), Failure> {
+    let report = perform(global, operation)?;
+    show(global, &report, |report| {
+        report
+            .result
+            .as_ref()
+            .map_or(Ok(()), |result| summary::print(&format!("{result:#}\n")))
+    })
+}
+
+/// Runs an operation with progress, cancellation and the chosen threads.
+fn perform(
+    global: &Global,
+    operation: impl FnOnce(&Progress) -> Result<Report, JobError> + Send,
+) -> Result<Report, Failure> {
     let silent = global.quiet || global.verbose > 0 || !std::io::stderr().is_terminal();
     let (progress, bar) = if silent {
         (Progress::none(), None)
@@ -246,7 +296,15 @@ fn job(
     if let Some(bar) = bar {
         bar.finish_and_clear();
     }
-    let report = result?;
+    Ok(result?)
+}
+
+/// Shows warnings, lets `tell` print unless standard output is taken, writes the report and gives the verdict.
+fn show(
+    global: &Global,
+    report: &Report,
+    tell: impl FnOnce(&Report) -> Result<(), Failure>,
+) -> Result<(), Failure> {
     if !global.quiet && global.verbose == 0 {
         for warning in &report.warnings {
             exit::tell(&format!("ravec: warning: {warning}\n"));
@@ -255,11 +313,11 @@ fn job(
     let to_stdout = |path: &Path| path.as_os_str() == "-";
     let taken = global.json.as_deref().is_some_and(to_stdout)
         || report.outputs.iter().any(|file| file.path == "-");
-    if !global.quiet && !taken {
-        summary::print(&summary::summary(&report))?;
+    if !taken {
+        tell(report)?;
     }
     if let Some(path) = &global.json {
-        summary::write_json(&report, path)?;
+        summary::write_json(report, path)?;
     }
     if report.passed == Some(false) {
         // what was found is in the summary and in the report

@@ -1,4 +1,4 @@
-//! `demo`: one page that shows what two-color pixels and meshes are good for, with pictures, timings and measured figures.
+//! `demo`: one page that shows what two-color pixels, planes and meshes are good for, with pictures, timings and measured figures.
 //!
 //! Everything is worked out while the page is made, from the built-in street or from a photo, and from solids with formulas.
 
@@ -6,6 +6,7 @@ use crate::error::JobError;
 use crate::files::{self, Source};
 use crate::gallery::{Figure, Gallery};
 use crate::mesh;
+use crate::plane;
 use crate::report::Report;
 use glam::DVec2;
 use ravec::completion::{CompleteParams, complete};
@@ -62,7 +63,7 @@ const ZOOM: usize = 4;
 /// Makes the page `index.html` in the folder `out`, from a photo or from the built-in street.
 ///
 /// Figures: `twocolor_psnr_db` and `mosaic_psnr_db` at blocks of 8; `clean_psnr_db` and `noisy_psnr_db` at noise of 25 steps;
-/// `fit_megapixels_per_second`; `simplified_triangles` and `simplified_distance_percent` of a torus;
+/// `fit_megapixels_per_second`; `snapped_px`, how far a grid that snapped is off; `simplified_triangles` and `simplified_distance_percent` of a torus;
 /// `front_completed_error_steps` and `floor_completed_error_steps` of what was filled in perspective, in 8-bit steps;
 /// `offset_triangles`, `offset_error_percent` (of the tolerance) and `offset_proved` of offsets.
 ///
@@ -121,7 +122,9 @@ pub fn run(
     demo.completion(params.max_side, Seed(params.seed))?;
     demo.speed()?;
     let mut page = demo.page;
-    let detail = mesh::Detail::of(params.max_side);
+    let side = params.max_side;
+    plane::show(&mut page, &mut report, Seed(params.seed), side, progress)?;
+    let detail = mesh::Detail::of(side);
     mesh::show(&mut page, &mut report, Seed(params.seed), detail, progress)?;
     mesh::offset::show(&mut page, &mut report, detail, progress)?;
     let page = page.finish();

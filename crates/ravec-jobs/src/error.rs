@@ -3,7 +3,7 @@
 use ravec::completion::CompleteError;
 use ravec::mesh::{ReadMeshError, WriteMeshError};
 use ravec::offset::OffsetError;
-use ravec::planar::MatchError;
+use ravec::planar::{HomographyError, MatchError, ProportionError, SnapError};
 use ravec::progress::Cancelled;
 use ravec::raster::Size;
 use ravec::twocolor::brush::StrokeError;
@@ -130,6 +130,36 @@ pub enum JobError {
         /// Why not.
         cause: CompleteError,
     },
+    /// Four corners are no rectangle in perspective.
+    #[error(
+        "the corners of --quad are no rectangle in perspective: {cause}; give them in turn, around a convex shape"
+    )]
+    Quad {
+        /// Why not.
+        cause: HomographyError,
+    },
+    /// Four corners lie beside the picture.
+    #[error("--quad is {quad}, which lies outside the picture of {size} pixels")]
+    Outside {
+        /// The corners.
+        quad: String,
+        /// The picture's size.
+        size: Size,
+    },
+    /// The proportions of a rectangle are not known.
+    #[error("cannot find the proportions of --quad: {cause} (--focal or --aspect)")]
+    Proportions {
+        /// Why not.
+        cause: ProportionError,
+    },
+    /// A grid finds nothing to snap to.
+    #[error("cannot snap on {}: {cause}", input_name(.path))]
+    NoSnap {
+        /// The picture; `-` is standard input.
+        path: PathBuf,
+        /// Why not.
+        cause: SnapError,
+    },
     /// Strokes cannot be read or make no sense.
     #[error("cannot use the strokes in {}: {reason}", input_name(.path))]
     Strokes {
@@ -159,6 +189,8 @@ impl JobError {
             | Self::OutputTwice { .. }
             | Self::InputTwice
             | Self::UnknownMeshFormat { .. }
+            | Self::Quad { .. }
+            | Self::Outside { .. }
             | Self::Offset {
                 cause:
                     OffsetError::Distance { .. }
@@ -190,7 +222,12 @@ impl JobError {
             | Self::Complete { .. }
             | Self::Strokes { .. } => 3,
             Self::Write { .. } | Self::WriteMesh { .. } => 4,
-            Self::Offset { .. } | Self::NoMatch { .. } | Self::Fit(_) | Self::Render(_) => 1,
+            Self::Offset { .. }
+            | Self::NoMatch { .. }
+            | Self::Proportions { .. }
+            | Self::NoSnap { .. }
+            | Self::Fit(_)
+            | Self::Render(_) => 1,
             Self::Cancelled => 130,
         }
     }

@@ -34,6 +34,7 @@ mod files;
 mod gallery;
 pub mod match_photos;
 pub mod mesh;
+pub mod plane;
 mod report;
 pub mod scenes;
 pub mod twocolor;

@@ -27,6 +27,8 @@ pub struct Report {
     pub findings: Vec<Finding>,
     /// The verdict of an operation that judges: whether a mesh is sound or a distance small enough.
     pub passed: Option<bool>,
+    /// What was asked for, where that is no file: corners, maps. Its fields are described at the operation.
+    pub result: Option<serde_json::Value>,
     /// What the user should know although the run succeeded.
     pub warnings: Vec<String>,
 }
@@ -105,6 +107,7 @@ impl Report {
             figures: BTreeMap::new(),
             findings: Vec::new(),
             passed: None,
+            result: None,
             warnings: Vec::new(),
         }
     }

@@ -41,6 +41,7 @@ mod atomic;
 mod curve;
 mod format;
 mod jpeg;
+mod lens;
 mod limits;
 mod opened;
 mod orient;
@@ -55,6 +56,7 @@ mod write;
 
 pub use atomic::{AtomicWriter, check_writable, write_atomically};
 pub use format::Format;
+pub use lens::focal_px_from_35mm;
 pub use limits::Limits;
 pub use picture::{Origin, Picture, SampleKind, Warning};
 pub use read::{DecodeError, Probe, ReadError, decode, probe, probe_data, read};

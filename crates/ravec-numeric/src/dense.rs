@@ -1,7 +1,6 @@
 //! Symmetric matrices of a few rows.
 
-use faer::linalg::solvers::Solve as _;
-use faer::{Col, Mat, Side};
+use nalgebra::{Cholesky, DMatrix, SMatrix, SVector, SymmetricEigen};
 
 /// The eigenvector of the smallest eigenvalue of a symmetric matrix, and what surrounds it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -16,6 +15,10 @@ pub struct Smallest<const N: usize> {
     pub largest: f64,
 }
 
+/// Rotations of the iteration for eigenvalues at most, far more than the two or three that one takes: without an end, a
+/// matrix beyond rounding could hang.
+const MAX_SWEEPS: usize = 1000;
+
 /// The eigenvector of the smallest eigenvalue of the symmetric `matrix`, of which the lower triangle is read.
 ///
 /// `None` if a number is not finite, or if `N` is below 2.
@@ -23,15 +26,15 @@ pub fn smallest_eigenvector<const N: usize>(matrix: &[[f64; N]; N]) -> Option<Sm
     if N < 2 || !matrix.iter().flatten().all(|value| value.is_finite()) {
         return None;
     }
-    let matrix = Mat::from_fn(N, N, |row, col| matrix[row][col]);
-    // eigenvalues come in rising order
-    let eigen = matrix.self_adjoint_eigen(Side::Lower).ok()?;
-    let values = eigen.S().column_vector();
+    let matrix = DMatrix::from_fn(N, N, |row, col| matrix[row.max(col)][row.min(col)]);
+    let eigen = SymmetricEigen::try_new(matrix, 4.0 * f64::EPSILON, MAX_SWEEPS)?;
+    let mut order: Vec<usize> = (0..N).collect();
+    order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
     Some(Smallest {
-        vector: std::array::from_fn(|row| eigen.U()[(row, 0)]),
-        value: values[0],
-        next: values[1],
-        largest: values[N - 1],
+        vector: std::array::from_fn(|row| eigen.eigenvectors[(row, order[0])]),
+        value: eigen.eigenvalues[order[0]],
+        next: eigen.eigenvalues[order[1]],
+        largest: eigen.eigenvalues[order[N - 1]],
     })
 }
 
@@ -42,11 +45,9 @@ pub fn solve_positive<const N: usize>(
     matrix: &[[f64; N]; N],
     right: &[f64; N],
 ) -> Option<[f64; N]> {
-    let matrix = Mat::from_fn(N, N, |row, col| matrix[row][col]);
-    let right = Col::from_fn(N, |row| right[row]);
-    let x = matrix.llt(Side::Lower).ok()?.solve(right);
-    let x = std::array::from_fn(|row| x[row]);
-    x.iter().all(|value: &f64| value.is_finite()).then_some(x)
+    let matrix = SMatrix::<f64, N, N>::from_fn(|row, col| matrix[row.max(col)][row.min(col)]);
+    let x = Cholesky::new(matrix)?.solve(&SVector::from(*right));
+    x.iter().all(|value| value.is_finite()).then(|| x.into())
 }
 
 #[cfg(test)]

@@ -24,7 +24,7 @@
 //!
 //! # Current status
 //!
-//! What `ravec-planar` needs. The factorisations are those of `faer`.
+//! What `ravec-planar` needs. The factorisations are those of `nalgebra`.
 
 mod dense;
 mod least_squares;

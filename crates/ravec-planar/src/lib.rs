@@ -33,6 +33,9 @@
 //! | the map from pairs of points | [`Homography::from_pairs`], [`estimate`](fn@estimate), [`estimate_robust`] |
 //! | the map from two photos | [`match_photos`], [`Features`], [`match_features`] |
 //! | grids in perspective | [`QuadGrid`], [`snap`](fn@snap), [`snap_counting`] |
+//! | planes from edges | [`propose_planes`], [`vanishing_points`], [`Segment`] |
+//! | a plane from straight on | [`proportions`], [`straight_view`] |
+//! | pictures through a map | [`warp`](fn@warp) |
 //!
 //! # Guarantees
 //!
@@ -41,7 +44,7 @@
 //!
 //! # Not guaranteed
 //!
-//! - The same last bits on machines with other vector units: small systems are solved by `faer`, which uses them.
+//! - The same last bits on machines with other vector units or mathematics libraries.
 //! - That a photo is free of lens distortion. A homography is for straight lines that are straight.
 //!
 //! # Words
@@ -51,7 +54,8 @@
 //!
 //! # Current status
 //!
-//! Homographies, robust estimation, matching of photos, grids and snapping. It fits no lines itself.
+//! Still pictures: homographies, robust estimation, matching of photos, grids and snapping, proposals, rectification, warping.
+//! It fits no lines itself.
 
 mod align;
 mod estimate;
@@ -60,19 +64,29 @@ mod homography;
 mod magsac;
 mod matching;
 mod photos;
+mod proposals;
 mod quad_grid;
 mod random;
+mod rectify;
 mod robust;
 mod snap;
 #[cfg(test)]
 mod strategies;
 mod tilt;
+mod vanishing;
+mod warp;
 
 pub use estimate::{PointPair, estimate, estimate_linear, refine, symmetric_transfer_error};
 pub use features::{Descriptor, Feature, FeatureParams, Features, encoded_luminance};
 pub use homography::{Homography, HomographyError};
 pub use matching::{FeatureMatch, match_features};
 pub use photos::{MatchError, MatchParams, PhotoMatch, match_photos};
+pub use proposals::{PlaneProposal, Proposals, propose_planes};
 pub use quad_grid::{QuadGrid, Side};
+pub use rectify::{
+    Known, Margin, ProportionError, Proportions, Straight, proportions, straight_view,
+};
 pub use robust::{RobustFit, RobustParams, estimate_robust};
 pub use snap::{SnapError, SnapParams, Snapped, snap, snap_counting};
+pub use vanishing::{Segment, VanishingPoint, focal_from_right_angles, vanishing_points};
+pub use warp::{Beyond, warp};

@@ -1,5 +1,6 @@
 //! All scenes by name, so that a program can list them, draw them and write their truth as data.
 
+use crate::building::{BuildingTruth, building};
 use crate::edge::{
     CheckerboardTruth, DiscTruth, EdgeTruth, GradientTruth, LineTruth, TwoColors, WedgeTruth,
     checkerboard, disc, edge, gradient, line, wedge,
@@ -28,6 +29,8 @@ pub enum SceneId {
     Facade,
     /// A tiled floor in perspective.
     Floor,
+    /// The corner of a building, seen by a camera whose lens is known.
+    Building,
     /// Discs, squares and lines on a landscape.
     Shapes,
     /// A line drawing.
@@ -62,6 +65,8 @@ pub enum Truth {
     StillLife(StillLifeTruth),
     /// A homography.
     Plane(PlaneTruth),
+    /// A camera, vanishing points and walls.
+    Building(BuildingTruth),
     /// A list of shapes.
     Shapes(ShapesTruth),
     /// Strokes.
@@ -99,11 +104,12 @@ pub struct Scene {
 
 impl SceneId {
     /// All scenes, the demonstration's first.
-    pub const ALL: [Self; 15] = [
+    pub const ALL: [Self; 16] = [
         Self::Street,
         Self::StillLife,
         Self::Facade,
         Self::Floor,
+        Self::Building,
         Self::Shapes,
         Self::LineArt,
         Self::Swatches,
@@ -138,6 +144,11 @@ impl SceneId {
                 "floor",
                 (960, 720),
                 "a tiled floor in perspective with sun through windows",
+            ),
+            Self::Building => (
+                "building",
+                (960, 720),
+                "the corner of a building with three vanishing points",
             ),
             Self::Shapes => (
                 "shapes",
@@ -223,6 +234,9 @@ impl SceneId {
     }
 }
 
+/// The focal length of the building's camera, in diagonals of the picture: a moderate wide angle, 35 mm on film.
+const BUILDING_FOCAL: f64 = 0.81;
+
 /// Draws a scene, in the caller's thread pool. Equal arguments give equal bytes.
 pub fn render(id: SceneId, size: Size, seed: Seed) -> Scene {
     let (image, truth): (AnyImage, Truth) = match id {
@@ -230,6 +244,7 @@ pub fn render(id: SceneId, size: Size, seed: Seed) -> Scene {
         SceneId::StillLife => known(still_life(size, seed), Truth::StillLife),
         SceneId::Facade => known(facade(size, seed), Truth::Plane),
         SceneId::Floor => known(floor(size, seed), Truth::Plane),
+        SceneId::Building => known(building(size, BUILDING_FOCAL, seed), Truth::Building),
         SceneId::Shapes => known(shapes(size, seed), Truth::Shapes),
         SceneId::LineArt => known(line_art(size, seed), Truth::LineArt),
         SceneId::Swatches => known(swatches(size, seed), Truth::Swatches),

@@ -25,6 +25,7 @@
 //! Words: a *scene* is a picture with its *truth*; the *footprint* of a sample is the side of the square it stands for;
 //! *damage* is what is done to a finished picture.
 
+pub mod building;
 pub mod catalog;
 mod coverage;
 pub mod damage;

@@ -6,9 +6,12 @@ use crate::program::{code, done, photos, stderr};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-const COMMANDS: [&str; 16] = [
+const COMMANDS: [&str; 19] = [
     "compare",
     "complete",
+    "rectify",
+    "snap",
+    "planes",
     "twocolor",
     "brush",
     "mesh",
@@ -93,6 +96,9 @@ fn examples_of_the_help_run_as_they_are_written() {
         "pages/ravec-brush.1",
         "figures.json",
         "without.png",
+        "f.json",
+        "grid.png",
+        "planes.json",
         "part.png",
         "cut.png",
         "small.stl",

@@ -12,6 +12,16 @@ fn assert_nobody_reads(folder: &Path, name: &str, words: &[&str]) {
         &["twocolor", name, "-o", "out.png", "--json", "r.json"][..],
         &["brush", name, "-o", "out.png", "--everywhere"],
         &["compare", name, name],
+        &["planes", name, "-o", "out.png"],
+        &["snap", name, "--quad", "0,0,9,0,9,9,0,9", "-o", "out.png"],
+        &[
+            "rectify",
+            name,
+            "--quad",
+            "0,0,9,0,9,9,0,9",
+            "-o",
+            "out.png",
+        ],
         &["demo", "--image", name, "--out", "gallery"],
     ] {
         let output = ravec(folder, arguments);

@@ -14,6 +14,7 @@ mod meshes;
 mod offset;
 mod outputs;
 mod pictures;
+mod planes;
 mod program;
 mod scenes;
 mod twocolor;

@@ -6,6 +6,7 @@
 //!     try all moves of the four corners along the rows (the columns), coarsely, and keep the best
 //!     halve the step and try the neighbours, until the step is below a pixel
 //! move all eight coordinates so that the lines lie on the nearest slopes, by least squares
+//! where lines lie on one edge of a joint, move them to its middle, and once more all coordinates
 //! ```
 //!
 //! Where inner lines lie depends on how much nearer one side is than the other, which is not known before both families
@@ -24,12 +25,14 @@
 //! Does not guarantee: that the edges found are those that were meant, if others fit the grid as well.
 //! Cost: some milliseconds; grows with the length of the lines times the reach.
 
+mod joint;
 mod polish;
 mod search;
 mod sites;
 
 use crate::homography::HomographyError;
 use crate::quad_grid::QuadGrid;
+use crate::snap::joint::centered;
 use crate::snap::polish::polish;
 use crate::snap::search::{Evidence, best_moves};
 use crate::snap::sites::{Family, Sites};
@@ -132,7 +135,16 @@ pub fn snap(
         }
         phase.advance(1);
     }
-    let snapped = polish(plane, &grid)?;
+    let mut snapped = polish(plane, &grid, [None; 2])?;
+    let on_edges = snapped.grid.clone();
+    let mut joints = [None; 2];
+    for (joint, family) in joints.iter_mut().zip([Family::Columns, Family::Rows]) {
+        progress.check()?;
+        (snapped.grid, *joint) = centered(plane, &snapped.grid, family)?;
+    }
+    if snapped.grid != on_edges {
+        snapped = polish(plane, &snapped.grid, joints)?;
+    }
     phase.advance(1);
     Ok(snapped)
 }

@@ -1,12 +1,14 @@
 //! The last fraction of a pixel: lines on slopes by least squares.
 
 use crate::quad_grid::QuadGrid;
+use crate::snap::joint::Joint;
 use crate::snap::search::{edge_scale, edgeness};
-use crate::snap::sites::{Profile, Sites};
+use crate::snap::sites::{Family, Profile, Site, Sites};
 use crate::snap::{SnapError, Snapped};
 use glam::dvec2;
 use ravec_numeric::NormalEquations;
 use ravec_raster::Plane;
+use rayon::prelude::*;
 
 /// How far edges are looked for, in pixels, round by round: the search leaves about one pixel.
 const REACHES_PX: [usize; 8] = [4, 4, 3, 3, 2, 2, 2, 2];
@@ -17,8 +19,14 @@ const SIGMA_PX: f64 = 1.0;
 /// Moves are held back by this share of the mean weight: a corner that no edge determines stays where it is.
 const HOLD: f64 = 1e-4;
 
-/// The grid with each line on the steepest slopes near it.
-pub(super) fn polish(plane: &Plane, grid: &QuadGrid) -> Result<Snapped, SnapError> {
+/// The grid with each line on the steepest slopes near it, or in the middle of the `joints` that lines between columns and
+/// between rows are.
+pub(super) fn polish(
+    plane: &Plane,
+    grid: &QuadGrid,
+    joints: [Option<Joint>; 2],
+) -> Result<Snapped, SnapError> {
+    let joint = |site: &Site| joints[usize::from(site.family == Family::Rows)];
     let mut grid = grid.clone();
     let mut support = 0.0;
     for reach in REACHES_PX {
@@ -26,13 +34,23 @@ pub(super) fn polish(plane: &Plane, grid: &QuadGrid) -> Result<Snapped, SnapErro
         if sites.sites.is_empty() {
             return Err(SnapError::Outside);
         }
-        let mut profile = Profile::new(reach + 1, SIGMA_PX);
+        let half = |site: &Site| joint(site).map_or(0.0, |joint| joint.half_px(site.cell_px));
+        let widest = sites.sites.iter().map(half).fold(0.0, f64::max);
+        let new_profile = || Profile::new(reach + 1 + widest.ceil() as usize, SIGMA_PX);
         let slopes: Vec<Vec<f32>> = sites
             .sites
-            .iter()
-            .map(|site| {
+            .par_iter()
+            .with_min_len(64)
+            .map_init(new_profile, |profile, site| {
                 profile.read(plane, site.at, site.normal);
-                profile.slopes.clone()
+                let mut seen = vec![0.0; 2 * reach + 3];
+                if let Some(joint) = joint(site) {
+                    joint.respond(site, &profile.slopes, &mut seen);
+                } else {
+                    let first = (profile.slopes.len() - seen.len()) / 2;
+                    seen.copy_from_slice(&profile.slopes[first..][..2 * reach + 3]);
+                }
+                seen
             })
             .collect();
         // noise is what lies away from the line; near it there is an edge nearly everywhere

@@ -32,6 +32,9 @@ pub(super) struct Site {
     pub normal: DVec2,
     /// By how much the line moves across itself when a corner's x or y grows by 1: x₀, y₀, x₁, …
     pub influence: [f64; 8],
+    /// By how many pixels the line moves along the normal when it moves on by a column or row.
+    pub cell_px: f64,
+    pub family: Family,
 }
 
 /// Places on lines that lie in the picture.
@@ -87,6 +90,8 @@ impl Sites {
                         at,
                         normal,
                         influence: influence(at),
+                        cell_px: maps.step(at, this).dot(normal),
+                        family: this,
                     });
                 }
             }
@@ -116,6 +121,16 @@ impl Moved {
         Self {
             grid_from_image: grid.image_from_grid().inverse(),
             moved,
+        }
+    }
+
+    /// How a place in the picture moves when it moves on by a column or row.
+    fn step(&self, at: DVec2, family: Family) -> DVec2 {
+        let grid_from_here = self.grid_from_image.jacobian(at);
+        let here_from_grid = grid_from_here.inverse();
+        match family {
+            Family::Columns => here_from_grid.x_axis,
+            Family::Rows => here_from_grid.y_axis,
         }
     }
 

@@ -1,0 +1,233 @@
+//! `planes`: quadrilaterals that may be rectangles on planes, from the edges of a picture.
+
+use crate::error::JobError;
+use crate::files::{self, Source};
+use crate::plane::Focal;
+use crate::plane::overlay::{Color, draw_line, line_width};
+use crate::plane::segments::segments;
+use crate::report::Report;
+use glam::dvec2;
+use ravec::planar::{Proposals, Segment, propose_planes};
+use ravec::progress::Progress;
+use ravec::raster::{Image, LinearRgba};
+use ravec_media::{WriteOptions, focal_px_from_35mm};
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+use std::path::Path;
+
+/// How planes are proposed.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+pub struct Params {
+    /// The focal length, in pixels (1200px) or on 35 mm film (28mm) [default: the one in the EXIF data]; only what is at right
+    /// angles is proposed then
+    #[cfg_attr(feature = "cli", arg(long, value_name = "LENGTH"))]
+    pub focal: Option<Focal>,
+    /// How many planes are proposed at most, 1 to 12
+    #[cfg_attr(feature = "cli", arg(long, value_name = "COUNT", default_value_t = Self::default().most))]
+    pub most: usize,
+}
+
+impl Default for Params {
+    fn default() -> Self {
+        Self {
+            focal: None,
+            most: 6,
+        }
+    }
+}
+
+/// Proposes planes, the best first. The picture that may be written shows them in strong colors, with the edges that led to
+/// them: those that meet in one point in one color.
+///
+/// The report's `result` has `planes` (each with `quad`, four corners [x, y] clockwise from the upper left one, `vanishing`,
+/// the numbers of its two vanishing points, `support_px` and `right_angles`), `vanishing_points` (each with `at`, three
+/// homogeneous coordinates, and `length_px`) and `focal_px` (null if nothing is known). Figures: `planes`, `segments`,
+/// `vanishing_points`, `focal_px`.
+///
+/// # Errors
+/// [`JobError::Parameter`], [`JobError::Read`], [`JobError::Write`], [`JobError::Cancelled`].
+pub fn run(
+    input: &Source,
+    output: Option<&Path>,
+    params: &Params,
+    progress: &Progress,
+) -> Result<Report, JobError> {
+    if !(1..=12).contains(&params.most) {
+        return Err(JobError::Parameter {
+            name: "--most",
+            value: params.most.to_string(),
+            range: "1 to 12",
+        });
+    }
+    let outputs: Vec<&Path> = output.into_iter().collect();
+    files::check_files(&[&input.path], &outputs)?;
+    if let Some(output) = output {
+        files::check_target(output)?;
+    }
+    let mut report = Report::new("planes", params);
+    let picture = files::read(input, &mut report, progress)?;
+    let size = picture.image.size();
+    let exif = || {
+        let film = picture.origin.focal_35mm()?;
+        Some(focal_px_from_35mm(film, size.width(), size.height()))
+    };
+    let focal = params
+        .focal
+        .map(|focal| focal.in_pixels(size))
+        .or_else(exif);
+    let image = picture.convert();
+    let edges = report.time("edges", || segments(&image, progress))?;
+    let extent = dvec2(size.width() as f64, size.height() as f64);
+    let mut found = report.time("planes", || propose_planes(&edges, extent, focal, progress))?;
+    found.planes.truncate(params.most);
+    for (name, count) in [
+        ("planes", found.planes.len()),
+        ("segments", edges.len()),
+        ("vanishing_points", found.vanishing_points.len()),
+    ] {
+        report.figures.insert(name, count as f64);
+    }
+    if let Some(focal) = found.focal_px {
+        report.figures.insert("focal_px", focal);
+    }
+    report.result = Some(described(&found));
+    if let Some(output) = output {
+        let mut image: Image<LinearRgba> = picture.convert();
+        draw(&mut image, &edges, &found);
+        let drawn = picture.with_image(&image);
+        files::write(
+            output,
+            &drawn,
+            &WriteOptions::default(),
+            &mut report,
+            progress,
+        )?;
+    }
+    Ok(report)
+}
+
+fn described(found: &Proposals) -> Value {
+    let planes: Vec<_> = found
+        .planes
+        .iter()
+        .map(|plane| {
+            json!({
+                "quad": plane.quad.map(|corner| corner.to_array()),
+                "vanishing": plane.vanishing,
+                "support_px": plane.support_px,
+                "right_angles": plane.right_angles,
+            })
+        })
+        .collect();
+    let points: Vec<_> = found
+        .vanishing_points
+        .iter()
+        .map(|point| json!({ "at": point.at.to_array(), "length_px": point.length_px }))
+        .collect();
+    json!({ "planes": planes, "vanishing_points": points, "focal_px": found.focal_px })
+}
+
+/// Edges by the point that they aim at.
+const POINT_COLORS: [Color; 6] = [
+    [1.0, 0.1, 0.1],
+    [0.1, 0.25, 1.0],
+    [0.05, 0.6, 0.1],
+    [0.9, 0.6, 0.0],
+    [0.6, 0.1, 0.8],
+    [0.0, 0.65, 0.7],
+];
+
+/// Planes, the best first; later ones repeat the last.
+const PLANE_COLORS: [Color; 6] = [
+    [0.0, 1.0, 0.2],
+    [1.0, 0.75, 0.0],
+    [0.0, 0.8, 1.0],
+    [1.0, 0.2, 0.7],
+    [0.7, 1.0, 0.0],
+    [0.9, 0.9, 0.9],
+];
+
+/// Draws edges thin and planes as grids of three by three.
+pub(crate) fn draw(image: &mut Image<LinearRgba>, edges: &[Segment], found: &Proposals) {
+    let width = line_width(image.size());
+    for (point, color) in found.vanishing_points.iter().zip(POINT_COLORS) {
+        for &edge in &point.segments {
+            draw_line(image, edges[edge].ends, 0.6 * width, color);
+        }
+    }
+    for (index, plane) in found.planes.iter().enumerate().rev() {
+        let color = PLANE_COLORS[index.min(PLANE_COLORS.len() - 1)];
+        if let Ok(grid) = ravec::planar::QuadGrid::new(plane.quad, 3, 3) {
+            super::overlay::draw_grid(image, &grid, width, color);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec2;
+    use ravec::raster::{AnyImage, Size, Srgb};
+    use ravec_media::Picture;
+    use ravec_scenes::Seed;
+    use ravec_scenes::building::building;
+    use ravec_scenes::damage::add_gaussian_noise;
+
+    #[test]
+    fn both_walls_of_a_building_are_proposed_and_its_focal_length_is_found() {
+        let folder = tempfile::tempdir().unwrap();
+        let size = Size::new(960, 720).unwrap();
+        let (image, truth) = building(size, 0.9, Seed(3));
+        let image = add_gaussian_noise(&image.convert::<Srgb<u8>>(), 4.0, Seed(1));
+        let path = folder.path().join("building.png");
+        let picture = Picture::from_image(AnyImage::from(image));
+        ravec_media::write(&path, &picture, &WriteOptions::default()).unwrap();
+        let drawn = folder.path().join("drawn.png");
+        let source = Source::new(&path);
+        let report = run(&source, Some(&drawn), &Params::default(), &Progress::none()).unwrap();
+        assert!(
+            (report.figures["focal_px"] / truth.focal_px - 1.0).abs() < 0.05,
+            "{:?}",
+            report.figures
+        );
+        let result = report.result.unwrap();
+        let quads: Vec<[DVec2; 4]> = result["planes"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|plane| serde_json::from_value(plane["quad"].clone()).unwrap())
+            .collect();
+        for wall in truth.walls_in_image {
+            // a quadrilateral with the middle of the wall in it, whose sides point where those of the wall do
+            let middle = wall.iter().sum::<DVec2>() / 4.0;
+            let found = quads.iter().any(|quad| {
+                let inside =
+                    (0..4).all(|k| (quad[(k + 1) % 4] - quad[k]).perp_dot(middle - quad[k]) > 0.0);
+                inside
+            });
+            assert!(found, "{wall:?} {quads:?}");
+        }
+        assert!(drawn.exists());
+    }
+
+    #[test]
+    fn an_even_picture_has_no_planes_and_a_wrong_count_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("even.png");
+        let even = Image::new(Size::new(90, 70).unwrap(), Srgb([90u8; 3]));
+        let picture = Picture::from_image(AnyImage::from(even));
+        ravec_media::write(&path, &picture, &WriteOptions::default()).unwrap();
+        let source = Source::new(&path);
+        let report = run(&source, None, &Params::default(), &Progress::none()).unwrap();
+        assert_eq!(report.figures["planes"], 0.0);
+        assert_eq!(report.result.unwrap()["focal_px"], Value::Null);
+        let params = Params {
+            most: 0,
+            ..Params::default()
+        };
+        let error = run(&source, None, &params, &Progress::none()).unwrap_err();
+        assert!(matches!(error, JobError::Parameter { .. }), "{error}");
+    }
+}

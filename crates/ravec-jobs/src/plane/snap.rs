@@ -1,0 +1,234 @@
+//! `snap`: a rough grid on a plane, moved onto the edges below it.
+
+use crate::error::JobError;
+use crate::files::{self, Source};
+use crate::plane::overlay::{AFTER, BEFORE, draw_grid, line_width};
+use crate::plane::{Grid, Quad};
+use crate::report::Report;
+use ravec::planar::{QuadGrid, SnapError, SnapParams, encoded_luminance, snap, snap_counting};
+use ravec::progress::Progress;
+use ravec::raster::{Image, LinearRgba, with_image};
+use ravec_media::WriteOptions;
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+use std::path::Path;
+
+/// How a grid snaps.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+pub struct Params {
+    /// The rough corners of the grid, in turn from the upper left one, in pixels, x right, y down
+    #[cfg_attr(
+        feature = "cli",
+        arg(long, value_name = "X,Y,X,Y,X,Y,X,Y", allow_hyphen_values = true)
+    )]
+    pub quad: Quad,
+    /// Columns and rows, as in 4x6 [default: searched for, up to 12 each]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "COLSxROWS"))]
+    #[serde(default)]
+    pub grid: Option<Grid>,
+    /// How far off a corner may be, in percent of the grid's diagonal, 0 to 20; more finds other edges that fit as well
+    #[cfg_attr(feature = "cli", arg(long, value_name = "PERCENT", default_value_t = Self::REACH))]
+    #[serde(default = "Params::default_reach")]
+    pub reach: f64,
+}
+
+/// Columns and rows that are searched for at most: finer grids find edges everywhere.
+const MAX_COUNT: u32 = 12;
+
+impl Params {
+    const REACH: f64 = 4.0;
+
+    fn default_reach() -> f64 {
+        Self::REACH
+    }
+
+    /// The defaults for a quadrilateral.
+    pub fn new(quad: Quad) -> Self {
+        Self {
+            quad,
+            grid: None,
+            reach: Self::REACH,
+        }
+    }
+}
+
+/// Moves the corners of a grid so that its lines fall on edges, and says where they are. The picture that may be written shows
+/// the grid before in orange and after in green.
+///
+/// The report's `result` has `quad` (four corners [x, y]), `columns`, `rows`, `support` (the share of the lines' length that
+/// lies on an edge, 0 to 1) and `moved_px` (how far each corner moved). Figures: `support`, `moved_most_px`.
+///
+/// # Errors
+/// [`JobError::Parameter`], [`JobError::Quad`], [`JobError::Outside`], [`JobError::NoSnap`], [`JobError::Read`],
+/// [`JobError::Write`], [`JobError::Cancelled`].
+pub fn run(
+    input: &Source,
+    output: Option<&Path>,
+    params: &Params,
+    progress: &Progress,
+) -> Result<Report, JobError> {
+    if !(0.0..=20.0).contains(&params.reach) {
+        return Err(JobError::Parameter {
+            name: "--reach",
+            value: params.reach.to_string(),
+            range: "0 to 20",
+        });
+    }
+    let outputs: Vec<&Path> = output.into_iter().collect();
+    files::check_files(&[&input.path], &outputs)?;
+    if let Some(output) = output {
+        files::check_target(output)?;
+    }
+    let mut report = Report::new("snap", params);
+    let picture = files::read(input, &mut report, progress)?;
+    params.quad.check(picture.image.size())?;
+    let grid = params.grid.unwrap_or(Grid {
+        columns: 1,
+        rows: 1,
+    });
+    let rough = QuadGrid::new(params.quad.0, grid.columns, grid.rows)
+        .map_err(|cause| JobError::Quad { cause })?;
+    let options = SnapParams {
+        reach_rel: params.reach / 100.0,
+    };
+    let found = report.time("snap", || {
+        let plane = with_image!(&picture.image, image => encoded_luminance(image));
+        if params.grid.is_some() {
+            snap(&plane, &rough, &options, progress)
+        } else {
+            let counts = 1..=MAX_COUNT;
+            snap_counting(&plane, &rough, counts.clone(), counts, &options, progress)
+        }
+    });
+    let found = found.map_err(|cause| match cause {
+        SnapError::Cancelled => JobError::Cancelled,
+        cause => JobError::NoSnap {
+            path: input.path.clone(),
+            cause,
+        },
+    })?;
+    let corners = found.grid.corners();
+    let moved: Vec<f64> = (0..4)
+        .map(|k| corners[k].distance(params.quad.0[k]))
+        .collect();
+    report.figures.insert("support", found.support);
+    report.figures.insert(
+        "moved_most_px",
+        moved.iter().fold(0.0, |a: f64, &b| a.max(b)),
+    );
+    report.result = Some(json!({
+        "quad": corners.map(|corner| corner.to_array()),
+        "columns": found.grid.columns(),
+        "rows": found.grid.rows(),
+        "support": found.support,
+        "moved_px": moved,
+    }));
+    if let Some(output) = output {
+        let mut image: Image<LinearRgba> = picture.convert();
+        let width = line_width(image.size());
+        let before = rough
+            .divided(found.grid.columns(), found.grid.rows())
+            .map_err(|cause| JobError::Quad { cause })?;
+        draw_grid(&mut image, &before, 0.6 * width, BEFORE);
+        draw_grid(&mut image, &found.grid, width, AFTER);
+        let drawn = picture.with_image(&image);
+        files::write(
+            output,
+            &drawn,
+            &WriteOptions::default(),
+            &mut report,
+            progress,
+        )?;
+    }
+    Ok(report)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ravec::raster::{AnyImage, Size, Srgb};
+    use ravec_media::Picture;
+
+    /// Fields of 20 × 20 pixels, 5 × 4 of them from (30, 30) on.
+    fn photo(folder: &Path) -> Source {
+        let image: Image<Srgb<u8>> = Image::from_fn(Size::new(160, 140).unwrap(), |col, row| {
+            let inside = (30..130).contains(&col) && (30..110).contains(&row);
+            let light = ((col + 70) / 20 + (row + 70) / 20) % 2 == 0;
+            Srgb([if inside && light { 210 } else { 90 }; 3])
+        });
+        let path = folder.join("photo.png");
+        let picture = Picture::from_image(AnyImage::from(image));
+        ravec_media::write(&path, &picture, &WriteOptions::default()).unwrap();
+        Source::new(path)
+    }
+
+    #[test]
+    fn the_refined_quadrilateral_is_the_result_and_a_drawing_shows_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let photo = photo(folder.path());
+        let output = folder.path().join("drawn.png");
+        let params = Params {
+            grid: "5x4".parse().ok(),
+            ..Params::new("27,32,133,28,131,113,28,107".parse().unwrap())
+        };
+        let report = run(&photo, Some(&output), &params, &Progress::none()).unwrap();
+        let result = report.result.unwrap();
+        let truth = [[30.0, 30.0], [130.0, 30.0], [130.0, 110.0], [30.0, 110.0]];
+        for (corner, truth) in result["quad"].as_array().unwrap().iter().zip(truth) {
+            for k in 0..2 {
+                assert!(
+                    (corner[k].as_f64().unwrap() - truth[k]).abs() < 0.2,
+                    "{result}"
+                );
+            }
+        }
+        // half of the border has the same grey on both sides
+        assert!(report.figures["support"] > 0.6);
+        let drawn = ravec_media::read(&output, &ravec_media::Limits::default()).unwrap();
+        let AnyImage::Srgb8(drawn) = drawn.image else {
+            panic!("a drawing on an opaque picture is opaque");
+        };
+        let Srgb([r, g, _]) = drawn[(70, 40)];
+        assert!(
+            g > 150 && r < 60,
+            "a green line between two columns: {r} {g}"
+        );
+    }
+
+    #[test]
+    fn columns_and_rows_are_found_if_not_given() {
+        let folder = tempfile::tempdir().unwrap();
+        let photo = photo(folder.path());
+        let params = Params::new("27,32,133,28,131,113,28,107".parse().unwrap());
+        let report = run(&photo, None, &params, &Progress::none()).unwrap();
+        let result = report.result.unwrap();
+        assert_eq!(
+            (&result["columns"], &result["rows"]),
+            (&5.into(), &4.into())
+        );
+        assert!(report.outputs.is_empty());
+    }
+
+    #[test]
+    fn an_even_picture_and_a_wild_reach_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("even.png");
+        let even = Image::new(Size::new(160, 140).unwrap(), Srgb([90u8; 3]));
+        let picture = Picture::from_image(AnyImage::from(even));
+        ravec_media::write(&path, &picture, &WriteOptions::default()).unwrap();
+        let params = Params::new("27,32,133,28,131,113,28,107".parse().unwrap());
+        let error = run(&Source::new(&path), None, &params, &Progress::none()).unwrap_err();
+        assert!(
+            matches!(error, JobError::NoSnap { .. }) && error.exit_code() == 1,
+            "{error}"
+        );
+        let wild = Params {
+            reach: f64::NAN,
+            ..params
+        };
+        let error = run(&Source::new(&path), None, &wild, &Progress::none()).unwrap_err();
+        assert!(matches!(error, JobError::Parameter { .. }), "{error}");
+    }
+}
