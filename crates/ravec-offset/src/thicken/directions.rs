@@ -4,9 +4,8 @@
 //! part has its own direction, and what opens between them is filled by `slab`. So a fine scan needs one prism for each
 //! triangle and nothing between them.
 //!
-//! Guarantees: where corners share a direction, the moved triangle keeps its height above the old one within the slack; on
-//! the boundary they share one only if it leans by less than half of the tolerance; nowhere does a triangle turn over on its
-//! way.
+//! Guarantees: where corners share a direction, the moved triangle keeps its height above the old one within the slack, and
+//! nowhere does a triangle turn over on its way.
 
 use glam::{DMat3, DVec3};
 use ravec_mesh::{Adjacency, TriMesh};
@@ -18,9 +17,6 @@ const LEAST_AREA: f64 = 0.1;
 /// How strongly miters are drawn to the mean normal, and how long they may get.
 const MITER_DAMPING: f64 = 1e-4;
 const LONGEST_MITER: f64 = 3.0;
-
-/// How far walls over the boundary may lean at their top, in slacks: less than half of the tolerance.
-const MOST_LEAN: f64 = 4.0;
 
 /// Openings below this, sines of angles, are none.
 const LEAST_OPENING: f64 = 1e-9;
@@ -74,23 +70,8 @@ impl<'a> Directed<'a> {
         // of a direction scaled for the middle of its heights, these are off by (1 - c) / (1 + c)
         let share = (slack / height).min(0.2);
         let least_cosine = (1.0 - share) / (1.0 + share);
-        let lean = (MOST_LEAN * slack / height).min(1.0);
-        let upright_cosine = (1.0 - lean * lean).sqrt().max(least_cosine);
-        let mut is_border = vec![false; sheet.positions().len()];
-        for (edge, ends) in (0_u32..).zip(adjacency.edges()) {
-            if adjacency.uses(edge).len() == 1 {
-                for &v in ends {
-                    is_border[v as usize] = true;
-                }
-            }
-        }
-        for (v, is_border) in (0_u32..).zip(is_border) {
+        for v in 0..sheet.positions().len() as u32 {
             progress.check()?;
-            let least_cosine = if is_border {
-                upright_cosine
-            } else {
-                least_cosine
-            };
             directed.smooth(v, least_cosine);
         }
         directed.sharpen(height, progress)?;
