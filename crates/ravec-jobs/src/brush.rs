@@ -140,7 +140,6 @@ impl Default for Params {
 }
 
 /// A color as #rrggbb.
-#[cfg(feature = "cli")]
 pub(crate) fn color(text: &str) -> Result<[u8; 3], String> {
     let digits = text.strip_prefix('#').unwrap_or(text);
     let number = u32::from_str_radix(digits, 16)

@@ -66,8 +66,9 @@ pub fn building(size: Size, focal: f64, seed: Seed) -> (Image<LinearRgb>, Buildi
     );
     let back = (position - target).normalize();
     let forward = -back;
-    let right = forward.cross(DVec3::Y).normalize();
-    let down = forward.cross(right);
+    // x, y and z are a left-handed system, as x goes to the right and z away
+    let right = DVec3::Y.cross(forward).normalize();
+    let down = right.cross(forward);
     let roll = turn(3, -0.03, 0.03);
     let (sin, cos) = f64::sin_cos(roll);
     let camera = Camera {

@@ -23,8 +23,9 @@ const MAX_WIDTH: usize = 960;
 /// Noise of the picture, in steps of 255.
 const NOISE: f64 = 4.0;
 
-/// How far the corners of the rough grid are off, as a share of its diagonal.
-const OFF: f64 = 0.025;
+/// How far the corners of the rough grid are off, as a share of its diagonal. With the reach it stays short of the ledges,
+/// whose edges are longer than those of windows.
+const OFF: f64 = 0.02;
 
 /// Puts the sections about planes on the page, on a drawn building with noise.
 ///
@@ -101,19 +102,19 @@ fn rough_grid(
         image_from_wall.apply(dvec2((bay + 0.26) / 5.0, (floor + 0.28) / 4.0))
     };
     let corners = [
-        place(0.0, 3.0),
+        place(1.0, 3.0),
         place(4.0, 3.0),
-        place(4.0, 0.0),
-        place(0.0, 0.0),
+        place(4.0, 1.0),
+        place(1.0, 1.0),
     ];
-    let belongs = QuadGrid::new(corners, 4, 3)?;
+    let belongs = QuadGrid::new(corners, 3, 2)?;
     let off = OFF * belongs.diagonal_px();
     let mut moved = corners;
     for (k, corner) in moved.iter_mut().enumerate() {
         *corner +=
             off * DVec2::from_angle(seed.between(k as i64, 0, 77, 0.0, std::f64::consts::TAU));
     }
-    Ok((belongs, QuadGrid::new(moved, 4, 3)?))
+    Ok((belongs, QuadGrid::new(moved, 3, 2)?))
 }
 
 fn snapping(
@@ -164,7 +165,7 @@ fn straight(
     progress: &Progress,
 ) -> Result<(), JobError> {
     // bays of 2.4 by 3 metres
-    let ratio = 4.0 * 2.4 / (3.0 * 3.0);
+    let ratio = 3.0 * 2.4 / (2.0 * 3.0);
     let extent = dvec2(image.width() as f64, image.height() as f64);
     let ways = [
         ("the focal length", Known::Focal(truth.focal_px)),
