@@ -106,7 +106,7 @@ impl Deformation {
         })
     }
 
-    /// The cells with their corners in order around them, and their weights: 0.002 where the picture may give way, 0.02 to 1
+    /// The cells with their corners in order around them, and their weights: 0.0025 where the picture may give way, 0.025 to 1
     /// by importance, 100 where it is protected.
     pub fn cells(&self) -> impl Iterator<Item = ([DVec2; 4], f64)> {
         self.grid.cells.iter().zip(self.weights.iter()).map(|(cell, &weight)| {

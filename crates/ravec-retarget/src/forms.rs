@@ -27,7 +27,7 @@ use glam::DVec2;
 use std::ops::Range;
 
 /// The importance of what may give way. Less gives way more and folds sooner.
-pub(crate) const GIVING: f64 = 0.02;
+pub(crate) const GIVING: f64 = 0.025;
 
 /// The weight of a sample of a line, against at most 1 of a cell. Less lets lines bend where objects push, more costs nothing
 /// but digits.
@@ -83,10 +83,30 @@ pub(crate) struct GridRun {
     pub(crate) ends: [DVec2; 2],
 }
 
+/// How far runs go on beyond their ends, in units: strokes have round ends, and the last block is seldom whole.
+const OVERSHOOT: f64 = 1.0;
+
 impl GridRun {
-    pub(crate) fn new(run: &Run, unit_px: f64) -> Self {
+    /// A run of the reduction that has `unit_px` pixels a unit, a little longer, within a grid of `units`.
+    pub(crate) fn new(run: &Run, unit_px: f64, units: [usize; 2]) -> Self {
+        let overshoot = OVERSHOOT * run.direction();
+        let from = run.ends[0] / unit_px - overshoot;
+        let along = run.ends[1] / unit_px + overshoot - from;
+        // cut along the line, so that it stays where it is
+        let (mut first, mut last) = (0.0f64, 1.0f64);
+        for axis in 0..2 {
+            let (a, b) = (
+                -from[axis] / along[axis],
+                (units[axis] as f64 - from[axis]) / along[axis],
+            );
+            // a run along the border is not cut by it
+            if a.is_finite() && b.is_finite() {
+                first = first.max(a.min(b));
+                last = last.min(a.max(b));
+            }
+        }
         Self {
-            ends: run.ends.map(|end| end / unit_px),
+            ends: [first, last.max(first)].map(|t| from + t * along),
         }
     }
 

@@ -1,9 +1,9 @@
 //! What must keep its shape: a weight for each unit of the grid.
 //!
 //! ```text
-//! barrier  = minimum barrier distance to the border on a small reduction, opened, 0 to 1
+//! barrier  = minimum barrier distance to the border on a small reduction, opened, above its median, 0 to 1
 //! contrast = that of the two-color pixels, without those along straight runs
-//! weight   = 1 − (1 − barrier) (1 − contrast / 2)
+//! weight   = 1 − (1 − barrier) (1 − contrast / 4)
 //! ```
 //!
 //! Contrast alone is a poor measure: textured ground has it, the even inside of an object has none. The barrier alone loses
@@ -21,14 +21,18 @@ const BARRIER_SIDE: usize = 200;
 /// Half the side of the square that an object must hold to count, in pixels of that reduction.
 const OPENING: usize = 2;
 
+/// The share of the largest barrier distance (without the upper 2 %) that counts as full. The median counts as nothing: it is
+/// what the ground has. Less gives faint objects the importance of strong ones, more gives ground with texture some.
+const FULL_BARRIER: f32 = 0.6;
+
 /// The Oklab contrast that counts as full.
 const FULL_CONTRAST: f32 = 0.25;
 
 /// How much of contrast along a straight run counts: lines are held by themselves, and need no stiff cells.
 const RUN_SHARE: f32 = 0.2;
 
-/// How much contrast counts against the barrier.
-const CONTRAST_SHARE: f64 = 0.5;
+/// How much contrast counts against the barrier. More keeps thin figures that the barrier loses, and textured ground.
+const CONTRAST_SHARE: f64 = 0.25;
 
 /// The importance of each unit, 0 to 1.
 pub(crate) fn importance(analysis: &Analysis, runs: &[Run], saliency: f64) -> Vec<f64> {
@@ -108,8 +112,10 @@ fn barrier(analysis: &Analysis) -> Vec<f64> {
     let open = opened(&total, OPENING);
     let mut sorted = open.pixels().to_vec();
     sorted.sort_by(f32::total_cmp);
-    let full = sorted[(sorted.len() - 1) * 98 / 100].max(1e-6);
-    let scaled = open.map(|value| (value / full).min(1.0));
+    let quantile = |percent: usize| sorted[(sorted.len() - 1) * percent / 100];
+    let ground = quantile(50);
+    let full = (FULL_BARRIER * quantile(98)).max(ground + 1e-6);
+    let scaled = open.map(|value| ((value - ground) / (full - ground)).clamp(0.0, 1.0));
     per_unit(&scaled, analysis).into_iter().map(f64::from).collect()
 }
 

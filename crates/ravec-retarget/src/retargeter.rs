@@ -66,7 +66,7 @@ pub struct AnalysisSummary {
 pub struct Retargeter {
     params: RetargetParams,
     grid: Arc<Grid>,
-    /// The importance of each cell, with what is painted: 0.002 to 100.
+    /// The importance of each cell, with what is painted: 0.0025 to 100.
     weights: Arc<Vec<f64>>,
     runs: Arc<Vec<GridRun>>,
     axes: [Axis; 2],
@@ -110,7 +110,7 @@ impl Retargeter {
         phase.advance(1);
         let runs: Vec<GridRun> = found
             .iter()
-            .map(|run| GridRun::new(run, analysis.unit_px as f64))
+            .map(|run| GridRun::new(run, analysis.unit_px as f64, units))
             .collect();
         let mean_importance = importance.iter().sum::<f64>() / importance.len() as f64;
         let weights = unit_weights(&importance, painted, units);

@@ -5,13 +5,15 @@
 //!     walk along it both ways, a small step at a time
 //!     whatever block is met whose line continues the run joins it, and the run is fitted anew
 //!     the walk ends where nothing has joined for some steps
-//! keep the runs that are long and straight, and drop those that repeat a longer one
+//! keep the runs that are long and straight
+//! join those that lie on one line: something covers it in between
+//! drop those that repeat a longer one
 //! ```
 //!
 //! A line continues a run if it lies within a pixel of it, at nearly its angle, with the same colour on the same side.
 //!
-//! Guarantees: lines of a run are within [`MAX_AWAY_PX`] of it. Does not guarantee: that a long line is one run; where
-//! something covers it for more than [`MAX_GAP_PX`], there are two.
+//! Guarantees: the middles of the lines of a run are within [`MAX_AWAY_PX`] of it, or the ends of what was joined. Does not
+//! guarantee: that a long line is one run; where more of it is covered than to be seen on either side, there are two.
 
 use glam::{DVec2, dvec2};
 use ravec_raster::{Rect, Size};
@@ -61,6 +63,9 @@ const MIN_CONTRAST: f32 = 0.04;
 /// it; photos of buildings have hundreds.
 const MAX_RUNS: usize = 96;
 
+/// How many chains are looked at for joining.
+const MAX_CHAINS: usize = 4 * MAX_RUNS;
+
 /// A line within its block.
 #[derive(Debug, Clone, Copy)]
 struct Segment {
@@ -90,23 +95,96 @@ pub(crate) fn straight_runs(field: &TwoColorField) -> Vec<Run> {
         segments: &segments,
         taken: vec![false; segments.len()],
     };
-    let mut found: Vec<(Run, f64)> = Vec::new();
+    let mut found: Vec<Chain> = Vec::new();
     for seed in seeds {
-        if walk.taken[seed] {
-            continue;
-        }
-        if let Some((run, contrast)) = walk.from(seed) {
-            found.push((run, contrast * run.length()));
+        if !walk.taken[seed] {
+            found.extend(walk.from(seed));
         }
     }
-    found.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let by_strength = |a: &Chain, b: &Chain| b.strength().total_cmp(&a.strength());
+    found.sort_by(by_strength);
+    found.truncate(MAX_CHAINS);
+    join(&mut found);
+    found.sort_by(by_strength);
     let mut kept: Vec<Run> = Vec::new();
-    for (run, _) in found {
+    for Chain { run, .. } in found {
         if kept.len() < MAX_RUNS && !kept.iter().any(|longer| repeats(&run, longer)) {
             kept.push(run);
         }
     }
     kept
+}
+
+/// A run with what it was made from.
+#[derive(Debug, Clone, Copy)]
+struct Chain {
+    run: Run,
+    fit: LineFit,
+    /// How colours change across it, from left to right as seen along the run.
+    step: [f32; 3],
+}
+
+impl Chain {
+    fn contrast(&self) -> f32 {
+        self.step.iter().map(|v| v * v).sum::<f32>().sqrt()
+    }
+
+    fn strength(&self) -> f64 {
+        f64::from(self.contrast()) * self.run.length()
+    }
+
+    /// Both as one, if they lie on one line, have like colours on like sides, and what is between them is not longer than
+    /// the longer.
+    fn joined(&self, other: &Self) -> Option<Self> {
+        let same_way = if self.run.direction().dot(other.run.direction()) < 0.0 {
+            -1.0
+        } else {
+            1.0
+        };
+        let dot: f32 = self.step.iter().zip(other.step).map(|(a, b)| a * b).sum();
+        if same_way * dot <= 0.5 * self.contrast().min(other.contrast()).powi(2) {
+            return None;
+        }
+        let mut fit = self.fit;
+        fit.join(&other.fit);
+        let (center, mut direction) = fit.line();
+        if direction.dot(self.run.direction()) < 0.0 {
+            direction = -direction;
+        }
+        let ends = [self.run.ends, other.run.ends];
+        let away = |end: DVec2| (end - center).perp_dot(direction).abs();
+        if ends.iter().flatten().any(|&end| away(end) > MAX_AWAY_PX) {
+            return None;
+        }
+        let [[a, b], [c, d]] = ends.map(|ends| {
+            let [from, to] = ends.map(|end| (end - center).dot(direction));
+            [from.min(to), from.max(to)]
+        });
+        let gap = a.max(c) - b.min(d);
+        (gap <= (b - a).max(d - c)).then(|| Self {
+            run: Run {
+                ends: [a.min(c), b.max(d)].map(|t| center + t * direction),
+            },
+            fit,
+            step: [0, 1, 2].map(|k| 0.5 * (self.step[k] + same_way * other.step[k])),
+        })
+    }
+}
+
+/// Joins chains on one line until no two are left that can be.
+fn join(chains: &mut Vec<Chain>) {
+    let mut first = 0;
+    while first < chains.len() {
+        let found = (first + 1..chains.len())
+            .find_map(|k| chains[first].joined(&chains[k]).map(|chain| (k, chain)));
+        match found {
+            Some((k, chain)) => {
+                chains[first] = chain;
+                chains.remove(k);
+            }
+            None => first += 1,
+        }
+    }
 }
 
 /// The part of a block's line that lies within the block.
@@ -170,6 +248,14 @@ impl LineFit {
         self.squares[2] += length * (m.y * m.y + h.y * h.y / 3.0);
     }
 
+    fn join(&mut self, other: &Self) {
+        self.length += other.length;
+        self.sum += other.sum;
+        for (sum, value) in self.squares.iter_mut().zip(other.squares) {
+            *sum += value;
+        }
+    }
+
     /// A point and the direction.
     fn line(&self) -> (DVec2, DVec2) {
         let center = self.sum / self.length;
@@ -188,8 +274,8 @@ struct Walk<'a> {
 }
 
 impl Walk<'_> {
-    /// The run through a seed and its mean contrast. Its lines are taken, also where it is too short.
-    fn from(&mut self, seed: usize) -> Option<(Run, f64)> {
+    /// The run through a seed. Its lines are taken, also where it is too short.
+    fn from(&mut self, seed: usize) -> Option<Chain> {
         let first = self.segments[seed]?;
         let mut fit = LineFit::default();
         fit.add(&first);
@@ -207,22 +293,26 @@ impl Walk<'_> {
             .filter(|s| (s.middle - center).perp_dot(direction).abs() <= MAX_AWAY_PX)
             .collect();
         let mut ends = [f64::INFINITY, f64::NEG_INFINITY];
-        let mut contrast = 0.0;
+        let mut step = [0.0f32; 3];
         for s in &inside {
             let (at, half) = (
                 (s.middle - center).dot(direction),
                 s.half.dot(direction).abs(),
             );
             ends = [ends[0].min(at - half), ends[1].max(at + half)];
-            contrast += f64::from(s.contrast) / inside.len() as f64;
+            let sign = if s.normal.dot(direction.perp()) < 0.0 { -1.0 } else { 1.0 };
+            for (sum, value) in step.iter_mut().zip(s.step) {
+                *sum += sign * value / inside.len() as f32;
+            }
         }
         let length = ends[1] - ends[0];
         let covered: f64 = inside.iter().map(|s| 2.0 * s.half.length()).sum();
-        (length >= MIN_LENGTH_PX && covered >= MIN_COVERED * length).then(|| {
-            let run = Run {
+        (length >= MIN_LENGTH_PX && covered >= MIN_COVERED * length).then(|| Chain {
+            run: Run {
                 ends: ends.map(|t| center + t * direction),
-            };
-            (run, contrast)
+            },
+            fit,
+            step,
         })
     }
 
@@ -360,7 +450,7 @@ mod tests {
         let truth = EdgeTruth::from_angle(1.4, dvec2(160.0, 80.0), TwoColors::grey_step(128.0, 64.0));
         let mut image = edge(size, &truth);
         for row in 0..160 {
-            for col in 150..166 {
+            for col in 150..200 {
                 image[(col, row)] = LinearRgb([0.02; 3]);
             }
         }
