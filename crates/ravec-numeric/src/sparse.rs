@@ -168,12 +168,7 @@ impl EliminationPlan {
             }
         }
         let mut order = Vec::with_capacity(size);
-        dissect(
-            matrix,
-            placed,
-            &mut order,
-            &mut Marks(vec![0; size], 0),
-        );
+        dissect(matrix, placed, &mut order, &mut Marks(vec![0; size], 0));
         order.extend(last);
         let mut place = vec![0usize; size];
         for (rank, &unknown) in order.iter().enumerate() {
@@ -195,7 +190,8 @@ impl EliminationPlan {
             }
             offsets.push(rows.len());
         }
-        let pattern = SparsityPattern::try_from_offsets_and_indices(size, size, offsets, rows).ok()?;
+        let pattern =
+            SparsityPattern::try_from_offsets_and_indices(size, size, offsets, rows).ok()?;
         if pattern.transpose() != pattern {
             return None;
         }
@@ -227,10 +223,14 @@ impl EliminationPlan {
         let factor = CscCholesky::factor_numerical(self.symbolic.clone(), &values).ok()?;
         let lower = factor.take_l();
         // a matrix of NaN passes every comparison of the factorization but leaves its mark
-        lower.values().iter().all(|v| v.is_finite()).then(|| SparseCholesky {
-            place: self.place.clone(),
-            lower,
-        })
+        lower
+            .values()
+            .iter()
+            .all(|v| v.is_finite())
+            .then(|| SparseCholesky {
+                place: self.place.clone(),
+                lower,
+            })
     }
 }
 
@@ -263,7 +263,11 @@ fn dissect(
     let cut = if median > lowest {
         median
     } else {
-        along.iter().copied().find(|&v| v > lowest).unwrap_or(median)
+        along
+            .iter()
+            .copied()
+            .find(|&v| v > lowest)
+            .unwrap_or(median)
     };
     let (low, high): (Vec<_>, Vec<_>) = part.into_iter().partition(|(_, at)| at[axis] < cut);
     marks.1 += 1;
@@ -293,7 +297,11 @@ impl SparseCholesky {
     /// # Panics
     /// If `right` has another size than the matrix.
     pub fn solve_in_place(&self, right: &mut [f64]) {
-        assert_eq!(right.len(), self.place.len(), "the right-hand side has another size");
+        assert_eq!(
+            right.len(),
+            self.place.len(),
+            "the right-hand side has another size"
+        );
         let mut x = vec![0.0; right.len()];
         for (&place, &value) in self.place.iter().zip(right.iter()) {
             x[place] = value;
@@ -332,7 +340,11 @@ mod tests {
     use proptest::prelude::*;
 
     /// Springs between the vertices of a grid, second differences, and one unknown that is linked to every third vertex.
-    fn grid_system(cols: usize, rows: usize, stiffness: &[f64]) -> (SquareSum, Vec<Option<[f64; 2]>>) {
+    fn grid_system(
+        cols: usize,
+        rows: usize,
+        stiffness: &[f64],
+    ) -> (SquareSum, Vec<Option<[f64; 2]>>) {
         let vertex = |col: usize, row: usize| row * cols + col;
         let mut sum = SquareSum::new(cols * rows + 1);
         let weight = |k: usize| stiffness[k % stiffness.len()];
@@ -344,7 +356,11 @@ mod tests {
                     sum.add(&[(here, -1.0), (vertex(col + 1, row), 1.0)], weight(here));
                 }
                 if row + 2 < rows {
-                    let form = [(here, 1.0), (vertex(col, row + 1), -2.0), (vertex(col, row + 2), 1.0)];
+                    let form = [
+                        (here, 1.0),
+                        (vertex(col, row + 1), -2.0),
+                        (vertex(col, row + 2), 1.0),
+                    ];
                     sum.add(&form, weight(here + 1));
                 }
                 if here.is_multiple_of(3) {

@@ -299,7 +299,10 @@ mod tests {
         for value in values.chain([f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -0.0, 1.0, 1e-30]) {
             let (found, expected) = (u8::from_linear(value), by_formula(value));
             let near = [value.next_down().next_down(), value.next_up().next_up()].map(by_formula);
-            assert!(found == expected || near.contains(&found), "{value}: {found} {expected}");
+            assert!(
+                found == expected || near.contains(&found),
+                "{value}: {found} {expected}"
+            );
         }
     }
 

@@ -55,11 +55,15 @@ impl Analysis {
             let LinearRgba([r, g, b, alpha]) = pixel.to_linear();
             LinearRgb([r, g, b].map(|v| {
                 let over = v * alpha + 1.0 - alpha;
-                if over.is_finite() { over.clamp(0.0, 1e4) } else { 0.0 }
+                if over.is_finite() {
+                    over.clamp(0.0, 1e4)
+                } else {
+                    0.0
+                }
             }))
         });
-        let mut field = TwoColorField::fit(&image, &FitParams::default(), progress)
-            .map_err(cancelled)?;
+        let mut field =
+            TwoColorField::fit(&image, &FitParams::default(), progress).map_err(cancelled)?;
         field.refine_lines(&image, progress)?;
         Ok(Self {
             units,

@@ -26,7 +26,11 @@ pub(crate) fn barrier_distance(values: &Plane) -> Plane {
     let mut highest = values.clone();
     let mut lowest = values.clone();
     let mut distance = Plane::from_fn(values.size(), |col, row| {
-        if on_border(col, row) { 0.0 } else { f32::INFINITY }
+        if on_border(col, row) {
+            0.0
+        } else {
+            f32::INFINITY
+        }
     });
     if width < 3 || height < 3 {
         return distance;
@@ -104,7 +108,11 @@ mod tests {
                     }
                     let inside = |c: usize, r: usize| (low..=high).contains(&values[(c, r)]);
                     let mut seen = vec![false; width * height];
-                    let mut open = if inside(col, row) { vec![(col, row)] } else { vec![] };
+                    let mut open = if inside(col, row) {
+                        vec![(col, row)]
+                    } else {
+                        vec![]
+                    };
                     while let Some((c, r)) = open.pop() {
                         if seen[r * width + c] {
                             continue;
@@ -114,8 +122,11 @@ mod tests {
                             best = high - low;
                             break;
                         }
-                        open.extend([(c + 1, r), (c, r + 1), (c - 1, r), (c, r - 1)]
-                            .into_iter().filter(|&(c, r)| inside(c, r)));
+                        open.extend(
+                            [(c + 1, r), (c, r + 1), (c - 1, r), (c, r - 1)]
+                                .into_iter()
+                                .filter(|&(c, r)| inside(c, r)),
+                        );
                     }
                 }
             }
@@ -139,7 +150,11 @@ mod tests {
     fn the_inside_of_a_closed_outline_is_as_far_as_the_outline_is_strong() {
         let ring = Plane::from_fn(Size::new(40, 30).unwrap(), |col, row| {
             let r = (col as f32 - 19.5).hypot(row as f32 - 14.5);
-            if (8.0..10.0).contains(&r) { 0.7 } else { 0.1 + 0.001 * col as f32 }
+            if (8.0..10.0).contains(&r) {
+                0.7
+            } else {
+                0.1 + 0.001 * col as f32
+            }
         });
         let distance = barrier_distance(&ring);
         // the ramp adds at most a hundredth

@@ -125,7 +125,9 @@ pub(crate) fn minimize(
         .filter(|&k| edges.slack(k, now[0][k], now[1][k], mean_unit) < LEAST_LENGTH)
         .count();
     let outside = (0..2).any(|a| {
-        let positions = now[a][edges.edges.len()..].iter().zip(&axes[a].edges.borders);
+        let positions = now[a][edges.edges.len()..]
+            .iter()
+            .zip(&axes[a].edges.borders);
         positions.into_iter().any(|(&at, &(_, far))| {
             let [low, high] = frame(far, size[a], format.overhang[a]);
             !(low - 1e-9..=high + 1e-9).contains(&at)
@@ -225,8 +227,15 @@ impl State {
     }
 
     /// The step of the edges: where they should be, given where they are.
-    fn project(&mut self, axes: &[Axis; 2], edges: &Edges<'_>, format: &Format, now: &[Vec<f64>; 2]) {
-        let relaxed = |wanted: f64, now: f64| OVER_RELAXATION * now + (1.0 - OVER_RELAXATION) * wanted;
+    fn project(
+        &mut self,
+        axes: &[Axis; 2],
+        edges: &Edges<'_>,
+        format: &Format,
+        now: &[Vec<f64>; 2],
+    ) {
+        let relaxed =
+            |wanted: f64, now: f64| OVER_RELAXATION * now + (1.0 - OVER_RELAXATION) * wanted;
         let weights = dvec2(axes[0].stiffness, axes[1].stiffness);
         for k in 0..edges.edges.len() {
             let at = dvec2(
@@ -255,7 +264,6 @@ impl State {
         }
     }
 }
-
 
 /// The point nearest to `at` with x − |y| ≥ δ, where differences along x and y are weighed by `weights`.
 fn nearest_bounded(at: DVec2, weights: DVec2) -> DVec2 {

@@ -73,14 +73,15 @@ impl Deformation {
     pub fn target_from_source(&self, point: DVec2) -> DVec2 {
         let weights = self.grid.weights_at(point / self.grid.unit_px());
         let parts = weights.iter();
-        parts.map(|&(vertex, weight)| weight * self.vertices[vertex as usize]).sum()
+        parts
+            .map(|&(vertex, weight)| weight * self.vertices[vertex as usize])
+            .sum()
     }
 
     /// Whether the new picture is the old one, pixel by pixel.
     pub fn is_identity(&self) -> bool {
-        let moved = |vertex: u32| {
-            self.vertices[vertex as usize].distance(self.grid.position_px(vertex))
-        };
+        let moved =
+            |vertex: u32| self.vertices[vertex as usize].distance(self.grid.position_px(vertex));
         self.size == self.grid.image_size
             && (0..self.vertices.len() as u32).all(|vertex| moved(vertex) < 1e-6)
     }
@@ -90,7 +91,9 @@ impl Deformation {
         let units = self.grid.units;
         self.grid.edges.iter().map(move |edge| {
             let across = usize::from(edge.across);
-            let at = edge.ends.map(|end| self.grid.vertices[end as usize][across]);
+            let at = edge
+                .ends
+                .map(|end| self.grid.vertices[end as usize][across]);
             GridLine {
                 ends: edge.ends.map(|end| self.vertices[end as usize]),
                 border: at == [0; 2] || at == [units[across]; 2],
@@ -102,17 +105,23 @@ impl Deformation {
     pub fn straight_runs(&self) -> impl Iterator<Item = Vec<DVec2>> {
         self.runs.iter().map(|run| {
             let unit = self.grid.unit_px();
-            run.samples().map(|(at, _)| self.target_from_source(at * unit)).collect()
+            run.samples()
+                .map(|(at, _)| self.target_from_source(at * unit))
+                .collect()
         })
     }
 
     /// The cells with their corners in order around them, and their weights: 0.0025 where the picture may give way, 0.025 to 1
     /// by importance, 100 where it is protected.
     pub fn cells(&self) -> impl Iterator<Item = ([DVec2; 4], f64)> {
-        self.grid.cells.iter().zip(self.weights.iter()).map(|(cell, &weight)| {
-            let [a, b, c, d] = self.corners(cell);
-            ([a, b, d, c], weight)
-        })
+        self.grid
+            .cells
+            .iter()
+            .zip(self.weights.iter())
+            .map(|(cell, &weight)| {
+                let [a, b, c, d] = self.corners(cell);
+                ([a, b, d, c], weight)
+            })
     }
 
     /// Upper left, upper right, lower left, lower right.
@@ -123,7 +132,10 @@ impl Deformation {
     /// The least of the local areas, against plain scaling.
     pub(crate) fn least_area(&self) -> f64 {
         let unit = self.grid.unit_px();
-        let old = dvec2(self.grid.image_size.width() as f64, self.grid.image_size.height() as f64);
+        let old = dvec2(
+            self.grid.image_size.width() as f64,
+            self.grid.image_size.height() as f64,
+        );
         let new = dvec2(self.size.width() as f64, self.size.height() as f64);
         let plain = (unit * new / old).element_product();
         self.grid

@@ -55,6 +55,7 @@ pub(crate) enum Kind {
 #[derive(Debug, Clone, PartialEq)]
 struct Form {
     end: usize,
+    #[cfg(test)]
     kind: Kind,
     far: f64,
     shift: f64,
@@ -70,6 +71,7 @@ pub(crate) struct Forms {
 
 /// A form as others see it.
 pub(crate) struct FormView<'a> {
+    #[cfg(test)]
     pub(crate) kind: Kind,
     pub(crate) terms: &'a [(u32, f64)],
     pub(crate) far: f64,
@@ -133,6 +135,7 @@ pub(crate) struct Content<'a> {
 
 impl Content<'_> {
     /// Vertices and numbers of runs.
+    #[cfg(test)]
     pub(crate) fn node_count(&self) -> usize {
         self.grid.vertices.len() + 2 * self.runs.len()
     }
@@ -188,7 +191,13 @@ impl Content<'_> {
             if half[axis].abs() < ALONG_AXIS_RAD * half[1 - axis].abs() {
                 // the mean square of t is a third
                 let weight = weight * samples / 3.0;
-                forms.add(Kind::Direction, &[(nodes.start + 1, 1.0)], 0.0, half[axis], weight);
+                forms.add(
+                    Kind::Direction,
+                    &[(nodes.start + 1, 1.0)],
+                    0.0,
+                    half[axis],
+                    weight,
+                );
             }
         }
     }
@@ -243,10 +252,15 @@ impl Content<'_> {
 }
 
 impl Forms {
+    #[cfg_attr(
+        not(test),
+        expect(unused_variables, reason = "the tests look at one energy at a time")
+    )]
     fn add(&mut self, kind: Kind, terms: &[(u32, f64)], far: f64, shift: f64, weight: f64) {
         self.terms.extend_from_slice(terms);
         self.forms.push(Form {
             end: self.terms.len(),
+            #[cfg(test)]
             kind,
             far,
             shift,
@@ -260,6 +274,7 @@ impl Forms {
             let terms = &self.terms[start..form.end];
             start = form.end;
             FormView {
+                #[cfg(test)]
                 kind: form.kind,
                 terms,
                 far: form.far,

@@ -254,7 +254,10 @@ mod tests {
         for vertex in 0..grid.vertices.len() as u32 {
             let resolved = grid.resolved(vertex);
             let sum: f64 = resolved.iter().map(|(_, weight)| weight).sum();
-            let at: DVec2 = resolved.iter().map(|&(v, weight)| weight * grid.position_px(v)).sum();
+            let at: DVec2 = resolved
+                .iter()
+                .map(|&(v, weight)| weight * grid.position_px(v))
+                .sum();
             assert!((sum - 1.0).abs() < 1e-12);
             assert!(at.distance(grid.position_px(vertex)) < 1e-9);
         }
@@ -283,7 +286,10 @@ mod tests {
         }
         // the first cell's right side is cut by cells of half the size, but counts once
         let right = [grid.cells[0].corners[1], grid.cells[0].corners[3]];
-        assert_eq!(grid.edges.iter().filter(|edge| edge.ends == right).count(), 1);
+        assert_eq!(
+            grid.edges.iter().filter(|edge| edge.ends == right).count(),
+            1
+        );
         assert_eq!(grid.within_side(right).count(), 1);
     }
 }

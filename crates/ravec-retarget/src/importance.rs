@@ -68,7 +68,11 @@ fn contrast(analysis: &Analysis, runs: &[Run]) -> Vec<f32> {
             }
         }
     }
-    for (value, _) in values.iter_mut().zip(&along_run).filter(|(_, along)| **along) {
+    for (value, _) in values
+        .iter_mut()
+        .zip(&along_run)
+        .filter(|(_, along)| **along)
+    {
         *value *= RUN_SHARE;
     }
     let [cols, rows] = analysis.units;
@@ -116,7 +120,10 @@ fn barrier(analysis: &Analysis) -> Vec<f64> {
     let ground = quantile(50);
     let full = (FULL_BARRIER * quantile(98)).max(ground + 1e-6);
     let scaled = open.map(|value| ((value - ground) / (full - ground)).clamp(0.0, 1.0));
-    per_unit(&scaled, analysis).into_iter().map(f64::from).collect()
+    per_unit(&scaled, analysis)
+        .into_iter()
+        .map(f64::from)
+        .collect()
 }
 
 /// The mean of a plane over each unit.

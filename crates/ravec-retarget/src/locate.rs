@@ -53,9 +53,11 @@ impl<'a> Locator<'a> {
                 .iter()
                 .flat_map(|&(from, to)| [from, to])
                 .map(|vertex| deformation.vertices[vertex as usize].y * scale.y);
-            heights.push(ys.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], y| {
-                [low.min(y), high.max(y)]
-            }));
+            heights.push(
+                ys.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], y| {
+                    [low.min(y), high.max(y)]
+                }),
+            );
         }
         Self {
             deformation,
@@ -89,11 +91,19 @@ impl<'a> Locator<'a> {
             if !(self.heights[index][0] <= y && y < self.heights[index][1]) {
                 continue;
             }
-            let start = if index == 0 { 0 } else { self.side_ends[index - 1] };
+            let start = if index == 0 {
+                0
+            } else {
+                self.side_ends[index - 1]
+            };
             let (mut left, mut right) = (f64::INFINITY, f64::NEG_INFINITY);
             for &(from, to) in &self.sides[start..self.side_ends[index]] {
                 let (from, to) = (self.vertex(from), self.vertex(to));
-                let (top, bottom) = if from.y <= to.y { (from, to) } else { (to, from) };
+                let (top, bottom) = if from.y <= to.y {
+                    (from, to)
+                } else {
+                    (to, from)
+                };
                 if top.y <= y && y < bottom.y {
                     let x = top.x + (y - top.y) / (bottom.y - top.y) * (bottom.x - top.x);
                     left = left.min(x);

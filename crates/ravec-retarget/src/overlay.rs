@@ -19,7 +19,10 @@ impl Deformation {
         )?;
         if let Some(address) = backdrop {
             let address = escaped(address);
-            writeln!(out, r#"<image href="{address}" width="{width}" height="{height}"/>"#)?;
+            writeln!(
+                out,
+                r#"<image href="{address}" width="{width}" height="{height}"/>"#
+            )?;
         }
         // lines that are seen at the size of the picture
         let line = (width.max(height) as f64 / 1000.0).max(0.5);
@@ -59,11 +62,18 @@ fn tint(weight: f64) -> String {
     // the eye sees little of the first tenths otherwise
     let share = weight.max(0.0).sqrt();
     let channel = |from: f64, to: f64| (from + share * (to - from)) as u8;
-    format!("#{:02x}{:02x}{:02x}", channel(30.0, 240.0), channel(90.0, 40.0), channel(220.0, 40.0))
+    format!(
+        "#{:02x}{:02x}{:02x}",
+        channel(30.0, 240.0),
+        channel(90.0, 40.0),
+        channel(220.0, 40.0)
+    )
 }
 
 fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
+    text.replace('&', "&amp;")
+        .replace('<', "&lt;")
+        .replace('"', "&quot;")
 }
 
 #[cfg(test)]
@@ -77,15 +87,23 @@ mod tests {
         let image = Image::from_fn(Size::new(160, 120).unwrap(), |col, row| {
             LinearRgb([if row > 40 + col / 4 { 0.6 } else { 0.1 }; 3])
         });
-        let params = RetargetParams { grid_cells: 16, ..RetargetParams::default() };
+        let params = RetargetParams {
+            grid_cells: 16,
+            ..RetargetParams::default()
+        };
         let none = Progress::none();
         let found = Retargeter::new(&image, Painted::default(), &params, &none).unwrap();
         let deformation = found.solve(Size::new(100, 120).unwrap()).unwrap();
         let mut svg = Vec::new();
-        deformation.write_grid_svg(Some("a \"b\" & c.png"), &mut svg).unwrap();
+        deformation
+            .write_grid_svg(Some("a \"b\" & c.png"), &mut svg)
+            .unwrap();
         let text = String::from_utf8(svg).unwrap();
         assert_eq!(text.matches("<path").count(), 16 * 12);
-        assert_eq!(text.matches("<polyline").count(), found.summary().straight_runs);
+        assert_eq!(
+            text.matches("<polyline").count(),
+            found.summary().straight_runs
+        );
         assert!(found.summary().straight_runs > 0);
         assert!(text.contains("href=\"a &quot;b&quot; &amp; c.png\""));
         assert!(text.ends_with("</svg>\n"));

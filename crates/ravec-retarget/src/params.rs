@@ -98,7 +98,9 @@ pub enum RetargetError {
         high: f64,
     },
     /// A mask must have the size of the picture.
-    #[error("the {which} mask has {got} pixels, the picture {image}: paint the mask on a copy of the picture")]
+    #[error(
+        "the {which} mask has {got} pixels, the picture {image}: paint the mask on a copy of the picture"
+    )]
     MaskSize {
         /// What the mask is for.
         which: &'static str,
@@ -118,7 +120,9 @@ pub enum RetargetError {
         target: Size,
     },
     /// The picture to be warped has another shape than the analysed one.
-    #[error("the picture to warp has {got} pixels, which is not the shape of the analysed one with {analysed}")]
+    #[error(
+        "the picture to warp has {got} pixels, which is not the shape of the analysed one with {analysed}"
+    )]
     OtherShape {
         /// The size of the picture to warp.
         got: Size,
@@ -140,11 +144,26 @@ mod tests {
     #[test]
     fn values_out_of_range_are_named() {
         let wrong = [
-            RetargetParams { grid_cells: 1, ..RetargetParams::default() },
-            RetargetParams { saliency: f64::NAN, ..RetargetParams::default() },
-            RetargetParams { line_strength: -1.0, ..RetargetParams::default() },
-            RetargetParams { object_scale: 0.0, ..RetargetParams::default() },
-            RetargetParams { max_crop: 0.7, ..RetargetParams::default() },
+            RetargetParams {
+                grid_cells: 1,
+                ..RetargetParams::default()
+            },
+            RetargetParams {
+                saliency: f64::NAN,
+                ..RetargetParams::default()
+            },
+            RetargetParams {
+                line_strength: -1.0,
+                ..RetargetParams::default()
+            },
+            RetargetParams {
+                object_scale: 0.0,
+                ..RetargetParams::default()
+            },
+            RetargetParams {
+                max_crop: 0.7,
+                ..RetargetParams::default()
+            },
         ];
         for params in wrong {
             let error = params.check().unwrap_err();

@@ -63,7 +63,9 @@ pub(crate) fn spans(
         // four blocks of one span become one of the next
         for row in (0..tree.units[1]).step_by(2 * span) {
             for col in (0..tree.units[0]).step_by(2 * span) {
-                let same = tree.within(col, row, 2 * span).all(|unit| tree.spans[unit] == span);
+                let same = tree
+                    .within(col, row, 2 * span)
+                    .all(|unit| tree.spans[unit] == span);
                 if same && whole(&tree, col, row, 2 * span) {
                     tree.set(col, row, 2 * span);
                 }
@@ -134,7 +136,8 @@ impl Tree {
                 // a block is named once for each of its units
                 if self.spans[row * cols + col] > span {
                     self.set(col, row, 2 * span);
-                    self.within(col, row, 2 * span).for_each(|unit| self.spans[unit] = span);
+                    self.within(col, row, 2 * span)
+                        .for_each(|unit| self.spans[unit] = span);
                 }
             }
         }
@@ -148,7 +151,10 @@ mod tests {
     #[test]
     fn balanced_blocks_are_aligned_and_differ_by_a_factor_of_two_at_most() {
         for symmetric in [false, true] {
-            let mut tree = Tree { units: [21, 13], spans: vec![1; 21 * 13] };
+            let mut tree = Tree {
+                units: [21, 13],
+                spans: vec![1; 21 * 13],
+            };
             for (col, row) in [(0, 0), (8, 0), (0, 8), (8, 8), (16, 8)] {
                 tree.set(col, row, 8);
             }

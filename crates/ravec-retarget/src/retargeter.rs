@@ -178,7 +178,11 @@ impl Retargeter {
     ///
     /// # Errors
     /// As [`solve`](Self::solve).
-    pub fn solve_near(&self, size: Size, similar: &Deformation) -> Result<Deformation, RetargetError> {
+    pub fn solve_near(
+        &self,
+        size: Size,
+        similar: &Deformation,
+    ) -> Result<Deformation, RetargetError> {
         let same_grid = Arc::ptr_eq(&similar.grid, &self.grid);
         self.solve_from(size, similar.state.as_ref().filter(|_| same_grid))
     }
@@ -341,20 +345,25 @@ fn unit_weights(importance: &[f64], painted: Painted<'_>, [cols, rows]: [usize; 
         .collect();
     for (mask, weight) in [(painted.give_way, GIVEN_WAY), (painted.protect, PROTECTED)] {
         let Some(mask) = mask else { continue };
-        weights.par_iter_mut().enumerate().for_each(|(unit, value)| {
-            let (col, row) = (unit % cols, unit / cols);
-            let part = |k: usize, count: usize, length: usize| {
-                let first = k * length / count;
-                first..((k + 1) * length).div_ceil(count).min(length)
-            };
-            let columns = part(col, cols, mask.size().width());
-            let touched = part(row, rows, mask.size().height()).any(|y| {
-                mask.coverage().row(y)[columns.clone()].iter().any(|&c| c > TOUCHED)
+        weights
+            .par_iter_mut()
+            .enumerate()
+            .for_each(|(unit, value)| {
+                let (col, row) = (unit % cols, unit / cols);
+                let part = |k: usize, count: usize, length: usize| {
+                    let first = k * length / count;
+                    first..((k + 1) * length).div_ceil(count).min(length)
+                };
+                let columns = part(col, cols, mask.size().width());
+                let touched = part(row, rows, mask.size().height()).any(|y| {
+                    mask.coverage().row(y)[columns.clone()]
+                        .iter()
+                        .any(|&c| c > TOUCHED)
+                });
+                if touched {
+                    *value = weight;
+                }
             });
-            if touched {
-                *value = weight;
-            }
-        });
     }
     weights
 }

@@ -283,7 +283,11 @@ impl Walk<'_> {
         let mut members = vec![seed];
         for sign in [1.0, -1.0] {
             let start = fit.line().1;
-            let heading = if start.dot(first.half) < 0.0 { -start } else { start } * sign;
+            let heading = if start.dot(first.half) < 0.0 {
+                -start
+            } else {
+                start
+            } * sign;
             self.follow(&first, heading, &mut fit, &mut members);
         }
         let (center, direction) = fit.line();
@@ -300,7 +304,11 @@ impl Walk<'_> {
                 s.half.dot(direction).abs(),
             );
             ends = [ends[0].min(at - half), ends[1].max(at + half)];
-            let sign = if s.normal.dot(direction.perp()) < 0.0 { -1.0 } else { 1.0 };
+            let sign = if s.normal.dot(direction.perp()) < 0.0 {
+                -1.0
+            } else {
+                1.0
+            };
             for (sum, value) in step.iter_mut().zip(s.step) {
                 *sum += sign * value / inside.len() as f32;
             }
@@ -361,10 +369,7 @@ impl Walk<'_> {
         let mut best: Option<(f64, usize)> = None;
         for (dx, dy) in [(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)] {
             let (x, y) = (col + dx, row + dy);
-            if x < 0
-                || y < 0
-                || x >= self.blocks.width() as i64
-                || y >= self.blocks.height() as i64
+            if x < 0 || y < 0 || x >= self.blocks.width() as i64 || y >= self.blocks.height() as i64
             {
                 continue;
             }
@@ -386,7 +391,11 @@ impl Walk<'_> {
 
 /// Whether two lines of nearly the same direction have like colours on like sides.
 fn alike(a: &Segment, b: &Segment) -> bool {
-    let same_way = if a.normal.dot(b.normal) < 0.0 { -1.0 } else { 1.0 };
+    let same_way = if a.normal.dot(b.normal) < 0.0 {
+        -1.0
+    } else {
+        1.0
+    };
     let dot: f32 = a.step.iter().zip(b.step).map(|(x, y)| x * y).sum();
     same_way * dot > 0.5 * a.contrast.min(b.contrast).powi(2)
 }
@@ -412,7 +421,8 @@ mod tests {
     use ravec_twocolor::FitParams;
 
     fn runs_of(image: &Image<LinearRgb>) -> Vec<Run> {
-        let mut field = TwoColorField::fit(image, &FitParams::default(), &Progress::none()).unwrap();
+        let mut field =
+            TwoColorField::fit(image, &FitParams::default(), &Progress::none()).unwrap();
         field.refine_lines(image, &Progress::none()).unwrap();
         straight_runs(&field)
     }
@@ -447,14 +457,17 @@ mod tests {
     #[test]
     fn an_edge_is_followed_behind_a_post() {
         let size = Size::new(320, 160).unwrap();
-        let truth = EdgeTruth::from_angle(1.4, dvec2(160.0, 80.0), TwoColors::grey_step(128.0, 64.0));
+        let truth =
+            EdgeTruth::from_angle(1.4, dvec2(160.0, 80.0), TwoColors::grey_step(128.0, 64.0));
         let mut image = edge(size, &truth);
         for row in 0..160 {
             for col in 150..200 {
                 image[(col, row)] = LinearRgb([0.02; 3]);
             }
         }
-        let along = runs_of(&image).into_iter().filter(|run| run.direction().x.abs() > 0.9);
+        let along = runs_of(&image)
+            .into_iter()
+            .filter(|run| run.direction().x.abs() > 0.9);
         assert_eq!(along.count(), 1);
     }
 }

@@ -68,7 +68,11 @@ impl Unknowns {
         let (mut ends, mut parts) = (Vec::new(), Vec::new());
         for index in 0..grid.vertices.len() {
             let resolved = grid.resolved(index as u32);
-            parts.extend(resolved.into_iter().map(|(v, weight)| (number[v as usize], weight)));
+            parts.extend(
+                resolved
+                    .into_iter()
+                    .map(|(v, weight)| (number[v as usize], weight)),
+            );
             ends.push(parts.len());
         }
         for _ in 0..2 * content.runs.len() {
@@ -100,7 +104,9 @@ impl Unknowns {
     /// The value of a node.
     pub(crate) fn value(&self, z: &[f64], node: u32) -> f64 {
         let parts = self.parts(node).iter();
-        parts.map(|&(unknown, weight)| weight * z[unknown as usize]).sum()
+        parts
+            .map(|&(unknown, weight)| weight * z[unknown as usize])
+            .sum()
     }
 
     /// A form over nodes as one over unknowns.
@@ -109,7 +115,10 @@ impl Unknowns {
         for &(node, coefficient) in terms {
             for &(unknown, weight) in self.parts(node) {
                 let value = coefficient * weight;
-                match into.iter_mut().find(|(known, _)| *known == unknown as usize) {
+                match into
+                    .iter_mut()
+                    .find(|(known, _)| *known == unknown as usize)
+                {
                     Some((_, sum)) => *sum += value,
                     None => into.push((unknown as usize, value)),
                 }
@@ -190,7 +199,10 @@ pub(crate) struct Axis {
 
 impl Axis {
     /// The systems of both axes.
-    pub(crate) fn both(content: &Content<'_>, borders: Borders) -> Result<[Self; 2], RetargetError> {
+    pub(crate) fn both(
+        content: &Content<'_>,
+        borders: Borders,
+    ) -> Result<[Self; 2], RetargetError> {
         let (x, y) = rayon::join(
             || Assembly::new(content, 0, borders),
             || Assembly::new(content, 1, borders),
@@ -204,7 +216,10 @@ impl Axis {
                 found => found,
             },
         );
-        Ok([x.ok_or(RetargetError::Singular)?, y.ok_or(RetargetError::Singular)?])
+        Ok([
+            x.ok_or(RetargetError::Singular)?,
+            y.ok_or(RetargetError::Singular)?,
+        ])
     }
 
     /// The unknowns that minimise the energy without regard to folds.
@@ -225,7 +240,8 @@ impl Axis {
         let [first, second] = &self.right;
         let pairs = first.iter().zip(second);
         let mut right: Vec<f64> = pairs.map(|(a, b)| length * a + scale * b).collect();
-        self.edges.add_transposed(edges, length, self.stiffness, &mut right);
+        self.edges
+            .add_transposed(edges, length, self.stiffness, &mut right);
         self.factor.solve_in_place(&mut right);
         // held unknowns have rows of their own with the right value already
         right
@@ -280,7 +296,9 @@ impl Assembly {
         for edge in &content.grid.edges {
             unknowns.expand(&[(edge.ends[1], 1.0), (edge.ends[0], -1.0)], &mut form);
             edges.far.push(unknowns.take_held(&mut form));
-            edges.terms.extend(form.iter().map(|&(unknown, c)| (unknown as u32, c)));
+            edges
+                .terms
+                .extend(form.iter().map(|&(unknown, c)| (unknown as u32, c)));
             edges.ends.push(edges.terms.len());
         }
         let mut borders = Vec::new();
@@ -334,7 +352,9 @@ impl Assembly {
         for form in self.forms.iter() {
             let value = |z: &[f64], far: f64, shift: f64| {
                 let terms = form.terms.iter();
-                let sum: f64 = terms.map(|&(node, c)| c * self.unknowns.value(z, node)).sum();
+                let sum: f64 = terms
+                    .map(|&(node, c)| c * self.unknowns.value(z, node))
+                    .sum();
                 sum - far - shift
             };
             let (a, b) = (
@@ -368,21 +388,33 @@ mod tests {
 
     fn grid(adaptive: bool) -> Grid {
         Grid::new(Size::new(120, 90).unwrap(), [12, 9], |col, row| {
-            if adaptive && col < 8 && row < 8 && !(4..8).contains(&row) { 2 } else { 1 }
+            if adaptive && col < 8 && row < 8 && !(4..8).contains(&row) {
+                2
+            } else {
+                1
+            }
         })
     }
 
     fn runs() -> Vec<GridRun> {
         vec![
-            GridRun { ends: [dvec2(1.2, 0.7), dvec2(10.5, 7.9)] },
-            GridRun { ends: [dvec2(0.0, 4.5), dvec2(12.0, 4.6)] },
-            GridRun { ends: [dvec2(6.1, 0.0), dvec2(6.1, 8.5)] },
+            GridRun {
+                ends: [dvec2(1.2, 0.7), dvec2(10.5, 7.9)],
+            },
+            GridRun {
+                ends: [dvec2(0.0, 4.5), dvec2(12.0, 4.6)],
+            },
+            GridRun {
+                ends: [dvec2(6.1, 0.0), dvec2(6.1, 8.5)],
+            },
         ]
     }
 
     /// Weights without any pattern.
     fn weights(grid: &Grid) -> Vec<f64> {
-        (0..grid.cells.len()).map(|k| 0.02 + ((k * 37) % 50) as f64 / 51.0).collect()
+        (0..grid.cells.len())
+            .map(|k| 0.02 + ((k * 37) % 50) as f64 / 51.0)
+            .collect()
     }
 
     fn with_content<T>(adaptive: bool, borders: Borders, f: impl Fn(&Content<'_>) -> T) -> T {
@@ -402,7 +434,11 @@ mod tests {
             .iter()
             .filter(|form| only.is_none_or(|kind| kind == form.kind))
             .map(|form| {
-                let sum: f64 = form.terms.iter().map(|&(node, c)| c * nodes[node as usize]).sum();
+                let sum: f64 = form
+                    .terms
+                    .iter()
+                    .map(|&(node, c)| c * nodes[node as usize])
+                    .sum();
                 form.weight * (sum - form.far * length - form.shift * scale).powi(2)
             })
             .sum()
@@ -413,8 +449,16 @@ mod tests {
         with_content(true, Borders::Free, |content| {
             for axis in 0..2 {
                 let forms = content.forms(axis);
-                let nodes: Vec<f64> = (0..content.node_count()).map(|k| ((k * 53) % 97) as f64).collect();
-                let kinds = [Kind::Deformation, Kind::Line, Kind::Direction, Kind::Relaxation, Kind::Pull];
+                let nodes: Vec<f64> = (0..content.node_count())
+                    .map(|k| ((k * 53) % 97) as f64)
+                    .collect();
+                let kinds = [
+                    Kind::Deformation,
+                    Kind::Line,
+                    Kind::Direction,
+                    Kind::Relaxation,
+                    Kind::Pull,
+                ];
                 for kind in kinds {
                     let mut gradient = vec![0.0; nodes.len()];
                     for form in forms.iter().filter(|form| form.kind == kind) {
@@ -434,7 +478,10 @@ mod tests {
                         // exact for a quadratic, up to the digits that the difference of two large numbers loses
                         let numeric = (at(1.0) - at(-1.0)) / 2.0;
                         let scale = at(0.0).abs() * 1e-12 + 1e-9;
-                        assert!((gradient[k] - numeric).abs() < scale.max(1e-9 * numeric.abs()), "{kind:?}");
+                        assert!(
+                            (gradient[k] - numeric).abs() < scale.max(1e-9 * numeric.abs()),
+                            "{kind:?}"
+                        );
                     }
                 }
             }
@@ -468,7 +515,10 @@ mod tests {
                     let mut right = DVector::zeros(rows.len());
                     for (r, form) in rows.iter().enumerate() {
                         let value = |z: &[f64]| -> f64 {
-                            form.terms.iter().map(|&(node, c)| c * system.unknowns.value(z, node)).sum()
+                            form.terms
+                                .iter()
+                                .map(|&(node, c)| c * system.unknowns.value(z, node))
+                                .sum()
                         };
                         let base: Vec<f64> = (0..n).map(|k| fixed(k).unwrap_or(0.0)).collect();
                         let root = form.weight.sqrt();
@@ -480,16 +530,26 @@ mod tests {
                         }
                     }
                     let normal = matrix.transpose() * &matrix;
-                    let solved = normal.cholesky().unwrap().solve(&(matrix.transpose() * right));
+                    let solved = normal
+                        .cholesky()
+                        .unwrap()
+                        .solve(&(matrix.transpose() * right));
                     for (c, &k) in free.iter().enumerate() {
                         // weights from 0.02 to 40 leave twelve of sixteen digits
-                        assert!((z[k] - solved[c]).abs() < 1e-6, "{borders:?} {} {}", z[k], solved[c]);
+                        assert!(
+                            (z[k] - solved[c]).abs() < 1e-6,
+                            "{borders:?} {} {}",
+                            z[k],
+                            solved[c]
+                        );
                     }
                     let nodes: Vec<f64> = (0..content.node_count() as u32)
                         .map(|node| system.unknowns.value(&z, node))
                         .collect();
                     let least = energy(&forms, &nodes, length, scale, None);
-                    assert!((system.least_energy(length, scale) - least).abs() < 1e-9 * (1.0 + least));
+                    assert!(
+                        (system.least_energy(length, scale) - least).abs() < 1e-9 * (1.0 + least)
+                    );
                 }
             });
         }
@@ -505,7 +565,9 @@ mod tests {
                         let z = axes[axis].unbounded(length, 0.6);
                         for vertex in 0..content.grid.vertices.len() as u32 {
                             let expected = 0.6 * content.grid.position_px(vertex)[axis];
-                            assert!((axes[axis].unknowns.value(&z, vertex) - expected).abs() < 1e-6);
+                            assert!(
+                                (axes[axis].unknowns.value(&z, vertex) - expected).abs() < 1e-6
+                            );
                         }
                         assert!(axes[axis].least_energy(length, 0.6) < 1e-12);
                     }
@@ -522,7 +584,13 @@ mod tests {
             let weights: Vec<f64> = grid
                 .cells
                 .iter()
-                .map(|cell| if cell.first[0] >= 8 && (4..7).contains(&cell.first[1]) { 1.0 } else { 0.05 })
+                .map(|cell| {
+                    if cell.first[0] >= 8 && (4..7).contains(&cell.first[1]) {
+                        1.0
+                    } else {
+                        0.05
+                    }
+                })
                 .collect();
             let content = Content {
                 grid: &grid,
@@ -536,12 +604,16 @@ mod tests {
             let place = |at: DVec2| -> DVec2 {
                 let parts = grid.weights_at(at);
                 let value = |a: usize| {
-                    let sum = parts.iter().map(|&(v, w)| w * axes[a].unknowns.value(&z[a], v));
+                    let sum = parts
+                        .iter()
+                        .map(|&(v, w)| w * axes[a].unknowns.value(&z[a], v));
                     sum.sum::<f64>()
                 };
                 dvec2(value(0), value(1))
             };
-            (0..40).map(|k| place(dvec2(f64::from(k) * 0.3, f64::from(k % 9) + 0.4))).collect::<Vec<_>>()
+            (0..40)
+                .map(|k| place(dvec2(f64::from(k) * 0.3, f64::from(k % 9) + 0.4)))
+                .collect::<Vec<_>>()
         };
         for (a, b) in moved(false).into_iter().zip(moved(true)) {
             // of units of 10 pixels that change by up to 6; where cells are twice as large, curvature is lost

@@ -74,7 +74,8 @@ impl Deformation {
         let scaled = |a: usize, b: usize, c: usize| a as f64 * b as f64 / c as f64;
         let height = scaled(image.width(), analysed.height(), analysed.width());
         let width = scaled(image.height(), analysed.width(), analysed.height());
-        if (height - image.height() as f64).abs() > 1.0 && (width - image.width() as f64).abs() > 1.0
+        if (height - image.height() as f64).abs() > 1.0
+            && (width - image.width() as f64).abs() > 1.0
         {
             return Err(RetargetError::OtherShape {
                 got: image.size(),
@@ -270,9 +271,14 @@ impl Part {
             return None;
         }
         let range = |values: &[f64]| {
-            values.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], &v| {
-                [if v < low { v } else { low }, if v > high { v } else { high }]
-            })
+            values
+                .iter()
+                .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], &v| {
+                    [
+                        if v < low { v } else { low },
+                        if v > high { v } else { high },
+                    ]
+                })
         };
         let ranges = [range(&scratch.xs), range(&scratch.ys)];
         let widest = scratch.looks.iter().fold(DVec2::ONE, |widest, looks| {
@@ -356,7 +362,9 @@ impl Part {
         let (u, v) = ((x - col as f64) as f32, (y - row as f64) as f32);
         let at = row * self.width + col;
         let (upper, lower) = (&window[at..at + 2], &window[at + self.width..][..2]);
-        upper[0].lerp(upper[1], u).lerp(lower[0].lerp(lower[1], u), v)
+        upper[0]
+            .lerp(upper[1], u)
+            .lerp(lower[0].lerp(lower[1], u), v)
     }
 }
 
@@ -411,13 +419,21 @@ mod tests {
             let wave = 0.5 + 0.4 * (0.9 * x).sin() as f32 * (0.4 * y).cos() as f32;
             let r = (x - 0.4 * size.width() as f64).hypot(y - 0.5 * size.height() as f64);
             let inside = r < 0.2 * size.height() as f64;
-            LinearRgb(if inside { [0.9, 0.2, 0.1] } else { [0.3 * wave, 0.4 * wave, 0.2] })
+            LinearRgb(if inside {
+                [0.9, 0.2, 0.1]
+            } else {
+                [0.3 * wave, 0.4 * wave, 0.2]
+            })
         })
     }
 
     fn deformed(size: Size, to: Size, adaptive: bool) -> (Image<LinearRgb>, Deformation) {
         let image = ball(size);
-        let params = RetargetParams { grid_cells: 20, adaptive, ..RetargetParams::default() };
+        let params = RetargetParams {
+            grid_cells: 20,
+            adaptive,
+            ..RetargetParams::default()
+        };
         let none = Progress::none();
         let found = Retargeter::new(&image, Painted::default(), &params, &none).unwrap();
         (image, found.solve(to).unwrap())
@@ -433,8 +449,10 @@ mod tests {
             for to in [size(53, 64), size(160, 40), size(97, 131)] {
                 let (_, found) = deformed(size(96, 64), to, adaptive);
                 for scale in [1.0, 0.37, 2.9] {
-                    let [width, height] = [to.width(), to.height()].map(|v| (v as f64 * scale) as usize);
-                    let exact = dvec2(width as f64, height as f64) / dvec2(to.width() as f64, to.height() as f64);
+                    let [width, height] =
+                        [to.width(), to.height()].map(|v| (v as f64 * scale) as usize);
+                    let exact = dvec2(width as f64, height as f64)
+                        / dvec2(to.width() as f64, to.height() as f64);
                     let locator = Locator::new(&found, exact, width);
                     let cells = locator.cells_in(0, height);
                     let mut stretches = Vec::new();
@@ -442,7 +460,9 @@ mod tests {
                         locator.stretches(row, &cells, &mut stretches);
                         let mut times = vec![0; width];
                         for stretch in &stretches {
-                            times[stretch.first..stretch.end].iter_mut().for_each(|n| *n += 1);
+                            times[stretch.first..stretch.end]
+                                .iter_mut()
+                                .for_each(|n| *n += 1);
                         }
                         assert!(times.iter().all(|&n| n == 1), "{to} row {row}: {times:?}");
                     }
@@ -476,11 +496,14 @@ mod tests {
                 best = outside;
                 let extent = found.grid.extent(cell).map(|v| v as f64);
                 let first = cell.first.map(|v| v as f64);
-                source = (DVec2::from_array(first) + uv * DVec2::from_array(extent)) * found.grid.unit_px();
+                source = (DVec2::from_array(first) + uv * DVec2::from_array(extent))
+                    * found.grid.unit_px();
             }
         }
         let step = 1e-4;
-        let moved = |by: DVec2| (found.target_from_source(source + by) - found.target_from_source(source)) / step;
+        let moved = |by: DVec2| {
+            (found.target_from_source(source + by) - found.target_from_source(source)) / step
+        };
         // away from the border of the cell, so that the differences are within it
         let (e, f) = (moved(dvec2(step, 0.0)), moved(dvec2(0.0, step)));
         let width = dvec2(f.length(), e.length()) / e.perp_dot(f);
@@ -510,7 +533,10 @@ mod tests {
                 let expected = naive(&found, &image, dvec2(col as f64 + 0.5, row as f64 + 0.5));
                 for (a, b) in warped[(col, row)].0.into_iter().zip(expected) {
                     // what is seen is interpolated along a stretch, and changes by some per cent across a cell
-                    assert!((f64::from(a) - b).abs() < 0.012, "{to} ({col}, {row}): {a} {b}");
+                    assert!(
+                        (f64::from(a) - b).abs() < 0.012,
+                        "{to} ({col}, {row}): {a} {b}"
+                    );
                 }
             }
         }
@@ -543,16 +569,31 @@ mod tests {
     fn transparent_colors_do_not_bleed() {
         let (_, found) = deformed(size(96, 64), size(50, 64), false);
         let image = Image::from_fn(size(96, 64), |col, _| {
-            if col < 48 { Srgba([200u8, 100, 50, 255]) } else { Srgba([0, 255, 0, 0]) }
+            if col < 48 {
+                Srgba([200u8, 100, 50, 255])
+            } else {
+                Srgba([0, 255, 0, 0])
+            }
         });
         let warped = found.warp(&image, &Progress::none()).unwrap();
         for pixel in warped.pixels().iter().filter(|pixel| pixel.0[3] > 8) {
             // rounding of eight bits, spread by the division by alpha
-            assert!(pixel.0[0].abs_diff(200) <= 8 && pixel.0[1].abs_diff(100) <= 8, "{pixel:?}");
+            assert!(
+                pixel.0[0].abs_diff(200) <= 8 && pixel.0[1].abs_diff(100) <= 8,
+                "{pixel:?}"
+            );
         }
         let light = image.convert::<PremulLinearRgba>();
-        let same = found.warp(&light, &Progress::none()).unwrap().convert::<Srgba<u8>>();
-        for (a, b) in same.pixels().iter().zip(warped.pixels()).filter(|(a, _)| a.0[3] > 8) {
+        let same = found
+            .warp(&light, &Progress::none())
+            .unwrap()
+            .convert::<Srgba<u8>>();
+        for (a, b) in same
+            .pixels()
+            .iter()
+            .zip(warped.pixels())
+            .filter(|(a, _)| a.0[3] > 8)
+        {
             assert!(a.0[3].abs_diff(b.0[3]) <= 1);
         }
     }
@@ -562,7 +603,9 @@ mod tests {
         let (image, found) = deformed(size(240, 160), size(150, 160), false);
         let full = found.warp(&image, &Progress::none()).unwrap();
         let small = resize(&image, size(120, 80), ResizeFilter::Box);
-        let preview = found.warp_to(&small, size(75, 80), WarpFilter::Preview, &Progress::none()).unwrap();
+        let preview = found
+            .warp_to(&small, size(75, 80), WarpFilter::Preview, &Progress::none())
+            .unwrap();
         let expected = resize(&full, size(75, 80), ResizeFilter::Box);
         let pairs = preview.pixels().iter().zip(expected.pixels());
         let error: f32 = pairs.map(|(a, b)| (a.0[0] - b.0[0]).abs()).sum::<f32>() / 6000.0;
@@ -570,13 +613,21 @@ mod tests {
         let tall = Image::new(size(80, 120), LinearRgb([0.0; 3]));
         let refused = found.warp_to(&tall, size(75, 80), WarpFilter::Full, &Progress::none());
         assert!(matches!(refused, Err(RetargetError::OtherShape { .. })));
-        assert!(matches!(found.warp(&small, &Progress::none()), Err(RetargetError::OtherShape { .. })));
+        assert!(matches!(
+            found.warp(&small, &Progress::none()),
+            Err(RetargetError::OtherShape { .. })
+        ));
     }
 
     #[test]
     fn the_number_of_threads_does_not_show() {
         let (image, found) = deformed(size(300, 200), size(420, 170), false);
-        let pool = |threads: usize| rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let pool = |threads: usize| {
+            rayon::ThreadPoolBuilder::new()
+                .num_threads(threads)
+                .build()
+                .unwrap()
+        };
         let one = pool(1).install(|| found.warp(&image, &Progress::none()).unwrap());
         let many = pool(5).install(|| found.warp(&image, &Progress::none()).unwrap());
         assert_eq!(one, many);

@@ -8,14 +8,20 @@ use ravec_retarget::{Borders, Deformation, Painted, RetargetError, RetargetParam
 /// Blocks and stripes of random colors: strong edges everywhere, many of them straight.
 fn picture(width: usize, height: usize, seed: u64) -> Image<LinearRgb> {
     let noise = |x: usize, y: usize| {
-        let mut h = seed ^ (x as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ (y as u64).wrapping_mul(0xd1b5_4a32_d192_ed03);
+        let mut h = seed
+            ^ (x as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15)
+            ^ (y as u64).wrapping_mul(0xd1b5_4a32_d192_ed03);
         h = (h ^ (h >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         (h >> 40) as f32 / (1u64 << 24) as f32
     };
     let (block, slope) = (3 + seed as usize % 23, 1 + seed as usize / 23 % 5);
     Image::from_fn(Size::new(width, height).unwrap(), |col, row| {
         let stripe = (col + slope * row) / 31 % 3 == 0;
-        let value = if stripe { 0.9 } else { noise(col / block, row / block) };
+        let value = if stripe {
+            0.9
+        } else {
+            noise(col / block, row / block)
+        };
         LinearRgb([value, noise(row / 7, 3), 0.3])
     })
 }
@@ -24,7 +30,11 @@ fn assert_one_to_one(found: &Deformation) {
     for (corners, _) in found.cells() {
         for k in 0..4 {
             let [before, here, after] = [k + 3, k, k + 1].map(|k: usize| corners[k % 4]);
-            assert!((after - here).perp_dot(before - here) > 0.0, "{corners:?} {:?}", found.summary());
+            assert!(
+                (after - here).perp_dot(before - here) > 0.0,
+                "{corners:?} {:?}",
+                found.summary()
+            );
         }
     }
     assert!(found.summary().least_area > 0.0);
@@ -38,7 +48,7 @@ proptest! {
         (fx, fy) in (0.25f64..3.0, 0.25f64..3.0),
         seed in any::<u64>(),
         cells in 2usize..40,
-        (adaptive, borders) in (any::<bool>(), 0..3),
+        (adaptive, borders) in (any::<bool>(), 0usize..3),
         (crop, saliency, scale) in (0.0f64..0.5, 0.0f64..1.0, 0.25f64..4.0),
     ) {
         let image = picture(width, height, seed);
@@ -82,7 +92,13 @@ fn identity_and_uniform_scaling_are_exact() {
     let image = picture(140, 100, 11);
     for adaptive in [false, true] {
         for borders in [Borders::Slide, Borders::Symmetric, Borders::Free] {
-            let params = RetargetParams { grid_cells: 30, adaptive, borders, max_crop: 0.2, ..RetargetParams::default() };
+            let params = RetargetParams {
+                grid_cells: 30,
+                adaptive,
+                borders,
+                max_crop: 0.2,
+                ..RetargetParams::default()
+            };
             let found = retargeter(&image, &params);
             for factor in [1.0, 0.5, 2.0, 0.25] {
                 let size = Size::new((140.0 * factor) as usize, (100.0 * factor) as usize).unwrap();
@@ -103,16 +119,30 @@ fn bad_input_is_refused_with_a_sentence() {
     let image = picture(40, 30, 3);
     let params = RetargetParams::default();
     let mask = Mask::empty(Size::new(30, 40).unwrap());
-    let painted = Painted { protect: None, give_way: Some(&mask) };
+    let painted = Painted {
+        protect: None,
+        give_way: Some(&mask),
+    };
     let error = Retargeter::new(&image, painted, &params, &Progress::none()).unwrap_err();
-    assert!(error.to_string().contains("give-way mask has 30 x 40"), "{error}");
+    assert!(
+        error.to_string().contains("give-way mask has 30 x 40"),
+        "{error}"
+    );
     let found = retargeter(&image, &params);
     for (width, height) in [(1, 30), (40, 1), (4000, 30), (40, 601)] {
         let error = found.solve(Size::new(width, height).unwrap()).unwrap_err();
         assert!(matches!(error, RetargetError::Factor { .. }), "{error}");
     }
     assert!(matches!(
-        Retargeter::new(&image, Painted::default(), &RetargetParams { max_crop: 0.6, ..params }, &Progress::none()),
+        Retargeter::new(
+            &image,
+            Painted::default(),
+            &RetargetParams {
+                max_crop: 0.6,
+                ..params
+            },
+            &Progress::none()
+        ),
         Err(RetargetError::Parameter { .. })
     ));
 }
@@ -123,7 +153,9 @@ fn pictures_that_are_not_numbers_are_only_pictures() {
     for k in 0..300 {
         image[(k * 7 % 60, k * 11 % 40)] = LinearRgb([f32::NAN, f32::INFINITY, -1e30]);
     }
-    let found = retargeter(&image, &RetargetParams::default()).solve(Size::new(33, 40).unwrap()).unwrap();
+    let found = retargeter(&image, &RetargetParams::default())
+        .solve(Size::new(33, 40).unwrap())
+        .unwrap();
     assert_one_to_one(&found);
     assert_eq!(found.warp(&image, &Progress::none()).unwrap().width(), 33);
 }
@@ -131,10 +163,21 @@ fn pictures_that_are_not_numbers_are_only_pictures() {
 #[test]
 fn work_stops_wherever_it_is_cancelled() {
     let image = picture(200, 150, 7).convert::<Srgb<u8>>();
-    let params = RetargetParams { adaptive: true, ..RetargetParams::default() };
+    let params = RetargetParams {
+        adaptive: true,
+        ..RetargetParams::default()
+    };
     for look in [1, 2, 3, 5, 8, 20] {
-        let stopped = Retargeter::new(&image, Painted::default(), &params, &Progress::cancelled_at(look));
-        assert!(matches!(stopped, Err(RetargetError::Cancelled(_))), "{look}");
+        let stopped = Retargeter::new(
+            &image,
+            Painted::default(),
+            &params,
+            &Progress::cancelled_at(look),
+        );
+        assert!(
+            matches!(stopped, Err(RetargetError::Cancelled(_))),
+            "{look}"
+        );
     }
     let found = Retargeter::new(&image, Painted::default(), &params, &Progress::none()).unwrap();
     let deformation = found.solve(Size::new(120, 150).unwrap()).unwrap();
@@ -148,15 +191,29 @@ fn work_stops_wherever_it_is_cancelled() {
 fn symmetric_borders_move_alike_and_free_ones_stay_outside() {
     let image = picture(160, 120, 19);
     for adaptive in [false, true] {
-        let params = |borders| RetargetParams { grid_cells: 24, adaptive, borders, ..RetargetParams::default() };
+        let params = |borders| RetargetParams {
+            grid_cells: 24,
+            adaptive,
+            borders,
+            ..RetargetParams::default()
+        };
         let size = Size::new(100, 120).unwrap();
-        let symmetric = retargeter(&image, &params(Borders::Symmetric)).solve(size).unwrap();
+        let symmetric = retargeter(&image, &params(Borders::Symmetric))
+            .solve(size)
+            .unwrap();
         for k in 0..=24 {
             let y = f64::from(k) * 5.0;
-            let [left, right] = [0.0, 160.0].map(|x| symmetric.target_from_source(glam::dvec2(x, y)));
-            assert!((left.y - right.y).abs() < 1e-9 && left.x.abs() < 1e-9 && (right.x - 100.0).abs() < 1e-9);
+            let [left, right] =
+                [0.0, 160.0].map(|x| symmetric.target_from_source(glam::dvec2(x, y)));
+            assert!(
+                (left.y - right.y).abs() < 1e-9
+                    && left.x.abs() < 1e-9
+                    && (right.x - 100.0).abs() < 1e-9
+            );
         }
-        let free = retargeter(&image, &params(Borders::Free)).solve(size).unwrap();
+        let free = retargeter(&image, &params(Borders::Free))
+            .solve(size)
+            .unwrap();
         assert_one_to_one(&free);
         for k in 0..=24 {
             let y = f64::from(k) * 5.0;
@@ -173,9 +230,17 @@ fn cropping_lets_objects_keep_their_size_and_never_exceeds_its_share() {
     // two objects side by side that need more room than there is, and nothing at the right
     let image = Image::from_fn(Size::new(240, 120).unwrap(), |col, row| {
         let disc = |x: f64| (col as f64 - x).hypot(row as f64 - 60.0) < 40.0;
-        LinearRgb(if disc(55.0) || disc(140.0) { [0.9, 0.1, 0.1] } else { [0.2, 0.3, 0.2] })
+        LinearRgb(if disc(55.0) || disc(140.0) {
+            [0.9, 0.1, 0.1]
+        } else {
+            [0.2, 0.3, 0.2]
+        })
     });
-    let params = |max_crop| RetargetParams { grid_cells: 40, max_crop, ..RetargetParams::default() };
+    let params = |max_crop| RetargetParams {
+        grid_cells: 40,
+        max_crop,
+        ..RetargetParams::default()
+    };
     let size = Size::new(130, 120).unwrap();
     let whole = retargeter(&image, &params(0.0)).solve(size).unwrap();
     let cropped = retargeter(&image, &params(0.3)).solve(size).unwrap();

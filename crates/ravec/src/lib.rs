@@ -155,6 +155,7 @@ pub use ravec_offset as offset;
 pub use ravec_planar as planar;
 pub use ravec_progress as progress;
 pub use ravec_raster as raster;
+pub use ravec_retarget as retarget;
 pub use ravec_twocolor as twocolor;
 
 /// Runs the examples of the readme.
