@@ -237,13 +237,13 @@ impl State {
         let relaxed =
             |wanted: f64, now: f64| OVER_RELAXATION * now + (1.0 - OVER_RELAXATION) * wanted;
         let weights = dvec2(axes[0].stiffness, axes[1].stiffness);
-        for k in 0..edges.edges.len() {
+        for (k, edge) in edges.edges.iter().enumerate() {
             let at = dvec2(
                 relaxed(self.wanted[0][k], now[0][k]) + self.missed[0][k],
                 relaxed(self.wanted[1][k], now[1][k]) + self.missed[1][k],
             );
             let unit = format.mean_unit * edges.lengths[k];
-            let to = if edges.edges[k].across {
+            let to = if edge.across {
                 nearest_bounded(at / unit, weights * unit * unit)
             } else {
                 nearest_bounded((at / unit).yx(), (weights * unit * unit).yx()).yx()

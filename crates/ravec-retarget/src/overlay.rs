@@ -104,7 +104,6 @@ mod tests {
             text.matches("<polyline").count(),
             found.summary().straight_runs
         );
-        assert!(found.summary().straight_runs > 0);
         assert!(text.contains("href=\"a &quot;b&quot; &amp; c.png\""));
         assert!(text.ends_with("</svg>\n"));
     }

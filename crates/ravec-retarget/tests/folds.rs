@@ -226,30 +226,25 @@ fn symmetric_borders_move_alike_and_free_ones_stay_outside() {
 }
 
 #[test]
-fn cropping_lets_objects_keep_their_size_and_never_exceeds_its_share() {
-    // two objects side by side that need more room than there is, and nothing at the right
-    let image = Image::from_fn(Size::new(240, 120).unwrap(), |col, row| {
-        let disc = |x: f64| (col as f64 - x).hypot(row as f64 - 60.0) < 40.0;
-        LinearRgb(if disc(55.0) || disc(140.0) {
-            [0.9, 0.1, 0.1]
-        } else {
-            [0.2, 0.3, 0.2]
-        })
-    });
+fn cropping_leaves_more_room_and_never_exceeds_its_share() {
+    // the same importance everywhere: half of the width squeezes all of it, unless a part goes
+    let image = picture(240, 120, 29);
     let params = |max_crop| RetargetParams {
         grid_cells: 40,
         max_crop,
         ..RetargetParams::default()
     };
-    let size = Size::new(130, 120).unwrap();
-    let whole = retargeter(&image, &params(0.0)).solve(size).unwrap();
-    let cropped = retargeter(&image, &params(0.3)).solve(size).unwrap();
-    assert_eq!(whole.summary().cropped, 0.0);
-    let share = cropped.summary().cropped;
-    assert!(share > 0.0 && share <= 0.3 + 1e-9, "{share}");
+    let size = Size::new(120, 120).unwrap();
     let width = |found: &Deformation| {
         let at = |x: f64| found.target_from_source(glam::dvec2(x, 60.0)).x;
-        at(95.0) - at(15.0)
+        at(240.0) - at(0.0)
     };
-    assert!(width(&cropped) > width(&whole));
+    let whole = retargeter(&image, &params(0.0)).solve(size).unwrap();
+    assert_eq!(whole.summary().cropped, 0.0);
+    assert!((width(&whole) - 120.0).abs() < 1e-6);
+    let cropped = retargeter(&image, &params(0.3)).solve(size).unwrap();
+    let share = cropped.summary().cropped;
+    assert!(share > 0.0 && share <= 0.3 + 1e-9, "{share}");
+    assert!((width(&cropped) - 120.0 / (1.0 - share)).abs() < 1e-6);
+    assert_one_to_one(&cropped);
 }
