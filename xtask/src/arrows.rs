@@ -65,12 +65,23 @@ const CRATES: &[Crate] = &[
         uses: &["ravec-planar", "ravec-raster", "ravec-progress"],
     },
     Crate {
+        name: "ravec-retarget",
+        layer: "systems",
+        uses: &[
+            "ravec-twocolor",
+            "ravec-raster",
+            "ravec-numeric",
+            "ravec-progress",
+        ],
+    },
+    Crate {
         name: "ravec",
         layer: "assembly",
         uses: &[
             "ravec-twocolor",
             "ravec-planar",
             "ravec-completion",
+            "ravec-retarget",
             "ravec-offset",
             "ravec-mesh",
             "ravec-raster",

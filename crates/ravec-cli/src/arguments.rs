@@ -7,7 +7,9 @@ use clap::{ArgGroup, Args, Parser, Subcommand};
 use clap_complete::Shell;
 use ravec_jobs::mesh::offset;
 use ravec_jobs::plane::{planes, rectify, snap};
-use ravec_jobs::{Limits, brush, compare, complete, demo, match_photos, scenes, twocolor};
+use ravec_jobs::{
+    Limits, brush, compare, complete, demo, match_photos, retarget, scenes, twocolor,
+};
 use std::path::{Path, PathBuf};
 
 pub use mesh::{MeshCommand, MeshLimitFlags};
@@ -105,6 +107,27 @@ pub enum Command {
         output: PathBuf,
         #[command(flatten)]
         params: complete::Params,
+    },
+    /// Give a picture another format: objects keep their shape, lines stay straight, the rest gives way
+    #[command(after_help = help::RETARGET)]
+    Retarget {
+        /// The picture; `-` is standard input
+        input: PathBuf,
+        /// The picture to write; its extension says the format, `-` is standard output in the input's format. With several
+        /// sizes `{size}` in the name stands for each
+        #[arg(short, long, value_name = "FILE")]
+        output: PathBuf,
+        /// What must keep its shape, a picture of the same size, white on black; `-` is standard input
+        #[arg(long, value_name = "MASK")]
+        protect: Option<PathBuf>,
+        /// What may be squeezed or stretched first, likewise
+        #[arg(long, value_name = "MASK")]
+        give_way: Option<PathBuf>,
+        /// Write the deformed grid and the straight lines as well, over the result or, if the name ends in .svg, as a drawing
+        #[arg(long, value_name = "FILE")]
+        show_grid: Option<PathBuf>,
+        #[command(flatten)]
+        params: retarget::Params,
     },
     /// Turn a picture into two-color pixels: blocks with one line and two colors, sharp at any scale
     #[command(
@@ -225,6 +248,15 @@ impl Command {
                 let mask = mask.as_deref();
                 std::iter::once(input.as_path()).chain(mask).collect()
             }
+            Self::Retarget {
+                input,
+                protect,
+                give_way,
+                ..
+            } => std::iter::once(input.as_path())
+                .chain(protect.as_deref())
+                .chain(give_way.as_deref())
+                .collect(),
             Self::Twocolor { input, .. }
             | Self::Rectify { input, .. }
             | Self::Snap { input, .. }
@@ -250,6 +282,11 @@ impl Command {
                 .collect(),
             Self::Brush { output, mask, .. } => std::iter::once(output.as_path())
                 .chain(mask.as_deref())
+                .collect(),
+            Self::Retarget {
+                output, show_grid, ..
+            } => std::iter::once(output.as_path())
+                .chain(show_grid.as_deref())
                 .collect(),
             Self::Mesh { command, .. } => command.outputs(),
             Self::Snap { output, .. } | Self::Planes { output, .. } => {
@@ -346,6 +383,11 @@ mod tests {
             ("ravec snap a -o b --quad 0,0,9,0,9,9,0,9", "a", "b"),
             ("ravec planes a -o b", "a", "b"),
             ("ravec complete a --mask b -o c", "a b", "c"),
+            (
+                "ravec retarget a -o b -s 50% --protect c --give-way d --show-grid e",
+                "a c d",
+                "b e",
+            ),
             ("ravec twocolor a -o b --svg c", "a", "b c"),
             ("ravec brush a -o b --stroke c --mask d", "a c", "b d"),
             ("ravec brush a -o b --everywhere", "a", "b"),
@@ -411,6 +453,15 @@ mod tests {
             panic!("not complete");
         };
         assert_eq!(params, complete::Params::default());
+        let parsed = Arguments::parse_from(["ravec", "retarget", "a", "-o", "b", "-s", "50%"]);
+        let Command::Retarget { params, .. } = parsed.command else {
+            panic!("not retarget");
+        };
+        let half = retarget::Params {
+            sizes: vec!["50%".parse().unwrap()],
+            ..retarget::Params::default()
+        };
+        assert_eq!(params, half);
         let parsed = Arguments::parse_from(["ravec", "scenes", "--out", "d"]);
         let Command::Scenes { params, .. } = parsed.command else {
             panic!("not scenes");

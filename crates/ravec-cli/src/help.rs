@@ -70,6 +70,24 @@ Figures: hole_px, thin_px, plane_px, parts, proposals, offsets, sourceless_px.
     exit_codes!()
 );
 
+/// Of `ravec retarget`.
+pub const RETARGET: &str = concat!(
+    "\
+Examples:
+  ravec retarget photo.jpg -o square.png --size 100x100
+  ravec retarget photo.jpg -o narrow.jpg --size 75%x100% --protect mask.png --show-grid grid.svg
+  ravec retarget photo.jpg -o 'out-{size}.png' --size 60x120 --size 160x60 --size 50% --crop 0.2
+
+If both sides change by the same factor, the result is plain scaling. A side may change to between 1/20 and 20 times its length.
+
+Figures: cells, unknowns and straight_runs of the analysis, mean_importance (0 to 1); of all sizes the most bounded_edges (kept \
+from folding), plain_share (plain scaling mixed in to prove that nothing folds) and cropped (share of a side), and the least_area \
+of a cell against plain scaling. With --json the result lists these for each size.
+
+",
+    exit_codes!()
+);
+
 /// Of `ravec compare`.
 pub const COMPARE: &str = concat!(
     "\

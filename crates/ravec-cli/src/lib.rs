@@ -34,7 +34,7 @@ use exit::Failure;
 use ravec::progress::Progress;
 use ravec_jobs::{
     JobError, Report, Source, brush, check_files, check_folder, compare, complete, demo,
-    match_photos, mesh, plane, scenes, twocolor,
+    match_photos, mesh, plane, retarget, scenes, twocolor,
 };
 use std::ffi::OsString;
 use std::io::IsTerminal as _;
@@ -132,6 +132,23 @@ fn execute(Arguments { command, global }: Arguments) -> Result<(), Failure> {
             let mask = mask.map(source);
             complete::run(&source(input), mask.as_ref(), &output, &params, progress)
         }),
+        Command::Retarget {
+            input,
+            output,
+            protect,
+            give_way,
+            show_grid,
+            params,
+        } => {
+            let extras = retarget::Extras {
+                protect: protect.map(source),
+                give_way: give_way.map(source),
+                show_grid,
+            };
+            job(&global, |progress| {
+                retarget::run(&source(input), &output, &extras, &params, progress)
+            })
+        }
         Command::Twocolor {
             input,
             output,

@@ -12,6 +12,7 @@ use crate::gallery::{Figure, Gallery};
 use crate::mesh;
 use crate::plane;
 use crate::report::Report;
+use crate::retarget;
 use ravec::progress::Progress;
 use ravec::raster::{
     AnyImage, Comparison, Image, LinearRgba, PremulLinearRgba, Rect, ResizeFilter, Size, Srgb,
@@ -58,6 +59,7 @@ const ZOOM: usize = 4;
 /// Figures: `twocolor_psnr_db` and `mosaic_psnr_db` at blocks of 8; `clean_psnr_db` and `noisy_psnr_db` at noise of 25 steps;
 /// `fit_megapixels_per_second`; `snapped_px`, how far a grid that snapped is off;
 /// `simplified_triangles` and `simplified_distance_percent` of a torus;
+/// `retargeted_disc_aspect`, how much discs are squeezed when the width is halved;
 /// `front_completed_error_steps` and `floor_completed_error_steps` of what was filled in perspective, in 8-bit steps;
 /// `offset_triangles`, `offset_error_percent` (of the tolerance) and `offset_proved` of offsets.
 ///
@@ -117,6 +119,7 @@ pub fn run(
     demo.speed()?;
     let mut page = demo.page;
     let side = params.max_side;
+    retarget::show(&mut page, &mut report, Seed(params.seed), side, progress)?;
     plane::show(&mut page, &mut report, Seed(params.seed), side, progress)?;
     let detail = mesh::Detail::of(side);
     mesh::show(&mut page, &mut report, Seed(params.seed), detail, progress)?;

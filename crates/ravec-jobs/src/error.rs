@@ -6,6 +6,7 @@ use ravec::offset::OffsetError;
 use ravec::planar::{HomographyError, MatchError, ProportionError, SnapError};
 use ravec::progress::Cancelled;
 use ravec::raster::Size;
+use ravec::retarget::RetargetError;
 use ravec::twocolor::brush::StrokeError;
 use ravec::twocolor::{EnlargeError, FitError, RenderError};
 use ravec_media::{DecodeError, EncodeError, ReadError, WriteError};
@@ -160,6 +161,14 @@ pub enum JobError {
         /// Why not.
         cause: CompleteError,
     },
+    /// A picture cannot get another format.
+    #[error("cannot retarget {}: {cause}", input_name(.path))]
+    Retarget {
+        /// The picture; `-` is standard input.
+        path: PathBuf,
+        /// Why not.
+        cause: RetargetError,
+    },
     /// Strokes cannot be read or make no sense.
     #[error("cannot use the strokes in {}: {reason}", input_name(.path))]
     Strokes {
@@ -207,6 +216,10 @@ impl JobError {
                     | CompleteError::PlaneOutside { .. },
                 ..
             }
+            | Self::Retarget {
+                cause: RetargetError::Parameter { .. } | RetargetError::Factor { .. },
+                ..
+            }
             | Self::Write {
                 cause: EncodeError::UnknownExtension | EncodeError::Quality { .. },
                 ..
@@ -226,6 +239,7 @@ impl JobError {
             | Self::NoMatch { .. }
             | Self::Proportions { .. }
             | Self::NoSnap { .. }
+            | Self::Retarget { .. }
             | Self::Fit(_)
             | Self::Render(_) => 1,
             Self::Cancelled => 130,
@@ -277,6 +291,17 @@ impl JobError {
 }
 
 impl JobError {
+    /// Why the picture in a file cannot get another format.
+    pub(crate) fn from_retargeting(path: &Path, cause: RetargetError) -> Self {
+        match cause {
+            RetargetError::Cancelled(_) => Self::Cancelled,
+            cause => Self::Retarget {
+                path: path.to_path_buf(),
+                cause,
+            },
+        }
+    }
+
     /// Why a hole of the picture in a file cannot be filled.
     pub(crate) fn from_completing(path: &Path, cause: CompleteError) -> Self {
         match cause {

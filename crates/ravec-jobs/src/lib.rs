@@ -36,6 +36,7 @@ pub mod match_photos;
 pub mod mesh;
 pub mod plane;
 mod report;
+pub mod retarget;
 pub mod scenes;
 pub mod twocolor;
 

@@ -1,4 +1,5 @@
-//! Small numerical tools that several crates share: symmetric systems, eigenvectors, non-linear least squares.
+//! Small numerical tools that several crates share: symmetric systems, dense and sparse, eigenvectors, non-linear least
+//! squares.
 //!
 //! Geometry from measurements ends in a handful of unknowns and a sum of squares over many measurements. Here the sum is
 //! kept as its normal equations, so that memory does not depend on the number of measurements, and minimised with damping.
@@ -24,10 +25,13 @@
 //!
 //! # Current status
 //!
-//! What `ravec-planar` needs. The factorisations are those of `nalgebra`.
+//! What `ravec-planar` and `ravec-retarget` need. The factorisations are those of `nalgebra` and `nalgebra-sparse`.
+//! Sparse systems ([`SquareSum`], [`EliminationPlan`], [`SparseCholesky`]) come with the order in which few entries appear.
 
 mod dense;
 mod least_squares;
+mod sparse;
 
 pub use dense::{Smallest, smallest_eigenvector, solve_positive};
 pub use least_squares::{Descent, Minimum, NormalEquations, minimize};
+pub use sparse::{EliminationPlan, SparseCholesky, SparseSymmetric, SquareSum};

@@ -32,6 +32,10 @@ pub trait Sample: Pixel + Default {
     fn to_linear(self) -> f32 {
         linear_from_srgb(self.to_unit())
     }
+    /// The nearest sRGB-encoded number to linear light; as [`from_unit`](Self::from_unit) otherwise.
+    fn from_linear(linear: f32) -> Self {
+        Self::from_unit(srgb_from_linear(linear))
+    }
 }
 
 impl Sample for u8 {
@@ -48,7 +52,44 @@ impl Sample for u8 {
     fn to_linear(self) -> f32 {
         LINEAR_FROM_SRGB8[self as usize]
     }
+    #[inline(always)]
+    fn from_linear(linear: f32) -> Self {
+        // NaN is not above 0
+        let light = if linear > 0.0 { linear.min(1.0) } else { 0.0 };
+        let (code, next) = SRGB8_FROM_LINEAR[(light * LIGHT_STEPS as f32) as usize];
+        code + Self::from(light >= next)
+    }
 }
+
+/// Steps of linear light of which none holds more than one border between 8-bit codes: these are at least 1 / (12.92 · 255)
+/// apart.
+const LIGHT_STEPS: usize = 8192;
+
+/// For each step of linear light the code at its beginning, and the light from which on it is the next code: a look-up is ten
+/// times faster than the roots.
+static SRGB8_FROM_LINEAR: LazyLock<Vec<(u8, f32)>> = LazyLock::new(|| {
+    let code = |light: f32| u8::from_unit(srgb_from_linear(light));
+    let light = |step: usize| step as f32 / LIGHT_STEPS as f32;
+    (0..=LIGHT_STEPS)
+        .map(|step| {
+            let first = code(light(step));
+            let (mut same, mut next) = (light(step).to_bits(), light(step + 1).to_bits());
+            if step == LIGHT_STEPS || code(f32::from_bits(next)) == first {
+                return (first, f32::INFINITY);
+            }
+            // positive floats are ordered like their bits
+            while next - same > 1 {
+                let middle = same.midpoint(next);
+                if code(f32::from_bits(middle)) == first {
+                    same = middle;
+                } else {
+                    next = middle;
+                }
+            }
+            (first, f32::from_bits(next))
+        })
+        .collect()
+});
 
 impl Sample for u16 {
     const ONE: Self = 65535;
@@ -168,7 +209,7 @@ impl<T: Sample> Color for Srgb<T> {
     }
     #[inline(always)]
     fn from_linear(color: LinearRgba) -> Self {
-        Self(color.rgb().map(|v| T::from_unit(srgb_from_linear(v))))
+        Self(color.rgb().map(T::from_linear))
     }
 }
 
@@ -181,7 +222,7 @@ impl<T: Sample> Color for Srgba<T> {
     }
     #[inline(always)]
     fn from_linear(color: LinearRgba) -> Self {
-        let [r, g, b] = color.rgb().map(|v| T::from_unit(srgb_from_linear(v)));
+        let [r, g, b] = color.rgb().map(T::from_linear);
         Self([r, g, b, T::from_unit(color.alpha())])
     }
 }
@@ -247,6 +288,21 @@ mod tests {
         for value in 0..=255u8 {
             let pixel = Srgba([value, 255 - value, value / 2, value]);
             assert_eq!(Srgba::<u8>::from_linear(pixel.to_linear()), pixel);
+        }
+    }
+
+    #[test]
+    fn looked_up_codes_are_those_of_the_formula() {
+        let by_formula = |v: f32| u8::from_unit(srgb_from_linear(v));
+        let values = (0..4_000_000u32).map(|k| k as f32 * (1.25 / 4e6) - 0.1);
+        // the formula's roots may be a last place apart, where the code is about to change
+        for value in values.chain([f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -0.0, 1.0, 1e-30]) {
+            let (found, expected) = (u8::from_linear(value), by_formula(value));
+            let near = [value.next_down().next_down(), value.next_up().next_up()].map(by_formula);
+            assert!(
+                found == expected || near.contains(&found),
+                "{value}: {found} {expected}"
+            );
         }
     }
 

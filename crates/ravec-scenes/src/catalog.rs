@@ -7,6 +7,7 @@ use crate::edge::{
 };
 use crate::line_art::{LineArtTruth, line_art};
 use crate::plane::{PlaneTruth, facade, floor};
+use crate::portraits::portraits;
 use crate::random::Seed;
 use crate::shapes::{ShapesTruth, shapes};
 use crate::sprite::{SpriteTruth, sprite};
@@ -33,6 +34,8 @@ pub enum SceneId {
     Building,
     /// Discs, squares and lines on a landscape.
     Shapes,
+    /// Portraits of rigid shapes and lines on strong texture.
+    Portraits,
     /// A line drawing.
     LineArt,
     /// All textures side by side.
@@ -104,13 +107,14 @@ pub struct Scene {
 
 impl SceneId {
     /// All scenes, the demonstration's first.
-    pub const ALL: [Self; 16] = [
+    pub const ALL: [Self; 17] = [
         Self::Street,
         Self::StillLife,
         Self::Facade,
         Self::Floor,
         Self::Building,
         Self::Shapes,
+        Self::Portraits,
         Self::LineArt,
         Self::Swatches,
         Self::Sprite,
@@ -154,6 +158,11 @@ impl SceneId {
                 "shapes",
                 (960, 640),
                 "discs, squares and long straight lines on a landscape",
+            ),
+            Self::Portraits => (
+                "portraits",
+                (720, 480),
+                "figures of a disc and a square, and lines, on rough ground",
             ),
             Self::LineArt => (
                 "line-art",
@@ -246,6 +255,7 @@ pub fn render(id: SceneId, size: Size, seed: Seed) -> Scene {
         SceneId::Floor => known(floor(size, seed), Truth::Plane),
         SceneId::Building => known(building(size, BUILDING_FOCAL, seed), Truth::Building),
         SceneId::Shapes => known(shapes(size, seed), Truth::Shapes),
+        SceneId::Portraits => known(portraits(size, seed), Truth::Shapes),
         SceneId::LineArt => known(line_art(size, seed), Truth::LineArt),
         SceneId::Swatches => known(swatches(size, seed), Truth::Swatches),
         SceneId::Sprite => known(sprite(size, seed), Truth::Sprite),

@@ -40,6 +40,7 @@ pub mod line_art;
 pub mod occlusion;
 mod paint;
 pub mod plane;
+pub mod portraits;
 mod props;
 mod random;
 pub mod shapes;

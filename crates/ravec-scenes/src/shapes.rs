@@ -99,7 +99,7 @@ impl Shape {
         }
     }
 
-    fn color(&self) -> [f32; 3] {
+    pub(crate) fn color(&self) -> [f32; 3] {
         match *self {
             Self::Disc { color, .. } | Self::Square { color, .. } | Self::Line { color, .. } => {
                 color

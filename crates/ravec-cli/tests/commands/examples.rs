@@ -6,12 +6,13 @@ use crate::program::{code, done, photos, stderr};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-const COMMANDS: [&str; 19] = [
+const COMMANDS: [&str; 20] = [
     "compare",
     "rectify",
     "snap",
     "planes",
     "complete",
+    "retarget",
     "twocolor",
     "brush",
     "mesh",

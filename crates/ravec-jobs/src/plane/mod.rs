@@ -8,6 +8,7 @@ mod segments;
 mod showcase;
 pub mod snap;
 
+pub(crate) use overlay::{draw_line, line_width};
 pub use quad::{Focal, Grid, Quad, Ratio};
 pub(crate) use showcase::show;
 

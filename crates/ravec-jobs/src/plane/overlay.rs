@@ -5,7 +5,7 @@ use ravec::planar::QuadGrid;
 use ravec::raster::{Image, LinearRgba, Size};
 
 /// A color in linear light.
-pub(super) type Color = [f32; 3];
+pub(crate) type Color = [f32; 3];
 
 /// What a grid was.
 pub(crate) const BEFORE: Color = [1.0, 0.55, 0.0];

@@ -1,0 +1,174 @@
+//! What can be chosen, and what can go wrong.
+
+use ravec_progress::Cancelled;
+use ravec_raster::Size;
+use serde::{Deserialize, Serialize};
+
+/// How the vertices on the border of a picture may move.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Borders {
+    /// Along the border, each on its own.
+    #[default]
+    Slide,
+    /// Along the border, and opposite borders alike: what tiles without a seam still does.
+    Symmetric,
+    /// Along the border, and out of the frame: what is unimportant there may be cut off, up to
+    /// [`RetargetParams::max_crop`] of a side, or a tenth if that is 0.
+    Free,
+}
+
+/// How a picture is analysed and deformed.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RetargetParams {
+    /// Cells along the longer side, 2 to 400 (default 100). More follow smaller objects and cost more; below 30 small objects
+    /// share a cell with their surroundings.
+    pub grid_cells: usize,
+    /// Large cells where the picture is even (default no): a fraction of the unknowns, for large grids.
+    pub adaptive: bool,
+    /// How much closed regions count that stand out from the picture's border, 0 to 1 (default 1). With 0 only contrast counts
+    /// and what is painted.
+    pub saliency: f64,
+    /// How firmly straight lines are held, 0 to 10 (default 1). 0 lets them bend.
+    pub line_strength: f64,
+    /// The size that important content gets, 0.25 to 4 (default 1: its own), within what the new format allows. Less keeps
+    /// shapes better at strong reductions, with smaller objects.
+    pub object_scale: f64,
+    /// How the vertices on the border may move (default along it).
+    pub borders: Borders,
+    /// The share of the width or of the height that may be cut off if that lowers the energy, 0 to 0.5 (default 0).
+    pub max_crop: f64,
+}
+
+impl Default for RetargetParams {
+    fn default() -> Self {
+        Self {
+            grid_cells: 100,
+            adaptive: false,
+            saliency: 1.0,
+            line_strength: 1.0,
+            object_scale: 1.0,
+            borders: Borders::default(),
+            max_crop: 0.0,
+        }
+    }
+}
+
+impl RetargetParams {
+    /// Checks every range.
+    ///
+    /// # Errors
+    /// [`RetargetError::Parameter`] with the first value out of range.
+    pub fn check(&self) -> Result<(), RetargetError> {
+        let within = |name, value: f64, low: f64, high: f64| {
+            if (low..=high).contains(&value) {
+                Ok(())
+            } else {
+                Err(RetargetError::Parameter {
+                    name,
+                    value,
+                    low,
+                    high,
+                })
+            }
+        };
+        within("cells of the grid", self.grid_cells as f64, 2.0, 400.0)?;
+        within("strength of saliency", self.saliency, 0.0, 1.0)?;
+        within("strength of lines", self.line_strength, 0.0, 10.0)?;
+        within("scale of objects", self.object_scale, 0.25, 4.0)?;
+        within("share to cut off", self.max_crop, 0.0, 0.5)
+    }
+}
+
+/// Why a picture was not retargeted.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RetargetError {
+    /// A parameter is out of range.
+    #[error("{name}: {value} is out of range, choose {low} to {high}")]
+    Parameter {
+        /// Which one.
+        name: &'static str,
+        /// What it was.
+        value: f64,
+        /// The least allowed.
+        low: f64,
+        /// The most allowed.
+        high: f64,
+    },
+    /// A mask must have the size of the picture.
+    #[error(
+        "the {which} mask has {got} pixels, the picture {image}: paint the mask on a copy of the picture"
+    )]
+    MaskSize {
+        /// What the mask is for.
+        which: &'static str,
+        /// The size of the mask.
+        got: Size,
+        /// The size of the picture.
+        image: Size,
+    },
+    /// The new size is too far from the old one.
+    #[error(
+        "a picture of {image} pixels cannot become {target}: each side may change to between 1/20 and 20 times its length"
+    )]
+    Factor {
+        /// The size of the picture.
+        image: Size,
+        /// The size that was asked for.
+        target: Size,
+    },
+    /// The picture to be warped has another shape than the analysed one.
+    #[error(
+        "the picture to warp has {got} pixels, which is not the shape of the analysed one with {analysed}"
+    )]
+    OtherShape {
+        /// The size of the picture to warp.
+        got: Size,
+        /// The size of the analysed picture.
+        analysed: Size,
+    },
+    /// The system could not be factored, which only numbers out of all proportion can cause.
+    #[error("the deformation could not be computed: lower the strengths")]
+    Singular,
+    /// The caller cancelled.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_out_of_range_are_named() {
+        let wrong = [
+            RetargetParams {
+                grid_cells: 1,
+                ..RetargetParams::default()
+            },
+            RetargetParams {
+                saliency: f64::NAN,
+                ..RetargetParams::default()
+            },
+            RetargetParams {
+                line_strength: -1.0,
+                ..RetargetParams::default()
+            },
+            RetargetParams {
+                object_scale: 0.0,
+                ..RetargetParams::default()
+            },
+            RetargetParams {
+                max_crop: 0.7,
+                ..RetargetParams::default()
+            },
+        ];
+        for params in wrong {
+            let error = params.check().unwrap_err();
+            assert!(error.to_string().contains("out of range"), "{error}");
+        }
+        assert_eq!(RetargetParams::default().check(), Ok(()));
+    }
+}

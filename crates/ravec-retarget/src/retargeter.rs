@@ -1,0 +1,384 @@
+//! From a picture to a factored system, and from that to a deformation for every size.
+//!
+//! ```text
+//! analyse: importance of units, straight runs           once a picture
+//! factor the energies of x and y                         once a picture
+//! for each size: sum up the minimum, bound the edges     about a millisecond, or some twenty
+//! ```
+//!
+//! Cost: the analysis reads each pixel once and works on a reduction of 800 pixels otherwise; see `docs/measurements.md`.
+
+use crate::analysis::{Analysis, units_for};
+use crate::bounds::{Bounded, Edges, Format, State, minimize};
+use crate::deformation::{Deformation, SolveSummary};
+use crate::forms::{Content, GIVING, GridRun};
+use crate::grid::Grid;
+use crate::importance::importance;
+use crate::params::{Borders, RetargetError, RetargetParams};
+use crate::quadtree::spans;
+use crate::runs::straight_runs;
+use crate::system::Axis;
+use glam::{DVec2, dvec2};
+use ravec_progress::Progress;
+use ravec_raster::{Color, Image, Mask, Resample, Size};
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// The weight of a cell that a protecting mask touches.
+const PROTECTED: f64 = 100.0;
+
+/// The weight of a cell that may give way: a tenth of what is unimportant by itself.
+const GIVEN_WAY: f64 = 0.1 * GIVING;
+
+/// How much of a cell must be painted to count as touched: a stray pixel of a soft brush does not.
+const TOUCHED: f32 = 0.05;
+
+/// The factor by which a side may change at most, either way.
+const MAX_FACTOR: f64 = 20.0;
+
+/// How far borders may overhang if no share is given.
+const FREE_SHARE: f64 = 0.1;
+
+/// What is painted on the picture, if anything: masks of its size.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Painted<'a> {
+    /// What must keep its shape.
+    pub protect: Option<&'a Mask>,
+    /// What may be squeezed or stretched first. Where both are painted, protection counts.
+    pub give_way: Option<&'a Mask>,
+}
+
+/// What the analysis found.
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct AnalysisSummary {
+    /// Cells of the grid.
+    pub cells: usize,
+    /// Unknowns of the system for x; that for y has about as many.
+    pub unknowns: usize,
+    /// Straight runs that are held straight.
+    pub straight_runs: usize,
+    /// The mean importance over the picture, 0 to 1, without what is painted.
+    pub mean_importance: f64,
+}
+
+/// An analysed picture, ready for any size.
+#[derive(Debug, Clone)]
+pub struct Retargeter {
+    params: RetargetParams,
+    grid: Arc<Grid>,
+    /// The importance of each cell, with what is painted: 0.0025 to 100.
+    weights: Arc<Vec<f64>>,
+    runs: Arc<Vec<GridRun>>,
+    axes: [Axis; 2],
+    edge_lengths: Vec<f64>,
+    summary: AnalysisSummary,
+}
+
+impl Retargeter {
+    /// Analyses `image` and factors its energies.
+    ///
+    /// # Errors
+    /// [`RetargetError::Parameter`] and [`RetargetError::MaskSize`] for what does not fit, [`RetargetError::Cancelled`] soon
+    /// after `progress` is.
+    pub fn new<P: Color + Resample>(
+        image: &Image<P>,
+        painted: Painted<'_>,
+        params: &RetargetParams,
+        progress: &Progress,
+    ) -> Result<Self, RetargetError> {
+        params.check()?;
+        for (which, mask) in [("protect", painted.protect), ("give-way", painted.give_way)] {
+            if let Some(mask) = mask.filter(|mask| mask.size() != image.size()) {
+                return Err(RetargetError::MaskSize {
+                    which,
+                    got: mask.size(),
+                    image: image.size(),
+                });
+            }
+        }
+        let phase = progress.phase("analyse", 4);
+        let units = units_for(image.size(), params.grid_cells);
+        let analysis = Analysis::new(image, units, progress)?;
+        phase.advance(1);
+        let found = if params.line_strength > 0.0 {
+            straight_runs(&analysis.field)
+        } else {
+            Vec::new()
+        };
+        let importance = importance(&analysis, &found, params.saliency);
+        progress.check()?;
+        phase.advance(1);
+        let runs: Vec<GridRun> = found
+            .iter()
+            .map(|run| GridRun::new(run, analysis.unit_px as f64, units))
+            .collect();
+        let mean_importance = importance.iter().sum::<f64>() / importance.len() as f64;
+        let weights = unit_weights(&importance, painted, units);
+        let grid = if params.adaptive {
+            let symmetric = params.borders == Borders::Symmetric;
+            let spans = spans(&analysis, &weights, &runs, symmetric, progress)?;
+            Grid::new(image.size(), units, |col, row| spans[row * units[0] + col])
+        } else {
+            Grid::new(image.size(), units, |_, _| 1)
+        };
+        progress.check()?;
+        phase.advance(1);
+        let weights = cell_means(&grid, &weights);
+        let axes = Axis::both(
+            &Content {
+                grid: &grid,
+                weights: &weights,
+                runs: &runs,
+                line_strength: params.line_strength,
+                free_borders: params.borders == Borders::Free,
+            },
+            params.borders,
+        )?;
+        progress.check()?;
+        phase.advance(1);
+        let edge_lengths = grid
+            .edges
+            .iter()
+            .map(|edge| {
+                let [[x0, y0], [x1, y1]] = edge.ends.map(|end| grid.vertices[end as usize]);
+                (x1 - x0 + y1 - y0) as f64
+            })
+            .collect();
+        Ok(Self {
+            params: params.clone(),
+            summary: AnalysisSummary {
+                cells: grid.cells.len(),
+                unknowns: axes[0].unknowns.count(),
+                straight_runs: runs.len(),
+                mean_importance,
+            },
+            grid: Arc::new(grid),
+            weights: Arc::new(weights),
+            runs: Arc::new(runs),
+            axes,
+            edge_lengths,
+        })
+    }
+
+    /// What the analysis found.
+    pub fn summary(&self) -> &AnalysisSummary {
+        &self.summary
+    }
+
+    /// The deformation that makes the picture `size`.
+    ///
+    /// # Errors
+    /// [`RetargetError::Factor`] if a side changes by a factor of more than 20.
+    pub fn solve(&self, size: Size) -> Result<Deformation, RetargetError> {
+        self.solve_from(size, None)
+    }
+
+    /// The deformation for `size`, starting from one for a similar size: for following a frame that is being dragged. Takes a
+    /// quarter of the time and is as free of folds, but not yet the best; [`solve`](Self::solve) when the frame stands.
+    ///
+    /// # Errors
+    /// As [`solve`](Self::solve).
+    pub fn solve_near(
+        &self,
+        size: Size,
+        similar: &Deformation,
+    ) -> Result<Deformation, RetargetError> {
+        let same_grid = Arc::ptr_eq(&similar.grid, &self.grid);
+        self.solve_from(size, similar.state.as_ref().filter(|_| same_grid))
+    }
+
+    fn solve_from(&self, size: Size, warm: Option<&State>) -> Result<Deformation, RetargetError> {
+        let old = as_vector(self.grid.image_size);
+        let new = as_vector(size);
+        let factor = new / old;
+        if factor.max_element() > MAX_FACTOR || factor.min_element() < 1.0 / MAX_FACTOR {
+            return Err(RetargetError::Factor {
+                image: self.grid.image_size,
+                target: size,
+            });
+        }
+        let crop = self.best_crop(new);
+        let format = self.format(crop.whole);
+        let edges = Edges {
+            edges: &self.grid.edges,
+            lengths: &self.edge_lengths,
+        };
+        let found = minimize(&self.axes, &edges, &format, warm);
+        let vertices = self.positions(&found, crop.whole);
+        let mut deformation = Deformation {
+            size,
+            vertices: vertices.into_iter().map(|at| at - crop.first).collect(),
+            grid: self.grid.clone(),
+            weights: self.weights.clone(),
+            runs: self.runs.clone(),
+            state: found.state,
+            summary: SolveSummary {
+                width: size.width(),
+                height: size.height(),
+                object_scale: format.scale,
+                bounded_edges: found.active,
+                steps: found.steps,
+                plain_share: found.blend,
+                cropped: 1.0 - (new / crop.whole).min_element(),
+                least_area: 0.0,
+            },
+        };
+        deformation.summary.least_area = deformation.least_area();
+        Ok(deformation)
+    }
+
+    /// The scale of important content and the mean units for a picture of a new size.
+    fn format(&self, new: DVec2) -> Format {
+        let factor = new / as_vector(self.grid.image_size);
+        let scale = self.params.object_scale;
+        let share = match self.params.borders {
+            Borders::Free if self.params.max_crop > 0.0 => self.params.max_crop,
+            Borders::Free => FREE_SHARE,
+            _ => 0.0,
+        };
+        Format {
+            size: new,
+            scale: scale.clamp(factor.min_element(), factor.max_element()),
+            mean_unit: factor * self.grid.unit_px(),
+            // half the share at each side
+            overhang: 0.5 * share / (1.0 - share) * new,
+        }
+    }
+
+    /// Where the vertices are, in a picture of the size `whole`.
+    fn positions(&self, found: &Bounded, whole: DVec2) -> Vec<DVec2> {
+        let factor = whole / as_vector(self.grid.image_size);
+        (0..self.grid.vertices.len() as u32)
+            .map(|vertex| {
+                let at = DVec2::from_array(
+                    [0, 1].map(|a| self.axes[a].unknowns.value(&found.z[a], vertex)),
+                );
+                if found.blend > 0.0 {
+                    at.lerp(self.grid.position_px(vertex) * factor, found.blend)
+                } else {
+                    at
+                }
+            })
+            .collect()
+    }
+}
+
+/// What is cut off: the picture becomes `whole`, of which the part from `first` on is shown.
+struct Crop {
+    whole: DVec2,
+    first: DVec2,
+}
+
+/// How many sizes between no crop and the greatest are tried, and places for each.
+const CROP_TRIALS: usize = 8;
+
+/// What a lost cell costs against what it costs to squeeze it to nothing. At 1 nothing would ever be cut off that is as important
+/// as the rest, however strongly all of it is squeezed; at 0 as much as possible would.
+const LOST: f64 = 0.25;
+
+impl Retargeter {
+    /// The crop along the side that shrinks more which has the least energy, what is lost included.
+    fn best_crop(&self, new: DVec2) -> Crop {
+        let none = Crop {
+            whole: new,
+            first: DVec2::ZERO,
+        };
+        let factor = new / as_vector(self.grid.image_size);
+        let axis = usize::from(factor.y < factor.x);
+        if self.params.max_crop <= 0.0
+            || self.params.borders == Borders::Free
+            || factor.x == factor.y
+        {
+            return none;
+        }
+        let energy = |whole: DVec2| {
+            let scale = self.format(whole).scale;
+            self.axes[0].least_energy(whole.x, scale) + self.axes[1].least_energy(whole.y, scale)
+        };
+        let mut best = (energy(new), none);
+        for trial in 1..=CROP_TRIALS {
+            let share = self.params.max_crop * trial as f64 / CROP_TRIALS as f64;
+            let mut whole = new;
+            // no more than what makes both factors one
+            whole[axis] = (new[axis] / (1.0 - share))
+                .min(factor[1 - axis] * as_vector(self.grid.image_size)[axis]);
+            let scale = self.format(whole).scale;
+            let z = self.axes[axis].unbounded(whole[axis], scale);
+            let spare = whole[axis] - new[axis];
+            let within = energy(whole);
+            for place in 0..=CROP_TRIALS {
+                let first = spare * place as f64 / CROP_TRIALS as f64;
+                let lost: f64 = self
+                    .grid
+                    .cells
+                    .iter()
+                    .zip(self.weights.iter())
+                    .map(|(cell, weight)| {
+                        let corners = cell.corners.map(|c| self.axes[axis].unknowns.value(&z, c));
+                        let center = 0.25 * corners.iter().sum::<f64>() - first;
+                        let [width, height] = self.grid.extent(cell);
+                        let gone = center < 0.0 || center > new[axis];
+                        f64::from(u8::from(gone)) * weight * (width * height) as f64
+                    })
+                    .sum();
+                // each of its two edges along the axis falls short by the whole scale
+                let total = within + LOST * 2.0 * scale * scale * lost;
+                if total < best.0 {
+                    let mut from = DVec2::ZERO;
+                    from[axis] = first;
+                    best = (total, Crop { whole, first: from });
+                }
+            }
+        }
+        best.1
+    }
+}
+
+fn as_vector(size: Size) -> DVec2 {
+    dvec2(size.width() as f64, size.height() as f64)
+}
+
+/// The weight of each unit from its importance and from what is painted.
+fn unit_weights(importance: &[f64], painted: Painted<'_>, [cols, rows]: [usize; 2]) -> Vec<f64> {
+    let mut weights: Vec<f64> = importance
+        .iter()
+        .map(|b| GIVING + (1.0 - GIVING) * b)
+        .collect();
+    for (mask, weight) in [(painted.give_way, GIVEN_WAY), (painted.protect, PROTECTED)] {
+        let Some(mask) = mask else { continue };
+        weights
+            .par_iter_mut()
+            .enumerate()
+            .for_each(|(unit, value)| {
+                let (col, row) = (unit % cols, unit / cols);
+                let part = |k: usize, count: usize, length: usize| {
+                    let first = k * length / count;
+                    first..((k + 1) * length).div_ceil(count).min(length)
+                };
+                let columns = part(col, cols, mask.size().width());
+                let touched = part(row, rows, mask.size().height()).any(|y| {
+                    mask.coverage().row(y)[columns.clone()]
+                        .iter()
+                        .any(|&c| c > TOUCHED)
+                });
+                if touched {
+                    *value = weight;
+                }
+            });
+    }
+    weights
+}
+
+/// The mean over the units of each cell; a protected unit protects its cell.
+fn cell_means(grid: &Grid, units: &[f64]) -> Vec<f64> {
+    grid.cells
+        .iter()
+        .map(|cell| {
+            let [width, height] = grid.extent(cell);
+            let [col, row] = cell.first;
+            let values = (row..row + height)
+                .flat_map(|y| (col..col + width).map(move |x| units[y * grid.units[0] + x]));
+            values.sum::<f64>() / (width * height) as f64
+        })
+        .collect()
+}
