@@ -24,6 +24,7 @@ const CLEAR_PX: f64 = 2.0;
 const KERNEL_PX: usize = 2;
 
 /// A picture with what is known about each pixel: bits of [`KNOWN`], [`SOURCE`], [`HOLE`].
+#[derive(Debug, Clone)]
 pub(crate) struct Canvas {
     pub(crate) inks: Image<Ink>,
     pub(crate) states: Image<u8>,
@@ -32,20 +33,27 @@ pub(crate) struct Canvas {
 impl Canvas {
     /// A picture of which the pixels of `hole` are not known, not even those covered in part.
     pub(crate) fn new<P: Color>(image: &Image<P>, hole: &Mask) -> Self {
-        let clear = solid(hole).dilate(CLEAR_PX);
-        let states = hole
-            .coverage()
-            .pixels()
-            .iter()
-            .zip(clear.coverage().pixels());
-        let states = states.map(|(&hole, &clear)| match (hole > 0.0, clear > 0.0) {
-            (true, _) => 0,
-            (false, true) => KNOWN,
-            (false, false) => KNOWN | SOURCE,
-        });
-        let states = Image::from_vec(image.width(), states.collect()).expect("one for each pixel");
+        let mut states = Image::new(image.size(), KNOWN | SOURCE);
         let mut inks = image.map(ink_of);
-        forget(&mut inks, &states);
+        let reach = CLEAR_PX.ceil() as usize;
+        if let Some(bounds) = hole.bounding_box() {
+            // nothing changes beyond the surroundings of the hole
+            let bounds = bounds.grown(reach).clipped(image.size());
+            let size = bounds.size().expect("there is a hole in it");
+            let at = |col: usize, row: usize| hole.at(bounds.col + col, bounds.row + row);
+            let clear = Mask::from_fn(size, |col, row| at(col, row) > 0.0).dilate(CLEAR_PX);
+            for row in 0..size.height() {
+                for col in 0..size.width() {
+                    states[(bounds.col + col, bounds.row + row)] =
+                        match (at(col, row) > 0.0, clear.at(col, row) > 0.0) {
+                            (true, _) => 0,
+                            (false, true) => KNOWN,
+                            (false, false) => KNOWN | SOURCE,
+                        };
+                }
+            }
+            forget(&mut inks, &states);
+        }
         Self { inks, states }
     }
 }

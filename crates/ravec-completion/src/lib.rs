@@ -65,7 +65,9 @@ mod canvas;
 mod complete;
 mod compose;
 mod cut;
+mod error;
 mod fourier;
+mod fragments;
 mod guidance;
 mod max_flow;
 mod parts;
@@ -76,4 +78,9 @@ mod sheet;
 mod subpixel;
 mod thin;
 
-pub use complete::{CompleteError, CompleteParams, CompleteSummary, Completed, complete};
+pub use complete::{CompleteParams, CompleteSummary, Completed, complete};
+pub use error::CompleteError;
+pub use fragments::{
+    FragmentIndex, Match, Retouch, SearchOptions, Shape, SourceFragment, Sources, Step, Target,
+    Variant,
+};
