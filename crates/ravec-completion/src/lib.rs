@@ -81,6 +81,6 @@ mod thin;
 pub use complete::{CompleteParams, CompleteSummary, Completed, complete};
 pub use error::CompleteError;
 pub use fragments::{
-    FragmentIndex, Match, Retouch, SearchOptions, Shape, SourceFragment, Sources, Step, Target,
-    Variant,
+    FillOptions, FillSummary, FragmentIndex, Match, Retouch, SearchOptions, Shape, SourceFragment,
+    Sources, Step, Target, Variant,
 };

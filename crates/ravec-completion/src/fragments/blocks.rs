@@ -18,6 +18,7 @@ use super::level::{Channels, GRADIENT_WEIGHT, Level};
 use super::template::Template;
 use fearless_simd::{Level as Vectors, Simd, dispatch};
 use glam::IVec2;
+use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
 use realfft::num_complex::Complex32;
 use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
@@ -308,7 +309,8 @@ impl Blocks {
         channels: Channels,
         transform: &Transform,
         waste: f64,
-    ) -> Self {
+        progress: &Progress,
+    ) -> Result<Self, Cancelled> {
         let mut blocks = Self {
             step: transform.step(),
             across: level.width.div_ceil(transform.step()),
@@ -322,12 +324,16 @@ impl Blocks {
                 .into_par_iter()
                 .map_init(
                     || transform.scratch(),
-                    |scratch, block| blocks.spectra_of(level, channels, transform, scratch, block),
+                    |scratch, block| {
+                        progress.check()?;
+                        Ok(blocks.spectra_of(level, channels, transform, scratch, block))
+                    },
                 )
-                .collect();
+                .collect::<Result<_, Cancelled>>()?;
             blocks.spectra = Some(spectra);
         }
-        blocks
+        progress.check()?;
+        Ok(blocks)
     }
 
     pub(super) fn count(&self) -> usize {

@@ -19,6 +19,9 @@ use ravec_raster::Mask;
 
 /// Levels that are built at most: fragments of the largest radius fit into a block on the last one.
 pub(super) const MAX_LEVEL: usize = 3;
+/// Spectra are kept if blocks have at most so many times the pixels of a level: small levels fill their blocks badly, but are
+/// soon transformed anew. So the index stays below 60 bytes a pixel.
+const WASTE: [f64; MAX_LEVEL] = [2.7, 3.2, 3.2];
 /// Levels have at least this many pixels on their shorter side.
 const MIN_SIDE: usize = 24;
 
@@ -38,8 +41,8 @@ pub(super) struct Buffer {
     pub(super) transform: Variant,
     photo_from_buffer: Homography,
     pub(super) levels: Vec<Level>,
-    /// Of the same level each; the spectra of level 0 are not kept.
-    pub(super) blocks: Vec<Blocks>,
+    /// Those of all levels but the first.
+    blocks: Vec<Blocks>,
 }
 
 impl Buffer {
@@ -94,10 +97,8 @@ impl Buffer {
             levels.push(last.halved(channels));
         }
         let mut blocks = Vec::new();
-        for (index, level) in levels.iter().enumerate() {
-            let waste = [0.0, 2.7, 3.2, 3.2][index];
-            blocks.push(Blocks::new(level, channels, fourier, waste));
-            progress.check()?;
+        for (level, waste) in levels[1..].iter().zip(WASTE) {
+            blocks.push(Blocks::new(level, channels, fourier, waste, progress)?);
         }
         Ok(Some(Self {
             photo: base.photo,
@@ -109,12 +110,30 @@ impl Buffer {
         }))
     }
 
-    /// The source whose middle is a pixel of the buffer.
-    pub(super) fn source(&self, middle: IVec2) -> SourceFragment {
+    /// What searches of a level need; none for level 0, where they are rare.
+    pub(super) fn blocks(&self, level: usize) -> Option<&Blocks> {
+        level.checked_sub(1).map(|index| &self.blocks[index])
+    }
+
+    /// The pixel in which the middle of a source lies, if this is its buffer.
+    pub(super) fn middle(&self, source: &SourceFragment) -> Option<IVec2> {
+        let same = (self.photo, self.plane, self.transform)
+            == (source.photo, source.plane, source.transform);
+        let at = same.then(|| self.photo_from_buffer.inverse().try_apply(source.at));
+        at.flatten().map(|at| at.floor().as_ivec2())
+    }
+
+    /// Whether its pixels are those of the photo. They are copied as they are, and anything else is resampled anyway.
+    pub(super) fn as_it_is(&self) -> bool {
+        self.plane.is_none() && self.transform == Variant::default()
+    }
+
+    /// The source whose middle is a pixel of the buffer, or a fraction of a pixel beside it.
+    pub(super) fn source(&self, middle: IVec2, beside: DVec2) -> SourceFragment {
         SourceFragment {
             photo: self.photo,
             plane: self.plane,
-            at: self.photo_from_buffer.apply(center(middle)),
+            at: self.photo_from_buffer.apply(center(middle) + beside),
             transform: self.transform,
         }
     }

@@ -3,7 +3,7 @@
 use super::blocks::{KEPT_SIDE, Transform};
 use super::buffer::{Base, Buffer, MAX_LEVEL};
 use super::level::Channels;
-use super::search::Hunt;
+use super::search::{Hunt, Place};
 use super::target::{SourceFragment, Target, Variant};
 use super::template::Template;
 use crate::canvas::{Canvas, HOLE, SOURCE};
@@ -60,6 +60,9 @@ pub struct SearchOptions {
     /// How far apart two matches in one buffer must be, as a share of the radius, 0 to 2 (default 0.5). Less gives many that
     /// are nearly the same, more leaves out good ones.
     pub apart: f64,
+    /// Only sources from the rectified view of a plane, or with `Some(None)` only those that are on none (default: all). A
+    /// copy from elsewhere has another perspective.
+    pub along_plane: Option<Option<usize>>,
     /// Look at all positions at full resolution (default false). Some twenty times slower, and on photos hardly ever another
     /// result.
     pub full: bool,
@@ -70,6 +73,7 @@ impl Default for SearchOptions {
         Self {
             count: 8,
             apart: 0.5,
+            along_plane: None,
             full: false,
         }
     }
@@ -193,17 +197,14 @@ impl FragmentIndex {
                 }
             }
         }
-        let translucent = |canvas: &Canvas| canvas.inks.pixels().par_iter().any(|ink| ink[3] < 1.0);
-        let mut known = photos.iter();
+        // in a hole there is no ink, so only what is known is asked
+        let translucent = |canvas: &Canvas| {
+            let (inks, states) = (canvas.inks.pixels(), canvas.states.pixels());
+            let pairs = inks.par_iter().with_min_len(4096).zip(states);
+            pairs.any(|(ink, state)| state & SOURCE != 0 && ink[3] < 1.0)
+        };
         let channels = Channels {
-            // in a hole there is no ink, so only what is known is asked
-            alpha: known.any(|canvas| {
-                let pairs = canvas.inks.pixels().par_iter().zip(canvas.states.pixels());
-                translucent(canvas)
-                    && pairs
-                        .into_par_iter()
-                        .any(|(ink, s)| s & SOURCE != 0 && ink[3] < 1.0)
-            }),
+            alpha: photos.iter().any(translucent),
             features: features.is_some(),
         };
         let mut bases: Vec<Base> = photos
@@ -295,7 +296,6 @@ impl FragmentIndex {
         progress: &Progress,
     ) -> Result<Vec<Match>, CompleteError> {
         let weight = template.weight();
-        let middle = template.middle;
         let wanted = coarse_level(target.radius_px);
         let longest = self.fourier.longest();
         let mut templates = vec![template];
@@ -311,24 +311,61 @@ impl FragmentIndex {
             apart_px: options.apart.clamp(0.0, 2.0) * f64::from(target.radius_px),
         };
         let start = |buffer: &Buffer| {
-            if options.full {
-                return 0;
+            let along = options
+                .along_plane
+                .is_none_or(|plane| buffer.plane == plane);
+            if options.full || !along {
+                return along.then_some(0);
             }
             let mut level = wanted;
             while level < MAX_LEVEL && templates[level].width > longest {
                 level += 1;
             }
-            level.min(buffer.levels.len() - 1)
+            Some(level.min(buffer.levels.len() - 1))
         };
         let places = hunt.best(start, progress)?;
         Ok(places
-            .into_iter()
-            .map(|place| Match {
-                source: self.buffers[place.buffer].source(place.corner + middle),
-                buffer: place.buffer,
-                mismatch: f64::from(place.score) / weight.max(1e-9),
-            })
+            .iter()
+            .map(|place| self.found(&hunt, place, weight))
             .collect())
+    }
+
+    fn found(&self, hunt: &Hunt, place: &Place, weight: f64) -> Match {
+        let buffer = &self.buffers[place.buffer];
+        let beside = if buffer.as_it_is() {
+            DVec2::ZERO
+        } else {
+            hunt.between(place)
+        };
+        Match {
+            source: buffer.source(place.corner + hunt.templates[0].middle, beside),
+            buffer: place.buffer,
+            mismatch: f64::from(place.score) / weight.max(1e-9),
+        }
+    }
+
+    /// The best match of a template at most so many pixels from a source; none if that is in no buffer.
+    pub(super) fn near(
+        &self,
+        template: Template,
+        source: &SourceFragment,
+        reach: i32,
+        progress: &Progress,
+    ) -> Result<Option<Match>, CompleteError> {
+        let middles = self.buffers.iter().map(|buffer| buffer.middle(source));
+        let Some((index, middle)) = middles.enumerate().find_map(|(i, at)| Some((i, at?))) else {
+            return Ok(None);
+        };
+        let (weight, step) = (template.weight(), template.middle);
+        let hunt = Hunt {
+            buffers: &self.buffers,
+            templates: &[template],
+            kept: &self.fourier,
+            count: 1,
+            apart_px: 0.0,
+        };
+        let place = hunt.near(index, middle - step, reach, progress)?;
+        Ok(place.map(|place| self.found(&hunt, &place, weight)))
     }
 
     /// The largest radius of which the picture or a photo has a source.

@@ -171,16 +171,6 @@ impl Level {
         (row + 1) * (self.width + 2) + col + 1
     }
 
-    /// The weighted gradient of the luminance.
-    #[inline]
-    pub(super) fn gradient(&self, col: usize, row: usize) -> [f32; 2] {
-        let (at, stride) = (self.luma_index(col, row), self.width + 2);
-        [
-            GRADIENT_WEIGHT * (self.luma[at + 1] - self.luma[at - 1]),
-            GRADIENT_WEIGHT * (self.luma[at + stride] - self.luma[at - stride]),
-        ]
-    }
-
     pub(super) fn bytes(&self) -> usize {
         4 * (self.luma.len() + self.planes.iter().map(Vec::len).sum::<usize>()) + self.runs.len()
     }

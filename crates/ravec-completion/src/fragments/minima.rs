@@ -179,7 +179,7 @@ fn lowest(values: &mut Vec<(f32, u32)>, count: usize) {
 
 /// How much lower than its middle value a parabola through three values goes, and where. Farther than half a pixel away
 /// there is no bottom.
-fn bottom(before: f32, value: f32, after: f32) -> (f32, f64) {
+pub(super) fn bottom(before: f32, value: f32, after: f32) -> (f32, f64) {
     let (bend, slope) = (before + after - 2.0 * value, before - after);
     if !bend.is_finite() || bend <= 0.0 || slope.abs() > bend {
         return (0.0, 0.0);

@@ -12,15 +12,20 @@
 mod blocks;
 mod buffer;
 mod direct;
+mod energy;
+mod fill;
 mod index;
 mod level;
 mod minima;
 mod paste;
+mod pyramid;
 mod retouch;
+mod rim;
 mod search;
 mod target;
 mod template;
 
+pub use fill::{FillOptions, FillSummary};
 pub use index::{FragmentIndex, Match, SearchOptions, Sources};
 pub use retouch::Retouch;
 pub use target::{Shape, SourceFragment, Step, Target, Variant};

@@ -35,7 +35,7 @@ const FORCED: i32 = 1 << 28;
 const TRUSTED_STEP: f32 = 0.6;
 /// How strongly tones are held to those of the source, against one neighbor: light may change from one end of a fragment to
 /// the other, but does not run away over many of them.
-const HOLD: f32 = 2e-3;
+const HOLD: f32 = 1e-2;
 
 /// The way from pixels of the picture to those of a step's source.
 pub(super) struct Way<'a> {

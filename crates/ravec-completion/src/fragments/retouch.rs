@@ -2,7 +2,7 @@
 
 use super::index::{FragmentIndex, Match, RADII, SearchOptions, View};
 use super::paste::{Way, paste};
-use super::target::{Step, Target};
+use super::target::{SourceFragment, Step, Target};
 use super::template::{TargetPixel, Template};
 use crate::canvas::{Canvas, HOLE, Ink, KNOWN, mixed};
 use crate::error::CompleteError;
@@ -140,6 +140,19 @@ impl<'a> Retouch<'a> {
             });
         }
         Ok(found)
+    }
+
+    /// The source that fits best at most so many pixels from another one; none if that is in no buffer.
+    pub(super) fn near(
+        &self,
+        target: &Target,
+        source: &SourceFragment,
+        reach: i32,
+        progress: &Progress,
+    ) -> Result<Option<SourceFragment>, CompleteError> {
+        let template = self.template(&self.checked(target)?, &|_, _| false)?;
+        let found = self.index.near(template, source, reach, progress)?;
+        Ok(found.map(|found| found.source))
     }
 
     /// The step that lays a match over a target, with tones bent to what is around.

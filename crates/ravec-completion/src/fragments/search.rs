@@ -13,10 +13,10 @@
 use super::blocks::{Blocks, Scratch, Transform};
 use super::buffer::{Buffer, MAX_LEVEL};
 use super::direct::mismatch;
-use super::minima::{Low, Valid, minima};
+use super::minima::{Low, Valid, bottom, minima};
 use super::template::Template;
 use fearless_simd::Level as Vectors;
-use glam::IVec2;
+use glam::{DVec2, IVec2};
 use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
 use rustc_hash::FxHashSet;
@@ -53,16 +53,17 @@ pub(super) struct Hunt<'a> {
 }
 
 impl Hunt<'_> {
-    /// The best places on level 0, the best first, starting from all positions of a level of each buffer.
+    /// The best places on level 0, the best first, starting from all positions of a level of each buffer that is searched.
     pub(super) fn best(
         &self,
-        start: impl Fn(&Buffer) -> usize + Sync,
+        start: impl Fn(&Buffer) -> Option<usize>,
         progress: &Progress,
     ) -> Result<Vec<Place>, Cancelled> {
         let mut lows: Vec<Vec<Low>> = vec![Vec::new(); MAX_LEVEL + 1];
         for (index, buffer) in self.buffers.iter().enumerate() {
-            let level = start(buffer);
-            lows[level].extend(self.scan(index, level, progress)?);
+            if let Some(level) = start(buffer) {
+                lows[level].extend(self.scan(index, level, progress)?);
+            }
         }
         let mut found = Vec::new();
         for level in (1..=MAX_LEVEL).rev() {
@@ -109,14 +110,15 @@ impl Hunt<'_> {
         let (buffer, template) = (&self.buffers[index], &self.templates[level]);
         let side = template.width.max(template.height);
         let (fourier, blocks);
-        let (fourier, blocks) = if level > 0 && side <= self.kept.longest() {
-            (self.kept, &buffer.blocks[level])
+        let kept = buffer.blocks(level).filter(|_| side <= self.kept.longest());
+        let (fourier, blocks) = if let Some(blocks) = kept {
+            (self.kept, blocks)
         } else {
             fourier = Transform::with_longest(side);
-            blocks = Blocks::new(&buffer.levels[level], template.channels, &fourier, 0.0);
+            let level = &buffer.levels[level];
+            blocks = Blocks::new(level, template.channels, &fourier, 0.0, progress)?;
             (&fourier, &blocks)
         };
-        progress.check()?;
         let query = blocks.query(template, fourier);
         let counts = [MINIMA, self.slopes()];
         let found: Vec<Vec<Low>> = (0..blocks.count())
@@ -140,6 +142,38 @@ impl Hunt<'_> {
             .collect();
         progress.check()?;
         Ok(self.kept_lows(found.concat()))
+    }
+
+    /// The best place of a buffer at most so many pixels from one.
+    pub(super) fn near(
+        &self,
+        buffer: usize,
+        corner: IVec2,
+        reach: i32,
+        progress: &Progress,
+    ) -> Result<Option<Place>, Cancelled> {
+        let side = 2 * reach + 1;
+        let places: Vec<_> = (0..side * side)
+            .map(|k| (buffer, corner + IVec2::new(k % side, k / side) - reach))
+            .collect();
+        let found = self.sums(0, &places, f32::INFINITY, progress)?;
+        Ok(found.into_iter().min_by(order))
+    }
+
+    /// Where between pixels the mismatch around a place is least, −½ to ½.
+    pub(super) fn between(&self, place: &Place) -> DVec2 {
+        let (template, vectors) = (&self.templates[0], Vectors::new());
+        let planes = &self.buffers[place.buffer].levels[0];
+        let at = |step: IVec2| {
+            let corner = place.corner + step;
+            if template.valid(planes, corner) {
+                mismatch(vectors, template, planes, corner, f32::INFINITY)
+            } else {
+                f32::INFINITY
+            }
+        };
+        let along = |step: IVec2| bottom(at(-step), place.score, at(step)).1;
+        DVec2::new(along(IVec2::X), along(IVec2::Y))
     }
 
     /// The places on a level at and around what was found on one that is `factor` times smaller; the best first.
