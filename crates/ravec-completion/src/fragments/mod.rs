@@ -17,6 +17,8 @@ mod fill;
 mod index;
 mod level;
 mod minima;
+#[cfg(test)]
+mod naive;
 mod paste;
 mod pyramid;
 mod retouch;

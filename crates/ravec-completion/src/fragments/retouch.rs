@@ -89,6 +89,11 @@ impl<'a> Retouch<'a> {
         }
     }
 
+    /// What is copied from.
+    pub fn index(&self) -> &'a FragmentIndex {
+        self.index
+    }
+
     /// Pixels of the hole that no step has given yet.
     pub fn open_px(&self) -> usize {
         self.open_px
