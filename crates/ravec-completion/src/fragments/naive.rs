@@ -25,7 +25,9 @@ struct Scene {
 }
 
 fn noise(seed: u64, index: u64) -> f32 {
-    let mixed = (index + 1).wrapping_mul(seed | 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    let mixed = (index + 1)
+        .wrapping_mul(seed | 1)
+        .wrapping_mul(0x9e37_79b9_7f4a_7c15);
     ((mixed ^ mixed >> 29).wrapping_mul(0xbf58_476d_1ce4_e5b9) >> 40) as f32 / (1 << 24) as f32
 }
 
@@ -34,8 +36,17 @@ impl Scene {
         let [width, height] = size;
         let count = (width * height) as u64;
         let ink = |k: u64| {
-            let a = if channels.alpha { noise(seed, k + 3) } else { 1.0 };
-            [noise(seed, k) * a, noise(seed, k + 1) * a, noise(seed, k + 2) * a, a]
+            let a = if channels.alpha {
+                noise(seed, k + 3)
+            } else {
+                1.0
+            };
+            [
+                noise(seed, k) * a,
+                noise(seed, k + 1) * a,
+                noise(seed, k + 2) * a,
+                a,
+            ]
         };
         let side = (2 * radius + 3) as u64;
         Self {
@@ -47,17 +58,31 @@ impl Scene {
             shape: if square { Shape::Square } else { Shape::Circle },
             radius,
             target: (0..side * side)
-                .map(|k| (ink(7 * k + 1_000_003), noise(seed ^ 11, k / side) > 0.3, k % side > 1))
+                .map(|k| {
+                    (
+                        ink(7 * k + 1_000_003),
+                        noise(seed ^ 11, k / side) > 0.3,
+                        k % side > 1,
+                    )
+                })
                 .collect(),
             channels,
         }
     }
 
     fn level(&self) -> Level {
-        Level::new(self.width as usize, self.height as usize, self.channels, |col, row| {
-            let index = row * self.width as usize + col;
-            (self.channels.of(self.inks[index], self.features[index]), self.sources[index])
-        })
+        Level::new(
+            self.width as usize,
+            self.height as usize,
+            self.channels,
+            |col, row| {
+                let index = row * self.width as usize + col;
+                (
+                    self.channels.of(self.inks[index], self.features[index]),
+                    self.sources[index],
+                )
+            },
+        )
     }
 
     fn target_at(&self, step: IVec2) -> ([f32; 4], bool, bool) {
