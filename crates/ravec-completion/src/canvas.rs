@@ -3,8 +3,10 @@
 //! Colors are encoded (perceived differences matter here, not light) and multiplied by alpha, so that what is invisible
 //! does not count.
 
+use ravec_progress::{Cancelled, Progress};
 use ravec_raster::color::{linear_from_srgb, srgb_from_linear};
-use ravec_raster::{Color, Image, LinearRgba, Mask};
+use ravec_raster::{Color, Image, LinearRgba, Mask, Rect};
+use rayon::prelude::*;
 
 /// An encoded color multiplied by its alpha, and the alpha.
 pub(crate) type Ink = [f32; 4];
@@ -32,9 +34,24 @@ pub(crate) struct Canvas {
 
 impl Canvas {
     /// A picture of which the pixels of `hole` are not known, not even those covered in part.
-    pub(crate) fn new<P: Color>(image: &Image<P>, hole: &Mask) -> Self {
+    pub(crate) fn new<P: Color>(
+        image: &Image<P>,
+        hole: &Mask,
+        progress: &Progress,
+    ) -> Result<Self, Cancelled> {
         let mut states = Image::new(image.size(), KNOWN | SOURCE);
-        let mut inks = image.map(ink_of);
+        let mut inks = Image::new(image.size(), [0.0; 4]);
+        inks.par_rows_mut()
+            .zip(image.par_rows())
+            .for_each(|(inks, pixels)| {
+                if progress.is_cancelled() {
+                    return;
+                }
+                for (ink, &pixel) in inks.iter_mut().zip(pixels) {
+                    *ink = ink_of(pixel);
+                }
+            });
+        progress.check()?;
         let reach = CLEAR_PX.ceil() as usize;
         if let Some(bounds) = hole.bounding_box() {
             // nothing changes beyond the surroundings of the hole
@@ -52,19 +69,18 @@ impl Canvas {
                         };
                 }
             }
-            forget(&mut inks, &states);
+            forget(&mut inks, &states, bounds);
         }
-        Self { inks, states }
+        Ok(Self { inks, states })
     }
 }
 
-/// Replaces what is not known by the mean of known neighbors, as far as a kernel reaches, and by nothing beyond.
-fn forget(inks: &mut Image<Ink>, states: &Image<u8>) {
-    let (width, height) = (states.width(), states.height());
+/// Replaces what is not known, all of it in `bounds`, by the mean of known neighbors, as far as a kernel reaches, and by nothing beyond.
+fn forget(inks: &mut Image<Ink>, states: &Image<u8>, bounds: Rect) {
     let mut unknown: Vec<(usize, usize)> = Vec::new();
     let mut known = states.map(|state| u8::from(state & KNOWN != 0));
-    for row in 0..height {
-        for col in 0..width {
+    for row in bounds.row..bounds.bottom() {
+        for col in bounds.col..bounds.right() {
             if known[(col, row)] == 0 {
                 inks[(col, row)] = [0.0; 4];
                 unknown.push((col, row));

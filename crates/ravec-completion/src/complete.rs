@@ -137,7 +137,7 @@ pub fn complete<P: Color>(
             summary,
         });
     }
-    let mut canvas = Canvas::new(image, hole);
+    let mut canvas = Canvas::new(image, hole, progress)?;
     if !canvas
         .states
         .pixels()

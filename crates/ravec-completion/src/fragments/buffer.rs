@@ -27,6 +27,7 @@ const MIN_SIDE: usize = 24;
 
 /// A photo, or the rectified view of a plane of the picture, as it is.
 #[derive(Debug, Clone, Copy)]
+#[expect(clippy::struct_field_names, reason = "maps are named dst_from_src")]
 pub(super) struct Base {
     pub(super) photo: usize,
     pub(super) plane: Option<usize>,
@@ -35,6 +36,7 @@ pub(super) struct Base {
 }
 
 /// A source buffer, ready to be searched.
+#[expect(clippy::struct_field_names, reason = "maps are named dst_from_src")]
 pub(super) struct Buffer {
     pub(super) photo: usize,
     pub(super) plane: Option<usize>,

@@ -112,11 +112,8 @@ impl Retouch<'_> {
         progress: &Progress,
     ) -> Result<(), CompleteError> {
         let states = &self.canvas.states;
-        let open = |col: usize, row: usize| states[(col, row)] & HOLE != 0;
-        let depth = distance_to(states.size(), |col, row| !open(col, row));
-        let deepest = depth.pixels().iter().fold(0.0f32, |a, &b| a.max(b));
-        let deep = deepest > DEEP_PX && deepest.is_finite();
-        if options.radius_px.is_some() || !deep || states.width().min(states.height()) < MIN_SIDE {
+        let large = states.width().min(states.height()) >= MIN_SIDE;
+        if options.radius_px.is_some() || !large || self.depth() <= DEEP_PX {
             return Ok(());
         }
         let Some(index) = self.halved(progress)? else {
@@ -136,6 +133,20 @@ impl Retouch<'_> {
             phase.advance(1);
         }
         Ok(())
+    }
+
+    /// The radius of the largest disc that fits into what is open.
+    fn depth(&self) -> f32 {
+        let states = &self.canvas.states;
+        let Some(bounds) = self.index.hole.bounding_box() else {
+            return 0.0;
+        };
+        let bounds = bounds.grown(1).clipped(states.size());
+        let known =
+            |col: usize, row: usize| states[(bounds.col + col, bounds.row + row)] & HOLE == 0;
+        let depth = bounds.size().map(|size| distance_to(size, known));
+        let deepest = depth.iter().flat_map(|depth| depth.pixels());
+        deepest.fold(0.0f32, |a, &b| if b.is_finite() { a.max(b) } else { a })
     }
 
     fn fill_from_the_rim(

@@ -92,6 +92,7 @@ pub struct Match {
 }
 
 /// A plane with its rectified view.
+#[expect(clippy::struct_field_names, reason = "maps are named dst_from_src")]
 pub(super) struct View {
     pub(super) quad: [DVec2; 4],
     pub(super) picture_from_view: Homography,
@@ -158,10 +159,10 @@ impl FragmentIndex {
             maps.push((*quad, plane_map(quad, size, index + 1)?));
         }
         progress.check()?;
-        let mut photos = vec![Canvas::new(sources.image, sources.hole)];
+        let mut photos = vec![Canvas::new(sources.image, sources.hole, progress)?];
         for photo in sources.photos {
             progress.check()?;
-            photos.push(Canvas::new(photo, &Mask::empty(photo.size())));
+            photos.push(Canvas::new(photo, &Mask::empty(photo.size()), progress)?);
         }
         Self::from_canvases(
             photos,

@@ -47,11 +47,14 @@ impl Channels {
     /// The values of a pixel; those beyond [`Channels::values`] are 0.
     #[inline]
     pub(super) fn of(self, [r, g, b, a]: Ink, feature: f32) -> [f32; MAX_VALUES] {
-        const ROOT: [f32; 3] = [0.577_350_26, 0.707_106_8, 0.408_248_3];
+        use std::f32::consts::FRAC_1_SQRT_2;
+        /// The roots of 1/3 and of 1/6.
+        const ROOT_3: f32 = 0.577_350_26;
+        const ROOT_6: f32 = 0.408_248_3;
         let mut values = [
-            ROOT[0] * (r + g + b),
-            ROOT[1] * (r - b),
-            ROOT[2] * (r - 2.0 * g + b),
+            ROOT_3 * (r + g + b),
+            FRAC_1_SQRT_2 * (r - b),
+            ROOT_6 * (r - 2.0 * g + b),
             0.0,
             0.0,
         ];

@@ -53,15 +53,17 @@ impl Scene {
             width,
             height,
             inks: (0..count).map(|k| ink(7 * k)).collect(),
-            features: (0..count).map(|k| noise(seed ^ 5, k).round()).collect(),
-            sources: (0..count).map(|k| noise(seed ^ 9, k / 3) > 0.003).collect(),
+            features: (0..count).map(|k| noise(seed ^ 0x5, k).round()).collect(),
+            sources: (0..count)
+                .map(|k| noise(seed ^ 0x9, k / 3) > 0.003)
+                .collect(),
             shape: if square { Shape::Square } else { Shape::Circle },
             radius,
             target: (0..side * side)
                 .map(|k| {
                     (
                         ink(7 * k + 1_000_003),
-                        noise(seed ^ 11, k / side) > 0.3,
+                        noise(seed ^ 0xb, k / side) > 0.3,
                         k % side > 1,
                     )
                 })

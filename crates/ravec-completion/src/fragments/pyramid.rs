@@ -8,6 +8,7 @@ use crate::error::{CompleteError, plane_map};
 use glam::DVec2;
 use ravec_progress::Progress;
 use ravec_raster::{Image, Mask, Size};
+use rayon::prelude::*;
 
 impl Retouch<'_> {
     /// The index of the picture as it is now, and of the other photos, at half the size; none if a picture is too small
@@ -61,14 +62,14 @@ fn halved(canvas: &Canvas) -> Option<Canvas> {
     let cells = |col: usize, row: usize| {
         [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(x, y)| (2 * col + x, 2 * row + y))
     };
-    let states = Image::from_fn(size, |col, row| {
+    let state = |col: usize, row: usize| {
         let states = cells(col, row).map(|cell| canvas.states[cell]);
         if states.iter().any(|state| state & HOLE != 0) {
             return HOLE;
         }
         states.iter().fold(KNOWN | SOURCE, |all, state| all & state)
-    });
-    let inks = Image::from_fn(size, |col, row| {
+    };
+    let ink = |col: usize, row: usize| {
         let (mut sum, mut count) = ([0.0f32; 4], 0.0f32);
         for cell in cells(col, row) {
             if canvas.states[cell] & KNOWN != 0 {
@@ -79,8 +80,19 @@ fn halved(canvas: &Canvas) -> Option<Canvas> {
             }
         }
         sum.map(|value| value / count.max(1.0))
+    };
+    let mut half = Canvas {
+        inks: Image::new(size, [0.0; 4]),
+        states: Image::new(size, 0),
+    };
+    let rows = half.inks.par_rows_mut().zip(half.states.par_rows_mut());
+    rows.enumerate().for_each(|(row, (inks, states))| {
+        for col in 0..size.width() {
+            inks[col] = ink(col, row);
+            states[col] = state(col, row);
+        }
     });
-    Some(Canvas { inks, states })
+    Some(half)
 }
 
 /// A step of the picture of half the size, in that of the whole one.

@@ -163,7 +163,7 @@ impl<'a> Retouch<'a> {
     /// The step that lays a match over a target, with tones bent to what is around.
     pub fn step(&self, target: &Target, found: &Match) -> Step {
         Step {
-            target: self.index.settled(target),
+            target: settled(target),
             source: found.source,
             blend: true,
         }
@@ -289,7 +289,7 @@ impl<'a> Retouch<'a> {
                 "the target at ({x}, {y}) lies behind the horizon of its plane"
             ));
         }
-        Ok(self.index.settled(target))
+        Ok(settled(target))
     }
 
     /// What is known of a target.
@@ -358,21 +358,21 @@ impl FragmentIndex {
             })
     }
 
-    /// The target, in the middle of its pixel if it has no plane.
-    fn settled(&self, target: &Target) -> Target {
-        if target.plane.is_some() {
-            return *target;
-        }
-        Target {
-            at: target.at.floor() + 0.5,
-            ..*target
-        }
-    }
-
     /// The plane in whose quadrilateral a position of the picture lies: the first one, if there are several.
     pub fn plane_at(&self, at: DVec2) -> Option<usize> {
         let contains =
             |view: &Option<View>| view.as_ref().is_some_and(|view| in_quad(&view.quad, at));
         self.views.iter().position(contains)
+    }
+}
+
+/// The target, in the middle of its pixel if it has no plane.
+fn settled(target: &Target) -> Target {
+    if target.plane.is_some() {
+        return *target;
+    }
+    Target {
+        at: target.at.floor() + 0.5,
+        ..*target
     }
 }

@@ -37,7 +37,9 @@ impl Rim {
                 .map(|s| if s & KNOWN != 0 { 1.0 } else { 0.0 }),
             pixels: Vec::new(),
         };
-        rim.update(retouch, Rect::of(canvas.states.size()), radius);
+        if let Some(bounds) = retouch.index.hole.bounding_box() {
+            rim.update(retouch, bounds, radius);
+        }
         rim
     }
 

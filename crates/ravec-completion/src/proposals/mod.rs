@@ -250,7 +250,8 @@ mod tests {
     fn sheet(pattern: impl Fn(usize, usize) -> [u8; 3], hole: Rect) -> Sheet {
         let size = Size::new(96, 80).unwrap();
         let image = Image::from_fn(size, |col, row| Srgb(pattern(col, row)));
-        let mut canvas = Canvas::new(&image, &Mask::from_rect(size, hole));
+        let mut canvas =
+            Canvas::new(&image, &Mask::from_rect(size, hole), &Progress::none()).unwrap();
         for row in hole.row..hole.bottom() {
             canvas.states.row_mut(row)[hole.col..hole.right()].fill(HOLE);
         }
