@@ -2,9 +2,9 @@
 
 use crate::error::JobError;
 use crate::files::{self, Source};
-use crate::plane::Focal;
 use crate::plane::overlay::{Color, draw_line, line_width};
 use crate::plane::segments::segments;
+use crate::plane::{Focal, check_paths};
 use crate::report::Report;
 use glam::dvec2;
 use ravec::planar::{Proposals, Segment, propose_planes};
@@ -61,11 +61,7 @@ pub fn run(
             range: "1 to 12",
         });
     }
-    let outputs: Vec<&Path> = output.into_iter().collect();
-    files::check_files(&[&input.path], &outputs)?;
-    if let Some(output) = output {
-        files::check_target(output)?;
-    }
+    check_paths(input, output)?;
     let mut report = Report::new("planes", params);
     let picture = files::read(input, &mut report, progress)?;
     let size = picture.image.size();

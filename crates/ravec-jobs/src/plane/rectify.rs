@@ -2,7 +2,7 @@
 
 use crate::error::JobError;
 use crate::files::{self, Source};
-use crate::plane::{Focal, Quad, Ratio};
+use crate::plane::{Focal, Quad, Ratio, check_paths};
 use crate::report::Report;
 use glam::dvec2;
 use ravec::planar::{Beyond, Known, Straight, proportions, straight_view, warp};
@@ -155,8 +155,7 @@ pub fn run(
             range: "0 to 100",
         });
     }
-    files::check_files(&[&input.path], &[output])?;
-    files::check_target(output)?;
+    check_paths(input, Some(output))?;
     let mut report = Report::new("rectify", params);
     let picture = files::read(input, &mut report, progress)?;
     let size = picture.image.size();

@@ -89,17 +89,17 @@ fn proposals(
     Ok(())
 }
 
-/// A grid on the windows of the right wall, and the same with its corners moved: lines lie on left and lower borders of
-/// windows.
+/// A grid on the windows of the right wall, and the same with its corners moved: lines lie where panes begin on the left and
+/// below, and frames end, which are the strongest edges.
 fn rough_grid(
     truth: &BuildingTruth,
     seed: Seed,
 ) -> Result<(QuadGrid, QuadGrid), ravec::planar::HomographyError> {
-    // lower left, lower right, upper right, upper left; windows begin at 0.26 of a bay and 0.28 of a floor
+    // lower left, lower right, upper right, upper left; panes begin at 0.29 of a bay and 0.295 of a floor
     let wall = truth.walls_in_image[0];
     let image_from_wall = Homography::from_unit_square(wall)?;
     let place = |bay: f64, floor: f64| {
-        image_from_wall.apply(dvec2((bay + 0.26) / 5.0, (floor + 0.28) / 4.0))
+        image_from_wall.apply(dvec2((bay + 0.29) / 5.0, (floor + 0.295) / 4.0))
     };
     let corners = [
         place(1.0, 3.0),

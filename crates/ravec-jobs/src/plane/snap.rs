@@ -3,7 +3,7 @@
 use crate::error::JobError;
 use crate::files::{self, Source};
 use crate::plane::overlay::{AFTER, BEFORE, draw_grid, line_width};
-use crate::plane::{Grid, Quad};
+use crate::plane::{Grid, Quad, check_paths};
 use crate::report::Report;
 use ravec::planar::{QuadGrid, SnapError, SnapParams, encoded_luminance, snap, snap_counting};
 use ravec::progress::Progress;
@@ -76,11 +76,7 @@ pub fn run(
             range: "0 to 20",
         });
     }
-    let outputs: Vec<&Path> = output.into_iter().collect();
-    files::check_files(&[&input.path], &outputs)?;
-    if let Some(output) = output {
-        files::check_target(output)?;
-    }
+    check_paths(input, output)?;
     let mut report = Report::new("snap", params);
     let picture = files::read(input, &mut report, progress)?;
     params.quad.check(picture.image.size())?;

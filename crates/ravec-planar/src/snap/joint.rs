@@ -167,8 +167,11 @@ pub(super) fn centered(
     }
     // nearer than two pixels there are the flanks of the edge itself
     let apart = |k: usize| (cells(k as f64) * cell_px).abs() >= 1.5;
+    // what only rises towards the end of the range is the flank of an edge beyond it
+    let is_peak =
+        |k: usize| sums.product[k] >= sums.product[k - 1] && sums.product[k] >= sums.product[k + 1];
     let best = (1..2 * WIDTHS)
-        .filter(|&k| apart(k))
+        .filter(|&k| apart(k) && is_peak(k))
         .max_by(|&a, &b| sums.product[a].total_cmp(&sums.product[b]));
     let Some(best) = best.filter(|&k| sums.product[k] > 0.0) else {
         return Ok((grid.clone(), None));

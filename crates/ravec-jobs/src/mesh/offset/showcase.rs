@@ -138,7 +138,7 @@ impl Studio<'_> {
     fn growth(&mut self) -> Result<Vec<Figure>, JobError> {
         let fins = fins();
         let mut figures = vec![self.drawn(&fins, &self.look(), "a comb")?];
-        for distance in [0.05, 0.15, 0.4] {
+        for distance in [0.05, 0.1, 0.4] {
             let params = OffsetParams {
                 distance,
                 // at most a fifth of the distance, or parts would be missing
@@ -193,7 +193,7 @@ impl Studio<'_> {
     /// What cells and errors are shown of.
     fn grown(&self) -> OffsetParams {
         OffsetParams {
-            distance: 0.15,
+            distance: 0.1,
             tolerance: self.detail.length(0.005),
             side: Side::Outer,
             ..OffsetParams::default()

@@ -1,0 +1,77 @@
+//! Posts before a house front and a floor, taken away.
+
+use super::Demo;
+use crate::error::JobError;
+use crate::gallery::Figure;
+use glam::DVec2;
+use ravec::completion::{CompleteParams, complete};
+use ravec::raster::{Image, Mask, Size, Srgb};
+use ravec_scenes::Seed;
+use ravec_scenes::occlusion::{Surface, occluded};
+use std::path::Path;
+
+impl Demo<'_> {
+    /// Posts before a house front and a floor, taken away with and without the perspective.
+    pub(super) fn completion(&mut self, max_side: usize, seed: Seed) -> Result<(), JobError> {
+        self.page.section(
+            "What is in the way goes",
+            "A hole is filled from where the picture looks like its surroundings. On a plane that is anywhere on the plane, once \
+             the perspective is taken out; without it, windows have the wrong size and courses the wrong slant.",
+        );
+        let width = max_side.clamp(96, 420);
+        let size = Size::new(width, width * 3 / 4).expect("both sides are positive");
+        for (surface, figure) in [
+            (Surface::Windows, "front_completed_error_steps"),
+            (Surface::Tiles, "floor_completed_error_steps"),
+        ] {
+            let scene = occluded(surface, size, seed);
+            let hole = Mask::from_fn(size, |col, row| scene.post.at(col, row) > 0.0);
+            let picture = scene.picture.convert::<Srgb<u8>>();
+            let params = CompleteParams::default();
+            let filled =
+                |planes: &[[DVec2; 4]]| complete(&picture, &hole, planes, &params, self.progress);
+            let failed = |cause| JobError::from_completing(Path::new("the built-in scene"), cause);
+            let (flat, plane) = self.report.time("complete", || {
+                let flat = filled(&[]).map_err(failed)?.image;
+                let plane = filled(&[scene.corners_in_image]).map_err(failed)?.image;
+                Ok::<_, JobError>((flat, plane))
+            })?;
+            let truth = scene.background.convert::<Srgb<u8>>();
+            let (with, without) = (
+                error_steps(&plane, &truth, &hole),
+                error_steps(&flat, &truth, &hole),
+            );
+            self.report.figures.insert(figure, with);
+            let figures = [
+                Figure::picture(&picture.convert(), "something in the way"),
+                Figure::picture(
+                    &flat.convert(),
+                    format!("filled as it lies: {without:.1} steps off"),
+                ),
+                Figure::picture(
+                    &plane.convert(),
+                    format!("in perspective: {with:.1} steps off"),
+                ),
+            ];
+            self.page.figures(&figures);
+        }
+        Ok(())
+    }
+}
+
+/// The root of the mean squared difference in a hole, in 8-bit steps.
+fn error_steps(a: &Image<Srgb<u8>>, b: &Image<Srgb<u8>>, hole: &Mask) -> f64 {
+    let covered = hole
+        .coverage()
+        .pixels()
+        .iter()
+        .zip(a.pixels().iter().zip(b.pixels()));
+    let (mut sum, mut count) = (0.0, 0.0f64);
+    for (_, (a, b)) in covered.filter(|(coverage, _)| **coverage > 0.0) {
+        for c in 0..3 {
+            sum += f64::from(a.0[c].abs_diff(b.0[c])).powi(2);
+            count += 1.0;
+        }
+    }
+    (sum / count.max(1.0)).sqrt()
+}

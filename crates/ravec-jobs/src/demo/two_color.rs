@@ -1,0 +1,202 @@
+//! What lines with two colors keep of a picture, at which resolution, and how fast.
+
+use super::Demo;
+use crate::error::JobError;
+use crate::gallery::Figure;
+use ravec::raster::{
+    Comparison, Image, LinearRgba, PremulLinearRgba, Rect, ResizeFilter, Size, Srgb, resize,
+};
+use ravec::twocolor::{
+    AdaptiveField, AdaptiveParams, BlockField, FitParams, SvgParams, TwoColorField, WindowParams,
+    enlarge, render_mosaic, render_to, write_svg,
+};
+use std::time::Instant;
+
+impl Demo<'_> {
+    pub(super) fn two_color_pixels(&mut self) -> Result<(), JobError> {
+        self.page.section(
+            "Two-color pixels",
+            "Each block of N x N pixels is replaced by the best of all lines and one color on each side. Beside it the mosaic \
+             of mean colors with blocks of the same size.",
+        );
+        let size = self.size();
+        let mut rows = Vec::new();
+        for block_px in [4, 8, 16] {
+            let field = self.fit(block_px)?;
+            let lines = render_to(&field, size, self.progress)?;
+            let mosaic = render_mosaic(&field, size, self.progress)?;
+            rows.push(self.row(&format!("N = {block_px}"), &field, &lines, Some(&mosaic)));
+            if block_px == 8 {
+                let figures = [
+                    Figure::picture(&lines, "two-color pixels, N = 8"),
+                    Figure::picture(&mosaic, "mosaic, N = 8"),
+                ];
+                self.page.figures(&figures);
+                if let (Some(two), Some(one)) = (self.compared(&lines), self.compared(&mosaic)) {
+                    self.report.figures.insert("twocolor_psnr_db", two.psnr_db);
+                    self.report.figures.insert("mosaic_psnr_db", one.psnr_db);
+                }
+                let crops = [
+                    self.crop(&self.image, "input"),
+                    self.crop(&lines, "two-color pixels"),
+                    self.crop(&mosaic, "mosaic"),
+                ];
+                self.page.figures(&crops);
+            }
+        }
+        let params = AdaptiveParams::default();
+        let mut field = AdaptiveField::fit(&self.image, &params, self.progress)?;
+        field.refine_lines(&self.image, self.progress)?;
+        let adaptive = render_to(&field, size, self.progress)?;
+        rows.push(self.row("adaptive, 4 to 32", &field, &adaptive, None));
+        let text = "Adaptive blocks grow where two colors are enough; neighbors differ by at most one size.";
+        self.page.paragraph(text);
+        self.page.figures(&[
+            Figure::picture(&adaptive, "adaptive two-color pixels"),
+            self.crop(&adaptive, "a part of it"),
+        ]);
+        self.page.table(
+            &[
+                "blocks",
+                "number",
+                "flat",
+                "PSNR dB",
+                "SSIM",
+                "mosaic PSNR dB",
+            ],
+            &rows,
+        );
+        Ok(())
+    }
+
+    fn row(
+        &self,
+        name: &str,
+        field: &impl BlockField,
+        lines: &Image<LinearRgba>,
+        mosaic: Option<&Image<LinearRgba>>,
+    ) -> Vec<String> {
+        let blocks: Vec<_> = field.placed_blocks().collect();
+        let flat = blocks.iter().filter(|block| block.pixel.is_flat()).count();
+        let figure = |image: &Image<LinearRgba>, pick: fn(&Comparison) -> String| {
+            self.compared(image)
+                .map_or(String::new(), |comparison| pick(&comparison))
+        };
+        vec![
+            name.to_owned(),
+            blocks.len().to_string(),
+            format!("{} %", 100 * flat / blocks.len().max(1)),
+            figure(lines, |c| format!("{:.2}", c.psnr_db)),
+            figure(lines, |c| format!("{:.3}", c.ssim)),
+            mosaic.map_or(String::new(), |mosaic| {
+                figure(mosaic, |c| format!("{:.2}", c.psnr_db))
+            }),
+        ]
+    }
+
+    pub(super) fn any_scale(&mut self) -> Result<(), JobError> {
+        self.page.section(
+            "Any resolution",
+            "A line has no pixels. The two-color image is drawn at 6 times the size, and as a vector graphic; enlarging the \
+             picture itself draws the lines of overlapping windows and keeps the texture.",
+        );
+        let part = Rect::new(
+            self.detail.col,
+            self.detail.row,
+            self.detail.width.min(72),
+            self.detail.height.min(56),
+        );
+        let Some(part_size) = part.size() else {
+            return Ok(());
+        };
+        let Ok(image) = self.image.crop(part.col, part.row, part_size) else {
+            return Ok(());
+        };
+        let factor = 6;
+        let Ok(size) = Size::new(part.width * factor, part.height * factor) else {
+            return Ok(());
+        };
+        let fit = FitParams {
+            block_px: 4,
+            ..FitParams::default()
+        };
+        let mut field = TwoColorField::fit(&image, &fit, self.progress)?;
+        field.refine_lines(&image, self.progress)?;
+        let blocks = render_to(&field, size, self.progress)?;
+        let smooth = resize(
+            &image.convert::<PremulLinearRgba>(),
+            size,
+            ResizeFilter::CatmullRom,
+        )
+        .convert();
+        let crisp = enlarge(
+            &image,
+            factor as f64,
+            &WindowParams::default(),
+            self.progress,
+        )?;
+        let mut svg = Vec::new();
+        // a vector takes every write
+        let drawn = write_svg(&field, &SvgParams::default(), &mut svg).is_ok();
+        let whole = |image: &Image<LinearRgba>, caption: &str| {
+            Figure::crop(image, Rect::of(image.size()), 1, caption)
+        };
+        let mut figures = vec![
+            Figure::crop(&image, Rect::of(image.size()), factor, "pixels"),
+            whole(&smooth, "Catmull-Rom"),
+            whole(&crisp, "enlarged with lines"),
+            whole(&blocks, "two-color pixels, N = 4"),
+        ];
+        if drawn {
+            let text = String::from_utf8_lossy(&svg);
+            figures.push(Figure::svg(
+                &text,
+                size.width(),
+                "the same as a vector graphic",
+            ));
+        }
+        self.page.figures(&figures);
+        Ok(())
+    }
+
+    pub(super) fn speed(&mut self) -> Result<(), JobError> {
+        self.page.section(
+            "Speed",
+            "Wall-clock time on this machine, the median of five runs, colors converted included.",
+        );
+        let image = self.image.convert::<Srgb<u8>>();
+        let megapixels = image.size().pixels() as f64 / 1e6;
+        let mut rows = Vec::new();
+        for block_px in [4, 8, 16, 32] {
+            let params = FitParams {
+                block_px,
+                ..FitParams::default()
+            };
+            let mut times = Vec::new();
+            for _ in 0..5 {
+                let start = Instant::now();
+                TwoColorField::fit(&image, &params, self.progress)?;
+                times.push(start.elapsed().as_secs_f64());
+            }
+            times.sort_by(f64::total_cmp);
+            let rate = megapixels / times[2];
+            if block_px == 8 {
+                self.report
+                    .figures
+                    .insert("fit_megapixels_per_second", rate);
+            }
+            let how = if block_px <= 16 {
+                "exact"
+            } else {
+                "coarse to fine"
+            };
+            rows.push(vec![
+                format!("fit, N = {block_px}, {how}"),
+                format!("{:.1} ms", 1e3 * times[2]),
+                format!("{rate:.0} megapixels/s"),
+            ]);
+        }
+        self.page.table(&["operation", "time", "rate"], &rows);
+        Ok(())
+    }
+}
