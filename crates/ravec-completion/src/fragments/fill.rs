@@ -16,7 +16,7 @@ use crate::canvas::HOLE;
 use crate::error::CompleteError;
 use glam::dvec2;
 use ravec_progress::Progress;
-use ravec_raster::{Rect, distance_to};
+use ravec_raster::{Image, Rect, distance_to};
 use serde::{Deserialize, Serialize};
 
 /// How a hole is filled by fragments.
@@ -145,7 +145,7 @@ impl Retouch<'_> {
         let known =
             |col: usize, row: usize| states[(bounds.col + col, bounds.row + row)] & HOLE == 0;
         let depth = bounds.size().map(|size| distance_to(size, known));
-        let deepest = depth.iter().flat_map(|depth| depth.pixels());
+        let deepest = depth.iter().flat_map(Image::pixels);
         deepest.fold(0.0f32, |a, &b| if b.is_finite() { a.max(b) } else { a })
     }
 

@@ -24,7 +24,7 @@ const TARGET_RADIUS_PX: u32 = 24;
 /// Steps, with the size of the picture that they were taken on.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Steps {
+struct Log {
     width: usize,
     height: usize,
     steps: Vec<Step>,
@@ -76,7 +76,7 @@ pub(super) fn fill(job: &Job, report: &mut Report) -> Result<AnyImage, JobError>
         report.figures.insert(name, value);
     }
     if let Some(path) = &job.files.steps {
-        let steps = Steps {
+        let steps = Log {
             width: size.width(),
             height: size.height(),
             steps: filled.steps,
@@ -199,7 +199,7 @@ fn read_steps(path: &Path, size: Size, params: &Params) -> Result<Vec<Step>, Job
         reason,
     };
     let text = files::read_text(path, MAX_BYTES).map_err(|error| wrong(plain(&error)))?;
-    let mut found: Steps = serde_json::from_str(&text)
+    let mut found: Log = serde_json::from_str(&text)
         .map_err(|error| wrong(format!("they are not in the form of steps: {error}")))?;
     if (found.width, found.height) != (size.width(), size.height()) {
         return Err(wrong(format!(
