@@ -19,7 +19,9 @@ fn picture((width, height): (usize, usize)) -> (Image<Srgb<u8>>, Mask) {
     let size = Size::new(width, height).expect("both sides are positive");
     let image = Image::from_fn(size, |col, row| {
         let (x, y) = (col as f64, row as f64);
-        let wave = |f: f64| (f * x + 2.0 * (0.3 * f * y).sin()).sin() + (1.3 * f * y + (0.2 * f * x).cos()).sin();
+        let wave = |f: f64| {
+            (f * x + 2.0 * (0.3 * f * y).sin()).sin() + (1.3 * f * y + (0.2 * f * x).cos()).sin()
+        };
         Srgb([0.05, 0.21, 0.67].map(|f| (128.0 + 30.0 * (wave(f) + wave(0.31 * f))) as u8))
     });
     let middle = dvec2(width as f64 / 2.0, height as f64 / 2.0);
@@ -44,5 +46,11 @@ fn query<const RADIUS: u32>(bencher: Bencher, size: (usize, usize)) {
     let target = Target::new(middle + dvec2(57.0, 5.0), RADIUS);
     let found = retouch.best(&target, &SearchOptions::default(), &Progress::none());
     assert!(found.is_ok_and(|found| !found.is_empty()));
-    bencher.bench(|| retouch.best(black_box(&target), &SearchOptions::default(), &Progress::none()));
+    bencher.bench(|| {
+        retouch.best(
+            black_box(&target),
+            &SearchOptions::default(),
+            &Progress::none(),
+        )
+    });
 }

@@ -44,7 +44,9 @@ impl Demo<'_> {
                 };
                 let index = FragmentIndex::new(&sources, self.progress).map_err(failed)?;
                 let mut retouch = Retouch::new(&index);
-                let done = retouch.fill(&FillOptions::default(), self.progress).map_err(failed)?;
+                let done = retouch
+                    .fill(&FillOptions::default(), self.progress)
+                    .map_err(failed)?;
                 Ok::<_, JobError>((retouch.picture(&picture), done.steps))
             })?;
             let truth = scene.background.convert::<Srgb<u8>>();
