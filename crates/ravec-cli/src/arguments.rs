@@ -102,6 +102,18 @@ pub enum Command {
         /// What is replaced, a picture of the same size: white replaces, black keeps, grey mixes; `-` is standard input
         #[arg(short, long, value_name = "FILE")]
         mask: Option<PathBuf>,
+        /// Where structure should go on, a picture of the same size: white on it, inside of what is replaced and outside
+        #[arg(long, value_name = "FILE")]
+        features: Option<PathBuf>,
+        /// Another photo that fragments may come from. May be repeated
+        #[arg(long = "source", value_name = "FILE")]
+        sources: Vec<PathBuf>,
+        /// Take the steps of this file, which `--steps` wrote, instead of looking for others
+        #[arg(long, value_name = "FILE")]
+        replay: Option<PathBuf>,
+        /// Write the steps that were taken as JSON; `-` is standard output
+        #[arg(long, value_name = "FILE")]
+        steps: Option<PathBuf>,
         /// The picture to write; its extension says the format, `-` is standard output in the input's format
         #[arg(short, long, value_name = "FILE")]
         output: PathBuf,
@@ -244,9 +256,22 @@ impl Command {
         match self {
             Self::Compare { a, b, .. } => vec![a, b],
             Self::Match { first, second, .. } => vec![first, second],
-            Self::Complete { input, mask, .. } => {
-                let mask = mask.as_deref();
-                std::iter::once(input.as_path()).chain(mask).collect()
+            Self::Complete {
+                input,
+                mask,
+                features,
+                sources,
+                replay,
+                ..
+            } => {
+                let first = std::iter::once(input.as_path());
+                let masks = mask.as_deref().into_iter().chain(features.as_deref());
+                let sources = sources.iter().map(PathBuf::as_path);
+                first
+                    .chain(masks)
+                    .chain(sources)
+                    .chain(replay.as_deref())
+                    .collect()
             }
             Self::Retarget {
                 input,
@@ -292,9 +317,11 @@ impl Command {
             Self::Snap { output, .. } | Self::Planes { output, .. } => {
                 output.as_deref().into_iter().collect()
             }
+            Self::Complete { output, steps, .. } => std::iter::once(output.as_path())
+                .chain(steps.as_deref())
+                .collect(),
             Self::Offset { output, .. }
             | Self::Match { output, .. }
-            | Self::Complete { output, .. }
             | Self::Rectify { output, .. } => vec![output],
             _ => Vec::new(),
         }
@@ -387,6 +414,11 @@ mod tests {
                 "ravec retarget a -o b -s 50% --protect c --give-way d --show-grid e",
                 "a c d",
                 "b e",
+            ),
+            (
+                "ravec complete a --mask b -o c --source d --source e --features f --replay g --steps h",
+                "a b f d e g",
+                "c h",
             ),
             ("ravec twocolor a -o b --svg c", "a", "b c"),
             ("ravec brush a -o b --stroke c --mask d", "a c", "b d"),

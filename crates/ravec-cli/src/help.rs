@@ -60,11 +60,18 @@ pub const COMPLETE: &str = concat!(
 Examples:
   ravec complete photo.jpg --polygon 40,30,70,28,72,60,41,58 -o without.png
   ravec complete photo.jpg --mask mask.png -o without.png --plane 10,8,110,20,108,70,12,80
+  ravec complete photo.jpg --mask mask.png -o without.png --engine fragments --steps steps.json
+  ravec complete photo.jpg --mask mask.png -o without.png --replay steps.json
+  ravec complete photo.jpg --mask mask.png -o without.png --target 70,50 --radius 24 --source noisy.jpg
 
 Points are in pixels, x right, y down; the centre of the first pixel is (0.5, 0.5). Pixels that are not masked stay as they are, \
 bit for bit.
 
-Figures: hole_px, thin_px, plane_px, parts, proposals, offsets, sourceless_px.
+With --radius, --target, --mirror, --turn, --scale, --features, --source, --replay or --steps the hole is filled by fragments, \
+which are copied one by one; without them as a whole.
+
+Figures: hole_px; with offsets thin_px, plane_px, parts, proposals, offsets, sourceless_px; with fragments steps, replaced, \
+buffers, index_bytes_per_px, open_px.
 
 ",
     exit_codes!()

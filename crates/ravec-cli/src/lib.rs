@@ -126,11 +126,21 @@ fn execute(Arguments { command, global }: Arguments) -> Result<(), Failure> {
         Command::Complete {
             input,
             mask,
+            features,
+            sources,
+            replay,
+            steps,
             output,
             params,
         } => job(&global, |progress| {
-            let mask = mask.map(source);
-            complete::run(&source(input), mask.as_ref(), &output, &params, progress)
+            let files = complete::Files {
+                mask: mask.map(source),
+                features: features.map(source),
+                photos: sources.into_iter().map(source).collect(),
+                replay,
+                steps,
+            };
+            complete::run(&source(input), &files, &output, &params, progress)
         }),
         Command::Retarget {
             input,

@@ -3,8 +3,10 @@
 //! Colors are encoded (perceived differences matter here, not light) and multiplied by alpha, so that what is invisible
 //! does not count.
 
+use ravec_progress::{Cancelled, Progress};
 use ravec_raster::color::{linear_from_srgb, srgb_from_linear};
-use ravec_raster::{Color, Image, LinearRgba, Mask};
+use ravec_raster::{Color, Image, LinearRgba, Mask, Rect};
+use rayon::prelude::*;
 
 /// An encoded color multiplied by its alpha, and the alpha.
 pub(crate) type Ink = [f32; 4];
@@ -24,6 +26,7 @@ const CLEAR_PX: f64 = 2.0;
 const KERNEL_PX: usize = 2;
 
 /// A picture with what is known about each pixel: bits of [`KNOWN`], [`SOURCE`], [`HOLE`].
+#[derive(Debug, Clone)]
 pub(crate) struct Canvas {
     pub(crate) inks: Image<Ink>,
     pub(crate) states: Image<u8>,
@@ -31,32 +34,53 @@ pub(crate) struct Canvas {
 
 impl Canvas {
     /// A picture of which the pixels of `hole` are not known, not even those covered in part.
-    pub(crate) fn new<P: Color>(image: &Image<P>, hole: &Mask) -> Self {
-        let clear = solid(hole).dilate(CLEAR_PX);
-        let states = hole
-            .coverage()
-            .pixels()
-            .iter()
-            .zip(clear.coverage().pixels());
-        let states = states.map(|(&hole, &clear)| match (hole > 0.0, clear > 0.0) {
-            (true, _) => 0,
-            (false, true) => KNOWN,
-            (false, false) => KNOWN | SOURCE,
-        });
-        let states = Image::from_vec(image.width(), states.collect()).expect("one for each pixel");
-        let mut inks = image.map(ink_of);
-        forget(&mut inks, &states);
-        Self { inks, states }
+    pub(crate) fn new<P: Color>(
+        image: &Image<P>,
+        hole: &Mask,
+        progress: &Progress,
+    ) -> Result<Self, Cancelled> {
+        let mut states = Image::new(image.size(), KNOWN | SOURCE);
+        let mut inks = Image::new(image.size(), [0.0; 4]);
+        inks.par_rows_mut()
+            .zip(image.par_rows())
+            .for_each(|(inks, pixels)| {
+                if progress.is_cancelled() {
+                    return;
+                }
+                for (ink, &pixel) in inks.iter_mut().zip(pixels) {
+                    *ink = ink_of(pixel);
+                }
+            });
+        progress.check()?;
+        let reach = CLEAR_PX.ceil() as usize;
+        if let Some(bounds) = hole.bounding_box() {
+            // nothing changes beyond the surroundings of the hole
+            let bounds = bounds.grown(reach).clipped(image.size());
+            let size = bounds.size().expect("there is a hole in it");
+            let at = |col: usize, row: usize| hole.at(bounds.col + col, bounds.row + row);
+            let clear = Mask::from_fn(size, |col, row| at(col, row) > 0.0).dilate(CLEAR_PX);
+            for row in 0..size.height() {
+                for col in 0..size.width() {
+                    states[(bounds.col + col, bounds.row + row)] =
+                        match (at(col, row) > 0.0, clear.at(col, row) > 0.0) {
+                            (true, _) => 0,
+                            (false, true) => KNOWN,
+                            (false, false) => KNOWN | SOURCE,
+                        };
+                }
+            }
+            forget(&mut inks, &states, bounds);
+        }
+        Ok(Self { inks, states })
     }
 }
 
-/// Replaces what is not known by the mean of known neighbors, as far as a kernel reaches, and by nothing beyond.
-fn forget(inks: &mut Image<Ink>, states: &Image<u8>) {
-    let (width, height) = (states.width(), states.height());
+/// Replaces what is not known, all of it in `bounds`, by the mean of known neighbors, as far as a kernel reaches, and by nothing beyond.
+fn forget(inks: &mut Image<Ink>, states: &Image<u8>, bounds: Rect) {
     let mut unknown: Vec<(usize, usize)> = Vec::new();
     let mut known = states.map(|state| u8::from(state & KNOWN != 0));
-    for row in 0..height {
-        for col in 0..width {
+    for row in bounds.row..bounds.bottom() {
+        for col in bounds.col..bounds.right() {
             if known[(col, row)] == 0 {
                 inks[(col, row)] = [0.0; 4];
                 unknown.push((col, row));

@@ -13,15 +13,16 @@
 use crate::canvas::{Canvas, HOLE, KNOWN, SOURCE, mixed};
 use crate::compose::{Composition, compose};
 use crate::cut::{Cut, UNLABELED};
+use crate::error::{CompleteError, largest_radius, plane_map};
 use crate::guidance::guidance;
 use crate::parts::{self, Part};
 use crate::proposals::{self, Proposals};
 use crate::sheet::Sheet;
 use crate::{subpixel, thin};
 use glam::{DVec2, IVec2};
-use ravec_planar::{Homography, HomographyError};
-use ravec_progress::{Cancelled, Progress};
-use ravec_raster::{Color, Image, Mask, Rect, Size, distance_to};
+use ravec_planar::Homography;
+use ravec_progress::Progress;
+use ravec_raster::{Color, Image, Mask, Rect};
 use serde::{Deserialize, Serialize};
 
 /// How a hole is filled.
@@ -71,52 +72,6 @@ pub struct CompleteSummary {
     pub offsets: usize,
     /// Pixels for which there was no source, and which were interpolated.
     pub sourceless_px: usize,
-}
-
-/// Why a hole cannot be filled.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum CompleteError {
-    /// Picture and mask must be of one size.
-    #[error("the picture has {image} pixels and the mask {mask}: they must be of the same size")]
-    MaskSize {
-        /// Size of the picture.
-        image: Size,
-        /// Size of the mask.
-        mask: Size,
-    },
-    /// Nothing is left from which the hole could be filled.
-    #[error(
-        "the mask leaves nothing to copy from: the largest disc of known pixels has a radius of {largest_radius_px:.1} \
-         pixels, and more than 3 are needed"
-    )]
-    NoSource {
-        /// Radius of the largest disc of known pixels.
-        largest_radius_px: f64,
-    },
-    /// The outline of a plane crosses itself.
-    #[error("the outline of plane {plane} crosses itself: give its corners in order around it")]
-    QuadCrosses {
-        /// Which of the planes, from 1.
-        plane: usize,
-    },
-    /// A plane cannot be seen like that.
-    #[error("plane {plane} cannot be used: {cause}")]
-    Plane {
-        /// Which of the planes, from 1.
-        plane: usize,
-        /// Why not.
-        cause: HomographyError,
-    },
-    /// A plane that is not in the picture.
-    #[error("plane {plane} lies outside the picture")]
-    PlaneOutside {
-        /// Which of the planes, from 1.
-        plane: usize,
-    },
-    /// The caller cancelled the work.
-    #[error(transparent)]
-    Cancelled(#[from] Cancelled),
 }
 
 /// Fills `hole` from the rest of `image`.
@@ -182,7 +137,7 @@ pub fn complete<P: Color>(
             summary,
         });
     }
-    let mut canvas = Canvas::new(image, hole);
+    let mut canvas = Canvas::new(image, hole, progress)?;
     if !canvas
         .states
         .pixels()
@@ -242,43 +197,6 @@ pub fn complete<P: Color>(
         image: filled,
         summary,
     })
-}
-
-/// The map from the unit square to a plane's quadrilateral, if that can be used.
-fn plane_map(quad: &[DVec2; 4], size: Size, plane: usize) -> Result<Homography, CompleteError> {
-    let crosses = |a: DVec2, b: DVec2, c: DVec2, d: DVec2| {
-        let side = |p: DVec2, q: DVec2, r: DVec2| (q - p).perp_dot(r - p);
-        side(a, b, c) * side(a, b, d) < 0.0 && side(c, d, a) * side(c, d, b) < 0.0
-    };
-    let [a, b, c, d] = *quad;
-    if crosses(a, b, c, d) || crosses(b, c, d, a) {
-        return Err(CompleteError::QuadCrosses { plane });
-    }
-    let map = Homography::from_unit_square(*quad)
-        .map_err(|cause| CompleteError::Plane { plane, cause })?;
-    let (low, high) = quad
-        .iter()
-        .fold((a, a), |(low, high), &p| (low.min(p), high.max(p)));
-    let end = DVec2::new(size.width() as f64, size.height() as f64);
-    if low.cmpge(end).any() || high.cmple(DVec2::ZERO).any() {
-        return Err(CompleteError::PlaneOutside { plane });
-    }
-    Ok(map)
-}
-
-/// The radius of the largest disc of pixels that the mask does not cover.
-fn largest_radius(hole: &Mask) -> f64 {
-    let (width, height) = (hole.size().width(), hole.size().height());
-    let distance = distance_to(hole.size(), |col, row| hole.at(col, row) > 0.0);
-    let mut largest = 0.0f64;
-    for row in 0..height {
-        for col in 0..width {
-            // the border of the picture limits discs as well
-            let border = (col + 1).min(width - col).min(row + 1).min(height - row) as f64;
-            largest = largest.max(f64::from(distance[(col, row)]).min(border));
-        }
-    }
-    largest
 }
 
 /// Labels that remain for the cut of single pixels: those that won the most cells before.

@@ -40,9 +40,19 @@
 //! 5. Offsets are refined to a fraction of a pixel, coordinates composed, and the original is sampled once.
 //! 6. Along seams gradients are averaged, and tones are bent to those of the rim.
 //!
+//! # By hand
+//!
+//! The other engine copies fragments one by one. A [`FragmentIndex`] holds what may be copied from: the picture, rectified
+//! views of planes, other photos, each also turned, mirrored and scaled if that is asked for. A [`Retouch`] finds the best
+//! sources for a target, lays one of them over it, and keeps a log of such steps, which can be changed, done again and
+//! undone. Structure that should go on may be marked. [`Retouch::fill`] takes the steps by itself; for a hole that nobody
+//! looks after, [`complete()`] is the better engine, because it weighs the whole hole at once.
+//!
 //! # Guarantees
 //!
 //! - Pixels that the mask does not cover come back bit for bit.
+//! - The same steps on the same pictures give the same bytes, and an undone step leaves no trace.
+//! - A match is known as a whole, and its mismatch is what direct sums say.
 //! - What is copied is sampled once, from the original.
 //! - The same bytes on any number of threads.
 //!
@@ -50,22 +60,26 @@
 //!
 //! - That what was there comes back: only that it goes on like its surroundings. Faces, letters and whatever is in the
 //!   picture only once are beyond it.
+//! - That the search from coarse to fine finds what the full one does. On photos it did in all of 310 queries.
 //! - The same last bits on machines with other vector units, for which the transforms have other code.
 //!
 //! # Words
 //!
 //! *Hole*: the pixels to be replaced. *Rim*: the known pixels around it. *Offset*: the shift from a pixel of the hole to
-//! its source. *Sheet*: the flat view in which offsets are looked for. *Seam*: where pixels with different offsets meet.
+//! its source. *Fragment*: a disc or square of pixels, copied at once. *Buffer*: a view of a photo in which sources are looked
+//! for. *Variant*: a way of turning, mirroring and scaling a copy. *Feature*: a pixel on structure that should go on. *Sheet*: the flat view in which offsets are looked for. *Seam*: where pixels with different offsets meet.
 //!
 //! # Current status
 //!
-//! The automatic engine, as [`complete()`]. There is no search for single fragments to guide it by hand yet.
+//! Both engines are complete. Fragments come from original pixels only, never from what a step has filled.
 
 mod canvas;
 mod complete;
 mod compose;
 mod cut;
+mod error;
 mod fourier;
+mod fragments;
 mod guidance;
 mod max_flow;
 mod parts;
@@ -76,4 +90,9 @@ mod sheet;
 mod subpixel;
 mod thin;
 
-pub use complete::{CompleteError, CompleteParams, CompleteSummary, Completed, complete};
+pub use complete::{CompleteParams, CompleteSummary, Completed, complete};
+pub use error::CompleteError;
+pub use fragments::{
+    FillOptions, FillSummary, FragmentIndex, Match, Retouch, SearchOptions, Shape, SourceFragment,
+    Sources, Step, Target, Variant,
+};

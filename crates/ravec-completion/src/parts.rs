@@ -17,20 +17,21 @@ const SPARSE: f64 = 0.25;
 /// The pixels of a part, in the order of rows.
 pub(crate) type Part = Vec<(usize, usize)>;
 
+/// Whether a convex quadrilateral contains a position, whichever way round its corners are given.
+pub(crate) fn in_quad(quad: &[DVec2; 4], at: DVec2) -> bool {
+    let (mut left, mut right) = (false, false);
+    for i in 0..4 {
+        let side = (quad[(i + 1) % 4] - quad[i]).perp_dot(at - quad[i]);
+        left |= side > 0.0;
+        right |= side < 0.0;
+    }
+    !(left && right)
+}
+
 /// Takes the pixels of `hole` that lie in a quadrilateral out of it, and returns them.
 pub(crate) fn take_quad(hole: &mut Mask, quad: &[DVec2; 4]) -> Part {
-    let inside = |x: f64, y: f64| {
-        let at = DVec2::new(x, y);
-        let sides = (0..4).map(|i| (quad[(i + 1) % 4] - quad[i]).perp_dot(at - quad[i]));
-        let (mut left, mut right) = (false, false);
-        for side in sides {
-            left |= side > 0.0;
-            right |= side < 0.0;
-        }
-        !(left && right)
-    };
     let part: Part = members(hole)
-        .filter(|&(col, row)| inside(col as f64 + 0.5, row as f64 + 0.5))
+        .filter(|&(col, row)| in_quad(quad, DVec2::new(col as f64 + 0.5, row as f64 + 0.5)))
         .collect();
     let mut rest = hole.coverage().clone();
     for &place in &part {

@@ -9,9 +9,9 @@ use ravec_planar::Homography;
 use rayon::prelude::*;
 
 /// Sheet pixels per picture pixel at the hole. Less blurs what repeats, more costs and gains nothing.
-const SCALE: f64 = 0.9;
+pub(crate) const SCALE: f64 = 0.9;
 /// Places whose resolution is below this share of the hole's are no sources: they would show as a blur.
-const MIN_RESOLUTION: f64 = 0.7;
+pub(crate) const MIN_RESOLUTION: f64 = 0.7;
 /// The sheet goes on a little beyond, so that gradients are known where sources end.
 const MARGIN: f64 = 0.9;
 /// Samples for a sheet pixel in each direction, at most. Beyond, the picture is so much finer than the hole that
@@ -24,15 +24,17 @@ impl Sheet {
     /// The rectified view of a plane around the hole of a canvas, of which there is at least a pixel in front of the
     /// plane's horizon.
     pub(crate) fn rectified(canvas: &Canvas, image_from_plane: &Homography) -> Option<Self> {
-        let (low, sheet_size, image_from_sheet) = extent(canvas, image_from_plane)?;
-        let image_from_sheet = image_from_sheet * Homography::from_translation(low).ok()?;
-        let [width, height] = sheet_size;
+        let ([width, height], image_from_sheet) = Self::extent(canvas, image_from_plane)?;
         let cells: Vec<(Ink, u8)> = (0..width * height)
             .into_par_iter()
             .with_min_len(512)
             .map(|index| {
                 let at = center(IVec2::new((index % width) as i32, (index / width) as i32));
-                sampled(canvas, &image_from_sheet, at).unwrap_or(([0.0; 4], 0))
+                let Some((ink, state)) = sampled(canvas, &image_from_sheet, at) else {
+                    return ([0.0; 4], 0);
+                };
+                let coarse = resolution(&image_from_sheet, at) < MIN_RESOLUTION;
+                (ink, if coarse { state & !SOURCE } else { state })
             })
             .collect();
         let (inks, states) = cells.into_iter().unzip();
@@ -46,6 +48,16 @@ impl Sheet {
         };
         sheet.find_features();
         Some(sheet)
+    }
+
+    /// The size of the rectified view, and the map from it.
+    pub(crate) fn extent(
+        canvas: &Canvas,
+        image_from_plane: &Homography,
+    ) -> Option<([usize; 2], Homography)> {
+        let (low, size, image_from_sheet) = extent(canvas, image_from_plane)?;
+        let image_from_sheet = image_from_sheet * Homography::from_translation(low).ok()?;
+        Some((size, image_from_sheet))
     }
 }
 
@@ -96,8 +108,12 @@ fn resolution(image_from_sheet: &Homography, at: DVec2) -> f64 {
     SCALE * image_from_sheet.jacobian(at).determinant().abs().sqrt()
 }
 
-/// The mean ink under a sheet pixel, and what is known about it.
-fn sampled(canvas: &Canvas, image_from_sheet: &Homography, at: DVec2) -> Option<(Ink, u8)> {
+/// The mean ink under a sheet pixel, and what is known about it, unless it lies outside the picture.
+pub(crate) fn sampled(
+    canvas: &Canvas,
+    image_from_sheet: &Homography,
+    at: DVec2,
+) -> Option<(Ink, u8)> {
     let end = dvec2(canvas.inks.width() as f64, canvas.inks.height() as f64);
     let from = image_from_sheet.try_apply(at)?;
     if from.cmplt(DVec2::ZERO).any() || from.cmpge(end).any() {
@@ -123,14 +139,11 @@ fn sampled(canvas: &Canvas, image_from_sheet: &Homography, at: DVec2) -> Option<
             any |= state;
         }
     }
-    let mut state = if any & HOLE != 0 {
+    let state = if any & HOLE != 0 {
         HOLE
     } else {
         all & (KNOWN | SOURCE)
     };
-    if resolution(image_from_sheet, at) < MIN_RESOLUTION {
-        state &= !SOURCE;
-    }
     Some((ink, state))
 }
 

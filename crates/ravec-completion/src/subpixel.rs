@@ -113,6 +113,7 @@ mod tests {
     use super::*;
     use crate::canvas::{Canvas, HOLE};
     use crate::proposals::around;
+    use ravec_progress::Progress;
     use ravec_raster::{Image, LinearRgb, Mask, Rect, Size};
 
     /// A hole in waves of the given lengths.
@@ -126,7 +127,8 @@ mod tests {
             LinearRgb([value as f32; 3])
         });
         let hole = Rect::new(40, 30, 16, 16);
-        let mut canvas = Canvas::new(&image, &Mask::from_rect(size, hole));
+        let mut canvas =
+            Canvas::new(&image, &Mask::from_rect(size, hole), &Progress::none()).unwrap();
         for row in hole.row..hole.bottom() {
             canvas.states.row_mut(row)[hole.col..hole.right()].fill(HOLE);
         }

@@ -177,6 +177,14 @@ pub enum JobError {
         /// What is wrong with it.
         reason: String,
     },
+    /// Steps cannot be read or make no sense.
+    #[error("cannot use the steps in {}: {reason}", input_name(.path))]
+    Steps {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        reason: String,
+    },
     /// The fit refuses its input.
     #[error(transparent)]
     Fit(FitError),
@@ -213,7 +221,9 @@ impl JobError {
                 cause:
                     CompleteError::QuadCrosses { .. }
                     | CompleteError::Plane { .. }
-                    | CompleteError::PlaneOutside { .. },
+                    | CompleteError::PlaneOutside { .. }
+                    | CompleteError::Radius { .. }
+                    | CompleteError::Fragment { .. },
                 ..
             }
             | Self::Retarget {
@@ -233,7 +243,8 @@ impl JobError {
             }
             | Self::SizesDiffer { .. }
             | Self::Complete { .. }
-            | Self::Strokes { .. } => 3,
+            | Self::Strokes { .. }
+            | Self::Steps { .. } => 3,
             Self::Write { .. } | Self::WriteMesh { .. } => 4,
             Self::Offset { .. }
             | Self::NoMatch { .. }

@@ -4,7 +4,7 @@ use super::Demo;
 use crate::error::JobError;
 use crate::gallery::Figure;
 use glam::DVec2;
-use ravec::completion::{CompleteParams, complete};
+use ravec::completion::{CompleteParams, FillOptions, FragmentIndex, Retouch, Sources, complete};
 use ravec::raster::{Image, Mask, Size, Srgb};
 use ravec_scenes::Seed;
 use ravec_scenes::occlusion::{Surface, occluded};
@@ -36,11 +36,22 @@ impl Demo<'_> {
                 let plane = filled(&[scene.corners_in_image]).map_err(failed)?.image;
                 Ok::<_, JobError>((flat, plane))
             })?;
+            let corners = [scene.corners_in_image];
+            let (by_fragments, steps) = self.report.time("fragments", || {
+                let sources = Sources {
+                    planes: &corners,
+                    ..Sources::new(&picture, &hole)
+                };
+                let index = FragmentIndex::new(&sources, self.progress).map_err(failed)?;
+                let mut retouch = Retouch::new(&index);
+                let done = retouch
+                    .fill(&FillOptions::default(), self.progress)
+                    .map_err(failed)?;
+                Ok::<_, JobError>((retouch.picture(&picture), done.steps))
+            })?;
             let truth = scene.background.convert::<Srgb<u8>>();
-            let (with, without) = (
-                error_steps(&plane, &truth, &hole),
-                error_steps(&flat, &truth, &hole),
-            );
+            let [with, without, pieced] =
+                [&plane, &flat, &by_fragments].map(|filled| error_steps(filled, &truth, &hole));
             self.report.figures.insert(figure, with);
             let figures = [
                 Figure::picture(&picture.convert(), "something in the way"),
@@ -51,6 +62,10 @@ impl Demo<'_> {
                 Figure::picture(
                     &plane.convert(),
                     format!("in perspective: {with:.1} steps off"),
+                ),
+                Figure::picture(
+                    &by_fragments.convert(),
+                    format!("in perspective, {steps} fragments one by one: {pieced:.1} steps off"),
                 ),
             ];
             self.page.figures(&figures);
