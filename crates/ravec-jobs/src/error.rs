@@ -8,6 +8,7 @@ use ravec::progress::Cancelled;
 use ravec::raster::Size;
 use ravec::twocolor::brush::StrokeError;
 use ravec::twocolor::{EnlargeError, FitError, RenderError};
+use ravec_library::LibraryError;
 use ravec_media::{DecodeError, EncodeError, ReadError, WriteError};
 use std::path::{Path, PathBuf};
 
@@ -168,6 +169,9 @@ pub enum JobError {
         /// What is wrong with it.
         reason: String,
     },
+    /// Something cannot be done with a catalogue of photos.
+    #[error(transparent)]
+    Library(LibraryError),
     /// The fit refuses its input.
     #[error(transparent)]
     Fit(FitError),
@@ -228,6 +232,7 @@ impl JobError {
             | Self::NoSnap { .. }
             | Self::Fit(_)
             | Self::Render(_) => 1,
+            Self::Library(cause) => Self::library_code(cause),
             Self::Cancelled => 130,
         }
     }

@@ -1,7 +1,7 @@
 //! A photo as it stands in a tile: scaled, cropped if that was asked for, and nothing else.
 
 use crate::look::Frame;
-use ravec_raster::{Image, LinearRgb, ResizeFilter, Size, Srgb, resize};
+use ravec_raster::{Image, ResizeFilter, Size, Srgb, resize};
 
 /// What is done with photos whose proportions are not those of the tile.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -67,8 +67,7 @@ pub fn scaled_photo(photo: &Image<Srgb<u8>>, tile: Size, crop: Crop) -> Option<I
     } else {
         ResizeFilter::CatmullRom
     };
-    let light: Image<LinearRgb> = cut.convert();
-    Some(resize(&light, tile, filter).convert())
+    Some(resize(&cut, tile, filter))
 }
 
 #[cfg(test)]
