@@ -9,20 +9,24 @@ use crate::error::LibraryError;
 use ravec_media::{Format, Limits, Picture, decode_reduced};
 use ravec_mosaic::flaw;
 use ravec_progress::Progress;
-use ravec_raster::{Image, PremulLinearRgba, ResizeFilter, Size, Srgb, resize};
+use ravec_raster::color::srgb_from_linear;
+use ravec_raster::{
+    Image, LinearRgb, PremulLinearRgba, ResizeFilter, Sample as _, Size, Srgb, resize,
+};
 use rayon::prelude::*;
 use std::collections::{HashMap, HashSet};
 use std::fs::Metadata;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
 use std::time::UNIX_EPOCH;
 
 /// The longer side of the small pictures, which looks are taken from. A polynomial of degree 5 has at most 6 halves of waves;
-/// 48 pixels give each 8.
-const THUMBNAIL: usize = 48;
+/// 36 pixels give each 6, and roots for more pixels would take longer than decoding.
+const THUMBNAIL: usize = 36;
 
-/// The shorter side below which a photo is not reduced while it is decoded: twice what the small picture of a long one needs.
-const LEAST_DECODED: u32 = 48;
+/// The shorter side below which a photo is not reduced while it is decoded.
+const LEAST_DECODED: u32 = 40;
 
 /// Photos that are committed together.
 const BATCH: usize = 256;
@@ -263,8 +267,18 @@ fn thumbnail(image: &Image<Srgb<u8>>) -> Image<Srgb<u8>> {
         return image.clone();
     }
     let side = |pixels: usize| ((pixels as f64 * factor).round() as usize).max(1);
-    match Size::new(side(image.width()), side(image.height())) {
-        Ok(size) => resize(image, size, ResizeFilter::Box),
-        Err(_) => image.clone(),
-    }
+    let Ok(size) = Size::new(side(image.width()), side(image.height())) else {
+        return image.clone();
+    };
+    let light: Image<LinearRgb> = image.convert();
+    let steps = (ENCODED.len() - 1) as f32;
+    let encoded = |value: f32| ENCODED[(value.clamp(0.0, 1.0) * steps + 0.5) as usize];
+    resize(&light, size, ResizeFilter::Box).map(|LinearRgb(light)| Srgb(light.map(encoded)))
 }
+
+/// Encoded values of linear light in steps of a 4096th: within one step of the exact ones, without their roots.
+static ENCODED: LazyLock<Vec<u8>> = LazyLock::new(|| {
+    (0..=4096u16)
+        .map(|light| u8::from_unit(srgb_from_linear(f32::from(light) / 4096.0)))
+        .collect()
+});

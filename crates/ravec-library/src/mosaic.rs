@@ -68,7 +68,7 @@ pub struct Mosaic {
 }
 
 /// Pixels of the picture in a tile beyond which more say nothing about its look.
-const PICTURE_PX: usize = 24;
+const PICTURE_PX: usize = 16;
 
 /// Makes a mosaic of `picture` from the photos of a catalogue, and writes it to `output` as PNG, JPEG or TIFF.
 ///

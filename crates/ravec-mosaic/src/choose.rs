@@ -69,7 +69,7 @@ impl Default for ChooseParams {
                 degree: 3,
                 detail: 1.0,
             },
-            blend: 1.0,
+            blend: 0.6,
             candidates: 128,
             rounds: 8,
         }

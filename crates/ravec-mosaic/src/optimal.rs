@@ -23,22 +23,26 @@ pub(crate) fn cheapest(
     let largest = costs.iter().fold(0.0f32, |most, &cost| most.max(cost));
     let bonus = f64::from(largest) * tiles as f64 + 1.0;
     // with a bonus, a photo is two columns: its first use and the others
-    let columns = if use_all { 2 * photos } else { photos };
-    let room = |column: usize| -> usize {
-        let all = capacity[column % photos] as usize;
-        match (use_all, column < photos) {
-            (false, _) => all,
-            (true, true) => all.min(1),
-            (true, false) => all.saturating_sub(1),
-        }
-    };
-    let cost = |tile: usize, column: usize| -> f64 {
-        let plain = f64::from(costs[tile * photos + column % photos]);
-        if use_all && column < photos {
-            plain - bonus
-        } else {
-            plain
-        }
+    let mut room: Vec<usize> = capacity.iter().map(|&uses| uses as usize).collect();
+    if use_all {
+        room.iter_mut().for_each(|room| *room = (*room).min(1));
+        room.extend(
+            capacity
+                .iter()
+                .map(|&uses| (uses as usize).saturating_sub(1)),
+        );
+    }
+    let columns = room.len();
+    let mut first_use = vec![0.0; columns];
+    if use_all {
+        first_use[..photos].fill(bonus);
+    }
+    // the costs of a tile for all columns
+    let costs_of = |tile: usize| {
+        let row = &costs[tile * photos..][..photos];
+        let both = row.iter().chain(if use_all { row } else { &[] });
+        both.zip(&first_use)
+            .map(|(&cost, bonus)| f64::from(cost) - bonus)
     };
     let mut solver = Solver {
         tile_price: vec![0.0; tiles],
@@ -49,10 +53,12 @@ pub(crate) fn cheapest(
     let phase = progress.phase("assign", tiles as u64);
     let mut later = Vec::new();
     for tile in 0..tiles {
-        let best = (0..columns).min_by(|&a, &b| cost(tile, a).total_cmp(&cost(tile, b)));
-        let best = best.unwrap_or(0);
-        solver.tile_price[tile] = cost(tile, best);
-        if solver.tiles_of[best].len() < room(best) {
+        let cheapest = costs_of(tile)
+            .enumerate()
+            .min_by(|a, b| a.1.total_cmp(&b.1));
+        let (best, cost) = cheapest.unwrap_or((0, 0.0));
+        solver.tile_price[tile] = cost;
+        if solver.tiles_of[best].len() < room[best] {
             solver.tiles_of[best].push(tile as u32);
             solver.column_of[tile] = best;
             phase.advance(1);
@@ -62,7 +68,7 @@ pub(crate) fn cheapest(
     }
     for tile in later {
         progress.check()?;
-        solver.insert(tile, &cost, &room);
+        solver.insert(tile, &costs_of, &room);
         phase.advance(1);
     }
     Ok(solver
@@ -81,48 +87,61 @@ struct Solver {
 }
 
 impl Solver {
-    fn insert(
+    fn insert<I: Iterator<Item = f64>>(
         &mut self,
         tile: usize,
-        cost: &impl Fn(usize, usize) -> f64,
-        room: &impl Fn(usize) -> usize,
+        costs_of: &impl Fn(usize) -> I,
+        room: &[usize],
     ) {
         let columns = self.column_price.len();
         let mut distance = vec![f64::INFINITY; columns];
         let mut from = vec![usize::MAX; columns];
-        let mut open: Vec<usize> = (0..columns).collect();
+        // the distance where it may still fall; closed columns cannot be reached on a shorter way. A column without room for
+        // anything leads nowhere.
+        let mut open = distance.clone();
+        for (open, &room) in open.iter_mut().zip(room) {
+            if room == 0 {
+                *open = f64::NEG_INFINITY;
+            }
+        }
         let mut closed = Vec::new();
         let mut scanned = vec![(tile, 0.0)];
         let mut next = 0;
         let last = loop {
             for &(row, base) in &scanned[next..] {
-                for &column in &open {
-                    let reduced =
-                        cost(row, column) - self.tile_price[row] - self.column_price[column];
-                    let through = base + reduced;
-                    if through < distance[column] {
-                        distance[column] = through;
-                        from[column] = row;
+                let base: f64 = base - self.tile_price[row];
+                let prices = self.column_price.iter();
+                let ways = open.iter_mut().zip(from.iter_mut());
+                for ((cost, price), (open, from)) in costs_of(row).zip(prices).zip(ways) {
+                    let through = base + cost - price;
+                    if through < *open {
+                        *open = through;
+                        *from = row;
                     }
                 }
             }
             next = scanned.len();
-            // a full column without tiles has no room and leads nowhere
-            let nearest = (0..open.len())
-                .filter(|&at| room(open[at]) > 0)
-                .min_by(|&a, &b| distance[open[a]].total_cmp(&distance[open[b]]));
+            let mut nearest = (f64::INFINITY, usize::MAX);
+            for (column, &open) in open.iter().enumerate() {
+                if open < nearest.0 && open != f64::NEG_INFINITY {
+                    nearest = (open, column);
+                }
+            }
+            let (length, column) = nearest;
             // some column has room, as the caller knows; were there none, the tile would stay without
-            let Some(at) = nearest else { return };
-            let column = open.swap_remove(at);
+            if column == usize::MAX {
+                return;
+            }
+            distance[column] = length;
+            open[column] = f64::NEG_INFINITY;
             closed.push(column);
-            if self.tiles_of[column].len() < room(column) {
+            if self.tiles_of[column].len() < room[column] {
                 break column;
             }
-            let base = distance[column];
             scanned.extend(
                 self.tiles_of[column]
                     .iter()
-                    .map(|&row| (row as usize, base)),
+                    .map(|&row| (row as usize, length)),
             );
         };
         let length = distance[last];
