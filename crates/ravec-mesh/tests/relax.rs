@@ -1,9 +1,12 @@
 //! Relaxed meshes: what must stay, and what must become better.
 
+mod shapes;
+
 use glam::{DMat3, DVec3};
 use proptest::prelude::*;
-use ravec_mesh::{CheckParams, Facet, MeshCheck, RelaxJudge, TriMesh, check, relax};
+use ravec_mesh::{Facet, RelaxJudge, TriMesh, relax};
 use ravec_progress::Progress;
+use shapes::{checked, sheet, torus};
 
 /// Where the roof of the tests has its ridge: between the vertices of its grid.
 const RIDGE: f64 = 0.47;
@@ -15,29 +18,7 @@ fn roof_height(x: f64) -> f64 {
 
 /// A unit square of `n` by `n` cells, bent to a roof whose ridge runs through the middle of cells.
 fn roof(n: u32) -> TriMesh {
-    let positions = (0..(n + 1) * (n + 1)).map(|k| {
-        let [x, y] = [k % (n + 1), k / (n + 1)].map(|i| f64::from(i) / f64::from(n));
-        DVec3::new(x, y, roof_height(x))
-    });
-    let cells = (0..n * (n + 1)).filter(|k| k % (n + 1) < n);
-    let triangles = cells.flat_map(|k| [[k, k + 1, k + n + 2], [k, k + n + 2, k + n + 1]]);
-    TriMesh::new(positions.collect(), triangles.collect()).unwrap()
-}
-
-/// A torus with radii 3 and 1, of `n` by `m` squares.
-fn torus(n: u32, m: u32) -> TriMesh {
-    let angle = |i: u32, n: u32| std::f64::consts::TAU * f64::from(i) / f64::from(n);
-    let positions = (0..n * m).map(|k| {
-        let ((s, c), (t, d)) = (angle(k / m, n).sin_cos(), angle(k % m, m).sin_cos());
-        DVec3::new((3.0 + d) * c, (3.0 + d) * s, t)
-    });
-    let at = |i: u32, j: u32| i % n * m + j % m;
-    let triangles = (0..n * m).flat_map(|k| {
-        let (i, j) = (k / m, k % m);
-        let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
-        [[a, b, c], [a, c, d]]
-    });
-    TriMesh::new(positions.collect(), triangles.collect()).unwrap()
+    sheet(n, |x, _| roof_height(x))
 }
 
 fn normal([a, b, c]: [DVec3; 3]) -> DVec3 {
@@ -154,10 +135,6 @@ impl RelaxJudge for Content {
     fn admits(&self, _: &[Facet<Self::Look>]) -> bool {
         unreachable!("nothing is wrong")
     }
-}
-
-fn checked(mesh: &TriMesh) -> MeshCheck {
-    check(mesh, &CheckParams::default(), &Progress::none()).unwrap()
 }
 
 #[test]

@@ -1,84 +1,18 @@
 //! Simplified meshes: what they must keep, and how far they may go.
 
+mod shapes;
+
 use glam::DVec3;
 use proptest::prelude::*;
 use ravec_mesh::{
-    BoundaryRule, Bvh, CheckParams, Keep, MeshCheck, Simplified, SimplifyError, SimplifyParams,
-    TriMesh, check, measure, simplify,
+    BoundaryRule, Bvh, Keep, MeshCheck, Simplified, SimplifyError, SimplifyParams, TriMesh,
+    measure, simplify,
 };
 use ravec_progress::Progress;
+use shapes::{checked, grid_box, sheet, torus};
 
 fn run(mesh: &TriMesh, params: &SimplifyParams) -> Simplified {
     simplify(mesh, params, &Keep::default(), |_| false, &Progress::none()).unwrap()
-}
-
-fn checked(mesh: &TriMesh) -> MeshCheck {
-    check(mesh, &CheckParams::default(), &Progress::none()).unwrap()
-}
-
-/// The box from the origin to (1, 1, 1), each side a grid of `n` by `n` squares.
-fn grid_box(n: u32) -> TriMesh {
-    let mut names = std::collections::HashMap::new();
-    let (mut positions, mut triangles) = (Vec::new(), Vec::new());
-    let mut name = |p: [u32; 3]| {
-        *names.entry(p).or_insert_with(|| {
-            positions.push(DVec3::from_array(p.map(f64::from)) / f64::from(n));
-            positions.len() as u32 - 1
-        })
-    };
-    for axis in 0..3 {
-        for (side, i, j) in
-            (0..2).flat_map(|s| (0..n).flat_map(move |i| (0..n).map(move |j| (s, i, j))))
-        {
-            let mut at = |u: u32, v: u32| {
-                let mut p = [0; 3];
-                (p[axis], p[(axis + 1) % 3], p[(axis + 2) % 3]) = (side * n, i + u, j + v);
-                name(p)
-            };
-            let mut quad = [at(0, 0), at(1, 0), at(1, 1), at(0, 1)];
-            if side == 0 {
-                quad.reverse();
-            }
-            let [a, b, c, d] = quad;
-            triangles.extend([[a, b, c], [a, c, d]]);
-        }
-    }
-    TriMesh::new(positions, triangles).unwrap()
-}
-
-/// A torus with radii 3 and 1, of `n` by `m` squares.
-fn torus(n: u32, m: u32) -> TriMesh {
-    let angle = |i: u32, n: u32| std::f64::consts::TAU * f64::from(i) / f64::from(n);
-    let positions = (0..n * m)
-        .map(|k| {
-            let ((s, c), (t, d)) = (angle(k / m, n).sin_cos(), angle(k % m, m).sin_cos());
-            DVec3::new((3.0 + d) * c, (3.0 + d) * s, t)
-        })
-        .collect();
-    let at = |i: u32, j: u32| i % n * m + j % m;
-    let triangles = (0..n * m)
-        .flat_map(|k| {
-            let (i, j) = (k / m, k % m);
-            let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
-            [[a, b, c], [a, c, d]]
-        })
-        .collect();
-    TriMesh::new(positions, triangles).unwrap()
-}
-
-/// A square sheet of `n` by `n` cells with side 1, bent to the height of `height`.
-fn sheet(n: u32, height: impl Fn(f64, f64) -> f64) -> TriMesh {
-    let positions = (0..(n + 1) * (n + 1))
-        .map(|k| {
-            let [x, y] = [k % (n + 1), k / (n + 1)].map(|i| f64::from(i) / f64::from(n));
-            DVec3::new(x, y, height(x, y))
-        })
-        .collect();
-    let triangles = (0..n * (n + 1))
-        .filter(|k| k % (n + 1) < n)
-        .flat_map(|k| [[k, k + 1, k + n + 2], [k, k + n + 2, k + n + 1]])
-        .collect();
-    TriMesh::new(positions, triangles).unwrap()
 }
 
 #[test]

@@ -1,13 +1,14 @@
 //! Meshes simplified in patches: no seam, no harm, and nothing at fault.
 
-use std::collections::HashMap;
+mod shapes;
 
 use glam::DVec3;
 use ravec_mesh::{
-    CheckParams, CollapseCandidate, Keep, MeshCheck, Overseer, Simplified, SimplifyError,
-    SimplifyParams, TriMesh, Trust, check, simplify_patches,
+    CollapseCandidate, Keep, Overseer, Simplified, SimplifyError, SimplifyParams, TriMesh, Trust,
+    simplify_patches,
 };
 use ravec_progress::Progress;
+use shapes::{checked, grid_box};
 
 /// Admits all.
 struct Easygoing;
@@ -22,39 +23,6 @@ impl Overseer for Easygoing {
 
 fn run(mesh: &TriMesh, params: &SimplifyParams, keep: &Keep<'_>) -> Simplified {
     simplify_patches(mesh, params, keep, &Easygoing, &Progress::none()).unwrap()
-}
-
-fn checked(mesh: &TriMesh) -> MeshCheck {
-    check(mesh, &CheckParams::default(), &Progress::none()).unwrap()
-}
-
-/// The box from the origin to (1, 1, 1), each side a grid of `n` by `n` squares.
-fn grid_box(n: u32) -> TriMesh {
-    let mut names = HashMap::new();
-    let (mut positions, mut triangles) = (Vec::new(), Vec::new());
-    let mut name = |p: [u32; 3]| {
-        *names.entry(p).or_insert_with(|| {
-            positions.push(DVec3::from_array(p.map(f64::from)) / f64::from(n));
-            positions.len() as u32 - 1
-        })
-    };
-    for axis in 0..3 {
-        for k in 0..2 * n * n {
-            let (side, i, j) = (k / (n * n), k / n % n, k % n);
-            let mut at = |u: u32, v: u32| {
-                let mut p = [0; 3];
-                (p[axis], p[(axis + 1) % 3], p[(axis + 2) % 3]) = (side * n, i + u, j + v);
-                name(p)
-            };
-            let mut quad = [at(0, 0), at(1, 0), at(1, 1), at(0, 1)];
-            if side == 0 {
-                quad.reverse();
-            }
-            let [a, b, c, d] = quad;
-            triangles.extend([[a, b, c], [a, c, d]]);
-        }
-    }
-    TriMesh::new(positions, triangles).unwrap()
 }
 
 /// A shell of two wavy spheres, close to one another, of 37 632 triangles: eight patches.

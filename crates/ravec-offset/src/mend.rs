@@ -25,6 +25,9 @@ const MOST_ROUNDS: u32 = 100;
 /// As [`MOST_ROUNDS`] where the surface is made of the triangles themselves: what 40 rounds do not mend, 100 do not.
 const MOST_ROUNDS_OF_SURFACE: u32 = 40;
 
+/// Rounds after which cells are split by one more level at once.
+const HASTE: u32 = 8;
+
 /// A surface of more triangles than this, made of the input's triangles themselves, is given up if a round makes it larger
 /// by this factor: that far from being mended, it would take minutes and end as crowded. Those that could be mended grew
 /// by a third in a round at most.
@@ -120,7 +123,8 @@ impl<'a> Mending<'a> {
             MOST_ROUNDS
         };
         loop {
-            let mut next = self.round(&mut tiles, &orders, &latest, progress)?;
+            let levels = self.levels(rounds);
+            let mut next = self.round(&mut tiles, &orders, &latest, levels, progress)?;
             let extracted = tiles.iter().map(|tile| tile.patch.triangles.len()).sum();
             let before = std::mem::replace(&mut size, extracted);
             let grows = before > 0 && extracted as f64 > MOST_GROWTH * before as f64;
@@ -147,7 +151,7 @@ impl<'a> Mending<'a> {
                     // only crowded cells let triangles meet, and these were searched: this is to be sure
                     let pairs = meeting_pairs(&whole.positions, &whole.triangles, progress)?;
                     is_proved = pairs.is_empty();
-                    next = self.separation(&whole, &pairs, &tiles, &orders, progress)?;
+                    next = self.separation(&whole, &pairs, &tiles, &orders, levels, progress)?;
                 }
                 if next.is_empty() || rounds == most_rounds {
                     return Ok(Mended {
@@ -170,12 +174,24 @@ impl<'a> Mending<'a> {
         }
     }
 
+    /// How many levels a cell is split by at once. Each round costs as much as thousands of cells, and what several did not
+    /// mend are gaps that close along a front: one level at a time, it stops at every cell for as many rounds as it is large.
+    /// Where triangles of the input meet, one halving rarely parts them.
+    fn levels(&self, rounds: u32) -> u8 {
+        if self.field.level == 0.0 {
+            2
+        } else {
+            1 + (rounds / HASTE).min(2) as u8
+        }
+    }
+
     /// Does all tiles that the latest orders concern; returns what is to be done next.
     fn round(
         &self,
         tiles: &mut Vec<Tile<'a>>,
         orders: &Orders,
         latest: &Orders,
+        levels: u8,
         progress: &Progress,
     ) -> Result<Orders, Cancelled> {
         let mut next = Orders::default();
@@ -184,7 +200,7 @@ impl<'a> Mending<'a> {
             let tile = &mut tiles[at];
             let is_concerned = tile.reach.is_none_or(|reach| latest.concern(&reach));
             if is_concerned {
-                match self.tend(tile, orders, latest, &mut next, progress) {
+                match self.tend(tile, [orders, latest], levels, &mut next, progress) {
                     Ok(()) => {}
                     Err(Halt::Cancelled(cancelled)) => return Err(cancelled),
                     Err(Halt::TooLarge) => {
@@ -204,8 +220,8 @@ impl<'a> Mending<'a> {
     fn tend(
         &self,
         tile: &mut Tile<'a>,
-        orders: &Orders,
-        latest: &Orders,
+        [orders, latest]: [&Orders; 2],
+        levels: u8,
         next: &mut Orders,
         progress: &Progress,
     ) -> Result<(), Halt> {
@@ -219,7 +235,7 @@ impl<'a> Mending<'a> {
         tile.patch = Patch::default();
         let extracted = extract(&refinement, &mut tile.places, progress)?;
         tile.patch = extracted.patch(&refinement, tile.key, progress)?;
-        self.judge(tile, &refinement, &extracted, next, progress)?;
+        self.judge(tile, &refinement, &extracted, levels, next, progress)?;
         let leaves = || {
             let all = refinement.tree.leaves();
             all.map(|leaf| refinement.tree.key(leaf))
@@ -268,6 +284,7 @@ impl<'a> Mending<'a> {
         tile: &mut Tile<'_>,
         refinement: &Refinement<'_>,
         extracted: &Extracted,
+        levels: u8,
         next: &mut Orders,
         progress: &Progress,
     ) -> Result<(), Cancelled> {
@@ -279,7 +296,7 @@ impl<'a> Mending<'a> {
                 if unproved.len() > MANY {
                     next.split.insert(key);
                 } else {
-                    next.split.extend(parts(refinement, key));
+                    next.split.extend(parts(refinement, key, levels));
                 }
             }
         }
@@ -296,10 +313,10 @@ impl<'a> Mending<'a> {
         for pair in pairs {
             for t in pair {
                 let triangle = crowded[t as usize] as usize;
-                separate(refinement, extracted.cells_of(triangle), next);
+                separate(refinement, extracted.cells_of(triangle), levels, next);
             }
         }
-        separate(refinement, &equal, next);
+        separate(refinement, &equal, levels, next);
         Ok(())
     }
 
@@ -370,6 +387,7 @@ impl<'a> Mending<'a> {
         pairs: &[[u32; 2]],
         tiles: &[Tile<'a>],
         orders: &Orders,
+        levels: u8,
         progress: &Progress,
     ) -> Result<Orders, Cancelled> {
         let mut next = Orders::default();
@@ -395,27 +413,39 @@ impl<'a> Mending<'a> {
             };
             for &[_, t] in of_tile {
                 let edge = tile.patch.edges[tile.patch.edge_of[t as usize] as usize];
-                separate(refinement, &refinement.leaves_around(edge), &mut next);
+                separate(
+                    refinement,
+                    &refinement.leaves_around(edge),
+                    levels,
+                    &mut next,
+                );
             }
         }
         Ok(next)
     }
 }
 
-/// A cell that is to be split, and if the surface is made of the triangles themselves its children too: where these meet,
-/// one halving rarely parts them, and each round costs as much as thousands of cells.
-fn parts(refinement: &Refinement<'_>, key: CellKey) -> impl Iterator<Item = CellKey> {
-    let is_deep = refinement.field.level == 0.0 && key.level + 1 < refinement.limit();
-    let octants = if is_deep { 0..8 } else { 0..0 };
-    std::iter::once(key).chain(octants.map(move |octant| key.child(octant)))
+/// A cell that is to be split, and its descendants as far as they are to be split with it, over some levels in all.
+fn parts(refinement: &Refinement<'_>, key: CellKey, levels: u8) -> Vec<CellKey> {
+    let mut parts = vec![key];
+    let (mut first, last) = (0, (key.level + levels).min(refinement.limit()));
+    for _ in key.level + 1..last {
+        let end = parts.len();
+        for k in first..end {
+            let parent = parts[k];
+            parts.extend((0..8).map(|octant| parent.child(octant)));
+        }
+        first = end;
+    }
+    parts
 }
 
 /// Orders what keeps the sheets in some leaves apart: finer cells, and where there are none, no gap.
-fn separate(refinement: &Refinement<'_>, leaves: &[NodeId], next: &mut Orders) {
+fn separate(refinement: &Refinement<'_>, leaves: &[NodeId], levels: u8, next: &mut Orders) {
     for &leaf in leaves {
         let key = refinement.tree.key(leaf);
         if key.level < refinement.limit() {
-            next.split.extend(parts(refinement, key));
+            next.split.extend(parts(refinement, key, levels));
         } else {
             next.filled.extend(refinement.open_corners(leaf));
         }

@@ -172,8 +172,9 @@ fn resize_strip<P: Resample>(
         let mut wide = vec![P::Averaged::ZERO; size.width() * source_rows];
         convolve(
             resizer,
-            (&source, image.width()),
-            (&mut wide, size.width()),
+            P::Averaged::CHANNELS,
+            (P::Averaged::numbers(&source), image.width()),
+            (P::Averaged::numbers_mut(&mut wide), size.width()),
             &algorithm,
         );
         Cow::Owned(wide)
@@ -187,8 +188,9 @@ fn resize_strip<P: Resample>(
         let height = height.min(source_rows as f64 - top);
         convolve(
             resizer,
-            (&source, size.width()),
-            (&mut high, size.width()),
+            P::Averaged::CHANNELS,
+            (P::Averaged::numbers(&source), size.width()),
+            (P::Averaged::numbers_mut(&mut high), size.width()),
             &algorithm.crop(0.0, top, size.width() as f64, height),
         );
         Cow::Owned(high)
@@ -198,21 +200,23 @@ fn resize_strip<P: Resample>(
     }
 }
 
-/// One pass from pixels of one width to those of another.
-fn convolve<A: Average>(
+/// One pass from pixels of one width to those of another. The number of channels is told at run time, so that the kernels
+/// are compiled once, and not for each type of pixel in each crate that resizes.
+fn convolve(
     resizer: &mut fir::Resizer,
-    (source, source_width): (&[A], usize),
-    (target, target_width): (&mut [A], usize),
+    channels: usize,
+    (source, source_width): (&[f32], usize),
+    (target, target_width): (&mut [f32], usize),
     options: &fir::ResizeOptions,
 ) {
-    let kind = match A::CHANNELS {
+    let kind = match channels {
         1 => fir::PixelType::F32,
         2 => fir::PixelType::F32x2,
         3 => fir::PixelType::F32x3,
         _ => fir::PixelType::F32x4,
     };
-    let source_rows = source.len() / source_width;
-    let target_rows = target.len() / target_width;
+    let source_rows = source.len() / (channels * source_width);
+    let target_rows = target.len() / (channels * target_width);
     let source = fir::images::ImageRef::new(
         source_width as u32,
         source_rows as u32,
