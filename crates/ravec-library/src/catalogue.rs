@@ -360,7 +360,7 @@ mod tests {
         assert!(!path.exists());
         drop(Catalogue::open_or_make(&path).unwrap());
         let catalogue = Catalogue::open(&path).unwrap();
-        assert_eq!(catalogue.entries(true).unwrap(), []);
+        assert!(catalogue.entries(true).unwrap().is_empty());
         catalogue
             .connection
             .pragma_update(None, "user_version", 7)

@@ -40,7 +40,7 @@ impl Demo<'_> {
             return Ok(());
         };
         let photos: Vec<Image<Srgb<u8>>> = (0..PHOTOS)
-            .map(|number| drawn(number ^ seed.0 << 32))
+            .map(|number| drawn(number ^ (seed.0 << 32)))
             .collect();
         let looks: Vec<Look> = photos
             .iter()
