@@ -313,7 +313,7 @@ fn what_cannot_be_made_is_said_and_leaves_nothing() {
     };
     assert!(
         said(&catalogue, &far)
-            .starts_with("3 different photos are too few to keep repeats 5 tiles apart")
+            .starts_with("too few photos (3 that differ) to keep repeats 5 tiles apart")
     );
     assert!(
         said(&catalogue, &params(400, 3, (4, 3), Crop::Never))

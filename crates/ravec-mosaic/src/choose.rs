@@ -623,7 +623,7 @@ mod tests {
         let rules = Rules::default();
         assert_eq!(run(&photos(0), rules), "there is no photo to choose from");
         assert!(
-            run(&photos(1), rules).starts_with("1 different photos are too few to keep repeats 5")
+            run(&photos(1), rules).starts_with("too few photos (1 that differ) to keep repeats 5")
         );
         let once = Rules {
             max_uses: Some(1),

@@ -54,7 +54,7 @@ pub enum ChooseError {
     },
     /// Some tile has no photo left that is far enough from its repeats.
     #[error(
-        "{different} different photos are too few to keep repeats {distance} tiles apart: lower the distance, or add photos"
+        "too few photos ({different} that differ) to keep repeats {distance} tiles apart: lower the distance, or add photos"
     )]
     TooNear {
         /// Groups of near-duplicates.

@@ -1,7 +1,7 @@
 //! `ravec library` and `ravec mosaic`: what is refused, and what is left behind.
 
 use crate::pictures::bmp;
-use crate::program::{assert_refused, code, ravec, report, stderr};
+use crate::program::{assert_refused, code, ravec, stderr};
 use std::path::Path;
 
 /// A folder with thirty photos of 64 × 48 pixels in `photos`, their catalogue `c.ravec`, and a picture `in.bmp`.
@@ -55,7 +55,8 @@ fn a_missing_photo_is_a_warning_and_the_report_says_which_photo_is_where() {
     let made = mosaic(folder.path(), &flags);
     assert_eq!(code(&made), 0, "{}", stderr(&made));
     assert!(stderr(&made).contains("07.bmp: is no longer there; others took its place"));
-    let report = report(folder.path(), "r.json");
+    let text = std::fs::read_to_string(folder.path().join("r.json")).unwrap();
+    let report: serde_json::Value = serde_json::from_str(&text).unwrap();
     assert_eq!(report["result"]["photos"].as_array().unwrap().len(), 12);
     assert!(
         report["figures"]["nearest_repeat"]
@@ -84,7 +85,7 @@ fn what_cannot_be_is_one_sentence_and_leaves_no_file() {
         (
             &["--tiles", "9x9", "--tile-size", "20x15"],
             1,
-            &["30 different photos are too few"],
+            &["too few photos (30 that differ)"],
         ),
         (
             &["--tiles", "8x8", "--tile-size", "20x15", "--max-uses", "2"],
@@ -184,5 +185,5 @@ fn an_empty_catalogue_and_photos_that_are_all_alike_are_refused() {
         "--tile-size",
         "32x24",
     ];
-    assert_refused(&ravec(path, &made), 1, &["1 different photos are too few"]);
+    assert_refused(&ravec(path, &made), 1, &["too few photos (1 that differ)"]);
 }
