@@ -108,7 +108,7 @@ pub fn write_rows<E>(
         }
         let rows = Rows {
             size,
-            rows_at_once: rows_at_once.clamp(1, size.height()),
+            at_once: rows_at_once.clamp(1, size.height()),
             strip: Vec::new(),
             fill,
         };
@@ -137,7 +137,7 @@ pub fn write_rows<E>(
 /// Rows in the making.
 struct Rows<F> {
     size: Size,
-    rows_at_once: usize,
+    at_once: usize,
     strip: Vec<Srgb<u8>>,
     fill: F,
 }
@@ -148,7 +148,7 @@ impl<F> Rows<F> {
     where
         F: FnMut(Range<usize>, &mut [Srgb<u8>]) -> Result<(), E>,
     {
-        let last = (first + self.rows_at_once).min(self.size.height());
+        let last = (first + self.at_once).min(self.size.height());
         self.strip
             .resize((last - first) * self.size.width(), Srgb([0; 3]));
         (self.fill)(first..last, &mut self.strip).map_err(Failure::Fill)?;
@@ -156,7 +156,7 @@ impl<F> Rows<F> {
     }
 
     fn firsts(&self) -> impl Iterator<Item = usize> + use<F> {
-        (0..self.size.height()).step_by(self.rows_at_once)
+        (0..self.size.height()).step_by(self.at_once)
     }
 }
 
@@ -189,7 +189,7 @@ where
 {
     let (width, height) = (rows.size.width() as u32, rows.size.height() as u32);
     let mut image = encoder.new_image::<RGB8>(width, height)?;
-    image.rows_per_strip(rows.rows_at_once as u32)?;
+    image.rows_per_strip(rows.at_once as u32)?;
     let written: TiffResult<()> = image.encoder().write_tag(Tag::IccProfile, SRGB.as_slice());
     written?;
     for first in rows.firsts() {
@@ -236,7 +236,7 @@ where
             first,
             failure,
         } = &mut *state;
-        let wanted = usize::from(y) / rows.rows_at_once * rows.rows_at_once;
+        let wanted = usize::from(y) / rows.at_once * rows.at_once;
         if *first != Some(wanted) && failure.is_none() {
             *failure = rows.strip(wanted).err();
             *first = Some(wanted);

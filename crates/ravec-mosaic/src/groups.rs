@@ -45,13 +45,13 @@ pub fn near_duplicates(
                 && near.distance_sq <= apart * apart
                 && leaders[groups[other] as usize] == near.photo
         });
-        groups.push(match leader {
-            Some(leader) => groups[leader.photo as usize],
-            None => {
-                leaders.push(photo as u32);
-                leaders.len() as u32 - 1
-            }
-        });
+        let group = if let Some(leader) = leader {
+            groups[leader.photo as usize]
+        } else {
+            leaders.push(photo as u32);
+            leaders.len() as u32 - 1
+        };
+        groups.push(group);
     }
     Ok(groups)
 }

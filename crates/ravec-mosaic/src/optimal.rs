@@ -25,7 +25,9 @@ pub(crate) fn cheapest(
     // with a bonus, a photo is two columns: its first use and the others
     let mut room: Vec<usize> = capacity.iter().map(|&uses| uses as usize).collect();
     if use_all {
-        room.iter_mut().for_each(|room| *room = (*room).min(1));
+        for room in &mut room {
+            *room = (*room).min(1);
+        }
         room.extend(
             capacity
                 .iter()

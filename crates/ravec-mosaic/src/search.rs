@@ -26,7 +26,7 @@ pub struct Near {
 }
 
 impl Near {
-    fn before(&self, other: &Self) -> bool {
+    fn before(self, other: Self) -> bool {
         (self.distance_sq, self.photo) < (other.distance_sq, other.photo)
     }
 }
@@ -321,12 +321,12 @@ impl Found {
 
     fn offer(&mut self, near: Near) {
         if self.list.len() == self.count {
-            if self.list.last().is_some_and(|last| !near.before(last)) {
+            if self.list.last().is_some_and(|last| !near.before(*last)) {
                 return;
             }
             self.list.pop();
         }
-        let place = self.list.partition_point(|other| other.before(&near));
+        let place = self.list.partition_point(|other| other.before(near));
         self.list.insert(place, near);
     }
 }
