@@ -1,4 +1,4 @@
-//! The catalogue: one SQLite file.
+//! The catalogue: one `SQLite` file.
 //!
 //! Every change is a transaction, so that the file is valid whenever the program ends, and what was committed stays. Writers
 //! wait for one another. Photos that were cleaned away keep their rows, so that they are not added again.
@@ -18,7 +18,7 @@ const APPLICATION: i64 = 0x5241_5643;
 const FORMAT: i64 = 1;
 
 /// How long a writer waits for another one.
-const PATIENCE: Duration = Duration::from_secs(60);
+const PATIENCE: Duration = Duration::from_mins(1);
 
 const SCHEMA: &str = "
 CREATE TABLE photo (

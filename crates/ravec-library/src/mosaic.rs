@@ -397,6 +397,9 @@ impl From<Cancelled> for Unpainted {
     }
 }
 
+/// A photo as it stands in a tile, or why there is none.
+type Scaled = Result<Image<Srgb<u8>>, String>;
+
 struct Painter<'a> {
     paths: &'a [PathBuf],
     choice: &'a Choice,
@@ -421,7 +424,7 @@ impl Painter<'_> {
         missing.retain(|photo| !self.kept.contains_key(photo));
         missing.sort_unstable();
         missing.dedup();
-        let scaled: Vec<(u32, Result<Image<Srgb<u8>>, String>)> = missing
+        let scaled: Vec<(u32, Scaled)> = missing
             .par_iter()
             .map(|&photo| {
                 self.progress.check()?;
@@ -470,7 +473,7 @@ impl Painter<'_> {
         Ok(())
     }
 
-    fn scaled(&self, photo: u32) -> Result<Image<Srgb<u8>>, String> {
+    fn scaled(&self, photo: u32) -> Scaled {
         let picture = read(&self.paths[photo as usize], self.limits)
             .map_err(|error| error.cause.to_string())?;
         scaled_photo(&opaque(&picture), self.params.tile, self.params.crop)
