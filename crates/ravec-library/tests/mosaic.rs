@@ -250,7 +250,7 @@ fn cleaning_states_a_reason_for_each_photo_and_a_dry_run_changes_nothing() {
 fn a_photo_that_disappears_is_named_and_others_take_its_place() {
     let (folder, catalogue) = studio(60);
     let output = folder.path().join("a.png");
-    let params = params(6, 4, (20, 15), Crop::Never);
+    let params = params(9, 8, (20, 15), Crop::Never);
     let first = make(&catalogue, &picture(), &output, &params).unwrap();
     assert_eq!(first.warnings, [""; 0]);
     let gone = first.photos[5].clone();
