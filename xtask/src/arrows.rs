@@ -75,6 +75,21 @@ const CRATES: &[Crate] = &[
         ],
     },
     Crate {
+        name: "ravec-mosaic",
+        layer: "systems",
+        uses: &["ravec-raster", "ravec-progress"],
+    },
+    Crate {
+        name: "ravec-library",
+        layer: "assembly",
+        uses: &[
+            "ravec-mosaic",
+            "ravec-media",
+            "ravec-raster",
+            "ravec-progress",
+        ],
+    },
+    Crate {
         name: "ravec",
         layer: "assembly",
         uses: &[
@@ -82,6 +97,7 @@ const CRATES: &[Crate] = &[
             "ravec-planar",
             "ravec-completion",
             "ravec-retarget",
+            "ravec-mosaic",
             "ravec-offset",
             "ravec-mesh",
             "ravec-raster",
@@ -91,7 +107,7 @@ const CRATES: &[Crate] = &[
     Crate {
         name: "ravec-jobs",
         layer: "assembly",
-        uses: &["ravec", "ravec-media", "ravec-scenes"],
+        uses: &["ravec", "ravec-library", "ravec-media", "ravec-scenes"],
     },
     Crate {
         name: "ravec-cli",
@@ -121,6 +137,8 @@ const QUARANTINE: &[(&[&str], &[&str])] = &[
             "exr",
             "image",
             "img-parts",
+            "jpeg-decoder",
+            "jpeg-encoder",
             "kamadak-exif",
             "moxcms",
             "png",
@@ -130,6 +148,8 @@ const QUARANTINE: &[(&[&str], &[&str])] = &[
         ],
         &["ravec-media"],
     ),
+    // the catalogue of photos
+    (&["blake3", "rusqlite", "walkdir"], &["ravec-library"]),
     // errors that are only shown
     (&["anyhow"], &["ravec-cli", "ravec-scenes", "xtask"]),
     // the terminal

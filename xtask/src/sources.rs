@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 /// The crates whose readers and writers take `impl Read` and `impl Write`.
 const WITHOUT_FILES: &[&str] = &[
     "ravec",
+    "ravec-mosaic",
     "ravec-progress",
     "ravec-raster",
     "ravec-scenes",

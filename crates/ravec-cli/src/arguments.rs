@@ -1,5 +1,6 @@
 //! The command line: one definition for the parser, the help, the completions and the manual.
 
+mod library;
 mod mesh;
 
 use crate::help;
@@ -8,10 +9,11 @@ use clap_complete::Shell;
 use ravec_jobs::mesh::offset;
 use ravec_jobs::plane::{planes, rectify, snap};
 use ravec_jobs::{
-    Limits, brush, compare, complete, demo, match_photos, retarget, scenes, twocolor,
+    Limits, brush, compare, complete, demo, match_photos, mosaic, retarget, scenes, twocolor,
 };
 use std::path::{Path, PathBuf};
 
+pub use library::LibraryCommand;
 pub use mesh::{MeshCommand, MeshLimitFlags};
 
 /// Raster and vector views of images that work together.
@@ -214,6 +216,31 @@ pub enum Command {
         #[command(flatten)]
         limits: MeshLimitFlags,
     },
+    /// Keep a catalogue of photos, from which mosaics are made
+    #[command(
+        after_help = help::library::LIBRARY,
+        arg_required_else_help = true,
+        subcommand_required = true
+    )]
+    Library {
+        /// What to do.
+        #[command(subcommand)]
+        command: LibraryCommand,
+    },
+    /// Make a picture of whole, unchanged photos from a catalogue
+    #[command(after_help = help::library::MOSAIC)]
+    Mosaic {
+        /// The picture; `-` is standard input
+        input: PathBuf,
+        /// The catalogue of photos
+        #[arg(long, value_name = "FILE")]
+        catalogue: PathBuf,
+        /// The mosaic to write, .png, .jpg or .tif
+        #[arg(short, long, value_name = "FILE")]
+        output: PathBuf,
+        #[command(flatten)]
+        params: mosaic::Params,
+    },
     /// Show what Ravec does: a page of pictures and figures, on a built-in scene or a photo
     #[command(after_help = help::DEMO)]
     Demo {
@@ -291,9 +318,15 @@ impl Command {
                 let stroke = stroke.as_deref();
                 std::iter::once(input.as_path()).chain(stroke).collect()
             }
+            Self::Mosaic {
+                input, catalogue, ..
+            } => vec![input, catalogue],
             Self::Mesh { command, .. } => command.inputs(),
             Self::Demo { image, .. } => image.as_deref().into_iter().collect(),
-            Self::Scenes { .. } | Self::Completions { .. } | Self::Man { .. } => Vec::new(),
+            Self::Library { .. }
+            | Self::Scenes { .. }
+            | Self::Completions { .. }
+            | Self::Man { .. } => Vec::new(),
         }
     }
 
@@ -321,6 +354,7 @@ impl Command {
                 .chain(steps.as_deref())
                 .collect(),
             Self::Offset { output, .. }
+            | Self::Mosaic { output, .. }
             | Self::Match { output, .. }
             | Self::Rectify { output, .. } => vec![output],
             _ => Vec::new(),
@@ -430,6 +464,8 @@ mod tests {
             ("ravec mesh render a -o b --compare c", "a c", "b"),
             ("ravec mesh simplify a -o b --error 1", "a", "b"),
             ("ravec offset a -o b --distance 1", "a", "b"),
+            ("ravec mosaic a --catalogue b -o c", "a b", "c"),
+            ("ravec library stats --catalogue a", "", ""),
             ("ravec demo --image a", "a", ""),
             ("ravec scenes -o a", "", ""),
         ] {

@@ -18,6 +18,7 @@ Exit codes:
     };
 }
 
+pub mod library;
 pub mod mesh;
 pub mod planes;
 

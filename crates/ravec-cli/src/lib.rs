@@ -28,13 +28,13 @@ mod interrupt;
 mod progress_bar;
 mod summary;
 
-use arguments::{Arguments, Command, Global, MeshCommand};
+use arguments::{Arguments, Command, Global, LibraryCommand, MeshCommand};
 use clap::{CommandFactory as _, Parser as _};
 use exit::Failure;
 use ravec::progress::Progress;
 use ravec_jobs::{
-    JobError, Report, Source, brush, check_files, check_folder, compare, complete, demo,
-    match_photos, mesh, plane, retarget, scenes, twocolor,
+    JobError, Report, Source, brush, check_files, check_folder, compare, complete, demo, library,
+    match_photos, mesh, mosaic, plane, retarget, scenes, twocolor,
 };
 use std::ffi::OsString;
 use std::io::IsTerminal as _;
@@ -209,6 +209,15 @@ fn execute(Arguments { command, global }: Arguments) -> Result<(), Failure> {
                 mesh::offset::run(&input, &output, &params, progress)
             })
         }
+        Command::Library { command } => on_library(command, &global),
+        Command::Mosaic {
+            input,
+            catalogue,
+            output,
+            params,
+        } => job(&global, |progress| {
+            mosaic::run(&source(input), &catalogue, &output, &params, progress)
+        }),
         Command::Demo { image, out, params } => {
             let photo = image.map(source);
             job(&global, |progress| {
@@ -224,6 +233,36 @@ fn execute(Arguments { command, global }: Arguments) -> Result<(), Failure> {
             summary::print(&String::from_utf8_lossy(&script))
         }
         Command::Man { out } => manual(out.as_deref()),
+    }
+}
+
+/// Runs an operation on a catalogue of photos.
+fn on_library(command: LibraryCommand, global: &Global) -> Result<(), Failure> {
+    let limits = global.limits();
+    match command {
+        LibraryCommand::Add {
+            paths,
+            catalogue,
+            params,
+        } => job(global, |progress| {
+            library::add(&paths, &catalogue.catalogue, &limits, &params, progress)
+        }),
+        LibraryCommand::Remove {
+            paths,
+            catalogue,
+            params,
+        } => job(global, |progress| {
+            library::remove(&paths, &catalogue.catalogue, &params, progress)
+        }),
+        LibraryCommand::List { catalogue, params } => answer(global, |progress| {
+            library::list(&catalogue.catalogue, &params, progress)
+        }),
+        LibraryCommand::Clean { catalogue, params } => answer(global, |progress| {
+            library::clean(&catalogue.catalogue, &params, progress)
+        }),
+        LibraryCommand::Stats { catalogue, params } => job(global, |progress| {
+            library::stats(&catalogue.catalogue, &params, progress)
+        }),
     }
 }
 

@@ -3,6 +3,7 @@
 //! Everything is worked out while the page is made, from the built-in street or from a photo, and from solids with formulas.
 
 mod completion;
+mod mosaic;
 mod tools;
 mod two_color;
 
@@ -61,6 +62,7 @@ const ZOOM: usize = 4;
 /// `simplified_triangles` and `simplified_distance_percent` of a torus;
 /// `retargeted_disc_aspect`, how much discs are squeezed when the width is halved;
 /// `front_completed_error_steps` and `floor_completed_error_steps` of what was filled in perspective, in 8-bit steps;
+/// `mosaic_plain_afar_psnr_db` and `mosaic_afar_psnr_db` of mosaics after a blur by half a tile;
 /// `offset_triangles`, `offset_error_percent` (of the tolerance) and `offset_proved` of offsets.
 ///
 /// # Errors
@@ -116,6 +118,7 @@ pub fn run(
     demo.paint()?;
     demo.cleaning(Seed(params.seed))?;
     demo.completion(params.max_side, Seed(params.seed))?;
+    demo.mosaic(Seed(params.seed))?;
     demo.speed()?;
     let mut page = demo.page;
     let side = params.max_side;
@@ -270,6 +273,10 @@ mod tests {
         assert!(report.figures["simplified_triangles"] <= 1000.0);
         assert!(report.figures["simplified_distance_percent"] < 1.0);
         assert!(report.figures["front_completed_error_steps"] < 25.0);
+        assert!(
+            report.figures["mosaic_afar_psnr_db"]
+                > report.figures["mosaic_plain_afar_psnr_db"] + 1.0
+        );
         assert_eq!(report.figures["offset_proved"], 1.0);
         assert!(report.figures["offset_error_percent"] <= 100.0);
     }

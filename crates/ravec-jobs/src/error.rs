@@ -9,6 +9,7 @@ use ravec::raster::Size;
 use ravec::retarget::RetargetError;
 use ravec::twocolor::brush::StrokeError;
 use ravec::twocolor::{EnlargeError, FitError, RenderError};
+use ravec_library::LibraryError;
 use ravec_media::{DecodeError, EncodeError, ReadError, WriteError};
 use std::path::{Path, PathBuf};
 
@@ -185,6 +186,9 @@ pub enum JobError {
         /// What is wrong with it.
         reason: String,
     },
+    /// Something cannot be done with a catalogue of photos.
+    #[error(transparent)]
+    Library(LibraryError),
     /// The fit refuses its input.
     #[error(transparent)]
     Fit(FitError),
@@ -253,6 +257,7 @@ impl JobError {
             | Self::Retarget { .. }
             | Self::Fit(_)
             | Self::Render(_) => 1,
+            Self::Library(cause) => Self::library_code(cause),
             Self::Cancelled => 130,
         }
     }

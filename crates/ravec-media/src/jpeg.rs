@@ -1,7 +1,11 @@
 //! JPEG decoding with access to ink amounts, which the general decoder interface hides.
 //!
+//! Pictures that are wanted small are decoded at a half, a quarter or an eighth of their size by another decoder, which takes
+//! the low frequencies of each block alone; what that one refuses is decoded whole.
+//!
 //! CMYK files store ink amounts inverted (255 = no ink), as Adobe's programs began to and all others follow.
 
+use crate::limits::Limits;
 use crate::samples::Channels;
 use zune_jpeg::JpegDecoder;
 use zune_jpeg::errors::DecodeErrors;
@@ -17,6 +21,8 @@ pub(crate) struct Jpeg {
     pub(crate) height: u32,
     pub(crate) icc: Option<Vec<u8>>,
     pub(crate) exif: Option<Vec<u8>>,
+    /// The picture in less than its size.
+    reduced: Option<Vec<u8>>,
 }
 
 impl Jpeg {
@@ -35,6 +41,7 @@ impl Jpeg {
             icc,
             exif,
             input,
+            reduced: None,
         })
     }
 
@@ -55,8 +62,48 @@ impl Jpeg {
         !self.input.windows(2).rev().any(|pair| pair == [0xff, 0xd9])
     }
 
+    /// Decodes at the least size whose shorter side has still `least_side` pixels, if there is such a size below the whole one.
+    /// Width and height are then those of the reduced picture.
+    pub(crate) fn reduce(&mut self, least_side: u32, limits: &Limits) {
+        let shorter = self.width.min(self.height);
+        let Some(factor) = [8, 4, 2]
+            .into_iter()
+            .find(|factor| shorter / factor >= least_side)
+        else {
+            return;
+        };
+        let wanted = match self.channels() {
+            Channels::Grey => jpeg_decoder::PixelFormat::L8,
+            Channels::Rgb => jpeg_decoder::PixelFormat::RGB24,
+            _ => return,
+        };
+        let mut decoder = jpeg_decoder::Decoder::new(self.input.as_slice());
+        let most = usize::try_from(limits.max_bytes).unwrap_or(usize::MAX);
+        decoder.set_max_decoding_buffer_size(most);
+        // sides of JPEG files have 16 bits
+        let side = |pixels: u32| pixels.div_ceil(factor) as u16;
+        let Ok((width, height)) = decoder.scale(side(self.width), side(self.height)) else {
+            return;
+        };
+        let format = decoder.info().map(|info| info.pixel_format);
+        let pixels = u64::from(width) * u64::from(height);
+        if format != Some(wanted) || u32::from(width) >= self.width {
+            return;
+        }
+        if let Ok(samples) = decoder.decode()
+            && samples.len() as u64 == pixels * self.channels().count() as u64
+        {
+            (self.width, self.height) = (width.into(), height.into());
+            self.reduced = Some(samples);
+        }
+    }
+
     /// Fills `samples` with one byte a channel.
     pub(crate) fn decode(&self, samples: &mut [u8]) -> Result<(), DecodeErrors> {
+        if let Some(reduced) = &self.reduced {
+            samples.copy_from_slice(reduced);
+            return Ok(());
+        }
         let wanted = match (self.channels(), self.stored) {
             (Channels::Grey, _) => ColorSpace::Luma,
             (Channels::Cmyk, stored) => stored,

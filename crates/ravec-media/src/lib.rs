@@ -49,8 +49,10 @@ mod picture;
 mod profile;
 mod raster;
 mod read;
+mod rows;
 mod samples;
 mod standard;
+mod taken;
 mod tiff;
 mod write;
 
@@ -59,5 +61,6 @@ pub use format::Format;
 pub use lens::focal_px_from_35mm;
 pub use limits::Limits;
 pub use picture::{Origin, Picture, SampleKind, Warning};
-pub use read::{DecodeError, Probe, ReadError, decode, probe, probe_data, read};
+pub use read::{DecodeError, Probe, ReadError, decode, decode_reduced, probe, probe_data, read};
+pub use rows::{RowsError, write_rows};
 pub use write::{EncodeError, ProfileChoice, WriteError, WriteOptions, encode, write};

@@ -188,6 +188,14 @@ impl<'a> Opened<'a> {
         })
     }
 
+    /// Decodes a JPEG file at a fraction of its size, if its shorter side has then still `least_side` pixels.
+    pub(crate) fn reduce(&mut self, least_side: u32, limits: &Limits) {
+        if let Decoder::Jpeg(jpeg) = &mut self.decoder {
+            jpeg.reduce(least_side, limits);
+            (self.width, self.height) = (jpeg.width, jpeg.height);
+        }
+    }
+
     pub(crate) fn decode(mut self, limits: &Limits) -> Result<Picture, DecodeError> {
         let size = Size::new(self.width as usize, self.height as usize)?;
         let profile = self.profile();

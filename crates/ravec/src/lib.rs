@@ -174,6 +174,7 @@
 
 pub use ravec_completion as completion;
 pub use ravec_mesh as mesh;
+pub use ravec_mosaic as mosaic;
 pub use ravec_offset as offset;
 pub use ravec_planar as planar;
 pub use ravec_progress as progress;

@@ -6,7 +6,7 @@ use crate::program::{code, done, photos, stderr};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-const COMMANDS: [&str; 20] = [
+const COMMANDS: [&str; 27] = [
     "compare",
     "rectify",
     "snap",
@@ -23,6 +23,13 @@ const COMMANDS: [&str; 20] = [
     "mesh render",
     "mesh simplify",
     "offset",
+    "library",
+    "library add",
+    "library remove",
+    "library list",
+    "library clean",
+    "library stats",
+    "mosaic",
     "demo",
     "scenes",
     "completions",
@@ -46,6 +53,18 @@ fn studio() -> tempfile::TempDir {
         [255 * u8::from((60..80).contains(&col) && (40..60).contains(&row)); 3]
     });
     std::fs::write(folder.path().join("mask.png"), mask).unwrap();
+    std::fs::create_dir(folder.path().join("photos")).unwrap();
+    for number in 0..40usize {
+        let tone = |step: usize| (number * step % 40 * 5) as u8;
+        let photo = bmp(64, 48, |col, row| {
+            [tone(1) + (col / 2) as u8, tone(7) + row as u8, tone(17)]
+        });
+        std::fs::write(folder.path().join(format!("photos/{number}.bmp")), photo).unwrap();
+    }
+    done(
+        folder.path(),
+        "-q library add photos photo.jpg --catalogue photos.ravec",
+    );
     std::fs::write(folder.path().join("points.json"), "[[40, 30], [90, 50]]").unwrap();
     let help = done(folder.path(), "help brush");
     let begin = help.find("{\"version\"").unwrap();

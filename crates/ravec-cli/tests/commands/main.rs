@@ -11,6 +11,7 @@ mod interrupt;
 mod mesh;
 mod mesh_hostile;
 mod meshes;
+mod mosaic;
 mod offset;
 mod outputs;
 mod pictures;

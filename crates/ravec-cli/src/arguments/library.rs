@@ -1,0 +1,65 @@
+//! The operations on catalogues of photos.
+
+use crate::help;
+use clap::{Args, Subcommand};
+use ravec_jobs::library::{CleanParams, ListParams, Plain};
+use std::path::PathBuf;
+
+/// The operations on catalogues of photos.
+#[derive(Debug, Subcommand)]
+pub enum LibraryCommand {
+    /// Add photos and folders to a catalogue, which is made if it is missing
+    #[command(after_help = help::library::ADD)]
+    Add {
+        /// Photos, and folders with all that is in them
+        #[arg(required = true)]
+        paths: Vec<PathBuf>,
+        #[command(flatten)]
+        catalogue: CatalogueFlag,
+        #[command(flatten)]
+        params: Plain,
+    },
+    /// Forget photos and folders; the files stay
+    #[command(after_help = help::library::REMOVE)]
+    Remove {
+        /// Photos, and folders with all that is in them
+        #[arg(required = true)]
+        paths: Vec<PathBuf>,
+        #[command(flatten)]
+        catalogue: CatalogueFlag,
+        #[command(flatten)]
+        params: Plain,
+    },
+    /// Print the photos as JSON
+    #[command(after_help = help::library::LIST)]
+    List {
+        #[command(flatten)]
+        catalogue: CatalogueFlag,
+        #[command(flatten)]
+        params: ListParams,
+    },
+    /// Take photos out of use that are not worth a tile, and print them as JSON with the reason
+    #[command(after_help = help::library::CLEAN)]
+    Clean {
+        #[command(flatten)]
+        catalogue: CatalogueFlag,
+        #[command(flatten)]
+        params: CleanParams,
+    },
+    /// Count what is in a catalogue
+    #[command(after_help = help::library::STATS)]
+    Stats {
+        #[command(flatten)]
+        catalogue: CatalogueFlag,
+        #[command(flatten)]
+        params: Plain,
+    },
+}
+
+/// Which catalogue.
+#[derive(Debug, Args)]
+pub struct CatalogueFlag {
+    /// The catalogue, one file
+    #[arg(long, value_name = "FILE")]
+    pub catalogue: PathBuf,
+}

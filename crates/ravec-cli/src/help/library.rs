@@ -1,0 +1,105 @@
+//! The end of the help pages of catalogues and mosaics.
+
+/// Of `ravec library`.
+pub const LIBRARY: &str = concat!(
+    "\
+Examples:
+  ravec library add photos --catalogue photos.ravec
+  ravec library clean --catalogue photos.ravec --dry-run
+  ravec library stats --catalogue photos.ravec
+
+The catalogue is one file. It stays valid if the program is stopped at any moment, and several programs may use it at once. Photos \
+are only read.
+
+",
+    exit_codes!()
+);
+
+/// Of `ravec library add`.
+pub const ADD: &str = concat!(
+    "\
+Examples:
+  ravec library add photos --catalogue photos.ravec
+  ravec library add photo.jpg noisy.jpg --catalogue photos.ravec
+
+What is known is not looked at again, so that an interrupted run goes on where it was. Files that moved are recognized by their \
+content.
+
+Figures: new, changed, moved, unchanged, copies (of other files), unreadable.
+
+",
+    exit_codes!()
+);
+
+/// Of `ravec library remove`.
+pub const REMOVE: &str = concat!(
+    "\
+Examples:
+  ravec library remove photo.jpg --catalogue photos.ravec
+
+Figures: removed.
+
+",
+    exit_codes!()
+);
+
+/// Of `ravec library list`.
+pub const LIST: &str = concat!(
+    "\
+Examples:
+  ravec library list --catalogue photos.ravec
+
+Standard output gets a list in JSON of objects with path, width, height, orientation (1 to 8 as in EXIF), taken (when), unreadable, \
+flaw and dropped (reasons, or null). With --json, it is result in the report.
+
+Figures: photos.
+
+",
+    exit_codes!()
+);
+
+/// Of `ravec library clean`.
+pub const CLEAN: &str = concat!(
+    "\
+Examples:
+  ravec library clean --catalogue photos.ravec --dry-run
+  ravec library clean --catalogue photos.ravec
+
+Standard output gets a list in JSON of objects with path and reason: unreadable, tiny, contentless, framed, near-duplicate or missing, \
+and details. With --json, it is result in the report. Photos that were taken out of use are not added again.
+
+Figures: dropped.
+
+",
+    exit_codes!()
+);
+
+/// Of `ravec library stats`.
+pub const STATS: &str = concat!(
+    "\
+Examples:
+  ravec library stats --catalogue photos.ravec
+
+Figures: usable, landscape, portrait, square, unreadable, dropped, bytes (of all files).
+
+",
+    exit_codes!()
+);
+
+/// Of `ravec mosaic`.
+pub const MOSAIC: &str = concat!(
+    "\
+Examples:
+  ravec mosaic photo.jpg --catalogue photos.ravec -o mosaic.png --tiles 6x4 --tile-size 32 --crop center --min-repeat-distance 2
+  ravec mosaic photo.jpg --catalogue photos.ravec -o mosaic.jpg --tiles 5 --tile-size 32x24 --min-repeat-distance 0
+
+Photos are scaled, and with --crop center cut to the proportions of a tile; they are never recolored or overlaid. Near-duplicates \
+count as one photo. The mosaic is written row by row and may be much larger than the memory; TIFF files beyond 4 GiB become BigTIFF.
+
+Figures: columns, rows, photos (that fit the tiles), different (of these, to the eye), used, most_uses, nearest_repeat (in tiles; \
+infinite, or null in JSON, if no photo is there twice), cost (weighted squared differences in Oklab), cost_bound (below which no \
+choice can be), cost_gap_percent, changes (of the improvement). In JSON, result has photos, the path of each tile's photo, row by row.
+
+",
+    exit_codes!()
+);

@@ -1,0 +1,189 @@
+//! `ravec library` and `ravec mosaic`: what is refused, and what is left behind.
+
+use crate::pictures::bmp;
+use crate::program::{assert_refused, code, ravec, stderr};
+use std::path::Path;
+
+/// A folder with thirty photos of 64 × 48 pixels in `photos`, their catalogue `c.ravec`, and a picture `in.bmp`.
+fn studio() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir(folder.path().join("photos")).unwrap();
+    for number in 0..30usize {
+        let tone = |step: usize| (number * step % 30 * 6) as u8;
+        let photo = bmp(64, 48, |col, row| {
+            [tone(1) + (col / 2) as u8, tone(7) + row as u8, tone(11)]
+        });
+        std::fs::write(folder.path().join(format!("photos/{number:02}.bmp")), photo).unwrap();
+    }
+    let picture = bmp(96, 72, |col, row| [(2 * col) as u8, (3 * row) as u8, 90]);
+    std::fs::write(folder.path().join("in.bmp"), picture).unwrap();
+    let added = ravec(
+        folder.path(),
+        &["library", "add", "photos", "--catalogue", "c.ravec"],
+    );
+    assert_eq!(code(&added), 0, "{}", stderr(&added));
+    folder
+}
+
+fn mosaic(folder: &Path, more: &[&str]) -> std::process::Output {
+    let mut arguments = vec![
+        "mosaic",
+        "in.bmp",
+        "--catalogue",
+        "c.ravec",
+        "-o",
+        "out.png",
+    ];
+    arguments.extend_from_slice(more);
+    ravec(folder, &arguments)
+}
+
+#[test]
+fn a_missing_photo_is_a_warning_and_the_report_says_which_photo_is_where() {
+    let folder = studio();
+    std::fs::remove_file(folder.path().join("photos/07.bmp")).unwrap();
+    let flags = [
+        "--tiles",
+        "4x3",
+        "--tile-size",
+        "32x24",
+        "--min-repeat-distance",
+        "2",
+        "--json",
+        "r.json",
+    ];
+    let made = mosaic(folder.path(), &flags);
+    assert_eq!(code(&made), 0, "{}", stderr(&made));
+    assert!(stderr(&made).contains("07.bmp: is no longer there; others took its place"));
+    let text = std::fs::read_to_string(folder.path().join("r.json")).unwrap();
+    let report: serde_json::Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(report["result"]["photos"].as_array().unwrap().len(), 12);
+    assert!(
+        report["figures"]["nearest_repeat"]
+            .as_f64()
+            .is_none_or(|distance| distance >= 2.0)
+    );
+    assert_eq!(report["outputs"][0]["width"], 128);
+}
+
+#[test]
+fn what_cannot_be_is_one_sentence_and_leaves_no_file() {
+    let folder = studio();
+    let path = folder.path();
+    let before = std::fs::read_dir(path).unwrap().count();
+    for (flags, expected, words) in [
+        (
+            &["--tiles", "200x3"][..],
+            3,
+            &["too few for 200 x 3 tiles"][..],
+        ),
+        (
+            &["--tiles", "4x3", "--tile-size", "20"],
+            3,
+            &["proportions", "20 x 20", "--crop center"],
+        ),
+        (
+            &["--tiles", "9x9", "--tile-size", "20x15"],
+            1,
+            &["too few photos (30 that differ)"],
+        ),
+        (
+            &["--tiles", "8x8", "--tile-size", "20x15", "--max-uses", "2"],
+            1,
+            &["64 tiles need more than 30"],
+        ),
+        (
+            &["--tiles", "4x3", "--tile-size", "20x15", "--use-all"],
+            1,
+            &["cannot all be used in 12 tiles"],
+        ),
+        (
+            &["--detail", "2"],
+            2,
+            &["--detail is 2, but must be 0 to 1"],
+        ),
+    ] {
+        assert_refused(&mosaic(path, flags), expected, words);
+    }
+    let no = [
+        "mosaic",
+        "in.bmp",
+        "--catalogue",
+        "no.ravec",
+        "-o",
+        "out.png",
+    ];
+    assert_refused(&ravec(path, &no), 3, &["there is no catalogue no.ravec"]);
+    let other = [
+        "mosaic",
+        "in.bmp",
+        "--catalogue",
+        "photos/01.bmp",
+        "-o",
+        "out.png",
+    ];
+    assert_refused(
+        &ravec(path, &other),
+        3,
+        &["photos/01.bmp is not a catalogue of photos"],
+    );
+    let format = [
+        "mosaic",
+        "in.bmp",
+        "--catalogue",
+        "c.ravec",
+        "-o",
+        "out.webp",
+    ];
+    assert_refused(&ravec(path, &format), 2, &["out.webp", ".tif"]);
+    let nowhere = ["library", "add", "nowhere", "--catalogue", "new.ravec"];
+    assert_refused(&ravec(path, &nowhere), 3, &["cannot add nowhere"]);
+    assert_eq!(std::fs::read_dir(path).unwrap().count(), before);
+}
+
+#[test]
+fn an_empty_catalogue_and_photos_that_are_all_alike_are_refused() {
+    let folder = studio();
+    let path = folder.path();
+    std::fs::create_dir(path.join("none")).unwrap();
+    let empty = ravec(
+        path,
+        &["library", "add", "none", "--catalogue", "empty.ravec"],
+    );
+    assert_eq!(code(&empty), 0);
+    let made = [
+        "mosaic",
+        "in.bmp",
+        "--catalogue",
+        "empty.ravec",
+        "-o",
+        "out.png",
+    ];
+    assert_refused(&ravec(path, &made), 3, &["has no photo that can be used"]);
+
+    std::fs::create_dir(path.join("alike")).unwrap();
+    for number in 0..3u8 {
+        let photo = bmp(64, 48, |col, row| {
+            [(3 * col) as u8, (5 * row) as u8, number]
+        });
+        std::fs::write(path.join(format!("alike/{number}.bmp")), photo).unwrap();
+    }
+    let alike = ravec(
+        path,
+        &["library", "add", "alike", "--catalogue", "alike.ravec"],
+    );
+    assert_eq!(code(&alike), 0);
+    let made = [
+        "mosaic",
+        "in.bmp",
+        "--catalogue",
+        "alike.ravec",
+        "-o",
+        "out.png",
+        "--tiles",
+        "4x3",
+        "--tile-size",
+        "32x24",
+    ];
+    assert_refused(&ravec(path, &made), 1, &["too few photos (1 that differ)"]);
+}

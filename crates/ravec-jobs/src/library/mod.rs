@@ -1,0 +1,227 @@
+//! `library`: a catalogue of photos, from which mosaics are made.
+
+use crate::error::JobError;
+use crate::files;
+use crate::report::Report;
+use ravec::progress::Progress;
+use ravec_library::{Catalogue, Entry};
+use ravec_media::Limits;
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+use std::path::{Path, PathBuf};
+
+/// Nothing to choose: the parameters of [`add`], [`remove`] and [`stats`].
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+pub struct Plain {}
+
+/// What is listed.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+pub struct ListParams {
+    /// Also photos that were cleaned away
+    #[cfg_attr(feature = "cli", arg(long))]
+    pub all: bool,
+}
+
+/// How a catalogue is cleaned.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+pub struct CleanParams {
+    /// Only say what would be cleaned away
+    #[cfg_attr(feature = "cli", arg(long))]
+    pub dry_run: bool,
+}
+
+/// Adds photos, and folders with all that is in them, to a catalogue, which is made if it is missing.
+///
+/// Figures: `new`, `changed`, `moved`, `unchanged`, `copies` (files with the content of another one), `unreadable`. Files that
+/// cannot be read are warnings.
+///
+/// # Errors
+/// [`JobError::Library`], [`JobError::Cancelled`]; photos that were added before stay.
+pub fn add(
+    paths: &[PathBuf],
+    catalogue: &Path,
+    limits: &Limits,
+    params: &Plain,
+    progress: &Progress,
+) -> Result<Report, JobError> {
+    for path in paths {
+        if let Err(cause) = path.metadata() {
+            return Err(JobError::from_library(ravec_library::LibraryError::Add {
+                path: path.clone(),
+                reason: crate::error::plain(&cause),
+            }));
+        }
+    }
+    if !catalogue.exists() {
+        files::check_files(&[], &[catalogue])?;
+    }
+    let mut report = Report::new("library add", params);
+    let added = report.time("add", || {
+        let mut catalogue = Catalogue::open_or_make(catalogue)?;
+        ravec_library::add(&mut catalogue, paths, limits, progress)
+    });
+    let added = added.map_err(JobError::from_library)?;
+    for (path, reason) in &added.unreadable {
+        report.warn(format!("{}: {reason}", path.display()));
+    }
+    for (name, count) in [
+        ("new", added.new),
+        ("changed", added.changed),
+        ("moved", added.moved),
+        ("unchanged", added.unchanged),
+        ("copies", added.copies),
+        ("unreadable", added.unreadable.len()),
+    ] {
+        report.figures.insert(name, count as f64);
+    }
+    Ok(report)
+}
+
+/// Forgets photos, and all photos in folders; the files stay. Figure: `removed`.
+///
+/// # Errors
+/// [`JobError::Library`].
+pub fn remove(
+    paths: &[PathBuf],
+    catalogue: &Path,
+    params: &Plain,
+    _progress: &Progress,
+) -> Result<Report, JobError> {
+    let mut report = Report::new("library remove", params);
+    let mut catalogue = Catalogue::open(catalogue).map_err(JobError::from_library)?;
+    let removed = ravec_library::remove(&mut catalogue, paths).map_err(JobError::from_library)?;
+    report.figures.insert("removed", removed as f64);
+    Ok(report)
+}
+
+/// Lists the photos of a catalogue. The report's `result` is a list of objects with `path`, `width`, `height`,
+/// `orientation` (1 to 8 as in EXIF), `taken`, `unreadable`, `flaw` and `dropped` (a reason or null). Figure: `photos`.
+///
+/// # Errors
+/// [`JobError::Library`].
+pub fn list(
+    catalogue: &Path,
+    params: &ListParams,
+    _progress: &Progress,
+) -> Result<Report, JobError> {
+    let mut report = Report::new("library list", params);
+    let catalogue = Catalogue::open(catalogue).map_err(JobError::from_library)?;
+    let entries = catalogue
+        .entries(params.all)
+        .map_err(JobError::from_library)?;
+    report.figures.insert("photos", entries.len() as f64);
+    let described = |entry: &Entry| {
+        json!({
+            "path": entry.path.to_string_lossy(),
+            "width": entry.width,
+            "height": entry.height,
+            "orientation": entry.orientation,
+            "taken": entry.taken,
+            "unreadable": entry.unreadable,
+            "flaw": entry.flaw,
+            "dropped": entry.dropped,
+        })
+    };
+    report.result = Some(entries.iter().map(described).collect());
+    Ok(report)
+}
+
+/// Takes photos that are not worth a tile out of use. The report's `result` is a list of objects with `path` and `reason`
+/// (unreadable, tiny, contentless, framed, near-duplicate or missing, and details). Figure: `dropped`.
+///
+/// # Errors
+/// [`JobError::Library`], [`JobError::Cancelled`].
+pub fn clean(
+    catalogue: &Path,
+    params: &CleanParams,
+    progress: &Progress,
+) -> Result<Report, JobError> {
+    let mut report = Report::new("library clean", params);
+    let dropped = report.time("clean", || {
+        let mut catalogue = Catalogue::open(catalogue)?;
+        ravec_library::clean(&mut catalogue, params.dry_run, progress)
+    });
+    let dropped = dropped.map_err(JobError::from_library)?;
+    report.figures.insert("dropped", dropped.len() as f64);
+    let described = |dropped: &ravec_library::Dropped| json!({ "path": dropped.path.to_string_lossy(), "reason": dropped.reason });
+    report.result = Some(dropped.iter().map(described).collect());
+    Ok(report)
+}
+
+/// Counts what is in a catalogue. Figures: `usable`, `landscape`, `portrait`, `square`, `unreadable`, `dropped`, `bytes`; the
+/// report's `result` says how many were dropped for which reason.
+///
+/// # Errors
+/// [`JobError::Library`].
+pub fn stats(catalogue: &Path, params: &Plain, _progress: &Progress) -> Result<Report, JobError> {
+    let mut report = Report::new("library stats", params);
+    let catalogue = Catalogue::open(catalogue).map_err(JobError::from_library)?;
+    let stats = ravec_library::stats(&catalogue).map_err(JobError::from_library)?;
+    for (name, count) in [
+        ("usable", stats.usable),
+        ("landscape", stats.landscape),
+        ("portrait", stats.portrait),
+        ("square", stats.square),
+        ("unreadable", stats.unreadable),
+        ("dropped", stats.dropped.values().sum()),
+    ] {
+        report.figures.insert(name, count as f64);
+    }
+    report.figures.insert("bytes", stats.bytes as f64);
+    report.result = Some(json!({ "dropped": stats.dropped }));
+    Ok(report)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ravec::raster::{Image, Size, Srgb};
+    use ravec_media::{Picture, WriteOptions};
+
+    #[test]
+    fn a_catalogue_goes_through_its_life() {
+        let folder = tempfile::tempdir().unwrap();
+        let photos = folder.path().join("photos");
+        std::fs::create_dir(&photos).unwrap();
+        for number in 0..3u8 {
+            let image = Image::from_fn(Size::new(80, 60).unwrap(), |col, row| {
+                Srgb([60 * number, 3 * col as u8, 4 * row as u8])
+            });
+            let path = photos.join(format!("{number}.png"));
+            ravec_media::write(&path, &Picture::from_image(image), &WriteOptions::default())
+                .unwrap();
+        }
+        let catalogue = folder.path().join("photos.ravec");
+        let progress = Progress::none();
+        let missing = list(&catalogue, &ListParams::default(), &progress).unwrap_err();
+        assert_eq!(missing.exit_code(), 3);
+        let paths = [photos.clone()];
+        let limits = Limits::default();
+        let added = add(&paths, &catalogue, &limits, &Plain::default(), &progress).unwrap();
+        assert_eq!(added.figures["new"], 3.0);
+        let listed = list(&catalogue, &ListParams::default(), &progress).unwrap();
+        assert_eq!(listed.result.unwrap()[2]["width"], 80);
+        std::fs::remove_file(photos.join("1.png")).unwrap();
+        let dry = CleanParams { dry_run: true };
+        let cleaned = clean(&catalogue, &dry, &progress).unwrap();
+        assert_eq!(cleaned.result.unwrap()[0]["reason"], "missing");
+        let removed = remove(
+            &[photos.join("0.png")],
+            &catalogue,
+            &Plain::default(),
+            &progress,
+        );
+        assert_eq!(removed.unwrap().figures["removed"], 1.0);
+        let counted = stats(&catalogue, &Plain::default(), &progress).unwrap();
+        assert_eq!(counted.figures["landscape"], 2.0);
+        let nowhere = [folder.path().join("no")];
+        let error = add(&nowhere, &catalogue, &limits, &Plain::default(), &progress).unwrap_err();
+        assert_eq!(error.exit_code(), 3);
+    }
+}

@@ -1,0 +1,371 @@
+//! `mosaic`: a picture made of whole, unchanged photos.
+
+use crate::error::JobError;
+use crate::files::{self, Source};
+use crate::report::{FileReport, Report};
+use ravec::mosaic::{ChooseParams, Crop, MAX_DEGREE, Rules, Weights};
+use ravec::progress::Progress;
+use ravec::raster::Size;
+use ravec_library::{Catalogue, LibraryError, MosaicParams};
+use ravec_media::{EncodeError, Format};
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+use std::path::Path;
+use std::str::FromStr;
+
+/// One number or two with an `x` between them, as in `80` or `80x60`; each 1 to 65535.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub struct Sides {
+    /// The first number.
+    pub across: usize,
+    /// The second number, if there is one.
+    pub down: Option<usize>,
+}
+
+/// A text does not say sides.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("one or two whole numbers from 1 to 65535 are needed, as in 80 or 80x60")]
+pub struct SidesError;
+
+impl FromStr for Sides {
+    type Err = SidesError;
+
+    fn from_str(text: &str) -> Result<Self, SidesError> {
+        let number = |text: &str| {
+            let number = text.parse::<usize>().ok();
+            number
+                .filter(|number| (1..=65_535).contains(number))
+                .ok_or(SidesError)
+        };
+        let (across, down) = match text.split_once('x') {
+            Some((across, down)) => (across, Some(number(down)?)),
+            None => (text, None),
+        };
+        Ok(Self {
+            across: number(across)?,
+            down,
+        })
+    }
+}
+
+impl TryFrom<String> for Sides {
+    type Error = SidesError;
+
+    fn try_from(text: String) -> Result<Self, SidesError> {
+        text.parse()
+    }
+}
+
+impl std::fmt::Display for Sides {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self.down {
+            Some(down) => write!(f, "{}x{down}", self.across),
+            None => write!(f, "{}", self.across),
+        }
+    }
+}
+
+impl From<Sides> for String {
+    fn from(sides: Sides) -> Self {
+        sides.to_string()
+    }
+}
+
+/// What is done with photos whose proportions are not those of a tile.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+pub enum CropChoice {
+    /// They are not used
+    #[default]
+    Never,
+    /// Their middle is used
+    Center,
+}
+
+/// How a mosaic is made.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+pub struct Params {
+    /// Tiles in a row and rows of tiles, as in 80x60; of one number alone, rows follow from the picture
+    #[cfg_attr(feature = "cli", arg(long, value_name = "COLSxROWS", default_value_t = Self::default().tiles))]
+    pub tiles: Sides,
+    /// Pixels of a tile, as in 90x60; one number is a square
+    #[cfg_attr(feature = "cli", arg(long, value_name = "WIDTHxHEIGHT", default_value_t = Self::default().tile_size))]
+    pub tile_size: Sides,
+    /// What is done with photos whose proportions are not those of a tile
+    #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t))]
+    pub crop: CropChoice,
+    /// The most uses of a photo [default: any number]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "COUNT"))]
+    pub max_uses: Option<u32>,
+    /// The least distance of two tiles with the same photo, in tiles, 0 to 1000
+    #[cfg_attr(feature = "cli", arg(long, value_name = "TILES", default_value_t = Self::default().min_repeat_distance))]
+    pub min_repeat_distance: f64,
+    /// Use every photo at least once
+    #[cfg_attr(feature = "cli", arg(long))]
+    pub use_all: bool,
+    /// The degree of the polynomials that are compared, 0 (mean colors) to 5
+    #[cfg_attr(feature = "cli", arg(long, value_name = "DEGREE", default_value_t = Self::default().degree))]
+    pub degree: usize,
+    /// How much structure counts against color, 0 to 1; low for posters that are seen from afar
+    #[cfg_attr(feature = "cli", arg(long, value_name = "SHARE", default_value_t = Self::default().detail))]
+    pub detail: f64,
+    /// How much neighbors make up for one another's errors, 0 to 1; 0 looks at each tile alone
+    #[cfg_attr(feature = "cli", arg(long, value_name = "SHARE", default_value_t = Self::default().blend))]
+    pub blend: f64,
+    /// Rounds in which photos change and tiles swap, 0 to 100
+    #[cfg_attr(feature = "cli", arg(long, value_name = "COUNT", default_value_t = Self::default().rounds))]
+    pub rounds: usize,
+    /// Quality of a JPEG output, 1 to 100
+    #[cfg_attr(feature = "cli", arg(long, value_name = "PERCENT", default_value_t = Self::default().quality))]
+    pub quality: u8,
+}
+
+impl Default for Params {
+    fn default() -> Self {
+        let choose = ChooseParams::default();
+        let square = |across| Sides { across, down: None };
+        Self {
+            tiles: square(60),
+            tile_size: square(64),
+            crop: CropChoice::Never,
+            max_uses: None,
+            min_repeat_distance: Rules::default().min_repeat_distance,
+            use_all: false,
+            degree: choose.weights.degree,
+            detail: choose.weights.detail,
+            blend: choose.blend,
+            rounds: choose.rounds,
+            quality: 92,
+        }
+    }
+}
+
+/// Scaled photos that are kept for later rows, in bytes.
+const KEPT_BYTES: usize = 128 << 20;
+
+/// Makes a mosaic of a picture from the photos of a catalogue, each scaled and, if asked for, cropped, and nothing else.
+///
+/// Figures: `columns`, `rows`, `photos` (that fit the tiles), `different` (of these, to the eye), `used`, `most_uses`,
+/// `nearest_repeat` (in tiles; infinite if no photo is there twice), `cost` (the sum over tiles of the mean squared
+/// difference in Oklab, weighted), `cost_bound` (below which no choice can be), `cost_gap_percent`, `changes` (of the
+/// improvement). The report's `result` has `photos`, the path of each tile's photo, row by row. Photos that are gone are
+/// warnings.
+///
+/// # Errors
+/// [`JobError::Parameter`], [`JobError::Read`], [`JobError::Library`], [`JobError::Write`], [`JobError::Cancelled`].
+pub fn run(
+    input: &Source,
+    catalogue: &Path,
+    output: &Path,
+    params: &Params,
+    progress: &Progress,
+) -> Result<Report, JobError> {
+    let made = checked(params)?;
+    let format = Format::from_extension(output);
+    if !matches!(format, Some(Format::Png | Format::Jpeg | Format::Tiff)) {
+        return Err(JobError::Parameter {
+            name: "--output",
+            value: output.display().to_string(),
+            range: "a file with the extension .png, .jpg, .jpeg, .tif or .tiff",
+        });
+    }
+    files::check_files(&[&input.path, catalogue], &[output])?;
+    let catalogue = Catalogue::open(catalogue).map_err(JobError::from_library)?;
+    let mut report = Report::new("mosaic", params);
+    let picture = files::read(input, &mut report, progress)?;
+    let mosaic = report.time("mosaic", || {
+        ravec_library::mosaic(
+            &catalogue,
+            &picture.image,
+            output,
+            &made,
+            &input.limits,
+            progress,
+        )
+    });
+    let mosaic = mosaic.map_err(JobError::from_library)?;
+    for warning in &mosaic.warnings {
+        report.warn(warning.clone());
+    }
+    report.outputs.push(FileReport {
+        path: output.display().to_string(),
+        format: format.map_or(String::new(), |format| format.name().to_owned()),
+        width: Some(mosaic.size.width()),
+        height: Some(mosaic.size.height()),
+        pixels: Some("8 bit"),
+        ..FileReport::default()
+    });
+    let (cost, bound) = (mosaic.choice.cost, mosaic.choice.bound);
+    let gap = if cost > bound {
+        100.0 * (cost - bound) / bound
+    } else {
+        0.0
+    };
+    for (name, figure) in [
+        ("columns", mosaic.tiles.0 as f64),
+        ("rows", mosaic.tiles.1 as f64),
+        ("photos", mosaic.fitting as f64),
+        ("different", mosaic.different as f64),
+        ("used", mosaic.used as f64),
+        ("most_uses", mosaic.most_uses as f64),
+        (
+            "nearest_repeat",
+            mosaic.nearest_repeat.unwrap_or(f64::INFINITY),
+        ),
+        ("cost", cost),
+        ("cost_bound", bound),
+        ("cost_gap_percent", gap),
+        ("changes", mosaic.choice.changes as f64),
+    ] {
+        report.figures.insert(name, figure);
+    }
+    let photos: Vec<_> = mosaic
+        .photos
+        .iter()
+        .map(|path| path.to_string_lossy())
+        .collect();
+    report.result = Some(json!({ "photos": photos }));
+    Ok(report)
+}
+
+fn checked(params: &Params) -> Result<MosaicParams, JobError> {
+    let wrong = |name: &'static str, value: String, range: &'static str| {
+        Err(JobError::Parameter { name, value, range })
+    };
+    if !(0.0..=1000.0).contains(&params.min_repeat_distance) {
+        let value = params.min_repeat_distance.to_string();
+        return wrong("--min-repeat-distance", value, "0 to 1000");
+    }
+    if params.max_uses == Some(0) {
+        return wrong("--max-uses", "0".into(), "1 or more");
+    }
+    if params.degree > MAX_DEGREE {
+        return wrong("--degree", params.degree.to_string(), "0 to 5");
+    }
+    for (name, value) in [("--detail", params.detail), ("--blend", params.blend)] {
+        if !(0.0..=1.0).contains(&value) {
+            return wrong(name, value.to_string(), "0 to 1");
+        }
+    }
+    if params.rounds > 100 {
+        return wrong("--rounds", params.rounds.to_string(), "0 to 100");
+    }
+    if !(1..=100).contains(&params.quality) {
+        return wrong("--quality", params.quality.to_string(), "1 to 100");
+    }
+    let side = params.tile_size;
+    let tile = Size::new(side.across, side.down.unwrap_or(side.across));
+    let tile = tile.map_err(|_| JobError::Parameter {
+        name: "--tile-size",
+        value: side.to_string(),
+        range: "1 to 65535 pixels each way",
+    })?;
+    Ok(MosaicParams {
+        columns: params.tiles.across,
+        rows: params.tiles.down,
+        tile,
+        crop: match params.crop {
+            CropChoice::Never => Crop::Never,
+            CropChoice::Center => Crop::Center,
+        },
+        rules: Rules {
+            max_uses: params.max_uses,
+            min_repeat_distance: params.min_repeat_distance,
+            use_all: params.use_all,
+        },
+        choose: ChooseParams {
+            weights: Weights {
+                degree: params.degree,
+                detail: params.detail,
+            },
+            blend: params.blend,
+            rounds: params.rounds,
+            ..ChooseParams::default()
+        },
+        quality: params.quality,
+        kept_bytes: KEPT_BYTES,
+    })
+}
+
+impl JobError {
+    /// What went wrong with a catalogue, or a mosaic from it.
+    pub(crate) fn from_library(cause: LibraryError) -> Self {
+        match cause {
+            LibraryError::Cancelled(_) => Self::Cancelled,
+            LibraryError::Write(error) => error.into(),
+            cause => Self::Library(cause),
+        }
+    }
+
+    /// The exit code for what went wrong with a catalogue.
+    pub(crate) fn library_code(cause: &LibraryError) -> u8 {
+        match cause {
+            LibraryError::TooLarge { .. } => 2,
+            LibraryError::Database { .. } => 4,
+            LibraryError::Choose(_) => 1,
+            LibraryError::Write(error) if matches!(error.cause, EncodeError::UnknownExtension) => 2,
+            _ => 3,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sides_are_one_number_or_two() {
+        let sides = |text: &str| text.parse::<Sides>();
+        assert_eq!(
+            sides("80x60"),
+            Ok(Sides {
+                across: 80,
+                down: Some(60)
+            })
+        );
+        assert_eq!(sides("80").unwrap().to_string(), "80");
+        for wrong in ["", "x", "0", "80x", "80x0", "-3", "3x4x5", "70000"] {
+            assert_eq!(sides(wrong), Err(SidesError), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn parameters_out_of_range_are_refused() {
+        for params in [
+            Params {
+                max_uses: Some(0),
+                ..Params::default()
+            },
+            Params {
+                degree: 6,
+                ..Params::default()
+            },
+            Params {
+                blend: f64::NAN,
+                ..Params::default()
+            },
+            Params {
+                detail: 1.5,
+                ..Params::default()
+            },
+            Params {
+                min_repeat_distance: -1.0,
+                ..Params::default()
+            },
+            Params {
+                rounds: 101,
+                ..Params::default()
+            },
+            Params {
+                quality: 0,
+                ..Params::default()
+            },
+        ] {
+            assert_eq!(checked(&params).unwrap_err().exit_code(), 2);
+        }
+    }
+}

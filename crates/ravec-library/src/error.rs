@@ -1,0 +1,116 @@
+//! Why something could not be done with a catalogue.
+
+use ravec_media::WriteError;
+use ravec_mosaic::ChooseError;
+use ravec_progress::Cancelled;
+use std::path::PathBuf;
+
+/// Why something could not be done with a catalogue.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum LibraryError {
+    /// There is no such catalogue.
+    #[error("there is no catalogue {}: make one with ravec library add", .path.display())]
+    NoCatalogue {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The file is something else.
+    #[error("{} is not a catalogue of photos", .path.display())]
+    NotACatalogue {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The catalogue has a format that is not known yet.
+    #[error(
+        "the catalogue {} has format {format}, which a newer version made; this one knows formats up to {known}",
+        .path.display()
+    )]
+    Newer {
+        /// The file.
+        path: PathBuf,
+        /// Its format.
+        format: i64,
+        /// The newest format that is known.
+        known: i64,
+    },
+    /// The catalogue cannot be read or written.
+    #[error("cannot use the catalogue {}: {reason}", .path.display())]
+    Database {
+        /// The file.
+        path: PathBuf,
+        /// What the database says.
+        reason: String,
+    },
+    /// What should be added is not there.
+    #[error("cannot add {}: {reason}", .path.display())]
+    Add {
+        /// The file or folder.
+        path: PathBuf,
+        /// What the system says.
+        reason: String,
+    },
+    /// There is no photo to choose from.
+    #[error("the catalogue {} has no photo that can be used: add some with ravec library add", .path.display())]
+    Empty {
+        /// The file.
+        path: PathBuf,
+    },
+    /// No photo has the proportions of a tile.
+    #[error(
+        "none of the {photos} photos has the proportions of a tile of {width} x {height} pixels: choose another --tile-size, or \
+         allow --crop center"
+    )]
+    NoneFits {
+        /// Photos in the catalogue.
+        photos: usize,
+        /// Of a tile.
+        width: usize,
+        /// Of a tile.
+        height: usize,
+    },
+    /// The picture has fewer pixels than the mosaic has tiles.
+    #[error(
+        "the picture has {width} x {height} pixels, too few for {columns} x {rows} tiles: ask for fewer tiles"
+    )]
+    PictureTooSmall {
+        /// Of the picture.
+        width: usize,
+        /// Of the picture.
+        height: usize,
+        /// Of tiles.
+        columns: usize,
+        /// Of tiles.
+        rows: usize,
+    },
+    /// The mosaic would be too large.
+    #[error("{columns} x {rows} tiles of {width} x {height} pixels make too large a picture")]
+    TooLarge {
+        /// Of tiles.
+        columns: usize,
+        /// Of tiles.
+        rows: usize,
+        /// Of a tile.
+        width: usize,
+        /// Of a tile.
+        height: usize,
+    },
+    /// Photos cannot be put into tiles under the rules.
+    #[error(transparent)]
+    Choose(ChooseError),
+    /// The mosaic cannot be written.
+    #[error(transparent)]
+    Write(WriteError),
+    /// The caller cancelled the work.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+}
+
+impl From<ChooseError> for LibraryError {
+    fn from(error: ChooseError) -> Self {
+        match error {
+            ChooseError::Cancelled(cancelled) => Self::Cancelled(cancelled),
+            error => Self::Choose(error),
+        }
+    }
+}

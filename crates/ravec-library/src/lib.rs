@@ -1,0 +1,43 @@
+//! Photos known by what they look like: a catalogue in one file, and mosaics made from it.
+//!
+//! [`add()`] looks at photos once and remembers a small picture of each; [`mosaic()`] chooses among them (see `ravec-mosaic`)
+//! and writes the mosaic row by row of tiles.
+//!
+//! ```
+//! use ravec_library::{Catalogue, add, stats};
+//! use ravec_media::{Limits, Picture, WriteOptions, write};
+//! use ravec_progress::Progress;
+//! use ravec_raster::{Image, Size, Srgb};
+//!
+//! let folder = tempfile::tempdir()?;
+//! let ramp = Image::from_fn(Size::new(90, 60)?, |col, row| Srgb([2 * col as u8, 4 * row as u8, 90]));
+//! write(folder.path().join("ramp.png"), &Picture::from_image(ramp), &WriteOptions::default())?;
+//!
+//! let mut catalogue = Catalogue::open_or_make(&folder.path().join("photos.ravec"))?;
+//! let paths = [folder.path().to_path_buf()];
+//! let progress = Progress::none();
+//! assert_eq!(add(&mut catalogue, &paths, &Limits::default(), &progress)?.new, 1);
+//! // what is known is not looked at again
+//! assert_eq!(add(&mut catalogue, &paths, &Limits::default(), &progress)?.unchanged, 1);
+//! assert_eq!(stats(&catalogue)?.landscape, 1);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! Guarantees: the catalogue is valid whenever the program ends; several processes may use it at once; photos are only read;
+//! in a mosaic, each tile is the scaled photo bit for bit (in JPEG, as far as its compression lets it). Does not guarantee:
+//! that files which changed without a change of size and time are noticed.
+//!
+//! Memory: of a mosaic, a row of tiles, the photos that are being scaled, and those that are kept for later rows; of the
+//! catalogue, 3 KB a photo.
+
+mod add;
+mod catalogue;
+mod error;
+mod manage;
+mod mosaic;
+
+pub use add::{Added, add};
+pub use catalogue::{Catalogue, Entry};
+pub use error::LibraryError;
+pub use manage::{Dropped, Stats, clean, remove, stats};
+pub use mosaic::{Mosaic, MosaicParams, mosaic};

@@ -1,0 +1,643 @@
+//! Which photo goes into which tile.
+//!
+//! 1. *Candidates*: the nearest photos of each tile, one of each group of near-duplicates.
+//! 2. *Start*: under limits on numbers alone, the cheapest assignment if the problem fits; else greedy, the cheapest pair of
+//!    tile and photo first.
+//! 3. *Improvement* (see the module `improve`): photos change, and tiles swap, as long as the energy falls.
+//!
+//! Guarantees: the rules hold; the same choice on any number of threads. Does not guarantee: the optimum under a repeat
+//! distance, which is a hard problem; how far the cost is from a lower bound is told.
+
+use crate::eye::Footprint;
+use crate::improve;
+use crate::look::{Look, Weights};
+use crate::optimal::cheapest;
+use crate::rules::{ChooseError, Placement, Rules};
+use crate::search::{Near, PhotoIndex};
+use ravec_progress::{Cancelled, Progress};
+use rayon::prelude::*;
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
+
+/// A tile that wants a photo.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tile {
+    /// What the picture looks like there.
+    pub look: Look,
+    /// The left upper corner, in half tile sides of the grid.
+    pub col: usize,
+    /// See `col`.
+    pub row: usize,
+    /// The extent in tile sides of the grid, at least 1.
+    pub sides: usize,
+}
+
+impl Tile {
+    /// The center, in tile sides of the grid.
+    pub fn center(&self) -> [f64; 2] {
+        let half = self.sides as f64 / 2.0;
+        [self.col as f64 / 2.0 + half, self.row as f64 / 2.0 + half]
+    }
+
+    pub(crate) fn footprint(&self) -> Footprint {
+        Footprint {
+            col: self.col,
+            row: self.row,
+            quarter: self.sides,
+        }
+    }
+}
+
+/// How photos are compared and chosen.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ChooseParams {
+    /// How much each degree counts.
+    pub weights: Weights,
+    /// How much neighboring tiles make up for one another when seen from afar, 0 to 1. More is nearer to the picture from a
+    /// distance, and less near in each single tile.
+    pub blend: f64,
+    /// Candidates of each tile, at least 1. More find better choices under strict rules and cost time.
+    pub candidates: usize,
+    /// Rounds of improvement; they end earlier when nothing changes. 0 leaves the start as it is.
+    pub rounds: usize,
+}
+
+impl Default for ChooseParams {
+    fn default() -> Self {
+        Self {
+            weights: Weights {
+                degree: 3,
+                detail: 1.0,
+            },
+            blend: 0.6,
+            candidates: 128,
+            rounds: 8,
+        }
+    }
+}
+
+/// Photos to choose from.
+#[derive(Debug, Clone)]
+pub struct Photos {
+    index: PhotoIndex,
+    weights: Weights,
+    quarters: Vec<[[f32; 3]; 4]>,
+    groups: Vec<u32>,
+    different: usize,
+}
+
+impl Photos {
+    /// Photos by their looks, with the group of near-duplicates of each, from 0 without gaps.
+    ///
+    /// # Panics
+    /// If there are not as many groups as looks.
+    pub fn new(looks: &[Look], groups: Vec<u32>, weights: Weights) -> Self {
+        assert_eq!(looks.len(), groups.len(), "each photo has a group");
+        let vectors: Vec<f32> = looks.iter().flat_map(|look| weights.vector(look)).collect();
+        let dimensions = (vectors.len() / looks.len().max(1)).max(1);
+        Self {
+            index: PhotoIndex::new(&vectors, dimensions),
+            weights,
+            quarters: looks.iter().map(|look| look.quarters).collect(),
+            different: groups.iter().max().map_or(0, |&group| group as usize + 1),
+            groups,
+        }
+    }
+
+    /// Groups of near-duplicates.
+    pub fn different(&self) -> usize {
+        self.different
+    }
+
+    pub(crate) fn quarters(&self, photo: u32) -> &[[f32; 3]; 4] {
+        &self.quarters[photo as usize]
+    }
+
+    /// Photos in the order of their distance, the nearest of each group only.
+    fn one_of_each_group(&self, mut near: Vec<Near>) -> Vec<Near> {
+        let mut seen = Seen::new(self.different);
+        near.retain(|near| seen.first(self.groups[near.photo as usize]));
+        near
+    }
+}
+
+/// A set of small numbers.
+struct Seen(Vec<u64>);
+
+impl Seen {
+    fn new(count: usize) -> Self {
+        Self(vec![0; count.div_ceil(64)])
+    }
+
+    /// Takes a number in, and says whether it was new.
+    fn first(&mut self, number: u32) -> bool {
+        let (word, bit) = (&mut self.0[number as usize / 64], 1 << (number % 64));
+        let first = *word & bit == 0;
+        *word |= bit;
+        first
+    }
+}
+
+/// The tiles with their candidates, and the photos.
+pub(crate) struct Problem<'a> {
+    pub tiles: &'a [Tile],
+    pub photos: &'a Photos,
+    pub queries: Vec<f32>,
+    pub candidates: Vec<Vec<Near>>,
+}
+
+impl Problem<'_> {
+    pub fn query(&self, tile: usize) -> &[f32] {
+        let dimensions = self.queries.len() / self.tiles.len();
+        &self.queries[tile * dimensions..][..dimensions]
+    }
+
+    pub fn cost(&self, tile: usize, photo: u32) -> f32 {
+        self.photos.index.distance_sq(self.query(tile), photo)
+    }
+
+    /// All groups by their nearest photo, the nearest first.
+    fn everything(&self, tile: usize) -> Vec<Near> {
+        let all = self
+            .photos
+            .index
+            .nearest(self.query(tile), self.photos.index.len());
+        self.photos.one_of_each_group(all)
+    }
+}
+
+/// Which photo is where, and what that costs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Choice {
+    /// The photo of each tile.
+    pub photos: Vec<u32>,
+    /// The sum over tiles of the squared distances of photo and tile.
+    pub cost: f64,
+    /// A number that no choice under the rules can be below: the least cost without the repeat distance.
+    pub bound: f64,
+    /// Photos that changed and swaps that were made by the improvement.
+    pub changes: usize,
+}
+
+/// The most costs that are held at once for the cheapest assignment: 64 MB.
+const MOST_COSTS: usize = 16_000_000;
+
+/// Chooses a photo for each tile.
+///
+/// # Errors
+/// [`ChooseError`] if the rules cannot be kept, or were not found to be possible to keep.
+pub fn choose(
+    tiles: &[Tile],
+    photos: &Photos,
+    rules: &Rules,
+    params: &ChooseParams,
+    progress: &Progress,
+) -> Result<Choice, ChooseError> {
+    let different = photos.different;
+    if photos.index.is_empty() {
+        return Err(ChooseError::NoPhotos);
+    }
+    if let Some(max_uses) = rules.max_uses
+        && (max_uses as usize).saturating_mul(different) < tiles.len()
+    {
+        return Err(ChooseError::TooFew {
+            tiles: tiles.len(),
+            different,
+            max_uses,
+        });
+    }
+    if rules.use_all && different > tiles.len() {
+        return Err(ChooseError::TooMany {
+            tiles: tiles.len(),
+            different,
+        });
+    }
+    if tiles.is_empty() {
+        return Ok(Choice {
+            photos: Vec::new(),
+            cost: 0.0,
+            bound: 0.0,
+            changes: 0,
+        });
+    }
+    let queries: Vec<f32> = tiles
+        .iter()
+        .flat_map(|tile| photos.weights.vector(&tile.look))
+        .collect();
+    let candidates = photos
+        .index
+        .nearest_of_all(&queries, params.candidates.max(1), progress)?;
+    let candidates = candidates
+        .into_iter()
+        .map(|near| photos.one_of_each_group(near))
+        .collect();
+    let mut problem = Problem {
+        tiles,
+        photos,
+        queries,
+        candidates,
+    };
+    let centers: Vec<[f64; 2]> = tiles.iter().map(Tile::center).collect();
+    let mut placement = Placement::new(*rules, &centers, &photos.groups, different);
+    let nearest_sum: f64 = problem
+        .candidates
+        .iter()
+        .filter_map(|near| near.first())
+        .map(|near| f64::from(near.distance_sq))
+        .sum();
+    let counted = rules.max_uses.is_some() || rules.use_all;
+    let spread = rules.min_repeat_distance > 1.0;
+    let mut bound = nearest_sum;
+    if counted && tiles.len().saturating_mul(different) <= MOST_COSTS {
+        let best = cheapest_of_groups(&problem, rules, progress)?;
+        bound = best
+            .iter()
+            .enumerate()
+            .map(|(tile, &photo)| f64::from(problem.cost(tile, photo)))
+            .sum();
+        if !spread {
+            for (tile, &photo) in best.iter().enumerate() {
+                placement.put(tile, Some(photo));
+            }
+        }
+    }
+    let unplaced = (0..tiles.len()).any(|tile| placement.photo(tile).is_none());
+    if unplaced {
+        if rules.use_all {
+            use_each_once(&problem, &mut placement, progress)?;
+        }
+        greedy(&mut problem, &mut placement, progress)?;
+    }
+    let settled = counted && !spread && !unplaced && params.blend <= 0.0;
+    let changes = if settled {
+        0
+    } else {
+        improve::improve(&problem, &mut placement, params, progress)?
+    };
+    // every tile has a photo: greedy gives one or fails, and improvement exchanges
+    let chosen: Vec<u32> = (0..tiles.len())
+        .filter_map(|tile| placement.photo(tile))
+        .collect();
+    let cost = chosen
+        .iter()
+        .enumerate()
+        .map(|(tile, &photo)| f64::from(problem.cost(tile, photo)))
+        .sum();
+    Ok(Choice {
+        photos: chosen,
+        cost,
+        bound,
+        changes,
+    })
+}
+
+/// The cheapest assignment under limits on numbers alone.
+fn cheapest_of_groups(
+    problem: &Problem<'_>,
+    rules: &Rules,
+    progress: &Progress,
+) -> Result<Vec<u32>, Cancelled> {
+    let photos = problem.photos;
+    let (tiles, different) = (problem.tiles.len(), photos.different);
+    let mut costs = vec![f32::INFINITY; tiles * different];
+    let mut best = vec![0u32; tiles * different];
+    costs
+        .par_chunks_exact_mut(different)
+        .zip(best.par_chunks_exact_mut(different))
+        .enumerate()
+        .try_for_each(|(tile, (costs, best))| {
+            progress.check()?;
+            for (photo, cost) in photos
+                .index
+                .all(problem.query(tile))
+                .into_iter()
+                .enumerate()
+            {
+                let group = photos.groups[photo] as usize;
+                if cost < costs[group] {
+                    costs[group] = cost;
+                    best[group] = photo as u32;
+                }
+            }
+            Ok::<(), Cancelled>(())
+        })?;
+    let most = rules.max_uses.unwrap_or(u32::MAX).min(tiles as u32);
+    let found = cheapest(&costs, &vec![most; different], rules.use_all, progress)?;
+    Ok(found
+        .iter()
+        .enumerate()
+        .map(|(tile, &group)| best[tile * different + group as usize])
+        .collect())
+}
+
+/// A pair of tile and photo; the cheapest is the greatest, as heaps have it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Pair {
+    cost: f32,
+    tile: usize,
+    rank: usize,
+}
+
+impl Eq for Pair {}
+
+impl PartialOrd for Pair {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Pair {
+    fn cmp(&self, other: &Self) -> Ordering {
+        let cost = other.cost.total_cmp(&self.cost);
+        cost.then((other.tile, other.rank).cmp(&(self.tile, self.rank)))
+    }
+}
+
+/// Fills the empty tiles, the cheapest pair of tile and photo first.
+fn greedy(
+    problem: &mut Problem<'_>,
+    placement: &mut Placement<'_>,
+    progress: &Progress,
+) -> Result<(), ChooseError> {
+    let mut heap: BinaryHeap<Pair> = (0..problem.tiles.len())
+        .filter(|&tile| placement.photo(tile).is_none())
+        .filter_map(|tile| {
+            problem.candidates[tile].first().map(|near| Pair {
+                cost: near.distance_sq,
+                tile,
+                rank: 0,
+            })
+        })
+        .collect();
+    while let Some(Pair { tile, rank, .. }) = heap.pop() {
+        progress.check()?;
+        let photo = problem.candidates[tile][rank].photo;
+        if placement.allows(tile, photo) {
+            placement.put(tile, Some(photo));
+            continue;
+        }
+        if rank + 1 == problem.candidates[tile].len() {
+            let all = problem.everything(tile);
+            if all.len() <= rank + 1 {
+                return Err(ChooseError::TooNear {
+                    different: problem.photos.different,
+                    distance: placement.rules.min_repeat_distance,
+                });
+            }
+            problem.candidates[tile] = all;
+            // the longer list may have another photo of a group first: begin anew
+            heap.push(Pair {
+                cost: problem.candidates[tile][0].distance_sq,
+                tile,
+                rank: 0,
+            });
+            continue;
+        }
+        heap.push(Pair {
+            cost: problem.candidates[tile][rank + 1].distance_sq,
+            tile,
+            rank: rank + 1,
+        });
+    }
+    Ok(())
+}
+
+/// Gives each group of photos one tile, the cheapest pair first.
+fn use_each_once(
+    problem: &Problem<'_>,
+    placement: &mut Placement<'_>,
+    progress: &Progress,
+) -> Result<(), ChooseError> {
+    /// Cheapest tiles that are remembered for each group; a group whose tiles are all taken looks at all that are free.
+    const REMEMBERED: usize = 8;
+    let photos = problem.photos;
+    let mut wanted: Vec<Vec<(f32, u32, u32)>> = vec![Vec::new(); photos.different];
+    for tile in 0..problem.tiles.len() {
+        progress.check()?;
+        for (photo, cost) in photos
+            .index
+            .all(problem.query(tile))
+            .into_iter()
+            .enumerate()
+        {
+            let list = &mut wanted[photos.groups[photo] as usize];
+            if list.len() == REMEMBERED && list.last().is_some_and(|last| last.0 <= cost) {
+                continue;
+            }
+            list.truncate(REMEMBERED - 1);
+            let place = list.partition_point(|other| other.0 <= cost);
+            list.insert(place, (cost, tile as u32, photo as u32));
+        }
+    }
+    let mut pairs: Vec<(f32, u32, u32)> = wanted.into_iter().flatten().collect();
+    pairs.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+    for (_, tile, photo) in pairs {
+        let unused = placement.tiles_of(placement.group(photo)).is_empty();
+        if unused && placement.photo(tile as usize).is_none() {
+            placement.put(tile as usize, Some(photo));
+        }
+    }
+    for photo in 0..photos.groups.len() as u32 {
+        if !placement.tiles_of(placement.group(photo)).is_empty() {
+            continue;
+        }
+        progress.check()?;
+        let free = (0..problem.tiles.len()).filter(|&tile| placement.photo(tile).is_none());
+        let best = free
+            .map(|tile| (problem.cost(tile, photo), tile))
+            .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        // there are at least as many tiles as groups, which the caller has checked
+        if let Some((_, tile)) = best {
+            placement.put(tile, Some(photo));
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rules::violations;
+    use proptest::prelude::*;
+
+    fn looks(count: usize, seed: u64) -> Vec<Look> {
+        let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
+        let mut number = move || {
+            state ^= state << 13;
+            state ^= state >> 7;
+            state ^= state << 17;
+            (state >> 40) as f32 / (1u64 << 24) as f32
+        };
+        (0..count)
+            .map(|_| {
+                let mean = [number(), 0.3 * number(), 0.3 * number()];
+                let slope = [0.3 * number(), 0.1 * number(), 0.1 * number()];
+                Look {
+                    coefficients: vec![mean, slope, [0.0; 3]],
+                    quarters: [mean; 4],
+                }
+            })
+            .collect()
+    }
+
+    fn grid(columns: usize, rows: usize, seed: u64) -> Vec<Tile> {
+        looks(columns * rows, seed)
+            .into_iter()
+            .enumerate()
+            .map(|(at, look)| Tile {
+                look,
+                col: 2 * (at % columns),
+                row: 2 * (at / columns),
+                sides: 1,
+            })
+            .collect()
+    }
+
+    fn params(blend: f64) -> ChooseParams {
+        ChooseParams {
+            weights: Weights {
+                degree: 1,
+                detail: 0.5,
+            },
+            blend,
+            ..ChooseParams::default()
+        }
+    }
+
+    /// The least cost of all choices that keep the rules.
+    fn brute_force(tiles: &[Tile], photos: &Photos, rules: &Rules) -> Option<f64> {
+        let centers: Vec<_> = tiles.iter().map(Tile::center).collect();
+        let count = photos.groups.len();
+        let mut best: Option<f64> = None;
+        for code in 0..count.pow(tiles.len() as u32) {
+            let chosen: Vec<u32> = (0..tiles.len())
+                .map(|tile| (code / count.pow(tile as u32) % count) as u32)
+                .collect();
+            if !violations(rules, &centers, &chosen, &photos.groups).is_empty() {
+                continue;
+            }
+            let cost = chosen.iter().zip(tiles).map(|(&photo, tile)| {
+                let query = photos.weights.vector(&tile.look);
+                f64::from(photos.index.distance_sq(&query, photo))
+            });
+            let cost: f64 = cost.sum();
+            best = Some(best.map_or(cost, |best| best.min(cost)));
+        }
+        best
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(60))]
+        #[test]
+        fn no_choice_is_better_than_brute_force_and_limits_on_numbers_are_met_optimally(
+            columns in 1usize..4, rows in 1usize..3, count in 1usize..5, seed in 0u64..100_000,
+            max_uses in proptest::option::of(1u32..4), use_all: bool, spread: bool, twins: bool,
+        ) {
+            let tiles = grid(columns, rows, seed);
+            let mut groups: Vec<u32> = (0..count as u32).collect();
+            if twins && count > 1 {
+                groups[count - 1] = 0;
+            }
+            let photos = Photos::new(&looks(count, seed + 1), groups, params(0.0).weights);
+            let rules = Rules { max_uses, min_repeat_distance: if spread { 1.4 } else { 0.0 }, use_all };
+            let best = brute_force(&tiles, &photos, &rules);
+            match choose(&tiles, &photos, &rules, &params(0.0), &Progress::none()) {
+                Ok(choice) => {
+                    let centers: Vec<_> = tiles.iter().map(Tile::center).collect();
+                    prop_assert_eq!(violations(&rules, &centers, &choice.photos, &photos.groups), Vec::<String>::new());
+                    let best = best.unwrap();
+                    // sums of the same few numbers in another order
+                    prop_assert!(choice.cost >= best - 1e-9 && choice.bound <= best + 1e-9);
+                    if !spread {
+                        prop_assert!((choice.cost - best).abs() < 1e-9, "{} {best}", choice.cost);
+                    }
+                }
+                // greedy may miss a way under a repeat distance, but says so
+                Err(ChooseError::TooNear { .. }) => prop_assert!(spread),
+                Err(_) => prop_assert_eq!(best, None),
+            }
+        }
+
+        #[test]
+        fn the_rules_hold_on_every_mosaic(
+            columns in 6usize..14, rows in 5usize..12, seed in 0u64..100_000,
+            distance in 0.0f64..4.0, max_uses in proptest::option::of(3u32..9), use_all: bool, blend in 0.0f64..1.0,
+        ) {
+            let tiles = grid(columns, rows, seed);
+            // every third photo has a twin
+            let groups: Vec<u32> = (0..60).map(|photo| photo * 3 / 4).collect();
+            let mut order: Vec<u32> = groups.clone();
+            order.dedup();
+            let groups: Vec<u32> = groups
+                .iter()
+                .map(|group| order.iter().position(|other| other == group).unwrap() as u32)
+                .collect();
+            let photos = Photos::new(&looks(60, seed + 1), groups, params(0.0).weights);
+            let rules = Rules { max_uses, min_repeat_distance: distance, use_all };
+            let centers: Vec<_> = tiles.iter().map(Tile::center).collect();
+            match choose(&tiles, &photos, &rules, &params(blend), &Progress::none()) {
+                Ok(choice) => {
+                    prop_assert_eq!(choice.photos.len(), tiles.len());
+                    prop_assert_eq!(violations(&rules, &centers, &choice.photos, &photos.groups), Vec::<String>::new());
+                    prop_assert!(choice.cost >= choice.bound - 1e-6);
+                }
+                Err(ChooseError::TooNear { .. }) => prop_assert!(max_uses.is_some()),
+                Err(ChooseError::TooMany { .. }) => prop_assert!(use_all),
+                Err(error) => prop_assert!(max_uses.is_some(), "{}", error),
+            }
+        }
+    }
+
+    #[test]
+    fn a_planted_photo_gets_its_tile() {
+        let tiles = grid(4, 3, 5);
+        let mut library = looks(300, 6);
+        library[211] = tiles[7].look.clone();
+        let photos = Photos::new(&library, (0..300).collect(), params(0.0).weights);
+        let choice = choose(
+            &tiles,
+            &photos,
+            &Rules::default(),
+            &params(0.0),
+            &Progress::none(),
+        )
+        .unwrap();
+        assert_eq!(choice.photos[7], 211);
+    }
+
+    #[test]
+    fn what_cannot_be_is_said() {
+        let tiles = grid(3, 3, 1);
+        let photos = |count: usize| {
+            Photos::new(
+                &looks(count, 2),
+                (0..count as u32).collect(),
+                params(0.0).weights,
+            )
+        };
+        let run = |photos: &Photos, rules: Rules| {
+            choose(&tiles, photos, &rules, &params(0.0), &Progress::none())
+                .unwrap_err()
+                .to_string()
+        };
+        let rules = Rules::default();
+        assert_eq!(run(&photos(0), rules), "there is no photo to choose from");
+        assert!(
+            run(&photos(1), rules).starts_with("too few photos (1 that differ) to keep repeats 5")
+        );
+        let once = Rules {
+            max_uses: Some(1),
+            ..rules
+        };
+        assert!(run(&photos(8), once).starts_with("9 tiles need more than 8 different photos"));
+        let all = Rules {
+            use_all: true,
+            ..rules
+        };
+        assert!(run(&photos(10), all).starts_with("10 different photos cannot all be used in 9"));
+        let progress = Progress::none();
+        progress.cancel();
+        let cancelled = choose(&tiles, &photos(5), &rules, &params(0.0), &progress);
+        assert_eq!(cancelled, Err(ChooseError::Cancelled(Cancelled)));
+    }
+}

@@ -1,0 +1,67 @@
+//! Genuine image mosaics: pictures made of whole, unchanged photos.
+//!
+//! Seen from afar, a mosaic is the picture; seen from near, it is photos that were scaled and, if asked for, cropped, but
+//! never recolored or overlaid. What makes it so is the choice of the photos alone.
+//!
+//! ```
+//! use ravec_mosaic::{ChooseParams, Frame, Look, Photos, Rules, choose, grid_tiles};
+//! use ravec_progress::Progress;
+//! use ravec_raster::{Image, Oklab, Size, Srgb};
+//!
+//! // twenty "photos", each of one grey, and a picture that fades from black to white
+//! let grey = |value: usize| Image::new(Size::new(8, 8).unwrap(), Srgb([value as u8; 3])).convert::<Oklab>();
+//! let looks: Vec<Look> =
+//!     (0..20).map(|i| grey(13 * i)).map(|photo| Look::of(&photo, Frame::of(&photo), 3)).collect();
+//! let fade = Image::from_fn(Size::new(60, 40)?, |col, _| Srgb([(col * 4) as u8; 3])).convert::<Oklab>();
+//!
+//! let progress = Progress::none();
+//! let params = ChooseParams::default();
+//! let tiles = grid_tiles(&fade, Frame::of(&fade), 6, 4, params.weights.degree, &progress)?;
+//! let photos = Photos::new(&looks, (0..20).collect(), params.weights);
+//! let rules = Rules { max_uses: Some(2), min_repeat_distance: 0.0, ..Rules::default() };
+//! let choice = choose(&tiles, &photos, &rules, &params, &progress)?;
+//! assert!(choice.photos[0] < choice.photos[5], "dark photos on the left");
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! | for | use |
+//! | --- | --- |
+//! | what a photo or a tile looks like | [`Look`], [`Weights`] |
+//! | the nearest photos, exactly | [`PhotoIndex`] |
+//! | photos that are one to the eye | [`near_duplicates`] |
+//! | photos not worth a tile | [`flaw`] |
+//! | tiles of a picture | [`grid_tiles`] |
+//! | which photo goes where | [`choose()`], [`Rules`], [`violations`] |
+//! | a photo as it stands in a tile | [`scaled_photo`], [`Crop`] |
+//!
+//! Guarantees: rules hold or an error says why they cannot; the same choice on any number of threads. Does not guarantee: the
+//! best mosaic under a repeat distance; how far its cost is from a lower bound is told.
+//!
+//! Words: the *look* of a tile is what the eye sees of it from afar. A *group* is photos that are near-duplicates. *Genuine* is
+//! a tile that is the scaled photo, bit for bit.
+//!
+//! # Current status
+//!
+//! Tiles lie on a grid. There are no files here: see `ravec-library`.
+
+mod basis;
+mod choose;
+mod clean;
+mod eye;
+mod grid;
+mod groups;
+mod improve;
+mod look;
+mod optimal;
+mod rules;
+mod search;
+mod tile;
+
+pub use choose::{Choice, ChooseParams, Photos, Tile, choose};
+pub use clean::{Flaw, LEAST_SIDE, flaw};
+pub use grid::grid_tiles;
+pub use groups::{NEAR_DUPLICATE, near_duplicates};
+pub use look::{Frame, Look, MAX_DEGREE, Weights};
+pub use rules::{ChooseError, Rules, violations};
+pub use search::{Near, PhotoIndex};
+pub use tile::{Crop, SAME_PROPORTIONS, scaled_photo};

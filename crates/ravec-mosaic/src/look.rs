@@ -1,0 +1,216 @@
+//! What a tile looks like from afar: polynomial coefficients and the means of its quarters.
+//!
+//! Each channel of Oklab is approximated by a polynomial of bounded total degree in an orthonormal basis. The squared
+//! distance of two approximated tiles, averaged over the tile, is then the squared Euclidean distance of their
+//! coefficients, and coefficients are ordered by degree, so that a prefix gives a lower bound.
+//!
+//! Source: Pavić, v. Ceumern, Kobbelt, "`GIzMOs`: Genuine Image Mosaics with Adaptive Tiling", 2009. We differ in the weights:
+//! the plain distance is not what the eye sees from a distance (see [`Weights`]).
+
+use crate::basis::{Axis, products};
+use ravec_raster::{Image, Oklab};
+
+/// The highest total degree of descriptors.
+pub const MAX_DEGREE: usize = 5;
+
+/// What a tile or a photo looks like from afar, in Oklab.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Look {
+    /// For each product of polynomials, by total degree, the coefficients of the three channels. The first is the mean color.
+    pub coefficients: Vec<[f32; 3]>,
+    /// The mean colors of the quarters: upper left, upper right, lower left, lower right.
+    pub quarters: [[f32; 3]; 4],
+}
+
+/// A part of a picture, in pixels, not necessarily whole ones.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Frame {
+    /// Left border.
+    pub left: f64,
+    /// Upper border.
+    pub top: f64,
+    /// Extent to the right.
+    pub width: f64,
+    /// Extent downwards.
+    pub height: f64,
+}
+
+impl Frame {
+    /// All of an image.
+    pub fn of(image: &Image<Oklab>) -> Self {
+        Self {
+            left: 0.0,
+            top: 0.0,
+            width: image.width() as f64,
+            height: image.height() as f64,
+        }
+    }
+
+    /// The largest frame with the proportions `aspect` (width by height) in the middle of an image of the given size.
+    pub fn centered(width: f64, height: f64, aspect: f64) -> Self {
+        let (w, h) = if width > aspect * height {
+            (aspect * height, height)
+        } else {
+            (width, width / aspect)
+        };
+        Self {
+            left: (width - w) / 2.0,
+            top: (height - h) / 2.0,
+            width: w,
+            height: h,
+        }
+    }
+}
+
+impl Look {
+    /// The look of a part of an image, with polynomials up to a total degree of `degree` (0 to [`MAX_DEGREE`]; more is
+    /// taken as that).
+    pub fn of(image: &Image<Oklab>, frame: Frame, degree: usize) -> Self {
+        let degree = degree.min(MAX_DEGREE);
+        let (right, bottom) = (frame.left + frame.width, frame.top + frame.height);
+        let (columns, rows) = (image.width(), image.height());
+        let across = Axis::polynomials(frame.left, right, columns, degree);
+        let down = Axis::polynomials(frame.top, bottom, rows, degree);
+        let grid = project(image, &across, &down);
+        let mut coefficients = Vec::with_capacity(products(degree));
+        for total in 0..=degree {
+            for j in 0..=total {
+                coefficients.push(grid[j * (degree + 1) + total - j]);
+            }
+        }
+        let halves = (
+            Axis::halves(frame.left, right, columns),
+            Axis::halves(frame.top, bottom, rows),
+        );
+        let quarters = project(image, &halves.0, &halves.1);
+        Self {
+            coefficients,
+            quarters: [quarters[0], quarters[1], quarters[2], quarters[3]],
+        }
+    }
+}
+
+/// The sums over pixels, times the functions across and down: for each function down those across.
+fn project(image: &Image<Oklab>, across: &Axis, down: &Axis) -> Vec<[f32; 3]> {
+    let width = across.functions;
+    let mut result = vec![[0.0f32; 3]; width * down.functions];
+    let mut line = vec![[0.0f32; 3]; width];
+    for (row, down) in (down.first..).zip(down.pixels()) {
+        line.fill([0.0; 3]);
+        for (pixel, weights) in image.row(row)[across.first..].iter().zip(across.pixels()) {
+            for (sum, weight) in line.iter_mut().zip(weights) {
+                for (sum, value) in sum.iter_mut().zip(pixel.0) {
+                    *sum += weight * value;
+                }
+            }
+        }
+        for (sums, weight) in result.chunks_exact_mut(width).zip(down) {
+            for (sums, line) in sums.iter_mut().zip(&line) {
+                for (sum, value) in sums.iter_mut().zip(line) {
+                    *sum += weight * value;
+                }
+            }
+        }
+    }
+    result
+}
+
+/// How much each degree counts when looks are compared.
+///
+/// From afar the eye sees the mean color of a tile well, its slope less, and finer structure not at all; so weights fall
+/// with the degree.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Weights {
+    /// The highest total degree that counts, 0 to [`MAX_DEGREE`].
+    pub degree: usize,
+    /// From 0, only colors count, for posters that are seen from afar, to 1, structure counts as much as color.
+    pub detail: f64,
+}
+
+impl Weights {
+    /// The factor on coefficients of a total degree: the square root of its weight in a squared distance.
+    pub fn factor(&self, total: usize) -> f32 {
+        self.detail.clamp(0.0, 1.0).powf(total as f64 / 2.0) as f32
+    }
+
+    /// The coefficients of a look as one vector whose Euclidean distance is the weighted one.
+    pub fn vector(&self, look: &Look) -> Vec<f32> {
+        let mut vector = Vec::with_capacity(3 * products(self.degree));
+        for total in 0..=self.degree.min(MAX_DEGREE) {
+            let factor = self.factor(total);
+            let range = products(total) - total - 1..products(total);
+            for coefficient in look.coefficients.get(range).unwrap_or_default() {
+                vector.extend(coefficient.map(|value| factor * value));
+            }
+        }
+        vector
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ravec_raster::Size;
+
+    fn ramp(width: usize, height: usize) -> Image<Oklab> {
+        Image::from_fn(Size::new(width, height).unwrap(), |col, row| {
+            let (x, y) = (col as f32 + 0.5, row as f32 + 0.5);
+            Oklab([x / width as f32, y / height as f32, 0.25])
+        })
+    }
+
+    #[test]
+    fn the_squared_length_is_the_mean_square_of_a_polynomial() {
+        // a ramp from 0 to 1 has the mean 1/2 and the mean square 1/3; steps of a hundredth take off 1e-5
+        let image = ramp(100, 100);
+        let look = Look::of(&image, Frame::of(&image), 3);
+        let length: f32 = look.coefficients.iter().map(|c| c[0] * c[0]).sum();
+        assert!((length - 1.0 / 3.0).abs() < 1e-4, "{length}");
+        let close = |a: [f32; 3], b: [f32; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-4);
+        assert!(close(look.coefficients[0], [0.5, 0.5, 0.25]));
+        assert!(close(look.quarters[1], [0.75, 0.25, 0.25]));
+    }
+
+    #[test]
+    fn a_frame_sees_what_its_crop_would_see() {
+        let image = ramp(60, 40);
+        let crop = image.crop(12, 8, Size::new(24, 16).unwrap()).unwrap();
+        let frame = Frame {
+            left: 12.0,
+            top: 8.0,
+            width: 24.0,
+            height: 16.0,
+        };
+        let (a, b) = (
+            Look::of(&image, frame, 5),
+            Look::of(&crop, Frame::of(&crop), 5),
+        );
+        for (a, b) in a
+            .coefficients
+            .iter()
+            .flatten()
+            .zip(b.coefficients.iter().flatten())
+        {
+            assert!((a - b).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn lower_degrees_are_a_prefix() {
+        let image = ramp(30, 30);
+        let look = Look::of(&image, Frame::of(&image), 5);
+        let vector = |degree| {
+            Weights {
+                degree,
+                detail: 0.5,
+            }
+            .vector(&look)
+        };
+        let long = vector(5);
+        for degree in 0..5 {
+            let short = vector(degree);
+            assert_eq!(short.len(), 3 * (degree + 1) * (degree + 2) / 2);
+            assert_eq!(long[..short.len()], short);
+        }
+    }
+}
