@@ -63,7 +63,7 @@ Examples:
   ravec complete photo.jpg --mask mask.png -o without.png --plane 10,8,110,20,108,70,12,80
   ravec complete photo.jpg --mask mask.png -o without.png --engine fragments --steps steps.json
   ravec complete photo.jpg --mask mask.png -o without.png --replay steps.json
-  ravec complete photo.jpg --mask mask.png -o without.png --target 70,50 --radius 24 --source noisy.jpg
+  ravec complete photo.jpg --mask mask.png -o without.png --target 70,50 --source noisy.jpg
 
 Points are in pixels, x right, y down; the centre of the first pixel is (0.5, 0.5). Pixels that are not masked stay as they are, \
 bit for bit.

@@ -90,8 +90,8 @@ Figures: usable, landscape, portrait, square, unreadable, dropped, bytes (of all
 pub const MOSAIC: &str = concat!(
     "\
 Examples:
-  ravec mosaic photo.jpg --catalogue photos.ravec -o mosaic.png --tiles 6x4 --tile-size 32 --crop center --min-repeat-distance 2
-  ravec mosaic photo.jpg --catalogue photos.ravec -o mosaic.jpg --tiles 5 --tile-size 32x24 --min-repeat-distance 0
+  ravec mosaic photo.jpg --catalogue photos.ravec -o mosaic.png --tiles 4x3 --crop center
+  ravec mosaic photo.jpg --catalogue photos.ravec -o mosaic.jpg --tiles 3 --tile-size 32x24
 
 Photos are scaled, and with --crop center cut to the proportions of a tile; they are never recolored or overlaid. Near-duplicates \
 count as one photo. The mosaic is written row by row and may be much larger than the memory; TIFF files beyond 4 GiB become BigTIFF.
