@@ -60,6 +60,11 @@ const CRATES: &[Crate] = &[
         uses: &["ravec-mesh", "ravec-octree", "ravec-progress"],
     },
     Crate {
+        name: "ravec-boolean",
+        layer: "systems",
+        uses: &["ravec-mesh", "ravec-progress"],
+    },
+    Crate {
         name: "ravec-completion",
         layer: "systems",
         uses: &["ravec-planar", "ravec-raster", "ravec-progress"],

@@ -1,0 +1,13 @@
+//! Boolean expressions over any triangle meshes, exact where they meet.
+//!
+//! Each mesh stands for the places that it winds around. All triangles are cut along their intersections with exact
+//! arithmetic; each piece then has the winding numbers of all meshes on its two sides, the expression says which sides are
+//! inside, and the pieces between inside and outside are the result. Triangles that meet no others come out as they
+//! went in, bit for bit.
+
+mod closing;
+mod expr;
+mod params;
+
+pub use expr::{Expr, ParseExprError};
+pub use params::{Boolean, BooleanError, BooleanParams, BooleanReport, Inside, OperandReport, Origin};

@@ -1,0 +1,136 @@
+//! What is asked for and what comes back.
+
+use ravec_mesh::TriMesh;
+use serde::{Deserialize, Serialize};
+
+/// Which places a mesh stands for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Inside {
+    /// Those with a generalised winding number above one half, which is a positive one wherever the mesh is closed.
+    #[default]
+    Positive,
+    /// Those that are wound around in either direction: for meshes with parts that are inside out.
+    Nonzero,
+    /// Those that cannot be reached from outside: cavities are filled, directions do not matter.
+    OuterHull,
+}
+
+/// How meshes are combined.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct BooleanParams {
+    /// Which places each mesh stands for.
+    pub inside: Inside,
+    /// The most memory to use, in bytes; no limit if not given.
+    pub memory_bytes: Option<u64>,
+}
+
+/// Where a triangle of the result comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Origin {
+    /// Index of the mesh.
+    pub mesh: u32,
+    /// Index of the triangle in that mesh; none for a triangle that closes a hole of it.
+    pub triangle: Option<u32>,
+    /// Whether it is seen from its other side in the result.
+    pub reversed: bool,
+    /// Whether it is that triangle, whole and unchanged, and not a piece of it.
+    pub whole: bool,
+}
+
+/// What was found out about one of the meshes.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct OperandReport {
+    /// Triangles that came in.
+    pub triangles: u64,
+    /// Whether each edge is used as often in one direction as in the other, at the exact places of the vertices.
+    pub closed: bool,
+    /// Whether no edge is used twice in one direction by two triangles that could be turned to agree.
+    pub oriented: bool,
+    /// Pairs of its triangles that meet where they should not.
+    pub self_intersections: u64,
+    /// Triangles without area, which were left out.
+    pub degenerate_triangles: u64,
+    /// Triangles that were added to close holes and seams.
+    pub closing_triangles: u64,
+    /// Connected parts of it that are inside out and in no other part.
+    pub reversed_parts: u64,
+    /// What was assumed about it, in sentences; empty for a clean solid.
+    pub assumptions: Vec<String>,
+}
+
+/// What was done, and what holds for the result.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct BooleanReport {
+    /// One entry for each mesh, in their order.
+    pub operands: Vec<OperandReport>,
+    /// Meshes that the expression or their places made superfluous.
+    pub pruned: Vec<u32>,
+    /// Triangles of the result.
+    pub triangles: u64,
+    /// Those of them that are triangles of a mesh, whole and unchanged but for their direction.
+    pub kept_triangles: u64,
+    /// Pairs of triangles that cross or overlap.
+    pub intersecting_pairs: u64,
+    /// Rounds of mending after rounding to double precision; 0 if the rounded result was sound at once.
+    pub mending_rounds: u32,
+    /// Pairs of triangles of the result that meet where they should not: 0 unless mending failed.
+    pub self_intersections: u64,
+    /// Whether the result is closed, manifold and consistently oriented.
+    pub solid: bool,
+    /// Volume inside the result.
+    pub volume: f64,
+}
+
+/// The result of an expression.
+#[derive(Debug, Clone)]
+pub struct Boolean {
+    /// Its surface; triangles are counterclockwise seen from outside. Empty if nothing is inside.
+    pub mesh: TriMesh,
+    /// For each triangle where it comes from.
+    pub origins: Vec<Origin>,
+    /// Edges along which surfaces of the result were cut, as pairs of vertices.
+    pub feature_edges: Vec<[u32; 2]>,
+    /// What holds for it.
+    pub report: BooleanReport,
+}
+
+/// Why there is no result.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum BooleanError {
+    /// The expression names a mesh that is not there.
+    #[error("the expression speaks of mesh {mesh}, but there are only {meshes}")]
+    NoSuchMesh {
+        /// The index that it names.
+        mesh: usize,
+        /// How many there are.
+        meshes: usize,
+    },
+    /// A coordinate is too large or too small for exact arithmetic.
+    #[error("mesh {mesh} has coordinates as large as {largest:e}: more than 1e30 is too much for exact arithmetic; scale the meshes first")]
+    OutOfRange {
+        /// Index of the mesh.
+        mesh: usize,
+        /// The largest coordinate by size.
+        largest: f64,
+    },
+    /// More memory is needed than was allowed.
+    #[error("this needs about {needed} bytes of memory, but only {allowed} are allowed")]
+    OutOfMemory {
+        /// Bytes needed.
+        needed: u64,
+        /// Bytes allowed.
+        allowed: u64,
+    },
+    /// The caller cancelled.
+    #[error("cancelled")]
+    Cancelled,
+}
+
+impl From<ravec_progress::Cancelled> for BooleanError {
+    fn from(_: ravec_progress::Cancelled) -> Self {
+        Self::Cancelled
+    }
+}
