@@ -9,5 +9,5 @@ mod closing;
 mod expr;
 mod params;
 
-pub use expr::{Expr, ParseExprError};
+pub use expr::{Expr, Known, ParseExprError};
 pub use params::{Boolean, BooleanError, BooleanParams, BooleanReport, Inside, OperandReport, Origin};
