@@ -6,6 +6,7 @@
 //! went in, bit for bit.
 
 mod closing;
+mod examine;
 mod expr;
 mod params;
 
