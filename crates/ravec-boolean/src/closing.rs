@@ -72,13 +72,8 @@ pub(crate) fn close(mesh: &TriMesh, progress: &Progress) -> Result<Closing, Canc
     }
     let at = |v: u32| mesh.positions()[v as usize];
     let diagonal = mesh.bounds().diagonal();
-    let Seams { edges, widest } = close_seams(
-        &mut chain,
-        &at,
-        diagonal,
-        &mut closing.triangles,
-        progress,
-    )?;
+    let Seams { edges, widest } =
+        close_seams(&mut chain, &at, diagonal, &mut closing.triangles, progress)?;
     closing.seam_edges = edges;
     closing.seam_width = widest;
     let loops = simple_loops(&chain, &at, progress)?;

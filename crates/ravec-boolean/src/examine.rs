@@ -5,9 +5,10 @@
 use glam::DVec3;
 use ravec_mesh::{Bvh, TriMesh, WindingNumbers, on_one_line};
 use ravec_progress::{Cancelled, Progress};
+use rustc_hash::FxHashMap;
 
-use crate::params::OperandReport;
 use crate::closing::Closing;
+use crate::params::OperandReport;
 
 /// Triangles between two looks at the progress: some milliseconds.
 const STRIDE: usize = 1 << 16;
@@ -64,7 +65,12 @@ struct Reversed {
 struct Part {
     volume: f64,
     area: f64,
-    triangles: u32,
+}
+
+impl Part {
+    fn is_negative(&self) -> bool {
+        self.volume < -SOLID_REL * self.area.powf(1.5)
+    }
 }
 
 fn reversed_parts(
@@ -78,12 +84,11 @@ fn reversed_parts(
         if i % STRIDE == 0 {
             progress.check()?;
         }
-        let a = root(&mut group, a);
+        let mut own = root(&mut group, a);
         for other in [b, c] {
             let other = root(&mut group, other);
-            // the lower one stays, so that a's root is found again
-            let (low, high) = (a.min(other), a.max(other));
-            group[high as usize] = low;
+            group[own.max(other) as usize] = own.min(other);
+            own = own.min(other);
         }
     }
     let origin = mesh.bounds().center();
@@ -98,20 +103,26 @@ fn reversed_parts(
         let part = &mut parts[own as usize];
         part.volume += a.dot(b.cross(c)) / 6.0;
         part.area += 0.5 * (b - a).cross(c - a).length();
-        part.triangles += 1;
         of_triangle.push(own);
     }
-    let is_negative = |part: &Part| part.volume < -SOLID_REL * part.area.powf(1.5);
-    if !parts.iter().any(is_negative) {
+    if !parts.iter().any(Part::is_negative) {
         return Ok(Vec::new());
     }
+    join_by_place(mesh, &mut group, &mut parts);
+    for own in &mut of_triangle {
+        *own = root(&mut group, *own);
+    }
     // some triangles of each part that is negative
-    let mut samples: Vec<Vec<DVec3>> = vec![Vec::new(); parts.len()];
+    let mut samples: Vec<Vec<[DVec3; 2]>> = vec![Vec::new(); parts.len()];
     for (t, &own) in all().zip(&of_triangle) {
         let samples = &mut samples[own as usize];
-        if is_negative(&parts[own as usize]) && samples.len() < SAMPLES {
-            let middle: DVec3 = t.iter().map(|&v| mesh.positions()[v as usize]).sum();
-            samples.push(middle / 3.0);
+        if parts[own as usize].is_negative() && samples.len() < SAMPLES {
+            let [a, b, c] = t.map(|v| mesh.positions()[v as usize]);
+            // a thousandth of the triangle's size away from it on either side
+            let normal = (b - a).cross(c - a);
+            let away = 1e-3 * normal.normalize_or_zero() * normal.length().sqrt();
+            let middle = (a + b + c) / 3.0;
+            samples.push([middle - away, middle + away]);
         }
     }
     let closed = [mesh.triangles(), &closing.triangles].concat();
@@ -122,17 +133,47 @@ fn reversed_parts(
     let mut reversed = Vec::new();
     for (part, samples) in parts.iter().zip(samples) {
         progress.check()?;
-        // on the surface of a part that winds −1 in itself it winds −½, and what is around it adds to that
-        let outside = samples.iter().filter(|p| winding.at(**p) < 0.0).count();
+        // on the surface of a part that winds −1 in itself it winds −½ on average, and what is around it adds to that
+        let is_outside =
+            |sides: &&[DVec3; 2]| sides.map(|p| winding.at(p)).iter().sum::<f64>() < 0.0;
+        let outside = samples.iter().filter(is_outside).count();
         if 2 * outside > samples.len() {
             reversed.push(Reversed {
                 volume: part.volume,
-                at: samples[0],
+                at: samples[0][0],
             });
         }
     }
     reversed.sort_by(|a, b| a.volume.total_cmp(&b.volume));
     Ok(reversed)
+}
+
+/// Makes parts one of which one is negative and that have a vertex at the same place: specks at a surface belong to it.
+fn join_by_place(mesh: &TriMesh, group: &mut [u32], parts: &mut [Part]) {
+    let place = |v: u32| {
+        let at = mesh.positions()[v as usize].to_array();
+        at.map(|x| (x + 0.0).to_bits())
+    };
+    let vertices = || 0..mesh.positions().len() as u32;
+    let mut negative: FxHashMap<[u64; 3], u32> = FxHashMap::default();
+    for v in vertices() {
+        if parts[root(group, v) as usize].is_negative() {
+            negative.entry(place(v)).or_insert(v);
+        }
+    }
+    for v in vertices() {
+        let Some(&other) = negative.get(&place(v)) else {
+            continue;
+        };
+        let (a, b) = (root(group, v), root(group, other));
+        if a != b {
+            let gone = std::mem::take(&mut parts[a.max(b) as usize]);
+            let kept = &mut parts[a.min(b) as usize];
+            kept.volume += gone.volume;
+            kept.area += gone.area;
+            group[a.max(b) as usize] = a.min(b);
+        }
+    }
 }
 
 /// So many triangles of a part say whether it is in another: a few may lie on a border.
@@ -159,9 +200,19 @@ fn assumptions(closing: &Closing, degenerate: u64, reversed: &[Reversed]) -> Vec
     }
     for (bands, one, many, how) in [
         (false, "hole", "holes", "closed by a surface of least area"),
-        (true, "gap between borders", "gaps between borders", "closed by a band"),
+        (
+            true,
+            "gap between borders",
+            "gaps between borders",
+            "closed by a band",
+        ),
     ] {
-        let of_kind = || closing.holes.iter().filter(|hole| (hole.loops > 1) == bands);
+        let of_kind = || {
+            closing
+                .holes
+                .iter()
+                .filter(|hole| (hole.loops > 1) == bands)
+        };
         let widest = of_kind().max_by(|a, b| a.width.total_cmp(&b.width));
         if let Some(widest) = widest {
             let count = of_kind().count() as u64;

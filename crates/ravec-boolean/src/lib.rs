@@ -11,4 +11,6 @@ mod expr;
 mod params;
 
 pub use expr::{Expr, Known, ParseExprError};
-pub use params::{Boolean, BooleanError, BooleanParams, BooleanReport, Inside, OperandReport, Origin};
+pub use params::{
+    Boolean, BooleanError, BooleanParams, BooleanReport, Inside, OperandReport, Origin,
+};

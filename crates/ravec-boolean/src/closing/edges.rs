@@ -82,7 +82,9 @@ fn first_at_place(chain: &Chain, positions: &[DVec3]) -> FxHashMap<u32, u32> {
     let mut first = FxHashMap::default();
     for v in vertices {
         // −0 is the same place as 0
-        let place = positions[v as usize].to_array().map(|x| (x + 0.0).to_bits());
+        let place = positions[v as usize]
+            .to_array()
+            .map(|x| (x + 0.0).to_bits());
         let lowest = *seen.entry(place).or_insert(v);
         if lowest != v {
             first.insert(v, lowest);

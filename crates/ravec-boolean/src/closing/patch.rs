@@ -148,14 +148,24 @@ mod tests {
     fn a_long_loop_is_filled_like_a_short_one() {
         for n in [3, 100, 101, 150, 1000, 12345] {
             let polygon: Vec<_> = (0..n)
-                .map(|i| DVec3::new((TAU * i as f64 / n as f64).cos(), (TAU * i as f64 / n as f64).sin(), 0.0))
+                .map(|i| {
+                    DVec3::new(
+                        (TAU * i as f64 / n as f64).cos(),
+                        (TAU * i as f64 / n as f64).sin(),
+                        0.0,
+                    )
+                })
                 .collect();
             let patch = fill(&polygon);
             let mut sides: Vec<_> = (0..n as u32).map(|i| [i, (i + 1) % n as u32]).collect();
             sides.sort_unstable();
             assert_eq!(boundary(&patch.triangles), sides);
             let area = 0.5 * n as f64 * (TAU / n as f64).sin();
-            assert!((patch.area - area).abs() < 1e-9, "{n}: {} and not {area}", patch.area);
+            assert!(
+                (patch.area - area).abs() < 1e-9,
+                "{n}: {} and not {area}",
+                patch.area
+            );
         }
     }
 }

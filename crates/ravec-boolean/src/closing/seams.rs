@@ -51,7 +51,11 @@ pub(super) fn close_seams(
             break;
         }
         for snapped in snap(chain, at, width, progress)? {
-            let Snapped { loop_, count, apart } = snapped;
+            let Snapped {
+                loop_,
+                count,
+                apart,
+            } = snapped;
             seams.edges += 1;
             seams.widest = seams.widest.max(apart);
             let places: Vec<_> = loop_.iter().map(|&v| at(v)).collect();
@@ -114,7 +118,14 @@ fn snap(
     let ways: Vec<Vec<u32>> = edges
         .iter()
         .enumerate()
-        .map(|(i, &(edge, _))| way(edge.map(named), over.remove(&i).unwrap_or_default(), at, width))
+        .map(|(i, &(edge, _))| {
+            way(
+                edge.map(named),
+                over.remove(&i).unwrap_or_default(),
+                at,
+                width,
+            )
+        })
         .collect();
     // how often each piece is used upward and downward
     let mut uses: BTreeMap<[u32; 2], [i64; 2]> = BTreeMap::new();

@@ -46,7 +46,9 @@ pub enum ParseExprError {
         at: usize,
     },
     /// A character that is no part of any expression.
-    #[error("`{found}` is no part of an expression: names are letters, digits and underscores, operators | & - ^")]
+    #[error(
+        "`{found}` is no part of an expression: names are letters, digits and underscores, operators | & - ^"
+    )]
     Stray {
         /// Where.
         at: usize,
@@ -134,7 +136,10 @@ impl Expr {
             found.ok_or_else(|| ParseExprError::UnknownName {
                 at,
                 name: name.to_owned(),
-                known: names.iter().map(|known| known.as_ref().to_owned()).collect(),
+                known: names
+                    .iter()
+                    .map(|known| known.as_ref().to_owned())
+                    .collect(),
             })
         })
     }

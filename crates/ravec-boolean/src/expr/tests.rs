@@ -64,9 +64,15 @@ fn chains_of_an_operator_are_one_node() {
     let [a, b, c, d] = [0, 1, 2, 3].map(Expr::Mesh);
     assert_eq!(
         parsed("a - b & c & d"),
-        Expr::Difference(vec![a.clone(), Expr::Intersection(vec![b.clone(), c.clone(), d.clone()])])
+        Expr::Difference(vec![
+            a.clone(),
+            Expr::Intersection(vec![b.clone(), c.clone(), d.clone()])
+        ])
     );
-    assert_eq!(parsed("a ^ b ^ c ^ d"), Expr::SymmetricDifference(vec![a, b, c, d]));
+    assert_eq!(
+        parsed("a ^ b ^ c ^ d"),
+        Expr::SymmetricDifference(vec![a, b, c, d])
+    );
 }
 
 #[test]
@@ -94,7 +100,10 @@ fn errors_say_where_and_what() {
         ("a | 'x", 4, "`'` is no part"),
         ("a | foo", 4, "no mesh named `foo` (there are a, b)"),
     ] {
-        let error = Expr::parse_with(text, &["a", "b", "bc"][..if text.contains("bc") { 3 } else { 2 }]);
+        let error = Expr::parse_with(
+            text,
+            &["a", "b", "bc"][..if text.contains("bc") { 3 } else { 2 }],
+        );
         let error = error.unwrap_err();
         assert_eq!(error.at(), at, "{text}: {error}");
         assert!(error.to_string().contains(words), "{text}: {error}");
@@ -110,9 +119,15 @@ fn the_caret_counts_characters_and_not_bytes() {
 #[test]
 fn deep_texts_are_refused_and_long_ones_are_not() {
     let deep = "(".repeat(100_000) + "a";
-    assert!(matches!(Expr::parse(&deep), Err(ParseExprError::TooDeep { at: 200 })));
+    assert!(matches!(
+        Expr::parse(&deep),
+        Err(ParseExprError::TooDeep { at: 200 })
+    ));
     let alternating = "a-b|".repeat(100_000) + "a";
-    assert!(matches!(Expr::parse(&alternating), Err(ParseExprError::TooDeep { .. })));
+    assert!(matches!(
+        Expr::parse(&alternating),
+        Err(ParseExprError::TooDeep { .. })
+    ));
     let long = "a|".repeat(100_000) + "a";
     assert_eq!(Expr::parse(&long).unwrap().0.flattened(), Expr::Mesh(0));
 }
@@ -153,7 +168,11 @@ fn what_boxes_keep_apart_is_left_out() {
         ("a - (b | c - d)", "a - c"),
         ("(a | b - c) & b", "b & b"),
     ] {
-        assert_eq!(parsed(text).pruned(&bounds), parsed(pruned).flattened(), "{text}");
+        assert_eq!(
+            parsed(text).pruned(&bounds),
+            parsed(pruned).flattened(),
+            "{text}"
+        );
     }
     assert!(parsed("a & b").pruned(&bounds).is_nothing());
     assert!(parsed("d - a").pruned(&bounds).is_nothing());
