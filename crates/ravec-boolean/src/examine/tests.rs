@@ -45,7 +45,7 @@ fn a_hollow_solid_is_not_inside_out_but_a_part_beside_it_is() {
     let report = examined(&beside);
     assert_eq!(report.reversed_parts, 1);
     assert!(
-        report.assumptions[0].starts_with("1 part is inside out (with a volume of -3.659 near (5"),
+        report.assumptions[0].starts_with("1 part is inside out (with a volume of -4.047 near (4"),
         "{:?}",
         report.assumptions
     );
