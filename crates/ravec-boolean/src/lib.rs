@@ -5,11 +5,17 @@
 //! inside, and the pieces between inside and outside are the result. Triangles that meet no others come out as they
 //! went in, bit for bit.
 
+mod arrangement;
+mod boolean;
 mod closing;
 mod examine;
 mod expr;
+mod finish;
+mod mend;
 mod params;
+mod select;
 
+pub use boolean::boolean;
 pub use expr::{Expr, Known, ParseExprError};
 pub use params::{
     Boolean, BooleanError, BooleanParams, BooleanReport, Inside, OperandReport, Origin,

@@ -32,7 +32,7 @@ pub use hausdorff::{
     Hausdorff, HausdorffError, HausdorffParams, OneSided, distances_to, hausdorff, vertex_distances,
 };
 pub use measures::{Measures, SideLengths, measure};
-pub use predicates::{Sign, on_one_line, orient2d, orient3d};
+pub use predicates::{OrientedPlane, Sign, on_one_line, orient2d, orient3d};
 pub use relax::{Facet, RelaxJudge, Relaxed, relax};
 pub use self_intersection::{
     IntersectingPair, SelfIntersections, for_each_self_intersection, intersections_with,

@@ -77,7 +77,7 @@ const FILTER: f64 = 6e-15;
 
 /// The plane through three points, prepared to say exactly on which side other points lie.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct OrientedPlane {
+pub struct OrientedPlane {
     a: DVec3,
     b: DVec3,
     c: DVec3,
@@ -86,8 +86,9 @@ pub(crate) struct OrientedPlane {
 }
 
 impl OrientedPlane {
+    /// The plane through `a`, `b` and `c`, which run counter-clockwise as seen from its positive side.
     #[inline]
-    pub(crate) fn through(a: DVec3, b: DVec3, c: DVec3) -> Self {
+    pub fn through(a: DVec3, b: DVec3, c: DVec3) -> Self {
         let (e, f) = (b - a, c - a);
         Self {
             a,
@@ -100,7 +101,7 @@ impl OrientedPlane {
 
     /// Positive on the side from which the three points run counter-clockwise.
     #[inline]
-    pub(crate) fn side(&self, d: DVec3) -> Sign {
+    pub fn side(&self, d: DVec3) -> Sign {
         let p = d - self.a;
         let det = self.normal.dot(p);
         let bound = self.scale * p.abs().max_element();
@@ -115,13 +116,13 @@ impl OrientedPlane {
 
     /// Whether the three points are on one line.
     #[inline]
-    pub(crate) fn is_degenerate(&self) -> bool {
+    pub fn is_degenerate(&self) -> bool {
         // a component of the cross product has two products with four roundings each: 1/6 of the bound above
         self.normal.abs().max_element() <= self.scale && on_one_line(self.a, self.b, self.c)
     }
 
     /// A rounded normal, of the length of twice the area.
-    pub(crate) fn normal(&self) -> DVec3 {
+    pub fn normal(&self) -> DVec3 {
         self.normal
     }
 }

@@ -1,9 +1,10 @@
 //! What is written is what is read, in every format.
 
+use glam::DVec3;
 use proptest::prelude::*;
 use ravec_mesh::{
     LengthUnit, MeshFile, MeshFormat, Precision, ReadMeshError, ReadOptions, ReadWarning, TriMesh,
-    WriteMeshError, WriteOptions, read_mesh, weld, write_mesh,
+    WriteMeshError, WriteOptions, read_mesh, weld, write_colored_mesh, write_mesh,
 };
 use ravec_progress::Progress;
 

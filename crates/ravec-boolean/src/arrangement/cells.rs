@@ -1,0 +1,459 @@
+//! The spaces between the pieces, and how often each mesh winds around them.
+//!
+//! Pieces that meet in an edge where no others do belong to one patch; both sides of a patch look into one cell each. Where
+//! more than two meet, neighbors in the order around the edge look into the same cell. That leaves parts of the surface
+//! which touch no others; a ray from each, along an axis and clear of all edges, says what lies between them and the outside. From
+//! there winding numbers are counted through the patches.
+//!
+//! Source: Zhou, Grinspun, Zorin and Jacobson, "Mesh arrangements for solid geometry", 2016.
+//!
+//! Guarantees: if every mesh has no boundary, winding numbers are those of the exact input. If one has, numbers depend on
+//! the way by which a cell is reached. Cost: linear in the pieces, and a ray for each connected part.
+
+use std::collections::VecDeque;
+
+use glam::{DVec2, DVec3};
+use ravec_mesh::{Aabb, Bvh, Sign};
+use ravec_progress::{Cancelled, Progress};
+
+use super::contact::{flat, view};
+use super::cut::Pieces;
+use super::edges::{Edges, NONE, Use};
+use super::point::{Definition, Point, orient2d};
+
+/// Weights of the corners for the places in a piece from which rays are tried, one after the other, where one meets an
+/// edge. In general position the first does; the others are for grids.
+const WEIGHTS: [[f64; 3]; 6] = [
+    [0.371, 0.318, 0.311],
+    [0.523, 0.231, 0.246],
+    [0.219, 0.537, 0.244],
+    [0.253, 0.219, 0.528],
+    [0.437, 0.411, 0.152],
+    [0.117, 0.443, 0.440],
+];
+
+/// A side of a piece.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Side {
+    /// Where its corners are seen counter-clockwise.
+    Front,
+    /// The other.
+    Back,
+}
+
+impl Side {
+    fn other(self) -> Self {
+        match self {
+            Self::Front => Self::Back,
+            Self::Back => Self::Front,
+        }
+    }
+}
+
+/// Pieces that see the same cells.
+struct Patch {
+    /// The cells in front and behind.
+    cells: [u32; 2],
+    /// How the winding numbers of meshes grow from front to back.
+    change: Vec<(u32, i32)>,
+}
+
+/// The cells of a soup in pieces. Cell 0 is the outside.
+pub(crate) struct Cells {
+    patches: Vec<Patch>,
+    /// For each piece its patch, and whether it is turned against it.
+    patch_of: Vec<(u32, bool)>,
+    meshes: usize,
+    /// Winding numbers of all meshes, cell by cell.
+    winding: Vec<i32>,
+    /// The edges of the pieces that matter.
+    pub edges: Edges,
+}
+
+/// Sets that are united step by step.
+struct Unions(Vec<u32>);
+
+impl Unions {
+    fn new(count: usize) -> Self {
+        Self((0..count as u32).collect())
+    }
+
+    fn root(&mut self, mut at: u32) -> u32 {
+        while self.0[at as usize] != at {
+            let above = self.0[self.0[at as usize] as usize];
+            self.0[at as usize] = above;
+            at = above;
+        }
+        at
+    }
+
+    fn unite(&mut self, a: u32, b: u32) {
+        let (a, b) = (self.root(a), self.root(b));
+        self.0[a.max(b) as usize] = a.min(b);
+    }
+}
+
+/// How winding numbers grow from the front of a piece to its back, meshes ascending and none unchanged.
+fn change(pieces: &Pieces, piece: u32) -> Vec<(u32, i32)> {
+    let cover = pieces.pieces[piece as usize].cover.iter();
+    let mut list: Vec<(u32, i32)> = cover
+        .map(|(triangle, same)| {
+            let mesh = pieces.soup.sources[triangle as usize].mesh;
+            (mesh, if same { 1 } else { -1 })
+        })
+        .collect();
+    list.sort_unstable_by_key(|&(mesh, _)| mesh);
+    let mut merged: Vec<(u32, i32)> = Vec::with_capacity(list.len());
+    for (mesh, by) in list {
+        match merged.last_mut() {
+            Some(last) if last.0 == mesh => last.1 += by,
+            _ => merged.push((mesh, by)),
+        }
+    }
+    merged.retain(|&(_, by)| by != 0);
+    merged
+}
+
+/// The node of a side of a patch: node 0 is the outside.
+fn node(patch: (u32, bool), side: Side) -> u32 {
+    let back = (side == Side::Back) != patch.1;
+    1 + 2 * patch.0 + u32::from(back)
+}
+
+/// The side that is met when turning on from a piece at an edge.
+fn side_ahead(one: Use) -> Side {
+    if one.forward { Side::Front } else { Side::Back }
+}
+
+impl Cells {
+    /// Finds the cells. `bvh` holds the triangles of the soup.
+    ///
+    /// # Errors
+    /// [`Cancelled`] soon after `progress` is.
+    pub fn of(pieces: &Pieces, bvh: &Bvh, progress: &Progress) -> Result<Self, Cancelled> {
+        let matters: Vec<bool> = (0..pieces.pieces.len() as u32)
+            .map(|piece| match &pieces.pieces[piece as usize].cover {
+                super::cut::Cover::One(_) => true,
+                super::cut::Cover::Several(_) => !change(pieces, piece).is_empty(),
+            })
+            .collect();
+        let edges = Edges::of(pieces, |piece| matters[piece as usize]);
+        progress.check()?;
+        let (patch_of, firsts) = patches(pieces, &edges, &matters);
+        let mut sides = Unions::new(1 + 2 * firsts.len());
+        let mut parts = Unions::new(firsts.len());
+        for (_, uses) in &edges.junctions {
+            for (i, &one) in uses.iter().enumerate() {
+                let next = uses[(i + 1) % uses.len()];
+                let [p, q] = [one, next].map(|u| patch_of[u.piece as usize]);
+                sides.unite(node(p, side_ahead(one)), node(q, side_ahead(next).other()));
+                parts.unite(p.0, q.0);
+            }
+        }
+        progress.check()?;
+        let mut rays = Rays {
+            pieces,
+            bvh,
+            bounds: bvh.bounds(),
+            patch_of: &patch_of,
+            sides: &mut sides,
+        };
+        rays.cast(&mut parts, progress)?;
+
+        let mut cell_of_root = vec![NONE; sides.0.len()];
+        let outside = sides.root(0);
+        cell_of_root[outside as usize] = 0;
+        let mut count = 1;
+        let mut cell = |node: u32| {
+            let slot = &mut cell_of_root[sides.root(node) as usize];
+            if *slot == NONE {
+                *slot = count;
+                count += 1;
+            }
+            *slot
+        };
+        let patches: Vec<Patch> = firsts
+            .iter()
+            .enumerate()
+            .map(|(patch, &first)| Patch {
+                cells: [Side::Front, Side::Back].map(|s| cell(node((patch as u32, false), s))),
+                change: change(pieces, first),
+            })
+            .collect();
+        let mut cells = Self {
+            patches,
+            patch_of,
+            meshes: pieces.soup.meshes,
+            winding: vec![0; count as usize * pieces.soup.meshes],
+            edges,
+        };
+        cells.count_windings(count as usize);
+        Ok(cells)
+    }
+
+    fn count_windings(&mut self, count: usize) {
+        let mut patches_at: Vec<Vec<u32>> = vec![Vec::new(); count];
+        for (index, patch) in self.patches.iter().enumerate() {
+            for cell in patch.cells {
+                patches_at[cell as usize].push(index as u32);
+            }
+        }
+        let mut reached = vec![false; count];
+        reached[0] = true;
+        let mut queue = VecDeque::from([0_u32]);
+        while let Some(cell) = queue.pop_front() {
+            for &patch in &patches_at[cell as usize] {
+                let patch = &self.patches[patch as usize];
+                for (from, to, sign) in [(0, 1, 1), (1, 0, -1)] {
+                    let (from, to) = (patch.cells[from], patch.cells[to]);
+                    if from != cell || reached[to as usize] {
+                        continue;
+                    }
+                    reached[to as usize] = true;
+                    queue.push_back(to);
+                    let start = from as usize * self.meshes;
+                    self.winding
+                        .copy_within(start..start + self.meshes, to as usize * self.meshes);
+                    for &(mesh, by) in &patch.change {
+                        self.winding[to as usize * self.meshes + mesh as usize] += sign * by;
+                    }
+                }
+            }
+        }
+    }
+
+    /// How many cells there are.
+    pub fn len(&self) -> usize {
+        self.winding.len() / self.meshes.max(1)
+    }
+
+    /// The winding number of each mesh around a cell.
+    pub fn winding(&self, cell: u32) -> &[i32] {
+        &self.winding[cell as usize * self.meshes..][..self.meshes]
+    }
+
+    /// The cell that a side of a piece looks into; `None` if the piece has no effect: what covers it cancels out.
+    pub fn cell(&self, piece: u32, side: Side) -> Option<u32> {
+        let (patch, against) = self.patch_of[piece as usize];
+        let back = (side == Side::Back) != against;
+        let patch = self.patches.get(patch as usize)?;
+        Some(patch.cells[usize::from(back)])
+    }
+
+    /// For each cell whether it is cut off from the outside by mesh `mesh` alone.
+    pub fn enclosed_by(&self, mesh: u32) -> Vec<bool> {
+        let mut open = Unions::new(self.len());
+        for patch in &self.patches {
+            if patch.change.iter().all(|&(m, _)| m != mesh) {
+                open.unite(patch.cells[0], patch.cells[1]);
+            }
+        }
+        let outside = open.root(0);
+        (0..self.len() as u32)
+            .map(|cell| open.root(cell) != outside)
+            .collect()
+    }
+}
+
+/// Collects pieces over edges of two into patches; gives the patch of each piece and the first piece of each patch.
+fn patches(pieces: &Pieces, edges: &Edges, matters: &[bool]) -> (Vec<(u32, bool)>, Vec<u32>) {
+    let list = &pieces.pieces;
+    let mut patch_of = vec![(NONE, false); list.len()];
+    let mut firsts = Vec::new();
+    let mut stack = Vec::new();
+    for first in 0..list.len() as u32 {
+        if !matters[first as usize] || patch_of[first as usize].0 != NONE {
+            continue;
+        }
+        let patch = firsts.len() as u32;
+        firsts.push(first);
+        patch_of[first as usize] = (patch, false);
+        stack.push(first);
+        while let Some(piece) = stack.pop() {
+            let corners = list[piece as usize].corners;
+            let against = patch_of[piece as usize].1;
+            for (side, next) in edges.across[piece as usize].into_iter().enumerate() {
+                if next == NONE || patch_of[next as usize].0 != NONE {
+                    continue;
+                }
+                // neighbors that run through their edge in one direction are turned against each other
+                let (a, b) = (corners[side], corners[(side + 1) % 3]);
+                let n = list[next as usize].corners;
+                let same_way = (0..3).any(|i| n[i] == a && n[(i + 1) % 3] == b);
+                patch_of[next as usize] = (patch, against != same_way);
+                stack.push(next);
+            }
+        }
+    }
+    (patch_of, firsts)
+}
+
+/// Rays that tie the parts of the surface to what is around them.
+struct Rays<'a> {
+    pieces: &'a Pieces<'a>,
+    bvh: &'a Bvh,
+    bounds: Aabb,
+    patch_of: &'a [(u32, bool)],
+    sides: &'a mut Unions,
+}
+
+impl Rays<'_> {
+    /// One ray from each connected part.
+    fn cast(&mut self, parts: &mut Unions, progress: &Progress) -> Result<(), Cancelled> {
+        // the largest piece of each part, from which a ray has the best chances
+        let mut largest: Vec<(f64, u32)> = vec![(-1.0, NONE); parts.0.len()];
+        for (piece, &(patch, _)) in self.patch_of.iter().enumerate() {
+            if patch != NONE {
+                let [a, b, c] = self.rounded(piece as u32);
+                let area = (b - a).cross(c - a).length_squared();
+                let best = &mut largest[parts.root(patch) as usize];
+                if area > best.0 {
+                    *best = (area, piece as u32);
+                }
+            }
+        }
+        for (_, piece) in largest {
+            progress.check()?;
+            if piece == NONE || self.shoot(piece) {
+                continue;
+            }
+            let (patch, _) = self.patch_of[piece as usize];
+            let part = parts.root(patch);
+            // a part of slivers: any of them that lets a ray out will do
+            let others = (0..self.patch_of.len() as u32).filter(|&other| {
+                let (patch, _) = self.patch_of[other as usize];
+                patch != NONE && parts.root(patch) == part
+            });
+            let others: Vec<u32> = others.collect();
+            others.into_iter().any(|other| self.shoot(other));
+        }
+        Ok(())
+    }
+
+    fn rounded(&self, piece: u32) -> [DVec3; 3] {
+        let corners = self.pieces.pieces[piece as usize].corners;
+        corners.map(|name| self.pieces.places.rounded(name))
+    }
+
+    fn plane(&self, piece: u32) -> [DVec3; 3] {
+        let cover = &self.pieces.pieces[piece as usize].cover;
+        let (triangle, _) = cover
+            .iter()
+            .next()
+            .expect("a piece is covered by something");
+        self.pieces.soup.corners(triangle)
+    }
+
+    /// Sends a ray from a piece along an axis to the outside; `false` if it met an edge wherever it was tried.
+    fn shoot(&mut self, piece: u32) -> bool {
+        let axis = view(self.plane(piece));
+        let corners = self.rounded(piece).map(|p| flat(p, axis));
+        WEIGHTS.iter().any(|weights| {
+            let at = corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2];
+            self.shoot_at(piece, axis, at)
+        })
+    }
+
+    fn shoot_at(&mut self, piece: u32, axis: usize, at: DVec2) -> bool {
+        let (i, j) = ((axis + 1) % 3, (axis + 2) % 3);
+        let places = &self.pieces.places;
+        let grid = places.grid();
+        let bounds = self.bounds;
+        let mut line = [DVec3::ZERO; 2];
+        for end in &mut line {
+            end[i] = grid.snap(at.x);
+            end[j] = grid.snap(at.y);
+        }
+        line[0][axis] = grid.snap(bounds.min[axis]);
+        line[1][axis] = grid.snap(bounds.max[axis]);
+        if line[0][axis] == line[1][axis] {
+            line[1][axis] += 1.0;
+        }
+        let foot = Point::at(line[0]);
+        let Some(Some(up)) = self.passes(piece, &foot, axis) else {
+            return false;
+        };
+        let height = |piece: u32| {
+            let definition = Definition::LinePlane(line, self.plane(piece));
+            Point::defined(definition, places.most_width(), grid)
+        };
+        let start = height(piece);
+        let mut hits = vec![(start, piece, up)];
+        let mut tower = Aabb::around(line);
+        tower.min[axis] = hits[0].0.near[axis].lo;
+        tower.max[axis] = bounds.max[axis];
+        let mut candidates = Vec::new();
+        self.bvh.for_each_touching(&tower, |triangle| {
+            let [from, to] = self.pieces.of_triangle[triangle as usize];
+            candidates.extend(from..to);
+        });
+        candidates.sort_unstable();
+        candidates.dedup();
+        for other in candidates {
+            if other == piece || self.patch_of[other as usize].0 == NONE {
+                continue;
+            }
+            match self.passes(other, &foot, axis) {
+                None => return false,
+                Some(None) => {}
+                Some(Some(up)) => {
+                    let place = height(other);
+                    if place.compare(&hits[0].0, axis, grid).is_gt() {
+                        hits.push((place, other, up));
+                    }
+                }
+            }
+        }
+        hits.sort_by(|a, b| a.0.compare(&b.0, axis, grid));
+        for (k, (_, piece, up)) in hits.iter().enumerate() {
+            let above = node(self.patch_of[*piece as usize], *up);
+            let next = hits.get(k + 1).map_or(0, |(_, piece, up)| {
+                node(self.patch_of[*piece as usize], up.other())
+            });
+            self.sides.unite(above, next);
+        }
+        true
+    }
+
+    /// The side of a piece that a line along an axis comes out of, if it goes through the inside of the piece; `None` if
+    /// it meets the border.
+    #[allow(
+        clippy::option_option,
+        reason = "three answers, of which one ends the search"
+    )]
+    fn passes(&self, piece: u32, foot: &Point, axis: usize) -> Option<Option<Side>> {
+        let (i, j) = ((axis + 1) % 3, (axis + 2) % 3);
+        let places = &self.pieces.places;
+        let corners = self.pieces.pieces[piece as usize].corners;
+        let held = corners.map(|name| match places.made(name) {
+            Some(point) => point.clone(),
+            None => Point::at(places.given()[name as usize]),
+        });
+        let clear = |k: usize| {
+            let lo = held
+                .iter()
+                .map(|p| p.near[k].lo)
+                .fold(f64::INFINITY, f64::min);
+            let hi = held
+                .iter()
+                .map(|p| p.near[k].hi)
+                .fold(f64::NEG_INFINITY, f64::max);
+            foot.near[k].hi < lo || foot.near[k].lo > hi
+        };
+        if clear(i) || clear(j) {
+            return Some(None);
+        }
+        let grid = places.grid();
+        let signs: [Sign; 3] =
+            std::array::from_fn(|k| orient2d(&held[k], &held[(k + 1) % 3], foot, axis, grid));
+        if signs.contains(&Sign::Positive) && signs.contains(&Sign::Negative) {
+            Some(None)
+        } else if signs.contains(&Sign::Zero) {
+            None
+        } else if signs[0] == Sign::Positive {
+            Some(Some(Side::Front))
+        } else {
+            Some(Some(Side::Back))
+        }
+    }
+}

@@ -1,0 +1,212 @@
+//! Which pieces meet in which edges, and in which order around them.
+
+use std::cmp::Ordering;
+
+use glam::DVec3;
+use ravec_mesh::Sign;
+
+use super::cut::Pieces;
+use super::exact::{self, Grid};
+use super::interval::Interval;
+use super::point::{self, Point};
+
+/// A piece at an edge.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Use {
+    pub piece: u32,
+    /// Whether the piece runs from the lower to the higher end of the edge.
+    pub forward: bool,
+}
+
+/// The edges of all pieces that were asked for.
+pub(crate) struct Edges {
+    /// For each piece the one over each side, if just two meet there. Sides begin at the corner of the same index.
+    pub across: Vec<[u32; 3]>,
+    /// The other edges with more than one piece: their ends and their pieces, counter-clockwise as seen when looking
+    /// from the higher end towards the lower.
+    pub junctions: Vec<([u32; 2], Vec<Use>)>,
+}
+
+/// Nothing across, or more than one.
+pub(crate) const NONE: u32 = u32::MAX;
+
+impl Edges {
+    /// The edges of those pieces for which `asked` is true.
+    pub fn of(pieces: &Pieces, asked: impl Fn(u32) -> bool) -> Self {
+        let list = &pieces.pieces;
+        let names = pieces.places.given().len() + pieces.places.made.len();
+        // sides by their lower end
+        let mut starts = vec![0_u32; names + 1];
+        let sides = |piece: u32| {
+            let c = list[piece as usize].corners;
+            [[c[0], c[1]], [c[1], c[2]], [c[2], c[0]]]
+        };
+        let alive: Vec<u32> = (0..list.len() as u32).filter(|&p| asked(p)).collect();
+        for &piece in &alive {
+            for [a, b] in sides(piece) {
+                starts[a.min(b) as usize] += 1;
+            }
+        }
+        let mut sum = 0;
+        for start in &mut starts {
+            sum += std::mem::replace(start, sum);
+        }
+        // higher end, and three times the piece plus the side
+        let mut at_lower = vec![(0_u32, 0_u32); sum as usize];
+        for &piece in &alive {
+            for (side, [a, b]) in sides(piece).into_iter().enumerate() {
+                let slot = &mut starts[a.min(b) as usize];
+                at_lower[*slot as usize] = (a.max(b), 3 * piece + side as u32);
+                *slot += 1;
+            }
+        }
+        let mut across = vec![[NONE; 3]; list.len()];
+        let mut junctions = Vec::new();
+        let mut from = 0;
+        for (lower, &to) in starts.iter().enumerate().take(names) {
+            let here = &mut at_lower[from as usize..to as usize];
+            from = to;
+            here.sort_unstable();
+            for group in here.chunk_by(|a, b| a.0 == b.0) {
+                match group {
+                    [_] => {}
+                    [(_, one), (_, other)] => {
+                        across[(one / 3) as usize][(one % 3) as usize] = other / 3;
+                        across[(other / 3) as usize][(other % 3) as usize] = one / 3;
+                    }
+                    _ => {
+                        let uses = group.iter().map(|&(_, side)| Use {
+                            piece: side / 3,
+                            forward: sides(side / 3)[(side % 3) as usize][0] == lower as u32,
+                        });
+                        junctions.push(([lower as u32, group[0].0], uses.collect()));
+                    }
+                }
+            }
+        }
+        let mut edges = Self { across, junctions };
+        edges.sort_around(pieces);
+        edges
+    }
+
+    fn sort_around(&mut self, pieces: &Pieces) {
+        use rayon::prelude::*;
+        self.junctions
+            .par_iter_mut()
+            .for_each(|(ends, uses)| Around::new(pieces, *ends).sort(uses));
+    }
+}
+
+/// Half-planes around an edge, which are compared by their normals: seen along the edge, a half-plane turned by a quarter
+/// is its normal, so that the order of the one is the order of the other. Normals are those of the triangles of the
+/// input; as all are at right angles to the edge, the cross product of two is along it.
+struct Around<'a> {
+    pieces: &'a Pieces<'a>,
+    /// An axis along which the ends differ, and whether the edge rises along it.
+    axis: usize,
+    rises: bool,
+    grid: Grid,
+}
+
+impl<'a> Around<'a> {
+    fn new(pieces: &'a Pieces<'a>, [a, b]: [u32; 2]) -> Self {
+        let grid = pieces.places.grid();
+        let way = (pieces.places.rounded(b) - pieces.places.rounded(a)).abs();
+        let mut axes = [0, 1, 2];
+        axes.sort_by(|&i, &j| way[j].total_cmp(&way[i]));
+        let point = |name: u32| match pieces.places.made(name) {
+            Some(point) => point.clone(),
+            None => Point::at(pieces.places.given()[name as usize]),
+        };
+        let (a, b) = (point(a), point(b));
+        let (axis, order) = axes
+            .into_iter()
+            .map(|axis| (axis, a.compare(&b, axis, grid)))
+            .find(|(_, order)| order.is_ne())
+            .expect("the ends of an edge are two places");
+        Self {
+            pieces,
+            axis,
+            rises: order == Ordering::Less,
+            grid,
+        }
+    }
+
+    /// The plane of a piece, turned so that its normal is the half-plane turned by a quarter.
+    fn plane(&self, one: Use) -> [DVec3; 3] {
+        let piece = &self.pieces.pieces[one.piece as usize];
+        let (triangle, same) = piece
+            .cover
+            .iter()
+            .next()
+            .expect("a piece is covered by something");
+        let [a, b, c] = self.pieces.soup.corners(triangle);
+        if same == one.forward {
+            [a, b, c]
+        } else {
+            [a, c, b]
+        }
+    }
+
+    /// The sign of the turn from one half-plane to another, zero if they are the same or opposite.
+    fn turn(&self, one: &[DVec3; 3], other: &[DVec3; 3]) -> Sign {
+        let (m, n) = (point::normal(one), point::normal(other));
+        let (i, j) = ((self.axis + 1) % 3, (self.axis + 2) % 3);
+        let product: Interval = m[i] * n[j] - m[j] * n[i];
+        let sign = product.sign().unwrap_or_else(|| {
+            let (m, n) = self.exact_normals(one, other);
+            exact::sign(&exact::cross(&m, &n)[self.axis])
+        });
+        if self.rises { sign } else { -sign }
+    }
+
+    /// Whether two half-planes of one plane are the same.
+    fn agree(&self, one: &[DVec3; 3], other: &[DVec3; 3]) -> bool {
+        let (m, n) = (point::normal(one), point::normal(other));
+        let product = m[0] * n[0] + m[1] * n[1] + m[2] * n[2];
+        let sign = product.sign().unwrap_or_else(|| {
+            let (m, n) = self.exact_normals(one, other);
+            exact::sign(&exact::dot(&m, &n))
+        });
+        sign == Sign::Positive
+    }
+
+    fn exact_normals(
+        &self,
+        one: &[DVec3; 3],
+        other: &[DVec3; 3],
+    ) -> (exact::Vector, exact::Vector) {
+        let normal = |plane| exact::plane(self.grid, plane).0;
+        (normal(one), normal(other))
+    }
+
+    fn sort(&self, uses: &mut [Use]) {
+        let first = self.plane(uses[0]);
+        // 0 for the first itself, 1 for the half turn that follows, 2 opposite of it, 3 for the rest
+        let mut placed: Vec<(u8, [DVec3; 3], Use)> = uses
+            .iter()
+            .map(|&one| {
+                let plane = self.plane(one);
+                let part = match self.turn(&first, &plane) {
+                    Sign::Positive => 1,
+                    Sign::Negative => 3,
+                    Sign::Zero if self.agree(&first, &plane) => 0,
+                    Sign::Zero => 2,
+                };
+                (part, plane, one)
+            })
+            .collect();
+        placed.sort_by(|(p, one, a), (q, other, b)| {
+            p.cmp(q)
+                .then_with(|| match self.turn(one, other) {
+                    Sign::Positive => Ordering::Less,
+                    Sign::Negative => Ordering::Greater,
+                    Sign::Zero => Ordering::Equal,
+                })
+                .then_with(|| a.piece.cmp(&b.piece))
+        });
+        for (slot, (_, _, one)) in uses.iter_mut().zip(placed) {
+            *slot = one;
+        }
+    }
+}

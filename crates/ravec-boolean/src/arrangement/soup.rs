@@ -1,0 +1,79 @@
+//! All triangles of all meshes in one list, with one vertex for each place.
+
+use glam::DVec3;
+use ravec_mesh::{OrientedPlane, TriMesh};
+use rustc_hash::FxHashMap;
+
+use crate::closing::Closing;
+
+/// Where a triangle of the soup comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Source {
+    /// Index of the mesh.
+    pub mesh: u32,
+    /// Index of the triangle in the mesh; beyond its triangles, those that close it.
+    pub triangle: u32,
+}
+
+/// All triangles that have an area, over vertices of which no two are at one place.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Soup {
+    pub positions: Vec<DVec3>,
+    pub triangles: Vec<[u32; 3]>,
+    pub sources: Vec<Source>,
+    /// Number of meshes.
+    pub meshes: usize,
+}
+
+impl Soup {
+    /// Puts meshes and what closes them together.
+    pub fn of(meshes: &[&TriMesh], closings: &[Closing]) -> Self {
+        let count = |f: fn(&TriMesh) -> usize| meshes.iter().map(|m| f(m)).sum();
+        let triangles: usize = count(|m| m.triangles().len());
+        let positions: usize = count(|m| m.positions().len());
+        let mut soup = Self {
+            positions: Vec::with_capacity(positions),
+            triangles: Vec::with_capacity(triangles),
+            sources: Vec::with_capacity(triangles),
+            meshes: meshes.len(),
+        };
+        let mut vertex_at = FxHashMap::default();
+        vertex_at.reserve(positions);
+        let mut vertices = Vec::new();
+        for (index, (mesh, closing)) in meshes.iter().zip(closings).enumerate() {
+            vertices.clear();
+            vertices.extend(mesh.positions().iter().map(|&p| {
+                // adding zero makes the two zeros one
+                let p = p + DVec3::ZERO;
+                *vertex_at
+                    .entry(p.to_array().map(f64::to_bits))
+                    .or_insert_with(|| {
+                        soup.positions.push(p);
+                        (soup.positions.len() - 1) as u32
+                    })
+            }));
+            let all = mesh.triangles().iter().chain(&closing.triangles);
+            for (triangle, corners) in all.enumerate() {
+                let corners = corners.map(|v| vertices[v as usize]);
+                let [a, b, c] = corners.map(|v| soup.positions[v as usize]);
+                let distinct = corners[0] != corners[1]
+                    && corners[1] != corners[2]
+                    && corners[2] != corners[0];
+                if distinct && !OrientedPlane::through(a, b, c).is_degenerate() {
+                    soup.triangles.push(corners);
+                    soup.sources.push(Source {
+                        mesh: index as u32,
+                        triangle: triangle as u32,
+                    });
+                }
+            }
+        }
+        soup
+    }
+
+    /// The places of the corners of a triangle.
+    #[inline]
+    pub fn corners(&self, triangle: u32) -> [DVec3; 3] {
+        self.triangles[triangle as usize].map(|v| self.positions[v as usize])
+    }
+}

@@ -1,0 +1,574 @@
+//! Triangulation of a piece of a plane, with all its points and all its lines.
+//!
+//! Points are inserted one by one; segments are forced in by flipping the edges that they cross, and where two segments
+//! cross, the point is made from the lines and planes that they lie in. All decisions are exact. Edges that nothing
+//! prescribes are flipped to make round triangles; that alone is decided in rounded numbers, as nothing depends on it.
+//!
+//! Source: Lawson 1977 (insertion and flips); Sloan, "A fast algorithm for generating constrained Delaunay
+//! triangulations", 1993.
+//!
+//! Guarantees: every point is a vertex, every segment a chain of edges, no triangle is inverted or flat. Does not
+//! guarantee: the Delaunay property where triangles are thinner than rounding.
+
+use std::collections::VecDeque;
+use std::ops::Deref;
+
+use glam::DVec3;
+use ravec_mesh::Sign;
+use rustc_hash::FxHashMap;
+
+use super::exact::Grid;
+use super::point::{Definition, Point, orient2d};
+
+/// No triangle.
+const NONE: u32 = u32::MAX;
+
+/// How far from the limit the sum of two angles must be for an edge to be flipped, as a sine. Smaller lets rounding flip
+/// an edge back and forth, larger leaves thinner triangles.
+const FLIP_MARGIN: f64 = 1e-9;
+
+/// Passes over all edges when they are made round in the end. One does nearly all of it; the limit is for rounding.
+const PASSES: usize = 8;
+
+/// What a segment lies in, beside the plane.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Line {
+    /// The line through two corners.
+    Edge([DVec3; 2]),
+    /// Another plane.
+    Plane([DVec3; 3]),
+}
+
+/// A point of others or of our own.
+#[derive(Debug)]
+pub(crate) enum Held<'a> {
+    Shared(&'a Point),
+    Own(Point),
+}
+
+impl Deref for Held<'_> {
+    type Target = Point;
+
+    fn deref(&self) -> &Point {
+        match self {
+            Self::Shared(point) => point,
+            Self::Own(point) => point,
+        }
+    }
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Tri {
+    /// Counter-clockwise.
+    corners: [u32; 3],
+    /// The triangle over the edge opposite of each corner.
+    beyond: [u32; 3],
+}
+
+impl Tri {
+    fn index_of(&self, vertex: u32) -> usize {
+        self.corners
+            .iter()
+            .position(|&c| c == vertex)
+            .expect("asked only of triangles at the vertex")
+    }
+
+    /// The side whose ends are `a` and `b`.
+    fn side_of(&self, a: u32, b: u32) -> usize {
+        (0..3)
+            .find(|&i| self.corners[i] != a && self.corners[i] != b)
+            .expect("a triangle has a third corner")
+    }
+}
+
+/// Where a point is.
+enum Place {
+    Vertex(u32),
+    Side(u32, usize),
+    Inside(u32),
+}
+
+/// What is met on the way from a vertex towards another.
+enum Step {
+    /// An edge that leads the way.
+    Along(u32),
+    /// Edges to be crossed before the next vertex on the way.
+    Across(Vec<[u32; 2]>, u32),
+    /// A segment lies across.
+    Blocked([u32; 2]),
+}
+
+/// A triangulation under construction. Vertices are numbered in the order in which they came.
+pub(crate) struct Triangulation<'a> {
+    plane: [DVec3; 3],
+    axis: usize,
+    grid: Grid,
+    most_width: f64,
+    points: Vec<Held<'a>>,
+    triangles: Vec<Tri>,
+    triangle_at: Vec<u32>,
+    lines: Vec<Line>,
+    lines_of: FxHashMap<[u32; 2], Vec<u32>>,
+    last: u32,
+}
+
+fn key(a: u32, b: u32) -> [u32; 2] {
+    [a.min(b), a.max(b)]
+}
+
+impl<'a> Triangulation<'a> {
+    /// Begins with one triangle, which must run counter-clockwise as seen against `axis` and hold everything that
+    /// follows. `plane` is the plane of it all, `most_width` the widest interval that a new point may have.
+    pub fn new(
+        corners: [Held<'a>; 3],
+        plane: [DVec3; 3],
+        axis: usize,
+        grid: Grid,
+        most_width: f64,
+    ) -> Self {
+        Self {
+            plane,
+            axis,
+            grid,
+            most_width,
+            points: corners.into(),
+            triangles: vec![Tri {
+                corners: [0, 1, 2],
+                beyond: [NONE; 3],
+            }],
+            triangle_at: vec![0; 3],
+            lines: Vec::new(),
+            lines_of: FxHashMap::default(),
+            last: 0,
+        }
+    }
+
+    pub fn point(&self, vertex: u32) -> &Point {
+        &self.points[vertex as usize]
+    }
+
+    pub fn point_count(&self) -> usize {
+        self.points.len()
+    }
+
+    /// The triangles, counter-clockwise.
+    pub fn triangles(&self) -> impl Iterator<Item = [u32; 3]> + '_ {
+        self.triangles.iter().map(|t| t.corners)
+    }
+
+    fn orient(&self, a: u32, b: u32, c: u32) -> Sign {
+        orient2d(
+            self.point(a),
+            self.point(b),
+            self.point(c),
+            self.axis,
+            self.grid,
+        )
+    }
+
+    /// The vertex at a point, which is made if there is none. Second, whether it is new.
+    pub fn insert(&mut self, point: Held<'a>) -> (u32, bool) {
+        match self.locate(&point) {
+            Place::Vertex(vertex) => (vertex, false),
+            Place::Side(triangle, side) => (self.split_side(triangle, side, point), true),
+            Place::Inside(triangle) => (self.split_triangle(triangle, point), true),
+        }
+    }
+
+    fn locate(&self, point: &Point) -> Place {
+        let sides_of = |t: u32, known: Option<usize>| -> [Sign; 3] {
+            let corners = self.triangles[t as usize].corners;
+            std::array::from_fn(|i| {
+                if known == Some(i) {
+                    return Sign::Positive;
+                }
+                let (a, b) = (corners[(i + 1) % 3], corners[(i + 2) % 3]);
+                orient2d(self.point(a), self.point(b), point, self.axis, self.grid)
+            })
+        };
+        let (mut t, mut previous) = (self.last, NONE);
+        for step in 0..2 * self.triangles.len() + 8 {
+            let tri = &self.triangles[t as usize];
+            let known = (0..3).find(|&i| previous != NONE && tri.beyond[i] == previous);
+            let signs = sides_of(t, known);
+            // starting at another side in each step keeps the walk from going in circles
+            let out = (0..3)
+                .map(|i| (i + step) % 3)
+                .find(|&i| signs[i] == Sign::Negative && tri.beyond[i] != NONE);
+            match out {
+                Some(i) => (previous, t) = (t, tri.beyond[i]),
+                None => return self.place(t, signs),
+            }
+        }
+        let t = (0..self.triangles.len() as u32)
+            .find(|&t| !sides_of(t, None).contains(&Sign::Negative))
+            .unwrap_or(t);
+        self.place(t, sides_of(t, None))
+    }
+
+    fn place(&self, t: u32, signs: [Sign; 3]) -> Place {
+        let corners = self.triangles[t as usize].corners;
+        let zero = signs.map(|s| s == Sign::Zero);
+        match zero {
+            [false, false, false] => Place::Inside(t),
+            [true, true, _] => Place::Vertex(corners[2]),
+            [_, true, true] => Place::Vertex(corners[0]),
+            [true, _, true] => Place::Vertex(corners[1]),
+            [true, ..] => Place::Side(t, 0),
+            [_, true, _] => Place::Side(t, 1),
+            [_, _, true] => Place::Side(t, 2),
+        }
+    }
+
+    fn push_point(&mut self, point: Held<'a>) -> u32 {
+        self.points.push(point);
+        self.triangle_at.push(NONE);
+        (self.points.len() - 1) as u32
+    }
+
+    /// Sets a triangle and tells its neighbors and corners.
+    fn set(&mut self, t: u32, corners: [u32; 3], beyond: [u32; 3]) {
+        if t as usize == self.triangles.len() {
+            self.triangles.push(Tri { corners, beyond });
+        } else {
+            self.triangles[t as usize] = Tri { corners, beyond };
+        }
+        for i in 0..3 {
+            self.triangle_at[corners[i] as usize] = t;
+            if beyond[i] != NONE && (beyond[i] as usize) < self.triangles.len() {
+                let (a, b) = (corners[(i + 1) % 3], corners[(i + 2) % 3]);
+                let other = &mut self.triangles[beyond[i] as usize];
+                if other.corners.contains(&a) && other.corners.contains(&b) {
+                    let side = other.side_of(a, b);
+                    other.beyond[side] = t;
+                }
+            }
+        }
+        self.last = t;
+    }
+
+    fn split_triangle(&mut self, t: u32, point: Held<'a>) -> u32 {
+        let p = self.push_point(point);
+        let Tri {
+            corners: [a, b, c],
+            beyond: [na, nb, nc],
+        } = self.triangles[t as usize];
+        let (t1, t2) = (self.triangles.len() as u32, self.triangles.len() as u32 + 1);
+        self.set(t, [a, b, p], [t1, t2, nc]);
+        self.set(t1, [b, c, p], [t2, t, na]);
+        self.set(t2, [c, a, p], [t, t1, nb]);
+        self.make_round_around(p, vec![t, t1, t2]);
+        p
+    }
+
+    fn split_side(&mut self, t: u32, side: usize, point: Held<'a>) -> u32 {
+        let p = self.push_point(point);
+        let tri = self.triangles[t as usize];
+        let [a, b, c] = std::array::from_fn(|k| tri.corners[(side + k) % 3]);
+        let [u, nb, nc] = std::array::from_fn(|k| tri.beyond[(side + k) % 3]);
+        if let Some(lines) = self.lines_of.remove(&key(b, c)) {
+            self.lines_of.insert(key(b, p), lines.clone());
+            self.lines_of.insert(key(p, c), lines);
+        }
+        let t2 = self.triangles.len() as u32;
+        if u == NONE {
+            self.set(t, [a, b, p], [NONE, t2, nc]);
+            self.set(t2, [a, p, c], [NONE, nb, t]);
+            self.make_round_around(p, vec![t, t2]);
+        } else {
+            let u2 = t2 + 1;
+            let other = self.triangles[u as usize];
+            let i = other.side_of(b, c);
+            let d = other.corners[i];
+            // d, c, b run counter-clockwise
+            let (beyond_b, beyond_c) = (other.beyond[(i + 2) % 3], other.beyond[(i + 1) % 3]);
+            self.set(t, [a, b, p], [u2, t2, nc]);
+            self.set(t2, [a, p, c], [u, nb, t]);
+            self.set(u, [d, c, p], [t2, u2, beyond_b]);
+            self.set(u2, [d, p, b], [t, beyond_c, u]);
+            self.make_round_around(p, vec![t, t2, u, u2]);
+        }
+        p
+    }
+
+    fn is_line(&self, a: u32, b: u32) -> bool {
+        self.lines_of.contains_key(&key(a, b))
+    }
+
+    /// Flips edges opposite of a new vertex until triangles around it are round.
+    fn make_round_around(&mut self, p: u32, mut stack: Vec<u32>) {
+        while let Some(t) = stack.pop() {
+            let tri = self.triangles[t as usize];
+            let Some(i) = tri.corners.iter().position(|&c| c == p) else {
+                continue;
+            };
+            if let Some(other) = self.flip_if_rounder(t, i) {
+                stack.extend([t, other]);
+            }
+        }
+    }
+
+    /// Flips a side if that makes rounder triangles; gives the other triangle.
+    fn flip_if_rounder(&mut self, t: u32, side: usize) -> Option<u32> {
+        let tri = self.triangles[t as usize];
+        let u = tri.beyond[side];
+        if u == NONE {
+            return None;
+        }
+        let [p, b, c] = std::array::from_fn(|k| tri.corners[(side + k) % 3]);
+        if self.is_line(b, c) {
+            return None;
+        }
+        let other = self.triangles[u as usize];
+        let q = other.corners[other.side_of(b, c)];
+        let at = |v: u32| self.point(v).rounded();
+        // cosine and sine of the angle under which the edge is seen
+        let seen = |v: u32| {
+            let (d, e) = (at(b) - at(v), at(c) - at(v));
+            let size = (d.length_squared() * e.length_squared()).sqrt();
+            (d.dot(e) / size, d.cross(e).length() / size)
+        };
+        let ((cos_p, sin_p), (cos_q, sin_q)) = (seen(p), seen(q));
+        let rounder = sin_p * cos_q + cos_p * sin_q < -FLIP_MARGIN;
+        (rounder && self.is_convex(p, b, q, c)).then(|| {
+            self.flip(t, side);
+            u
+        })
+    }
+
+    /// Whether the edge from `b` to `c` may be replaced by the one from `p` to `q`.
+    fn is_convex(&self, p: u32, b: u32, q: u32, c: u32) -> bool {
+        self.orient(p, b, q) == Sign::Positive && self.orient(q, c, p) == Sign::Positive
+    }
+
+    /// Replaces a side by the other diagonal.
+    fn flip(&mut self, t: u32, side: usize) {
+        let tri = self.triangles[t as usize];
+        let [p, b, c] = std::array::from_fn(|k| tri.corners[(side + k) % 3]);
+        let [u, beyond_pc, beyond_pb] = std::array::from_fn(|k| tri.beyond[(side + k) % 3]);
+        let other = self.triangles[u as usize];
+        let i = other.side_of(b, c);
+        let q = other.corners[i];
+        // q, c, b run counter-clockwise
+        let (beyond_qb, beyond_qc) = (other.beyond[(i + 1) % 3], other.beyond[(i + 2) % 3]);
+        self.set(t, [p, b, q], [beyond_qb, u, beyond_pb]);
+        self.set(u, [q, c, p], [beyond_pc, t, beyond_qc]);
+    }
+
+    /// Makes the way from vertex `a` to vertex `b`, which lies in `line`, a chain of edges.
+    pub fn insert_segment(&mut self, a: u32, b: u32, line: Line) -> u32 {
+        let name = self.lines.len() as u32;
+        self.lines.push(line);
+        self.lay(a, b, name);
+        name
+    }
+
+    fn lay(&mut self, mut a: u32, b: u32, line: u32) {
+        while a != b {
+            match self.step(a, b) {
+                Step::Along(next) => {
+                    self.mark(a, next, line);
+                    a = next;
+                }
+                Step::Across(edges, next) => {
+                    self.clear_the_way(a, next, edges);
+                    self.mark(a, next, line);
+                    a = next;
+                }
+                Step::Blocked(edge) => {
+                    let crossing = self.split_crossing(edge, line);
+                    self.lay(a, crossing, line);
+                    a = crossing;
+                }
+            }
+        }
+    }
+
+    fn mark(&mut self, a: u32, b: u32, line: u32) {
+        let lines = self.lines_of.entry(key(a, b)).or_default();
+        if !lines.contains(&line) {
+            lines.push(line);
+        }
+    }
+
+    /// Triangles around a vertex, with the index of the vertex in each.
+    fn around(&self, vertex: u32) -> Vec<(u32, usize)> {
+        let first = self.triangle_at[vertex as usize];
+        let mut found = Vec::with_capacity(8);
+        for turn in [1, 2] {
+            let mut t = first;
+            loop {
+                let tri = &self.triangles[t as usize];
+                let i = tri.index_of(vertex);
+                if turn == 1 || t != first {
+                    found.push((t, i));
+                }
+                t = tri.beyond[(i + turn) % 3];
+                if t == first {
+                    return found;
+                }
+                if t == NONE {
+                    break;
+                }
+            }
+        }
+        found
+    }
+
+    /// Whether `x`, which is on the line through `a` and `b`, is on the side of `a` where `b` is.
+    fn is_ahead(&self, a: u32, b: u32, x: u32) -> bool {
+        let axes = [(self.axis + 1) % 3, (self.axis + 2) % 3];
+        axes.into_iter().any(|axis| {
+            let way = self.point(a).compare(self.point(b), axis, self.grid);
+            way.is_ne() && way == self.point(a).compare(self.point(x), axis, self.grid)
+        })
+    }
+
+    fn step(&self, a: u32, b: u32) -> Step {
+        for (t, i) in self.around(a) {
+            let corners = self.triangles[t as usize].corners;
+            let (right, left) = (corners[(i + 1) % 3], corners[(i + 2) % 3]);
+            if right == b || left == b {
+                return Step::Along(b);
+            }
+            let signs = [right, left].map(|x| self.orient(a, b, x));
+            for (sign, x) in signs.into_iter().zip([right, left]) {
+                if sign == Sign::Zero && self.is_ahead(a, b, x) {
+                    return Step::Along(x);
+                }
+            }
+            if signs == [Sign::Negative, Sign::Positive] {
+                return self.walk(a, b, t, i);
+            }
+        }
+        unreachable!("the triangles around a vertex look into all directions that the piece has");
+    }
+
+    /// From `a` through the side opposite of it towards `b`, to the next vertex on the way.
+    fn walk(&self, a: u32, b: u32, mut t: u32, mut side: usize) -> Step {
+        let mut edges = Vec::new();
+        loop {
+            let tri = &self.triangles[t as usize];
+            let (right, left) = (tri.corners[(side + 1) % 3], tri.corners[(side + 2) % 3]);
+            if self.is_line(right, left) {
+                return Step::Blocked([right, left]);
+            }
+            edges.push([right, left]);
+            t = tri.beyond[side];
+            let other = &self.triangles[t as usize];
+            let apex = other.side_of(right, left);
+            let w = other.corners[apex];
+            if w == b {
+                return Step::Across(edges, w);
+            }
+            match self.orient(a, b, w) {
+                Sign::Zero => return Step::Across(edges, w),
+                Sign::Negative => side = other.index_of(right),
+                Sign::Positive => side = other.index_of(left),
+            }
+        }
+    }
+
+    /// The triangle and the side with these ends.
+    fn find(&self, a: u32, b: u32) -> (u32, usize) {
+        let around = self.around(a);
+        let found = around.into_iter().find_map(|(t, _)| {
+            let tri = &self.triangles[t as usize];
+            tri.corners.contains(&b).then(|| (t, tri.side_of(a, b)))
+        });
+        found.expect("asked only of edges that exist")
+    }
+
+    /// Flips edges until one leads from `a` to `b`.
+    fn clear_the_way(&mut self, a: u32, b: u32, edges: Vec<[u32; 2]>) {
+        let mut queue = VecDeque::from(edges);
+        while let Some([right, left]) = queue.pop_front() {
+            let (t, side) = self.find(right, left);
+            let tri = self.triangles[t as usize];
+            let [p, c, d] = std::array::from_fn(|k| tri.corners[(side + k) % 3]);
+            let other = self.triangles[tri.beyond[side] as usize];
+            let q = other.corners[other.side_of(c, d)];
+            if !self.is_convex(p, c, q, d) {
+                queue.push_back([right, left]);
+                continue;
+            }
+            self.flip(t, side);
+            let apart = |x: u32| x != a && x != b;
+            if apart(p) && apart(q) && self.orient(a, b, p) == -self.orient(a, b, q) {
+                queue.push_back([p, q]);
+            }
+        }
+    }
+
+    /// Makes a vertex where a segment in `line` crosses an edge of other segments.
+    fn split_crossing(&mut self, [a, b]: [u32; 2], line: u32) -> u32 {
+        let others = &self.lines_of[&key(a, b)];
+        let others = others.iter().map(|&l| self.lines[l as usize]);
+        // an edge with a plane is the simplest of all
+        let other = others
+            .min_by_key(|l| matches!(l, Line::Plane(_)))
+            .expect("an edge of segments belongs to one");
+        let definition = match (self.lines[line as usize], other) {
+            (Line::Edge(edge), Line::Plane(plane)) | (Line::Plane(plane), Line::Edge(edge)) => {
+                Definition::LinePlane(edge, plane)
+            }
+            (Line::Edge(edge), Line::Edge([p, q])) => {
+                // a plane through the other edge that stands on ours
+                let mut r = p;
+                r[self.axis] = if p[self.axis] == 0.0 { 1.0 } else { 0.0 };
+                Definition::LinePlane(edge, [p, q, r])
+            }
+            (Line::Plane(one), Line::Plane(two)) => Definition::Planes([self.plane, one, two]),
+        };
+        let point = Point::defined(definition, self.most_width, self.grid);
+        let (t, side) = self.find(a, b);
+        self.split_side(t, side, Held::Own(point))
+    }
+
+    /// Flips edges that nothing prescribes wherever that makes rounder triangles.
+    pub fn make_round(&mut self) {
+        for _ in 0..PASSES {
+            let mut flipped = false;
+            for t in 0..self.triangles.len() as u32 {
+                for side in 0..3 {
+                    flipped |= self.flip_if_rounder(t, side).is_some();
+                }
+            }
+            if !flipped {
+                break;
+            }
+        }
+    }
+
+    /// The triangles that are enclosed by segments, given by name, to the left of the first edge from `a` to `b`.
+    pub fn enclosed(&self, a: u32, b: u32, border: &[u32]) -> Vec<u32> {
+        let Step::Along(next) = self.step(a, b) else {
+            return Vec::new();
+        };
+        let first = self
+            .around(a)
+            .into_iter()
+            .find(|&(t, i)| self.triangles[t as usize].corners[(i + 1) % 3] == next);
+        let Some((first, _)) = first else {
+            return Vec::new();
+        };
+        let mut found = vec![first];
+        let mut seen: rustc_hash::FxHashSet<u32> = [first].into_iter().collect();
+        let mut at = 0;
+        while at < found.len() {
+            let tri = self.triangles[found[at] as usize];
+            at += 1;
+            for i in 0..3 {
+                let (c, d) = (tri.corners[(i + 1) % 3], tri.corners[(i + 2) % 3]);
+                let closed = self
+                    .lines_of
+                    .get(&key(c, d))
+                    .is_some_and(|lines| lines.iter().any(|l| border.contains(l)));
+                if !closed && tri.beyond[i] != NONE && seen.insert(tri.beyond[i]) {
+                    found.push(tri.beyond[i]);
+                }
+            }
+        }
+        found
+    }
+}

@@ -1,0 +1,132 @@
+//! The whole way from meshes and an expression to the result.
+
+use ravec_mesh::TriMesh;
+use ravec_progress::Progress;
+
+use crate::arrangement::{Cells, Edges, Soup, cut, uncut};
+use crate::closing::{Closing, close};
+use crate::examine::examine;
+use crate::expr::Expr;
+use crate::finish::finish;
+use crate::mend::{bvh_of, mend};
+use crate::params::{Boolean, BooleanError, BooleanParams, BooleanReport, Inside, Origin};
+use crate::select::select;
+
+/// The largest coordinate for which all products of the exact tests stay within doubles.
+const LARGEST: f64 = 1e30;
+
+/// The surface of what an expression over meshes says is inside.
+///
+/// Meshes may be any triangles at all. Those that are closed stand for what they wind around; others are closed first, and
+/// the report says so.
+///
+/// # Errors
+/// [`BooleanError::NoSuchMesh`], [`BooleanError::OutOfRange`], and [`BooleanError::Cancelled`] soon after `progress` is.
+pub fn boolean(
+    meshes: &[TriMesh],
+    expr: &Expr,
+    params: &BooleanParams,
+    progress: &Progress,
+) -> Result<Boolean, BooleanError> {
+    for (index, mesh) in meshes.iter().enumerate() {
+        let bounds = mesh.bounds();
+        let largest = bounds.min.abs().max(bounds.max.abs()).max_element();
+        if !mesh.positions().is_empty() && largest > LARGEST {
+            return Err(BooleanError::OutOfRange {
+                mesh: index,
+                largest,
+            });
+        }
+    }
+    let closings: Vec<Closing> = meshes
+        .iter()
+        .map(|mesh| close(mesh, progress))
+        .collect::<Result<_, _>>()?;
+    let list: Vec<&TriMesh> = meshes.iter().collect();
+    let soup = Soup::of(&list, &closings);
+    let bvh = bvh_of(&soup, progress)?;
+    let mut report = BooleanReport {
+        operands: meshes
+            .iter()
+            .zip(&closings)
+            .map(|(mesh, closing)| examine(mesh, closing, progress))
+            .collect::<Result<_, _>>()?,
+        ..BooleanReport::default()
+    };
+    let draft = {
+        let pieces = cut(&soup, &bvh, None, progress)?;
+        report.intersecting_pairs = pieces.contacts.len() as u64;
+        for &(a, b) in &pieces.contacts {
+            let [a, b] = [a, b].map(|t| soup.sources[t as usize].mesh);
+            if a == b {
+                report.operands[a as usize].self_intersections += 1;
+            }
+        }
+        let cells = Cells::of(&pieces, &bvh, progress)?;
+        let inside = evaluate(&cells, meshes.len(), expr, params.inside);
+        select(&pieces, &cells, &inside)
+    };
+    let mended = mend(draft, &bvh, progress)?;
+    report.mending_rounds = mended.rounds;
+    report.self_intersections = mended.contacts;
+
+    let mesh = mended.draft.mesh();
+    let flat = Soup::of(&[&mesh], &[Closing::default()]);
+    let pieces = uncut(&flat);
+    let edges = Edges::of(&pieces, |_| true);
+    let parents = &mended.draft.parents;
+    let parent = |piece: u32| parents[flat.sources[piece as usize].triangle as usize];
+    let finished = finish(&pieces, &edges, |one, other| {
+        let [one, other] = [one, other].map(|piece| {
+            let parent = parent(piece);
+            (soup.sources[parent.triangle as usize].mesh, parent.reversed)
+        });
+        one != other
+    });
+    let origins: Vec<Origin> = finished
+        .sources
+        .iter()
+        .map(|&piece| {
+            let parent = parent(piece);
+            let source = soup.sources[parent.triangle as usize];
+            let own = meshes[source.mesh as usize].triangles().len();
+            let is_own = (source.triangle as usize) < own;
+            Origin {
+                mesh: source.mesh,
+                triangle: is_own.then_some(source.triangle),
+                reversed: parent.reversed,
+                whole: parent.whole && is_own,
+            }
+        })
+        .collect();
+    let mesh = TriMesh::new(finished.positions, finished.triangles)
+        .expect("vertices were numbered as they were used");
+    report.triangles = mesh.triangles().len() as u64;
+    report.kept_triangles = origins.iter().filter(|o| o.whole).count() as u64;
+    report.solid = finished.closed && report.self_intersections == 0;
+    report.volume = ravec_mesh::measure(&mesh).volume;
+    Ok(Boolean {
+        mesh,
+        origins,
+        feature_edges: finished.features,
+        report,
+    })
+}
+
+/// For each cell whether it is inside.
+fn evaluate(cells: &Cells, meshes: usize, expr: &Expr, inside: Inside) -> Vec<bool> {
+    let hulls: Vec<Vec<bool>> = match inside {
+        Inside::OuterHull => (0..meshes as u32).map(|m| cells.enclosed_by(m)).collect(),
+        Inside::Positive | Inside::Nonzero => Vec::new(),
+    };
+    (0..cells.len() as u32)
+        .map(|cell| {
+            let winding = cells.winding(cell);
+            expr.eval(&|mesh| match inside {
+                Inside::Positive => winding[mesh] > 0,
+                Inside::Nonzero => winding[mesh] != 0,
+                Inside::OuterHull => hulls[mesh][cell as usize],
+            })
+        })
+        .collect()
+}

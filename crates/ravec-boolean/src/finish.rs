@@ -1,0 +1,143 @@
+//! The last step: one vertex for each fan of triangles, so that the mesh is manifold where the solid is not.
+//!
+//! Solids that touch in an edge or a vertex have more than two triangles at that edge, or several fans at the vertex. There
+//! the triangles on both sides of a wedge of solid stay together, and each fan gets a vertex of its own at the same place:
+//! the solids come out apart.
+
+use glam::DVec3;
+
+use crate::arrangement::{Edges, Pieces};
+
+const NONE: u32 = u32::MAX;
+
+/// A mesh, the draft's triangle for each of its triangles, and the edges where `differ` says so about two neighbors.
+pub(crate) struct Finished {
+    pub positions: Vec<DVec3>,
+    pub triangles: Vec<[u32; 3]>,
+    /// Triangles of the soup.
+    pub sources: Vec<u32>,
+    pub features: Vec<[u32; 2]>,
+    /// Whether every edge has two triangles.
+    pub closed: bool,
+}
+
+/// Splits vertices of an uncut soup, whose edges are given, so that each has one fan.
+pub(crate) fn finish(
+    pieces: &Pieces,
+    edges: &Edges,
+    differ: impl Fn(u32, u32) -> bool,
+) -> Finished {
+    let list = &pieces.pieces;
+    // the triangle over each side
+    let mut across = edges.across.clone();
+    let mut closed = true;
+    for ([lower, upper], uses) in &edges.junctions {
+        let side = |piece: u32, forward: bool| {
+            let c = list[piece as usize].corners;
+            let (from, to) = if forward {
+                (*lower, *upper)
+            } else {
+                (*upper, *lower)
+            };
+            (0..3).find(|&i| c[i] == from && c[(i + 1) % 3] == to)
+        };
+        let mut free = Vec::new();
+        let mut taken = vec![false; uses.len()];
+        for (i, &one) in uses.iter().enumerate() {
+            let next = (i + 1) % uses.len();
+            // a wedge of solid lies between backs
+            if !one.forward && uses[next].forward {
+                taken[i] = true;
+                taken[next] = true;
+                free.push((one, uses[next]));
+            }
+        }
+        // what has no such neighbor, in a surface that crosses itself: any partner will do
+        let (mut with, mut against): (Vec<_>, Vec<_>) = uses
+            .iter()
+            .zip(&taken)
+            .filter(|(_, taken)| !**taken)
+            .map(|(one, _)| *one)
+            .partition(|one| one.forward);
+        while let (Some(a), Some(b)) = (with.pop(), against.pop()) {
+            free.push((a, b));
+        }
+        closed &= with.is_empty() && against.is_empty();
+        for (a, b) in free {
+            for (one, other) in [(a, b), (b, a)] {
+                if let Some(side) = side(one.piece, one.forward) {
+                    across[one.piece as usize][side] = other.piece;
+                }
+            }
+        }
+    }
+    closed &= across.iter().flatten().all(|&other| other != NONE);
+
+    let mut triangles = vec![[NONE; 3]; list.len()];
+    let mut vertex_taken = vec![false; pieces.places.given().len()];
+    let mut positions = pieces.places.given().to_vec();
+    for piece in 0..list.len() {
+        for corner in 0..3 {
+            if triangles[piece][corner] != NONE {
+                continue;
+            }
+            let name = list[piece].corners[corner];
+            let vertex = if std::mem::replace(&mut vertex_taken[name as usize], true) {
+                positions.push(positions[name as usize]);
+                (positions.len() - 1) as u32
+            } else {
+                name
+            };
+            // around the vertex in one direction, and in the other if there is a border
+            for forward in [true, false] {
+                let (mut p, mut c) = (piece, corner);
+                loop {
+                    triangles[p][c] = vertex;
+                    let side = if forward { c } else { (c + 2) % 3 };
+                    let next = across[p][side];
+                    if next == NONE {
+                        break;
+                    }
+                    p = next as usize;
+                    let Some(at) = list[p].corners.iter().position(|&x| x == name) else {
+                        break;
+                    };
+                    c = at;
+                    if triangles[p][c] != NONE {
+                        break;
+                    }
+                }
+            }
+        }
+    }
+    let mut features = Vec::new();
+    for (piece, over) in across.iter().enumerate() {
+        for (side, &other) in over.iter().enumerate() {
+            if other != NONE && other as usize > piece && differ(piece as u32, other) {
+                let corners = triangles[piece];
+                features.push([corners[side], corners[(side + 1) % 3]]);
+            }
+        }
+    }
+    // vertices that nothing uses go
+    let mut new_name = vec![NONE; positions.len()];
+    let mut used = Vec::with_capacity(positions.len());
+    for v in triangles.iter_mut().flatten() {
+        let slot = &mut new_name[*v as usize];
+        if *slot == NONE {
+            *slot = used.len() as u32;
+            used.push(positions[*v as usize]);
+        }
+        *v = *slot;
+    }
+    for v in features.iter_mut().flatten() {
+        *v = new_name[*v as usize];
+    }
+    Finished {
+        positions: used,
+        triangles,
+        sources: (0..list.len() as u32).collect(),
+        features,
+        closed,
+    }
+}
