@@ -5,12 +5,11 @@ use ravec_progress::Progress;
 
 use crate::arrangement::{Cells, Edges, Soup, cut, uncut};
 use crate::closing::{Closing, close};
+use crate::examine::examine;
 use crate::expr::Expr;
 use crate::finish::finish;
 use crate::mend::{bvh_of, mend};
-use crate::params::{
-    Boolean, BooleanError, BooleanParams, BooleanReport, Inside, OperandReport, Origin,
-};
+use crate::params::{Boolean, BooleanError, BooleanParams, BooleanReport, Inside, Origin};
 use crate::select::select;
 
 /// The largest coordinate for which all products of the exact tests stay within doubles.
@@ -49,11 +48,9 @@ pub fn boolean(
     let mut report = BooleanReport {
         operands: meshes
             .iter()
-            .map(|mesh| OperandReport {
-                triangles: mesh.triangles().len() as u64,
-                ..OperandReport::default()
-            })
-            .collect(),
+            .zip(&closings)
+            .map(|(mesh, closing)| examine(mesh, closing, progress))
+            .collect::<Result<_, _>>()?,
         ..BooleanReport::default()
     };
     let draft = {

@@ -22,7 +22,11 @@ pub(crate) struct Finished {
 }
 
 /// Splits vertices of an uncut soup, whose edges are given, so that each has one fan.
-pub(crate) fn finish(pieces: &Pieces, edges: &Edges, differ: impl Fn(u32, u32) -> bool) -> Finished {
+pub(crate) fn finish(
+    pieces: &Pieces,
+    edges: &Edges,
+    differ: impl Fn(u32, u32) -> bool,
+) -> Finished {
     let list = &pieces.pieces;
     // the triangle over each side
     let mut across = edges.across.clone();
@@ -30,7 +34,11 @@ pub(crate) fn finish(pieces: &Pieces, edges: &Edges, differ: impl Fn(u32, u32) -
     for ([lower, upper], uses) in &edges.junctions {
         let side = |piece: u32, forward: bool| {
             let c = list[piece as usize].corners;
-            let (from, to) = if forward { (*lower, *upper) } else { (*upper, *lower) };
+            let (from, to) = if forward {
+                (*lower, *upper)
+            } else {
+                (*upper, *lower)
+            };
             (0..3).find(|&i| c[i] == from && c[(i + 1) % 3] == to)
         };
         let mut free = Vec::new();

@@ -8,6 +8,7 @@
 mod arrangement;
 mod boolean;
 mod closing;
+mod examine;
 mod expr;
 mod finish;
 mod mend;
@@ -15,5 +16,7 @@ mod params;
 mod select;
 
 pub use boolean::boolean;
-pub use expr::{Expr, ParseExprError};
-pub use params::{Boolean, BooleanError, BooleanParams, BooleanReport, Inside, OperandReport, Origin};
+pub use expr::{Expr, Known, ParseExprError};
+pub use params::{
+    Boolean, BooleanError, BooleanParams, BooleanReport, Inside, OperandReport, Origin,
+};

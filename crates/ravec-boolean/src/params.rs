@@ -109,7 +109,9 @@ pub enum BooleanError {
         meshes: usize,
     },
     /// A coordinate is too large or too small for exact arithmetic.
-    #[error("mesh {mesh} has coordinates as large as {largest:e}: more than 1e30 is too much for exact arithmetic; scale the meshes first")]
+    #[error(
+        "mesh {mesh} has coordinates as large as {largest:e}: more than 1e30 is too much for exact arithmetic; scale the meshes first"
+    )]
     OutOfRange {
         /// Index of the mesh.
         mesh: usize,

@@ -54,7 +54,11 @@ fn is_whole(piece: &Piece, triangle: [u32; 3]) -> bool {
 pub(crate) fn select(pieces: &Pieces, cells: &Cells, inside: &[bool]) -> Draft {
     let mut kept = Vec::new();
     for (index, piece) in pieces.pieces.iter().enumerate() {
-        let at = |side| cells.cell(index as u32, side).map(|cell| inside[cell as usize]);
+        let at = |side| {
+            cells
+                .cell(index as u32, side)
+                .map(|cell| inside[cell as usize])
+        };
         let (Some(front), Some(back)) = (at(Side::Front), at(Side::Back)) else {
             continue;
         };
@@ -122,7 +126,9 @@ fn restorable(pieces: &Pieces, kept: &[Kept]) -> FxHashSet<u32> {
     }
     let inserted = |t: u32, list: &[Kept]| -> Vec<u32> {
         let corners = pieces.soup.triangles[t as usize];
-        let names = list.iter().flat_map(|one| pieces.pieces[one.piece as usize].corners);
+        let names = list
+            .iter()
+            .flat_map(|one| pieces.pieces[one.piece as usize].corners);
         let mut names: Vec<u32> = names.filter(|name| !corners.contains(name)).collect();
         names.sort_unstable();
         names.dedup();
@@ -153,7 +159,9 @@ fn restorable(pieces: &Pieces, kept: &[Kept]) -> FxHashSet<u32> {
         .collect();
     for (&t, list) in &of_triangle {
         if !candidates.contains(&t) {
-            let names = list.iter().flat_map(|one| pieces.pieces[one.piece as usize].corners);
+            let names = list
+                .iter()
+                .flat_map(|one| pieces.pieces[one.piece as usize].corners);
             pinned.extend(names.filter(|name| at_vertex.contains_key(name)));
         }
     }

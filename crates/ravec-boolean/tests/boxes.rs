@@ -4,9 +4,7 @@ mod support;
 
 use glam::DVec3;
 use ravec_boolean::Expr;
-use support::{
-    assert_sound, cuboid, difference, intersection, run, symmetric_difference, union,
-};
+use support::{assert_sound, cuboid, difference, intersection, run, symmetric_difference, union};
 
 /// Cubes of the grid that are inside.
 fn cubes(lo: [i32; 3], hi: [i32; 3]) -> Vec<bool> {

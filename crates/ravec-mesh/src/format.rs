@@ -12,7 +12,8 @@
 //! | 3MF | meshes, components, build items and their transforms, in one or several parts | one object, all digits |
 //! | glTF | `.glb` and `.gltf`, node transforms, triangle lists, strips and fans, sparse and quantized positions | 32-bit floats |
 //!
-//! Colors, normals, texture coordinates and materials are left out, and [`MeshFile::warnings`] says so. Polygons are cut
+//! Normals, texture coordinates, materials and colors are left out, and [`MeshFile::warnings`] says so; only the colors of
+//! vertices of PLY files can be asked for ([`ReadOptions::colors`]) and written ([`write_colored_mesh`]). Polygons are cut
 //! into triangles.
 //!
 //! Guarantees: vertices and triangles keep the order of the file; whatever the bytes, the result is a mesh or an error
@@ -43,7 +44,7 @@ pub use read::{
     read_mesh_with_buffers,
 };
 pub use weld::{Welded, weld};
-pub use write::{Precision, WriteOptions, write_mesh};
+pub use write::{Precision, WriteOptions, write_colored_mesh, write_mesh};
 
 /// The formats of mesh files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

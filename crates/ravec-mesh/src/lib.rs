@@ -26,7 +26,7 @@ pub use closest::{ClosestOnTriangle, Feature, closest_on_triangle, distance_sq_t
 pub use format::{
     BufferResolver, LengthUnit, MeshFile, MeshFormat, MeshLimits, Place, Precision, ReadMeshError,
     ReadOptions, ReadWarning, Welded, WriteMeshError, WriteOptions, read_mesh,
-    read_mesh_with_buffers, weld, write_mesh,
+    read_mesh_with_buffers, weld, write_colored_mesh, write_mesh,
 };
 pub use hausdorff::{
     Hausdorff, HausdorffError, HausdorffParams, OneSided, distances_to, hausdorff, vertex_distances,

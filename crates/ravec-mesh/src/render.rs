@@ -75,6 +75,15 @@ impl Default for FeatureLines {
     }
 }
 
+/// Edges that are drawn in a style of their own, over all other lines.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MarkedEdges {
+    /// Pairs of vertices, in either order; pairs that are no edge of a triangle are not drawn.
+    pub edges: Vec<[u32; 2]>,
+    /// How they are drawn.
+    pub style: LineStyle,
+}
+
 /// A plane that cuts the mesh open.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Section {
@@ -121,6 +130,8 @@ pub struct RenderParams {
     pub wireframe: Option<LineStyle>,
     /// Creases, borders and outlines, also of a cut (default those of [`FeatureLines`]).
     pub features: Option<FeatureLines>,
+    /// Edges to be marked (default none).
+    pub marked: Option<MarkedEdges>,
     /// What is cut away (default nothing).
     pub section: Option<Section>,
 }
@@ -139,6 +150,7 @@ impl Default for RenderParams {
             background: Some([255, 255, 255]),
             wireframe: None,
             features: Some(FeatureLines::default()),
+            marked: None,
             section: None,
         }
     }
@@ -282,7 +294,11 @@ impl RenderParams {
         if !self.camera.is_valid() {
             return Err(RenderError::Camera);
         }
-        let styles = [self.wireframe, self.features.map(|features| features.style)];
+        let styles = [
+            self.wireframe,
+            self.features.map(|features| features.style),
+            self.marked.as_ref().map(|marked| marked.style),
+        ];
         let widths = styles
             .iter()
             .flatten()

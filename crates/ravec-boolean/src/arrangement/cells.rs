@@ -146,10 +146,7 @@ impl Cells {
             for (i, &one) in uses.iter().enumerate() {
                 let next = uses[(i + 1) % uses.len()];
                 let [p, q] = [one, next].map(|u| patch_of[u.piece as usize]);
-                sides.unite(
-                    node(p, side_ahead(one)),
-                    node(q, side_ahead(next).other()),
-                );
+                sides.unite(node(p, side_ahead(one)), node(q, side_ahead(next).other()));
                 parts.unite(p.0, q.0);
             }
         }
@@ -420,7 +417,10 @@ impl Rays<'_> {
 
     /// The side of a piece that a line along an axis comes out of, if it goes through the inside of the piece; `None` if
     /// it meets the border.
-    #[allow(clippy::option_option, reason = "three answers, of which one ends the search")]
+    #[allow(
+        clippy::option_option,
+        reason = "three answers, of which one ends the search"
+    )]
     fn passes(&self, piece: u32, foot: &Point, axis: usize) -> Option<Option<Side>> {
         let (i, j) = ((axis + 1) % 3, (axis + 2) % 3);
         let places = &self.pieces.places;
@@ -430,8 +430,14 @@ impl Rays<'_> {
             None => Point::at(places.given()[name as usize]),
         });
         let clear = |k: usize| {
-            let lo = held.iter().map(|p| p.near[k].lo).fold(f64::INFINITY, f64::min);
-            let hi = held.iter().map(|p| p.near[k].hi).fold(f64::NEG_INFINITY, f64::max);
+            let lo = held
+                .iter()
+                .map(|p| p.near[k].lo)
+                .fold(f64::INFINITY, f64::min);
+            let hi = held
+                .iter()
+                .map(|p| p.near[k].hi)
+                .fold(f64::NEG_INFINITY, f64::max);
             foot.near[k].hi < lo || foot.near[k].lo > hi
         };
         if clear(i) || clear(j) {

@@ -61,7 +61,11 @@ fn edge(a: u32, b: u32) -> [u32; 2] {
 
 /// Whether all signs of corners that are not shared are the same and not zero.
 fn strictly_apart(signs: [Sign; 3], shared: [bool; 3]) -> bool {
-    let mut own = signs.iter().zip(shared).filter(|(_, s)| !s).map(|(&s, _)| s);
+    let mut own = signs
+        .iter()
+        .zip(shared)
+        .filter(|(_, s)| !s)
+        .map(|(&s, _)| s);
     let first = own.next();
     first.is_none_or(|f| f != Sign::Zero && own.all(|s| s == f))
 }
@@ -124,8 +128,7 @@ fn gather(soup: &Soup, a: u32, b: u32, sides: [Sign; 3], shared: [bool; 3], ends
         if sides[i] == Sign::Zero || sides[j] != -sides[i] {
             continue;
         }
-        let around: [Sign; 3] =
-            std::array::from_fn(|k| orient3d(p[i], p[j], q[k], q[(k + 1) % 3]));
+        let around: [Sign; 3] = std::array::from_fn(|k| orient3d(p[i], p[j], q[k], q[(k + 1) % 3]));
         if around.contains(&Sign::Positive) && around.contains(&Sign::Negative) {
             continue;
         }
@@ -222,9 +225,7 @@ fn between(u: DVec2, v: DVec2, w: DVec2) -> bool {
 
 /// Whether two segments on one line that are not the same meet in more than an end that they share.
 fn segments_touch_beyond(at: &impl Fn(u32) -> DVec2, [u, v]: [u32; 2], [w, x]: [u32; 2]) -> bool {
-    let strange = |p: u32, [q, r]: [u32; 2]| {
-        p != q && p != r && between(at(q), at(r), at(p))
-    };
+    let strange = |p: u32, [q, r]: [u32; 2]| p != q && p != r && between(at(q), at(r), at(p));
     strange(w, [u, v]) || strange(x, [u, v]) || strange(u, [w, x]) || strange(v, [w, x])
 }
 
@@ -237,7 +238,9 @@ mod tests {
     use ravec_mesh::{TriMesh, TriTri, intersection};
 
     fn soup(corners: [[i32; 3]; 6]) -> Soup {
-        let positions = corners.map(|c| DVec3::from_array(c.map(f64::from))).to_vec();
+        let positions = corners
+            .map(|c| DVec3::from_array(c.map(f64::from)))
+            .to_vec();
         let mesh = TriMesh::new(positions, vec![[0, 1, 2], [3, 4, 5]]).unwrap();
         Soup::of(&[&mesh], &[Closing::default()])
     }
@@ -266,7 +269,14 @@ mod tests {
     #[test]
     fn the_ends_of_a_segment_have_their_names() {
         // a floor and a blade that goes through it and stands out over one edge
-        let soup = soup([[0, 0, 0], [4, 0, 0], [0, 4, 0], [1, 1, -1], [1, 1, 1], [1, -9, 0]]);
+        let soup = soup([
+            [0, 0, 0],
+            [4, 0, 0],
+            [0, 4, 0],
+            [1, 1, -1],
+            [1, 1, 1],
+            [1, -9, 0],
+        ]);
         let found = contact(&soup, 0, 1);
         let expected = Contact::Segment(
             Crossing::EdgeTriangle([0, 1], 1),

@@ -176,7 +176,9 @@ pub(crate) fn uncut(soup: &Soup) -> Pieces<'_> {
         soup,
         places: Places::new(&soup.positions, Grid::holding(&soup.positions)),
         pieces: soup.triangles.iter().enumerate().map(piece).collect(),
-        of_triangle: (0..soup.triangles.len() as u32).map(|t| [t, t + 1]).collect(),
+        of_triangle: (0..soup.triangles.len() as u32)
+            .map(|t| [t, t + 1])
+            .collect(),
         contacts: Vec::new(),
     }
 }
@@ -378,14 +380,11 @@ fn cut_group<'a>(soup: &Soup, places: &'a Places<'_>, group: &Group) -> CutGroup
         around(&Aabb::around(corners), axis, grid).map(|p| Held::Own(Point::at(p)))
     };
     let mut names: Vec<Option<u32>> = vec![None; 3];
-    let mut triangulation =
-        Triangulation::new(start, plane, axis, grid, places.most_width());
+    let mut triangulation = Triangulation::new(start, plane, axis, grid, places.most_width());
     let mut vertex_of: FxHashMap<u32, u32> = FxHashMap::default();
     // the borders of a triangle alone, as chains of vertices
     let mut chains = [[0, 1], [1, 2], [2, 0]].map(Vec::from);
-    let mut insert_at = |triangulation: &mut Triangulation<'a>,
-                         name: u32,
-                         chain: Option<usize>| {
+    let mut insert_at = |triangulation: &mut Triangulation<'a>, name: u32, chain: Option<usize>| {
         *vertex_of.entry(name).or_insert_with(|| {
             let (vertex, is_new) = match chain {
                 Some(chain) => triangulation.insert_on(&mut chains[chain], held(name)),
@@ -416,7 +415,8 @@ fn cut_group<'a>(soup: &Soup, places: &'a Places<'_>, group: &Group) -> CutGroup
         });
         insert_at(&mut triangulation, point, chain);
     }
-    let mut insert = |triangulation: &mut Triangulation<'a>, name| insert_at(triangulation, name, None);
+    let mut insert =
+        |triangulation: &mut Triangulation<'a>, name| insert_at(triangulation, name, None);
     // the borders of a triangle alone are those of the piece
     let mut borders = Vec::new();
     for &t in group.members.iter().filter(|_| !alone) {
@@ -470,7 +470,11 @@ fn cut_group<'a>(soup: &Soup, places: &'a Places<'_>, group: &Group) -> CutGroup
     let made = names.len();
     let points = (0..triangulation.point_count())
         .map(|vertex| {
-            let name = names.get(vertex).copied().flatten().filter(|_| vertex < made);
+            let name = names
+                .get(vertex)
+                .copied()
+                .flatten()
+                .filter(|_| vertex < made);
             match name {
                 Some(name) => Corner::Named(name),
                 None => Corner::Made(Box::new(triangulation.point(vertex as u32).clone())),

@@ -230,8 +230,16 @@ mod tests {
     fn three_planes_and_a_line_with_a_plane_meet_where_they_should() {
         let planes = [
             [DVec3::X, DVec3::X + DVec3::Y, DVec3::X + DVec3::Z],
-            [2.0 * DVec3::Y, 2.0 * DVec3::Y + DVec3::X, 2.0 * DVec3::Y + DVec3::Z],
-            [3.0 * DVec3::Z, 3.0 * DVec3::Z + DVec3::X, 3.0 * DVec3::Z + DVec3::Y],
+            [
+                2.0 * DVec3::Y,
+                2.0 * DVec3::Y + DVec3::X,
+                2.0 * DVec3::Y + DVec3::Z,
+            ],
+            [
+                3.0 * DVec3::Z,
+                3.0 * DVec3::Z + DVec3::X,
+                3.0 * DVec3::Z + DVec3::Y,
+            ],
         ];
         let grid = Grid { scale: 4 };
         let meeting = Exact::of_planes(grid, &planes).unwrap();

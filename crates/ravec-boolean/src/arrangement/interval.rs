@@ -193,7 +193,11 @@ mod tests {
 
     #[test]
     fn a_division_by_nearly_nothing_says_nothing() {
-        let quotient = Interval::from(1.0) / Interval { lo: -1e-9, hi: 1e-9 };
+        let quotient = Interval::from(1.0)
+            / Interval {
+                lo: -1e-9,
+                hi: 1e-9,
+            };
         assert_eq!(quotient.sign(), None);
     }
 }

@@ -57,7 +57,8 @@ impl<'a> Places<'a> {
 
     /// The point with coordinates, or the one that a cut made.
     pub fn made(&self, name: u32) -> Option<&Point> {
-        self.made.get((name as usize).checked_sub(self.given.len())?)
+        self.made
+            .get((name as usize).checked_sub(self.given.len())?)
     }
 
     /// Coordinates, rounded if there are none.

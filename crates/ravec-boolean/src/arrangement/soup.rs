@@ -42,7 +42,7 @@ impl Soup {
         let mut vertices = Vec::new();
         for (index, (mesh, closing)) in meshes.iter().zip(closings).enumerate() {
             vertices.clear();
-            vertices.extend(mesh.positions().iter().chain(&closing.positions).map(|&p| {
+            vertices.extend(mesh.positions().iter().map(|&p| {
                 // adding zero makes the two zeros one
                 let p = p + DVec3::ZERO;
                 *vertex_at

@@ -157,7 +157,13 @@ impl<'a> Triangulation<'a> {
     }
 
     fn orient(&self, a: u32, b: u32, c: u32) -> Sign {
-        orient2d(self.point(a), self.point(b), self.point(c), self.axis, self.grid)
+        orient2d(
+            self.point(a),
+            self.point(b),
+            self.point(c),
+            self.axis,
+            self.grid,
+        )
     }
 
     /// The vertex at a point, which is made if there is none. Second, whether it is new.
@@ -569,9 +575,10 @@ impl<'a> Triangulation<'a> {
         let Step::Along(next) = self.step(a, b) else {
             return Vec::new();
         };
-        let first = self.around(a).into_iter().find(|&(t, i)| {
-            self.triangles[t as usize].corners[(i + 1) % 3] == next
-        });
+        let first = self
+            .around(a)
+            .into_iter()
+            .find(|&(t, i)| self.triangles[t as usize].corners[(i + 1) % 3] == next);
         let Some((first, _)) = first else {
             return Vec::new();
         };

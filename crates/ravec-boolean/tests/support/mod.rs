@@ -9,7 +9,11 @@ use ravec_progress::Progress;
 pub fn cuboid(lo: DVec3, hi: DVec3) -> TriMesh {
     let corner = |i: usize| {
         let pick = |bit: usize, lo: f64, hi: f64| if i >> bit & 1 == 1 { hi } else { lo };
-        DVec3::new(pick(2, lo.x, hi.x), pick(1, lo.y, hi.y), pick(0, lo.z, hi.z))
+        DVec3::new(
+            pick(2, lo.x, hi.x),
+            pick(1, lo.y, hi.y),
+            pick(0, lo.z, hi.z),
+        )
     };
     let triangles = vec![
         [0, 1, 3],
@@ -61,9 +65,15 @@ pub fn assert_sound(result: &Boolean) {
         .flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]])
         .collect();
     sides.sort_unstable();
-    assert!(sides.windows(2).all(|w| w[0] != w[1]), "an edge is used twice in one direction");
+    assert!(
+        sides.windows(2).all(|w| w[0] != w[1]),
+        "an edge is used twice in one direction"
+    );
     for &[a, b] in &sides {
-        assert!(sides.binary_search(&[b, a]).is_ok(), "an edge has no other side");
+        assert!(
+            sides.binary_search(&[b, a]).is_ok(),
+            "an edge has no other side"
+        );
     }
     let adjacency = ravec_mesh::Adjacency::new(mesh);
     assert_eq!(adjacency.pinched_vertices(mesh), [] as [u32; 0]);

@@ -2,7 +2,8 @@
 //!
 //! A header names *elements* (tables) and their properties (columns); rows follow, in binary back to back, in ASCII one a
 //! line. Read are the columns `x`, `y`, `z` of the element `vertex`, the list `vertex_indices` (or `vertex_index`) of
-//! `face`, and the same list of `tristrips`, where −1 ends a strip. All other columns and elements are passed over.
+//! `face`, and the same list of `tristrips`, where −1 ends a strip. If colors were asked for, so are the columns `red`,
+//! `green`, `blue` and `alpha` of the vertices. All other columns and elements are passed over.
 //!
 //! The two tables that make up nearly every file, vertices of fixed size and triangles with a list alone, are decoded
 //! from whole buffers, at about 1 GB/s; any other goes column by column.
@@ -22,11 +23,35 @@ const INDICES: [&[u8]; 3] = [b"vertex_indices", b"vertex_index", b"vertex_indexe
 
 /// What the rows of an element are for, with the columns they have it in.
 enum Role {
-    Vertices([usize; 3]),
+    Vertices(Columns),
     Faces(usize),
     Strips(usize),
     Nothing,
 }
+
+/// The columns of vertices.
+#[derive(Clone, Copy)]
+struct Columns {
+    places: [usize; 3],
+    /// Red, green and blue, if they are wanted and there.
+    color: Option<[usize; 3]>,
+    /// Comes with colors only.
+    alpha: Option<usize>,
+}
+
+impl Columns {
+    fn used(&self) -> impl Iterator<Item = usize> {
+        let color = self.color.into_iter().flatten();
+        self.places.into_iter().chain(color).chain(self.alpha)
+    }
+}
+
+/// The names of columns of colors, in the order of [`Columns::color`].
+const COLORS: [[&[u8]; 3]; 3] = [
+    [b"red", b"diffuse_red", b"r"],
+    [b"green", b"diffuse_green", b"g"],
+    [b"blue", b"diffuse_blue", b"b"],
+];
 
 impl Role {
     fn of(element: &Element, source: &Source<'_>) -> Result<Self, ReadMeshError> {
@@ -37,10 +62,19 @@ impl Role {
         match element.name.as_slice() {
             b"vertex" => {
                 let columns = [b"x", b"y", b"z"].map(|name| element.column(&[name], false));
-                match columns {
-                    [Some(x), Some(y), Some(z)] => Ok(Self::Vertices([x, y, z])),
-                    _ => missing("coordinates x, y and z of the vertices"),
-                }
+                let [Some(x), Some(y), Some(z)] = columns else {
+                    return missing("coordinates x, y and z of the vertices");
+                };
+                let color = match COLORS.map(|names| element.column(&names, false)) {
+                    [Some(r), Some(g), Some(b)] if source.options().colors => Some([r, g, b]),
+                    _ => None,
+                };
+                let alpha = color.and_then(|_| element.column(&[b"alpha", b"a"], false));
+                Ok(Self::Vertices(Columns {
+                    places: [x, y, z],
+                    color,
+                    alpha,
+                }))
             }
             b"face" => match element.column(&INDICES, true) {
                 Some(column) => Ok(Self::Faces(column)),
@@ -72,6 +106,7 @@ pub(super) fn read(mut source: Source<'_>) -> Result<MeshFile, ReadMeshError> {
             role,
             encoding,
             picked: [0.0; 3],
+            color: [0, 0, 0, 255],
             list: Vec::new(),
         };
         table.read(&mut source, &mut soup)?;
@@ -88,9 +123,9 @@ pub(super) fn read(mut source: Source<'_>) -> Result<MeshFile, ReadMeshError> {
 
 /// Says which columns are left out.
 fn remark(element: &Element, role: &Role, soup: &mut Soup) {
-    let used: &[usize] = match role {
-        Role::Vertices(columns) => columns,
-        Role::Faces(column) | Role::Strips(column) => std::slice::from_ref(column),
+    let used: Vec<usize> = match role {
+        Role::Vertices(columns) => columns.used().collect(),
+        Role::Faces(column) | Role::Strips(column) => vec![*column],
         Role::Nothing => {
             if element.rows > 0 {
                 soup.ignore("elements other than vertices and faces");
@@ -120,6 +155,8 @@ struct Table<'a> {
     encoding: Encoding,
     /// The three coordinates of the last row.
     picked: [f64; 3],
+    /// The color of the last row.
+    color: [u8; 4],
     /// The indices of the last row.
     list: Vec<u32>,
 }
@@ -143,7 +180,12 @@ impl Table<'_> {
                 Encoding::Little | Encoding::Big => self.binary_row(row, source, soup)?,
             };
             match self.role {
-                Role::Vertices(_) => soup.vertex(DVec3::from_array(self.picked), place)?,
+                Role::Vertices(columns) => {
+                    soup.vertex(DVec3::from_array(self.picked), place)?;
+                    if columns.color.is_some() {
+                        soup.color(self.color);
+                    }
+                }
                 Role::Faces(_) => soup.face(&self.list)?,
                 Role::Strips(_) => {
                     for strip in self.list.split(|&index| index == STOP) {
@@ -171,18 +213,28 @@ impl Table<'_> {
         let offset = source.offset();
         match (&self.role, self.element.stride()) {
             (Role::Vertices(columns), Some(stride)) => {
-                let columns = columns.map(|column| {
+                let offset_of = |column: usize| {
                     let before = &self.element.properties[..column];
                     let at: usize = before.iter().map(|property| property.item.size()).sum();
                     (self.element.properties[column].item, at)
-                });
+                };
+                let places = columns.places.map(offset_of);
+                let color = columns.color.map(|color| color.map(offset_of));
+                let alpha = columns.alpha.map(offset_of);
                 let there = source.peek(stride)?;
                 let rows = there.chunks_exact(stride);
                 let mut done = 0;
                 for row in rows.take(usize::try_from(left).unwrap_or(usize::MAX)) {
-                    let at = columns.map(|(scalar, at)| scalar.decode(&row[at..], big));
+                    let at = places.map(|(scalar, at)| scalar.decode(&row[at..], big));
                     let place = Place::Byte(offset + (done * stride) as u64);
                     soup.vertex(DVec3::from_array(at), place)?;
+                    if let Some(color) = color {
+                        let level = |(scalar, at): (Scalar, usize)| {
+                            level(scalar, scalar.decode(&row[at..], big))
+                        };
+                        let [r, g, b] = color.map(level);
+                        soup.color([r, g, b, alpha.map_or(255, level)]);
+                    }
                     done += 1;
                 }
                 source.consume(done * stride);
@@ -334,7 +386,7 @@ impl Table<'_> {
     }
 
     fn takes_number(&self, column: usize) -> bool {
-        matches!(&self.role, Role::Vertices(columns) if columns.contains(&column))
+        matches!(&self.role, Role::Vertices(columns) if columns.used().any(|used| used == column))
     }
 
     fn takes_list(&self, column: usize) -> bool {
@@ -343,9 +395,16 @@ impl Table<'_> {
 
     fn pick(&mut self, column: usize, value: f64) {
         if let Role::Vertices(columns) = &self.role {
-            for (picked, &wanted) in self.picked.iter_mut().zip(columns) {
+            for (picked, wanted) in self.picked.iter_mut().zip(columns.places) {
                 if wanted == column {
                     *picked = value;
+                }
+            }
+            let wanted = columns.color.into_iter().flatten();
+            let wanted = wanted.chain(columns.alpha);
+            for (picked, wanted) in self.color.iter_mut().zip(wanted) {
+                if wanted == column {
+                    *picked = level(self.element.properties[column].item, value);
                 }
             }
         }
@@ -405,6 +464,17 @@ impl Table<'_> {
         }
         Ok(())
     }
+}
+
+/// A part of a color in 256 steps: whole numbers of 8 bits are that, of 16 bits finer; others run from 0 to 1.
+fn level(scalar: Scalar, value: f64) -> u8 {
+    let value = match scalar {
+        Scalar::F32 | Scalar::F64 => 255.0 * value,
+        Scalar::U16 => value / 257.0,
+        _ => value,
+    };
+    // what is not a number becomes 0
+    value.round().clamp(0.0, 255.0) as u8
 }
 
 /// Stands for the −1 that ends a strip. As an index it is out of range: a mesh has at most so many vertices.

@@ -49,6 +49,9 @@ pub struct ReadOptions {
     /// How many bytes will come, if known (default: not known). Used to report progress, and as a mark of binary
     /// STL files, which have no other.
     pub size: Option<u64>,
+    /// Whether colors of vertices are wanted (default no: they are left out, with a warning). Read are those of PLY files;
+    /// not together with `weld_tolerance`.
+    pub colors: bool,
 }
 
 /// A mesh and what its file says about it.
@@ -60,6 +63,8 @@ pub struct MeshFile {
     pub format: MeshFormat,
     /// The unit of its coordinates: what a 3MF file names, meters for glTF, unknown for all others.
     pub unit: Option<LengthUnit>,
+    /// Red, green, blue and alpha of each vertex, if they were asked for and are there; else none at all.
+    pub colors: Vec<[u8; 4]>,
     /// What is not as in the file, each at most once.
     pub warnings: Vec<ReadWarning>,
 }
@@ -204,6 +209,9 @@ fn read_dyn(
         progress.check()?;
         let welded = weld(&file.mesh, tolerance);
         file.mesh = welded.mesh;
+        if !std::mem::take(&mut file.colors).is_empty() {
+            file.warnings.push(ReadWarning::Ignored { what: "colors" });
+        }
         if welded.merged > 0 {
             file.warnings.push(ReadWarning::Welded {
                 vertices: welded.merged as u64,

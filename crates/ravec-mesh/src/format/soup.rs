@@ -28,6 +28,7 @@ pub(super) struct Soup {
     format: MeshFormat,
     limits: MeshLimits,
     positions: Vec<DVec3>,
+    colors: Vec<[u8; 4]>,
     triangles: Vec<[u32; 3]>,
     polygons: Vec<Polygon>,
     corners: Vec<u32>,
@@ -52,6 +53,7 @@ impl Soup {
             format,
             limits,
             positions: Vec::new(),
+            colors: Vec::new(),
             triangles: Vec::new(),
             polygons: Vec::new(),
             corners: Vec::new(),
@@ -119,6 +121,12 @@ impl Soup {
         self.check_vertices(self.positions.len() as u64 + 1)?;
         self.positions.push(at);
         Ok(())
+    }
+
+    /// Adds the color of the last vertex, red, green, blue and alpha.
+    #[inline]
+    pub(super) fn color(&mut self, color: [u8; 4]) {
+        self.colors.push(color);
     }
 
     /// The index that stands in the file as `written`, `base` subtracted. It may name a vertex that is yet to come.
@@ -223,7 +231,14 @@ impl Soup {
             all.extend_from_slice(&self.triangles[taken..]);
             all
         };
-        mesh_file(self.format, self.positions, triangles, unit, warnings)
+        let mut file = mesh_file(self.format, self.positions, triangles, unit, warnings)?;
+        if self.colors.len() == file.mesh.positions().len() {
+            file.colors = self.colors;
+        } else if !self.colors.is_empty() {
+            // several tables of vertices, and not all with colors
+            file.warnings.push(ReadWarning::Ignored { what: "colors" });
+        }
+        Ok(file)
     }
 }
 
@@ -246,6 +261,7 @@ pub(super) fn mesh_file(
         mesh,
         format,
         unit,
+        colors: Vec::new(),
         warnings,
     })
 }

@@ -61,9 +61,29 @@ pub fn write_mesh(
     mesh: &TriMesh,
     format: MeshFormat,
     options: &WriteOptions,
+    writer: impl Write,
+    progress: &Progress,
+) -> Result<(), WriteMeshError> {
+    write_colored_mesh(mesh, &[], format, options, writer, progress)
+}
+
+/// Writes `mesh` with a color for each vertex: red, green, blue and alpha.
+///
+/// Only PLY holds them; the other formats are written as by [`write_mesh`], and so is PLY if `colors` has not one for each
+/// vertex.
+///
+/// # Errors
+/// As [`write_mesh`].
+pub fn write_colored_mesh(
+    mesh: &TriMesh,
+    colors: &[[u8; 4]],
+    format: MeshFormat,
+    options: &WriteOptions,
     mut writer: impl Write,
     progress: &Progress,
 ) -> Result<(), WriteMeshError> {
+    let all = colors.len() == mesh.positions().len() && !colors.is_empty();
+    let colors = all.then_some(colors);
     let single = options.precision == Precision::Single;
     let always_single = matches!(
         format,
@@ -83,8 +103,8 @@ pub fn write_mesh(
     match format {
         MeshFormat::StlBinary => stl::write_binary(mesh, &mut sink),
         MeshFormat::StlAscii => stl::write_ascii(mesh, options.precision, &mut sink),
-        MeshFormat::PlyBinary => ply::write_binary(mesh, options.precision, &mut sink),
-        MeshFormat::PlyAscii => ply::write_ascii(mesh, options.precision, &mut sink),
+        MeshFormat::PlyBinary => ply::write_binary(mesh, colors, options.precision, &mut sink),
+        MeshFormat::PlyAscii => ply::write_ascii(mesh, colors, options.precision, &mut sink),
         MeshFormat::Obj => text::write_obj(mesh, options.precision, &mut sink),
         MeshFormat::Off => text::write_off(mesh, options.precision, &mut sink),
         MeshFormat::ThreeMf => threemf::write(mesh, *options, &mut sink),

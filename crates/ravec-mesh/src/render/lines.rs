@@ -7,6 +7,7 @@
 
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
+use rustc_hash::FxHashSet;
 
 use super::camera::{Projected, Projector};
 use super::{FeatureLines, RenderParams, Section};
@@ -19,6 +20,7 @@ pub(super) enum Kind {
     Feature,
     /// The outline of a cut, in the style of features.
     Cut,
+    Marked,
 }
 
 /// A piece of a line that is not cut away.
@@ -71,7 +73,13 @@ pub(super) fn lines(
     params: &RenderParams,
 ) -> Vec<Line> {
     let mut lines = Vec::new();
-    if params.wireframe.is_some() || params.features.is_some() {
+    let marked: FxHashSet<[u32; 2]> = params
+        .marked
+        .iter()
+        .flat_map(|marked| &marked.edges)
+        .map(|&[a, b]| [a.min(b), a.max(b)])
+        .collect();
+    if params.wireframe.is_some() || params.features.is_some() || !marked.is_empty() {
         let mut sides: Vec<Side> = (0..mesh.triangles().len() as u32)
             .into_par_iter()
             .flat_map_iter(|triangle| {
@@ -91,7 +99,10 @@ pub(super) fn lines(
         lines.par_extend(
             sides
                 .par_chunk_by(|a, b| (a.low, a.high) == (b.low, b.high))
-                .filter_map(|sides| edge_line(mesh, projected, projector, params, sides)),
+                .filter_map(|sides| {
+                    let is_marked = marked.contains(&[sides[0].low, sides[0].high]);
+                    edge_line(mesh, projected, projector, params, sides, is_marked)
+                }),
         );
     }
     if let Some(section) = &params.section
@@ -112,6 +123,7 @@ fn edge_line(
     projector: &Projector,
     params: &RenderParams,
     sides: &[Side],
+    is_marked: bool,
 ) -> Option<Line> {
     let Side { low, high, .. } = sides[0];
     let facing =
@@ -124,6 +136,7 @@ fn edge_line(
             || features.silhouettes && sides.len() == 2 && facing(&sides[0]) != facing(&sides[1])
     });
     let kind = match (is_feature, &params.wireframe) {
+        _ if is_marked => Kind::Marked,
         (true, _) => Kind::Feature,
         (false, Some(_)) => Kind::Wire,
         (false, None) => return None,

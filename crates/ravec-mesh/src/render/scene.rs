@@ -31,7 +31,7 @@ pub(super) struct Scene<'a> {
     front: Vec3,
     back: Vec3,
     cut: Vec3,
-    inks: [Vec3; 2],
+    inks: [Vec3; 3],
 }
 
 /// From numbers to light.
@@ -85,6 +85,7 @@ impl<'a> Scene<'a> {
             inks: [
                 ink(params.wireframe.as_ref()),
                 ink(params.features.as_ref().map(|features| &features.style)),
+                ink(params.marked.as_ref().map(|marked| &marked.style)),
             ],
         }
     }
@@ -97,7 +98,8 @@ impl<'a> Scene<'a> {
     pub fn margin(&self) -> usize {
         let widest = self
             .line_width(Kind::Wire)
-            .max(self.line_width(Kind::Feature));
+            .max(self.line_width(Kind::Feature))
+            .max(self.line_width(Kind::Marked));
         if widest > 0.0 {
             (0.5 * widest).ceil() as usize + 2
         } else {
@@ -110,6 +112,7 @@ impl<'a> Scene<'a> {
         let style = match kind {
             Kind::Wire => self.params.wireframe,
             Kind::Feature | Kind::Cut => self.params.features.map(|features| features.style),
+            Kind::Marked => self.params.marked.as_ref().map(|marked| marked.style),
         };
         style.map_or(0.0, |style| {
             style.width_px * f64::from(self.samples_per_side)
@@ -117,7 +120,11 @@ impl<'a> Scene<'a> {
     }
 
     pub fn line_color(&self, kind: Kind) -> Vec3 {
-        self.inks[usize::from(kind != Kind::Wire)]
+        self.inks[match kind {
+            Kind::Wire => 0,
+            Kind::Feature | Kind::Cut => 1,
+            Kind::Marked => 2,
+        }]
     }
 
     /// Light and cover of where there is nothing.

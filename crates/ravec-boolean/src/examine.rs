@@ -1,0 +1,299 @@
+//! What is to be said about a mesh before it is combined with others.
+//!
+//! Cost: some tens of nanoseconds a triangle; a search structure over all triangles if a part is inside out.
+
+use glam::DVec3;
+use ravec_mesh::{Bvh, TriMesh, WindingNumbers, on_one_line};
+use ravec_progress::{Cancelled, Progress};
+use rustc_hash::FxHashMap;
+
+use crate::closing::Closing;
+use crate::params::OperandReport;
+
+/// Triangles between two looks at the progress: some milliseconds.
+const STRIDE: usize = 1 << 16;
+
+/// A part with less volume than this share of a cube with its area is a sheet, of which nobody can say what is inside.
+const SOLID_REL: f64 = 1e-6;
+
+/// Says what is known about a mesh, except how often it meets itself.
+pub(crate) fn examine(
+    mesh: &TriMesh,
+    closing: &Closing,
+    progress: &Progress,
+) -> Result<OperandReport, Cancelled> {
+    let mut degenerate = 0;
+    for (chunk, triangles) in mesh.triangles().chunks(STRIDE).enumerate() {
+        progress.check()?;
+        for i in 0..triangles.len() {
+            let corners = mesh.corners((chunk * STRIDE + i) as u32);
+            degenerate += u64::from(has_no_area(corners));
+        }
+    }
+    let reversed = reversed_parts(mesh, closing, progress)?;
+    let mut report = OperandReport {
+        triangles: mesh.triangles().len() as u64,
+        closed: closing.closed,
+        oriented: closing.clashing_edges == 0,
+        degenerate_triangles: degenerate,
+        closing_triangles: closing.triangles.len() as u64,
+        reversed_parts: reversed.len() as u64,
+        ..OperandReport::default()
+    };
+    report.assumptions = assumptions(closing, degenerate, &reversed);
+    Ok(report)
+}
+
+/// Whether the corners are on one line, exactly.
+fn has_no_area([a, b, c]: [DVec3; 3]) -> bool {
+    let (ab, ac) = (b - a, c - a);
+    let normal = ab.cross(ac);
+    // rounding changes each coordinate of the normal by less than 8 ε times the product of the sides
+    let doubt = 8.0 * f64::EPSILON * ab.length() * ac.length();
+    normal.abs().max_element() <= doubt && on_one_line(a, b, c)
+}
+
+/// A part that is inside out.
+struct Reversed {
+    volume: f64,
+    /// The middle of one of its triangles.
+    at: DVec3,
+}
+
+/// A connected part of a mesh: what triangles, those of the closing among them, join by their vertices.
+#[derive(Debug, Clone, Copy, Default)]
+struct Part {
+    volume: f64,
+    area: f64,
+}
+
+impl Part {
+    fn is_negative(&self) -> bool {
+        self.volume < -SOLID_REL * self.area.powf(1.5)
+    }
+}
+
+fn reversed_parts(
+    mesh: &TriMesh,
+    closing: &Closing,
+    progress: &Progress,
+) -> Result<Vec<Reversed>, Cancelled> {
+    let all = || mesh.triangles().iter().chain(&closing.triangles);
+    let mut group: Vec<u32> = (0..mesh.positions().len() as u32).collect();
+    for (i, &[a, b, c]) in all().enumerate() {
+        if i % STRIDE == 0 {
+            progress.check()?;
+        }
+        let mut own = root(&mut group, a);
+        for other in [b, c] {
+            let other = root(&mut group, other);
+            group[own.max(other) as usize] = own.min(other);
+            own = own.min(other);
+        }
+    }
+    let origin = mesh.bounds().center();
+    let mut parts = vec![Part::default(); group.len()];
+    let mut of_triangle = Vec::with_capacity(all().count());
+    for (i, t) in all().enumerate() {
+        if i % STRIDE == 0 {
+            progress.check()?;
+        }
+        let [a, b, c] = t.map(|v| mesh.positions()[v as usize] - origin);
+        let own = root(&mut group, t[0]);
+        let part = &mut parts[own as usize];
+        part.volume += a.dot(b.cross(c)) / 6.0;
+        part.area += 0.5 * (b - a).cross(c - a).length();
+        of_triangle.push(own);
+    }
+    if !parts.iter().any(Part::is_negative) {
+        return Ok(Vec::new());
+    }
+    join_by_place(mesh, &mut group, &mut parts);
+    for own in &mut of_triangle {
+        *own = root(&mut group, *own);
+    }
+    // some triangles of each part that is negative
+    let mut samples: Vec<Vec<[DVec3; 2]>> = vec![Vec::new(); parts.len()];
+    for (t, &own) in all().zip(&of_triangle) {
+        let samples = &mut samples[own as usize];
+        if parts[own as usize].is_negative() && samples.len() < SAMPLES {
+            let [a, b, c] = t.map(|v| mesh.positions()[v as usize]);
+            // a thousandth of the triangle's size away from it on either side
+            let normal = (b - a).cross(c - a);
+            let away = 1e-3 * normal.normalize_or_zero() * normal.length().sqrt();
+            let middle = (a + b + c) / 3.0;
+            samples.push([middle - away, middle + away]);
+        }
+    }
+    let closed = [mesh.triangles(), &closing.triangles].concat();
+    let closed = TriMesh::new(mesh.positions().to_vec(), closed);
+    let closed = closed.expect("a closing has the vertices of its mesh");
+    let bvh = Bvh::try_new(&closed, progress)?;
+    let winding = WindingNumbers::try_new(&bvh, progress)?;
+    let mut reversed = Vec::new();
+    for (part, samples) in parts.iter().zip(samples) {
+        progress.check()?;
+        // on the surface of a part that winds −1 in itself it winds −½ on average, and what is around it adds to that
+        let is_outside =
+            |sides: &&[DVec3; 2]| sides.map(|p| winding.at(p)).iter().sum::<f64>() < 0.0;
+        let outside = samples.iter().filter(is_outside).count();
+        if 2 * outside > samples.len() {
+            reversed.push(Reversed {
+                volume: part.volume,
+                at: samples[0][0],
+            });
+        }
+    }
+    reversed.sort_by(|a, b| a.volume.total_cmp(&b.volume));
+    Ok(reversed)
+}
+
+/// Makes parts one of which one is negative and that have a vertex at the same place: specks at a surface belong to it.
+fn join_by_place(mesh: &TriMesh, group: &mut [u32], parts: &mut [Part]) {
+    let place = |v: u32| {
+        let at = mesh.positions()[v as usize].to_array();
+        at.map(|x| (x + 0.0).to_bits())
+    };
+    let vertices = || 0..mesh.positions().len() as u32;
+    let mut negative: FxHashMap<[u64; 3], u32> = FxHashMap::default();
+    for v in vertices() {
+        if parts[root(group, v) as usize].is_negative() {
+            negative.entry(place(v)).or_insert(v);
+        }
+    }
+    for v in vertices() {
+        let Some(&other) = negative.get(&place(v)) else {
+            continue;
+        };
+        let (a, b) = (root(group, v), root(group, other));
+        if a != b {
+            let gone = std::mem::take(&mut parts[a.max(b) as usize]);
+            let kept = &mut parts[a.min(b) as usize];
+            kept.volume += gone.volume;
+            kept.area += gone.area;
+            group[a.max(b) as usize] = a.min(b);
+        }
+    }
+}
+
+/// So many triangles of a part say whether it is in another: a few may lie on a border.
+const SAMPLES: usize = 5;
+
+fn root(group: &mut [u32], mut v: u32) -> u32 {
+    while group[v as usize] != v {
+        let above = group[v as usize];
+        group[v as usize] = group[above as usize];
+        v = above;
+    }
+    v
+}
+
+/// What was assumed, in sentences without a stop.
+fn assumptions(closing: &Closing, degenerate: u64, reversed: &[Reversed]) -> Vec<String> {
+    let mut told = Vec::new();
+    if closing.seam_edges > 0 {
+        told.push(format!(
+            "{} whose sides meet only within {} were joined",
+            counted(closing.seam_edges, "edge", "edges"),
+            short(closing.seam_width)
+        ));
+    }
+    for (bands, one, many, how) in [
+        (false, "hole", "holes", "closed by a surface of least area"),
+        (
+            true,
+            "gap between borders",
+            "gaps between borders",
+            "closed by a band",
+        ),
+    ] {
+        let of_kind = || {
+            closing
+                .holes
+                .iter()
+                .filter(|hole| (hole.loops > 1) == bands)
+        };
+        let widest = of_kind().max_by(|a, b| a.width.total_cmp(&b.width));
+        if let Some(widest) = widest {
+            let count = of_kind().count() as u64;
+            told.push(format!(
+                "{} {} {how}, {}{} across at {}",
+                counted(count, one, many),
+                if count == 1 { "was" } else { "were" },
+                if count == 1 { "" } else { "the widest " },
+                short(widest.width),
+                place(widest.center)
+            ));
+        }
+    }
+    if closing.multiple_edges > 0 {
+        told.push(format!(
+            "{} more than two triangles: a place counts as often as the triangles go around it",
+            having(closing.multiple_edges, "edge", "edges")
+        ));
+    }
+    if closing.clashing_edges > 0 {
+        told.push(format!(
+            "{} two triangles that face opposite ways: no triangle was turned",
+            having(closing.clashing_edges, "edge", "edges")
+        ));
+    }
+    if degenerate > 0 {
+        told.push(format!(
+            "{} without area {} left out",
+            counted(degenerate, "triangle", "triangles"),
+            if degenerate == 1 { "was" } else { "were" }
+        ));
+    }
+    if let Some(largest) = reversed.first() {
+        let count = reversed.len() as u64;
+        let (verb, largest_is) = if count == 1 {
+            ("is", "")
+        } else {
+            ("are", "the largest ")
+        };
+        told.push(format!(
+            "{} {verb} inside out ({largest_is}with a volume of {} near {}): only \"nonzero\" and \"outer-hull\" take \
+             such parts for solid",
+            counted(count, "part", "parts"),
+            short(largest.volume),
+            place(largest.at)
+        ));
+    }
+    told
+}
+
+fn counted(count: u64, one: &str, many: &str) -> String {
+    format!("{count} {}", if count == 1 { one } else { many })
+}
+
+fn having(count: u64, one: &str, many: &str) -> String {
+    let verb = if count == 1 { "has" } else { "have" };
+    format!("{} {verb}", counted(count, one, many))
+}
+
+fn place(at: DVec3) -> String {
+    format!("({}, {}, {})", short(at.x), short(at.y), short(at.z))
+}
+
+/// A number with four digits.
+fn short(x: f64) -> String {
+    if x == 0.0 || !(1e-3..1e5).contains(&x.abs()) {
+        return if x == 0.0 {
+            "0".to_owned()
+        } else {
+            format!("{x:.3e}")
+        };
+    }
+    let before = x.abs().log10().floor() as i32;
+    let decimals = (3 - before).max(0) as usize;
+    let text = format!("{x:.decimals$}");
+    if text.contains('.') {
+        text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    } else {
+        text
+    }
+}
+
+#[cfg(test)]
+mod tests;

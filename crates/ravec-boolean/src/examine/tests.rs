@@ -1,0 +1,116 @@
+use super::*;
+use crate::closing::close;
+use ravec_scenes::solids::{cuboid, icosphere};
+
+fn examined(mesh: &TriMesh) -> OperandReport {
+    let closing = close(mesh, &Progress::none()).unwrap();
+    examine(mesh, &closing, &Progress::none()).unwrap()
+}
+
+fn turned(mesh: &TriMesh) -> TriMesh {
+    let triangles = mesh.triangles().iter().map(|&[a, b, c]| [a, c, b]);
+    TriMesh::new(mesh.positions().to_vec(), triangles.collect()).unwrap()
+}
+
+fn joined(parts: &[TriMesh]) -> TriMesh {
+    let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+    for part in parts {
+        let start = positions.len() as u32;
+        positions.extend_from_slice(part.positions());
+        triangles.extend(part.triangles().iter().map(|t| t.map(|v| v + start)));
+    }
+    TriMesh::new(positions, triangles).unwrap()
+}
+
+fn moved(mesh: &TriMesh, by: DVec3) -> TriMesh {
+    let positions = mesh.positions().iter().map(|p| *p + by);
+    TriMesh::new(positions.collect(), mesh.triangles().to_vec()).unwrap()
+}
+
+#[test]
+fn of_a_clean_solid_nothing_is_assumed() {
+    let report = examined(&icosphere(1.0, 3).mesh);
+    assert!(report.closed && report.oriented);
+    assert_eq!(report.assumptions, [""; 0]);
+    assert_eq!((report.triangles, report.closing_triangles), (1280, 0));
+}
+
+#[test]
+fn a_hollow_solid_is_not_inside_out_but_a_part_beside_it_is() {
+    let [outer, inner] = [2.0, 1.0].map(|radius| icosphere(radius, 2).mesh);
+    let inner = turned(&inner);
+    let hollow = joined(&[outer.clone(), inner.clone()]);
+    assert_eq!(examined(&hollow).reversed_parts, 0);
+    let beside = joined(&[outer, moved(&inner, 5.0 * DVec3::X)]);
+    let report = examined(&beside);
+    assert_eq!(report.reversed_parts, 1);
+    assert!(
+        report.assumptions[0].starts_with("1 part is inside out (with a volume of -4.047 near (4"),
+        "{:?}",
+        report.assumptions
+    );
+    assert_eq!(examined(&inner).reversed_parts, 1);
+}
+
+#[test]
+fn a_speck_that_touches_a_surface_belongs_to_it() {
+    let cube = cuboid(DVec3::ONE).mesh;
+    let corner = cube.bounds().max;
+    // a small cube inside out, at a corner of the large one
+    let speck = turned(&cuboid(DVec3::splat(0.25)).mesh);
+    let speck = moved(&speck, corner - speck.bounds().min);
+    assert_eq!(examined(&joined(&[cube, speck])).reversed_parts, 0);
+}
+
+#[test]
+fn a_turned_triangle_and_one_without_area_are_told() {
+    let cube = cuboid(DVec3::ONE).mesh;
+    let (mut positions, mut triangles) = cube.into_parts();
+    let [a, b, c] = triangles[0];
+    triangles[0] = [a, c, b];
+    let middle = positions.len() as u32;
+    positions.push(DVec3::splat(0.25));
+    triangles.push([a, middle, a]);
+    let report = examined(&TriMesh::new(positions, triangles).unwrap());
+    assert!(!report.closed && !report.oriented);
+    assert_eq!(report.degenerate_triangles, 1);
+    assert_eq!(report.closing_triangles, 2);
+    let told = report.assumptions.join("\n");
+    assert!(
+        told.contains("3 edges have two triangles that face opposite ways"),
+        "{told}"
+    );
+    assert!(
+        told.contains("1 triangle without area was left out"),
+        "{told}"
+    );
+}
+
+#[test]
+fn a_hole_is_told_with_its_width_and_place() {
+    let (positions, mut triangles) = cuboid(DVec3::ONE).mesh.into_parts();
+    triangles.pop();
+    let report = examined(&TriMesh::new(positions, triangles).unwrap());
+    assert_eq!(report.assumptions.len(), 1);
+    let told = &report.assumptions[0];
+    assert!(
+        told.starts_with("1 hole was closed by a surface of least area, 1.414 across at ("),
+        "{told}"
+    );
+}
+
+#[test]
+fn numbers_are_short() {
+    for (x, text) in [
+        (0.0, "0"),
+        (0.03125, "0.03125"),
+        (12.84, "12.84"),
+        (-1.5, "-1.5"),
+        (123456.0, "1.235e5"),
+        (2e-7, "2.000e-7"),
+        (99999.0, "99999"),
+        (100.0, "100"),
+    ] {
+        assert_eq!(short(x), text);
+    }
+}
