@@ -403,8 +403,15 @@ fn cut_group<'a>(soup: &Soup, places: &'a Places<'_>, group: &Group) -> CutGroup
             insert_at(&mut triangulation, v, None);
         }
     }
-    for &(point, edge) in &group.cuts.points {
-        let chain = edge.filter(|_| alone).map(|[a, b]| {
+    // those on borders first, while borders have no other vertices
+    let (on_edges, others): (Vec<_>, Vec<_>) = group
+        .cuts
+        .points
+        .iter()
+        .map(|&(point, edge)| (point, edge.filter(|_| alone)))
+        .partition(|(_, edge)| edge.is_some());
+    for (point, edge) in on_edges.into_iter().chain(others) {
+        let chain = edge.map(|[a, b]| {
             let [a, b] = [a, b].map(|v| corner_names.iter().position(|&c| c == v));
             // the chain from corner k to the next one
             match (a, b) {

@@ -188,7 +188,7 @@ impl<'a> Triangulation<'a> {
             .map(|axis| (axis, first.compare(last, axis, self.grid)))
             .find(|(_, way)| way.is_ne())
             .expect("the ends of a chain are two places");
-        let mut rank = |vertex: u32| {
+        let rank = |vertex: u32| {
             let order = self.point(vertex).compare(&point, axis, self.grid);
             if way.is_lt() { order } else { order.reverse() }
         };
