@@ -1,19 +1,22 @@
 //! The whole way from meshes and an expression to the result.
 
-use ravec_mesh::{Aabb, TriMesh};
-use ravec_progress::Progress;
+use ravec_mesh::{Aabb, Bvh, TriMesh};
+use ravec_progress::{Cancelled, Progress};
 
 use crate::arrangement::{Cells, Edges, Soup, cut, uncut};
 use crate::closing::{Closing, close};
 use crate::examine::examine;
 use crate::expr::Expr;
-use crate::finish::finish;
+use crate::finish::{Finished, finish, split_edges};
 use crate::mend::{bvh_of, mend};
 use crate::params::{Boolean, BooleanError, BooleanParams, BooleanReport, Inside, Origin};
-use crate::select::select;
+use crate::select::{Draft, Parent, select};
 
 /// The largest coordinate for which all products of the exact tests stay within doubles.
 const LARGEST: f64 = 1e30;
+
+/// How often edges are split that two sheets share. Once does; again only where mending makes new ones.
+const MOST_SPLITS: u32 = 3;
 
 /// Bytes that a triangle of the input costs while it is cut, as measured with surfaces that meet in curves: 410.
 const BYTES_PER_TRIANGLE: u64 = 450;
@@ -77,28 +80,12 @@ pub fn boolean(
         let inside = evaluate(&cells, meshes.len(), &expr, params.inside);
         select(&pieces, &cells, &inside)
     };
-    let mended = mend(draft, &bvh, progress)?;
-    report.mending_rounds = mended.rounds;
-    report.self_intersections = mended.contacts;
-
-    let mesh = mended.draft.mesh();
-    let flat = Soup::of(&[&mesh], &[Closing::default()], progress)?;
-    let pieces = uncut(&flat);
-    let edges = Edges::of(&pieces, |_| true);
-    let parents = &mended.draft.parents;
-    let parent = |piece: u32| parents[flat.sources[piece as usize].triangle as usize];
-    let finished = finish(&pieces, &edges, |one, other| {
-        let [one, other] = [one, other].map(|piece| {
-            let parent = parent(piece);
-            (soup.sources[parent.triangle as usize].mesh, parent.reversed)
-        });
-        one != other
-    });
+    let (parents, finished) = round_off(draft, &soup, &bvh, &mut report, progress)?;
     let origins: Vec<Origin> = finished
         .sources
         .iter()
-        .map(|&piece| {
-            let parent = parent(piece);
+        .map(|&index| {
+            let parent = parents[index as usize];
             let source = soup.sources[parent.triangle as usize];
             let own = meshes[source.mesh as usize].triangles().len();
             let is_own = (source.triangle as usize) < own;
@@ -122,6 +109,43 @@ pub fn boolean(
         feature_edges: finished.features,
         report,
     })
+}
+
+/// Rounds, mends and splits until vertices can hold all sheets apart. Gives the triangles that the sources of the finished
+/// mesh are, too.
+fn round_off(
+    mut draft: Draft,
+    soup: &Soup,
+    bvh: &Bvh,
+    report: &mut BooleanReport,
+    progress: &Progress,
+) -> Result<(Vec<Parent>, Finished), Cancelled> {
+    for attempt in 0.. {
+        let mended = mend(draft, bvh, progress)?;
+        report.mending_rounds += mended.rounds;
+        report.self_intersections = mended.contacts;
+        let mesh = mended.draft.mesh();
+        let flat = Soup::of(&[&mesh], &[Closing::default()], progress)?;
+        let pieces = uncut(&flat);
+        let edges = Edges::of(&pieces, |_| true);
+        progress.check()?;
+        let parents = &mended.draft.parents;
+        let side = |piece: u32| {
+            let parent = parents[flat.sources[piece as usize].triangle as usize];
+            let mesh = soup.sources[parent.triangle as usize].mesh;
+            (mesh, parent.reversed)
+        };
+        let mut finished = finish(&pieces, &edges, |one, other| side(one) != side(other));
+        if finished.pinched.is_empty() || attempt == MOST_SPLITS {
+            for source in &mut finished.sources {
+                *source = flat.sources[*source as usize].triangle;
+            }
+            finished.closed &= finished.pinched.is_empty();
+            return Ok((mended.draft.parents, finished));
+        }
+        draft = split_edges(mended.draft, &finished.pinched);
+    }
+    unreachable!("the last attempt returns")
 }
 
 /// An expression that can be evaluated.

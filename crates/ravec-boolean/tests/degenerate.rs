@@ -38,7 +38,7 @@ fn expr() -> impl Strategy<Value = Expr> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(150))]
+    #![proptest_config(ProptestConfig::with_cases(600))]
     #[test]
     fn expressions_of_boxes_give_the_cubes_that_they_should(
         boxes in prop::array::uniform4(small_box()),
@@ -99,5 +99,28 @@ proptest! {
             .map(|i| DVec3::new(step(i, 0.754_877), step(i, 0.569_840), step(i, 0.362_511)))
             .collect();
         assert_members(&meshes, &expr, &result, &places);
+    }
+
+    #[test]
+    fn any_triangles_give_a_sound_result(
+        places in prop::collection::vec(
+            prop_oneof![
+                4 => [0_i32..4, 0_i32..4, 0_i32..4].prop_map(|p| DVec3::from_array(p.map(f64::from))),
+                1 => [0.0..3.0, 0.0..3.0, 0.0..3.0].prop_map(DVec3::from_array),
+            ],
+            4..14,
+        ),
+        triangles in prop::collection::vec([any::<prop::sample::Index>(), any::<prop::sample::Index>(), any::<prop::sample::Index>()], 1..24),
+        expr in expr(),
+    ) {
+        let meshes: [TriMesh; 4] = std::array::from_fn(|m| {
+            let own = triangles.iter().skip(m).step_by(4);
+            let corners = own.map(|t| t.map(|i| i.index(places.len()) as u32));
+            TriMesh::new(places.clone(), corners.collect()).unwrap()
+        });
+        let result = run(&meshes, &expr);
+        if !result.mesh.triangles().is_empty() {
+            assert_sound(&result);
+        }
     }
 }
