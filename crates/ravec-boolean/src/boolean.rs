@@ -1,6 +1,6 @@
 //! The whole way from meshes and an expression to the result.
 
-use ravec_mesh::{Aabb, Bvh, TriMesh};
+use ravec_mesh::{Aabb, BoxTree, TriMesh};
 use ravec_progress::{Cancelled, Progress};
 
 use crate::arrangement::{Cells, Edges, Soup, cut, uncut};
@@ -116,7 +116,7 @@ pub fn boolean(
 fn round_off(
     mut draft: Draft,
     soup: &Soup,
-    bvh: &Bvh,
+    bvh: &BoxTree,
     report: &mut BooleanReport,
     progress: &Progress,
 ) -> Result<(Vec<Parent>, Finished), Cancelled> {

@@ -13,7 +13,7 @@
 use std::collections::VecDeque;
 
 use glam::{DVec2, DVec3};
-use ravec_mesh::{Aabb, Bvh, Sign};
+use ravec_mesh::{Aabb, BoxTree, Sign};
 use ravec_progress::{Cancelled, Progress};
 
 use super::contact::{flat, view};
@@ -128,7 +128,7 @@ impl Cells {
     ///
     /// # Errors
     /// [`Cancelled`] soon after `progress` is.
-    pub fn of(pieces: &Pieces, bvh: &Bvh, progress: &Progress) -> Result<Self, Cancelled> {
+    pub fn of(pieces: &Pieces, bvh: &BoxTree, progress: &Progress) -> Result<Self, Cancelled> {
         let matters: Vec<bool> = (0..pieces.pieces.len() as u32)
             .map(|piece| match &pieces.pieces[piece as usize].cover {
                 super::cut::Cover::One(_) => true,
@@ -288,7 +288,7 @@ fn patches(pieces: &Pieces, edges: &Edges, matters: &[bool]) -> (Vec<(u32, bool)
 /// Rays that tie the parts of the surface to what is around them.
 struct Rays<'a> {
     pieces: &'a Pieces<'a>,
-    bvh: &'a Bvh,
+    bvh: &'a BoxTree,
     bounds: Aabb,
     patch_of: &'a [(u32, bool)],
     sides: &'a mut Unions,

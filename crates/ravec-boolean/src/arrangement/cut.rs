@@ -14,7 +14,7 @@
 //! Cost: near that of finding the pairs if few triangles meet; n log n in the points within one plane.
 
 use glam::DVec3;
-use ravec_mesh::{Aabb, Bvh, Sign, orient2d, orient3d};
+use ravec_mesh::{Aabb, BoxTree, Sign, orient2d, orient3d};
 use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
@@ -102,7 +102,7 @@ struct CutGroup {
 /// [`Cancelled`] soon after `progress` is.
 pub(crate) fn cut<'a>(
     soup: &'a Soup,
-    bvh: &Bvh,
+    bvh: &BoxTree,
     only: Option<&[bool]>,
     progress: &Progress,
 ) -> Result<Pieces<'a>, Cancelled> {
@@ -189,7 +189,7 @@ pub(crate) fn uncut(soup: &Soup) -> Pieces<'_> {
 /// [`Cancelled`] soon after `progress` is.
 pub(crate) fn contacts(
     soup: &Soup,
-    bvh: &Bvh,
+    bvh: &BoxTree,
     only: Option<&[bool]>,
     progress: &Progress,
 ) -> Result<Vec<(u32, u32, Contact)>, Cancelled> {
