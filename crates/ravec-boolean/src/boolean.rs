@@ -29,6 +29,9 @@ const BYTES_PER_TRIANGLE: u64 = 450;
 /// # Errors
 /// [`BooleanError::NoSuchMesh`], [`BooleanError::OutOfRange`], [`BooleanError::OutOfMemory`], and
 /// [`BooleanError::Cancelled`] soon after `progress` is.
+///
+/// # Panics
+/// If an input has more than about a billion triangles.
 pub fn boolean(
     meshes: &[TriMesh],
     expr: &Expr,
