@@ -1,19 +1,25 @@
 //! The whole way from meshes and an expression to the result.
 
-use ravec_mesh::TriMesh;
-use ravec_progress::Progress;
+use ravec_mesh::{Aabb, Bvh, TriMesh};
+use ravec_progress::{Cancelled, Progress};
 
 use crate::arrangement::{Cells, Edges, Soup, cut, uncut};
 use crate::closing::{Closing, close};
 use crate::examine::examine;
 use crate::expr::Expr;
-use crate::finish::finish;
+use crate::finish::{Finished, finish, split_edges};
 use crate::mend::{bvh_of, mend};
 use crate::params::{Boolean, BooleanError, BooleanParams, BooleanReport, Inside, Origin};
-use crate::select::select;
+use crate::select::{Draft, Parent, select};
 
 /// The largest coordinate for which all products of the exact tests stay within doubles.
 const LARGEST: f64 = 1e30;
+
+/// How often edges are split that two sheets share. Once does; again only where mending makes new ones.
+const MOST_SPLITS: u32 = 3;
+
+/// Bytes that a triangle of the input costs while it is cut, as measured with surfaces that meet in curves: 410.
+const BYTES_PER_TRIANGLE: u64 = 450;
 
 /// The surface of what an expression over meshes says is inside.
 ///
@@ -21,38 +27,46 @@ const LARGEST: f64 = 1e30;
 /// the report says so.
 ///
 /// # Errors
-/// [`BooleanError::NoSuchMesh`], [`BooleanError::OutOfRange`], and [`BooleanError::Cancelled`] soon after `progress` is.
+/// [`BooleanError::NoSuchMesh`], [`BooleanError::OutOfRange`], [`BooleanError::OutOfMemory`], and
+/// [`BooleanError::Cancelled`] soon after `progress` is.
 pub fn boolean(
     meshes: &[TriMesh],
     expr: &Expr,
     params: &BooleanParams,
     progress: &Progress,
 ) -> Result<Boolean, BooleanError> {
-    for (index, mesh) in meshes.iter().enumerate() {
-        let bounds = mesh.bounds();
-        let largest = bounds.min.abs().max(bounds.max.abs()).max_element();
-        if !mesh.positions().is_empty() && largest > LARGEST {
-            return Err(BooleanError::OutOfRange {
-                mesh: index,
-                largest,
-            });
+    let expr = check(meshes, expr, params)?;
+    let named = expr.named;
+    let mut report = BooleanReport::default();
+    let mut closings: Vec<Closing> = Vec::with_capacity(meshes.len());
+    for mesh in meshes {
+        let closing = close(mesh, progress)?;
+        report.operands.push(examine(mesh, &closing, progress)?);
+        closings.push(closing);
+    }
+    let expr = expr.pruned;
+    let needed = expr.meshes();
+    report.pruned = named
+        .iter()
+        .filter(|mesh| needed.binary_search(mesh).is_err())
+        .map(|&mesh| mesh as u32)
+        .collect();
+    let nothing = TriMesh::default();
+    let list: Vec<&TriMesh> = meshes
+        .iter()
+        .enumerate()
+        .map(|(index, mesh)| match needed.binary_search(&index) {
+            Ok(_) => mesh,
+            Err(_) => &nothing,
+        })
+        .collect();
+    for (index, closing) in closings.iter_mut().enumerate() {
+        if needed.binary_search(&index).is_err() {
+            closing.triangles.clear();
         }
     }
-    let closings: Vec<Closing> = meshes
-        .iter()
-        .map(|mesh| close(mesh, progress))
-        .collect::<Result<_, _>>()?;
-    let list: Vec<&TriMesh> = meshes.iter().collect();
-    let soup = Soup::of(&list, &closings);
+    let soup = Soup::of(&list, &closings, progress)?;
     let bvh = bvh_of(&soup, progress)?;
-    let mut report = BooleanReport {
-        operands: meshes
-            .iter()
-            .zip(&closings)
-            .map(|(mesh, closing)| examine(mesh, closing, progress))
-            .collect::<Result<_, _>>()?,
-        ..BooleanReport::default()
-    };
     let draft = {
         let pieces = cut(&soup, &bvh, None, progress)?;
         report.intersecting_pairs = pieces.contacts.len() as u64;
@@ -63,31 +77,15 @@ pub fn boolean(
             }
         }
         let cells = Cells::of(&pieces, &bvh, progress)?;
-        let inside = evaluate(&cells, meshes.len(), expr, params.inside);
+        let inside = evaluate(&cells, meshes.len(), &expr, params.inside);
         select(&pieces, &cells, &inside)
     };
-    let mended = mend(draft, &bvh, progress)?;
-    report.mending_rounds = mended.rounds;
-    report.self_intersections = mended.contacts;
-
-    let mesh = mended.draft.mesh();
-    let flat = Soup::of(&[&mesh], &[Closing::default()]);
-    let pieces = uncut(&flat);
-    let edges = Edges::of(&pieces, |_| true);
-    let parents = &mended.draft.parents;
-    let parent = |piece: u32| parents[flat.sources[piece as usize].triangle as usize];
-    let finished = finish(&pieces, &edges, |one, other| {
-        let [one, other] = [one, other].map(|piece| {
-            let parent = parent(piece);
-            (soup.sources[parent.triangle as usize].mesh, parent.reversed)
-        });
-        one != other
-    });
+    let (parents, finished) = round_off(draft, &soup, &bvh, &mut report, progress)?;
     let origins: Vec<Origin> = finished
         .sources
         .iter()
-        .map(|&piece| {
-            let parent = parent(piece);
+        .map(|&index| {
+            let parent = parents[index as usize];
             let source = soup.sources[parent.triangle as usize];
             let own = meshes[source.mesh as usize].triangles().len();
             let is_own = (source.triangle as usize) < own;
@@ -111,6 +109,75 @@ pub fn boolean(
         feature_edges: finished.features,
         report,
     })
+}
+
+/// Rounds, mends and splits until vertices can hold all sheets apart. Gives the triangles that the sources of the finished
+/// mesh are, too.
+fn round_off(
+    mut draft: Draft,
+    soup: &Soup,
+    bvh: &Bvh,
+    report: &mut BooleanReport,
+    progress: &Progress,
+) -> Result<(Vec<Parent>, Finished), Cancelled> {
+    for attempt in 0.. {
+        let mended = mend(draft, bvh, progress)?;
+        report.mending_rounds += mended.rounds;
+        report.self_intersections = mended.contacts;
+        let mesh = mended.draft.mesh();
+        let flat = Soup::of(&[&mesh], &[Closing::default()], progress)?;
+        let pieces = uncut(&flat);
+        let edges = Edges::of(&pieces, |_| true);
+        progress.check()?;
+        let parents = &mended.draft.parents;
+        let side = |piece: u32| {
+            let parent = parents[flat.sources[piece as usize].triangle as usize];
+            let mesh = soup.sources[parent.triangle as usize].mesh;
+            (mesh, parent.reversed)
+        };
+        let mut finished = finish(&pieces, &edges, |one, other| side(one) != side(other));
+        if finished.pinched.is_empty() || attempt == MOST_SPLITS {
+            for source in &mut finished.sources {
+                *source = flat.sources[*source as usize].triangle;
+            }
+            finished.closed &= finished.pinched.is_empty();
+            return Ok((mended.draft.parents, finished));
+        }
+        draft = split_edges(mended.draft, &finished.pinched);
+    }
+    unreachable!("the last attempt returns")
+}
+
+/// An expression that can be evaluated.
+struct Checked {
+    /// The meshes that it speaks of.
+    named: Vec<usize>,
+    /// The expression without what has no effect on the result.
+    pruned: Expr,
+}
+
+fn check(meshes: &[TriMesh], expr: &Expr, params: &BooleanParams) -> Result<Checked, BooleanError> {
+    let named = expr.meshes();
+    if let Some(&mesh) = named.last().filter(|&&mesh| mesh >= meshes.len()) {
+        return Err(BooleanError::NoSuchMesh {
+            mesh,
+            meshes: meshes.len(),
+        });
+    }
+    let bounds: Vec<Aabb> = meshes.iter().map(TriMesh::bounds).collect();
+    for (mesh, bounds) in bounds.iter().enumerate() {
+        let largest = bounds.min.abs().max(bounds.max.abs()).max_element();
+        if !bounds.is_empty() && largest > LARGEST {
+            return Err(BooleanError::OutOfRange { mesh, largest });
+        }
+    }
+    let pruned = expr.clone().flattened().pruned(&bounds);
+    let triangles = |mesh: usize| meshes[mesh].triangles().len() as u64;
+    let needed = pruned.meshes().into_iter().map(triangles).sum::<u64>() * BYTES_PER_TRIANGLE;
+    match params.memory_bytes {
+        Some(allowed) if needed > allowed => Err(BooleanError::OutOfMemory { needed, allowed }),
+        _ => Ok(Checked { named, pruned }),
+    }
 }
 
 /// For each cell whether it is inside.

@@ -2,11 +2,14 @@
 //!
 //! Solids that touch in an edge or a vertex have more than two triangles at that edge, or several fans at the vertex. There
 //! the triangles on both sides of a wedge of solid stay together, and each fan gets a vertex of its own at the same place:
-//! the solids come out apart.
+//! the solids come out apart. Where two sheets share an edge and are joined at both of its ends, its middle becomes a vertex,
+//! one for each sheet.
 
 use glam::DVec3;
+use rustc_hash::FxHashMap;
 
 use crate::arrangement::{Edges, Pieces};
+use crate::select::{Draft, Parent};
 
 const NONE: u32 = u32::MAX;
 
@@ -19,6 +22,51 @@ pub(crate) struct Finished {
     pub features: Vec<[u32; 2]>,
     /// Whether every edge has two triangles.
     pub closed: bool,
+    /// Places of edges that two sheets share with both ends: vertices alone cannot hold these apart.
+    pub pinched: Vec<[DVec3; 2]>,
+}
+
+/// The bits of a place.
+fn key(p: DVec3) -> [u64; 3] {
+    p.to_array().map(f64::to_bits)
+}
+
+/// Puts a vertex into the middle of edges, which are given by their ends: a fan of its own for each sheet to come.
+pub(crate) fn split_edges(draft: Draft, edges: &[[DVec3; 2]]) -> Draft {
+    let mut middle_of = FxHashMap::default();
+    let Draft {
+        mut positions,
+        triangles,
+        parents,
+    } = draft;
+    for &[a, b] in edges {
+        let middle = positions.len() as u32;
+        positions.push(a.midpoint(b));
+        middle_of.insert([key(a), key(b)], middle);
+        middle_of.insert([key(b), key(a)], middle);
+    }
+    let mut split = Draft::default();
+    let mut stack = Vec::new();
+    for (triangle, parent) in triangles.into_iter().zip(parents) {
+        stack.push((triangle, parent));
+        while let Some((t, parent)) = stack.pop() {
+            let at = |i: usize| key(positions[t[i % 3] as usize] + DVec3::ZERO);
+            let side = (0..3).find_map(|i| Some((i, *middle_of.get(&[at(i), at(i + 1)])?)));
+            if let Some((i, middle)) = side {
+                let [a, b, c] = std::array::from_fn(|k| t[(i + k) % 3]);
+                let part = Parent {
+                    whole: false,
+                    ..parent
+                };
+                stack.extend([([a, middle, c], part), ([middle, b, c], part)]);
+            } else {
+                split.triangles.push(t);
+                split.parents.push(parent);
+            }
+        }
+    }
+    split.positions = positions;
+    split
 }
 
 /// Splits vertices of an uncut soup, whose edges are given, so that each has one fan.
@@ -31,6 +79,7 @@ pub(crate) fn finish(
     // the triangle over each side
     let mut across = edges.across.clone();
     let mut closed = true;
+    let mut pairs = Vec::with_capacity(edges.junctions.len());
     for ([lower, upper], uses) in &edges.junctions {
         let side = |piece: u32, forward: bool| {
             let c = list[piece as usize].corners;
@@ -63,13 +112,14 @@ pub(crate) fn finish(
             free.push((a, b));
         }
         closed &= with.is_empty() && against.is_empty();
-        for (a, b) in free {
+        for &(a, b) in &free {
             for (one, other) in [(a, b), (b, a)] {
                 if let Some(side) = side(one.piece, one.forward) {
                     across[one.piece as usize][side] = other.piece;
                 }
             }
         }
+        pairs.push(free);
     }
     closed &= across.iter().flatten().all(|&other| other != NONE);
 
@@ -110,6 +160,24 @@ pub(crate) fn finish(
             }
         }
     }
+    let mut pinched = Vec::new();
+    for (([lower, upper], _), pairs) in edges.junctions.iter().zip(pairs) {
+        let mut ends: Vec<[u32; 2]> = pairs
+            .iter()
+            .map(|(one, _)| {
+                let corner = |name: u32| {
+                    let corners = &list[one.piece as usize].corners;
+                    let at = corners.iter().position(|&c| c == name);
+                    at.map_or(NONE, |at| triangles[one.piece as usize][at])
+                };
+                [corner(*lower), corner(*upper)]
+            })
+            .collect();
+        ends.sort_unstable();
+        if ends.windows(2).any(|two| two[0] == two[1]) {
+            pinched.push([lower, upper].map(|&name| positions[name as usize]));
+        }
+    }
     let mut features = Vec::new();
     for (piece, over) in across.iter().enumerate() {
         for (side, &other) in over.iter().enumerate() {
@@ -139,5 +207,6 @@ pub(crate) fn finish(
         sources: (0..list.len() as u32).collect(),
         features,
         closed,
+        pinched,
     }
 }

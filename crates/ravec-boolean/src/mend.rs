@@ -43,7 +43,7 @@ pub(crate) fn mend(
     while contacts > 0 && rounds < MOST_ROUNDS {
         rounds += 1;
         let mesh = draft.mesh();
-        let soup = Soup::of(&[&mesh], &[Closing::default()]);
+        let soup = Soup::of(&[&mesh], &[Closing::default()], progress)?;
         let bvh = bvh_of(&soup, progress)?;
         let is_new: Vec<bool> = soup
             .sources
@@ -115,7 +115,7 @@ fn conflicts(draft: &Draft, input: &Bvh, progress: &Progress) -> Result<u64, Can
         parents: Vec::new(),
     };
     let mesh = part.mesh();
-    let soup = Soup::of(&[&mesh], &[Closing::default()]);
+    let soup = Soup::of(&[&mesh], &[Closing::default()], progress)?;
     let is_new: Vec<bool> = soup
         .sources
         .iter()

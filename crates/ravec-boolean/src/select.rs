@@ -150,11 +150,10 @@ fn restorable(pieces: &Pieces, kept: &[Kept]) -> FxHashSet<u32> {
             at_vertex.entry(name).or_default().push(t);
         }
     }
-    // whole pieces pin their corners, too, where these were put into others
+    // a vertex that was put into one triangle and is a corner of another has to stay
     let mut pinned: Vec<u32> = kept
         .iter()
-        .filter(|one| !in_pieces(one.parent))
-        .flat_map(|one| pieces.pieces[one.piece as usize].corners)
+        .flat_map(|one| pieces.soup.triangles[one.parent as usize])
         .filter(|name| at_vertex.contains_key(name))
         .collect();
     for (&t, list) in &of_triangle {
@@ -165,6 +164,19 @@ fn restorable(pieces: &Pieces, kept: &[Kept]) -> FxHashSet<u32> {
             pinned.extend(names.filter(|name| at_vertex.contains_key(name)));
         }
     }
+    // so is a vertex where surfaces touch: it must be in the inside of one triangle or of the edge of two
+    pinned.extend(at_vertex.iter().filter_map(|(&name, list)| {
+        let shared = |a: u32, b: u32| {
+            let [a, b] = [a, b].map(|t| pieces.soup.triangles[t as usize]);
+            a.iter().filter(|v| b.contains(v)).count()
+        };
+        let goes = match list[..] {
+            [_] => true,
+            [a, b] => shared(a, b) == 2,
+            _ => false,
+        };
+        (!goes).then_some(name)
+    }));
     while let Some(name) = pinned.pop() {
         for t in at_vertex.remove(&name).into_iter().flatten() {
             if candidates.remove(&t) {

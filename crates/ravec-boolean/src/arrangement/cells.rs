@@ -66,8 +66,6 @@ pub(crate) struct Cells {
     meshes: usize,
     /// Winding numbers of all meshes, cell by cell.
     winding: Vec<i32>,
-    /// The edges of the pieces that matter.
-    pub edges: Edges,
 }
 
 /// Sets that are united step by step.
@@ -185,7 +183,6 @@ impl Cells {
             patch_of,
             meshes: pieces.soup.meshes,
             winding: vec![0; count as usize * pieces.soup.meshes],
-            edges,
         };
         cells.count_windings(count as usize);
         Ok(cells)

@@ -236,13 +236,14 @@ mod tests {
     use glam::DVec3;
     use proptest::prelude::*;
     use ravec_mesh::{TriMesh, TriTri, intersection};
+    use ravec_progress::Progress;
 
     fn soup(corners: [[i32; 3]; 6]) -> Soup {
         let positions = corners
             .map(|c| DVec3::from_array(c.map(f64::from)))
             .to_vec();
         let mesh = TriMesh::new(positions, vec![[0, 1, 2], [3, 4, 5]]).unwrap();
-        Soup::of(&[&mesh], &[Closing::default()])
+        Soup::of(&[&mesh], &[Closing::default()], &Progress::none()).unwrap()
     }
 
     proptest! {

@@ -72,7 +72,8 @@ pub(crate) struct Pieces<'a> {
 /// What a triangle meets.
 #[derive(Default)]
 struct Cuts {
-    points: Vec<u32>,
+    /// Points, and the edge that each is known to be on.
+    points: Vec<(u32, Option<[u32; 2]>)>,
     /// Segments, and the triangles that they are shared with.
     segments: Vec<([u32; 2], u32)>,
 }
@@ -108,7 +109,7 @@ pub(crate) fn cut<'a>(
     let contacts = contacts(soup, bvh, only, progress)?;
     let mut places = Places::new(&soup.positions, Grid::holding(&soup.positions));
     let names = name_crossings(soup, &contacts, &mut places);
-    let groups = gather(&contacts, &names);
+    let groups = gather(soup, &contacts, &names);
     progress.check()?;
 
     let phase = progress.phase("cutting", groups.len() as u64);
@@ -275,7 +276,11 @@ fn define(soup: &Soup, crossing: Crossing, between: [u32; 2]) -> Option<Definiti
 }
 
 /// Puts triangles that overlap in a plane together, with all that cuts them.
-fn gather(contacts: &[(u32, u32, Contact)], names: &FxHashMap<Crossing, u32>) -> Vec<Group> {
+fn gather(
+    soup: &Soup,
+    contacts: &[(u32, u32, Contact)],
+    names: &FxHashMap<Crossing, u32>,
+) -> Vec<Group> {
     let mut parent: FxHashMap<u32, u32> = FxHashMap::default();
     fn root(parent: &FxHashMap<u32, u32>, mut t: u32) -> u32 {
         while let Some(&p) = parent.get(&t) {
@@ -315,26 +320,42 @@ fn gather(contacts: &[(u32, u32, Contact)], names: &FxHashMap<Crossing, u32>) ->
     for &(a, b, contact) in contacts {
         for (t, other) in [(a, b), (b, a)] {
             let cuts = &mut groups[group_of[&parent[&t]]].cuts;
+            let corners = &soup.triangles[t as usize];
             match contact {
                 Contact::Coplanar => {}
-                Contact::Point(point) => cuts.points.push(names[&point]),
+                Contact::Point(point) => {
+                    cuts.points.push((names[&point], edge_with(corners, point)));
+                }
                 Contact::Segment(one, end) => {
-                    let ends = [names[&one], names[&end]];
-                    cuts.points.extend(ends);
-                    cuts.segments.push((ends, other));
+                    cuts.points.push((names[&one], edge_with(corners, one)));
+                    cuts.points.push((names[&end], edge_with(corners, end)));
+                    cuts.segments.push(([names[&one], names[&end]], other));
                 }
             }
         }
     }
     for group in &mut groups {
-        group.cuts.points.sort_unstable();
-        group.cuts.points.dedup();
+        // with an edge first, where one is known
+        let points = &mut group.cuts.points;
+        points.sort_unstable_by_key(|&(name, edge)| (name, edge.is_none(), edge));
+        points.dedup_by_key(|&mut (name, _)| name);
     }
     groups
 }
 
+/// The edge of a triangle that a crossing is on by its name.
+fn edge_with(corners: &[u32; 3], crossing: Crossing) -> Option<[u32; 2]> {
+    let edges = match crossing {
+        Crossing::Vertex(_) => [None, None],
+        Crossing::EdgeTriangle(edge, _) => [Some(edge), None],
+        Crossing::Edges(one, other) => [Some(one), Some(other)],
+    };
+    let is_own = |edge: &[u32; 2]| edge.iter().all(|v| corners.contains(v));
+    edges.into_iter().flatten().find(is_own)
+}
+
 /// Triangulates a group.
-fn cut_group(soup: &Soup, places: &Places, group: &Group) -> CutGroup {
+fn cut_group<'a>(soup: &Soup, places: &'a Places<'_>, group: &Group) -> CutGroup {
     let first = group.members[0];
     let plane = soup.corners(first);
     let axis = view(plane);
@@ -348,10 +369,12 @@ fn cut_group(soup: &Soup, places: &Places, group: &Group) -> CutGroup {
         let [a, b, c] = soup.corners(t).map(|p| flat(p, axis));
         orient2d(a, b, c) == Sign::Negative
     };
+    let mut corner_names = soup.triangles[first as usize];
+    if turned(first) {
+        corner_names.swap(1, 2);
+    }
     let start = if alone {
-        let [a, b, c] = soup.triangles[first as usize];
-        let corners = if turned(first) { [a, c, b] } else { [a, b, c] };
-        corners.map(held)
+        corner_names.map(held)
     } else {
         let corners = group.members.iter().flat_map(|&t| soup.corners(t));
         around(&Aabb::around(corners), axis, grid).map(|p| Held::Own(Point::at(p)))
@@ -359,13 +382,14 @@ fn cut_group(soup: &Soup, places: &Places, group: &Group) -> CutGroup {
     let mut names: Vec<Option<u32>> = vec![None; 3];
     let mut triangulation = Triangulation::new(start, plane, axis, grid, places.most_width());
     let mut vertex_of: FxHashMap<u32, u32> = FxHashMap::default();
-    let mut insert = |triangulation: &mut Triangulation, name: u32| {
+    // the borders of a triangle alone, as chains of vertices
+    let mut chains = [[0, 1], [1, 2], [2, 0]].map(Vec::from);
+    let mut insert_at = |triangulation: &mut Triangulation<'a>, name: u32, chain: Option<usize>| {
         *vertex_of.entry(name).or_insert_with(|| {
-            let (vertex, is_new) = triangulation.insert(match places.made(name) {
-                // a copy, as the triangulation outlives the borrow of the closure
-                Some(point) => Held::Own(point.clone()),
-                None => Held::Own(Point::at(places.given()[name as usize])),
-            });
+            let (vertex, is_new) = match chain {
+                Some(chain) => triangulation.insert_on(&mut chains[chain], held(name)),
+                None => triangulation.insert(held(name)),
+            };
             if is_new {
                 names.push(Some(name));
             } else if names[vertex as usize].is_none_or(|other| name < other) {
@@ -376,12 +400,30 @@ fn cut_group(soup: &Soup, places: &Places, group: &Group) -> CutGroup {
     };
     for &t in &group.members {
         for v in soup.triangles[t as usize] {
-            insert(&mut triangulation, v);
+            insert_at(&mut triangulation, v, None);
         }
     }
-    for &point in &group.cuts.points {
-        insert(&mut triangulation, point);
+    // those on borders first, while borders have no other vertices
+    let (on_edges, others): (Vec<_>, Vec<_>) = group
+        .cuts
+        .points
+        .iter()
+        .map(|&(point, edge)| (point, edge.filter(|_| alone)))
+        .partition(|(_, edge)| edge.is_some());
+    for (point, edge) in on_edges.into_iter().chain(others) {
+        let chain = edge.map(|[a, b]| {
+            let [a, b] = [a, b].map(|v| corner_names.iter().position(|&c| c == v));
+            // the chain from corner k to the next one
+            match (a, b) {
+                (Some(0), Some(1)) | (Some(1), Some(0)) => 0,
+                (Some(1), Some(2)) | (Some(2), Some(1)) => 1,
+                _ => 2,
+            }
+        });
+        insert_at(&mut triangulation, point, chain);
     }
+    let mut insert =
+        |triangulation: &mut Triangulation<'a>, name| insert_at(triangulation, name, None);
     // the borders of a triangle alone are those of the piece
     let mut borders = Vec::new();
     for &t in group.members.iter().filter(|_| !alone) {

@@ -108,20 +108,29 @@ struct Around<'a> {
     grid: Grid,
 }
 
+/// The half-plane of a piece at an edge.
+struct HalfPlane {
+    /// The triangle of the soup whose plane it is in.
+    triangle: u32,
+    /// Whether the normal of that triangle is the half-plane turned by a quarter; else the opposite is.
+    with: bool,
+    /// Points of the plane, turned accordingly.
+    plane: [DVec3; 3],
+    normal: [Interval; 3],
+}
+
 impl<'a> Around<'a> {
     fn new(pieces: &'a Pieces<'a>, [a, b]: [u32; 2]) -> Self {
         let grid = pieces.places.grid();
         let way = (pieces.places.rounded(b) - pieces.places.rounded(a)).abs();
         let mut axes = [0, 1, 2];
         axes.sort_by(|&i, &j| way[j].total_cmp(&way[i]));
-        let point = |name: u32| match pieces.places.made(name) {
-            Some(point) => point.clone(),
-            None => Point::at(pieces.places.given()[name as usize]),
-        };
-        let (a, b) = (point(a), point(b));
+        let given = [a, b].map(|name| Point::at(pieces.places.rounded(name)));
+        let a = pieces.places.made(a).unwrap_or(&given[0]);
+        let b = pieces.places.made(b).unwrap_or(&given[1]);
         let (axis, order) = axes
             .into_iter()
-            .map(|axis| (axis, a.compare(&b, axis, grid)))
+            .map(|axis| (axis, a.compare(b, axis, grid)))
             .find(|(_, order)| order.is_ne())
             .expect("the ends of an edge are two places");
         Self {
@@ -132,25 +141,31 @@ impl<'a> Around<'a> {
         }
     }
 
-    /// The plane of a piece, turned so that its normal is the half-plane turned by a quarter.
-    fn plane(&self, one: Use) -> [DVec3; 3] {
+    /// The half-plane of a piece.
+    fn half_plane(&self, one: Use) -> HalfPlane {
         let piece = &self.pieces.pieces[one.piece as usize];
         let (triangle, same) = piece
             .cover
             .iter()
             .next()
             .expect("a piece is covered by something");
+        let with = same == one.forward;
         let [a, b, c] = self.pieces.soup.corners(triangle);
-        if same == one.forward {
-            [a, b, c]
-        } else {
-            [a, c, b]
+        let plane = if with { [a, b, c] } else { [a, c, b] };
+        HalfPlane {
+            triangle,
+            with,
+            plane,
+            normal: point::normal(&plane),
         }
     }
 
     /// The sign of the turn from one half-plane to another, zero if they are the same or opposite.
-    fn turn(&self, one: &[DVec3; 3], other: &[DVec3; 3]) -> Sign {
-        let (m, n) = (point::normal(one), point::normal(other));
+    fn turn(&self, one: &HalfPlane, other: &HalfPlane) -> Sign {
+        if one.triangle == other.triangle {
+            return Sign::Zero;
+        }
+        let (m, n) = (one.normal, other.normal);
         let (i, j) = ((self.axis + 1) % 3, (self.axis + 2) % 3);
         let product: Interval = m[i] * n[j] - m[j] * n[i];
         let sign = product.sign().unwrap_or_else(|| {
@@ -161,8 +176,11 @@ impl<'a> Around<'a> {
     }
 
     /// Whether two half-planes of one plane are the same.
-    fn agree(&self, one: &[DVec3; 3], other: &[DVec3; 3]) -> bool {
-        let (m, n) = (point::normal(one), point::normal(other));
+    fn agree(&self, one: &HalfPlane, other: &HalfPlane) -> bool {
+        if one.triangle == other.triangle {
+            return one.with == other.with;
+        }
+        let (m, n) = (one.normal, other.normal);
         let product = m[0] * n[0] + m[1] * n[1] + m[2] * n[2];
         let sign = product.sign().unwrap_or_else(|| {
             let (m, n) = self.exact_normals(one, other);
@@ -171,29 +189,25 @@ impl<'a> Around<'a> {
         sign == Sign::Positive
     }
 
-    fn exact_normals(
-        &self,
-        one: &[DVec3; 3],
-        other: &[DVec3; 3],
-    ) -> (exact::Vector, exact::Vector) {
-        let normal = |plane| exact::plane(self.grid, plane).0;
+    fn exact_normals(&self, one: &HalfPlane, other: &HalfPlane) -> (exact::Vector, exact::Vector) {
+        let normal = |half: &HalfPlane| exact::plane(self.grid, &half.plane).0;
         (normal(one), normal(other))
     }
 
     fn sort(&self, uses: &mut [Use]) {
-        let first = self.plane(uses[0]);
+        let first = self.half_plane(uses[0]);
         // 0 for the first itself, 1 for the half turn that follows, 2 opposite of it, 3 for the rest
-        let mut placed: Vec<(u8, [DVec3; 3], Use)> = uses
+        let mut placed: Vec<(u8, HalfPlane, Use)> = uses
             .iter()
             .map(|&one| {
-                let plane = self.plane(one);
-                let part = match self.turn(&first, &plane) {
+                let half = self.half_plane(one);
+                let part = match self.turn(&first, &half) {
                     Sign::Positive => 1,
                     Sign::Negative => 3,
-                    Sign::Zero if self.agree(&first, &plane) => 0,
+                    Sign::Zero if self.agree(&first, &half) => 0,
                     Sign::Zero => 2,
                 };
-                (part, plane, one)
+                (part, half, one)
             })
             .collect();
         placed.sort_by(|(p, one, a), (q, other, b)| {

@@ -17,14 +17,6 @@ impl Interval {
         hi: f64::INFINITY,
     };
 
-    /// From the smaller to the larger of two numbers.
-    pub fn between(a: f64, b: f64) -> Self {
-        Self {
-            lo: a.min(b),
-            hi: a.max(b),
-        }
-    }
-
     /// The sign of every number within, if they agree.
     #[inline]
     pub fn sign(self) -> Option<Sign> {

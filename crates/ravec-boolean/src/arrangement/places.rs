@@ -50,12 +50,7 @@ impl<'a> Places<'a> {
         self.given
     }
 
-    /// Whether a name is that of a point with coordinates.
-    pub fn is_given(&self, name: u32) -> bool {
-        (name as usize) < self.given.len()
-    }
-
-    /// The point with coordinates, or the one that a cut made.
+    /// The point that a cut made; `None` for one with coordinates.
     pub fn made(&self, name: u32) -> Option<&Point> {
         self.made
             .get((name as usize).checked_sub(self.given.len())?)

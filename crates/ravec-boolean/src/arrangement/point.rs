@@ -56,8 +56,30 @@ pub(crate) fn normal(plane: &[DVec3; 3]) -> Vec3 {
 }
 
 impl Definition {
-    /// Intervals around the coordinates of the point.
+    /// Intervals around the coordinates of the point. A coordinate that is the same all over the line or a plane is that
+    /// of the point, so that what is cut from a plane along two axes stays in it.
     fn near(&self) -> [Interval; 3] {
+        let mut near = self.meeting();
+        let mut fix = |points: &[DVec3]| {
+            for (axis, near) in near.iter_mut().enumerate() {
+                let first = points[0][axis];
+                if points.iter().all(|p| p[axis] == first) {
+                    *near = Interval::from(first);
+                }
+            }
+        };
+        match self {
+            Self::LinePlane(line, plane) => {
+                fix(line);
+                fix(plane);
+            }
+            Self::Planes(planes) => planes.iter().for_each(|plane| fix(plane)),
+        }
+        near
+    }
+
+    /// Intervals around the coordinates of the place where it all meets.
+    fn meeting(&self) -> [Interval; 3] {
         match self {
             Self::LinePlane(line, plane) => {
                 let n = normal(plane);

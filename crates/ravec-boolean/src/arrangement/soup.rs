@@ -2,9 +2,13 @@
 
 use glam::DVec3;
 use ravec_mesh::{OrientedPlane, TriMesh};
+use ravec_progress::{Cancelled, Progress};
 use rustc_hash::FxHashMap;
 
 use crate::closing::Closing;
+
+/// Vertices or triangles between two looks at the progress: some milliseconds.
+const STRIDE: usize = 1 << 16;
 
 /// Where a triangle of the soup comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -27,7 +31,14 @@ pub(crate) struct Soup {
 
 impl Soup {
     /// Puts meshes and what closes them together.
-    pub fn of(meshes: &[&TriMesh], closings: &[Closing]) -> Self {
+    ///
+    /// # Errors
+    /// [`Cancelled`] soon after `progress` is.
+    pub fn of(
+        meshes: &[&TriMesh],
+        closings: &[Closing],
+        progress: &Progress,
+    ) -> Result<Self, Cancelled> {
         let count = |f: fn(&TriMesh) -> usize| meshes.iter().map(|m| f(m)).sum();
         let triangles: usize = count(|m| m.triangles().len());
         let positions: usize = count(|m| m.positions().len());
@@ -42,18 +53,23 @@ impl Soup {
         let mut vertices = Vec::new();
         for (index, (mesh, closing)) in meshes.iter().zip(closings).enumerate() {
             vertices.clear();
-            vertices.extend(mesh.positions().iter().map(|&p| {
+            for (at, &p) in mesh.positions().iter().enumerate() {
+                if at % STRIDE == 0 {
+                    progress.check()?;
+                }
                 // adding zero makes the two zeros one
                 let p = p + DVec3::ZERO;
-                *vertex_at
-                    .entry(p.to_array().map(f64::to_bits))
-                    .or_insert_with(|| {
-                        soup.positions.push(p);
-                        (soup.positions.len() - 1) as u32
-                    })
-            }));
+                let key = p.to_array().map(f64::to_bits);
+                vertices.push(*vertex_at.entry(key).or_insert_with(|| {
+                    soup.positions.push(p);
+                    (soup.positions.len() - 1) as u32
+                }));
+            }
             let all = mesh.triangles().iter().chain(&closing.triangles);
             for (triangle, corners) in all.enumerate() {
+                if triangle % STRIDE == 0 {
+                    progress.check()?;
+                }
                 let corners = corners.map(|v| vertices[v as usize]);
                 let [a, b, c] = corners.map(|v| soup.positions[v as usize]);
                 let distinct = corners[0] != corners[1]
@@ -68,7 +84,7 @@ impl Soup {
                 }
             }
         }
-        soup
+        Ok(soup)
     }
 
     /// The places of the corners of a triangle.

@@ -175,6 +175,36 @@ impl<'a> Triangulation<'a> {
         }
     }
 
+    /// The vertex at a point that is known to be on a straight chain of edges, which is given by its vertices and grows
+    /// by the new one. Nothing is asked but the order along the chain.
+    pub fn insert_on(&mut self, chain: &mut Vec<u32>, point: Held<'a>) -> (u32, bool) {
+        let (first, last) = (self.point(chain[0]), self.point(chain[chain.len() - 1]));
+        let (from, to) = (first.rounded(), last.rounded());
+        let along = (to - from).abs();
+        let mut axes = [0, 1, 2];
+        axes.sort_by(|&i, &j| along[j].total_cmp(&along[i]));
+        let (axis, way) = axes
+            .into_iter()
+            .map(|axis| (axis, first.compare(last, axis, self.grid)))
+            .find(|(_, way)| way.is_ne())
+            .expect("the ends of a chain are two places");
+        let rank = |vertex: u32| {
+            let order = self.point(vertex).compare(&point, axis, self.grid);
+            if way.is_lt() { order } else { order.reverse() }
+        };
+        match chain.binary_search_by(|&vertex| rank(vertex)) {
+            Ok(at) => (chain[at], false),
+            // not beyond the ends, whatever the caller believes
+            Err(at) => {
+                let at = at.clamp(1, chain.len() - 1);
+                let (t, side) = self.find(chain[at - 1], chain[at]);
+                let vertex = self.split_side(t, side, point);
+                chain.insert(at, vertex);
+                (vertex, true)
+            }
+        }
+    }
+
     fn locate(&self, point: &Point) -> Place {
         let sides_of = |t: u32, known: Option<usize>| -> [Sign; 3] {
             let corners = self.triangles[t as usize].corners;
