@@ -64,7 +64,8 @@ const ZOOM: usize = 4;
 /// `front_completed_error_steps` and `floor_completed_error_steps` of what was filled in perspective, in 8-bit steps;
 /// `mosaic_plain_afar_psnr_db` and `mosaic_afar_psnr_db` of mosaics after a blur by half a tile;
 /// `offset_triangles`, `offset_error_percent` (of the tolerance) and `offset_proved` of offsets;
-/// `boolean_solid` (0 or 1, whether all results of expressions are) and `boolean_kept_percent` of the triangles of a part.
+/// `boolean_solid` (0 or 1, whether all results of expressions are) and `boolean_kept_percent` of the triangles of
+/// a scan from which a box was taken.
 ///
 /// # Errors
 /// [`JobError::Parameter`], [`JobError::Read`] for the photo, [`JobError::Write`], [`JobError::Cancelled`].

@@ -16,7 +16,7 @@ use ravec_scenes::solids::{boulder, cone, cuboid, cylinder, icosphere, with_hole
 /// Puts the section about expressions on the page.
 ///
 /// Figures: `boolean_solid` (0 or 1), whether all results of the section are closed, manifold and free of self-intersections,
-/// and `boolean_kept_percent`, of the triangles of the part, those that are as they were.
+/// and `boolean_kept_percent`, of the triangles of a scan without a box, those that are as they were.
 pub(crate) fn show(
     page: &mut Gallery,
     report: &mut Report,
@@ -35,14 +35,14 @@ pub(crate) fn show(
         detail,
         progress,
     };
-    let mut figures = studio.part(report)?;
+    let mut figures = studio.part()?;
     figures.extend(studio.pattern()?);
     page.figures(&figures);
     page.paragraph(
         "A scan has many small triangles, and only those along the cut change. One with holes is no solid; it is closed first, and \
          the report says where.",
     );
-    let (figures, assumptions) = studio.scans(seed)?;
+    let (figures, assumptions) = studio.scans(seed, report)?;
     page.figures(&figures);
     for assumption in assumptions {
         page.paragraph(&format!("Assumed about the scan with holes: {assumption}."));
@@ -126,19 +126,21 @@ impl Studio<'_> {
     }
 
     /// A bracket of ten primitives.
-    fn part(&mut self, report: &mut Report) -> Result<Vec<Figure>, JobError> {
+    fn part(&mut self) -> Result<Vec<Figure>, JobError> {
         let around = self.detail.edges(64);
         let block = |size: [f64; 3], at: [f64; 3]| cuboid(size.into()).shifted(at.into()).mesh;
         let pin = |radius: f64, height: f64, at: [f64; 3]| {
             cylinder(radius, height, around).shifted(at.into()).mesh
         };
+        // with another number of sides than the boss, as holes of another size have
+        let bore = cylinder(0.5, 4.0, self.detail.edges(46)).mesh;
         let hole = |x: f64, y: f64| pin(0.18, 1.0, [x, y, 0.0]);
         let primitives = [
             ("base", block([4.0, 2.4, 0.4], [0.0; 3])),
             ("boss", pin(0.8, 1.6, [0.0, 0.0, 0.6])),
             ("rib", block([3.0, 0.24, 0.8], [0.0, 0.0, 0.5])),
             ("rib2", block([0.24, 2.0, 0.8], [0.0, 0.0, 0.5])),
-            ("bore", pin(0.5, 4.0, [0.0; 3])),
+            ("bore", bore),
             ("slot", lying(&pin(0.2, 3.0, [0.0; 3]), 1.0)),
             ("h1", hole(-1.6, -0.8)),
             ("h2", hole(1.6, -0.8)),
@@ -149,9 +151,6 @@ impl Studio<'_> {
         let (names, meshes): (Vec<_>, Vec<_>) = primitives.into_iter().unzip();
         let expr = Expr::parse_with(text, &names).map_err(|error| bug("an expression", &error))?;
         let result = self.combined(text, &expr, &meshes)?;
-        let kept = result.report.kept_triangles as f64;
-        let share = 100.0 * kept / result.report.triangles.max(1) as f64;
-        report.figures.insert("boolean_kept_percent", share);
         Ok(vec![
             drawn(
                 &together(&meshes),
@@ -189,12 +188,19 @@ impl Studio<'_> {
     }
 
     /// A scan without a box, and one with holes on a stand; also what was assumed about the latter.
-    fn scans(&mut self, seed: Seed) -> Result<(Vec<Figure>, Vec<String>), JobError> {
+    fn scans(
+        &mut self,
+        seed: Seed,
+        report: &mut Report,
+    ) -> Result<(Vec<Figure>, Vec<String>), JobError> {
         let divisions = if self.detail.edges(64) > 40 { 6 } else { 4 };
         let scan = boulder(divisions, seed);
         let corner = cuboid(DVec3::ONE).shifted(DVec3::new(0.6, -0.6, 0.6)).mesh;
         let expr = Expr::Difference(vec![Expr::Mesh(0), Expr::Mesh(1)]);
         let bitten = self.combined("scan - box", &expr, &[scan.clone(), corner])?;
+        let kept = bitten.report.kept_triangles as f64;
+        let share = 100.0 * kept / bitten.report.triangles.max(1) as f64;
+        report.figures.insert("boolean_kept_percent", share);
         let holes = [
             DVec3::new(0.1, -1.0, 0.3),
             DVec3::new(0.8, -0.6, -0.3),
@@ -207,7 +213,7 @@ impl Studio<'_> {
                 .shifted(-1.4 * DVec3::Z)
                 .mesh,
             cylinder(1.1, 0.3, self.detail.edges(64))
-                .shifted(-2.0 * DVec3::Z)
+                .shifted(-1.5 * DVec3::Z)
                 .mesh,
         ];
         let [spire, foot] = stand;
