@@ -104,6 +104,7 @@ const CRATES: &[Crate] = &[
             "ravec-retarget",
             "ravec-mosaic",
             "ravec-offset",
+            "ravec-boolean",
             "ravec-mesh",
             "ravec-raster",
             "ravec-progress",

@@ -22,6 +22,7 @@ mod seams;
 use glam::DVec3;
 use ravec_mesh::{Aabb, TriMesh};
 use ravec_progress::{Cancelled, Progress};
+use rustc_hash::FxHashSet;
 
 use edges::census;
 use loops::{Filled, fill_loops, simple_loops};
@@ -42,6 +43,8 @@ pub(crate) struct Closing {
     pub seam_edges: u64,
     /// The width of the widest of these strips.
     pub seam_width: f64,
+    /// Triangles that face the other way than all around them; closing the hole that each leaves is taking it as turned.
+    pub turned_triangles: u64,
     /// The other places that were closed, in no particular order.
     pub holes: Vec<Hole>,
 }
@@ -77,18 +80,24 @@ pub(crate) fn close(mesh: &TriMesh, progress: &Progress) -> Result<Closing, Canc
     closing.seam_edges = edges;
     closing.seam_width = widest;
     let loops = simple_loops(&chain, &at, progress)?;
-    for filled in fill_loops(loops, &at, progress)? {
+    let filled = fill_loops(loops, &at, progress)?;
+    let turned = turned_triangles(mesh, &filled);
+    closing.turned_triangles = turned.len() as u64;
+    for filled in filled {
+        let is_turned = lid(&filled).is_some_and(|lid| turned.contains(&lid));
         let Filled {
             vertices,
             patch,
             loops,
         } = filled;
         let bounds = Aabb::around(vertices.iter().map(|&v| at(v)));
-        closing.holes.push(Hole {
-            center: bounds.center(),
-            width: bounds.diagonal(),
-            loops,
-        });
+        if !is_turned {
+            closing.holes.push(Hole {
+                center: bounds.center(),
+                width: bounds.diagonal(),
+                loops,
+            });
+        }
         let backward = |[a, b, c]: [u32; 3]| [a, c, b].map(|i| vertices[i as usize]);
         closing
             .triangles
@@ -99,6 +108,40 @@ pub(crate) fn close(mesh: &TriMesh, progress: &Progress) -> Result<Closing, Canc
         .triangles
         .retain(|[a, b, c]| a != b && b != c && c != a);
     Ok(closing)
+}
+
+/// The only triangle that fills a hole, with its lowest vertex first.
+fn lid(filled: &Filled) -> Option<[u32; 3]> {
+    match filled.vertices[..] {
+        [a, b, c] => Some(rotated([a, c, b])),
+        _ => None,
+    }
+}
+
+/// A triangle with its lowest vertex first, facing the same way.
+fn rotated([a, b, c]: [u32; 3]) -> [u32; 3] {
+    match a.min(b).min(c) {
+        low if low == a => [a, b, c],
+        low if low == b => [b, c, a],
+        _ => [c, a, b],
+    }
+}
+
+/// Lids that are there twice, over a triangle of the mesh that faces the other way.
+fn turned_triangles(mesh: &TriMesh, filled: &[Filled]) -> FxHashSet<[u32; 3]> {
+    let mut once = FxHashSet::default();
+    let twice: FxHashSet<_> = filled
+        .iter()
+        .filter_map(lid)
+        .filter(|lid| !once.insert(*lid))
+        .collect();
+    if twice.is_empty() {
+        return twice;
+    }
+    let backward = mesh.triangles().iter().map(|&[a, b, c]| rotated([a, c, b]));
+    backward
+        .filter(|triangle| twice.contains(triangle))
+        .collect()
 }
 
 #[cfg(test)]

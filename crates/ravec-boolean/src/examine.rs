@@ -31,6 +31,12 @@ pub(crate) fn examine(
         }
     }
     let reversed = reversed_parts(mesh, closing, progress)?;
+    let cancelled = if closing.multiple_edges > 0 {
+        progress.check()?;
+        cancelled(mesh)
+    } else {
+        0
+    };
     let mut report = OperandReport {
         triangles: mesh.triangles().len() as u64,
         closed: closing.closed,
@@ -40,7 +46,7 @@ pub(crate) fn examine(
         reversed_parts: reversed.len() as u64,
         ..OperandReport::default()
     };
-    report.assumptions = assumptions(closing, degenerate, &reversed);
+    report.assumptions = assumptions(closing, degenerate, cancelled, &reversed);
     Ok(report)
 }
 
@@ -51,6 +57,18 @@ fn has_no_area([a, b, c]: [DVec3; 3]) -> bool {
     // rounding changes each coordinate of the normal by less than 8 ε times the product of the sides
     let doubt = 8.0 * f64::EPSILON * ab.length() * ac.length();
     normal.abs().max_element() <= doubt && on_one_line(a, b, c)
+}
+
+/// Triangles of which there is another one that faces the opposite way, which takes away what they enclose.
+fn cancelled(mesh: &TriMesh) -> u64 {
+    let mut facing: FxHashMap<[u32; 3], [u64; 2]> = FxHashMap::default();
+    for &[a, b, c] in mesh.triangles() {
+        let mut sorted = [a, b, c];
+        sorted.sort_unstable();
+        let even = sorted == [a, b, c] || sorted == [b, c, a] || sorted == [c, a, b];
+        facing.entry(sorted).or_default()[usize::from(even)] += 1;
+    }
+    facing.values().map(|[one, other]| 2 * one.min(other)).sum()
 }
 
 /// A part that is inside out.
@@ -189,7 +207,12 @@ fn root(group: &mut [u32], mut v: u32) -> u32 {
 }
 
 /// What was assumed, in sentences without a stop.
-fn assumptions(closing: &Closing, degenerate: u64, reversed: &[Reversed]) -> Vec<String> {
+fn assumptions(
+    closing: &Closing,
+    degenerate: u64,
+    cancelled: u64,
+    reversed: &[Reversed],
+) -> Vec<String> {
     let mut told = Vec::new();
     if closing.seam_edges > 0 {
         told.push(format!(
@@ -232,9 +255,29 @@ fn assumptions(closing: &Closing, degenerate: u64, reversed: &[Reversed]) -> Vec
             having(closing.multiple_edges, "edge", "edges")
         ));
     }
-    if closing.clashing_edges > 0 {
+    if cancelled > 0 {
         told.push(format!(
-            "{} two triangles that face opposite ways: no triangle was turned",
+            "{cancelled} triangles lie on another one that faces the opposite way: what only these enclose counts as outside, \
+             except with \"outer-hull\""
+        ));
+    }
+    if closing.turned_triangles > 0 {
+        told.push(format!(
+            "{} the other way than all around {} taken as turned",
+            if closing.turned_triangles == 1 {
+                "1 triangle faces".to_owned()
+            } else {
+                format!("{} triangles face", closing.turned_triangles)
+            },
+            if closing.turned_triangles == 1 {
+                "it and was"
+            } else {
+                "them and were"
+            },
+        ));
+    } else if closing.clashing_edges > 0 {
+        told.push(format!(
+            "{} two triangles that face opposite ways",
             having(closing.clashing_edges, "edge", "edges")
         ));
     }

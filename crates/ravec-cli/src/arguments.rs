@@ -4,9 +4,10 @@ mod library;
 mod mesh;
 
 use crate::help;
-use clap::{ArgGroup, Args, Parser, Subcommand};
+use clap::builder::{OsStringValueParser, TypedValueParser as _};
+use clap::{ArgGroup, Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
-use ravec_jobs::mesh::offset;
+use ravec_jobs::mesh::{NamedFile, boolean, offset};
 use ravec_jobs::plane::{planes, rectify, snap};
 use ravec_jobs::{
     Limits, brush, compare, complete, demo, match_photos, mosaic, retarget, scenes, twocolor,
@@ -216,6 +217,38 @@ pub enum Command {
         #[command(flatten)]
         limits: MeshLimitFlags,
     },
+    /// Combine meshes by an expression, exact where they meet; all other triangles stay as they are
+    ///
+    /// The exit code is 5 if the result was written but is not solid.
+    #[command(after_help = help::BOOLEAN)]
+    Boolean {
+        /// What is wanted, as in '(a | b) - c & d': | is union, & intersection, - difference, ^ symmetric difference; & comes
+        /// before the others, which go from left to right. Or union, intersection, difference or symmetric-difference of
+        /// all files
+        #[arg(value_name = "EXPRESSION")]
+        expression: String,
+        /// The meshes, each with its name in the expression; without names they are a, b, c and so on. `-` is standard input
+        #[arg(required = true, value_name = "[NAME=]FILE", value_parser = OsStringValueParser::new().map(NamedFile::from))]
+        files: Vec<NamedFile>,
+        /// The mesh to write; its extension says the format, `-` is standard output in the first input's format
+        #[arg(short, long, value_name = "FILE")]
+        output: PathBuf,
+        /// Write where each triangle comes from, as .csv or .json: the mesh, the triangle in it, whether it was turned, and
+        /// whether it is whole
+        #[arg(long, value_name = "FILE")]
+        origins: Option<PathBuf>,
+        /// Draw the result: whole triangles blue, pieces orange, closed holes green, seams red
+        #[arg(long, value_name = "FILE")]
+        picture: Option<PathBuf>,
+        /// Print a report instead of the summary, as `--json -` does
+        #[arg(long, value_enum, value_name = "FORMAT", conflicts_with = "json")]
+        report: Option<ReportFormat>,
+        #[command(flatten)]
+        params: boolean::Params,
+        /// What reading may cost.
+        #[command(flatten)]
+        limits: MeshLimitFlags,
+    },
     /// Keep a catalogue of photos, from which mosaics are made
     #[command(
         after_help = help::library::LIBRARY,
@@ -277,6 +310,13 @@ pub enum Command {
     },
 }
 
+/// A form of a report.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum ReportFormat {
+    /// As JSON
+    Json,
+}
+
 impl Command {
     /// The files that the operation reads.
     pub fn inputs(&self) -> Vec<&Path> {
@@ -314,6 +354,7 @@ impl Command {
             | Self::Snap { input, .. }
             | Self::Planes { input, .. }
             | Self::Offset { input, .. } => vec![input],
+            Self::Boolean { files, .. } => files.iter().map(|file| file.path.as_path()).collect(),
             Self::Brush { input, stroke, .. } => {
                 let stroke = stroke.as_deref();
                 std::iter::once(input.as_path()).chain(stroke).collect()
@@ -347,6 +388,15 @@ impl Command {
                 .chain(show_grid.as_deref())
                 .collect(),
             Self::Mesh { command, .. } => command.outputs(),
+            Self::Boolean {
+                output,
+                origins,
+                picture,
+                ..
+            } => std::iter::once(output.as_path())
+                .chain(origins.as_deref())
+                .chain(picture.as_deref())
+                .collect(),
             Self::Snap { output, .. } | Self::Planes { output, .. } => {
                 output.as_deref().into_iter().collect()
             }
@@ -464,6 +514,11 @@ mod tests {
             ("ravec mesh render a -o b --compare c", "a c", "b"),
             ("ravec mesh simplify a -o b --error 1", "a", "b"),
             ("ravec offset a -o b --distance 1", "a", "b"),
+            (
+                "ravec boolean x|b x=a b -o c --origins d --picture e",
+                "a b",
+                "c d e",
+            ),
             ("ravec mosaic a --catalogue b -o c", "a b", "c"),
             ("ravec library stats --catalogue a", "", ""),
             ("ravec demo --image a", "a", ""),
@@ -550,6 +605,11 @@ mod tests {
             panic!("not offset");
         };
         assert_eq!(params, offset::Params::default());
+        let parsed = Arguments::parse_from(["ravec", "boolean", "union", "a", "-o", "b"]);
+        let Command::Boolean { params, .. } = parsed.command else {
+            panic!("not boolean");
+        };
+        assert_eq!(params, boolean::Params::default());
         let parsed = Arguments::parse_from(["ravec", "demo"]);
         let Command::Demo { params, .. } = parsed.command else {
             panic!("not demo");

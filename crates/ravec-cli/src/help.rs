@@ -13,7 +13,7 @@ Exit codes:
     2  the command line is wrong
     3  an input cannot be read, is no valid picture or mesh, or exceeds a limit
     4  an output cannot be written
-    5  an output was written, but is not what was promised: an offset is not proved or not solid
+    5  an output was written, but is not what was promised: an offset is not proved or not solid, a combined mesh not solid
   130  interrupted by Ctrl-C; nothing half-written is left"
     };
 }
@@ -187,6 +187,35 @@ distance_most_found, the most at corners and middles of its triangles; triangles
 feature_edges (where the surface turns by more than 20 degrees); cells and deepest_level of the octree, the tiles it was grown in, mending_rounds, \
 split_cells and filled_corners (repairs done in it); largest_rounding, where coordinates become 32-bit floats, which comes on top of \
 the distances. In JSON, passed is the verdict.
+
+",
+    exit_codes!()
+);
+
+/// Of `ravec boolean`.
+pub const BOOLEAN: &str = concat!(
+    "\
+Examples:
+  ravec boolean union part.stl other.ply -o all.stl
+  ravec boolean difference part.stl other.ply -o cut.ply --origins cut.csv --picture cut.png
+  ravec boolean '(a | b) - c & d' a=part.stl b=other.ply c=part.stl d=other.ply -o d.ply --report json
+  ravec boolean 'part - drill' part=part.stl drill=other.ply -o drilled.3mf --inside outer-hull
+
+Names are letters, digits and underscores. & comes before the other operators, which go from left to right: a | b - c & d is \
+(a | b) - (c & d). A file that the expression does not name is not read.
+
+Meshes may be any triangles. A mesh stands for the places where its winding number is above one half (--inside positive); an open \
+one is closed first: edges that nearly meet are joined, holes filled by surfaces of least area. What was assumed about a mesh \
+is a warning and stands in the report. Triangles that no other mesh touches come out as they went in. The result is solid if it \
+is closed, manifold and does not meet itself; if it is not, it is written all the same, a warning says what is wrong, and the exit code \
+is 5. An empty result is an empty mesh, and no error. Binary STL and glTF round its vertices to 32-bit floats; a warning says if that does harm.
+
+Colors of the vertices of PLY files follow into a PLY file. --origins has a row for each triangle: mesh, triangle (none for one that \
+closes a hole), whether it was turned, and whether it is whole.
+
+Figures: triangles, kept_triangles, seam_edges, intersecting_pairs, mending_rounds, self_intersections, solid (0 or 1), volume; \
+largest_rounding, where coordinates become 32-bit floats. In JSON, result is what was found out about each mesh, and passed the \
+verdict.
 
 ",
     exit_codes!()

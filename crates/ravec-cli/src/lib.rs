@@ -12,7 +12,7 @@
 //! | 2 | the command line is wrong |
 //! | 3 | an input cannot be read, is no valid picture or mesh, or exceeds a limit |
 //! | 4 | an output cannot be written |
-//! | 5 | an output was written, but is not what was promised: an offset is not proved or not solid |
+//! | 5 | an output was written, but is not what was promised: an offset is not proved or not solid, a combined mesh not solid |
 //! | 130 | interrupted by Ctrl-C; nothing half-written is left |
 //!
 //! # Streams
@@ -28,7 +28,7 @@ mod interrupt;
 mod progress_bar;
 mod summary;
 
-use arguments::{Arguments, Command, Global, LibraryCommand, MeshCommand};
+use arguments::{Arguments, Command, Global, LibraryCommand, MeshCommand, ReportFormat};
 use clap::{CommandFactory as _, Parser as _};
 use exit::Failure;
 use ravec::progress::Progress;
@@ -79,8 +79,20 @@ fn usage(answer: &clap::Error) -> ExitCode {
     }
 }
 
-fn execute(Arguments { command, global }: Arguments) -> Result<(), Failure> {
+fn execute(
+    Arguments {
+        command,
+        mut global,
+    }: Arguments,
+) -> Result<(), Failure> {
     listen(&global);
+    if let Command::Boolean {
+        report: Some(ReportFormat::Json),
+        ..
+    } = command
+    {
+        global.json = Some("-".into());
+    }
     // the operations look at their own files; only here is the report known, too
     let outputs: Vec<_> = command
         .outputs()
@@ -207,6 +219,26 @@ fn execute(Arguments { command, global }: Arguments) -> Result<(), Failure> {
             };
             job(&global, |progress| {
                 mesh::offset::run(&input, &output, &params, progress)
+            })
+        }
+        Command::Boolean {
+            expression,
+            files,
+            output,
+            origins,
+            picture,
+            report: _,
+            params,
+            limits,
+        } => {
+            let limits = limits.limits(global.max_bytes);
+            let targets = mesh::boolean::Targets {
+                mesh: output,
+                origins,
+                picture,
+            };
+            job(&global, |progress| {
+                mesh::boolean::run(&expression, &files, limits, &targets, &params, progress)
             })
         }
         Command::Library { command } => on_library(command, &global),

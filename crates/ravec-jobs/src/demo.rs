@@ -63,7 +63,9 @@ const ZOOM: usize = 4;
 /// `retargeted_disc_aspect`, how much discs are squeezed when the width is halved;
 /// `front_completed_error_steps` and `floor_completed_error_steps` of what was filled in perspective, in 8-bit steps;
 /// `mosaic_plain_afar_psnr_db` and `mosaic_afar_psnr_db` of mosaics after a blur by half a tile;
-/// `offset_triangles`, `offset_error_percent` (of the tolerance) and `offset_proved` of offsets.
+/// `offset_triangles`, `offset_error_percent` (of the tolerance) and `offset_proved` of offsets;
+/// `boolean_solid` (0 or 1, whether all results of expressions are) and `boolean_kept_percent` of the triangles of
+/// a scan from which a box was taken.
 ///
 /// # Errors
 /// [`JobError::Parameter`], [`JobError::Read`] for the photo, [`JobError::Write`], [`JobError::Cancelled`].
@@ -127,6 +129,7 @@ pub fn run(
     let detail = mesh::Detail::of(side);
     mesh::show(&mut page, &mut report, Seed(params.seed), detail, progress)?;
     mesh::offset::show(&mut page, &mut report, detail, progress)?;
+    mesh::boolean::show(&mut page, &mut report, Seed(params.seed), detail, progress)?;
     let page = page.finish();
     files::make_folder(out)?;
     files::write_output_text(&out.join("index.html"), "HTML", &page, &mut report)?;
@@ -279,6 +282,7 @@ mod tests {
         );
         assert_eq!(report.figures["offset_proved"], 1.0);
         assert!(report.figures["offset_error_percent"] <= 100.0);
+        assert_eq!(report.figures["boolean_solid"], 1.0);
     }
 
     #[test]

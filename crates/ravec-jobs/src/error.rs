@@ -1,5 +1,6 @@
 //! Why an operation did not succeed, and the exit code that says so.
 
+use ravec::boolean::{BooleanError, ParseExprError};
 use ravec::completion::CompleteError;
 use ravec::mesh::{ReadMeshError, WriteMeshError};
 use ravec::offset::OffsetError;
@@ -114,6 +115,20 @@ pub enum JobError {
         /// Why not.
         cause: OffsetError,
     },
+    /// An expression over meshes cannot be read.
+    #[error("cannot read the expression: {cause}\n{caret}")]
+    Expression {
+        /// What is wrong.
+        cause: ParseExprError,
+        /// The expression, and a caret under the place.
+        caret: String,
+    },
+    /// Meshes cannot be combined.
+    #[error("cannot combine the meshes: {cause}")]
+    Boolean {
+        /// Why not.
+        cause: BooleanError,
+    },
     /// Two photos could not be laid on each other.
     #[error("cannot match {} with {}: {cause}", input_name(.first), input_name(.second))]
     NoMatch {
@@ -210,6 +225,7 @@ impl JobError {
             | Self::OutputTwice { .. }
             | Self::InputTwice
             | Self::UnknownMeshFormat { .. }
+            | Self::Expression { .. }
             | Self::Quad { .. }
             | Self::Outside { .. }
             | Self::Offset {
@@ -245,12 +261,16 @@ impl JobError {
                 cause: OffsetError::NotClosed { .. },
                 ..
             }
+            | Self::Boolean {
+                cause: BooleanError::OutOfRange { .. },
+            }
             | Self::SizesDiffer { .. }
             | Self::Complete { .. }
             | Self::Strokes { .. }
             | Self::Steps { .. } => 3,
             Self::Write { .. } | Self::WriteMesh { .. } => 4,
             Self::Offset { .. }
+            | Self::Boolean { .. }
             | Self::NoMatch { .. }
             | Self::Proportions { .. }
             | Self::NoSnap { .. }

@@ -17,6 +17,7 @@
 //! Guarantees: equal parameters and seeds give equal meshes; closed solids have triangles that run counter-clockwise as
 //! seen from outside, without cracks. No formula here is taken from the crates it is to judge.
 
+mod boulder;
 mod flat;
 mod round;
 mod shape;
@@ -28,6 +29,7 @@ use ravec_mesh::TriMesh;
 use crate::Seed;
 use shape::Shape;
 
+pub use boulder::{boulder, with_holes};
 pub use flat::{comb, crossing_plates, cuboid, sheet, wedge};
 pub use round::{cone, cylinder, icosphere, torus, uv_sphere};
 pub use soup::{Planted, soup};

@@ -12,6 +12,7 @@
 //! | [`retarget`] | one picture in many formats, with objects in shape and lines straight |
 //! | [`mesh`] | triangle meshes: formats, checks, distances, simplification, pictures |
 //! | [`offset`](mod@offset) | surfaces at a distance from any triangles, within a tolerance that is proved |
+//! | [`boolean`](mod@boolean) | expressions over any triangle meshes, exact where they meet |
 //! | [`progress`] | progress and cancellation of long work |
 //!
 //! Everything here works on pixels in memory. Files are read and written by the crate `ravec-media`, which is not part of
@@ -124,6 +125,26 @@
 //! # Ok::<(), ravec::offset::OffsetError>(())
 //! ```
 //!
+//! # Meshes combined by expressions
+//!
+//! Each mesh stands for the places that it winds around, be it closed or not. An expression says what is wanted of them; its
+//! surface is exact where meshes meet, and made of their own triangles everywhere else.
+//!
+//! ```
+//! use ravec::boolean::{BooleanParams, Expr, boolean};
+//! use ravec::progress::Progress;
+//! use ravec_scenes::solids::{cuboid, cylinder};
+//!
+//! let plate = cuboid([4.0, 4.0, 1.0].into()).mesh;
+//! let pin = cylinder(1.0, 3.0, 32).mesh;
+//! let (expr, names) = Expr::parse("plate - pin")?;
+//! assert_eq!(names, ["plate", "pin"]);
+//! let drilled = boolean(&[plate, pin], &expr, &BooleanParams::default(), &Progress::none())?;
+//! assert!(drilled.report.solid);
+//! assert!((drilled.report.volume - (16.0 - std::f64::consts::PI)).abs() < 0.05);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
 //! # Meshes are judged before they are used
 //!
 //! A mesh is a list of triangles that promises nothing. What it is the surface of is found by exact arithmetic, and how far
@@ -172,6 +193,7 @@
 //! - Straight and premultiplied alpha are different types; only premultiplied pixels are averaged.
 //! - Same input, parameters and seed give the same bytes, on any number of threads.
 
+pub use ravec_boolean as boolean;
 pub use ravec_completion as completion;
 pub use ravec_mesh as mesh;
 pub use ravec_mosaic as mosaic;

@@ -77,13 +77,25 @@ fn a_turned_triangle_and_one_without_area_are_told() {
     assert_eq!(report.closing_triangles, 2);
     let told = report.assumptions.join("\n");
     assert!(
-        told.contains("3 edges have two triangles that face opposite ways"),
+        told.contains("1 triangle faces the other way than all around it and was taken as turned"),
         "{told}"
     );
+    assert!(!told.contains("hole"), "{told}");
     assert!(
         told.contains("1 triangle without area was left out"),
         "{told}"
     );
+}
+
+#[test]
+fn triangles_that_cancel_are_told() {
+    let cube = cuboid(DVec3::ONE).mesh;
+    let (positions, mut triangles) = cube.into_parts();
+    let backward: Vec<_> = triangles.iter().map(|&[a, b, c]| [b, a, c]).collect();
+    triangles.extend(&backward[..11]);
+    let report = examined(&TriMesh::new(positions, triangles).unwrap());
+    let told = report.assumptions.join("\n");
+    assert!(told.contains("22 triangles lie on another one"), "{told}");
 }
 
 #[test]

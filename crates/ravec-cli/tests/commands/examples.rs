@@ -6,7 +6,7 @@ use crate::program::{code, done, photos, stderr};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-const COMMANDS: [&str; 27] = [
+const COMMANDS: [&str; 28] = [
     "compare",
     "rectify",
     "snap",
@@ -23,6 +23,7 @@ const COMMANDS: [&str; 27] = [
     "mesh render",
     "mesh simplify",
     "offset",
+    "boolean",
     "library",
     "library add",
     "library remove",

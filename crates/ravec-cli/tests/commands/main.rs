@@ -1,5 +1,6 @@
 //! The program as a user meets it: what it prints, what it leaves behind, how it ends.
 
+mod boolean;
 mod brush;
 mod compare;
 mod complete;

@@ -152,7 +152,7 @@ impl Output {
     }
 
     /// Refuses what can be refused before the input is read.
-    fn check(&self, path: &Path) -> Result<(), JobError> {
+    pub(super) fn check(&self, path: &Path) -> Result<(), JobError> {
         if !is_stream(path) || self.format.is_some() {
             self.target(path, MeshFormat::Off)?;
         }
@@ -160,7 +160,7 @@ impl Output {
     }
 
     /// What to write to `path`, once the format of the input is known.
-    fn target(&self, path: &Path, input: MeshFormat) -> Result<MeshTarget, JobError> {
+    pub(super) fn target(&self, path: &Path, input: MeshFormat) -> Result<MeshTarget, JobError> {
         let mut target = match self.format {
             Some(format) => MeshTarget::new(format.into()),
             None => MeshTarget::of(path, input)?,
@@ -252,7 +252,7 @@ pub fn run(
     Ok(report)
 }
 
-fn scaled(mesh: TriMesh, scale: f64, source: &MeshSource) -> Result<TriMesh, JobError> {
+pub(super) fn scaled(mesh: TriMesh, scale: f64, source: &MeshSource) -> Result<TriMesh, JobError> {
     let (mut positions, triangles) = mesh.into_parts();
     for position in &mut positions {
         *position *= scale;

@@ -5,7 +5,7 @@ use crate::files::{check_files, is_stream};
 use crate::report::{FileReport, Report};
 use ravec::mesh::{
     LengthUnit, MeshFile, MeshFormat, MeshLimits, Precision, ReadMeshError, ReadOptions, TriMesh,
-    WriteOptions, read_mesh, read_mesh_with_buffers, write_mesh,
+    WriteOptions, read_mesh, read_mesh_with_buffers, write_colored_mesh,
 };
 use ravec::progress::Progress;
 use ravec_media::write_atomically;
@@ -98,13 +98,14 @@ pub fn read_mesh_file(
     limits: &MeshLimits,
     progress: &Progress,
 ) -> Result<MeshFile, JobError> {
-    read_with_companions(path, limits, progress).map(|(file, _)| file)
+    read_with_companions(path, limits, false, progress).map(|(file, _)| file)
 }
 
 /// Reads a mesh, and says which other files were read for it.
 fn read_with_companions(
     path: &Path,
     limits: &MeshLimits,
+    colors: bool,
     progress: &Progress,
 ) -> Result<(MeshFile, Vec<PathBuf>), JobError> {
     progress.check()?;
@@ -112,6 +113,7 @@ fn read_with_companions(
     let attempt = || -> Result<MeshFile, ReadMeshError> {
         let mut options = ReadOptions {
             limits: *limits,
+            colors,
             ..ReadOptions::default()
         };
         if is_stream(path) {
@@ -171,6 +173,20 @@ pub fn write_mesh_file(
     target: &MeshTarget,
     progress: &Progress,
 ) -> Result<(), JobError> {
+    write_file(path, mesh, &[], target, progress)
+}
+
+#[expect(
+    clippy::trivially_copy_pass_by_ref,
+    reason = "taken like in the public function"
+)]
+fn write_file(
+    path: &Path,
+    mesh: &TriMesh,
+    colors: &[[u8; 4]],
+    target: &MeshTarget,
+    progress: &Progress,
+) -> Result<(), JobError> {
     progress.check()?;
     let options = WriteOptions {
         precision: target.precision,
@@ -178,10 +194,10 @@ pub fn write_mesh_file(
     };
     let written = if is_stream(path) {
         let out = io::stdout().lock();
-        write_mesh(mesh, target.format, &options, out, progress)
+        write_colored_mesh(mesh, colors, target.format, &options, out, progress)
     } else {
         write_atomically(path, |writer| {
-            write_mesh(mesh, target.format, &options, writer, progress)
+            write_colored_mesh(mesh, colors, target.format, &options, writer, progress)
         })
     };
     written.map_err(|cause| JobError::from_writing(path, cause))
@@ -194,10 +210,30 @@ pub(crate) fn read(
     report: &mut Report,
     progress: &Progress,
 ) -> Result<MeshFile, JobError> {
+    read_recorded(source, outputs, false, report, progress)
+}
+
+/// Reads a mesh as [`read`] does, with the colors of its vertices.
+pub(super) fn read_colored(
+    source: &MeshSource,
+    outputs: &[&Path],
+    report: &mut Report,
+    progress: &Progress,
+) -> Result<MeshFile, JobError> {
+    read_recorded(source, outputs, true, report, progress)
+}
+
+fn read_recorded(
+    source: &MeshSource,
+    outputs: &[&Path],
+    colors: bool,
+    report: &mut Report,
+    progress: &Progress,
+) -> Result<MeshFile, JobError> {
     let path = &source.path;
     tracing::info!("reading {}", path.display());
     let (file, companions) = report.time("read", || {
-        read_with_companions(path, &source.limits, progress)
+        read_with_companions(path, &source.limits, colors, progress)
     })?;
     let companions: Vec<_> = companions.iter().map(PathBuf::as_path).collect();
     check_files(&companions, outputs)?;
@@ -221,8 +257,24 @@ pub(crate) fn write(
     report: &mut Report,
     progress: &Progress,
 ) -> Result<(), JobError> {
+    write_colored(path, mesh, &[], target, report, progress)
+}
+
+/// Writes a mesh as [`write`] does, with a color for each vertex where the format has room for it.
+#[expect(
+    clippy::trivially_copy_pass_by_ref,
+    reason = "taken like in the public function"
+)]
+pub(super) fn write_colored(
+    path: &Path,
+    mesh: &TriMesh,
+    colors: &[[u8; 4]],
+    target: &MeshTarget,
+    report: &mut Report,
+    progress: &Progress,
+) -> Result<(), JobError> {
     tracing::info!("writing {}", path.display());
-    report.time("write", || write_mesh_file(path, mesh, target, progress))?;
+    report.time("write", || write_file(path, mesh, colors, target, progress))?;
     let unit = match target.format {
         MeshFormat::ThreeMf => target.unit.or(Some(LengthUnit::Millimeter)),
         MeshFormat::Glb | MeshFormat::Gltf => Some(LengthUnit::Meter),

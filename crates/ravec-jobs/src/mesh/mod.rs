@@ -9,9 +9,11 @@
 //! | [`render`] | draws a picture |
 //! | [`simplify`] | removes triangles that are not needed |
 //! | [`offset`] | makes the surface at a distance |
+//! | [`boolean`] | combines meshes by an expression |
 //!
 //! [`read_mesh_file`] and [`write_mesh_file`] are what they all read and write with.
 
+pub mod boolean;
 pub mod check;
 pub mod compare;
 pub mod convert;
@@ -22,14 +24,17 @@ mod length;
 pub mod offset;
 mod refine;
 pub mod render;
+mod rounded;
 mod showcase;
 pub mod simplify;
 mod view;
 mod weld;
 
+pub use boolean::NamedFile;
 pub use dimension::{Dimension, DimensionError};
 pub use files::{MeshSource, MeshTarget, read_mesh_file, write_mesh_file};
 pub(crate) use files::{known_extensions, read, write};
+use files::{read_colored, write_colored};
 pub use length::{Length, LengthError};
 pub use ravec::mesh::MeshLimits;
 pub(crate) use showcase::{Detail, show};

@@ -3,12 +3,12 @@
 mod showcase;
 
 use super::convert::{Begun, Output, Unit, rounds};
+use super::rounded::rounded;
 use super::{Dimension, MeshSource, MeshTarget};
 use crate::error::JobError;
 use crate::report::{Finding, Report};
 use bytesize::ByteSize;
-use glam::DVec3;
-use ravec::mesh::{CheckParams, LengthUnit, MeshFormat, TriMesh, check, measure, weld};
+use ravec::mesh::{CheckParams, LengthUnit, TriMesh, check, measure};
 use ravec::offset as library;
 use ravec::progress::Progress;
 use serde::{Deserialize, Serialize};
@@ -363,32 +363,13 @@ impl Verdict {
         target: MeshTarget,
         progress: &Progress,
     ) -> Result<f64, JobError> {
-        // glTF is in meters
-        let scale = match target.format {
-            MeshFormat::Glb | MeshFormat::Gltf => target.unit.map_or(1.0, LengthUnit::in_meters),
-            _ => 1.0,
-        };
-        let round = |x: f64| f64::from((x * scale) as f32) / scale;
-        let rounded = |p: &DVec3| DVec3::new(round(p.x), round(p.y), round(p.z));
-        let positions: Vec<_> = mesh.positions().iter().map(rounded).collect();
-        let changes = positions.iter().zip(mesh.positions());
-        let moved = changes.map(|(a, b)| (*a - *b).abs().max_element());
-        let moved = moved.fold(0.0, f64::max);
-        // what is beyond all 32-bit floats is refused when it is written
-        if let Ok(rounded) = TriMesh::new(positions, mesh.triangles().to_vec())
-            && moved > 0.0
-        {
-            let full = CheckParams {
-                self_intersections: true,
-                list_limit: 0,
-            };
-            // vertices that have become equal are one for whoever reads the file
-            let found = check(&weld(&rounded, 0.0).mesh, &full, progress)?;
+        let written = rounded(mesh, target, progress)?;
+        if let Some(found) = written.check {
             self.solid &= found.is_solid();
             let pairs = found.self_intersections.map_or(0, |pairs| pairs.count);
             self.self_intersections = self.self_intersections.max(pairs);
         }
-        Ok(moved)
+        Ok(written.moved)
     }
 
     fn tell(&self, side: Side, report: &mut Report) {

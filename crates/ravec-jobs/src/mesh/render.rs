@@ -246,6 +246,7 @@ impl Params {
                 ..style
             }),
             features: (!self.no_features).then_some(features),
+            marked: None,
             section: plane.map(|(normal, offset)| Section {
                 normal,
                 offset,
@@ -363,7 +364,7 @@ impl Colored {
 }
 
 /// What the renderer refuses that was not refused before: a plane beyond all numbers.
-fn refused(error: RenderError) -> JobError {
+pub(super) fn refused(error: RenderError) -> JobError {
     match error {
         RenderError::Cancelled(_) => JobError::Cancelled,
         other => JobError::Parameter {

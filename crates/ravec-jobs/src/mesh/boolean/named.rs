@@ -1,0 +1,115 @@
+//! Mesh files with names by which expressions speak of them.
+
+use crate::error::JobError;
+use std::ffi::OsString;
+use std::path::PathBuf;
+
+/// A mesh file and its name in the expression, as in `drill=parts/drill.ply`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct NamedFile {
+    /// Letters, digits and underscores; without one the file is called by a letter.
+    pub name: Option<String>,
+    /// Where the mesh is; `-` is standard input.
+    pub path: PathBuf,
+}
+
+impl From<OsString> for NamedFile {
+    /// What stands before the first `=` is the name if it can be one; else all of it is the path, as in `./a=b.stl`.
+    fn from(text: OsString) -> Self {
+        let parts = text.to_str().and_then(|text| text.split_once('='));
+        match parts {
+            Some((name, path)) if is_name(name) => Self {
+                name: Some(name.to_owned()),
+                path: path.into(),
+            },
+            _ => Self {
+                name: None,
+                path: text.into(),
+            },
+        }
+    }
+}
+
+fn is_name(text: &str) -> bool {
+    !text.is_empty() && text.chars().all(|c| c.is_alphanumeric() || c == '_')
+}
+
+/// The names of files: those without one take the letters a, b, c, … z, aa, ab, … in turn, without those that are given.
+pub(super) fn names(files: &[NamedFile]) -> Result<Vec<String>, JobError> {
+    let mut given: Vec<&str> = Vec::new();
+    for name in files.iter().filter_map(|file| file.name.as_deref()) {
+        if given.contains(&name) {
+            return Err(JobError::Parameter {
+                name: "a mesh",
+                value: format!("named {name} twice"),
+                range: "the only one of its name",
+            });
+        }
+        given.push(name);
+    }
+    let mut free = (0..)
+        .map(letters)
+        .filter(|name| !given.contains(&name.as_str()));
+    let names = files.iter().map(|file| match &file.name {
+        Some(name) => name.clone(),
+        None => free.next().expect("there are infinitely many"),
+    });
+    Ok(names.collect())
+}
+
+/// a, b, … z, aa, ab, …
+fn letters(mut index: u32) -> String {
+    let mut reversed = Vec::new();
+    loop {
+        reversed.push(char::from(b'a' + (index % 26) as u8));
+        if index < 26 {
+            return reversed.into_iter().rev().collect();
+        }
+        index = index / 26 - 1;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn file(text: &str) -> NamedFile {
+        NamedFile::from(OsString::from(text))
+    }
+
+    #[test]
+    fn a_name_stands_before_the_first_equals_sign() {
+        for (text, name, path) in [
+            ("a=part.stl", Some("a"), "part.stl"),
+            ("größe_2=x=y.ply", Some("größe_2"), "x=y.ply"),
+            ("part.stl", None, "part.stl"),
+            ("./a=b.stl", None, "./a=b.stl"),
+            ("=b.stl", None, "=b.stl"),
+            ("-", None, "-"),
+            ("a=-", Some("a"), "-"),
+        ] {
+            let read = file(text);
+            assert_eq!(
+                (read.name.as_deref(), read.path),
+                (name, path.into()),
+                "{text}"
+            );
+        }
+    }
+
+    #[test]
+    fn files_without_a_name_take_the_letters_that_are_free() {
+        let files = ["x.stl", "b=y.stl", "z.stl", "a_=w.stl"].map(file);
+        assert_eq!(names(&files).unwrap(), ["a", "b", "c", "a_"]);
+        let many: Vec<_> = (0..30).map(|_| file("x")).collect();
+        assert_eq!(
+            names(&many).unwrap()[24..30],
+            ["y", "z", "aa", "ab", "ac", "ad"]
+        );
+        assert_eq!(letters(701), "zz");
+        assert_eq!(letters(702), "aaa");
+        let error = names(&["a=x", "a=y"].map(file)).unwrap_err();
+        assert_eq!(error.exit_code(), 2);
+        assert!(error.to_string().contains("named a twice"), "{error}");
+    }
+}

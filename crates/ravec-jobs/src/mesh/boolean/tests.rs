@@ -1,0 +1,308 @@
+use super::*;
+use crate::mesh::{read_mesh_file, write_mesh_file};
+use glam::DVec3;
+use ravec::mesh::{Precision, ReadOptions, WriteOptions, measure, read_mesh, write_colored_mesh};
+use ravec_scenes::solids::{cuboid, icosphere};
+use std::ffi::OsString;
+use std::io::Write as _;
+
+struct Studio {
+    folder: tempfile::TempDir,
+}
+
+fn block(size: [f64; 3], at: [f64; 3]) -> TriMesh {
+    cuboid(size.into()).shifted(at.into()).mesh
+}
+
+impl Studio {
+    /// A block from −2 to 2, a pin through it along z, and a block beside them.
+    fn new() -> Self {
+        let studio = Self {
+            folder: tempfile::tempdir().unwrap(),
+        };
+        studio.put("block.off", &block([4.0; 3], [0.0; 3]), None);
+        studio.put("pin.off", &block([1.0, 1.0, 8.0], [0.25, 0.0, 0.0]), None);
+        studio.put("far.off", &block([1.0; 3], [9.0, 0.0, 0.0]), None);
+        studio.put("none.off", &TriMesh::default(), None);
+        studio
+    }
+
+    fn at(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn put(&self, name: &str, mesh: &TriMesh, unit: Option<LengthUnit>) {
+        let mut target = MeshTarget::of(&self.at(name), MeshFormat::Off).unwrap();
+        target.unit = unit;
+        write_mesh_file(&self.at(name), mesh, &target, &Progress::none()).unwrap();
+    }
+
+    /// Files as on the command line.
+    fn files(&self, line: &str) -> Vec<NamedFile> {
+        let file = |word: &str| {
+            let mut file = NamedFile::from(OsString::from(word));
+            file.path = self.at(file.path.to_str().unwrap());
+            file
+        };
+        line.split(' ').map(file).collect()
+    }
+
+    fn targets(&self, name: &str) -> Targets {
+        Targets {
+            mesh: self.at(name),
+            origins: None,
+            picture: None,
+        }
+    }
+
+    fn run(&self, expression: &str, line: &str, out: &str) -> Result<Report, JobError> {
+        run(
+            expression,
+            &self.files(line),
+            MeshLimits::default(),
+            &self.targets(out),
+            &Params::default(),
+            &Progress::none(),
+        )
+    }
+
+    fn mesh(&self, name: &str) -> TriMesh {
+        let limits = MeshLimits::default();
+        let file = read_mesh_file(&self.at(name), &limits, &Progress::none());
+        file.unwrap().mesh
+    }
+}
+
+#[test]
+fn expressions_and_words_give_the_volumes_of_boxes() {
+    let studio = Studio::new();
+    for (expression, line, volume) in [
+        ("a | b", "block.off pin.off", 64.0 + 4.0),
+        ("x & y", "x=block.off y=pin.off", 4.0),
+        ("b - a", "block.off pin.off", 4.0),
+        ("(a | c) - b ^ c", "block.off pin.off far.off", 60.0),
+        ("union", "block.off pin.off far.off", 69.0),
+        ("intersection", "block.off pin.off", 4.0),
+        ("difference", "block.off pin.off far.off", 60.0),
+        ("symmetric-difference", "block.off pin.off", 64.0),
+        ("union", "union=block.off union2=pin.off", 64.0),
+    ] {
+        let report = studio.run(expression, line, "out.ply").unwrap();
+        assert_eq!(report.passed, Some(true), "{expression}");
+        let found = measure(&studio.mesh("out.ply")).volume;
+        assert!((found - volume).abs() < 1e-9, "{expression}: {found}");
+        assert!((report.figures["volume"] - volume).abs() < 1e-9);
+        assert_eq!(report.figures["solid"], 1.0);
+    }
+}
+
+#[test]
+fn an_empty_result_is_an_empty_mesh_and_a_note() {
+    let studio = Studio::new();
+    for out in [
+        "out.stl", "out.ply", "out.obj", "out.off", "out.3mf", "out.glb",
+    ] {
+        let report = studio.run("a & b", "block.off far.off", out).unwrap();
+        assert_ne!(report.passed, Some(false));
+        let told = report.warnings.join("\n");
+        assert!(told.contains("the result is empty"), "{told}");
+        assert_eq!(report.outputs[0].triangles, Some(0), "{out}");
+        assert!(studio.at(out).exists());
+    }
+}
+
+#[test]
+fn what_is_wrong_with_an_expression_is_shown_by_a_caret_before_anything_is_read() {
+    let studio = Studio::new();
+    let error = studio
+        .run("a | (b - ", "x.off y.off", "out.ply")
+        .unwrap_err();
+    assert_eq!(error.exit_code(), 2);
+    assert_eq!(
+        error.to_string(),
+        "cannot read the expression: expected the name of a mesh or an opening parenthesis after `-`, but the expression ends\n\
+         a | (b - \n         ^"
+    );
+    let error = studio
+        .run("a | part", "x.off y.off", "out.ply")
+        .unwrap_err();
+    let told = error.to_string();
+    assert!(
+        told.contains("no mesh named `part` (there are a, b)"),
+        "{told}"
+    );
+    assert!(told.ends_with("a | part\n    ^"), "{told}");
+    assert!(!studio.at("out.ply").exists());
+}
+
+#[test]
+fn bad_files_are_refused() {
+    let studio = Studio::new();
+    for (expression, line, out, code) in [
+        ("a", "missing.off", "out.ply", 3),
+        ("a | b", "block.off none.off", "out.ply", 3),
+        ("a | b", "block.off pin.off", "pin.off", 2),
+        ("a | b", "block.off pin.off", "out.png", 2),
+        ("a", "a=block.off a=pin.off", "out.ply", 2),
+    ] {
+        let error = studio.run(expression, line, out).unwrap_err();
+        assert_eq!(error.exit_code(), code, "{line} {out}: {error}");
+    }
+    let far = block([1.0; 3], [1e31, 0.0, 0.0]);
+    studio.put("beyond.off", &far, None);
+    let error = studio
+        .run("a | b", "block.off beyond.off", "out.ply")
+        .unwrap_err();
+    assert_eq!(error.exit_code(), 3, "{error}");
+    let mut targets = studio.targets("out.ply");
+    targets.origins = Some(studio.at("out.txt"));
+    let files = studio.files("block.off");
+    let (limits, params) = (MeshLimits::default(), Params::default());
+    let error = run("a", &files, limits, &targets, &params, &Progress::none());
+    assert_eq!(error.unwrap_err().exit_code(), 2);
+}
+
+#[test]
+fn files_that_the_expression_does_not_name_are_not_read() {
+    let studio = Studio::new();
+    let report = studio
+        .run("a - b", "block.off pin.off missing.off", "out.ply")
+        .unwrap();
+    assert_eq!(report.inputs.len(), 2);
+    assert!(
+        report.warnings[0].contains("missing.off is c"),
+        "{:?}",
+        report.warnings
+    );
+}
+
+#[test]
+fn meshes_in_other_units_are_scaled_to_the_first() {
+    let studio = Studio::new();
+    let inches = block([4.0; 3], [0.0; 3]);
+    studio.put("inches.3mf", &inches, Some(LengthUnit::Inch));
+    let millimeters = block([25.4, 25.4, 25.4 * 8.0], [0.0; 3]);
+    studio.put("pin.3mf", &millimeters, Some(LengthUnit::Millimeter));
+    let report = studio
+        .run("a - b", "inches.3mf pin.3mf", "out.3mf")
+        .unwrap();
+    assert_eq!(report.outputs[0].unit, Some("inch"));
+    assert!((report.figures["volume"] - 60.0).abs() < 1e-9);
+    assert!(
+        report.warnings[0].contains("scaled by"),
+        "{:?}",
+        report.warnings
+    );
+}
+
+#[test]
+fn open_meshes_are_closed_and_that_is_told() {
+    let studio = Studio::new();
+    let (positions, mut triangles) = block([4.0; 3], [0.0; 3]).into_parts();
+    triangles.pop();
+    let open = TriMesh::new(positions, triangles).unwrap();
+    studio.put("open.off", &open, None);
+    let report = studio.run("a - b", "open.off far.off", "out.ply").unwrap();
+    assert_eq!(report.passed, Some(true));
+    let told = report.warnings.join("\n");
+    assert!(told.contains("open.off: 1 hole was closed"), "{told}");
+    let inputs = report.result.unwrap();
+    assert_eq!(inputs[0]["closed"], false);
+    assert_eq!(inputs[0]["closing_triangles"], 1);
+    assert_eq!(inputs[1]["assumptions"].as_array().unwrap().len(), 0);
+    assert!((measure(&studio.mesh("out.ply")).volume - 64.0).abs() < 1e-9);
+}
+
+#[test]
+fn colors_follow_into_ply_and_are_left_out_elsewhere() {
+    let studio = Studio::new();
+    let (red, blue) = ([255, 0, 0, 255], [0, 0, 255, 128]);
+    let ball = icosphere(1.0, 2).shifted(DVec3::X).mesh;
+    for (name, mesh, color) in [
+        ("red.ply", icosphere(1.0, 2).mesh, red),
+        ("blue.ply", ball, blue),
+    ] {
+        let colors = vec![color; mesh.positions().len()];
+        let mut bytes = Vec::new();
+        let options = WriteOptions {
+            precision: Precision::Exact,
+            unit: None,
+        };
+        let format = MeshFormat::PlyBinary;
+        write_colored_mesh(
+            &mesh,
+            &colors,
+            format,
+            &options,
+            &mut bytes,
+            &Progress::none(),
+        )
+        .unwrap();
+        ravec_media::write_atomically(&studio.at(name), |file| file.write_all(&bytes)).unwrap();
+    }
+    let report = studio.run("union", "red.ply blue.ply", "out.ply").unwrap();
+    assert_eq!(report.warnings, [""; 0]);
+    let asked = ReadOptions {
+        colors: true,
+        ..ReadOptions::default()
+    };
+    let bytes = std::fs::read(studio.at("out.ply")).unwrap();
+    let file = read_mesh(&bytes[..], &asked, &Progress::none()).unwrap();
+    assert_eq!(file.colors.len(), file.mesh.positions().len());
+    for (at, color) in file.mesh.positions().iter().zip(&file.colors) {
+        if at.x < 0.4 {
+            assert_eq!(*color, red, "{at}");
+        } else if at.x > 0.6 {
+            assert_eq!(*color, blue, "{at}");
+        }
+    }
+    let report = studio.run("union", "red.ply blue.ply", "out.off").unwrap();
+    let told = report.warnings.join("\n");
+    assert_eq!(told.matches("left out colors").count(), 2, "{told}");
+}
+
+#[test]
+fn origins_lead_back_to_the_triangles_of_the_files() {
+    let studio = Studio::new();
+    let mut targets = studio.targets("out.ply");
+    targets.picture = Some(studio.at("out.png"));
+    let files = studio.files("block.off drill=pin.off");
+    for name in ["out.csv", "out.json"] {
+        targets.origins = Some(studio.at(name));
+        let (limits, params) = (MeshLimits::default(), Params::default());
+        let progress = Progress::none();
+        let report = run("a - drill", &files, limits, &targets, &params, &progress).unwrap();
+        let triangles = report.figures["triangles"] as usize;
+        let text = std::fs::read_to_string(studio.at(name)).unwrap();
+        if name == "out.csv" {
+            let rows: Vec<_> = text.lines().skip(1).collect();
+            assert_eq!(rows.len(), triangles);
+            // the sides of the block are whole, the walls of the hole are pieces of the pin seen from inside
+            assert_eq!(rows.iter().filter(|row| row.ends_with(",0,1")).count(), 8);
+            assert!(
+                rows.iter()
+                    .all(|row| !row.starts_with("drill") || row.ends_with(",1,0"))
+            );
+        } else {
+            let json: serde_json::Value = serde_json::from_str(&text).unwrap();
+            assert_eq!(json["meshes"][1]["name"], "drill");
+            let rows = json["triangles"].as_array().unwrap();
+            assert_eq!(rows.len(), triangles);
+            assert!(rows.iter().all(|row| row.as_array().unwrap().len() == 4));
+        }
+        let picture = ravec_media::read(&studio.at("out.png"), &crate::Limits::default());
+        assert_eq!(picture.unwrap().image.size().width(), 1000);
+    }
+}
+
+#[test]
+fn a_cancelled_run_leaves_nothing() {
+    let studio = Studio::new();
+    let progress = Progress::none();
+    progress.cancel();
+    let (limits, params) = (MeshLimits::default(), Params::default());
+    let (files, targets) = (studio.files("block.off pin.off"), studio.targets("out.ply"));
+    let error = run("a | b", &files, limits, &targets, &params, &progress);
+    assert!(matches!(error, Err(JobError::Cancelled)));
+    assert!(!studio.at("out.ply").exists());
+}

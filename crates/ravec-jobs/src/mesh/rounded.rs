@@ -1,0 +1,47 @@
+//! A mesh as it will be in a file that holds 32-bit floats.
+
+use super::MeshTarget;
+use crate::error::JobError;
+use glam::DVec3;
+use ravec::mesh::{CheckParams, LengthUnit, MeshCheck, MeshFormat, TriMesh, check, weld};
+use ravec::progress::Progress;
+
+/// What rounding does to a mesh.
+pub(super) struct Rounded {
+    /// By how much a coordinate changes at most.
+    pub moved: f64,
+    /// What holds for the rounded mesh, if it is another one.
+    pub check: Option<MeshCheck>,
+}
+
+/// Rounds a mesh as writing it to `target` will, and looks at what comes of it.
+pub(super) fn rounded(
+    mesh: &TriMesh,
+    target: MeshTarget,
+    progress: &Progress,
+) -> Result<Rounded, JobError> {
+    // glTF is in meters
+    let scale = match target.format {
+        MeshFormat::Glb | MeshFormat::Gltf => target.unit.map_or(1.0, LengthUnit::in_meters),
+        _ => 1.0,
+    };
+    let round = |x: f64| f64::from((x * scale) as f32) / scale;
+    let rounded = |p: &DVec3| DVec3::new(round(p.x), round(p.y), round(p.z));
+    let positions: Vec<_> = mesh.positions().iter().map(rounded).collect();
+    let changes = positions.iter().zip(mesh.positions());
+    let moved = changes.map(|(a, b)| (*a - *b).abs().max_element());
+    let moved = moved.fold(0.0, f64::max);
+    // what is beyond all 32-bit floats is refused when it is written
+    let check = match TriMesh::new(positions, mesh.triangles().to_vec()) {
+        Ok(rounded) if moved > 0.0 => {
+            let full = CheckParams {
+                self_intersections: true,
+                list_limit: 0,
+            };
+            // vertices that have become equal are one for whoever reads the file
+            Some(check(&weld(&rounded, 0.0).mesh, &full, progress)?)
+        }
+        _ => None,
+    };
+    Ok(Rounded { moved, check })
+}
