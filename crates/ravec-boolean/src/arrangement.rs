@@ -2,14 +2,17 @@
 
 mod cells;
 mod contact;
+mod crossings;
 mod cut;
 mod edges;
 mod exact;
+mod group;
 mod interval;
 mod places;
 mod point;
 mod soup;
 mod triangulation;
+mod unions;
 
 pub(crate) use cells::{Cells, Side};
 pub(crate) use cut::{Piece, Pieces, contacts, cut, uncut};

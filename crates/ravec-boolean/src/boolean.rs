@@ -1,6 +1,6 @@
 //! The whole way from meshes and an expression to the result.
 
-use ravec_mesh::{Aabb, Bvh, TriMesh};
+use ravec_mesh::{Aabb, BoxTree, TriMesh};
 use ravec_progress::{Cancelled, Progress};
 
 use crate::arrangement::{Cells, Edges, Soup, cut, uncut};
@@ -29,6 +29,9 @@ const BYTES_PER_TRIANGLE: u64 = 450;
 /// # Errors
 /// [`BooleanError::NoSuchMesh`], [`BooleanError::OutOfRange`], [`BooleanError::OutOfMemory`], and
 /// [`BooleanError::Cancelled`] soon after `progress` is.
+///
+/// # Panics
+/// If an input has more than about a billion triangles.
 pub fn boolean(
     meshes: &[TriMesh],
     expr: &Expr,
@@ -116,7 +119,7 @@ pub fn boolean(
 fn round_off(
     mut draft: Draft,
     soup: &Soup,
-    bvh: &Bvh,
+    bvh: &BoxTree,
     report: &mut BooleanReport,
     progress: &Progress,
 ) -> Result<(Vec<Parent>, Finished), Cancelled> {

@@ -75,7 +75,7 @@ pub(crate) fn finish(
     edges: &Edges,
     differ: impl Fn(u32, u32) -> bool,
 ) -> Finished {
-    let list = &pieces.pieces;
+    let list = &pieces.list;
     // the triangle over each side
     let mut across = edges.across.clone();
     let mut closed = true;

@@ -10,7 +10,7 @@
 //! Guarantees: if the number of contacts left is zero, no two triangles of the result meet in more than common corners
 //! or an edge. Does not guarantee that this is reached.
 
-use ravec_mesh::{Aabb, Bvh, TriMesh};
+use ravec_mesh::{Aabb, BoxTree, TriMesh};
 use ravec_progress::{Cancelled, Progress};
 
 use crate::arrangement::{Cells, Soup, cut};
@@ -35,7 +35,7 @@ pub(crate) struct Mended {
 /// [`Cancelled`] soon after `progress` is.
 pub(crate) fn mend(
     mut draft: Draft,
-    input: &Bvh,
+    input: &BoxTree,
     progress: &Progress,
 ) -> Result<Mended, Cancelled> {
     let mut contacts = conflicts(&draft, input, progress)?;
@@ -76,14 +76,14 @@ pub(crate) fn mend(
 }
 
 /// A search structure over a soup.
-pub(crate) fn bvh_of(soup: &Soup, progress: &Progress) -> Result<Bvh, Cancelled> {
+pub(crate) fn bvh_of(soup: &Soup, progress: &Progress) -> Result<BoxTree, Cancelled> {
     let mesh = TriMesh::new(soup.positions.clone(), soup.triangles.clone())
         .expect("a soup has finite positions, and its corners are among them");
-    Bvh::try_new(&mesh, progress)
+    BoxTree::try_new(&mesh, progress)
 }
 
 /// How many pairs of new triangles, or of a new and a whole one, meet where they should not.
-fn conflicts(draft: &Draft, input: &Bvh, progress: &Progress) -> Result<u64, Cancelled> {
+fn conflicts(draft: &Draft, input: &BoxTree, progress: &Progress) -> Result<u64, Cancelled> {
     // whole triangles by their names in the input, to find those near new ones
     let mut whole = vec![u32::MAX; input.len()];
     let mut chosen = vec![false; draft.triangles.len()];

@@ -53,7 +53,7 @@ fn is_whole(piece: &Piece, triangle: [u32; 3]) -> bool {
 /// The pieces with one side in cells that are `inside` and the other in cells that are not, all facing out.
 pub(crate) fn select(pieces: &Pieces, cells: &Cells, inside: &[bool]) -> Draft {
     let mut kept = Vec::new();
-    for (index, piece) in pieces.pieces.iter().enumerate() {
+    for (index, piece) in pieces.list.iter().enumerate() {
         let at = |side| {
             cells
                 .cell(index as u32, side)
@@ -88,7 +88,7 @@ pub(crate) fn select(pieces: &Pieces, cells: &Cells, inside: &[bool]) -> Draft {
     };
     let mut done = FxHashSet::default();
     for one in kept {
-        let piece = &pieces.pieces[one.piece as usize];
+        let piece = &pieces.list[one.piece as usize];
         let triangle = pieces.soup.triangles[one.parent as usize];
         let (mut corners, turned, whole) = if restored.contains(&one.parent) {
             if !done.insert(one.parent) {
@@ -128,7 +128,7 @@ fn restorable(pieces: &Pieces, kept: &[Kept]) -> FxHashSet<u32> {
         let corners = pieces.soup.triangles[t as usize];
         let names = list
             .iter()
-            .flat_map(|one| pieces.pieces[one.piece as usize].corners);
+            .flat_map(|one| pieces.list[one.piece as usize].corners);
         let mut names: Vec<u32> = names.filter(|name| !corners.contains(name)).collect();
         names.sort_unstable();
         names.dedup();
@@ -139,7 +139,7 @@ fn restorable(pieces: &Pieces, kept: &[Kept]) -> FxHashSet<u32> {
     for (&t, list) in &of_triangle {
         let [from, to] = pieces.of_triangle[t as usize];
         let covering = (from..to).filter(|&piece| {
-            let cover = &pieces.pieces[piece as usize].cover;
+            let cover = &pieces.list[piece as usize].cover;
             cover.iter().any(|(other, _)| other == t)
         });
         let all = covering.count() == list.len();
@@ -160,7 +160,7 @@ fn restorable(pieces: &Pieces, kept: &[Kept]) -> FxHashSet<u32> {
         if !candidates.contains(&t) {
             let names = list
                 .iter()
-                .flat_map(|one| pieces.pieces[one.piece as usize].corners);
+                .flat_map(|one| pieces.list[one.piece as usize].corners);
             pinned.extend(names.filter(|name| at_vertex.contains_key(name)));
         }
     }

@@ -30,12 +30,14 @@ mod range;
 mod turned;
 mod winding;
 
+use std::ops::Deref;
+
 use glam::DVec3;
 use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
 
 use crate::{Aabb, TriMesh};
-use build::Prim;
+use build::{Effort, Prim};
 use frame::Frame;
 use node::Node;
 use turned::TurnedNode;
@@ -44,20 +46,36 @@ pub use closest::Closest;
 pub use range::RayHit;
 pub use winding::{WindingNumbers, winding_number};
 
-/// A search structure over the triangles of a mesh. It keeps a copy of their corners, so that the mesh may go.
+/// Boxes over the triangles of a mesh: what touches a box, and which triangles may meet. It keeps a copy of the corners, so
+/// that the mesh may go.
 #[derive(Debug, Clone)]
-pub struct Bvh {
+pub struct BoxTree {
     frame: Frame,
     /// The root comes first; there is none if there are no triangles.
     nodes: Vec<Node>,
-    /// The same nodes with boxes that are turned to the surface.
-    turned: Vec<TurnedNode>,
     /// The corners of the triangles in the order of the leaves: by slot.
     corners: Vec<[DVec3; 3]>,
     /// The triangle in a slot.
     triangle_of: Vec<u32>,
     /// The slot of a triangle.
     slot_of: Vec<u32>,
+}
+
+/// A search structure over the triangles of a mesh, for distances too: a [`BoxTree`] and more.
+#[derive(Debug, Clone)]
+pub struct Bvh {
+    boxes: BoxTree,
+    /// The same nodes with boxes that are turned to the surface.
+    turned: Vec<TurnedNode>,
+}
+
+impl Deref for Bvh {
+    type Target = BoxTree;
+
+    #[inline]
+    fn deref(&self) -> &BoxTree {
+        &self.boxes
+    }
 }
 
 impl Bvh {
@@ -77,13 +95,38 @@ impl Bvh {
     /// # Panics
     /// As [`Self::new`].
     pub fn try_new(mesh: &TriMesh, progress: &Progress) -> Result<Self, Cancelled> {
+        let boxes = BoxTree::build(mesh, Effort::Thorough, progress)?;
+        let turned = turned::turned(&boxes.nodes, &boxes.frame, &boxes.corners, progress)?;
+        Ok(Self { boxes, turned })
+    }
+
+    /// The number of bytes this structure holds on to.
+    pub fn memory_bytes(&self) -> usize {
+        self.boxes.memory_bytes() + size_of_val(&*self.turned)
+    }
+}
+
+impl BoxTree {
+    /// The boxes over all triangles of `mesh`, built in the caller's thread pool in half the time of a [`Bvh`]: for a few
+    /// questions about each triangle, such as all pairs once.
+    ///
+    /// # Errors
+    /// [`Cancelled`] soon after `progress` is cancelled.
+    ///
+    /// # Panics
+    /// If there are more than about a billion triangles.
+    pub fn try_new(mesh: &TriMesh, progress: &Progress) -> Result<Self, Cancelled> {
+        Self::build(mesh, Effort::Quick, progress)
+    }
+
+    fn build(mesh: &TriMesh, effort: Effort, progress: &Progress) -> Result<Self, Cancelled> {
         progress.check()?;
         let frame = Frame::around(mesh.bounds());
         let mut prims: Vec<Prim> = (0..mesh.triangles().len() as u32)
             .into_par_iter()
             .map(|triangle| Prim::new(&frame, mesh.corners(triangle), triangle))
             .collect();
-        let nodes = build::nodes(&mut prims, progress)?;
+        let nodes = build::nodes(&mut prims, effort, progress)?;
         let triangle_of: Vec<u32> = prims.par_iter().map(|prim| prim.triangle).collect();
         let corners: Vec<[DVec3; 3]> = triangle_of.par_iter().map(|&t| mesh.corners(t)).collect();
         progress.check()?;
@@ -91,11 +134,9 @@ impl Bvh {
         for (slot, &triangle) in triangle_of.iter().enumerate() {
             slot_of[triangle as usize] = slot as u32;
         }
-        let turned = turned::turned(&nodes, &frame, &corners, progress)?;
         Ok(Self {
             frame,
             nodes,
-            turned,
             corners,
             triangle_of,
             slot_of,
@@ -129,7 +170,6 @@ impl Bvh {
     /// The number of bytes this structure holds on to.
     pub fn memory_bytes(&self) -> usize {
         size_of_val(&*self.nodes)
-            + size_of_val(&*self.turned)
             + size_of_val(&*self.corners)
             + size_of_val(&*self.triangle_of)
             + size_of_val(&*self.slot_of)

@@ -13,18 +13,19 @@
 use std::collections::VecDeque;
 
 use glam::{DVec2, DVec3};
-use ravec_mesh::{Aabb, Bvh, Sign};
+use ravec_mesh::{Aabb, BoxTree, Sign};
 use ravec_progress::{Cancelled, Progress};
 
 use super::contact::{flat, view};
-use super::cut::Pieces;
+use super::cut::{Cover, Pieces};
 use super::edges::{Edges, NONE, Use};
 use super::point::{Definition, Point, orient2d};
+use super::unions::Unions;
 
 /// Weights of the corners for the places in a piece from which rays are tried, one after the other, where one meets an
 /// edge. In general position the first does; the others are for grids.
 const WEIGHTS: [[f64; 3]; 6] = [
-    [0.371, 0.318, 0.311],
+    [0.371, 0.322, 0.307],
     [0.523, 0.231, 0.246],
     [0.219, 0.537, 0.244],
     [0.253, 0.219, 0.528],
@@ -68,32 +69,9 @@ pub(crate) struct Cells {
     winding: Vec<i32>,
 }
 
-/// Sets that are united step by step.
-struct Unions(Vec<u32>);
-
-impl Unions {
-    fn new(count: usize) -> Self {
-        Self((0..count as u32).collect())
-    }
-
-    fn root(&mut self, mut at: u32) -> u32 {
-        while self.0[at as usize] != at {
-            let above = self.0[self.0[at as usize] as usize];
-            self.0[at as usize] = above;
-            at = above;
-        }
-        at
-    }
-
-    fn unite(&mut self, a: u32, b: u32) {
-        let (a, b) = (self.root(a), self.root(b));
-        self.0[a.max(b) as usize] = a.min(b);
-    }
-}
-
 /// How winding numbers grow from the front of a piece to its back, meshes ascending and none unchanged.
 fn change(pieces: &Pieces, piece: u32) -> Vec<(u32, i32)> {
-    let cover = pieces.pieces[piece as usize].cover.iter();
+    let cover = pieces.list[piece as usize].cover.iter();
     let mut list: Vec<(u32, i32)> = cover
         .map(|(triangle, same)| {
             let mesh = pieces.soup.sources[triangle as usize].mesh;
@@ -128,11 +106,11 @@ impl Cells {
     ///
     /// # Errors
     /// [`Cancelled`] soon after `progress` is.
-    pub fn of(pieces: &Pieces, bvh: &Bvh, progress: &Progress) -> Result<Self, Cancelled> {
-        let matters: Vec<bool> = (0..pieces.pieces.len() as u32)
-            .map(|piece| match &pieces.pieces[piece as usize].cover {
-                super::cut::Cover::One(_) => true,
-                super::cut::Cover::Several(_) => !change(pieces, piece).is_empty(),
+    pub fn of(pieces: &Pieces, bvh: &BoxTree, progress: &Progress) -> Result<Self, Cancelled> {
+        let matters: Vec<bool> = (0..pieces.list.len() as u32)
+            .map(|piece| match &pieces.list[piece as usize].cover {
+                Cover::One(_) => true,
+                Cover::Several(_) => !change(pieces, piece).is_empty(),
             })
             .collect();
         let edges = Edges::of(pieces, |piece| matters[piece as usize]);
@@ -158,7 +136,7 @@ impl Cells {
         };
         rays.cast(&mut parts, progress)?;
 
-        let mut cell_of_root = vec![NONE; sides.0.len()];
+        let mut cell_of_root = vec![NONE; sides.len()];
         let outside = sides.root(0);
         cell_of_root[outside as usize] = 0;
         let mut count = 1;
@@ -254,7 +232,7 @@ impl Cells {
 
 /// Collects pieces over edges of two into patches; gives the patch of each piece and the first piece of each patch.
 fn patches(pieces: &Pieces, edges: &Edges, matters: &[bool]) -> (Vec<(u32, bool)>, Vec<u32>) {
-    let list = &pieces.pieces;
+    let list = &pieces.list;
     let mut patch_of = vec![(NONE, false); list.len()];
     let mut firsts = Vec::new();
     let mut stack = Vec::new();
@@ -288,7 +266,7 @@ fn patches(pieces: &Pieces, edges: &Edges, matters: &[bool]) -> (Vec<(u32, bool)
 /// Rays that tie the parts of the surface to what is around them.
 struct Rays<'a> {
     pieces: &'a Pieces<'a>,
-    bvh: &'a Bvh,
+    bvh: &'a BoxTree,
     bounds: Aabb,
     patch_of: &'a [(u32, bool)],
     sides: &'a mut Unions,
@@ -298,7 +276,7 @@ impl Rays<'_> {
     /// One ray from each connected part.
     fn cast(&mut self, parts: &mut Unions, progress: &Progress) -> Result<(), Cancelled> {
         // the largest piece of each part, from which a ray has the best chances
-        let mut largest: Vec<(f64, u32)> = vec![(-1.0, NONE); parts.0.len()];
+        let mut largest: Vec<(f64, u32)> = vec![(-1.0, NONE); parts.len()];
         for (piece, &(patch, _)) in self.patch_of.iter().enumerate() {
             if patch != NONE {
                 let [a, b, c] = self.rounded(piece as u32);
@@ -328,12 +306,12 @@ impl Rays<'_> {
     }
 
     fn rounded(&self, piece: u32) -> [DVec3; 3] {
-        let corners = self.pieces.pieces[piece as usize].corners;
+        let corners = self.pieces.list[piece as usize].corners;
         corners.map(|name| self.pieces.places.rounded(name))
     }
 
     fn plane(&self, piece: u32) -> [DVec3; 3] {
-        let cover = &self.pieces.pieces[piece as usize].cover;
+        let cover = &self.pieces.list[piece as usize].cover;
         let (triangle, _) = cover
             .iter()
             .next()
@@ -421,7 +399,7 @@ impl Rays<'_> {
     fn passes(&self, piece: u32, foot: &Point, axis: usize) -> Option<Option<Side>> {
         let (i, j) = ((axis + 1) % 3, (axis + 2) % 3);
         let places = &self.pieces.places;
-        let corners = self.pieces.pieces[piece as usize].corners;
+        let corners = self.pieces.list[piece as usize].corners;
         let held = corners.map(|name| match places.made(name) {
             Some(point) => point.clone(),
             None => Point::at(places.given()[name as usize]),

@@ -204,7 +204,6 @@ fn overlap(soup: &Soup, a: u32, b: u32) -> bool {
                 .map(|k| t[k])
                 .collect();
             return match on[..] {
-                [] => false,
                 [w] => w != u && w != v && between(at(u), at(v), at(w)),
                 [w, x] => {
                     let same = (w == u && x == v) || (w == v && x == u);

@@ -33,7 +33,7 @@ pub(crate) const NONE: u32 = u32::MAX;
 impl Edges {
     /// The edges of those pieces for which `asked` is true.
     pub fn of(pieces: &Pieces, asked: impl Fn(u32) -> bool) -> Self {
-        let list = &pieces.pieces;
+        let list = &pieces.list;
         let names = pieces.places.given().len() + pieces.places.made.len();
         // sides by their lower end
         let mut starts = vec![0_u32; names + 1];
@@ -143,7 +143,7 @@ impl<'a> Around<'a> {
 
     /// The half-plane of a piece.
     fn half_plane(&self, one: Use) -> HalfPlane {
-        let piece = &self.pieces.pieces[one.piece as usize];
+        let piece = &self.pieces.list[one.piece as usize];
         let (triangle, same) = piece
             .cover
             .iter()

@@ -43,7 +43,7 @@ impl Grid {
     /// A coarse grid that holds all of `points`, and places between them: a billion steps to their extent at least.
     pub fn holding(points: &[DVec3]) -> Self {
         let (mut scale, mut largest) = (i32::MIN, 0.0_f64);
-        for x in points.iter().flat_map(|p| p.to_array()) {
+        for x in points.iter().flat_map(DVec3::to_array) {
             if x != 0.0 {
                 scale = scale.max(-parts(x).1);
                 largest = largest.max(x.abs());
@@ -218,7 +218,7 @@ mod tests {
     fn numbers_of_the_grid_are_whole() {
         let points = [DVec3::new(0.1, -3.0, 1e-12), DVec3::new(0.0, 5e9, 2.5)];
         let grid = Grid::holding(&points);
-        for x in points.iter().flat_map(|p| p.to_array()) {
+        for x in points.iter().flat_map(DVec3::to_array) {
             assert_eq!(grid.snap(x), x);
             let back = Exact::of_point(grid, DVec3::splat(x)).rounded(grid, 1);
             assert!(back.lo <= x && x <= back.hi && back.width() <= 3.0 * x.abs() * f64::EPSILON);

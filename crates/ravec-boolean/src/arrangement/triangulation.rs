@@ -43,7 +43,7 @@ pub(crate) enum Line {
 #[derive(Debug)]
 pub(crate) enum Held<'a> {
     Shared(&'a Point),
-    Own(Point),
+    Own(Box<Point>),
 }
 
 impl Deref for Held<'_> {
@@ -552,7 +552,7 @@ impl<'a> Triangulation<'a> {
         };
         let point = Point::defined(definition, self.most_width, self.grid);
         let (t, side) = self.find(a, b);
-        self.split_side(t, side, Held::Own(point))
+        self.split_side(t, side, Held::Own(Box::new(point)))
     }
 
     /// Flips edges that nothing prescribes wherever that makes rounder triangles.

@@ -36,6 +36,15 @@ const FEW_BINS: usize = 8;
 /// Ranges from this size on are built in parallel.
 const PARALLEL: usize = 8192;
 
+/// How much is done for good boxes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Effort {
+    /// Cuts are looked for along all axes.
+    Thorough,
+    /// Cuts are looked for along the longest axis only: in half the time, for boxes that cost a tenth more to search.
+    Quick,
+}
+
 /// The box of one triangle.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Prim {
@@ -94,10 +103,14 @@ impl LocalBox {
 ///
 /// # Panics
 /// If there are more than [`MOST_NODES`].
-pub(super) fn nodes(prims: &mut [Prim], progress: &Progress) -> Result<Vec<Node>, Cancelled> {
+pub(super) fn nodes(
+    prims: &mut [Prim],
+    effort: Effort,
+    progress: &Progress,
+) -> Result<Vec<Node>, Cancelled> {
     let mut nodes = Vec::new();
     if !prims.is_empty() {
-        build(prims, 0, 0, &mut nodes, progress)?;
+        build(prims, 0, 0, &mut nodes, effort, progress)?;
     }
     assert!(nodes.len() <= MOST_NODES, "too many triangles");
     Ok(nodes)
@@ -115,6 +128,7 @@ fn build(
     first: usize,
     depth: usize,
     nodes: &mut Vec<Node>,
+    effort: Effort,
     progress: &Progress,
 ) -> Result<(), Cancelled> {
     let at = nodes.len();
@@ -122,10 +136,10 @@ fn build(
     let parallel = prims.len() >= PARALLEL;
     let parts = if prims.len() <= BOTTOM {
         let mut parts = Vec::with_capacity(WIDTH);
-        cut_into_leaves(prims, WIDTH, &mut parts);
+        cut_into_leaves(prims, WIDTH, effort, &mut parts);
         parts
     } else {
-        cut_in_eight(prims, depth, progress)?
+        cut_in_eight(prims, depth, effort, progress)?
     };
     let firsts: Vec<usize> = parts
         .iter()
@@ -146,7 +160,7 @@ fn build(
             .map(|(part, &first)| {
                 let mut subtree = Vec::new();
                 if part.prims.len() > LEAF {
-                    build(part.prims, first, depth + 1, &mut subtree, progress)?;
+                    build(part.prims, first, depth + 1, &mut subtree, effort, progress)?;
                 }
                 Ok(subtree)
             })
@@ -168,7 +182,7 @@ fn build(
                 child(nodes.len() as u32, first, part.prims.len()),
             );
             if part.prims.len() > LEAF {
-                build(part.prims, first, depth + 1, nodes, progress)?;
+                build(part.prims, first, depth + 1, nodes, effort, progress)?;
             }
         }
     }
@@ -191,6 +205,7 @@ fn child(node: u32, first: usize, count: usize) -> Child {
 fn cut_in_eight<'a>(
     prims: &'a mut [Prim],
     depth: usize,
+    effort: Effort,
     progress: &Progress,
 ) -> Result<Vec<Part<'a>>, Cancelled> {
     let bounds = LocalBox::around_all(prims);
@@ -216,7 +231,7 @@ fn cut_in_eight<'a>(
         let at = if depth >= MAX_DEPTH {
             halve(part.prims, part.prims.len() / 2)
         } else {
-            cheapest_cut::<BINS>(part.prims, |_| true)
+            cheapest_cut::<BINS>(part.prims, effort, |_| true)
                 .unwrap_or_else(|| halve(part.prims, part.prims.len() / 2))
         };
         let (left, right) = part.prims.split_at_mut(at);
@@ -230,7 +245,12 @@ fn cut_in_eight<'a>(
 
 /// Appends `lanes` parts of a range that are leaves, in order, or one for each triangle if there are fewer. All triangles
 /// must fit in so many leaves.
-fn cut_into_leaves<'a>(prims: &'a mut [Prim], lanes: usize, parts: &mut Vec<Part<'a>>) {
+fn cut_into_leaves<'a>(
+    prims: &'a mut [Prim],
+    lanes: usize,
+    effort: Effort,
+    parts: &mut Vec<Part<'a>>,
+) {
     let (count, lanes) = (prims.len(), lanes.min(prims.len()));
     if lanes <= 1 {
         let bounds = LocalBox::around_all(prims);
@@ -239,7 +259,7 @@ fn cut_into_leaves<'a>(prims: &'a mut [Prim], lanes: usize, parts: &mut Vec<Part
     }
     let lanes_of = |count: usize| count.div_ceil(LEAF);
     let fits = |at: usize| lanes_of(at) + lanes_of(count - at) <= lanes;
-    let at = cheapest_cut::<FEW_BINS>(prims, fits)
+    let at = cheapest_cut::<FEW_BINS>(prims, effort, fits)
         .unwrap_or_else(|| halve(prims, (count / 2).min(lanes / 2 * LEAF)));
     // Each side gets its share of the leaves, but no fewer than it needs, and no more than it can fill.
     let share = (lanes * at + count / 2) / count;
@@ -247,8 +267,8 @@ fn cut_into_leaves<'a>(prims: &'a mut [Prim], lanes: usize, parts: &mut Vec<Part
     let most = (lanes - lanes_of(count - at)).min(at);
     let lower = share.clamp(least, most);
     let (left, right) = prims.split_at_mut(at);
-    cut_into_leaves(left, lower, parts);
-    cut_into_leaves(right, lanes - lower, parts);
+    cut_into_leaves(left, lower, effort, parts);
+    cut_into_leaves(right, lanes - lower, effort, parts);
 }
 
 /// Puts the `lower` lowest triangles along the longest axis first, and returns that number.
@@ -285,6 +305,7 @@ fn middles(prims: &[Prim]) -> ([f32; 3], [f32; 3]) {
 /// cut between bins after a number of triangles that `fits`.
 fn cheapest_cut<const BINS: usize>(
     prims: &mut [Prim],
+    effort: Effort,
     fits: impl Fn(usize) -> bool,
 ) -> Option<usize> {
     let (low, high) = middles(prims);
@@ -292,16 +313,27 @@ fn cheapest_cut<const BINS: usize>(
     let bin_of = |prim: &Prim, axis: usize| {
         (((prim.middle(axis) - low[axis]) * per_unit[axis]) as usize).min(BINS - 1)
     };
+    let longest = (0..3).fold(0, |best, axis| {
+        if high[axis] - low[axis] > high[best] - low[best] {
+            axis
+        } else {
+            best
+        }
+    });
+    let axes = match effort {
+        Effort::Thorough => 0..3,
+        Effort::Quick => longest..longest + 1,
+    };
     let mut bins = [[(LocalBox::EMPTY, 0_usize); BINS]; 3];
     for prim in &*prims {
-        for axis in 0..3 {
+        for axis in axes.clone() {
             let bin = &mut bins[axis][bin_of(prim, axis)];
             bin.0.include(&prim.bounds);
             bin.1 += 1;
         }
     }
     let mut best = (f32::INFINITY, 0, 0);
-    for (axis, bins) in bins.iter().enumerate() {
+    for (axis, bins) in bins.iter().enumerate().take(axes.end).skip(axes.start) {
         // Where all middles agree there is nothing to cut.
         if !per_unit[axis].is_finite() {
             continue;

@@ -12,7 +12,7 @@
 use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
 
-use super::Bvh;
+use super::BoxTree;
 use super::frame::LocalBox;
 use super::node::{Child, Node};
 use crate::Aabb;
@@ -29,7 +29,7 @@ enum Task {
     Between([(Child, LocalBox); 2]),
 }
 
-impl Bvh {
+impl BoxTree {
     /// Calls `visit` with each pair of triangles whose boxes touch, the lower index first.
     ///
     /// Neighbors in a mesh are such pairs.
@@ -190,6 +190,7 @@ fn pair_with_lanes(side: (Child, LocalBox), node: &Node, from: usize, parts: &mu
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Bvh;
     use crate::TriMesh;
     use crate::bvh::tests::soup;
     use proptest::prelude::*;
@@ -208,17 +209,19 @@ mod tests {
         #![proptest_config(ProptestConfig::with_cases(64))]
         #[test]
         fn each_pair_of_touching_boxes_is_found_once(mesh in soup(150)) {
-            let bvh = Bvh::new(&mesh);
-            let mut found = Vec::new();
-            bvh.for_each_overlapping_pair(|a, b| found.push((a, b)));
-            let mut filtered = bvh
-                .filter_overlapping_pairs(&Progress::none(), |a, b| Some((a, b)))
-                .unwrap();
+            let (bvh, progress) = (Bvh::new(&mesh), Progress::none());
             let expected = pairs_naive(&mesh);
-            found.sort_unstable();
-            filtered.sort_unstable();
-            prop_assert_eq!(&found, &expected);
-            prop_assert_eq!(&filtered, &expected);
+            for boxes in [&*bvh, &BoxTree::try_new(&mesh, &progress).unwrap()] {
+                let mut found = Vec::new();
+                boxes.for_each_overlapping_pair(|a, b| found.push((a, b)));
+                let mut filtered = boxes
+                    .filter_overlapping_pairs(&progress, |a, b| Some((a, b)))
+                    .unwrap();
+                found.sort_unstable();
+                filtered.sort_unstable();
+                prop_assert_eq!(&found, &expected);
+                prop_assert_eq!(&filtered, &expected);
+            }
         }
     }
 

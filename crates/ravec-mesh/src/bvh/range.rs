@@ -2,8 +2,8 @@
 
 use glam::{DVec2, DVec3};
 
-use super::Bvh;
 use super::node::{Boxes, Child, Children, STACK, WIDTH};
+use super::{BoxTree, Bvh};
 use crate::closest::{closest_on_triangle, distance_sq_to_triangle};
 use crate::{Aabb, Sign, orient2d, triangle_distance_sq};
 
@@ -19,7 +19,7 @@ pub struct RayHit {
     pub outward: bool,
 }
 
-impl Bvh {
+impl BoxTree {
     /// Calls `visit` with each triangle whose box touches `bounds`, in no particular order.
     pub fn for_each_touching(&self, bounds: &Aabb, mut visit: impl FnMut(u32)) {
         if bounds.is_empty() {
@@ -39,6 +39,54 @@ impl Bvh {
         );
     }
 
+    /// Calls `visit` with the slots of all leaves whose boxes, and those above them, pass `test`: what the node of an index
+    /// holds, and which of it is looked into.
+    #[inline]
+    fn descend<'a>(
+        &self,
+        test: impl Fn(usize) -> (&'a Children, [bool; WIDTH]),
+        mut visit: impl FnMut(u32),
+    ) {
+        self.any(test, |slot| {
+            visit(slot);
+            false
+        });
+    }
+
+    /// As [`Self::descend`] until `visit` is true for a slot; whether that happened.
+    #[inline]
+    fn any<'a>(
+        &self,
+        test: impl Fn(usize) -> (&'a Children, [bool; WIDTH]),
+        mut visit: impl FnMut(u32) -> bool,
+    ) -> bool {
+        if self.is_empty() {
+            return false;
+        }
+        let mut stack = [0; STACK];
+        let mut len = 1;
+        while len > 0 {
+            len -= 1;
+            let (children, passes) = test(stack[len] as usize);
+            for lane in (0..children.len()).filter(|&lane| passes[lane]) {
+                match children.get(lane) {
+                    Child::Node(child) => {
+                        stack[len] = child;
+                        len += 1;
+                    }
+                    Child::Leaf { first, count } => {
+                        if (first..first + count).any(&mut visit) {
+                            return true;
+                        }
+                    }
+                }
+            }
+        }
+        false
+    }
+}
+
+impl Bvh {
     /// Calls `visit` with each triangle that is no farther than `max_distance` from `p`, and its squared distance, in no
     /// particular order. There are none if either is not a number, or `p` is not finite.
     pub fn for_each_within(&self, p: DVec3, max_distance: f64, mut visit: impl FnMut(u32, f64)) {
@@ -147,52 +195,6 @@ impl Bvh {
         );
         hits.sort_unstable_by(|a, b| a.t.total_cmp(&b.t).then(a.triangle.cmp(&b.triangle)));
         hits
-    }
-
-    /// Calls `visit` with the slots of all leaves whose boxes, and those above them, pass `test`: what the node of an index
-    /// holds, and which of it is looked into.
-    #[inline]
-    fn descend<'a>(
-        &self,
-        test: impl Fn(usize) -> (&'a Children, [bool; WIDTH]),
-        mut visit: impl FnMut(u32),
-    ) {
-        self.any(test, |slot| {
-            visit(slot);
-            false
-        });
-    }
-
-    /// As [`Self::descend`] until `visit` is true for a slot; whether that happened.
-    #[inline]
-    fn any<'a>(
-        &self,
-        test: impl Fn(usize) -> (&'a Children, [bool; WIDTH]),
-        mut visit: impl FnMut(u32) -> bool,
-    ) -> bool {
-        if self.is_empty() {
-            return false;
-        }
-        let mut stack = [0; STACK];
-        let mut len = 1;
-        while len > 0 {
-            len -= 1;
-            let (children, passes) = test(stack[len] as usize);
-            for lane in (0..children.len()).filter(|&lane| passes[lane]) {
-                match children.get(lane) {
-                    Child::Node(child) => {
-                        stack[len] = child;
-                        len += 1;
-                    }
-                    Child::Leaf { first, count } => {
-                        if (first..first + count).any(&mut visit) {
-                            return true;
-                        }
-                    }
-                }
-            }
-        }
-        false
     }
 }
 

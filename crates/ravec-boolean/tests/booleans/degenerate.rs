@@ -1,12 +1,10 @@
 //! Solids on a small grid, turned so that nothing is along an axis: corners on faces, edges in edges, faces in faces.
 
-mod support;
-
+use crate::support::{assert_members, assert_sound, cuboid, run};
 use glam::DVec3;
 use proptest::prelude::*;
 use ravec_boolean::Expr;
 use ravec_mesh::TriMesh;
-use support::{assert_members, assert_sound, cuboid, run};
 
 /// A rotation by a Pythagorean angle about one axis and then another, times 25: whole numbers stay whole.
 fn turned(p: DVec3) -> DVec3 {

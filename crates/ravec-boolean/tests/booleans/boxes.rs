@@ -1,10 +1,10 @@
 //! All relative positions of two boxes on a grid, with all operators: volumes and members by counting unit cubes.
 
-mod support;
-
+use crate::support::{
+    assert_sound, cuboid, difference, intersection, run, symmetric_difference, union,
+};
 use glam::DVec3;
 use ravec_boolean::Expr;
-use support::{assert_sound, cuboid, difference, intersection, run, symmetric_difference, union};
 
 /// Cubes of the grid that are inside.
 fn cubes(lo: [i32; 3], hi: [i32; 3]) -> Vec<bool> {

@@ -1,17 +1,15 @@
 //! Laws of set algebra and membership, on curved solids in general and in special position.
 
-mod support;
-
+use crate::support::{
+    assert_members, assert_sound, cuboid, difference, intersection, run, symmetric_difference,
+    union,
+};
 use glam::{DMat3, DVec3};
 use proptest::prelude::*;
 use ravec_boolean::{BooleanError, BooleanParams, Expr, Inside, boolean};
 use ravec_mesh::{TriMesh, measure};
 use ravec_progress::Progress;
 use ravec_scenes::solids::{cone, cylinder, icosphere, torus};
-use support::{
-    assert_members, assert_sound, cuboid, difference, intersection, run, symmetric_difference,
-    union,
-};
 
 fn moved(mesh: &TriMesh, turn: DMat3, shift: DVec3) -> TriMesh {
     let positions = mesh.positions().iter().map(|&p| turn * p + shift).collect();

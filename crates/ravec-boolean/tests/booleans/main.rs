@@ -1,0 +1,6 @@
+//! What Booleans promise, judged without their own code.
+
+mod boxes;
+mod degenerate;
+mod solids;
+mod support;
