@@ -197,9 +197,10 @@ pub const BOOLEAN: &str = concat!(
     "\
 Examples:
   ravec boolean union part.stl other.ply -o all.stl
-  ravec boolean difference part.stl other.ply -o cut.ply --origins cut.csv --picture cut.png
-  ravec boolean '(a | b) - c & d' a=part.stl b=other.ply c=part.stl d=other.ply -o d.ply --report json
-  ravec boolean 'part - drill' part=part.stl drill=other.ply -o drilled.3mf --inside outer-hull
+  ravec boolean difference part.stl other.ply -o cut.ply --origins cut.csv
+  ravec boolean '(a | b) - a & b' part.stl other.ply -o both.ply --picture both.png
+  ravec boolean 'part - drill' part=part.stl drill=other.ply -o drilled.3mf
+  ravec boolean union part.stl other.ply -o hull.ply --inside outer-hull --report json
 
 Names are letters, digits and underscores. & comes before the other operators, which go from left to right: a | b - c & d is \
 (a | b) - (c & d). A file that the expression does not name is not read.

@@ -2,7 +2,7 @@
 
 use crate::meshes::{cuboid, parts};
 use crate::program::{
-    assert_refused, assert_same_on_any_threads, done, files, ravec, report, stdout,
+    assert_refused, assert_same_on_any_threads, code, done, files, ravec, report, stderr, stdout,
 };
 use std::path::Path;
 
@@ -55,35 +55,24 @@ fn the_three_words_and_the_expressions_agree() {
 #[test]
 fn mistakes_are_shown_with_a_caret_and_write_nothing() {
     let folder = folder();
-    let line = |expression| {
-        [
+    for (expression, words, caret) in [
+        ("a | c", "no mesh named `c`", "    ^"),
+        ("(a | b", "not closed", "^"),
+        ("a b", "before `b`", "  ^"),
+    ] {
+        let before = files(folder.path());
+        let line = [
             "boolean", expression, "part.stl", "box.stl", "-o", "out.ply",
-        ]
-    };
-    refused(
-        folder.path(),
-        &line("a | c"),
-        2,
-        &["no mesh named `c`", "\na | c\n    ^"],
-    );
-    refused(
-        folder.path(),
-        &line("(a | b"),
-        2,
-        &["not closed", "\n(a | b\n^"],
-    );
-    refused(
-        folder.path(),
-        &line("a b"),
-        2,
-        &["before `b`", "\na b\n  ^"],
-    );
-    refused(
-        folder.path(),
-        &["boolean", "union", "-o", "out.ply"],
-        2,
-        &["FILE"],
-    );
+        ];
+        let output = ravec(folder.path(), &line);
+        let told = stderr(&output);
+        assert_eq!(code(&output), 2, "{told}");
+        assert!(told.starts_with("ravec: error: "), "{told}");
+        assert!(told.contains(words), "{told}");
+        let pointed = format!("\n{expression}\n{caret}");
+        assert!(told.trim_end().ends_with(&pointed), "{told}");
+        assert_eq!(files(folder.path()), before);
+    }
     let missing = ["boolean", "union", "part.stl", "no.stl", "-o", "out.ply"];
     refused(folder.path(), &missing, 3, &["no.stl"]);
 }
