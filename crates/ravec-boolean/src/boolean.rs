@@ -16,7 +16,7 @@ use crate::select::{Draft, Parent, select};
 const LARGEST: f64 = 1e30;
 
 /// How often edges are split that two sheets share. Once does; again only where mending makes new ones.
-const MOST_SPLITS: u32 = 3;
+const MOST_SPLITS: u32 = 8;
 
 /// Bytes that a triangle of the input costs while it is cut, as measured with surfaces that meet in curves: 410.
 const BYTES_PER_TRIANGLE: u64 = 450;
@@ -126,6 +126,7 @@ fn round_off(
     for attempt in 0.. {
         let mended = mend(draft, bvh, progress)?;
         report.mending_rounds += mended.rounds;
+        report.moved = report.moved.max(mended.moved);
         report.self_intersections = mended.contacts;
         let mesh = mended.draft.mesh();
         let flat = Soup::of(&[&mesh], &[Closing::default()], progress)?;

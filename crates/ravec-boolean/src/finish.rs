@@ -31,7 +31,8 @@ fn key(p: DVec3) -> [u64; 3] {
     p.to_array().map(f64::to_bits)
 }
 
-/// Puts a vertex into the middle of edges, which are given by their ends: a fan of its own for each sheet to come.
+/// Puts a vertex into the middle of edges, which are given by their ends: a fan of its own for each sheet to come. Edges too
+/// short for that are contracted.
 pub(crate) fn split_edges(draft: Draft, edges: &[[DVec3; 2]]) -> Draft {
     let mut middle_of = FxHashMap::default();
     let Draft {
@@ -39,15 +40,28 @@ pub(crate) fn split_edges(draft: Draft, edges: &[[DVec3; 2]]) -> Draft {
         triangles,
         parents,
     } = draft;
+    let mut ends_of = FxHashMap::default();
     for &[a, b] in edges {
+        let at = a.midpoint(b);
+        if at == a || at == b {
+            // neighboring doubles: with nothing between them they become one
+            ends_of.insert(key(b), a);
+            continue;
+        }
         let middle = positions.len() as u32;
-        positions.push(a.midpoint(b));
+        positions.push(at);
         middle_of.insert([key(a), key(b)], middle);
         middle_of.insert([key(b), key(a)], middle);
     }
+    for p in &mut positions {
+        *p = ends_of.get(&key(*p + DVec3::ZERO)).copied().unwrap_or(*p);
+    }
     let mut split = Draft::default();
     let mut stack = Vec::new();
-    for (triangle, parent) in triangles.into_iter().zip(parents) {
+    for (triangle, mut parent) in triangles.into_iter().zip(parents) {
+        // whoever has a corner at a place where vertices became one may have been moved
+        let is_met = |v: u32| ends_of.values().any(|&end| end == positions[v as usize]);
+        parent.whole &= ends_of.is_empty() || !triangle.iter().any(|&v| is_met(v));
         stack.push((triangle, parent));
         while let Some((t, parent)) = stack.pop() {
             let at = |i: usize| key(positions[t[i % 3] as usize] + DVec3::ZERO);

@@ -3,7 +3,8 @@
 //! Points of cuts fall between doubles. Rounded, triangles thinner than an ulp may turn over, meet others or vanish. New
 //! triangles are therefore compared with all around them, by exact tests of the rounded corners, and if any two meet
 //! where they should not, the rounded surface is taken for an input of its own: cut along itself, and reduced to the
-//! border of what it winds around. That is rounded again, and so on; in practice it settles in a round or two.
+//! border of what it winds around. That is rounded again, and so on. What does not settle so, corners as near as rounding
+//! moves them, is rounded to coarser and coarser steps, until places that are nearly the same are the same.
 //!
 //! Source: the idea of iterated snap rounding (Halperin and Packer, 2002), on surfaces.
 //!
@@ -18,7 +19,18 @@ use crate::closing::Closing;
 use crate::select::{Draft, Parent, select};
 
 /// Rounds after which mending is given up.
-const MOST_ROUNDS: u32 = 8;
+const MOST_ROUNDS: u32 = 10;
+
+/// The step to which the corners of triangles that meet are rounded in the second round of mending, relative to the largest
+/// coordinate: eight neighboring doubles.
+const FIRST_STEP: f64 = 8.0 * f64::EPSILON;
+
+/// The round from which on all new triangles are rounded so, not only those that meet: a mixture of both does not always
+/// come to rest.
+const ALL_FROM: u32 = 3;
+
+/// How much larger that step is from round to round: the last is about a ten millionth.
+const STEP_GROWTH: f64 = 8.0;
 
 /// A mended surface.
 pub(crate) struct Mended {
@@ -26,6 +38,8 @@ pub(crate) struct Mended {
     pub rounds: u32,
     /// Pairs of triangles that still meet.
     pub contacts: u64,
+    /// The farthest that a vertex was moved along an axis beyond rounding to doubles.
+    pub moved: f64,
 }
 
 /// Mends a draft whose triangles that are whole are known to meet each other properly. `input` holds the triangles that
@@ -38,10 +52,17 @@ pub(crate) fn mend(
     input: &BoxTree,
     progress: &Progress,
 ) -> Result<Mended, Cancelled> {
-    let mut contacts = conflicts(&draft, input, progress)?;
-    let mut rounds = 0;
-    while contacts > 0 && rounds < MOST_ROUNDS {
+    let mut found = conflicts(&draft, input, progress)?;
+    let largest = input.bounds().min.abs().max(input.bounds().max.abs());
+    let mut step = largest.max_element() * FIRST_STEP;
+    let (mut rounds, mut moved) = (0, 0.0);
+    while !found.is_empty() && rounds < MOST_ROUNDS {
         rounds += 1;
+        if rounds > 1 {
+            snap(&mut draft, &found, step, rounds >= ALL_FROM);
+            moved = 0.5 * step;
+            step *= STEP_GROWTH;
+        }
         let mesh = draft.mesh();
         let soup = Soup::of(&[&mesh], &[Closing::default()], progress)?;
         let bvh = bvh_of(&soup, progress)?;
@@ -66,12 +87,13 @@ pub(crate) fn mend(
             };
         }
         draft = next;
-        contacts = conflicts(&draft, input, progress)?;
+        found = conflicts(&draft, input, progress)?;
     }
     Ok(Mended {
         draft,
         rounds,
-        contacts,
+        contacts: found.len() as u64,
+        moved,
     })
 }
 
@@ -82,8 +104,41 @@ pub(crate) fn bvh_of(soup: &Soup, progress: &Progress) -> Result<BoxTree, Cancel
     BoxTree::try_new(&mesh, progress)
 }
 
-/// How many pairs of new triangles, or of a new and a whole one, meet where they should not.
-fn conflicts(draft: &Draft, input: &BoxTree, progress: &Progress) -> Result<u64, Cancelled> {
+/// Rounds the corners of triangles that meet, or those of all new triangles, to multiples of `step`, with all triangles at
+/// these corners.
+fn snap(draft: &mut Draft, found: &[[u32; 2]], step: f64, all: bool) {
+    let mut is_moved = vec![false; draft.positions.len()];
+    if all {
+        for (corners, parent) in draft.triangles.iter().zip(&draft.parents) {
+            for &v in corners {
+                is_moved[v as usize] |= !parent.whole;
+            }
+        }
+    }
+    for &t in found.iter().flatten() {
+        for v in draft.triangles[t as usize] {
+            is_moved[v as usize] = true;
+        }
+    }
+    for (p, _) in draft
+        .positions
+        .iter_mut()
+        .zip(&is_moved)
+        .filter(|(_, m)| **m)
+    {
+        *p = (*p / step).round() * step;
+    }
+    for (corners, parent) in draft.triangles.iter().zip(&mut draft.parents) {
+        parent.whole &= corners.iter().all(|&v| !is_moved[v as usize]);
+    }
+}
+
+/// The pairs of new triangles, or of a new and a whole one, that meet where they should not.
+fn conflicts(
+    draft: &Draft,
+    input: &BoxTree,
+    progress: &Progress,
+) -> Result<Vec<[u32; 2]>, Cancelled> {
     // whole triangles by their names in the input, to find those near new ones
     let mut whole = vec![u32::MAX; input.len()];
     let mut chosen = vec![false; draft.triangles.len()];
@@ -123,5 +178,9 @@ fn conflicts(draft: &Draft, input: &BoxTree, progress: &Progress) -> Result<u64,
         .collect();
     let bvh = bvh_of(&soup, progress)?;
     let contacts = crate::arrangement::contacts(&soup, &bvh, Some(&is_new), progress)?;
-    Ok(contacts.len() as u64)
+    let name = |t: u32| list[soup.sources[t as usize].triangle as usize] as u32;
+    Ok(contacts
+        .into_iter()
+        .map(|(a, b, _)| [name(a), name(b)])
+        .collect())
 }

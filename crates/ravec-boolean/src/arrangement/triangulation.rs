@@ -327,13 +327,20 @@ impl<'a> Triangulation<'a> {
 
     /// Flips edges opposite of a new vertex until triangles around it are round.
     fn make_round_around(&mut self, p: u32, mut stack: Vec<u32>) {
+        // An insertion flips each edge once at most. Where points are as near as their rounded places are wrong, edges might
+        // be flipped back and forth.
+        let mut flips = self.triangles.len();
         while let Some(t) = stack.pop() {
+            if flips == 0 {
+                return;
+            }
             let tri = self.triangles[t as usize];
             let Some(i) = tri.corners.iter().position(|&c| c == p) else {
                 continue;
             };
             if let Some(other) = self.flip_if_rounder(t, i) {
                 stack.extend([t, other]);
+                flips -= 1;
             }
         }
     }

@@ -121,4 +121,24 @@ proptest! {
             assert_sound(&result);
         }
     }
+
+    /// Faces that are a few ulps off each other, and slightly turned: cuts run along slivers that doubles cannot hold.
+    #[test]
+    fn boxes_a_few_ulps_apart_are_mended_where_rounding_makes_them_cross(
+        shifts in prop::collection::vec(prop::array::uniform8([-3_i32..4, -3_i32..4, -3_i32..4]), 2..5),
+        expr in expr(),
+    ) {
+        let straight = cuboid(DVec3::splat(1.0), DVec3::splat(2.0));
+        let meshes: [TriMesh; 4] = std::array::from_fn(|m| {
+            let shifts = &shifts[m % shifts.len()];
+            let positions = straight.positions().iter().zip(shifts).map(|(&p, by)| {
+                p + DVec3::from_array(by.map(f64::from)) * f64::EPSILON
+            });
+            TriMesh::new(positions.collect(), straight.triangles().to_vec()).unwrap()
+        });
+        let result = run(&meshes, &expr);
+        if !result.mesh.triangles().is_empty() {
+            assert_sound(&result);
+        }
+    }
 }
