@@ -99,7 +99,7 @@ fn reversed_parts(
     let all = || mesh.triangles().iter().chain(&closing.triangles);
     let mut group: Vec<u32> = (0..mesh.positions().len() as u32).collect();
     for (i, &[a, b, c]) in all().enumerate() {
-        if i % STRIDE == 0 {
+        if i.is_multiple_of(STRIDE) {
             progress.check()?;
         }
         let mut own = root(&mut group, a);
@@ -113,7 +113,7 @@ fn reversed_parts(
     let mut parts = vec![Part::default(); group.len()];
     let mut of_triangle = Vec::with_capacity(all().count());
     for (i, t) in all().enumerate() {
-        if i % STRIDE == 0 {
+        if i.is_multiple_of(STRIDE) {
             progress.check()?;
         }
         let [a, b, c] = t.map(|v| mesh.positions()[v as usize] - origin);

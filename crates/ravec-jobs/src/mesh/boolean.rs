@@ -102,8 +102,11 @@ impl Targets {
     }
 }
 
+/// Puts an operator over expressions.
+type Operator = fn(Vec<Expr>) -> Expr;
+
 /// The words that stand for an operator over all meshes.
-const SHORTHANDS: [(&str, fn(Vec<Expr>) -> Expr); 4] = [
+const SHORTHANDS: [(&str, Operator); 4] = [
     ("union", Expr::Union),
     ("intersection", Expr::Intersection),
     ("difference", Expr::Difference),
