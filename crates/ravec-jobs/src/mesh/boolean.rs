@@ -149,7 +149,7 @@ fn parsed(text: &str, names: &[String]) -> Result<Expr, JobError> {
 /// # Errors
 /// [`JobError::Expression`], [`JobError::Parameter`], [`JobError::UnknownMeshFormat`], [`JobError::ReadMesh`],
 /// [`JobError::NoTriangles`], [`JobError::Boolean`], [`JobError::WriteMesh`], [`JobError::Write`], what
-/// [`check_files`](crate::check_files) refuses, [`JobError::Cancelled`].
+/// [`check_files`] refuses, [`JobError::Cancelled`].
 pub fn run(
     expression: &str,
     files: &[NamedFile],
