@@ -422,27 +422,28 @@ impl<'a> Triangulation<'a> {
     }
 
     /// Triangles around a vertex, with the index of the vertex in each.
-    fn around(&self, vertex: u32) -> Vec<(u32, usize)> {
+    fn around(&self, vertex: u32) -> impl Iterator<Item = (u32, usize)> + '_ {
         let first = self.triangle_at[vertex as usize];
-        let mut found = Vec::with_capacity(8);
-        for turn in [1, 2] {
-            let mut t = first;
-            loop {
-                let tri = &self.triangles[t as usize];
-                let i = tri.index_of(vertex);
-                if turn == 1 || t != first {
-                    found.push((t, i));
-                }
-                t = tri.beyond[(i + turn) % 3];
-                if t == first {
-                    return found;
-                }
-                if t == NONE {
-                    break;
-                }
+        // one way around until it is closed or at the border; from there the other way
+        let (mut at, mut turn) = (first, 1);
+        std::iter::from_fn(move || {
+            if at == NONE && turn == 1 {
+                turn = 2;
+                let start = &self.triangles[first as usize];
+                at = start.beyond[(start.index_of(vertex) + turn) % 3];
             }
-        }
-        found
+            if at == NONE {
+                return None;
+            }
+            let tri = &self.triangles[at as usize];
+            let i = tri.index_of(vertex);
+            let found = (at, i);
+            at = tri.beyond[(i + turn) % 3];
+            if at == first {
+                (at, turn) = (NONE, 2);
+            }
+            Some(found)
+        })
     }
 
     /// Whether `x`, which is on the line through `a` and `b`, is on the side of `a` where `b` is.
@@ -501,8 +502,7 @@ impl<'a> Triangulation<'a> {
 
     /// The triangle and the side with these ends.
     fn find(&self, a: u32, b: u32) -> (u32, usize) {
-        let around = self.around(a);
-        let found = around.into_iter().find_map(|(t, _)| {
+        let found = self.around(a).find_map(|(t, _)| {
             let tri = &self.triangles[t as usize];
             tri.corners.contains(&b).then(|| (t, tri.side_of(a, b)))
         });
@@ -577,7 +577,6 @@ impl<'a> Triangulation<'a> {
         };
         let first = self
             .around(a)
-            .into_iter()
             .find(|&(t, i)| self.triangles[t as usize].corners[(i + 1) % 3] == next);
         let Some((first, _)) = first else {
             return Vec::new();
