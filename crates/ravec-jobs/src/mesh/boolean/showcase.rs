@@ -212,7 +212,7 @@ impl Studio<'_> {
             cone(1.0, 1.4, self.detail.edges(64))
                 .shifted(-1.4 * DVec3::Z)
                 .mesh,
-            cylinder(1.1, 0.3, self.detail.edges(64))
+            cylinder(1.1, 0.3, self.detail.edges(78))
                 .shifted(-1.5 * DVec3::Z)
                 .mesh,
         ];
