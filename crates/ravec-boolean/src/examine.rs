@@ -127,6 +127,9 @@ fn reversed_parts(
         return Ok(Vec::new());
     }
     join_by_place(mesh, &mut group, &mut parts);
+    if !parts.iter().any(Part::is_negative) {
+        return Ok(Vec::new());
+    }
     for own in &mut of_triangle {
         *own = root(&mut group, *own);
     }
