@@ -264,19 +264,19 @@ fn assumptions(
              except with \"outer-hull\""
         ));
     }
-    if closing.turned_triangles > 0 {
+    if closing.turned_patches > 0 {
+        let (verb, them) = if closing.turned_patches == 1 {
+            ("faces", "it and was")
+        } else {
+            ("face", "them and were")
+        };
         told.push(format!(
-            "{} the other way than all around {} taken as turned",
-            if closing.turned_triangles == 1 {
-                "1 triangle faces".to_owned()
-            } else {
-                format!("{} triangles face", closing.turned_triangles)
-            },
-            if closing.turned_triangles == 1 {
-                "it and was"
-            } else {
-                "them and were"
-            },
+            "{} {verb} the other way than all around {them} taken as turned",
+            counted(
+                closing.turned_patches,
+                "group of triangles",
+                "groups of triangles"
+            )
         ));
     } else if closing.clashing_edges > 0 {
         told.push(format!(
