@@ -43,8 +43,8 @@ pub(crate) struct Closing {
     pub seam_edges: u64,
     /// The width of the widest of these strips.
     pub seam_width: f64,
-    /// Triangles that face the other way than all around them; closing the hole that each leaves is taking it as turned.
-    pub turned_triangles: u64,
+    /// Patches of triangles that face the other way than all around them: what closes them takes them as turned.
+    pub turned_patches: u64,
     /// The other places that were closed, in no particular order.
     pub holes: Vec<Hole>,
 }
@@ -81,10 +81,13 @@ pub(crate) fn close(mesh: &TriMesh, progress: &Progress) -> Result<Closing, Canc
     closing.seam_width = widest;
     let loops = simple_loops(&chain, &at, progress)?;
     let filled = fill_loops(loops, &at, progress)?;
-    let turned = turned_triangles(mesh, &filled);
-    closing.turned_triangles = turned.len() as u64;
+    let turned = match closing.clashing_edges {
+        0 => FxHashSet::default(),
+        _ => doubled(&filled),
+    };
+    closing.turned_patches = turned.len() as u64;
     for filled in filled {
-        let is_turned = lid(&filled).is_some_and(|lid| turned.contains(&lid));
+        let is_turned = turned.contains(&sorted(&filled));
         let Filled {
             vertices,
             patch,
@@ -110,38 +113,18 @@ pub(crate) fn close(mesh: &TriMesh, progress: &Progress) -> Result<Closing, Canc
     Ok(closing)
 }
 
-/// The only triangle that fills a hole, with its lowest vertex first.
-fn lid(filled: &Filled) -> Option<[u32; 3]> {
-    match filled.vertices[..] {
-        [a, b, c] => Some(rotated([a, c, b])),
-        _ => None,
-    }
-}
-
-/// A triangle with its lowest vertex first, facing the same way.
-fn rotated([a, b, c]: [u32; 3]) -> [u32; 3] {
-    match a.min(b).min(c) {
-        low if low == a => [a, b, c],
-        low if low == b => [b, c, a],
-        _ => [c, a, b],
-    }
-}
-
-/// Lids that are there twice, over a triangle of the mesh that faces the other way.
-fn turned_triangles(mesh: &TriMesh, filled: &[Filled]) -> FxHashSet<[u32; 3]> {
+/// Loops that are there twice, as around triangles that face the other way than all around them.
+fn doubled(filled: &[Filled]) -> FxHashSet<Vec<u32>> {
     let mut once = FxHashSet::default();
-    let twice: FxHashSet<_> = filled
-        .iter()
-        .filter_map(lid)
-        .filter(|lid| !once.insert(*lid))
-        .collect();
-    if twice.is_empty() {
-        return twice;
-    }
-    let backward = mesh.triangles().iter().map(|&[a, b, c]| rotated([a, c, b]));
-    backward
-        .filter(|triangle| twice.contains(triangle))
-        .collect()
+    let loops = filled.iter().map(sorted);
+    loops.filter(|own| !once.insert(own.clone())).collect()
+}
+
+/// The vertices of a loop, ascending.
+fn sorted(filled: &Filled) -> Vec<u32> {
+    let mut vertices = filled.vertices.clone();
+    vertices.sort_unstable();
+    vertices
 }
 
 #[cfg(test)]

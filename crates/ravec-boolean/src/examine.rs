@@ -99,7 +99,7 @@ fn reversed_parts(
     let all = || mesh.triangles().iter().chain(&closing.triangles);
     let mut group: Vec<u32> = (0..mesh.positions().len() as u32).collect();
     for (i, &[a, b, c]) in all().enumerate() {
-        if i % STRIDE == 0 {
+        if i.is_multiple_of(STRIDE) {
             progress.check()?;
         }
         let mut own = root(&mut group, a);
@@ -113,7 +113,7 @@ fn reversed_parts(
     let mut parts = vec![Part::default(); group.len()];
     let mut of_triangle = Vec::with_capacity(all().count());
     for (i, t) in all().enumerate() {
-        if i % STRIDE == 0 {
+        if i.is_multiple_of(STRIDE) {
             progress.check()?;
         }
         let [a, b, c] = t.map(|v| mesh.positions()[v as usize] - origin);
@@ -127,6 +127,9 @@ fn reversed_parts(
         return Ok(Vec::new());
     }
     join_by_place(mesh, &mut group, &mut parts);
+    if !parts.iter().any(Part::is_negative) {
+        return Ok(Vec::new());
+    }
     for own in &mut of_triangle {
         *own = root(&mut group, *own);
     }
@@ -261,19 +264,19 @@ fn assumptions(
              except with \"outer-hull\""
         ));
     }
-    if closing.turned_triangles > 0 {
+    if closing.turned_patches > 0 {
+        let (verb, them) = if closing.turned_patches == 1 {
+            ("faces", "it and was")
+        } else {
+            ("face", "them and were")
+        };
         told.push(format!(
-            "{} the other way than all around {} taken as turned",
-            if closing.turned_triangles == 1 {
-                "1 triangle faces".to_owned()
-            } else {
-                format!("{} triangles face", closing.turned_triangles)
-            },
-            if closing.turned_triangles == 1 {
-                "it and was"
-            } else {
-                "them and were"
-            },
+            "{} {verb} the other way than all around {them} taken as turned",
+            counted(
+                closing.turned_patches,
+                "group of triangles",
+                "groups of triangles"
+            )
         ));
     } else if closing.clashing_edges > 0 {
         told.push(format!(

@@ -134,7 +134,7 @@ fn count(
     for (low, &end) in (0_u32..).zip(&first[..first.len() - 1]) {
         let uses = &mut uses[begin as usize..end as usize];
         begin = end;
-        if low as usize % STRIDE == 0 {
+        if (low as usize).is_multiple_of(STRIDE) {
             progress.check()?;
         }
         uses.sort_unstable();

@@ -18,7 +18,7 @@ use super::patch::fill;
 use glam::DVec3;
 use ravec_mesh::{Bvh, TriMesh};
 use ravec_progress::{Cancelled, Progress};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// The widths, as shares of the mesh's diagonal: from the rounding of single precision to what is still a small gap.
 const WIDTHS_REL: [f64; 6] = [1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2];
@@ -239,7 +239,7 @@ fn merged(
     pairs.dedup();
     let mut taken_for: BTreeMap<u32, u32> = BTreeMap::new();
     // those that others were taken for: they stay
-    let mut stays: BTreeMap<u32, ()> = BTreeMap::new();
+    let mut stays: BTreeSet<u32> = BTreeSet::new();
     for (_, a, b) in pairs {
         let named = |v: u32| taken_for.get(&v).copied().unwrap_or(v);
         let (to_a, to_b) = (named(a), named(b));
@@ -247,15 +247,15 @@ fn merged(
             continue;
         }
         // one of them is alone, or the two groups stay apart
-        let (gone, kept) = if to_b == b && !stays.contains_key(&b) {
+        let (gone, kept) = if to_b == b && !stays.contains(&b) {
             (b, to_a)
-        } else if to_a == a && !stays.contains_key(&a) {
+        } else if to_a == a && !stays.contains(&a) {
             (a, to_b)
         } else {
             continue;
         };
         taken_for.insert(gone, kept);
-        stays.insert(kept, ());
+        stays.insert(kept);
     }
     taken_for
 }

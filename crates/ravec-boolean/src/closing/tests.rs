@@ -3,7 +3,7 @@ use glam::DVec3;
 use proptest::prelude::*;
 use ravec_mesh::winding_number;
 use ravec_scenes::Seed;
-use ravec_scenes::solids::{all, cuboid, cylinder, icosphere};
+use ravec_scenes::solids::{Solid, all, cuboid, cylinder, icosphere};
 
 fn closed(mesh: &TriMesh) -> (TriMesh, Closing) {
     let closing = close(mesh, &Progress::none()).unwrap();
@@ -32,7 +32,7 @@ fn volume(mesh: &TriMesh) -> f64 {
 
 #[test]
 fn a_closed_mesh_gets_no_triangles_welded_or_not() {
-    for solid in all(Seed(1)).into_iter().filter(|solid| solid.is_closed()) {
+    for solid in all(Seed(1)).into_iter().filter(Solid::is_closed) {
         for mesh in [&solid.mesh, &unwelded(&solid.mesh)] {
             let closing = close(mesh, &Progress::none()).unwrap();
             assert!(

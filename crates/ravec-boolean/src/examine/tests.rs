@@ -77,7 +77,9 @@ fn a_turned_triangle_and_one_without_area_are_told() {
     assert_eq!(report.closing_triangles, 2);
     let told = report.assumptions.join("\n");
     assert!(
-        told.contains("1 triangle faces the other way than all around it and was taken as turned"),
+        told.contains(
+            "1 group of triangles faces the other way than all around it and was taken as turned"
+        ),
         "{told}"
     );
     assert!(!told.contains("hole"), "{told}");

@@ -20,6 +20,9 @@ fn cubes(lo: [i32; 3], hi: [i32; 3]) -> Vec<bool> {
     inside
 }
 
+/// What an operator does to members.
+type Rule = fn(bool, bool) -> bool;
+
 fn check(lo: [i32; 3], hi: [i32; 3]) {
     let place = |c: [i32; 3]| DVec3::from_array(c.map(f64::from));
     let meshes = [
@@ -27,7 +30,7 @@ fn check(lo: [i32; 3], hi: [i32; 3]) {
         cuboid(place(lo), place(hi)),
     ];
     let (a, b) = (cubes([0; 3], [3; 3]), cubes(lo, hi));
-    let operators: [(Expr, fn(bool, bool) -> bool); 4] = [
+    let operators: [(Expr, Rule); 4] = [
         (union(), |a, b| a || b),
         (intersection(), |a, b| a && b),
         (difference(), |a, b| a && !b),

@@ -102,8 +102,11 @@ impl Targets {
     }
 }
 
+/// Puts an operator over expressions.
+type Operator = fn(Vec<Expr>) -> Expr;
+
 /// The words that stand for an operator over all meshes.
-const SHORTHANDS: [(&str, fn(Vec<Expr>) -> Expr); 4] = [
+const SHORTHANDS: [(&str, Operator); 4] = [
     ("union", Expr::Union),
     ("intersection", Expr::Intersection),
     ("difference", Expr::Difference),
@@ -146,7 +149,7 @@ fn parsed(text: &str, names: &[String]) -> Result<Expr, JobError> {
 /// # Errors
 /// [`JobError::Expression`], [`JobError::Parameter`], [`JobError::UnknownMeshFormat`], [`JobError::ReadMesh`],
 /// [`JobError::NoTriangles`], [`JobError::Boolean`], [`JobError::WriteMesh`], [`JobError::Write`], what
-/// [`check_files`](crate::check_files) refuses, [`JobError::Cancelled`].
+/// [`check_files`] refuses, [`JobError::Cancelled`].
 pub fn run(
     expression: &str,
     files: &[NamedFile],

@@ -133,7 +133,10 @@ fn edge_line(
     }
     let is_feature = params.features.as_ref().is_some_and(|features| {
         is_feature(mesh, sides, features)
-            || features.silhouettes && sides.len() == 2 && facing(&sides[0]) != facing(&sides[1])
+            || features.silhouettes
+                && sides.len() == 2
+                && facing(&sides[0]) != facing(&sides[1])
+                && sides.iter().all(|side| normal(mesh, side) != DVec3::ZERO)
     });
     let kind = match (is_feature, &params.wireframe) {
         _ if is_marked => Kind::Marked,
@@ -158,11 +161,7 @@ fn is_feature(mesh: &TriMesh, sides: &[Side], features: &FeatureLines) -> bool {
     let [first, second] = sides else {
         return true;
     };
-    let normal = |side: &Side| {
-        let [a, b, c] = mesh.corners(side.triangle);
-        (b - a).cross(c - a).normalize_or_zero()
-    };
-    let (a, b) = (normal(first), normal(second));
+    let (a, b) = (normal(mesh, first), normal(mesh, second));
     // Faces that run along the edge the same way are of opposite orientation.
     let b = if first.forward == second.forward {
         -b
@@ -171,6 +170,22 @@ fn is_feature(mesh: &TriMesh, sides: &[Side], features: &FeatureLines) -> bool {
     };
     // A triangle without area bends no surface.
     a != DVec3::ZERO && b != DVec3::ZERO && a.dot(b) < features.angle_deg.to_radians().cos()
+}
+
+/// The height of a triangle as a share of its longest side, below which its normal says more about rounding than about the
+/// surface: pieces of a flat face may be as thin as that.
+const LEAST_HEIGHT: f64 = 1e-9;
+
+/// The unit normal of the triangle at an edge; 0 if it has no area to speak of.
+fn normal(mesh: &TriMesh, side: &Side) -> DVec3 {
+    let [a, b, c] = mesh.corners(side.triangle);
+    let normal = (b - a).cross(c - a);
+    let sides = [b - a, c - b, a - c].map(DVec3::length_squared);
+    let longest_sq = sides.into_iter().fold(0.0, f64::max);
+    if normal.length() <= LEAST_HEIGHT * longest_sq {
+        return DVec3::ZERO;
+    }
+    normal.normalize_or_zero()
 }
 
 /// The line in which a triangle is cut.

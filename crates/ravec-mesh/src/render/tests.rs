@@ -578,3 +578,53 @@ fn each_error_has_its_cause() {
         Err(RenderError::Cancelled(Cancelled))
     );
 }
+
+#[test]
+fn marked_edges_are_drawn_in_their_own_color_over_all_others() {
+    let mesh = cuboid(DVec3::ZERO, DVec3::ONE);
+    let [a, b, c] = mesh.triangles()[0];
+    let params = RenderParams {
+        width: 60,
+        height: 60,
+        features: None,
+        marked: Some(MarkedEdges {
+            // the diagonal of the first face, and a pair that is no edge
+            edges: vec![[c, b], [a, a]],
+            style: LineStyle {
+                color: [255, 0, 0],
+                width_px: 3.0,
+            },
+        }),
+        ..RenderParams::default()
+    };
+    let red = |params: &RenderParams| {
+        let views = [
+            View::TOP,
+            View::BOTTOM,
+            View::FRONT,
+            View::BACK,
+            View::LEFT,
+            View::RIGHT,
+        ];
+        let drawn = views.map(|view| {
+            let camera = Camera {
+                view,
+                ..Camera::default()
+            };
+            let params = RenderParams {
+                camera,
+                ..params.clone()
+            };
+            let picture = render(&mesh, &Paint::Plain, &params, &Progress::none()).unwrap();
+            let pixels = picture.picture.pixels;
+            pixels.chunks(4).filter(|p| p[0] > 200 && p[1] < 60).count()
+        });
+        drawn.iter().sum::<usize>()
+    };
+    assert!(red(&params) > 60);
+    let plain = RenderParams {
+        marked: None,
+        ..params
+    };
+    assert_eq!(red(&plain), 0);
+}

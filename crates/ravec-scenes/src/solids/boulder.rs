@@ -13,6 +13,9 @@ const WAVES: i64 = 12;
 ///
 /// Each triangle of an icosahedron is divided into `divisions` levels of four; `seed` says where the bumps are. Its radius in
 /// a direction is 1 plus waves that add up to less than 0.3.
+///
+/// # Panics
+/// If there are more than about 14 levels, whose triangles 32 bits cannot count.
 pub fn boulder(divisions: u32, seed: Seed) -> TriMesh {
     let waves: Vec<(DVec3, f64)> = (0..WAVES)
         .map(|wave| {
@@ -37,6 +40,9 @@ pub fn boulder(divisions: u32, seed: Seed) -> TriMesh {
 }
 
 /// The triangles of `mesh` that have no corner within `radius` of one of `places`: as where a scanner did not see.
+///
+/// # Panics
+/// Never: triangles of a mesh have its vertices.
 pub fn with_holes(mesh: &TriMesh, places: &[DVec3], radius: f64) -> TriMesh {
     let is_seen = |corners: &&[u32; 3]| {
         let mut corners = corners.iter().map(|&v| mesh.positions()[v as usize]);

@@ -37,7 +37,7 @@ pub(super) fn colors(origins: &[Origin]) -> Vec<[u8; 3]> {
 }
 
 /// A look with the seams of a result marked.
-pub(super) fn look(result: &Boolean, width_px: f64, look: RenderParams) -> RenderParams {
+pub(super) fn look(result: &Boolean, width_px: f64, look: &RenderParams) -> RenderParams {
     RenderParams {
         smooth_angle_deg: 0.0,
         features: Some(FeatureLines {
@@ -54,7 +54,7 @@ pub(super) fn look(result: &Boolean, width_px: f64, look: RenderParams) -> Rende
                 width_px,
             },
         }),
-        ..look
+        ..look.clone()
     }
 }
 
@@ -73,7 +73,7 @@ pub(super) fn write(
     let look = look(
         result,
         2.0,
-        RenderParams {
+        &RenderParams {
             camera,
             ..RenderParams::default()
         },

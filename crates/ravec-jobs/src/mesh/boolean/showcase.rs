@@ -116,7 +116,7 @@ impl Studio<'_> {
     fn drawn(
         &self,
         result: &Boolean,
-        view: RenderParams,
+        view: &RenderParams,
         caption: &str,
     ) -> Result<Figure, JobError> {
         let colors = colors(&result.origins);
@@ -159,7 +159,7 @@ impl Studio<'_> {
                 "ten primitives",
                 self.progress,
             )?,
-            self.drawn(&result, self.view(30.0, 30.0), text)?,
+            self.drawn(&result, &self.view(30.0, 30.0), text)?,
         ])
     }
 
@@ -182,7 +182,7 @@ impl Studio<'_> {
         let view = self.view(25.0, 40.0);
         Ok(vec![self.drawn(
             &result,
-            view,
+            &view,
             "a plate without 70 drills",
         )?])
     }
@@ -212,7 +212,7 @@ impl Studio<'_> {
             cone(1.0, 1.4, self.detail.edges(64))
                 .shifted(-1.4 * DVec3::Z)
                 .mesh,
-            cylinder(1.1, 0.3, self.detail.edges(64))
+            cylinder(1.1, 0.3, self.detail.edges(78))
                 .shifted(-1.5 * DVec3::Z)
                 .mesh,
         ];
@@ -222,7 +222,7 @@ impl Studio<'_> {
         let standing = self.combined("scan with holes | cone | foot", &expr, &meshes)?;
         let view = || self.view(20.0, 15.0);
         let figures = vec![
-            self.drawn(&bitten, self.view(30.0, 30.0), "a scan without a box")?,
+            self.drawn(&bitten, &self.view(30.0, 30.0), "a scan without a box")?,
             drawn(
                 &open,
                 &Paint::Plain,
@@ -230,7 +230,7 @@ impl Studio<'_> {
                 "a scan with holes",
                 self.progress,
             )?,
-            self.drawn(&standing, view(), "the same, united with a stand")?,
+            self.drawn(&standing, &view(), "the same, united with a stand")?,
         ];
         Ok((figures, standing.report.operands[0].assumptions.clone()))
     }
@@ -257,12 +257,12 @@ impl Studio<'_> {
         Ok(vec![
             self.drawn(
                 &union,
-                self.view(30.0, 30.0),
+                &self.view(30.0, 30.0),
                 "the union of a hundred balls",
             )?,
             self.drawn(
                 &odd,
-                self.view(10.0, 10.0),
+                &self.view(10.0, 10.0),
                 "what is in an odd number of them, cut open by a box",
             )?,
         ])

@@ -290,7 +290,7 @@ fn origins_lead_back_to_the_triangles_of_the_files() {
             assert_eq!(rows.len(), triangles);
             assert!(rows.iter().all(|row| row.as_array().unwrap().len() == 4));
         }
-        let picture = ravec_media::read(&studio.at("out.png"), &crate::Limits::default());
+        let picture = ravec_media::read(studio.at("out.png"), &crate::Limits::default());
         assert_eq!(picture.unwrap().image.size().width(), 1000);
     }
 }
