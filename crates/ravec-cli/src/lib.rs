@@ -214,10 +214,17 @@ fn execute(Arguments { command, global }: Arguments) -> Result<(), Failure> {
             input,
             catalogue,
             output,
+            deep_zoom,
             params,
-        } => job(&global, |progress| {
-            mosaic::run(&source(input), &catalogue, &output, &params, progress)
-        }),
+        } => {
+            let outputs = mosaic::Outputs {
+                picture: output.as_deref(),
+                deep_zoom: deep_zoom.as_deref(),
+            };
+            job(&global, |progress| {
+                mosaic::run(&source(input), &catalogue, &outputs, &params, progress)
+            })
+        }
         Command::Demo { image, out, params } => {
             let photo = image.map(source);
             job(&global, |progress| {

@@ -13,6 +13,8 @@ use serde_json::json;
 use std::path::Path;
 use std::str::FromStr;
 
+pub use ravec_library::Outputs;
+
 /// One number or two with an `x` between them, as in `80` or `80x60`; each 1 to 65535.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
@@ -119,7 +121,10 @@ pub struct Params {
     /// Rounds in which photos change and tiles swap, 0 to 100
     #[cfg_attr(feature = "cli", arg(long, value_name = "COUNT", default_value_t = Self::default().rounds))]
     pub rounds: usize,
-    /// Quality of a JPEG output, 1 to 100
+    /// A quick look: at most 1600 pixels a side, made of the small pictures in the catalogue
+    #[cfg_attr(feature = "cli", arg(long))]
+    pub preview: bool,
+    /// Quality of a JPEG output and of a page that zooms, 1 to 100
     #[cfg_attr(feature = "cli", arg(long, value_name = "PERCENT", default_value_t = Self::default().quality))]
     pub quality: u8,
 }
@@ -139,6 +144,7 @@ impl Default for Params {
             detail: choose.weights.detail,
             blend: choose.blend,
             rounds: choose.rounds,
+            preview: false,
             quality: 92,
         }
     }
@@ -147,33 +153,41 @@ impl Default for Params {
 /// Scaled photos that are kept for later rows, in bytes.
 const KEPT_BYTES: usize = 128 << 20;
 
+/// The longer side of a preview: what a screen shows at once.
+const PREVIEW_PX: usize = 1600;
+
 /// Makes a mosaic of a picture from the photos of a catalogue, each scaled and, if asked for, cropped, and nothing else.
 ///
 /// Figures: `columns`, `rows`, `photos` (that fit the tiles), `different` (of these, to the eye), `used`, `most_uses`,
 /// `nearest_repeat` (in tiles; infinite if no photo is there twice), `cost` (the sum over tiles of the mean squared
 /// difference in Oklab, weighted), `cost_bound` (below which no choice can be), `cost_gap_percent`, `changes` (of the
-/// improvement). The report's `result` has `photos`, the path of each tile's photo, row by row. Photos that are gone are
-/// warnings.
+/// improvement). The report's `result` has `photos`, the path of each tile's photo, and `places`, the left and upper border,
+/// width and height of each tile in pixels. Photos that are gone are warnings.
 ///
 /// # Errors
 /// [`JobError::Parameter`], [`JobError::Read`], [`JobError::Library`], [`JobError::Write`], [`JobError::Cancelled`].
 pub fn run(
     input: &Source,
     catalogue: &Path,
-    output: &Path,
+    outputs: &Outputs<'_>,
     params: &Params,
     progress: &Progress,
 ) -> Result<Report, JobError> {
     let made = checked(params)?;
-    let format = Format::from_extension(output);
-    if !matches!(format, Some(Format::Png | Format::Jpeg | Format::Tiff)) {
-        return Err(JobError::Parameter {
-            name: "--output",
-            value: output.display().to_string(),
-            range: "a file with the extension .png, .jpg, .jpeg, .tif or .tiff",
-        });
+    let format = outputs.picture.and_then(Format::from_extension);
+    if let Some(output) = outputs.picture {
+        if !matches!(format, Some(Format::Png | Format::Jpeg | Format::Tiff)) {
+            return Err(JobError::Parameter {
+                name: "--output",
+                value: output.display().to_string(),
+                range: "a file with the extension .png, .jpg, .jpeg, .tif or .tiff",
+            });
+        }
+        files::check_files(&[&input.path, catalogue], &[output])?;
     }
-    files::check_files(&[&input.path, catalogue], &[output])?;
+    if let Some(folder) = outputs.deep_zoom {
+        files::check_folder(folder)?;
+    }
     let catalogue = Catalogue::open(catalogue).map_err(JobError::from_library)?;
     let mut report = Report::new("mosaic", params);
     let picture = files::read(input, &mut report, progress)?;
@@ -181,7 +195,7 @@ pub fn run(
         ravec_library::mosaic(
             &catalogue,
             &picture.image,
-            output,
+            outputs,
             &made,
             &input.limits,
             progress,
@@ -191,14 +205,20 @@ pub fn run(
     for warning in &mosaic.warnings {
         report.warn(warning.clone());
     }
-    report.outputs.push(FileReport {
-        path: output.display().to_string(),
-        format: format.map_or(String::new(), |format| format.name().to_owned()),
-        width: Some(mosaic.size.width()),
-        height: Some(mosaic.size.height()),
-        pixels: Some("8 bit"),
-        ..FileReport::default()
-    });
+    let written = [
+        (outputs.picture, format.map_or("", Format::name)),
+        (outputs.deep_zoom, "Deep Zoom"),
+    ];
+    for (path, format) in written {
+        report.outputs.extend(path.map(|path| FileReport {
+            path: path.display().to_string(),
+            format: format.to_owned(),
+            width: Some(mosaic.size.width()),
+            height: Some(mosaic.size.height()),
+            pixels: Some("8 bit"),
+            ..FileReport::default()
+        }));
+    }
     let (cost, bound) = (mosaic.choice.cost, mosaic.choice.bound);
     let gap = if cost > bound {
         100.0 * (cost - bound) / bound
@@ -228,7 +248,12 @@ pub fn run(
         .iter()
         .map(|path| path.to_string_lossy())
         .collect();
-    report.result = Some(json!({ "photos": photos }));
+    let places: Vec<_> = mosaic
+        .places
+        .iter()
+        .map(|place| [place.col, place.row, place.width, place.height])
+        .collect();
+    report.result = Some(json!({ "photos": photos, "places": places }));
     Ok(report)
 }
 
@@ -288,6 +313,7 @@ fn checked(params: &Params) -> Result<MosaicParams, JobError> {
         },
         quality: params.quality,
         kept_bytes: KEPT_BYTES,
+        preview_px: params.preview.then_some(PREVIEW_PX),
     })
 }
 

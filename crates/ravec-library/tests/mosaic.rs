@@ -1,6 +1,8 @@
 //! Catalogues and mosaics of drawn photos, in temporary folders.
 
-use ravec_library::{Catalogue, LibraryError, MosaicParams, add, clean, mosaic, remove, stats};
+use ravec_library::{
+    Catalogue, LibraryError, MosaicParams, Outputs, add, clean, mosaic, remove, stats,
+};
 use ravec_media::{Limits, Picture, WriteOptions, read, write};
 use ravec_mosaic::{ChooseParams, Crop, Rules, scaled_photo, violations};
 use ravec_progress::Progress;
@@ -60,6 +62,7 @@ fn params(columns: usize, rows: usize, tile: (usize, usize), crop: Crop) -> Mosa
         choose: ChooseParams::default(),
         quality: 92,
         kept_bytes: 1 << 16,
+        preview_px: None,
     }
 }
 
@@ -73,10 +76,14 @@ fn make(
     output: &Path,
     params: &MosaicParams,
 ) -> Result<ravec_library::Mosaic, LibraryError> {
+    let outputs = Outputs {
+        picture: Some(output),
+        deep_zoom: None,
+    };
     mosaic(
         catalogue,
         picture,
-        output,
+        &outputs,
         params,
         &Limits::default(),
         &Progress::none(),

@@ -27,12 +27,15 @@ pub(crate) fn improve(
     progress: &Progress,
 ) -> Result<usize, Cancelled> {
     let tiles = problem.tiles;
-    let extent = |end: fn(&crate::choose::Tile) -> usize| tiles.iter().map(end).max().unwrap_or(0);
-    let columns = extent(|tile| tile.col + 2 * tile.sides);
-    let rows = extent(|tile| tile.row + 2 * tile.sides);
+    let tiling = problem.tiling;
     let mut round = Round {
         problem,
-        eye: Eye::new(columns, rows, params.blend),
+        eye: Eye::new(
+            2 * tiling.columns,
+            2 * tiling.rows,
+            tiling.units,
+            params.blend,
+        ),
     };
     for tile in 0..tiles.len() {
         if let Some(photo) = placement.photo(tile) {
@@ -70,9 +73,9 @@ impl Round<'_> {
     /// The part of the energy that depends on the photo of a tile.
     fn energy(&self, tile: usize, photo: u32, cost: f32, pull: &Pull) -> f32 {
         let look = &self.problem.tiles[tile].look;
-        // larger tiles count for as many small ones as they cover
-        let area = (self.problem.tiles[tile].sides as f32).powi(2);
-        area * cost + pull.energy(&residual(self.problem.photos.quarters(photo), look))
+        // tiles count by their area, in that of a tile of common size
+        let side = self.problem.tiles[tile].side as f32 / self.problem.tiling.units as f32;
+        side * side * cost + pull.energy(&residual(self.problem.photos.quarters(photo), look))
     }
 
     fn lift(&mut self, tile: usize) -> Pull {

@@ -52,9 +52,9 @@ impl Demo<'_> {
         let picture: Image<Oklab> = self.image.convert();
         let degree = ChooseParams::default().weights.degree;
         let frame = Frame::of(&picture);
-        let tiles = grid_tiles(&picture, frame, columns, rows, degree, self.progress)?;
+        let tiling = grid_tiles(&picture, frame, columns, rows, degree, self.progress)?;
         let groups = near_duplicates(&looks, 0.0, self.progress)?;
-        let library = Photos::new(&looks, groups, ChooseParams::default().weights);
+        let library = Photos::new(&looks, groups, &ChooseParams::default());
         let truth = resize(
             &self.image.convert::<LinearRgb>(),
             size,
@@ -80,7 +80,7 @@ impl Demo<'_> {
                 ..ChooseParams::default()
             };
             let choice = self.report.time("mosaic", || {
-                choose(&tiles, &library, &Rules::default(), &params, self.progress)
+                choose(&tiling, &library, &Rules::default(), &params, self.progress)
             });
             let choice = choice.map_err(|cause| match cause {
                 ChooseError::Cancelled(_) => JobError::Cancelled,
