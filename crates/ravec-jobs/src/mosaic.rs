@@ -3,7 +3,7 @@
 use crate::error::JobError;
 use crate::files::{self, Source};
 use crate::report::{FileReport, Report};
-use ravec::mosaic::{ChooseParams, Crop, MAX_DEGREE, Rules, Weights};
+use ravec::mosaic::{ChooseParams, Crop, Features, MAX_DEGREE, Rules, Weights};
 use ravec::progress::Progress;
 use ravec::raster::Size;
 use ravec_library::{Catalogue, LibraryError, MosaicParams};
@@ -115,6 +115,18 @@ pub struct Params {
     /// How much structure counts against color, 0 to 1; low for posters that are seen from afar
     #[cfg_attr(feature = "cli", arg(long, value_name = "SHARE", default_value_t = Self::default().detail))]
     pub detail: f64,
+    /// Compare tiles through which an edge runs up to this degree, 0 to 5 [default: like all others]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "DEGREE"))]
+    pub feature_degree: Option<usize>,
+    /// How much tiles with an edge count against others if they are compared in their own way, 0.1 to 10
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FACTOR", default_value_t = Self::default().feature_weight))]
+    pub feature_weight: f64,
+    /// Larger tiles where the picture is homogeneous and smaller ones where it is not, off the grid; at most as many
+    #[cfg_attr(feature = "cli", arg(long))]
+    pub adaptive: bool,
+    /// Seed of the tiles that are off the grid
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = Self::default().seed))]
+    pub seed: u64,
     /// How much neighbors make up for one another's errors, 0 to 1; 0 looks at each tile alone
     #[cfg_attr(feature = "cli", arg(long, value_name = "SHARE", default_value_t = Self::default().blend))]
     pub blend: f64,
@@ -142,6 +154,10 @@ impl Default for Params {
             use_all: false,
             degree: choose.weights.degree,
             detail: choose.weights.detail,
+            feature_degree: None,
+            feature_weight: 1.0,
+            adaptive: false,
+            seed: 0,
             blend: choose.blend,
             rounds: choose.rounds,
             preview: false,
@@ -158,7 +174,7 @@ const PREVIEW_PX: usize = 1600;
 
 /// Makes a mosaic of a picture from the photos of a catalogue, each scaled and, if asked for, cropped, and nothing else.
 ///
-/// Figures: `columns`, `rows`, `photos` (that fit the tiles), `different` (of these, to the eye), `used`, `most_uses`,
+/// Figures: `columns`, `rows`, `tiles`, `features` (tiles with an edge, if compared in their own way), `photos` (that fit the tiles), `different` (of these, to the eye), `used`, `most_uses`,
 /// `nearest_repeat` (in tiles; infinite if no photo is there twice), `cost` (the sum over tiles of the mean squared
 /// difference in Oklab, weighted), `cost_bound` (below which no choice can be), `cost_gap_percent`, `changes` (of the
 /// improvement). The report's `result` has `photos`, the path of each tile's photo, and `places`, the left and upper border,
@@ -228,6 +244,8 @@ pub fn run(
     for (name, figure) in [
         ("columns", mosaic.tiles.0 as f64),
         ("rows", mosaic.tiles.1 as f64),
+        ("tiles", mosaic.photos.len() as f64),
+        ("features", mosaic.features as f64),
         ("photos", mosaic.fitting as f64),
         ("different", mosaic.different as f64),
         ("used", mosaic.used as f64),
@@ -271,6 +289,13 @@ fn checked(params: &Params) -> Result<MosaicParams, JobError> {
     if params.degree > MAX_DEGREE {
         return wrong("--degree", params.degree.to_string(), "0 to 5");
     }
+    if let Some(degree) = params.feature_degree.filter(|&degree| degree > MAX_DEGREE) {
+        return wrong("--feature-degree", degree.to_string(), "0 to 5");
+    }
+    if !(0.1..=10.0).contains(&params.feature_weight) {
+        let value = params.feature_weight.to_string();
+        return wrong("--feature-weight", value, "0.1 to 10");
+    }
     for (name, value) in [("--detail", params.detail), ("--blend", params.blend)] {
         if !(0.0..=1.0).contains(&value) {
             return wrong(name, value.to_string(), "0 to 1");
@@ -307,10 +332,15 @@ fn checked(params: &Params) -> Result<MosaicParams, JobError> {
                 degree: params.degree,
                 detail: params.detail,
             },
+            features: params.feature_degree.map(|degree| Features {
+                degree,
+                weight: params.feature_weight,
+            }),
             blend: params.blend,
             rounds: params.rounds,
             ..ChooseParams::default()
         },
+        adaptive: params.adaptive.then_some(params.seed),
         quality: params.quality,
         kept_bytes: KEPT_BYTES,
         preview_px: params.preview.then_some(PREVIEW_PX),
@@ -330,7 +360,7 @@ impl JobError {
     /// The exit code for what went wrong with a catalogue.
     pub(crate) fn library_code(cause: &LibraryError) -> u8 {
         match cause {
-            LibraryError::TooLarge { .. } => 2,
+            LibraryError::TooLarge { .. } | LibraryError::NoThirds { .. } => 2,
             LibraryError::Database { .. } => 4,
             LibraryError::Choose(_) => 1,
             LibraryError::Write(error) if matches!(error.cause, EncodeError::UnknownExtension) => 2,
@@ -380,6 +410,14 @@ mod tests {
             },
             Params {
                 min_repeat_distance: -1.0,
+                ..Params::default()
+            },
+            Params {
+                feature_degree: Some(6),
+                ..Params::default()
+            },
+            Params {
+                feature_weight: 0.0,
                 ..Params::default()
             },
             Params {

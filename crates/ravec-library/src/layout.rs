@@ -2,7 +2,10 @@
 
 use crate::error::LibraryError;
 use crate::mosaic::MosaicParams;
-use ravec_mosaic::{ChooseParams, Frame, Tile, Tiling, grid_tiles, mark_features};
+use ravec_mosaic::{
+    ADAPTIVE_UNITS, ChooseParams, Frame, Photos, Tile, Tiling, adaptive_tiles, grid_tiles,
+    mark_features,
+};
 use ravec_progress::{Cancelled, Progress};
 use ravec_raster::{
     AnyImage, Image, LinearRgb, Oklab, PremulLinearRgba, Rect, ResizeFilter, Size, resize,
@@ -33,6 +36,13 @@ impl Layout {
             let side = width / columns as f64 * tile.height() as f64 / tile.width() as f64;
             ((height / side).round() as usize).max(1)
         });
+        let whole_units = |side: usize| side.is_multiple_of(ADAPTIVE_UNITS);
+        if params.adaptive.is_some() && !(whole_units(tile.width()) && whole_units(tile.height())) {
+            return Err(LibraryError::NoThirds {
+                width: tile.width(),
+                height: tile.height(),
+            });
+        }
         let sides = |tile: Size| {
             columns
                 .checked_mul(tile.width())
@@ -86,25 +96,33 @@ impl Layout {
     /// The tiles of the picture.
     pub fn tiles(
         &self,
-        picture: &AnyImage,
+        picture: &Image<Oklab>,
+        frame: Frame,
+        photos: &Photos,
         params: &MosaicParams,
         progress: &Progress,
     ) -> Result<Tiling, Cancelled> {
-        let (image, frame) = self.reduced(picture);
+        let (columns, rows) = (self.columns, self.rows);
         let ChooseParams {
             weights, features, ..
         } = params.choose;
         let degree = features.map_or(0, |features| features.degree);
         let degree = degree.max(weights.degree);
-        let mut tiling = grid_tiles(&image, frame, self.columns, self.rows, degree, progress)?;
+        let mut tiling = match params.adaptive {
+            Some(seed) => {
+                let sides = [columns, rows];
+                adaptive_tiles(picture, frame, sides, degree, photos, seed, progress)?
+            }
+            None => grid_tiles(picture, frame, columns, rows, degree, progress)?,
+        };
         if features.is_some() {
-            mark_features(&image, frame, &mut tiling, progress)?;
+            mark_features(picture, frame, &mut tiling, progress)?;
         }
         Ok(tiling)
     }
 
     /// The picture with as many pixels as looks need, on white where it is transparent, and the part of it that is shown.
-    fn reduced(&self, picture: &AnyImage) -> (Image<Oklab>, Frame) {
+    pub fn reduced(&self, picture: &AnyImage) -> (Image<Oklab>, Frame) {
         let reduce = |length: f64, tiles: usize| (PICTURE_PX * tiles) as f64 / length;
         let factor =
             reduce(self.frame.width, self.columns).max(reduce(self.frame.height, self.rows));

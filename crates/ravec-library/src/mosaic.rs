@@ -36,6 +36,8 @@ pub struct MosaicParams {
     pub rules: Rules,
     /// How photos are compared.
     pub choose: ChooseParams,
+    /// Tiles of several sizes, off the grid, at most as many as there would be on it, with this seed; none for the grid.
+    pub adaptive: Option<u64>,
     /// Quality of JPEG, 1 to 100.
     pub quality: u8,
     /// Bytes of scaled photos that are kept for later rows.
@@ -48,11 +50,13 @@ pub struct MosaicParams {
 /// A mosaic that was written.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mosaic {
-    /// Tiles in a row, and rows.
+    /// Tiles in a row, and rows, of a grid.
     pub tiles: (usize, usize),
+    /// Tiles through which an edge runs, if these are compared in their own way.
+    pub features: usize,
     /// Pixels of the mosaic.
     pub size: Size,
-    /// The photo of each tile, row by row.
+    /// The photo of each tile, by the upper borders of tiles and then the left ones.
     pub photos: Vec<PathBuf>,
     /// Where each tile is, in pixels.
     pub places: Vec<Rect>,
@@ -98,7 +102,7 @@ pub fn mosaic(
     let layout = Layout::new(picture.size(), params)?;
     let mut warnings = layout.warning(picture.size());
     let mut photos = candidates(catalogue, params, &mut warnings)?;
-    let tiling = layout.tiles(picture, params, progress)?;
+    let (picture, frame) = layout.reduced(picture);
     let phase = progress.phase("photos", photos.len() as u64);
     let mut looks: Vec<Look> = photos
         .par_iter()
@@ -114,15 +118,21 @@ pub fn mosaic(
             photo.entry.thumbnail = None;
         }
     }
+    let mut tiling = None;
     loop {
         let groups = near_duplicates(&looks, NEAR_DUPLICATE, progress)?;
         let library = Photos::new(&looks, groups.clone(), &params.choose);
-        let choice = choose(&tiling, &library, &params.rules, &params.choose, progress)?;
+        // the tiles stay when photos are replaced
+        let tiling = match &mut tiling {
+            Some(tiling) => &*tiling,
+            none => none.insert(layout.tiles(&picture, frame, &library, params, progress)?),
+        };
+        let choice = choose(tiling, &library, &params.rules, &params.choose, progress)?;
         let places: Vec<(u32, Rect)> = tiling
             .tiles
             .iter()
             .zip(&choice.photos)
-            .map(|(tile, &photo)| (photo, layout.place(&tiling, tile)))
+            .map(|(tile, &photo)| (photo, layout.place(tiling, tile)))
             .collect();
         let source = if params.preview_px.is_some() {
             Source::Thumbnails
@@ -148,7 +158,7 @@ pub fn mosaic(
                     &groups,
                     library.different(),
                     choice,
-                    &tiling,
+                    tiling,
                     &places,
                     warnings,
                 ));
@@ -332,6 +342,7 @@ fn described(
         .min_by(f64::total_cmp);
     Mosaic {
         tiles: (layout.columns, layout.rows),
+        features: tiling.tiles.iter().filter(|tile| tile.feature).count(),
         size: layout.size,
         photos: choice
             .photos
@@ -343,7 +354,8 @@ fn described(
         different,
         used: centers.len(),
         most_uses: centers.values().map(Vec::len).max().unwrap_or(0),
-        nearest_repeat: nearest_sq.map(f64::sqrt),
+        // thirds of tiles are not exact
+        nearest_repeat: nearest_sq.map(|sq| (1e9 * sq.sqrt()).round() / 1e9),
         choice,
         warnings,
     }

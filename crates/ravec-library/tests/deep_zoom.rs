@@ -62,6 +62,7 @@ fn make(
         choose: ChooseParams::default(),
         quality: 95,
         kept_bytes: 1 << 20,
+        adaptive: None,
         preview_px: None,
     };
     let outputs = Outputs {

@@ -130,6 +130,13 @@ impl Photos {
         self.groups.is_empty()
     }
 
+    /// The squared distance of a tile from the photo at this place, from 1, among its nearest.
+    pub(crate) fn match_sq(&self, tile: &Tile, place: usize) -> f32 {
+        let class = self.class(tile);
+        let near = class.index.nearest(&class.vector(&tile.look), place);
+        near.last().map_or(0.0, |near| near.distance_sq)
+    }
+
     fn class_of(&self, tile: &Tile) -> usize {
         usize::from(tile.feature).min(self.classes.len() - 1)
     }

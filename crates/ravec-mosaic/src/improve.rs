@@ -73,9 +73,10 @@ impl Round<'_> {
     /// The part of the energy that depends on the photo of a tile.
     fn energy(&self, tile: usize, photo: u32, cost: f32, pull: &Pull) -> f32 {
         let look = &self.problem.tiles[tile].look;
-        // tiles count by their area, in that of a tile of common size
+        // tiles count by their area, in that of a tile of common size; and as the errors of larger ones are coarser and stay
+        // when one steps back, they count by that area again
         let side = self.problem.tiles[tile].side as f32 / self.problem.tiling.units as f32;
-        side * side * cost + pull.energy(&residual(self.problem.photos.quarters(photo), look))
+        side.powi(4) * cost + pull.energy(&residual(self.problem.photos.quarters(photo), look))
     }
 
     fn lift(&mut self, tile: usize) -> Pull {

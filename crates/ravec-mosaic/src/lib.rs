@@ -30,7 +30,7 @@
 //! | the nearest photos, exactly | [`PhotoIndex`] |
 //! | photos that are one to the eye | [`near_duplicates`] |
 //! | photos not worth a tile | [`flaw`] |
-//! | tiles of a picture | [`grid_tiles`], [`mark_features`] |
+//! | tiles of a picture | [`grid_tiles`], [`adaptive_tiles`], [`mark_features`] |
 //! | which photo goes where | [`choose()`], [`Rules`], [`violations`] |
 //! | a photo as it stands in a tile | [`scaled_photo`], [`Crop`] |
 //!
@@ -42,8 +42,9 @@
 //!
 //! # Current status
 //!
-//! Tiles lie on a grid. There are no files here: see `ravec-library`.
+//! There are no files here: see `ravec-library`.
 
+mod adaptive;
 mod basis;
 mod choose;
 mod clean;
@@ -58,6 +59,7 @@ mod search;
 mod tile;
 mod tiling;
 
+pub use adaptive::{ADAPTIVE_UNITS, adaptive_tiles};
 pub use choose::{Choice, ChooseParams, Features, Photos, choose};
 pub use clean::{Flaw, LEAST_SIDE, flaw};
 pub use feature::mark_features;

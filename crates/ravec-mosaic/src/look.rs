@@ -14,7 +14,7 @@ use ravec_raster::{Image, Oklab};
 pub const MAX_DEGREE: usize = 5;
 
 /// What a tile or a photo looks like from afar, in Oklab.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Look {
     /// For each product of polynomials, by total degree, the coefficients of the three channels. The first is the mean color.
     pub coefficients: Vec<[f32; 3]>,

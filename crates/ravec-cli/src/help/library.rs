@@ -94,6 +94,7 @@ Examples:
   ravec mosaic photo.jpg --catalogue photos.ravec -o mosaic.jpg --tiles 3 --tile-size 32x24
   ravec mosaic photo.jpg --catalogue photos.ravec --deep-zoom mosaic --tiles 4x3 --tile-size 256x192 --crop center
   ravec mosaic photo.jpg --catalogue photos.ravec -o look.png --tiles 4x3 --crop center --preview
+  ravec mosaic photo.jpg --catalogue photos.ravec -o free.png --tiles 6x4 --tile-size 24 --crop center --adaptive --feature-degree 5
 
 Photos are scaled, and with --crop center cut to the proportions of a tile; they are never recolored or overlaid. Near-duplicates \
 count as one photo. The mosaic is written row by row and may be much larger than the memory; TIFF files beyond 4 GiB become BigTIFF.
@@ -102,9 +103,13 @@ count as one photo. The mosaic is written row by row and may be much larger than
 + - arrows Enter Esc, lead into single photos, whose names are shown. mosaic.dzi there is for other viewers of Deep Zoom images. A \
 larger --tile-size gives larger photos. The folder may be new, empty, or an older mosaic, which is replaced.
 
+--adaptive takes larger tiles where the picture is homogeneous and smaller ones where it has detail, off the grid, at most as many as \
+there would be on it. --tile-size must be a multiple of 3. --feature-degree compares tiles through which an edge runs by their \
+structure, and the others by --degree.
+
 --preview takes the small pictures in the catalogue in place of the photos, for trying out the other options.
 
-Figures: columns, rows, photos (that fit the tiles), different (of these, to the eye), used, most_uses, nearest_repeat (in tiles; \
+Figures: columns, rows, tiles, features (tiles with an edge), photos (that fit the tiles), different (of these, to the eye), used, most_uses, nearest_repeat (in tiles; \
 infinite, or null in JSON, if no photo is there twice), cost (weighted squared differences in Oklab), cost_bound (below which no \
 choice can be), cost_gap_percent, changes (of the improvement). In JSON, result has photos, the path of each tile's photo, \
 and places, the left and upper border, width and height of each tile.
