@@ -2,12 +2,15 @@
 //!
 //! 1. *Candidates*: the nearest photos of each tile, one of each group of near-duplicates.
 //! 2. *Start*: under limits on numbers alone, the cheapest assignment if the problem fits; else greedy, the cheapest pair of
-//!    tile and photo first.
+//!    tile and photo first; if that leads into a dead end and the problem is small, by search (see the module `fill`).
 //! 3. *Improvement* (see the module `improve`): photos change, and tiles swap, as long as the energy falls.
 //!
-//! Guarantees: the rules hold; the same choice on any number of threads. Does not guarantee: the optimum under a repeat
-//! distance, which is a hard problem; how far the cost is from a lower bound is told.
+//! Guarantees: the rules hold; the same choice on any number of threads; of small problems (a few hundred tiles and a dozen
+//! photos, or the other way round) an answer if there is one, unless the search for it runs out of steps. Does not guarantee:
+//! the optimum under a repeat distance, which is a hard problem, as is to find any answer if photos hardly suffice; how far the
+//! cost is from a lower bound is told.
 
+use crate::fill::fill;
 use crate::improve;
 use crate::look::{Look, Weights};
 use crate::optimal::cheapest;
@@ -203,7 +206,7 @@ impl Problem<'_> {
     }
 
     /// All groups by their nearest photo, the nearest first.
-    fn everything(&self, tile: usize) -> Vec<Near> {
+    pub fn everything(&self, tile: usize) -> Vec<Near> {
         let index = self.index(tile);
         let all = index.nearest(&self.queries[tile], index.len());
         self.photos.one_of_each_group(all)
@@ -327,7 +330,14 @@ pub fn choose(
         if rules.use_all {
             use_each_once(&problem, &mut placement, progress)?;
         }
-        greedy(&mut problem, &mut placement, progress)?;
+        match greedy(&mut problem, &mut placement, progress) {
+            Err(error @ ChooseError::TooNear { .. }) => {
+                if !fill(&problem, &mut placement, progress)? {
+                    return Err(error);
+                }
+            }
+            done => done?,
+        }
     }
     let settled = counted && !spread && !unplaced && params.blend <= 0.0;
     let changes = if settled {

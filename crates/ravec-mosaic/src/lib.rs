@@ -50,6 +50,7 @@ mod choose;
 mod clean;
 mod eye;
 mod feature;
+mod fill;
 mod groups;
 mod improve;
 mod look;

@@ -92,7 +92,7 @@ proptest! {
             groups[count - 1] = 0;
         }
         let photos = Photos::new(&looks(count, seed + 1), groups, &params(0.0));
-        let rules = Rules { max_uses, min_repeat_distance: if spread { 1.4 } else { 0.0 }, use_all };
+        let rules = Rules { max_uses, min_repeat_distance: if spread { 1.3 + 0.2 * columns as f64 } else { 0.0 }, use_all };
         let best = brute_force(&tiles, &photos, &rules);
         match choose(&tiles, &photos, &rules, &params(0.0), &Progress::none()) {
             Ok(choice) => {
@@ -105,8 +105,6 @@ proptest! {
                     prop_assert!((choice.cost - best).abs() < 1e-9, "{} {best}", choice.cost);
                 }
             }
-            // greedy may miss a way under a repeat distance, but says so
-            Err(ChooseError::TooNear { .. }) => prop_assert!(spread),
             Err(_) => prop_assert_eq!(best, None),
         }
     }
