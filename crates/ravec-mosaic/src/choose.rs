@@ -56,7 +56,7 @@ impl Default for ChooseParams {
                 detail: 1.0,
             },
             features: None,
-            blend: 0.6,
+            blend: 0.3,
             candidates: 128,
             rounds: 8,
         }

@@ -21,7 +21,7 @@ const REACH: usize = 4;
 const SIGMAS: [f64; 2] = [std::f64::consts::SQRT_2, std::f64::consts::FRAC_1_SQRT_2];
 
 /// How much a blurred difference counts against that of a single tile, for each blur, at the strength 1.
-const WEIGHT: f64 = 16.0;
+const WEIGHT: f64 = 32.0;
 
 /// A tile on the grid of cells: where it begins, and how many cells a quarter of it has in each direction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

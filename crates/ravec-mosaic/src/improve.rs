@@ -28,12 +28,15 @@ pub(crate) fn improve(
 ) -> Result<usize, Cancelled> {
     let tiles = problem.tiles;
     let tiling = problem.tiling;
+    // cells of half a tile are too coarse for a blur by a quarter of a tile, and cost 0.3 dB
+    let cells = if tiling.units == 1 { 2 } else { 1 };
     let mut round = Round {
         problem,
+        cells,
         eye: Eye::new(
-            2 * tiling.columns,
-            2 * tiling.rows,
-            tiling.units,
+            2 * cells * tiling.columns,
+            2 * cells * tiling.rows,
+            cells * tiling.units,
             params.blend,
         ),
     };
@@ -60,6 +63,8 @@ pub(crate) fn improve(
 
 struct Round<'a> {
     problem: &'a Problem<'a>,
+    /// Cells along half a unit.
+    cells: usize,
     eye: Eye,
 }
 
@@ -67,7 +72,7 @@ impl Round<'_> {
     fn show(&mut self, tile: usize, photo: u32) {
         let tile = &self.problem.tiles[tile];
         let residual = residual(self.problem.photos.quarters(photo), &tile.look);
-        self.eye.put(tile.footprint(), &residual);
+        self.eye.put(tile.footprint(self.cells), &residual);
     }
 
     /// The part of the energy that depends on the photo of a tile.
@@ -80,7 +85,8 @@ impl Round<'_> {
     }
 
     fn lift(&mut self, tile: usize) -> Pull {
-        self.eye.lift(self.problem.tiles[tile].footprint())
+        self.eye
+            .lift(self.problem.tiles[tile].footprint(self.cells))
     }
 
     /// Gives a tile a better photo, if there is one.
@@ -172,8 +178,10 @@ impl Round<'_> {
         placement.put(tile, Some(current));
         placement.put(other, Some(taken));
         self.show(other, taken);
-        self.eye
-            .put(self.problem.tiles[tile].footprint(), &[[0.0; 3]; 4]);
+        self.eye.put(
+            self.problem.tiles[tile].footprint(self.cells),
+            &[[0.0; 3]; 4],
+        );
         false
     }
 }

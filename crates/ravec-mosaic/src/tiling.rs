@@ -25,11 +25,12 @@ pub struct Tile {
 }
 
 impl Tile {
-    pub(crate) fn footprint(&self) -> Footprint {
+    /// The cells of the tile, of which `cells` are half a unit.
+    pub(crate) fn footprint(&self, cells: usize) -> Footprint {
         Footprint {
-            col: 2 * self.col,
-            row: 2 * self.row,
-            quarter: self.side,
+            col: 2 * cells * self.col,
+            row: 2 * cells * self.row,
+            quarter: cells * self.side,
         }
     }
 }
