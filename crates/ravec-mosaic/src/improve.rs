@@ -79,9 +79,9 @@ impl Round<'_> {
     fn energy(&self, tile: usize, photo: u32, cost: f32, pull: &Pull) -> f32 {
         let look = &self.problem.tiles[tile].look;
         // tiles count by their area, in that of a tile of common size; and as the errors of larger ones are coarser and stay
-        // when one steps back, they count by that area again
+        // when one steps back, these count more, as in the choice of the tiles
         let side = self.problem.tiles[tile].side as f32 / self.problem.tiling.units as f32;
-        side.powi(4) * cost + pull.energy(&residual(self.problem.photos.quarters(photo), look))
+        side.powi(5) * cost + pull.energy(&residual(self.problem.photos.quarters(photo), look))
     }
 
     fn lift(&mut self, tile: usize) -> Pull {
