@@ -131,7 +131,14 @@ fn what_cannot_be_is_one_sentence_and_leaves_no_file() {
             &["proportions", "20 x 20", "--crop center"],
         ),
         (
-            &["--tiles", "9x9", "--tile-size", "20x15"],
+            &[
+                "--tiles",
+                "9x9",
+                "--tile-size",
+                "20x15",
+                "--min-repeat-distance",
+                "9",
+            ],
             1,
             &["too few photos (30 that differ)"],
         ),
@@ -144,6 +151,11 @@ fn what_cannot_be_is_one_sentence_and_leaves_no_file() {
             &["--tiles", "4x3", "--tile-size", "20x15", "--use-all"],
             1,
             &["cannot all be used in 12 tiles"],
+        ),
+        (
+            &["--tiles", "4x3", "--tile-size", "32x24", "--adaptive"],
+            2,
+            &["thirds of 32 x 24 pixels", "multiples of 3"],
         ),
         (
             &["--detail", "2"],

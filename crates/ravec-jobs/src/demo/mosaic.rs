@@ -14,7 +14,7 @@ use ravec::raster::{
 use ravec_scenes::Seed;
 
 /// How many photos are drawn.
-const PHOTOS: u64 = 1500;
+const PHOTOS: u64 = 1000;
 
 /// Side of a drawn photo, in pixels.
 const PHOTO_PX: usize = 32;
@@ -40,7 +40,7 @@ impl Demo<'_> {
              are larger where the picture is even and smaller where it is not, off any grid.",
         );
         let (width, height) = (self.size().width(), self.size().height());
-        let columns = (width / 16).clamp(1, 48);
+        let columns = (width / 20).clamp(1, 40);
         let rows = (columns * height / width).clamp(1, 96);
         let Ok(size) = Size::new(columns * TILE_PX, rows * TILE_PX) else {
             return Ok(());
