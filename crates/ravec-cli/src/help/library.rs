@@ -92,9 +92,9 @@ pub const MOSAIC: &str = concat!(
 Examples:
   ravec mosaic photo.jpg --catalogue photos.ravec -o mosaic.png --tiles 4x3 --crop center
   ravec mosaic photo.jpg --catalogue photos.ravec -o mosaic.jpg --tiles 3 --tile-size 32x24
-  ravec mosaic photo.jpg --catalogue photos.ravec --deep-zoom mosaic --tiles 4x3 --tile-size 256 --crop center
+  ravec mosaic photo.jpg --catalogue photos.ravec --deep-zoom zoom --tiles 4 --tile-size 256x192
   ravec mosaic photo.jpg --catalogue photos.ravec -o look.png --tiles 4x3 --crop center --preview
-  ravec mosaic photo.jpg --catalogue photos.ravec -o free.png --tiles 4x3 --tile-size 24 --crop center --adaptive --feature-degree 5
+  ravec mosaic photo.jpg --catalogue photos.ravec -o f.png --tiles 4 --tile-size 36x27 --adaptive
 
 Photos are scaled, and with --crop center cut to the proportions of a tile; they are never recolored or overlaid. Near-duplicates \
 count as one photo. The mosaic is written row by row and may be much larger than the memory; TIFF files beyond 4 GiB become BigTIFF.
