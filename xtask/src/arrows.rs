@@ -82,7 +82,7 @@ const CRATES: &[Crate] = &[
     Crate {
         name: "ravec-mosaic",
         layer: "systems",
-        uses: &["ravec-raster", "ravec-progress"],
+        uses: &["ravec-twocolor", "ravec-raster", "ravec-progress"],
     },
     Crate {
         name: "ravec-library",

@@ -269,8 +269,16 @@ pub enum Command {
         #[arg(long, value_name = "FILE")]
         catalogue: PathBuf,
         /// The mosaic to write, .png, .jpg or .tif
-        #[arg(short, long, value_name = "FILE")]
-        output: PathBuf,
+        #[arg(
+            short,
+            long,
+            value_name = "FILE",
+            required_unless_present = "deep_zoom"
+        )]
+        output: Option<PathBuf>,
+        /// A folder to make, with a page that zooms from the mosaic into its photos
+        #[arg(long, value_name = "DIR")]
+        deep_zoom: Option<PathBuf>,
         #[command(flatten)]
         params: mosaic::Params,
     },
@@ -397,14 +405,13 @@ impl Command {
                 .chain(origins.as_deref())
                 .chain(picture.as_deref())
                 .collect(),
-            Self::Snap { output, .. } | Self::Planes { output, .. } => {
-                output.as_deref().into_iter().collect()
-            }
+            Self::Snap { output, .. }
+            | Self::Planes { output, .. }
+            | Self::Mosaic { output, .. } => output.as_deref().into_iter().collect(),
             Self::Complete { output, steps, .. } => std::iter::once(output.as_path())
                 .chain(steps.as_deref())
                 .collect(),
             Self::Offset { output, .. }
-            | Self::Mosaic { output, .. }
             | Self::Match { output, .. }
             | Self::Rectify { output, .. } => vec![output],
             _ => Vec::new(),

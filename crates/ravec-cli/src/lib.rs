@@ -246,10 +246,17 @@ fn execute(
             input,
             catalogue,
             output,
+            deep_zoom,
             params,
-        } => job(&global, |progress| {
-            mosaic::run(&source(input), &catalogue, &output, &params, progress)
-        }),
+        } => {
+            let outputs = mosaic::Outputs {
+                picture: output.as_deref(),
+                deep_zoom: deep_zoom.as_deref(),
+            };
+            job(&global, |progress| {
+                mosaic::run(&source(input), &catalogue, &outputs, &params, progress)
+            })
+        }
         Command::Demo { image, out, params } => {
             let photo = image.map(source);
             job(&global, |progress| {

@@ -3,7 +3,7 @@
 use crate::error::JobError;
 use crate::files::{self, Source};
 use crate::report::{FileReport, Report};
-use ravec::mosaic::{ChooseParams, Crop, MAX_DEGREE, Rules, Weights};
+use ravec::mosaic::{ChooseParams, Crop, Features, MAX_DEGREE, Rules, Weights};
 use ravec::progress::Progress;
 use ravec::raster::Size;
 use ravec_library::{Catalogue, LibraryError, MosaicParams};
@@ -12,6 +12,8 @@ use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::path::Path;
 use std::str::FromStr;
+
+pub use ravec_library::Outputs;
 
 /// One number or two with an `x` between them, as in `80` or `80x60`; each 1 to 65535.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -113,13 +115,28 @@ pub struct Params {
     /// How much structure counts against color, 0 to 1; low for posters that are seen from afar
     #[cfg_attr(feature = "cli", arg(long, value_name = "SHARE", default_value_t = Self::default().detail))]
     pub detail: f64,
+    /// Compare tiles through which an edge runs up to this degree, 0 to 5 [default: like all others]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "DEGREE"))]
+    pub feature_degree: Option<usize>,
+    /// How much tiles with an edge count against others if they are compared in their own way, 0.1 to 10
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FACTOR", default_value_t = Self::default().feature_weight))]
+    pub feature_weight: f64,
+    /// Larger tiles where the picture is homogeneous and smaller ones where it is not, off the grid; at most as many
+    #[cfg_attr(feature = "cli", arg(long))]
+    pub adaptive: bool,
+    /// Seed of the tiles that are off the grid
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = Self::default().seed))]
+    pub seed: u64,
     /// How much neighbors make up for one another's errors, 0 to 1; 0 looks at each tile alone
     #[cfg_attr(feature = "cli", arg(long, value_name = "SHARE", default_value_t = Self::default().blend))]
     pub blend: f64,
     /// Rounds in which photos change and tiles swap, 0 to 100
     #[cfg_attr(feature = "cli", arg(long, value_name = "COUNT", default_value_t = Self::default().rounds))]
     pub rounds: usize,
-    /// Quality of a JPEG output, 1 to 100
+    /// A quick look: at most 1600 pixels a side, made of the small pictures in the catalogue
+    #[cfg_attr(feature = "cli", arg(long))]
+    pub preview: bool,
+    /// Quality of a JPEG output and of a page that zooms, 1 to 100
     #[cfg_attr(feature = "cli", arg(long, value_name = "PERCENT", default_value_t = Self::default().quality))]
     pub quality: u8,
 }
@@ -137,8 +154,13 @@ impl Default for Params {
             use_all: false,
             degree: choose.weights.degree,
             detail: choose.weights.detail,
+            feature_degree: None,
+            feature_weight: 1.0,
+            adaptive: false,
+            seed: 0,
             blend: choose.blend,
             rounds: choose.rounds,
+            preview: false,
             quality: 92,
         }
     }
@@ -147,33 +169,41 @@ impl Default for Params {
 /// Scaled photos that are kept for later rows, in bytes.
 const KEPT_BYTES: usize = 128 << 20;
 
+/// The longer side of a preview: what a screen shows at once.
+const PREVIEW_PX: usize = 1600;
+
 /// Makes a mosaic of a picture from the photos of a catalogue, each scaled and, if asked for, cropped, and nothing else.
 ///
-/// Figures: `columns`, `rows`, `photos` (that fit the tiles), `different` (of these, to the eye), `used`, `most_uses`,
+/// Figures: `columns`, `rows`, `tiles`, `features` (tiles with an edge, if compared in their own way), `photos` (that fit the tiles), `different` (of these, to the eye), `used`, `most_uses`,
 /// `nearest_repeat` (in tiles; infinite if no photo is there twice), `cost` (the sum over tiles of the mean squared
 /// difference in Oklab, weighted), `cost_bound` (below which no choice can be), `cost_gap_percent`, `changes` (of the
-/// improvement). The report's `result` has `photos`, the path of each tile's photo, row by row. Photos that are gone are
-/// warnings.
+/// improvement). The report's `result` has `photos`, the path of each tile's photo, and `places`, the left and upper border,
+/// width and height of each tile in pixels. Photos that are gone are warnings.
 ///
 /// # Errors
 /// [`JobError::Parameter`], [`JobError::Read`], [`JobError::Library`], [`JobError::Write`], [`JobError::Cancelled`].
 pub fn run(
     input: &Source,
     catalogue: &Path,
-    output: &Path,
+    outputs: &Outputs<'_>,
     params: &Params,
     progress: &Progress,
 ) -> Result<Report, JobError> {
     let made = checked(params)?;
-    let format = Format::from_extension(output);
-    if !matches!(format, Some(Format::Png | Format::Jpeg | Format::Tiff)) {
-        return Err(JobError::Parameter {
-            name: "--output",
-            value: output.display().to_string(),
-            range: "a file with the extension .png, .jpg, .jpeg, .tif or .tiff",
-        });
+    let format = outputs.picture.and_then(Format::from_extension);
+    if let Some(output) = outputs.picture {
+        if !matches!(format, Some(Format::Png | Format::Jpeg | Format::Tiff)) {
+            return Err(JobError::Parameter {
+                name: "--output",
+                value: output.display().to_string(),
+                range: "a file with the extension .png, .jpg, .jpeg, .tif or .tiff",
+            });
+        }
+        files::check_files(&[&input.path, catalogue], &[output])?;
     }
-    files::check_files(&[&input.path, catalogue], &[output])?;
+    if let Some(folder) = outputs.deep_zoom {
+        files::check_folder(folder)?;
+    }
     let catalogue = Catalogue::open(catalogue).map_err(JobError::from_library)?;
     let mut report = Report::new("mosaic", params);
     let picture = files::read(input, &mut report, progress)?;
@@ -181,7 +211,7 @@ pub fn run(
         ravec_library::mosaic(
             &catalogue,
             &picture.image,
-            output,
+            outputs,
             &made,
             &input.limits,
             progress,
@@ -191,14 +221,20 @@ pub fn run(
     for warning in &mosaic.warnings {
         report.warn(warning.clone());
     }
-    report.outputs.push(FileReport {
-        path: output.display().to_string(),
-        format: format.map_or(String::new(), |format| format.name().to_owned()),
-        width: Some(mosaic.size.width()),
-        height: Some(mosaic.size.height()),
-        pixels: Some("8 bit"),
-        ..FileReport::default()
-    });
+    let written = [
+        (outputs.picture, format.map_or("", Format::name)),
+        (outputs.deep_zoom, "Deep Zoom"),
+    ];
+    for (path, format) in written {
+        report.outputs.extend(path.map(|path| FileReport {
+            path: path.display().to_string(),
+            format: format.to_owned(),
+            width: Some(mosaic.size.width()),
+            height: Some(mosaic.size.height()),
+            pixels: Some("8 bit"),
+            ..FileReport::default()
+        }));
+    }
     let (cost, bound) = (mosaic.choice.cost, mosaic.choice.bound);
     let gap = if cost > bound {
         100.0 * (cost - bound) / bound
@@ -208,6 +244,8 @@ pub fn run(
     for (name, figure) in [
         ("columns", mosaic.tiles.0 as f64),
         ("rows", mosaic.tiles.1 as f64),
+        ("tiles", mosaic.photos.len() as f64),
+        ("features", mosaic.features as f64),
         ("photos", mosaic.fitting as f64),
         ("different", mosaic.different as f64),
         ("used", mosaic.used as f64),
@@ -228,7 +266,12 @@ pub fn run(
         .iter()
         .map(|path| path.to_string_lossy())
         .collect();
-    report.result = Some(json!({ "photos": photos }));
+    let places: Vec<_> = mosaic
+        .places
+        .iter()
+        .map(|place| [place.col, place.row, place.width, place.height])
+        .collect();
+    report.result = Some(json!({ "photos": photos, "places": places }));
     Ok(report)
 }
 
@@ -245,6 +288,13 @@ fn checked(params: &Params) -> Result<MosaicParams, JobError> {
     }
     if params.degree > MAX_DEGREE {
         return wrong("--degree", params.degree.to_string(), "0 to 5");
+    }
+    if let Some(degree) = params.feature_degree.filter(|&degree| degree > MAX_DEGREE) {
+        return wrong("--feature-degree", degree.to_string(), "0 to 5");
+    }
+    if !(0.1..=10.0).contains(&params.feature_weight) {
+        let value = params.feature_weight.to_string();
+        return wrong("--feature-weight", value, "0.1 to 10");
     }
     for (name, value) in [("--detail", params.detail), ("--blend", params.blend)] {
         if !(0.0..=1.0).contains(&value) {
@@ -282,12 +332,18 @@ fn checked(params: &Params) -> Result<MosaicParams, JobError> {
                 degree: params.degree,
                 detail: params.detail,
             },
+            features: params.feature_degree.map(|degree| Features {
+                degree,
+                weight: params.feature_weight,
+            }),
             blend: params.blend,
             rounds: params.rounds,
             ..ChooseParams::default()
         },
+        adaptive: params.adaptive.then_some(params.seed),
         quality: params.quality,
         kept_bytes: KEPT_BYTES,
+        preview_px: params.preview.then_some(PREVIEW_PX),
     })
 }
 
@@ -304,7 +360,7 @@ impl JobError {
     /// The exit code for what went wrong with a catalogue.
     pub(crate) fn library_code(cause: &LibraryError) -> u8 {
         match cause {
-            LibraryError::TooLarge { .. } => 2,
+            LibraryError::TooLarge { .. } | LibraryError::NoThirds { .. } => 2,
             LibraryError::Database { .. } => 4,
             LibraryError::Choose(_) => 1,
             LibraryError::Write(error) if matches!(error.cause, EncodeError::UnknownExtension) => 2,
@@ -354,6 +410,14 @@ mod tests {
             },
             Params {
                 min_repeat_distance: -1.0,
+                ..Params::default()
+            },
+            Params {
+                feature_degree: Some(6),
+                ..Params::default()
+            },
+            Params {
+                feature_weight: 0.0,
                 ..Params::default()
             },
             Params {

@@ -271,9 +271,13 @@ fn thumbnail(image: &Image<Srgb<u8>>) -> Image<Srgb<u8>> {
         return image.clone();
     };
     let light: Image<LinearRgb> = image.convert();
-    let steps = (ENCODED.len() - 1) as f32;
-    let encoded = |value: f32| ENCODED[(value.clamp(0.0, 1.0) * steps + 0.5) as usize];
     resize(&light, size, ResizeFilter::Box).map(|LinearRgb(light)| Srgb(light.map(encoded)))
+}
+
+/// The encoded value of linear light, within one step.
+pub(crate) fn encoded(light: f32) -> u8 {
+    let steps = (ENCODED.len() - 1) as f32;
+    ENCODED[(light.clamp(0.0, 1.0) * steps + 0.5) as usize]
 }
 
 /// Encoded values of linear light in steps of a 4096th: within one step of the exact ones, without their roots.

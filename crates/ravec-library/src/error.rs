@@ -95,6 +95,17 @@ pub enum LibraryError {
         /// Of a tile.
         height: usize,
     },
+    /// Thirds of tiles would not have whole pixels.
+    #[error(
+        "an adaptive mosaic has tiles of thirds of {width} x {height} pixels, which are not whole: choose a --tile-size of \
+         multiples of 3"
+    )]
+    NoThirds {
+        /// Of a tile.
+        width: usize,
+        /// Of a tile.
+        height: usize,
+    },
     /// Photos cannot be put into tiles under the rules.
     #[error(transparent)]
     Choose(ChooseError),

@@ -1,7 +1,7 @@
 //! Photos known by what they look like: a catalogue in one file, and mosaics made from it.
 //!
 //! [`add()`] looks at photos once and remembers a small picture of each; [`mosaic()`] chooses among them (see `ravec-mosaic`)
-//! and writes the mosaic row by row of tiles.
+//! and writes the mosaic row by row of tiles: as a picture, and as a folder with a page that zooms into its photos.
 //!
 //! ```
 //! use ravec_library::{Catalogue, add, stats};
@@ -27,17 +27,21 @@
 //! in a mosaic, each tile is the scaled photo bit for bit (in JPEG, as far as its compression lets it). Does not guarantee:
 //! that files which changed without a change of size and time are noticed.
 //!
-//! Memory: of a mosaic, a row of tiles, the photos that are being scaled, and those that are kept for later rows; of the
-//! catalogue, 3 KB a photo.
+//! Memory: of a mosaic, a row of tiles, the photos that are being scaled, and those that are kept for later rows; for a page
+//! that zooms, 512 rows of pixels more; of the catalogue, 3 KB a photo.
 
 mod add;
 mod catalogue;
+mod deep_zoom;
 mod error;
+mod layout;
 mod manage;
 mod mosaic;
+mod painter;
+mod pyramid;
 
 pub use add::{Added, add};
 pub use catalogue::{Catalogue, Entry};
 pub use error::LibraryError;
 pub use manage::{Dropped, Stats, clean, remove, stats};
-pub use mosaic::{Mosaic, MosaicParams, mosaic};
+pub use mosaic::{Mosaic, MosaicParams, Outputs, mosaic};

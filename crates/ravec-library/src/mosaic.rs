@@ -3,23 +3,23 @@
 //! Looks come from the small pictures in the catalogue; only the photos that were chosen are decoded, at full size, and scaled
 //! once. The mosaic is made one row of tiles at a time.
 
-use crate::add::{modified, opaque};
+use crate::add::modified;
 use crate::catalogue::{Catalogue, Entry};
+use crate::deep_zoom::DeepZoom;
 use crate::error::LibraryError;
-use ravec_media::{Limits, RowsError, read, write_rows};
+use crate::layout::Layout;
+use crate::painter::{Candidate, Painter, Source, Unpainted};
+use ravec_media::{Limits, RowsError, write_rows};
 use ravec_mosaic::{
-    Choice, ChooseParams, Crop, Frame, Look, MAX_DEGREE, NEAR_DUPLICATE, Photos, Rules, Tile,
-    choose, grid_tiles, near_duplicates, scaled_photo,
+    Choice, ChooseParams, Crop, Frame, Look, MAX_DEGREE, NEAR_DUPLICATE, Photos, Rules, Tiling,
+    choose, near_duplicates,
 };
 use ravec_progress::{Cancelled, Progress};
-use ravec_raster::{
-    AnyImage, Image, LinearRgb, Oklab, PremulLinearRgba, ResizeFilter, Size, Srgb, resize,
-};
+use ravec_raster::{AnyImage, Image, Oklab, Rect, Size, Srgb};
 use rayon::prelude::*;
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 /// How a mosaic is made.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,21 +36,30 @@ pub struct MosaicParams {
     pub rules: Rules,
     /// How photos are compared.
     pub choose: ChooseParams,
+    /// Tiles of several sizes, off the grid, at most as many as there would be on it, with this seed; none for the grid.
+    pub adaptive: Option<u64>,
     /// Quality of JPEG, 1 to 100.
     pub quality: u8,
     /// Bytes of scaled photos that are kept for later rows.
     pub kept_bytes: usize,
+    /// For a quick look: the mosaic has at most so many pixels on its longer side, and is made of the small pictures in the
+    /// catalogue; none for the mosaic itself.
+    pub preview_px: Option<usize>,
 }
 
 /// A mosaic that was written.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mosaic {
-    /// Tiles in a row, and rows.
+    /// Tiles in a row, and rows, of a grid.
     pub tiles: (usize, usize),
+    /// Tiles through which an edge runs, if these are compared in their own way.
+    pub features: usize,
     /// Pixels of the mosaic.
     pub size: Size,
-    /// The photo of each tile, row by row.
+    /// The photo of each tile, by the upper borders of tiles and then the left ones.
     pub photos: Vec<PathBuf>,
+    /// Where each tile is, in pixels.
+    pub places: Vec<Rect>,
     /// The choice; its numbers are of [`used`](Self::used).
     pub choice: Choice,
     /// Photos in the catalogue that fit the tiles.
@@ -67,26 +76,172 @@ pub struct Mosaic {
     pub warnings: Vec<String>,
 }
 
-/// Pixels of the picture in a tile beyond which more say nothing about its look.
-const PICTURE_PX: usize = 16;
+/// Where a mosaic goes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Outputs<'a> {
+    /// A picture: PNG, JPEG or TIFF.
+    pub picture: Option<&'a Path>,
+    /// A folder with a page that zooms from the mosaic into its photos.
+    pub deep_zoom: Option<&'a Path>,
+}
 
-/// Makes a mosaic of `picture` from the photos of a catalogue, and writes it to `output` as PNG, JPEG or TIFF.
+/// Makes a mosaic of `picture` from the photos of a catalogue, and writes it to `outputs`.
 ///
 /// Photos that cannot be read any more are replaced by the next best.
 ///
 /// # Errors
-/// [`LibraryError`]; the output is then as it was.
+/// [`LibraryError`]; the outputs are then as they were.
 pub fn mosaic(
     catalogue: &Catalogue,
     picture: &AnyImage,
-    output: &Path,
+    outputs: &Outputs<'_>,
     params: &MosaicParams,
     limits: &Limits,
     progress: &Progress,
 ) -> Result<Mosaic, LibraryError> {
     let layout = Layout::new(picture.size(), params)?;
     let mut warnings = layout.warning(picture.size());
-    let entries = there(catalogue, &mut warnings)?;
+    let mut photos = candidates(catalogue, params, &mut warnings)?;
+    let (picture, frame) = layout.reduced(picture);
+    let phase = progress.phase("photos", photos.len() as u64);
+    let mut looks: Vec<Look> = photos
+        .par_iter()
+        .map(|photo| {
+            progress.check()?;
+            phase.advance(1);
+            Ok(look(photo))
+        })
+        .collect::<Result<_, Cancelled>>()?;
+    if params.preview_px.is_none() {
+        // what is wanted of the small pictures is in the looks
+        for photo in &mut photos {
+            photo.entry.thumbnail = None;
+        }
+    }
+    let mut tiling = None;
+    loop {
+        let groups = near_duplicates(&looks, NEAR_DUPLICATE, progress)?;
+        let library = Photos::new(&looks, groups.clone(), &params.choose);
+        // the tiles stay when photos are replaced
+        let tiling = match &mut tiling {
+            Some(tiling) => &*tiling,
+            none => none.insert(layout.tiles(&picture, frame, &library, params, progress)?),
+        };
+        let choice = choose(tiling, &library, &params.rules, &params.choose, progress)?;
+        let places: Vec<(u32, Rect)> = tiling
+            .tiles
+            .iter()
+            .zip(&choice.photos)
+            .map(|(tile, &photo)| (photo, layout.place(tiling, tile)))
+            .collect();
+        let source = if params.preview_px.is_some() {
+            Source::Thumbnails
+        } else {
+            Source::Photos(params.crop, limits)
+        };
+        let painter = Painter::new(
+            &photos,
+            &places,
+            layout.size,
+            layout.strip_px(),
+            source,
+            params.kept_bytes,
+            progress,
+        );
+        let broken = match write(
+            outputs, &layout, &places, &photos, painter, params, progress,
+        ) {
+            Ok(()) => {
+                return Ok(described(
+                    &layout,
+                    &photos,
+                    &groups,
+                    library.different(),
+                    choice,
+                    tiling,
+                    &places,
+                    warnings,
+                ));
+            }
+            Err(Unpainted::Write(error)) => return Err(LibraryError::Write(error)),
+            Err(Unpainted::Cancelled(cancelled)) => return Err(cancelled.into()),
+            Err(Unpainted::Photos(broken)) => broken,
+        };
+        let gone: HashSet<u32> = broken.iter().map(|(photo, _)| *photo).collect();
+        warnings.extend(broken.into_iter().map(|(photo, reason)| {
+            format!(
+                "{}: {reason}; others took its place",
+                photos[photo as usize].entry.path.display()
+            )
+        }));
+        let stays: Vec<bool> = (0..photos.len() as u32)
+            .map(|photo| !gone.contains(&photo))
+            .collect();
+        let (mut of_photos, mut of_looks) = (stays.iter(), stays.iter());
+        photos.retain(|_| of_photos.next() == Some(&true));
+        looks.retain(|_| of_looks.next() == Some(&true));
+        if photos.is_empty() {
+            return Err(LibraryError::Empty {
+                path: catalogue.path().into(),
+            });
+        }
+    }
+}
+
+/// Paints the mosaic into all outputs at once.
+fn write(
+    outputs: &Outputs<'_>,
+    layout: &Layout,
+    places: &[(u32, Rect)],
+    photos: &[Candidate],
+    mut painter: Painter<'_>,
+    params: &MosaicParams,
+    progress: &Progress,
+) -> Result<(), Unpainted> {
+    let (size, strip_px) = (layout.size, layout.strip_px());
+    let phase = progress.phase("write", size.height().div_ceil(strip_px) as u64);
+    let mut zoom = match outputs.deep_zoom {
+        Some(folder) => Some(DeepZoom::new(folder, size, params.quality)?),
+        None => None,
+    };
+    let mut fill = |rows: Range<usize>, pixels: &mut [Srgb<u8>]| {
+        painter.rows(&rows, pixels)?;
+        if let Some(zoom) = &mut zoom {
+            zoom.push(pixels, progress)?;
+        }
+        phase.advance(1);
+        Ok::<(), Unpainted>(())
+    };
+    if let Some(path) = outputs.picture {
+        write_rows(path, size, params.quality, strip_px, fill).map_err(|error| match error {
+            RowsError::Write(error) => Unpainted::Write(error),
+            RowsError::Fill(unpainted) => unpainted,
+        })?;
+    } else {
+        let mut strip = vec![Srgb([0; 3]); strip_px * size.width()];
+        for first in (0..size.height()).step_by(strip_px) {
+            let rows = first..(first + strip_px).min(size.height());
+            let pixels = rows.len() * size.width();
+            fill(rows, &mut strip[..pixels])?;
+        }
+    }
+    if let Some(zoom) = zoom {
+        let named = places.iter().map(|&(photo, place)| {
+            let path = &photos[photo as usize].entry.path;
+            (path.as_path(), place)
+        });
+        zoom.finish(named)?;
+    }
+    Ok(())
+}
+
+/// The photos that fit the tiles.
+fn candidates(
+    catalogue: &Catalogue,
+    params: &MosaicParams,
+    warnings: &mut Vec<String>,
+) -> Result<Vec<Candidate>, LibraryError> {
+    let entries = there(catalogue, warnings)?;
     if entries.is_empty() {
         return Err(LibraryError::Empty {
             path: catalogue.path().into(),
@@ -94,12 +249,12 @@ pub fn mosaic(
     }
     let total = entries.len();
     let aspect = params.tile.width() as f64 / params.tile.height() as f64;
-    let fitting: Vec<(Entry, Frame)> = entries
+    let fitting: Vec<Candidate> = entries
         .into_iter()
         .filter_map(|entry| {
-            let frame = Size::new(entry.width, entry.height).ok();
-            let frame = frame.and_then(|size| params.crop.frame(size, aspect))?;
-            Some((entry, frame))
+            let size = Size::new(entry.width, entry.height).ok()?;
+            let frame = params.crop.frame(size, aspect)?;
+            Some(Candidate { entry, frame })
         })
         .collect();
     if fitting.is_empty() {
@@ -109,82 +264,7 @@ pub fn mosaic(
             height: params.tile.height(),
         });
     }
-    let tiles = layout.tiles(picture, params.choose.weights.degree, progress)?;
-    let phase = progress.phase("photos", fitting.len() as u64);
-    let looks: Vec<Look> = fitting
-        .par_iter()
-        .map(|(entry, frame)| {
-            progress.check()?;
-            phase.advance(1);
-            Ok(look(entry, *frame))
-        })
-        .collect::<Result<_, Cancelled>>()?;
-    let mut photos: Vec<(PathBuf, Look)> = fitting
-        .into_iter()
-        .map(|(entry, _)| entry.path)
-        .zip(looks)
-        .collect();
-    loop {
-        let (paths, looks): (Vec<PathBuf>, Vec<Look>) = photos.iter().cloned().unzip();
-        let groups = near_duplicates(&looks, NEAR_DUPLICATE, progress)?;
-        let library = Photos::new(&looks, groups.clone(), params.choose.weights);
-        let choice = choose(&tiles, &library, &params.rules, &params.choose, progress)?;
-        let mut painter = Painter {
-            paths: &paths,
-            choice: &choice,
-            columns: layout.columns,
-            params,
-            limits,
-            progress,
-            kept: HashMap::new(),
-            kept_bytes: 0,
-            left: uses(&choice),
-        };
-        let size = layout.size;
-        let phase = progress.phase("write", layout.rows as u64);
-        let written = write_rows(
-            output,
-            size,
-            params.quality,
-            params.tile.height(),
-            |rows, pixels| {
-                painter.rows(&rows, pixels)?;
-                phase.advance(1);
-                Ok(())
-            },
-        );
-        match written {
-            Ok(()) => {
-                return Ok(described(
-                    &layout,
-                    &paths,
-                    &groups,
-                    library.different(),
-                    choice,
-                    &tiles,
-                    warnings,
-                ));
-            }
-            Err(RowsError::Write(error)) => return Err(LibraryError::Write(error)),
-            Err(RowsError::Fill(Unpainted::Cancelled(cancelled))) => return Err(cancelled.into()),
-            Err(RowsError::Fill(Unpainted::Photos(broken))) => {
-                let gone: HashSet<u32> = broken.iter().map(|(photo, _)| *photo).collect();
-                warnings.extend(broken.into_iter().map(|(photo, reason)| {
-                    format!(
-                        "{}: {reason}; others took its place",
-                        paths[photo as usize].display()
-                    )
-                }));
-                let mut number = 0..;
-                photos.retain(|_| number.next().is_none_or(|number| !gone.contains(&number)));
-                if photos.is_empty() {
-                    return Err(LibraryError::Empty {
-                        path: catalogue.path().into(),
-                    });
-                }
-            }
-        }
-    }
+    Ok(fitting)
 }
 
 /// The photos whose files are as they were when they were added.
@@ -210,7 +290,7 @@ fn there(catalogue: &Catalogue, warnings: &mut Vec<String>) -> Result<Vec<Entry>
 }
 
 /// What the part of a photo that a tile shows looks like.
-fn look(entry: &Entry, frame: Frame) -> Look {
+fn look(Candidate { entry, frame }: &Candidate) -> Look {
     let Some(small) = &entry.thumbnail else {
         // only photos with a small picture come here
         return Look {
@@ -232,31 +312,25 @@ fn look(entry: &Entry, frame: Frame) -> Look {
     Look::of(&image, frame, MAX_DEGREE)
 }
 
-fn uses(choice: &Choice) -> HashMap<u32, usize> {
-    let mut uses = HashMap::new();
-    for &photo in &choice.photos {
-        *uses.entry(photo).or_default() += 1;
-    }
-    uses
-}
-
+#[expect(clippy::too_many_arguments, reason = "what a mosaic is told by")]
 fn described(
     layout: &Layout,
-    paths: &[PathBuf],
+    photos: &[Candidate],
     groups: &[u32],
     different: usize,
     choice: Choice,
-    tiles: &[Tile],
+    tiling: &Tiling,
+    places: &[(u32, Rect)],
     warnings: Vec<String>,
 ) -> Mosaic {
-    let mut places: HashMap<u32, Vec<[f64; 2]>> = HashMap::new();
-    for (tile, &photo) in tiles.iter().zip(&choice.photos) {
-        places
+    let mut centers: HashMap<u32, Vec<[f64; 2]>> = HashMap::new();
+    for (center, &photo) in tiling.centers().into_iter().zip(&choice.photos) {
+        centers
             .entry(groups[photo as usize])
             .or_default()
-            .push(tile.center());
+            .push(center);
     }
-    let nearest_sq = places
+    let nearest_sq = centers
         .values()
         .flat_map(|places| {
             places.iter().enumerate().flat_map(move |(at, a)| {
@@ -268,215 +342,21 @@ fn described(
         .min_by(f64::total_cmp);
     Mosaic {
         tiles: (layout.columns, layout.rows),
+        features: tiling.tiles.iter().filter(|tile| tile.feature).count(),
         size: layout.size,
         photos: choice
             .photos
             .iter()
-            .map(|&photo| paths[photo as usize].clone())
+            .map(|&photo| photos[photo as usize].entry.path.clone())
             .collect(),
-        fitting: paths.len(),
+        places: places.iter().map(|&(_, place)| place).collect(),
+        fitting: photos.len(),
         different,
-        used: places.len(),
-        most_uses: places.values().map(Vec::len).max().unwrap_or(0),
-        nearest_repeat: nearest_sq.map(f64::sqrt),
+        used: centers.len(),
+        most_uses: centers.values().map(Vec::len).max().unwrap_or(0),
+        // thirds of tiles are not exact
+        nearest_repeat: nearest_sq.map(|sq| (1e9 * sq.sqrt()).round() / 1e9),
         choice,
         warnings,
-    }
-}
-
-/// Where the tiles are on the picture and in the mosaic.
-struct Layout {
-    columns: usize,
-    rows: usize,
-    size: Size,
-    /// The part of the picture that is shown.
-    frame: Frame,
-}
-
-impl Layout {
-    fn new(picture: Size, params: &MosaicParams) -> Result<Self, LibraryError> {
-        let (width, height) = (picture.width() as f64, picture.height() as f64);
-        let tile = params.tile;
-        let columns = params.columns;
-        let rows = params.rows.unwrap_or_else(|| {
-            let side = width / columns as f64 * tile.height() as f64 / tile.width() as f64;
-            ((height / side).round() as usize).max(1)
-        });
-        let size = columns
-            .checked_mul(tile.width())
-            .zip(rows.checked_mul(tile.height()))
-            .and_then(|(width, height)| Size::new(width, height).ok());
-        let size = size.ok_or(LibraryError::TooLarge {
-            columns,
-            rows,
-            width: tile.width(),
-            height: tile.height(),
-        })?;
-        if picture.width() < columns || picture.height() < rows {
-            return Err(LibraryError::PictureTooSmall {
-                width: picture.width(),
-                height: picture.height(),
-                columns,
-                rows,
-            });
-        }
-        let aspect = size.width() as f64 / size.height() as f64;
-        Ok(Self {
-            columns,
-            rows,
-            size,
-            frame: Frame::centered(width, height, aspect),
-        })
-    }
-
-    /// How much of the picture is not in the mosaic, if that is more than a hundredth.
-    fn warning(&self, picture: Size) -> Vec<String> {
-        let shown = self.frame.width * self.frame.height / picture.pixels() as f64;
-        let lost = 100.0 * (1.0 - shown);
-        if lost <= 1.0 {
-            return Vec::new();
-        }
-        vec![format!(
-            "the picture has other proportions than the mosaic; {lost:.0} % at its borders are not shown"
-        )]
-    }
-
-    fn tiles(
-        &self,
-        picture: &AnyImage,
-        degree: usize,
-        progress: &Progress,
-    ) -> Result<Vec<Tile>, Cancelled> {
-        let reduce = |length: f64, tiles: usize| (PICTURE_PX * tiles) as f64 / length;
-        let factor =
-            reduce(self.frame.width, self.columns).max(reduce(self.frame.height, self.rows));
-        // transparent parts are seen on white
-        let opaque: Image<LinearRgb> = if picture.has_alpha() {
-            let on_white = |PremulLinearRgba([r, g, b, alpha]): PremulLinearRgba| {
-                LinearRgb([r, g, b].map(|value| value + 1.0 - alpha))
-            };
-            picture.convert::<PremulLinearRgba>().map(on_white)
-        } else {
-            picture.convert()
-        };
-        let side = |pixels: usize| ((pixels as f64 * factor).ceil() as usize).max(1);
-        let small = if factor < 1.0 {
-            Size::new(side(opaque.width()), side(opaque.height())).ok()
-        } else {
-            None
-        };
-        let (image, x, y) = match small {
-            Some(size) => (
-                resize(&opaque, size, ResizeFilter::Box),
-                size.width() as f64 / opaque.width() as f64,
-                size.height() as f64 / opaque.height() as f64,
-            ),
-            None => (opaque, 1.0, 1.0),
-        };
-        let frame = Frame {
-            left: self.frame.left * x,
-            top: self.frame.top * y,
-            width: self.frame.width * x,
-            height: self.frame.height * y,
-        };
-        let image: Image<Oklab> = image.convert();
-        grid_tiles(&image, frame, self.columns, self.rows, degree, progress)
-    }
-}
-
-/// Why rows could not be painted.
-enum Unpainted {
-    Cancelled(Cancelled),
-    /// Photos that cannot be read, and why.
-    Photos(Vec<(u32, String)>),
-}
-
-impl From<Cancelled> for Unpainted {
-    fn from(cancelled: Cancelled) -> Self {
-        Self::Cancelled(cancelled)
-    }
-}
-
-/// A photo as it stands in a tile, or why there is none.
-type Scaled = Result<Image<Srgb<u8>>, String>;
-
-struct Painter<'a> {
-    paths: &'a [PathBuf],
-    choice: &'a Choice,
-    columns: usize,
-    params: &'a MosaicParams,
-    limits: &'a Limits,
-    progress: &'a Progress,
-    /// Scaled photos that are wanted again.
-    kept: HashMap<u32, Arc<Image<Srgb<u8>>>>,
-    kept_bytes: usize,
-    /// Uses of each photo that are still to come.
-    left: HashMap<u32, usize>,
-}
-
-impl Painter<'_> {
-    /// Paints a row of tiles.
-    fn rows(&mut self, rows: &Range<usize>, pixels: &mut [Srgb<u8>]) -> Result<(), Unpainted> {
-        let tile = self.params.tile;
-        let first = rows.start / tile.height() * self.columns;
-        let wanted = &self.choice.photos[first..first + self.columns];
-        let mut missing: Vec<u32> = wanted.to_vec();
-        missing.retain(|photo| !self.kept.contains_key(photo));
-        missing.sort_unstable();
-        missing.dedup();
-        let scaled: Vec<(u32, Scaled)> = missing
-            .par_iter()
-            .map(|&photo| {
-                self.progress.check()?;
-                Ok((photo, self.scaled(photo)))
-            })
-            .collect::<Result<_, Cancelled>>()?;
-        let mut here = HashMap::new();
-        let mut broken = Vec::new();
-        for (photo, result) in scaled {
-            match result {
-                Ok(image) => drop(here.insert(photo, Arc::new(image))),
-                Err(reason) => broken.push((photo, reason)),
-            }
-        }
-        if !broken.is_empty() {
-            return Err(Unpainted::Photos(broken));
-        }
-        let width = self.columns * tile.width();
-        for (col, photo) in wanted.iter().enumerate() {
-            let Some(image) = here.get(photo).or_else(|| self.kept.get(photo)) else {
-                continue;
-            };
-            for (line, row) in pixels.chunks_exact_mut(width).zip(image.rows()) {
-                line[col * tile.width()..][..tile.width()].copy_from_slice(row);
-            }
-        }
-        for photo in wanted {
-            if let Some(left) = self.left.get_mut(photo) {
-                *left -= 1;
-            }
-        }
-        let bytes = 3 * tile.pixels();
-        for photo in wanted {
-            let again = self.left.get(photo).is_some_and(|&left| left > 0);
-            if !again && self.kept.remove(photo).is_some() {
-                self.kept_bytes -= bytes;
-            }
-            if again
-                && self.kept_bytes + bytes <= self.params.kept_bytes
-                && let Some(image) = here.get(photo)
-                && self.kept.insert(*photo, Arc::clone(image)).is_none()
-            {
-                self.kept_bytes += bytes;
-            }
-        }
-        Ok(())
-    }
-
-    fn scaled(&self, photo: u32) -> Scaled {
-        let picture = read(&self.paths[photo as usize], self.limits)
-            .map_err(|error| error.cause.to_string())?;
-        scaled_photo(&opaque(&picture), self.params.tile, self.params.crop)
-            .ok_or_else(|| "has other proportions than when it was added".to_owned())
     }
 }

@@ -1,6 +1,8 @@
 //! Catalogues and mosaics of drawn photos, in temporary folders.
 
-use ravec_library::{Catalogue, LibraryError, MosaicParams, add, clean, mosaic, remove, stats};
+use ravec_library::{
+    Catalogue, LibraryError, MosaicParams, Outputs, add, clean, mosaic, remove, stats,
+};
 use ravec_media::{Limits, Picture, WriteOptions, read, write};
 use ravec_mosaic::{ChooseParams, Crop, Rules, scaled_photo, violations};
 use ravec_progress::Progress;
@@ -60,6 +62,8 @@ fn params(columns: usize, rows: usize, tile: (usize, usize), crop: Crop) -> Mosa
         choose: ChooseParams::default(),
         quality: 92,
         kept_bytes: 1 << 16,
+        adaptive: None,
+        preview_px: None,
     }
 }
 
@@ -73,10 +77,14 @@ fn make(
     output: &Path,
     params: &MosaicParams,
 ) -> Result<ravec_library::Mosaic, LibraryError> {
+    let outputs = Outputs {
+        picture: Some(output),
+        deep_zoom: None,
+    };
     mosaic(
         catalogue,
         picture,
-        output,
+        &outputs,
         params,
         &Limits::default(),
         &Progress::none(),
@@ -122,6 +130,44 @@ fn every_tile_is_the_scaled_photo_bit_for_bit() {
             [""; 0]
         );
     }
+}
+
+#[test]
+fn tiles_off_the_grid_are_scaled_photos_too_and_cover_the_mosaic() {
+    let (folder, catalogue) = studio(80);
+    for (name, tile, crop) in [
+        ("a.png", (24, 18), Crop::Never),
+        ("b.png", (21, 21), Crop::Center),
+    ] {
+        let output = folder.path().join(name);
+        let params = MosaicParams {
+            adaptive: Some(3),
+            ..params(12, 9, tile, crop)
+        };
+        let made = make(&catalogue, &picture(), &output, &params).unwrap();
+        let written = read(&output, &Limits::default())
+            .unwrap()
+            .convert::<Srgb<u8>>();
+        let mut covered = 0;
+        for (path, place) in made.photos.iter().zip(&made.places) {
+            let photo = read(path, &Limits::default())
+                .unwrap()
+                .convert::<Srgb<u8>>();
+            let size = place.size().unwrap();
+            let tile = written.crop(place.col, place.row, size).unwrap();
+            assert_eq!(Some(tile), scaled_photo(&photo, size, crop), "{place:?}");
+            covered += place.pixels();
+        }
+        assert_eq!(covered, made.size.pixels());
+        assert!(made.photos.len() <= 108 && made.nearest_repeat.is_none_or(|far| far >= 2.0));
+        assert!(made.places.iter().any(|place| place.col % tile.0 != 0));
+    }
+    let odd = MosaicParams {
+        adaptive: Some(0),
+        ..params(4, 3, (20, 20), Crop::Center)
+    };
+    let error = make(&catalogue, &picture(), &folder.path().join("c.png"), &odd);
+    assert!(error.unwrap_err().to_string().contains("multiples of 3"));
 }
 
 #[test]

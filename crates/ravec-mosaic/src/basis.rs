@@ -26,11 +26,13 @@ impl Axis {
         })
     }
 
-    /// The means of the two halves of the side.
-    pub fn halves(begin: f64, end: f64, pixels: usize) -> Self {
-        Self::integrated(begin, end, pixels, 2, |t, into| {
-            into[0] = 2.0 * t.min(0.0);
-            into[1] = 2.0 * t.max(0.0);
+    /// The means of `count` equal parts of the side.
+    pub fn parts(begin: f64, end: f64, pixels: usize, count: usize) -> Self {
+        let border = |part: usize| 2.0 * part as f64 / count as f64 - 1.0;
+        Self::integrated(begin, end, pixels, count, |t, into| {
+            for (part, into) in into.iter_mut().enumerate() {
+                *into = count as f64 * t.clamp(border(part), border(part + 1));
+            }
         })
     }
 
@@ -127,7 +129,7 @@ mod tests {
 
     #[test]
     fn halves_share_the_pixel_in_the_middle() {
-        let axis = Axis::halves(0.0, 3.0, 3);
+        let axis = Axis::parts(0.0, 3.0, 3, 2);
         let weights: Vec<f32> = axis.pixels().flatten().copied().collect();
         let third = 1.0 / 3.0;
         for (found, truth) in weights

@@ -2,50 +2,34 @@
 //!
 //! 1. *Candidates*: the nearest photos of each tile, one of each group of near-duplicates.
 //! 2. *Start*: under limits on numbers alone, the cheapest assignment if the problem fits; else greedy, the cheapest pair of
-//!    tile and photo first.
+//!    tile and photo first; if that leads into a dead end and the problem is small, by search (see the module `fill`).
 //! 3. *Improvement* (see the module `improve`): photos change, and tiles swap, as long as the energy falls.
 //!
-//! Guarantees: the rules hold; the same choice on any number of threads. Does not guarantee: the optimum under a repeat
-//! distance, which is a hard problem; how far the cost is from a lower bound is told.
+//! Guarantees: the rules hold; the same choice on any number of threads; of small problems (a few hundred tiles and a dozen
+//! photos, or the other way round) an answer if there is one, unless the search for it runs out of steps. Does not guarantee:
+//! the optimum under a repeat distance, which is a hard problem, as is to find any answer if photos hardly suffice; how far the
+//! cost is from a lower bound is told.
 
-use crate::eye::Footprint;
+use crate::fill::fill;
 use crate::improve;
 use crate::look::{Look, Weights};
 use crate::optimal::cheapest;
 use crate::rules::{ChooseError, Placement, Rules};
 use crate::search::{Near, PhotoIndex};
+use crate::tiling::{Tile, Tiling};
 use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
-/// A tile that wants a photo.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Tile {
-    /// What the picture looks like there.
-    pub look: Look,
-    /// The left upper corner, in half tile sides of the grid.
-    pub col: usize,
-    /// See `col`.
-    pub row: usize,
-    /// The extent in tile sides of the grid, at least 1.
-    pub sides: usize,
-}
-
-impl Tile {
-    /// The center, in tile sides of the grid.
-    pub fn center(&self) -> [f64; 2] {
-        let half = self.sides as f64 / 2.0;
-        [self.col as f64 / 2.0 + half, self.row as f64 / 2.0 + half]
-    }
-
-    pub(crate) fn footprint(&self) -> Footprint {
-        Footprint {
-            col: self.col,
-            row: self.row,
-            quarter: self.sides,
-        }
-    }
+/// How tiles through which an edge runs are compared.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Features {
+    /// The highest total degree that counts, 0 to [`MAX_DEGREE`](crate::MAX_DEGREE); all degrees count as much as color.
+    pub degree: usize,
+    /// How much such a tile counts against others, above 0. More keeps its structure where neighbors make up for one another,
+    /// and gives it the photos that others want as well.
+    pub weight: f64,
 }
 
 /// How photos are compared and chosen.
@@ -53,6 +37,8 @@ impl Tile {
 pub struct ChooseParams {
     /// How much each degree counts.
     pub weights: Weights,
+    /// How tiles with an edge are compared; none for as all others.
+    pub features: Option<Features>,
     /// How much neighboring tiles make up for one another when seen from afar, 0 to 1. More is nearer to the picture from a
     /// distance, and less near in each single tile.
     pub blend: f64,
@@ -69,7 +55,8 @@ impl Default for ChooseParams {
                 degree: 3,
                 detail: 1.0,
             },
-            blend: 0.6,
+            features: None,
+            blend: 0.3,
             candidates: 128,
             rounds: 8,
         }
@@ -79,29 +66,86 @@ impl Default for ChooseParams {
 /// Photos to choose from.
 #[derive(Debug, Clone)]
 pub struct Photos {
-    index: PhotoIndex,
-    weights: Weights,
+    /// For tiles without an edge, and for those with one if they are compared in another way.
+    classes: Vec<Class>,
     quarters: Vec<[[f32; 3]; 4]>,
     groups: Vec<u32>,
     different: usize,
 }
 
+/// Photos as tiles of one kind see them.
+#[derive(Debug, Clone)]
+pub(crate) struct Class {
+    weights: Weights,
+    /// On the coefficients: the square root of the weight of the tile.
+    factor: f32,
+    pub index: PhotoIndex,
+}
+
+impl Class {
+    fn new(looks: &[Look], weights: Weights, weight: f64) -> Self {
+        let mut class = Self {
+            weights,
+            factor: weight.sqrt() as f32,
+            index: PhotoIndex::new(&[], 1),
+        };
+        let vectors: Vec<f32> = looks.iter().flat_map(|look| class.vector(look)).collect();
+        let dimensions = (vectors.len() / looks.len().max(1)).max(1);
+        class.index = PhotoIndex::new(&vectors, dimensions);
+        class
+    }
+
+    pub fn vector(&self, look: &Look) -> Vec<f32> {
+        let mut vector = self.weights.vector(look);
+        for value in &mut vector {
+            *value *= self.factor;
+        }
+        vector
+    }
+}
+
 impl Photos {
-    /// Photos by their looks, with the group of near-duplicates of each, from 0 without gaps.
+    /// Photos by their looks, with the group of near-duplicates of each, from 0 without gaps. Of `params`, the weights and the
+    /// features matter.
     ///
     /// # Panics
     /// If there are not as many groups as looks.
-    pub fn new(looks: &[Look], groups: Vec<u32>, weights: Weights) -> Self {
+    pub fn new(looks: &[Look], groups: Vec<u32>, params: &ChooseParams) -> Self {
         assert_eq!(looks.len(), groups.len(), "each photo has a group");
-        let vectors: Vec<f32> = looks.iter().flat_map(|look| weights.vector(look)).collect();
-        let dimensions = (vectors.len() / looks.len().max(1)).max(1);
+        let features = params.features.map(|features| {
+            let weights = Weights {
+                degree: features.degree,
+                detail: 1.0,
+            };
+            Class::new(looks, weights, features.weight)
+        });
         Self {
-            index: PhotoIndex::new(&vectors, dimensions),
-            weights,
+            classes: std::iter::once(Class::new(looks, params.weights, 1.0))
+                .chain(features)
+                .collect(),
             quarters: looks.iter().map(|look| look.quarters).collect(),
             different: groups.iter().max().map_or(0, |&group| group as usize + 1),
             groups,
         }
+    }
+
+    fn is_empty(&self) -> bool {
+        self.groups.is_empty()
+    }
+
+    /// The squared distance of a tile from the photo at this place, from 1, among its nearest.
+    pub(crate) fn match_sq(&self, tile: &Tile, place: usize) -> f32 {
+        let class = self.class(tile);
+        let near = class.index.nearest(&class.vector(&tile.look), place);
+        near.last().map_or(0.0, |near| near.distance_sq)
+    }
+
+    fn class_of(&self, tile: &Tile) -> usize {
+        usize::from(tile.feature).min(self.classes.len() - 1)
+    }
+
+    pub(crate) fn class(&self, tile: &Tile) -> &Class {
+        &self.classes[self.class_of(tile)]
     }
 
     /// Groups of near-duplicates.
@@ -140,30 +184,54 @@ impl Seen {
 
 /// The tiles with their candidates, and the photos.
 pub(crate) struct Problem<'a> {
+    pub tiling: &'a Tiling,
     pub tiles: &'a [Tile],
     pub photos: &'a Photos,
-    pub queries: Vec<f32>,
+    queries: Vec<Vec<f32>>,
     pub candidates: Vec<Vec<Near>>,
 }
 
 impl Problem<'_> {
-    pub fn query(&self, tile: usize) -> &[f32] {
-        let dimensions = self.queries.len() / self.tiles.len();
-        &self.queries[tile * dimensions..][..dimensions]
+    pub fn cost(&self, tile: usize, photo: u32) -> f32 {
+        self.index(tile).distance_sq(&self.queries[tile], photo)
     }
 
-    pub fn cost(&self, tile: usize, photo: u32) -> f32 {
-        self.photos.index.distance_sq(self.query(tile), photo)
+    fn index(&self, tile: usize) -> &PhotoIndex {
+        &self.photos.class(&self.tiles[tile]).index
+    }
+
+    /// The costs of all photos by their numbers.
+    fn costs(&self, tile: usize) -> Vec<f32> {
+        self.index(tile).all(&self.queries[tile])
     }
 
     /// All groups by their nearest photo, the nearest first.
-    fn everything(&self, tile: usize) -> Vec<Near> {
-        let all = self
-            .photos
-            .index
-            .nearest(self.query(tile), self.photos.index.len());
+    pub fn everything(&self, tile: usize) -> Vec<Near> {
+        let index = self.index(tile);
+        let all = index.nearest(&self.queries[tile], index.len());
         self.photos.one_of_each_group(all)
     }
+}
+
+/// The nearest photos of each tile, one of each group of near-duplicates.
+fn candidates(
+    tiles: &[Tile],
+    queries: &[Vec<f32>],
+    photos: &Photos,
+    count: usize,
+    progress: &Progress,
+) -> Result<Vec<Vec<Near>>, Cancelled> {
+    let phase = progress.phase("search", tiles.len() as u64);
+    tiles
+        .par_iter()
+        .zip(queries)
+        .map(|(tile, query)| {
+            progress.check()?;
+            let near = photos.class(tile).index.nearest(query, count);
+            phase.advance(1);
+            Ok(photos.one_of_each_group(near))
+        })
+        .collect()
 }
 
 /// Which photo is where, and what that costs.
@@ -187,14 +255,15 @@ const MOST_COSTS: usize = 16_000_000;
 /// # Errors
 /// [`ChooseError`] if the rules cannot be kept, or were not found to be possible to keep.
 pub fn choose(
-    tiles: &[Tile],
+    tiling: &Tiling,
     photos: &Photos,
     rules: &Rules,
     params: &ChooseParams,
     progress: &Progress,
 ) -> Result<Choice, ChooseError> {
+    let tiles = &tiling.tiles[..];
     let different = photos.different;
-    if photos.index.is_empty() {
+    if photos.is_empty() {
         return Err(ChooseError::NoPhotos);
     }
     if let Some(max_uses) = rules.max_uses
@@ -220,24 +289,19 @@ pub fn choose(
             changes: 0,
         });
     }
-    let queries: Vec<f32> = tiles
+    let queries: Vec<Vec<f32>> = tiles
         .iter()
-        .flat_map(|tile| photos.weights.vector(&tile.look))
+        .map(|tile| photos.class(tile).vector(&tile.look))
         .collect();
-    let candidates = photos
-        .index
-        .nearest_of_all(&queries, params.candidates.max(1), progress)?;
-    let candidates = candidates
-        .into_iter()
-        .map(|near| photos.one_of_each_group(near))
-        .collect();
+    let candidates = candidates(tiles, &queries, photos, params.candidates.max(1), progress)?;
     let mut problem = Problem {
+        tiling,
         tiles,
         photos,
         queries,
         candidates,
     };
-    let centers: Vec<[f64; 2]> = tiles.iter().map(Tile::center).collect();
+    let centers = tiling.centers();
     let mut placement = Placement::new(*rules, &centers, &photos.groups, different);
     let nearest_sum: f64 = problem
         .candidates
@@ -266,7 +330,14 @@ pub fn choose(
         if rules.use_all {
             use_each_once(&problem, &mut placement, progress)?;
         }
-        greedy(&mut problem, &mut placement, progress)?;
+        match greedy(&mut problem, &mut placement, progress) {
+            Err(error @ ChooseError::TooNear { .. }) => {
+                if !fill(&problem, &mut placement, progress)? {
+                    return Err(error);
+                }
+            }
+            done => done?,
+        }
     }
     let settled = counted && !spread && !unplaced && params.blend <= 0.0;
     let changes = if settled {
@@ -307,12 +378,7 @@ fn cheapest_of_groups(
         .enumerate()
         .try_for_each(|(tile, (costs, best))| {
             progress.check()?;
-            for (photo, cost) in photos
-                .index
-                .all(problem.query(tile))
-                .into_iter()
-                .enumerate()
-            {
+            for (photo, cost) in problem.costs(tile).into_iter().enumerate() {
                 let group = photos.groups[photo] as usize;
                 if cost < costs[group] {
                     costs[group] = cost;
@@ -414,12 +480,7 @@ fn use_each_once(
     let mut wanted: Vec<Vec<(f32, u32, u32)>> = vec![Vec::new(); photos.different];
     for tile in 0..problem.tiles.len() {
         progress.check()?;
-        for (photo, cost) in photos
-            .index
-            .all(problem.query(tile))
-            .into_iter()
-            .enumerate()
-        {
+        for (photo, cost) in problem.costs(tile).into_iter().enumerate() {
             let list = &mut wanted[photos.groups[photo] as usize];
             if list.len() == REMEMBERED && list.last().is_some_and(|last| last.0 <= cost) {
                 continue;

@@ -3,7 +3,7 @@
 //! From afar neighboring tiles melt into one another: what one tile is too dark may be made up for by its neighbors being
 //! too bright. The energy of a mosaic therefore has, beside the sum over tiles of how far each photo is from its tile, the
 //! squared difference of mosaic and picture after blurs by half a tile and by a quarter of a tile. With its gradient known on
-//! a grid of cells of half a tile, the change of the energy by another photo costs a few dozen products.
+//! a grid of cells of half a unit, the change of the energy by another photo costs a few dozen products.
 //!
 //! This takes the place of error diffusion, which hands the error of a tile on to those that come later: here all tiles
 //! answer for all others, and the limits on repeats hold while they do.
@@ -12,17 +12,16 @@
 
 use crate::look::Look;
 
-/// Half the width of the kernel in cells. Beyond it the wider Gaussian has fallen below 2 % of its peak.
+/// Half the width of the kernel in halves of a tile of common size. Beyond it the wider Gaussian has fallen below 2 % of its
+/// peak.
 const REACH: usize = 4;
 
-/// Standard deviations of the blurs in cells, as they act on products of two blurred differences: half a tile and a quarter of
-/// a tile, times the square root of 2.
+/// Standard deviations of the blurs in halves of a tile, as they act on products of two blurred differences: half a tile and a
+/// quarter of a tile, times the square root of 2.
 const SIGMAS: [f64; 2] = [std::f64::consts::SQRT_2, std::f64::consts::FRAC_1_SQRT_2];
 
 /// How much a blurred difference counts against that of a single tile, for each blur, at the strength 1.
-const WEIGHT: f64 = 16.0;
-
-const SIDE: usize = 2 * REACH + 1;
+const WEIGHT: f64 = 32.0;
 
 /// A tile on the grid of cells: where it begins, and how many cells a quarter of it has in each direction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -50,8 +49,11 @@ pub(crate) type Residual = [[f32; 3]; 4];
 #[derive(Debug, Clone)]
 pub(crate) struct Eye {
     stride: usize,
-    kernel: [[f32; SIDE]; SIDE],
-    /// Bordered by [`REACH`] cells without difference on each side.
+    /// Half the width of the kernel in cells.
+    reach: usize,
+    /// Row by row.
+    kernel: Vec<f32>,
+    /// Bordered by the reach in cells without difference on each side.
     cells: Vec<[f32; 3]>,
 }
 
@@ -80,34 +82,43 @@ impl Pull {
 }
 
 impl Eye {
-    /// A mosaic of `columns` × `rows` cells that is the picture.
-    pub fn new(columns: usize, rows: usize, strength: f64) -> Self {
-        let mut kernel = [[0.0f32; SIDE]; SIDE];
+    /// A mosaic of `columns` × `rows` cells that is the picture; `units` cells are half a tile of common size.
+    pub fn new(columns: usize, rows: usize, units: usize, strength: f64) -> Self {
+        let reach = REACH * units;
+        let side = 2 * reach + 1;
+        let mut kernel = vec![0.0f32; side * side];
+        // the share of a cell in a tile
+        let share = 1.0 / (4 * units * units) as f64;
         for sigma in SIGMAS {
-            let line: Vec<f64> = (0..SIDE)
-                .map(|at| (-(at as f64 - REACH as f64).powi(2) / (2.0 * sigma * sigma)).exp())
+            let sigma = sigma * units as f64;
+            let line: Vec<f64> = (0..side)
+                .map(|at| (-(at as f64 - reach as f64).powi(2) / (2.0 * sigma * sigma)).exp())
                 .collect();
             let total: f64 = line.iter().sum();
-            for (kernel, a) in kernel.iter_mut().zip(&line) {
+            for (kernel, a) in kernel.chunks_exact_mut(side).zip(&line) {
                 for (kernel, b) in kernel.iter_mut().zip(&line) {
-                    // four cells are a tile
-                    *kernel += (WEIGHT * strength * a * b / (total * total) / 4.0) as f32;
+                    *kernel += (WEIGHT * strength * a * b / (total * total) * share) as f32;
                 }
             }
         }
-        let stride = columns + 2 * REACH;
+        let stride = columns + 2 * reach;
         Self {
             stride,
+            reach,
             kernel,
-            cells: vec![[0.0; 3]; stride * (rows + 2 * REACH)],
+            cells: vec![[0.0; 3]; stride * (rows + 2 * reach)],
         }
+    }
+
+    fn side(&self) -> usize {
+        2 * self.reach + 1
     }
 
     /// Sets the residual of a tile.
     pub fn put(&mut self, tile: Footprint, residual: &Residual) {
         for (index, value) in residual.iter().enumerate() {
             for (col, row) in tile.cells(index) {
-                self.cells[(row + REACH) * self.stride + col + REACH] = *value;
+                self.cells[(row + self.reach) * self.stride + col + self.reach] = *value;
             }
         }
     }
@@ -121,8 +132,8 @@ impl Eye {
         };
         for (index, linear) in pull.linear.iter_mut().enumerate() {
             for (col, row) in tile.cells(index) {
-                for (dy, weights) in self.kernel.iter().enumerate() {
-                    let line = &self.cells[(row + dy) * self.stride + col..][..SIDE];
+                for (dy, weights) in self.kernel.chunks_exact(self.side()).enumerate() {
+                    let line = &self.cells[(row + dy) * self.stride + col..][..weights.len()];
                     for (weight, cell) in weights.iter().zip(line) {
                         for (sum, value) in linear.iter_mut().zip(cell) {
                             *sum += weight * value;
@@ -144,9 +155,10 @@ impl Eye {
         let mut sum = 0.0;
         for (x, y) in tile.cells(a) {
             for (u, v) in tile.cells(b) {
-                let (dx, dy) = (x + REACH, y + REACH);
-                if dx >= u && dy >= v && dx - u < SIDE && dy - v < SIDE {
-                    sum += self.kernel[dy - v][dx - u];
+                let (dx, dy) = (x + self.reach, y + self.reach);
+                let side = self.side();
+                if dx >= u && dy >= v && dx - u < side && dy - v < side {
+                    sum += self.kernel[(dy - v) * side + dx - u];
                 }
             }
         }
@@ -158,11 +170,12 @@ impl Eye {
     pub fn energy(&self) -> f64 {
         let rows = self.cells.len() / self.stride;
         let mut sum = 0.0;
-        for row in REACH..rows - REACH {
-            for col in REACH..self.stride - REACH {
-                for (dy, weights) in self.kernel.iter().enumerate() {
+        for row in self.reach..rows - self.reach {
+            for col in self.reach..self.stride - self.reach {
+                for (dy, weights) in self.kernel.chunks_exact(self.side()).enumerate() {
                     for (dx, &weight) in weights.iter().enumerate() {
-                        let there = self.cells[(row + dy - REACH) * self.stride + col + dx - REACH];
+                        let there = self.cells
+                            [(row + dy - self.reach) * self.stride + col + dx - self.reach];
                         let here = self.cells[row * self.stride + col];
                         let product: f32 = here.iter().zip(there).map(|(a, b)| a * b).sum();
                         sum += f64::from(weight) * f64::from(product);
@@ -196,7 +209,13 @@ mod tests {
 
     #[test]
     fn the_change_of_the_energy_is_that_of_the_pull() {
-        let mut eye = Eye::new(12, 10, 0.7);
+        for units in [1, 2] {
+            the_change_is_that_of_the_pull(units);
+        }
+    }
+
+    fn the_change_is_that_of_the_pull(units: usize) {
+        let mut eye = Eye::new(12, 10, units, 0.7);
         let tile = |col, row, quarter| Footprint { col, row, quarter };
         eye.put(tile(0, 0, 1), &some(1));
         eye.put(tile(2, 0, 1), &some(2));

@@ -27,12 +27,18 @@ pub(crate) fn improve(
     progress: &Progress,
 ) -> Result<usize, Cancelled> {
     let tiles = problem.tiles;
-    let extent = |end: fn(&crate::choose::Tile) -> usize| tiles.iter().map(end).max().unwrap_or(0);
-    let columns = extent(|tile| tile.col + 2 * tile.sides);
-    let rows = extent(|tile| tile.row + 2 * tile.sides);
+    let tiling = problem.tiling;
+    // cells of half a tile are too coarse for a blur by a quarter of a tile, and cost 0.3 dB
+    let cells = if tiling.units == 1 { 2 } else { 1 };
     let mut round = Round {
         problem,
-        eye: Eye::new(columns, rows, params.blend),
+        cells,
+        eye: Eye::new(
+            2 * cells * tiling.columns,
+            2 * cells * tiling.rows,
+            cells * tiling.units,
+            params.blend,
+        ),
     };
     for tile in 0..tiles.len() {
         if let Some(photo) = placement.photo(tile) {
@@ -57,6 +63,8 @@ pub(crate) fn improve(
 
 struct Round<'a> {
     problem: &'a Problem<'a>,
+    /// Cells along half a unit.
+    cells: usize,
     eye: Eye,
 }
 
@@ -64,19 +72,21 @@ impl Round<'_> {
     fn show(&mut self, tile: usize, photo: u32) {
         let tile = &self.problem.tiles[tile];
         let residual = residual(self.problem.photos.quarters(photo), &tile.look);
-        self.eye.put(tile.footprint(), &residual);
+        self.eye.put(tile.footprint(self.cells), &residual);
     }
 
     /// The part of the energy that depends on the photo of a tile.
     fn energy(&self, tile: usize, photo: u32, cost: f32, pull: &Pull) -> f32 {
         let look = &self.problem.tiles[tile].look;
-        // larger tiles count for as many small ones as they cover
-        let area = (self.problem.tiles[tile].sides as f32).powi(2);
-        area * cost + pull.energy(&residual(self.problem.photos.quarters(photo), look))
+        // tiles count by their area, in that of a tile of common size; and as the errors of larger ones are coarser and stay
+        // when one steps back, these count more, as in the choice of the tiles
+        let side = self.problem.tiles[tile].side as f32 / self.problem.tiling.units as f32;
+        side.powi(5) * cost + pull.energy(&residual(self.problem.photos.quarters(photo), look))
     }
 
     fn lift(&mut self, tile: usize) -> Pull {
-        self.eye.lift(self.problem.tiles[tile].footprint())
+        self.eye
+            .lift(self.problem.tiles[tile].footprint(self.cells))
     }
 
     /// Gives a tile a better photo, if there is one.
@@ -168,8 +178,10 @@ impl Round<'_> {
         placement.put(tile, Some(current));
         placement.put(other, Some(taken));
         self.show(other, taken);
-        self.eye
-            .put(self.problem.tiles[tile].footprint(), &[[0.0; 3]; 4]);
+        self.eye.put(
+            self.problem.tiles[tile].footprint(self.cells),
+            &[[0.0; 3]; 4],
+        );
         false
     }
 }

@@ -16,10 +16,10 @@
 //!
 //! let progress = Progress::none();
 //! let params = ChooseParams::default();
-//! let tiles = grid_tiles(&fade, Frame::of(&fade), 6, 4, params.weights.degree, &progress)?;
-//! let photos = Photos::new(&looks, (0..20).collect(), params.weights);
+//! let tiling = grid_tiles(&fade, Frame::of(&fade), 6, 4, params.weights.degree, &progress)?;
+//! let photos = Photos::new(&looks, (0..20).collect(), &params);
 //! let rules = Rules { max_uses: Some(2), min_repeat_distance: 0.0, ..Rules::default() };
-//! let choice = choose(&tiles, &photos, &rules, &params, &progress)?;
+//! let choice = choose(&tiling, &photos, &rules, &params, &progress)?;
 //! assert!(choice.photos[0] < choice.photos[5], "dark photos on the left");
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -30,7 +30,7 @@
 //! | the nearest photos, exactly | [`PhotoIndex`] |
 //! | photos that are one to the eye | [`near_duplicates`] |
 //! | photos not worth a tile | [`flaw`] |
-//! | tiles of a picture | [`grid_tiles`] |
+//! | tiles of a picture | [`grid_tiles`], [`adaptive_tiles`], [`mark_features`] |
 //! | which photo goes where | [`choose()`], [`Rules`], [`violations`] |
 //! | a photo as it stands in a tile | [`scaled_photo`], [`Crop`] |
 //!
@@ -42,13 +42,15 @@
 //!
 //! # Current status
 //!
-//! Tiles lie on a grid. There are no files here: see `ravec-library`.
+//! There are no files here: see `ravec-library`.
 
+mod adaptive;
 mod basis;
 mod choose;
 mod clean;
 mod eye;
-mod grid;
+mod feature;
+mod fill;
 mod groups;
 mod improve;
 mod look;
@@ -56,12 +58,15 @@ mod optimal;
 mod rules;
 mod search;
 mod tile;
+mod tiling;
 
-pub use choose::{Choice, ChooseParams, Photos, Tile, choose};
+pub use adaptive::{ADAPTIVE_UNITS, adaptive_tiles};
+pub use choose::{Choice, ChooseParams, Features, Photos, choose};
 pub use clean::{Flaw, LEAST_SIDE, flaw};
-pub use grid::grid_tiles;
+pub use feature::mark_features;
 pub use groups::{NEAR_DUPLICATE, near_duplicates};
 pub use look::{Frame, Look, MAX_DEGREE, Weights};
 pub use rules::{ChooseError, Rules, violations};
 pub use search::{Near, PhotoIndex};
 pub use tile::{Crop, SAME_PROPORTIONS, scaled_photo};
+pub use tiling::{Tile, Tiling, grid_tiles};

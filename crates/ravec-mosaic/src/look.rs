@@ -14,7 +14,7 @@ use ravec_raster::{Image, Oklab};
 pub const MAX_DEGREE: usize = 5;
 
 /// What a tile or a photo looks like from afar, in Oklab.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Look {
     /// For each product of polynomials, by total degree, the coefficients of the three channels. The first is the mean color.
     pub coefficients: Vec<[f32; 3]>,
@@ -79,8 +79,8 @@ impl Look {
             }
         }
         let halves = (
-            Axis::halves(frame.left, right, columns),
-            Axis::halves(frame.top, bottom, rows),
+            Axis::parts(frame.left, right, columns, 2),
+            Axis::parts(frame.top, bottom, rows, 2),
         );
         let quarters = project(image, &halves.0, &halves.1);
         Self {
@@ -88,6 +88,14 @@ impl Look {
             quarters: [quarters[0], quarters[1], quarters[2], quarters[3]],
         }
     }
+}
+
+/// The means of `count` × `count` equal parts of a frame, row by row.
+pub(crate) fn parts(image: &Image<Oklab>, frame: Frame, count: usize) -> Vec<[f32; 3]> {
+    let (right, bottom) = (frame.left + frame.width, frame.top + frame.height);
+    let across = Axis::parts(frame.left, right, image.width(), count);
+    let down = Axis::parts(frame.top, bottom, image.height(), count);
+    project(image, &across, &down)
 }
 
 /// The sums over pixels, times the functions across and down: for each function down those across.

@@ -92,13 +92,27 @@ pub const MOSAIC: &str = concat!(
 Examples:
   ravec mosaic photo.jpg --catalogue photos.ravec -o mosaic.png --tiles 4x3 --crop center
   ravec mosaic photo.jpg --catalogue photos.ravec -o mosaic.jpg --tiles 3 --tile-size 32x24
+  ravec mosaic photo.jpg --catalogue photos.ravec --deep-zoom zoom --tiles 4 --tile-size 256x192
+  ravec mosaic photo.jpg --catalogue photos.ravec -o look.png --tiles 4x3 --crop center --preview
+  ravec mosaic photo.jpg --catalogue photos.ravec -o f.png --tiles 4 --tile-size 36x27 --adaptive
 
 Photos are scaled, and with --crop center cut to the proportions of a tile; they are never recolored or overlaid. Near-duplicates \
 count as one photo. The mosaic is written row by row and may be much larger than the memory; TIFF files beyond 4 GiB become BigTIFF.
 
-Figures: columns, rows, photos (that fit the tiles), different (of these, to the eye), used, most_uses, nearest_repeat (in tiles; \
+--deep-zoom makes a folder whose index.html shows the mosaic in a browser, without a network: wheel, drag and click, or the keys \
++ - arrows Enter Esc, lead into single photos, whose names are shown. mosaic.dzi there is for other viewers of Deep Zoom images. A \
+larger --tile-size gives larger photos. The folder may be new, empty, or an older mosaic, which is replaced.
+
+--adaptive takes larger tiles where the picture is homogeneous and smaller ones where it has detail, off the grid, at most as many as \
+there would be on it. --tile-size must be a multiple of 3. --feature-degree compares tiles through which an edge runs by their \
+structure, and the others by --degree.
+
+--preview takes the small pictures in the catalogue in place of the photos, for trying out the other options.
+
+Figures: columns, rows, tiles, features (tiles with an edge), photos (that fit the tiles), different (of these, to the eye), used, most_uses, nearest_repeat (in tiles; \
 infinite, or null in JSON, if no photo is there twice), cost (weighted squared differences in Oklab), cost_bound (below which no \
-choice can be), cost_gap_percent, changes (of the improvement). In JSON, result has photos, the path of each tile's photo, row by row.
+choice can be), cost_gap_percent, changes (of the improvement). In JSON, result has photos, the path of each tile's photo, \
+and places, the left and upper border, width and height of each tile.
 
 ",
     exit_codes!()

@@ -67,6 +67,56 @@ fn a_missing_photo_is_a_warning_and_the_report_says_which_photo_is_where() {
 }
 
 #[test]
+fn a_page_that_zooms_is_a_folder_and_a_preview_is_small() {
+    let folder = studio();
+    let path = folder.path();
+    let zoom = [
+        "mosaic",
+        "in.bmp",
+        "--catalogue",
+        "c.ravec",
+        "--deep-zoom",
+        "zoom",
+    ];
+    let flags = [
+        "--tiles",
+        "4x3",
+        "--tile-size",
+        "320x240",
+        "--min-repeat-distance",
+        "2",
+    ];
+    let made = ravec(path, &[&zoom[..], &flags].concat());
+    assert_eq!(code(&made), 0, "{}", stderr(&made));
+    assert!(path.join("zoom/index.html").is_file());
+    // 1280 x 720 pixels are 5 x 3 pieces on the level of 2048
+    assert!(path.join("zoom/mosaic_files/11/4_2.jpg").is_file());
+    let wide = [
+        "--tiles",
+        "4x3",
+        "--tile-size",
+        "640x480",
+        "--min-repeat-distance",
+        "2",
+    ];
+    let made = mosaic(
+        path,
+        &[&wide[..], &["--preview", "--json", "r.json"]].concat(),
+    );
+    assert_eq!(code(&made), 0, "{}", stderr(&made));
+    let text = std::fs::read_to_string(path.join("r.json")).unwrap();
+    let report: serde_json::Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(report["outputs"][0]["width"], 1600);
+
+    let nowhere = ravec(path, &zoom[..4]);
+    assert_eq!(code(&nowhere), 2);
+    assert!(stderr(&nowhere).contains("--output"));
+    let taken = [&zoom[..5], &["photos"]].concat();
+    let made = ravec(path, &[&taken[..], &flags].concat());
+    assert_refused(&made, 4, &["photos: the folder has other files in it"]);
+}
+
+#[test]
 fn what_cannot_be_is_one_sentence_and_leaves_no_file() {
     let folder = studio();
     let path = folder.path();
@@ -83,7 +133,14 @@ fn what_cannot_be_is_one_sentence_and_leaves_no_file() {
             &["proportions", "20 x 20", "--crop center"],
         ),
         (
-            &["--tiles", "9x9", "--tile-size", "20x15"],
+            &[
+                "--tiles",
+                "9x9",
+                "--tile-size",
+                "20x15",
+                "--min-repeat-distance",
+                "9",
+            ],
             1,
             &["too few photos (30 that differ)"],
         ),
@@ -96,6 +153,11 @@ fn what_cannot_be_is_one_sentence_and_leaves_no_file() {
             &["--tiles", "4x3", "--tile-size", "20x15", "--use-all"],
             1,
             &["cannot all be used in 12 tiles"],
+        ),
+        (
+            &["--tiles", "4x3", "--tile-size", "32x24", "--adaptive"],
+            2,
+            &["thirds of 32 x 24 pixels", "multiples of 3"],
         ),
         (
             &["--detail", "2"],

@@ -1,11 +1,12 @@
-//! The picture made of drawn photos, as each tile for itself would have them and as the eye from afar.
+//! The picture made of drawn photos: each tile for itself, as the eye sees it from afar, with tiles with an edge in their own
+//! way, and off the grid.
 
 use super::Demo;
 use crate::error::JobError;
 use crate::gallery::Figure;
 use ravec::mosaic::{
-    ChooseError, ChooseParams, Crop, Frame, Look, MAX_DEGREE, Photos, Rules, choose, grid_tiles,
-    near_duplicates, scaled_photo,
+    ChooseError, ChooseParams, Crop, Features, Frame, Look, MAX_DEGREE, Photos, Rules, Tiling,
+    adaptive_tiles, choose, grid_tiles, mark_features, near_duplicates, scaled_photo,
 };
 use ravec::raster::{
     Image, LinearRgb, Oklab, ResizeFilter, Size, Srgb, compare, gaussian_blur, resize,
@@ -13,32 +14,116 @@ use ravec::raster::{
 use ravec_scenes::Seed;
 
 /// How many photos are drawn.
-const PHOTOS: u64 = 1500;
+const PHOTOS: u64 = 1000;
 
 /// Side of a drawn photo, in pixels.
-const PHOTO_PX: usize = 24;
+const PHOTO_PX: usize = 32;
 
-/// Side of a tile, in pixels.
-const TILE_PX: usize = 16;
+/// Side of a tile of common size, in pixels; a multiple of 3, so that tiles off the grid have whole pixels.
+const TILE_PX: usize = 12;
+
+/// Photos and what they look like.
+struct Library {
+    photos: Vec<Image<Srgb<u8>>>,
+    looks: Vec<Look>,
+    groups: Vec<u32>,
+}
 
 impl Demo<'_> {
-    /// Two mosaics from the same photos under the same rules.
+    /// Four mosaics from the same photos under the same rules.
     pub(super) fn mosaic(&mut self, seed: Seed) -> Result<(), JobError> {
         self.page.section(
             "Made of photos",
-            "Photos are only chosen, scaled and laid side by side; none is recolored, and none is seen twice within 5 tiles. Left, \
-             each tile takes the photo that is nearest; right, neighbors make up for one another's errors, as they melt into one \
-             another from afar.",
+            "Photos are only chosen, scaled and laid side by side; none is recolored, and none is seen twice within 5 tiles. \
+             First, each tile takes the photo that is nearest; then neighbors make up for one another's errors, as they melt \
+             into one another from afar; then tiles with an edge are compared by their structure as well; last, as many tiles \
+             are larger where the picture is even and smaller where it is not, off any grid.",
         );
         let (width, height) = (self.size().width(), self.size().height());
-        let columns = (width / 12).clamp(1, 64);
-        let rows = (columns * height / width).clamp(1, 128);
-        let (Ok(size), Ok(tile)) = (
-            Size::new(columns * TILE_PX, rows * TILE_PX),
-            Size::new(TILE_PX, TILE_PX),
-        ) else {
+        let columns = (width / 20).clamp(1, 40);
+        let rows = (columns * height / width).clamp(1, 96);
+        let Ok(size) = Size::new(columns * TILE_PX, rows * TILE_PX) else {
             return Ok(());
         };
+        let library = self.library(seed)?;
+        let picture: Image<Oklab> = self.image.convert();
+        let frame = Frame::of(&picture);
+        let whole = Photos::new(
+            &library.looks,
+            library.groups.clone(),
+            &ChooseParams::default(),
+        );
+        let mut grid = grid_tiles(&picture, frame, columns, rows, MAX_DEGREE, self.progress)?;
+        mark_features(&picture, frame, &mut grid, self.progress)?;
+        let (sides, degree) = ([columns, rows], MAX_DEGREE);
+        let free = self.report.time("mosaic", || {
+            adaptive_tiles(
+                &picture,
+                frame,
+                sides,
+                degree,
+                &whole,
+                seed.0,
+                self.progress,
+            )
+        })?;
+        let afar = |image: &Image<LinearRgb>| {
+            gaussian_blur(image, TILE_PX as f64 / 2.0).convert::<Srgb<u8>>()
+        };
+        let light = self.image.convert::<LinearRgb>();
+        let truth = afar(&resize(&light, size, ResizeFilter::CatmullRom));
+        let plain = ChooseParams {
+            blend: 0.0,
+            rounds: 0,
+            ..ChooseParams::default()
+        };
+        let features = ChooseParams {
+            features: Some(Features {
+                degree: MAX_DEGREE,
+                weight: 1.0,
+            }),
+            ..ChooseParams::default()
+        };
+        let mut figures = Vec::new();
+        for (tiling, params, figure, caption) in [
+            (
+                &grid,
+                plain,
+                "mosaic_plain_afar_psnr_db",
+                "each tile for itself",
+            ),
+            (
+                &grid,
+                ChooseParams::default(),
+                "mosaic_afar_psnr_db",
+                "as seen from afar",
+            ),
+            (
+                &grid,
+                features,
+                "mosaic_features_afar_psnr_db",
+                "with edges by their structure",
+            ),
+            (
+                &free,
+                ChooseParams::default(),
+                "mosaic_adaptive_afar_psnr_db",
+                "off the grid",
+            ),
+        ] {
+            let mosaic = self.painted(&library, tiling, &params, size)?;
+            let psnr = compare(&truth, &afar(&mosaic.convert())).map_or(0.0, |found| found.psnr_db);
+            self.report.figures.insert(figure, psnr);
+            figures.push(Figure::picture(
+                &mosaic.convert(),
+                format!("{caption}: {psnr:.1} dB after a blur by half a tile"),
+            ));
+        }
+        self.page.figures(&figures);
+        Ok(())
+    }
+
+    fn library(&self, seed: Seed) -> Result<Library, JobError> {
         let photos: Vec<Image<Srgb<u8>>> = (0..PHOTOS)
             .map(|number| drawn(number ^ (seed.0 << 32)))
             .collect();
@@ -49,64 +134,41 @@ impl Demo<'_> {
                 Look::of(&photo, Frame::of(&photo), MAX_DEGREE)
             })
             .collect();
-        let picture: Image<Oklab> = self.image.convert();
-        let degree = ChooseParams::default().weights.degree;
-        let frame = Frame::of(&picture);
-        let tiles = grid_tiles(&picture, frame, columns, rows, degree, self.progress)?;
         let groups = near_duplicates(&looks, 0.0, self.progress)?;
-        let library = Photos::new(&looks, groups, ChooseParams::default().weights);
-        let truth = resize(
-            &self.image.convert::<LinearRgb>(),
-            size,
-            ResizeFilter::CatmullRom,
-        );
-        let afar = |image: &Image<LinearRgb>| {
-            gaussian_blur(image, TILE_PX as f64 / 2.0).convert::<Srgb<u8>>()
-        };
-        let truth = afar(&truth);
-        let mut figures = Vec::new();
-        for (blend, rounds, figure, caption) in [
-            (0.0, 0, "mosaic_plain_afar_psnr_db", "each tile for itself"),
-            (
-                1.0,
-                ChooseParams::default().rounds,
-                "mosaic_afar_psnr_db",
-                "as seen from afar",
-            ),
-        ] {
-            let params = ChooseParams {
-                blend,
-                rounds,
-                ..ChooseParams::default()
-            };
-            let choice = self.report.time("mosaic", || {
-                choose(&tiles, &library, &Rules::default(), &params, self.progress)
-            });
-            let choice = choice.map_err(|cause| match cause {
-                ChooseError::Cancelled(_) => JobError::Cancelled,
-                cause => JobError::from_library(ravec_library::LibraryError::Choose(cause)),
-            })?;
-            let scaled: Vec<Option<Image<Srgb<u8>>>> = choice
-                .photos
-                .iter()
-                .map(|&photo| scaled_photo(&photos[photo as usize], tile, Crop::Never))
-                .collect();
-            let mosaic = Image::from_fn(size, |col, row| {
-                let at = row / TILE_PX * columns + col / TILE_PX;
-                let inside = (col % TILE_PX, row % TILE_PX);
-                scaled[at]
-                    .as_ref()
-                    .map_or(Srgb([0; 3]), |photo| photo[inside])
-            });
-            let psnr = compare(&truth, &afar(&mosaic.convert())).map_or(0.0, |found| found.psnr_db);
-            self.report.figures.insert(figure, psnr);
-            figures.push(Figure::picture(
-                &mosaic.convert(),
-                format!("{caption}: {psnr:.1} dB after a blur by half a tile"),
-            ));
+        Ok(Library {
+            photos,
+            looks,
+            groups,
+        })
+    }
+
+    /// The mosaic with the photos that are chosen for a tiling.
+    fn painted(
+        &mut self,
+        library: &Library,
+        tiling: &Tiling,
+        params: &ChooseParams,
+        size: Size,
+    ) -> Result<Image<Srgb<u8>>, JobError> {
+        let choice = self.report.time("mosaic", || {
+            let photos = Photos::new(&library.looks, library.groups.clone(), params);
+            choose(tiling, &photos, &Rules::default(), params, self.progress)
+        });
+        let choice = choice.map_err(|cause| match cause {
+            ChooseError::Cancelled(_) => JobError::Cancelled,
+            cause => JobError::from_library(ravec_library::LibraryError::Choose(cause)),
+        })?;
+        let mut mosaic = Image::new(size, Srgb([0; 3]));
+        for (tile, &photo) in tiling.tiles.iter().zip(&choice.photos) {
+            let px = |units: usize| units * TILE_PX / tiling.units;
+            let side = Size::new(px(tile.side), px(tile.side)).ok();
+            let photo = &library.photos[photo as usize];
+            let scaled = side.and_then(|side| scaled_photo(photo, side, Crop::Never));
+            for (row, line) in (px(tile.row)..).zip(scaled.iter().flat_map(Image::rows)) {
+                mosaic.row_mut(row)[px(tile.col)..][..line.len()].copy_from_slice(line);
+            }
         }
-        self.page.figures(&figures);
-        Ok(())
+        Ok(mosaic)
     }
 }
 

@@ -1,0 +1,177 @@
+//! Where the tiles are on the picture and in the mosaic.
+
+use crate::error::LibraryError;
+use crate::mosaic::MosaicParams;
+use ravec_mosaic::{
+    ADAPTIVE_UNITS, ChooseParams, Frame, Photos, Tile, Tiling, adaptive_tiles, grid_tiles,
+    mark_features,
+};
+use ravec_progress::{Cancelled, Progress};
+use ravec_raster::{
+    AnyImage, Image, LinearRgb, Oklab, PremulLinearRgba, Rect, ResizeFilter, Size, resize,
+};
+
+/// Pixels of the picture in a tile beyond which more say nothing about its look.
+const PICTURE_PX: usize = 16;
+
+/// Where the tiles are on the picture and in the mosaic.
+pub(crate) struct Layout {
+    /// Tiles of common size across, and down.
+    pub columns: usize,
+    pub rows: usize,
+    /// Of a tile of common size.
+    tile: Size,
+    /// Of the mosaic.
+    pub size: Size,
+    /// The part of the picture that is shown.
+    frame: Frame,
+}
+
+impl Layout {
+    pub fn new(picture: Size, params: &MosaicParams) -> Result<Self, LibraryError> {
+        let (width, height) = (picture.width() as f64, picture.height() as f64);
+        let tile = params.tile;
+        let columns = params.columns;
+        let rows = params.rows.unwrap_or_else(|| {
+            let side = width / columns as f64 * tile.height() as f64 / tile.width() as f64;
+            ((height / side).round() as usize).max(1)
+        });
+        let whole_units = |side: usize| side.is_multiple_of(ADAPTIVE_UNITS);
+        if params.adaptive.is_some() && !(whole_units(tile.width()) && whole_units(tile.height())) {
+            return Err(LibraryError::NoThirds {
+                width: tile.width(),
+                height: tile.height(),
+            });
+        }
+        let sides = |tile: Size| {
+            columns
+                .checked_mul(tile.width())
+                .zip(rows.checked_mul(tile.height()))
+        };
+        let whole =
+            |tile: Size| sides(tile).and_then(|(width, height)| Size::new(width, height).ok());
+        let size = whole(tile).ok_or(LibraryError::TooLarge {
+            columns,
+            rows,
+            width: tile.width(),
+            height: tile.height(),
+        })?;
+        if picture.width() < columns || picture.height() < rows {
+            return Err(LibraryError::PictureTooSmall {
+                width: picture.width(),
+                height: picture.height(),
+                columns,
+                rows,
+            });
+        }
+        let aspect = size.width() as f64 / size.height() as f64;
+        let small = params.preview_px.and_then(|most| {
+            let factor = most as f64 / size.width().max(size.height()) as f64;
+            let side = |pixels: usize| ((pixels as f64 * factor) as usize).max(1);
+            let tile = Size::new(side(tile.width()), side(tile.height())).ok()?;
+            (factor < 1.0).then_some(tile).zip(whole(tile))
+        });
+        let (tile, size) = small.unwrap_or((tile, size));
+        Ok(Self {
+            columns,
+            rows,
+            tile,
+            size,
+            frame: Frame::centered(width, height, aspect),
+        })
+    }
+
+    /// How much of the picture is not in the mosaic, if that is more than a hundredth.
+    pub fn warning(&self, picture: Size) -> Vec<String> {
+        let shown = self.frame.width * self.frame.height / picture.pixels() as f64;
+        let lost = 100.0 * (1.0 - shown);
+        if lost <= 1.0 {
+            return Vec::new();
+        }
+        vec![format!(
+            "the picture has other proportions than the mosaic; {lost:.0} % at its borders are not shown"
+        )]
+    }
+
+    /// The tiles of the picture.
+    pub fn tiles(
+        &self,
+        picture: &Image<Oklab>,
+        frame: Frame,
+        photos: &Photos,
+        params: &MosaicParams,
+        progress: &Progress,
+    ) -> Result<Tiling, Cancelled> {
+        let (columns, rows) = (self.columns, self.rows);
+        let ChooseParams {
+            weights, features, ..
+        } = params.choose;
+        let degree = features.map_or(0, |features| features.degree);
+        let degree = degree.max(weights.degree);
+        let mut tiling = match params.adaptive {
+            Some(seed) => {
+                let sides = [columns, rows];
+                adaptive_tiles(picture, frame, sides, degree, photos, seed, progress)?
+            }
+            None => grid_tiles(picture, frame, columns, rows, degree, progress)?,
+        };
+        if features.is_some() {
+            mark_features(picture, frame, &mut tiling, progress)?;
+        }
+        Ok(tiling)
+    }
+
+    /// The picture with as many pixels as looks need, on white where it is transparent, and the part of it that is shown.
+    pub fn reduced(&self, picture: &AnyImage) -> (Image<Oklab>, Frame) {
+        let reduce = |length: f64, tiles: usize| (PICTURE_PX * tiles) as f64 / length;
+        let factor =
+            reduce(self.frame.width, self.columns).max(reduce(self.frame.height, self.rows));
+        let opaque: Image<LinearRgb> = if picture.has_alpha() {
+            let on_white = |PremulLinearRgba([r, g, b, alpha]): PremulLinearRgba| {
+                LinearRgb([r, g, b].map(|value| value + 1.0 - alpha))
+            };
+            picture.convert::<PremulLinearRgba>().map(on_white)
+        } else {
+            picture.convert()
+        };
+        let side = |pixels: usize| ((pixels as f64 * factor).ceil() as usize).max(1);
+        let small = if factor < 1.0 {
+            Size::new(side(opaque.width()), side(opaque.height())).ok()
+        } else {
+            None
+        };
+        let (image, x, y) = match small {
+            Some(size) => (
+                resize(&opaque, size, ResizeFilter::Box),
+                size.width() as f64 / opaque.width() as f64,
+                size.height() as f64 / opaque.height() as f64,
+            ),
+            None => (opaque, 1.0, 1.0),
+        };
+        let frame = Frame {
+            left: self.frame.left * x,
+            top: self.frame.top * y,
+            width: self.frame.width * x,
+            height: self.frame.height * y,
+        };
+        (image.convert(), frame)
+    }
+
+    /// Where a tile lies in the mosaic, in pixels.
+    pub fn place(&self, tiling: &Tiling, tile: &Tile) -> Rect {
+        let at = |units: usize, side: usize| units * side / tiling.units;
+        let (width, height) = (self.tile.width(), self.tile.height());
+        let (left, top) = (at(tile.col, width), at(tile.row, height));
+        Rect::new(
+            left,
+            top,
+            at(tile.col + tile.side, width) - left,
+            at(tile.row + tile.side, height) - top,
+        )
+    }
+
+    /// Rows of the mosaic that are painted at once.
+    pub fn strip_px(&self) -> usize {
+        self.tile.height()
+    }
+}
