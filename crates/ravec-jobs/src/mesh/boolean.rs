@@ -209,6 +209,12 @@ pub fn run(
         ("solid", yes(done.solid)),
         ("volume", done.volume),
     ]);
+    if done.moved > 0.0 {
+        report.warn(format!(
+            "surfaces nearly lie on one another: vertices there were moved by up to {:.1e} to keep the result free of intersections",
+            done.moved
+        ));
+    }
     if result.mesh.triangles().is_empty() {
         report.warn("nothing is inside: the result is empty");
     } else if rounds(&target) {
