@@ -124,6 +124,12 @@ fn restorable(pieces: &Pieces, kept: &[Kept]) -> FxHashSet<u32> {
     for &one in kept.iter().filter(|one| in_pieces(one.parent)) {
         of_triangle.entry(one.parent).or_default().push(one);
     }
+    let mut covering: FxHashMap<u32, u32> = FxHashMap::default();
+    for (t, _) in pieces.list.iter().flat_map(|piece| piece.cover.iter()) {
+        if in_pieces(t) {
+            *covering.entry(t).or_default() += 1;
+        }
+    }
     let inserted = |t: u32, list: &[Kept]| -> Vec<u32> {
         let corners = pieces.soup.triangles[t as usize];
         let names = list
@@ -137,12 +143,9 @@ fn restorable(pieces: &Pieces, kept: &[Kept]) -> FxHashSet<u32> {
     let mut candidates: FxHashSet<u32> = FxHashSet::default();
     let mut at_vertex: FxHashMap<u32, Vec<u32>> = FxHashMap::default();
     for (&t, list) in &of_triangle {
-        let [from, to] = pieces.of_triangle[t as usize];
-        let covering = (from..to).filter(|&piece| {
-            let cover = &pieces.list[piece as usize].cover;
-            cover.iter().any(|(other, _)| other == t)
-        });
-        let all = covering.count() == list.len();
+        let all = covering
+            .get(&t)
+            .is_some_and(|&count| count as usize == list.len());
         if all && list.len() > 1 && list.iter().all(|one| one.reversed == list[0].reversed) {
             candidates.insert(t);
         }

@@ -195,8 +195,9 @@ fn cut_one<'a>(
         });
         drawing.vertex(point, border.map(|i| &mut borders[i]));
     }
-    for &(point, _) in &group.points {
-        drawing.vertex(point, None);
+    let others = group.points.iter().map(|&(name, _)| name).collect();
+    for name in in_rows(others, places, axis) {
+        drawing.vertex(name, None);
     }
     draw_segments(soup, &mut drawing, group);
     let turned = is_turned(soup, triangle, axis);
@@ -243,7 +244,8 @@ fn cut_several<'a>(
         .members
         .iter()
         .flat_map(|&t| soup.triangles[t as usize]);
-    for name in corners.chain(group.points.iter().map(|&(name, _)| name)) {
+    let points = group.points.iter().map(|&(name, _)| name);
+    for name in in_rows(corners.chain(points).collect(), places, axis) {
         drawing.vertex(name, None);
     }
     let mut borders = Vec::with_capacity(group.members.len());
@@ -283,6 +285,32 @@ fn cut_several<'a>(
         points: drawing.into_points(),
         pieces,
     }
+}
+
+/// Points in rows, one there and the next back, so that each is near the one before and soon found.
+fn in_rows(mut names: Vec<u32>, places: &Places, axis: usize) -> Vec<u32> {
+    names.sort_unstable();
+    names.dedup();
+    let at = |name: u32| flat(places.rounded(name), axis);
+    let rows = (names.len() as f64).sqrt().ceil();
+    let (low, high) = names.iter().map(|&name| at(name).y).fold(
+        (f64::INFINITY, f64::NEG_INFINITY),
+        |(low, high): (f64, f64), y| (low.min(y), high.max(y)),
+    );
+    let per_unit = rows / (high - low).max(f64::MIN_POSITIVE);
+    let mut keyed: Vec<(i64, f64, u32)> = names
+        .into_iter()
+        .map(|name| {
+            let p = at(name);
+            let row = ((p.y - low) * per_unit) as i64;
+            (row, if row % 2 == 0 { p.x } else { -p.x }, name)
+        })
+        .collect();
+    keyed.sort_unstable_by(|a, b| {
+        let places = a.0.cmp(&b.0).then(a.1.total_cmp(&b.1));
+        places.then(a.2.cmp(&b.2))
+    });
+    keyed.into_iter().map(|(_, _, name)| name).collect()
 }
 
 /// The corners of a triangle around everything in a box, counter-clockwise as seen against `axis`.
