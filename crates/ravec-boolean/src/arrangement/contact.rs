@@ -5,7 +5,7 @@
 //! determinants of the corners alone, so that no place has to be computed. Triangles in one plane are not taken apart
 //! here: that they meet is all that is said.
 
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 use ravec_mesh::{OrientedPlane, Sign, orient2d, orient3d};
 
 use super::soup::Soup;
@@ -70,6 +70,32 @@ fn strictly_apart(signs: [Sign; 3], shared: [bool; 3]) -> bool {
     first.is_none_or(|f| f != Sign::Zero && own.all(|s| s == f))
 }
 
+/// Whether a side of `p` at its shared corners parts two triangles as they are seen along the normal of `p`. That holds for
+/// nearly all neighbors, and without asking how far they are from lying in one plane.
+fn are_side_by_side(
+    normal: DVec3,
+    (p, shared_p): ([DVec3; 3], [bool; 3]),
+    (q, shared_q): ([DVec3; 3], [bool; 3]),
+) -> bool {
+    let shared = shared_p.iter().filter(|&&s| s).count();
+    if shared == 0 || shared == 3 {
+        return false;
+    }
+    let n = normal.abs();
+    let axis = (0..3).fold(0, |best, k| if n[k] > n[best] { k } else { best });
+    let [a, b, c] = p.map(|p| flat(p, axis));
+    let turn = orient2d(a, b, c);
+    turn != Sign::Zero
+        && (0..3).any(|i| {
+            let j = (i + 1) % 3;
+            // all shared corners are ends of this side, so that the other triangle is beyond it but for these
+            let ends = usize::from(shared_p[i]) + usize::from(shared_p[j]);
+            let (from, to) = ([a, b, c][i], [a, b, c][j]);
+            ends == shared
+                && (0..3).all(|k| shared_q[k] || orient2d(from, to, flat(q[k], axis)) == -turn)
+        })
+}
+
 /// How triangles `a` and `b` meet; `None` if they share at most corners and an edge.
 pub(crate) fn contact(soup: &Soup, a: u32, b: u32) -> Option<Contact> {
     let (s, t) = (soup.triangles[a as usize], soup.triangles[b as usize]);
@@ -77,6 +103,9 @@ pub(crate) fn contact(soup: &Soup, a: u32, b: u32) -> Option<Contact> {
     let shared_t = t.map(|v| s.contains(&v));
     let (p, q) = (soup.corners(a), soup.corners(b));
     let plane = OrientedPlane::through(p[0], p[1], p[2]);
+    if are_side_by_side(plane.normal(), (p, shared_s), (q, shared_t)) {
+        return None;
+    }
     let sides_of_t: [Sign; 3] = std::array::from_fn(|i| {
         if shared_t[i] {
             Sign::Zero
@@ -151,7 +180,7 @@ fn edges(e: [u32; 2], f: [u32; 2]) -> Crossing {
 }
 
 /// The axis along which most of a triangle is seen, exactly not edge-on.
-pub(crate) fn view([a, b, c]: [glam::DVec3; 3]) -> usize {
+pub(crate) fn view([a, b, c]: [DVec3; 3]) -> usize {
     let n = (b - a).cross(c - a).abs();
     let mut axes = [0, 1, 2];
     axes.sort_by(|&i, &j| n[j].total_cmp(&n[i]));
@@ -161,12 +190,12 @@ pub(crate) fn view([a, b, c]: [glam::DVec3; 3]) -> usize {
 }
 
 /// A place as seen against `axis`.
-pub(crate) fn flat(p: glam::DVec3, axis: usize) -> DVec2 {
+pub(crate) fn flat(p: DVec3, axis: usize) -> DVec2 {
     DVec2::new(p[(axis + 1) % 3], p[(axis + 2) % 3])
 }
 
 /// Whether a point of the plane of a triangle is in the triangle or on its border.
-fn holds(triangle: [glam::DVec3; 3], point: glam::DVec3) -> bool {
+fn holds(triangle: [DVec3; 3], point: DVec3) -> bool {
     let axis = view(triangle);
     let [a, b, c] = triangle.map(|p| flat(p, axis));
     let p = flat(point, axis);
@@ -232,7 +261,6 @@ fn segments_touch_beyond(at: &impl Fn(u32) -> DVec2, [u, v]: [u32; 2], [w, x]: [
 mod tests {
     use super::*;
     use crate::closing::Closing;
-    use glam::DVec3;
     use proptest::prelude::*;
     use ravec_mesh::{TriMesh, TriTri, intersection};
     use ravec_progress::Progress;
