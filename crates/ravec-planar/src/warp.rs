@@ -369,10 +369,12 @@ mod tests {
     /// of the exact inverse of J Jᵀ.
     fn average_naive(image: &Plane, map: &Homography, center: DVec2) -> Option<f32> {
         let (at, jacobian) = (map.apply(center), map.jacobian(center));
-        let inverse = (jacobian * jacobian.transpose()).inverse();
-        let smallest = inverse.determinant().recip().sqrt()
-            / (jacobian * jacobian.transpose()).col(0).length().max(1.0);
-        if smallest < 1.6 || jacobian.determinant() > 12.0 {
+        let spread = jacobian * jacobian.transpose();
+        let inverse = spread.inverse();
+        // the smaller eigenvalue is the square of the shorter axis
+        let half_trace = 0.5 * (spread.x_axis.x + spread.y_axis.y);
+        let shorter_sq = half_trace - (half_trace * half_trace - spread.determinant()).sqrt();
+        if shorter_sq.is_nan() || shorter_sq < 1.25 * 1.25 || jacobian.determinant().abs() > 12.0 {
             return None;
         }
         let (mut sum, mut weights) = (0.0, 0.0);
