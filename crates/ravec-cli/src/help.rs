@@ -211,7 +211,7 @@ is a warning and stands in the report. Triangles that no other mesh touches come
 is closed, manifold and does not meet itself; if it is not, it is written all the same, a warning says what is wrong, and the exit code \
 is 5. An empty result is an empty mesh, and no error. Binary STL and glTF round its vertices to 32-bit floats; a warning says if that does harm.
 
-Colors of the vertices of PLY files follow into a PLY file. --origins has a row for each triangle: mesh, triangle (none for one that \
+Colors of the vertices of PLY files follow into a PLY file, texture coordinates of OBJ and glTF files into one of these. --origins has a row for each triangle: mesh, triangle (none for one that \
 closes a hole), whether it was turned, and whether it is whole.
 
 Figures: triangles, kept_triangles, seam_edges, intersecting_pairs, mending_rounds, self_intersections, solid (0 or 1), volume; \

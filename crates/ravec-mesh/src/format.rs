@@ -13,8 +13,8 @@
 //! | glTF | `.glb` and `.gltf`, node transforms, triangle lists, strips and fans, sparse and quantized positions | 32-bit floats |
 //!
 //! Normals, texture coordinates, materials and colors are left out, and [`MeshFile::warnings`] says so; only the colors of
-//! vertices of PLY files can be asked for ([`ReadOptions::colors`]) and written ([`write_colored_mesh`]). Polygons are cut
-//! into triangles.
+//! vertices of PLY files ([`ReadOptions::colors`]) and texture coordinates of OBJ and glTF files ([`ReadOptions::texture`])
+//! can be asked for, and written ([`write_mesh_with`]). Polygons are cut into triangles.
 //!
 //! Guarantees: vertices and triangles keep the order of the file; whatever the bytes, the result is a mesh or an error
 //! that says what is wrong and where, with memory bounded by [`MeshLimits`] and by the bytes that were there. Does not
@@ -44,7 +44,7 @@ pub use read::{
     read_mesh_with_buffers,
 };
 pub use weld::{Welded, weld};
-pub use write::{Precision, WriteOptions, write_colored_mesh, write_mesh};
+pub use write::{Attributes, Precision, WriteOptions, write_mesh, write_mesh_with};
 
 /// The formats of mesh files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

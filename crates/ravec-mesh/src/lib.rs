@@ -24,9 +24,9 @@ pub use bvh::{BoxTree, Bvh, Closest, RayHit, WindingNumbers, winding_number};
 pub use check::{BoundaryLoop, CheckParams, Found, MeshCheck, check};
 pub use closest::{ClosestOnTriangle, Feature, closest_on_triangle, distance_sq_to_triangle};
 pub use format::{
-    BufferResolver, LengthUnit, MeshFile, MeshFormat, MeshLimits, Place, Precision, ReadMeshError,
-    ReadOptions, ReadWarning, Welded, WriteMeshError, WriteOptions, read_mesh,
-    read_mesh_with_buffers, weld, write_colored_mesh, write_mesh,
+    Attributes, BufferResolver, LengthUnit, MeshFile, MeshFormat, MeshLimits, Place, Precision,
+    ReadMeshError, ReadOptions, ReadWarning, Welded, WriteMeshError, WriteOptions, read_mesh,
+    read_mesh_with_buffers, weld, write_mesh, write_mesh_with,
 };
 pub use hausdorff::{
     Hausdorff, HausdorffError, HausdorffParams, OneSided, distances_to, hausdorff, vertex_distances,

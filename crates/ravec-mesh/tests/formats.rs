@@ -1,10 +1,9 @@
 //! What is written is what is read, in every format.
 
-use glam::DVec3;
 use proptest::prelude::*;
 use ravec_mesh::{
     LengthUnit, MeshFile, MeshFormat, Precision, ReadMeshError, ReadOptions, ReadWarning, TriMesh,
-    WriteMeshError, WriteOptions, read_mesh, weld, write_colored_mesh, write_mesh,
+    WriteMeshError, WriteOptions, read_mesh, weld, write_mesh,
 };
 use ravec_progress::Progress;
 
@@ -417,57 +416,4 @@ fn progress_ends_at_the_whole() {
         read_mesh(&file[..], &options, &progress).unwrap();
         assert_eq!(whole("read"), Some(1.0), "{format}");
     }
-}
-
-#[test]
-fn colors_of_ply_vertices_are_read_and_written_if_they_are_asked_for() {
-    let corners = vec![DVec3::ZERO, DVec3::X, DVec3::new(0.0, 0.1, 0.0)];
-    let mesh = TriMesh::new(corners, vec![[0, 1, 2]]).unwrap();
-    let colors = [[255, 0, 7, 255], [1, 2, 3, 4], [0, 0, 0, 0]];
-    let asked = ReadOptions {
-        colors: true,
-        ..ReadOptions::default()
-    };
-    for format in [MeshFormat::PlyBinary, MeshFormat::PlyAscii, MeshFormat::Off] {
-        let mut bytes = Vec::new();
-        let options = WriteOptions::default();
-        write_colored_mesh(
-            &mesh,
-            &colors,
-            format,
-            &options,
-            &mut bytes,
-            &Progress::none(),
-        )
-        .unwrap();
-        let file = read_mesh(&bytes[..], &asked, &Progress::none()).unwrap();
-        assert_eq!(file.mesh, mesh, "{format}");
-        if format == MeshFormat::Off {
-            assert_eq!(file.colors, [[0; 4]; 0]);
-            continue;
-        }
-        assert_eq!(file.colors, colors, "{format}");
-        assert_eq!(file.warnings, []);
-        let plain = read_mesh(&bytes[..], &ReadOptions::default(), &Progress::none()).unwrap();
-        assert_eq!(plain.colors, [[0; 4]; 0]);
-        assert_eq!(plain.warnings, [ReadWarning::Ignored { what: "colors" }]);
-    }
-}
-
-#[test]
-fn colors_of_ply_files_may_be_fractions_and_stand_in_any_columns() {
-    let text = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float blue\nproperty float x\nproperty ushort green\n\
-                property float y\nproperty float z\nproperty double red\nelement face 1\n\
-                property list uchar int vertex_indices\nend_header\n\
-                1 0 65535 0 0 0.5\n-3 1 257 0 0 2\nnan 0 0 1 0 0.001\n3 0 1 2\n";
-    let asked = ReadOptions {
-        colors: true,
-        ..ReadOptions::default()
-    };
-    let file = read_mesh(text.as_bytes(), &asked, &Progress::none()).unwrap();
-    assert_eq!(file.mesh.positions()[1], DVec3::X);
-    assert_eq!(
-        file.colors,
-        [[128, 255, 255, 255], [255, 1, 0, 255], [0, 0, 0, 255]]
-    );
 }

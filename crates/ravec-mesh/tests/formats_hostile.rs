@@ -1,9 +1,10 @@
 //! Whatever the bytes: a mesh or an error, within the limits.
 
+use glam::DVec2;
 use proptest::prelude::*;
 use ravec_mesh::{
-    MeshFile, MeshFormat, MeshLimits, ReadMeshError, ReadOptions, TriMesh, WriteOptions, read_mesh,
-    write_mesh,
+    Attributes, MeshFile, MeshFormat, MeshLimits, ReadMeshError, ReadOptions, TriMesh,
+    WriteOptions, read_mesh, write_mesh_with,
 };
 use ravec_progress::Progress;
 
@@ -29,6 +30,8 @@ fn read(file: &[u8], limits: MeshLimits) -> Result<MeshFile, ReadMeshError> {
     let options = ReadOptions {
         limits,
         size: Some(file.len() as u64),
+        colors: true,
+        texture: true,
         ..ReadOptions::default()
     };
     read_mesh(file, &options, &Progress::none())
@@ -53,8 +56,13 @@ fn octahedron() -> TriMesh {
 fn written(format: MeshFormat) -> Vec<u8> {
     let mut file = Vec::new();
     let progress = Progress::none();
-    write_mesh(
+    let attributes = Attributes {
+        colors: &[[1, 20, 200, 255]; 6],
+        texture: &[[DVec2::X; 3]; 8],
+    };
+    write_mesh_with(
         &octahedron(),
+        attributes,
         format,
         &WriteOptions::default(),
         &mut file,

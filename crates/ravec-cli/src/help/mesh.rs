@@ -62,6 +62,9 @@ Examples:
   ravec mesh convert sheet.obj -o welded.off --weld 0.001%
   ravec mesh convert - -o - --format obj <part.stl >part.obj
 
+Colors of the vertices of PLY files and texture coordinates of OBJ and glTF files go along where the output has room for them, unless \
+vertices are welded.
+
 Figures: scale of the coordinates, if units differ; largest_rounding of a coordinate, if the output holds 32-bit floats; \
 welded_vertices and collapsed_triangles, with --weld.
 

@@ -1,6 +1,6 @@
 //! `boolean`: meshes combined by an expression, exact where they meet.
 
-mod color;
+mod attributes;
 mod named;
 mod origins;
 mod picture;
@@ -13,10 +13,11 @@ use crate::error::JobError;
 use crate::files::{check_files, check_target};
 use crate::report::{Finding, Report};
 use bytesize::ByteSize;
+use glam::DVec2;
 use ravec::boolean as library;
 use ravec::boolean::{BooleanError, BooleanReport, Expr, ParseExprError};
 use ravec::mesh::render::View;
-use ravec::mesh::{LengthUnit, MeshFile, MeshFormat, MeshLimits, TriMesh};
+use ravec::mesh::{Attributes, LengthUnit, MeshFormat, MeshLimits, TriMesh};
 use ravec::progress::Progress;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -135,7 +136,8 @@ fn parsed(text: &str, names: &[String]) -> Result<Expr, JobError> {
 /// file that the expression does not name is not read; a warning says so.
 ///
 /// Where files name different units, meshes are scaled to that of the first. Colors of the vertices of PLY files follow into a
-/// PLY file: between the corners of a triangle they are mixed, and vertices where meshes meet take that of one of them.
+/// PLY file: between the corners of a triangle they are mixed, and vertices where meshes meet take that of one of them. Texture
+/// coordinates of OBJ and glTF files follow into one of these: each piece of a triangle shows what was there.
 ///
 /// [`Report::passed`] says whether the result is closed, manifold and free of self-intersections; an empty one is. If not, it is
 /// written all the same. Rounding to 32-bit floats happens after that; a warning says if it does harm.
@@ -183,6 +185,7 @@ pub fn run(
     let Inputs {
         meshes,
         colors,
+        textures,
         target,
     } = read;
     let asked = library::BooleanParams {
@@ -220,11 +223,14 @@ pub fn run(
     } else if rounds(&target) {
         report_rounding(&result.mesh, target, &mut report, progress)?;
     }
-    let colors = color::of(&result, &meshes, &colors);
-    super::write_colored(
+    let carried = Attributes {
+        colors: &attributes::colors_of(&result, &meshes, &colors),
+        texture: &attributes::texture_of(&result, &meshes, &textures),
+    };
+    super::write_with(
         &targets.mesh,
         &result.mesh,
-        &colors,
+        carried,
         &target,
         &mut report,
         progress,
@@ -245,6 +251,8 @@ struct Inputs {
     meshes: Vec<TriMesh>,
     /// Colors of their vertices, where there are any.
     colors: Vec<Vec<[u8; 4]>>,
+    /// Texture coordinates of the corners of their triangles, where there are any.
+    textures: Vec<Vec<[DVec2; 3]>>,
     target: MeshTarget,
 }
 
@@ -257,39 +265,27 @@ fn read_all(
     report: &mut Report,
     progress: &Progress,
 ) -> Result<Inputs, JobError> {
-    let is_ply =
-        |target: &MeshTarget| matches!(target.format, MeshFormat::PlyBinary | MeshFormat::PlyAscii);
     // what standard output takes is known once the first mesh is
     let output = params.output.target(&targets.mesh, MeshFormat::PlyBinary)?;
     let mut target: Option<MeshTarget> = None;
     let mut meshes = vec![TriMesh::default(); files.len()];
     let mut colors = vec![Vec::new(); files.len()];
+    let mut textures = vec![Vec::new(); files.len()];
     for &i in used {
         let source = MeshSource {
             path: files[i].path.clone(),
             limits,
         };
         let outputs = targets.paths();
-        let file = if target.as_ref().map_or(is_ply(&output), is_ply) {
-            super::read_colored(&source, &outputs, report, progress)?
-        } else {
-            super::read(&source, &outputs, report, progress)?
-        };
-        let MeshFile {
-            mut mesh,
-            format,
-            unit,
-            colors: of_file,
-            ..
-        } = file;
-        if mesh.triangles().is_empty() {
+        let mut file = super::read_with_attributes(&source, &outputs, report, progress)?;
+        if file.mesh.triangles().is_empty() {
             return Err(JobError::NoTriangles { path: source.path });
         }
-        let unit = params.unit.map(LengthUnit::from).or(unit);
+        let unit = params.unit.map(LengthUnit::from).or(file.unit);
         let target = match &mut target {
             Some(target) => target,
             none => {
-                let mut first = params.output.target(&targets.mesh, format)?;
+                let mut first = params.output.target(&targets.mesh, file.format)?;
                 first.unit = unit;
                 none.insert(first)
             }
@@ -302,20 +298,19 @@ fn read_all(
                 "{} is in units of one {from}: it was scaled by {scale} to the {to} of the first mesh",
                 source.path.display()
             ));
-            mesh = scaled(mesh, scale, &source)?;
+            file.mesh = scaled(file.mesh, scale, &source)?;
         }
-        if is_ply(target) {
-            colors[i] = of_file;
-        } else if !of_file.is_empty() {
-            report.warn(format!("{}: left out colors", source.path.display()));
-        }
-        meshes[i] = mesh;
+        super::keep_held(&mut file, &source.path, target, report);
+        meshes[i] = file.mesh;
+        colors[i] = file.colors;
+        textures[i] = file.texture;
     }
     // an expression always names a mesh
     let target = target.unwrap_or(output);
     Ok(Inputs {
         meshes,
         colors,
+        textures,
         target,
     })
 }

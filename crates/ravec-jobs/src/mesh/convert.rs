@@ -128,6 +128,15 @@ pub(super) struct Begun {
     pub target: MeshTarget,
 }
 
+/// What of a file is carried over.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Carries {
+    /// Its triangles alone.
+    Shape,
+    /// Colors and texture coordinates, too, where the output has room for them.
+    All,
+}
+
 impl Output {
     /// Checks the paths, reads the input and finds out how to write; whatever can be refused is refused before it is read.
     pub(super) fn begin(
@@ -136,13 +145,18 @@ impl Output {
         params: &impl Serialize,
         source: &MeshSource,
         path: &Path,
+        carries: Carries,
         progress: &Progress,
     ) -> Result<Begun, JobError> {
         self.check(path)?;
         check_files(&[&source.path], &[path])?;
         let mut report = Report::new(operation, params);
-        let file = super::read(source, &[path], &mut report, progress)?;
+        let mut file = match carries {
+            Carries::Shape => super::read(source, &[path], &mut report, progress)?,
+            Carries::All => super::read_with_attributes(source, &[path], &mut report, progress)?,
+        };
         let mut target = self.target(path, file.format)?;
+        super::keep_held(&mut file, &source.path, &target, &mut report);
         target.unit = file.unit;
         Ok(Begun {
             report,
@@ -208,7 +222,8 @@ pub struct Params {
     pub from_unit: Option<Unit>,
 }
 
-/// Writes the mesh `source` to `path`.
+/// Writes the mesh `source` to `path`, with the colors of the vertices of a PLY file and the texture coordinates of an OBJ or glTF
+/// file if the output has room for them and nothing is welded.
 ///
 /// Figures: `scale` of the coordinates if units differ; `largest_rounding` of a coordinate, if the output holds 32-bit
 /// floats; `welded_vertices` and `collapsed_triangles` if welding was asked for.
@@ -223,9 +238,14 @@ pub fn run(
     progress: &Progress,
 ) -> Result<Report, JobError> {
     weld::check(params.weld)?;
+    // welding makes one of vertices with several colors
+    let carries = match params.weld {
+        None => Carries::All,
+        Some(_) => Carries::Shape,
+    };
     let begun = params
         .output
-        .begin("mesh convert", params, source, path, progress)?;
+        .begin("mesh convert", params, source, path, carries, progress)?;
     let Begun {
         mut report,
         file,
@@ -233,7 +253,13 @@ pub fn run(
     } = begun;
     let from = params.from_unit.map(LengthUnit::from).or(file.unit);
     target.unit = params.unit.map(LengthUnit::from).or(from);
-    let mesh = weld::welded(file.mesh, params.weld, &mut report);
+    let MeshFile {
+        mesh,
+        colors,
+        texture,
+        ..
+    } = file;
+    let mesh = weld::welded(mesh, params.weld, &mut report);
     progress.check()?;
     let mesh = match (from, target.unit) {
         (Some(from), Some(to)) if from != to => {
@@ -248,7 +274,11 @@ pub fn run(
             .figures
             .insert("largest_rounding", largest_rounding(&mesh, target));
     }
-    super::write(path, &mesh, &target, &mut report, progress)?;
+    let attributes = library::Attributes {
+        colors: &colors,
+        texture: &texture,
+    };
+    super::write_with(path, &mesh, attributes, &target, &mut report, progress)?;
     Ok(report)
 }
 
@@ -300,6 +330,7 @@ mod tests {
     use crate::mesh::{read_mesh_file, write_mesh_file};
     use ravec::mesh::MeshLimits;
     use ravec_scenes::solids::cuboid;
+    use std::io::Write as _;
 
     fn converted(from: &str, to: &str, params: &Params) -> (TriMesh, Report) {
         let folder = tempfile::tempdir().unwrap();
@@ -385,6 +416,36 @@ mod tests {
         for name in ["b.3mf", "b.glb"] {
             let error = ascii.output.check(Path::new(name)).unwrap_err();
             assert_eq!(error.exit_code(), 2, "{error}");
+        }
+    }
+
+    #[test]
+    fn colors_and_texture_coordinates_go_along_where_there_is_room() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0.5 0.25\nvt 1 0\nf 1/1 2/2 3/1\n";
+        ravec_media::write_atomically(&at("a.obj"), |file| file.write_all(text.as_bytes()))
+            .unwrap();
+        let convert = |from: &str, to: &str, params: &Params| {
+            let (source, progress) = (MeshSource::new(at(from)), Progress::none());
+            run(&source, &at(to), params, &progress).unwrap()
+        };
+        let params = Params::default();
+        for (from, to) in [("a.obj", "b.glb"), ("b.glb", "c.gltf"), ("c.gltf", "d.obj")] {
+            assert_eq!(convert(from, to, &params).warnings, [""; 0], "{to}");
+        }
+        let told = std::fs::read_to_string(at("d.obj")).unwrap();
+        assert!(told.contains("vt 0.5 0.25\nvt 1.0 0.0\n"), "{told}");
+        let welded = Params {
+            weld: Some("0".parse().unwrap()),
+            ..Params::default()
+        };
+        for report in [
+            convert("a.obj", "e.obj", &welded),
+            convert("a.obj", "e.ply", &params),
+        ] {
+            let told = report.warnings.join("\n");
+            assert!(told.contains("left out texture coordinates"), "{told}");
         }
     }
 }

@@ -4,8 +4,8 @@ use crate::error::JobError;
 use crate::files::{check_files, is_stream};
 use crate::report::{FileReport, Report};
 use ravec::mesh::{
-    LengthUnit, MeshFile, MeshFormat, MeshLimits, Precision, ReadMeshError, ReadOptions, TriMesh,
-    WriteOptions, read_mesh, read_mesh_with_buffers, write_colored_mesh,
+    Attributes, LengthUnit, MeshFile, MeshFormat, MeshLimits, Precision, ReadMeshError,
+    ReadOptions, TriMesh, WriteOptions, read_mesh, read_mesh_with_buffers, write_mesh_with,
 };
 use ravec::progress::Progress;
 use ravec_media::write_atomically;
@@ -98,24 +98,22 @@ pub fn read_mesh_file(
     limits: &MeshLimits,
     progress: &Progress,
 ) -> Result<MeshFile, JobError> {
-    read_with_companions(path, limits, false, progress).map(|(file, _)| file)
+    let options = ReadOptions {
+        limits: *limits,
+        ..ReadOptions::default()
+    };
+    read_with_companions(path, options, progress).map(|(file, _)| file)
 }
 
 /// Reads a mesh, and says which other files were read for it.
 fn read_with_companions(
     path: &Path,
-    limits: &MeshLimits,
-    colors: bool,
+    mut options: ReadOptions,
     progress: &Progress,
 ) -> Result<(MeshFile, Vec<PathBuf>), JobError> {
     progress.check()?;
     let companions = RefCell::new(Vec::new());
-    let attempt = || -> Result<MeshFile, ReadMeshError> {
-        let mut options = ReadOptions {
-            limits: *limits,
-            colors,
-            ..ReadOptions::default()
-        };
+    let mut attempt = || -> Result<MeshFile, ReadMeshError> {
         if is_stream(path) {
             return read_mesh(io::stdin().lock(), &options, progress);
         }
@@ -173,7 +171,7 @@ pub fn write_mesh_file(
     target: &MeshTarget,
     progress: &Progress,
 ) -> Result<(), JobError> {
-    write_file(path, mesh, &[], target, progress)
+    write_file(path, mesh, Attributes::default(), target, progress)
 }
 
 #[expect(
@@ -183,7 +181,7 @@ pub fn write_mesh_file(
 fn write_file(
     path: &Path,
     mesh: &TriMesh,
-    colors: &[[u8; 4]],
+    attributes: Attributes<'_>,
     target: &MeshTarget,
     progress: &Progress,
 ) -> Result<(), JobError> {
@@ -194,10 +192,10 @@ fn write_file(
     };
     let written = if is_stream(path) {
         let out = io::stdout().lock();
-        write_colored_mesh(mesh, colors, target.format, &options, out, progress)
+        write_mesh_with(mesh, attributes, target.format, &options, out, progress)
     } else {
         write_atomically(path, |writer| {
-            write_colored_mesh(mesh, colors, target.format, &options, writer, progress)
+            write_mesh_with(mesh, attributes, target.format, &options, writer, progress)
         })
     };
     written.map_err(|cause| JobError::from_writing(path, cause))
@@ -210,31 +208,62 @@ pub(crate) fn read(
     report: &mut Report,
     progress: &Progress,
 ) -> Result<MeshFile, JobError> {
-    read_recorded(source, outputs, false, report, progress)
+    read_recorded(source, outputs, ReadOptions::default(), report, progress)
 }
 
-/// Reads a mesh as [`read`] does, with the colors of its vertices.
-pub(super) fn read_colored(
+/// Reads a mesh as [`read`] does, with the colors of its vertices and with texture coordinates.
+pub(super) fn read_with_attributes(
     source: &MeshSource,
     outputs: &[&Path],
     report: &mut Report,
     progress: &Progress,
 ) -> Result<MeshFile, JobError> {
-    read_recorded(source, outputs, true, report, progress)
+    let all = ReadOptions {
+        colors: true,
+        texture: true,
+        ..ReadOptions::default()
+    };
+    read_recorded(source, outputs, all, report, progress)
+}
+
+/// Takes from a file what `target` does not hold, and says so.
+#[expect(
+    clippy::trivially_copy_pass_by_ref,
+    reason = "taken like in the public function"
+)]
+pub(super) fn keep_held(
+    file: &mut MeshFile,
+    path: &Path,
+    target: &MeshTarget,
+    report: &mut Report,
+) {
+    use MeshFormat::{Glb, Gltf, Obj, PlyAscii, PlyBinary};
+    let mut left_out = Vec::new();
+    if !file.colors.is_empty() && !matches!(target.format, PlyBinary | PlyAscii) {
+        file.colors = Vec::new();
+        left_out.push("colors");
+    }
+    if !file.texture.is_empty() && !matches!(target.format, Obj | Glb | Gltf) {
+        file.texture = Vec::new();
+        left_out.push("texture coordinates");
+    }
+    for what in left_out {
+        report.warn(format!("{}: left out {what}", path.display()));
+    }
 }
 
 fn read_recorded(
     source: &MeshSource,
     outputs: &[&Path],
-    colors: bool,
+    mut options: ReadOptions,
     report: &mut Report,
     progress: &Progress,
 ) -> Result<MeshFile, JobError> {
     let path = &source.path;
     tracing::info!("reading {}", path.display());
-    let (file, companions) = report.time("read", || {
-        read_with_companions(path, &source.limits, colors, progress)
-    })?;
+    options.limits = source.limits;
+    let (file, companions) =
+        report.time("read", || read_with_companions(path, options, progress))?;
     let companions: Vec<_> = companions.iter().map(PathBuf::as_path).collect();
     check_files(&companions, outputs)?;
     for warning in &file.warnings {
@@ -257,24 +286,26 @@ pub(crate) fn write(
     report: &mut Report,
     progress: &Progress,
 ) -> Result<(), JobError> {
-    write_colored(path, mesh, &[], target, report, progress)
+    write_with(path, mesh, Attributes::default(), target, report, progress)
 }
 
-/// Writes a mesh as [`write`] does, with a color for each vertex where the format has room for it.
+/// Writes a mesh as [`write`] does, with those of its attributes that the format holds.
 #[expect(
     clippy::trivially_copy_pass_by_ref,
     reason = "taken like in the public function"
 )]
-pub(super) fn write_colored(
+pub(super) fn write_with(
     path: &Path,
     mesh: &TriMesh,
-    colors: &[[u8; 4]],
+    attributes: Attributes<'_>,
     target: &MeshTarget,
     report: &mut Report,
     progress: &Progress,
 ) -> Result<(), JobError> {
     tracing::info!("writing {}", path.display());
-    report.time("write", || write_file(path, mesh, colors, target, progress))?;
+    report.time("write", || {
+        write_file(path, mesh, attributes, target, progress)
+    })?;
     let unit = match target.format {
         MeshFormat::ThreeMf => target.unit.or(Some(LengthUnit::Millimeter)),
         MeshFormat::Glb | MeshFormat::Gltf => Some(LengthUnit::Meter),

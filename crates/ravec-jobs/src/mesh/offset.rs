@@ -2,7 +2,7 @@
 
 mod showcase;
 
-use super::convert::{Begun, Output, Unit, rounds};
+use super::convert::{Begun, Carries, Output, Unit, rounds};
 use super::rounded::rounded;
 use super::{Dimension, MeshSource, MeshTarget};
 use crate::error::JobError;
@@ -220,7 +220,7 @@ pub fn run(
     params.check()?;
     let begun = params
         .output
-        .begin("offset", params, source, path, progress)?;
+        .begin("offset", params, source, path, Carries::Shape, progress)?;
     let Begun {
         mut report,
         file,

@@ -1,6 +1,6 @@
 //! `mesh simplify`: fewer triangles for nearly the same surface.
 
-use super::convert::{Begun, Output};
+use super::convert::{Begun, Carries, Output};
 use super::{Length, MeshSource, weld};
 use crate::error::JobError;
 use crate::report::Report;
@@ -118,9 +118,14 @@ pub fn run(
     progress: &Progress,
 ) -> Result<Report, JobError> {
     params.check()?;
-    let begun = params
-        .output
-        .begin("mesh simplify", params, source, path, progress)?;
+    let begun = params.output.begin(
+        "mesh simplify",
+        params,
+        source,
+        path,
+        Carries::Shape,
+        progress,
+    )?;
     let Begun {
         mut report,
         file,

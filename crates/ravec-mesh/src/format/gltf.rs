@@ -3,7 +3,8 @@
 //! Read are the triangles of the file's scene (the first if it names none; all nodes if there are no scenes), each placed
 //! by the transforms of its nodes; the coordinates keep the directions of the file (y up) and are in meters. Transforms
 //! that mirror turn the triangles around, so that their outside stays outside. Each use of a mesh makes new vertices.
-//! Materials, normals, colors, skins and morph targets are left out, points and lines, too. Meshes compressed by an
+//! The first set of texture coordinates is read if it was asked for. Materials, normals, colors, skins and morph targets are
+//! left out, points and lines, too. Meshes compressed by an
 //! extension are refused.
 //!
 //! Cost: the file is held in memory whole.
@@ -13,7 +14,7 @@ mod document;
 
 use std::ops::Range;
 
-use glam::{DAffine3, DMat4, DQuat, DVec3};
+use glam::{DAffine3, DMat4, DQuat, DVec2, DVec3};
 use ravec_progress::Progress;
 use rustc_hash::FxHashMap;
 
@@ -84,6 +85,7 @@ pub(super) fn read(
         document: &document,
         buffers: &buffers,
         soup: Soup::new(format, &options.limits),
+        texture: options.texture,
         progress,
     };
     scene.read()?;
@@ -131,12 +133,23 @@ fn chunks(file: &[u8]) -> Result<(Range<usize>, Option<Range<usize>>), ReadMeshE
     Ok((json, None))
 }
 
+/// The vertices of a primitive.
+struct Vertices {
+    /// Where they begin in the soup.
+    begin: u32,
+    count: usize,
+    /// Where their texture coordinates begin there.
+    texture: Option<u32>,
+}
+
 /// The scene while it is read.
 struct Scene<'a> {
     format: MeshFormat,
     document: &'a Document,
     buffers: &'a Buffers,
     soup: Soup,
+    /// Whether texture coordinates are wanted.
+    texture: bool,
     progress: &'a Progress,
 }
 
@@ -215,14 +228,22 @@ impl Scene<'_> {
                 begin
             };
             let count = self.document.accessors.get(position).map_or(0, |a| a.count);
-            let range = (begin, count);
+            let texture = primitive.attributes.texture.filter(|_| self.texture);
+            let texture = texture
+                .map(|accessor| self.coordinates(accessor, count))
+                .transpose()?;
+            let vertices = Vertices {
+                begin,
+                count,
+                texture,
+            };
             let mirrors = scene_from_mesh.matrix3.determinant() < 0.0;
             match primitive.indices {
-                None => self.triangles(index, mode, mirrors, range, 0..count as u32)?,
+                None => self.triangles(index, mode, mirrors, &vertices, 0..count as u32)?,
                 Some(accessor) => {
                     let buffers = self.buffers;
                     let indices = buffers.indices(self.document, accessor)?;
-                    self.triangles(index, mode, mirrors, range, indices)?;
+                    self.triangles(index, mode, mirrors, &vertices, indices)?;
                 }
             }
         }
@@ -234,7 +255,7 @@ impl Scene<'_> {
             (primitive.material.is_some(), "materials"),
             (primitive.attributes.normal.is_some(), "normals"),
             (
-                primitive.attributes.texture.is_some(),
+                primitive.attributes.texture.is_some() && !self.texture,
                 "texture coordinates",
             ),
             (primitive.attributes.color.is_some(), "colors"),
@@ -276,14 +297,39 @@ impl Scene<'_> {
         Ok(())
     }
 
+    /// Adds the texture coordinates of `count` vertices, and gives the index of the first.
+    fn coordinates(&mut self, accessor: usize, count: usize) -> Result<u32, ReadMeshError> {
+        // fits: their number is limited like that of the vertices
+        let first = self.soup.textures() as u32;
+        let buffers = self.buffers;
+        let pairs = buffers.pairs(self.document, accessor)?;
+        if pairs.len() != count {
+            let what = "it must have texture coordinates for each vertex";
+            return Err(self.fault("accessor", accessor, what));
+        }
+        for (i, [u, v]) in pairs.enumerate() {
+            if i % 65536 == 0 {
+                self.progress.check()?;
+            }
+            // here they count from the upper edge of the picture
+            self.soup.texture(DVec2::new(u, 1.0 - v))?;
+        }
+        Ok(first)
+    }
+
     fn triangles(
         &mut self,
         mesh: usize,
         mode: u32,
         mirrors: bool,
-        (begin, count): (u32, usize),
+        vertices: &Vertices,
         indices: impl Iterator<Item = u32>,
     ) -> Result<(), ReadMeshError> {
+        let &Vertices {
+            begin,
+            count,
+            texture,
+        } = vertices;
         // The two corners that the next one makes a triangle with.
         let mut last = [0_u32; 2];
         for (i, index) in indices.enumerate() {
@@ -315,7 +361,14 @@ impl Scene<'_> {
                 } else {
                     [last[1], last[0]]
                 };
-                self.soup.face(&[a, b, corner])?;
+                let corners = [a, b, corner];
+                match texture {
+                    None => self.soup.face(&corners)?,
+                    Some(first) => {
+                        let texture = corners.map(|corner| first + (corner - begin));
+                        self.soup.textured_face(&corners, &texture)?;
+                    }
+                }
             }
             match (mode, i) {
                 (6, 0) => last[0] = corner,

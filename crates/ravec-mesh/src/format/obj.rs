@@ -1,16 +1,16 @@
 //! Wavefront OBJ, as a stream.
 //!
 //! Read are the statements `v` and `f`, with indices from 1 or, negative, back from the last vertex so far. A statement
-//! goes on in the next line after a backslash, `#` begins a comment. Normals, texture coordinates, colors, groups and
-//! materials are left out; lines, points and free-form surfaces, too.
+//! goes on in the next line after a backslash, `#` begins a comment. Texture coordinates (`vt`) are read if they were asked
+//! for. Normals, colors, groups and materials are left out; lines, points and free-form surfaces, too.
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 use super::MeshFormat;
 use super::error::{Place, ReadMeshError};
-use super::number::{integer, shown, three, words};
+use super::number::{integer, number, shown, three, words};
 use super::read::MeshFile;
-use super::soup::Soup;
+use super::soup::{NO_TEXTURE, Soup};
 use super::source::Source;
 
 /// The longest statement, put together from its lines.
@@ -21,6 +21,7 @@ pub(super) fn read(mut source: Source<'_>) -> Result<MeshFile, ReadMeshError> {
     let mut reader = Reader {
         soup: Soup::new(MeshFormat::Obj, &source.limits),
         corners: Vec::new(),
+        texture: source.options().texture.then(Vec::new),
     };
     // A statement of several lines, and where it began.
     let mut joined = Vec::new();
@@ -57,6 +58,8 @@ struct Reader {
     soup: Soup,
     /// The corners of the face at hand.
     corners: Vec<u32>,
+    /// Their texture coordinates, if wanted.
+    texture: Option<Vec<u32>>,
 }
 
 impl Reader {
@@ -79,7 +82,7 @@ impl Reader {
             }
             b"f" | b"fo" => self.face(words, place),
             b"vn" => self.ignore("normals"),
-            b"vt" => self.ignore("texture coordinates"),
+            b"vt" => self.texture(words, place),
             b"mtllib" | b"usemtl" | b"maplib" | b"usemap" => self.ignore("materials"),
             b"l" => self.ignore("lines"),
             b"p" => self.ignore("points"),
@@ -101,16 +104,33 @@ impl Reader {
         Ok(())
     }
 
+    fn texture<'a>(
+        &mut self,
+        mut words: impl Iterator<Item = &'a [u8]>,
+        place: Place,
+    ) -> Result<(), ReadMeshError> {
+        if self.texture.is_none() {
+            return self.ignore("texture coordinates");
+        }
+        let Some(u) = words.next().and_then(number) else {
+            return Err(fault(place, "texture coordinates lack a number"));
+        };
+        // one alone is a place on a line, a third one a depth
+        let v = words.next().and_then(number).unwrap_or(0.0);
+        self.soup.texture(DVec2::new(u, v))
+    }
+
     fn face<'a>(
         &mut self,
         words: impl Iterator<Item = &'a [u8]>,
         place: Place,
     ) -> Result<(), ReadMeshError> {
         self.corners.clear();
+        self.texture.iter_mut().for_each(Vec::clear);
         for word in words {
             // Corners are spelled `v`, `v/vt`, `v//vn` or `v/vt/vn`.
-            let end = word.iter().position(|&byte| byte == b'/');
-            let Some(written) = integer(&word[..end.unwrap_or(word.len())]) else {
+            let mut parts = word.split(|&byte| byte == b'/');
+            let Some(written) = parts.next().and_then(integer) else {
                 let what = format!("`{}` is not the corner of a face", shown(word));
                 return Err(fault(place, what));
             };
@@ -121,7 +141,22 @@ impl Reader {
                 1
             };
             self.corners.push(self.soup.index(written, base, place)?);
+            if let Some(texture) = &mut self.texture {
+                let index = parts.next().and_then(integer).map(|written| {
+                    if written < 0 {
+                        written + self.soup.textures() as i64
+                    } else {
+                        written - 1
+                    }
+                });
+                // those that are not there are none
+                let index = index.and_then(|index| u32::try_from(index).ok());
+                texture.push(index.unwrap_or(NO_TEXTURE));
+            }
         }
-        self.soup.face(&self.corners)
+        match &self.texture {
+            Some(texture) => self.soup.textured_face(&self.corners, texture),
+            None => self.soup.face(&self.corners),
+        }
     }
 }

@@ -3,6 +3,7 @@
 use std::fmt;
 use std::io::{self, Read};
 
+use glam::DVec2;
 use ravec_progress::Progress;
 
 use super::error::ReadMeshError;
@@ -52,6 +53,9 @@ pub struct ReadOptions {
     /// Whether colors of vertices are wanted (default no: they are left out, with a warning). Read are those of PLY files;
     /// not together with `weld_tolerance`.
     pub colors: bool,
+    /// Whether texture coordinates are wanted (default no: they are left out, with a warning). Read are those of OBJ files
+    /// and the first set of glTF files; not together with `weld_tolerance`.
+    pub texture: bool,
 }
 
 /// A mesh and what its file says about it.
@@ -65,6 +69,9 @@ pub struct MeshFile {
     pub unit: Option<LengthUnit>,
     /// Red, green, blue and alpha of each vertex, if they were asked for and are there; else none at all.
     pub colors: Vec<[u8; 4]>,
+    /// Texture coordinates of the corners of each triangle, if they were asked for and are there, else none at all: to the
+    /// right and up in the picture, which reaches from 0 to 1; NaN at corners without.
+    pub texture: Vec<[DVec2; 3]>,
     /// What is not as in the file, each at most once.
     pub warnings: Vec<ReadWarning>,
 }
@@ -211,6 +218,10 @@ fn read_dyn(
         file.mesh = welded.mesh;
         if !std::mem::take(&mut file.colors).is_empty() {
             file.warnings.push(ReadWarning::Ignored { what: "colors" });
+        }
+        if !std::mem::take(&mut file.texture).is_empty() {
+            let what = "texture coordinates";
+            file.warnings.push(ReadWarning::Ignored { what });
         }
         if welded.merged > 0 {
             file.warnings.push(ReadWarning::Welded {

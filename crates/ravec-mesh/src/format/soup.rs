@@ -3,7 +3,9 @@
 //! Counts are checked against the limits before anything is stored; memory grows with the data, never with a count that
 //! a header claims.
 
-use glam::DVec3;
+use std::ops::Range;
+
+use glam::{DVec2, DVec3};
 use ravec_progress::Progress;
 
 use super::error::{Place, ReadMeshError};
@@ -23,6 +25,26 @@ struct Polygon {
     end: usize,
 }
 
+/// Stands for a corner without texture coordinates.
+pub(super) const NO_TEXTURE: u32 = u32::MAX;
+
+/// Texture coordinates, and which of them the corners of faces have. Both lists of corners may be shorter than those of the
+/// faces: the rest has none.
+#[derive(Default)]
+struct Texture {
+    coordinates: Vec<DVec2>,
+    of_triangles: Vec<[u32; 3]>,
+    /// As the corners of polygons.
+    of_corners: Vec<u32>,
+}
+
+impl Texture {
+    fn at(&self, index: u32) -> DVec2 {
+        let coordinates = self.coordinates.get(index as usize).copied();
+        coordinates.unwrap_or(DVec2::NAN)
+    }
+}
+
 /// What was read so far.
 pub(super) struct Soup {
     format: MeshFormat,
@@ -32,6 +54,7 @@ pub(super) struct Soup {
     triangles: Vec<[u32; 3]>,
     polygons: Vec<Polygon>,
     corners: Vec<u32>,
+    texture: Texture,
     /// Triangles that the polygons will give.
     more: u64,
     /// The highest index that a face names, where, and as what it stands there.
@@ -57,6 +80,7 @@ impl Soup {
             triangles: Vec::new(),
             polygons: Vec::new(),
             corners: Vec::new(),
+            texture: Texture::default(),
             more: 0,
             highest: None,
             left_out: 0,
@@ -127,6 +151,43 @@ impl Soup {
     #[inline]
     pub(super) fn color(&mut self, color: [u8; 4]) {
         self.colors.push(color);
+    }
+
+    /// Adds texture coordinates for corners to name.
+    pub(super) fn texture(&mut self, at: DVec2) -> Result<(), ReadMeshError> {
+        if self.texture.coordinates.len() as u64 >= self.limits.max_vertices {
+            return Err(ReadMeshError::TooMany {
+                what: "texture coordinates",
+                limit: self.limits.max_vertices,
+            });
+        }
+        self.texture.coordinates.push(at);
+        Ok(())
+    }
+
+    /// How many texture coordinates there are.
+    pub(super) fn textures(&self) -> usize {
+        self.texture.coordinates.len()
+    }
+
+    /// Adds a face whose corners have these texture coordinates, or [`NO_TEXTURE`].
+    pub(super) fn textured_face(
+        &mut self,
+        corners: &[u32],
+        texture: &[u32],
+    ) -> Result<(), ReadMeshError> {
+        let (triangles, polygons) = (self.triangles.len(), self.corners.len());
+        self.face(corners)?;
+        if self.triangles.len() > triangles {
+            let of_triangles = &mut self.texture.of_triangles;
+            of_triangles.resize(triangles, [NO_TEXTURE; 3]);
+            of_triangles.push(std::array::from_fn(|i| texture[i]));
+        } else if self.corners.len() > polygons {
+            let of_corners = &mut self.texture.of_corners;
+            of_corners.resize(polygons, NO_TEXTURE);
+            of_corners.extend_from_slice(texture);
+        }
+        Ok(())
     }
 
     /// The index that stands in the file as `written`, `base` subtracted. It may name a vertex that is yet to come.
@@ -215,7 +276,16 @@ impl Soup {
                 faces: self.left_out,
             });
         }
+        let mut texture: Vec<[DVec2; 3]> = Vec::new();
+        let textured = !self.texture.coordinates.is_empty();
+        let of_triangles = |range: Range<usize>| {
+            let corners = range.map(|t| self.texture.of_triangles.get(t));
+            corners.map(|c| c.map_or([DVec2::NAN; 3], |c| c.map(|i| self.texture.at(i))))
+        };
         let triangles = if self.polygons.is_empty() {
+            if textured {
+                texture.extend(of_triangles(0..self.triangles.len()));
+            }
             self.triangles
         } else {
             let mut all = Vec::with_capacity(self.triangles.len() + self.more as usize);
@@ -225,10 +295,27 @@ impl Soup {
                     progress.check()?;
                 }
                 all.extend_from_slice(&self.triangles[taken..polygon.before]);
-                triangulate(&self.corners[start..polygon.end], &self.positions, &mut all);
+                let corners = &self.corners[start..polygon.end];
+                let first = all.len();
+                triangulate(corners, &self.positions, &mut all);
+                if textured {
+                    texture.extend(of_triangles(taken..polygon.before));
+                    let mut places: Vec<(u32, usize)> =
+                        corners.iter().copied().zip(start..).collect();
+                    places.sort_unstable();
+                    let at = |v: u32| {
+                        let place = places.partition_point(|&(corner, _)| corner < v);
+                        let index = self.texture.of_corners.get(places[place].1);
+                        index.map_or(DVec2::NAN, |&index| self.texture.at(index))
+                    };
+                    texture.extend(all[first..].iter().map(|t| t.map(at)));
+                }
                 (taken, start) = (polygon.before, polygon.end);
             }
             all.extend_from_slice(&self.triangles[taken..]);
+            if textured {
+                texture.extend(of_triangles(taken..self.triangles.len()));
+            }
             all
         };
         let mut file = mesh_file(self.format, self.positions, triangles, unit, warnings)?;
@@ -238,6 +325,7 @@ impl Soup {
             // several tables of vertices, and not all with colors
             file.warnings.push(ReadWarning::Ignored { what: "colors" });
         }
+        file.texture = texture;
         Ok(file)
     }
 }
@@ -262,6 +350,7 @@ pub(super) fn mesh_file(
         format,
         unit,
         colors: Vec::new(),
+        texture: Vec::new(),
         warnings,
     })
 }

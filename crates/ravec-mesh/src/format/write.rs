@@ -8,8 +8,9 @@ mod threemf;
 
 use std::io::{self, Write};
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use ravec_progress::{Phase, Progress};
+use rustc_hash::FxHashMap;
 
 use super::error::WriteMeshError;
 use super::{LengthUnit, MeshFormat};
@@ -64,26 +65,44 @@ pub fn write_mesh(
     writer: impl Write,
     progress: &Progress,
 ) -> Result<(), WriteMeshError> {
-    write_colored_mesh(mesh, &[], format, options, writer, progress)
+    write_mesh_with(
+        mesh,
+        Attributes::default(),
+        format,
+        options,
+        writer,
+        progress,
+    )
 }
 
-/// Writes `mesh` with a color for each vertex: red, green, blue and alpha.
-///
-/// Only PLY holds them; the other formats are written as by [`write_mesh`], and so is PLY if `colors` has not one for each
-/// vertex.
+/// What a mesh carries beside its shape.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Attributes<'a> {
+    /// Red, green, blue and alpha of each vertex. Only PLY holds them.
+    pub colors: &'a [[u8; 4]],
+    /// Texture coordinates of the corners of each triangle, as in [`MeshFile::texture`](super::MeshFile::texture). Only OBJ and
+    /// glTF hold them. A vertex of a glTF file has one place in the texture: those with several are written several times.
+    pub texture: &'a [[DVec2; 3]],
+}
+
+/// Writes `mesh` as [`write_mesh`] does, with those of its `attributes` that the format holds, and that are as many as the
+/// mesh has vertices or triangles.
 ///
 /// # Errors
 /// As [`write_mesh`].
-pub fn write_colored_mesh(
+pub fn write_mesh_with(
     mesh: &TriMesh,
-    colors: &[[u8; 4]],
+    attributes: Attributes<'_>,
     format: MeshFormat,
     options: &WriteOptions,
     mut writer: impl Write,
     progress: &Progress,
 ) -> Result<(), WriteMeshError> {
+    let Attributes { colors, texture } = attributes;
     let all = colors.len() == mesh.positions().len() && !colors.is_empty();
     let colors = all.then_some(colors);
+    let all = texture.len() == mesh.triangles().len() && !texture.is_empty();
+    let texture = all.then_some(texture);
     let single = options.precision == Precision::Single;
     let always_single = matches!(
         format,
@@ -92,6 +111,14 @@ pub fn write_colored_mesh(
     if single || always_single {
         check_f32(mesh, format)?;
     }
+    let split;
+    let (mesh, texture_of_vertices) = match (format, texture) {
+        (MeshFormat::Glb | MeshFormat::Gltf, Some(texture)) => {
+            split = split_by_texture(mesh, texture);
+            (&split.0, Some(&split.1[..]))
+        }
+        _ => (mesh, None),
+    };
     let rows = (mesh.positions().len() + mesh.triangles().len()) as u64;
     let phase = progress.phase("write", rows);
     let mut sink = Sink {
@@ -105,11 +132,11 @@ pub fn write_colored_mesh(
         MeshFormat::StlAscii => stl::write_ascii(mesh, options.precision, &mut sink),
         MeshFormat::PlyBinary => ply::write_binary(mesh, colors, options.precision, &mut sink),
         MeshFormat::PlyAscii => ply::write_ascii(mesh, colors, options.precision, &mut sink),
-        MeshFormat::Obj => text::write_obj(mesh, options.precision, &mut sink),
+        MeshFormat::Obj => text::write_obj(mesh, texture, options.precision, &mut sink),
         MeshFormat::Off => text::write_off(mesh, options.precision, &mut sink),
         MeshFormat::ThreeMf => threemf::write(mesh, *options, &mut sink),
-        MeshFormat::Glb => gltf::write_glb(mesh, options.unit, &mut sink),
-        MeshFormat::Gltf => gltf::write_gltf(mesh, options.unit, &mut sink),
+        MeshFormat::Glb => gltf::write_glb(mesh, texture_of_vertices, options.unit, &mut sink),
+        MeshFormat::Gltf => gltf::write_gltf(mesh, texture_of_vertices, options.unit, &mut sink),
     }?;
     sink.flush()?;
     writer.flush()?;
@@ -128,6 +155,35 @@ fn check_f32(mesh: &TriMesh, format: MeshFormat) -> Result<(), WriteMeshError> {
         }
     }
     Ok(())
+}
+
+/// The same mesh with as many vertices at a place as there are texture coordinates there, and these for each vertex. Corners
+/// without have those of the origin.
+fn split_by_texture(mesh: &TriMesh, texture: &[[DVec2; 3]]) -> (TriMesh, Vec<[f32; 2]>) {
+    let mut names: FxHashMap<(u32, [u32; 2]), u32> = FxHashMap::default();
+    let (mut positions, mut of_vertices) = (Vec::new(), Vec::new());
+    let corners = mesh.triangles().iter().zip(texture);
+    let triangles = corners.map(|(corners, texture)| {
+        std::array::from_fn(|i| {
+            let at = texture[i];
+            // counted from the upper edge of the picture
+            let at = if at.is_nan() {
+                [0.0; 2]
+            } else {
+                [at.x as f32, (1.0 - at.y) as f32]
+            };
+            *names
+                .entry((corners[i], at.map(f32::to_bits)))
+                .or_insert_with(|| {
+                    positions.push(mesh.positions()[corners[i] as usize]);
+                    of_vertices.push(at);
+                    (positions.len() - 1) as u32
+                })
+        })
+    });
+    let triangles = triangles.collect();
+    let split = TriMesh::new(positions, triangles).expect("vertices were numbered as they came");
+    (split, of_vertices)
 }
 
 /// A place rounded to 32-bit floats.
@@ -154,12 +210,30 @@ impl Sink<'_> {
     fn rows<T>(
         &mut self,
         items: impl IntoIterator<Item = T>,
+        spell: impl FnMut(&mut Vec<u8>, T) -> io::Result<()>,
+    ) -> Result<(), WriteMeshError> {
+        self.spell(items, 1, spell)
+    }
+
+    /// Appends what `spell` writes for each of `items`, which are no rows of the mesh.
+    fn more<T>(
+        &mut self,
+        items: impl IntoIterator<Item = T>,
+        spell: impl FnMut(&mut Vec<u8>, T) -> io::Result<()>,
+    ) -> Result<(), WriteMeshError> {
+        self.spell(items, 0, spell)
+    }
+
+    fn spell<T>(
+        &mut self,
+        items: impl IntoIterator<Item = T>,
+        counts: u64,
         mut spell: impl FnMut(&mut Vec<u8>, T) -> io::Result<()>,
     ) -> Result<(), WriteMeshError> {
         let mut rows = 0;
         for item in items {
             spell(&mut self.buffer, item)?;
-            rows += 1;
+            rows += counts;
             if self.buffer.len() >= FULL {
                 self.flush()?;
                 self.phase.advance(rows);

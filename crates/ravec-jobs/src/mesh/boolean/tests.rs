@@ -1,7 +1,9 @@
 use super::*;
 use crate::mesh::{read_mesh_file, write_mesh_file};
-use glam::DVec3;
-use ravec::mesh::{Precision, ReadOptions, WriteOptions, measure, read_mesh, write_colored_mesh};
+use glam::{DVec2, DVec3};
+use ravec::mesh::{
+    Attributes, Precision, ReadOptions, TriMesh, WriteOptions, measure, read_mesh, write_mesh_with,
+};
 use ravec_scenes::solids::{cuboid, icosphere};
 use std::ffi::OsString;
 use std::io::Write as _;
@@ -229,9 +231,13 @@ fn colors_follow_into_ply_and_are_left_out_elsewhere() {
             unit: None,
         };
         let format = MeshFormat::PlyBinary;
-        write_colored_mesh(
+        let attributes = Attributes {
+            colors: &colors,
+            ..Attributes::default()
+        };
+        write_mesh_with(
             &mesh,
-            &colors,
+            attributes,
             format,
             &options,
             &mut bytes,
@@ -259,6 +265,64 @@ fn colors_follow_into_ply_and_are_left_out_elsewhere() {
     let report = studio.run("union", "red.ply blue.ply", "out.off").unwrap();
     let told = report.warnings.join("\n");
     assert_eq!(told.matches("left out colors").count(), 2, "{told}");
+}
+
+#[test]
+fn texture_coordinates_follow_into_obj_and_gltf() {
+    let studio = Studio::new();
+    // both textures are projections, so that pieces of triangles show what their places say
+    let projected = |at: DVec3, which: usize| match which {
+        0 => DVec2::new(0.25 * at.x + 0.5 * at.y, at.z),
+        _ => DVec2::new(0.125 * at.z, 3.0 - at.x),
+    };
+    let names = ["one.obj", "two.glb"];
+    for (which, name) in names.into_iter().enumerate() {
+        let mesh = cuboid(DVec3::splat(2.0 - which as f64 * 0.5));
+        let mesh = mesh.shifted(DVec3::new(which as f64, 0.25, 0.125)).mesh;
+        let corners = mesh.triangles().iter();
+        let texture: Vec<[DVec2; 3]> = corners
+            .map(|t| t.map(|v| projected(mesh.positions()[v as usize], which)))
+            .collect();
+        let attributes = Attributes {
+            texture: &texture,
+            ..Attributes::default()
+        };
+        let mut bytes = Vec::new();
+        let format = MeshFormat::from_extension(&name[4..]).unwrap();
+        let (options, progress) = (WriteOptions::default(), Progress::none());
+        write_mesh_with(&mesh, attributes, format, &options, &mut bytes, &progress).unwrap();
+        ravec_media::write_atomically(&studio.at(name), |file| file.write_all(&bytes)).unwrap();
+    }
+    for (output, tolerance) in [("out.obj", 1e-12), ("out.gltf", 1e-6)] {
+        let report = studio.run("union", "one.obj two.glb", output).unwrap();
+        assert_eq!(report.warnings, [""; 0]);
+        let asked = ReadOptions {
+            texture: true,
+            ..ReadOptions::default()
+        };
+        let bytes = std::fs::read(studio.at(output)).unwrap();
+        let file = read_mesh(&bytes[..], &asked, &Progress::none()).unwrap();
+        let mut of_second = 0;
+        for (corners, texture) in file.mesh.triangles().iter().zip(&file.texture) {
+            let places = corners.map(|v| file.mesh.positions()[v as usize]);
+            let shown = |which: usize| {
+                let errors = (0..3).map(|i| (projected(places[i], which) - texture[i]).length());
+                errors.fold(0.0, f64::max)
+            };
+            // what is to the right of the first cube is of the second
+            let which = usize::from(places.iter().any(|p| p.x > 1.0 + 1e-6));
+            of_second += which;
+            assert!(shown(which) < tolerance, "{places:?} {texture:?}");
+        }
+        assert!(of_second > 8 && of_second + 8 < file.texture.len());
+    }
+    let report = studio.run("union", "one.obj two.glb", "out.ply").unwrap();
+    let told = report.warnings.join("\n");
+    assert_eq!(
+        told.matches("left out texture coordinates").count(),
+        2,
+        "{told}"
+    );
 }
 
 #[test]

@@ -98,8 +98,8 @@ impl Span<'_> {
 }
 
 impl Span<'_> {
-    fn point(&self, index: usize) -> [f64; 3] {
-        [0, 1, 2].map(|which| self.number(index, which))
+    fn row<const N: usize>(&self, index: usize) -> [f64; N] {
+        std::array::from_fn(|which| self.number(index, which))
     }
 }
 
@@ -195,11 +195,32 @@ impl Buffers {
         document: &Document,
         index: usize,
     ) -> Result<impl ExactSizeIterator<Item = [f64; 3]> + use<'a>, ReadMeshError> {
+        self.rows(document, index, "VEC3", "positions must be of type VEC3")
+    }
+
+    /// The pairs of numbers that accessor `index` holds.
+    pub(super) fn pairs<'a>(
+        &'a self,
+        document: &Document,
+        index: usize,
+    ) -> Result<impl ExactSizeIterator<Item = [f64; 2]> + use<'a>, ReadMeshError> {
+        let wrong = "texture coordinates must be of type VEC2";
+        self.rows(document, index, "VEC2", wrong)
+    }
+
+    /// The rows of `N` numbers that accessor `index` holds, which must be of the type `kind`.
+    fn rows<'a, const N: usize>(
+        &'a self,
+        document: &Document,
+        index: usize,
+        kind: &str,
+        wrong: &str,
+    ) -> Result<impl ExactSizeIterator<Item = [f64; N]> + use<'a, N>, ReadMeshError> {
         let accessor = self.accessor(document, index)?;
-        if accessor.kind != "VEC3" {
-            return Err(self.fault(index, "positions must be of type VEC3"));
+        if accessor.kind != kind {
+            return Err(self.fault(index, wrong));
         }
-        let span = self.span(document, index, accessor, 3)?;
+        let span = self.span(document, index, accessor, N)?;
         // The elements that are replaced, in ascending order as the format demands.
         let mut replaced = 0..0;
         let (mut indices, mut values) = (span, span);
@@ -209,7 +230,7 @@ impl Buffers {
             };
             let code = sparse.indices.component_type.unwrap_or(0);
             indices = part(&sparse.indices, code, 1)?;
-            values = part(&sparse.values, accessor.component_type, 3)?;
+            values = part(&sparse.values, accessor.component_type, N)?;
             values.normalized = span.normalized;
             replaced = 0..sparse.count;
         }
@@ -218,9 +239,9 @@ impl Buffers {
                 replaced.start += 1;
             }
             if !replaced.is_empty() && indices.number(replaced.start, 0) == i as f64 {
-                values.point(replaced.start)
+                values.row(replaced.start)
             } else {
-                span.point(i)
+                span.row(i)
             }
         }))
     }

@@ -70,7 +70,7 @@ pub(super) struct Attributes {
     #[serde(rename = "NORMAL")]
     pub(super) normal: Option<serde::de::IgnoredAny>,
     #[serde(rename = "TEXCOORD_0")]
-    pub(super) texture: Option<serde::de::IgnoredAny>,
+    pub(super) texture: Option<usize>,
     #[serde(rename = "COLOR_0")]
     pub(super) color: Option<serde::de::IgnoredAny>,
 }

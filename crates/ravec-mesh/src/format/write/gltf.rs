@@ -18,6 +18,7 @@ struct Document {
 
 fn document(
     mesh: &TriMesh,
+    texture: Option<&[[f32; 2]]>,
     unit: Option<LengthUnit>,
     format: MeshFormat,
 ) -> Result<Document, WriteMeshError> {
@@ -32,7 +33,8 @@ fn document(
         });
     }
     let points = 12 * vertices as u64;
-    let total = points + 4 * corners as u64;
+    let coordinates = texture.map_or(0, |texture| 8 * texture.len() as u64);
+    let total = points + 4 * corners as u64 + coordinates;
     // The JSON takes less than 1024 bytes of the 4 GiB that the lengths in a GLB file can count.
     let bytes = u32::try_from(total)
         .ok()
@@ -54,16 +56,30 @@ fn document(
     } else {
         format!(",\"scale\":[{scale:?},{scale:?},{scale:?}]")
     };
+    let (attribute, accessor, view) = if texture.is_some() {
+        (
+            ",\"TEXCOORD_0\":2",
+            format!(
+                ",{{\"bufferView\":2,\"componentType\":5126,\"count\":{vertices},\"type\":\"VEC2\"}}"
+            ),
+            format!(
+                ",{{\"buffer\":0,\"byteOffset\":{},\"byteLength\":{coordinates},\"target\":34962}}",
+                total - coordinates
+            ),
+        )
+    } else {
+        ("", String::new(), String::new())
+    };
     let before = format!(
         "{ASSET},\"scenes\":[{{\"nodes\":[0]}}],\"nodes\":[{{\"mesh\":0{scale}}}],\
-         \"meshes\":[{{\"primitives\":[{{\"attributes\":{{\"POSITION\":0}},\"indices\":1}}]}}],\
+         \"meshes\":[{{\"primitives\":[{{\"attributes\":{{\"POSITION\":0{attribute}}},\"indices\":1}}]}}],\
          \"accessors\":[{{\"bufferView\":0,\"componentType\":5126,\"count\":{vertices},\"type\":\"VEC3\",\
          \"min\":{least:?},\"max\":{most:?}}},\
-         {{\"bufferView\":1,\"componentType\":5125,\"count\":{corners},\"type\":\"SCALAR\"}}],\
+         {{\"bufferView\":1,\"componentType\":5125,\"count\":{corners},\"type\":\"SCALAR\"}}{accessor}],\
          \"bufferViews\":[{{\"buffer\":0,\"byteLength\":{points},\"target\":34962}},\
-         {{\"buffer\":0,\"byteOffset\":{points},\"byteLength\":{},\"target\":34963}}],\
+         {{\"buffer\":0,\"byteOffset\":{points},\"byteLength\":{},\"target\":34963}}{view}],\
          \"buffers\":[{{\"byteLength\":{bytes}",
-        total - points,
+        total - points - coordinates,
     );
     Ok(Document {
         before,
@@ -72,7 +88,11 @@ fn document(
     })
 }
 
-fn write_data(mesh: &TriMesh, sink: &mut Sink<'_>) -> Result<(), WriteMeshError> {
+fn write_data(
+    mesh: &TriMesh,
+    texture: Option<&[[f32; 2]]>,
+    sink: &mut Sink<'_>,
+) -> Result<(), WriteMeshError> {
     sink.rows(mesh.positions(), |buffer, &at| {
         buffer.extend_from_slice(rounded(at).map(f32::to_le_bytes).as_flattened());
         Ok(())
@@ -80,15 +100,20 @@ fn write_data(mesh: &TriMesh, sink: &mut Sink<'_>) -> Result<(), WriteMeshError>
     sink.rows(mesh.triangles(), |buffer, &corners| {
         buffer.extend_from_slice(corners.map(u32::to_le_bytes).as_flattened());
         Ok(())
+    })?;
+    sink.more(texture.unwrap_or_default(), |buffer, at| {
+        buffer.extend_from_slice(at.map(f32::to_le_bytes).as_flattened());
+        Ok(())
     })
 }
 
 pub(super) fn write_glb(
     mesh: &TriMesh,
+    texture: Option<&[[f32; 2]]>,
     unit: Option<LengthUnit>,
     sink: &mut Sink<'_>,
 ) -> Result<(), WriteMeshError> {
-    let document = document(mesh, unit, MeshFormat::Glb)?;
+    let document = document(mesh, texture, unit, MeshFormat::Glb)?;
     let mut json = document.before + document.after;
     json.extend(std::iter::repeat_n(
         ' ',
@@ -110,17 +135,18 @@ pub(super) fn write_glb(
     if document.bytes > 0 {
         sink.bytes(&document.bytes.to_le_bytes());
         sink.bytes(b"BIN\0");
-        write_data(mesh, sink)?;
+        write_data(mesh, texture, sink)?;
     }
     Ok(())
 }
 
 pub(super) fn write_gltf(
     mesh: &TriMesh,
+    texture: Option<&[[f32; 2]]>,
     unit: Option<LengthUnit>,
     sink: &mut Sink<'_>,
 ) -> Result<(), WriteMeshError> {
-    let document = document(mesh, unit, MeshFormat::Gltf)?;
+    let document = document(mesh, texture, unit, MeshFormat::Gltf)?;
     sink.bytes(document.before.as_bytes());
     if document.bytes > 0 {
         sink.bytes(b",\"uri\":\"data:application/octet-stream;base64,");
@@ -132,7 +158,7 @@ pub(super) fn write_gltf(
             progress: sink.progress,
             phase: sink.phase,
         };
-        write_data(mesh, &mut data)?;
+        write_data(mesh, texture, &mut data)?;
         data.flush()?;
         encoder.finish()?;
         drop(encoder);

@@ -1,6 +1,7 @@
-//! Colors of the vertices of a result, from those of the meshes that its triangles come from.
+//! Colors of the vertices and texture coordinates of the triangles of a result, from those of the meshes that its triangles
+//! come from.
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use ravec::boolean::Boolean;
 use ravec::mesh::{TriMesh, closest_on_triangle};
 
@@ -11,7 +12,11 @@ const NONE: [u8; 4] = [255; 4];
 ///
 /// A vertex takes the color of the first triangle around it that comes from a mesh with colors: that of its corner, or a mixture
 /// of those of the three corners where it is a new vertex.
-pub(super) fn of(result: &Boolean, meshes: &[TriMesh], colors: &[Vec<[u8; 4]>]) -> Vec<[u8; 4]> {
+pub(super) fn colors_of(
+    result: &Boolean,
+    meshes: &[TriMesh],
+    colors: &[Vec<[u8; 4]>],
+) -> Vec<[u8; 4]> {
     if colors.iter().all(Vec::is_empty) {
         return Vec::new();
     }
@@ -41,19 +46,54 @@ pub(super) fn of(result: &Boolean, meshes: &[TriMesh], colors: &[Vec<[u8; 4]>]) 
         .collect()
 }
 
+/// Texture coordinates for the corners of each triangle of `result`, NaN where there are none; none at all if no mesh has any.
+///
+/// A piece of a triangle shows what the triangle shows at its place.
+pub(super) fn texture_of(
+    result: &Boolean,
+    meshes: &[TriMesh],
+    textures: &[Vec<[DVec2; 3]>],
+) -> Vec<[DVec2; 3]> {
+    if textures.iter().all(Vec::is_empty) {
+        return Vec::new();
+    }
+    let triangles = result.mesh.triangles().iter().zip(&result.origins);
+    let texture = triangles.map(|(corners, origin)| {
+        let of_mesh = &textures[origin.mesh as usize];
+        let Some(triangle) = origin.triangle.filter(|_| !of_mesh.is_empty()) else {
+            return [DVec2::NAN; 3];
+        };
+        let mesh = &meshes[origin.mesh as usize];
+        let places = mesh.triangles()[triangle as usize].map(|v| mesh.positions()[v as usize]);
+        corners.map(|v| {
+            let shares = shares(result.mesh.positions()[v as usize], places);
+            let parts = shares.into_iter().zip(of_mesh[triangle as usize]);
+            // what has no share does not count, even if it is not a number
+            let parts = parts.filter(|(share, _)| *share != 0.0);
+            parts.map(|(share, at)| share * at).sum()
+        })
+    });
+    texture.collect()
+}
+
 /// The color at a place on a triangle.
 fn mixed(at: DVec3, corners: [DVec3; 3], colors: [[u8; 4]; 3]) -> [u8; 4] {
-    if let Some(corner) = corners.iter().position(|corner| *corner == at) {
-        return colors[corner];
-    }
-    let weights = weights(closest_on_triangle(at, corners).point, corners);
+    let shares = shares(at, corners);
     std::array::from_fn(|channel| {
-        let parts = weights.iter().zip(colors);
+        let parts = shares.iter().zip(colors);
         let level: f64 = parts
-            .map(|(weight, color)| weight * f64::from(color[channel]))
+            .map(|(share, color)| share * f64::from(color[channel]))
             .sum();
         level.round().clamp(0.0, 255.0) as u8
     })
+}
+
+/// The shares of the corners of a triangle at the place on it that is next to `at`: one alone at a corner.
+fn shares(at: DVec3, corners: [DVec3; 3]) -> [f64; 3] {
+    match corners.iter().position(|corner| *corner == at) {
+        Some(corner) => std::array::from_fn(|i| f64::from(u8::from(i == corner))),
+        None => weights(closest_on_triangle(at, corners).point, corners),
+    }
 }
 
 /// The barycentric coordinates of a place on a triangle; a third each if it has no area.
