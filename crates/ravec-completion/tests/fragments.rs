@@ -249,26 +249,31 @@ fn filling_changes_nothing_beyond_the_matte_and_leaves_nothing_open() {
     assert!(changed as f64 > 0.9 * hole.area_px());
 }
 
-#[test]
-fn steps_done_again_give_the_same_bytes_and_undone_the_ones_before() {
-    let (image, hole, quad) = scene();
-    let sources = Sources {
-        planes: &[quad],
-        ..Sources::new(&image, &hole)
-    };
-    let index = index(&sources);
-    let mut retouch = Retouch::new(&index);
+/// The picture with its hole filled, and the steps that did it.
+fn filled(index: &FragmentIndex, image: &Image<Srgb<u8>>) -> (Image<Srgb<u8>>, Vec<Step>) {
+    let mut retouch = Retouch::new(index);
     retouch
         .fill(&FillOptions::default(), &Progress::none())
         .unwrap();
-    let steps: Vec<Step> = retouch.steps().copied().collect();
+    let steps = retouch.steps().copied().collect();
+    (retouch.picture(image), steps)
+}
+
+#[test]
+fn steps_done_again_give_the_same_bytes_and_undone_the_ones_before() {
+    let (image, hole, quad) = scene();
+    let index = index(&Sources {
+        planes: &[quad],
+        ..Sources::new(&image, &hole)
+    });
+    let (filled, steps) = filled(&index, &image);
     let mut again = Retouch::new(&index);
     let mut pictures = vec![again.picture(&image)];
     for step in &steps {
         again.apply(step, &Progress::none()).unwrap();
         pictures.push(again.picture(&image));
     }
-    assert_eq!(pictures.last(), Some(&retouch.picture(&image)));
+    assert_eq!(pictures.last(), Some(&filled));
     for (step, before) in steps.iter().zip(&pictures).rev() {
         assert_eq!(again.undo().as_ref(), Some(step));
         assert_eq!(&again.picture(&image), before);
@@ -336,17 +341,11 @@ fn the_number_of_threads_does_not_matter() {
             .build()
             .unwrap();
         pool.install(|| {
-            let sources = Sources {
+            let index = index(&Sources {
                 planes: &[quad],
                 ..Sources::new(&image, &hole)
-            };
-            let index = index(&sources);
-            let mut retouch = Retouch::new(&index);
-            retouch
-                .fill(&FillOptions::default(), &Progress::none())
-                .unwrap();
-            let steps: Vec<Step> = retouch.steps().copied().collect();
-            (retouch.picture(&image), steps)
+            });
+            filled(&index, &image)
         })
     };
     assert_eq!(run(1), run(3));

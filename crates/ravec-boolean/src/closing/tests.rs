@@ -88,25 +88,12 @@ fn tube(radius: f64, height: f64) -> TriMesh {
 
 #[test]
 fn a_long_tube_gets_lids_and_a_short_one_a_band() {
+    let loops = |closing: &Closing| -> Vec<_> { closing.holes.iter().map(|h| h.loops).collect() };
     let (long, closing) = closed(&tube(1.0, 2.0));
-    assert_eq!(
-        closing
-            .holes
-            .iter()
-            .map(|hole| hole.loops)
-            .collect::<Vec<_>>(),
-        [1, 1]
-    );
+    assert_eq!(loops(&closing), [1, 1]);
     assert!((volume(&long) - volume(&cylinder(1.0, 2.0, 64).mesh)).abs() < 1e-9);
     let (short, closing) = closed(&tube(1.0, 0.5));
-    assert_eq!(
-        closing
-            .holes
-            .iter()
-            .map(|hole| hole.loops)
-            .collect::<Vec<_>>(),
-        [2]
-    );
+    assert_eq!(loops(&closing), [2]);
     // winding number on the axis: 0.5 / √(0.5² + 2²), below a half
     assert!(volume(&short).abs() < 0.1);
     assert!(winding_number(&short, DVec3::ZERO).abs() < 1e-9);
