@@ -31,6 +31,10 @@ enum Coarser {
     Grid(f64),
 }
 
+/// How near vertices are merged that make triangles meet, in the same units, while the input is as it was given. Afterwards it is
+/// twice the number above.
+const FIRST_REACH: f64 = 8.0;
+
 /// What is tried one after the other. The last moves vertices by some billionths of the size, less than single precision would.
 const COARSER: [Coarser; 3] = [
     Coarser::MergeNear(64.0),
@@ -92,6 +96,7 @@ pub fn boolean(
     let largest = given.positions.iter().map(|p| p.abs().max_element());
     let ulp = largest.fold(0.0, f64::max) * f64::EPSILON;
     let mut soup = given;
+    let mut reach = FIRST_REACH * ulp;
     let mut coarser = COARSER.iter();
     let (parents, finished) = loop {
         let bvh = bvh_of(&soup, progress)?;
@@ -102,16 +107,18 @@ pub fn boolean(
             let inside = evaluate(&cells, meshes.len(), &expr, params.inside);
             select(&pieces, &cells, &inside)
         };
-        let rounded = round_off(draft, &soup, &bvh, &mut report, progress)?;
+        let rounded = round_off(draft, &soup, &bvh, reach, &mut report, progress)?;
         let is_sound = report.self_intersections == 0 && rounded.1.closed;
         let next = coarser.next().filter(|_| !is_sound);
         soup = match next {
             None => break rounded,
             Some(&Coarser::MergeNear(ulps)) => {
+                reach = 2.0 * ulps * ulp;
                 report.moved = report.moved.max(ulps * ulp);
                 merge_near(&soup, ulps * ulp, |_| true, progress)?
             }
             Some(&Coarser::Grid(ulps)) => {
+                reach = 2.0 * ulps * ulp;
                 report.moved = report.moved.max(1.5 * ulps * ulp);
                 coarsened(&Soup::of(&list, &closings, progress)?, ulps * ulp)
             }
@@ -170,11 +177,12 @@ fn round_off(
     mut draft: Draft,
     soup: &Soup,
     bvh: &BoxTree,
+    reach: f64,
     report: &mut BooleanReport,
     progress: &Progress,
 ) -> Result<(Vec<Parent>, Finished), Cancelled> {
     for attempt in 0.. {
-        let mended = mend(draft, bvh, progress)?;
+        let mended = mend(draft, bvh, reach, progress)?;
         report.mending_rounds += mended.rounds;
         report.moved = report.moved.max(mended.moved);
         report.self_intersections = mended.contacts;

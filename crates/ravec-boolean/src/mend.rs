@@ -3,9 +3,9 @@
 //! Points of cuts fall between doubles. Rounded, triangles thinner than an ulp may turn over, meet others or vanish. New
 //! triangles are therefore compared with all around them, by exact tests of the rounded corners, and if any two meet
 //! where they should not, the rounded surface is taken for an input of its own: cut along itself, and reduced to the
-//! border of what it winds around. That is rounded again, and so on. From the second round on, vertices nearer to each
-//! other, or to edges and triangles, than some units of the last place are merged with them first, farther ones in each round.
-//! If that leads to more contacts, it is given up.
+//! border of what it winds around. That is rounded again, and so on. From the second round on, vertices of triangles
+//! that meet are first merged with each other, and with edges and triangles, where they are near to them; the reach grows from
+//! round to round. If that leads to more contacts, it is given up.
 //!
 //! Source: the idea of iterated snap rounding (Halperin and Packer, 2002), on surfaces.
 //!
@@ -21,14 +21,14 @@ use crate::near::merge_near;
 use crate::select::{Draft, Parent, select};
 
 /// Rounds after which mending is given up.
-const MOST_ROUNDS: u32 = 6;
+const MOST_ROUNDS: u32 = 8;
 
-/// How near vertices of new triangles are merged in the second round of mending, relative to the largest coordinate: eight
-/// units of the last place.
-const FIRST_STEP: f64 = 8.0 * f64::EPSILON;
+/// Where there are fewer contacts than one for so many new triangles, only vertices of triangles that meet are merged, else those
+/// of all new ones.
+const SPARSE: usize = 50;
 
-/// How much farther that is from round to round.
-const STEP_GROWTH: f64 = 8.0;
+/// How much farther vertices may be from what they are merged with from round to round.
+const GROWTH: f64 = 4.0;
 
 /// A mended surface.
 pub(crate) struct Mended {
@@ -41,18 +41,17 @@ pub(crate) struct Mended {
 }
 
 /// Mends a draft whose triangles that are whole are known to meet each other properly. `input` holds the triangles that
-/// parents are named after.
+/// parents are named after; `reach` is how near vertices are merged in the second round, the first that does.
 ///
 /// # Errors
 /// [`Cancelled`] soon after `progress` is.
 pub(crate) fn mend(
     mut draft: Draft,
     input: &BoxTree,
+    mut reach: f64,
     progress: &Progress,
 ) -> Result<Mended, Cancelled> {
     let mut found = conflicts(&draft, input, progress)?;
-    let largest = input.bounds().min.abs().max(input.bounds().max.abs());
-    let mut step = largest.max_element() * FIRST_STEP;
     let (mut rounds, mut moved) = (0, 0.0);
     let mut contacts = usize::MAX;
     while !found.is_empty() && rounds < MOST_ROUNDS && found.len() <= contacts {
@@ -61,10 +60,17 @@ pub(crate) fn mend(
         let mesh = draft.mesh();
         let mut soup = Soup::of(&[&mesh], &[Closing::default()], progress)?;
         if rounds > 1 {
-            let is_new = |t: u32| !draft.parents[soup.sources[t as usize].triangle as usize].whole;
-            soup = merge_near(&soup, step, is_new, progress)?;
-            moved = step;
-            step *= STEP_GROWTH;
+            // where a few triangles meet the others are left alone; where many do, all are slivers
+            let new = draft.parents.iter().filter(|parent| !parent.whole).count();
+            let all = found.len() * SPARSE > new;
+            let mut chosen: Vec<bool> = draft.parents.iter().map(|p| all && !p.whole).collect();
+            for &t in found.iter().flatten() {
+                chosen[t as usize] = true;
+            }
+            let meets = |t: u32| chosen[soup.sources[t as usize].triangle as usize];
+            soup = merge_near(&soup, reach, meets, progress)?;
+            moved = reach;
+            reach *= GROWTH;
             for (t, source) in soup.sources.iter().enumerate() {
                 let corners = draft.triangles[source.triangle as usize];
                 let as_before = corners.map(|v| draft.positions[v as usize]);
