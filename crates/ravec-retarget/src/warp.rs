@@ -76,6 +76,15 @@ impl Deformation {
         filter: WarpFilter,
         progress: &Progress,
     ) -> Result<Image<P>, RetargetError> {
+        self.prepare(image, size, filter)?.run(progress)
+    }
+
+    fn prepare<'a, P: Color>(
+        &'a self,
+        image: &'a Image<P>,
+        size: Size,
+        filter: WarpFilter,
+    ) -> Result<Warp<'a, P>, RetargetError> {
         let analysed = self.source_size();
         let scaled = |a: usize, b: usize, c: usize| a as f64 * b as f64 / c as f64;
         let height = scaled(image.width(), analysed.height(), analysed.width());
@@ -88,40 +97,25 @@ impl Deformation {
                 analysed,
             });
         }
-        let lengths = |size: Size| dvec2(size.width() as f64, size.height() as f64);
-        let warp = Warp {
+        Ok(Warp {
             image,
+            size,
             locator: Locator::new(self, lengths(size) / lengths(self.size()), size.width()),
             source_unit: self.grid.unit_px() * lengths(image.size()) / lengths(analysed),
             filter,
             simd: Level::new(),
-        };
-        // where the picture shrinks, a tile sees more
-        let shrink = (lengths(image.size()) / lengths(size)).max(DVec2::ONE);
-        let rows = (TILE[0] as f64 / shrink.y).ceil() as usize;
-        let columns = (TILE[1] as f64 / shrink.x).ceil() as usize;
-        let mut result = Image::new(size, image.pixels()[0]);
-        let phase = progress.phase("warp", size.height() as u64);
-        result.par_strips_mut(rows).enumerate().try_for_each_init(
-            Scratch::default,
-            |scratch, (index, pixels)| {
-                let height = pixels.len() / size.width();
-                let strip = warp.strip(index * rows, height);
-                for first in (0..size.width()).step_by(columns) {
-                    progress.check()?;
-                    let end = (first + columns).min(size.width());
-                    warp.tile(&strip, [first, end], size.width(), scratch, pixels);
-                }
-                phase.advance(height as u64);
-                Ok::<(), RetargetError>(())
-            },
-        )?;
-        Ok(result)
+        })
     }
+}
+
+fn lengths(size: Size) -> DVec2 {
+    dvec2(size.width() as f64, size.height() as f64)
 }
 
 struct Warp<'a, P> {
     image: &'a Image<P>,
+    /// Of the result.
+    size: Size,
     locator: Locator<'a>,
     /// Pixels of `image` a unit of the grid.
     source_unit: DVec2,
@@ -161,6 +155,31 @@ struct Scratch {
 }
 
 impl<P: Color> Warp<'_, P> {
+    fn run(&self, progress: &Progress) -> Result<Image<P>, RetargetError> {
+        let size = self.size;
+        // where the picture shrinks, a tile sees more
+        let shrink = (lengths(self.image.size()) / lengths(size)).max(DVec2::ONE);
+        let rows = (TILE[0] as f64 / shrink.y).ceil() as usize;
+        let columns = (TILE[1] as f64 / shrink.x).ceil() as usize;
+        let mut result = Image::new(size, self.image.pixels()[0]);
+        let phase = progress.phase("warp", size.height() as u64);
+        result.par_strips_mut(rows).enumerate().try_for_each_init(
+            Scratch::default,
+            |scratch, (index, pixels)| {
+                let height = pixels.len() / size.width();
+                let strip = self.strip(index * rows, height);
+                for first in (0..size.width()).step_by(columns) {
+                    progress.check()?;
+                    let end = (first + columns).min(size.width());
+                    self.tile(&strip, [first, end], scratch, pixels);
+                }
+                phase.advance(height as u64);
+                Ok::<(), RetargetError>(())
+            },
+        )?;
+        Ok(result)
+    }
+
     fn strip(&self, first_row: usize, rows: usize) -> Strip {
         let cells = self.locator.cells_in(first_row, rows);
         let rows = (first_row..first_row + rows).map(|row| {
@@ -175,14 +194,7 @@ impl<P: Color> Warp<'_, P> {
     }
 
     /// Fills columns `first..end` of a strip.
-    fn tile(
-        &self,
-        strip: &Strip,
-        columns: [usize; 2],
-        stride: usize,
-        scratch: &mut Scratch,
-        pixels: &mut [P],
-    ) {
+    fn tile(&self, strip: &Strip, columns: [usize; 2], scratch: &mut Scratch, pixels: &mut [P]) {
         let locator = &self.locator;
         let unit = self.source_unit;
         dispatch!(self.simd, simd => look(simd, locator, unit, strip, columns, scratch));
@@ -211,7 +223,7 @@ impl<P: Color> Warp<'_, P> {
         }
         let mut light = light.iter();
         for looks in looks.iter() {
-            let first = looks.row * stride + looks.first;
+            let first = looks.row * self.size.width() + looks.first;
             for (pixel, &light) in pixels[first..first + looks.count]
                 .iter_mut()
                 .zip(&mut light)
