@@ -3,12 +3,13 @@
 use ravec_mesh::{Aabb, BoxTree, TriMesh};
 use ravec_progress::{Cancelled, Progress};
 
-use crate::arrangement::{Cells, Edges, Soup, cut, uncut};
+use crate::arrangement::{Cells, Edges, Pieces, Soup, cut, uncut};
 use crate::closing::{Closing, close};
 use crate::examine::examine;
 use crate::expr::Expr;
 use crate::finish::{Finished, finish, split_edges};
 use crate::mend::{bvh_of, mend};
+use crate::near::{coarsened, merge_near};
 use crate::params::{Boolean, BooleanError, BooleanParams, BooleanReport, Inside, Origin};
 use crate::select::{Draft, Parent, select};
 
@@ -17,6 +18,25 @@ const LARGEST: f64 = 1e30;
 
 /// How often edges are split that two sheets share. Once does; again only where mending makes new ones.
 const MOST_SPLITS: u32 = 8;
+
+/// The least extent that a mesh may have, far above the coordinates that are taken for zero.
+const LEAST: f64 = 1e-50;
+
+/// What is done with the input when a result cannot be rounded without meeting itself. Numbers are in units of the last place
+/// of the largest coordinate.
+enum Coarser {
+    /// Merges what is nearer than that.
+    MergeNear(f64),
+    /// Puts vertices on a grid with such steps.
+    Grid(f64),
+}
+
+/// What is tried one after the other. The last moves vertices by some billionths of the size, less than single precision would.
+const COARSER: [Coarser; 3] = [
+    Coarser::MergeNear(64.0),
+    Coarser::Grid(65536.0),
+    Coarser::Grid(16_777_216.0),
+];
 
 /// Bytes that a triangle of the input costs while it is cut, as measured with surfaces that meet in curves: 410.
 const BYTES_PER_TRIANGLE: u64 = 450;
@@ -68,35 +88,51 @@ pub fn boolean(
             closing.triangles.clear();
         }
     }
-    let soup = Soup::of(&list, &closings, progress)?;
-    let bvh = bvh_of(&soup, progress)?;
-    let draft = {
-        let pieces = cut(&soup, &bvh, None, progress)?;
-        report.intersecting_pairs = pieces.contacts.len() as u64;
-        for &(a, b) in &pieces.contacts {
-            let [a, b] = [a, b].map(|t| soup.sources[t as usize].mesh);
-            if a == b {
-                report.operands[a as usize].self_intersections += 1;
+    let given = Soup::of(&list, &closings, progress)?;
+    let largest = given.positions.iter().map(|p| p.abs().max_element());
+    let ulp = largest.fold(0.0, f64::max) * f64::EPSILON;
+    let mut soup = given;
+    let mut coarser = COARSER.iter();
+    let (parents, finished) = loop {
+        let bvh = bvh_of(&soup, progress)?;
+        let draft = {
+            let pieces = cut(&soup, &bvh, None, progress)?;
+            count_contacts(&pieces, &mut report);
+            let cells = Cells::of(&pieces, &bvh, progress)?;
+            let inside = evaluate(&cells, meshes.len(), &expr, params.inside);
+            select(&pieces, &cells, &inside)
+        };
+        let rounded = round_off(draft, &soup, &bvh, &mut report, progress)?;
+        let is_sound = report.self_intersections == 0 && rounded.1.closed;
+        let next = coarser.next().filter(|_| !is_sound);
+        soup = match next {
+            None => break rounded,
+            Some(&Coarser::MergeNear(ulps)) => {
+                report.moved = report.moved.max(ulps * ulp);
+                merge_near(&soup, ulps * ulp, |_| true, progress)?
             }
-        }
-        let cells = Cells::of(&pieces, &bvh, progress)?;
-        let inside = evaluate(&cells, meshes.len(), &expr, params.inside);
-        select(&pieces, &cells, &inside)
+            Some(&Coarser::Grid(ulps)) => {
+                report.moved = report.moved.max(1.5 * ulps * ulp);
+                coarsened(&Soup::of(&list, &closings, progress)?, ulps * ulp)
+            }
+        };
     };
-    let (parents, finished) = round_off(draft, &soup, &bvh, &mut report, progress)?;
     let origins: Vec<Origin> = finished
         .sources
         .iter()
         .map(|&index| {
             let parent = parents[index as usize];
             let source = soup.sources[parent.triangle as usize];
-            let own = meshes[source.mesh as usize].triangles().len();
-            let is_own = (source.triangle as usize) < own;
+            let mesh = &meshes[source.mesh as usize];
+            let own = mesh.triangles().get(source.triangle as usize);
+            let is_as_given = own.is_some_and(|t| {
+                t.map(|v| mesh.positions()[v as usize]) == soup.corners(parent.triangle)
+            });
             Origin {
                 mesh: source.mesh,
-                triangle: is_own.then_some(source.triangle),
+                triangle: own.map(|_| source.triangle),
                 reversed: parent.reversed,
-                whole: parent.whole && is_own,
+                whole: parent.whole && is_as_given,
             }
         })
         .collect();
@@ -112,6 +148,20 @@ pub fn boolean(
         feature_edges: finished.features,
         report,
     })
+}
+
+/// Counts pairs of triangles that meet, in all and within one mesh, unless they were counted before.
+fn count_contacts(pieces: &Pieces, report: &mut BooleanReport) {
+    if report.intersecting_pairs > 0 {
+        return;
+    }
+    report.intersecting_pairs = pieces.contacts.len() as u64;
+    for &(a, b) in &pieces.contacts {
+        let [a, b] = [a, b].map(|t| pieces.soup.sources[t as usize].mesh);
+        if a == b {
+            report.operands[a as usize].self_intersections += 1;
+        }
+    }
 }
 
 /// Rounds, mends and splits until vertices can hold all sheets apart. Gives the triangles that the sources of the finished
@@ -140,7 +190,8 @@ fn round_off(
             (mesh, parent.reversed)
         };
         let mut finished = finish(&pieces, &edges, |one, other| side(one) != side(other));
-        if finished.pinched.is_empty() || attempt == MOST_SPLITS {
+        let is_hopeless = mended.contacts > 0;
+        if finished.pinched.is_empty() || is_hopeless || attempt == MOST_SPLITS {
             for source in &mut finished.sources {
                 *source = flat.sources[*source as usize].triangle;
             }
@@ -171,7 +222,8 @@ fn check(meshes: &[TriMesh], expr: &Expr, params: &BooleanParams) -> Result<Chec
     let bounds: Vec<Aabb> = meshes.iter().map(TriMesh::bounds).collect();
     for (mesh, bounds) in bounds.iter().enumerate() {
         let largest = bounds.min.abs().max(bounds.max.abs()).max_element();
-        if !bounds.is_empty() && largest > LARGEST {
+        let in_range = largest == 0.0 || (LEAST..=LARGEST).contains(&largest);
+        if !bounds.is_empty() && !in_range {
             return Err(BooleanError::OutOfRange { mesh, largest });
         }
     }

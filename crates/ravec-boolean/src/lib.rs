@@ -12,6 +12,7 @@ mod examine;
 mod expr;
 mod finish;
 mod mend;
+mod near;
 mod params;
 mod select;
 

@@ -3,33 +3,31 @@
 //! Points of cuts fall between doubles. Rounded, triangles thinner than an ulp may turn over, meet others or vanish. New
 //! triangles are therefore compared with all around them, by exact tests of the rounded corners, and if any two meet
 //! where they should not, the rounded surface is taken for an input of its own: cut along itself, and reduced to the
-//! border of what it winds around. That is rounded again, and so on. What does not settle so, corners as near as rounding
-//! moves them, is rounded to coarser and coarser steps, until places that are nearly the same are the same.
+//! border of what it winds around. That is rounded again, and so on. From the second round on, vertices nearer to each
+//! other, or to edges and triangles, than some units of the last place are merged with them first, farther ones in each round.
+//! If that leads to more contacts, it is given up.
 //!
 //! Source: the idea of iterated snap rounding (Halperin and Packer, 2002), on surfaces.
 //!
 //! Guarantees: if the number of contacts left is zero, no two triangles of the result meet in more than common corners
 //! or an edge. Does not guarantee that this is reached.
 
-use ravec_mesh::{Aabb, BoxTree, TriMesh};
+use ravec_mesh::{Aabb, BoxTree};
 use ravec_progress::{Cancelled, Progress};
 
 use crate::arrangement::{Cells, Soup, cut};
 use crate::closing::Closing;
+use crate::near::merge_near;
 use crate::select::{Draft, Parent, select};
 
 /// Rounds after which mending is given up.
-const MOST_ROUNDS: u32 = 10;
+const MOST_ROUNDS: u32 = 6;
 
-/// The step to which the corners of triangles that meet are rounded in the second round of mending, relative to the largest
-/// coordinate: eight neighboring doubles.
+/// How near vertices of new triangles are merged in the second round of mending, relative to the largest coordinate: eight
+/// units of the last place.
 const FIRST_STEP: f64 = 8.0 * f64::EPSILON;
 
-/// The round from which on all new triangles are rounded so, not only those that meet: a mixture of both does not always
-/// come to rest.
-const ALL_FROM: u32 = 3;
-
-/// How much larger that step is from round to round: the last is about a ten millionth.
+/// How much farther that is from round to round.
 const STEP_GROWTH: f64 = 8.0;
 
 /// A mended surface.
@@ -56,15 +54,24 @@ pub(crate) fn mend(
     let largest = input.bounds().min.abs().max(input.bounds().max.abs());
     let mut step = largest.max_element() * FIRST_STEP;
     let (mut rounds, mut moved) = (0, 0.0);
-    while !found.is_empty() && rounds < MOST_ROUNDS {
+    let mut contacts = usize::MAX;
+    while !found.is_empty() && rounds < MOST_ROUNDS && found.len() <= contacts {
+        contacts = found.len();
         rounds += 1;
-        if rounds > 1 {
-            snap(&mut draft, &found, step, rounds >= ALL_FROM);
-            moved = 0.5 * step;
-            step *= STEP_GROWTH;
-        }
         let mesh = draft.mesh();
-        let soup = Soup::of(&[&mesh], &[Closing::default()], progress)?;
+        let mut soup = Soup::of(&[&mesh], &[Closing::default()], progress)?;
+        if rounds > 1 {
+            let is_new = |t: u32| !draft.parents[soup.sources[t as usize].triangle as usize].whole;
+            soup = merge_near(&soup, step, is_new, progress)?;
+            moved = step;
+            step *= STEP_GROWTH;
+            for (t, source) in soup.sources.iter().enumerate() {
+                let corners = draft.triangles[source.triangle as usize];
+                let as_before = corners.map(|v| draft.positions[v as usize]);
+                let parent = &mut draft.parents[source.triangle as usize];
+                parent.whole &= soup.corners(t as u32) == as_before;
+            }
+        }
         let bvh = bvh_of(&soup, progress)?;
         let is_new: Vec<bool> = soup
             .sources
@@ -99,38 +106,7 @@ pub(crate) fn mend(
 
 /// A search structure over a soup.
 pub(crate) fn bvh_of(soup: &Soup, progress: &Progress) -> Result<BoxTree, Cancelled> {
-    let mesh = TriMesh::new(soup.positions.clone(), soup.triangles.clone())
-        .expect("a soup has finite positions, and its corners are among them");
-    BoxTree::try_new(&mesh, progress)
-}
-
-/// Rounds the corners of triangles that meet, or those of all new triangles, to multiples of `step`, with all triangles at
-/// these corners.
-fn snap(draft: &mut Draft, found: &[[u32; 2]], step: f64, all: bool) {
-    let mut is_moved = vec![false; draft.positions.len()];
-    if all {
-        for (corners, parent) in draft.triangles.iter().zip(&draft.parents) {
-            for &v in corners {
-                is_moved[v as usize] |= !parent.whole;
-            }
-        }
-    }
-    for &t in found.iter().flatten() {
-        for v in draft.triangles[t as usize] {
-            is_moved[v as usize] = true;
-        }
-    }
-    for (p, _) in draft
-        .positions
-        .iter_mut()
-        .zip(&is_moved)
-        .filter(|(_, m)| **m)
-    {
-        *p = (*p / step).round() * step;
-    }
-    for (corners, parent) in draft.triangles.iter().zip(&mut draft.parents) {
-        parent.whole &= corners.iter().all(|&v| !is_moved[v as usize]);
-    }
+    BoxTree::try_new(&soup.mesh(), progress)
 }
 
 /// The pairs of new triangles, or of a new and a whole one, that meet where they should not.

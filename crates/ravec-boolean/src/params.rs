@@ -110,9 +110,9 @@ pub enum BooleanError {
         /// How many there are.
         meshes: usize,
     },
-    /// A coordinate is too large or too small for exact arithmetic.
+    /// Coordinates are too large or too small for exact arithmetic.
     #[error(
-        "mesh {mesh} has coordinates as large as {largest:e}: more than 1e30 is too much for exact arithmetic; scale the meshes first"
+        "mesh {mesh} has coordinates of up to {largest:e}: exact arithmetic takes 1e-50 to 1e30; scale the meshes first"
     )]
     OutOfRange {
         /// Index of the mesh.

@@ -342,7 +342,7 @@ impl Rays<'_> {
         line[0][axis] = grid.snap(bounds.min[axis]);
         line[1][axis] = grid.snap(bounds.max[axis]);
         if line[0][axis] == line[1][axis] {
-            line[1][axis] += 1.0;
+            line[1][axis] = if line[0][axis] == 0.0 { 1.0 } else { 0.0 };
         }
         let foot = Point::at(line[0]);
         let Some(Some(up)) = self.passes(piece, &foot, axis) else {

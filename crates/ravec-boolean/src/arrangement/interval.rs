@@ -17,6 +17,22 @@ impl Interval {
         hi: f64::INFINITY,
     };
 
+    /// The interval around rounded products or quotients. They may vanish by underflow alone, so that zero is widened, too.
+    #[inline]
+    fn around(ends: [f64; 4]) -> Self {
+        let (lo, hi) = ends
+            .iter()
+            .fold((ends[0], ends[0]), |(lo, hi), &x| (lo.min(x), hi.max(x)));
+        if lo.is_nan() || hi.is_nan() {
+            Self::ALL
+        } else {
+            Self {
+                lo: lo.next_down(),
+                hi: hi.next_up(),
+            }
+        }
+    }
+
     /// The sign of every number within, if they agree.
     #[inline]
     pub fn sign(self) -> Option<Sign> {
@@ -117,18 +133,7 @@ impl Mul for Interval {
             self.hi * other.lo,
             self.hi * other.hi,
         ];
-        let (lo, hi) = p
-            .iter()
-            .fold((p[0], p[0]), |(lo, hi), &x| (lo.min(x), hi.max(x)));
-        // a product may vanish by underflow alone, so that zero is widened, too
-        if lo.is_nan() || hi.is_nan() {
-            Self::ALL
-        } else {
-            Self {
-                lo: lo.next_down(),
-                hi: hi.next_up(),
-            }
-        }
+        Self::around(p)
     }
 }
 
@@ -145,17 +150,7 @@ impl Div for Interval {
             self.hi / other.lo,
             self.hi / other.hi,
         ];
-        let (lo, hi) = q
-            .iter()
-            .fold((q[0], q[0]), |(lo, hi), &x| (lo.min(x), hi.max(x)));
-        if lo.is_nan() || hi.is_nan() {
-            Self::ALL
-        } else {
-            Self {
-                lo: lo.next_down(),
-                hi: hi.next_up(),
-            }
-        }
+        Self::around(q)
     }
 }
 

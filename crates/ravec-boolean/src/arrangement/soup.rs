@@ -10,6 +10,9 @@ use crate::closing::Closing;
 /// Vertices or triangles between two looks at the progress: some milliseconds.
 const STRIDE: usize = 1 << 16;
 
+/// Coordinates smaller than this are taken for zero: exact tests multiply the differences of three, which must not vanish.
+const SMALLEST: f64 = 1e-70;
+
 /// Where a triangle of the soup comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Source {
@@ -58,7 +61,8 @@ impl Soup {
                     progress.check()?;
                 }
                 // adding zero makes the two zeros one
-                let p = p + DVec3::ZERO;
+                let p = DVec3::select(p.abs().cmplt(DVec3::splat(SMALLEST)), DVec3::ZERO, p)
+                    + DVec3::ZERO;
                 let key = p.to_array().map(f64::to_bits);
                 vertices.push(*vertex_at.entry(key).or_insert_with(|| {
                     soup.positions.push(p);
@@ -70,21 +74,40 @@ impl Soup {
                 if triangle % STRIDE == 0 {
                     progress.check()?;
                 }
-                let corners = corners.map(|v| vertices[v as usize]);
-                let [a, b, c] = corners.map(|v| soup.positions[v as usize]);
-                let distinct = corners[0] != corners[1]
-                    && corners[1] != corners[2]
-                    && corners[2] != corners[0];
-                if distinct && !OrientedPlane::through(a, b, c).is_degenerate() {
-                    soup.triangles.push(corners);
-                    soup.sources.push(Source {
-                        mesh: index as u32,
-                        triangle: triangle as u32,
-                    });
-                }
+                let source = Source {
+                    mesh: index as u32,
+                    triangle: triangle as u32,
+                };
+                soup.push(corners.map(|v| vertices[v as usize]), source);
             }
         }
         Ok(soup)
+    }
+
+    /// No triangles yet, over given places.
+    pub fn with_vertices(positions: Vec<DVec3>, meshes: usize) -> Self {
+        Self {
+            positions,
+            meshes,
+            ..Self::default()
+        }
+    }
+
+    /// The same triangles as a mesh.
+    pub fn mesh(&self) -> TriMesh {
+        TriMesh::new(self.positions.clone(), self.triangles.clone())
+            .expect("a soup has finite positions, and its corners are among them")
+    }
+
+    /// Adds a triangle if it has an area.
+    pub fn push(&mut self, corners: [u32; 3], source: Source) {
+        let [a, b, c] = corners.map(|v| self.positions[v as usize]);
+        let distinct =
+            corners[0] != corners[1] && corners[1] != corners[2] && corners[2] != corners[0];
+        if distinct && !OrientedPlane::through(a, b, c).is_degenerate() {
+            self.triangles.push(corners);
+            self.sources.push(source);
+        }
     }
 
     /// The places of the corners of a triangle.

@@ -1,10 +1,11 @@
 //! Solids on a small grid, turned so that nothing is along an axis: corners on faces, edges in edges, faces in faces.
 
 use crate::support::{assert_members, assert_sound, cuboid, run};
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use proptest::prelude::*;
 use ravec_boolean::Expr;
 use ravec_mesh::TriMesh;
+use ravec_scenes::solids::{cylinder, icosphere};
 
 /// A rotation by a Pythagorean angle about one axis and then another, times 25: whole numbers stay whole.
 fn turned(p: DVec3) -> DVec3 {
@@ -140,5 +141,30 @@ proptest! {
         if !result.mesh.triangles().is_empty() {
             assert_sound(&result);
         }
+    }
+
+    /// Copies that were turned there and back, as programs leave them: every triangle nearly lies on another.
+    #[test]
+    fn copies_a_few_ulps_apart_are_united_soundly(
+        turns in prop::collection::vec(([-1.0..1.0, -1.0..1.0, -1.0..1.0], -16_i32..-11), 2..4),
+        slide in prop_oneof![Just(0.0), 0.0..0.6],
+        is_round in any::<bool>(),
+        base in [-3.0..3.0, -3.0..3.0, -3.0..3.0],
+        expr in expr(),
+    ) {
+        let base = DQuat::from_scaled_axis(DVec3::from_array(base));
+        let whole = if is_round { icosphere(1.0, 2) } else { cylinder(1.0, 1.0, 24) }.mesh;
+        let meshes: [TriMesh; 4] = std::array::from_fn(|m| {
+            let (axis, exponent) = turns[m % turns.len()];
+            let turn = DQuat::from_scaled_axis(DVec3::from_array(axis) * 10_f64.powi(exponent));
+            let by = DVec3::new(slide, 0.5 * slide, 0.0) * (m % turns.len()) as f64;
+            let positions = whole.positions().iter().map(|&p| base * (turn * (p + by)));
+            TriMesh::new(positions.collect(), whole.triangles().to_vec()).unwrap()
+        });
+        let result = run(&meshes, &expr);
+        if !result.mesh.triangles().is_empty() {
+            assert_sound(&result);
+        }
+        prop_assert!(result.report.moved < 1e-7, "{}", result.report.moved);
     }
 }

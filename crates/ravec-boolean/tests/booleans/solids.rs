@@ -292,6 +292,12 @@ fn what_cannot_be_done_is_said() {
             largest: 1e40
         })
     );
+    let tiny = [cuboid(DVec3::ZERO, DVec3::splat(1e-100))];
+    let refused = run(&tiny, &Expr::Mesh(0), &params, &progress);
+    assert!(matches!(
+        refused,
+        Err(BooleanError::OutOfRange { mesh: 0, .. })
+    ));
     let little = BooleanParams {
         memory_bytes: Some(100),
         ..params.clone()
@@ -308,4 +314,29 @@ fn what_cannot_be_done_is_said() {
     progress.cancel();
     let stopped = run(&meshes, &Expr::Mesh(0), &params, &progress);
     assert_eq!(stopped, Err(BooleanError::Cancelled));
+}
+
+#[test]
+fn coordinates_may_be_huge_multiples_tiny_or_mixed() {
+    // faces in a common plane at zero, on a grid whose step is far above one; the same tiny; and with a speck of a coordinate
+    for (scale, speck) in [
+        (2_f64.powi(80), 0.0),
+        (2_f64.powi(-150), 0.0),
+        (1.0, 1e-200),
+    ] {
+        let at = |p: [f64; 3]| DVec3::from_array(p) * scale + DVec3::new(0.0, speck, 0.0);
+        let meshes = [
+            cuboid(at([0.0, 0.0, 0.0]), at([2.0, 2.0, 2.0])),
+            cuboid(at([1.0, 1.0, 0.0]), at([3.0, 3.0, 2.0])),
+        ];
+        let [u, i] = [union(), intersection()].map(|expr| {
+            let result = run(&meshes, &expr);
+            assert_sound(&result);
+            result.report.volume / scale / scale / scale
+        });
+        assert!(
+            (u - 14.0).abs() < 1e-12 && (i - 2.0).abs() < 1e-12,
+            "{scale}: {u} {i}"
+        );
+    }
 }

@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 
+use glam::DVec3;
 use ravec_mesh::Sign;
 
 use super::{Held, Line, NONE, Triangulation, key};
@@ -144,7 +145,13 @@ impl Triangulation<'_> {
             (Line::Edge(edge), Line::Edge([p, q])) => {
                 // a plane through the other edge that stands on ours
                 let mut r = p;
-                r[self.axis] = if p[self.axis] == 0.0 { 1.0 } else { 0.0 };
+                r[self.axis] = if p[self.axis] == 0.0 {
+                    // a coordinate of the input, so that it is on the grid
+                    let size = |q: &DVec3| q.abs().max_element();
+                    self.plane.iter().map(size).fold(0.0, f64::max)
+                } else {
+                    0.0
+                };
                 Definition::LinePlane(edge, [p, q, r])
             }
             (Line::Plane(one), Line::Plane(two)) => Definition::Planes([self.plane, one, two]),
