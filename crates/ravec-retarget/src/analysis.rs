@@ -119,7 +119,7 @@ mod tests {
         for cells in 1..=400 {
             let unit = pixels_a_unit(cells);
             assert!(
-                unit % block == 0 || block % unit == 0,
+                unit.is_multiple_of(block) || block.is_multiple_of(unit),
                 "{cells} cells: {unit} pixels a unit"
             );
             assert!((2..=MAX_UNIT_PX).contains(&unit), "{cells} cells: {unit}");
