@@ -16,7 +16,6 @@
 //! Guarantees: the same bits on any number of threads. Does not guarantee: more digits than the condition of the matrix
 //! leaves.
 
-use nalgebra_sparse::CscMatrix;
 use nalgebra_sparse::factorization::{CscCholesky, CscSymbolicCholesky};
 use nalgebra_sparse::pattern::SparsityPattern;
 
@@ -223,14 +222,15 @@ impl EliminationPlan {
         let factor = CscCholesky::factor_numerical(self.symbolic.clone(), &values).ok()?;
         let lower = factor.take_l();
         // a matrix of NaN passes every comparison of the factorization but leaves its mark
-        lower
-            .values()
-            .iter()
-            .all(|v| v.is_finite())
-            .then(|| SparseCholesky {
+        lower.values().iter().all(|v| v.is_finite()).then(|| {
+            let (offsets, rows, values) = lower.disassemble();
+            SparseCholesky {
                 place: self.place.clone(),
-                lower,
-            })
+                offsets,
+                rows: rows.into_iter().map(|row| row as u32).collect(),
+                values,
+            }
+        })
     }
 }
 
@@ -288,7 +288,10 @@ fn dissect(
 #[derive(Debug, Clone)]
 pub struct SparseCholesky {
     place: Vec<usize>,
-    lower: CscMatrix<f64>,
+    /// The lower triangle by columns. Solving reads all of it twice, which is what takes the time: hence short rows.
+    offsets: Vec<usize>,
+    rows: Vec<u32>,
+    values: Vec<f64>,
 }
 
 impl SparseCholesky {
@@ -306,24 +309,25 @@ impl SparseCholesky {
         for (&place, &value) in self.place.iter().zip(right.iter()) {
             x[place] = value;
         }
-        let (offsets, rows, values) = self.lower.csc_data();
+        let column = |col: usize| {
+            let range = self.offsets[col]..self.offsets[col + 1];
+            (&self.rows[range.clone()], &self.values[range])
+        };
         // the first entry of a column is on the diagonal
         for col in 0..x.len() {
-            let range = offsets[col]..offsets[col + 1];
-            let (rows, values) = (&rows[range.clone()], &values[range]);
+            let (rows, values) = column(col);
             let solved = x[col] / values[0];
             x[col] = solved;
             for (&row, &value) in rows[1..].iter().zip(&values[1..]) {
-                x[row] -= value * solved;
+                x[row as usize] -= value * solved;
             }
         }
         for col in (0..x.len()).rev() {
-            let range = offsets[col]..offsets[col + 1];
-            let (rows, values) = (&rows[range.clone()], &values[range]);
+            let (rows, values) = column(col);
             let sum: f64 = rows[1..]
                 .iter()
                 .zip(&values[1..])
-                .map(|(&row, &value)| value * x[row])
+                .map(|(&row, &value)| value * x[row as usize])
                 .sum();
             x[col] = (x[col] - sum) / values[0];
         }

@@ -56,7 +56,7 @@ impl Sample for u8 {
     fn from_linear(linear: f32) -> Self {
         // NaN is not above 0
         let light = if linear > 0.0 { linear.min(1.0) } else { 0.0 };
-        let (code, next) = SRGB8_FROM_LINEAR[(light * LIGHT_STEPS as f32) as usize];
+        let (code, next) = SRGB8_FROM_LINEAR[(light * LIGHT_STEPS as f32) as i32 as usize];
         code + Self::from(light >= next)
     }
 }
@@ -205,11 +205,14 @@ impl<T: Sample> Color for Srgb<T> {
     const HAS_ALPHA: bool = false;
     #[inline(always)]
     fn to_linear(self) -> LinearRgba {
-        LinearRgba::from_rgb_alpha(self.0.map(T::to_linear), 1.0)
+        // in full, as `map` is not always inlined, and then costs as much as a look-up
+        let [r, g, b] = self.0;
+        LinearRgba([r.to_linear(), g.to_linear(), b.to_linear(), 1.0])
     }
     #[inline(always)]
     fn from_linear(color: LinearRgba) -> Self {
-        Self(color.rgb().map(T::from_linear))
+        let [r, g, b, _] = color.0;
+        Self([T::from_linear(r), T::from_linear(g), T::from_linear(b)])
     }
 }
 
@@ -218,12 +221,17 @@ impl<T: Sample> Color for Srgba<T> {
     #[inline(always)]
     fn to_linear(self) -> LinearRgba {
         let [r, g, b, a] = self.0;
-        LinearRgba::from_rgb_alpha([r, g, b].map(T::to_linear), a.to_unit())
+        LinearRgba([r.to_linear(), g.to_linear(), b.to_linear(), a.to_unit()])
     }
     #[inline(always)]
     fn from_linear(color: LinearRgba) -> Self {
-        let [r, g, b] = color.rgb().map(T::from_linear);
-        Self([r, g, b, T::from_unit(color.alpha())])
+        let [r, g, b, alpha] = color.0;
+        Self([
+            T::from_linear(r),
+            T::from_linear(g),
+            T::from_linear(b),
+            T::from_unit(alpha),
+        ])
     }
 }
 

@@ -92,3 +92,92 @@ const MAX_UNIT_PX: usize = 128;
 pub(crate) fn cancelled(_: FitError) -> RetargetError {
     RetargetError::Cancelled(ravec_progress::Cancelled)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ravec_raster::{Image, Srgba};
+
+    fn size(width: usize, height: usize) -> Size {
+        Size::new(width, height).unwrap()
+    }
+
+    #[test]
+    fn units_are_as_square_as_whole_numbers_allow() {
+        assert_eq!(units_for(size(4256, 2832), 100), [100, 67]);
+        assert_eq!(units_for(size(2832, 4256), 100), [67, 100]);
+        assert_eq!(units_for(size(50, 50), 100), [25, 25]);
+        // one pixel wide, one pixel in all, and so long that a square unit would be less than a pixel high
+        assert_eq!(units_for(size(1, 300), 100), [1, 100]);
+        assert_eq!(units_for(size(1, 1), 100), [1, 1]);
+        assert_eq!(units_for(size(1000, 2), 400), [400, 1]);
+    }
+
+    #[test]
+    fn units_and_two_color_pixels_have_common_borders() {
+        let block = FitParams::default().block_px;
+        for cells in 1..=400 {
+            let unit = pixels_a_unit(cells);
+            assert!(
+                unit.is_multiple_of(block) || block.is_multiple_of(unit),
+                "{cells} cells: {unit} pixels a unit"
+            );
+            assert!((2..=MAX_UNIT_PX).contains(&unit), "{cells} cells: {unit}");
+        }
+        // close to the size that is aimed at, where units of whole blocks allow it
+        assert_eq!(100 * pixels_a_unit(100), LONGER_SIDE);
+    }
+
+    fn analysed<P: Color + Resample>(image: &Image<P>, units: [usize; 2]) -> Analysis {
+        Analysis::new(image, units, &Progress::none()).unwrap()
+    }
+
+    #[test]
+    fn an_edge_is_where_it_was_drawn() {
+        // dark on the left of column 300 of 960, which is column 300 · 40 · 24 / 960 of the reduction
+        let drawn = Image::from_fn(size(960, 480), |col, _| {
+            LinearRgb([if col < 300 { 0.02 } else { 0.8 }; 3])
+        });
+        let found = analysed(&drawn, [40, 20]);
+        assert_eq!(
+            [found.image.width(), found.image.height()],
+            [40, 20].map(|units| units * found.unit_px)
+        );
+        let block = found.field.block_px();
+        let column = 300 * found.image.width() / 960 / block;
+        let blocks = found.field.grid_size();
+        for (at, pixel) in found.field.blocks().iter().enumerate() {
+            let away = (at % blocks.width()).abs_diff(column);
+            if away == 0 {
+                assert!(pixel.contrast() > 0.4, "block {at}: {}", pixel.contrast());
+            } else if away > 1 {
+                assert!(pixel.contrast() < 0.01, "block {at}: {}", pixel.contrast());
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_transparent_shows_white_and_what_is_no_number_is_dark() {
+        let clear = Image::new(size(64, 48), Srgba([0u8, 0, 0, 0]));
+        for pixel in analysed(&clear, [8, 6]).image.pixels() {
+            assert!(pixel.0.iter().all(|v| (v - 1.0).abs() < 1e-6), "{pixel:?}");
+        }
+        let mut broken = Image::new(size(64, 48), LinearRgb([0.5; 3]));
+        broken[(20, 20)] = LinearRgb([f32::NAN, f32::INFINITY, -1.0]);
+        let found = analysed(&broken, [8, 6]);
+        assert!(
+            found
+                .image
+                .pixels()
+                .iter()
+                .all(|pixel| pixel.0.iter().all(|v| (0.0..=1e4).contains(v)))
+        );
+        assert!(
+            found
+                .field
+                .blocks()
+                .iter()
+                .all(|p| p.contrast().is_finite())
+        );
+    }
+}

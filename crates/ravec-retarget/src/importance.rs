@@ -134,3 +134,106 @@ fn per_unit(plane: &Plane, analysis: &Analysis) -> Vec<f32> {
         |size| resize(plane, size, ResizeFilter::Box).into_pixels(),
     )
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::dvec2;
+    use ravec_progress::Progress;
+
+    const UNITS: [usize; 2] = [60, 40];
+
+    /// A picture of 960 × 640 pixels, 16 a unit, in Oklab as seen at the middle of each pixel.
+    fn analysed(color: impl Fn(f64, f64) -> [f32; 3]) -> Analysis {
+        let size = Size::new(960, 640).unwrap();
+        let drawn = Image::from_fn(size, |col, row| {
+            Oklab(color(col as f64 + 0.5, row as f64 + 0.5))
+        });
+        Analysis::new(&drawn.convert::<LinearRgb>(), UNITS, &Progress::none()).unwrap()
+    }
+
+    const GROUND: [f32; 3] = [0.8, 0.0, 0.0];
+    const FIGURE: [f32; 3] = [0.5, 0.15, 0.1];
+
+    /// A disc in the left half, away from the border, and how far the middle of a unit is outside of it.
+    fn disc(x: f64, y: f64) -> f64 {
+        (x - 320.0).hypot(y - 320.0) - 150.0
+    }
+
+    fn beyond(unit: usize) -> f64 {
+        let at = [unit % UNITS[0], unit / UNITS[0]].map(|k| 16.0 * k as f64 + 8.0);
+        disc(at[0], at[1])
+    }
+
+    fn scene() -> Analysis {
+        analysed(|x, y| if disc(x, y) < 0.0 { FIGURE } else { GROUND })
+    }
+
+    #[test]
+    fn a_figure_counts_inside_as_well_as_at_its_rim_and_the_ground_does_not() {
+        let found = importance(&scene(), &[], 1.0);
+        assert_eq!(found.len(), UNITS[0] * UNITS[1]);
+        for (unit, &value) in found.iter().enumerate() {
+            assert!((0.0..=1.0).contains(&value));
+            // the opening and the reduction round the rim off, over two units
+            if beyond(unit) < -32.0 {
+                assert!(value > 0.95, "inside, unit {unit}: {value}");
+            } else if beyond(unit) > 48.0 {
+                assert!(value < 0.02, "outside, unit {unit}: {value}");
+            }
+        }
+    }
+
+    #[test]
+    fn without_saliency_only_contrast_counts() {
+        for (unit, value) in importance(&scene(), &[], 0.0).into_iter().enumerate() {
+            assert!(value <= CONTRAST_SHARE);
+            if beyond(unit).abs() > 24.0 {
+                assert!(value < 0.005, "away from the rim, unit {unit}: {value}");
+            }
+        }
+    }
+
+    #[test]
+    fn half_the_saliency_is_half_the_importance_of_an_even_inside() {
+        let analysis = scene();
+        let inside = (0..UNITS[0] * UNITS[1]).filter(|&unit| beyond(unit) < -48.0);
+        let (half, full) = (
+            importance(&analysis, &[], 0.5),
+            importance(&analysis, &[], 1.0),
+        );
+        for unit in inside {
+            // the contrast of an even inside is that of rounding
+            assert!((half[unit] - 0.5 * full[unit]).abs() < 0.005, "unit {unit}");
+        }
+    }
+
+    #[test]
+    fn contrast_along_a_run_counts_a_fifth() {
+        let analysis = analysed(|_, y| if y < 325.0 { FIGURE } else { GROUND });
+        let y = 325.0 * analysis.image.height() as f64 / 640.0;
+        let run = Run {
+            ends: [dvec2(0.0, y), dvec2(0.5 * analysis.image.width() as f64, y)],
+        };
+        let [free, held] = [&[][..], &[run]].map(|runs| importance(&analysis, runs, 0.0));
+        let row = 20 * UNITS[0];
+        for col in 0..UNITS[0] {
+            let (free, held) = (free[row + col], held[row + col]);
+            assert!(free > 0.05, "column {col}: {free}");
+            if col < 29 {
+                assert!(
+                    (held - f64::from(RUN_SHARE) * free).abs() < 1e-6,
+                    "column {col}: {held} of {free}"
+                );
+            } else if col > 31 {
+                assert_eq!(held, free, "column {col}");
+            }
+        }
+    }
+
+    #[test]
+    fn an_even_picture_has_nothing_that_matters() {
+        let found = importance(&analysed(|_, _| GROUND), &[], 1.0);
+        assert!(found.iter().all(|&value| value < 1e-3), "{found:?}");
+    }
+}

@@ -115,7 +115,11 @@ fn naive(found: &Deformation, image: &Image<LinearRgb>, at: DVec2) -> [f64; 3] {
 
 #[test]
 fn pixels_are_those_of_the_plain_definition() {
-    for (adaptive, to) in [(false, size(40, 48)), (true, size(90, 30))] {
+    for (adaptive, to) in [
+        (false, size(40, 48)),
+        (true, size(90, 30)),
+        (false, size(24, 40)),
+    ] {
         let (image, found) = deformed(size(64, 48), to, adaptive);
         let warped = found.warp(&image, &Progress::none()).unwrap();
         for k in 0..60 {
@@ -221,4 +225,17 @@ fn the_number_of_threads_does_not_show() {
     let one = pool(1).install(|| found.warp(&image, &Progress::none()).unwrap());
     let many = pool(5).install(|| found.warp(&image, &Progress::none()).unwrap());
     assert_eq!(one, many);
+}
+
+#[test]
+fn the_width_of_vectors_does_not_show() {
+    let (image, found) = deformed(size(150, 100), size(80, 110), true);
+    let at = |level: Level| {
+        let mut warp = found
+            .prepare(&image, found.size(), WarpFilter::Full)
+            .unwrap();
+        warp.simd = level;
+        warp.run(&Progress::none()).unwrap()
+    };
+    assert_eq!(at(Level::baseline()), at(Level::new()));
 }
