@@ -170,8 +170,18 @@ impl Profile {
     /// Reads the picture across a line at a place. Beyond the picture its border goes on, without slopes.
     pub(super) fn read(&mut self, plane: &Plane, at: DVec2, normal: DVec2) {
         let half = (self.brightness.len() / 2) as f64;
-        for (k, value) in self.brightness.iter_mut().enumerate() {
-            *value = plane.bilinear(at + normal * (k as f64 - half));
+        let extent = dvec2(plane.width() as f64, plane.height() as f64);
+        let inside = |end: DVec2| {
+            end.cmpge(DVec2::splat(0.5)).all() && end.cmplt(extent - DVec2::splat(0.5)).all()
+        };
+        if inside(at - normal * half) && inside(at + normal * half) {
+            for (k, value) in self.brightness.iter_mut().enumerate() {
+                *value = between_pixels(plane, at + normal * (k as f64 - half));
+            }
+        } else {
+            for (k, value) in self.brightness.iter_mut().enumerate() {
+                *value = plane.bilinear(at + normal * (k as f64 - half));
+            }
         }
         let taps = self.derivative.len();
         for (k, slope) in self.slopes.iter_mut().enumerate() {
@@ -181,6 +191,48 @@ impl Profile {
             );
             let differences = after.iter().zip(before.iter().rev()).map(|(a, b)| a - b);
             *slope = differences.zip(&self.derivative).map(|(d, w)| w * d).sum();
+        }
+    }
+}
+
+/// As `Plane::bilinear`, bit for bit, half a pixel or more from the border: there a cast rounds down as well as a floor,
+/// which is a call on machines of the base level.
+#[inline]
+fn between_pixels(plane: &Plane, at: DVec2) -> f32 {
+    let (x, y) = (at.x - 0.5, at.y - 0.5);
+    let (col, row) = (x as u32, y as u32);
+    let (tx, ty) = (x - f64::from(col), y - f64::from(row));
+    let (wx, wy) = ([1.0 - tx, tx], [1.0 - ty, ty]);
+    let line = |row: u32| {
+        let pixels = &plane.row(row as usize)[col as usize..][..2];
+        wx[0] as f32 * pixels[0] + wx[1] as f32 * pixels[1]
+    };
+    wy[0] as f32 * line(row) + wy[1] as f32 * line(row + 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn profiles_read_as_single_places_do() {
+        let size = Size::new(64, 48).unwrap();
+        let plane = Plane::from_fn(size, |col, row| ((col * 37 + row * 61) % 29) as f32 / 29.0);
+        for (at, angle) in [
+            (dvec2(30.2, 22.9), 0.3),
+            (dvec2(8.5, 24.0), 0.0),
+            (dvec2(55.5, 20.25), 3.0),
+            (dvec2(31.0, 39.5), 1.57),
+            (dvec2(2.0, 3.0), 2.0),
+        ] {
+            let normal = DVec2::from_angle(angle);
+            let mut profile = Profile::new(5, 1.0);
+            profile.read(&plane, at, normal);
+            let half = (profile.brightness.len() / 2) as f64;
+            for (k, value) in profile.brightness.iter().enumerate() {
+                let place = at + normal * (k as f64 - half);
+                assert_eq!(*value, plane.bilinear(place), "{place}");
+            }
         }
     }
 }
