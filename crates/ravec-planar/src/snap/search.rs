@@ -22,11 +22,15 @@ const HALF_MOVES: i32 = 4;
 /// Shifts of an end of a line that are told apart in the coarsest search, in half steps: up to twice the reach.
 const CELLS: usize = 8 * HALF_MOVES as usize + 1;
 
+/// A cell in the fixed-point numbers that the coarsest search counts in: they are added and cut faster than floats.
+const CELL: i32 = 1 << CELL_BITS;
+const CELL_BITS: u32 = 16;
+
 /// Coarse finds that are followed: a few parallel edges look alike from afar.
 const CANDIDATES: usize = 16;
 
 /// Steps uphill at one step size.
-const MAX_CLIMB: usize = 4;
+const MAX_CLIMB: u8 = 4;
 
 /// How much of the evidence the largest moves must bring more than none, to be preferred: a tie goes to the nearer one.
 const NEARNESS: f32 = 0.02;
@@ -177,6 +181,13 @@ pub(super) fn best_moves(evidence: &Evidence, modes: &[[f64; 8]; MOVES]) -> Move
             .into_par_iter()
             .map(|(_, at)| level.climb(at))
             .collect();
+        // several come to one place
+        let mut seen: Vec<[f32; MOVES]> = Vec::new();
+        candidates.retain(|(_, at)| {
+            let is_new = !seen.contains(at);
+            seen.extend(is_new.then_some(*at));
+            is_new
+        });
     }
     let none = (0.0, [0.0; MOVES]);
     let (_, at) = candidates.into_iter().fold(
@@ -219,9 +230,9 @@ impl<'a> Level<'a> {
     /// What a piece finds when the ends of its line shift.
     fn find(&self, (piece, values): &(&Piece, Vec<f32>), [start, end]: [f32; 2]) -> f32 {
         let shift = start + piece.along * (end - start);
-        // casts saturate: places out of reach find the ends of the row, or nothing
-        let at = (shift + self.reach as f32 + 0.5) as usize;
-        values.get(at).copied().unwrap_or(0.0)
+        // places out of reach find the first of the row, or nothing
+        let at = (shift + self.reach as f32 + 0.5).max(0.0) as i32;
+        values.get(at as usize).copied().unwrap_or(0.0)
     }
 
     fn score(&self, moves: [f32; MOVES]) -> f32 {
@@ -239,12 +250,22 @@ impl<'a> Level<'a> {
         sum - self.penalty * moves.iter().map(|m| m * m).sum::<f32>()
     }
 
+    /// By how far both ends of each line shift, in cells of the tables times [`CELL`].
+    fn in_cells(&self, moves: [f32; MOVES]) -> impl Iterator<Item = [i32; 2]> {
+        let scale = 2.0 / self.step * CELL as f32;
+        // far outside is outside, and two of these do not overflow
+        let most = (i32::MAX / 4) as f32;
+        self.ends.iter().map(move |ends| {
+            shifts(ends, moves).map(|shift| (shift * scale).clamp(-most, most) as i32)
+        })
+    }
+
     /// What each line finds for each pair of shifts of its ends, in half steps: `CELLS` × `CELLS` values a line.
-    fn tables(&self) -> Vec<Vec<f32>> {
+    fn tables(&self) -> Vec<f32> {
         let shift = |cell: usize| (cell as f32 - (CELLS / 2) as f32) * 0.5 * self.step;
         (0..self.ends.len())
             .into_par_iter()
-            .map(|line| {
+            .flat_map_iter(|line| {
                 let pieces: Vec<_> = self
                     .pieces
                     .iter()
@@ -252,9 +273,12 @@ impl<'a> Level<'a> {
                     .collect();
                 let cells =
                     (0..CELLS * CELLS).map(|cell| [shift(cell / CELLS), shift(cell % CELLS)]);
-                cells
-                    .map(|ends| pieces.iter().map(|piece| self.find(piece, ends)).sum())
-                    .collect()
+                cells.map(move |ends| {
+                    pieces
+                        .iter()
+                        .map(|piece| self.find(piece, ends))
+                        .sum::<f32>()
+                })
             })
             .collect()
     }
@@ -274,29 +298,28 @@ impl<'a> Level<'a> {
             .iter()
             .flat_map(|&[c, d]| choices.iter().map(move |&e| [c, d, e]))
             .collect();
-        // shifts in cells of the tables, by line
-        let in_cells = 2.0 / self.step;
-        let cells = |moves: [f32; MOVES]| -> Vec<[f32; 2]> {
-            self.ends
-                .iter()
-                .map(|ends| shifts(ends, moves).map(|shift| shift * in_cells))
-                .collect()
-        };
-        let last: Vec<Vec<[f32; 2]>> = triples
+        let lines = self.ends.len();
+        let last: Vec<[i32; 2]> = triples
             .iter()
-            .map(|&[c, d, e]| cells([0.0, 0.0, c, d, e]))
+            .flat_map(|&[c, d, e]| self.in_cells([0.0, 0.0, c, d, e]))
             .collect();
-        let middle = (CELLS / 2) as f32 + 0.5;
+        let middle = CELL * (CELLS / 2) as i32 + CELL / 2;
         let mut found: Vec<Scored> = pairs
             .par_iter()
             .with_min_len(8)
             .map(|&[a, b]| {
-                let first = cells([a, b, 0.0, 0.0, 0.0]);
+                let first: Vec<[i32; 2]> = self
+                    .in_cells([a, b, 0.0, 0.0, 0.0])
+                    .map(|ends| ends.map(|shift| shift + middle))
+                    .collect();
                 let mut best = (f32::MIN, [0.0; MOVES]);
-                for (triple, last) in triples.iter().zip(&last) {
+                for (triple, last) in triples.iter().zip(last.chunks_exact(lines)) {
                     let mut score = 0.0;
-                    for ((table, first), last) in tables.iter().zip(&first).zip(last) {
-                        let [start, end] = [0, 1].map(|k| (first[k] + last[k] + middle) as usize);
+                    let tables = tables.chunks_exact(CELLS * CELLS);
+                    for ((table, first), last) in tables.zip(&first).zip(last) {
+                        // what is below the first cell is far beyond the last one as an unsigned number
+                        let start = ((first[0] + last[0]) >> CELL_BITS) as u32 as usize;
+                        let end = ((first[1] + last[1]) >> CELL_BITS) as u32 as usize;
                         if start < CELLS && end < CELLS {
                             score += table[start * CELLS + end];
                         }
@@ -317,27 +340,40 @@ impl<'a> Level<'a> {
 
     /// Takes the best neighbour until there is none better.
     fn climb(&self, start: [f32; MOVES]) -> Scored {
-        const OFFSETS: [f32; 3] = [-1.0, 0.0, 1.0];
+        const SIDE: usize = 2 * MAX_CLIMB as usize + 1;
+        // in steps from the start, each from 0 to `SIDE` − 1
+        let mut center = [MAX_CLIMB as usize; MOVES];
+        let mut is_tried = vec![false; SIDE.pow(MOVES as u32)];
         let mut best = (self.score(start), start);
         for _ in 0..MAX_CLIMB {
-            let center = best.1;
+            let mut next = center;
             for k in 0..3usize.pow(MOVES as u32) {
                 let mut rest = k;
-                let moves = center.map(|at| {
-                    let offset = OFFSETS[rest % 3];
+                let place = center.map(|at| {
+                    let offset = rest % 3;
                     rest /= 3;
-                    at + offset * self.step
+                    at + offset - 1
+                });
+                // neighbors of two places on the way are no better than the second
+                let index = place.iter().fold(0, |index, at| SIDE * index + at);
+                if std::mem::replace(&mut is_tried[index], true) {
+                    continue;
+                }
+                let moves = std::array::from_fn(|i| {
+                    start[i] + (place[i] as f32 - MAX_CLIMB as f32) * self.step
                 });
                 if moves.iter().all(|m| m.abs() <= self.reach as f32) {
                     let score = self.score(moves);
                     if score > best.0 {
                         best = (score, moves);
+                        next = place;
                     }
                 }
             }
-            if best.1 == center {
+            if next == center {
                 break;
             }
+            center = next;
         }
         best
     }
