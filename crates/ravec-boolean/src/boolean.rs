@@ -35,7 +35,7 @@ enum Coarser {
 /// twice the number above.
 const FIRST_REACH: f64 = 8.0;
 
-/// What is tried one after the other. The last moves vertices by some billionths of the size, less than single precision would.
+/// What is tried one after the other. The last moves vertices by some billionths of the size, less than rounding to 32-bit floats does.
 const COARSER: [Coarser; 3] = [
     Coarser::MergeNear(64.0),
     Coarser::Grid(65536.0),
@@ -114,13 +114,13 @@ pub fn boolean(
             None => break rounded,
             Some(&Coarser::MergeNear(ulps)) => {
                 reach = 2.0 * ulps * ulp;
-                report.moved = report.moved.max(ulps * ulp);
+                report.moved = ulps * ulp;
                 merge_near(&soup, ulps * ulp, |_| true, progress)?
             }
             Some(&Coarser::Grid(ulps)) => {
                 reach = 2.0 * ulps * ulp;
-                report.moved = report.moved.max(1.5 * ulps * ulp);
-                coarsened(&Soup::of(&list, &closings, progress)?, ulps * ulp)
+                report.moved = 1.5 * ulps * ulp;
+                coarsened(&Soup::of(&list, &closings, progress)?, ulps * ulp, progress)?
             }
         };
     };
@@ -184,7 +184,7 @@ fn round_off(
     for attempt in 0.. {
         let mended = mend(draft, bvh, reach, progress)?;
         report.mending_rounds += mended.rounds;
-        report.moved = report.moved.max(mended.moved);
+        report.moved += mended.moved;
         report.self_intersections = mended.contacts;
         let mesh = mended.draft.mesh();
         let flat = Soup::of(&[&mesh], &[Closing::default()], progress)?;

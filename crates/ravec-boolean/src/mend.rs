@@ -30,13 +30,16 @@ const SPARSE: usize = 50;
 /// How much farther vertices may be from what they are merged with from round to round.
 const GROWTH: f64 = 4.0;
 
+/// The reach does not grow beyond this share of the largest coordinate, the precision of 32-bit floats.
+const FARTHEST: f64 = 6e-8;
+
 /// A mended surface.
 pub(crate) struct Mended {
     pub draft: Draft,
     pub rounds: u32,
     /// Pairs of triangles that still meet.
     pub contacts: u64,
-    /// The farthest that a vertex was moved along an axis beyond rounding to doubles.
+    /// The farthest that a vertex may have been moved along an axis beyond rounding to doubles.
     pub moved: f64,
 }
 
@@ -52,6 +55,8 @@ pub(crate) fn mend(
     progress: &Progress,
 ) -> Result<Mended, Cancelled> {
     let mut found = conflicts(&draft, input, progress)?;
+    let largest = input.bounds().min.abs().max(input.bounds().max.abs());
+    let most = FARTHEST * largest.max_element();
     let (mut rounds, mut moved) = (0, 0.0);
     let mut contacts = usize::MAX;
     while !found.is_empty() && rounds < MOST_ROUNDS && found.len() <= contacts {
@@ -69,8 +74,8 @@ pub(crate) fn mend(
             }
             let meets = |t: u32| chosen[soup.sources[t as usize].triangle as usize];
             soup = merge_near(&soup, reach, meets, progress)?;
-            moved = reach;
-            reach *= GROWTH;
+            moved += reach;
+            reach = (GROWTH * reach).min(most);
             for (t, source) in soup.sources.iter().enumerate() {
                 let corners = draft.triangles[source.triangle as usize];
                 let as_before = corners.map(|v| draft.positions[v as usize]);

@@ -19,6 +19,9 @@ use crate::arrangement::Soup;
 /// so that those in an edge follow one another in a clear order.
 const INTO: f64 = 0.5;
 
+/// Vertices between two looks at the progress: some milliseconds.
+const STRIDE: usize = 1 << 12;
+
 /// Merges vertices that are not farther than `reach` from each other along each axis, and puts vertices into the edges and
 /// triangles that are half as far from them: vertices of the triangles that `chosen` names. They move by up to `reach`, and so
 /// do points of edges and triangles.
@@ -39,30 +42,43 @@ pub(crate) fn merge_near(
             }
         }
     }
-    let (merged, is_chosen) = merge_vertices(soup, reach, &is_chosen);
-    progress.check()?;
+    let (merged, is_chosen) = merge_vertices(soup, reach, &is_chosen, progress)?;
     put_vertices_in(&merged, INTO * reach, &is_chosen, progress)
 }
 
 /// Merges vertices that are not farther than `step` from each other along each axis, and rounds them to its multiples: faces
-/// that nearly lie on one another come to lie several steps apart, or to cross at clear angles.
-pub(crate) fn coarsened(soup: &Soup, step: f64) -> Soup {
-    let (mut coarse, _) = merge_vertices(soup, step, &vec![true; soup.positions.len()]);
+/// that nearly lie on one another come to lie several steps apart, or to cross at clear angles. Vertices move by up to one and
+/// a half steps.
+///
+/// # Errors
+/// [`Cancelled`] soon after `progress` is.
+pub(crate) fn coarsened(soup: &Soup, step: f64, progress: &Progress) -> Result<Soup, Cancelled> {
+    let all = vec![true; soup.positions.len()];
+    let (mut coarse, _) = merge_vertices(soup, step, &all, progress)?;
     for p in &mut coarse.positions {
         *p = (*p / step).round() * step;
     }
-    coarse
+    Ok(coarse)
 }
 
 /// Merges chosen vertices. Gives, too, which of those of the result are chosen.
-fn merge_vertices(soup: &Soup, reach: f64, is_chosen: &[bool]) -> (Soup, Vec<bool>) {
+fn merge_vertices(
+    soup: &Soup,
+    reach: f64,
+    is_chosen: &[bool],
+    progress: &Progress,
+) -> Result<(Soup, Vec<bool>), Cancelled> {
     let cell = |p: DVec3| (p / reach).floor().as_i64vec3();
     let around =
         |c: I64Vec3| (0..27).map(move |i| c + I64Vec3::new(i / 9 - 1, i / 3 % 3 - 1, i % 3 - 1));
     let mut in_cell: FxHashMap<I64Vec3, Vec<u32>> = FxHashMap::default();
     let mut positions: Vec<DVec3> = Vec::with_capacity(soup.positions.len());
     let mut stays_chosen = Vec::with_capacity(soup.positions.len());
-    let mut name = |(&p, &is_chosen): (&DVec3, &bool)| {
+    let mut names = Vec::with_capacity(soup.positions.len());
+    for (at, (&p, &is_chosen)) in soup.positions.iter().zip(is_chosen).enumerate() {
+        if at % STRIDE == 0 {
+            progress.check()?;
+        }
         let v = positions.len() as u32;
         if is_chosen {
             let distance = |v: u32| (positions[v as usize] - p).abs().max_element();
@@ -72,25 +88,20 @@ fn merge_vertices(soup: &Soup, reach: f64, is_chosen: &[bool]) -> (Soup, Vec<boo
                 .copied()
                 .min_by(|&a, &b| distance(a).total_cmp(&distance(b)));
             if let Some(v) = nearest.filter(|&v| distance(v) <= reach) {
-                return v;
+                names.push(v);
+                continue;
             }
             in_cell.entry(cell(p)).or_default().push(v);
         }
         positions.push(p);
         stays_chosen.push(is_chosen);
-        v
-    };
-    let names: Vec<u32> = soup
-        .positions
-        .iter()
-        .zip(is_chosen)
-        .map(&mut name)
-        .collect();
+        names.push(v);
+    }
     let mut merged = Soup::with_vertices(positions, soup.meshes);
     for (corners, &source) in soup.triangles.iter().zip(&soup.sources) {
         merged.push(corners.map(|v| names[v as usize]), source);
     }
-    (merged, stays_chosen)
+    Ok((merged, stays_chosen))
 }
 
 /// Triangles that are divided.
@@ -115,10 +126,10 @@ fn put_vertices_in(
     // for each vertex the triangles that it might be put into: parts of them stay within the reach of their boxes
     let mut near_of: Vec<(u32, Vec<u32>)> = Vec::new();
     for (v, &p) in soup.positions.iter().enumerate() {
-        let v = v as u32;
-        if v.is_multiple_of(4096) {
+        if v % STRIDE == 0 {
             progress.check()?;
         }
+        let v = v as u32;
         if is_chosen[v as usize] {
             let around = Aabb {
                 min: p - 2.0 * reach,
@@ -136,8 +147,11 @@ fn put_vertices_in(
         }
     }
     let mut division = Division::of(soup, near_of.iter().flat_map(|(_, near)| near));
-    for (v, near) in near_of {
-        division.put_in(v, &near, reach);
+    for (at, (v, near)) in near_of.iter().enumerate() {
+        if at % STRIDE == 0 {
+            progress.check()?;
+        }
+        division.put_in(*v, near, reach);
     }
     Ok(division.finish())
 }

@@ -75,7 +75,7 @@ pub struct BooleanReport {
     pub intersecting_pairs: u64,
     /// Rounds of mending after rounding to double precision; 0 if the rounded result was sound at once.
     pub mending_rounds: u32,
-    /// The farthest that mending moved a vertex along an axis, beyond rounding to double precision.
+    /// The farthest that mending may have moved a vertex along an axis, beyond rounding to double precision.
     pub moved: f64,
     /// Pairs of triangles of the result that meet where they should not: 0 unless mending failed.
     pub self_intersections: u64,

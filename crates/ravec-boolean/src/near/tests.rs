@@ -113,7 +113,7 @@ proptest! {
             let was = soup.positions.iter().map(|p| (*p - *one).abs().max_element());
             prop_assert_eq!(was.fold(f64::INFINITY, f64::min), 0.0, "a vertex was made up");
         }
-        let coarse = coarsened(&soup, reach);
+        let coarse = coarsened(&soup, reach, &Progress::none()).unwrap();
         prop_assert_eq!(open_edges(&coarse), BTreeMap::new());
         for p in &coarse.positions {
             prop_assert_eq!((*p / reach).round() * reach, *p);
