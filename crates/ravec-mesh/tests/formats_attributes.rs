@@ -7,6 +7,13 @@ use ravec_mesh::{
 };
 use ravec_progress::Progress;
 
+fn written(mesh: &TriMesh, attributes: Attributes<'_>, format: MeshFormat) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let (options, progress) = (WriteOptions::default(), Progress::none());
+    write_mesh_with(mesh, attributes, format, &options, &mut bytes, &progress).unwrap();
+    bytes
+}
+
 #[test]
 fn colors_of_ply_vertices_are_read_and_written_if_they_are_asked_for() {
     let corners = vec![DVec3::ZERO, DVec3::X, DVec3::new(0.0, 0.1, 0.0)];
@@ -17,21 +24,11 @@ fn colors_of_ply_vertices_are_read_and_written_if_they_are_asked_for() {
         ..ReadOptions::default()
     };
     for format in [MeshFormat::PlyBinary, MeshFormat::PlyAscii, MeshFormat::Off] {
-        let mut bytes = Vec::new();
-        let options = WriteOptions::default();
         let attributes = Attributes {
             colors: &colors,
             ..Attributes::default()
         };
-        write_mesh_with(
-            &mesh,
-            attributes,
-            format,
-            &options,
-            &mut bytes,
-            &Progress::none(),
-        )
-        .unwrap();
+        let bytes = written(&mesh, attributes, format);
         let file = read_mesh(&bytes[..], &asked, &Progress::none()).unwrap();
         assert_eq!(file.mesh, mesh, "{format}");
         if format == MeshFormat::Off {
@@ -77,18 +74,7 @@ fn textured(mesh: &TriMesh, texture: &[[DVec2; 3]], format: MeshFormat) -> Vec<u
         texture,
         ..Attributes::default()
     };
-    let mut bytes = Vec::new();
-    let options = WriteOptions::default();
-    write_mesh_with(
-        mesh,
-        attributes,
-        format,
-        &options,
-        &mut bytes,
-        &Progress::none(),
-    )
-    .unwrap();
-    bytes
+    written(mesh, attributes, format)
 }
 
 /// Two triangles of a square whose pieces of the texture meet along the first side only.
@@ -178,4 +164,18 @@ fn gltf_textures_have_a_place_for_each_vertex() {
     assert!(read_textured(deep.as_bytes()).is_err());
     // who does not want them is not bothered
     assert!(read_mesh(short.as_bytes(), &ReadOptions::default(), &Progress::none()).is_ok());
+}
+
+#[test]
+fn texture_coordinates_that_are_nowhere_are_none() {
+    let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt inf 0\nvt 1e300 0\nvt 0 nan\nf 1/1 2/2 3/3\n";
+    let file = read_textured(text.as_bytes()).unwrap();
+    let [[one, far, other]] = file.texture[..] else {
+        panic!("one triangle");
+    };
+    assert!(one.is_nan() && other.is_nan());
+    assert_eq!(far, DVec2::new(1e300, 0.0));
+    // 32-bit floats do not reach as far, and all vertices need some
+    let file = read_textured(&textured(&file.mesh, &file.texture, MeshFormat::Glb)).unwrap();
+    assert_eq!(file.texture, [[DVec2::Y; 3]]);
 }

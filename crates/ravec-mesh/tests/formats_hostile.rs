@@ -78,6 +78,10 @@ fn judge(outcome: Result<MeshFile, ReadMeshError>, limits: MeshLimits) {
         Ok(file) => {
             assert!(file.mesh.positions().len() as u64 <= limits.max_vertices);
             assert!(file.mesh.triangles().len() as u64 <= limits.max_triangles);
+            // attributes are there for all or for none
+            let (colors, texture) = (file.colors.len(), file.texture.len());
+            assert!(colors == 0 || colors == file.mesh.positions().len());
+            assert!(texture == 0 || texture == file.mesh.triangles().len());
         }
         Err(error) => assert!(error.to_string().len() > 5),
     }

@@ -1,6 +1,7 @@
 //! The places where triangles meet, by name.
 
 use ravec_mesh::{Sign, orient3d};
+use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
@@ -10,11 +11,15 @@ use super::point::{Definition, Point};
 use super::soup::Soup;
 
 /// Gives each crossing the name of its place.
+///
+/// # Errors
+/// [`Cancelled`] soon after `progress` is.
 pub(crate) fn name_crossings(
     soup: &Soup,
     contacts: &[(u32, u32, Contact)],
     places: &mut Places,
-) -> FxHashMap<Crossing, u32> {
+    progress: &Progress,
+) -> Result<FxHashMap<Crossing, u32>, Cancelled> {
     let mut crossings: Vec<(Crossing, [u32; 2])> = contacts
         .iter()
         .flat_map(|&(a, b, contact)| {
@@ -32,14 +37,16 @@ pub(crate) fn name_crossings(
     let made: Vec<Option<Point>> = crossings
         .par_iter()
         .map(|&(crossing, between)| {
-            let definition = define(soup, crossing, between)?;
-            Some(Point::defined(definition, most_width, grid))
+            progress.check()?;
+            let definition = define(soup, crossing, between);
+            Ok(definition.map(|definition| Point::defined(definition, most_width, grid)))
         })
-        .collect();
+        .collect::<Result<_, Cancelled>>()?;
     let mut names = FxHashMap::default();
     names.reserve(crossings.len());
     // vertices sort first, so that a place where there is one gets its name
     for ((crossing, _), point) in crossings.into_iter().zip(made) {
+        progress.check()?;
         let name = match (crossing, point) {
             (Crossing::Vertex(v), _) => {
                 places.announce(v);
@@ -50,7 +57,7 @@ pub(crate) fn name_crossings(
         };
         names.insert(crossing, name);
     }
-    names
+    Ok(names)
 }
 
 /// The line and the plane that meet in a crossing of two triangles.

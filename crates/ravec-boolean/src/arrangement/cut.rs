@@ -75,7 +75,8 @@ pub(crate) fn cut<'a>(
 ) -> Result<Pieces<'a>, Cancelled> {
     let contacts = contacts(soup, bvh, only, progress)?;
     let mut places = Places::new(&soup.positions, Grid::holding(&soup.positions));
-    let names = name_crossings(soup, &contacts, &mut places);
+    let names = name_crossings(soup, &contacts, &mut places, progress)?;
+    progress.check()?;
     let groups = gather(soup, &contacts, &names);
     progress.check()?;
 
@@ -107,6 +108,7 @@ pub(crate) fn cut<'a>(
         }
     }
     for (group, cut) in groups.iter().zip(cut) {
+        progress.check()?;
         let names: Vec<u32> = cut
             .points
             .into_iter()

@@ -161,6 +161,8 @@ impl Soup {
                 limit: self.limits.max_vertices,
             });
         }
+        // what is nowhere is as good as none
+        let at = if at.is_finite() { at } else { DVec2::NAN };
         self.texture.coordinates.push(at);
         Ok(())
     }

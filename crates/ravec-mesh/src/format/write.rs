@@ -158,7 +158,7 @@ fn check_f32(mesh: &TriMesh, format: MeshFormat) -> Result<(), WriteMeshError> {
 }
 
 /// The same mesh with as many vertices at a place as there are texture coordinates there, and these for each vertex. Corners
-/// without have those of the origin.
+/// without, or with more than 32-bit floats hold, have those of the origin: the format knows no others.
 fn split_by_texture(mesh: &TriMesh, texture: &[[DVec2; 3]]) -> (TriMesh, Vec<[f32; 2]>) {
     let mut names: FxHashMap<(u32, [u32; 2]), u32> = FxHashMap::default();
     let (mut positions, mut of_vertices) = (Vec::new(), Vec::new());
@@ -167,10 +167,11 @@ fn split_by_texture(mesh: &TriMesh, texture: &[[DVec2; 3]]) -> (TriMesh, Vec<[f3
         std::array::from_fn(|i| {
             let at = texture[i];
             // counted from the upper edge of the picture
-            let at = if at.is_nan() {
-                [0.0; 2]
+            let at = [at.x as f32, (1.0 - at.y) as f32];
+            let at = if at.iter().all(|x| x.is_finite()) {
+                at
             } else {
-                [at.x as f32, (1.0 - at.y) as f32]
+                [0.0; 2]
             };
             *names
                 .entry((corners[i], at.map(f32::to_bits)))
