@@ -111,7 +111,10 @@ impl Layout {
         let mut tiling = match params.adaptive {
             Some(seed) => {
                 let sides = [columns, rows];
-                adaptive_tiles(picture, frame, sides, degree, photos, seed, progress)?
+                let (rules, choose) = (&params.rules, &params.choose);
+                adaptive_tiles(
+                    picture, frame, sides, degree, photos, rules, choose, seed, progress,
+                )?
             }
             None => grid_tiles(picture, frame, columns, rows, degree, progress)?,
         };

@@ -118,12 +118,12 @@ pub fn mosaic(
             photo.entry.thumbnail = None;
         }
     }
-    let mut tiling = None;
+    let mut cut = None;
     loop {
         let groups = near_duplicates(&looks, NEAR_DUPLICATE, progress)?;
         let library = Photos::new(&looks, groups.clone(), &params.choose);
         // the tiles stay when photos are replaced
-        let tiling = match &mut tiling {
+        let tiling = match &mut cut {
             Some(tiling) => &*tiling,
             none => none.insert(layout.tiles(&picture, frame, &library, params, progress)?),
         };
@@ -178,6 +178,10 @@ pub fn mosaic(
             .map(|photo| !gone.contains(&photo))
             .collect();
         let (mut of_photos, mut of_looks) = (stays.iter(), stays.iter());
+        if let Some(tiling) = &mut cut {
+            // photos get other numbers
+            tiling.start.clear();
+        }
         photos.retain(|_| of_photos.next() == Some(&true));
         looks.retain(|_| of_looks.next() == Some(&true));
         if photos.is_empty() {

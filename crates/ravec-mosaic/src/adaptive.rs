@@ -1,70 +1,59 @@
-//! A picture cut into large tiles where it is homogeneous and small ones where it has detail.
+//! A picture cut into tiles of several sizes off the grid: large ones where photos match well, small ones where it has detail.
 //!
-//! Tiles lie on a lattice of a third of the side of a tile of common size, have sides from two to eight thirds, and begin
+//! Tiles lie on a lattice of a third of the side of a tile of common size, have sides from two to six thirds, and begin
 //! anywhere on the lattice, so that no grid is seen. There are at most as many as a grid would have.
 //!
-//! 1. *Error*: for each side and each place, how far the photos are that could be there, and how much detail of the picture is
-//!    more than any photo of that side is asked to show, times the area. Where the picture is
-//!    homogeneous and photos match well, a large tile has hardly more error than the small ones in its place.
-//! 2. *Placement*: with a price for each tile, the picture is filled from above, always where it is filled least. Of the tiles
-//!    that fit there, at either end of the gap, the one with the least error and price for its area is placed. A tile that
-//!    would leave a gap of one unit is not, so hardly any tiles are there only to fill gaps.
-//! 3. *Price*: the lowest for which there are not too many tiles, by bisection.
+//! 1. *Start*: the picture is filled from above with tiles of about the common size, always where it is filled least, at
+//!    either end of the gap there. A tile that would leave a gap of one unit is not placed, so hardly any tiles are there only
+//!    to fill gaps. The price of a tile, found by bisection, makes their number that of the grid.
+//! 2. *Search* (see the module `retile`): tiles give way to others as long as the energy of tiles and photos falls. Where the
+//!    picture is homogeneous and photos match well, a large tile has hardly more of it than the small ones in its place.
 //!
 //! Source: Pavić, v. Ceumern, Kobbelt, "`GIzMOs`: Genuine Image Mosaics with Adaptive Tiling", 2009. We differ in the order:
-//! placing the best tile anywhere leaves gaps all over, which took two thirds of the tiles and more error than the grid; and in
-//! the price, which gives the number of tiles instead of a threshold on homogeneity.
+//! placing the best tile anywhere leaves gaps all over, which took two thirds of the tiles and more error than the grid; and
+//! in the measure: how homogeneous the picture is and how near the nearest photo comes tell too little of what a tile costs
+//! among others that want the same photos.
 //!
 //! Guarantees: each unit is covered once; the same tiling for the same seed on any number of threads. Does not guarantee: the
 //! least error; where a picture is so small that no placement has few enough tiles, the tiles are those of the grid.
-//! Cost: a search among the photos for each side and place, some 50 for each tile.
 
-use crate::choose::Photos;
-use crate::look::{Frame, Look, parts};
-use crate::tiling::{Tile, Tiling};
+use crate::choose::{ChooseParams, Photos};
+use crate::look::Frame;
+use crate::retile::{Place, Source, Tiled, retile};
+use crate::rules::Rules;
+use crate::tiling::Tiling;
 use ravec_progress::{Cancelled, Progress};
 use ravec_raster::{Image, Oklab};
-use rayon::prelude::*;
 
 /// Units along a side of a tile of common size.
 pub const ADAPTIVE_UNITS: usize = 3;
 
-/// Sides of tiles in units, the smallest first. Larger ones show more of a photo than of the picture.
-const SIDES: [usize; 6] = [2, 3, 4, 5, 6, 8];
+/// Sides of the first tiles in units.
+const SIDES: [usize; 3] = [2, 3, 4];
 
-/// Which of the nearest photos says how well a place is matched. The very nearest are wanted by the neighbors as well.
-const NEAREST: usize = 6;
-
-/// The power of the side by which the error of an area counts more in larger tiles: it is coarser there, and stays when that of
-/// small ones is blurred away by the distance. On three photos, 0 lost 2.7 dB against a grid after a blur by half a tile, 1 lost
-/// 0.6 dB, 2 and 3 lost 0.3 dB; more gains nothing and leaves hardly any large tiles.
-const COARSE: i32 = 3;
-
-/// How much the seed changes the choice between tiles that are about equally good.
-const JITTER: f32 = 0.1;
+/// How much the seed changes the choice between the first tiles.
+const JITTER: f32 = 0.6;
 
 /// Steps of the bisection; the number of tiles hardly changes any more after these.
 const STEPS: usize = 24;
 
-/// The errors of all tiles that could be.
-struct Errors {
-    columns: usize,
-    rows: usize,
-    seed: u64,
-    /// For each of [`SIDES`] by the upper left units, row by row.
-    of_sides: Vec<Vec<f32>>,
-}
-
-/// Cuts a frame of the picture into at most `columns` × `rows` tiles of several sizes, with polynomials up to `degree`.
+/// Cuts a frame of the picture into at most `columns` × `rows` tiles of several sizes, with polynomials up to `degree`. Of the
+/// rules the distance of repeats matters.
 ///
 /// # Errors
 /// [`Cancelled`] soon after `progress` is cancelled.
+#[expect(
+    clippy::too_many_arguments,
+    reason = "tiles and photos are chosen together"
+)]
 pub fn adaptive_tiles(
     picture: &Image<Oklab>,
     frame: Frame,
     [columns, rows]: [usize; 2],
     degree: usize,
     photos: &Photos,
+    rules: &Rules,
+    params: &ChooseParams,
     seed: u64,
     progress: &Progress,
 ) -> Result<Tiling, Cancelled> {
@@ -73,84 +62,62 @@ pub fn adaptive_tiles(
         columns: ADAPTIVE_UNITS * columns,
         rows: ADAPTIVE_UNITS * rows,
         units: ADAPTIVE_UNITS,
+        start: Vec::new(),
     };
-    let tile = |side: usize, col: usize, row: usize| {
-        let mut tile = Tile {
-            look: Look::default(),
-            col,
-            row,
-            side,
-            feature: false,
-        };
-        tile.look = Look::of(picture, empty.part(frame, &tile), degree);
-        tile
-    };
-    let squares = picture.map(|Oklab(color)| Oklab(color.map(|value| value * value)));
-    let phase = progress.phase("tiles", (SIDES.len() * empty.rows) as u64);
-    let error = |side: usize, row: usize, col: usize| {
-        if row + side > empty.rows || col + side > empty.columns {
-            return f32::INFINITY;
-        }
-        let share = side as f32 / ADAPTIVE_UNITS as f32;
-        let tile = tile(side, col, row);
-        let rest = rest(&tile.look, &squares, empty.part(frame, &tile));
-        share.powi(2 + COARSE) * (photos.match_sq(&tile, NEAREST) + rest)
-    };
-    let errors = SIDES
-        .iter()
-        .map(|&side| {
-            let lines: Vec<Vec<f32>> = (0..empty.rows)
-                .into_par_iter()
-                .map(|row| {
-                    progress.check()?;
-                    phase.advance(1);
-                    Ok((0..empty.columns)
-                        .map(|col| error(side, row, col))
-                        .collect())
-                })
-                .collect::<Result<_, Cancelled>>()?;
-            Ok(lines.concat())
-        })
-        .collect::<Result<_, Cancelled>>()?;
-    let errors = Errors {
+    let start = Start {
         columns: empty.columns,
         rows: empty.rows,
         seed,
-        of_sides: errors,
     };
-    let chosen = errors.cheapest_cover(columns * rows).unwrap_or_else(|| {
+    let most = columns * rows;
+    let places = start.cheapest_cover(most).unwrap_or_else(|| {
         let at = |at: usize| {
             let (col, row) = (at % columns, at / columns);
             (ADAPTIVE_UNITS, ADAPTIVE_UNITS * col, ADAPTIVE_UNITS * row)
         };
-        (0..columns * rows).map(at).collect()
+        (0..most).map(at).collect()
     });
-    let tiles = chosen
-        .into_par_iter()
-        .map(|(side, col, row)| {
-            progress.check()?;
-            Ok(tile(side, col, row))
-        })
-        .collect::<Result<_, Cancelled>>()?;
-    Ok(Tiling { tiles, ..empty })
+    let source = Source {
+        picture,
+        frame,
+        degree,
+        photos,
+    };
+    let Tiled { tiles, photos } = retile(
+        source,
+        &empty,
+        &places,
+        most,
+        rules.min_repeat_distance,
+        params,
+        seed,
+        progress,
+    )?;
+    Ok(Tiling {
+        tiles,
+        start: photos,
+        ..empty
+    })
 }
 
-impl Errors {
-    /// A cover by at most `most` tiles, row by row, with the lowest price for which there is one: side, column and row of each.
-    fn cheapest_cover(&self, most: usize) -> Option<Vec<(usize, usize, usize)>> {
-        let finite = self.of_sides.iter().flatten().copied();
-        let largest = finite
-            .filter(|error| error.is_finite())
-            .fold(1e-6, f32::max);
-        // prices beyond these let the area alone or the error alone decide
-        let (mut low, mut high) = (1e-6 * largest, 1e3 * largest);
+/// Covers by tiles of about the common size.
+struct Start {
+    columns: usize,
+    rows: usize,
+    seed: u64,
+}
+
+impl Start {
+    /// A cover by at most `most` tiles with the lowest price for which there is one.
+    fn cheapest_cover(&self, most: usize) -> Option<Vec<Place>> {
+        // prices beyond these let the area alone or the size alone decide
+        let (mut low, mut high) = (1e-3f32, 1e3f32);
         let mut best = None;
         for _ in 0..STEPS {
             let price = (low * high).sqrt();
-            let mut cover = self.cover(price);
+            let cover = self.cover(price);
             if cover.len() <= most {
                 high = price;
-                cover.sort_unstable_by_key(|&(_, col, row)| (row, col));
                 best = Some(cover);
             } else {
                 low = price;
@@ -160,7 +127,7 @@ impl Errors {
     }
 
     /// The cover with a price for each tile.
-    fn cover(&self, price: f32) -> Vec<(usize, usize, usize)> {
+    fn cover(&self, price: f32) -> Vec<Place> {
         // rows that are filled, for each column
         let mut filled = vec![0; self.columns];
         let mut tiles = Vec::new();
@@ -183,15 +150,24 @@ impl Errors {
         let below = self.rows - row;
         let room = gap.min(below);
         let leaves_none = |side: usize| gap - side != 1 && below - side != 1;
+        if row == 0 || first == 0 {
+            // tiles of any size along two borders take all others off the grid
+            let drawn = (jitter(self.seed, [0, first, row]) + 0.5) * SIDES.len() as f32;
+            let side = SIDES[(drawn as usize).min(SIDES.len() - 1)];
+            if side <= room && leaves_none(side) {
+                return (side, first);
+            }
+        }
         let mut best = None;
-        for (&side, errors) in SIDES.iter().zip(&self.of_sides) {
+        for side in SIDES {
             if side > room || !leaves_none(side) {
                 continue;
             }
+            // the energy of a tile that is like all others, see `tile_cost`
+            let cost = (side as f32 / ADAPTIVE_UNITS as f32).powi(5);
             for col in [first, first + gap - side] {
                 let jitter = 1.0 + JITTER * jitter(self.seed, [side, col, row]);
-                let error = errors[row * self.columns + col];
-                let density = (error + price) / (side * side) as f32 * jitter;
+                let density = (cost + price) / (side * side) as f32 * jitter;
                 if best.is_none_or(|(least, _, _)| density < least) {
                     best = Some((density, side, col));
                 }
@@ -201,19 +177,6 @@ impl Errors {
         best.map_or((room.min(2), first), |(_, side, col)| (side, col))
     }
 }
-
-/// The mean square of what polynomials leave of a part of the picture: detail that no photo of this size is asked to show.
-fn rest(look: &Look, squares: &Image<Oklab>, part: Frame) -> f32 {
-    let all: f32 = parts(squares, part, 1).iter().flatten().sum();
-    let seen: f32 = look
-        .coefficients
-        .iter()
-        .flatten()
-        .map(|value| value * value)
-        .sum();
-    (all - seen).max(0.0)
-}
-
 /// A number that follows from the seed and three others, −1/2 to 1/2.
 fn jitter(seed: u64, numbers: [usize; 3]) -> f32 {
     let mut state = seed ^ 0x9e37_79b9_7f4a_7c15;
@@ -227,7 +190,7 @@ fn jitter(seed: u64, numbers: [usize; 3]) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::choose::ChooseParams;
+    use crate::look::Look;
     use proptest::prelude::*;
     use ravec_raster::Size;
 
@@ -247,15 +210,11 @@ mod tests {
     }
 
     fn tiling(picture: &Image<Oklab>, sides: [usize; 2], seed: u64) -> Tiling {
-        let frame = Frame::of(picture);
+        let (rules, params) = (Rules::default(), ChooseParams::default());
+        let (frame, photos) = (Frame::of(picture), photos(200));
+        let none = Progress::none();
         adaptive_tiles(
-            picture,
-            frame,
-            sides,
-            3,
-            &photos(200),
-            seed,
-            &Progress::none(),
+            picture, frame, sides, 3, &photos, &rules, &params, seed, &none,
         )
         .unwrap()
     }

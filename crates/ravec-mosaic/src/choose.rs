@@ -1,7 +1,8 @@
 //! Which photo goes into which tile.
 //!
 //! 1. *Candidates*: the nearest photos of each tile, one of each group of near-duplicates.
-//! 2. *Start*: under limits on numbers alone, the cheapest assignment if the problem fits; else greedy, the cheapest pair of
+//! 2. *Start*: the photos that the tiling brings along, where the rules allow them. Where there are none, under limits on
+//!    numbers alone, the cheapest assignment if the problem fits; else greedy, the cheapest pair of
 //!    tile and photo first; if that leads into a dead end and the problem is small, by search (see the module `fill`).
 //! 3. *Improvement* (see the module `improve`): photos change, and tiles swap, as long as the energy falls.
 //!
@@ -133,13 +134,6 @@ impl Photos {
         self.groups.is_empty()
     }
 
-    /// The squared distance of a tile from the photo at this place, from 1, among its nearest.
-    pub(crate) fn match_sq(&self, tile: &Tile, place: usize) -> f32 {
-        let class = self.class(tile);
-        let near = class.index.nearest(&class.vector(&tile.look), place);
-        near.last().map_or(0.0, |near| near.distance_sq)
-    }
-
     fn class_of(&self, tile: &Tile) -> usize {
         usize::from(tile.feature).min(self.classes.len() - 1)
     }
@@ -155,6 +149,22 @@ impl Photos {
 
     pub(crate) fn quarters(&self, photo: u32) -> &[[f32; 3]; 4] {
         &self.quarters[photo as usize]
+    }
+
+    pub(crate) fn group(&self, photo: u32) -> usize {
+        self.groups[photo as usize] as usize
+    }
+
+    /// The squared distance of a photo from a tile.
+    pub(crate) fn cost(&self, tile: &Tile, photo: u32) -> f32 {
+        let class = self.class(tile);
+        class.index.distance_sq(&class.vector(&tile.look), photo)
+    }
+
+    /// The `count` photos nearest to a tile, one of each group.
+    pub(crate) fn candidates(&self, tile: &Tile, count: usize) -> Vec<Near> {
+        let class = self.class(tile);
+        self.one_of_each_group(class.index.nearest(&class.vector(&tile.look), count))
     }
 
     /// Photos in the order of their distance, the nearest of each group only.
@@ -321,6 +331,13 @@ pub fn choose(
             .sum();
         if !spread {
             for (tile, &photo) in best.iter().enumerate() {
+                placement.put(tile, Some(photo));
+            }
+        }
+    }
+    if !rules.use_all {
+        for (tile, &photo) in tiling.start.iter().enumerate() {
+            if placement.photo(tile).is_none() && placement.allows(tile, photo) {
                 placement.put(tile, Some(photo));
             }
         }

@@ -11,6 +11,7 @@
 //! Source: the model of the eye is that of direct binary search in halftoning (Analoui, Allebach, 1992).
 
 use crate::look::Look;
+use crate::tiling::Tile;
 
 /// Half the width of the kernel in halves of a tile of common size. Beyond it the wider Gaussian has fallen below 2 % of its
 /// peak.
@@ -49,12 +50,23 @@ pub(crate) type Residual = [[f32; 3]; 4];
 #[derive(Debug, Clone)]
 pub(crate) struct Eye {
     stride: usize,
-    /// Half the width of the kernel in cells.
+    /// Half the width of the kernels in cells.
     reach: usize,
-    /// Row by row.
-    kernel: Vec<f32>,
+    /// By the number of cells along a quarter of a tile, from 1.
+    quarters: Vec<Quarter>,
     /// Bordered by the reach in cells without difference on each side.
     cells: Vec<[f32; 3]>,
+}
+
+/// The kernel as quarters of one size see it. It is a sum of products of a function across and the same one down, and so are
+/// its sums over squares of cells.
+#[derive(Debug, Clone)]
+struct Quarter {
+    /// For each cell before, in and behind a quarter, as far as the kernels reach, the sums of the two kernels over the cells of
+    /// the quarter along one axis.
+    sums: Vec<[f32; SIGMAS.len()]>,
+    /// The sum of the kernel between the cells of two quarters of a tile.
+    between: [[f32; 4]; 4],
 }
 
 /// How the energy depends on the residual of one tile, all others held.
@@ -82,36 +94,23 @@ impl Pull {
 }
 
 impl Eye {
-    /// A mosaic of `columns` × `rows` cells that is the picture; `units` cells are half a tile of common size.
-    pub fn new(columns: usize, rows: usize, units: usize, strength: f64) -> Self {
+    /// A mosaic of `columns` × `rows` cells that is the picture; `units` cells are half a tile of common size, and no quarter
+    /// of a tile has more than `largest` cells along a side.
+    pub fn new(columns: usize, rows: usize, units: usize, largest: usize, strength: f64) -> Self {
         let reach = REACH * units;
-        let side = 2 * reach + 1;
-        let mut kernel = vec![0.0f32; side * side];
         // the share of a cell in a tile
         let share = 1.0 / (4 * units * units) as f64;
-        for sigma in SIGMAS {
-            let sigma = sigma * units as f64;
-            let line: Vec<f64> = (0..side)
-                .map(|at| (-(at as f64 - reach as f64).powi(2) / (2.0 * sigma * sigma)).exp())
-                .collect();
-            let total: f64 = line.iter().sum();
-            for (kernel, a) in kernel.chunks_exact_mut(side).zip(&line) {
-                for (kernel, b) in kernel.iter_mut().zip(&line) {
-                    *kernel += (WEIGHT * strength * a * b / (total * total) * share) as f32;
-                }
-            }
-        }
+        let lines =
+            SIGMAS.map(|sigma| kernel(sigma * units as f64, reach, WEIGHT * strength * share));
         let stride = columns + 2 * reach;
         Self {
             stride,
             reach,
-            kernel,
+            quarters: (1..=largest)
+                .map(|side| Quarter::new(side, &lines))
+                .collect(),
             cells: vec![[0.0; 3]; stride * (rows + 2 * reach)],
         }
-    }
-
-    fn side(&self) -> usize {
-        2 * self.reach + 1
     }
 
     /// Sets the residual of a tile.
@@ -126,65 +125,97 @@ impl Eye {
     /// How the energy depends on the residual of a tile, which is set to 0.
     pub fn lift(&mut self, tile: Footprint) -> Pull {
         self.put(tile, &[[0.0; 3]; 4]);
-        let mut pull = Pull {
-            linear: [[0.0; 3]; 4],
-            quadratic: [[0.0; 4]; 4],
-        };
-        for (index, linear) in pull.linear.iter_mut().enumerate() {
-            for (col, row) in tile.cells(index) {
-                for (dy, weights) in self.kernel.chunks_exact(self.side()).enumerate() {
-                    let line = &self.cells[(row + dy) * self.stride + col..][..weights.len()];
-                    for (weight, cell) in weights.iter().zip(line) {
-                        for (sum, value) in linear.iter_mut().zip(cell) {
+        let quarter = &self.quarters[tile.quarter - 1];
+        let around = quarter.sums.len();
+        let mut linear = [[0.0f32; 3]; 4];
+        for down in 0..around + tile.quarter {
+            let line =
+                &self.cells[(tile.row + down) * self.stride + tile.col..][..around + tile.quarter];
+            let across = [&line[..around], &line[tile.quarter..]].map(|line| quarter.across(line));
+            let halves = [Some(down), down.checked_sub(tile.quarter)];
+            for (half, down) in halves.into_iter().enumerate() {
+                let Some(weights) = down.and_then(|down| quarter.sums.get(down)) else {
+                    continue;
+                };
+                for (linear, across) in linear[2 * half..].iter_mut().zip(&across) {
+                    for (across, weight) in across.iter().zip(weights) {
+                        for (sum, value) in linear.iter_mut().zip(across) {
                             *sum += weight * value;
                         }
                     }
                 }
             }
         }
-        for (a, sums) in pull.quadratic.iter_mut().enumerate() {
+        Pull {
+            linear,
+            quadratic: quarter.between,
+        }
+    }
+}
+
+/// A Gaussian of standard deviation `sigma` in cells from −`reach` to `reach`, whose product with itself has the sum `total`.
+fn kernel(sigma: f64, reach: usize, total: f64) -> Vec<f64> {
+    let line: Vec<f64> = (0..=2 * reach)
+        .map(|at| (-(at as f64 - reach as f64).powi(2) / (2.0 * sigma * sigma)).exp())
+        .collect();
+    let factor = total.sqrt() / line.iter().sum::<f64>();
+    line.into_iter().map(|value| factor * value).collect()
+}
+
+impl Quarter {
+    fn new(side: usize, lines: &[Vec<f64>; SIGMAS.len()]) -> Self {
+        let width = lines[0].len();
+        // the sum over the cells of a quarter of the kernel that is centered on the cell `at`, counted from the first that reaches it
+        let sum = |line: &[f64], at: usize| -> f64 {
+            (0..side)
+                .filter_map(|cell| line.get((cell + width - 1).checked_sub(at)?))
+                .sum()
+        };
+        let along =
+            |line: &[f64]| -> Vec<f64> { (0..side + width - 1).map(|at| sum(line, at)).collect() };
+        let sums = lines.each_ref().map(|line| along(line));
+        // between the halves of a tile along one axis: of a half with itself, and with the other
+        let reach = width / 2;
+        let halves = sums.each_ref().map(|sums| {
+            let of = |begin: usize| -> f64 { sums.iter().skip(begin).take(side).sum() };
+            [of(reach), of(reach + side)]
+        });
+        let mut between = [[0.0; 4]; 4];
+        for (a, sums) in between.iter_mut().enumerate() {
             for (b, sum) in sums.iter_mut().enumerate() {
-                *sum = self.between(tile, a, b);
+                let (across, down) = ((a ^ b) % 2, (a ^ b) / 2);
+                *sum = halves
+                    .iter()
+                    .map(|half| half[across] * half[down])
+                    .sum::<f64>() as f32;
             }
         }
-        pull
+        Self {
+            sums: (0..side + width - 1)
+                .map(|at| sums.each_ref().map(|sums| sums[at] as f32))
+                .collect(),
+            between,
+        }
     }
 
-    /// The sum of the kernel between the cells of two quarters.
-    fn between(&self, tile: Footprint, a: usize, b: usize) -> f32 {
-        let mut sum = 0.0;
-        for (x, y) in tile.cells(a) {
-            for (u, v) in tile.cells(b) {
-                let (dx, dy) = (x + self.reach, y + self.reach);
-                let side = self.side();
-                if dx >= u && dy >= v && dx - u < side && dy - v < side {
-                    sum += self.kernel[(dy - v) * side + dx - u];
+    /// The sums of a line of cells, times each of the kernels.
+    fn across(&self, line: &[[f32; 3]]) -> [[f32; 3]; SIGMAS.len()] {
+        let mut result = [[0.0f32; 3]; SIGMAS.len()];
+        for (weights, cell) in self.sums.iter().zip(line) {
+            for (sums, weight) in result.iter_mut().zip(weights) {
+                for (sum, value) in sums.iter_mut().zip(cell) {
+                    *sum += weight * value;
                 }
             }
         }
-        sum
+        result
     }
+}
 
-    /// The whole energy of the blurred difference.
-    #[cfg(test)]
-    pub fn energy(&self) -> f64 {
-        let rows = self.cells.len() / self.stride;
-        let mut sum = 0.0;
-        for row in self.reach..rows - self.reach {
-            for col in self.reach..self.stride - self.reach {
-                for (dy, weights) in self.kernel.chunks_exact(self.side()).enumerate() {
-                    for (dx, &weight) in weights.iter().enumerate() {
-                        let there = self.cells
-                            [(row + dy - self.reach) * self.stride + col + dx - self.reach];
-                        let here = self.cells[row * self.stride + col];
-                        let product: f32 = here.iter().zip(there).map(|(a, b)| a * b).sum();
-                        sum += f64::from(weight) * f64::from(product);
-                    }
-                }
-            }
-        }
-        sum
-    }
+/// How much the squared distance of a photo from its tile counts: tiles by their area, in that of a tile of common size; and as
+/// the errors of larger tiles are coarser and stay when one steps back, by the third power of their side beside.
+pub(crate) fn tile_cost(tile: &Tile, units: usize, distance_sq: f32) -> f32 {
+    (tile.side as f32 / units as f32).powi(5) * distance_sq
 }
 
 /// The quarters of a photo less those of its tile.
@@ -207,19 +238,48 @@ mod tests {
         [0, 1, 2, 3].map(|q| [0, 1, 2].map(|c| number(3 * q + c)))
     }
 
+    /// The whole energy, by its definition: products of the differences of all pairs of cells.
+    fn energy(eye: &Eye, units: usize, strength: f64) -> f64 {
+        let reach = (REACH * units) as i64;
+        let gaussian = |sigma: f64, at: i64| (-((at * at) as f64) / (2.0 * sigma * sigma)).exp();
+        let weight = |dx: i64, dy: i64| -> f64 {
+            let of = |sigma: f64| {
+                let sigma = sigma * units as f64;
+                let total: f64 = (-reach..=reach).map(|at| gaussian(sigma, at)).sum();
+                gaussian(sigma, dx) * gaussian(sigma, dy) / (total * total)
+            };
+            WEIGHT * strength * SIGMAS.map(of).iter().sum::<f64>() / (4 * units * units) as f64
+        };
+        let stride = eye.stride;
+        let shown: Vec<(i64, i64, [f32; 3])> = (0..eye.cells.len())
+            .filter(|&at| eye.cells[at] != [0.0; 3])
+            .map(|at| ((at % stride) as i64, (at / stride) as i64, eye.cells[at]))
+            .collect();
+        let mut sum = 0.0;
+        for (x, y, here) in &shown {
+            for (u, v, there) in &shown {
+                if (x - u).abs() <= reach && (y - v).abs() <= reach {
+                    let product: f32 = here.iter().zip(there).map(|(a, b)| a * b).sum();
+                    sum += weight(x - u, y - v) * f64::from(product);
+                }
+            }
+        }
+        sum
+    }
+
     #[test]
     fn the_change_of_the_energy_is_that_of_the_pull() {
         let tile = |col, row, quarter| Footprint { col, row, quarter };
         for units in [1, 2] {
-            let mut eye = Eye::new(12, 10, units, 0.7);
+            let mut eye = Eye::new(12, 10, units, 2, 0.7);
             eye.put(tile(0, 0, 1), &some(1));
             eye.put(tile(2, 0, 1), &some(2));
             eye.put(tile(8, 4, 2), &some(3));
             for at in [tile(2, 2, 1), tile(4, 2, 2), tile(10, 0, 1)] {
                 let pull = eye.lift(at);
-                let without = eye.energy();
+                let without = energy(&eye, units, 0.7);
                 eye.put(at, &some(5));
-                let change = eye.energy() - without;
+                let change = energy(&eye, units, 0.7) - without;
                 let error = (change - f64::from(pull.energy(&some(5)))).abs();
                 // sums of some hundred products in single precision
                 assert!(error < 1e-4 * change.abs().max(1.0), "{error} of {change}");

@@ -9,7 +9,7 @@
 //! least energy.
 
 use crate::choose::{ChooseParams, Problem};
-use crate::eye::{Eye, Pull, residual};
+use crate::eye::{Eye, Pull, residual, tile_cost};
 use crate::rules::Placement;
 use ravec_progress::{Cancelled, Progress};
 
@@ -37,6 +37,7 @@ pub(crate) fn improve(
             2 * cells * tiling.columns,
             2 * cells * tiling.rows,
             cells * tiling.units,
+            cells * tiles.iter().map(|tile| tile.side).max().unwrap_or(1),
             params.blend,
         ),
     };
@@ -77,11 +78,9 @@ impl Round<'_> {
 
     /// The part of the energy that depends on the photo of a tile.
     fn energy(&self, tile: usize, photo: u32, cost: f32, pull: &Pull) -> f32 {
-        let look = &self.problem.tiles[tile].look;
-        // tiles count by their area, in that of a tile of common size; and as the errors of larger ones are coarser and stay
-        // when one steps back, these count more, as in the choice of the tiles
-        let side = self.problem.tiles[tile].side as f32 / self.problem.tiling.units as f32;
-        side.powi(5) * cost + pull.energy(&residual(self.problem.photos.quarters(photo), look))
+        let tile = &self.problem.tiles[tile];
+        let residual = residual(self.problem.photos.quarters(photo), &tile.look);
+        tile_cost(tile, self.problem.tiling.units, cost) + pull.energy(&residual)
     }
 
     fn lift(&mut self, tile: usize) -> Pull {

@@ -55,6 +55,7 @@ mod groups;
 mod improve;
 mod look;
 mod optimal;
+mod retile;
 mod rules;
 mod search;
 mod tile;

@@ -25,6 +25,25 @@ pub struct Tile {
 }
 
 impl Tile {
+    /// The tile with side, column and row `place` in units of `tiling`.
+    pub(crate) fn of(
+        picture: &Image<Oklab>,
+        tiling: &Tiling,
+        frame: Frame,
+        (side, col, row): (usize, usize, usize),
+        degree: usize,
+    ) -> Self {
+        let mut tile = Self {
+            look: Look::default(),
+            col,
+            row,
+            side,
+            feature: false,
+        };
+        tile.look = Look::of(picture, tiling.part(frame, &tile), degree);
+        tile
+    }
+
     /// The cells of the tile, of which `cells` are half a unit.
     pub(crate) fn footprint(&self, cells: usize) -> Footprint {
         Footprint {
@@ -46,17 +65,21 @@ pub struct Tiling {
     pub rows: usize,
     /// Units along a side of a tile of common size.
     pub units: usize,
+    /// Photos that a choice may start from, one for each tile, or none at all. They belong to the photos that the tiling was made
+    /// for.
+    pub start: Vec<u32>,
 }
 
 impl Tiling {
     /// The centers of the tiles, in sides of a tile of common size.
     pub fn centers(&self) -> Vec<[f64; 2]> {
-        let center =
-            |begin: usize, side: usize| (begin as f64 + side as f64 / 2.0) / self.units as f64;
-        self.tiles
-            .iter()
-            .map(|tile| [center(tile.col, tile.side), center(tile.row, tile.side)])
-            .collect()
+        self.tiles.iter().map(|tile| self.center(tile)).collect()
+    }
+
+    /// The center of a tile, in sides of a tile of common size.
+    pub(crate) fn center(&self, tile: &Tile) -> [f64; 2] {
+        let center = |begin: usize| (begin as f64 + tile.side as f64 / 2.0) / self.units as f64;
+        [center(tile.col), center(tile.row)]
     }
 
     /// The part of a frame of the picture that a tile is.
@@ -127,6 +150,7 @@ pub fn grid_tiles(
         columns,
         rows,
         units: 1,
+        start: Vec::new(),
     })
 }
 

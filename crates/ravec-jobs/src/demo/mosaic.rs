@@ -63,6 +63,8 @@ impl Demo<'_> {
                 sides,
                 degree,
                 &whole,
+                &Rules::default(),
+                &ChooseParams::default(),
                 seed.0,
                 self.progress,
             )

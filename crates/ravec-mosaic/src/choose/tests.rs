@@ -39,6 +39,7 @@ fn grid(columns: usize, rows: usize, seed: u64) -> Tiling {
         columns,
         rows,
         units: 1,
+        start: Vec::new(),
     }
 }
 
