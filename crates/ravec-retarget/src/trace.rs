@@ -276,7 +276,7 @@ impl Tracer<'_> {
                 let mut around = [0.0; 2 * REACH + 1];
                 let inside = whole >= 0.0 && whole < across.saturating_sub(2 * REACH) as f64;
                 if inside {
-                    around.copy_from_slice(&column[whole as usize..][..2 * REACH + 1]);
+                    around.copy_from_slice(&column[whole as usize..][..=2 * REACH]);
                 } else {
                     for (k, value) in around.iter_mut().enumerate() {
                         *value =
