@@ -26,12 +26,14 @@
 //! # Current status
 //!
 //! What `ravec-planar` and `ravec-retarget` need. The factorisations are those of `nalgebra` and `nalgebra-sparse`.
-//! Sparse systems ([`SquareSum`], [`EliminationPlan`], [`SparseCholesky`]) come with the order in which few entries appear.
+//! Sparse systems ([`SquareSum`], [`EliminationPlan`], [`SparseCholesky`]) come with the order in which few entries appear; [`SingleCholesky`] is for corrections by half the
+//! digits.
 
 mod dense;
 mod least_squares;
+mod panels;
 mod sparse;
 
 pub use dense::{Smallest, smallest_eigenvector, solve_positive};
 pub use least_squares::{Descent, Minimum, NormalEquations, minimize};
-pub use sparse::{EliminationPlan, SparseCholesky, SparseSymmetric, SquareSum};
+pub use sparse::{EliminationPlan, SingleCholesky, SparseCholesky, SparseSymmetric, SquareSum};

@@ -16,6 +16,7 @@
 //! Guarantees: the same bits on any number of threads. Does not guarantee: more digits than the condition of the matrix
 //! leaves.
 
+use crate::panels::{Entry, PanelFactor};
 use nalgebra_sparse::factorization::{CscCholesky, CscSymbolicCholesky};
 use nalgebra_sparse::pattern::SparsityPattern;
 
@@ -226,9 +227,7 @@ impl EliminationPlan {
             let (offsets, rows, values) = lower.disassemble();
             SparseCholesky {
                 place: self.place.clone(),
-                offsets,
-                rows: rows.into_iter().map(|row| row as u32).collect(),
-                values,
+                panels: PanelFactor::new(&offsets, &rows, values),
             }
         })
     }
@@ -288,10 +287,7 @@ fn dissect(
 #[derive(Debug, Clone)]
 pub struct SparseCholesky {
     place: Vec<usize>,
-    /// The lower triangle by columns. Solving reads all of it twice, which is what takes the time: hence short rows.
-    offsets: Vec<usize>,
-    rows: Vec<u32>,
-    values: Vec<f64>,
+    panels: PanelFactor<f64>,
 }
 
 impl SparseCholesky {
@@ -305,35 +301,50 @@ impl SparseCholesky {
             self.place.len(),
             "the right-hand side has another size"
         );
-        let mut x = vec![0.0; right.len()];
-        for (&place, &value) in self.place.iter().zip(right.iter()) {
-            x[place] = value;
+        solve(&self.place, &self.panels, right);
+    }
+
+    /// The same factor in half the memory, which is twice as fast where memory is what takes the time.
+    pub fn single_precision(self) -> SingleCholesky {
+        SingleCholesky {
+            place: self.place,
+            panels: self.panels.single(),
         }
-        let column = |col: usize| {
-            let range = self.offsets[col]..self.offsets[col + 1];
-            (&self.rows[range.clone()], &self.values[range])
-        };
-        // the first entry of a column is on the diagonal
-        for col in 0..x.len() {
-            let (rows, values) = column(col);
-            let solved = x[col] / values[0];
-            x[col] = solved;
-            for (&row, &value) in rows[1..].iter().zip(&values[1..]) {
-                x[row as usize] -= value * solved;
-            }
-        }
-        for col in (0..x.len()).rev() {
-            let (rows, values) = column(col);
-            let sum: f64 = rows[1..]
-                .iter()
-                .zip(&values[1..])
-                .map(|(&row, &value)| value * x[row as usize])
-                .sum();
-            x[col] = (x[col] - sum) / values[0];
-        }
-        for (&place, value) in self.place.iter().zip(right.iter_mut()) {
-            *value = x[place];
-        }
+    }
+}
+
+/// A factored matrix with about seven digits, less those that the condition of the matrix takes: for corrections of what is
+/// known better.
+#[derive(Debug, Clone)]
+pub struct SingleCholesky {
+    place: Vec<usize>,
+    panels: PanelFactor<f32>,
+}
+
+impl SingleCholesky {
+    /// Replaces `right` by nearly the x with A · x = `right`.
+    ///
+    /// # Panics
+    /// If `right` has another size than the matrix.
+    pub fn solve_in_place(&self, right: &mut [f32]) {
+        assert_eq!(
+            right.len(),
+            self.place.len(),
+            "the right-hand side has another size"
+        );
+        solve(&self.place, &self.panels, right);
+    }
+}
+
+/// Solves in the order of elimination.
+fn solve<T: Entry>(place: &[usize], panels: &PanelFactor<T>, right: &mut [T]) {
+    let mut x = vec![T::default(); right.len()];
+    for (&place, &value) in place.iter().zip(right.iter()) {
+        x[place] = value;
+    }
+    panels.solve_in_place(&mut x);
+    for (&place, value) in place.iter().zip(right.iter_mut()) {
+        *value = x[place];
     }
 }
 

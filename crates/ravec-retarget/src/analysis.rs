@@ -62,9 +62,8 @@ impl Analysis {
                 }
             }))
         });
-        let mut field =
+        let field =
             TwoColorField::fit(&image, &FitParams::default(), progress).map_err(cancelled)?;
-        field.refine_lines(&image, progress)?;
         Ok(Self {
             units,
             unit_px,

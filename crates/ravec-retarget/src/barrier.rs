@@ -18,11 +18,16 @@ use ravec_raster::Plane;
 /// Scans over the picture, alternately from the upper left and from the lower right. After three little changes.
 const SCANS: usize = 4;
 
+/// How wide the border is. In one of a single pixel a frame around the picture, as scans have them, would enclose all of it, and
+/// then ground that differs from the frame is what stands out. Wider ones take from objects near the border.
+const BORDER: usize = 2;
+
 /// The distance of each pixel to the border of the picture.
 pub(crate) fn barrier_distance(values: &Plane) -> Plane {
     let (width, height) = (values.width(), values.height());
-    let on_border =
-        |col: usize, row: usize| col == 0 || row == 0 || col + 1 == width || row + 1 == height;
+    let on_border = |col: usize, row: usize| {
+        col.min(width - 1 - col) < BORDER || row.min(height - 1 - row) < BORDER
+    };
     let mut highest = values.clone();
     let mut lowest = values.clone();
     let mut distance = Plane::from_fn(values.size(), |col, row| {
@@ -95,7 +100,9 @@ mod tests {
     /// The definition over all simple paths, by repeated improvement of sets of (highest, lowest) that no other beats.
     fn naive(values: &Plane) -> Plane {
         let (width, height) = (values.width(), values.height());
-        let border = |c: usize, r: usize| c == 0 || r == 0 || c + 1 == width || r + 1 == height;
+        let border = |c: usize, r: usize| {
+            c < BORDER || r < BORDER || c + BORDER >= width || r + BORDER >= height
+        };
         let mut levels: Vec<f32> = values.pixels().to_vec();
         levels.sort_by(f32::total_cmp);
         // with the lowest value of the path given, the cheapest path is that with the smallest highest value
@@ -137,8 +144,8 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(24))]
         #[test]
-        fn scans_bound_the_distance_from_above(pixels in prop::collection::vec(0u8..6, 36)) {
-            let values = Plane::from_fn(Size::new(6, 6).unwrap(), |c, r| f32::from(pixels[6 * r + c]));
+        fn scans_bound_the_distance_from_above(pixels in prop::collection::vec(0u8..6, 64)) {
+            let values = Plane::from_fn(Size::new(8, 8).unwrap(), |c, r| f32::from(pixels[8 * r + c]));
             let (fast, exact) = (barrier_distance(&values), naive(&values));
             for (fast, exact) in fast.pixels().iter().zip(exact.pixels()) {
                 prop_assert!(fast >= exact);
@@ -160,6 +167,21 @@ mod tests {
         // the ramp adds at most a hundredth
         assert!((distance[(20, 15)] - 0.6).abs() < 0.03);
         assert!(distance[(3, 3)] < 0.03 && distance[(35, 15)] < 0.03);
+    }
+
+    #[test]
+    fn a_frame_of_a_pixel_encloses_nothing() {
+        let framed = Plane::from_fn(Size::new(40, 30).unwrap(), |col, row| {
+            let frame = col == 0 || row == 0 || col == 39 || row == 29;
+            if frame {
+                0.9
+            } else {
+                0.1 + 0.4 * f32::from((col as f32 - 20.0).hypot(row as f32 - 15.0) < 6.0)
+            }
+        });
+        let distance = barrier_distance(&framed);
+        assert_eq!(distance[(5, 5)], 0.0);
+        assert!((distance[(20, 15)] - 0.4).abs() < 1e-6);
     }
 
     #[test]

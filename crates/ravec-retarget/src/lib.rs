@@ -32,8 +32,8 @@
 //!
 //! # How
 //!
-//! 1. The picture is analysed on a reduction: two-color pixels give contrast and lines, the barrier distance gives closed
-//!    regions that stand out, masks give what the user knows better.
+//! 1. The picture is analysed on a reduction: two-color pixels give contrast, those of 64 pixels' length straight lines, the
+//!    barrier distance gives closed regions that stand out, masks give what the user knows better.
 //! 2. Energies that are quadratic in the positions of the vertices are factored, for x and for y.
 //! 3. For each size the minimum is a sum of two known vectors; where cells would fold, bounds on edges are met by a few
 //!    solutions more.
@@ -51,7 +51,7 @@
 //! - That what you care for is found: a figure that touches the border or is as rough as its ground may count as ground.
 //!   Paint it.
 //! - That objects keep their shape where there is no room for them: at a quarter of the width something must give.
-//! - Curves: only straight lines are held. Of a curve each cell keeps its shape as well as its weight allows.
+//! - Curves: only straight lines are held, those of a thirteenth of the longer side and more. Of a curve each cell keeps its shape as well as its weight allows.
 //! - The same last bits on machines with other vector units.
 //!
 //! # Words
@@ -78,7 +78,9 @@ mod params;
 mod quadtree;
 mod retargeter;
 mod runs;
+mod strips;
 mod system;
+mod trace;
 mod warp;
 
 pub use deformation::{Deformation, GridLine, SolveSummary};

@@ -101,7 +101,7 @@ impl Retargeter {
         let analysis = Analysis::new(image, units, progress)?;
         phase.advance(1);
         let found = if params.line_strength > 0.0 {
-            straight_runs(&analysis.field)
+            straight_runs(&analysis.image)
         } else {
             Vec::new()
         };

@@ -9,7 +9,7 @@
 
 use crate::forms::{Content, Forms};
 use crate::params::{Borders, RetargetError};
-use ravec_numeric::{EliminationPlan, SparseCholesky, SquareSum};
+use ravec_numeric::{EliminationPlan, SingleCholesky, SquareSum};
 
 /// Where an unknown is held.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -168,13 +168,12 @@ impl EdgeForms {
         }
     }
 
-    /// Adds `scale` times the transposed forms times `values`, less what held unknowns add.
-    fn add_transposed(&self, values: &[f64], far_side: f64, scale: f64, right: &mut [f64]) {
+    /// Adds `scale` times the transposed forms times `values`.
+    fn add_transposed(&self, values: &[f64], scale: f64, right: &mut [f64]) {
         let mut start = 0;
-        for ((&value, &end), far) in values.iter().zip(&self.ends).zip(&self.far) {
-            let value = scale * (value - far * far_side);
+        for (&value, &end) in values.iter().zip(&self.ends) {
             for &(unknown, coefficient) in &self.terms[start..end] {
-                right[unknown as usize] += coefficient * value;
+                right[unknown as usize] += coefficient * scale * value;
             }
             start = end;
         }
@@ -188,9 +187,7 @@ pub(crate) struct Axis {
     pub(crate) edges: EdgeForms,
     /// The weight of squared edges in the factor.
     pub(crate) stiffness: f64,
-    factor: SparseCholesky,
-    /// The right-hand side is W times the first plus s₀ times the second.
-    right: [Vec<f64>; 2],
+    factor: SingleCholesky,
     /// The minimum, likewise.
     minimum: [Vec<f64>; 2],
     /// The energy of the minimum: coefficients of W², 2 W s₀ and s₀².
@@ -235,16 +232,20 @@ impl Axis {
         ll * length * length + 2.0 * ls * length * scale + ss * scale * scale
     }
 
-    /// The unknowns that minimise the energy plus `stiffness` times the squared distances of the edges from `edges`.
-    pub(crate) fn near_edges(&self, length: f64, scale: f64, edges: &[f64]) -> Vec<f64> {
-        let [first, second] = &self.right;
-        let pairs = first.iter().zip(second);
-        let mut right: Vec<f64> = pairs.map(|(a, b)| length * a + scale * b).collect();
+    /// Moves `z`, which minimises the energy plus `stiffness` times the squared distances of the edges from where they should
+    /// be, to the minimum for edges that should be elsewhere by `change`.
+    ///
+    /// The minimum of the energy alone is that for edges that should be where they are.
+    pub(crate) fn follow_edges(&self, change: &[f64], z: &mut [f64]) {
+        let mut right = vec![0.0; z.len()];
         self.edges
-            .add_transposed(edges, length, self.stiffness, &mut right);
-        self.factor.solve_in_place(&mut right);
-        // held unknowns have rows of their own with the right value already
-        right
+            .add_transposed(change, self.stiffness, &mut right);
+        let mut step: Vec<f32> = right.into_iter().map(|value| value as f32).collect();
+        self.factor.solve_in_place(&mut step);
+        // held unknowns have rows of their own, with nothing on the right
+        for (z, step) in z.iter_mut().zip(step) {
+            *z += f64::from(step);
+        }
     }
 }
 
@@ -369,8 +370,7 @@ impl Assembly {
             unknowns: self.unknowns.clone(),
             edges: self.edges.clone(),
             stiffness,
-            factor,
-            right: self.right.clone(),
+            factor: factor.single_precision(),
             minimum,
             energy,
         })

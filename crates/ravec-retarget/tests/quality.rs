@@ -1,4 +1,4 @@
-//! How round discs and how straight lines stay, on twenty scenes whose shapes are known from formulas.
+//! How round discs and how straight lines stay, on scenes whose shapes are known from formulas.
 //!
 //! The points of the shapes are sent through the deformation, so that nothing but the deformation is measured.
 
@@ -10,7 +10,7 @@ use ravec_scenes::Seed;
 use ravec_scenes::portraits::portraits;
 use ravec_scenes::shapes::Shape;
 
-const SCENES: u64 = 20;
+const SCENES: u64 = 24;
 
 fn size() -> Size {
     Size::new(360, 240).unwrap()
@@ -117,8 +117,8 @@ fn largest(values: &[f64]) -> f64 {
 
 #[test]
 fn discs_stay_round_and_lines_straight_on_rough_ground() {
-    // plain scaling has 1.33, 2 and 1.25
-    for (percent, round) in [(75, 1.08), (50, 1.18), (125, 1.07)] {
+    // plain scaling has 1.33, 2, 1.25 and 1.5
+    for (percent, round) in [(75, 1.08), (50, 1.18), (125, 1.07), (150, 1.12)] {
         let found = measured(percent, false, false);
         println!(
             "{percent} %: squeezed {:.3} (most {:.3}), bent {:.3} (most {:.3})",
@@ -132,10 +132,9 @@ fn discs_stay_round_and_lines_straight_on_rough_ground() {
             "{percent}: {:?}",
             found.squeezed
         );
-        // faint lines on the roughest ground are not found, and bend with it: five of forty at the half width
-        let lost = found.bent.iter().filter(|&&bent| bent > 0.8).count();
+        // every line, also where it is narrower than a block of the analysis and its ground at its roughest
         assert!(
-            mean(&found.bent) <= 0.35 && 7 * lost <= found.bent.len(),
+            mean(&found.bent) <= 0.05 && largest(&found.bent) <= 0.15,
             "{percent}: {:?}",
             found.bent
         );
@@ -159,4 +158,5 @@ fn an_adaptive_grid_does_as_well() {
     let found = measured(75, false, true);
     assert!(mean(&found.squeezed) <= 1.08, "{:?}", found.squeezed);
     assert!(mean(&found.bent) <= 0.25, "{:?}", found.bent);
+    assert!(largest(&found.bent) <= 0.8, "{:?}", found.bent);
 }

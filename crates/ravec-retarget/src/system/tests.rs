@@ -235,3 +235,54 @@ fn an_adaptive_grid_moves_like_the_regular_one_where_weights_are_even() {
         assert!(a.distance(b) < 0.5, "{a} {b}");
     }
 }
+
+#[test]
+fn following_the_edges_leads_to_the_minimum_with_them() {
+    for (adaptive, borders) in [(false, Borders::Slide), (true, Borders::Free)] {
+        with_content(adaptive, borders, |content| {
+            for (axis, system) in Axis::both(content, borders).unwrap().iter().enumerate() {
+                let (length, scale) = (71.0, 0.8);
+                let forms = content.forms(axis);
+                let total = |z: &[f64], target: &[f64]| {
+                    let nodes: Vec<f64> = (0..content.node_count() as u32)
+                        .map(|node| system.unknowns.value(z, node))
+                        .collect();
+                    let mut edges = vec![0.0; system.edges.len()];
+                    system.edges.apply(z, length, &mut edges);
+                    let away = edges.iter().zip(target).map(|(a, b)| (a - b).powi(2));
+                    energy(&forms, &nodes, length, scale, None)
+                        + system.stiffness * away.sum::<f64>()
+                };
+                let mut z = system.unbounded(length, scale);
+                let mut target = vec![0.0; system.edges.len()];
+                system.edges.apply(&z, length, &mut target);
+                // twice, as steps follow each other
+                let slope = |z: &[f64], target: &[f64]| {
+                    let free = (0..z.len()).filter(|&k| system.unknowns.held[k] == Held::Free);
+                    free.map(|k| {
+                        let at = |by: f64| {
+                            let mut moved = z.to_vec();
+                            moved[k] += by;
+                            total(&moved, target)
+                        };
+                        0.5 * (at(1.0) - at(-1.0)).abs()
+                    })
+                    .fold(0.0, f64::max)
+                };
+                for turn in 1..3 {
+                    let change: Vec<f64> = (0..target.len())
+                        .map(|k| ((k * 29 * turn) % 13) as f64 / 4.0 - 1.5)
+                        .collect();
+                    for (target, change) in target.iter_mut().zip(&change) {
+                        *target += change;
+                    }
+                    let before = slope(&z, &target);
+                    system.follow_edges(&change, &mut z);
+                    // seven digits, less some for the condition
+                    let after = slope(&z, &target);
+                    assert!(after < 1e-4 * before, "{borders:?}: {after} of {before}");
+                }
+            }
+        });
+    }
+}
