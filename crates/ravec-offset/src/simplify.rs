@@ -144,6 +144,11 @@ impl<'a> Overseer for Proofs<'a> {
         }
     }
 
+    /// Sheets are twice the distance apart, or meet at a crest of which they keep their directions.
+    fn keeps_apart(&self) -> bool {
+        true
+    }
+
     fn faults(&self, mesh: &TriMesh, triangles: &[u32]) -> Vec<u32> {
         let nearest = self.nearest(mesh);
         triangles

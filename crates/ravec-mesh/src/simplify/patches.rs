@@ -197,9 +197,14 @@ impl<O: Overseer> Task<'_, O> {
         }
         drop(names);
         self.progress.check()?;
+        let is_believed = work.trust == Trust::Examined && self.overseer.keeps_apart();
+        let params = SimplifyParams {
+            avoid_intersections: self.params.avoid_intersections && !is_believed,
+            ..self.params
+        };
         let start = Start {
             mesh: &part.mesh,
-            params: &self.params,
+            params: &params,
             keep: work.keep,
             sealed: work.sealed,
             samples: Some(samples),
