@@ -157,13 +157,12 @@ pub(crate) struct Tilt {
     pub triangle: u32,
 }
 
-/// How a facet lies; `corners` are the triangles closest to its corners, and `hint` one that may be close to its middle. An
-/// angle up to `enough` is one that was found without a search.
+/// How a facet lies; `near` are triangles that may be close to its middle, the last one the most likely. An angle up to `enough`
+/// is one that was found without a search.
 pub(crate) fn tilt(
     field: &Field<'_>,
     facet: [DVec3; 3],
-    corners: [u32; 3],
-    hint: u32,
+    near: [u32; 4],
     enough: f64,
 ) -> Tilt {
     let [a, b, c] = facet;
@@ -181,8 +180,8 @@ pub(crate) fn tilt(
     };
     // a guess from what is known, and a search only if that is not good enough
     let mut guess: Option<Near> = None;
-    for (i, &triangle) in corners.iter().enumerate() {
-        if corners[..i].contains(&triangle) {
+    for (i, &triangle) in near.iter().enumerate() {
+        if near[..i].contains(&triangle) {
             continue;
         }
         let found = field.near_of(middle, triangle);
@@ -190,11 +189,13 @@ pub(crate) fn tilt(
             guess = Some(found);
         }
     }
+    let mut hint = near[3];
     if let Some(Near { triangle, away, .. }) = guess {
         let angle = off(away);
         if angle <= enough {
             return Tilt { angle, triangle };
         }
+        hint = triangle;
     }
     let near = field.near(middle, hint);
     Tilt {
