@@ -74,7 +74,7 @@ fn at_corner(p: DVec3, corners: [DVec3; 3], corner: u8) -> ClosestOnTriangle {
 }
 
 /// The closest point if the angle at the first corner is neither small nor nearly straight.
-#[inline]
+#[inline(always)]
 fn closest_on_blunt(
     p: DVec3,
     corners: [DVec3; 3],

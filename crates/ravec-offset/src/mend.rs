@@ -12,7 +12,7 @@ use crate::outermost::{compact, reachable};
 use crate::refine::{Halt, Refinement};
 use crate::tile::{Assembled, Orders, Patch, Reach, TRIANGLES_AT_ONCE, assemble};
 use glam::DVec3;
-use ravec_mesh::{Bvh, self_intersections};
+use ravec_mesh::{BoxTree, self_intersections};
 use ravec_octree::{CellKey, Frame, NodeId};
 use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
@@ -461,8 +461,8 @@ fn meeting_pairs(
     if triangles.is_empty() {
         return Ok(vec![]);
     }
-    let bvh = Bvh::try_new(&compact(positions, triangles, progress)?, progress)?;
-    let pairs = self_intersections(&bvh, usize::MAX, progress)?.pairs;
+    let tree = BoxTree::try_new(&compact(positions, triangles, progress)?, progress)?;
+    let pairs = self_intersections(&tree, usize::MAX, progress)?.pairs;
     Ok(pairs.iter().map(|pair| [pair.first, pair.second]).collect())
 }
 
@@ -473,7 +473,7 @@ fn hash(facet: [DVec3; 3]) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ravec_mesh::TriMesh;
+    use ravec_mesh::{Bvh, TriMesh};
 
     /// Overlapping plates and needles, some of them repeated or without area.
     fn soup(seed: u64) -> TriMesh {

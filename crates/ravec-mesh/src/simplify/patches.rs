@@ -25,7 +25,7 @@ use super::parts::{Part, cut, grow};
 use super::surface::{GONE, creases};
 use super::{Keep, Simplified, SimplifyError, SimplifyParams, SimplifyReport, validate};
 use crate::adjacency::is_proper;
-use crate::{Adjacency, Bvh, TriMesh, for_each_self_intersection};
+use crate::{Adjacency, BoxTree, Bvh, TriMesh, for_each_self_intersection};
 
 /// How many rings of triangles around what was held or restored are simplified in the end.
 const RINGS: usize = 2;
@@ -287,9 +287,9 @@ impl<O: Overseer> Task<'_, O> {
             }
         }
         if self.params.avoid_intersections {
-            let bvh = Bvh::try_new(&part.mesh, self.progress)?;
+            let tree = BoxTree::try_new(&part.mesh, self.progress)?;
             let pairs = Mutex::new(Vec::new());
-            for_each_self_intersection(&bvh, self.progress, |pair| {
+            for_each_self_intersection(&tree, self.progress, |pair| {
                 if let Ok(mut pairs) = pairs.lock() {
                     pairs.extend([pair.first, pair.second]);
                 }
