@@ -23,10 +23,38 @@ const LEAST_SHARE: f64 = 0.04;
 pub(crate) fn keeps_distance(
     field: &Field<'_>,
     facet: [DVec3; 3],
-    [least, most]: [f64; 2],
+    limits: [f64; 2],
     hints: [u32; 3],
 ) -> bool {
-    stays_near(field, facet, most, hints) && !field.bvh().comes_within(facet, least)
+    room_kept(field, facet, limits, limits[0], hints).is_some()
+}
+
+/// How much room a facet is proved to leave below it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Room {
+    /// It keeps the least distance.
+    Enough,
+    /// It keeps the larger distance that was asked for as well.
+    Ample,
+}
+
+/// As [`keeps_distance`]; and whether no point is nearer than `ample` either, in which case that is all that has to be asked.
+pub(crate) fn room_kept(
+    field: &Field<'_>,
+    facet: [DVec3; 3],
+    [least, most]: [f64; 2],
+    ample: f64,
+    hints: [u32; 3],
+) -> Option<Room> {
+    if !stays_near(field, facet, most, hints) {
+        None
+    } else if !field.bvh().comes_within(facet, ample.max(least)) {
+        Some(Room::Ample)
+    } else if ample > least && !field.bvh().comes_within(facet, least) {
+        Some(Room::Enough)
+    } else {
+        None
+    }
 }
 
 /// As [`keeps_distance`], with the stricter limits of [`tightened`], for a facet of whose corners is known what is nearest.
