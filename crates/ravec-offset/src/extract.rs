@@ -6,7 +6,7 @@
 //!
 //! Guarantees: closed, oriented, manifold by its indices. Intersections can be left only in cells with several vertices.
 
-use crate::cell::{CornerValue, ON_SURFACE, Sample, root};
+use crate::cell::{CornerValue, Ends, ON_SURFACE, Sample, root};
 use crate::field::Region;
 use crate::refine::Refinement;
 use crate::tile::{Edge, Patch, TRIANGLES_AT_ONCE, VertexName};
@@ -263,7 +263,13 @@ impl Crossing {
                 triangle: near.triangle,
             }
         } else {
-            root(refinement.field, self.region, points, self.values, enough)
+            let ends = Ends {
+                points,
+                values: self.values,
+                // of some ends it is known only whether they are inside
+                known: &[],
+            };
+            root(refinement.field, self.region, ends, enough)
         };
         // off the ends, where other edges begin
         let along = points[1] - points[0];

@@ -5,6 +5,10 @@ use glam::DVec3;
 use ravec_mesh::{Aabb, Bvh, Closest, WindingNumbers, closest_on_triangle};
 use ravec_progress::{Cancelled, Progress};
 
+/// How much larger than the way between their centers the radii of two balls must be together, so that roundings count for
+/// nothing.
+const OVERLAP: f64 = 1.0 + 1e-9;
+
 /// On which side of the triangles something lies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Region {
@@ -14,6 +18,37 @@ pub(crate) enum Region {
     Outside,
     /// Inside the solid.
     Inside,
+}
+
+/// A point whose side is known, with its distance to the triangles.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Place {
+    pub point: DVec3,
+    pub distance: f64,
+    pub region: Region,
+}
+
+impl Place {
+    /// Distances are below zero inside.
+    pub fn new(point: DVec3, signed_distance: f64) -> Self {
+        Self {
+            point,
+            distance: signed_distance.abs(),
+            region: if signed_distance < 0.0 {
+                Region::Inside
+            } else {
+                Region::Outside
+            },
+        }
+    }
+
+    pub fn signed_distance(&self) -> f64 {
+        if self.region == Region::Inside {
+            -self.distance
+        } else {
+            self.distance
+        }
+    }
 }
 
 /// A point and what it is closest to.
@@ -144,6 +179,17 @@ impl<'a> Field<'a> {
             Region::Inside
         } else {
             Region::Outside
+        }
+    }
+
+    /// The side of a point at a distance from the triangles, as [`Self::region`], which is not asked if that follows from what is
+    /// `known`: no triangle is in the ball around either point, so that balls that overlap lie on one side.
+    pub fn region_beside(&self, p: DVec3, distance: f64, known: &[Place]) -> Region {
+        let overlaps =
+            |place: &&Place| place.distance + distance > OVERLAP * place.point.distance(p);
+        match known.iter().find(overlaps) {
+            Some(place) => place.region,
+            None => self.region(p),
         }
     }
 
