@@ -100,39 +100,50 @@ fn is_within(field: &Field<'_>, facet: [DVec3; 3], most: f64, near: [u32; 3], cu
     if any_near_enough(field, facet, most, near) {
         return true;
     }
+    let [a, b, c] = facet;
+    let center = field.near((a + b + c) / 3.0, near[0]);
+    if center.distance > most {
+        return false;
+    }
+    if is_near_enough(field, facet, most, center.triangle) {
+        return true;
+    }
     if cuts == 0 {
         return false;
     }
-    let [a, b, c] = facet;
-    let middles = [(a + b) / 2.0, (b + c) / 2.0, (c + a) / 2.0];
-    let mut found = near;
-    for (place, triangle) in middles.into_iter().zip(&mut found) {
-        let near = field.near(place, *triangle);
-        if near.distance > most {
-            return false;
+    let [ab, bc, ca] = [(a + b) / 2.0, (b + c) / 2.0, (c + a) / 2.0];
+    let parts = [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]];
+    // most parts are as near as they have to be to what is closest to their outer corner, or to the middle
+    let [ta, tb, tc] = near;
+    let likely = [ta, tb, tc, center.triangle];
+    let is_open: [bool; 4] =
+        std::array::from_fn(|i| !is_near_enough(field, parts[i], most, likely[i]));
+    let mut found = [center.triangle; 3];
+    for (k, place) in [ab, bc, ca].into_iter().enumerate() {
+        if is_open[3] || is_open[k] || is_open[(k + 1) % 3] {
+            let near = field.near(place, near[k]);
+            if near.distance > most {
+                return false;
+            }
+            found[k] = near.triangle;
         }
-        *triangle = near.triangle;
     }
-    let ([ab, bc, ca], [ta, tb, tc], [tab, tbc, tca]) = (middles, near, found);
-    [
-        ([ab, bc, ca], [tab, tbc, tca]),
-        ([a, ab, ca], [ta, tab, tca]),
-        ([ab, b, bc], [tab, tb, tbc]),
-        ([ca, bc, c], [tca, tbc, tc]),
-    ]
-    .into_iter()
-    .all(|(part, near)| is_within(field, part, most, near, cuts - 1))
+    let [tab, tbc, tca] = found;
+    let near = [[ta, tab, tca], [tab, tb, tbc], [tca, tbc, tc], [tab, tbc, tca]];
+    (0..4)
+        .filter(|&i| is_open[i])
+        .all(|i| is_within(field, parts[i], most, near[i], cuts - 1))
 }
 
 /// Whether one of three triangles is near enough to all corners.
 fn any_near_enough(field: &Field<'_>, facet: [DVec3; 3], most: f64, [r, s, t]: [u32; 3]) -> bool {
-    let is_near = |triangle: u32| {
-        let corners = field.bvh().corners(triangle);
-        facet
-            .iter()
-            .all(|&p| distance_sq_to_triangle(p, corners) <= most * most)
-    };
+    let is_near = |triangle: u32| is_near_enough(field, facet, most, triangle);
     is_near(r) || (s != r && is_near(s)) || (t != s && t != r && is_near(t))
+}
+
+fn is_near_enough(field: &Field<'_>, facet: [DVec3; 3], most: f64, triangle: u32) -> bool {
+    let corners = field.bvh().corners(triangle);
+    (facet.iter()).all(|&p| distance_sq_to_triangle(p, corners) <= most * most)
 }
 
 /// Limits for a facet that may cut a crest. Where two sheets meet at an angle α, the distance grows by sin(α/2) only on the
