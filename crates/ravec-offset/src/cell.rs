@@ -73,20 +73,30 @@ impl EdgeKey {
         let end = self.start.moved(self.axis.into(), level.side());
         [self.start, end]
     }
+
+    /// What edges are sorted by, so that those nearby follow one another.
+    pub fn order(self) -> (u64, u8, u8) {
+        (self.start.morton(), self.level, self.axis)
+    }
 }
 
 /// Where the surface goes through edges.
 pub(crate) type Roots = FxHashMap<EdgeKey, Sample>;
+
+/// A bit for each corner that lies inside.
+pub(crate) fn inside_of(corners: &[CornerValue; 8]) -> u8 {
+    (0..8)
+        .filter(|&octant| corners[octant].value < 0.0)
+        .map(|octant| 1 << octant)
+        .sum()
+}
 
 /// The edges of a cell whose ends have different signs.
 pub(crate) fn crossed_edges(
     key: CellKey,
     corners: &[CornerValue; 8],
 ) -> impl Iterator<Item = EdgeKey> + use<> {
-    let inside: u8 = (0..8)
-        .filter(|&octant| corners[octant].value < 0.0)
-        .map(|octant| 1 << octant)
-        .sum();
+    let inside = inside_of(corners);
     (0..24).filter_map(move |i| {
         let (octant, axis) = (i % 8, i / 8);
         let is_lower = octant >> axis & 1 == 0;
@@ -443,10 +453,7 @@ fn root_on_piece(field: &Field<'_>, points: [DVec3; 2], triangle: u32, mut t: f6
 
 /// Groups of corners of equal sign that are joined by edges of the cell.
 fn sign_components(corners: &[CornerValue; 8]) -> usize {
-    let inside: u8 = (0..8)
-        .filter(|&octant| corners[octant].value < 0.0)
-        .map(|octant| 1 << octant)
-        .sum();
+    let inside = inside_of(corners);
     components_of(inside) + components_of(!inside)
 }
 

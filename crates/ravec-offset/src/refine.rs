@@ -2,7 +2,7 @@
 
 use crate::cell::{
     Cell, CornerValue, EdgeKey, Ends, Fit, MOST_TRIANGLES, MOST_TRIANGLES_OF_SURFACE, ON_SURFACE, Roots,
-    Sample, crossed_edges, root,
+    Sample, crossed_edges, inside_of, root,
 };
 use crate::field::{Field, Near, Place, Region};
 use crate::tile::{Edge, Orders, RINGS, Reach};
@@ -31,8 +31,9 @@ pub(crate) enum State {
     Beyond,
     /// All of it lies on one side of the surface.
     Empty { is_inside: bool },
-    /// It may hold the surface; with the place of its vertex, if its corners have both signs.
-    Full { vertex: Option<DVec3> },
+    /// It may hold the surface; with the place of its vertex, if its corners have both signs, and a bit for each corner that lies
+    /// inside.
+    Full { vertex: Option<DVec3>, inside: u8 },
 }
 
 /// A node of the tree.
@@ -307,7 +308,9 @@ impl<'a> Refinement<'a> {
                     fit.is_good || key.level >= self.floor
                 };
                 if is_done && !orders.split.contains(&key) {
-                    self.tree.data_mut(node).state = State::Full { vertex: fit.vertex };
+                    let inside = inside_of(&self.corners_of(key));
+                    let vertex = fit.vertex;
+                    self.tree.data_mut(node).state = State::Full { vertex, inside };
                 } else {
                     coarse.push(node);
                 }
@@ -418,8 +421,8 @@ impl<'a> Refinement<'a> {
             })
             .collect();
         progress.check()?;
-        // of each corner the cell that knows the side, if any does
-        missing.par_sort_unstable_by_key(|&(corner, unknown, _)| (corner, unknown));
+        // of each corner the cell that knows the side, if any does; in an order in which those nearby follow one another
+        missing.par_sort_unstable_by_key(|&(corner, unknown, _)| (corner.morton(), unknown));
         progress.check()?;
         missing.dedup_by_key(|&mut (corner, ..)| corner);
         let values: Vec<(u64, CornerValue)> = missing
@@ -449,8 +452,8 @@ impl<'a> Refinement<'a> {
             })
             .collect();
         progress.check()?;
-        // of each edge the cell that knows the side, if any does
-        edges.par_sort_unstable_by_key(|&(edge, unknown, _)| (edge, unknown));
+        // as for corners
+        edges.par_sort_unstable_by_key(|&(edge, unknown, _)| (edge.order(), unknown));
         progress.check()?;
         edges.dedup_by_key(|&mut (edge, ..)| edge);
         progress.check()?;
@@ -520,9 +523,12 @@ impl<'a> Refinement<'a> {
         }
         match self.tree.data(leaf).state {
             State::Empty { is_inside } => is_inside,
-            State::New | State::Beyond | State::Full { .. } => {
-                self.corners[&corner.code()].value < 0.0
+            State::Full { inside, .. } => {
+                let low = self.tree.key(leaf).at;
+                let bit = |axis: usize| u32::from(corner.0[axis] != low.0[axis]) << axis;
+                inside >> (bit(0) | bit(1) | bit(2)) & 1 == 1
             }
+            State::New | State::Beyond => self.corners[&corner.code()].value < 0.0,
         }
     }
 
@@ -533,7 +539,7 @@ impl<'a> Refinement<'a> {
 
     pub fn leaf_vertex(&self, leaf: NodeId) -> Option<DVec3> {
         match self.tree.data(leaf).state {
-            State::Full { vertex } => vertex,
+            State::Full { vertex, .. } => vertex,
             State::New | State::Beyond | State::Empty { .. } => None,
         }
     }
