@@ -129,7 +129,12 @@ fn is_within(field: &Field<'_>, facet: [DVec3; 3], most: f64, near: [u32; 3], cu
         }
     }
     let [tab, tbc, tca] = found;
-    let near = [[ta, tab, tca], [tab, tb, tbc], [tca, tbc, tc], [tab, tbc, tca]];
+    let near = [
+        [ta, tab, tca],
+        [tab, tb, tbc],
+        [tca, tbc, tc],
+        [tab, tbc, tca],
+    ];
     (0..4)
         .filter(|&i| is_open[i])
         .all(|i| is_within(field, parts[i], most, near[i], cuts - 1))
@@ -198,12 +203,7 @@ pub(crate) struct Tilt {
 
 /// How a facet lies; `near` are triangles that may be close to its middle, the last one the most likely. An angle up to `enough`
 /// is one that was found without a search.
-pub(crate) fn tilt(
-    field: &Field<'_>,
-    facet: [DVec3; 3],
-    near: [u32; 4],
-    enough: f64,
-) -> Tilt {
+pub(crate) fn tilt(field: &Field<'_>, facet: [DVec3; 3], near: [u32; 4], enough: f64) -> Tilt {
     let [a, b, c] = facet;
     let normal = (b - a).cross(c - a);
     let middle = (a + b + c) / 3.0;

@@ -561,7 +561,10 @@ impl Cutter<'_> {
         let bits = roots.map(|root| root.to_array().map(f64::to_bits));
         let hash = FxBuildHasher.hash_one((keys, bits, dual.is_ambiguous));
         let known = places.in_faces.get(&hash).copied();
-        (hash, known.unwrap_or_else(|| self.new_face_vertex(dual, roots)))
+        (
+            hash,
+            known.unwrap_or_else(|| self.new_face_vertex(dual, roots)),
+        )
     }
 
     fn new_face_vertex(&self, dual: &DualEdge, roots: [DVec3; 2]) -> DVec3 {

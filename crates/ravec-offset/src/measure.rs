@@ -275,7 +275,14 @@ mod tests {
     fn measured(limits: [f64; 2]) -> Measured {
         let bvh = Bvh::new(&cube(2.0));
         let field = Field::new(&bvh, true, 1.0, &Progress::none()).unwrap();
-        measure(&field, &cube(4.0), limits, &AmpleFacets::default(), &Progress::none()).unwrap()
+        measure(
+            &field,
+            &cube(4.0),
+            limits,
+            &AmpleFacets::default(),
+            &Progress::none(),
+        )
+        .unwrap()
     }
 
     #[test]
@@ -298,7 +305,14 @@ mod tests {
             ],
             vec![[0, 1, 2]],
         );
-        let inner = measure(&field, &tilted.unwrap(), [0.0, 2.0], &AmpleFacets::default(), &Progress::none()).unwrap();
+        let inner = measure(
+            &field,
+            &tilted.unwrap(),
+            [0.0, 2.0],
+            &AmpleFacets::default(),
+            &Progress::none(),
+        )
+        .unwrap();
         assert!((inner.least - 0.1).abs() <= LEAST_SLACK, "{}", inner.least);
     }
 
@@ -342,7 +356,16 @@ mod tests {
         progress.cancel();
         let bvh = Bvh::new(&cube(2.0));
         let field = Field::new(&bvh, true, 1.0, &Progress::none()).unwrap();
-        assert!(measure(&field, &cube(4.0), [0.9, 1.8], &AmpleFacets::default(), &progress).is_err());
+        assert!(
+            measure(
+                &field,
+                &cube(4.0),
+                [0.9, 1.8],
+                &AmpleFacets::default(),
+                &progress
+            )
+            .is_err()
+        );
         assert!(creases(&field, &cube(4.0), 0.1, &progress).is_err());
     }
 }

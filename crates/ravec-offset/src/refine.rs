@@ -1,8 +1,8 @@
 //! The tree: cells that may hold the surface are split until a vertex can stand for what they hold.
 
 use crate::cell::{
-    Cell, CornerValue, EdgeKey, Ends, Fit, MOST_TRIANGLES, MOST_TRIANGLES_OF_SURFACE, ON_SURFACE, Roots,
-    Sample, crossed_edges, inside_of, root,
+    Cell, CornerValue, EdgeKey, Ends, Fit, MOST_TRIANGLES, MOST_TRIANGLES_OF_SURFACE, ON_SURFACE,
+    Roots, Sample, crossed_edges, inside_of, root,
 };
 use crate::field::{Field, Near, Place, Region};
 use crate::tile::{Edge, Orders, RINGS, Reach};
@@ -296,7 +296,12 @@ impl<'a> Refinement<'a> {
                     let key = self.tree.key(*node);
                     let corners = self.corners_of(key);
                     let cell = self.cell(key);
-                    Ok(cell.fit(look.near, [look.region, look.middle.region], &corners, &roots))
+                    Ok(cell.fit(
+                        look.near,
+                        [look.region, look.middle.region],
+                        &corners,
+                        &roots,
+                    ))
                 })
                 .collect::<Result<_, Cancelled>>()?;
             for ((node, _), fit) in full.into_iter().zip(fits) {
@@ -365,7 +370,13 @@ impl<'a> Refinement<'a> {
 
     /// The middle of the cell that a cell was split from: the corner of it that is not one of that cell.
     fn middle_of_parent(&self, key: CellKey) -> DVec3 {
-        let inner = key.at.0.map(|x| if x & key.side() == 0 { x + key.side() } else { x });
+        let inner = key.at.0.map(|x| {
+            if x & key.side() == 0 {
+                x + key.side()
+            } else {
+                x
+            }
+        });
         self.frame.point(Corner(inner))
     }
 

@@ -22,7 +22,9 @@ use crate::outermost::compact;
 use crate::params::{OffsetError, OffsetParams, OpenRule, Side};
 use directions::Directed;
 use glam::DVec3;
-use ravec_mesh::{Aabb, Adjacency, BoxTree, Bvh, CheckParams, TriMesh, check, self_intersections, weld};
+use ravec_mesh::{
+    Aabb, Adjacency, BoxTree, Bvh, CheckParams, TriMesh, check, self_intersections, weld,
+};
 use ravec_progress::{Cancelled, Progress};
 use rustc_hash::FxHashSet;
 
