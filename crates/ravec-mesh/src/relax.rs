@@ -10,7 +10,7 @@
 //! triangles that did not meet do not meet, exactly; the same result on any number of threads. Does not guarantee: the least
 //! possible sum of faults; a distance to what was there before, unless the caller refuses steps.
 //! Cost: one look at each facet; then for each facet with a fault six candidates, each of which costs a look at the facets
-//! that it changes, and a search for intersections for the best of them.
+//! that it changes, until it is seen to be of no use, and a search for intersections for the best of them.
 //!
 //! Source: local steps as in Hoppe et al., "Mesh Optimization", 1993, without its collapses and splits.
 

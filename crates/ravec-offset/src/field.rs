@@ -230,3 +230,56 @@ impl<'a> Field<'a> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use ravec_mesh::TriMesh;
+    use ravec_scenes::solids::cuboid;
+
+    /// A cube with a cavity: the sides change twice.
+    fn hollow() -> TriMesh {
+        let (outer, inner) = (
+            cuboid(DVec3::splat(2.0)).mesh,
+            cuboid(DVec3::splat(1.2)).mesh,
+        );
+        let middle = |mesh: &TriMesh| mesh.bounds().center();
+        let shift = middle(&outer) - middle(&inner);
+        let count = outer.positions().len() as u32;
+        let moved = inner.positions().iter().map(|&p| p + shift);
+        let turned = inner.triangles().iter();
+        let turned = turned.map(|&[a, b, c]| [a, c, b].map(|v| v + count));
+        let positions = outer.positions().iter().copied().chain(moved).collect();
+        let triangles = outer.triangles().iter().copied().chain(turned).collect();
+        TriMesh::new(positions, triangles).unwrap()
+    }
+
+    fn place() -> impl Strategy<Value = DVec3> {
+        [-1.5..1.5, -1.5..1.5, -1.5..1.5].prop_map(DVec3::from_array)
+    }
+
+    proptest! {
+        #[test]
+        fn the_side_that_follows_from_others_is_the_one_that_is_found(
+            at in place(), others in prop::collection::vec(place(), 0..4), level in prop::sample::select(vec![0.0, 0.1, -0.1]),
+        ) {
+            let mesh = hollow();
+            let bvh = Bvh::new(&mesh);
+            let field = Field::new(&bvh, true, level, &Progress::none()).unwrap();
+            let middle = mesh.bounds().center();
+            let place_at = |p: DVec3| {
+                let distance = field.near(p, 0).distance;
+                let signed = field.value(distance, field.region(p)) + level;
+                Place::new(p, signed)
+            };
+            let known: Vec<Place> = others.iter().map(|&p| place_at(middle + p)).collect();
+            let p = middle + at;
+            let distance = field.near(p, 0).distance;
+            prop_assert_eq!(field.region_beside(p, distance, &known), field.region(p));
+            for place in known {
+                prop_assert!((place.signed_distance().abs() - place.distance).abs() < 1e-15);
+            }
+        }
+    }
+}

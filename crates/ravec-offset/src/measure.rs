@@ -6,8 +6,8 @@
 //! strong enough, so that the most is a bound that a part of the tolerance separates from what was found.
 //!
 //! Guarantees: no point of the surface is nearer than `least` or farther than `most`. A facet that is counted as not proved
-//! may be within the limits all the same. Cost: for each facet what its proof costs, and for each edge between facets that
-//! turn by more than the angle of a crease two searches for the closest triangle.
+//! may be within the limits all the same. Cost: a search for each vertex; for each facet what its proof costs, but for what
+//! mending proved already; and for each edge between facets that turn by more than the angle of a crease two searches.
 
 use crate::certify::MOST_CUTS;
 use crate::certify::keeps_distance;

@@ -512,6 +512,7 @@ fn hash(facet: [DVec3; 3]) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::measure::measure;
     use ravec_mesh::{Bvh, TriMesh};
 
     /// Overlapping plates and needles, some of them repeated or without area.
@@ -562,5 +563,29 @@ mod tests {
             let counts = |m: &Mended| (m.cells, m.deepest_level, m.rounds, m.split);
             assert_eq!(counts(&cut), counts(&whole));
         }
+    }
+
+    #[test]
+    fn facets_that_are_known_to_have_ample_room_are_measured_as_others() {
+        let mesh = soup(3);
+        let mended = mended(&mesh, false, usize::MAX);
+        let bvh = Bvh::new(&mesh);
+        let field = Field::new(&bvh, false, 0.05, &Progress::none()).unwrap();
+        let surface = TriMesh::new(mended.positions, mended.triangles).unwrap();
+        let facets = surface.triangles().len();
+        let known = (0..facets as u32)
+            .filter(|&t| mended.ample.contains(surface.corners(t)))
+            .count();
+        assert!(known > facets / 2, "{known} of {facets}");
+        let limits = [0.046, 0.054];
+        let measured = |ample: &AmpleFacets| {
+            let found = measure(&field, &surface, limits, ample, &Progress::none()).unwrap();
+            assert_eq!(found.unproved, 0);
+            [found.least, found.most, found.most_found]
+        };
+        let [least, most, most_found] = measured(&mended.ample);
+        let [plain_least, plain_most, plain_most_found] = measured(&AmpleFacets::default());
+        assert!((least - plain_least).abs() <= 1e-3 * 0.004);
+        assert_eq!([most, most_found], [plain_most, plain_most_found]);
     }
 }

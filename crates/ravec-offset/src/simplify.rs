@@ -144,7 +144,7 @@ impl<'a> Overseer for Proofs<'a> {
         }
     }
 
-    /// Sheets are twice the distance apart, or meet at a crest of which they keep their directions.
+    /// Facets stay within the tolerance and keep their directions: where sheets are not closer than that, they cannot meet.
     fn keeps_apart(&self) -> bool {
         true
     }

@@ -2,10 +2,11 @@
 //!
 //! 1. The triangles are cut into patches, by halving them again and again across the longest side of the box of their
 //!    middles. Patches are simplified side by side, with the vertices they share held fast.
-//! 2. Put together, they are examined: within a patch nothing is known of the others, so triangles of two might meet; and
-//!    the caller may find triangles at fault. The vertices of such triangles are *restored*: all that was merged into them is
-//!    what it was before. That is easy, since a triangle is there if and only if its corners were not merged with each
-//!    other. What is restored is examined again, and more is restored until nothing is at fault.
+//! 2. Put together, they are examined: within a patch nothing is known of the others, so triangles of two might meet, and
+//!    those of one as well if the [`Overseer`] says that its judges keep them apart; and the caller may find triangles at
+//!    fault. The vertices of such triangles are *restored*: all that was merged into them is what it was before. That is
+//!    easy, since a triangle is there if and only if its corners were not merged with each other. What is restored is
+//!    examined again, and more is restored until nothing is at fault.
 //! 3. What is around vertices that were held or restored is simplified as a whole, so that no seam remains.
 //!
 //! Guarantees: as for [`simplify`](super::simplify); patches depend on the mesh alone. Does not guarantee: that the result
