@@ -75,6 +75,10 @@ fn at_corner(p: DVec3, corners: [DVec3; 3], corner: u8) -> ClosestOnTriangle {
 
 /// The closest point if the angle at the first corner is neither small nor nearly straight.
 #[inline(always)]
+#[expect(
+    clippy::needless_bitwise_bool,
+    reason = "all parts are asked at once: the answers are hard to predict, and a wrong guess costs more than all of them"
+)]
 fn closest_on_blunt(
     p: DVec3,
     corners: [DVec3; 3],
@@ -88,7 +92,6 @@ fn closest_on_blunt(
     let weight_c = ab_sq * along_c - ab_ac * along_b;
     let weight_b = ac_sq * along_b - ab_ac * along_c;
     let (from_b, from_c) = (b_along_c - b_along_b, c_along_b - c_along_c);
-    // All parts are asked at once: the answers are hard to predict, and a wrong guess costs more than all of them.
     let at_a = (along_b <= 0.0) & (along_c <= 0.0);
     let at_b = (b_along_b >= 0.0) & (b_along_c <= b_along_b);
     let at_c = (c_along_c >= 0.0) & (c_along_b <= c_along_c);
