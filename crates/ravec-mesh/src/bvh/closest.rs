@@ -42,7 +42,7 @@ impl Best {
 }
 
 /// The half space beyond the best point so far, as seen from the point of the search. What lies in it is farther than the best,
-/// and whether a triangle does is known in a fifth of the time that its distance takes.
+/// and whether a triangle does is known sooner than its distance.
 #[derive(Debug, Clone, Copy)]
 struct Beyond {
     from: DVec3,

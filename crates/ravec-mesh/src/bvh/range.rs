@@ -19,7 +19,7 @@ pub struct RayHit {
     pub outward: bool,
 }
 
-/// How many slabs are tried between two triangles before their distance is worked out, which costs as much as five of them.
+/// How many slabs are tried between two triangles before their distance is worked out, which costs more than all of them.
 const SLABS: usize = 3;
 
 impl BoxTree {

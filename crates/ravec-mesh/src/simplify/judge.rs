@@ -68,8 +68,8 @@ pub trait Overseer: Sync {
     fn judge(&self, part: &TriMesh, trust: Trust) -> Self::Judge;
 
     /// Whether what the judges admit will hardly ever make triangles meet (default no). Then a judge that is
-    /// [examined](Trust::Examined) is believed in that, too: what meets in the end is undone with what is at fault, which
-    /// costs a fifth of a search at each collapse, but more where sheets do come close.
+    /// [examined](Trust::Examined) is believed in that, too: what meets in the end is undone with what is at fault. That is
+    /// cheaper than a search at each collapse, unless sheets do come close.
     fn keeps_apart(&self) -> bool {
         false
     }
