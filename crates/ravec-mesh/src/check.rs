@@ -18,7 +18,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::adjacency::is_proper;
-use crate::{Adjacency, Bvh, SelfIntersections, TriMesh, on_one_line, self_intersections};
+use crate::{Adjacency, BoxTree, SelfIntersections, TriMesh, on_one_line, self_intersections};
 
 pub use boundary::BoundaryLoop;
 
@@ -226,7 +226,7 @@ pub fn check(
     progress.check()?;
     let self_intersections = if params.self_intersections {
         Some(self_intersections(
-            &Bvh::try_new(mesh, progress)?,
+            &BoxTree::try_new(mesh, progress)?,
             limit,
             progress,
         )?)

@@ -74,7 +74,11 @@ fn at_corner(p: DVec3, corners: [DVec3; 3], corner: u8) -> ClosestOnTriangle {
 }
 
 /// The closest point if the angle at the first corner is neither small nor nearly straight.
-#[inline]
+#[inline(always)]
+#[expect(
+    clippy::needless_bitwise_bool,
+    reason = "all parts are asked at once: the answers are hard to predict, and a wrong guess costs more than all of them"
+)]
 fn closest_on_blunt(
     p: DVec3,
     corners: [DVec3; 3],
@@ -82,35 +86,36 @@ fn closest_on_blunt(
     [ab_sq, ac_sq, ab_ac, area_sq]: [f64; 4],
 ) -> ClosestOnTriangle {
     let (along_b, along_c) = (ab.dot(ap), ac.dot(ap));
-    let on_edge = |offset: DVec3, edge| ClosestOnTriangle {
-        point: corners[0] + offset,
-        feature: Feature::Edge(edge),
-        distance_sq: (ap - offset).length_squared(),
-    };
-    if along_b <= 0.0 && along_c <= 0.0 {
-        return at_corner(p, corners, 0);
-    }
     // The same products as seen from the other two corners.
     let (b_along_b, b_along_c) = (along_b - ab_sq, along_c - ab_ac);
-    if b_along_b >= 0.0 && b_along_c <= b_along_b {
-        return at_corner(p, corners, 1);
-    }
     let (c_along_b, c_along_c) = (along_b - ab_ac, along_c - ac_sq);
-    if c_along_c >= 0.0 && c_along_b <= c_along_c {
-        return at_corner(p, corners, 2);
-    }
     let weight_c = ab_sq * along_c - ab_ac * along_b;
-    if weight_c <= 0.0 && along_b >= 0.0 && b_along_b <= 0.0 {
-        return on_edge(ab * (along_b / ab_sq), 0);
-    }
     let weight_b = ac_sq * along_b - ab_ac * along_c;
-    if weight_b <= 0.0 && along_c >= 0.0 && c_along_c <= 0.0 {
-        return on_edge(ac * (along_c / ac_sq), 2);
-    }
     let (from_b, from_c) = (b_along_c - b_along_b, c_along_b - c_along_c);
-    if area_sq - weight_b - weight_c <= 0.0 && from_b >= 0.0 && from_c >= 0.0 {
-        let bc = ac - ab;
-        return on_edge(ab + bc * (from_b / (from_b + from_c)), 1);
+    let at_a = (along_b <= 0.0) & (along_c <= 0.0);
+    let at_b = (b_along_b >= 0.0) & (b_along_c <= b_along_b);
+    let at_c = (c_along_c >= 0.0) & (c_along_b <= c_along_c);
+    let on_ab = (weight_c <= 0.0) & (along_b >= 0.0) & (b_along_b <= 0.0);
+    let on_ca = (weight_b <= 0.0) & (along_c >= 0.0) & (c_along_c <= 0.0);
+    let on_bc = (area_sq - weight_b - weight_c <= 0.0) & (from_b >= 0.0) & (from_c >= 0.0);
+    if at_a | at_b | at_c {
+        let corner = if at_a { 0 } else { 2 - u8::from(at_b) };
+        return at_corner(p, corners, corner);
+    }
+    if on_ab | on_ca | on_bc {
+        let (from, along, share, edge) = if on_ab {
+            (DVec3::ZERO, ab, along_b / ab_sq, 0)
+        } else if on_ca {
+            (DVec3::ZERO, ac, along_c / ac_sq, 2)
+        } else {
+            (ab, ac - ab, from_b / (from_b + from_c), 1)
+        };
+        let offset = from + along * share;
+        return ClosestOnTriangle {
+            point: corners[0] + offset,
+            feature: Feature::Edge(edge),
+            distance_sq: (ap - offset).length_squared(),
+        };
     }
     let normal = ab.cross(ac);
     let height = normal.dot(ap);

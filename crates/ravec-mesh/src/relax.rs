@@ -10,7 +10,7 @@
 //! triangles that did not meet do not meet, exactly; the same result on any number of threads. Does not guarantee: the least
 //! possible sum of faults; a distance to what was there before, unless the caller refuses steps.
 //! Cost: one look at each facet; then for each facet with a fault six candidates, each of which costs a look at the facets
-//! that it changes, and a search for intersections for the best of them.
+//! that it changes, until it is seen to be of no use, and a search for intersections for the best of them.
 //!
 //! Source: local steps as in Hoppe et al., "Mesh Optimization", 1993, without its collapses and splits.
 
@@ -171,22 +171,12 @@ fn best<J: RelaxJudge>(
     faults: &[f64],
     triangle: u32,
 ) -> Option<(Step, Fan<J::Look>)> {
-    let mut candidates: Vec<(f64, Step, Fan<J::Look>)> = Vec::new();
-    for step in steps.of_triangle(triangle) {
-        let Some(fan) = steps.fan(step) else {
-            continue;
-        };
-        let before: f64 = fan.triangles.iter().map(|&t| faults[t as usize]).sum();
-        let after = fan.after.iter();
-        let gain = before - after.map(|f| steps.judge.fault(&f.look)).sum::<f64>();
-        if gain > LEAST_GAIN * before {
-            candidates.push((gain, step, fan));
-        }
-    }
+    let mut candidates: Vec<(Step, Fan<J::Look>)> = (steps.of_triangle(triangle).into_iter())
+        .filter_map(|step| Some((step, steps.fan(step, faults, LEAST_GAIN)?)))
+        .collect();
     // the sort is stable: of equal gains the first candidate wins
-    candidates.sort_by(|a, b| b.0.total_cmp(&a.0));
+    candidates.sort_by(|a, b| b.1.gain.total_cmp(&a.1.gain));
     candidates
         .into_iter()
-        .find(|(_, _, fan)| steps.stay_apart(fan) && steps.judge.admits(&fan.after))
-        .map(|(_, step, fan)| (step, fan))
+        .find(|(_, fan)| steps.stay_apart(fan) && steps.judge.admits(&fan.after))
 }

@@ -17,7 +17,7 @@ use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::{Aabb, Bvh, TriTri, intersection, on_one_line};
+use crate::{Aabb, BoxTree, TriTri, intersection, on_one_line};
 
 /// Two triangles of a mesh that meet where they should not.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
@@ -106,9 +106,9 @@ impl Smallest {
 
 /// How triangles `a` and `b` meet, if they meet where they should not.
 #[inline]
-fn improper(bvh: &Bvh, a: u32, b: u32) -> Option<IntersectingPair> {
+fn improper(tree: &BoxTree, a: u32, b: u32) -> Option<IntersectingPair> {
     let (first, second) = (a.min(b), a.max(b));
-    let (x, y) = (bvh.corners(first), bvh.corners(second));
+    let (x, y) = (tree.corners(first), tree.corners(second));
     let kind = intersection(&x, &y);
     if !kind.is_improper() && kind != TriTri::Same {
         return None;
@@ -130,14 +130,14 @@ fn improper(bvh: &Bvh, a: u32, b: u32) -> Option<IntersectingPair> {
 /// # Errors
 /// [`Cancelled`] soon after `progress` is cancelled.
 pub fn for_each_self_intersection(
-    bvh: &Bvh,
+    tree: &BoxTree,
     progress: &Progress,
     visit: impl Fn(IntersectingPair) + Sync,
 ) -> Result<(), Cancelled> {
-    bvh.filter_overlapping_pairs(progress, |a, b| {
+    tree.filter_overlapping_pairs(progress, |a, b| {
         // a single task may hold very many pairs
         if !progress.is_cancelled()
-            && let Some(pair) = improper(bvh, a, b)
+            && let Some(pair) = improper(tree, a, b)
         {
             visit(pair);
         }
@@ -151,12 +151,12 @@ pub fn for_each_self_intersection(
 /// # Errors
 /// [`Cancelled`] soon after `progress` is cancelled.
 pub fn self_intersections(
-    bvh: &Bvh,
+    tree: &BoxTree,
     limit: usize,
     progress: &Progress,
 ) -> Result<SelfIntersections, Cancelled> {
     let (counts, smallest) = (Counts::default(), Smallest::new(limit));
-    for_each_self_intersection(bvh, progress, |pair| {
+    for_each_self_intersection(tree, progress, |pair| {
         counts.add(pair.kind);
         smallest.offer(pair);
     })?;
@@ -182,7 +182,7 @@ pub fn self_intersections(
 /// # Panics
 /// If there is no such triangle.
 pub fn intersections_with(
-    bvh: &Bvh,
+    tree: &BoxTree,
     triangles: &[u32],
     progress: &Progress,
 ) -> Result<Vec<IntersectingPair>, Cancelled> {
@@ -194,11 +194,11 @@ pub fn intersections_with(
         .map(|&triangle| {
             progress.check()?;
             let mut found = Vec::new();
-            bvh.for_each_touching(&Aabb::around(bvh.corners(triangle)), |other| {
+            tree.for_each_touching(&Aabb::around(tree.corners(triangle)), |other| {
                 // a pair of two that are asked for is left to the lower one
                 let twice = other < triangle && asked.binary_search(&other).is_ok();
                 if other != triangle && !twice {
-                    found.extend(improper(bvh, triangle, other));
+                    found.extend(improper(tree, triangle, other));
                 }
             });
             Ok(found)
@@ -212,6 +212,7 @@ pub fn intersections_with(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Bvh;
     use crate::TriMesh;
     use glam::DVec3;
     use proptest::prelude::*;

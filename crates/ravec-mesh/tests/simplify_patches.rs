@@ -11,7 +11,10 @@ use ravec_progress::Progress;
 use shapes::{checked, grid_box};
 
 /// Admits all.
-struct Easygoing;
+#[derive(Default)]
+struct Easygoing {
+    keeps_apart: bool,
+}
 
 impl Overseer for Easygoing {
     type Judge = fn(&CollapseCandidate<'_>) -> bool;
@@ -19,10 +22,15 @@ impl Overseer for Easygoing {
     fn judge(&self, _: &TriMesh, _: Trust) -> Self::Judge {
         |_| false
     }
+
+    fn keeps_apart(&self) -> bool {
+        self.keeps_apart
+    }
 }
 
 fn run(mesh: &TriMesh, params: &SimplifyParams, keep: &Keep<'_>) -> Simplified {
-    simplify_patches(mesh, params, keep, &Easygoing, &Progress::none()).unwrap()
+    let overseer = Easygoing::default();
+    simplify_patches(mesh, params, keep, &overseer, &Progress::none()).unwrap()
 }
 
 /// A shell of two wavy spheres, close to one another, of 37 632 triangles: eight patches.
@@ -81,6 +89,24 @@ fn walls_in_different_patches_do_not_come_to_intersect_on_any_number_of_threads(
         simple.mesh.triangles().len() as u64
     );
     assert_eq!(simple, with(1));
+}
+
+#[test]
+fn what_meets_is_undone_where_the_judges_were_believed_to_keep_walls_apart() {
+    let mesh = thin_shell();
+    let params = SimplifyParams {
+        max_error: 0.003,
+        ..SimplifyParams::default()
+    };
+    let overseer = Easygoing { keeps_apart: true };
+    let keep = Keep::default();
+    let simple = simplify_patches(&mesh, &params, &keep, &overseer, &Progress::none()).unwrap();
+    assert!(checked(&simple.mesh).is_solid());
+    let careful = run(&mesh, &params, &keep);
+    // without a judge walls do meet, so that it is another mesh
+    assert_ne!(simple.mesh, careful.mesh);
+    let [few, more] = [&careful, &simple].map(|simple| simple.mesh.triangles().len());
+    assert!(more < few + few / 10, "{more} and {few}");
 }
 
 #[test]
@@ -162,7 +188,13 @@ fn a_number_of_triangles_is_refused_and_a_cancellation_heeded() {
         ..SimplifyParams::default()
     };
     let progress = Progress::none();
-    let refused = simplify_patches(&mesh, &params, &Keep::default(), &Easygoing, &progress);
+    let refused = simplify_patches(
+        &mesh,
+        &params,
+        &Keep::default(),
+        &Easygoing::default(),
+        &progress,
+    );
     assert!(matches!(
         refused,
         Err(SimplifyError::BadParameter {
@@ -172,6 +204,12 @@ fn a_number_of_triangles_is_refused_and_a_cancellation_heeded() {
     ));
     progress.cancel();
     let params = SimplifyParams::default();
-    let cancelled = simplify_patches(&mesh, &params, &Keep::default(), &Easygoing, &progress);
+    let cancelled = simplify_patches(
+        &mesh,
+        &params,
+        &Keep::default(),
+        &Easygoing::default(),
+        &progress,
+    );
     assert!(matches!(cancelled, Err(SimplifyError::Cancelled(_))));
 }

@@ -1,6 +1,6 @@
 //! What a cell holds of the surface: samples of it, the vertex that represents them, and how well it does.
 
-use crate::field::{Field, Near, Region};
+use crate::field::{Field, Near, Place, Region};
 use glam::{DMat3, DVec3};
 use ravec_mesh::{Aabb, closest_on_triangle};
 use ravec_octree::{CellKey, Corner, Frame};
@@ -73,20 +73,30 @@ impl EdgeKey {
         let end = self.start.moved(self.axis.into(), level.side());
         [self.start, end]
     }
+
+    /// What edges are sorted by, so that those nearby follow one another.
+    pub fn order(self) -> (u64, u8, u8) {
+        (self.start.morton(), self.level, self.axis)
+    }
 }
 
 /// Where the surface goes through edges.
 pub(crate) type Roots = FxHashMap<EdgeKey, Sample>;
+
+/// A bit for each corner that lies inside.
+pub(crate) fn inside_of(corners: &[CornerValue; 8]) -> u8 {
+    (0..8)
+        .filter(|&octant| corners[octant].value < 0.0)
+        .map(|octant| 1 << octant)
+        .sum()
+}
 
 /// The edges of a cell whose ends have different signs.
 pub(crate) fn crossed_edges(
     key: CellKey,
     corners: &[CornerValue; 8],
 ) -> impl Iterator<Item = EdgeKey> + use<> {
-    let inside: u8 = (0..8)
-        .filter(|&octant| corners[octant].value < 0.0)
-        .map(|octant| 1 << octant)
-        .sum();
+    let inside = inside_of(corners);
     (0..24).filter_map(move |i| {
         let (octant, axis) = (i % 8, i / 8);
         let is_lower = octant >> axis & 1 == 0;
@@ -135,18 +145,19 @@ impl Cell<'_> {
         [low + margin, high - margin]
     }
 
-    /// Looks at the cell: `center` is its middle, `region` the side it lies on, `roots` has at least those of its edges.
+    /// Looks at the cell: `center` is its middle, `region` the side it lies on and `side` that of its middle, `roots` has at least
+    /// those of its edges.
     pub fn fit(
         &self,
         center: Near,
-        region: Region,
+        [region, side]: [Region; 2],
         corners: &[CornerValue; 8],
         roots: &Roots,
     ) -> Fit {
         let mut samples = Vec::with_capacity(24);
         samples.extend(crossed_edges(self.key, corners).map(|edge| roots[&edge]));
         let changes = !samples.is_empty();
-        self.feet(center, region, corners, &mut samples);
+        self.feet(center, side, corners, &mut samples);
         if region == Region::Unknown && self.field.is_signed() {
             self.feet_of_triangles(center, &mut samples);
         }
@@ -192,7 +203,7 @@ impl Cell<'_> {
     fn feet(
         &self,
         center: Near,
-        region: Region,
+        side: Region,
         corners: &[CornerValue; 8],
         samples: &mut Vec<Sample>,
     ) {
@@ -200,11 +211,7 @@ impl Cell<'_> {
         let [low, high] = self.frame.bounds(self.key);
         let at = |octant| self.frame.point(self.key.corner(octant));
         let middle = 0.5 * (low + high);
-        let region = match region {
-            Region::Unknown => self.field.region(middle),
-            known => known,
-        };
-        let middle_value = self.field.value(center.distance, region);
+        let middle_value = self.field.value(center.distance, side);
         let points = (0..8).map(|octant| {
             let (p, CornerValue { triangle, value }) = (at(octant), corners[octant]);
             (p, self.field.near_of(p, triangle), value)
@@ -363,19 +370,27 @@ impl Cell<'_> {
     }
 }
 
+/// The ends of an edge.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Ends<'a> {
+    pub points: [DVec3; 2],
+    pub values: [CornerValue; 2],
+    /// Places near the edge.
+    pub known: &'a [Place],
+}
+
 /// Where the field is zero between two points at which it has different signs: within `enough` of the surface, or as near
 /// as numbers go.
-pub(crate) fn root(
-    field: &Field<'_>,
-    region: Region,
-    points: [DVec3; 2],
-    ends: [CornerValue; 2],
-    enough: f64,
-) -> Sample {
+pub(crate) fn root(field: &Field<'_>, region: Region, ends: Ends<'_>, enough: f64) -> Sample {
+    let Ends {
+        points,
+        values,
+        known,
+    } = ends;
     let (mut low, mut high) = (0.0, 1.0);
-    let [mut low_value, mut high_value] = ends.map(|end| end.value);
+    let [mut low_value, mut high_value] = values.map(|end| end.value);
     let nearer = usize::from(high_value.abs() < low_value.abs());
-    let mut hint = ends[nearer].triangle;
+    let mut hint = values[nearer].triangle;
     let mut best = None;
     for round in 0..MOST_ROUNDS {
         // where the piece of the closest triangle is, as most edges meet one piece only; halves when that gets stuck
@@ -393,7 +408,7 @@ pub(crate) fn root(
         let near = field.near(point, hint);
         hint = near.triangle;
         let region = match region {
-            Region::Unknown => field.region(point),
+            Region::Unknown => field.region_beside(point, near.distance, known),
             known => known,
         };
         let value = field.value(near.distance, region);
@@ -438,10 +453,7 @@ fn root_on_piece(field: &Field<'_>, points: [DVec3; 2], triangle: u32, mut t: f6
 
 /// Groups of corners of equal sign that are joined by edges of the cell.
 fn sign_components(corners: &[CornerValue; 8]) -> usize {
-    let inside: u8 = (0..8)
-        .filter(|&octant| corners[octant].value < 0.0)
-        .map(|octant| 1 << octant)
-        .sum();
+    let inside = inside_of(corners);
     components_of(inside) + components_of(!inside)
 }
 

@@ -23,10 +23,38 @@ const LEAST_SHARE: f64 = 0.04;
 pub(crate) fn keeps_distance(
     field: &Field<'_>,
     facet: [DVec3; 3],
-    [least, most]: [f64; 2],
+    limits: [f64; 2],
     hints: [u32; 3],
 ) -> bool {
-    stays_near(field, facet, most, hints) && !field.bvh().comes_within(facet, least)
+    room_kept(field, facet, limits, limits[0], hints).is_some()
+}
+
+/// How much room a facet is proved to leave below it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Room {
+    /// It keeps the least distance.
+    Enough,
+    /// It keeps the larger distance that was asked for as well.
+    Ample,
+}
+
+/// As [`keeps_distance`]; and whether no point is nearer than `ample` either, in which case that is all that has to be asked.
+pub(crate) fn room_kept(
+    field: &Field<'_>,
+    facet: [DVec3; 3],
+    [least, most]: [f64; 2],
+    ample: f64,
+    hints: [u32; 3],
+) -> Option<Room> {
+    if !stays_near(field, facet, most, hints) {
+        None
+    } else if !field.bvh().comes_within(facet, ample.max(least)) {
+        Some(Room::Ample)
+    } else if ample > least && !field.bvh().comes_within(facet, least) {
+        Some(Room::Enough)
+    } else {
+        None
+    }
 }
 
 /// As [`keeps_distance`], with the stricter limits of [`tightened`], for a facet of whose corners is known what is nearest.
@@ -72,39 +100,55 @@ fn is_within(field: &Field<'_>, facet: [DVec3; 3], most: f64, near: [u32; 3], cu
     if any_near_enough(field, facet, most, near) {
         return true;
     }
+    let [a, b, c] = facet;
+    let center = field.near((a + b + c) / 3.0, near[0]);
+    if center.distance > most {
+        return false;
+    }
+    if is_near_enough(field, facet, most, center.triangle) {
+        return true;
+    }
     if cuts == 0 {
         return false;
     }
-    let [a, b, c] = facet;
-    let middles = [(a + b) / 2.0, (b + c) / 2.0, (c + a) / 2.0];
-    let mut found = near;
-    for (place, triangle) in middles.into_iter().zip(&mut found) {
-        let near = field.near(place, *triangle);
-        if near.distance > most {
-            return false;
+    let [ab, bc, ca] = [(a + b) / 2.0, (b + c) / 2.0, (c + a) / 2.0];
+    let parts = [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]];
+    // most parts are as near as they have to be to what is closest to their outer corner, or to the middle
+    let [ta, tb, tc] = near;
+    let likely = [ta, tb, tc, center.triangle];
+    let is_open: [bool; 4] =
+        std::array::from_fn(|i| !is_near_enough(field, parts[i], most, likely[i]));
+    let mut found = [center.triangle; 3];
+    for (k, place) in [ab, bc, ca].into_iter().enumerate() {
+        if is_open[3] || is_open[k] || is_open[(k + 1) % 3] {
+            let near = field.near(place, near[k]);
+            if near.distance > most {
+                return false;
+            }
+            found[k] = near.triangle;
         }
-        *triangle = near.triangle;
     }
-    let ([ab, bc, ca], [ta, tb, tc], [tab, tbc, tca]) = (middles, near, found);
-    [
-        ([ab, bc, ca], [tab, tbc, tca]),
-        ([a, ab, ca], [ta, tab, tca]),
-        ([ab, b, bc], [tab, tb, tbc]),
-        ([ca, bc, c], [tca, tbc, tc]),
-    ]
-    .into_iter()
-    .all(|(part, near)| is_within(field, part, most, near, cuts - 1))
+    let [tab, tbc, tca] = found;
+    let near = [
+        [ta, tab, tca],
+        [tab, tb, tbc],
+        [tca, tbc, tc],
+        [tab, tbc, tca],
+    ];
+    (0..4)
+        .filter(|&i| is_open[i])
+        .all(|i| is_within(field, parts[i], most, near[i], cuts - 1))
 }
 
 /// Whether one of three triangles is near enough to all corners.
 fn any_near_enough(field: &Field<'_>, facet: [DVec3; 3], most: f64, [r, s, t]: [u32; 3]) -> bool {
-    let is_near = |triangle: u32| {
-        let corners = field.bvh().corners(triangle);
-        facet
-            .iter()
-            .all(|&p| distance_sq_to_triangle(p, corners) <= most * most)
-    };
+    let is_near = |triangle: u32| is_near_enough(field, facet, most, triangle);
     is_near(r) || (s != r && is_near(s)) || (t != s && t != r && is_near(t))
+}
+
+fn is_near_enough(field: &Field<'_>, facet: [DVec3; 3], most: f64, triangle: u32) -> bool {
+    let corners = field.bvh().corners(triangle);
+    (facet.iter()).all(|&p| distance_sq_to_triangle(p, corners) <= most * most)
 }
 
 /// Limits for a facet that may cut a crest. Where two sheets meet at an angle α, the distance grows by sin(α/2) only on the
@@ -157,15 +201,9 @@ pub(crate) struct Tilt {
     pub triangle: u32,
 }
 
-/// How a facet lies; `corners` are the triangles closest to its corners, and `hint` one that may be close to its middle. An
-/// angle up to `enough` is one that was found without a search.
-pub(crate) fn tilt(
-    field: &Field<'_>,
-    facet: [DVec3; 3],
-    corners: [u32; 3],
-    hint: u32,
-    enough: f64,
-) -> Tilt {
+/// How a facet lies; `near` are triangles that may be close to its middle, the last one the most likely. An angle up to `enough`
+/// is one that was found without a search.
+pub(crate) fn tilt(field: &Field<'_>, facet: [DVec3; 3], near: [u32; 4], enough: f64) -> Tilt {
     let [a, b, c] = facet;
     let normal = (b - a).cross(c - a);
     let middle = (a + b + c) / 3.0;
@@ -181,8 +219,8 @@ pub(crate) fn tilt(
     };
     // a guess from what is known, and a search only if that is not good enough
     let mut guess: Option<Near> = None;
-    for (i, &triangle) in corners.iter().enumerate() {
-        if corners[..i].contains(&triangle) {
+    for (i, &triangle) in near.iter().enumerate() {
+        if near[..i].contains(&triangle) {
             continue;
         }
         let found = field.near_of(middle, triangle);
@@ -190,11 +228,13 @@ pub(crate) fn tilt(
             guess = Some(found);
         }
     }
+    let mut hint = near[3];
     if let Some(Near { triangle, away, .. }) = guess {
         let angle = off(away);
         if angle <= enough {
             return Tilt { angle, triangle };
         }
+        hint = triangle;
     }
     let near = field.near(middle, hint);
     Tilt {

@@ -6,7 +6,7 @@
 //!
 //! Guarantees: closed, oriented, manifold by its indices. Intersections can be left only in cells with several vertices.
 
-use crate::cell::{CornerValue, ON_SURFACE, Sample, root};
+use crate::cell::{CornerValue, Ends, ON_SURFACE, Sample, root};
 use crate::field::Region;
 use crate::refine::Refinement;
 use crate::tile::{Edge, Patch, TRIANGLES_AT_ONCE, VertexName};
@@ -263,7 +263,13 @@ impl Crossing {
                 triangle: near.triangle,
             }
         } else {
-            root(refinement.field, self.region, points, self.values, enough)
+            let ends = Ends {
+                points,
+                values: self.values,
+                // of some ends it is known only whether they are inside
+                known: &[],
+            };
+            root(refinement.field, self.region, ends, enough)
         };
         // off the ends, where other edges begin
         let along = points[1] - points[0];
@@ -280,6 +286,8 @@ pub(crate) struct CrossingPlaces {
     crossings: FxHashMap<[Corner; 2], (Crossing, Sample)>,
     /// By a hash of the leaf and of where its edges go through the surface.
     vertices: FxHashMap<u64, DVec3>,
+    /// Vertices in faces, by a hash of the leaves on both sides and of where the edges of both polygons go through the surface.
+    in_faces: FxHashMap<u64, DVec3>,
 }
 
 impl CrossingPlaces {
@@ -443,19 +451,26 @@ impl Cutter<'_> {
             **cut == Cut::Fan || duals.any(|&dual| is_bent.get(dual as usize) == Some(&true))
         });
         places.look_up(self.refinement, fans.map(|(polygon, _)| polygon), progress)?;
-        let in_faces: Vec<Option<DVec3>> = contour
+        let known = &*places;
+        let in_faces: Vec<Option<(u64, DVec3)>> = contour
             .duals
             .par_iter()
             .zip(&is_bent)
             .map(|(dual, &is_bent)| {
                 progress.check()?;
-                Ok(is_bent.then(|| self.face_vertex(dual, places)))
+                Ok(is_bent.then(|| self.face_vertex(dual, known)))
             })
             .collect::<Result<_, Cancelled>>()?;
+        places.in_faces.clear();
         let face_numbers: Vec<Option<u32>> = in_faces
             .into_iter()
             .zip(&contour.duals)
-            .map(|(place, dual)| place.map(|place| self.push(place, self.name_in_face(dual))))
+            .map(|(found, dual)| {
+                found.map(|(hash, place)| {
+                    places.in_faces.insert(hash, place);
+                    self.push(place, self.name_in_face(dual))
+                })
+            })
             .collect();
         progress.check()?;
         let mut triangles: Vec<[u32; 3]> = Vec::with_capacity(2 * cuts.len());
@@ -537,12 +552,23 @@ impl Cutter<'_> {
         dual.is_ambiguous || !self.face_of(dual).is_crossed(ends)
     }
 
-    /// The vertex in the minimal face of a dual edge.
-    fn face_vertex(&self, dual: &DualEdge, places: &CrossingPlaces) -> DVec3 {
-        let face = self.face_of(dual);
+    /// The vertex in the minimal face of a dual edge, and a hash of all that it depends on.
+    fn face_vertex(&self, dual: &DualEdge, places: &CrossingPlaces) -> (u64, DVec3) {
         let roots = dual
             .polygons
             .map(|polygon| places.of(&self.contour.polygons[polygon as usize]).point);
+        let keys = dual.cells.map(|cell| self.refinement.tree.key(cell));
+        let bits = roots.map(|root| root.to_array().map(f64::to_bits));
+        let hash = FxBuildHasher.hash_one((keys, bits, dual.is_ambiguous));
+        let known = places.in_faces.get(&hash).copied();
+        (
+            hash,
+            known.unwrap_or_else(|| self.new_face_vertex(dual, roots)),
+        )
+    }
+
+    fn new_face_vertex(&self, dual: &DualEdge, roots: [DVec3; 2]) -> DVec3 {
+        let face = self.face_of(dual);
         let mut place = 0.5 * (roots[0] + roots[1]);
         if !dual.is_ambiguous {
             // onto the surface, without leaving the face

@@ -5,6 +5,10 @@ use glam::DVec3;
 use ravec_mesh::{Aabb, Bvh, Closest, WindingNumbers, closest_on_triangle};
 use ravec_progress::{Cancelled, Progress};
 
+/// How much larger than the way between their centers the radii of two balls must be together, so that roundings count for
+/// nothing.
+const OVERLAP: f64 = 1.0 + 1e-9;
+
 /// On which side of the triangles something lies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Region {
@@ -14,6 +18,37 @@ pub(crate) enum Region {
     Outside,
     /// Inside the solid.
     Inside,
+}
+
+/// A point whose side is known, with its distance to the triangles.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Place {
+    pub point: DVec3,
+    pub distance: f64,
+    pub region: Region,
+}
+
+impl Place {
+    /// Distances are below zero inside.
+    pub fn new(point: DVec3, signed_distance: f64) -> Self {
+        Self {
+            point,
+            distance: signed_distance.abs(),
+            region: if signed_distance < 0.0 {
+                Region::Inside
+            } else {
+                Region::Outside
+            },
+        }
+    }
+
+    pub fn signed_distance(&self) -> f64 {
+        if self.region == Region::Inside {
+            -self.distance
+        } else {
+            self.distance
+        }
+    }
 }
 
 /// A point and what it is closest to.
@@ -147,6 +182,17 @@ impl<'a> Field<'a> {
         }
     }
 
+    /// The side of a point at a distance from the triangles, as [`Self::region`], which is not asked if that follows from what is
+    /// `known`: no triangle is in the ball around either point, so that balls that overlap lie on one side.
+    pub fn region_beside(&self, p: DVec3, distance: f64, known: &[Place]) -> Region {
+        let overlaps =
+            |place: &&Place| place.distance + distance > OVERLAP * place.point.distance(p);
+        match known.iter().find(overlaps) {
+            Some(place) => place.region,
+            None => self.region(p),
+        }
+    }
+
     /// How often closed polyhedra go around a point.
     fn turns_around(&self, p: DVec3) -> i32 {
         // along the axis on which it is not far to the end, and a little aside, where no edges are likely to be
@@ -181,6 +227,59 @@ impl<'a> Field<'a> {
             -distance - self.level
         } else {
             distance - self.level
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use ravec_mesh::TriMesh;
+    use ravec_scenes::solids::cuboid;
+
+    /// A cube with a cavity: the sides change twice.
+    fn hollow() -> TriMesh {
+        let (outer, inner) = (
+            cuboid(DVec3::splat(2.0)).mesh,
+            cuboid(DVec3::splat(1.2)).mesh,
+        );
+        let middle = |mesh: &TriMesh| mesh.bounds().center();
+        let shift = middle(&outer) - middle(&inner);
+        let count = outer.positions().len() as u32;
+        let moved = inner.positions().iter().map(|&p| p + shift);
+        let turned = inner.triangles().iter();
+        let turned = turned.map(|&[a, b, c]| [a, c, b].map(|v| v + count));
+        let positions = outer.positions().iter().copied().chain(moved).collect();
+        let triangles = outer.triangles().iter().copied().chain(turned).collect();
+        TriMesh::new(positions, triangles).unwrap()
+    }
+
+    fn place() -> impl Strategy<Value = DVec3> {
+        [-1.5..1.5, -1.5..1.5, -1.5..1.5].prop_map(DVec3::from_array)
+    }
+
+    proptest! {
+        #[test]
+        fn the_side_that_follows_from_others_is_the_one_that_is_found(
+            at in place(), others in prop::collection::vec(place(), 0..4), level in prop::sample::select(vec![0.0, 0.1, -0.1]),
+        ) {
+            let mesh = hollow();
+            let bvh = Bvh::new(&mesh);
+            let field = Field::new(&bvh, true, level, &Progress::none()).unwrap();
+            let middle = mesh.bounds().center();
+            let place_at = |p: DVec3| {
+                let distance = field.near(p, 0).distance;
+                let signed = field.value(distance, field.region(p)) + level;
+                Place::new(p, signed)
+            };
+            let known: Vec<Place> = others.iter().map(|&p| place_at(middle + p)).collect();
+            let p = middle + at;
+            let distance = field.near(p, 0).distance;
+            prop_assert_eq!(field.region_beside(p, distance, &known), field.region(p));
+            for place in known {
+                prop_assert!((place.signed_distance().abs() - place.distance).abs() < 1e-15);
+            }
         }
     }
 }

@@ -6,12 +6,13 @@
 //! strong enough, so that the most is a bound that a part of the tolerance separates from what was found.
 //!
 //! Guarantees: no point of the surface is nearer than `least` or farther than `most`. A facet that is counted as not proved
-//! may be within the limits all the same. Cost: for each facet what its proof costs, and for each edge between facets that
-//! turn by more than the angle of a crease two searches for the closest triangle.
+//! may be within the limits all the same. Cost: a search for each vertex; for each facet what its proof costs, but for what
+//! mending proved already; and for each edge between facets that turn by more than the angle of a crease two searches.
 
 use crate::certify::MOST_CUTS;
 use crate::certify::keeps_distance;
 use crate::field::Field;
+use crate::mend::AmpleFacets;
 use glam::DVec3;
 use ravec_mesh::{Adjacency, TriMesh, distance_sq_to_triangle};
 use ravec_progress::{Cancelled, Progress};
@@ -41,30 +42,42 @@ pub(crate) struct Measured {
     pub most_found: f64,
 }
 
-/// Proves that facets keep the distance within limits, and measures the extremes.
+/// Proves that facets keep the distance within limits, and measures the extremes; what is known of `ample` facets is not proved
+/// again.
 pub(crate) fn measure(
     field: &Field<'_>,
     surface: &TriMesh,
     limits: [f64; 2],
+    ample: &AmpleFacets,
     progress: &Progress,
 ) -> Result<Measured, Cancelled> {
     let corners = nearest_of_vertices(field, surface, progress)?;
     let hints = |t: u32| surface.triangles()[t as usize].map(|v| corners[v as usize].1);
     let facets = surface.triangles().len() as u32;
-    let middles: Vec<f64> = (0..facets)
+    let found = corners.iter().map(|&(distance, _)| distance);
+    let [least_at_corners, most_at_corners] = spanned([f64::INFINITY, 0.0], found);
+    let middles: Vec<(bool, f64)> = (0..facets)
         .into_par_iter()
         .map(|t| {
             progress.check()?;
-            let [a, b, c] = surface.corners(t);
-            Ok(field.near((a + b + c) / 3.0, hints(t)[0]).distance)
+            let corners = surface.corners(t);
+            let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
+            let is_ample = ample.contains(corners);
+            // that of an ample facet is of interest only where it is far
+            let nearest = |triangle| distance_sq_to_triangle(middle, field.bvh().corners(triangle));
+            let guess_sq = (hints(t).map(nearest).into_iter()).fold(f64::INFINITY, f64::min);
+            let distance = if is_ample && guess_sq <= most_at_corners * most_at_corners {
+                guess_sq.sqrt()
+            } else {
+                field.near(middle, hints(t)[0]).distance
+            };
+            Ok((is_ample, distance))
         })
         .collect::<Result<_, Cancelled>>()?;
-    let found = corners.iter().map(|&(distance, _)| distance);
-    let [least_found, most_found] = found
-        .chain(middles)
-        .fold([f64::INFINITY, 0.0], |[least, most], distance| {
-            [least.min(distance), most.max(distance)]
-        });
+    let [least_found, most_found] = spanned(
+        [least_at_corners, most_at_corners],
+        middles.iter().map(|&(_, distance)| distance),
+    );
     let half = 0.5 * (limits[1] - limits[0]);
     let least = (least_found - LEAST_SLACK * half).max(0.0);
     let enough = (most_found + MOST_SLACK * half).min(limits[1]);
@@ -73,7 +86,11 @@ pub(crate) fn measure(
         progress.check()?;
         phase.advance(1);
         let facet = surface.corners(t);
-        let nearest = least_distance(field, facet, least, LEAST_SLACK * half);
+        let nearest = if least <= ample.distance && middles[t as usize].0 {
+            least
+        } else {
+            least_distance(field, facet, least, LEAST_SLACK * half)
+        };
         let farthest = most_distance(field, facet, [enough, limits[1]], hints(t), MOST_CUTS);
         if nearest >= limits[0] && farthest <= limits[1] {
             return Ok((0, nearest, farthest));
@@ -92,6 +109,13 @@ pub(crate) fn measure(
         least,
         most,
         most_found,
+    })
+}
+
+/// The least and the most of two limits and some values.
+fn spanned(limits: [f64; 2], values: impl Iterator<Item = f64>) -> [f64; 2] {
+    values.fold(limits, |[least, most], value| {
+        [least.min(value), most.max(value)]
     })
 }
 
@@ -251,7 +275,14 @@ mod tests {
     fn measured(limits: [f64; 2]) -> Measured {
         let bvh = Bvh::new(&cube(2.0));
         let field = Field::new(&bvh, true, 1.0, &Progress::none()).unwrap();
-        measure(&field, &cube(4.0), limits, &Progress::none()).unwrap()
+        measure(
+            &field,
+            &cube(4.0),
+            limits,
+            &AmpleFacets::default(),
+            &Progress::none(),
+        )
+        .unwrap()
     }
 
     #[test]
@@ -274,7 +305,14 @@ mod tests {
             ],
             vec![[0, 1, 2]],
         );
-        let inner = measure(&field, &tilted.unwrap(), [0.0, 2.0], &Progress::none()).unwrap();
+        let inner = measure(
+            &field,
+            &tilted.unwrap(),
+            [0.0, 2.0],
+            &AmpleFacets::default(),
+            &Progress::none(),
+        )
+        .unwrap();
         assert!((inner.least - 0.1).abs() <= LEAST_SLACK, "{}", inner.least);
     }
 
@@ -318,7 +356,16 @@ mod tests {
         progress.cancel();
         let bvh = Bvh::new(&cube(2.0));
         let field = Field::new(&bvh, true, 1.0, &Progress::none()).unwrap();
-        assert!(measure(&field, &cube(4.0), [0.9, 1.8], &progress).is_err());
+        assert!(
+            measure(
+                &field,
+                &cube(4.0),
+                [0.9, 1.8],
+                &AmpleFacets::default(),
+                &progress
+            )
+            .is_err()
+        );
         assert!(creases(&field, &cube(4.0), 0.1, &progress).is_err());
     }
 }

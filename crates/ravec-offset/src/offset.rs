@@ -2,7 +2,7 @@
 
 use crate::field::Field;
 use crate::measure::{creases, measure};
-use crate::mend::Mending;
+use crate::mend::{AmpleFacets, Mending};
 use crate::params::{OffsetError, OffsetParams, OpenRule, Side};
 use crate::simplify::simplify;
 use crate::thicken::thicken;
@@ -131,11 +131,13 @@ pub(crate) fn surface(
     let surface = TriMesh::new(mended.positions, mended.triangles);
     let mut surface = surface.expect("corners are finite and have numbers");
     let mut is_apart = mended.is_proved;
+    let mut ample = mended.ample;
     if params.simplify {
+        ample = AmpleFacets::default();
         surface = simplify(&field, params, limits, [mesh, &surface], progress)?;
         is_apart = false;
     }
-    let measured = measure(&field, &surface, limits, progress)?;
+    let measured = measure(&field, &surface, limits, &ample, progress)?;
     let reach = 2.0 * params.tolerance;
     let reach = if wound {
         reach

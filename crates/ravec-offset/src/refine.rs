@@ -1,10 +1,10 @@
 //! The tree: cells that may hold the surface are split until a vertex can stand for what they hold.
 
 use crate::cell::{
-    Cell, CornerValue, EdgeKey, Fit, MOST_TRIANGLES, MOST_TRIANGLES_OF_SURFACE, ON_SURFACE, Roots,
-    Sample, crossed_edges, root,
+    Cell, CornerValue, EdgeKey, Ends, Fit, MOST_TRIANGLES, MOST_TRIANGLES_OF_SURFACE, ON_SURFACE,
+    Roots, Sample, crossed_edges, inside_of, root,
 };
-use crate::field::{Field, Near, Region};
+use crate::field::{Field, Near, Place, Region};
 use crate::tile::{Edge, Orders, RINGS, Reach};
 use glam::DVec3;
 use ravec_mesh::Aabb;
@@ -31,8 +31,9 @@ pub(crate) enum State {
     Beyond,
     /// All of it lies on one side of the surface.
     Empty { is_inside: bool },
-    /// It may hold the surface; with the place of its vertex, if its corners have both signs.
-    Full { vertex: Option<DVec3> },
+    /// It may hold the surface; with the place of its vertex, if its corners have both signs, and a bit for each corner that lies
+    /// inside.
+    Full { vertex: Option<DVec3>, inside: u8 },
 }
 
 /// A node of the tree.
@@ -41,6 +42,8 @@ pub(crate) struct Node {
     /// A triangle close to it.
     pub hint: u32,
     pub region: Region,
+    /// The signed distance of the triangles from its middle; before it was looked at, from that of its parent.
+    pub middle: f64,
     pub state: State,
 }
 
@@ -77,6 +80,8 @@ impl From<Cancelled> for Halt {
 struct Look {
     near: Near,
     region: Region,
+    /// The middle, on whichever side it lies.
+    middle: Place,
     empty: Option<bool>,
 }
 
@@ -103,6 +108,7 @@ impl<'a> Refinement<'a> {
             tree: Octree::new(Node {
                 hint: 0,
                 region: Region::Unknown,
+                middle: 0.0,
                 state: State::New,
             }),
             corners: FxHashMap::default(),
@@ -268,6 +274,7 @@ impl<'a> Refinement<'a> {
                 let data = self.tree.data_mut(node);
                 data.hint = look.near.triangle;
                 data.region = look.region;
+                data.middle = look.middle.signed_distance();
                 let is_ordered = orders.split.contains(&self.tree.key(node));
                 if let Some(is_inside) = look.empty {
                     self.tree.data_mut(node).state = State::Empty { is_inside };
@@ -289,7 +296,12 @@ impl<'a> Refinement<'a> {
                     let key = self.tree.key(*node);
                     let corners = self.corners_of(key);
                     let cell = self.cell(key);
-                    Ok(cell.fit(look.near, look.region, &corners, &roots))
+                    Ok(cell.fit(
+                        look.near,
+                        [look.region, look.middle.region],
+                        &corners,
+                        &roots,
+                    ))
                 })
                 .collect::<Result<_, Cancelled>>()?;
             for ((node, _), fit) in full.into_iter().zip(fits) {
@@ -301,7 +313,9 @@ impl<'a> Refinement<'a> {
                     fit.is_good || key.level >= self.floor
                 };
                 if is_done && !orders.split.contains(&key) {
-                    self.tree.data_mut(node).state = State::Full { vertex: fit.vertex };
+                    let inside = inside_of(&self.corners_of(key));
+                    let vertex = fit.vertex;
+                    self.tree.data_mut(node).state = State::Full { vertex, inside };
                 } else {
                     coarse.push(node);
                 }
@@ -315,17 +329,26 @@ impl<'a> Refinement<'a> {
 
     /// Looks at the middle of a cell.
     fn look(&self, node: NodeId) -> Look {
-        let [low, high] = self.frame.bounds(self.tree.key(node));
+        let key = self.tree.key(node);
+        let [low, high] = self.frame.bounds(key);
         let (center, radius) = (0.5 * (low + high), 0.5 * (high - low).length());
-        let &Node { hint, region, .. } = self.tree.data(node);
+        let &Node {
+            hint,
+            region,
+            middle,
+            ..
+        } = self.tree.data(node);
         let near = self.field.near(center, hint);
-        let region = match region {
-            // no triangle goes through the cell, so all of it lies on one side of them
-            Region::Unknown if near.distance > radius || !self.field.is_signed() => {
-                self.field.region(center)
+        let side = match region {
+            Region::Unknown => {
+                let parent = Place::new(self.middle_of_parent(key), middle);
+                (self.field).region_beside(center, near.distance, &[parent])
             }
             known => known,
         };
+        // no triangle goes through the cell, so all of it lies on one side of them
+        let is_clear = near.distance > radius || !self.field.is_signed();
+        let region = if is_clear { side } else { region };
         let empty = if region == Region::Unknown {
             let reaches = near.distance + radius >= self.field.radius();
             (!reaches).then_some(self.field.level > 0.0)
@@ -336,8 +359,25 @@ impl<'a> Refinement<'a> {
         Look {
             near,
             region,
+            middle: Place {
+                point: center,
+                distance: near.distance,
+                region: side,
+            },
             empty,
         }
+    }
+
+    /// The middle of the cell that a cell was split from: the corner of it that is not one of that cell.
+    fn middle_of_parent(&self, key: CellKey) -> DVec3 {
+        let inner = key.at.0.map(|x| {
+            if x & key.side() == 0 {
+                x + key.side()
+            } else {
+                x
+            }
+        });
+        self.frame.point(Corner(inner))
     }
 
     /// Whether a cell is to be split without a look at its corners.
@@ -378,13 +418,13 @@ impl<'a> Refinement<'a> {
         cells: &[(NodeId, Look)],
         progress: &Progress,
     ) -> Result<(), Cancelled> {
-        let mut missing: Vec<(Corner, bool, Region, u32)> = cells
+        let mut missing: Vec<(Corner, bool, &Look)> = cells
             .par_iter()
             .flat_map_iter(|(node, look)| {
                 let key = self.tree.key(*node);
                 (0..8).map(move |octant| {
                     let unknown = look.region == Region::Unknown;
-                    (key.corner(octant), unknown, look.region, look.near.triangle)
+                    (key.corner(octant), unknown, look)
                 })
             })
             .filter(|(corner, ..)| {
@@ -392,15 +432,15 @@ impl<'a> Refinement<'a> {
             })
             .collect();
         progress.check()?;
-        // of each corner the cell that knows the side, if any does
-        missing.par_sort_unstable_by_key(|&(corner, unknown, ..)| (corner, unknown));
+        // of each corner the cell that knows the side, if any does; in an order in which those nearby follow one another
+        missing.par_sort_unstable_by_key(|&(corner, unknown, _)| (corner.morton(), unknown));
         progress.check()?;
         missing.dedup_by_key(|&mut (corner, ..)| corner);
         let values: Vec<(u64, CornerValue)> = missing
             .into_par_iter()
-            .map(|(corner, _, region, hint)| {
+            .map(|(corner, _, look)| {
                 progress.check()?;
-                Ok((corner.code(), self.evaluate(corner, region, hint)))
+                Ok((corner.code(), self.evaluate(corner, look)))
             })
             .collect::<Result<_, Cancelled>>()?;
         self.corners.reserve(values.len());
@@ -423,8 +463,8 @@ impl<'a> Refinement<'a> {
             })
             .collect();
         progress.check()?;
-        // of each edge the cell that knows the side, if any does
-        edges.par_sort_unstable_by_key(|&(edge, unknown, _)| (edge, unknown));
+        // as for corners
+        edges.par_sort_unstable_by_key(|&(edge, unknown, _)| (edge.order(), unknown));
         progress.check()?;
         edges.dedup_by_key(|&mut (edge, ..)| edge);
         progress.check()?;
@@ -436,7 +476,14 @@ impl<'a> Refinement<'a> {
                 let points = ends.map(|end| self.frame.point(end));
                 let values = ends.map(|end| self.corners[&end.code()]);
                 let enough = ON_SURFACE * self.tolerance;
-                Ok((edge, root(self.field, region, points, values, enough)))
+                let place = |i: usize| Place::new(points[i], values[i].value + self.field.level);
+                let known = [place(0), place(1)];
+                let ends = Ends {
+                    points,
+                    values,
+                    known: &known,
+                };
+                Ok((edge, root(self.field, region, ends, enough)))
             })
             .collect::<Result<_, Cancelled>>()?;
         let mut roots = Roots::with_capacity_and_hasher(found.len(), FxBuildHasher);
@@ -447,11 +494,12 @@ impl<'a> Refinement<'a> {
         Ok(roots)
     }
 
-    fn evaluate(&self, corner: Corner, region: Region, hint: u32) -> CornerValue {
+    /// The field at a corner of a cell that was looked at.
+    fn evaluate(&self, corner: Corner, look: &Look) -> CornerValue {
         let p = self.frame.point(corner);
-        let near = self.field.near(p, hint);
-        let region = match region {
-            Region::Unknown => self.field.region(p),
+        let near = self.field.near(p, look.near.triangle);
+        let region = match look.region {
+            Region::Unknown => (self.field).region_beside(p, near.distance, &[look.middle]),
             known => known,
         };
         CornerValue {
@@ -486,9 +534,12 @@ impl<'a> Refinement<'a> {
         }
         match self.tree.data(leaf).state {
             State::Empty { is_inside } => is_inside,
-            State::New | State::Beyond | State::Full { .. } => {
-                self.corners[&corner.code()].value < 0.0
+            State::Full { inside, .. } => {
+                let low = self.tree.key(leaf).at;
+                let bit = |axis: usize| u32::from(corner.0[axis] != low.0[axis]) << axis;
+                inside >> (bit(0) | bit(1) | bit(2)) & 1 == 1
             }
+            State::New | State::Beyond => self.corners[&corner.code()].value < 0.0,
         }
     }
 
@@ -499,7 +550,7 @@ impl<'a> Refinement<'a> {
 
     pub fn leaf_vertex(&self, leaf: NodeId) -> Option<DVec3> {
         match self.tree.data(leaf).state {
-            State::Full { vertex } => vertex,
+            State::Full { vertex, .. } => vertex,
             State::New | State::Beyond | State::Empty { .. } => None,
         }
     }

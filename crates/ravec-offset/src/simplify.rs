@@ -144,6 +144,11 @@ impl<'a> Overseer for Proofs<'a> {
         }
     }
 
+    /// Facets stay within the tolerance and keep their directions: where sheets are not closer than that, they cannot meet.
+    fn keeps_apart(&self) -> bool {
+        true
+    }
+
     fn faults(&self, mesh: &TriMesh, triangles: &[u32]) -> Vec<u32> {
         let nearest = self.nearest(mesh);
         triangles
@@ -185,9 +190,9 @@ impl Judge<'_> {
     /// How a facet lies, by what is nearest to its corners and a triangle that may be near to its middle.
     fn lie(&self, facet: [DVec3; 3], near: [Near; 3], middle: Option<u32>) -> Lie {
         let most = self.proofs.most_deviation;
-        let corners = near.map(|near| near.triangle);
-        let middle = middle.unwrap_or(corners[0]);
-        let tilt = tilt(self.proofs.field, facet, corners, middle, most);
+        let [a, b, c] = near.map(|near| near.triangle);
+        let likely = [a, b, c, middle.unwrap_or(a)];
+        let tilt = tilt(self.proofs.field, facet, likely, most);
         let [a, b, c] = facet;
         let excess = if tilt.angle <= most {
             0.0

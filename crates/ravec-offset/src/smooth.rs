@@ -102,9 +102,17 @@ impl RelaxJudge for Facets<'_> {
     }
 
     fn admits(&self, after: &[Facet<Lie>]) -> bool {
+        let mut known: Vec<(u32, Near)> = Vec::with_capacity(after.len() + 1);
         after.iter().all(|facet| {
-            let hint = facet.look.near.triangle;
-            let near = facet.corners.map(|p| self.field.near(p, hint));
+            let near = [0, 1, 2].map(|i| {
+                let name = facet.names[i];
+                if let Some(&(_, near)) = known.iter().find(|(v, _)| *v == name) {
+                    return near;
+                }
+                let near = (self.field).near(facet.corners[i], facet.look.near.triangle);
+                known.push((name, near));
+                near
+            });
             proved(self.field, facet.corners, self.limits, near)
         })
     }

@@ -22,7 +22,9 @@ use crate::outermost::compact;
 use crate::params::{OffsetError, OffsetParams, OpenRule, Side};
 use directions::Directed;
 use glam::DVec3;
-use ravec_mesh::{Aabb, Adjacency, Bvh, CheckParams, TriMesh, check, self_intersections, weld};
+use ravec_mesh::{
+    Aabb, Adjacency, BoxTree, Bvh, CheckParams, TriMesh, check, self_intersections, weld,
+};
 use ravec_progress::{Cancelled, Progress};
 use rustc_hash::FxHashSet;
 
@@ -154,8 +156,8 @@ impl Thickener<'_> {
                 return Ok(None);
             };
             let mesh = &sewn.mesh;
-            let bvh = Bvh::try_new(mesh, progress)?;
-            let pairs = self_intersections(&bvh, usize::MAX, progress)?.pairs;
+            let tree = BoxTree::try_new(mesh, progress)?;
+            let pairs = self_intersections(&tree, usize::MAX, progress)?.pairs;
             let is_loose = |t: &u32| {
                 let corners = mesh.corners(*t);
                 !keeps_distance(&near_whole, corners, [0.0, tolerance], [0; 3])

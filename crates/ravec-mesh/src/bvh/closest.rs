@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::Bvh;
 use super::node::{Child, STACK, WIDTH, mask_of};
-use crate::closest::{Feature, closest_on_triangle, distance_sq_to_triangle};
+use crate::closest::{Feature, closest_on_triangle};
 
 /// The place of a mesh that is closest to a given point.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -21,20 +21,61 @@ pub struct Closest {
 
 /// The best so far.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Best {
-    pub distance_sq: f64,
-    pub triangle: u32,
-    pub slot: u32,
+struct Best {
+    found: Closest,
+    slot: u32,
 }
 
 impl Best {
     /// Nothing found yet within the squared distance.
-    pub const fn within(distance_sq: f64) -> Self {
+    const fn within(distance_sq: f64) -> Self {
         Self {
-            distance_sq,
-            triangle: u32::MAX,
+            found: Closest {
+                triangle: u32::MAX,
+                point: DVec3::NAN,
+                feature: Feature::Face,
+                distance_sq,
+            },
             slot: u32::MAX,
         }
+    }
+}
+
+/// The half space beyond the best point so far, as seen from the point of the search. What lies in it is farther than the best,
+/// and whether a triangle does is known sooner than its distance.
+#[derive(Debug, Clone, Copy)]
+struct Beyond {
+    from: DVec3,
+    /// The unit vector to the best point; zero as long as there is none.
+    toward: DVec3,
+    /// How far it begins; more than the distance of the best by what numbers may be off.
+    reach: f64,
+    margin: f64,
+}
+
+impl Beyond {
+    fn new(from: DVec3, best: &Best, margin: f64) -> Self {
+        let mut beyond = Self {
+            from,
+            toward: DVec3::ZERO,
+            reach: margin,
+            margin,
+        };
+        if best.slot != u32::MAX {
+            beyond.move_to(best);
+        }
+        beyond
+    }
+
+    fn move_to(&mut self, best: &Best) {
+        self.toward = (best.found.point - self.from).normalize_or_zero();
+        self.reach = best.found.distance_sq.sqrt() + self.margin;
+    }
+
+    #[inline]
+    fn holds(&self, corners: &[DVec3; 3]) -> bool {
+        let [a, b, c] = corners.map(|corner| self.toward.dot(corner - self.from));
+        a.min(b).min(c) > self.reach
     }
 }
 
@@ -80,7 +121,7 @@ impl Stack {
 impl Bvh {
     /// The place closest to `p`; `None` if there are no triangles or `p` is not finite.
     pub fn closest(&self, p: DVec3) -> Option<Closest> {
-        self.finish(p, self.search(p, Best::within(f64::INFINITY)))
+        self.search(p, Best::within(f64::INFINITY))
     }
 
     /// As [`Self::closest`], and with the same answer, but faster if `hint` is a triangle close to the answer.
@@ -88,7 +129,7 @@ impl Bvh {
     /// # Panics
     /// If there is no triangle `hint`.
     pub fn closest_with_hint(&self, p: DVec3, hint: u32) -> Option<Closest> {
-        self.finish(p, self.search(p, self.hinted(p, hint)))
+        self.search(p, self.hinted(p, hint))
     }
 
     /// The place closest to `p`, unless it is farther than `max_distance`, which may be infinite.
@@ -96,29 +137,40 @@ impl Bvh {
         if max_distance.is_nan() || max_distance < 0.0 {
             return None;
         }
-        self.finish(p, self.search(p, Best::within(max_distance * max_distance)))
+        self.search(p, Best::within(max_distance * max_distance))
     }
 
     /// The hint as the best so far.
     #[inline]
-    pub(super) fn hinted(&self, p: DVec3, hint: u32) -> Best {
+    fn hinted(&self, p: DVec3, hint: u32) -> Best {
         let slot = self.slot_of[hint as usize];
+        self.measured(p, slot, hint)
+    }
+
+    #[inline]
+    fn measured(&self, p: DVec3, slot: u32, triangle: u32) -> Best {
+        let found = closest_on_triangle(p, self.corners[slot as usize]);
         Best {
-            distance_sq: distance_sq_to_triangle(p, self.corners[slot as usize]),
-            triangle: hint,
+            found: Closest {
+                triangle,
+                point: found.point,
+                feature: found.feature,
+                distance_sq: found.distance_sq,
+            },
             slot,
         }
     }
 
-    /// The best of `best` and all triangles.
+    /// The best of `best` and all triangles, if it is a triangle.
     ///
     /// Down the nearest of the boxes first, until none of those that were left aside is near enough.
-    fn search(&self, p: DVec3, mut best: Best) -> Best {
+    fn search(&self, p: DVec3, mut best: Best) -> Option<Closest> {
         if self.is_empty() || !p.is_finite() {
-            return best;
+            return None;
         }
         let local = self.frame.local_point(p);
-        let mut reach_sq = self.frame.reach_sq(&local, best.distance_sq);
+        let mut reach_sq = self.frame.reach_sq(&local, best.found.distance_sq);
+        let mut beyond = Beyond::new(p, &best, self.frame.rounding(&local));
         let mut stack = Stack::new();
         let mut at = 0;
         loop {
@@ -137,7 +189,7 @@ impl Bvh {
             }
             at = loop {
                 let Some((distance_sq, place)) = stack.pop() else {
-                    return best;
+                    return (best.slot != u32::MAX).then_some(best.found);
                 };
                 if distance_sq > reach_sq {
                     continue;
@@ -146,10 +198,10 @@ impl Bvh {
                 match node.children.get(place as usize % WIDTH) {
                     Child::Node(node) => break node,
                     Child::Leaf { first, count } => {
-                        let before = best.distance_sq;
-                        self.try_leaf(p, first, count, &mut best);
-                        if best.distance_sq < before {
-                            reach_sq = self.frame.reach_sq(&local, best.distance_sq);
+                        let before = best.found.distance_sq;
+                        self.try_leaf(p, first, count, &mut best, &mut beyond);
+                        if best.found.distance_sq < before {
+                            reach_sq = self.frame.reach_sq(&local, best.found.distance_sq);
                         }
                     }
                 }
@@ -158,37 +210,20 @@ impl Bvh {
     }
 
     #[inline]
-    fn try_leaf(&self, p: DVec3, first: u32, count: u32, best: &mut Best) {
+    fn try_leaf(&self, p: DVec3, first: u32, count: u32, best: &mut Best, beyond: &mut Beyond) {
         for slot in first..first + count {
             // The hint, most often.
-            if slot == best.slot {
+            if slot == best.slot || beyond.holds(&self.corners[slot as usize]) {
                 continue;
             }
-            let distance_sq = distance_sq_to_triangle(p, self.corners[slot as usize]);
             let triangle = self.triangle_of[slot as usize];
-            if distance_sq < best.distance_sq
-                || (distance_sq == best.distance_sq && triangle < best.triangle)
-            {
-                *best = Best {
-                    distance_sq,
-                    triangle,
-                    slot,
-                };
+            let other = self.measured(p, slot, triangle);
+            let (least, distance_sq) = (best.found.distance_sq, other.found.distance_sq);
+            if distance_sq < least || (distance_sq == least && triangle < best.found.triangle) {
+                *best = other;
+                beyond.move_to(best);
             }
         }
-    }
-
-    /// Works out the rest of the answer.
-    #[inline]
-    pub(super) fn finish(&self, p: DVec3, best: Best) -> Option<Closest> {
-        let corners = *self.corners.get(best.slot as usize)?;
-        let found = closest_on_triangle(p, corners);
-        Some(Closest {
-            triangle: best.triangle,
-            point: found.point,
-            feature: found.feature,
-            distance_sq: found.distance_sq,
-        })
     }
 }
 

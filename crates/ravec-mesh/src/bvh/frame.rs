@@ -19,7 +19,12 @@ pub(super) struct LocalPoint {
     pub at: [f32; 3],
     /// No less than the distance by which rounding moved the point plus the errors of distances in double precision.
     pub slack: f64,
+    /// These errors alone.
+    rounding: f64,
 }
+
+/// Double precision errs by some 1e-16 of the larger of the mesh's size, about 2, and the distance to the point.
+const ROUNDING: f64 = 1e-14;
 
 /// A box in the local frame, rounded outward.
 #[derive(Debug, Clone, Copy)]
@@ -79,9 +84,19 @@ impl Frame {
         let exact = self.to_local(p);
         let at = [exact.x as f32, exact.y as f32, exact.z as f32];
         let moved = exact - DVec3::new(at[0].into(), at[1].into(), at[2].into());
-        // Double precision errs by some 1e-16 of the larger of the mesh's size, about 2, and the distance to the point.
-        let slack = moved.length() + 1e-14 * (2.0 + exact.abs().max_element());
-        LocalPoint { at, slack }
+        let rounding = ROUNDING * (2.0 + exact.abs().max_element());
+        let slack = moved.length() + rounding;
+        LocalPoint {
+            at,
+            slack,
+            rounding,
+        }
+    }
+
+    /// No less than what distances from the point are off in double precision.
+    #[inline]
+    pub fn rounding(self, point: &LocalPoint) -> f64 {
+        point.rounding / self.scale
     }
 
     /// The box around the given points.

@@ -183,7 +183,9 @@ impl Boxes {
 /// A bit for each lane of which `is` is true.
 #[inline(always)]
 pub(super) fn mask_of(is: impl Fn(usize) -> bool) -> u32 {
-    (0..WIDTH).fold(0, |mask, lane| mask | u32::from(is(lane)) << lane)
+    // first side by side, then added up, so that all lanes are compared at once
+    let bits: [u32; WIDTH] = std::array::from_fn(|lane| if is(lane) { 1 << lane } else { 0 });
+    bits.into_iter().sum()
 }
 
 /// The maximum as one instruction: `f32::max` takes more for the sake of NaN.

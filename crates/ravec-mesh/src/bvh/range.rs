@@ -19,6 +19,9 @@ pub struct RayHit {
     pub outward: bool,
 }
 
+/// How many slabs are tried between two triangles before their distance is worked out, which costs more than all of them.
+const SLABS: usize = 3;
+
 impl BoxTree {
     /// Calls `visit` with each triangle whose box touches `bounds`, in no particular order.
     pub fn for_each_touching(&self, bounds: &Aabb, mut visit: impl FnMut(u32)) {
@@ -129,6 +132,8 @@ impl Bvh {
             + self.frame.turned_slack(2.0 * radius);
         let reach_sq = self.frame.widened_sq(distance, slack);
         let local = local.map(|point| point.at);
+        // most often the slab that parts one triangle from the facet parts the next one, too, and the first lies along it
+        let mut slab = Slab::new((facet[1] - facet[0]).cross(facet[2] - facet[0]), facet);
         self.any(
             |at| {
                 let node = &self.turned[at];
@@ -137,25 +142,26 @@ impl Bvh {
             },
             |slot| {
                 let corners = self.corners[slot as usize];
+                if slab.is_beside(&corners, distance) {
+                    return false;
+                }
                 let nearest = closest_on_triangle(middle, corners);
                 if nearest.distance_sq >= reach * reach {
                     return false;
                 }
-                if nearest.distance_sq <= 0.0 {
-                    return true;
-                }
-                // a slab between the two: nothing of either is in it, so they are at least its thickness apart
-                let across = (middle - nearest.point) / nearest.distance_sq.sqrt();
-                let lowest = facet
-                    .map(|p| across.dot(p))
-                    .into_iter()
-                    .fold(f64::INFINITY, f64::min);
-                let highest = corners
-                    .map(|p| across.dot(p))
-                    .into_iter()
-                    .fold(f64::NEG_INFINITY, f64::max);
-                if lowest - highest >= distance {
-                    return false;
+                let (mut above, mut below) = (middle, nearest.point);
+                for _ in 0..SLABS {
+                    let other = Slab::new(above - below, facet);
+                    if other.is_beside(&corners, distance) {
+                        slab = other;
+                        return false;
+                    }
+                    let nearest = closest_on_triangle(below, facet);
+                    if nearest.distance_sq < distance * distance {
+                        return true;
+                    }
+                    above = nearest.point;
+                    below = closest_on_triangle(above, corners).point;
                 }
                 triangle_distance_sq(facet, corners) < distance * distance
             },
@@ -195,6 +201,38 @@ impl Bvh {
         );
         hits.sort_unstable_by(|a, b| a.t.total_cmp(&b.t).then(a.triangle.cmp(&b.triangle)));
         hits
+    }
+}
+
+/// The space beside a triangle and across a direction: what lies below or above it is at least that far from the triangle.
+#[derive(Debug, Clone, Copy)]
+struct Slab {
+    /// A unit vector, or zero.
+    across: DVec3,
+    /// A corner of the triangle, and what it reaches along the direction from there.
+    origin: DVec3,
+    lowest: f64,
+    highest: f64,
+}
+
+impl Slab {
+    #[inline]
+    fn new(across: DVec3, triangle: [DVec3; 3]) -> Self {
+        let (across, origin) = (across.normalize_or_zero(), triangle[0]);
+        let [_, b, c] = triangle.map(|corner| across.dot(corner - origin));
+        Self {
+            across,
+            origin,
+            lowest: b.min(c).min(0.0),
+            highest: b.max(c).max(0.0),
+        }
+    }
+
+    /// Whether this is enough to see that another triangle is no nearer than a distance above zero.
+    #[inline]
+    fn is_beside(&self, other: &[DVec3; 3], distance: f64) -> bool {
+        let [a, b, c] = other.map(|corner| self.across.dot(corner - self.origin));
+        self.lowest - a.max(b).max(c) >= distance || a.min(b).min(c) - self.highest >= distance
     }
 }
 

@@ -22,6 +22,8 @@ pub(super) enum Step {
 pub(super) struct Fan<L> {
     pub triangles: Vec<u32>,
     pub after: Vec<Facet<L>>,
+    /// By how much the sum of their faults becomes less.
+    pub gain: f64,
 }
 
 /// Triangles, the names that their corners will have, and where these will be.
@@ -127,8 +129,9 @@ impl<'a, J: RelaxJudge> Steps<'a, J> {
         steps
     }
 
-    /// What a step makes; `None` if topology or the shape of facets forbids it.
-    pub fn fan(&self, step: Step) -> Option<Fan<J::Look>> {
+    /// What a step makes; `None` if topology or the shape of facets forbids it, or if it does not lessen their `faults` by more
+    /// than a share of what they are.
+    pub fn fan(&self, step: Step, faults: &[f64], least_gain: f64) -> Option<Fan<J::Look>> {
         let (triangles, after) = match step {
             Step::Flip { triangles } => self.flipped(triangles)?,
             Step::Move { vertex, to } => self.moved(vertex, to)?,
@@ -148,17 +151,26 @@ impl<'a, J: RelaxJudge> Steps<'a, J> {
         if !stands {
             return None;
         }
-        let after = triangles
-            .iter()
-            .zip(after)
-            .map(|(&t, (names, corners))| Facet {
+        let before: f64 = triangles.iter().map(|&t| faults[t as usize]).sum();
+        let mut sum = 0.0;
+        let mut facets = Vec::with_capacity(after.len());
+        for (&t, (names, corners)) in triangles.iter().zip(after) {
+            let look = self.judge.look(corners, Some(&self.looks[t as usize]));
+            sum += self.judge.fault(&look);
+            // what is still to come only adds to it
+            if before - sum <= least_gain * before {
+                return None;
+            }
+            facets.push(Facet {
                 names,
                 corners,
-                look: self.judge.look(corners, Some(&self.looks[t as usize])),
+                look,
             });
+        }
         Some(Fan {
-            after: after.collect(),
+            after: facets,
             triangles,
+            gain: before - sum,
         })
     }
 

@@ -12,7 +12,7 @@ use crate::{Adjacency, Bvh, TriMesh, distance_sq_to_triangle};
 
 const NONE: u32 = u32::MAX;
 
-/// A sample that is that much closer to its own triangle than allowed, as a share of the squares, is left there. Its
+/// A sample that is that much closer to a triangle than allowed, as a share of the squares, is left there, or goes there. Its
 /// distance to another might be less still, but that is not worth the search.
 const NEAR_SHARE: f64 = 1.0 / 16.0;
 
@@ -104,6 +104,9 @@ impl<'a> Deviation<'a> {
                         let distance_sq = distance_sq_to_triangle(place, *corners);
                         if distance_sq < best.0 {
                             best = (distance_sq, other);
+                            if distance_sq <= NEAR_SHARE * limit_sq {
+                                break;
+                            }
                         }
                     }
                     if best.0 > limit_sq {

@@ -67,6 +67,13 @@ pub trait Overseer: Sync {
     /// then.
     fn judge(&self, part: &TriMesh, trust: Trust) -> Self::Judge;
 
+    /// Whether what the judges admit will hardly ever make triangles meet (default no). Then a judge that is
+    /// [examined](Trust::Examined) is believed in that, too: what meets in the end is undone with what is at fault. That is
+    /// cheaper than a search at each collapse, unless sheets do come close.
+    fn keeps_apart(&self) -> bool {
+        false
+    }
+
     /// Those of `triangles` that must not stay (default: none). The collapses that made them are undone, and tried again
     /// by a judge whose word is final.
     fn faults(&self, mesh: &TriMesh, triangles: &[u32]) -> Vec<u32> {

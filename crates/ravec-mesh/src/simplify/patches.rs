@@ -2,10 +2,11 @@
 //!
 //! 1. The triangles are cut into patches, by halving them again and again across the longest side of the box of their
 //!    middles. Patches are simplified side by side, with the vertices they share held fast.
-//! 2. Put together, they are examined: within a patch nothing is known of the others, so triangles of two might meet; and
-//!    the caller may find triangles at fault. The vertices of such triangles are *restored*: all that was merged into them is
-//!    what it was before. That is easy, since a triangle is there if and only if its corners were not merged with each
-//!    other. What is restored is examined again, and more is restored until nothing is at fault.
+//! 2. Put together, they are examined: within a patch nothing is known of the others, so triangles of two might meet, and
+//!    those of one as well if the [`Overseer`] says that its judges keep them apart; and the caller may find triangles at
+//!    fault. The vertices of such triangles are *restored*: all that was merged into them is what it was before. That is
+//!    easy, since a triangle is there if and only if its corners were not merged with each other. What is restored is
+//!    examined again, and more is restored until nothing is at fault.
 //! 3. What is around vertices that were held or restored is simplified as a whole, so that no seam remains.
 //!
 //! Guarantees: as for [`simplify`](super::simplify); patches depend on the mesh alone. Does not guarantee: that the result
@@ -25,7 +26,7 @@ use super::parts::{Part, cut, grow};
 use super::surface::{GONE, creases};
 use super::{Keep, Simplified, SimplifyError, SimplifyParams, SimplifyReport, validate};
 use crate::adjacency::is_proper;
-use crate::{Adjacency, Bvh, TriMesh, for_each_self_intersection};
+use crate::{Adjacency, BoxTree, Bvh, TriMesh, for_each_self_intersection};
 
 /// How many rings of triangles around what was held or restored are simplified in the end.
 const RINGS: usize = 2;
@@ -197,9 +198,14 @@ impl<O: Overseer> Task<'_, O> {
         }
         drop(names);
         self.progress.check()?;
+        let is_believed = work.trust == Trust::Examined && self.overseer.keeps_apart();
+        let params = SimplifyParams {
+            avoid_intersections: self.params.avoid_intersections && !is_believed,
+            ..self.params
+        };
         let start = Start {
             mesh: &part.mesh,
-            params: &self.params,
+            params: &params,
             keep: work.keep,
             sealed: work.sealed,
             samples: Some(samples),
@@ -282,9 +288,9 @@ impl<O: Overseer> Task<'_, O> {
             }
         }
         if self.params.avoid_intersections {
-            let bvh = Bvh::try_new(&part.mesh, self.progress)?;
+            let tree = BoxTree::try_new(&part.mesh, self.progress)?;
             let pairs = Mutex::new(Vec::new());
-            for_each_self_intersection(&bvh, self.progress, |pair| {
+            for_each_self_intersection(&tree, self.progress, |pair| {
                 if let Ok(mut pairs) = pairs.lock() {
                     pairs.extend([pair.first, pair.second]);
                 }
