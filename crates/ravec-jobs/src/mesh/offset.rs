@@ -194,7 +194,7 @@ impl Params {
 ///
 /// The mesh may be any triangles; [`Side::Inner`] and [`Side::Shell`] need a closed one. If a closed mesh is inside out it is
 /// turned. If the output holds 32-bit floats, their rounding is part of the tolerance, and it is the rounded mesh that is
-/// judged.
+/// judged; where rounding makes triangles meet, others are made, or in the end the surface is not simplified, with a warning.
 ///
 /// [`Report::passed`] says whether the result is what was promised: each triangle is proved to keep the distance within the
 /// tolerance, and all of them are the surface of a solid, closed, manifold and without self-intersections. If not, it is
@@ -254,7 +254,7 @@ pub fn run(
         });
     }
     let turns = params.open == Open::Thicken && params.distance.number() < 0.0;
-    let asked = library::OffsetParams {
+    let mut asked = library::OffsetParams {
         distance: if turns { -distance } else { distance },
         tolerance: tolerance - rounding,
         side: params.side.into(),
@@ -263,33 +263,48 @@ pub fn run(
         max_normal_deviation_deg: params.max_normal_deviation,
         memory_bytes: params.memory.map(|size| size.as_u64()),
     };
-    let offset = report.time("offset", || {
-        let turned = match params.side {
-            Side::Both => None,
-            _ => turned(&file.mesh, progress)?,
-        };
-        let offset = library::offset(turned.as_ref().unwrap_or(&file.mesh), &asked, progress);
-        offset
-            .map(|offset| (offset, turned.is_some()))
-            .map_err(|cause| JobError::from_offset(&source.path, cause))
-    });
-    let (library::Offset { mesh, report: done }, turned) = offset?;
-    drop(file);
-    if turned {
+    let turned = match params.side {
+        Side::Both => None,
+        _ => turned(&file.mesh, progress)?,
+    };
+    if turned.is_some() {
         report.warn(format!(
             "{}: the mesh is inside out and was turned",
             source.path.display()
         ));
     }
-    let mut verdict = Verdict {
-        uncertified: done.uncertified_facets,
-        solid: done.solid,
-        self_intersections: done.self_intersections,
+    let input = turned.as_ref().unwrap_or(&file.mesh);
+    let mut tries = 0;
+    let (mesh, done, verdict) = loop {
+        let offset = report.time("offset", || library::offset(input, &asked, progress));
+        let library::Offset { mesh, report: done } =
+            offset.map_err(|cause| JobError::from_offset(&source.path, cause))?;
+        let mut verdict = Verdict {
+            uncertified: done.uncertified_facets,
+            solid: done.solid,
+            self_intersections: done.self_intersections,
+        };
+        if rounds(&target) {
+            let moved = report.time("check", || verdict.judge_rounded(&mesh, target, progress))?;
+            report.figures.insert("largest_rounding", moved);
+        }
+        if verdict.solid || !done.solid || !asked.simplify {
+            break (mesh, done, verdict);
+        }
+        // rounding alone made slivers meet: other triangles hardly have slivers at the same places, and small ones have none
+        tries += 1;
+        if tries < SIMPLIFIED_TRIES {
+            asked.tolerance *= OTHER_TOLERANCE;
+        } else {
+            asked.simplify = false;
+            report.warn(
+                "the result is not simplified, because its triangles would meet once coordinates are 32-bit floats: write \
+                 PLY, OBJ, OFF or 3MF for fewer triangles"
+                    .to_owned(),
+            );
+        }
     };
-    if rounds(&target) {
-        let moved = report.time("check", || verdict.judge_rounded(&mesh, target, progress))?;
-        report.figures.insert("largest_rounding", moved);
-    }
+    drop(file);
     verdict.tell(params.side, &mut report);
     if let Some(kept) = done.sheet_kept {
         report
@@ -321,6 +336,12 @@ pub fn run(
     super::write(path, &mesh, &target, &mut report, progress)?;
     Ok(report)
 }
+
+/// How often a surface is simplified before it is left as it is, if rounding to 32-bit floats makes its triangles meet.
+const SIMPLIFIED_TRIES: u32 = 3;
+
+/// The tolerance of each such try in that of the one before.
+const OTHER_TOLERANCE: f64 = 0.97;
 
 /// How far the vertices of an offset move at most when their coordinates become 32-bit floats.
 fn rounding(mesh: &TriMesh, distance: f64) -> f64 {
