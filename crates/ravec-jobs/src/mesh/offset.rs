@@ -194,7 +194,7 @@ impl Params {
 ///
 /// The mesh may be any triangles; [`Side::Inner`] and [`Side::Shell`] need a closed one. If a closed mesh is inside out it is
 /// turned. If the output holds 32-bit floats, their rounding is part of the tolerance, and it is the rounded mesh that is
-/// judged; where rounding makes triangles meet, others are made, or in the end the surface is not simplified, with a warning.
+/// judged; where rounding makes triangles meet, others are made, up to four times.
 ///
 /// [`Report::passed`] says whether the result is what was promised: each triangle is proved to keep the distance within the
 /// tolerance, and all of them are the surface of a solid, closed, manifold and without self-intersections. If not, it is
@@ -274,8 +274,8 @@ pub fn run(
         ));
     }
     let input = turned.as_ref().unwrap_or(&file.mesh);
-    let mut tries = 0;
-    let (mesh, done, verdict) = loop {
+    let mut best: Option<(TriMesh, library::OffsetReport, Verdict, f64)> = None;
+    for _ in 0..MOST_TRIES {
         let offset = report.time("offset", || library::offset(input, &asked, progress));
         let library::Offset { mesh, report: done } =
             offset.map_err(|cause| JobError::from_offset(&source.path, cause))?;
@@ -284,26 +284,28 @@ pub fn run(
             solid: done.solid,
             self_intersections: done.self_intersections,
         };
-        if rounds(&target) {
-            let moved = report.time("check", || verdict.judge_rounded(&mesh, target, progress))?;
-            report.figures.insert("largest_rounding", moved);
-        }
-        if verdict.solid || !done.solid || !asked.simplify {
-            break (mesh, done, verdict);
-        }
-        // rounding alone made slivers meet: other triangles hardly have slivers at the same places, and small ones have none
-        tries += 1;
-        if tries < SIMPLIFIED_TRIES {
-            asked.tolerance *= OTHER_TOLERANCE;
+        let moved = if rounds(&target) {
+            report.time("check", || verdict.judge_rounded(&mesh, target, progress))?
         } else {
-            asked.simplify = false;
-            report.warn(
-                "the result is not simplified, because its triangles would meet once coordinates are 32-bit floats: write \
-                 PLY, OBJ, OFF or 3MF for fewer triangles"
-                    .to_owned(),
-            );
+            0.0
+        };
+        let is_spoiled = done.solid && !verdict.solid;
+        let is_better = |(_, _, least, _): &(_, _, Verdict, _)| {
+            verdict.self_intersections < least.self_intersections
+        };
+        if !is_spoiled || best.as_ref().is_none_or(is_better) {
+            best = Some((mesh, done, verdict, moved));
         }
-    };
+        if !is_spoiled {
+            break;
+        }
+        // rounding alone made slivers meet: other triangles have other slivers
+        asked.tolerance *= OTHER_TOLERANCE;
+    }
+    let (mesh, done, verdict, moved) = best.expect("there is a first try");
+    if rounds(&target) {
+        report.figures.insert("largest_rounding", moved);
+    }
     drop(file);
     verdict.tell(params.side, &mut report);
     if let Some(kept) = done.sheet_kept {
@@ -337,8 +339,8 @@ pub fn run(
     Ok(report)
 }
 
-/// How often a surface is simplified before it is left as it is, if rounding to 32-bit floats makes its triangles meet.
-const SIMPLIFIED_TRIES: u32 = 3;
+/// How often a surface is made if rounding to 32-bit floats makes its triangles meet.
+const MOST_TRIES: usize = 4;
 
 /// The tolerance of each such try in that of the one before.
 const OTHER_TOLERANCE: f64 = 0.97;
