@@ -274,9 +274,8 @@ pub fn run(
         ));
     }
     let input = turned.as_ref().unwrap_or(&file.mesh);
-    let mut best: Option<(TriMesh, library::OffsetReport, Verdict, f64)> = None;
-    for _ in 0..MOST_TRIES {
-        let offset = report.time("offset", || library::offset(input, &asked, progress));
+    let made = |asked: &library::OffsetParams, report: &mut Report| {
+        let offset = report.time("offset", || library::offset(input, asked, progress));
         let library::Offset { mesh, report: done } =
             offset.map_err(|cause| JobError::from_offset(&source.path, cause))?;
         let mut verdict = Verdict {
@@ -289,20 +288,20 @@ pub fn run(
         } else {
             0.0
         };
-        let is_spoiled = done.solid && !verdict.solid;
-        let is_better = |(_, _, least, _): &(_, _, Verdict, _)| {
-            verdict.self_intersections < least.self_intersections
-        };
-        if !is_spoiled || best.as_ref().is_none_or(is_better) {
-            best = Some((mesh, done, verdict, moved));
-        }
-        if !is_spoiled {
+        Ok::<_, JobError>((mesh, done, verdict, moved))
+    };
+    let (mut mesh, mut done, mut verdict, mut moved) = made(&asked, &mut report)?;
+    for _ in 1..MOST_TRIES {
+        if verdict.solid || !done.solid {
             break;
         }
         // rounding alone made slivers meet: other triangles have other slivers
         asked.tolerance *= OTHER_TOLERANCE;
+        let other = made(&asked, &mut report)?;
+        if other.2.self_intersections < verdict.self_intersections {
+            (mesh, done, verdict, moved) = other;
+        }
     }
-    let (mesh, done, verdict, moved) = best.expect("there is a first try");
     if rounds(&target) {
         report.figures.insert("largest_rounding", moved);
     }
