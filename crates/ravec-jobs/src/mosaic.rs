@@ -133,6 +133,9 @@ pub struct Params {
     /// Rounds in which photos change and tiles swap, 0 to 100
     #[cfg_attr(feature = "cli", arg(long, value_name = "COUNT", default_value_t = Self::default().rounds))]
     pub rounds: usize,
+    /// Rounds in which tiles off the grid give way to others, 0 to 100 [default: 20, for a preview 1]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "COUNT"))]
+    pub tiling_rounds: Option<usize>,
     /// A quick look: at most 1600 pixels a side, made of the small pictures in the catalogue
     #[cfg_attr(feature = "cli", arg(long))]
     pub preview: bool,
@@ -160,6 +163,7 @@ impl Default for Params {
             seed: 0,
             blend: choose.blend,
             rounds: choose.rounds,
+            tiling_rounds: None,
             preview: false,
             quality: 92,
         }
@@ -168,6 +172,9 @@ impl Default for Params {
 
 /// Scaled photos that are kept for later rows, in bytes.
 const KEPT_BYTES: usize = 128 << 20;
+
+/// Rounds of tiles in a preview: the first takes the tiles off what they began as, and shows where they are large.
+const PREVIEW_TILING_ROUNDS: usize = 1;
 
 /// The longer side of a preview: what a screen shows at once.
 const PREVIEW_PX: usize = 1600;
@@ -301,8 +308,13 @@ fn checked(params: &Params) -> Result<MosaicParams, JobError> {
             return wrong(name, value.to_string(), "0 to 1");
         }
     }
-    if params.rounds > 100 {
-        return wrong("--rounds", params.rounds.to_string(), "0 to 100");
+    for (name, rounds) in [
+        ("--rounds", Some(params.rounds)),
+        ("--tiling-rounds", params.tiling_rounds),
+    ] {
+        if let Some(rounds) = rounds.filter(|&rounds| rounds > 100) {
+            return wrong(name, rounds.to_string(), "0 to 100");
+        }
     }
     if !(1..=100).contains(&params.quality) {
         return wrong("--quality", params.quality.to_string(), "1 to 100");
@@ -314,6 +326,7 @@ fn checked(params: &Params) -> Result<MosaicParams, JobError> {
         value: side.to_string(),
         range: "1 to 65535 pixels each way",
     })?;
+    let choose = ChooseParams::default();
     Ok(MosaicParams {
         columns: params.tiles.across,
         rows: params.tiles.down,
@@ -338,7 +351,11 @@ fn checked(params: &Params) -> Result<MosaicParams, JobError> {
             }),
             blend: params.blend,
             rounds: params.rounds,
-            ..ChooseParams::default()
+            tiling_rounds: params.tiling_rounds.unwrap_or(match params.preview {
+                true => PREVIEW_TILING_ROUNDS,
+                false => choose.tiling_rounds,
+            }),
+            candidates: choose.candidates,
         },
         adaptive: params.adaptive.then_some(params.seed),
         quality: params.quality,
@@ -422,6 +439,10 @@ mod tests {
             },
             Params {
                 rounds: 101,
+                ..Params::default()
+            },
+            Params {
+                tiling_rounds: Some(101),
                 ..Params::default()
             },
             Params {

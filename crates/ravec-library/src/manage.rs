@@ -122,8 +122,8 @@ pub fn clean(
 
 /// What all of a photo looks like.
 fn whole_look(entry: &Entry) -> Option<Look> {
-    let image = entry.thumbnail.as_ref()?.convert();
-    Some(Look::of(&image, Frame::of(&image), MAX_DEGREE))
+    let image = entry.thumbnail.as_ref()?;
+    Some(Look::of_srgb(image, Frame::of(image), MAX_DEGREE))
 }
 
 /// Counts what is in a catalogue.

@@ -15,7 +15,7 @@ use ravec_mosaic::{
     choose, near_duplicates,
 };
 use ravec_progress::{Cancelled, Progress};
-use ravec_raster::{AnyImage, Image, Oklab, Rect, Size, Srgb};
+use ravec_raster::{AnyImage, Rect, Size, Srgb};
 use rayon::prelude::*;
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;
@@ -302,10 +302,9 @@ fn look(Candidate { entry, frame }: &Candidate) -> Look {
             quarters: [[0.0; 3]; 4],
         };
     };
-    let image: Image<Oklab> = small.convert();
     let (x, y) = (
-        image.width() as f64 / entry.width as f64,
-        image.height() as f64 / entry.height as f64,
+        small.width() as f64 / entry.width as f64,
+        small.height() as f64 / entry.height as f64,
     );
     let frame = Frame {
         left: frame.left * x,
@@ -313,7 +312,7 @@ fn look(Candidate { entry, frame }: &Candidate) -> Look {
         width: frame.width * x,
         height: frame.height * y,
     };
-    Look::of(&image, frame, MAX_DEGREE)
+    Look::of_srgb(small, frame, MAX_DEGREE)
 }
 
 #[expect(clippy::too_many_arguments, reason = "what a mosaic is told by")]

@@ -35,7 +35,7 @@ fn main() {
     println!("index: {:.2} s", begin.elapsed().as_secs_f64());
     let begin = Instant::now();
     let found = index
-        .nearest_of_all(&tiles, NEAREST, &Progress::none())
+        .nearest_of_all(&tiles, NEAREST, f32::INFINITY, &Progress::none())
         .expect("nobody cancels");
     println!("search: {:.2} s", begin.elapsed().as_secs_f64());
     for (tile, found) in tiles.chunks_exact(DIMENSIONS).zip(&found).step_by(1000) {

@@ -19,21 +19,24 @@ pub(crate) struct Axis {
 }
 
 impl Axis {
-    /// Polynomials up to `degree` on the side from `begin` to `end`, in pixels of a picture with `pixels` of them.
-    pub fn polynomials(begin: f64, end: f64, pixels: usize, degree: usize) -> Self {
-        Self::integrated(begin, end, pixels, degree + 1, |t, into| {
-            integrals(t, into);
+    /// Polynomials up to `degree` and then the means of `count` equal parts, of the side from `begin` to `end`, in pixels of
+    /// a picture with `pixels` of them.
+    pub fn polynomials_and_parts(
+        (begin, end): (f64, f64),
+        pixels: usize,
+        degree: usize,
+        count: usize,
+    ) -> Self {
+        Self::integrated(begin, end, pixels, degree + 1 + count, |t, into| {
+            let (polynomials, parts) = into.split_at_mut(degree + 1);
+            integrals(t, polynomials);
+            means(t, parts);
         })
     }
 
     /// The means of `count` equal parts of the side.
     pub fn parts(begin: f64, end: f64, pixels: usize, count: usize) -> Self {
-        let border = |part: usize| 2.0 * part as f64 / count as f64 - 1.0;
-        Self::integrated(begin, end, pixels, count, |t, into| {
-            for (part, into) in into.iter_mut().enumerate() {
-                *into = count as f64 * t.clamp(border(part), border(part + 1));
-            }
-        })
+        Self::integrated(begin, end, pixels, count, means)
     }
 
     fn integrated(
@@ -71,9 +74,27 @@ impl Axis {
         }
     }
 
+    /// The weights of each pixel from [`first`](Self::first) on, where the number of functions is known in advance.
+    ///
+    /// # Panics
+    /// If there are not as many functions.
+    pub fn pixels_of<const FUNCTIONS: usize>(&self) -> &[[f32; FUNCTIONS]] {
+        assert_eq!(self.functions, FUNCTIONS, "functions of this axis");
+        self.weights.as_chunks().0
+    }
+
     /// The weights of each pixel from [`first`](Self::first) on.
     pub fn pixels(&self) -> impl ExactSizeIterator<Item = &[f32]> {
         self.weights.chunks_exact(self.functions)
+    }
+}
+
+/// The antiderivatives at `t` of what gives the mean of each of some equal parts.
+fn means(t: f64, into: &mut [f64]) {
+    let count = into.len() as f64;
+    let border = |part: usize| 2.0 * part as f64 / count - 1.0;
+    for (part, into) in into.iter_mut().enumerate() {
+        *into = count * t.clamp(border(part), border(part + 1));
     }
 }
 
@@ -104,7 +125,7 @@ mod tests {
 
     #[test]
     fn the_functions_are_orthonormal_on_fine_pixels() {
-        let axis = Axis::polynomials(3.25, 1003.25, 1010, 6);
+        let axis = Axis::polynomials_and_parts((3.25, 1003.25), 1010, 6, 0);
         for a in 0..=6 {
             for b in 0..=6 {
                 let product: f64 = axis
@@ -120,7 +141,7 @@ mod tests {
 
     #[test]
     fn a_side_within_one_pixel_has_a_mean_and_nothing_else() {
-        let axis = Axis::polynomials(4.25, 4.5, 9, 3);
+        let axis = Axis::polynomials_and_parts((4.25, 4.5), 9, 3, 0);
         let weights: Vec<_> = axis.pixels().collect();
         assert_eq!((axis.first, weights.len()), (4, 1));
         assert_eq!(weights[0][0], 1.0);

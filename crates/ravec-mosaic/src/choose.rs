@@ -47,6 +47,9 @@ pub struct ChooseParams {
     pub candidates: usize,
     /// Rounds of improvement; they end earlier when nothing changes. 0 leaves the start as it is.
     pub rounds: usize,
+    /// Passes over the picture in which tiles of several sizes give way to others. Each takes a twentieth of the time of 20, which
+    /// gain nearly all that can be had; 0 leaves the first tiles as they are.
+    pub tiling_rounds: usize,
 }
 
 impl Default for ChooseParams {
@@ -60,6 +63,7 @@ impl Default for ChooseParams {
             blend: 0.3,
             candidates: 128,
             rounds: 8,
+            tiling_rounds: 20,
         }
     }
 }

@@ -35,15 +35,13 @@ pub fn near_duplicates(
     }
     let dimensions = vectors.len() / looks.len();
     let index = PhotoIndex::new(&vectors, dimensions);
-    let near = index.nearest_of_all(&vectors, NEIGHBORS, progress)?;
+    let near = index.nearest_of_all(&vectors, NEIGHBORS, apart * apart, progress)?;
     let mut groups: Vec<u32> = Vec::with_capacity(looks.len());
     let mut leaders: Vec<u32> = Vec::new();
     for (photo, near) in near.iter().enumerate() {
         let leader = near.iter().find(|near| {
             let other = near.photo as usize;
-            other < photo
-                && near.distance_sq <= apart * apart
-                && leaders[groups[other] as usize] == near.photo
+            other < photo && leaders[groups[other] as usize] == near.photo
         });
         let group = if let Some(leader) = leader {
             groups[leader.photo as usize]

@@ -8,7 +8,9 @@
 //! the plain distance is not what the eye sees from a distance (see [`Weights`]).
 
 use crate::basis::{Axis, products};
-use ravec_raster::{Image, Oklab};
+use fearless_simd::{Level, dispatch};
+use ravec_raster::color::{LINEAR_FROM_SRGB8, oklab_from_linear};
+use ravec_raster::{Image, Oklab, Pixel, Srgb};
 
 /// The highest total degree of descriptors.
 pub const MAX_DEGREE: usize = 5;
@@ -37,7 +39,7 @@ pub struct Frame {
 
 impl Frame {
     /// All of an image.
-    pub fn of(image: &Image<Oklab>) -> Self {
+    pub fn of<P: Pixel>(image: &Image<P>) -> Self {
         Self {
             left: 0.0,
             top: 0.0,
@@ -62,30 +64,114 @@ impl Frame {
     }
 }
 
+/// Functions on each side of a tile: polynomials, and the means of both halves.
+const FUNCTIONS: usize = MAX_DEGREE + 3;
+
 impl Look {
     /// The look of a part of an image, with polynomials up to a total degree of `degree` (0 to [`MAX_DEGREE`]; more is
     /// taken as that).
     pub fn of(image: &Image<Oklab>, frame: Frame, degree: usize) -> Self {
+        let split = |pixels: &[Oklab], planes: &mut [Vec<f32>; 3]| {
+            for (at, pixel) in pixels.iter().enumerate() {
+                for (plane, value) in planes.iter_mut().zip(pixel.0) {
+                    plane[at] = value;
+                }
+            }
+        };
+        Self::of_rows(image, frame, degree, split)
+    }
+
+    /// [`of`](Self::of) the image in Oklab, bit for bit, faster.
+    pub fn of_srgb(image: &Image<Srgb<u8>>, frame: Frame, degree: usize) -> Self {
+        let simd = Level::new();
+        let convert = |pixels: &[Srgb<u8>], planes: &mut [Vec<f32>; 3]| {
+            for (at, pixel) in pixels.iter().enumerate() {
+                for (plane, value) in planes.iter_mut().zip(pixel.0) {
+                    plane[at] = LINEAR_FROM_SRGB8[value as usize];
+                }
+            }
+            dispatch!(simd, simd => oklab_from_planes(simd, planes));
+        };
+        Self::of_rows(image, frame, degree, convert)
+    }
+
+    /// The look of an image by a function that puts pixels of a row into one plane for each channel of Oklab.
+    fn of_rows<P: Pixel>(
+        image: &Image<P>,
+        frame: Frame,
+        degree: usize,
+        mut split: impl FnMut(&[P], &mut [Vec<f32>; 3]),
+    ) -> Self {
+        let simd = Level::new();
+        let axis = |begin: f64, length: f64, pixels: usize| {
+            Axis::polynomials_and_parts((begin, begin + length), pixels, MAX_DEGREE, 2)
+        };
+        let across = axis(frame.left, frame.width, image.width());
+        let down = axis(frame.top, frame.height, image.height());
+        let columns = across.pixels().len();
+        let mut planes = [(); 3].map(|()| vec![0.0; columns.next_multiple_of(LANES)]);
+        let mut sums = [[[0.0; FUNCTIONS]; FUNCTIONS]; 3];
+        for (row, down) in (down.first..).zip(down.pixels_of()) {
+            let pixels = &image.row(row)[across.first..][..columns];
+            split(pixels, &mut planes);
+            dispatch!(simd, simd => add_row(simd, &planes, across.pixels_of(), down, &mut sums));
+        }
+        let of = |j: usize, i: usize| sums.map(|sums| sums[j][i]);
         let degree = degree.min(MAX_DEGREE);
-        let (right, bottom) = (frame.left + frame.width, frame.top + frame.height);
-        let (columns, rows) = (image.width(), image.height());
-        let across = Axis::polynomials(frame.left, right, columns, degree);
-        let down = Axis::polynomials(frame.top, bottom, rows, degree);
-        let grid = project(image, &across, &down);
         let mut coefficients = Vec::with_capacity(products(degree));
         for total in 0..=degree {
             for j in 0..=total {
-                coefficients.push(grid[j * (degree + 1) + total - j]);
+                coefficients.push(of(j, total - j));
             }
         }
-        let halves = (
-            Axis::parts(frame.left, right, columns, 2),
-            Axis::parts(frame.top, bottom, rows, 2),
-        );
-        let quarters = project(image, &halves.0, &halves.1);
+        let (first, second) = (MAX_DEGREE + 1, MAX_DEGREE + 2);
         Self {
             coefficients,
-            quarters: [quarters[0], quarters[1], quarters[2], quarters[3]],
+            quarters: [
+                of(first, first),
+                of(first, second),
+                of(second, first),
+                of(second, second),
+            ],
+        }
+    }
+}
+
+/// Pixels that are converted at once.
+const LANES: usize = 8;
+
+/// Oklab of linear light, in place.
+#[inline(always)]
+fn oklab_from_planes<S>(_simd: S, planes: &mut [Vec<f32>; 3]) {
+    let [red, green, blue] = planes.each_mut().map(Vec::as_mut_slice);
+    for ((red, green), blue) in red.iter_mut().zip(green).zip(blue) {
+        [*red, *green, *blue] = oklab_from_linear([*red, *green, *blue]);
+    }
+}
+
+/// Adds a row of pixels, times the functions across and down, to the sums: for each channel and function down those across.
+#[inline(always)]
+fn add_row<S>(
+    _simd: S,
+    planes: &[Vec<f32>; 3],
+    across: &[[f32; FUNCTIONS]],
+    down: &[f32; FUNCTIONS],
+    sums: &mut [[[f32; FUNCTIONS]; FUNCTIONS]; 3],
+) {
+    let [lightness, a, b] = planes;
+    let mut lines = [[0.0f32; FUNCTIONS]; 3];
+    for (((weights, &l), &a), &b) in across.iter().zip(lightness).zip(a).zip(b) {
+        for (line, value) in lines.iter_mut().zip([l, a, b]) {
+            for (sum, weight) in line.iter_mut().zip(weights) {
+                *sum += weight * value;
+            }
+        }
+    }
+    for (sums, line) in sums.iter_mut().zip(&lines) {
+        for (sums, weight) in sums.iter_mut().zip(down) {
+            for (sum, value) in sums.iter_mut().zip(line) {
+                *sum += weight * value;
+            }
         }
     }
 }
@@ -201,6 +287,23 @@ mod tests {
         {
             assert!((a - b).abs() < 1e-6);
         }
+    }
+
+    #[test]
+    fn eight_bits_look_as_their_oklab_does() {
+        let image = Image::from_fn(Size::new(37, 23).unwrap(), |col, row| {
+            Srgb([(7 * col) as u8, (11 * row) as u8, (col * row) as u8])
+        });
+        let frame = Frame {
+            left: 3.5,
+            top: 1.25,
+            width: 30.0,
+            height: 20.5,
+        };
+        let oklab = image.convert();
+        assert_eq!(Look::of_srgb(&image, frame, 4), Look::of(&oklab, frame, 4));
+        let quarters = parts(&oklab, frame, 2);
+        assert_eq!(Look::of(&oklab, frame, 4).quarters, quarters[..]);
     }
 
     #[test]

@@ -31,9 +31,6 @@ const WINDOW: usize = 11;
 /// Units from a window to the next.
 const STRIDE: usize = 4;
 
-/// Passes over the picture.
-const ROUNDS: usize = 20;
-
 /// Refills of a window.
 const TRIES: usize = 24;
 
@@ -111,7 +108,7 @@ pub(crate) fn retile(
             photos: Vec::new(),
         });
     }
-    let phase = progress.phase("tiles", ROUNDS as u64);
+    let phase = progress.phase("tiles", params.tiling_rounds as u64);
     let mut mosaic = Mosaic::new(source, empty, repeat_distance, params);
     let mut energy = 0.0;
     for &place in places {
@@ -120,7 +117,7 @@ pub(crate) fn retile(
     }
     let mut random = Random(seed ^ 0x9e37_79b9_7f4a_7c15);
     let mut price = PRICE * energy / places.len().max(1) as f32;
-    for _ in 0..ROUNDS {
+    for _ in 0..params.tiling_rounds {
         let begins = |units: usize, first: usize| (first..units + WINDOW).step_by(STRIDE);
         let (left, top) = (random.below(STRIDE), random.below(STRIDE));
         for bottom in begins(rows, top + 1) {

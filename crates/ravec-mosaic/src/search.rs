@@ -185,10 +185,20 @@ impl PhotoIndex {
     /// # Panics
     /// If `query` has another length than the vectors of the index.
     pub fn nearest(&self, query: &[f32], count: usize) -> Vec<Near> {
+        self.nearest_within(query, count, f32::INFINITY)
+    }
+
+    /// The `count` nearest photos of those within a squared distance, the nearest first; all, if there are fewer. The nearer
+    /// the limit, the less is looked at.
+    ///
+    /// # Panics
+    /// If `query` has another length than the vectors of the index.
+    pub fn nearest_within(&self, query: &[f32], count: usize, within_sq: f32) -> Vec<Near> {
         assert_eq!(query.len(), self.dimensions, "a query has all dimensions");
         let mut found = Found {
-            list: Vec::with_capacity(count.min(self.len()) + 1),
+            list: Vec::new(),
             count,
+            within_sq,
         };
         if count > 0 && !self.is_empty() {
             self.visit(query, self.levels.len() - 1, 0, &mut found);
@@ -196,7 +206,7 @@ impl PhotoIndex {
         found.list
     }
 
-    /// [`nearest`](Self::nearest) for many queries, one after the other, in parallel.
+    /// [`nearest_within`](Self::nearest_within) for many queries, one after the other, in parallel.
     ///
     /// # Errors
     /// [`Cancelled`] soon after `progress` is cancelled.
@@ -204,6 +214,7 @@ impl PhotoIndex {
         &self,
         queries: &[f32],
         count: usize,
+        within_sq: f32,
         progress: &Progress,
     ) -> Result<Vec<Vec<Near>>, Cancelled> {
         let phase = progress.phase("search", (queries.len() / self.dimensions) as u64);
@@ -211,7 +222,7 @@ impl PhotoIndex {
             .par_chunks_exact(self.dimensions)
             .map(|query| {
                 progress.check()?;
-                let found = self.nearest(query, count);
+                let found = self.nearest_within(query, count, within_sq);
                 phase.advance(1);
                 Ok(found)
             })
@@ -395,19 +406,24 @@ fn rest_of_one(query: &[f32], values: &[f32], lane: usize, from: usize, sum: f32
 struct Found {
     list: Vec<Near>,
     count: usize,
+    within_sq: f32,
 }
 
 impl Found {
     /// Whether something at this distance or a little more could be among the nearest.
     fn wants(&self, distance_sq: f32) -> bool {
-        self.list.len() < self.count
-            || self
-                .list
-                .last()
-                .is_some_and(|last| distance_sq <= last.distance_sq)
+        distance_sq <= self.within_sq
+            && (self.list.len() < self.count
+                || self
+                    .list
+                    .last()
+                    .is_some_and(|last| distance_sq <= last.distance_sq))
     }
 
     fn offer(&mut self, near: Near) {
+        if near.distance_sq > self.within_sq {
+            return;
+        }
         if self.list.len() == self.count {
             if self.list.last().is_some_and(|last| !near.before(*last)) {
                 return;
@@ -475,6 +491,10 @@ mod tests {
             for (found, all) in found.iter().zip(&all) {
                 prop_assert_eq!((found.distance_sq, found.photo), *all);
             }
+            // and within a limit, those that are within it
+            let limit = found[found.len() / 2].distance_sq;
+            let within: Vec<_> = found.iter().copied().filter(|near| near.distance_sq <= limit).collect();
+            prop_assert_eq!(index.nearest_within(&query, wanted, limit), within);
         }
     }
 
@@ -500,7 +520,7 @@ mod tests {
         progress.cancel();
         let index = PhotoIndex::new(&[0.0; 6], 3);
         assert_eq!(
-            index.nearest_of_all(&[0.0; 9], 1, &progress),
+            index.nearest_of_all(&[0.0; 9], 1, f32::INFINITY, &progress),
             Err(Cancelled)
         );
     }
