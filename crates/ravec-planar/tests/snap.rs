@@ -142,6 +142,58 @@ fn a_grid_comes_to_lie_in_the_middle_of_weak_joints() {
     }
 }
 
+/// Panels of some thirty pixels with joints of one to two, and a bright round window in each.
+fn round_windows(truth: &QuadGrid, seed: Seed) -> Plane {
+    let grid_from_image = truth.image_from_grid().inverse();
+    let at = |p: DVec2| {
+        let q = grid_from_image.apply(p);
+        let from_window = q - q.floor() - 0.5;
+        if from_window.length() < 0.3 {
+            if from_window.x < 0.1 { 0.95 } else { 0.1 }
+        } else if (q - q.round()).abs().min_element() < 0.025 {
+            0.3
+        } else {
+            0.5 + 0.05 * fractal(p / 20.0, 0.1, 3, seed)
+        }
+    };
+    Plane::from_fn(Size::new(WIDTH, HEIGHT).unwrap(), |col, row| {
+        let offsets = [(0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75)];
+        let sum: f64 = offsets
+            .iter()
+            .map(|&(x, y)| at(dvec2(col as f64 + x, row as f64 + y)))
+            .sum();
+        (sum / 4.0 + seed.gaussian(col as i64, row as i64, 2) * 2.0 / 255.0) as f32
+    })
+}
+
+/// Outlines of windows are far stronger than joints, but lie along them only in parts.
+#[test]
+fn thin_joints_are_preferred_to_the_outlines_of_windows() {
+    let snaps = |k: u64| {
+        let seed = Seed(700 + k);
+        let jitter = |k: usize, channel| seed.between(k as i64, 0, channel, -12.0, 12.0);
+        let middle = [
+            dvec2(200.0, 160.0),
+            dvec2(335.0, 190.0),
+            dvec2(330.0, 300.0),
+            dvec2(205.0, 280.0),
+        ];
+        let truth = std::array::from_fn(|k| middle[k] + dvec2(jitter(k, 3), jitter(k, 4)));
+        let truth = QuadGrid::new(truth, 4, 3).unwrap();
+        let off = 0.03 * truth.diagonal_px();
+        let angle = |k: usize| seed.between(k as i64, 1, 5, 0.0, std::f64::consts::TAU);
+        let corners = truth.corners();
+        let rough = std::array::from_fn(|k| corners[k] + DVec2::from_angle(angle(k)) * off);
+        let rough = QuadGrid::new(rough, 4, 3).unwrap();
+        let picture = round_windows(&truth, seed);
+        let found = snap(&picture, &rough, &SnapParams::default(), &Progress::none()).unwrap();
+        rms(&found.grid, &truth) < 0.5
+    };
+    // outlines of a row of windows may lie on one line by chance
+    let right = (0..24).filter(|&k| snaps(k)).count();
+    assert!(right >= 18, "{right}");
+}
+
 #[test]
 fn columns_and_rows_are_counted() {
     for (k, columns, rows) in [(1, 4, 3), (2, 6, 5)] {

@@ -7,6 +7,7 @@
 //!     halve the step and try the neighbours, until the step is below a pixel
 //! move all eight coordinates so that the lines lie on the nearest slopes, by least squares
 //! where lines lie on one edge of a joint, move them to its middle, and once more all coordinates
+//! where little of the lines lies on edges, do so from other good finds of the first round, and keep what has most
 //! ```
 //!
 //! Where inner lines lie depends on how much nearer one side is than the other, which is not known before both families
@@ -23,7 +24,7 @@
 //!
 //! Guarantees: equal pictures and parameters give equal bytes; no corner moves further than the reach and a few pixels.
 //! Does not guarantee: that the edges found are those that were meant, if others fit the grid as well.
-//! Cost: some milliseconds; grows with the length of the lines times the reach.
+//! Cost: some milliseconds; grows with the length of the lines times the reach. Up to twice that where much is hidden.
 
 mod joint;
 mod polish;
@@ -94,6 +95,12 @@ impl From<Cancelled> for SnapError {
 /// what columns and rows take from each other.
 const SECOND_REACH: f64 = 0.25;
 
+/// Grids that are followed to the end, if the first is not clear.
+const MOST_STARTS: usize = 3;
+
+/// The support from which a grid is taken without a look at others.
+const CLEAR_SUPPORT: f64 = 0.9;
+
 /// The smallest reach in pixels: below it a search says nothing that the last step does not say better.
 const MIN_REACH_PX: f64 = 4.0;
 
@@ -125,15 +132,67 @@ pub fn snap(
     params: &SnapParams,
     progress: &Progress,
 ) -> Result<Snapped, SnapError> {
-    let mut grid = grid.clone();
-    let reach = reach_px(&grid, params);
-    let phase = progress.phase("snap", 3);
-    for reach in [reach, (SECOND_REACH * reach).max(MIN_REACH_PX)] {
-        for family in [Family::Columns, Family::Rows] {
-            progress.check()?;
-            grid = search(plane, &grid, family, reach)?.0;
-        }
+    let reach = reach_px(grid, params);
+    let phase = progress.phase("snap", 1 + MOST_STARTS as u64);
+    let starts = starts(plane, grid, reach, progress)?;
+    phase.advance(1);
+    let mut best: Result<Snapped, SnapError> = Err(SnapError::NoEdges);
+    for start in starts {
+        let found = settled(plane, start, second_reach(reach), progress);
         phase.advance(1);
+        match (&best, found) {
+            (_, Err(SnapError::Cancelled)) => return Err(SnapError::Cancelled),
+            (Ok(best), Ok(found)) if found.support <= best.support => {}
+            (_, Ok(found)) => best = Ok(found),
+            (Err(_), error) => best = error,
+            (Ok(_), Err(_)) => {}
+        }
+        if best
+            .as_ref()
+            .is_ok_and(|best| best.support >= CLEAR_SUPPORT)
+        {
+            break;
+        }
+    }
+    best
+}
+
+/// Where the lines may belong, from a search within the whole reach: the likeliest first.
+fn starts(
+    plane: &Plane,
+    grid: &QuadGrid,
+    reach: f64,
+    progress: &Progress,
+) -> Result<Vec<QuadGrid>, SnapError> {
+    progress.check()?;
+    let columns = search(plane, grid, Family::Columns, reach)?;
+    let moved = &columns[0].grid;
+    progress.check()?;
+    let rows = search(plane, moved, Family::Rows, reach)?;
+    let mut pairs: Vec<(usize, usize)> = (0..columns.len())
+        .flat_map(|column| (0..rows.len()).map(move |row| (column, row)))
+        .collect();
+    pairs.sort_by_key(|&(column, row)| column + row);
+    let mut starts = Vec::new();
+    for (column, row) in pairs.into_iter().take(MOST_STARTS) {
+        // rows were sought with the best columns; their moves are much the same with the others
+        let (to, by) = (columns[column].grid.corners(), rows[row].grid.corners());
+        let corners = std::array::from_fn(|k| to[k] + by[k] - moved.corners()[k]);
+        starts.extend(QuadGrid::new(corners, grid.columns(), grid.rows()));
+    }
+    Ok(starts)
+}
+
+/// The grid on the edges or joints near its lines.
+fn settled(
+    plane: &Plane,
+    mut grid: QuadGrid,
+    reach: f64,
+    progress: &Progress,
+) -> Result<Snapped, SnapError> {
+    for family in [Family::Columns, Family::Rows] {
+        progress.check()?;
+        grid = search(plane, &grid, family, reach)?.swap_remove(0).grid;
     }
     let mut snapped = polish(plane, &grid, [None; 2])?;
     let on_edges = snapped.grid.clone();
@@ -145,7 +204,6 @@ pub fn snap(
     if snapped.grid != on_edges {
         snapped = polish(plane, &snapped.grid, joints)?;
     }
-    phase.advance(1);
     Ok(snapped)
 }
 
@@ -173,7 +231,7 @@ pub fn snap_counting(
             } else {
                 rows.clone()
             };
-            let mut best: Option<(f64, QuadGrid)> = None;
+            let mut best: Option<Sought> = None;
             for count in range {
                 progress.check()?;
                 let divided = match family {
@@ -183,14 +241,14 @@ pub fn snap_counting(
                 let reach = if round == 0 {
                     reach
                 } else {
-                    (SECOND_REACH * reach).max(MIN_REACH_PX)
+                    second_reach(reach)
                 };
-                let (moved, excess) = search(plane, &divided, family, reach)?;
-                if best.as_ref().is_none_or(|(most, _)| excess > *most) {
-                    best = Some((excess, moved));
+                let sought = search(plane, &divided, family, reach)?.swap_remove(0);
+                if best.as_ref().is_none_or(|best| sought.excess > best.excess) {
+                    best = Some(sought);
                 }
             }
-            found = best.ok_or(SnapError::NoEdges)?.1;
+            found = best.ok_or(SnapError::NoEdges)?.grid;
         }
     }
     snap(
@@ -207,14 +265,25 @@ fn reach_px(grid: &QuadGrid, params: &SnapParams) -> f64 {
     (params.reach_rel.clamp(0.0, 0.2) * grid.diagonal_px()).max(MIN_REACH_PX)
 }
 
+/// The reach of the second search, in pixels.
+fn second_reach(reach_px: f64) -> f64 {
+    (SECOND_REACH * reach_px).max(MIN_REACH_PX)
+}
+
+/// A grid on edges of one family, and by how much these exceed what any line would find.
+struct Sought {
+    grid: QuadGrid,
+    excess: f64,
+}
+
 /// The grid with its corners moved along the rows (for lines between columns; else along the columns) to where the lines
-/// of the family find the most edges, and by how much these exceed what any line would find.
+/// of the family find the most edges: a few places, the best first.
 fn search(
     plane: &Plane,
     grid: &QuadGrid,
     family: Family,
     reach_px: f64,
-) -> Result<(QuadGrid, f64), SnapError> {
+) -> Result<Vec<Sought>, SnapError> {
     let sites = Sites::new(grid, Some(family), plane.size());
     let evidence = Evidence::gather(plane, &sites, reach_px)?;
     let (along, across) = (directions(grid, family), directions(grid, family.other()));
@@ -231,15 +300,20 @@ fn search(
         modes[4][2 * corner] = longer.x;
         modes[4][2 * corner + 1] = longer.y;
     }
-    let moves = best_moves(&evidence, &modes);
-    let mut corners = grid.corners();
-    for (corner, (direction, by)) in corners.iter_mut().zip(along.iter().zip(moves.by_px)) {
-        *corner += *direction * by;
+    let mut found = Vec::new();
+    for moves in best_moves(&evidence, &modes, second_reach(reach_px)) {
+        let corners = grid.corners();
+        let corners = std::array::from_fn(|k| corners[k] + along[k] * moves.by_px[k]);
+        match QuadGrid::new(corners, grid.columns(), grid.rows()) {
+            Ok(grid) => found.push(Sought {
+                grid,
+                excess: moves.excess,
+            }),
+            Err(error) if found.is_empty() => return Err(error.into()),
+            Err(_) => {}
+        }
     }
-    Ok((
-        QuadGrid::new(corners, grid.columns(), grid.rows())?,
-        moves.excess,
-    ))
+    Ok(found)
 }
 
 /// Along which direction each corner moves: its row for lines between columns, its column for lines between rows.

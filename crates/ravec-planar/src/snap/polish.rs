@@ -2,7 +2,7 @@
 
 use crate::quad_grid::QuadGrid;
 use crate::snap::joint::Joint;
-use crate::snap::search::{edge_scale, edgeness};
+use crate::snap::search::{edge_scale, edgeness, steepest};
 use crate::snap::sites::{Family, Profile, Site, Sites};
 use crate::snap::{SnapError, Snapped};
 use glam::dvec2;
@@ -55,7 +55,8 @@ pub(super) fn polish(
             .collect();
         // noise is what lies away from the line; near it there is an edge nearly everywhere
         let away = slopes.iter().flat_map(|s| [s[0], s[s.len() - 1]]);
-        let scale = edge_scale(away, slopes.iter().flatten().copied()).ok_or(SnapError::NoEdges)?;
+        let largest = steepest(slopes.iter().flatten().copied()).ok_or(SnapError::NoEdges)?;
+        let scale = edge_scale(away, largest);
         let mut sum = NormalEquations::default();
         let (mut supported, mut weights) = (0.0, 0.0);
         for (site, slopes) in sites.sites.iter().zip(&slopes) {

@@ -9,8 +9,10 @@ use rayon::prelude::*;
 /// of the coarsest step.
 const PIECES: usize = 16;
 
-/// The blur across lines, in pixels. Edges must be wide enough to meet along a piece that is not yet parallel to them.
-const SIGMA_PX: f64 = 2.0;
+/// The blur across lines, in pixels. Edges must be wide enough to meet along a piece that is not yet parallel to them, which
+/// grows with the reach; but both edges of a thin line fade where it is wider than they are apart.
+const MIN_SIGMA_PX: f64 = 1.0;
+const MAX_SIGMA_PX: f64 = 2.0;
 
 /// Four corners and the difference of two sides.
 const MOVES: usize = 5;
@@ -28,6 +30,12 @@ const CELL_BITS: u32 = 16;
 
 /// Coarse finds that are followed: a few parallel edges look alike from afar.
 const CANDIDATES: usize = 16;
+
+/// Finds that are returned.
+const FINDS: usize = 3;
+
+/// The share of the best find's evidence that others have at least.
+const FINDS_WORTH: f32 = 0.9;
 
 /// Steps uphill at one step size.
 const MAX_CLIMB: u8 = 4;
@@ -58,20 +66,20 @@ impl Evidence {
             return Err(SnapError::Outside);
         }
         let reach = reach_px.ceil() as usize;
+        let sigma_px = (reach_px / PIECES as f64).clamp(MIN_SIGMA_PX, MAX_SIGMA_PX);
         let slopes: Vec<Vec<f32>> = sites
             .sites
             .par_iter()
             .with_min_len(64)
             .map_init(
-                || Profile::new(reach, SIGMA_PX),
+                || Profile::new(reach, sigma_px),
                 |profile, site| {
                     profile.read(plane, site.at, site.normal);
                     profile.slopes.clone()
                 },
             )
             .collect();
-        let all = || slopes.iter().flatten().copied();
-        let scale = edge_scale(all(), all()).ok_or(SnapError::NoEdges)?;
+        let largest = steepest(slopes.iter().flatten().copied()).ok_or(SnapError::NoEdges)?;
         let piece_of = |site: &Site| {
             (
                 site.line,
@@ -83,6 +91,8 @@ impl Evidence {
             .chunk_by(|a, b| piece_of(a.0) == piece_of(b.0))
             .map(|sites| {
                 let share = 1.0 / sites.len() as f32;
+                let here = sites.iter().flat_map(|(_, slopes)| slopes.iter().copied());
+                let scale = edge_scale(here, largest);
                 let mut values = vec![0.0; 2 * reach + 1];
                 for (_, slopes) in sites {
                     for (sum, slope) in values.iter_mut().zip(*slopes) {
@@ -121,23 +131,26 @@ pub(super) fn edgeness(slope: f32, scale: f32) -> f32 {
     square / (square + scale * scale)
 }
 
-/// The slope that counts half: some times that of the places given by `usual`, which are noise and texture as most places
-/// are no edges; not less than a share of the steepest of `all`. Nothing if the picture is even, or finite nowhere.
-pub(super) fn edge_scale(
-    usual: impl Iterator<Item = f32>,
-    all: impl Iterator<Item = f32>,
-) -> Option<f32> {
+/// The steepest of all slopes. Nothing if the picture is even, or finite nowhere.
+pub(super) fn steepest(slopes: impl Iterator<Item = f32>) -> Option<f32> {
     let finite = |slope: &f32| slope.is_finite();
-    let largest = all.map(f32::abs).filter(finite).fold(0.0, f32::max);
-    let mut heights: Vec<f32> = usual.map(f32::abs).filter(finite).collect();
+    let largest = slopes.map(f32::abs).filter(finite).fold(0.0, f32::max);
     // a tenth of an encoded step of 255
-    if heights.is_empty() || largest < 4e-4 {
-        return None;
+    (largest >= 4e-4).then_some(largest)
+}
+
+/// The slope that counts half: some times that of the places given by `usual`, which are noise and texture as most places
+/// are no edges; not less than a share of the `steepest`.
+pub(super) fn edge_scale(usual: impl Iterator<Item = f32>, steepest: f32) -> f32 {
+    let floor = 0.05 * steepest;
+    let mut heights: Vec<f32> = usual.map(f32::abs).filter(|h| h.is_finite()).collect();
+    if heights.is_empty() {
+        return floor;
     }
     let middle = heights.len() / 2;
     let (_, median, _) = heights.select_nth_unstable_by(middle, f32::total_cmp);
     // a picture without noise has a median of 0
-    Some((2.4 * *median).max(0.05 * largest))
+    (2.4 * *median).max(floor)
 }
 
 /// The best moves.
@@ -155,8 +168,12 @@ type Ends = [[f32; MOVES]; 2];
 type Scored = (f32, [f32; MOVES]);
 
 /// Tries all moves of four corners, each along its own direction, and of the difference of two sides; `modes` say what each
-/// move does to the corners' coordinates.
-pub(super) fn best_moves(evidence: &Evidence, modes: &[[f64; 8]; MOVES]) -> Moves {
+/// move does to the corners' coordinates. Returns a few that differ by more than `apart_px`, at least one, the best first.
+pub(super) fn best_moves(
+    evidence: &Evidence,
+    modes: &[[f64; 8]; MOVES],
+    apart_px: f64,
+) -> Vec<Moves> {
     let ends: Vec<Ends> = evidence
         .ends
         .iter()
@@ -189,15 +206,31 @@ pub(super) fn best_moves(evidence: &Evidence, modes: &[[f64; 8]; MOVES]) -> Move
             is_new
         });
     }
-    let none = (0.0, [0.0; MOVES]);
-    let (_, at) = candidates.into_iter().fold(
-        none,
-        |best, found| if found.0 > best.0 { found } else { best },
-    );
-    Moves {
-        by_px: std::array::from_fn(|k| f64::from(at[k])),
-        excess: excess(evidence, &ends, at),
+    // with no evidence nothing moves
+    candidates.retain(|(score, _)| *score > 0.0);
+    candidates.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let worth = candidates.first().map_or(0.0, |best| FINDS_WORTH * best.0);
+    candidates.retain(|(score, _)| *score >= worth);
+    let mut finds: Vec<[f32; MOVES]> = Vec::new();
+    for (_, at) in candidates {
+        let differs = |other: &[f32; MOVES]| {
+            let apart = at.iter().zip(other).map(|(a, b)| (a - b).abs());
+            apart.fold(0.0, f32::max) > apart_px as f32
+        };
+        if finds.len() < FINDS && finds.iter().all(differs) {
+            finds.push(at);
+        }
     }
+    if finds.is_empty() {
+        finds.push([0.0; MOVES]);
+    }
+    finds
+        .into_iter()
+        .map(|at| Moves {
+            by_px: std::array::from_fn(|k| f64::from(at[k])),
+            excess: excess(evidence, &ends, at),
+        })
+        .collect()
 }
 
 fn shifts(ends: &Ends, moves: [f32; MOVES]) -> [f32; 2] {
