@@ -9,7 +9,7 @@
 //! Does not guarantee that all distances that remain are larger.
 
 use glam::{DVec3, I64Vec3};
-use ravec_mesh::{Aabb, BoxTree};
+use ravec_mesh::Aabb;
 use ravec_progress::{Cancelled, Progress};
 use rustc_hash::FxHashMap;
 
@@ -122,7 +122,7 @@ fn put_vertices_in(
     is_chosen: &[bool],
     progress: &Progress,
 ) -> Result<Soup, Cancelled> {
-    let tree = BoxTree::try_new(&soup.mesh(), progress)?;
+    let tree = soup.tree(progress)?;
     // for each vertex the triangles that it might be put into: parts of them stay within the reach of their boxes
     let mut near_of: Vec<(u32, Vec<u32>)> = Vec::new();
     for (v, &p) in soup.positions.iter().enumerate() {
@@ -137,9 +137,11 @@ fn put_vertices_in(
             };
             let mut near = Vec::new();
             let mut is_near = false;
-            tree.for_each_touching(&around, |t| {
-                near.push(t);
-                is_near |= !soup.triangles[t as usize].contains(&v);
+            tree.for_each_near(&around, |t| {
+                if Aabb::around(soup.corners(t)).touches(&around) {
+                    near.push(t);
+                    is_near |= !soup.triangles[t as usize].contains(&v);
+                }
             });
             if is_near {
                 near_of.push((v, near));

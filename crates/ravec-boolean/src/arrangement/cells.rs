@@ -13,11 +13,11 @@
 use std::collections::VecDeque;
 
 use glam::{DVec2, DVec3};
-use ravec_mesh::{Aabb, BoxTree, Sign};
+use ravec_mesh::{Aabb, CandidateTree, Sign};
 use ravec_progress::{Cancelled, Progress};
 
 use super::contact::{flat, view};
-use super::cut::{Cover, Pieces};
+use super::cut::Pieces;
 use super::edges::{Edges, NONE, Use};
 use super::point::{Definition, Point, orient2d};
 use super::unions::Unions;
@@ -32,6 +32,9 @@ const WEIGHTS: [[f64; 3]; 6] = [
     [0.437, 0.411, 0.152],
     [0.117, 0.443, 0.440],
 ];
+
+/// Pieces between two looks at the progress: some milliseconds.
+const STRIDE: usize = 1 << 16;
 
 /// A side of a piece.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -71,8 +74,8 @@ pub(crate) struct Cells {
 
 /// How winding numbers grow from the front of a piece to its back, meshes ascending and none unchanged.
 fn change(pieces: &Pieces, piece: u32) -> Vec<(u32, i32)> {
-    let cover = pieces.list[piece as usize].cover.iter();
-    let mut list: Vec<(u32, i32)> = cover
+    let mut list: Vec<(u32, i32)> = pieces
+        .cover(piece)
         .map(|(triangle, same)| {
             let mesh = pieces.soup.sources[triangle as usize].mesh;
             (mesh, if same { 1 } else { -1 })
@@ -102,20 +105,18 @@ fn side_ahead(one: Use) -> Side {
 }
 
 impl Cells {
-    /// Finds the cells. `bvh` holds the triangles of the soup.
+    /// Finds the cells. `tree` holds the triangles of the soup.
     ///
     /// # Errors
     /// [`Cancelled`] soon after `progress` is.
-    pub fn of(pieces: &Pieces, bvh: &BoxTree, progress: &Progress) -> Result<Self, Cancelled> {
-        let matters: Vec<bool> = (0..pieces.list.len() as u32)
-            .map(|piece| match &pieces.list[piece as usize].cover {
-                Cover::One(_) => true,
-                Cover::Several(_) => !change(pieces, piece).is_empty(),
-            })
-            .collect();
-        let edges = Edges::of(pieces, |piece| matters[piece as usize]);
-        progress.check()?;
-        let (patch_of, firsts) = patches(pieces, &edges, &matters);
+    pub fn of(
+        pieces: &Pieces,
+        tree: &CandidateTree,
+        progress: &Progress,
+    ) -> Result<Self, Cancelled> {
+        let matters = |piece: u32| pieces.has_one_cover(piece) || !change(pieces, piece).is_empty();
+        let edges = Edges::of(pieces, matters, progress)?;
+        let (patch_of, firsts) = patches(pieces, &edges, matters, progress)?;
         let mut sides = Unions::new(1 + 2 * firsts.len());
         let mut parts = Unions::new(firsts.len());
         for (_, uses) in &edges.junctions {
@@ -129,8 +130,7 @@ impl Cells {
         progress.check()?;
         let mut rays = Rays {
             pieces,
-            bvh,
-            bounds: bvh.bounds(),
+            tree,
             patch_of: &patch_of,
             sides: &mut sides,
         };
@@ -231,13 +231,18 @@ impl Cells {
 }
 
 /// Collects pieces over edges of two into patches; gives the patch of each piece and the first piece of each patch.
-fn patches(pieces: &Pieces, edges: &Edges, matters: &[bool]) -> (Vec<(u32, bool)>, Vec<u32>) {
-    let list = &pieces.list;
-    let mut patch_of = vec![(NONE, false); list.len()];
+fn patches(
+    pieces: &Pieces,
+    edges: &Edges,
+    matters: impl Fn(u32) -> bool,
+    progress: &Progress,
+) -> Result<(Vec<(u32, bool)>, Vec<u32>), Cancelled> {
+    let mut patch_of = vec![(NONE, false); pieces.end() as usize];
     let mut firsts = Vec::new();
     let mut stack = Vec::new();
-    for first in 0..list.len() as u32 {
-        if !matters[first as usize] || patch_of[first as usize].0 != NONE {
+    let mut steps = 0_usize;
+    for first in pieces.all() {
+        if patch_of[first as usize].0 != NONE || !matters(first) {
             continue;
         }
         let patch = firsts.len() as u32;
@@ -245,7 +250,11 @@ fn patches(pieces: &Pieces, edges: &Edges, matters: &[bool]) -> (Vec<(u32, bool)
         patch_of[first as usize] = (patch, false);
         stack.push(first);
         while let Some(piece) = stack.pop() {
-            let corners = list[piece as usize].corners;
+            steps += 1;
+            if steps.is_multiple_of(STRIDE) {
+                progress.check()?;
+            }
+            let corners = pieces.corners(piece);
             let against = patch_of[piece as usize].1;
             for (side, next) in edges.across[piece as usize].into_iter().enumerate() {
                 if next == NONE || patch_of[next as usize].0 != NONE {
@@ -253,21 +262,20 @@ fn patches(pieces: &Pieces, edges: &Edges, matters: &[bool]) -> (Vec<(u32, bool)
                 }
                 // neighbors that run through their edge in one direction are turned against each other
                 let (a, b) = (corners[side], corners[(side + 1) % 3]);
-                let n = list[next as usize].corners;
+                let n = pieces.corners(next);
                 let same_way = (0..3).any(|i| n[i] == a && n[(i + 1) % 3] == b);
                 patch_of[next as usize] = (patch, against != same_way);
                 stack.push(next);
             }
         }
     }
-    (patch_of, firsts)
+    Ok((patch_of, firsts))
 }
 
 /// Rays that tie the parts of the surface to what is around them.
 struct Rays<'a> {
     pieces: &'a Pieces<'a>,
-    bvh: &'a BoxTree,
-    bounds: Aabb,
+    tree: &'a CandidateTree,
     patch_of: &'a [(u32, bool)],
     sides: &'a mut Unions,
 }
@@ -306,16 +314,12 @@ impl Rays<'_> {
     }
 
     fn rounded(&self, piece: u32) -> [DVec3; 3] {
-        let corners = self.pieces.list[piece as usize].corners;
+        let corners = self.pieces.corners(piece);
         corners.map(|name| self.pieces.places.rounded(name))
     }
 
     fn plane(&self, piece: u32) -> [DVec3; 3] {
-        let cover = &self.pieces.list[piece as usize].cover;
-        let (triangle, _) = cover
-            .iter()
-            .next()
-            .expect("a piece is covered by something");
+        let (triangle, _) = self.pieces.first_cover(piece);
         self.pieces.soup.corners(triangle)
     }
 
@@ -333,7 +337,7 @@ impl Rays<'_> {
         let (i, j) = ((axis + 1) % 3, (axis + 2) % 3);
         let places = &self.pieces.places;
         let grid = places.grid();
-        let bounds = self.bounds;
+        let bounds = self.tree.bounds();
         let mut line = [DVec3::ZERO; 2];
         for end in &mut line {
             end[i] = grid.snap(at.x);
@@ -358,9 +362,8 @@ impl Rays<'_> {
         tower.min[axis] = hits[0].0.near[axis].lo;
         tower.max[axis] = bounds.max[axis];
         let mut candidates = Vec::new();
-        self.bvh.for_each_touching(&tower, |triangle| {
-            let [from, to] = self.pieces.of_triangle[triangle as usize];
-            candidates.extend(from..to);
+        self.tree.for_each_near(&tower, |triangle| {
+            candidates.extend(self.pieces.of_triangle(triangle));
         });
         candidates.sort_unstable();
         candidates.dedup();
@@ -399,7 +402,7 @@ impl Rays<'_> {
     fn passes(&self, piece: u32, foot: &Point, axis: usize) -> Option<Option<Side>> {
         let (i, j) = ((axis + 1) % 3, (axis + 2) % 3);
         let places = &self.pieces.places;
-        let corners = self.pieces.list[piece as usize].corners;
+        let corners = self.pieces.corners(piece);
         let held = corners.map(|name| match places.made(name) {
             Some(point) => point.clone(),
             None => Point::at(places.given()[name as usize]),

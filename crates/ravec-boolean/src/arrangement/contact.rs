@@ -8,7 +8,7 @@
 use glam::{DVec2, DVec3};
 use ravec_mesh::{OrientedPlane, Sign, orient2d, orient3d};
 
-use super::soup::Soup;
+use super::soup::Facet;
 
 /// A point where triangles meet, by what it is made of. One place may have several such names.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -96,12 +96,12 @@ fn are_side_by_side(
         })
 }
 
-/// How triangles `a` and `b` meet; `None` if they share at most corners and an edge.
-pub(crate) fn contact(soup: &Soup, a: u32, b: u32) -> Option<Contact> {
-    let (s, t) = (soup.triangles[a as usize], soup.triangles[b as usize]);
+/// How two triangles meet; `None` if they share at most corners and an edge.
+pub(crate) fn contact(a: &Facet, b: &Facet) -> Option<Contact> {
+    let (s, t) = (a.vertices, b.vertices);
     let shared_s = s.map(|v| t.contains(&v));
     let shared_t = t.map(|v| s.contains(&v));
-    let (p, q) = (soup.corners(a), soup.corners(b));
+    let (p, q) = (a.corners, b.corners);
     let plane = OrientedPlane::through(p[0], p[1], p[2]);
     if are_side_by_side(plane.normal(), (p, shared_s), (q, shared_t)) {
         return None;
@@ -121,7 +121,7 @@ pub(crate) fn contact(soup: &Soup, a: u32, b: u32) -> Option<Contact> {
         return None;
     }
     if sides_of_t == [Sign::Zero; 3] {
-        return overlap(soup, a, b).then_some(Contact::Coplanar);
+        return overlap(a, b).then_some(Contact::Coplanar);
     }
     let plane = OrientedPlane::through(q[0], q[1], q[2]);
     let sides_of_s: [Sign; 3] = std::array::from_fn(|i| {
@@ -135,8 +135,8 @@ pub(crate) fn contact(soup: &Soup, a: u32, b: u32) -> Option<Contact> {
         return None;
     }
     let mut ends = Ends::default();
-    gather(soup, a, b, sides_of_s, shared_s, &mut ends);
-    gather(soup, b, a, sides_of_t, shared_t, &mut ends);
+    gather(a, b, sides_of_s, shared_s, &mut ends);
+    gather(b, a, sides_of_t, shared_t, &mut ends);
     match ends.found {
         [Some(first), Some(second)] => Some(Contact::Segment(first.min(second), first.max(second))),
         [Some(Crossing::Vertex(v)), None] if s.contains(&v) && t.contains(&v) => None,
@@ -146,9 +146,9 @@ pub(crate) fn contact(soup: &Soup, a: u32, b: u32) -> Option<Contact> {
 }
 
 /// The points of the border of `a` that lie in `b`, given on which sides of the plane of `b` the corners of `a` are.
-fn gather(soup: &Soup, a: u32, b: u32, sides: [Sign; 3], shared: [bool; 3], ends: &mut Ends) {
-    let (s, t) = (soup.triangles[a as usize], soup.triangles[b as usize]);
-    let (p, q) = (soup.corners(a), soup.corners(b));
+fn gather(a: &Facet, b: &Facet, sides: [Sign; 3], shared: [bool; 3], ends: &mut Ends) {
+    let (s, t) = (a.vertices, b.vertices);
+    let (p, q) = (a.corners, b.corners);
     for i in 0..3 {
         if sides[i] == Sign::Zero && (shared[i] || holds(q, p[i])) {
             ends.add(Crossing::Vertex(s[i]));
@@ -164,7 +164,7 @@ fn gather(soup: &Soup, a: u32, b: u32, sides: [Sign; 3], shared: [bool; 3], ends
         let e = edge(s[i], s[j]);
         let zero = |k: usize| around[k] == Sign::Zero;
         ends.add(match [zero(0), zero(1), zero(2)] {
-            [false, false, false] => Crossing::EdgeTriangle(e, b),
+            [false, false, false] => Crossing::EdgeTriangle(e, b.triangle),
             [true, true, _] => Crossing::Vertex(t[1]),
             [_, true, true] => Crossing::Vertex(t[2]),
             [true, _, true] => Crossing::Vertex(t[0]),
@@ -204,10 +204,14 @@ fn holds(triangle: [DVec3; 3], point: DVec3) -> bool {
 }
 
 /// Whether two triangles in one plane meet in more than the corners and the edge that they share.
-fn overlap(soup: &Soup, a: u32, b: u32) -> bool {
-    let (mut s, mut t) = (soup.triangles[a as usize], soup.triangles[b as usize]);
-    let axis = view(soup.corners(a));
-    let at = |v: u32| flat(soup.positions[v as usize], axis);
+fn overlap(a: &Facet, b: &Facet) -> bool {
+    let (mut s, mut t) = (a.vertices, b.vertices);
+    let axis = view(a.corners);
+    let at = |v: u32| {
+        let named = |f: &Facet| f.vertices.iter().position(|&w| w == v);
+        let place = named(a).map_or_else(|| named(b).map(|i| b.corners[i]), |i| Some(a.corners[i]));
+        flat(place.expect("asked of corners alone"), axis)
+    };
     for corners in [&mut s, &mut t] {
         if orient2d(at(corners[0]), at(corners[1]), at(corners[2])) == Sign::Negative {
             corners.swap(1, 2);
@@ -259,6 +263,7 @@ fn segments_touch_beyond(at: &impl Fn(u32) -> DVec2, [u, v]: [u32; 2], [w, x]: [
 
 #[cfg(test)]
 mod tests {
+    use super::super::soup::Soup;
     use super::*;
     use crate::closing::Closing;
     use proptest::prelude::*;
@@ -273,6 +278,16 @@ mod tests {
         Soup::of(&[&mesh], &[Closing::default()], &Progress::none()).unwrap()
     }
 
+    /// How triangles `a` and `b` of a soup meet.
+    fn met(soup: &Soup, a: u32, b: u32) -> Option<Contact> {
+        let [a, b] = [a, b].map(|triangle| Facet {
+            triangle,
+            vertices: soup.triangles[triangle as usize],
+            corners: soup.corners(triangle),
+        });
+        contact(&a, &b)
+    }
+
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(20_000))]
         #[test]
@@ -282,7 +297,7 @@ mod tests {
             if soup.triangles.len() < 2 {
                 return Ok(());
             }
-            let found = contact(&soup, 0, 1);
+            let found = met(&soup, 0, 1);
             let kind = intersection(&soup.corners(0), &soup.corners(1));
             match kind {
                 TriTri::Disjoint | TriTri::Neighbors => prop_assert_eq!(found, None),
@@ -290,7 +305,7 @@ mod tests {
                 TriTri::Crossing | TriTri::Touch => prop_assert!(found.is_some()),
             }
             // the same whoever comes first
-            prop_assert_eq!(found.is_some(), contact(&soup, 1, 0).is_some());
+            prop_assert_eq!(found.is_some(), met(&soup, 1, 0).is_some());
         }
     }
 
@@ -305,7 +320,7 @@ mod tests {
             [1, 1, 1],
             [1, -9, 0],
         ]);
-        let found = contact(&soup, 0, 1);
+        let found = met(&soup, 0, 1);
         let expected = Contact::Segment(
             Crossing::EdgeTriangle([0, 1], 1),
             Crossing::EdgeTriangle([3, 4], 0),

@@ -4,11 +4,16 @@ use std::cmp::Ordering;
 
 use glam::DVec3;
 use ravec_mesh::Sign;
+use ravec_progress::{Cancelled, Progress};
+use rayon::prelude::*;
 
 use super::cut::Pieces;
 use super::exact::{self, Grid};
 use super::interval::Interval;
 use super::point::{self, Point};
+
+/// Pieces or vertices between two looks at the progress: some milliseconds.
+const STRIDE: usize = 1 << 16;
 
 /// A piece at an edge.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -32,40 +37,45 @@ pub(crate) const NONE: u32 = u32::MAX;
 
 impl Edges {
     /// The edges of those pieces for which `asked` is true.
-    pub fn of(pieces: &Pieces, asked: impl Fn(u32) -> bool) -> Self {
-        let list = &pieces.list;
+    ///
+    /// # Errors
+    /// [`Cancelled`] soon after `progress` is.
+    pub fn of(
+        pieces: &Pieces,
+        asked: impl Fn(u32) -> bool,
+        progress: &Progress,
+    ) -> Result<Self, Cancelled> {
         let names = pieces.places.given().len() + pieces.places.made.len();
-        // sides by their lower end
-        let mut starts = vec![0_u32; names + 1];
-        let sides = |piece: u32| {
-            let c = list[piece as usize].corners;
-            [[c[0], c[1]], [c[1], c[2]], [c[2], c[0]]]
-        };
-        let alive: Vec<u32> = (0..list.len() as u32).filter(|&p| asked(p)).collect();
-        for &piece in &alive {
-            for [a, b] in sides(piece) {
-                starts[a.min(b) as usize] += 1;
+        let ends = |corners: [u32; 3], side: usize| (corners[side], corners[(side + 1) % 3]);
+        // Sides are three times the piece plus the side. Those with the same lower end are in a list that starts here, and
+        // goes on where later stands what is across.
+        let mut starts = vec![NONE; names];
+        let mut across = vec![[NONE; 3]; pieces.end() as usize];
+        for (at, piece) in pieces.all().filter(|&piece| asked(piece)).enumerate() {
+            if at % STRIDE == 0 {
+                progress.check()?;
+            }
+            let corners = pieces.corners(piece);
+            for side in 0..3 {
+                let (a, b) = ends(corners, side);
+                let start = &mut starts[a.min(b) as usize];
+                across[piece as usize][side] = std::mem::replace(start, 3 * piece + side as u32);
             }
         }
-        let mut sum = 0;
-        for start in &mut starts {
-            sum += std::mem::replace(start, sum);
-        }
-        // higher end, and three times the piece plus the side
-        let mut at_lower = vec![(0_u32, 0_u32); sum as usize];
-        for &piece in &alive {
-            for (side, [a, b]) in sides(piece).into_iter().enumerate() {
-                let slot = &mut starts[a.min(b) as usize];
-                at_lower[*slot as usize] = (a.max(b), 3 * piece + side as u32);
-                *slot += 1;
-            }
-        }
-        let mut across = vec![[NONE; 3]; list.len()];
         let mut junctions = Vec::new();
-        let mut from = 0;
-        for (lower, &to) in starts.iter().enumerate().take(names) {
-            let here = &mut at_lower[from as usize..to as usize];
-            from = to;
+        // higher end and side
+        let mut here: Vec<(u32, u32)> = Vec::new();
+        for (lower, mut side) in (0_u32..).zip(starts) {
+            if lower as usize % STRIDE == 0 {
+                progress.check()?;
+            }
+            here.clear();
+            while side != NONE {
+                let (piece, k) = (side / 3, (side % 3) as usize);
+                let (a, b) = ends(pieces.corners(piece), k);
+                here.push((a.max(b), side));
+                side = std::mem::replace(&mut across[piece as usize][k], NONE);
+            }
             here.sort_unstable();
             for group in here.chunk_by(|a, b| a.0 == b.0) {
                 match group {
@@ -77,23 +87,25 @@ impl Edges {
                     _ => {
                         let uses = group.iter().map(|&(_, side)| Use {
                             piece: side / 3,
-                            forward: sides(side / 3)[(side % 3) as usize][0] == lower as u32,
+                            forward: pieces.corners(side / 3)[(side % 3) as usize] == lower,
                         });
-                        junctions.push(([lower as u32, group[0].0], uses.collect()));
+                        junctions.push(([lower, group[0].0], uses.collect()));
                     }
                 }
             }
         }
         let mut edges = Self { across, junctions };
-        edges.sort_around(pieces);
-        edges
+        progress.check()?;
+        edges.sort_around(pieces, progress)?;
+        Ok(edges)
     }
 
-    fn sort_around(&mut self, pieces: &Pieces) {
-        use rayon::prelude::*;
-        self.junctions
-            .par_iter_mut()
-            .for_each(|(ends, uses)| Around::new(pieces, *ends).sort(uses));
+    fn sort_around(&mut self, pieces: &Pieces, progress: &Progress) -> Result<(), Cancelled> {
+        self.junctions.par_iter_mut().try_for_each(|(ends, uses)| {
+            progress.check()?;
+            Around::new(pieces, *ends).sort(uses);
+            Ok(())
+        })
     }
 }
 
@@ -143,12 +155,7 @@ impl<'a> Around<'a> {
 
     /// The half-plane of a piece.
     fn half_plane(&self, one: Use) -> HalfPlane {
-        let piece = &self.pieces.list[one.piece as usize];
-        let (triangle, same) = piece
-            .cover
-            .iter()
-            .next()
-            .expect("a piece is covered by something");
+        let (triangle, same) = self.pieces.first_cover(one.piece);
         let with = same == one.forward;
         let [a, b, c] = self.pieces.soup.corners(triangle);
         let plane = if with { [a, b, c] } else { [a, c, b] };

@@ -1,10 +1,10 @@
 //! All triangles of all meshes in one list, with one vertex for each place.
 
 use glam::DVec3;
-use ravec_mesh::{OrientedPlane, TriMesh};
+use ravec_mesh::{CandidateTree, OrientedPlane, TriMesh};
 use ravec_progress::{Cancelled, Progress};
-use rustc_hash::FxHashMap;
 
+use super::same_place::first_at_place;
 use crate::closing::Closing;
 
 /// Vertices or triangles between two looks at the progress: some milliseconds.
@@ -20,6 +20,20 @@ pub(crate) struct Source {
     pub mesh: u32,
     /// Index of the triangle in the mesh; beyond its triangles, those that close it.
     pub triangle: u32,
+}
+
+/// A triangle with its name, and what its corners are.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Facet {
+    pub triangle: u32,
+    pub vertices: [u32; 3],
+    pub corners: [DVec3; 3],
+}
+
+/// A place as exact tests take it.
+pub(crate) fn testable(p: DVec3) -> DVec3 {
+    // adding zero makes the two zeros one
+    DVec3::select(p.abs().cmplt(DVec3::splat(SMALLEST)), DVec3::ZERO, p) + DVec3::ZERO
 }
 
 /// All triangles that have an area, over vertices of which no two are at one place.
@@ -51,24 +65,17 @@ impl Soup {
             sources: Vec::with_capacity(triangles),
             meshes: meshes.len(),
         };
-        let mut vertex_at = FxHashMap::default();
-        vertex_at.reserve(positions);
-        let mut vertices = Vec::new();
-        for (index, (mesh, closing)) in meshes.iter().zip(closings).enumerate() {
-            vertices.clear();
-            for (at, &p) in mesh.positions().iter().enumerate() {
-                if at % STRIDE == 0 {
-                    progress.check()?;
-                }
-                // adding zero makes the two zeros one
-                let p = DVec3::select(p.abs().cmplt(DVec3::splat(SMALLEST)), DVec3::ZERO, p)
-                    + DVec3::ZERO;
-                let key = p.to_array().map(f64::to_bits);
-                vertices.push(*vertex_at.entry(key).or_insert_with(|| {
-                    soup.positions.push(p);
-                    (soup.positions.len() - 1) as u32
-                }));
+        for mesh in meshes {
+            for part in mesh.positions().chunks(STRIDE) {
+                progress.check()?;
+                soup.positions.extend(part.iter().copied().map(testable));
             }
+        }
+        let names = one_for_each_place(&mut soup.positions, progress)?;
+        let mut first = 0;
+        for (index, (mesh, closing)) in meshes.iter().zip(closings).enumerate() {
+            let names = &names[first..][..mesh.positions().len()];
+            first += names.len();
             let all = mesh.triangles().iter().chain(&closing.triangles);
             for (triangle, corners) in all.enumerate() {
                 if triangle % STRIDE == 0 {
@@ -78,7 +85,7 @@ impl Soup {
                     mesh: index as u32,
                     triangle: triangle as u32,
                 };
-                soup.push(corners.map(|v| vertices[v as usize]), source);
+                soup.push(corners.map(|v| names[v as usize]), source);
             }
         }
         Ok(soup)
@@ -93,21 +100,28 @@ impl Soup {
         }
     }
 
-    /// The same triangles as a mesh.
-    pub fn mesh(&self) -> TriMesh {
-        TriMesh::new(self.positions.clone(), self.triangles.clone())
-            .expect("a soup has finite positions, and its corners are among them")
+    /// A search structure over the triangles.
+    ///
+    /// # Errors
+    /// [`Cancelled`] soon after `progress` is.
+    pub fn tree(&self, progress: &Progress) -> Result<CandidateTree, Cancelled> {
+        CandidateTree::try_new(self.triangles.len(), |t| self.corners(t), progress)
     }
 
     /// Adds a triangle if it has an area.
     pub fn push(&mut self, corners: [u32; 3], source: Source) {
-        let [a, b, c] = corners.map(|v| self.positions[v as usize]);
-        let distinct =
-            corners[0] != corners[1] && corners[1] != corners[2] && corners[2] != corners[0];
-        if distinct && !OrientedPlane::through(a, b, c).is_degenerate() {
+        if self.has_area(corners) {
             self.triangles.push(corners);
             self.sources.push(source);
         }
+    }
+
+    /// Whether a triangle with these corners has an area, exactly.
+    pub fn has_area(&self, corners: [u32; 3]) -> bool {
+        let [a, b, c] = corners.map(|v| self.positions[v as usize]);
+        let distinct =
+            corners[0] != corners[1] && corners[1] != corners[2] && corners[2] != corners[0];
+        distinct && !OrientedPlane::through(a, b, c).is_degenerate()
     }
 
     /// The places of the corners of a triangle.
@@ -115,4 +129,29 @@ impl Soup {
     pub fn corners(&self, triangle: u32) -> [DVec3; 3] {
         self.triangles[triangle as usize].map(|v| self.positions[v as usize])
     }
+}
+
+/// Leaves only the first of the positions at each place, in their order, and gives for each of those that were there the number
+/// of the one that is left.
+///
+/// # Errors
+/// [`Cancelled`] soon after `progress` is.
+pub(crate) fn one_for_each_place(
+    positions: &mut Vec<DVec3>,
+    progress: &Progress,
+) -> Result<Vec<u32>, Cancelled> {
+    let mut names = first_at_place(positions, progress)?;
+    let mut left = 0;
+    for at in 0..names.len() {
+        let first = names[at] as usize;
+        names[at] = if first == at {
+            positions[left] = positions[at];
+            left += 1;
+            left as u32 - 1
+        } else {
+            names[first]
+        };
+    }
+    positions.truncate(left);
+    Ok(names)
 }

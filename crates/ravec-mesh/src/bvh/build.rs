@@ -48,7 +48,7 @@ pub(super) enum Effort {
 /// The box of one triangle.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Prim {
-    bounds: LocalBox,
+    pub bounds: LocalBox,
     pub triangle: u32,
 }
 
