@@ -9,7 +9,7 @@ use glam::DVec3;
 use ravec_progress::{Cancelled, Progress};
 use rustc_hash::FxHashMap;
 
-use crate::arrangement::{Edges, Pieces};
+use crate::arrangement::{Edges, Neighbor, Pieces};
 use crate::select::{Draft, Parent};
 
 const NONE: u32 = u32::MAX;
@@ -138,13 +138,13 @@ pub(crate) fn finish(
         for &(a, b) in &free {
             for (one, other) in [(a, b), (b, a)] {
                 if let Some(side) = side(one.piece, one.forward) {
-                    across[one.piece as usize][side] = other.piece;
+                    across[one.piece as usize][side] = Neighbor::new(other.piece, false);
                 }
             }
         }
         pairs.push(free);
     }
-    closed &= across.iter().flatten().all(|&other| other != NONE);
+    closed &= across.iter().flatten().all(|other| other.piece().is_some());
 
     let mut triangles = vec![[NONE; 3]; list.len()];
     let mut vertex_taken = vec![false; pieces.places.given().len()];
@@ -170,10 +170,9 @@ pub(crate) fn finish(
                 loop {
                     triangles[p][c] = vertex;
                     let side = if forward { c } else { (c + 2) % 3 };
-                    let next = across[p][side];
-                    if next == NONE {
+                    let Some(next) = across[p][side].piece() else {
                         break;
-                    }
+                    };
                     p = next as usize;
                     let Some(at) = list[p].iter().position(|&x| x == name) else {
                         break;
@@ -209,8 +208,9 @@ pub(crate) fn finish(
         if piece % STRIDE == 0 {
             progress.check()?;
         }
-        for (side, &other) in over.iter().enumerate() {
-            if other != NONE && other as usize > piece && differ(piece as u32, other) {
+        for (side, other) in over.iter().enumerate() {
+            let later = other.piece().filter(|&other| other as usize > piece);
+            if later.is_some_and(|other| differ(piece as u32, other)) {
                 let corners = triangles[piece];
                 features.push([corners[side], corners[(side + 1) % 3]]);
             }

@@ -254,17 +254,15 @@ fn patches(
             if steps.is_multiple_of(STRIDE) {
                 progress.check()?;
             }
-            let corners = pieces.corners(piece);
             let against = patch_of[piece as usize].1;
-            for (side, next) in edges.across[piece as usize].into_iter().enumerate() {
-                if next == NONE || patch_of[next as usize].0 != NONE {
+            for neighbor in edges.across[piece as usize] {
+                let Some(next) = neighbor.piece() else {
+                    continue;
+                };
+                if patch_of[next as usize].0 != NONE {
                     continue;
                 }
-                // neighbors that run through their edge in one direction are turned against each other
-                let (a, b) = (corners[side], corners[(side + 1) % 3]);
-                let n = pieces.corners(next);
-                let same_way = (0..3).any(|i| n[i] == a && n[(i + 1) % 3] == b);
-                patch_of[next as usize] = (patch, against != same_way);
+                patch_of[next as usize] = (patch, against != neighbor.is_turned());
                 stack.push(next);
             }
         }

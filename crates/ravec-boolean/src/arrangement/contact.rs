@@ -70,14 +70,58 @@ fn strictly_apart(signs: [Sign; 3], shared: [bool; 3]) -> bool {
     first.is_none_or(|f| f != Sign::Zero && own.all(|s| s == f))
 }
 
+/// The rounding of the two products in [`are_clearly_apart`], relative to the product of the largest components of what goes
+/// into them, which are differences of coordinates and a sum of such: 132 and 12 roundings of half an ulp. Smaller is wrong, larger
+/// asks other tests more often.
+const EDGE_FILTER: f64 = 2e-14;
+const VERTEX_FILTER: f64 = 2e-15;
+
+/// Products below this may have lost digits to underflow.
+const TINY: f64 = 1e-290;
+
+/// Whether two triangles that share one or two corners are seen at once to meet in nothing else. That holds for nearly all
+/// neighbors, whether they lie in one plane or not.
+fn are_clearly_apart(
+    shared: usize,
+    (p, shared_p): ([DVec3; 3], [bool; 3]),
+    (q, shared_q): ([DVec3; 3], [bool; 3]),
+) -> bool {
+    let index = |shared: [bool; 3], is: bool| shared.iter().position(|&s| s == is).unwrap_or(0);
+    let size = |v: DVec3| v.abs().max_element();
+    match shared {
+        // Seen from a corner, all of one is on one side of a plane, all of the other on the other side. The plane halves the
+        // directions to their middles; any plane would do.
+        1 => {
+            let (i, j) = (index(shared_p, true), index(shared_q, true));
+            let at = p[i];
+            let [p, q] = [(p, i), (q, j)].map(|(t, i)| [1, 2].map(|k| t[(i + k) % 3] - at));
+            let normal = (q[0] + q[1]) - (p[0] + p[1]);
+            let limit = VERTEX_FILTER * size(normal);
+            let height = |v: DVec3| (normal.dot(v), (limit * size(v)).max(TINY));
+            p.into_iter().map(height).all(|(at, limit)| at < -limit)
+                && q.into_iter().map(height).all(|(at, limit)| at > limit)
+        }
+        // Half-planes on either side of an edge would have one normal if they were one.
+        2 => {
+            let (i, j) = (index(shared_p, false), index(shared_q, false));
+            let at = p[(i + 1) % 3];
+            let edge = p[(i + 2) % 3] - at;
+            let (p, q) = (p[i] - at, q[j] - at);
+            let limit = EDGE_FILTER * (size(edge) * size(p)) * (size(edge) * size(q));
+            edge.cross(p).dot(edge.cross(q)) < -limit.max(TINY)
+        }
+        _ => false,
+    }
+}
+
 /// Whether a side of `p` at its shared corners parts two triangles as they are seen along the normal of `p`. That holds for
 /// nearly all neighbors, and without asking how far they are from lying in one plane.
 fn are_side_by_side(
     normal: DVec3,
+    shared: usize,
     (p, shared_p): ([DVec3; 3], [bool; 3]),
     (q, shared_q): ([DVec3; 3], [bool; 3]),
 ) -> bool {
-    let shared = shared_p.iter().filter(|&&s| s).count();
     if shared == 0 || shared == 3 {
         return false;
     }
@@ -101,9 +145,13 @@ pub(crate) fn contact(a: &Facet, b: &Facet) -> Option<Contact> {
     let (s, t) = (a.vertices, b.vertices);
     let shared_s = s.map(|v| t.contains(&v));
     let shared_t = t.map(|v| s.contains(&v));
+    let shared = shared_s.iter().filter(|&&s| s).count();
     let (p, q) = (a.corners, b.corners);
+    if are_clearly_apart(shared, (p, shared_s), (q, shared_t)) {
+        return None;
+    }
     let plane = OrientedPlane::through(p[0], p[1], p[2]);
-    if are_side_by_side(plane.normal(), (p, shared_s), (q, shared_t)) {
+    if are_side_by_side(plane.normal(), shared, (p, shared_s), (q, shared_t)) {
         return None;
     }
     let sides_of_t: [Sign; 3] = std::array::from_fn(|i| {
@@ -113,7 +161,6 @@ pub(crate) fn contact(a: &Facet, b: &Facet) -> Option<Contact> {
             plane.side(q[i])
         }
     });
-    let shared = shared_s.iter().filter(|&&s| s).count();
     if shared == 3 {
         return Some(Contact::Coplanar);
     }

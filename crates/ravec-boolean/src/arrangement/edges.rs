@@ -23,16 +23,42 @@ pub(crate) struct Use {
     pub forward: bool,
 }
 
+/// What is over a side of a piece.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Neighbor(u32);
+
+impl Neighbor {
+    /// Nothing, or more than one piece.
+    pub const NONE: Self = Self(NONE);
+
+    /// A piece. It `is_turned` if both run through the common edge in one direction.
+    pub fn new(piece: u32, is_turned: bool) -> Self {
+        Self(piece << 1 | u32::from(is_turned))
+    }
+
+    /// The piece, if there is just one.
+    #[inline]
+    pub fn piece(self) -> Option<u32> {
+        (self != Self::NONE).then_some(self.0 >> 1)
+    }
+
+    /// Whether it is turned against the piece that it is the neighbor of.
+    #[inline]
+    pub fn is_turned(self) -> bool {
+        self.0 & 1 == 1
+    }
+}
+
 /// The edges of all pieces that were asked for.
 pub(crate) struct Edges {
     /// For each piece the one over each side, if just two meet there. Sides begin at the corner of the same index.
-    pub across: Vec<[u32; 3]>,
+    pub across: Vec<[Neighbor; 3]>,
     /// The other edges with more than one piece: their ends and their pieces, counter-clockwise as seen when looking
     /// from the higher end towards the lower.
     pub junctions: Vec<([u32; 2], Vec<Use>)>,
 }
 
-/// Nothing across, or more than one.
+/// No number.
 pub(crate) const NONE: u32 = u32::MAX;
 
 impl Edges {
@@ -49,8 +75,9 @@ impl Edges {
         let ends = |corners: [u32; 3], side: usize| (corners[side], corners[(side + 1) % 3]);
         // Sides are three times the piece plus the side. Those with the same lower end are in a list that starts here, and
         // goes on where later stands what is across.
+        let (listed, next) = (Neighbor, |neighbor: Neighbor| neighbor.0);
         let mut starts = vec![NONE; names];
-        let mut across = vec![[NONE; 3]; pieces.end() as usize];
+        let mut across = vec![[Neighbor::NONE; 3]; pieces.end() as usize];
         for (at, piece) in pieces.all().filter(|&piece| asked(piece)).enumerate() {
             if at % STRIDE == 0 {
                 progress.check()?;
@@ -59,12 +86,13 @@ impl Edges {
             for side in 0..3 {
                 let (a, b) = ends(corners, side);
                 let start = &mut starts[a.min(b) as usize];
-                across[piece as usize][side] = std::mem::replace(start, 3 * piece + side as u32);
+                across[piece as usize][side] =
+                    listed(std::mem::replace(start, 3 * piece + side as u32));
             }
         }
         let mut junctions = Vec::new();
-        // higher end and side
-        let mut here: Vec<(u32, u32)> = Vec::new();
+        // higher end, side, and whether it runs towards that end
+        let mut here: Vec<(u32, u32, bool)> = Vec::new();
         for (lower, mut side) in (0_u32..).zip(starts) {
             if lower as usize % STRIDE == 0 {
                 progress.check()?;
@@ -73,21 +101,26 @@ impl Edges {
             while side != NONE {
                 let (piece, k) = (side / 3, (side % 3) as usize);
                 let (a, b) = ends(pieces.corners(piece), k);
-                here.push((a.max(b), side));
-                side = std::mem::replace(&mut across[piece as usize][k], NONE);
+                here.push((a.max(b), side, a == lower));
+                side = next(std::mem::replace(
+                    &mut across[piece as usize][k],
+                    Neighbor::NONE,
+                ));
             }
             here.sort_unstable();
             for group in here.chunk_by(|a, b| a.0 == b.0) {
                 match group {
                     [_] => {}
-                    [(_, one), (_, other)] => {
-                        across[(one / 3) as usize][(one % 3) as usize] = other / 3;
-                        across[(other / 3) as usize][(other % 3) as usize] = one / 3;
+                    [(_, one, up), (_, other, other_up)] => {
+                        for (one, other) in [(one, other), (other, one)] {
+                            across[(one / 3) as usize][(one % 3) as usize] =
+                                Neighbor::new(other / 3, up == other_up);
+                        }
                     }
                     _ => {
-                        let uses = group.iter().map(|&(_, side)| Use {
+                        let uses = group.iter().map(|&(_, side, forward)| Use {
                             piece: side / 3,
-                            forward: pieces.corners(side / 3)[(side % 3) as usize] == lower,
+                            forward,
                         });
                         junctions.push(([lower, group[0].0], uses.collect()));
                     }
