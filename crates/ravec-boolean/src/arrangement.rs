@@ -17,5 +17,5 @@ mod unions;
 
 pub(crate) use cells::{Cells, Side};
 pub(crate) use cut::{Pieces, contacts, cut, uncut};
-pub(crate) use edges::{Edges, Neighbor};
+pub(crate) use edges::{Edges, Turned};
 pub(crate) use soup::{Soup, one_for_each_place, testable};

@@ -5,7 +5,7 @@ use ravec_progress::{Cancelled, Progress};
 
 use crate::arrangement::{Cells, Edges, Pieces, Soup, cut, one_for_each_place, testable, uncut};
 use crate::closing::{Closing, close};
-use crate::examine::examine;
+use crate::examine::{degenerate, examine};
 use crate::expr::Expr;
 use crate::finish::{Finished, finish, split_edges};
 use crate::mend::mend;
@@ -67,9 +67,7 @@ pub fn boolean(
     let mut report = BooleanReport::default();
     let mut closings: Vec<Closing> = Vec::with_capacity(meshes.len());
     for mesh in meshes {
-        let closing = close(mesh, progress)?;
-        report.operands.push(examine(mesh, &closing, progress)?);
-        closings.push(closing);
+        closings.push(close(mesh, progress)?);
     }
     let expr = expr.pruned;
     let needed = expr.meshes();
@@ -87,12 +85,16 @@ pub fn boolean(
             Err(_) => &nothing,
         })
         .collect();
-    for (index, closing) in closings.iter_mut().enumerate() {
-        if needed.binary_search(&index).is_err() {
-            closing.triangles.clear();
-        }
-    }
     let given = Soup::of(&list, &closings, progress)?;
+    for (index, (mesh, closing)) in meshes.iter().zip(&closings).enumerate() {
+        let flat = match needed.binary_search(&index) {
+            Ok(_) => given.left_out[index],
+            Err(_) => degenerate(mesh),
+        };
+        report
+            .operands
+            .push(examine(mesh, closing, flat, progress)?);
+    }
     let largest = given.positions.iter().map(|p| p.abs().max_element());
     let ulp = largest.fold(0.0, f64::max) * f64::EPSILON;
     let mut soup = given;
@@ -131,7 +133,8 @@ pub fn boolean(
             let mesh = &meshes[source.mesh as usize];
             let own = mesh.triangles().get(source.triangle as usize);
             let is_as_given = own.is_some_and(|t| {
-                t.map(|v| mesh.positions()[v as usize]) == soup.corners(parent.triangle)
+                soup.is_as_given
+                    || t.map(|v| mesh.positions()[v as usize]) == soup.corners(parent.triangle)
             });
             Origin {
                 mesh: source.mesh,

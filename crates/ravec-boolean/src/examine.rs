@@ -3,7 +3,7 @@
 //! Cost: some tens of nanoseconds a triangle; a search structure over all triangles if a part is inside out.
 
 use glam::DVec3;
-use ravec_mesh::{Bvh, TriMesh, WindingNumbers, on_one_line};
+use ravec_mesh::{Bvh, OrientedPlane, TriMesh, WindingNumbers};
 use ravec_progress::{Cancelled, Progress};
 use rustc_hash::FxHashMap;
 
@@ -16,20 +16,13 @@ const STRIDE: usize = 1 << 16;
 /// A part with less volume than this share of a cube with its area is a sheet, of which nobody can say what is inside.
 const SOLID_REL: f64 = 1e-6;
 
-/// Says what is known about a mesh, except how often it meets itself.
+/// Says what is known about a mesh, `degenerate` triangles of which have no area, except how often it meets itself.
 pub(crate) fn examine(
     mesh: &TriMesh,
     closing: &Closing,
+    degenerate: u64,
     progress: &Progress,
 ) -> Result<OperandReport, Cancelled> {
-    let mut degenerate = 0;
-    for (chunk, triangles) in mesh.triangles().chunks(STRIDE).enumerate() {
-        progress.check()?;
-        for i in 0..triangles.len() {
-            let corners = mesh.corners((chunk * STRIDE + i) as u32);
-            degenerate += u64::from(has_no_area(corners));
-        }
-    }
     let reversed = reversed_parts(mesh, closing, progress)?;
     let cancelled = if closing.multiple_edges > 0 {
         progress.check()?;
@@ -50,13 +43,13 @@ pub(crate) fn examine(
     Ok(report)
 }
 
-/// Whether the corners are on one line, exactly.
-fn has_no_area([a, b, c]: [DVec3; 3]) -> bool {
-    let (ab, ac) = (b - a, c - a);
-    let normal = ab.cross(ac);
-    // rounding changes each coordinate of the normal by less than 8 ε times the product of the sides
-    let doubt = 8.0 * f64::EPSILON * ab.length() * ac.length();
-    normal.abs().max_element() <= doubt && on_one_line(a, b, c)
+/// The number of triangles without area.
+pub(crate) fn degenerate(mesh: &TriMesh) -> u64 {
+    let flat = (0..mesh.triangles().len() as u32).filter(|&triangle| {
+        let [a, b, c] = mesh.corners(triangle);
+        OrientedPlane::through(a, b, c).is_degenerate()
+    });
+    flat.count() as u64
 }
 
 /// Triangles of which there is another one that faces the opposite way, which takes away what they enclose.
@@ -111,7 +104,6 @@ fn reversed_parts(
     }
     let origin = mesh.bounds().center();
     let mut parts = vec![Part::default(); group.len()];
-    let mut of_triangle = Vec::with_capacity(all().count());
     for (i, t) in all().enumerate() {
         if i.is_multiple_of(STRIDE) {
             progress.check()?;
@@ -121,7 +113,6 @@ fn reversed_parts(
         let part = &mut parts[own as usize];
         part.volume += a.dot(b.cross(c)) / 6.0;
         part.area += 0.5 * (b - a).cross(c - a).length();
-        of_triangle.push(own);
     }
     if !parts.iter().any(Part::is_negative) {
         return Ok(Vec::new());
@@ -130,12 +121,10 @@ fn reversed_parts(
     if !parts.iter().any(Part::is_negative) {
         return Ok(Vec::new());
     }
-    for own in &mut of_triangle {
-        *own = root(&mut group, *own);
-    }
     // some triangles of each part that is negative
     let mut samples: Vec<Vec<[DVec3; 2]>> = vec![Vec::new(); parts.len()];
-    for (t, &own) in all().zip(&of_triangle) {
+    for t in all() {
+        let own = root(&mut group, t[0]);
         let samples = &mut samples[own as usize];
         if parts[own as usize].is_negative() && samples.len() < SAMPLES {
             let [a, b, c] = t.map(|v| mesh.positions()[v as usize]);

@@ -9,7 +9,7 @@ use glam::DVec3;
 use ravec_progress::{Cancelled, Progress};
 use rustc_hash::FxHashMap;
 
-use crate::arrangement::{Edges, Neighbor, Pieces};
+use crate::arrangement::{Edges, Pieces, Turned};
 use crate::select::{Draft, Parent};
 
 const NONE: u32 = u32::MAX;
@@ -138,13 +138,16 @@ pub(crate) fn finish(
         for &(a, b) in &free {
             for (one, other) in [(a, b), (b, a)] {
                 if let Some(side) = side(one.piece, one.forward) {
-                    across[one.piece as usize][side] = Neighbor::new(other.piece, false);
+                    across[one.piece as usize][side] = Turned::new(other.piece, false);
                 }
             }
         }
         pairs.push(free);
     }
-    closed &= across.iter().flatten().all(|other| other.piece().is_some());
+    closed &= across
+        .iter()
+        .flatten()
+        .all(|other| other.number().is_some());
 
     let mut triangles = vec![[NONE; 3]; list.len()];
     let mut vertex_taken = vec![false; pieces.places.given().len()];
@@ -170,7 +173,7 @@ pub(crate) fn finish(
                 loop {
                     triangles[p][c] = vertex;
                     let side = if forward { c } else { (c + 2) % 3 };
-                    let Some(next) = across[p][side].piece() else {
+                    let Some(next) = across[p][side].number() else {
                         break;
                     };
                     p = next as usize;
@@ -209,7 +212,7 @@ pub(crate) fn finish(
             progress.check()?;
         }
         for (side, other) in over.iter().enumerate() {
-            let later = other.piece().filter(|&other| other as usize > piece);
+            let later = other.number().filter(|&other| other as usize > piece);
             if later.is_some_and(|other| differ(piece as u32, other)) {
                 let corners = triangles[piece];
                 features.push([corners[side], corners[(side + 1) % 3]]);

@@ -23,36 +23,42 @@ pub(crate) struct Use {
     pub forward: bool,
 }
 
-/// What is over a side of a piece.
+/// The number of something, and whether it is turned against what names it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Neighbor(u32);
+pub(crate) struct Turned(u32);
 
-impl Neighbor {
-    /// Nothing, or more than one piece.
-    pub const NONE: Self = Self(NONE);
+impl Turned {
+    /// Nothing.
+    pub const NONE: Self = Self(u32::MAX);
 
-    /// A piece. It `is_turned` if both run through the common edge in one direction.
-    pub fn new(piece: u32, is_turned: bool) -> Self {
-        Self(piece << 1 | u32::from(is_turned))
+    pub fn new(number: u32, is_turned: bool) -> Self {
+        Self(number << 1 | u32::from(is_turned))
     }
 
-    /// The piece, if there is just one.
+    /// The number, unless it is that of nothing.
     #[inline]
-    pub fn piece(self) -> Option<u32> {
+    pub fn number(self) -> Option<u32> {
         (self != Self::NONE).then_some(self.0 >> 1)
     }
 
-    /// Whether it is turned against the piece that it is the neighbor of.
+    /// Whether it is turned.
     #[inline]
     pub fn is_turned(self) -> bool {
         self.0 & 1 == 1
+    }
+
+    /// The same, turned once more if so asked.
+    #[inline]
+    pub fn turned(self, also: bool) -> Self {
+        Self(self.0 ^ u32::from(also))
     }
 }
 
 /// The edges of all pieces that were asked for.
 pub(crate) struct Edges {
-    /// For each piece the one over each side, if just two meet there. Sides begin at the corner of the same index.
-    pub across: Vec<[Neighbor; 3]>,
+    /// For each piece the one over each side, if just two meet there; it is turned if both run through the edge in one
+    /// direction. Sides begin at the corner of the same index.
+    pub across: Vec<[Turned; 3]>,
     /// The other edges with more than one piece: their ends and their pieces, counter-clockwise as seen when looking
     /// from the higher end towards the lower.
     pub junctions: Vec<([u32; 2], Vec<Use>)>,
@@ -75,9 +81,9 @@ impl Edges {
         let ends = |corners: [u32; 3], side: usize| (corners[side], corners[(side + 1) % 3]);
         // Sides are three times the piece plus the side. Those with the same lower end are in a list that starts here, and
         // goes on where later stands what is across.
-        let (listed, next) = (Neighbor, |neighbor: Neighbor| neighbor.0);
+        let (listed, next) = (Turned, |listed: Turned| listed.0);
         let mut starts = vec![NONE; names];
-        let mut across = vec![[Neighbor::NONE; 3]; pieces.end() as usize];
+        let mut across = vec![[Turned::NONE; 3]; pieces.end() as usize];
         for (at, piece) in pieces.all().filter(|&piece| asked(piece)).enumerate() {
             if at % STRIDE == 0 {
                 progress.check()?;
@@ -104,7 +110,7 @@ impl Edges {
                 here.push((a.max(b), side, a == lower));
                 side = next(std::mem::replace(
                     &mut across[piece as usize][k],
-                    Neighbor::NONE,
+                    Turned::NONE,
                 ));
             }
             here.sort_unstable();
@@ -114,7 +120,7 @@ impl Edges {
                     [(_, one, up), (_, other, other_up)] => {
                         for (one, other) in [(one, other), (other, one)] {
                             across[(one / 3) as usize][(one % 3) as usize] =
-                                Neighbor::new(other / 3, up == other_up);
+                                Turned::new(other / 3, up == other_up);
                         }
                     }
                     _ => {

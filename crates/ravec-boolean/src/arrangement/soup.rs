@@ -1,7 +1,7 @@
 //! All triangles of all meshes in one list, with one vertex for each place.
 
 use glam::DVec3;
-use ravec_mesh::{CandidateTree, OrientedPlane, TriMesh};
+use ravec_mesh::{Aabb, CandidateTree, OrientedPlane, TriMesh};
 use ravec_progress::{Cancelled, Progress};
 
 use super::same_place::first_at_place;
@@ -44,6 +44,10 @@ pub(crate) struct Soup {
     pub sources: Vec<Source>,
     /// Number of meshes.
     pub meshes: usize,
+    /// How many triangles of each mesh have no area and were left out.
+    pub left_out: Vec<u64>,
+    /// Whether positions are those of the meshes: none was so small that it was taken for zero, and none was moved.
+    pub is_as_given: bool,
 }
 
 impl Soup {
@@ -64,11 +68,15 @@ impl Soup {
             triangles: Vec::with_capacity(triangles),
             sources: Vec::with_capacity(triangles),
             meshes: meshes.len(),
+            left_out: Vec::with_capacity(meshes.len()),
+            is_as_given: true,
         };
         for mesh in meshes {
             for part in mesh.positions().chunks(STRIDE) {
                 progress.check()?;
+                let first = soup.positions.len();
                 soup.positions.extend(part.iter().copied().map(testable));
+                soup.is_as_given &= soup.positions[first..] == *part;
             }
         }
         let names = one_for_each_place(&mut soup.positions, progress)?;
@@ -76,16 +84,27 @@ impl Soup {
         for (index, (mesh, closing)) in meshes.iter().zip(closings).enumerate() {
             let names = &names[first..][..mesh.positions().len()];
             first += names.len();
-            let all = mesh.triangles().iter().chain(&closing.triangles);
-            for (triangle, corners) in all.enumerate() {
+            let own = mesh.triangles().len();
+            // what closes a mesh of which nothing is wanted is not wanted either
+            let added = if own > 0 { &closing.triangles[..] } else { &[] };
+            let before = soup.triangles.len();
+            for (triangle, corners) in mesh.triangles().iter().chain(added).enumerate() {
                 if triangle % STRIDE == 0 {
                     progress.check()?;
+                }
+                if triangle == own {
+                    soup.left_out
+                        .push((before + own - soup.triangles.len()) as u64);
                 }
                 let source = Source {
                     mesh: index as u32,
                     triangle: triangle as u32,
                 };
                 soup.push(corners.map(|v| names[v as usize]), source);
+            }
+            if added.is_empty() {
+                soup.left_out
+                    .push((before + own - soup.triangles.len()) as u64);
             }
         }
         Ok(soup)
@@ -105,7 +124,8 @@ impl Soup {
     /// # Errors
     /// [`Cancelled`] soon after `progress` is.
     pub fn tree(&self, progress: &Progress) -> Result<CandidateTree, Cancelled> {
-        CandidateTree::try_new(self.triangles.len(), |t| self.corners(t), progress)
+        let bounds = Aabb::around(self.positions.iter().copied());
+        CandidateTree::try_new(bounds, self.triangles.len(), |t| self.corners(t), progress)
     }
 
     /// Adds a triangle if it has an area.

@@ -33,7 +33,8 @@ pub struct CandidateTree {
 }
 
 impl CandidateTree {
-    /// The boxes over triangles 0 to `count`, whose corners `corners` gives, built in the caller's thread pool.
+    /// The boxes over triangles 0 to `count`, whose corners `corners` gives and `bounds` holds, built in the caller's thread
+    /// pool.
     ///
     /// # Errors
     /// [`Cancelled`] soon after `progress` is cancelled.
@@ -41,24 +42,22 @@ impl CandidateTree {
     /// # Panics
     /// If there are more than about a billion triangles.
     pub fn try_new(
+        bounds: Aabb,
         count: usize,
         corners: impl Fn(u32) -> [DVec3; 3] + Sync,
         progress: &Progress,
     ) -> Result<Self, Cancelled> {
-        let mut bounds = Aabb::EMPTY;
-        for triangle in 0..count {
-            if triangle % STRIDE == 0 {
-                progress.check()?;
-            }
-            for corner in corners(triangle as u32) {
-                bounds = bounds.with_point(corner);
-            }
-        }
+        progress.check()?;
         let frame = Frame::around(bounds);
         let mut prims: Vec<Prim> = (0..count as u32)
             .into_par_iter()
-            .map(|triangle| Prim::new(&frame, corners(triangle), triangle))
-            .collect();
+            .map(|triangle| {
+                if (triangle as usize).is_multiple_of(STRIDE) {
+                    progress.check()?;
+                }
+                Ok(Prim::new(&frame, corners(triangle), triangle))
+            })
+            .collect::<Result<_, Cancelled>>()?;
         let nodes = build::nodes(&mut prims, Effort::Quick, progress)?;
         Ok(Self {
             frame,
@@ -78,7 +77,7 @@ impl CandidateTree {
         self.prims.is_empty()
     }
 
-    /// The smallest box around all triangles; empty if there are none.
+    /// The box that was said to hold all triangles.
     pub fn bounds(&self) -> Aabb {
         self.bounds
     }
@@ -147,7 +146,8 @@ mod tests {
 
     fn tree(mesh: &TriMesh) -> CandidateTree {
         let count = mesh.triangles().len();
-        CandidateTree::try_new(count, |t| mesh.corners(t), &Progress::none()).unwrap()
+        CandidateTree::try_new(mesh.bounds(), count, |t| mesh.corners(t), &Progress::none())
+            .unwrap()
     }
 
     proptest! {
@@ -193,7 +193,7 @@ mod tests {
         let progress = Progress::none();
         progress.cancel();
         let corners = |_| [DVec3::ZERO, DVec3::X, DVec3::Y];
-        assert!(CandidateTree::try_new(1, corners, &progress).is_err());
+        assert!(CandidateTree::try_new(Aabb::around(corners(0)), 1, corners, &progress).is_err());
         let found = tree.filter_near_pairs(&progress, |a, b| Some((a, b)));
         assert_eq!(found, Err(Cancelled));
     }
