@@ -126,6 +126,7 @@ pub fn boolean(
             }
         };
     };
+    progress.check()?;
     let origins: Vec<Origin> = parents
         .iter()
         .map(|parent| {
@@ -144,11 +145,13 @@ pub fn boolean(
             }
         })
         .collect();
+    progress.check()?;
     let mesh = TriMesh::new(finished.positions, finished.triangles)
         .expect("vertices were numbered as they were used");
     report.triangles = mesh.triangles().len() as u64;
     report.kept_triangles = origins.iter().filter(|o| o.whole).count() as u64;
     report.solid = finished.closed && report.self_intersections == 0;
+    progress.check()?;
     report.volume = ravec_mesh::measure(&mesh).volume;
     Ok(Boolean {
         mesh,

@@ -61,6 +61,7 @@ pub(crate) fn mend(
     let (mut rounds, mut moved) = (0, 0.0);
     let mut contacts = usize::MAX;
     while !found.is_empty() && rounds < MOST_ROUNDS && found.len() <= contacts {
+        progress.check()?;
         contacts = found.len();
         rounds += 1;
         let mut soup = soup_of(draft.positions.clone(), draft.triangles.clone(), progress)?;
@@ -105,6 +106,7 @@ pub(crate) fn mend(
             };
         }
         draft = next;
+        progress.check()?;
         found = conflicts(&draft, input, progress)?;
     }
     Ok(Mended {

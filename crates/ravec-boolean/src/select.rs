@@ -76,7 +76,7 @@ pub(crate) fn select(
         .filter_map(|piece| kept(pieces, cells, inside, piece))
         .collect();
     progress.check()?;
-    let restored = restorable(pieces, &of_cut, || whole().filter(is_kept));
+    let restored = restorable(pieces, &of_cut, || whole().filter(is_kept), progress)?;
     progress.check()?;
     let most = of_cut.len() + whole().filter(is_kept).count();
     let mut draft = Draft {
@@ -124,46 +124,74 @@ pub(crate) fn select(
     Ok(draft)
 }
 
+/// What is known of the pieces of a triangle.
+#[derive(Default)]
+struct Tally {
+    /// Pieces that it covers.
+    covered: u32,
+    /// Those of them that are kept as its own, with it and against it.
+    kept: [u32; 2],
+}
+
+impl Tally {
+    /// Whether the triangle is in several pieces, all kept and all facing the same way.
+    fn is_all_kept(&self) -> bool {
+        self.covered > 1 && self.kept.contains(&self.covered)
+    }
+}
+
 /// Triangles in pieces that are all kept and can be put together again, since nothing else ends at the vertices that were
 /// put into them. `kept` are pieces of triangles that were cut, and `whole` gives the triangles that were not cut and are kept.
 fn restorable<I: Iterator<Item = u32>>(
     pieces: &Pieces,
     kept: &[Kept],
     whole: impl Fn() -> I,
-) -> FxHashSet<u32> {
-    let in_pieces = |t: u32| pieces.of_triangle(t).len() > 1;
-    // kept pieces by triangle, and triangles at each vertex that was put in
-    let mut of_triangle: FxHashMap<u32, Vec<Kept>> = FxHashMap::default();
-    for &one in kept.iter().filter(|one| in_pieces(one.parent)) {
-        of_triangle.entry(one.parent).or_default().push(one);
-    }
-    let mut covering: FxHashMap<u32, u32> = FxHashMap::default();
-    for (t, _) in pieces.pieces_of_cut().flat_map(|piece| pieces.cover(piece)) {
-        if in_pieces(t) {
-            *covering.entry(t).or_default() += 1;
+    progress: &Progress,
+) -> Result<FxHashSet<u32>, Cancelled> {
+    let mut tally: FxHashMap<u32, Tally> = FxHashMap::default();
+    for (at, piece) in pieces.pieces_of_cut().enumerate() {
+        if at % STRIDE == 0 {
+            progress.check()?;
+        }
+        for (t, _) in pieces.cover(piece) {
+            tally.entry(t).or_default().covered += 1;
         }
     }
-    let inserted = |t: u32, list: &[Kept]| -> Vec<u32> {
+    progress.check()?;
+    for one in kept {
+        let own = tally.entry(one.parent).or_default();
+        own.kept[usize::from(one.reversed)] += 1;
+    }
+    // nearly always there are none: what is cut has a side in something
+    tally.retain(|_, own| own.is_all_kept());
+    let mut candidates: FxHashSet<u32> = tally.into_keys().collect();
+    if candidates.is_empty() {
+        return Ok(candidates);
+    }
+    progress.check()?;
+    // pieces by triangle, and triangles at each vertex that was put in
+    let mut of_triangle: FxHashMap<u32, Vec<Kept>> = FxHashMap::default();
+    for &one in kept.iter().filter(|one| candidates.contains(&one.parent)) {
+        of_triangle.entry(one.parent).or_default().push(one);
+    }
+    let inserted = |t: u32| -> Vec<u32> {
         let corners = pieces.soup.triangles[t as usize];
-        let names = list.iter().flat_map(|one| pieces.corners(one.piece));
+        let names = of_triangle[&t]
+            .iter()
+            .flat_map(|one| pieces.corners(one.piece));
         let mut names: Vec<u32> = names.filter(|name| !corners.contains(name)).collect();
         names.sort_unstable();
         names.dedup();
         names
     };
-    let mut candidates: FxHashSet<u32> = FxHashSet::default();
+    progress.check()?;
     let mut at_vertex: FxHashMap<u32, Vec<u32>> = FxHashMap::default();
-    for (&t, list) in &of_triangle {
-        let all = covering
-            .get(&t)
-            .is_some_and(|&count| count as usize == list.len());
-        if all && list.len() > 1 && list.iter().all(|one| one.reversed == list[0].reversed) {
-            candidates.insert(t);
-        }
-        for name in inserted(t, list) {
+    for &t in &candidates {
+        for name in inserted(t) {
             at_vertex.entry(name).or_default().push(t);
         }
     }
+    progress.check()?;
     // a vertex that was put into one triangle and is a corner of another has to stay
     let given = pieces.places.given().len();
     let mut is_inserted = Vec::new();
@@ -177,13 +205,13 @@ fn restorable<I: Iterator<Item = u32>>(
         let corners = parents.flat_map(|t| pieces.soup.triangles[t as usize]);
         pinned.extend(corners.filter(|&name| is_inserted[name as usize]));
     }
-    for (&t, list) in &of_triangle {
-        if !candidates.contains(&t) {
-            let names = list.iter().flat_map(|one| pieces.corners(one.piece));
-            pinned.extend(names.filter(|name| at_vertex.contains_key(name)));
-        }
-    }
-    // so is a vertex where surfaces touch: it must be in the inside of one triangle or of the edge of two
+    progress.check()?;
+    // so has one of a piece that stays
+    let stay = kept.iter().filter(|one| !candidates.contains(&one.parent));
+    let corners = stay.flat_map(|one| pieces.corners(one.piece));
+    pinned.extend(corners.filter(|name| at_vertex.contains_key(name)));
+    progress.check()?;
+    // and one where surfaces touch: it must be in the inside of one triangle or of the edge of two
     pinned.extend(at_vertex.iter().filter_map(|(&name, list)| {
         let shared = |a: u32, b: u32| {
             let [a, b] = [a, b].map(|t| pieces.soup.triangles[t as usize]);
@@ -196,13 +224,18 @@ fn restorable<I: Iterator<Item = u32>>(
         };
         (!goes).then_some(name)
     }));
+    let mut steps = 0_usize;
     while let Some(name) = pinned.pop() {
+        steps += 1;
+        if steps.is_multiple_of(STRIDE) {
+            progress.check()?;
+        }
         for t in at_vertex.remove(&name).into_iter().flatten() {
             if candidates.remove(&t) {
-                pinned.extend(inserted(t, &of_triangle[&t]));
+                pinned.extend(inserted(t));
                 pinned.extend(pieces.soup.triangles[t as usize]);
             }
         }
     }
-    candidates
+    Ok(candidates)
 }

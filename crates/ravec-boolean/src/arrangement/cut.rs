@@ -149,7 +149,7 @@ pub(crate) fn cut<'a>(
     let mut places = Places::new(&soup.positions, Grid::holding(&soup.positions));
     let names = name_crossings(soup, &contacts, &mut places, progress)?;
     progress.check()?;
-    let groups = gather(soup, &contacts, &names);
+    let groups = gather(soup, &contacts, &names, progress)?;
     progress.check()?;
 
     let phase = progress.phase("cutting", groups.len() as u64);
@@ -244,6 +244,8 @@ pub(crate) fn contacts(
         let found = asked.then(|| contact(&a, &b)).flatten();
         found.map(|contact| (a.triangle, b.triangle, contact))
     })?;
+    progress.check()?;
     contacts.par_sort_unstable_by_key(|&(a, b, _)| (a, b));
+    progress.check()?;
     Ok(contacts)
 }
