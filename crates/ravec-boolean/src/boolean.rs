@@ -5,7 +5,7 @@ use ravec_progress::{Cancelled, Progress};
 
 use crate::arrangement::{Cells, Edges, Pieces, Soup, cut, one_for_each_place, testable, uncut};
 use crate::closing::{Closing, close};
-use crate::examine::{degenerate, examine};
+use crate::examine::examine;
 use crate::expr::Expr;
 use crate::finish::{Finished, finish, split_edges};
 use crate::mend::mend;
@@ -67,7 +67,9 @@ pub fn boolean(
     let mut report = BooleanReport::default();
     let mut closings: Vec<Closing> = Vec::with_capacity(meshes.len());
     for mesh in meshes {
-        closings.push(close(mesh, progress)?);
+        let closing = close(mesh, progress)?;
+        report.operands.push(examine(mesh, &closing, progress)?);
+        closings.push(closing);
     }
     let expr = expr.pruned;
     let needed = expr.meshes();
@@ -85,16 +87,9 @@ pub fn boolean(
             Err(_) => &nothing,
         })
         .collect();
-    let given = Soup::of(&list, &closings, progress)?;
-    for (index, (mesh, closing)) in meshes.iter().zip(&closings).enumerate() {
-        let flat = match needed.binary_search(&index) {
-            Ok(_) => given.left_out[index],
-            Err(_) => degenerate(mesh),
-        };
-        report
-            .operands
-            .push(examine(mesh, closing, flat, progress)?);
-    }
+    let operands = report.operands.iter();
+    let sound: Vec<bool> = operands.map(|o| o.degenerate_triangles == 0).collect();
+    let given = Soup::of(&list, &closings, &sound, progress)?;
     let largest = given.positions.iter().map(|p| p.abs().max_element());
     let ulp = largest.fold(0.0, f64::max) * f64::EPSILON;
     let mut soup = given;
@@ -122,7 +117,11 @@ pub fn boolean(
             Some(&Coarser::Grid(ulps)) => {
                 reach = 2.0 * ulps * ulp;
                 report.moved = 1.5 * ulps * ulp;
-                coarsened(&Soup::of(&list, &closings, progress)?, ulps * ulp, progress)?
+                coarsened(
+                    &Soup::of(&list, &closings, &sound, progress)?,
+                    ulps * ulp,
+                    progress,
+                )?
             }
         };
     };

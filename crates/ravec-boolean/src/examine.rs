@@ -16,14 +16,13 @@ const STRIDE: usize = 1 << 16;
 /// A part with less volume than this share of a cube with its area is a sheet, of which nobody can say what is inside.
 const SOLID_REL: f64 = 1e-6;
 
-/// Says what is known about a mesh, `degenerate` triangles of which have no area, except how often it meets itself.
+/// Says what is known about a mesh, except how often it meets itself.
 pub(crate) fn examine(
     mesh: &TriMesh,
     closing: &Closing,
-    degenerate: u64,
     progress: &Progress,
 ) -> Result<OperandReport, Cancelled> {
-    let reversed = reversed_parts(mesh, closing, progress)?;
+    let (reversed, degenerate) = reversed_parts(mesh, closing, progress)?;
     let cancelled = if closing.multiple_edges > 0 {
         progress.check()?;
         cancelled(mesh)
@@ -41,15 +40,6 @@ pub(crate) fn examine(
     };
     report.assumptions = assumptions(closing, degenerate, cancelled, &reversed);
     Ok(report)
-}
-
-/// The number of triangles without area.
-pub(crate) fn degenerate(mesh: &TriMesh) -> u64 {
-    let flat = (0..mesh.triangles().len() as u32).filter(|&triangle| {
-        let [a, b, c] = mesh.corners(triangle);
-        OrientedPlane::through(a, b, c).is_degenerate()
-    });
-    flat.count() as u64
 }
 
 /// Triangles of which there is another one that faces the opposite way, which takes away what they enclose.
@@ -84,11 +74,12 @@ impl Part {
     }
 }
 
+/// The parts that are inside out, and how many triangles of the mesh have no area.
 fn reversed_parts(
     mesh: &TriMesh,
     closing: &Closing,
     progress: &Progress,
-) -> Result<Vec<Reversed>, Cancelled> {
+) -> Result<(Vec<Reversed>, u64), Cancelled> {
     let all = || mesh.triangles().iter().chain(&closing.triangles);
     let mut group: Vec<u32> = (0..mesh.positions().len() as u32).collect();
     for (i, &[a, b, c]) in all().enumerate() {
@@ -104,22 +95,27 @@ fn reversed_parts(
     }
     let origin = mesh.bounds().center();
     let mut parts = vec![Part::default(); group.len()];
+    let mut degenerate = 0;
     for (i, t) in all().enumerate() {
         if i.is_multiple_of(STRIDE) {
             progress.check()?;
         }
-        let [a, b, c] = t.map(|v| mesh.positions()[v as usize] - origin);
+        let corners = t.map(|v| mesh.positions()[v as usize]);
+        let [a, b, c] = corners;
+        let plane = OrientedPlane::through(a, b, c);
+        degenerate += u64::from(i < mesh.triangles().len() && plane.is_degenerate());
+        let [a, b, c] = corners.map(|corner| corner - origin);
         let own = root(&mut group, t[0]);
         let part = &mut parts[own as usize];
         part.volume += a.dot(b.cross(c)) / 6.0;
-        part.area += 0.5 * (b - a).cross(c - a).length();
+        part.area += 0.5 * plane.normal().length();
     }
     if !parts.iter().any(Part::is_negative) {
-        return Ok(Vec::new());
+        return Ok((Vec::new(), degenerate));
     }
     join_by_place(mesh, &mut group, &mut parts);
     if !parts.iter().any(Part::is_negative) {
-        return Ok(Vec::new());
+        return Ok((Vec::new(), degenerate));
     }
     // some triangles of each part that is negative
     let mut samples: Vec<Vec<[DVec3; 2]>> = vec![Vec::new(); parts.len()];
@@ -155,7 +151,7 @@ fn reversed_parts(
         }
     }
     reversed.sort_by(|a, b| a.volume.total_cmp(&b.volume));
-    Ok(reversed)
+    Ok((reversed, degenerate))
 }
 
 /// Makes parts one of which one is negative and that have a vertex at the same place: specks at a surface belong to it.

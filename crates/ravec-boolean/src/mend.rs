@@ -125,7 +125,7 @@ fn soup_of(
 ) -> Result<Soup, Cancelled> {
     let mesh = TriMesh::new(positions, triangles);
     let mesh = mesh.expect("rounded points are finite, and corners are among them");
-    Soup::of(&[&mesh], &[Closing::default()], progress)
+    Soup::of(&[&mesh], &[Closing::default()], &[], progress)
 }
 
 /// The pairs of new triangles, or of a new and a whole one, that meet where they should not.

@@ -322,7 +322,7 @@ mod tests {
             .map(|c| DVec3::from_array(c.map(f64::from)))
             .to_vec();
         let mesh = TriMesh::new(positions, vec![[0, 1, 2], [3, 4, 5]]).unwrap();
-        Soup::of(&[&mesh], &[Closing::default()], &Progress::none()).unwrap()
+        Soup::of(&[&mesh], &[Closing::default()], &[], &Progress::none()).unwrap()
     }
 
     /// How triangles `a` and `b` of a soup meet.

@@ -44,20 +44,20 @@ pub(crate) struct Soup {
     pub sources: Vec<Source>,
     /// Number of meshes.
     pub meshes: usize,
-    /// How many triangles of each mesh have no area and were left out.
-    pub left_out: Vec<u64>,
     /// Whether positions are those of the meshes: none was so small that it was taken for zero, and none was moved.
     pub is_as_given: bool,
 }
 
 impl Soup {
-    /// Puts meshes and what closes them together.
+    /// Puts meshes and what closes them together. Of `sound` meshes all triangles are known to have an area; it may say nothing
+    /// about the last ones.
     ///
     /// # Errors
     /// [`Cancelled`] soon after `progress` is.
     pub fn of(
         meshes: &[&TriMesh],
         closings: &[Closing],
+        sound: &[bool],
         progress: &Progress,
     ) -> Result<Self, Cancelled> {
         let count = |f: fn(&TriMesh) -> usize| meshes.iter().map(|m| f(m)).sum();
@@ -68,7 +68,6 @@ impl Soup {
             triangles: Vec::with_capacity(triangles),
             sources: Vec::with_capacity(triangles),
             meshes: meshes.len(),
-            left_out: Vec::with_capacity(meshes.len()),
             is_as_given: true,
         };
         for mesh in meshes {
@@ -84,27 +83,22 @@ impl Soup {
         for (index, (mesh, closing)) in meshes.iter().zip(closings).enumerate() {
             let names = &names[first..][..mesh.positions().len()];
             first += names.len();
+            let is_known = soup.is_as_given && sound.get(index) == Some(&true);
             let own = mesh.triangles().len();
             // what closes a mesh of which nothing is wanted is not wanted either
             let added = if own > 0 { &closing.triangles[..] } else { &[] };
-            let before = soup.triangles.len();
             for (triangle, corners) in mesh.triangles().iter().chain(added).enumerate() {
                 if triangle % STRIDE == 0 {
                     progress.check()?;
                 }
-                if triangle == own {
-                    soup.left_out
-                        .push((before + own - soup.triangles.len()) as u64);
+                let corners = corners.map(|v| names[v as usize]);
+                if (is_known && triangle < own) || soup.has_area(corners) {
+                    soup.triangles.push(corners);
+                    soup.sources.push(Source {
+                        mesh: index as u32,
+                        triangle: triangle as u32,
+                    });
                 }
-                let source = Source {
-                    mesh: index as u32,
-                    triangle: triangle as u32,
-                };
-                soup.push(corners.map(|v| names[v as usize]), source);
-            }
-            if added.is_empty() {
-                soup.left_out
-                    .push((before + own - soup.triangles.len()) as u64);
             }
         }
         Ok(soup)

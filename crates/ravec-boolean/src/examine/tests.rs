@@ -4,7 +4,7 @@ use ravec_scenes::solids::{cuboid, icosphere};
 
 fn examined(mesh: &TriMesh) -> OperandReport {
     let closing = close(mesh, &Progress::none()).unwrap();
-    examine(mesh, &closing, degenerate(mesh), &Progress::none()).unwrap()
+    examine(mesh, &closing, &Progress::none()).unwrap()
 }
 
 fn turned(mesh: &TriMesh) -> TriMesh {
