@@ -316,6 +316,21 @@ fn cut_cheaply<const BINS: usize>(
     effort: Effort,
     fits: impl Fn(usize) -> bool,
 ) -> Result<[Part<'_>; 2], Part<'_>> {
+    match effort {
+        Effort::Thorough => cut_along::<BINS, 3>(part, 0, fits),
+        Effort::Quick => {
+            let axis = part.longest();
+            cut_along::<BINS, 1>(part, axis, fits)
+        }
+    }
+}
+
+/// As [`cut_cheaply`], along so many axes from `first` on.
+fn cut_along<const BINS: usize, const AXES: usize>(
+    part: Part<'_>,
+    first: usize,
+    fits: impl Fn(usize) -> bool,
+) -> Result<[Part<'_>; 2], Part<'_>> {
     let LocalBox {
         min: low,
         max: high,
@@ -324,20 +339,16 @@ fn cut_cheaply<const BINS: usize>(
     let bin_of = |prim: &Prim, axis: usize| {
         (((prim.middle(axis) - low[axis]) * per_unit[axis]) as usize).min(BINS - 1)
     };
-    let axes = match effort {
-        Effort::Thorough => 0..3,
-        Effort::Quick => part.longest()..part.longest() + 1,
-    };
-    let mut bins = [[(LocalBox::EMPTY, 0_usize); BINS]; 3];
+    let mut bins = [[(LocalBox::EMPTY, 0_usize); BINS]; AXES];
     for prim in &*part.prims {
-        for axis in axes.clone() {
-            let bin = &mut bins[axis][bin_of(prim, axis)];
+        for (axis, bins) in (first..).zip(&mut bins) {
+            let bin = &mut bins[bin_of(prim, axis)];
             bin.0.include(&prim.bounds);
             bin.1 += 1;
         }
     }
     let mut best = (f32::INFINITY, 0, 0);
-    for (axis, bins) in bins.iter().enumerate().take(axes.end).skip(axes.start) {
+    for (axis, bins) in (first..).zip(&bins) {
         // Where all middles agree there is nothing to cut.
         if !per_unit[axis].is_finite() {
             continue;
@@ -385,12 +396,12 @@ fn cut_cheaply<const BINS: usize>(
     Ok([
         Part {
             prims: lower,
-            bounds: around(&bins[axis][..bin]),
+            bounds: around(&bins[axis - first][..bin]),
             middles: of_lower,
         },
         Part {
             prims: upper,
-            bounds: around(&bins[axis][bin..]),
+            bounds: around(&bins[axis - first][bin..]),
             middles: of_upper,
         },
     ])
