@@ -75,6 +75,7 @@ pub(crate) fn mend(
             }
             let meets = |t: u32| chosen[soup.sources[t as usize].triangle as usize];
             soup = merge_near(&soup, reach, meets, progress)?;
+            progress.check()?;
             moved += reach;
             reach = (GROWTH * reach).min(most);
             for (t, source) in soup.sources.iter().enumerate() {
@@ -84,6 +85,7 @@ pub(crate) fn mend(
                 parent.whole &= soup.corners(t as u32) == as_before;
             }
         }
+        progress.check()?;
         let tree = soup.tree(progress)?;
         let is_new: Vec<bool> = soup
             .sources
