@@ -271,7 +271,7 @@ fn patches(
     // from the first on each piece finds the patch where an earlier one was
     let mut firsts = Vec::new();
     for piece in 0..pieces.end() {
-        if piece as usize % STRIDE == 0 {
+        if (piece as usize).is_multiple_of(STRIDE) {
             progress.check()?;
         }
         let own = earlier[piece as usize];

@@ -88,18 +88,17 @@ impl Edges {
                 progress.check()?;
             }
             let corners = pieces.corners(piece);
-            for side in 0..3 {
+            for (side, slot) in across[piece as usize].iter_mut().enumerate() {
                 let (a, b) = ends(corners, side);
                 let start = &mut starts[a.min(b) as usize];
-                across[piece as usize][side] =
-                    listed(std::mem::replace(start, 3 * piece + side as u32));
+                *slot = listed(std::mem::replace(start, 3 * piece + side as u32));
             }
         }
         let mut junctions = Vec::new();
         // higher end, side, and whether it runs towards that end
         let mut here: Vec<(u32, u32, bool)> = Vec::new();
         for (lower, mut side) in (0_u32..).zip(starts) {
-            if lower as usize % STRIDE == 0 {
+            if (lower as usize).is_multiple_of(STRIDE) {
                 progress.check()?;
             }
             here.clear();

@@ -37,7 +37,7 @@ pub(crate) fn first_at_place(
     progress: &Progress,
 ) -> Result<Vec<u32>, Cancelled> {
     let parts = (positions.len() / PART).max(1).next_power_of_two();
-    let part_of = |hash: u64| (u128::from(hash) * parts as u128 >> 64) as usize;
+    let part_of = |hash: u64| ((u128::from(hash) * parts as u128) >> 64) as usize;
     // where the next entry of each part goes; in the end, where each part ends
     let mut next = vec![0_u32; parts];
     for chunk in positions.chunks(STRIDE) {

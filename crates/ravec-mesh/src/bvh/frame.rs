@@ -59,7 +59,11 @@ impl LocalBox {
     pub fn touches(&self, other: &Self) -> bool {
         // without branches, of which nobody could foretell the outcome
         (0..3).fold(true, |touches, axis| {
-            touches & (self.min[axis] <= other.max[axis]) & (other.min[axis] <= self.max[axis])
+            let (below, above) = (
+                self.min[axis] <= other.max[axis],
+                other.min[axis] <= self.max[axis],
+            );
+            touches & below & above
         })
     }
 }
