@@ -43,7 +43,7 @@ const COARSER: [Coarser; 3] = [
 ];
 
 /// Bytes that a triangle of the input costs, as measured with surfaces that meet in curves, of which few triangles are cut: 165
-/// to 205, the input among them.
+/// to 210, the input among them.
 const BYTES_PER_TRIANGLE: u64 = 250;
 
 /// The surface of what an expression over meshes says is inside.
