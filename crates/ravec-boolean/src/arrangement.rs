@@ -10,11 +10,12 @@ mod group;
 mod interval;
 mod places;
 mod point;
+mod same_place;
 mod soup;
 mod triangulation;
 mod unions;
 
 pub(crate) use cells::{Cells, Side};
-pub(crate) use cut::{Piece, Pieces, contacts, cut, uncut};
-pub(crate) use edges::Edges;
-pub(crate) use soup::Soup;
+pub(crate) use cut::{Pieces, contacts, cut, uncut};
+pub(crate) use edges::{Edges, Turned};
+pub(crate) use soup::{Soup, one_for_each_place, testable};

@@ -3,7 +3,7 @@
 //! Cost: some tens of nanoseconds a triangle; a search structure over all triangles if a part is inside out.
 
 use glam::DVec3;
-use ravec_mesh::{Bvh, TriMesh, WindingNumbers, on_one_line};
+use ravec_mesh::{Bvh, OrientedPlane, TriMesh, WindingNumbers};
 use ravec_progress::{Cancelled, Progress};
 use rustc_hash::FxHashMap;
 
@@ -22,15 +22,7 @@ pub(crate) fn examine(
     closing: &Closing,
     progress: &Progress,
 ) -> Result<OperandReport, Cancelled> {
-    let mut degenerate = 0;
-    for (chunk, triangles) in mesh.triangles().chunks(STRIDE).enumerate() {
-        progress.check()?;
-        for i in 0..triangles.len() {
-            let corners = mesh.corners((chunk * STRIDE + i) as u32);
-            degenerate += u64::from(has_no_area(corners));
-        }
-    }
-    let reversed = reversed_parts(mesh, closing, progress)?;
+    let (reversed, degenerate) = reversed_parts(mesh, closing, progress)?;
     let cancelled = if closing.multiple_edges > 0 {
         progress.check()?;
         cancelled(mesh)
@@ -48,15 +40,6 @@ pub(crate) fn examine(
     };
     report.assumptions = assumptions(closing, degenerate, cancelled, &reversed);
     Ok(report)
-}
-
-/// Whether the corners are on one line, exactly.
-fn has_no_area([a, b, c]: [DVec3; 3]) -> bool {
-    let (ab, ac) = (b - a, c - a);
-    let normal = ab.cross(ac);
-    // rounding changes each coordinate of the normal by less than 8 ε times the product of the sides
-    let doubt = 8.0 * f64::EPSILON * ab.length() * ac.length();
-    normal.abs().max_element() <= doubt && on_one_line(a, b, c)
 }
 
 /// Triangles of which there is another one that faces the opposite way, which takes away what they enclose.
@@ -91,11 +74,12 @@ impl Part {
     }
 }
 
+/// The parts that are inside out, and how many triangles of the mesh have no area.
 fn reversed_parts(
     mesh: &TriMesh,
     closing: &Closing,
     progress: &Progress,
-) -> Result<Vec<Reversed>, Cancelled> {
+) -> Result<(Vec<Reversed>, u64), Cancelled> {
     let all = || mesh.triangles().iter().chain(&closing.triangles);
     let mut group: Vec<u32> = (0..mesh.positions().len() as u32).collect();
     for (i, &[a, b, c]) in all().enumerate() {
@@ -111,31 +95,32 @@ fn reversed_parts(
     }
     let origin = mesh.bounds().center();
     let mut parts = vec![Part::default(); group.len()];
-    let mut of_triangle = Vec::with_capacity(all().count());
+    let mut degenerate = 0;
     for (i, t) in all().enumerate() {
         if i.is_multiple_of(STRIDE) {
             progress.check()?;
         }
-        let [a, b, c] = t.map(|v| mesh.positions()[v as usize] - origin);
+        let corners = t.map(|v| mesh.positions()[v as usize]);
+        let [a, b, c] = corners;
+        let plane = OrientedPlane::through(a, b, c);
+        degenerate += u64::from(i < mesh.triangles().len() && plane.is_degenerate());
+        let [a, b, c] = corners.map(|corner| corner - origin);
         let own = root(&mut group, t[0]);
         let part = &mut parts[own as usize];
         part.volume += a.dot(b.cross(c)) / 6.0;
-        part.area += 0.5 * (b - a).cross(c - a).length();
-        of_triangle.push(own);
+        part.area += 0.5 * plane.normal().length();
     }
     if !parts.iter().any(Part::is_negative) {
-        return Ok(Vec::new());
+        return Ok((Vec::new(), degenerate));
     }
     join_by_place(mesh, &mut group, &mut parts);
     if !parts.iter().any(Part::is_negative) {
-        return Ok(Vec::new());
-    }
-    for own in &mut of_triangle {
-        *own = root(&mut group, *own);
+        return Ok((Vec::new(), degenerate));
     }
     // some triangles of each part that is negative
     let mut samples: Vec<Vec<[DVec3; 2]>> = vec![Vec::new(); parts.len()];
-    for (t, &own) in all().zip(&of_triangle) {
+    for t in all() {
+        let own = root(&mut group, t[0]);
         let samples = &mut samples[own as usize];
         if parts[own as usize].is_negative() && samples.len() < SAMPLES {
             let [a, b, c] = t.map(|v| mesh.positions()[v as usize]);
@@ -166,7 +151,7 @@ fn reversed_parts(
         }
     }
     reversed.sort_by(|a, b| a.volume.total_cmp(&b.volume));
-    Ok(reversed)
+    Ok((reversed, degenerate))
 }
 
 /// Makes parts one of which one is negative and that have a vertex at the same place: specks at a surface belong to it.

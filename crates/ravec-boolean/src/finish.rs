@@ -6,19 +6,21 @@
 //! one for each sheet.
 
 use glam::DVec3;
+use ravec_progress::{Cancelled, Progress};
 use rustc_hash::FxHashMap;
 
-use crate::arrangement::{Edges, Pieces};
+use crate::arrangement::{Edges, Pieces, Turned};
 use crate::select::{Draft, Parent};
 
 const NONE: u32 = u32::MAX;
 
-/// A mesh, the draft's triangle for each of its triangles, and the edges where `differ` says so about two neighbors.
+/// Triangles between two looks at the progress: some milliseconds.
+const STRIDE: usize = 1 << 16;
+
+/// A mesh with the triangles of an uncut soup in their order, and the edges where `differ` says so about two neighbors.
 pub(crate) struct Finished {
     pub positions: Vec<DVec3>,
     pub triangles: Vec<[u32; 3]>,
-    /// Triangles of the soup.
-    pub sources: Vec<u32>,
     pub features: Vec<[u32; 2]>,
     /// Whether every edge has two triangles.
     pub closed: bool,
@@ -84,19 +86,26 @@ pub(crate) fn split_edges(draft: Draft, edges: &[[DVec3; 2]]) -> Draft {
 }
 
 /// Splits vertices of an uncut soup, whose edges are given, so that each has one fan.
+///
+/// # Errors
+/// [`Cancelled`] soon after `progress` is.
 pub(crate) fn finish(
     pieces: &Pieces,
-    edges: &Edges,
+    edges: Edges,
     differ: impl Fn(u32, u32) -> bool,
-) -> Finished {
-    let list = &pieces.list;
+    progress: &Progress,
+) -> Result<Finished, Cancelled> {
+    let list = &pieces.soup.triangles;
     // the triangle over each side
-    let mut across = edges.across.clone();
+    let Edges {
+        mut across,
+        junctions,
+    } = edges;
     let mut closed = true;
-    let mut pairs = Vec::with_capacity(edges.junctions.len());
-    for ([lower, upper], uses) in &edges.junctions {
+    let mut pairs = Vec::with_capacity(junctions.len());
+    for ([lower, upper], uses) in &junctions {
         let side = |piece: u32, forward: bool| {
-            let c = list[piece as usize].corners;
+            let c = list[piece as usize];
             let (from, to) = if forward {
                 (*lower, *upper)
             } else {
@@ -129,23 +138,29 @@ pub(crate) fn finish(
         for &(a, b) in &free {
             for (one, other) in [(a, b), (b, a)] {
                 if let Some(side) = side(one.piece, one.forward) {
-                    across[one.piece as usize][side] = other.piece;
+                    across[one.piece as usize][side] = Turned::new(other.piece, false);
                 }
             }
         }
         pairs.push(free);
     }
-    closed &= across.iter().flatten().all(|&other| other != NONE);
+    closed &= across
+        .iter()
+        .flatten()
+        .all(|other| other.number().is_some());
 
     let mut triangles = vec![[NONE; 3]; list.len()];
     let mut vertex_taken = vec![false; pieces.places.given().len()];
     let mut positions = pieces.places.given().to_vec();
     for piece in 0..list.len() {
+        if piece % STRIDE == 0 {
+            progress.check()?;
+        }
         for corner in 0..3 {
             if triangles[piece][corner] != NONE {
                 continue;
             }
-            let name = list[piece].corners[corner];
+            let name = list[piece][corner];
             let vertex = if std::mem::replace(&mut vertex_taken[name as usize], true) {
                 positions.push(positions[name as usize]);
                 (positions.len() - 1) as u32
@@ -158,12 +173,11 @@ pub(crate) fn finish(
                 loop {
                     triangles[p][c] = vertex;
                     let side = if forward { c } else { (c + 2) % 3 };
-                    let next = across[p][side];
-                    if next == NONE {
+                    let Some(next) = across[p][side].number() else {
                         break;
-                    }
+                    };
                     p = next as usize;
-                    let Some(at) = list[p].corners.iter().position(|&x| x == name) else {
+                    let Some(at) = list[p].iter().position(|&x| x == name) else {
                         break;
                     };
                     c = at;
@@ -175,12 +189,12 @@ pub(crate) fn finish(
         }
     }
     let mut pinched = Vec::new();
-    for (([lower, upper], _), pairs) in edges.junctions.iter().zip(pairs) {
+    for (([lower, upper], _), pairs) in junctions.iter().zip(pairs) {
         let mut ends: Vec<[u32; 2]> = pairs
             .iter()
             .map(|(one, _)| {
                 let corner = |name: u32| {
-                    let corners = &list[one.piece as usize].corners;
+                    let corners = &list[one.piece as usize];
                     let at = corners.iter().position(|&c| c == name);
                     at.map_or(NONE, |at| triangles[one.piece as usize][at])
                 };
@@ -194,16 +208,22 @@ pub(crate) fn finish(
     }
     let mut features = Vec::new();
     for (piece, over) in across.iter().enumerate() {
-        for (side, &other) in over.iter().enumerate() {
-            if other != NONE && other as usize > piece && differ(piece as u32, other) {
+        if piece % STRIDE == 0 {
+            progress.check()?;
+        }
+        for (side, other) in over.iter().enumerate() {
+            let later = other.number().filter(|&other| other as usize > piece);
+            if later.is_some_and(|other| differ(piece as u32, other)) {
                 let corners = triangles[piece];
                 features.push([corners[side], corners[(side + 1) % 3]]);
             }
         }
     }
+    drop(across);
     // vertices that nothing uses go
     let mut new_name = vec![NONE; positions.len()];
     let mut used = Vec::with_capacity(positions.len());
+    progress.check()?;
     for v in triangles.iter_mut().flatten() {
         let slot = &mut new_name[*v as usize];
         if *slot == NONE {
@@ -215,12 +235,11 @@ pub(crate) fn finish(
     for v in features.iter_mut().flatten() {
         *v = new_name[*v as usize];
     }
-    Finished {
+    Ok(Finished {
         positions: used,
         triangles,
-        sources: (0..list.len() as u32).collect(),
         features,
         closed,
         pinched,
-    }
+    })
 }

@@ -12,7 +12,8 @@
 //! Guarantees: if the number of contacts left is zero, no two triangles of the result meet in more than common corners
 //! or an edge. Does not guarantee that this is reached.
 
-use ravec_mesh::{Aabb, BoxTree};
+use glam::DVec3;
+use ravec_mesh::{Aabb, CandidateTree, TriMesh};
 use ravec_progress::{Cancelled, Progress};
 
 use crate::arrangement::{Cells, Soup, cut};
@@ -50,7 +51,7 @@ pub(crate) struct Mended {
 /// [`Cancelled`] soon after `progress` is.
 pub(crate) fn mend(
     mut draft: Draft,
-    input: &BoxTree,
+    input: &CandidateTree,
     mut reach: f64,
     progress: &Progress,
 ) -> Result<Mended, Cancelled> {
@@ -60,10 +61,10 @@ pub(crate) fn mend(
     let (mut rounds, mut moved) = (0, 0.0);
     let mut contacts = usize::MAX;
     while !found.is_empty() && rounds < MOST_ROUNDS && found.len() <= contacts {
+        progress.check()?;
         contacts = found.len();
         rounds += 1;
-        let mesh = draft.mesh();
-        let mut soup = Soup::of(&[&mesh], &[Closing::default()], progress)?;
+        let mut soup = soup_of(draft.positions.clone(), draft.triangles.clone(), progress)?;
         if rounds > 1 {
             // where a few triangles meet the others are left alone; where many do, all are slivers
             let new = draft.parents.iter().filter(|parent| !parent.whole).count();
@@ -74,6 +75,7 @@ pub(crate) fn mend(
             }
             let meets = |t: u32| chosen[soup.sources[t as usize].triangle as usize];
             soup = merge_near(&soup, reach, meets, progress)?;
+            progress.check()?;
             moved += reach;
             reach = (GROWTH * reach).min(most);
             for (t, source) in soup.sources.iter().enumerate() {
@@ -83,18 +85,19 @@ pub(crate) fn mend(
                 parent.whole &= soup.corners(t as u32) == as_before;
             }
         }
-        let bvh = bvh_of(&soup, progress)?;
+        progress.check()?;
+        let tree = soup.tree(progress)?;
         let is_new: Vec<bool> = soup
             .sources
             .iter()
             .map(|source| !draft.parents[source.triangle as usize].whole)
             .collect();
-        let pieces = cut(&soup, &bvh, Some(&is_new), progress)?;
-        let cells = Cells::of(&pieces, &bvh, progress)?;
+        let pieces = cut(&soup, &tree, Some(&is_new), progress)?;
+        let cells = Cells::of(&pieces, &tree, progress)?;
         let inside: Vec<bool> = (0..cells.len() as u32)
             .map(|cell| cells.winding(cell)[0] > 0)
             .collect();
-        let mut next = select(&pieces, &cells, &inside);
+        let mut next = select(&pieces, &cells, &inside, progress)?;
         for parent in &mut next.parents {
             let source = soup.sources[parent.triangle as usize];
             let before = draft.parents[source.triangle as usize];
@@ -105,6 +108,7 @@ pub(crate) fn mend(
             };
         }
         draft = next;
+        progress.check()?;
         found = conflicts(&draft, input, progress)?;
     }
     Ok(Mended {
@@ -115,15 +119,21 @@ pub(crate) fn mend(
     })
 }
 
-/// A search structure over a soup.
-pub(crate) fn bvh_of(soup: &Soup, progress: &Progress) -> Result<BoxTree, Cancelled> {
-    BoxTree::try_new(&soup.mesh(), progress)
+/// A soup of one surface.
+fn soup_of(
+    positions: Vec<DVec3>,
+    triangles: Vec<[u32; 3]>,
+    progress: &Progress,
+) -> Result<Soup, Cancelled> {
+    let mesh = TriMesh::new(positions, triangles);
+    let mesh = mesh.expect("rounded points are finite, and corners are among them");
+    Soup::of(&[&mesh], &[Closing::default()], &[], progress)
 }
 
 /// The pairs of new triangles, or of a new and a whole one, that meet where they should not.
 fn conflicts(
     draft: &Draft,
-    input: &BoxTree,
+    input: &CandidateTree,
     progress: &Progress,
 ) -> Result<Vec<[u32; 2]>, Cancelled> {
     // whole triangles by their names in the input, to find those near new ones
@@ -139,32 +149,42 @@ fn conflicts(
         }
     }
     let new = list.len();
+    if new == 0 {
+        return Ok(Vec::new());
+    }
     for at in 0..new {
         if at % 4096 == 0 {
             progress.check()?;
         }
         let corners = draft.triangles[list[at]].map(|v| draft.positions[v as usize]);
-        input.for_each_touching(&Aabb::around(corners), |triangle| {
+        input.for_each_near(&Aabb::around(corners), |triangle| {
             let index = whole[triangle as usize];
             if index != u32::MAX && !std::mem::replace(&mut chosen[index as usize], true) {
                 list.push(index as usize);
             }
         });
     }
-    let part = Draft {
-        positions: draft.positions.clone(),
-        triangles: list.iter().map(|&i| draft.triangles[i]).collect(),
-        parents: Vec::new(),
-    };
-    let mesh = part.mesh();
-    let soup = Soup::of(&[&mesh], &[Closing::default()], progress)?;
+    // only what these use, in the same order
+    let mut name_of = vec![u32::MAX; draft.positions.len()];
+    for &v in list.iter().flat_map(|&t| &draft.triangles[t]) {
+        name_of[v as usize] = 0;
+    }
+    let mut positions = Vec::new();
+    for (name, &at) in name_of.iter_mut().zip(&draft.positions) {
+        if *name == 0 {
+            *name = positions.len() as u32;
+            positions.push(at);
+        }
+    }
+    let triangle = |&t: &usize| draft.triangles[t].map(|v| name_of[v as usize]);
+    let soup = soup_of(positions, list.iter().map(triangle).collect(), progress)?;
     let is_new: Vec<bool> = soup
         .sources
         .iter()
         .map(|source| (source.triangle as usize) < new)
         .collect();
-    let bvh = bvh_of(&soup, progress)?;
-    let contacts = crate::arrangement::contacts(&soup, &bvh, Some(&is_new), progress)?;
+    let tree = soup.tree(progress)?;
+    let contacts = crate::arrangement::contacts(&soup, &tree, Some(&is_new), progress)?;
     let name = |t: u32| list[soup.sources[t as usize].triangle as usize] as u32;
     Ok(contacts
         .into_iter()

@@ -9,7 +9,7 @@
 //! Does not guarantee that all distances that remain are larger.
 
 use glam::{DVec3, I64Vec3};
-use ravec_mesh::{Aabb, BoxTree};
+use ravec_mesh::Aabb;
 use ravec_progress::{Cancelled, Progress};
 use rustc_hash::FxHashMap;
 
@@ -19,7 +19,7 @@ use crate::arrangement::Soup;
 /// so that those in an edge follow one another in a clear order.
 const INTO: f64 = 0.5;
 
-/// Vertices between two looks at the progress: some milliseconds.
+/// Vertices or triangles between two looks at the progress: some milliseconds.
 const STRIDE: usize = 1 << 12;
 
 /// Merges vertices that are not farther than `reach` from each other along each axis, and puts vertices into the edges and
@@ -98,7 +98,10 @@ fn merge_vertices(
         names.push(v);
     }
     let mut merged = Soup::with_vertices(positions, soup.meshes);
-    for (corners, &source) in soup.triangles.iter().zip(&soup.sources) {
+    for (t, (corners, &source)) in soup.triangles.iter().zip(&soup.sources).enumerate() {
+        if t % STRIDE == 0 {
+            progress.check()?;
+        }
         merged.push(corners.map(|v| names[v as usize]), source);
     }
     Ok((merged, stays_chosen))
@@ -122,7 +125,7 @@ fn put_vertices_in(
     is_chosen: &[bool],
     progress: &Progress,
 ) -> Result<Soup, Cancelled> {
-    let tree = BoxTree::try_new(&soup.mesh(), progress)?;
+    let tree = soup.tree(progress)?;
     // for each vertex the triangles that it might be put into: parts of them stay within the reach of their boxes
     let mut near_of: Vec<(u32, Vec<u32>)> = Vec::new();
     for (v, &p) in soup.positions.iter().enumerate() {
@@ -137,30 +140,40 @@ fn put_vertices_in(
             };
             let mut near = Vec::new();
             let mut is_near = false;
-            tree.for_each_touching(&around, |t| {
-                near.push(t);
-                is_near |= !soup.triangles[t as usize].contains(&v);
+            tree.for_each_near(&around, |t| {
+                if Aabb::around(soup.corners(t)).touches(&around) {
+                    near.push(t);
+                    is_near |= !soup.triangles[t as usize].contains(&v);
+                }
             });
             if is_near {
                 near_of.push((v, near));
             }
         }
     }
-    let mut division = Division::of(soup, near_of.iter().flat_map(|(_, near)| near));
+    let near = near_of.iter().flat_map(|(_, near)| near);
+    let mut division = Division::of(soup, near, progress)?;
     for (at, (v, near)) in near_of.iter().enumerate() {
         if at % STRIDE == 0 {
             progress.check()?;
         }
         division.put_in(*v, near, reach);
     }
-    Ok(division.finish())
+    division.finish(progress)
 }
 
 impl<'a> Division<'a> {
     /// Triangles none of which is divided yet; only `dividable` ones and their neighbors ever will be.
-    fn of<'b>(soup: &'a Soup, dividable: impl Iterator<Item = &'b u32>) -> Self {
+    fn of<'b>(
+        soup: &'a Soup,
+        dividable: impl Iterator<Item = &'b u32>,
+        progress: &Progress,
+    ) -> Result<Self, Cancelled> {
         let mut is_corner = vec![false; soup.positions.len()];
-        for &t in dividable {
+        for (at, &t) in dividable.enumerate() {
+            if at % STRIDE == 0 {
+                progress.check()?;
+            }
             for v in soup.triangles[t as usize] {
                 is_corner[v as usize] = true;
             }
@@ -172,11 +185,14 @@ impl<'a> Division<'a> {
             at_edge: FxHashMap::default(),
         };
         for (t, &corners) in soup.triangles.iter().enumerate() {
+            if t % STRIDE == 0 {
+                progress.check()?;
+            }
             if corners.iter().filter(|&&v| is_corner[v as usize]).count() >= 2 {
                 division.add(corners, t as u32);
             }
         }
-        division
+        Ok(division)
     }
 
     fn add(&mut self, corners: [u32; 3], triangle: u32) {
@@ -269,9 +285,12 @@ impl<'a> Division<'a> {
     }
 
     /// All triangles, divided or not, in their order.
-    fn finish(self) -> Soup {
+    fn finish(self, progress: &Progress) -> Result<Soup, Cancelled> {
         let mut divided = Soup::with_vertices(self.soup.positions.clone(), self.soup.meshes);
         for (t, &corners) in self.soup.triangles.iter().enumerate() {
+            if t % STRIDE == 0 {
+                progress.check()?;
+            }
             let source = self.soup.sources[t];
             match self.of_triangle.get(&(t as u32)) {
                 None => divided.push(corners, source),
@@ -282,7 +301,18 @@ impl<'a> Division<'a> {
                 }
             }
         }
-        divided
+        // giving back so many lists takes a while, too
+        let lists = self
+            .at_edge
+            .into_values()
+            .chain(self.of_triangle.into_values());
+        for (at, list) in lists.enumerate() {
+            if at % STRIDE == 0 {
+                progress.check()?;
+            }
+            drop(list);
+        }
+        Ok(divided)
     }
 }
 

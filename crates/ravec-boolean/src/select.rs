@@ -1,10 +1,10 @@
 //! The pieces that bound the result, rounded, and triangles made whole again.
 
 use glam::DVec3;
-use ravec_mesh::TriMesh;
+use ravec_progress::{Cancelled, Progress};
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use crate::arrangement::{Cells, Piece, Pieces, Side};
+use crate::arrangement::{Cells, Pieces, Side};
 
 /// What a triangle of a draft is made of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -25,13 +25,8 @@ pub(crate) struct Draft {
     pub parents: Vec<Parent>,
 }
 
-impl Draft {
-    /// The same surface as a mesh.
-    pub fn mesh(&self) -> TriMesh {
-        TriMesh::new(self.positions.clone(), self.triangles.clone())
-            .expect("rounded points are finite, and corners are among them")
-    }
-}
+/// Pieces between two looks at the progress: some milliseconds.
+const STRIDE: usize = 1 << 16;
 
 /// A piece that bounds the result.
 #[derive(Clone, Copy)]
@@ -45,38 +40,50 @@ struct Kept {
     turned: bool,
 }
 
-/// Whether the corners of a piece are those of a triangle.
-fn is_whole(piece: &Piece, triangle: [u32; 3]) -> bool {
-    piece.corners.iter().all(|c| triangle.contains(c))
-}
-
-/// The pieces with one side in cells that are `inside` and the other in cells that are not, all facing out.
-pub(crate) fn select(pieces: &Pieces, cells: &Cells, inside: &[bool]) -> Draft {
-    let mut kept = Vec::new();
-    for (index, piece) in pieces.list.iter().enumerate() {
-        let at = |side| {
-            cells
-                .cell(index as u32, side)
-                .map(|cell| inside[cell as usize])
-        };
-        let (Some(front), Some(back)) = (at(Side::Front), at(Side::Back)) else {
-            continue;
-        };
-        if front == back {
-            continue;
-        }
-        let Some((parent, same)) = piece.cover.iter().next() else {
-            continue;
-        };
-        kept.push(Kept {
-            piece: index as u32,
+/// The piece as it bounds the result, if it does: with one side in cells that are `inside` and the other in cells that are not.
+fn kept(pieces: &Pieces, cells: &Cells, inside: &[bool], piece: u32) -> Option<Kept> {
+    let at = |side| cells.cell(piece, side).map(|cell| inside[cell as usize]);
+    let (front, back) = (at(Side::Front)?, at(Side::Back)?);
+    (front != back).then(|| {
+        let (parent, same) = pieces.first_cover(piece);
+        Kept {
+            piece,
             parent,
             reversed: front == same,
             turned: front,
-        });
-    }
-    let restored = restorable(pieces, &kept);
-    let mut draft = Draft::default();
+        }
+    })
+}
+
+/// The pieces with one side in cells that are `inside` and the other in cells that are not, all facing out.
+///
+/// # Errors
+/// [`Cancelled`] soon after `progress` is.
+pub(crate) fn select(
+    pieces: &Pieces,
+    cells: &Cells,
+    inside: &[bool],
+    progress: &Progress,
+) -> Result<Draft, Cancelled> {
+    let is_kept = |piece: &u32| kept(pieces, cells, inside, *piece).is_some();
+    let whole = || {
+        pieces
+            .all()
+            .take_while(|&p| !pieces.pieces_of_cut().contains(&p))
+    };
+    let of_cut: Vec<Kept> = pieces
+        .pieces_of_cut()
+        .filter_map(|piece| kept(pieces, cells, inside, piece))
+        .collect();
+    progress.check()?;
+    let restored = restorable(pieces, &of_cut, || whole().filter(is_kept), progress)?;
+    progress.check()?;
+    let most = of_cut.len() + whole().filter(is_kept).count();
+    let mut draft = Draft {
+        positions: Vec::new(),
+        triangles: Vec::with_capacity(most),
+        parents: Vec::with_capacity(most),
+    };
     let mut vertex_of = vec![u32::MAX; pieces.places.given().len() + pieces.places.made.len()];
     let mut vertex = |draft: &mut Draft, name: u32| {
         let slot = &mut vertex_of[name as usize];
@@ -87,8 +94,11 @@ pub(crate) fn select(pieces: &Pieces, cells: &Cells, inside: &[bool]) -> Draft {
         *slot
     };
     let mut done = FxHashSet::default();
-    for one in kept {
-        let piece = &pieces.list[one.piece as usize];
+    let of_whole = whole().filter_map(|piece| kept(pieces, cells, inside, piece));
+    for (at, one) in of_whole.chain(of_cut).enumerate() {
+        if at % STRIDE == 0 {
+            progress.check()?;
+        }
         let triangle = pieces.soup.triangles[one.parent as usize];
         let (mut corners, turned, whole) = if restored.contains(&one.parent) {
             if !done.insert(one.parent) {
@@ -96,7 +106,9 @@ pub(crate) fn select(pieces: &Pieces, cells: &Cells, inside: &[bool]) -> Draft {
             }
             (triangle, one.reversed, true)
         } else {
-            (piece.corners, one.turned, is_whole(piece, triangle))
+            let corners = pieces.corners(one.piece);
+            let is_whole = corners.iter().all(|c| triangle.contains(c));
+            (corners, one.turned, is_whole)
         };
         if turned {
             corners.swap(1, 2);
@@ -109,65 +121,97 @@ pub(crate) fn select(pieces: &Pieces, cells: &Cells, inside: &[bool]) -> Draft {
             whole,
         });
     }
-    draft
+    Ok(draft)
+}
+
+/// What is known of the pieces of a triangle.
+#[derive(Default)]
+struct Tally {
+    /// Pieces that it covers.
+    covered: u32,
+    /// Those of them that are kept as its own, with it and against it.
+    kept: [u32; 2],
+}
+
+impl Tally {
+    /// Whether the triangle is in several pieces, all kept and all facing the same way.
+    fn is_all_kept(&self) -> bool {
+        self.covered > 1 && self.kept.contains(&self.covered)
+    }
 }
 
 /// Triangles in pieces that are all kept and can be put together again, since nothing else ends at the vertices that were
-/// put into them.
-fn restorable(pieces: &Pieces, kept: &[Kept]) -> FxHashSet<u32> {
-    let in_pieces = |t: u32| {
-        let [from, to] = pieces.of_triangle[t as usize];
-        to - from > 1
-    };
-    // kept pieces by triangle, and triangles at each vertex that was put in
-    let mut of_triangle: FxHashMap<u32, Vec<Kept>> = FxHashMap::default();
-    for &one in kept.iter().filter(|one| in_pieces(one.parent)) {
-        of_triangle.entry(one.parent).or_default().push(one);
-    }
-    let mut covering: FxHashMap<u32, u32> = FxHashMap::default();
-    for (t, _) in pieces.list.iter().flat_map(|piece| piece.cover.iter()) {
-        if in_pieces(t) {
-            *covering.entry(t).or_default() += 1;
+/// put into them. `kept` are pieces of triangles that were cut, and `whole` gives the triangles that were not cut and are kept.
+fn restorable<I: Iterator<Item = u32>>(
+    pieces: &Pieces,
+    kept: &[Kept],
+    whole: impl Fn() -> I,
+    progress: &Progress,
+) -> Result<FxHashSet<u32>, Cancelled> {
+    let mut tally: FxHashMap<u32, Tally> = FxHashMap::default();
+    for (at, piece) in pieces.pieces_of_cut().enumerate() {
+        if at % STRIDE == 0 {
+            progress.check()?;
+        }
+        for (t, _) in pieces.cover(piece) {
+            tally.entry(t).or_default().covered += 1;
         }
     }
-    let inserted = |t: u32, list: &[Kept]| -> Vec<u32> {
+    progress.check()?;
+    for one in kept {
+        let own = tally.entry(one.parent).or_default();
+        own.kept[usize::from(one.reversed)] += 1;
+    }
+    // nearly always there are none: what is cut has a side in something
+    tally.retain(|_, own| own.is_all_kept());
+    let mut candidates: FxHashSet<u32> = tally.into_keys().collect();
+    if candidates.is_empty() {
+        return Ok(candidates);
+    }
+    progress.check()?;
+    // pieces by triangle, and triangles at each vertex that was put in
+    let mut of_triangle: FxHashMap<u32, Vec<Kept>> = FxHashMap::default();
+    for &one in kept.iter().filter(|one| candidates.contains(&one.parent)) {
+        of_triangle.entry(one.parent).or_default().push(one);
+    }
+    let inserted = |t: u32| -> Vec<u32> {
         let corners = pieces.soup.triangles[t as usize];
-        let names = list
+        let names = of_triangle[&t]
             .iter()
-            .flat_map(|one| pieces.list[one.piece as usize].corners);
+            .flat_map(|one| pieces.corners(one.piece));
         let mut names: Vec<u32> = names.filter(|name| !corners.contains(name)).collect();
         names.sort_unstable();
         names.dedup();
         names
     };
-    let mut candidates: FxHashSet<u32> = FxHashSet::default();
+    progress.check()?;
     let mut at_vertex: FxHashMap<u32, Vec<u32>> = FxHashMap::default();
-    for (&t, list) in &of_triangle {
-        let all = covering
-            .get(&t)
-            .is_some_and(|&count| count as usize == list.len());
-        if all && list.len() > 1 && list.iter().all(|one| one.reversed == list[0].reversed) {
-            candidates.insert(t);
-        }
-        for name in inserted(t, list) {
+    for &t in &candidates {
+        for name in inserted(t) {
             at_vertex.entry(name).or_default().push(t);
         }
     }
+    progress.check()?;
     // a vertex that was put into one triangle and is a corner of another has to stay
-    let mut pinned: Vec<u32> = kept
-        .iter()
-        .flat_map(|one| pieces.soup.triangles[one.parent as usize])
-        .filter(|name| at_vertex.contains_key(name))
-        .collect();
-    for (&t, list) in &of_triangle {
-        if !candidates.contains(&t) {
-            let names = list
-                .iter()
-                .flat_map(|one| pieces.list[one.piece as usize].corners);
-            pinned.extend(names.filter(|name| at_vertex.contains_key(name)));
-        }
+    let given = pieces.places.given().len();
+    let mut is_inserted = Vec::new();
+    for &name in at_vertex.keys().filter(|&&name| (name as usize) < given) {
+        is_inserted.resize(given, false);
+        is_inserted[name as usize] = true;
     }
-    // so is a vertex where surfaces touch: it must be in the inside of one triangle or of the edge of two
+    let mut pinned = Vec::new();
+    if !is_inserted.is_empty() {
+        let parents = kept.iter().map(|one| one.parent).chain(whole());
+        let corners = parents.flat_map(|t| pieces.soup.triangles[t as usize]);
+        pinned.extend(corners.filter(|&name| is_inserted[name as usize]));
+    }
+    progress.check()?;
+    // so has one of a piece that stays
+    let stay = kept.iter().filter(|one| !candidates.contains(&one.parent));
+    let corners = stay.flat_map(|one| pieces.corners(one.piece));
+    pinned.extend(corners.filter(|name| at_vertex.contains_key(name)));
+    progress.check()?;
+    // and one where surfaces touch: it must be in the inside of one triangle or of the edge of two
     pinned.extend(at_vertex.iter().filter_map(|(&name, list)| {
         let shared = |a: u32, b: u32| {
             let [a, b] = [a, b].map(|t| pieces.soup.triangles[t as usize]);
@@ -180,13 +224,18 @@ fn restorable(pieces: &Pieces, kept: &[Kept]) -> FxHashSet<u32> {
         };
         (!goes).then_some(name)
     }));
+    let mut steps = 0_usize;
     while let Some(name) = pinned.pop() {
+        steps += 1;
+        if steps.is_multiple_of(STRIDE) {
+            progress.check()?;
+        }
         for t in at_vertex.remove(&name).into_iter().flatten() {
             if candidates.remove(&t) {
-                pinned.extend(inserted(t, &of_triangle[&t]));
+                pinned.extend(inserted(t));
                 pinned.extend(pieces.soup.triangles[t as usize]);
             }
         }
     }
-    candidates
+    Ok(candidates)
 }

@@ -22,6 +22,7 @@
 //! triangles two or three.
 
 mod build;
+mod candidates;
 mod closest;
 mod frame;
 mod node;
@@ -42,6 +43,7 @@ use frame::Frame;
 use node::Node;
 use turned::TurnedNode;
 
+pub use candidates::CandidateTree;
 pub use closest::Closest;
 pub use range::RayHit;
 pub use winding::{WindingNumbers, winding_number};

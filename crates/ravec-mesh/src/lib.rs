@@ -20,7 +20,7 @@ mod tri_mesh;
 
 pub use aabb::Aabb;
 pub use adjacency::{Adjacency, Components, EdgeUse, Fans};
-pub use bvh::{BoxTree, Bvh, Closest, RayHit, WindingNumbers, winding_number};
+pub use bvh::{BoxTree, Bvh, CandidateTree, Closest, RayHit, WindingNumbers, winding_number};
 pub use check::{BoundaryLoop, CheckParams, Found, MeshCheck, check};
 pub use closest::{ClosestOnTriangle, Feature, closest_on_triangle, distance_sq_to_triangle};
 pub use format::{

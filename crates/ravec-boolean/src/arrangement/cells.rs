@@ -13,12 +13,12 @@
 use std::collections::VecDeque;
 
 use glam::{DVec2, DVec3};
-use ravec_mesh::{Aabb, BoxTree, Sign};
+use ravec_mesh::{Aabb, CandidateTree, Sign};
 use ravec_progress::{Cancelled, Progress};
 
 use super::contact::{flat, view};
-use super::cut::{Cover, Pieces};
-use super::edges::{Edges, NONE, Use};
+use super::cut::Pieces;
+use super::edges::{Edges, NONE, Turned, Use};
 use super::point::{Definition, Point, orient2d};
 use super::unions::Unions;
 
@@ -32,6 +32,12 @@ const WEIGHTS: [[f64; 3]; 6] = [
     [0.437, 0.411, 0.152],
     [0.117, 0.443, 0.440],
 ];
+
+/// Of so many pieces of a connected part the largest is the one from which a ray is tried first.
+const LARGEST_OF: u32 = 1000;
+
+/// Pieces between two looks at the progress: some milliseconds.
+const STRIDE: usize = 1 << 16;
 
 /// A side of a piece.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -62,8 +68,8 @@ struct Patch {
 /// The cells of a soup in pieces. Cell 0 is the outside.
 pub(crate) struct Cells {
     patches: Vec<Patch>,
-    /// For each piece its patch, and whether it is turned against it.
-    patch_of: Vec<(u32, bool)>,
+    /// For each piece its patch, against which it may be turned.
+    patch_of: Vec<Turned>,
     meshes: usize,
     /// Winding numbers of all meshes, cell by cell.
     winding: Vec<i32>,
@@ -71,8 +77,8 @@ pub(crate) struct Cells {
 
 /// How winding numbers grow from the front of a piece to its back, meshes ascending and none unchanged.
 fn change(pieces: &Pieces, piece: u32) -> Vec<(u32, i32)> {
-    let cover = pieces.list[piece as usize].cover.iter();
-    let mut list: Vec<(u32, i32)> = cover
+    let mut list: Vec<(u32, i32)> = pieces
+        .cover(piece)
         .map(|(triangle, same)| {
             let mesh = pieces.soup.sources[triangle as usize].mesh;
             (mesh, if same { 1 } else { -1 })
@@ -91,9 +97,11 @@ fn change(pieces: &Pieces, piece: u32) -> Vec<(u32, i32)> {
 }
 
 /// The node of a side of a patch: node 0 is the outside.
-fn node(patch: (u32, bool), side: Side) -> u32 {
-    let back = (side == Side::Back) != patch.1;
-    1 + 2 * patch.0 + u32::from(back)
+fn node(patch: Turned, side: Side) -> u32 {
+    let number = patch.number();
+    let number = number.expect("asked only of pieces that have an effect");
+    let back = (side == Side::Back) != patch.is_turned();
+    1 + 2 * number + u32::from(back)
 }
 
 /// The side that is met when turning on from a piece at an edge.
@@ -102,20 +110,18 @@ fn side_ahead(one: Use) -> Side {
 }
 
 impl Cells {
-    /// Finds the cells. `bvh` holds the triangles of the soup.
+    /// Finds the cells. `tree` holds the triangles of the soup.
     ///
     /// # Errors
     /// [`Cancelled`] soon after `progress` is.
-    pub fn of(pieces: &Pieces, bvh: &BoxTree, progress: &Progress) -> Result<Self, Cancelled> {
-        let matters: Vec<bool> = (0..pieces.list.len() as u32)
-            .map(|piece| match &pieces.list[piece as usize].cover {
-                Cover::One(_) => true,
-                Cover::Several(_) => !change(pieces, piece).is_empty(),
-            })
-            .collect();
-        let edges = Edges::of(pieces, |piece| matters[piece as usize]);
-        progress.check()?;
-        let (patch_of, firsts) = patches(pieces, &edges, &matters);
+    pub fn of(
+        pieces: &Pieces,
+        tree: &CandidateTree,
+        progress: &Progress,
+    ) -> Result<Self, Cancelled> {
+        let matters = |piece: u32| pieces.has_one_cover(piece) || !change(pieces, piece).is_empty();
+        let edges = Edges::of(pieces, matters, progress)?;
+        let (patch_of, firsts) = patches(pieces, &edges, matters, progress)?;
         let mut sides = Unions::new(1 + 2 * firsts.len());
         let mut parts = Unions::new(firsts.len());
         for (_, uses) in &edges.junctions {
@@ -123,14 +129,15 @@ impl Cells {
                 let next = uses[(i + 1) % uses.len()];
                 let [p, q] = [one, next].map(|u| patch_of[u.piece as usize]);
                 sides.unite(node(p, side_ahead(one)), node(q, side_ahead(next).other()));
-                parts.unite(p.0, q.0);
+                if let (Some(p), Some(q)) = (p.number(), q.number()) {
+                    parts.unite(p, q);
+                }
             }
         }
         progress.check()?;
         let mut rays = Rays {
             pieces,
-            bvh,
-            bounds: bvh.bounds(),
+            tree,
             patch_of: &patch_of,
             sides: &mut sides,
         };
@@ -152,7 +159,8 @@ impl Cells {
             .iter()
             .enumerate()
             .map(|(patch, &first)| Patch {
-                cells: [Side::Front, Side::Back].map(|s| cell(node((patch as u32, false), s))),
+                cells: [Side::Front, Side::Back]
+                    .map(|s| cell(node(Turned::new(patch as u32, false), s))),
                 change: change(pieces, first),
             })
             .collect();
@@ -209,9 +217,9 @@ impl Cells {
 
     /// The cell that a side of a piece looks into; `None` if the piece has no effect: what covers it cancels out.
     pub fn cell(&self, piece: u32, side: Side) -> Option<u32> {
-        let (patch, against) = self.patch_of[piece as usize];
-        let back = (side == Side::Back) != against;
-        let patch = self.patches.get(patch as usize)?;
+        let patch = self.patch_of[piece as usize];
+        let back = (side == Side::Back) != patch.is_turned();
+        let patch = &self.patches[patch.number()? as usize];
         Some(patch.cells[usize::from(back)])
     }
 
@@ -230,60 +238,98 @@ impl Cells {
     }
 }
 
-/// Collects pieces over edges of two into patches; gives the patch of each piece and the first piece of each patch.
-fn patches(pieces: &Pieces, edges: &Edges, matters: &[bool]) -> (Vec<(u32, bool)>, Vec<u32>) {
-    let list = &pieces.list;
-    let mut patch_of = vec![(NONE, false); list.len()];
-    let mut firsts = Vec::new();
-    let mut stack = Vec::new();
-    for first in 0..list.len() as u32 {
-        if !matters[first as usize] || patch_of[first as usize].0 != NONE {
-            continue;
+/// Collects pieces over edges of two into patches; gives the patch of each piece and the first piece of each patch, which is not
+/// turned against it.
+///
+/// Sets of pieces are united in the order of the pieces, each under its first, which reads memory more evenly than going from
+/// neighbor to neighbor.
+fn patches(
+    pieces: &Pieces,
+    edges: &Edges,
+    matters: impl Fn(u32) -> bool,
+    progress: &Progress,
+) -> Result<(Vec<Turned>, Vec<u32>), Cancelled> {
+    // an earlier piece of the same set, or the piece itself
+    let mut earlier = vec![Turned::NONE; pieces.end() as usize];
+    for (at, piece) in pieces.all().filter(|&piece| matters(piece)).enumerate() {
+        if at % STRIDE == 0 {
+            progress.check()?;
         }
-        let patch = firsts.len() as u32;
-        firsts.push(first);
-        patch_of[first as usize] = (patch, false);
-        stack.push(first);
-        while let Some(piece) = stack.pop() {
-            let corners = list[piece as usize].corners;
-            let against = patch_of[piece as usize].1;
-            for (side, next) in edges.across[piece as usize].into_iter().enumerate() {
-                if next == NONE || patch_of[next as usize].0 != NONE {
-                    continue;
-                }
-                // neighbors that run through their edge in one direction are turned against each other
-                let (a, b) = (corners[side], corners[(side + 1) % 3]);
-                let n = list[next as usize].corners;
-                let same_way = (0..3).any(|i| n[i] == a && n[(i + 1) % 3] == b);
-                patch_of[next as usize] = (patch, against != same_way);
-                stack.push(next);
+        earlier[piece as usize] = Turned::new(piece, false);
+        for neighbor in edges.across[piece as usize] {
+            let Some(before) = neighbor.number().filter(|&other| other < piece) else {
+                continue;
+            };
+            let (one, is_one_turned) = first_of(&mut earlier, piece);
+            let (other, is_other_turned) = first_of(&mut earlier, before);
+            if one != other {
+                let is_turned = is_one_turned ^ is_other_turned ^ neighbor.is_turned();
+                earlier[one.max(other) as usize] = Turned::new(one.min(other), is_turned);
             }
         }
     }
-    (patch_of, firsts)
+    // from the first on each piece finds the patch where an earlier one was
+    let mut firsts = Vec::new();
+    for piece in 0..pieces.end() {
+        if (piece as usize).is_multiple_of(STRIDE) {
+            progress.check()?;
+        }
+        let own = earlier[piece as usize];
+        earlier[piece as usize] = match own.number() {
+            None => Turned::NONE,
+            Some(first) if first == piece => {
+                firsts.push(piece);
+                Turned::new(firsts.len() as u32 - 1, false)
+            }
+            Some(before) => earlier[before as usize].turned(own.is_turned()),
+        };
+    }
+    Ok((earlier, firsts))
+}
+
+/// The first piece of a set, and whether a piece of it is turned against that.
+fn first_of(earlier: &mut [Turned], mut piece: u32) -> (u32, bool) {
+    let mut is_turned = false;
+    loop {
+        let own = earlier[piece as usize];
+        let Some(before) = own.number().filter(|&before| before != piece) else {
+            return (piece, is_turned);
+        };
+        let next = earlier[before as usize];
+        // two steps become one
+        if let Some(first) = next.number() {
+            earlier[piece as usize] = Turned::new(first, own.is_turned() ^ next.is_turned());
+        }
+        is_turned ^= own.is_turned();
+        piece = before;
+    }
 }
 
 /// Rays that tie the parts of the surface to what is around them.
 struct Rays<'a> {
     pieces: &'a Pieces<'a>,
-    bvh: &'a BoxTree,
-    bounds: Aabb,
-    patch_of: &'a [(u32, bool)],
+    tree: &'a CandidateTree,
+    patch_of: &'a [Turned],
     sides: &'a mut Unions,
 }
 
 impl Rays<'_> {
     /// One ray from each connected part.
     fn cast(&mut self, parts: &mut Unions, progress: &Progress) -> Result<(), Cancelled> {
-        // the largest piece of each part, from which a ray has the best chances
+        // the largest of the first pieces of each part, from which a ray has the best chances
         let mut largest: Vec<(f64, u32)> = vec![(-1.0, NONE); parts.len()];
-        for (piece, &(patch, _)) in self.patch_of.iter().enumerate() {
-            if patch != NONE {
+        let mut tried = vec![0; parts.len()];
+        for (piece, patch) in self.patch_of.iter().enumerate() {
+            let Some(patch) = patch.number() else {
+                continue;
+            };
+            let part = parts.root(patch) as usize;
+            if tried[part] < LARGEST_OF {
+                tried[part] += 1;
                 let [a, b, c] = self.rounded(piece as u32);
                 let area = (b - a).cross(c - a).length_squared();
-                let best = &mut largest[parts.root(patch) as usize];
-                if area > best.0 {
-                    *best = (area, piece as u32);
+                if area > largest[part].0 {
+                    largest[part] = (area, piece as u32);
                 }
             }
         }
@@ -292,13 +338,13 @@ impl Rays<'_> {
             if piece == NONE || self.shoot(piece) {
                 continue;
             }
-            let (patch, _) = self.patch_of[piece as usize];
-            let part = parts.root(patch);
+            let mut part_of = |piece: u32| {
+                let patch = self.patch_of[piece as usize].number();
+                patch.map(|patch| parts.root(patch))
+            };
+            let part = part_of(piece);
             // a part of slivers: any of them that lets a ray out will do
-            let others = (0..self.patch_of.len() as u32).filter(|&other| {
-                let (patch, _) = self.patch_of[other as usize];
-                patch != NONE && parts.root(patch) == part
-            });
+            let others = (0..self.patch_of.len() as u32).filter(|&other| part_of(other) == part);
             let others: Vec<u32> = others.collect();
             others.into_iter().any(|other| self.shoot(other));
         }
@@ -306,16 +352,12 @@ impl Rays<'_> {
     }
 
     fn rounded(&self, piece: u32) -> [DVec3; 3] {
-        let corners = self.pieces.list[piece as usize].corners;
+        let corners = self.pieces.corners(piece);
         corners.map(|name| self.pieces.places.rounded(name))
     }
 
     fn plane(&self, piece: u32) -> [DVec3; 3] {
-        let cover = &self.pieces.list[piece as usize].cover;
-        let (triangle, _) = cover
-            .iter()
-            .next()
-            .expect("a piece is covered by something");
+        let (triangle, _) = self.pieces.first_cover(piece);
         self.pieces.soup.corners(triangle)
     }
 
@@ -333,7 +375,7 @@ impl Rays<'_> {
         let (i, j) = ((axis + 1) % 3, (axis + 2) % 3);
         let places = &self.pieces.places;
         let grid = places.grid();
-        let bounds = self.bounds;
+        let bounds = self.tree.bounds();
         let mut line = [DVec3::ZERO; 2];
         for end in &mut line {
             end[i] = grid.snap(at.x);
@@ -358,14 +400,13 @@ impl Rays<'_> {
         tower.min[axis] = hits[0].0.near[axis].lo;
         tower.max[axis] = bounds.max[axis];
         let mut candidates = Vec::new();
-        self.bvh.for_each_touching(&tower, |triangle| {
-            let [from, to] = self.pieces.of_triangle[triangle as usize];
-            candidates.extend(from..to);
+        self.tree.for_each_near(&tower, |triangle| {
+            candidates.extend(self.pieces.of_triangle(triangle));
         });
         candidates.sort_unstable();
         candidates.dedup();
         for other in candidates {
-            if other == piece || self.patch_of[other as usize].0 == NONE {
+            if other == piece || self.patch_of[other as usize] == Turned::NONE {
                 continue;
             }
             match self.passes(other, &foot, axis) {
@@ -399,7 +440,7 @@ impl Rays<'_> {
     fn passes(&self, piece: u32, foot: &Point, axis: usize) -> Option<Option<Side>> {
         let (i, j) = ((axis + 1) % 3, (axis + 2) % 3);
         let places = &self.pieces.places;
-        let corners = self.pieces.list[piece as usize].corners;
+        let corners = self.pieces.corners(piece);
         let held = corners.map(|name| match places.made(name) {
             Some(point) => point.clone(),
             None => Point::at(places.given()[name as usize]),

@@ -8,7 +8,7 @@
 use glam::{DVec2, DVec3};
 use ravec_mesh::{OrientedPlane, Sign, orient2d, orient3d};
 
-use super::soup::Soup;
+use super::soup::Facet;
 
 /// A point where triangles meet, by what it is made of. One place may have several such names.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -70,14 +70,58 @@ fn strictly_apart(signs: [Sign; 3], shared: [bool; 3]) -> bool {
     first.is_none_or(|f| f != Sign::Zero && own.all(|s| s == f))
 }
 
+/// The rounding of the two products in [`are_clearly_apart`], relative to the product of the largest components of what goes
+/// into them, which are differences of coordinates and a sum of such: 132 and 12 roundings of half an ulp. Smaller is wrong, larger
+/// asks other tests more often.
+const EDGE_FILTER: f64 = 2e-14;
+const VERTEX_FILTER: f64 = 2e-15;
+
+/// Products below this may have lost digits to underflow.
+const TINY: f64 = 1e-290;
+
+/// Whether two triangles that share one or two corners are seen at once to meet in nothing else. That holds for nearly all
+/// neighbors, whether they lie in one plane or not.
+fn are_clearly_apart(
+    shared: usize,
+    (p, shared_p): ([DVec3; 3], [bool; 3]),
+    (q, shared_q): ([DVec3; 3], [bool; 3]),
+) -> bool {
+    let index = |shared: [bool; 3], is: bool| shared.iter().position(|&s| s == is).unwrap_or(0);
+    let size = |v: DVec3| v.abs().max_element();
+    match shared {
+        // Seen from a corner, all of one is on one side of a plane, all of the other on the other side. The plane halves the
+        // directions to their middles; any plane would do.
+        1 => {
+            let (i, j) = (index(shared_p, true), index(shared_q, true));
+            let at = p[i];
+            let [p, q] = [(p, i), (q, j)].map(|(t, i)| [1, 2].map(|k| t[(i + k) % 3] - at));
+            let normal = (q[0] + q[1]) - (p[0] + p[1]);
+            let limit = VERTEX_FILTER * size(normal);
+            let height = |v: DVec3| (normal.dot(v), (limit * size(v)).max(TINY));
+            p.into_iter().map(height).all(|(at, limit)| at < -limit)
+                && q.into_iter().map(height).all(|(at, limit)| at > limit)
+        }
+        // Half-planes on either side of an edge would have one normal if they were one.
+        2 => {
+            let (i, j) = (index(shared_p, false), index(shared_q, false));
+            let at = p[(i + 1) % 3];
+            let edge = p[(i + 2) % 3] - at;
+            let (p, q) = (p[i] - at, q[j] - at);
+            let limit = EDGE_FILTER * (size(edge) * size(p)) * (size(edge) * size(q));
+            edge.cross(p).dot(edge.cross(q)) < -limit.max(TINY)
+        }
+        _ => false,
+    }
+}
+
 /// Whether a side of `p` at its shared corners parts two triangles as they are seen along the normal of `p`. That holds for
 /// nearly all neighbors, and without asking how far they are from lying in one plane.
 fn are_side_by_side(
     normal: DVec3,
+    shared: usize,
     (p, shared_p): ([DVec3; 3], [bool; 3]),
     (q, shared_q): ([DVec3; 3], [bool; 3]),
 ) -> bool {
-    let shared = shared_p.iter().filter(|&&s| s).count();
     if shared == 0 || shared == 3 {
         return false;
     }
@@ -96,14 +140,18 @@ fn are_side_by_side(
         })
 }
 
-/// How triangles `a` and `b` meet; `None` if they share at most corners and an edge.
-pub(crate) fn contact(soup: &Soup, a: u32, b: u32) -> Option<Contact> {
-    let (s, t) = (soup.triangles[a as usize], soup.triangles[b as usize]);
+/// How two triangles meet; `None` if they share at most corners and an edge.
+pub(crate) fn contact(a: &Facet, b: &Facet) -> Option<Contact> {
+    let (s, t) = (a.vertices, b.vertices);
     let shared_s = s.map(|v| t.contains(&v));
     let shared_t = t.map(|v| s.contains(&v));
-    let (p, q) = (soup.corners(a), soup.corners(b));
+    let shared = shared_s.iter().filter(|&&s| s).count();
+    let (p, q) = (a.corners, b.corners);
+    if are_clearly_apart(shared, (p, shared_s), (q, shared_t)) {
+        return None;
+    }
     let plane = OrientedPlane::through(p[0], p[1], p[2]);
-    if are_side_by_side(plane.normal(), (p, shared_s), (q, shared_t)) {
+    if are_side_by_side(plane.normal(), shared, (p, shared_s), (q, shared_t)) {
         return None;
     }
     let sides_of_t: [Sign; 3] = std::array::from_fn(|i| {
@@ -113,7 +161,6 @@ pub(crate) fn contact(soup: &Soup, a: u32, b: u32) -> Option<Contact> {
             plane.side(q[i])
         }
     });
-    let shared = shared_s.iter().filter(|&&s| s).count();
     if shared == 3 {
         return Some(Contact::Coplanar);
     }
@@ -121,7 +168,7 @@ pub(crate) fn contact(soup: &Soup, a: u32, b: u32) -> Option<Contact> {
         return None;
     }
     if sides_of_t == [Sign::Zero; 3] {
-        return overlap(soup, a, b).then_some(Contact::Coplanar);
+        return overlap(a, b).then_some(Contact::Coplanar);
     }
     let plane = OrientedPlane::through(q[0], q[1], q[2]);
     let sides_of_s: [Sign; 3] = std::array::from_fn(|i| {
@@ -135,8 +182,8 @@ pub(crate) fn contact(soup: &Soup, a: u32, b: u32) -> Option<Contact> {
         return None;
     }
     let mut ends = Ends::default();
-    gather(soup, a, b, sides_of_s, shared_s, &mut ends);
-    gather(soup, b, a, sides_of_t, shared_t, &mut ends);
+    gather(a, b, sides_of_s, shared_s, &mut ends);
+    gather(b, a, sides_of_t, shared_t, &mut ends);
     match ends.found {
         [Some(first), Some(second)] => Some(Contact::Segment(first.min(second), first.max(second))),
         [Some(Crossing::Vertex(v)), None] if s.contains(&v) && t.contains(&v) => None,
@@ -146,9 +193,9 @@ pub(crate) fn contact(soup: &Soup, a: u32, b: u32) -> Option<Contact> {
 }
 
 /// The points of the border of `a` that lie in `b`, given on which sides of the plane of `b` the corners of `a` are.
-fn gather(soup: &Soup, a: u32, b: u32, sides: [Sign; 3], shared: [bool; 3], ends: &mut Ends) {
-    let (s, t) = (soup.triangles[a as usize], soup.triangles[b as usize]);
-    let (p, q) = (soup.corners(a), soup.corners(b));
+fn gather(a: &Facet, b: &Facet, sides: [Sign; 3], shared: [bool; 3], ends: &mut Ends) {
+    let (s, t) = (a.vertices, b.vertices);
+    let (p, q) = (a.corners, b.corners);
     for i in 0..3 {
         if sides[i] == Sign::Zero && (shared[i] || holds(q, p[i])) {
             ends.add(Crossing::Vertex(s[i]));
@@ -164,7 +211,7 @@ fn gather(soup: &Soup, a: u32, b: u32, sides: [Sign; 3], shared: [bool; 3], ends
         let e = edge(s[i], s[j]);
         let zero = |k: usize| around[k] == Sign::Zero;
         ends.add(match [zero(0), zero(1), zero(2)] {
-            [false, false, false] => Crossing::EdgeTriangle(e, b),
+            [false, false, false] => Crossing::EdgeTriangle(e, b.triangle),
             [true, true, _] => Crossing::Vertex(t[1]),
             [_, true, true] => Crossing::Vertex(t[2]),
             [true, _, true] => Crossing::Vertex(t[0]),
@@ -204,10 +251,14 @@ fn holds(triangle: [DVec3; 3], point: DVec3) -> bool {
 }
 
 /// Whether two triangles in one plane meet in more than the corners and the edge that they share.
-fn overlap(soup: &Soup, a: u32, b: u32) -> bool {
-    let (mut s, mut t) = (soup.triangles[a as usize], soup.triangles[b as usize]);
-    let axis = view(soup.corners(a));
-    let at = |v: u32| flat(soup.positions[v as usize], axis);
+fn overlap(a: &Facet, b: &Facet) -> bool {
+    let (mut s, mut t) = (a.vertices, b.vertices);
+    let axis = view(a.corners);
+    let at = |v: u32| {
+        let named = |f: &Facet| f.vertices.iter().position(|&w| w == v);
+        let place = named(a).map_or_else(|| named(b).map(|i| b.corners[i]), |i| Some(a.corners[i]));
+        flat(place.expect("asked of corners alone"), axis)
+    };
     for corners in [&mut s, &mut t] {
         if orient2d(at(corners[0]), at(corners[1]), at(corners[2])) == Sign::Negative {
             corners.swap(1, 2);
@@ -259,6 +310,7 @@ fn segments_touch_beyond(at: &impl Fn(u32) -> DVec2, [u, v]: [u32; 2], [w, x]: [
 
 #[cfg(test)]
 mod tests {
+    use super::super::soup::Soup;
     use super::*;
     use crate::closing::Closing;
     use proptest::prelude::*;
@@ -270,7 +322,17 @@ mod tests {
             .map(|c| DVec3::from_array(c.map(f64::from)))
             .to_vec();
         let mesh = TriMesh::new(positions, vec![[0, 1, 2], [3, 4, 5]]).unwrap();
-        Soup::of(&[&mesh], &[Closing::default()], &Progress::none()).unwrap()
+        Soup::of(&[&mesh], &[Closing::default()], &[], &Progress::none()).unwrap()
+    }
+
+    /// How triangles `a` and `b` of a soup meet.
+    fn met(soup: &Soup, a: u32, b: u32) -> Option<Contact> {
+        let [a, b] = [a, b].map(|triangle| Facet {
+            triangle,
+            vertices: soup.triangles[triangle as usize],
+            corners: soup.corners(triangle),
+        });
+        contact(&a, &b)
     }
 
     proptest! {
@@ -282,7 +344,7 @@ mod tests {
             if soup.triangles.len() < 2 {
                 return Ok(());
             }
-            let found = contact(&soup, 0, 1);
+            let found = met(&soup, 0, 1);
             let kind = intersection(&soup.corners(0), &soup.corners(1));
             match kind {
                 TriTri::Disjoint | TriTri::Neighbors => prop_assert_eq!(found, None),
@@ -290,7 +352,7 @@ mod tests {
                 TriTri::Crossing | TriTri::Touch => prop_assert!(found.is_some()),
             }
             // the same whoever comes first
-            prop_assert_eq!(found.is_some(), contact(&soup, 1, 0).is_some());
+            prop_assert_eq!(found.is_some(), met(&soup, 1, 0).is_some());
         }
     }
 
@@ -305,7 +367,7 @@ mod tests {
             [1, 1, 1],
             [1, -9, 0],
         ]);
-        let found = contact(&soup, 0, 1);
+        let found = met(&soup, 0, 1);
         let expected = Contact::Segment(
             Crossing::EdgeTriangle([0, 1], 1),
             Crossing::EdgeTriangle([3, 4], 0),

@@ -4,11 +4,15 @@ use std::cmp::Ordering;
 
 use glam::DVec3;
 use ravec_mesh::Sign;
+use ravec_progress::{Cancelled, Progress};
+use rayon::prelude::*;
 
 use super::cut::Pieces;
 use super::exact::{self, Grid};
-use super::interval::Interval;
 use super::point::{self, Point};
+
+/// Pieces or vertices between two looks at the progress: some milliseconds.
+const STRIDE: usize = 1 << 16;
 
 /// A piece at an edge.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -18,82 +22,127 @@ pub(crate) struct Use {
     pub forward: bool,
 }
 
+/// The number of something, and whether it is turned against what names it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Turned(u32);
+
+impl Turned {
+    /// Nothing.
+    pub const NONE: Self = Self(u32::MAX);
+
+    pub fn new(number: u32, is_turned: bool) -> Self {
+        Self(number << 1 | u32::from(is_turned))
+    }
+
+    /// The number, unless it is that of nothing.
+    #[inline]
+    pub fn number(self) -> Option<u32> {
+        (self != Self::NONE).then_some(self.0 >> 1)
+    }
+
+    /// Whether it is turned.
+    #[inline]
+    pub fn is_turned(self) -> bool {
+        self.0 & 1 == 1
+    }
+
+    /// The same, turned once more if so asked.
+    #[inline]
+    pub fn turned(self, also: bool) -> Self {
+        Self(self.0 ^ u32::from(also))
+    }
+}
+
 /// The edges of all pieces that were asked for.
 pub(crate) struct Edges {
-    /// For each piece the one over each side, if just two meet there. Sides begin at the corner of the same index.
-    pub across: Vec<[u32; 3]>,
+    /// For each piece the one over each side, if just two meet there; it is turned if both run through the edge in one
+    /// direction. Sides begin at the corner of the same index.
+    pub across: Vec<[Turned; 3]>,
     /// The other edges with more than one piece: their ends and their pieces, counter-clockwise as seen when looking
     /// from the higher end towards the lower.
     pub junctions: Vec<([u32; 2], Vec<Use>)>,
 }
 
-/// Nothing across, or more than one.
+/// No number.
 pub(crate) const NONE: u32 = u32::MAX;
 
 impl Edges {
     /// The edges of those pieces for which `asked` is true.
-    pub fn of(pieces: &Pieces, asked: impl Fn(u32) -> bool) -> Self {
-        let list = &pieces.list;
+    ///
+    /// # Errors
+    /// [`Cancelled`] soon after `progress` is.
+    pub fn of(
+        pieces: &Pieces,
+        asked: impl Fn(u32) -> bool,
+        progress: &Progress,
+    ) -> Result<Self, Cancelled> {
         let names = pieces.places.given().len() + pieces.places.made.len();
-        // sides by their lower end
-        let mut starts = vec![0_u32; names + 1];
-        let sides = |piece: u32| {
-            let c = list[piece as usize].corners;
-            [[c[0], c[1]], [c[1], c[2]], [c[2], c[0]]]
-        };
-        let alive: Vec<u32> = (0..list.len() as u32).filter(|&p| asked(p)).collect();
-        for &piece in &alive {
-            for [a, b] in sides(piece) {
-                starts[a.min(b) as usize] += 1;
+        let ends = |corners: [u32; 3], side: usize| (corners[side], corners[(side + 1) % 3]);
+        // Sides are three times the piece plus the side. Those with the same lower end are in a list that starts here, and
+        // goes on where later stands what is across.
+        let (listed, next) = (Turned, |listed: Turned| listed.0);
+        let mut starts = vec![NONE; names];
+        let mut across = vec![[Turned::NONE; 3]; pieces.end() as usize];
+        for (at, piece) in pieces.all().filter(|&piece| asked(piece)).enumerate() {
+            if at % STRIDE == 0 {
+                progress.check()?;
+            }
+            let corners = pieces.corners(piece);
+            for (side, slot) in across[piece as usize].iter_mut().enumerate() {
+                let (a, b) = ends(corners, side);
+                let start = &mut starts[a.min(b) as usize];
+                *slot = listed(std::mem::replace(start, 3 * piece + side as u32));
             }
         }
-        let mut sum = 0;
-        for start in &mut starts {
-            sum += std::mem::replace(start, sum);
-        }
-        // higher end, and three times the piece plus the side
-        let mut at_lower = vec![(0_u32, 0_u32); sum as usize];
-        for &piece in &alive {
-            for (side, [a, b]) in sides(piece).into_iter().enumerate() {
-                let slot = &mut starts[a.min(b) as usize];
-                at_lower[*slot as usize] = (a.max(b), 3 * piece + side as u32);
-                *slot += 1;
-            }
-        }
-        let mut across = vec![[NONE; 3]; list.len()];
         let mut junctions = Vec::new();
-        let mut from = 0;
-        for (lower, &to) in starts.iter().enumerate().take(names) {
-            let here = &mut at_lower[from as usize..to as usize];
-            from = to;
+        // higher end, side, and whether it runs towards that end
+        let mut here: Vec<(u32, u32, bool)> = Vec::new();
+        for (lower, mut side) in (0_u32..).zip(starts) {
+            if (lower as usize).is_multiple_of(STRIDE) {
+                progress.check()?;
+            }
+            here.clear();
+            while side != NONE {
+                let (piece, k) = (side / 3, (side % 3) as usize);
+                let (a, b) = ends(pieces.corners(piece), k);
+                here.push((a.max(b), side, a == lower));
+                side = next(std::mem::replace(
+                    &mut across[piece as usize][k],
+                    Turned::NONE,
+                ));
+            }
             here.sort_unstable();
             for group in here.chunk_by(|a, b| a.0 == b.0) {
                 match group {
                     [_] => {}
-                    [(_, one), (_, other)] => {
-                        across[(one / 3) as usize][(one % 3) as usize] = other / 3;
-                        across[(other / 3) as usize][(other % 3) as usize] = one / 3;
+                    [(_, one, up), (_, other, other_up)] => {
+                        for (one, other) in [(one, other), (other, one)] {
+                            across[(one / 3) as usize][(one % 3) as usize] =
+                                Turned::new(other / 3, up == other_up);
+                        }
                     }
                     _ => {
-                        let uses = group.iter().map(|&(_, side)| Use {
+                        let uses = group.iter().map(|&(_, side, forward)| Use {
                             piece: side / 3,
-                            forward: sides(side / 3)[(side % 3) as usize][0] == lower as u32,
+                            forward,
                         });
-                        junctions.push(([lower as u32, group[0].0], uses.collect()));
+                        junctions.push(([lower, group[0].0], uses.collect()));
                     }
                 }
             }
         }
         let mut edges = Self { across, junctions };
-        edges.sort_around(pieces);
-        edges
+        progress.check()?;
+        edges.sort_around(pieces, progress)?;
+        Ok(edges)
     }
 
-    fn sort_around(&mut self, pieces: &Pieces) {
-        use rayon::prelude::*;
-        self.junctions
-            .par_iter_mut()
-            .for_each(|(ends, uses)| Around::new(pieces, *ends).sort(uses));
+    fn sort_around(&mut self, pieces: &Pieces, progress: &Progress) -> Result<(), Cancelled> {
+        self.junctions.par_iter_mut().try_for_each(|(ends, uses)| {
+            progress.check()?;
+            Around::new(pieces, *ends).sort(uses);
+            Ok(())
+        })
     }
 }
 
@@ -116,7 +165,23 @@ struct HalfPlane {
     with: bool,
     /// Points of the plane, turned accordingly.
     plane: [DVec3; 3],
-    normal: [Interval; 3],
+    /// The normal, rounded: each component is wrong by 8 roundings of half an ulp of `scale` at most, and at most twice that
+    /// number.
+    normal: DVec3,
+    scale: f64,
+}
+
+/// The rounding of a product of two components of normals less another one, and of the sum of three products, relative to the
+/// product of their scales: 80 and 132 roundings of half an ulp. Smaller is wrong, larger asks intervals more often.
+const CROSS_FILTER: f64 = 1e-14;
+const DOT_FILTER: f64 = 2e-14;
+
+/// Products below this may have lost digits to underflow.
+const TINY: f64 = 1e-290;
+
+/// The sign of a number that is wrong by no more than `bound`, if that is clear.
+fn sign_beyond(x: f64, bound: f64) -> Option<Sign> {
+    (x.abs() > bound.max(TINY)).then(|| Sign::of(x))
 }
 
 impl<'a> Around<'a> {
@@ -143,20 +208,17 @@ impl<'a> Around<'a> {
 
     /// The half-plane of a piece.
     fn half_plane(&self, one: Use) -> HalfPlane {
-        let piece = &self.pieces.list[one.piece as usize];
-        let (triangle, same) = piece
-            .cover
-            .iter()
-            .next()
-            .expect("a piece is covered by something");
+        let (triangle, same) = self.pieces.first_cover(one.piece);
         let with = same == one.forward;
         let [a, b, c] = self.pieces.soup.corners(triangle);
         let plane = if with { [a, b, c] } else { [a, c, b] };
+        let (e, f) = (plane[1] - plane[0], plane[2] - plane[0]);
         HalfPlane {
             triangle,
             with,
             plane,
-            normal: point::normal(&plane),
+            normal: e.cross(f),
+            scale: e.abs().max_element() * f.abs().max_element(),
         }
     }
 
@@ -165,10 +227,15 @@ impl<'a> Around<'a> {
         if one.triangle == other.triangle {
             return Sign::Zero;
         }
-        let (m, n) = (one.normal, other.normal);
         let (i, j) = ((self.axis + 1) % 3, (self.axis + 2) % 3);
-        let product: Interval = m[i] * n[j] - m[j] * n[i];
-        let sign = product.sign().unwrap_or_else(|| {
+        let (m, n) = (one.normal, other.normal);
+        let bound = CROSS_FILTER * one.scale * other.scale;
+        let rounded = sign_beyond(m[i] * n[j] - m[j] * n[i], bound);
+        let nearly = || {
+            let [m, n] = [one, other].map(|half| point::normal(&half.plane));
+            (m[i] * n[j] - m[j] * n[i]).sign()
+        };
+        let sign = rounded.or_else(nearly).unwrap_or_else(|| {
             let (m, n) = self.exact_normals(one, other);
             exact::sign(&exact::cross(&m, &n)[self.axis])
         });
@@ -180,9 +247,13 @@ impl<'a> Around<'a> {
         if one.triangle == other.triangle {
             return one.with == other.with;
         }
-        let (m, n) = (one.normal, other.normal);
-        let product = m[0] * n[0] + m[1] * n[1] + m[2] * n[2];
-        let sign = product.sign().unwrap_or_else(|| {
+        let bound = DOT_FILTER * one.scale * other.scale;
+        let rounded = sign_beyond(one.normal.dot(other.normal), bound);
+        let nearly = || {
+            let [m, n] = [one, other].map(|half| point::normal(&half.plane));
+            (m[0] * n[0] + m[1] * n[1] + m[2] * n[2]).sign()
+        };
+        let sign = rounded.or_else(nearly).unwrap_or_else(|| {
             let (m, n) = self.exact_normals(one, other);
             exact::sign(&exact::dot(&m, &n))
         });

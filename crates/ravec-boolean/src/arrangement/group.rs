@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 use ravec_mesh::{Aabb, Sign, orient2d};
+use ravec_progress::{Cancelled, Progress};
 use rustc_hash::FxHashMap;
 
 use super::contact::{Contact, Crossing, flat, view};
@@ -42,12 +43,19 @@ pub(crate) struct CutGroup {
     pub pieces: Vec<([u32; 3], Cover)>,
 }
 
+/// Contacts between two looks at the progress: some milliseconds.
+const STRIDE: usize = 1 << 14;
+
 /// Puts triangles that overlap in a plane together, with all that cuts them.
+///
+/// # Errors
+/// [`Cancelled`] soon after `progress` is.
 pub(crate) fn gather(
     soup: &Soup,
     contacts: &[(u32, u32, Contact)],
     names: &FxHashMap<Crossing, u32>,
-) -> Vec<Group> {
+    progress: &Progress,
+) -> Result<Vec<Group>, Cancelled> {
     let mut planes = Unions::new(soup.triangles.len());
     let mut touched = Vec::with_capacity(2 * contacts.len());
     for &(a, b, contact) in contacts {
@@ -56,8 +64,10 @@ pub(crate) fn gather(
             planes.unite(a, b);
         }
     }
+    progress.check()?;
     touched.sort_unstable();
     touched.dedup();
+    progress.check()?;
     let mut groups: Vec<Group> = Vec::new();
     let mut group_of: FxHashMap<u32, usize> = FxHashMap::default();
     for t in touched {
@@ -67,32 +77,41 @@ pub(crate) fn gather(
         });
         groups[at].members.push(t);
     }
-    for &(a, b, contact) in contacts {
+    for (at, &(a, b, contact)) in contacts.iter().enumerate() {
+        if at % STRIDE == 0 {
+            progress.check()?;
+        }
+        let (ends, is_segment) = match contact {
+            Contact::Coplanar => continue,
+            Contact::Point(point) => ([point; 2], false),
+            Contact::Segment(one, end) => ([one, end], true),
+        };
+        let names = ends.map(|end| names[&end]);
+        let named = ends
+            .into_iter()
+            .zip(names)
+            .take(1 + usize::from(is_segment));
         for (t, other) in [(a, b), (b, a)] {
             let group = &mut groups[group_of[&planes.root(t)]];
             let corners = &soup.triangles[t as usize];
-            let mut add = |point: Crossing| {
-                group
-                    .points
-                    .push((names[&point], edge_with(corners, point)));
-            };
-            match contact {
-                Contact::Coplanar => {}
-                Contact::Point(point) => add(point),
-                Contact::Segment(one, end) => {
-                    add(one);
-                    add(end);
-                    group.segments.push(([names[&one], names[&end]], other));
-                }
+            let points = named.clone();
+            group
+                .points
+                .extend(points.map(|(end, name)| (name, edge_with(corners, end))));
+            if is_segment {
+                group.segments.push((names, other));
             }
         }
     }
-    for Group { points, .. } in &mut groups {
+    for (at, Group { points, .. }) in groups.iter_mut().enumerate() {
+        if at % STRIDE == 0 {
+            progress.check()?;
+        }
         // with an edge first, where one is known
         points.sort_unstable_by_key(|&(name, edge)| (name, edge.is_none(), edge));
         points.dedup_by_key(|&mut (name, _)| name);
     }
-    groups
+    Ok(groups)
 }
 
 /// Whether a triangle runs clockwise as seen against `axis`.

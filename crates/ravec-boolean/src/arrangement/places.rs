@@ -21,8 +21,14 @@ pub(crate) struct Places<'a> {
     pub made: Vec<Point>,
     grid: Grid,
     cell: f64,
-    in_cell: FxHashMap<[i64; 3], Vec<u32>>,
+    /// For each cell its last entry.
+    in_cell: FxHashMap<[i64; 3], u32>,
+    /// Names, each with the entry of the same cell before it.
+    entries: Vec<(u32, u32)>,
 }
+
+/// No entry.
+const NONE: u32 = u32::MAX;
 
 impl<'a> Places<'a> {
     pub fn new(given: &'a [DVec3], grid: Grid) -> Self {
@@ -34,6 +40,7 @@ impl<'a> Places<'a> {
             grid,
             cell: (bounds.diagonal() * CELL).max(farthest * LEAST_CELL),
             in_cell: FxHashMap::default(),
+            entries: Vec::new(),
         }
     }
 
@@ -94,19 +101,28 @@ impl<'a> Places<'a> {
     }
 
     fn find(&self, point: &Point) -> Option<u32> {
-        self.cells(point)
-            .filter_map(|cell| self.in_cell.get(&cell))
-            .flatten()
-            .copied()
-            .find(|&name| match self.made(name) {
-                Some(other) => other.is_same(point, self.grid),
-                None => Point::at(self.given[name as usize]).is_same(point, self.grid),
-            })
+        let is_here = |name: u32| match self.made(name) {
+            Some(other) => other.is_same(point, self.grid),
+            None => Point::at(self.given[name as usize]).is_same(point, self.grid),
+        };
+        self.cells(point).find_map(|cell| {
+            let mut at = self.in_cell.get(&cell).copied()?;
+            while at != NONE {
+                let (name, before) = self.entries[at as usize];
+                if is_here(name) {
+                    return Some(name);
+                }
+                at = before;
+            }
+            None
+        })
     }
 
     fn enter(&mut self, point: &Point, name: u32) {
         for cell in self.cells(point) {
-            self.in_cell.entry(cell).or_default().push(name);
+            let last = self.in_cell.entry(cell).or_insert(NONE);
+            let before = std::mem::replace(last, self.entries.len() as u32);
+            self.entries.push((name, before));
         }
     }
 }

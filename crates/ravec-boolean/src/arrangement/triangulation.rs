@@ -103,6 +103,8 @@ pub(crate) struct Triangulation<'a> {
     lines: Vec<Line>,
     lines_of: FxHashMap<[u32; 2], Vec<u32>>,
     last: u32,
+    /// Triangles whose sides may be flipped, empty between insertions.
+    stack: Vec<u32>,
 }
 
 fn key(a: u32, b: u32) -> [u32; 2] {
@@ -133,6 +135,7 @@ impl<'a> Triangulation<'a> {
             lines: Vec::new(),
             lines_of: FxHashMap::default(),
             last: 0,
+            stack: Vec::new(),
         }
     }
 
@@ -280,7 +283,7 @@ impl<'a> Triangulation<'a> {
         self.set(t, [a, b, p], [t1, t2, nc]);
         self.set(t1, [b, c, p], [t2, t, na]);
         self.set(t2, [c, a, p], [t, t1, nb]);
-        self.make_round_around(p, vec![t, t1, t2]);
+        self.make_round_around(p, &[t, t1, t2]);
         p
     }
 
@@ -297,7 +300,7 @@ impl<'a> Triangulation<'a> {
         if u == NONE {
             self.set(t, [a, b, p], [NONE, t2, nc]);
             self.set(t2, [a, p, c], [NONE, nb, t]);
-            self.make_round_around(p, vec![t, t2]);
+            self.make_round_around(p, &[t, t2]);
         } else {
             let u2 = t2 + 1;
             let other = self.triangles[u as usize];
@@ -309,7 +312,7 @@ impl<'a> Triangulation<'a> {
             self.set(t2, [a, p, c], [u, nb, t]);
             self.set(u, [d, c, p], [t2, u2, beyond_b]);
             self.set(u2, [d, p, b], [t, beyond_c, u]);
-            self.make_round_around(p, vec![t, t2, u, u2]);
+            self.make_round_around(p, &[t, t2, u, u2]);
         }
         p
     }
@@ -319,14 +322,14 @@ impl<'a> Triangulation<'a> {
     }
 
     /// Flips edges opposite of a new vertex until triangles around it are round.
-    fn make_round_around(&mut self, p: u32, mut stack: Vec<u32>) {
+    fn make_round_around(&mut self, p: u32, triangles: &[u32]) {
+        let mut stack = std::mem::take(&mut self.stack);
+        stack.clear();
+        stack.extend(triangles);
         // An insertion flips each edge once at most. Where points are as near as their rounded places are wrong, edges might
         // be flipped back and forth.
         let mut flips = self.triangles.len();
-        while let Some(t) = stack.pop() {
-            if flips == 0 {
-                return;
-            }
+        while let Some(t) = stack.pop().filter(|_| flips > 0) {
             let tri = self.triangles[t as usize];
             let Some(i) = tri.corners.iter().position(|&c| c == p) else {
                 continue;
@@ -336,6 +339,7 @@ impl<'a> Triangulation<'a> {
                 flips -= 1;
             }
         }
+        self.stack = stack;
     }
 
     /// Flips a side if that makes rounder triangles; gives the other triangle.

@@ -14,7 +14,7 @@ fn placed(solid: &Solid, turn: DQuat, by: DVec3) -> TriMesh {
 
 fn soup_of(meshes: &[&TriMesh]) -> Soup {
     let closings = vec![Closing::default(); meshes.len()];
-    Soup::of(meshes, &closings, &Progress::none()).unwrap()
+    Soup::of(meshes, &closings, &[], &Progress::none()).unwrap()
 }
 
 /// How often each edge is used forward more than backward, where that is not zero.

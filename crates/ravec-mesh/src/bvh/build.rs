@@ -48,7 +48,7 @@ pub(super) enum Effort {
 /// The box of one triangle.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Prim {
-    bounds: LocalBox,
+    pub bounds: LocalBox,
     pub triangle: u32,
 }
 
@@ -75,10 +75,23 @@ impl LocalBox {
 
     #[inline]
     fn include(&mut self, other: &Self) {
+        // one instruction each: `f32::min` takes more for the sake of NaN
+        let smaller = |a: f32, b: f32| if a < b { a } else { b };
+        let larger = |a: f32, b: f32| if a > b { a } else { b };
         for axis in 0..3 {
-            self.min[axis] = self.min[axis].min(other.min[axis]);
-            self.max[axis] = self.max[axis].max(other.max[axis]);
+            self.min[axis] = smaller(other.min[axis], self.min[axis]);
+            self.max[axis] = larger(other.max[axis], self.max[axis]);
         }
+    }
+
+    /// Grows to hold the middle of a triangle's box, twice.
+    #[inline]
+    fn include_middle(&mut self, prim: &Prim) {
+        let middle = [0, 1, 2].map(|axis| prim.middle(axis));
+        self.include(&Self {
+            min: middle,
+            max: middle,
+        });
     }
 
     /// Half the area of the surface; 0 if empty.
@@ -86,13 +99,6 @@ impl LocalBox {
     fn half_area(&self) -> f32 {
         let [x, y, z] = [0, 1, 2].map(|axis| (self.max[axis] - self.min[axis]).max(0.0));
         x * y + y * z + z * x
-    }
-
-    fn around_all(prims: &[Prim]) -> Self {
-        prims.iter().fold(Self::EMPTY, |mut sum, prim| {
-            sum.include(&prim.bounds);
-            sum
-        })
     }
 }
 
@@ -110,7 +116,7 @@ pub(super) fn nodes(
 ) -> Result<Vec<Node>, Cancelled> {
     let mut nodes = Vec::new();
     if !prims.is_empty() {
-        build(prims, 0, 0, &mut nodes, effort, progress)?;
+        build(Part::of(prims), 0, 0, &mut nodes, effort, progress)?;
     }
     assert!(nodes.len() <= MOST_NODES, "too many triangles");
     Ok(nodes)
@@ -120,11 +126,51 @@ pub(super) fn nodes(
 struct Part<'a> {
     prims: &'a mut [Prim],
     bounds: LocalBox,
+    /// The range of the middles, twice.
+    middles: LocalBox,
 }
 
-/// Appends the node over `prims`, which start at slot `first`, and all nodes below it.
+impl<'a> Part<'a> {
+    fn of(prims: &'a mut [Prim]) -> Self {
+        let (mut bounds, mut middles) = (LocalBox::EMPTY, LocalBox::EMPTY);
+        for prim in &*prims {
+            bounds.include(&prim.bounds);
+            middles.include_middle(prim);
+        }
+        Self {
+            prims,
+            bounds,
+            middles,
+        }
+    }
+
+    /// The axis along which the middles reach farthest, the first of equals.
+    fn longest(&self) -> usize {
+        let LocalBox { min, max } = self.middles;
+        (0..3).fold(0, |best, axis| {
+            if max[axis] - min[axis] > max[best] - min[best] {
+                axis
+            } else {
+                best
+            }
+        })
+    }
+
+    /// Cuts off the `lower` lowest triangles along the longest axis.
+    fn halved(self, lower: usize) -> [Self; 2] {
+        let axis = self.longest();
+        self.prims.select_nth_unstable_by(lower, |a, b| {
+            let by_place = a.middle(axis).total_cmp(&b.middle(axis));
+            by_place.then(a.triangle.cmp(&b.triangle))
+        });
+        let (left, right) = self.prims.split_at_mut(lower);
+        [Self::of(left), Self::of(right)]
+    }
+}
+
+/// Appends the node over a part, whose triangles start at slot `first`, and all nodes below it.
 fn build(
-    prims: &mut [Prim],
+    part: Part<'_>,
     first: usize,
     depth: usize,
     nodes: &mut Vec<Node>,
@@ -133,13 +179,13 @@ fn build(
 ) -> Result<(), Cancelled> {
     let at = nodes.len();
     nodes.push(Node::EMPTY);
-    let parallel = prims.len() >= PARALLEL;
-    let parts = if prims.len() <= BOTTOM {
+    let parallel = part.prims.len() >= PARALLEL;
+    let parts = if part.prims.len() <= BOTTOM {
         let mut parts = Vec::with_capacity(WIDTH);
-        cut_into_leaves(prims, WIDTH, effort, &mut parts);
+        cut_into_leaves(part, WIDTH, effort, &mut parts);
         parts
     } else {
-        cut_in_eight(prims, depth, effort, progress)?
+        cut_in_eight(part, depth, effort, progress)?
     };
     let firsts: Vec<usize> = parts
         .iter()
@@ -160,7 +206,7 @@ fn build(
             .map(|(part, &first)| {
                 let mut subtree = Vec::new();
                 if part.prims.len() > LEAF {
-                    build(part.prims, first, depth + 1, &mut subtree, effort, progress)?;
+                    build(part, first, depth + 1, &mut subtree, effort, progress)?;
                 }
                 Ok(subtree)
             })
@@ -182,7 +228,7 @@ fn build(
                 child(nodes.len() as u32, first, part.prims.len()),
             );
             if part.prims.len() > LEAF {
-                build(part.prims, first, depth + 1, nodes, effort, progress)?;
+                build(part, first, depth + 1, nodes, effort, progress)?;
             }
         }
     }
@@ -203,13 +249,13 @@ fn child(node: u32, first: usize, count: usize) -> Child {
 
 /// At most eight parts of a range, in order, none of them empty.
 fn cut_in_eight<'a>(
-    prims: &'a mut [Prim],
+    part: Part<'a>,
     depth: usize,
     effort: Effort,
     progress: &Progress,
 ) -> Result<Vec<Part<'a>>, Cancelled> {
-    let bounds = LocalBox::around_all(prims);
-    let mut parts = vec![Part { prims, bounds }];
+    let mut parts = Vec::with_capacity(WIDTH);
+    parts.push(part);
     while parts.len() < WIDTH {
         progress.check()?;
         // The part that is the most likely to be looked into; the first of equals.
@@ -228,16 +274,14 @@ fn cut_in_eight<'a>(
             break;
         }
         let part = parts.remove(best.0);
-        let at = if depth >= MAX_DEPTH {
-            halve(part.prims, part.prims.len() / 2)
+        let half = part.prims.len() / 2;
+        let halves = if depth >= MAX_DEPTH {
+            part.halved(half)
         } else {
-            cheapest_cut::<BINS>(part.prims, effort, |_| true)
-                .unwrap_or_else(|| halve(part.prims, part.prims.len() / 2))
+            cut_cheaply::<BINS>(part, effort, |_| true).unwrap_or_else(|part| part.halved(half))
         };
-        let (left, right) = part.prims.split_at_mut(at);
-        for (offset, prims) in [left, right].into_iter().enumerate() {
-            let bounds = LocalBox::around_all(prims);
-            parts.insert(best.0 + offset, Part { prims, bounds });
+        for (offset, part) in halves.into_iter().enumerate() {
+            parts.insert(best.0 + offset, part);
         }
     }
     Ok(parts)
@@ -245,95 +289,66 @@ fn cut_in_eight<'a>(
 
 /// Appends `lanes` parts of a range that are leaves, in order, or one for each triangle if there are fewer. All triangles
 /// must fit in so many leaves.
-fn cut_into_leaves<'a>(
-    prims: &'a mut [Prim],
-    lanes: usize,
-    effort: Effort,
-    parts: &mut Vec<Part<'a>>,
-) {
-    let (count, lanes) = (prims.len(), lanes.min(prims.len()));
+fn cut_into_leaves<'a>(part: Part<'a>, lanes: usize, effort: Effort, parts: &mut Vec<Part<'a>>) {
+    let count = part.prims.len();
+    let lanes = lanes.min(count);
     if lanes <= 1 {
-        let bounds = LocalBox::around_all(prims);
-        parts.push(Part { prims, bounds });
+        parts.push(part);
         return;
     }
     let lanes_of = |count: usize| count.div_ceil(LEAF);
     let fits = |at: usize| lanes_of(at) + lanes_of(count - at) <= lanes;
-    let at = cheapest_cut::<FEW_BINS>(prims, effort, fits)
-        .unwrap_or_else(|| halve(prims, (count / 2).min(lanes / 2 * LEAF)));
+    let [left, right] = cut_cheaply::<FEW_BINS>(part, effort, fits)
+        .unwrap_or_else(|part| part.halved((count / 2).min(lanes / 2 * LEAF)));
     // Each side gets its share of the leaves, but no fewer than it needs, and no more than it can fill.
+    let at = left.prims.len();
     let share = (lanes * at + count / 2) / count;
     let least = lanes_of(at).max(lanes.saturating_sub(count - at));
     let most = (lanes - lanes_of(count - at)).min(at);
     let lower = share.clamp(least, most);
-    let (left, right) = prims.split_at_mut(at);
     cut_into_leaves(left, lower, effort, parts);
     cut_into_leaves(right, lanes - lower, effort, parts);
 }
 
-/// Puts the `lower` lowest triangles along the longest axis first, and returns that number.
-fn halve(prims: &mut [Prim], lower: usize) -> usize {
-    let (low, high) = middles(prims);
-    let axis = (0..3).fold(0, |best, axis| {
-        if high[axis] - low[axis] > high[best] - low[best] {
-            axis
-        } else {
-            best
-        }
-    });
-    prims.select_nth_unstable_by(lower, |a, b| {
-        let by_place = a.middle(axis).total_cmp(&b.middle(axis));
-        by_place.then(a.triangle.cmp(&b.triangle))
-    });
-    lower
-}
-
-/// The range of the middles along each axis.
-fn middles(prims: &[Prim]) -> ([f32; 3], [f32; 3]) {
-    let mut range = LocalBox::EMPTY;
-    for prim in prims {
-        let middle = [0, 1, 2].map(|axis| prim.middle(axis));
-        range.include(&LocalBox {
-            min: middle,
-            max: middle,
-        });
-    }
-    (range.min, range.max)
-}
-
-/// Puts the triangles on the lower side of the cheapest cut first, and says where the others begin. `None` if there is no
-/// cut between bins after a number of triangles that `fits`.
-fn cheapest_cut<const BINS: usize>(
-    prims: &mut [Prim],
+/// The two sides of the cheapest cut. The part as it was if there is no cut between bins after a number of triangles that `fits`.
+fn cut_cheaply<const BINS: usize>(
+    part: Part<'_>,
     effort: Effort,
     fits: impl Fn(usize) -> bool,
-) -> Option<usize> {
-    let (low, high) = middles(prims);
+) -> Result<[Part<'_>; 2], Part<'_>> {
+    match effort {
+        Effort::Thorough => cut_along::<BINS, 3>(part, 0, fits),
+        Effort::Quick => {
+            let axis = part.longest();
+            cut_along::<BINS, 1>(part, axis, fits)
+        }
+    }
+}
+
+/// As [`cut_cheaply`], along so many axes from `first` on.
+fn cut_along<const BINS: usize, const AXES: usize>(
+    part: Part<'_>,
+    first: usize,
+    fits: impl Fn(usize) -> bool,
+) -> Result<[Part<'_>; 2], Part<'_>> {
+    let LocalBox {
+        min: low,
+        max: high,
+    } = part.middles;
     let per_unit = [0, 1, 2].map(|axis| BINS as f32 / (high[axis] - low[axis]));
     let bin_of = |prim: &Prim, axis: usize| {
         (((prim.middle(axis) - low[axis]) * per_unit[axis]) as usize).min(BINS - 1)
     };
-    let longest = (0..3).fold(0, |best, axis| {
-        if high[axis] - low[axis] > high[best] - low[best] {
-            axis
-        } else {
-            best
-        }
-    });
-    let axes = match effort {
-        Effort::Thorough => 0..3,
-        Effort::Quick => longest..longest + 1,
-    };
-    let mut bins = [[(LocalBox::EMPTY, 0_usize); BINS]; 3];
-    for prim in &*prims {
-        for axis in axes.clone() {
-            let bin = &mut bins[axis][bin_of(prim, axis)];
+    let mut bins = [[(LocalBox::EMPTY, 0_usize); BINS]; AXES];
+    for prim in &*part.prims {
+        for (axis, bins) in (first..).zip(&mut bins) {
+            let bin = &mut bins[bin_of(prim, axis)];
             bin.0.include(&prim.bounds);
             bin.1 += 1;
         }
     }
     let mut best = (f32::INFINITY, 0, 0);
-    for (axis, bins) in bins.iter().enumerate().take(axes.end).skip(axes.start) {
+    for (axis, bins) in (first..).zip(&bins) {
         // Where all middles agree there is nothing to cut.
         if !per_unit[axis].is_finite() {
             continue;
@@ -350,21 +365,44 @@ fn cheapest_cut<const BINS: usize>(
             sum.0.include(&bins[bin - 1].0);
             sum.1 += bins[bin - 1].1;
             let cost = sum.0.half_area() * sum.1 as f32 + above[bin];
-            if sum.1 > 0 && sum.1 < prims.len() && cost < best.0 && fits(sum.1) {
+            if sum.1 > 0 && sum.1 < part.prims.len() && cost < best.0 && fits(sum.1) {
                 best = (cost, axis, bin);
             }
         }
     }
     let (cost, axis, bin) = best;
     if cost.is_infinite() {
-        return None;
+        return Err(part);
     }
     let mut at = 0;
-    for i in 0..prims.len() {
-        if bin_of(&prims[i], axis) < bin {
-            prims.swap(at, i);
+    let mut middles = [LocalBox::EMPTY; 2];
+    for i in 0..part.prims.len() {
+        let prim = part.prims[i];
+        let is_lower = bin_of(&prim, axis) < bin;
+        middles[usize::from(!is_lower)].include_middle(&prim);
+        if is_lower {
+            part.prims.swap(at, i);
             at += 1;
         }
     }
-    Some(at)
+    let (lower, upper) = part.prims.split_at_mut(at);
+    let around = |bins: &[(LocalBox, usize)]| {
+        bins.iter().fold(LocalBox::EMPTY, |mut sum, bin| {
+            sum.include(&bin.0);
+            sum
+        })
+    };
+    let [of_lower, of_upper] = middles;
+    Ok([
+        Part {
+            prims: lower,
+            bounds: around(&bins[axis - first][..bin]),
+            middles: of_lower,
+        },
+        Part {
+            prims: upper,
+            bounds: around(&bins[axis - first][bin..]),
+            middles: of_upper,
+        },
+    ])
 }

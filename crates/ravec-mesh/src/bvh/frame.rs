@@ -53,6 +53,19 @@ impl LocalBox {
             max: max.to_array().map(|x| -round_down(-x)),
         }
     }
+
+    /// Whether both share a point.
+    #[inline]
+    pub fn touches(&self, other: &Self) -> bool {
+        // without branches, of which nobody could foretell the outcome
+        (0..3).fold(true, |touches, axis| {
+            let (below, above) = (
+                self.min[axis] <= other.max[axis],
+                other.min[axis] <= self.max[axis],
+            );
+            touches & below & above
+        })
+    }
 }
 
 impl Frame {

@@ -9,6 +9,8 @@
 //! Cost: about half a second a million triangles of an ordinary surface and core; proportional to the pairs found where
 //! they abound.
 
+use std::ops::Range;
+
 use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
 
@@ -35,7 +37,10 @@ impl BoxTree {
     /// Neighbors in a mesh are such pairs.
     pub fn for_each_overlapping_pair(&self, mut visit: impl FnMut(u32, u32)) {
         if !self.is_empty() {
-            self.pair_up(Task::Within(Child::Node(0)), &mut visit);
+            let task = Task::Within(Child::Node(0));
+            Pairing(&self.nodes).pair_up(task, &mut |slot, others| {
+                self.pair_slots(slot, others, &mut visit);
+            });
         }
     }
 
@@ -49,15 +54,46 @@ impl BoxTree {
         progress: &Progress,
         keep: impl Fn(u32, u32) -> Option<T> + Sync,
     ) -> Result<Vec<T>, Cancelled> {
+        Pairing(&self.nodes).filter(progress, |slot, others, kept| {
+            self.pair_slots(slot, others, &mut |a, b| kept.extend(keep(a, b)));
+        })
+    }
+
+    fn pair_slots(&self, slot: u32, others: Range<u32>, visit: &mut impl FnMut(u32, u32)) {
+        let bounds = |slot: u32| Aabb::around(self.corners[slot as usize]);
+        let here = bounds(slot);
+        let triangle = self.triangle_of[slot as usize];
+        for other in others {
+            if here.touches(&bounds(other)) {
+                let other = self.triangle_of[other as usize];
+                visit(triangle.min(other), triangle.max(other));
+            }
+        }
+    }
+}
+
+/// The nodes of a tree that is paired with itself.
+pub(super) struct Pairing<'a>(pub &'a [Node]);
+
+impl Pairing<'_> {
+    /// What `keep` puts into a list, in parallel, of a slot and a run of others: all pairs of slots whose leaves touch.
+    ///
+    /// # Errors
+    /// [`Cancelled`] soon after `progress` is cancelled.
+    pub fn filter<T: Send>(
+        &self,
+        progress: &Progress,
+        keep: impl Fn(u32, Range<u32>, &mut Vec<T>) + Sync,
+    ) -> Result<Vec<T>, Cancelled> {
         progress.check()?;
-        let tasks = self.pair_tasks();
+        let tasks = self.tasks();
         let phase = progress.phase("pairs", tasks.len() as u64);
         let kept: Vec<Vec<T>> = tasks
             .into_par_iter()
             .map(|task| {
                 progress.check()?;
                 let mut kept = Vec::new();
-                self.pair_up(task, &mut |a, b| kept.extend(keep(a, b)));
+                self.pair_up(task, &mut |slot, others| keep(slot, others, &mut kept));
                 phase.advance(1);
                 Ok(kept)
             })
@@ -66,9 +102,9 @@ impl BoxTree {
     }
 
     /// All pairs as a list of independent tasks.
-    fn pair_tasks(&self) -> Vec<Task> {
+    fn tasks(&self) -> Vec<Task> {
         let mut tasks = Vec::new();
-        if !self.is_empty() {
+        if !self.0.is_empty() {
             tasks.push(Task::Within(Child::Node(0)));
         }
         loop {
@@ -91,13 +127,13 @@ impl BoxTree {
         }
     }
 
-    fn pair_up(&self, task: Task, visit: &mut impl FnMut(u32, u32)) {
+    fn pair_up(&self, task: Task, visit: &mut impl FnMut(u32, Range<u32>)) {
         let mut stack = vec![task];
         while let Some(task) = stack.pop() {
             match task {
                 Task::Within(Child::Leaf { first, count }) => {
                     for slot in first..first + count {
-                        self.pair_slots(slot, slot + 1..first + count, visit);
+                        visit(slot, slot + 1..first + count);
                     }
                 }
                 Task::Between(
@@ -113,27 +149,10 @@ impl BoxTree {
                     ],
                 ) => {
                     for slot in first..first + count {
-                        self.pair_slots(slot, second..second + others, visit);
+                        visit(slot, second..second + others);
                     }
                 }
                 task => self.divide(task, &mut stack),
-            }
-        }
-    }
-
-    fn pair_slots(
-        &self,
-        slot: u32,
-        others: std::ops::Range<u32>,
-        visit: &mut impl FnMut(u32, u32),
-    ) {
-        let bounds = |slot: u32| Aabb::around(self.corners[slot as usize]);
-        let here = bounds(slot);
-        let triangle = self.triangle_of[slot as usize];
-        for other in others {
-            if here.touches(&bounds(other)) {
-                let other = self.triangle_of[other as usize];
-                visit(triangle.min(other), triangle.max(other));
             }
         }
     }
@@ -142,7 +161,7 @@ impl BoxTree {
     fn divide(&self, task: Task, parts: &mut Vec<Task>) {
         match task {
             Task::Within(Child::Node(node)) => {
-                let node = &self.nodes[node as usize];
+                let node = &self.0[node as usize];
                 for lane in 0..node.len() {
                     parts.push(Task::Within(node.child(lane)));
                     let side = (node.child(lane), node.bounds(lane));
@@ -150,14 +169,14 @@ impl BoxTree {
                 }
             }
             Task::Between([(Child::Node(a), _), (Child::Node(b), around)]) => {
-                let (a, b) = (&self.nodes[a as usize], &self.nodes[b as usize]);
+                let (a, b) = (&self.0[a as usize], &self.0[b as usize]);
                 let meets = a.touching(&around);
                 for (lane, _) in meets[..a.len()].iter().enumerate().filter(|at| *at.1) {
                     pair_with_lanes((a.child(lane), a.bounds(lane)), b, 0, parts);
                 }
             }
             Task::Between([side, (Child::Node(node), _)] | [(Child::Node(node), _), side]) => {
-                pair_with_lanes(side, &self.nodes[node as usize], 0, parts);
+                pair_with_lanes(side, &self.0[node as usize], 0, parts);
             }
             elementary => parts.push(elementary),
         }

@@ -61,32 +61,39 @@ impl BoxTree {
     fn any<'a>(
         &self,
         test: impl Fn(usize) -> (&'a Children, [bool; WIDTH]),
-        mut visit: impl FnMut(u32) -> bool,
+        visit: impl FnMut(u32) -> bool,
     ) -> bool {
-        if self.is_empty() {
-            return false;
-        }
-        let mut stack = [0; STACK];
-        let mut len = 1;
-        while len > 0 {
-            len -= 1;
-            let (children, passes) = test(stack[len] as usize);
-            for lane in (0..children.len()).filter(|&lane| passes[lane]) {
-                match children.get(lane) {
-                    Child::Node(child) => {
-                        stack[len] = child;
-                        len += 1;
-                    }
-                    Child::Leaf { first, count } => {
-                        if (first..first + count).any(&mut visit) {
-                            return true;
-                        }
+        !self.is_empty() && any(test, visit)
+    }
+}
+
+/// Calls `visit` with the slots of all leaves of a tree whose boxes, and those above them, pass `test`, until it is true for one;
+/// whether that happened. There must be a root.
+#[inline]
+pub(super) fn any<'a>(
+    test: impl Fn(usize) -> (&'a Children, [bool; WIDTH]),
+    mut visit: impl FnMut(u32) -> bool,
+) -> bool {
+    let mut stack = [0; STACK];
+    let mut len = 1;
+    while len > 0 {
+        len -= 1;
+        let (children, passes) = test(stack[len] as usize);
+        for lane in (0..children.len()).filter(|&lane| passes[lane]) {
+            match children.get(lane) {
+                Child::Node(child) => {
+                    stack[len] = child;
+                    len += 1;
+                }
+                Child::Leaf { first, count } => {
+                    if (first..first + count).any(&mut visit) {
+                        return true;
                     }
                 }
             }
         }
-        false
     }
+    false
 }
 
 impl Bvh {
