@@ -5,7 +5,7 @@ mod support;
 use glam::DVec3;
 use proptest::prelude::*;
 use ravec_mesh::TriMesh;
-use ravec_offset::{OffsetParams, Side, offset};
+use ravec_offset::{Coordinates, OffsetError, OffsetParams, Side, offset};
 use ravec_progress::Progress;
 use ravec_scenes::Seed;
 use ravec_scenes::solids::{comb, soup, torus};
@@ -91,6 +91,10 @@ fn mesh_of(recipes: &[Recipe], scale: f64, shift: DVec3) -> TriMesh {
     TriMesh::new(positions.collect(), names.collect()).unwrap()
 }
 
+fn coordinates() -> impl Strategy<Value = Coordinates> {
+    prop_oneof![Just(Coordinates::Double), Just(Coordinates::Single)]
+}
+
 fn side() -> impl Strategy<Value = Side> {
     prop_oneof![Just(Side::Both), Just(Side::Outer)]
 }
@@ -116,9 +120,11 @@ proptest! {
         side in side(),
         (distance, tolerance) in (0.05..0.4, 0.08..0.3),
         simplify in any::<bool>(),
+        coordinates in coordinates(),
     ) {
         let mesh = mesh_of(&recipes, 1.0, DVec3::ZERO);
         let asked = asked(&mesh, side, distance, tolerance, simplify);
+        let asked = OffsetParams { coordinates, ..asked };
         if let Err(fault) = judged_offset(&mesh, &asked) {
             prop_assert!(false, "{fault}");
         }
@@ -136,10 +142,17 @@ proptest! {
             Just((1.0, -3e6)),
         ],
         (distance, tolerance) in (0.08..0.3, 0.1..0.3),
+        coordinates in coordinates(),
     ) {
         let mesh = mesh_of(&recipes, scale, shift * DVec3::new(1.0, -0.7, 0.3));
         let asked = asked(&mesh, side, distance, tolerance, true);
-        if let Err(fault) = judged_offset(&mesh, &asked) {
+        let asked = OffsetParams { coordinates, ..asked };
+        if coordinates == Coordinates::Single && shift.abs() > 1e4 * scale {
+            // there, 32-bit floats are a sixteenth or more apart
+            let error = offset(&mesh, &asked, &Progress::none()).unwrap_err();
+            let is_refused = matches!(error, OffsetError::SinglePrecision { .. });
+            prop_assert!(is_refused, "{error}");
+        } else if let Err(fault) = judged_offset(&mesh, &asked) {
             prop_assert!(false, "{fault}");
         }
     }
