@@ -181,12 +181,11 @@ that fails, the result is written all the same, a warning says what is wrong, an
 
 A length with a unit, as in 2mm, needs a file that names its own (3MF, glTF) or --unit.
 
-Figures: distance, tolerance and diagonal (that of the bounding box), in units of the file; certified and solid (0 or 1), \
+Figures: distance, tolerance and diagonal (that of the bounding box), in units of the file that is written; certified and solid (0 or 1), \
 uncertified_triangles, self_intersections; distance_least and distance_most, which are proved for every point of the surface, and \
 distance_most_found, the most at corners and middles of its triangles; triangles, extracted_triangles (before they were merged), \
 feature_edges (where the surface turns by more than 20 degrees); cells and deepest_level of the octree, the tiles it was grown in, mending_rounds, \
-split_cells and filled_corners (repairs done in it); largest_rounding, where coordinates become 32-bit floats, which comes on top of \
-the distances. In JSON, passed is the verdict.
+split_cells and filled_corners (repairs done in it). In JSON, passed is the verdict.
 
 ",
     exit_codes!()

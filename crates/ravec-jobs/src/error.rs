@@ -234,6 +234,7 @@ impl JobError {
                     | OffsetError::DistanceSize { .. }
                     | OffsetError::DistanceTooSmall { .. }
                     | OffsetError::Tolerance { .. }
+                    | OffsetError::SinglePrecision { .. }
                     | OffsetError::NormalDeviation { .. },
                 ..
             }

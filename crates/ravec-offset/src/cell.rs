@@ -1,6 +1,7 @@
 //! What a cell holds of the surface: samples of it, the vertex that represents them, and how well it does.
 
 use crate::field::{Field, Near, Place, Region};
+use crate::grid::Grid;
 use glam::{DMat3, DVec3};
 use ravec_mesh::{Aabb, closest_on_triangle};
 use ravec_octree::{CellKey, Corner, Frame};
@@ -113,6 +114,7 @@ pub(crate) fn crossed_edges(
 pub(crate) struct Cell<'a> {
     pub field: &'a Field<'a>,
     pub frame: &'a Frame,
+    pub grid: Grid,
     pub tolerance: f64,
     pub key: CellKey,
 }
@@ -141,7 +143,7 @@ impl Cell<'_> {
     /// The lowest and the highest place for the vertex.
     fn room(&self) -> [DVec3; 2] {
         let [low, high] = self.frame.bounds(self.key);
-        let margin = MARGIN * (high - low);
+        let margin = self.grid.margin(MARGIN, high.x - low.x) * (high - low);
         [low + margin, high - margin]
     }
 
@@ -296,7 +298,7 @@ impl Cell<'_> {
     }
 
     /// The point in the cell that is nearest to being on the pieces that the samples lie on, and by how much it misses the
-    /// surface.
+    /// surface at most.
     pub fn vertex(&self, samples: &[Sample]) -> (DVec3, f64) {
         let radius = self.field.radius();
         let [low, high] = self.room();
@@ -327,7 +329,8 @@ impl Cell<'_> {
             }
             (v, near) = (moved, there);
         }
-        (v, (near.distance - radius).abs())
+        let vertex = self.grid.nearest(v);
+        (vertex, (near.distance - radius).abs() + vertex.distance(v))
     }
 
     /// Gauss-Newton steps on the distances to some triangles.

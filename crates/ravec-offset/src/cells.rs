@@ -35,7 +35,7 @@ pub fn offset_cells(
     let field = task.field(progress)?;
     let grown = Refinement::grow(
         &field,
-        task.frame,
+        (task.frame, task.grid),
         params.tolerance,
         CellKey::ROOT,
         &Orders::default(),

@@ -274,7 +274,9 @@ impl Crossing {
         // off the ends, where other edges begin
         let along = points[1] - points[0];
         let t = (sample.point - points[0]).dot(along) / along.length_squared();
-        sample.point = points[0] + t.clamp(1e-6, 1.0 - 1e-6) * along;
+        let margin = refinement.grid.margin(1e-6, along.length());
+        let place = points[0] + t.clamp(margin, 1.0 - margin) * along;
+        sample.point = refinement.grid.nearest(place);
         sample
     }
 }
@@ -369,7 +371,12 @@ fn vertices(
             let points = samples.iter().map(|s| s.point.to_array().map(f64::to_bits));
             let hash = FxBuildHasher.hash_one((key, points.collect::<Vec<_>>()));
             let position = known.get(&hash).copied();
-            let position = position.unwrap_or_else(|| refinement.cell(key).vertex(&samples).0);
+            let position = position.unwrap_or_else(|| {
+                let placed = refinement.cell(key).vertex(&samples).0;
+                refinement
+                    .grid
+                    .apart(placed, samples.iter().map(|s| s.point))
+            });
             Ok((vertex, hash, position))
         })
         .collect::<Result<_, Cancelled>>()?;
@@ -569,6 +576,9 @@ impl Cutter<'_> {
 
     fn new_face_vertex(&self, dual: &DualEdge, roots: [DVec3; 2]) -> DVec3 {
         let face = self.face_of(dual);
+        let grid = self.refinement.grid;
+        let size = (face.high - face.low).max_element();
+        let margin = grid.margin(1e-4, size) * size;
         let mut place = 0.5 * (roots[0] + roots[1]);
         if !dual.is_ambiguous {
             // onto the surface, without leaving the face
@@ -584,13 +594,13 @@ impl Cutter<'_> {
                     break;
                 }
                 let step = (field.foot(place, &near) - place).dot(near.away) / slope;
-                place = face.clamp(place + step * along);
+                place = face.clamp(place + step * along, margin);
                 if step.abs() <= 0.02 * self.refinement.tolerance {
                     break;
                 }
             }
         }
-        face.clamp(place)
+        grid.nearest(face.clamp(place, margin))
     }
 
     fn cut_polygon(&self, polygon: &Polygon, is_bent: &[bool]) -> Cut {
@@ -685,9 +695,9 @@ impl Face {
         p.cmpge(low).all() && p.cmple(high).all()
     }
 
-    fn clamp(&self, p: DVec3) -> DVec3 {
-        let size = (self.high - self.low).max_element();
-        let mut margin = DVec3::splat(1e-4 * size);
+    /// The point of the face that is nearest to `p`, some way from its border.
+    fn clamp(&self, p: DVec3, margin: f64) -> DVec3 {
+        let mut margin = DVec3::splat(margin);
         margin[self.axis] = 0.0;
         p.clamp(self.low + margin, self.high - margin)
     }

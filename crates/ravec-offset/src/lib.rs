@@ -5,7 +5,8 @@
 //! the surface dual to it is cut into triangles that do not meet each other (`extract`); every triangle is proved to keep the
 //! distance (`certify`), and cells whose triangles are not, or meet others, are split again (`mend`), tile by tile if memory is
 //! limited (`tile`). Triangles are merged at the end, as far as the same proof allows (`simplify`), those that lie badly are turned
-//! (`smooth`), and what is left is measured (`measure`). Sheets are made thick by the same means (`thicken`).
+//! (`smooth`), and what is left is measured (`measure`). If a file is to hold 32-bit floats, vertices are put on these before
+//! any of that is decided (`grid`). Sheets are made thick by the same means (`thicken`).
 //!
 //! Sources: Pavić and Kobbelt, *High-Resolution Volumetric Computation of Offset Surfaces with Feature Preservation*,
 //! Eurographics 2008; Schaefer, Ju and Warren, *Manifold Dual Contouring*, TVCG 2007; Ju and Udeshi, *Intersection-free
@@ -30,6 +31,7 @@ mod cells;
 mod certify;
 mod extract;
 mod field;
+mod grid;
 mod measure;
 mod mend;
 mod offset;
@@ -43,4 +45,4 @@ mod tile;
 
 pub use cells::{OffsetCell, offset_cells};
 pub use offset::{Offset, OffsetReport, offset};
-pub use params::{OffsetError, OffsetParams, OpenRule, Side};
+pub use params::{Coordinates, OffsetError, OffsetParams, OpenRule, Side};

@@ -8,6 +8,7 @@
 use crate::certify::{Room, keeps_distance, room_kept, tightened};
 use crate::extract::{CrossingPlaces, Extracted, extract};
 use crate::field::Field;
+use crate::grid::{Grid, doubled};
 use crate::outermost::{compact, reachable};
 use crate::refine::{Halt, Refinement};
 use crate::tile::{Assembled, Orders, Patch, Reach, TRIANGLES_AT_ONCE, assemble};
@@ -48,6 +49,7 @@ const AMPLE: f64 = 0.65;
 pub(crate) struct Mending<'a> {
     pub field: &'a Field<'a>,
     pub frame: Frame,
+    pub grid: Grid,
     pub tolerance: f64,
     /// The least and the largest distance that a point of the surface may have.
     pub limits: [f64; 2],
@@ -171,8 +173,15 @@ impl<'a> Mending<'a> {
                     tiles.iter_mut().for_each(Tile::forget);
                     // only crowded cells let triangles meet, and these were searched: this is to be sure
                     let pairs = meeting_pairs(&whole.positions, &whole.triangles, progress)?;
-                    is_proved = pairs.is_empty();
-                    next = self.separation(&whole, &pairs, &tiles, &orders, levels, progress)?;
+                    let mut bad: Vec<u32> = pairs.into_iter().flatten().collect();
+                    if self.grid.is_coarse() {
+                        let doubled = doubled(&whole.positions);
+                        let is_doubled = |t: &[u32; 3]| t.iter().any(|v| doubled.contains(v));
+                        let at = (0u32..).zip(&whole.triangles);
+                        bad.extend(at.filter(|(_, t)| is_doubled(t)).map(|(t, _)| t));
+                    }
+                    is_proved = bad.is_empty();
+                    next = self.separation(&whole, &bad, &tiles, &orders, levels, progress)?;
                 }
                 if next.is_empty() || rounds == most_rounds {
                     return Ok(Mended {
@@ -305,7 +314,7 @@ impl<'a> Mending<'a> {
         };
         Refinement::grow(
             self.field,
-            self.frame,
+            (self.frame, self.grid),
             self.tolerance,
             tile,
             orders,
@@ -419,20 +428,19 @@ impl<'a> Mending<'a> {
         whole.retain(|t| seen[t], progress)
     }
 
-    /// Orders what separates triangles that meet.
+    /// Orders what separates triangles from others that they meet.
     fn separation(
         &self,
         whole: &Assembled,
-        pairs: &[[u32; 2]],
+        triangles: &[u32],
         tiles: &[Tile<'a>],
         orders: &Orders,
         levels: u8,
         progress: &Progress,
     ) -> Result<Orders, Cancelled> {
         let mut next = Orders::default();
-        let mut origins: Vec<[u32; 2]> = pairs
+        let mut origins: Vec<[u32; 2]> = triangles
             .iter()
-            .flatten()
             .map(|&t| whole.origin[t as usize])
             .collect();
         origins.sort_unstable();
@@ -513,6 +521,7 @@ fn hash(facet: [DVec3; 3]) -> u64 {
 mod tests {
     use super::*;
     use crate::measure::measure;
+    use crate::params::Coordinates;
     use ravec_mesh::{Bvh, TriMesh};
 
     /// Overlapping plates and needles, some of them repeated or without area.
@@ -536,12 +545,14 @@ mod tests {
         let bvh = Bvh::new(mesh);
         let (distance, tolerance) = (0.05, 0.004);
         let bounds = mesh.bounds().grown(distance + 4.0 * tolerance);
+        let mut frame = Frame {
+            origin: bounds.min,
+            side: 1.01 * bounds.size().max_element(),
+        };
         let mending = Mending {
             field: &Field::new(&bvh, false, distance, &Progress::none()).unwrap(),
-            frame: Frame {
-                origin: bounds.min,
-                side: 1.01 * bounds.size().max_element(),
-            },
+            grid: Grid::fit(Coordinates::Double, &mut frame, tolerance).unwrap(),
+            frame,
             tolerance,
             limits: [distance - tolerance, distance + tolerance],
             outer_only,

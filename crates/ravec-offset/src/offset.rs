@@ -1,13 +1,14 @@
 //! The whole way from triangles to their offset surface.
 
 use crate::field::Field;
+use crate::grid::{Grid, rounded};
 use crate::measure::{creases, measure};
 use crate::mend::{AmpleFacets, Mending};
-use crate::params::{OffsetError, OffsetParams, OpenRule, Side};
+use crate::params::{Coordinates, OffsetError, OffsetParams, OpenRule, Side};
 use crate::simplify::simplify;
 use crate::thicken::thicken;
 use glam::DVec3;
-use ravec_mesh::{Bvh, CheckParams, TriMesh, check};
+use ravec_mesh::{Bvh, CheckParams, MeshCheck, TriMesh, check, weld};
 use ravec_octree::Frame;
 use ravec_progress::{Cancelled, Progress};
 
@@ -85,6 +86,41 @@ pub fn offset(
     if mesh.triangles().is_empty() {
         return Err(OffsetError::NoTriangles);
     }
+    // what becomes part of the result has to be what a file holds
+    let is_part = params.open == OpenRule::Thicken || params.side == Side::Shell;
+    if !is_part || params.coordinates == Coordinates::Double {
+        return of_exact(mesh, params, progress);
+    }
+    let got = params.tolerance;
+    let Some((rounded, moved)) = rounded(mesh, params.coordinates) else {
+        let least = f64::INFINITY;
+        return Err(OffsetError::SinglePrecision { got, least });
+    };
+    let left = OffsetParams {
+        // less than half is refused as well, by the same reason
+        tolerance: got - moved.min(0.5 * got),
+        ..params.clone()
+    };
+    let made = of_exact(&rounded, &left, progress);
+    let mut offset = made.map_err(|error| match error {
+        OffsetError::SinglePrecision { least, .. } => OffsetError::SinglePrecision {
+            got,
+            least: least + moved,
+        },
+        OffsetError::Tolerance { least, most, .. } => OffsetError::Tolerance { got, least, most },
+        other => other,
+    })?;
+    offset.report.least_distance -= moved;
+    offset.report.most_distance += moved;
+    Ok(offset)
+}
+
+/// As [`offset`]; the mesh may become part of the result as it is.
+fn of_exact(
+    mesh: &TriMesh,
+    params: &OffsetParams,
+    progress: &Progress,
+) -> Result<Offset, OffsetError> {
     if params.open == OpenRule::Thicken {
         return thicken(mesh, params, progress);
     }
@@ -108,6 +144,7 @@ pub(crate) fn surface(
     let mending = Mending {
         field: &field,
         frame: task.frame,
+        grid: task.grid,
         tolerance: params.tolerance,
         limits,
         outer_only: params.side == Side::Outer,
@@ -154,7 +191,7 @@ pub(crate) fn surface(
         self_intersections: !is_apart,
         list_limit: 0,
     };
-    let checked = check(&surface, &last, progress)?;
+    let checked = check_written(&surface, params.coordinates, &last, progress)?;
     let self_intersections = checked.self_intersections.map_or(0, |found| found.count);
     Ok(Offset {
         report: OffsetReport {
@@ -183,6 +220,19 @@ pub(crate) fn surface(
     })
 }
 
+/// Looks at a result as a file holds it: vertices that rounding put in one place are one for whoever reads it.
+pub(crate) fn check_written(
+    mesh: &TriMesh,
+    coordinates: Coordinates,
+    params: &CheckParams,
+    progress: &Progress,
+) -> Result<MeshCheck, Cancelled> {
+    match coordinates {
+        Coordinates::Double => check(mesh, params, progress),
+        Coordinates::Single => check(&weld(mesh, 0.0).mesh, params, progress),
+    }
+}
+
 /// What is asked for, found possible and made ready.
 pub(crate) struct Task {
     bvh: Bvh,
@@ -192,6 +242,7 @@ pub(crate) struct Task {
     level: f64,
     /// Where the tree lies.
     pub frame: Frame,
+    pub grid: Grid,
 }
 
 impl Task {
@@ -236,11 +287,14 @@ impl Task {
             params.distance + OFF_ROUND * params.tolerance
         };
         let margin = if inward { 0.0 } else { params.distance } + 4.0 * params.tolerance;
+        let mut frame = frame_around(&bounds.grown(margin));
+        let grid = Grid::fit(params.coordinates, &mut frame, params.tolerance)?;
         Ok(Self {
             bvh: Bvh::try_new(mesh, progress)?,
             is_solid: wound || inward || (params.side == Side::Outer && boundary_edges == 0),
             level: if inward { -level } else { level },
-            frame: frame_around(&bounds.grown(margin)),
+            frame,
+            grid,
         })
     }
 

@@ -36,6 +36,20 @@ pub enum OpenRule {
     Thicken,
 }
 
+/// The numbers that the coordinates of the result may be.
+#[derive(
+    Debug, Clone, Copy, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize,
+)]
+#[serde(rename_all = "kebab-case")]
+pub enum Coordinates {
+    /// Any.
+    #[default]
+    Double,
+    /// Those that 32-bit floats hold, for files that have no others: all that is said of the result is true of it as it is
+    /// written. The vertices of a mesh that become part of the result, as in a [`Side::Shell`], are rounded first.
+    Single,
+}
+
 /// How to offset.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -56,6 +70,9 @@ pub struct OffsetParams {
     /// more by twice the angle between neighbors that a quarter of the mesh stays below, but at most by 80 %. Less keeps
     /// more triangles.
     pub max_normal_deviation_deg: f64,
+    /// What the coordinates of the result may be (default double). Single precision asks for a tolerance of some 20 times
+    /// the gap between its numbers there.
+    pub coordinates: Coordinates,
     /// How much memory to use, in bytes (default as much as it takes). Less cuts space into more tiles, which takes longer
     /// but gives the same surface. The surface itself stays in memory, so that it may take more than this.
     pub memory_bytes: Option<u64>,
@@ -70,6 +87,7 @@ impl Default for OffsetParams {
             open: OpenRule::default(),
             simplify: true,
             max_normal_deviation_deg: 4.0,
+            coordinates: Coordinates::default(),
             memory_bytes: None,
         }
     }
@@ -125,6 +143,19 @@ pub enum OffsetError {
         least: f64,
         /// Half the distance.
         most: f64,
+    },
+    /// A tolerance that 32-bit floats cannot hold.
+    #[error(
+        "the tolerance is {}, but must be at least {} for 32-bit floats to hold coordinates as large as these: write PLY, OBJ, \
+         OFF or 3MF, which hold more, or move the mesh closer to the origin",
+        Short(*got),
+        Short(*least)
+    )]
+    SinglePrecision {
+        /// What was asked for.
+        got: f64,
+        /// The least for a mesh of this size and place.
+        least: f64,
     },
     /// A normal deviation that is none.
     #[error("the normal deviation is {got} degrees, but must be above 0 and at most 90")]

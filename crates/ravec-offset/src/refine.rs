@@ -5,6 +5,7 @@ use crate::cell::{
     Roots, Sample, crossed_edges, inside_of, root,
 };
 use crate::field::{Field, Near, Place, Region};
+use crate::grid::{Grid, LEVELS_BELOW_FLOOR, floor_level};
 use crate::tile::{Edge, Orders, RINGS, Reach};
 use glam::DVec3;
 use ravec_mesh::Aabb;
@@ -15,9 +16,6 @@ use rustc_hash::{FxBuildHasher, FxHashMap, FxHashSet};
 
 /// Cells coarser than this are split without a look.
 const FIRST_LEVEL: u8 = 3;
-
-/// How many levels below the floor cells are split at the tips of acute crests.
-const TIP_LEVELS: u8 = 3;
 
 /// So many entries go into a table in a few milliseconds.
 const AT_ONCE: usize = 1 << 14;
@@ -51,6 +49,7 @@ pub(crate) struct Node {
 pub(crate) struct Refinement<'a> {
     pub field: &'a Field<'a>,
     pub frame: Frame,
+    pub grid: Grid,
     pub tolerance: f64,
     /// Cells of this level are not split because of what they hold.
     pub floor: u8,
@@ -90,21 +89,21 @@ impl<'a> Refinement<'a> {
     /// ordered.
     pub fn grow(
         field: &'a Field<'a>,
-        frame: Frame,
+        (frame, grid): (Frame, Grid),
         tolerance: f64,
         tile: CellKey,
         orders: &Orders,
         most_nodes: usize,
         progress: &Progress,
     ) -> Result<Self, Halt> {
-        let floor_side = tolerance / 3f64.sqrt();
-        let floor = (frame.side / floor_side).log2().ceil().max(0.0) as u8;
+        let floor = floor_level(frame.side, tolerance);
         let reach = Reach::of(tile);
         let mut refinement = Self {
             field,
             frame,
+            grid,
             tolerance,
-            floor: floor.min(MAX_LEVEL - 2),
+            floor: floor.min(MAX_LEVEL - 2).min(grid.deepest),
             tree: Octree::new(Node {
                 hint: 0,
                 region: Region::Unknown,
@@ -215,7 +214,7 @@ impl<'a> Refinement<'a> {
 
     /// The finest level: cells of it are so small that the surface may go anywhere in them.
     pub fn limit(&self) -> u8 {
-        (self.floor + 2).min(MAX_LEVEL)
+        (self.floor + 2).min(self.grid.deepest)
     }
 
     /// The corners of a leaf that lie outside. Where sheets come closer than cells can tell apart, those of cells of the
@@ -308,7 +307,7 @@ impl<'a> Refinement<'a> {
                 let key = self.tree.key(node);
                 // the tip of an acute crest is thinner than cells that are as small as the tolerance
                 let is_done = if fit.is_acute {
-                    key.level >= (self.floor + TIP_LEVELS).min(MAX_LEVEL)
+                    key.level >= (self.floor + LEVELS_BELOW_FLOOR).min(self.grid.deepest)
                 } else {
                     fit.is_good || key.level >= self.floor
                 };
@@ -517,6 +516,7 @@ impl<'a> Refinement<'a> {
         Cell {
             field: self.field,
             frame: &self.frame,
+            grid: self.grid,
             tolerance: self.tolerance,
             key,
         }

@@ -8,7 +8,8 @@
 
 use crate::certify::{proved, spread, tilt};
 use crate::field::{Field, Near};
-use crate::params::OffsetParams;
+use crate::grid::doubled;
+use crate::params::{Coordinates, OffsetParams};
 use crate::smooth::smooth;
 use glam::DVec3;
 use ravec_mesh::{
@@ -17,6 +18,7 @@ use ravec_mesh::{
 };
 use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
+use rustc_hash::FxHashSet;
 
 /// The share of the tolerance by which simplification may leave the surface that it started from: so crests, which the
 /// proof of the distance alone would let it cut, stay where they are.
@@ -47,6 +49,7 @@ pub(crate) fn simplify(
     };
     let overseer = Proofs {
         field,
+        coordinates: params.coordinates,
         limits,
         most_deviation: most_deviation + leeway,
         progress,
@@ -55,6 +58,7 @@ pub(crate) fn simplify(
         Ok(simplified) => smooth(
             field,
             &simplified.mesh,
+            params.coordinates,
             limits,
             most_deviation + leeway,
             progress,
@@ -101,6 +105,7 @@ fn roughness(mesh: &TriMesh) -> f64 {
 #[derive(Clone, Copy)]
 struct Proofs<'a> {
     field: &'a Field<'a>,
+    coordinates: Coordinates,
     limits: [f64; 2],
     /// In radians.
     most_deviation: f64,
@@ -151,10 +156,19 @@ impl<'a> Overseer for Proofs<'a> {
 
     fn faults(&self, mesh: &TriMesh, triangles: &[u32]) -> Vec<u32> {
         let nearest = self.nearest(mesh);
+        // rounding may put two vertices in one place, where a search for intersections takes them for one
+        let doubled = match self.coordinates {
+            Coordinates::Double => FxHashSet::default(),
+            Coordinates::Single => doubled(mesh.positions()),
+        };
+        let is_doubled = |v: u32| !doubled.is_empty() && doubled.contains(&v);
         triangles
             .par_iter()
             .copied()
             .filter(|&t| {
+                if mesh.triangles()[t as usize].into_iter().any(is_doubled) {
+                    return true;
+                }
                 let near = mesh.triangles()[t as usize].map(|v| nearest[v as usize]);
                 !self.progress.is_cancelled()
                     && !proved(self.field, mesh.corners(t), self.limits, near)
@@ -236,6 +250,10 @@ impl Judge<'_> {
 }
 
 impl CollapseJudge for Judge<'_> {
+    fn place(&self, lowest: DVec3) -> DVec3 {
+        self.proofs.coordinates.nearest(lowest)
+    }
+
     fn refuses_early(&mut self, candidate: &CollapseCandidate<'_>) -> bool {
         let known = candidate.vertices.map(|v| self.nearest[v as usize]);
         let [p, q] = (candidate.from).map(|p| p.distance_squared(candidate.position));

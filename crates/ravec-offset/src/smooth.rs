@@ -6,6 +6,7 @@
 
 use crate::certify::proved;
 use crate::field::{Field, Near};
+use crate::params::Coordinates;
 use glam::{DMat3, DVec3};
 use ravec_mesh::{Facet, RelaxJudge, TriMesh, relax};
 use ravec_progress::{Cancelled, Progress};
@@ -22,12 +23,14 @@ const HOLD: f64 = 1e-5;
 pub(crate) fn smooth(
     field: &Field<'_>,
     surface: &TriMesh,
+    coordinates: Coordinates,
     limits: [f64; 2],
     most_deviation: f64,
     progress: &Progress,
 ) -> Result<TriMesh, Cancelled> {
     let facets = Facets {
         field,
+        coordinates,
         limits,
         aim: AIM * most_deviation,
     };
@@ -36,6 +39,7 @@ pub(crate) fn smooth(
 
 struct Facets<'a> {
     field: &'a Field<'a>,
+    coordinates: Coordinates,
     limits: [f64; 2],
     /// In radians.
     aim: f64,
@@ -98,7 +102,7 @@ impl RelaxJudge for Facets<'_> {
         }
         let trace = matrix.x_axis.x + matrix.y_axis.y + matrix.z_axis.z;
         let held = matrix + DMat3::from_diagonal(DVec3::splat(HOLD * trace / 3.0));
-        (trace > 0.0).then(|| v + held.inverse() * right)
+        (trace > 0.0).then(|| self.coordinates.nearest(v + held.inverse() * right))
     }
 
     fn admits(&self, after: &[Facet<Lie>]) -> bool {

@@ -17,7 +17,7 @@ mod slab;
 
 use crate::certify::keeps_distance;
 use crate::field::Field;
-use crate::offset::{Offset, surface};
+use crate::offset::{Offset, check_written, surface};
 use crate::outermost::compact;
 use crate::params::{OffsetError, OffsetParams, OpenRule, Side};
 use directions::Directed;
@@ -79,7 +79,7 @@ pub(crate) fn thicken(
         match thickener.around_sheet(progress) {
             Ok(Some(kept)) => return Ok(kept),
             // without the sheet as a skin there is more of the tolerance left
-            Ok(None) | Err(OffsetError::TooRough { .. }) => {}
+            Ok(None) | Err(OffsetError::TooRough { .. } | OffsetError::SinglePrecision { .. }) => {}
             Err(error) => return Err(error),
         }
     }
@@ -87,6 +87,10 @@ pub(crate) fn thicken(
     let (mut offset, _) = around.map_err(|error| match error {
         OffsetError::TooRough { .. } => OffsetError::TooRough {
             tolerance: params.tolerance,
+        },
+        OffsetError::SinglePrecision { least, .. } => OffsetError::SinglePrecision {
+            got: params.tolerance,
+            least: least / OFF,
         },
         other => other,
     })?;
@@ -139,7 +143,7 @@ impl Thickener<'_> {
 
     /// The solid with the sheet itself as one skin, if that can be.
     fn around_sheet(&self, progress: &Progress) -> Result<Option<Offset>, OffsetError> {
-        let tolerance = self.params.tolerance;
+        let (tolerance, coordinates) = (self.params.tolerance, self.params.coordinates);
         let heights = [LIFT * tolerance, self.height];
         let (mut offset, slab) = self.around(heights, OFF_LIFTED, progress)?;
         let surface = &offset.mesh;
@@ -152,7 +156,8 @@ impl Thickener<'_> {
         let mut round = 0;
         let mesh = loop {
             let reach = 2.0 * OFF_LIFTED * tolerance;
-            let Some(sewn) = seam::sew(self.sheet, &slab.lifted, reach, surface, &is_upper) else {
+            let kept = (surface, &is_upper[..]);
+            let Some(sewn) = seam::sew(self.sheet, &slab.lifted, reach, kept, coordinates) else {
                 return Ok(None);
             };
             let mesh = &sewn.mesh;
@@ -188,7 +193,7 @@ impl Thickener<'_> {
             self_intersections: false,
             list_limit: 0,
         };
-        let found = check(&mesh, &quick, progress)?;
+        let found = check_written(&mesh, coordinates, &quick, progress)?;
         if !(found.closed && found.manifold && found.oriented) {
             return Ok(None);
         }

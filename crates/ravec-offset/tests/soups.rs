@@ -5,7 +5,7 @@ mod support;
 use glam::DVec3;
 use proptest::prelude::*;
 use ravec_mesh::TriMesh;
-use ravec_offset::{OffsetParams, Side, offset};
+use ravec_offset::{Coordinates, OffsetError, OffsetParams, Side, offset};
 use ravec_progress::Progress;
 use ravec_scenes::Seed;
 use ravec_scenes::solids::{comb, soup, torus};
@@ -91,6 +91,10 @@ fn mesh_of(recipes: &[Recipe], scale: f64, shift: DVec3) -> TriMesh {
     TriMesh::new(positions.collect(), names.collect()).unwrap()
 }
 
+fn coordinates() -> impl Strategy<Value = Coordinates> {
+    prop_oneof![Just(Coordinates::Double), Just(Coordinates::Single)]
+}
+
 fn side() -> impl Strategy<Value = Side> {
     prop_oneof![Just(Side::Both), Just(Side::Outer)]
 }
@@ -116,9 +120,11 @@ proptest! {
         side in side(),
         (distance, tolerance) in (0.05..0.4, 0.08..0.3),
         simplify in any::<bool>(),
+        coordinates in coordinates(),
     ) {
         let mesh = mesh_of(&recipes, 1.0, DVec3::ZERO);
         let asked = asked(&mesh, side, distance, tolerance, simplify);
+        let asked = OffsetParams { coordinates, ..asked };
         if let Err(fault) = judged_offset(&mesh, &asked) {
             prop_assert!(false, "{fault}");
         }
@@ -132,14 +138,26 @@ proptest! {
             Just((1e-6, 0.0)),
             Just((1e6, 0.0)),
             Just((1e6, 1e9)),
+            Just((1.0, 6e3)),
             Just((1.0, 1e6)),
             Just((1.0, -3e6)),
         ],
         (distance, tolerance) in (0.08..0.3, 0.1..0.3),
+        coordinates in coordinates(),
     ) {
         let mesh = mesh_of(&recipes, scale, shift * DVec3::new(1.0, -0.7, 0.3));
         let asked = asked(&mesh, side, distance, tolerance, true);
-        if let Err(fault) = judged_offset(&mesh, &asked) {
+        let asked = OffsetParams { coordinates, ..asked };
+        // what 32-bit floats are apart there, or up to four times as much
+        let bounds = mesh.bounds().grown(asked.distance);
+        let gap = 2.0 * bounds.min.abs().max(bounds.max.abs()).max_element() * f64::from(f32::EPSILON);
+        if coordinates == Coordinates::Single && asked.tolerance < 16.0 * gap {
+            match offset(&mesh, &asked, &Progress::none()) {
+                Err(OffsetError::SinglePrecision { least, .. }) => prop_assert!(least <= 16.0 * gap),
+                Err(error) => prop_assert!(false, "{error}"),
+                Ok(_) => prop_assert!(asked.tolerance >= 4.0 * gap),
+            }
+        } else if let Err(fault) = judged_offset(&mesh, &asked) {
             prop_assert!(false, "{fault}");
         }
     }

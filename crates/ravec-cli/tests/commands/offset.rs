@@ -125,6 +125,24 @@ fn any_triangles_have_an_offset() {
 }
 
 #[test]
+fn a_file_of_32_bits_holds_what_was_judged() {
+    let folder = folder();
+    for line in [
+        "part.stl -o out.stl --distance 2%",
+        "part.stl -o out.glb --distance 0.5% --side shell",
+        "part.stl -o out.stl --distance 5% --side inner --no-simplify",
+        "sheet.obj -o out.stl --distance 0.2 --tolerance 0.01 --open thicken",
+        "sheet.obj -o out.stl --distance 0.2 --tolerance 0.003 --open thicken",
+    ] {
+        let out = line.split(' ').nth(2).unwrap();
+        let report = report(folder.path(), &format!("offset {line}"));
+        assert_eq!(report["passed"], true, "{line}: {report}");
+        done(folder.path(), &format!("mesh check {out}"));
+        std::fs::remove_file(folder.path().join(out)).unwrap();
+    }
+}
+
+#[test]
 fn triangles_are_merged_unless_they_are_to_be_kept_and_threads_do_not_matter() {
     let folder = folder();
     let line = "offset box.stl -o out.ply --distance 10% --tolerance 0.2%";

@@ -310,13 +310,17 @@ pub(super) fn rounds(target: &MeshTarget) -> bool {
         )
 }
 
-/// By how much a coordinate changes at most.
-fn largest_rounding(mesh: &TriMesh, target: MeshTarget) -> f64 {
-    // glTF is in meters
-    let scale = match target.format {
+/// What coordinates are multiplied by when they are written: glTF is in meters.
+pub(super) fn unit_scale(target: MeshTarget) -> f64 {
+    match target.format {
         MeshFormat::Glb | MeshFormat::Gltf => target.unit.map_or(1.0, LengthUnit::in_meters),
         _ => 1.0,
-    };
+    }
+}
+
+/// By how much a coordinate changes at most.
+fn largest_rounding(mesh: &TriMesh, target: MeshTarget) -> f64 {
+    let scale = unit_scale(target);
     let positions = mesh.positions().iter();
     positions
         .flat_map(glam::DVec3::to_array)

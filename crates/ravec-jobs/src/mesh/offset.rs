@@ -2,13 +2,12 @@
 
 mod showcase;
 
-use super::convert::{Begun, Carries, Output, Unit, rounds};
-use super::rounded::rounded;
-use super::{Dimension, MeshSource, MeshTarget};
+use super::convert::{Begun, Carries, Output, Unit, rounds, scaled, unit_scale};
+use super::{Dimension, MeshSource};
 use crate::error::JobError;
 use crate::report::{Finding, Report};
 use bytesize::ByteSize;
-use ravec::mesh::{CheckParams, LengthUnit, TriMesh, check, measure};
+use ravec::mesh::{CheckParams, LengthUnit, MeshFile, TriMesh, check, measure};
 use ravec::offset as library;
 use ravec::progress::Progress;
 use serde::{Deserialize, Serialize};
@@ -193,20 +192,18 @@ impl Params {
 /// Writes the surface at a distance from the mesh `source` to `path`.
 ///
 /// The mesh may be any triangles; [`Side::Inner`] and [`Side::Shell`] need a closed one. If a closed mesh is inside out it is
-/// turned. If the output holds 32-bit floats, their rounding is part of the tolerance, and it is the rounded mesh that is
-/// judged; where rounding makes triangles meet, others are made, up to four times.
+/// turned. If the output holds 32-bit floats, vertices are put on such numbers before anything is decided about their triangles:
+/// all that is said holds for the mesh in the file.
 ///
 /// [`Report::passed`] says whether the result is what was promised: each triangle is proved to keep the distance within the
 /// tolerance, and all of them are the surface of a solid, closed, manifold and without self-intersections. If not, it is
 /// written all the same; a warning and findings say what is wrong with it.
 ///
-/// Figures: `distance`, `tolerance`, `diagonal` (units of the file), `certified` and `solid` (0 or 1), `uncertified_triangles`,
+/// Figures: `distance`, `tolerance`, `diagonal` (units of the file that is written), `certified` and `solid` (0 or 1), `uncertified_triangles`,
 /// `self_intersections`, `triangles`, `extracted_triangles` (before they were merged); `cells` and `deepest_level` of the
 /// octree, and how it was mended: `mending_rounds`, `split_cells`, `filled_corners`; `feature_edges`, where the surface turns
 /// by more than 20°; `distance_least` and `distance_most`, proved for every point of the surface, and `distance_most_found`,
-/// the most that a corner or a middle of a triangle has; `sheet_kept` (0 or 1) of a sheet that was thickened;
-/// `largest_rounding` if the output holds 32-bit floats, which comes
-/// on top of these.
+/// the most that a corner or a middle of a triangle has; `sheet_kept` (0 or 1) of a sheet that was thickened.
 ///
 /// # Errors
 /// [`JobError::Parameter`], [`JobError::UnknownMeshFormat`], [`JobError::ReadMesh`], [`JobError::NoTriangles`],
@@ -234,79 +231,52 @@ pub fn run(
     if let Some(unit) = params.unit {
         target.unit = Some(unit.into());
     }
-    let diagonal = file.mesh.bounds().diagonal();
-    let [distance, tolerance] = params.of(diagonal, target.unit)?;
+    let MeshFile { mut mesh, .. } = file;
+    let diagonal = mesh.bounds().diagonal();
+    let lengths = params.of(diagonal, target.unit)?;
+    // rounding depends on the unit: what is judged has to be what is written
+    let scale = unit_scale(target);
+    if scale != 1.0 {
+        mesh = scaled(mesh, scale, source)?;
+        target.unit = Some(LengthUnit::Meter);
+    }
+    let [distance, tolerance] = lengths.map(|length| scale * length);
     report.figures.extend([
-        ("diagonal", diagonal),
+        ("diagonal", scale * diagonal),
         ("distance", distance),
         ("tolerance", tolerance),
     ]);
-    let rounding = if rounds(&target) {
-        rounding(&file.mesh, distance)
-    } else {
-        0.0
-    };
-    if rounding > 0.5 * tolerance {
-        return Err(JobError::Parameter {
-            name: "--tolerance",
-            value: format!("{tolerance:.3e}"),
-            range: "larger where coordinates become 32-bit floats: write PLY, OBJ, OFF or 3MF instead",
-        });
-    }
     let turns = params.open == Open::Thicken && params.distance.number() < 0.0;
-    let mut asked = library::OffsetParams {
+    let asked = library::OffsetParams {
         distance: if turns { -distance } else { distance },
-        tolerance: tolerance - rounding,
+        tolerance,
         side: params.side.into(),
         open: params.open.into(),
         simplify: !params.no_simplify,
         max_normal_deviation_deg: params.max_normal_deviation,
+        coordinates: if rounds(&target) {
+            library::Coordinates::Single
+        } else {
+            library::Coordinates::Double
+        },
         memory_bytes: params.memory.map(|size| size.as_u64()),
     };
-    let turned = match params.side {
-        Side::Both => None,
-        _ => turned(&file.mesh, progress)?,
-    };
-    if turned.is_some() {
+    if params.side != Side::Both
+        && let Some(turned) = turned(&mesh, progress)?
+    {
+        mesh = turned;
         report.warn(format!(
             "{}: the mesh is inside out and was turned",
             source.path.display()
         ));
     }
-    let input = turned.as_ref().unwrap_or(&file.mesh);
-    let made = |asked: &library::OffsetParams, report: &mut Report| {
-        let offset = report.time("offset", || library::offset(input, asked, progress));
-        let library::Offset { mesh, report: done } =
-            offset.map_err(|cause| JobError::from_offset(&source.path, cause))?;
-        let mut verdict = Verdict {
-            uncertified: done.uncertified_facets,
-            solid: done.solid,
-            self_intersections: done.self_intersections,
-        };
-        let moved = if rounds(&target) {
-            report.time("check", || verdict.judge_rounded(&mesh, target, progress))?
-        } else {
-            0.0
-        };
-        Ok::<_, JobError>((mesh, done, verdict, moved))
-    };
-    let (mut mesh, mut done, mut verdict, mut moved) = made(&asked, &mut report)?;
-    for _ in 1..MOST_TRIES {
-        if verdict.solid || !done.solid {
-            break;
-        }
-        // rounding alone made slivers meet: other triangles have other slivers
-        asked.tolerance *= OTHER_TOLERANCE;
-        let other = made(&asked, &mut report)?;
-        if other.2.self_intersections < verdict.self_intersections {
-            (mesh, done, verdict, moved) = other;
-        }
-    }
-    if rounds(&target) {
-        report.figures.insert("largest_rounding", moved);
-    }
-    drop(file);
-    verdict.tell(params.side, &mut report);
+    let offset = report.time("offset", || library::offset(&mesh, &asked, progress));
+    let library::Offset {
+        mesh: surface,
+        report: done,
+    } = offset.map_err(|cause| JobError::from_offset(&source.path, cause))?;
+    drop(mesh);
+    tell(&done, params.side, &mut report);
     if let Some(kept) = done.sheet_kept {
         report
             .figures
@@ -334,23 +304,8 @@ pub fn run(
         ("distance_most", done.most_distance),
         ("distance_most_found", done.most_distance_found),
     ]);
-    super::write(path, &mesh, &target, &mut report, progress)?;
+    super::write(path, &surface, &target, &mut report, progress)?;
     Ok(report)
-}
-
-/// How often a surface is made if rounding to 32-bit floats makes its triangles meet.
-const MOST_TRIES: usize = 4;
-
-/// The tolerance of each such try in that of the one before.
-const OTHER_TOLERANCE: f64 = 0.97;
-
-/// How far the vertices of an offset move at most when their coordinates become 32-bit floats.
-fn rounding(mesh: &TriMesh, distance: f64) -> f64 {
-    let bounds = mesh.bounds();
-    let largest = bounds.min.abs().max(bounds.max.abs()).max_element() + 2.0 * distance;
-    // half of the last of 24 bits on each axis, and a little for a change of units on the way
-    let of_number = 0.5f64.powi(24) * (1.0 + 1e-6);
-    3f64.sqrt() * largest * of_number
 }
 
 /// A closed mesh that is inside out, turned.
@@ -370,74 +325,47 @@ fn turned(mesh: &TriMesh, progress: &Progress) -> Result<Option<TriMesh>, JobErr
     Ok(Some(turned.expect("only the order of corners is another")))
 }
 
-/// What is known about a result.
-struct Verdict {
-    uncertified: u64,
-    solid: bool,
-    self_intersections: u64,
-}
-
-impl Verdict {
-    /// Looks at the mesh as it will be in the file, and says by how much a coordinate changes at most.
-    fn judge_rounded(
-        &mut self,
-        mesh: &TriMesh,
-        target: MeshTarget,
-        progress: &Progress,
-    ) -> Result<f64, JobError> {
-        let written = rounded(mesh, target, progress)?;
-        if let Some(found) = written.check {
-            self.solid &= found.is_solid();
-            let pairs = found.self_intersections.map_or(0, |pairs| pairs.count);
-            self.self_intersections = self.self_intersections.max(pairs);
-        }
-        Ok(written.moved)
-    }
-
-    fn tell(&self, side: Side, report: &mut Report) {
-        let certified = self.uncertified == 0;
-        let yes = |fact: bool| f64::from(u8::from(fact));
-        report.figures.extend([
-            ("certified", yes(certified)),
-            ("uncertified_triangles", self.uncertified as f64),
-            ("solid", yes(self.solid)),
-            ("self_intersections", self.self_intersections as f64),
-        ]);
-        report.passed = Some(certified && self.solid);
-        for (what, count) in [
-            (
-                "triangles that are not proved to keep the distance",
-                self.uncertified,
-            ),
-            ("self-intersections", self.self_intersections),
-        ] {
-            if count > 0 {
-                report.findings.push(Finding {
-                    what,
-                    count,
-                    defect: true,
-                    places: Vec::new(),
-                });
-            }
-        }
-        if !certified {
-            report.warn(format!(
-                "the result is not proved: {} of its triangles may leave the tolerance",
-                self.uncertified
-            ));
-        }
-        if !self.solid {
-            let own = match side {
-                Side::Shell => {
-                    " (a shell takes over the defects of its input: see `ravec mesh check`)"
-                }
-                _ => "",
-            };
-            report.warn(match self.self_intersections {
-                0 => format!("the result is not closed or not manifold{own}"),
-                count => format!("the result meets itself {count} times{own}"),
+/// Says what is known about a result.
+fn tell(done: &library::OffsetReport, side: Side, report: &mut Report) {
+    let yes = |fact: bool| f64::from(u8::from(fact));
+    report.figures.extend([
+        ("certified", yes(done.certified)),
+        ("uncertified_triangles", done.uncertified_facets as f64),
+        ("solid", yes(done.solid)),
+        ("self_intersections", done.self_intersections as f64),
+    ]);
+    report.passed = Some(done.certified && done.solid);
+    for (what, count) in [
+        (
+            "triangles that are not proved to keep the distance",
+            done.uncertified_facets,
+        ),
+        ("self-intersections", done.self_intersections),
+    ] {
+        if count > 0 {
+            report.findings.push(Finding {
+                what,
+                count,
+                defect: true,
+                places: Vec::new(),
             });
         }
+    }
+    if !done.certified {
+        report.warn(format!(
+            "the result is not proved: {} of its triangles may leave the tolerance",
+            done.uncertified_facets
+        ));
+    }
+    if !done.solid {
+        let own = match side {
+            Side::Shell => " (a shell takes over the defects of its input: see `ravec mesh check`)",
+            _ => "",
+        };
+        report.warn(match done.self_intersections {
+            0 => format!("the result is not closed or not manifold{own}"),
+            count => format!("the result meets itself {count} times{own}"),
+        });
     }
 }
 

@@ -1,9 +1,10 @@
 //! A mesh as it will be in a file that holds 32-bit floats.
 
 use super::MeshTarget;
+use super::convert::unit_scale;
 use crate::error::JobError;
 use glam::DVec3;
-use ravec::mesh::{CheckParams, LengthUnit, MeshCheck, MeshFormat, TriMesh, check, weld};
+use ravec::mesh::{CheckParams, MeshCheck, TriMesh, check, weld};
 use ravec::progress::Progress;
 
 /// What rounding does to a mesh.
@@ -20,11 +21,7 @@ pub(super) fn rounded(
     target: MeshTarget,
     progress: &Progress,
 ) -> Result<Rounded, JobError> {
-    // glTF is in meters
-    let scale = match target.format {
-        MeshFormat::Glb | MeshFormat::Gltf => target.unit.map_or(1.0, LengthUnit::in_meters),
-        _ => 1.0,
-    };
+    let scale = unit_scale(target);
     let round = |x: f64| f64::from((x * scale) as f32) / scale;
     let rounded = |p: &DVec3| DVec3::new(round(p.x), round(p.y), round(p.z));
     let positions: Vec<_> = mesh.positions().iter().map(rounded).collect();

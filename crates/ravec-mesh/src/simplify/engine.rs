@@ -283,7 +283,10 @@ impl<'a, J: CollapseJudge> Engine<'a, J> {
 
     fn try_collapse(&mut self, a: u32, b: u32) -> Result<(), Veto> {
         let max_error = self.limits.max_error;
-        let (plan, _) = planned(&self.surface, &self.quadrics, self.frame, [a, b], max_error)?;
+        let (mut plan, _) = planned(&self.surface, &self.quadrics, self.frame, [a, b], max_error)?;
+        if plan.position != self.surface.positions[plan.kept as usize] {
+            plan.position = self.judge.place(plan.position);
+        }
         let (surface, examiner) = (&self.surface, &mut self.examiner);
         examiner.gather(surface, &plan)?;
         if self.sealed {

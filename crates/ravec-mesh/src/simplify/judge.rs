@@ -31,6 +31,12 @@ pub struct CollapseCandidate<'a> {
 
 /// Who may refuse collapses. A closure that answers whether to refuse is one that is asked last.
 pub trait CollapseJudge {
+    /// Where a merged vertex is put that would best be at `lowest` (default there): for vertices that may be in some places
+    /// only. It is asked before all else, and not about a vertex that stays where it is.
+    fn place(&self, lowest: DVec3) -> DVec3 {
+        lowest
+    }
+
     /// Whether to refuse a collapse whose new triangles have a good shape, while the distance from the original and
     /// intersections are not examined yet: for questions that are cheaper than these.
     fn refuses_early(&mut self, candidate: &CollapseCandidate<'_>) -> bool {

@@ -2,11 +2,12 @@
 //!
 //! The surface of a slab that starts a little above a sheet has a lower skin that follows it. That skin is cut out, the sheet
 //! takes its place, and a narrow strip joins the boundary of the sheet to that of the cut. The cut runs along the boundary
-//! lifted to where the slab starts, and is put exactly there, so that the strip stands upright; its triangles go from each
+//! lifted to where the slab starts, and is put there, so that the strip stands upright; its triangles go from each
 //! edge of one to the nearest corner of the other.
 //!
 //! Does not guarantee anything about the strip: the caller checks the whole, exactly.
 
+use crate::params::Coordinates;
 use glam::DVec3;
 use ravec_mesh::{Bvh, ClosestOnTriangle, TriMesh, closest_on_triangle};
 use rustc_hash::{FxHashMap, FxHashSet};
@@ -29,8 +30,8 @@ pub(super) fn sew(
     sheet: &TriMesh,
     lifted: &[DVec3],
     reach: f64,
-    surface: &TriMesh,
-    is_kept: &[bool],
+    (surface, is_kept): (&TriMesh, &[bool]),
+    coordinates: Coordinates,
 ) -> Option<Sewn> {
     let kept: Vec<[u32; 3]> = surface
         .triangles()
@@ -69,7 +70,7 @@ pub(super) fn sew(
                     continue;
                 }
                 if is_near {
-                    places[v as usize] = place;
+                    places[v as usize] = coordinates.nearest(place);
                 }
                 ring.push(v);
                 at_ring.push(params[i]);

@@ -3,8 +3,11 @@
 use super::coverage::{Coverage, Part, Truth, coverage};
 use super::oracle::Oracle;
 use glam::DVec3;
-use ravec_mesh::{CheckParams, MeshCheck, TriMesh, check, weld};
-use ravec_offset::{Offset, OffsetParams, Side, offset};
+use ravec_mesh::{
+    CheckParams, MeshCheck, MeshFormat, ReadOptions, TriMesh, WriteOptions, check, read_mesh, weld,
+    write_mesh,
+};
+use ravec_offset::{Coordinates, Offset, OffsetParams, Side, offset};
 use ravec_progress::Progress;
 
 pub fn params(side: Side, distance: f64, tolerance: f64, simplify: bool) -> OffsetParams {
@@ -40,7 +43,21 @@ pub fn judged_offset(mesh: &TriMesh, params: &OffsetParams) -> Result<(Offset, M
         found.map_err(|cancelled| cancelled.to_string())
     };
     let plain = inspect(&found.mesh)?;
-    for checked in [&plain, &inspect(&weld(&found.mesh, 0.0).mesh)?] {
+    let mut welded = inspect(&weld(&found.mesh, 0.0).mesh)?;
+    if params.coordinates == Coordinates::Single {
+        let read = written_and_read(&found.mesh);
+        let here = found.mesh.triangles().iter().flatten();
+        let there = read.triangles().iter().flatten();
+        let place = |mesh: &TriMesh, v: u32| mesh.positions()[v as usize];
+        if !here
+            .map(|&v| place(&found.mesh, v))
+            .eq(there.map(|&v| place(&read, v)))
+        {
+            return Err("a file holds other places".to_owned());
+        }
+        welded = inspect(&read)?;
+    }
+    for checked in [&plain, &welded] {
         if !checked.is_solid() || !checked.degenerate_triangles.is_empty() {
             return Err(format!("not a solid: {checked:?}"));
         }
@@ -75,6 +92,22 @@ pub fn judged_offset(mesh: &TriMesh, params: &OffsetParams) -> Result<(Offset, M
         return Err(format!("{share} of the tolerance off at {at}: {report:?}"));
     }
     Ok((found, plain))
+}
+
+/// A mesh that was written as binary STL, of 32-bit floats, and read with equal places as one vertex.
+pub fn written_and_read(mesh: &TriMesh) -> TriMesh {
+    let mut bytes = Vec::new();
+    let options = WriteOptions::default();
+    write_mesh(
+        mesh,
+        MeshFormat::StlBinary,
+        &options,
+        &mut bytes,
+        &Progress::none(),
+    )
+    .unwrap();
+    let read = read_mesh(&bytes[..], &ReadOptions::default(), &Progress::none()).unwrap();
+    weld(&read.mesh, 0.0).mesh
 }
 
 /// By how much the triangles from number `first` on miss the distance, at corners and at places within, and where.
