@@ -1,5 +1,5 @@
 use super::*;
-use crate::mesh::{MeshSource, read_mesh_file, write_mesh_file};
+use crate::mesh::{MeshSource, MeshTarget, read_mesh_file, write_mesh_file};
 use glam::DVec3;
 use ravec::mesh::MeshFormat;
 use ravec::mesh::{Bvh, MeshLimits, vertex_distances, weld};
