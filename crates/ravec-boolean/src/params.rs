@@ -22,7 +22,8 @@ pub enum Inside {
 pub struct BooleanParams {
     /// Which places each mesh stands for.
     pub inside: Inside,
-    /// The most memory to use, in bytes; no limit if not given.
+    /// The most memory to use, in bytes; no limit if not given. What is needed is estimated from the number of triangles, and
+    /// once more when it is known how many of them meet; an estimate may be too low where very many meet in one place.
     pub memory_bytes: Option<u64>,
 }
 

@@ -307,6 +307,23 @@ fn what_cannot_be_done_is_said() {
         refused,
         Err(BooleanError::OutOfMemory { allowed: 100, .. })
     ));
+    // two cubes take what their triangles take only if these do not meet
+    let pair = |second: f64| {
+        [
+            cuboid(DVec3::ZERO, DVec3::ONE),
+            cuboid(DVec3::splat(second), DVec3::splat(second + 1.0)),
+        ]
+    };
+    let little = BooleanParams {
+        memory_bytes: Some(24 * 250),
+        ..params.clone()
+    };
+    let both = Expr::Union(vec![Expr::Mesh(0), Expr::Mesh(1)]);
+    assert_eq!(run(&pair(2.0), &both, &little, &progress), Ok(24));
+    assert!(matches!(
+        run(&pair(0.5), &both, &little, &progress),
+        Err(BooleanError::OutOfMemory { allowed: 6000, .. })
+    ));
     assert_eq!(
         run(&[TriMesh::default()], &Expr::Mesh(0), &params, &progress),
         Ok(0)
