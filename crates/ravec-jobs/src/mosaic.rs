@@ -351,9 +351,10 @@ fn checked(params: &Params) -> Result<MosaicParams, JobError> {
             }),
             blend: params.blend,
             rounds: params.rounds,
-            tiling_rounds: params.tiling_rounds.unwrap_or(match params.preview {
-                true => PREVIEW_TILING_ROUNDS,
-                false => choose.tiling_rounds,
+            tiling_rounds: params.tiling_rounds.unwrap_or(if params.preview {
+                PREVIEW_TILING_ROUNDS
+            } else {
+                choose.tiling_rounds
             }),
             candidates: choose.candidates,
         },
