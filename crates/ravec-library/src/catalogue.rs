@@ -85,13 +85,10 @@ const COLUMNS_WITHOUT_PIXELS: &str = "id, path, hash, bytes, modified, width, he
 
 fn entry(row: &Row<'_>) -> rusqlite::Result<Entry> {
     let thumbnail_width: usize = row.get::<_, i64>(12)? as usize;
-    let pixels: Option<Vec<u8>> = row.get(13)?;
+    let pixels = row.get_ref(13)?.as_blob_or_null()?;
     let thumbnail = pixels.and_then(|pixels| {
-        let pixels = pixels
-            .chunks_exact(3)
-            .map(|p| Srgb([p[0], p[1], p[2]]))
-            .collect();
-        Image::from_vec(thumbnail_width, pixels).ok()
+        let pixels = pixels.as_chunks().0.iter().map(|&pixel| Srgb(pixel));
+        Image::from_vec(thumbnail_width, pixels.collect()).ok()
     });
     Ok(Entry {
         id: row.get(0)?,

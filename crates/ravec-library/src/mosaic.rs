@@ -274,15 +274,18 @@ fn candidates(
 /// The photos whose files are as they were when they were added.
 fn there(catalogue: &Catalogue, warnings: &mut Vec<String>) -> Result<Vec<Entry>, LibraryError> {
     let mut entries = catalogue.usable()?;
+    let flaw = |entry: &Entry| match entry.path.metadata() {
+        Ok(metadata) if metadata.len() == entry.bytes && modified(&metadata) == entry.modified => {
+            None
+        }
+        Ok(_) => Some("changed since it was added (add it again)"),
+        Err(_) => Some("is no longer there"),
+    };
+    let flaws: Vec<Option<&str>> = entries.par_iter().map(flaw).collect();
+    let mut flaws = flaws.into_iter();
     entries.retain(|entry| {
-        let reason = match entry.path.metadata() {
-            Ok(metadata)
-                if metadata.len() == entry.bytes && modified(&metadata) == entry.modified =>
-            {
-                return true;
-            }
-            Ok(_) => "changed since it was added (add it again)",
-            Err(_) => "is no longer there",
+        let Some(reason) = flaws.next().flatten() else {
+            return true;
         };
         warnings.push(format!(
             "{}: {reason}; others took its place",
