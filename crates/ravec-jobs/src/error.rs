@@ -235,6 +235,7 @@ impl JobError {
                     | OffsetError::DistanceTooSmall { .. }
                     | OffsetError::Tolerance { .. }
                     | OffsetError::SinglePrecision { .. }
+                    | OffsetError::BeyondSinglePrecision
                     | OffsetError::NormalDeviation { .. },
                 ..
             }

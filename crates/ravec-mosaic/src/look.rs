@@ -137,7 +137,7 @@ impl Look {
     }
 }
 
-/// Pixels that are converted at once.
+/// Planes are as long as a multiple of this, so that whole vectors are converted; what is beyond the row is black and stays so.
 const LANES: usize = 8;
 
 /// Oklab of linear light, in place.

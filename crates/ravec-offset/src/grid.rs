@@ -53,11 +53,10 @@ impl Grid {
         let mut step = step_at(farthest(frame));
         loop {
             let largest = farthest(frame);
-            let least = if largest < f64::from(f32::MAX) {
-                LEAST_TOLERANCE * step
-            } else {
-                f64::INFINITY
-            };
+            if largest >= f64::from(f32::MAX) {
+                return Err(OffsetError::BeyondSinglePrecision);
+            }
+            let least = LEAST_TOLERANCE * step;
             if tolerance < least {
                 return Err(OffsetError::SinglePrecision {
                     got: tolerance,
@@ -216,8 +215,7 @@ mod tests {
             side: 1e39,
         };
         let error = Grid::fit(Coordinates::Single, &mut frame, 1e37).unwrap_err();
-        let least = f64::INFINITY;
-        assert_eq!(error, OffsetError::SinglePrecision { got: 1e37, least });
+        assert_eq!(error, OffsetError::BeyondSinglePrecision);
         assert!(Grid::fit(Coordinates::Double, &mut frame, 1e37).is_ok());
     }
 

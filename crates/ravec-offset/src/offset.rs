@@ -93,8 +93,7 @@ pub fn offset(
     }
     let got = params.tolerance;
     let Some((rounded, moved)) = rounded(mesh, params.coordinates) else {
-        let least = f64::INFINITY;
-        return Err(OffsetError::SinglePrecision { got, least });
+        return Err(OffsetError::BeyondSinglePrecision);
     };
     let left = OffsetParams {
         // less than half is refused as well, by the same reason

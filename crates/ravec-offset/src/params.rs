@@ -157,6 +157,12 @@ pub enum OffsetError {
         /// The least for a mesh of this size and place.
         least: f64,
     },
+    /// Coordinates that 32-bit floats do not reach.
+    #[error(
+        "coordinates of the result are beyond 3.4e38, where 32-bit floats end: write PLY, OBJ, OFF or 3MF, which hold more, \
+         or scale the mesh"
+    )]
+    BeyondSinglePrecision,
     /// A normal deviation that is none.
     #[error("the normal deviation is {got} degrees, but must be above 0 and at most 90")]
     NormalDeviation {

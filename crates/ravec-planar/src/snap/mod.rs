@@ -22,8 +22,9 @@
 //! Source: dissertation, section 6.2.1, whose blurred gradients are climbed from the start. We differ in that we search
 //! before we climb: windows have parallel edges on all sides, and from three per cent off the nearest one is often wrong.
 //!
-//! Guarantees: equal pictures and parameters give equal bytes; no corner moves further than the reach and a few pixels.
-//! Does not guarantee: that the edges found are those that were meant, if others fit the grid as well.
+//! Guarantees: equal pictures and parameters give equal bytes. Does not guarantee: that the edges found are those that were
+//! meant, if others fit the grid as well; that a corner stays within the reach, which bounds the search along rows and
+//! that along columns, each for itself, and not the second, nearer round.
 //! Cost: some milliseconds; grows with the length of the lines times the reach. Up to twice that where much is hidden.
 
 mod joint;
@@ -136,21 +137,18 @@ pub fn snap(
     let phase = progress.phase("snap", 1 + MOST_STARTS as u64);
     let starts = starts(plane, grid, reach, progress)?;
     phase.advance(1);
-    let mut best: Result<Snapped, SnapError> = Err(SnapError::NoEdges);
+    let mut best = Err(SnapError::NoEdges);
     for start in starts {
         let found = settled(plane, start, second_reach(reach), progress);
         phase.advance(1);
-        match (&best, found) {
-            (_, Err(SnapError::Cancelled)) => return Err(SnapError::Cancelled),
-            (Ok(best), Ok(found)) if found.support <= best.support => {}
-            (_, Ok(found)) => best = Ok(found),
-            (Err(_), error) => best = error,
-            (Ok(_), Err(_)) => {}
+        if found == Err(SnapError::Cancelled) {
+            return found;
         }
-        if best
-            .as_ref()
-            .is_ok_and(|best| best.support >= CLEAR_SUPPORT)
-        {
+        let support = |of: &Result<Snapped, SnapError>| of.as_ref().map_or(-1.0, |of| of.support);
+        if best.is_err() || support(&found) > support(&best) {
+            best = found;
+        }
+        if support(&best) >= CLEAR_SUPPORT {
             break;
         }
     }

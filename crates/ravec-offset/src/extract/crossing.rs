@@ -1,0 +1,126 @@
+//! Where edges with a change of sign go through the surface.
+
+use crate::cell::{CornerValue, Ends, ON_SURFACE, Sample, root};
+use crate::field::Region;
+use crate::refine::Refinement;
+use crate::tile::TRIANGLES_AT_ONCE;
+use glam::DVec3;
+use ravec_octree::{Corner, Polygon};
+use ravec_progress::{Cancelled, Progress};
+use rayon::prelude::*;
+use rustc_hash::FxHashMap;
+
+/// What the place where an edge goes through the surface depends on: its ends, the one inside first.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Crossing {
+    ends: [Corner; 2],
+    region: Region,
+    values: [CornerValue; 2],
+    /// Whether the end inside is a filled corner, outside by its value.
+    is_filled: bool,
+}
+
+impl Crossing {
+    fn of(refinement: &Refinement<'_>, polygon: &Polygon) -> Self {
+        let (ends, cells) = (polygon.ends(), polygon.cells());
+        let region = cells
+            .iter()
+            .map(|&cell| refinement.tree.data(cell).region)
+            .find(|&region| region != Region::Unknown)
+            .unwrap_or(Region::Unknown);
+        let hint = refinement.tree.data(cells[0]).hint;
+        let mut values = [0, 1].map(|i| {
+            refinement.corner(ends[i]).copied().unwrap_or_else(|| {
+                // a corner of finer, empty cells: only its sign is known
+                let near = refinement.field.near(refinement.frame.point(ends[i]), hint);
+                let value = refinement.field.radius() - near.distance;
+                let inside = if i == 0 { -1.0 } else { 1.0 };
+                CornerValue {
+                    triangle: near.triangle,
+                    value: inside * value.abs(),
+                }
+            })
+        });
+        // a filled corner: the surface goes as close to it as it can
+        let is_filled = values[0].value > 0.0;
+        values[0].value = values[0].value.min(-1e-9 * refinement.tolerance);
+        Self {
+            ends,
+            region,
+            values,
+            is_filled,
+        }
+    }
+
+    fn root(&self, refinement: &Refinement<'_>) -> Sample {
+        let points = self.ends.map(|end| refinement.frame.point(end));
+        let enough = ON_SURFACE * refinement.tolerance;
+        let mut sample = if self.is_filled {
+            let near = refinement.field.near(points[0], self.values[0].triangle);
+            Sample {
+                point: points[0],
+                away: near.away,
+                triangle: near.triangle,
+            }
+        } else {
+            let ends = Ends {
+                points,
+                values: self.values,
+                // of some ends it is known only whether they are inside
+                known: &[],
+            };
+            root(refinement.field, self.region, ends, enough)
+        };
+        // off the ends, where other edges begin
+        let along = points[1] - points[0];
+        let t = (sample.point - points[0]).dot(along) / along.length_squared();
+        let margin = refinement.grid.margin(1e-6, along.length());
+        let place = points[0] + t.clamp(margin, 1.0 - margin) * along;
+        sample.point = refinement.grid.nearest(place);
+        sample
+    }
+}
+
+/// Where edges go through the surface, as far as that was asked for, and where that puts the vertices of leaves that have
+/// several: rounds of mending ask again and again.
+#[derive(Debug, Default)]
+pub(crate) struct CrossingPlaces {
+    crossings: FxHashMap<[Corner; 2], (Crossing, Sample)>,
+    /// By a hash of the leaf and of where its edges go through the surface.
+    pub(super) vertices: FxHashMap<u64, DVec3>,
+    /// Vertices in faces, by a hash of the leaves on both sides and of where the edges of both polygons go through the surface.
+    pub(super) in_faces: FxHashMap<u64, DVec3>,
+}
+
+impl CrossingPlaces {
+    /// Works out the places of some polygons' edges.
+    pub(super) fn look_up<'p>(
+        &mut self,
+        refinement: &Refinement<'_>,
+        polygons: impl ParallelIterator<Item = &'p Polygon>,
+        progress: &Progress,
+    ) -> Result<(), Cancelled> {
+        let missing: Vec<(Crossing, Sample)> = polygons
+            .map(|polygon| Crossing::of(refinement, polygon))
+            .filter(|crossing| {
+                let known = self.crossings.get(&crossing.ends);
+                known.is_none_or(|(known, _)| known != crossing)
+            })
+            .map(|crossing| {
+                progress.check()?;
+                Ok((crossing, crossing.root(refinement)))
+            })
+            .collect::<Result<_, Cancelled>>()?;
+        self.crossings.reserve(missing.len());
+        for some in missing.chunks(TRIANGLES_AT_ONCE as usize) {
+            progress.check()?;
+            let named = some.iter().map(|place| (place.0.ends, *place));
+            self.crossings.extend(named);
+        }
+        Ok(())
+    }
+
+    pub(super) fn of(&self, polygon: &Polygon) -> Sample {
+        self.crossings[&polygon.ends()].1
+    }
+}
