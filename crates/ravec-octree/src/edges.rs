@@ -38,6 +38,7 @@ impl MinimalEdge {
 pub fn for_each_minimal_edge<T>(tree: &Octree<T>, mut visit: impl FnMut(MinimalEdge)) {
     Walk {
         tree,
+        is_near: |_| true,
         visit: &mut visit,
     }
     .cell(0);
@@ -48,8 +49,18 @@ pub fn minimal_edges<T: Sync, R: Send>(
     tree: &Octree<T>,
     select: impl Fn(MinimalEdge) -> Option<R> + Sync,
 ) -> Vec<R> {
+    minimal_edges_near(tree, |_| true, select)
+}
+
+/// As [`minimal_edges`], but only of edges beside which there is one of the leaves that are asked for: `is_near` says so of
+/// these leaves and of all cells that hold one ([`Octree::path_to`]). Cost: linear in these nodes and their neighbours.
+pub fn minimal_edges_near<T: Sync, R: Send>(
+    tree: &Octree<T>,
+    is_near: impl Fn(NodeId) -> bool + Sync,
+    select: impl Fn(MinimalEdge) -> Option<R> + Sync,
+) -> Vec<R> {
     let mut parts = Vec::new();
-    parts_of(tree, 0, PARALLEL_LEVELS, &mut parts);
+    parts_of(tree, 0, PARALLEL_LEVELS, &is_near, &mut parts);
     let found: Vec<Vec<R>> = parts
         .into_par_iter()
         .map(|part| {
@@ -57,6 +68,7 @@ pub fn minimal_edges<T: Sync, R: Send>(
             let mut visit = |edge| found.extend(select(edge));
             let mut walk = Walk {
                 tree,
+                is_near: &is_near,
                 visit: &mut visit,
             };
             match part {
@@ -78,19 +90,36 @@ enum Part {
     Between(NodeId),
 }
 
-fn parts_of<T>(tree: &Octree<T>, node: NodeId, levels: u32, parts: &mut Vec<Part>) {
+fn parts_of<T>(
+    tree: &Octree<T>,
+    node: NodeId,
+    levels: u32,
+    is_near: &impl Fn(NodeId) -> bool,
+    parts: &mut Vec<Part>,
+) {
+    if !is_near(node) {
+        return;
+    }
     if levels == 0 || tree.is_leaf(node) {
         parts.push(Part::Cell(node));
         return;
     }
     for octant in 0..8 {
-        parts_of(tree, tree.child_or_self(node, octant), levels - 1, parts);
+        parts_of(
+            tree,
+            tree.child_or_self(node, octant),
+            levels - 1,
+            is_near,
+            parts,
+        );
     }
     parts.push(Part::Between(node));
 }
 
-struct Walk<'a, T, V> {
+struct Walk<'a, T, N, V> {
     tree: &'a Octree<T>,
+    /// What is not near, nor beside what is, is not entered.
+    is_near: N,
     visit: &'a mut V,
 }
 
@@ -100,10 +129,10 @@ fn others(axis: usize) -> [usize; 2] {
     [(axis + 1) % 3, (axis + 2) % 3]
 }
 
-impl<T, V: FnMut(MinimalEdge)> Walk<'_, T, V> {
+impl<T, N: Fn(NodeId) -> bool, V: FnMut(MinimalEdge)> Walk<'_, T, N, V> {
     /// The edges inside a cell.
     fn cell(&mut self, node: NodeId) {
-        if self.tree.is_leaf(node) {
+        if self.tree.is_leaf(node) || !(self.is_near)(node) {
             return;
         }
         for octant in 0..8 {
@@ -131,7 +160,8 @@ impl<T, V: FnMut(MinimalEdge)> Walk<'_, T, V> {
 
     /// The edges inside the face between two cells, of which the first is lower along `axis`.
     fn face(&mut self, axis: usize, cells: [NodeId; 2]) {
-        if cells.iter().all(|&cell| self.tree.is_leaf(cell)) {
+        let is_whole = cells.iter().all(|&cell| self.tree.is_leaf(cell));
+        if is_whole || !cells.iter().any(|&cell| (self.is_near)(cell)) {
             return;
         }
         // the part of a cell that touches the face: its upper half for the lower cell
@@ -172,6 +202,9 @@ impl<T, V: FnMut(MinimalEdge)> Walk<'_, T, V> {
     /// The edges on the line between four cells. Bit 0 of a cell's place says its side along the next axis, bit 1 along the
     /// one after that.
     fn edge(&mut self, axis: usize, cells: [NodeId; 4]) {
+        if !cells.iter().any(|&cell| (self.is_near)(cell)) {
+            return;
+        }
         let [u, v] = others(axis);
         if cells.iter().all(|&cell| self.tree.is_leaf(cell)) {
             let mut place = 0;
@@ -299,6 +332,25 @@ mod tests {
             let mut in_order = Vec::new();
             for_each_minimal_edge(&tree, |edge| in_order.push(edge));
             assert_eq!(minimal_edges(&tree, Some), in_order);
+        }
+    }
+
+    #[test]
+    fn edges_near_some_leaves_are_those_beside_them() {
+        for seed in 0..12 {
+            let tree = random_tree(seed, 14);
+            let wanted: BTreeSet<NodeId> = tree
+                .leaves()
+                .filter(|leaf| (leaf + seed as NodeId).is_multiple_of(9))
+                .collect();
+            let near: BTreeSet<NodeId> =
+                wanted.iter().flat_map(|&leaf| tree.path_to(leaf)).collect();
+            let found = minimal_edges_near(&tree, |node| near.contains(&node), Some);
+            let beside = |edge: &MinimalEdge| edge.cells.iter().any(|cell| wanted.contains(cell));
+            let mut expected = minimal_edges(&tree, Some);
+            expected.retain(beside);
+            assert_eq!(found, expected);
+            assert!(!found.is_empty());
         }
     }
 

@@ -15,6 +15,6 @@ mod key;
 mod tree;
 
 pub use contour::{Contour, DualEdge, Polygon};
-pub use edges::{MinimalEdge, for_each_minimal_edge, minimal_edges};
+pub use edges::{MinimalEdge, for_each_minimal_edge, minimal_edges, minimal_edges_near};
 pub use key::{CellKey, Corner, Frame, MAX_LEVEL};
 pub use tree::{NodeId, Octree};

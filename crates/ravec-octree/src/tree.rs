@@ -1,6 +1,6 @@
 //! The tree: nodes in one list, children side by side.
 
-use crate::key::CellKey;
+use crate::key::{CellKey, MAX_LEVEL};
 
 /// The index of a node; 0 is the root.
 pub type NodeId = u32;
@@ -83,6 +83,19 @@ impl<T> Octree<T> {
             0 => node,
             first => first + octant as NodeId,
         }
+    }
+
+    /// The cells that hold a node: from the root down to the node itself.
+    pub fn path_to(&self, node: NodeId) -> impl Iterator<Item = NodeId> + '_ {
+        let key = self.key(node);
+        std::iter::successors(Some(0), move |&at| {
+            let level = self.key(at).level;
+            (level < key.level).then(|| {
+                let half = MAX_LEVEL - 1 - level;
+                let octant = (0..3).map(|axis| (key.at.0[axis] >> half & 1) << axis);
+                self.child_or_self(at, octant.sum::<u32>() as usize)
+            })
+        })
     }
 
     /// Nodes of all levels.

@@ -15,9 +15,10 @@ pub(crate) use crate::extract::crossing::CrossingPlaces;
 use crate::cell::Sample;
 use crate::extract::cutting::Cutter;
 use crate::refine::Refinement;
+use crate::scope::Scope;
 use crate::tile::{Edge, Patch, TRIANGLES_AT_ONCE, VertexName};
 use glam::DVec3;
-use ravec_octree::{CellKey, Contour, MinimalEdge, NodeId, Polygon, minimal_edges};
+use ravec_octree::{Contour, NodeId, Polygon};
 use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
 use rustc_hash::{FxBuildHasher, FxHashSet};
@@ -42,7 +43,11 @@ impl Extracted {
     }
 
     /// The vertices of each leaf that has several sheets and was looked at with all around it.
-    fn crowds(&self, refinement: &Refinement<'_>) -> impl Iterator<Item = Range<usize>> {
+    fn crowds(
+        &self,
+        refinement: &Refinement<'_>,
+        scope: &Scope,
+    ) -> impl Iterator<Item = Range<usize>> {
         let cells = &self.contour.vertex_cells;
         let mut start = 0;
         cells
@@ -51,12 +56,16 @@ impl Extracted {
                 start += crowd.len();
                 start - crowd.len()..start
             })
-            .filter(|crowd| crowd.len() > 1 && refinement.is_core(cells[crowd.start]))
+            .filter(|crowd| crowd.len() > 1 && scope.is_core(refinement, cells[crowd.start]))
     }
 
     /// The leaves in which sheets have the same vertex, which no search for intersections tells from a common one.
-    pub fn cells_with_equal_vertices(&self, refinement: &Refinement<'_>) -> Vec<NodeId> {
-        self.crowds(refinement)
+    pub fn cells_with_equal_vertices(
+        &self,
+        refinement: &Refinement<'_>,
+        scope: &Scope,
+    ) -> Vec<NodeId> {
+        self.crowds(refinement, scope)
             .filter(|crowd| {
                 crowd
                     .clone()
@@ -67,9 +76,9 @@ impl Extracted {
     }
 
     /// The triangles of polygons that have a corner in a leaf with several sheets, or share a leaf with such a polygon.
-    pub fn near_crowded_cells(&self, refinement: &Refinement<'_>) -> Vec<u32> {
+    pub fn near_crowded_cells(&self, refinement: &Refinement<'_>, scope: &Scope) -> Vec<u32> {
         let mut near: FxHashSet<NodeId> = self
-            .crowds(refinement)
+            .crowds(refinement, scope)
             .map(|crowd| self.contour.vertex_cells[crowd.start])
             .collect();
         if near.is_empty() {
@@ -97,11 +106,11 @@ impl Extracted {
             .collect()
     }
 
-    /// What belongs to a tile.
+    /// What is asked for.
     pub fn patch(
         &self,
         refinement: &Refinement<'_>,
-        tile: CellKey,
+        scope: &Scope,
         progress: &Progress,
     ) -> Result<Patch, Cancelled> {
         let mut patch = Patch::default();
@@ -114,12 +123,13 @@ impl Extracted {
                 progress.check()?;
             }
             let polygon = &self.contour.polygons[polygon_number as usize];
-            if !tile.owns(polygon.start) {
+            if !scope.owns(polygon) {
                 continue;
             }
             if last != Some(polygon_number) {
                 last = Some(polygon_number);
                 patch.edges.push(edge_of(polygon));
+                patch.leaves.push(leaves_of(polygon));
             }
             patch.edge_of.push(patch.edges.len() as u32 - 1);
             patch.triangles.push(triangle.map(|v| {
@@ -147,9 +157,9 @@ impl Extracted {
         }
     }
 
-    /// Whether the polygon of a triangle belongs to a tile.
-    pub fn is_owned(&self, triangle: usize, tile: CellKey) -> bool {
-        tile.owns(self.contour.polygons[self.polygon_of[triangle] as usize].start)
+    /// Whether the polygon of a triangle is asked for.
+    pub fn is_owned(&self, triangle: usize, scope: &Scope) -> bool {
+        scope.owns(&self.contour.polygons[self.polygon_of[triangle] as usize])
     }
 }
 
@@ -161,33 +171,34 @@ fn edge_of(polygon: &Polygon) -> Edge {
     }
 }
 
-/// The surface of what was looked at.
+/// The leaves of a polygon's corners, the last one twice if there are three.
+fn leaves_of(polygon: &Polygon) -> [NodeId; 4] {
+    let cells = polygon.cells();
+    std::array::from_fn(|i| cells[i.min(cells.len() - 1)])
+}
+
+/// The surface of what was looked at, as far as it is asked for, and what that depends on.
 pub(crate) fn extract(
     refinement: &Refinement<'_>,
+    scope: &mut Scope,
     places: &mut CrossingPlaces,
     progress: &Progress,
 ) -> Result<Extracted, Cancelled> {
-    let tree = &refinement.tree;
-    let mut crossings: Vec<(MinimalEdge, bool)> = minimal_edges(tree, |edge| {
-        let is_crossed = !progress.is_cancelled() && refinement.is_crossed(&edge);
-        is_crossed.then(|| (edge, refinement.is_inside(edge.smallest, edge.start)))
-    });
-    progress.check()?;
-    // an order that all tiles agree on
-    crossings.par_sort_unstable_by_key(|(edge, _)| (edge.start.morton(), edge.axis));
-    progress.check()?;
-    let is_core = |cell| refinement.is_core(cell);
-    let contour = Contour::within(tree, &crossings, is_core, || progress.check())?;
+    let crossings = scope.take_crossings(refinement, progress)?;
+    let scope = &*scope;
+    let is_core = |cell| scope.is_core(refinement, cell);
+    let contour = Contour::within(&refinement.tree, &crossings, is_core, || progress.check())?;
     drop(crossings);
     progress.check()?;
-    let positions = vertices(refinement, &contour, places, progress)?;
-    let cutter = Cutter::new(refinement, &contour, positions);
+    let positions = vertices(refinement, scope, &contour, places, progress)?;
+    let cutter = Cutter::new(refinement, scope, &contour, positions);
     Ok(cutter.cut(places, progress)?.with(contour))
 }
 
 /// The places of the contour's vertices.
 fn vertices(
     refinement: &Refinement<'_>,
+    scope: &Scope,
     contour: &Contour,
     places: &mut CrossingPlaces,
     progress: &Progress,
@@ -205,7 +216,7 @@ fn vertices(
         .zip(&contour.polygons)
         .flat_map(|(number, polygon)| polygon.vertices().iter().map(move |&v| (v, number)))
         .filter(|&(vertex, _)| {
-            placed[vertex as usize].is_none() && refinement.is_core(cells[vertex as usize])
+            placed[vertex as usize].is_none() && scope.is_core(refinement, cells[vertex as usize])
         })
         .collect();
     progress.check()?;

@@ -38,6 +38,7 @@ mod offset;
 mod outermost;
 mod params;
 mod refine;
+mod scope;
 mod simplify;
 mod smooth;
 mod thicken;

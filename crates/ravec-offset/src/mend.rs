@@ -11,6 +11,7 @@ use crate::field::Field;
 use crate::grid::{Grid, doubled};
 use crate::outermost::{compact, reachable};
 use crate::refine::{Halt, Refinement};
+use crate::scope::Scope;
 use crate::tile::{Assembled, Orders, Patch, Reach, TRIANGLES_AT_ONCE, assemble};
 use glam::DVec3;
 use ravec_mesh::{BoxTree, self_intersections};
@@ -92,6 +93,23 @@ impl AmpleFacets {
     }
 }
 
+/// What the proof of a facet begins with, beside the facet. A proof that is not tight may succeed from one triangle and fail from
+/// another: one that was found from others does not count, or the surface would depend on what was remembered.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Given {
+    /// Triangles close to the leaves of its polygon.
+    hints: [u32; 3],
+    /// Whether none of these can be split.
+    is_last: bool,
+}
+
+/// A proof that a facet keeps its distance.
+#[derive(Debug, Clone, Copy)]
+struct Proof {
+    room: Room,
+    given: Given,
+}
+
 /// A part of space.
 struct Tile<'a> {
     key: CellKey,
@@ -100,7 +118,9 @@ struct Tile<'a> {
     refinement: Option<Refinement<'a>>,
     places: CrossingPlaces,
     /// Facets that were proved, by a hash of their corners.
-    proved: FxHashMap<u64, Room>,
+    proved: FxHashMap<u64, Proof>,
+    /// Leaves of triangles that are not proved, or meet others.
+    bad: Vec<NodeId>,
     patch: Patch,
     /// Whether nothing is wrong with the patch.
     is_proved: bool,
@@ -116,6 +136,7 @@ impl Tile<'_> {
             refinement: None,
             places: CrossingPlaces::default(),
             proved: FxHashMap::default(),
+            bad: vec![],
             patch: Patch::default(),
             is_proved: false,
             leaves: 0,
@@ -128,6 +149,8 @@ impl Tile<'_> {
         self.refinement = None;
         self.places = CrossingPlaces::default();
         self.proved = FxHashMap::default();
+        self.bad = vec![];
+        self.patch.leaves = vec![];
     }
 }
 
@@ -212,7 +235,7 @@ impl<'a> Mending<'a> {
 
     fn ample_facets(&self, tiles: &[Tile<'_>]) -> AmpleFacets {
         let proved = tiles.iter().flat_map(|tile| &tile.proved);
-        let ample = proved.filter(|(_, room)| **room == Room::Ample);
+        let ample = proved.filter(|(_, proof)| proof.room == Room::Ample);
         AmpleFacets {
             distance: self.ample_distance(),
             hashes: ample.map(|(&hash, _)| hash).collect(),
@@ -270,17 +293,42 @@ impl<'a> Mending<'a> {
         next: &mut Orders,
         progress: &Progress,
     ) -> Result<(), Halt> {
-        let refinement = match tile.refinement.take() {
+        let (refinement, mut scope) = match tile.refinement.take() {
             Some(mut refinement) => {
+                let first_new = refinement.tree.len() as NodeId;
                 refinement.mend(latest, progress)?;
-                refinement
+                let filled = latest.filled.iter();
+                let changed = (first_new..refinement.tree.len() as NodeId)
+                    .chain(filled.flat_map(|&corner| refinement.leaves_at(corner)))
+                    .chain(std::mem::take(&mut tile.bad));
+                let scope = Scope::around(changed, &refinement, progress)?;
+                (refinement, scope)
             }
-            None => self.grow(tile.key, orders, progress)?,
+            None => {
+                tile.patch = Patch::default();
+                let refinement = self.grow(tile.key, orders, progress)?;
+                (refinement, Scope::Tile(tile.key))
+            }
         };
-        tile.patch = Patch::default();
-        let extracted = extract(&refinement, &mut tile.places, progress)?;
-        tile.patch = extracted.patch(&refinement, tile.key, progress)?;
-        self.judge(tile, &refinement, &extracted, levels, next, progress)?;
+        let extracted = extract(&refinement, &mut scope, &mut tile.places, progress)?;
+        let patch = extracted.patch(&refinement, &scope, progress)?;
+        tile.patch = match &scope {
+            Scope::Tile(_) => patch,
+            Scope::Changes(near) => {
+                let tree = &refinement.tree;
+                let is_gone = |&leaf: &NodeId| !tree.is_leaf(leaf) || near.is_affected(leaf);
+                let is_gone = |leaves: &[NodeId; 4]| leaves.iter().any(is_gone);
+                tile.patch.replaced(is_gone, &patch, progress)?
+            }
+        };
+        self.judge(
+            tile,
+            &refinement,
+            (&extracted, &scope),
+            levels,
+            next,
+            progress,
+        )?;
         let leaves = || {
             let all = refinement.tree.leaves();
             all.map(|leaf| refinement.tree.key(leaf))
@@ -328,13 +376,12 @@ impl<'a> Mending<'a> {
         &self,
         tile: &mut Tile<'_>,
         refinement: &Refinement<'_>,
-        extracted: &Extracted,
+        (extracted, scope): (&Extracted, &Scope),
         levels: u8,
         next: &mut Orders,
         progress: &Progress,
     ) -> Result<(), Cancelled> {
-        let unproved = self.unproved_cells(tile, refinement, extracted, progress)?;
-        tile.is_proved = unproved.is_empty();
+        let unproved = self.unproved_cells(tile, refinement, (extracted, scope), progress)?;
         // a proof needs no second try where cells cannot be split
         for key in unproved.iter().map(|&leaf| refinement.tree.key(leaf)) {
             if key.level < refinement.limit() {
@@ -346,22 +393,26 @@ impl<'a> Mending<'a> {
             }
         }
         progress.check()?;
-        let crowded = extracted.near_crowded_cells(refinement);
+        let crowded = extracted.near_crowded_cells(refinement, scope);
         progress.check()?;
         let chosen: Vec<[u32; 3]> = crowded
             .iter()
             .map(|&t| extracted.triangles[t as usize])
             .collect();
         let pairs = meeting_pairs(&extracted.positions, &chosen, progress)?;
-        let equal = extracted.cells_with_equal_vertices(refinement);
-        tile.is_proved &= pairs.is_empty() && equal.is_empty();
+        let equal = extracted.cells_with_equal_vertices(refinement, scope);
+        tile.bad = unproved;
+        tile.bad.extend(&equal);
         for pair in pairs {
             for t in pair {
                 let triangle = crowded[t as usize] as usize;
-                separate(refinement, extracted.cells_of(triangle), levels, next);
+                let cells = extracted.cells_of(triangle);
+                separate(refinement, cells, levels, next);
+                tile.bad.extend(cells);
             }
         }
         separate(refinement, &equal, levels, next);
+        tile.is_proved = tile.bad.is_empty();
         Ok(())
     }
 
@@ -370,45 +421,55 @@ impl<'a> Mending<'a> {
         &self,
         tile: &mut Tile<'_>,
         refinement: &Refinement<'_>,
-        extracted: &Extracted,
+        (extracted, scope): (&Extracted, &Scope),
         progress: &Progress,
     ) -> Result<Vec<NodeId>, Cancelled> {
         let facet =
             |t: usize| extracted.triangles[t].map(|corner| extracted.positions[corner as usize]);
+        let given = |t: usize| {
+            let cells = extracted.cells_of(t);
+            let level = |&cell: &NodeId| refinement.tree.key(cell).level;
+            Given {
+                hints: [0, 1, 2].map(|i| refinement.tree.data(cells[i]).hint),
+                is_last: cells.iter().all(|cell| level(cell) >= refinement.limit()),
+            }
+        };
         let fresh: Vec<(usize, u64)> = (0..extracted.triangles.len())
             .into_par_iter()
-            .filter(|&t| extracted.is_owned(t, tile.key))
+            .filter(|&t| extracted.is_owned(t, scope))
             .map(|t| (t, hash(facet(t))))
-            .filter(|(_, hash)| !progress.is_cancelled() && !tile.proved.contains_key(hash))
+            .filter(|&(t, hash)| {
+                let known = tile.proved.get(&hash);
+                !progress.is_cancelled() && known.is_none_or(|proof| proof.given != given(t))
+            })
             .collect();
         progress.check()?;
         let phase = progress.phase("prove", fresh.len() as u64);
-        let rooms: Vec<Option<Room>> = fresh
+        let proofs: Vec<Option<Proof>> = fresh
             .par_iter()
             .map(|&(t, _)| {
-                let cells = extracted.cells_of(t);
-                let hints = [0, 1, 2].map(|i| refinement.tree.data(cells[i]).hint);
                 progress.check()?;
                 phase.advance(1);
+                let given = given(t);
+                let Given { hints, is_last } = given;
                 let limits = tightened(self.field, facet(t), self.limits, hints);
-                let level = |&cell: &NodeId| refinement.tree.key(cell).level;
-                let is_last = cells.iter().all(|cell| level(cell) >= refinement.limit());
                 // what cannot be split has to keep the distance, but cannot follow a crest any further
                 let room = room_kept(self.field, facet(t), limits, self.ample_distance(), hints);
                 let is_held =
                     || is_last && keeps_distance(self.field, facet(t), self.limits, hints);
-                Ok(room.or_else(|| is_held().then_some(Room::Enough)))
+                let room = room.or_else(|| is_held().then_some(Room::Enough));
+                Ok(room.map(|room| Proof { room, given }))
             })
             .collect::<Result<_, Cancelled>>()?;
         let mut bad = Vec::new();
         tile.proved.reserve(fresh.len());
-        for (i, ((t, hash), room)) in fresh.into_iter().zip(rooms).enumerate() {
+        for (i, ((t, hash), proof)) in fresh.into_iter().zip(proofs).enumerate() {
             if i.is_multiple_of(TRIANGLES_AT_ONCE as usize) {
                 progress.check()?;
             }
-            match room {
-                Some(room) => {
-                    tile.proved.insert(hash, room);
+            match proof {
+                Some(proof) => {
+                    tile.proved.insert(hash, proof);
                 }
                 None => bad.extend(extracted.cells_of(t)),
             }
@@ -566,7 +627,11 @@ mod tests {
         for (seed, outer_only, most_nodes) in [(1, false, 12_000), (2, true, 5000)] {
             let mesh = soup(seed);
             let whole = mended(&mesh, outer_only, usize::MAX);
+
+            // the whole was mended where it changed, tiles are grown anew in each round
             assert!(whole.is_proved && whole.tiles == 1 && !whole.triangles.is_empty());
+            // the whole was mended where it changed, tiles are grown anew in each round
+            assert!(whole.rounds > 1, "{} rounds", whole.rounds);
             let cut = mended(&mesh, outer_only, most_nodes);
             assert!(cut.tiles >= 8, "{} tiles", cut.tiles);
             assert_eq!(cut.positions, whole.positions);

@@ -193,6 +193,14 @@ impl<'a> Refinement<'a> {
         node
     }
 
+    /// The leaves around a corner inside the root.
+    pub fn leaves_at(&self, corner: Corner) -> [NodeId; 8] {
+        std::array::from_fn(|octant| {
+            let beside = |axis: usize| 2 * corner.0[axis] - 1 + 2 * (octant >> axis & 1) as u32;
+            self.leaf_at([0, 1, 2].map(beside))
+        })
+    }
+
     /// The leaves around an edge.
     pub fn leaves_around(&self, edge: Edge) -> Vec<NodeId> {
         let mut middle = edge.start.0.map(|x| 2 * x);

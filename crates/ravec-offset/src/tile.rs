@@ -8,9 +8,10 @@
 //! Guarantees: the same surface, vertex by vertex and triangle by triangle, however space is cut into tiles.
 
 use glam::DVec3;
-use ravec_octree::{CellKey, Corner};
+use ravec_octree::{CellKey, Corner, NodeId};
 use ravec_progress::{Cancelled, Progress};
 use rustc_hash::{FxHashMap, FxHashSet};
+use std::ops::Range;
 
 /// How often a reach is widened by the leaves around its edges on which the surface lies. Polygons of a tile have corners in
 /// leaves that are reached at once; triangles that may meet them near a crowded leaf have theirs up to two leaves farther.
@@ -110,6 +111,13 @@ pub(crate) struct Edge {
     pub axis: u8,
 }
 
+impl Edge {
+    /// What edges are sorted by.
+    fn place(&self) -> (u64, u8) {
+        (self.start.morton(), self.axis)
+    }
+}
+
 /// The surface in a tile.
 #[derive(Debug, Default)]
 pub(crate) struct Patch {
@@ -118,7 +126,74 @@ pub(crate) struct Patch {
     pub triangles: Vec<[u32; 3]>,
     /// The number in `edges` of each triangle.
     pub edge_of: Vec<u32>,
+    /// In the order of the curve through their starts (Morton), and of their axes.
     pub edges: Vec<Edge>,
+    /// The leaves around each edge, as long as the tree is kept that they are leaves of.
+    pub leaves: Vec<[NodeId; 4]>,
+}
+
+impl Patch {
+    /// The same with other polygons in the place of those of which the leaves say that they are gone. Vertices of both parts are
+    /// there twice where they meet, under the same name.
+    pub fn replaced(
+        &self,
+        is_gone: impl Fn(&[NodeId; 4]) -> bool,
+        fresh: &Self,
+        progress: &Progress,
+    ) -> Result<Self, Cancelled> {
+        let mut kept = self.polygons().peekable();
+        let mut new = fresh.polygons().peekable();
+        let mut whole = Self::default();
+        let mut numbers = [self, fresh].map(|patch| vec![u32::MAX; patch.positions.len()]);
+        loop {
+            if whole.edges.len().is_multiple_of(TRIANGLES_AT_ONCE as usize) {
+                progress.check()?;
+            }
+            while kept
+                .next_if(|(edge, _)| is_gone(&self.leaves[*edge]))
+                .is_some()
+            {}
+            let place = |patch: &Self, next: Option<&(usize, Range<usize>)>| {
+                next.map(|&(edge, _)| patch.edges[edge].place())
+            };
+            let is_kept = match (place(self, kept.peek()), place(fresh, new.peek())) {
+                (Some(a), Some(b)) => a < b,
+                (first, _) => first.is_some(),
+            };
+            let (from, next, numbers) = if is_kept {
+                (self, kept.next(), &mut numbers[0])
+            } else {
+                (fresh, new.next(), &mut numbers[1])
+            };
+            let Some((edge, triangles)) = next else {
+                return Ok(whole);
+            };
+            whole.edges.push(from.edges[edge]);
+            whole.leaves.push(from.leaves[edge]);
+            for triangle in &from.triangles[triangles] {
+                whole.edge_of.push(whole.edges.len() as u32 - 1);
+                whole.triangles.push(triangle.map(|v| {
+                    let number = &mut numbers[v as usize];
+                    if *number == u32::MAX {
+                        *number = whole.positions.len() as u32;
+                        whole.positions.push(from.positions[v as usize]);
+                        whole.names.push(from.names[v as usize]);
+                    }
+                    *number
+                }));
+            }
+        }
+    }
+
+    /// The edges by their numbers, with their triangles.
+    fn polygons(&self) -> impl Iterator<Item = (usize, Range<usize>)> {
+        let mut end = 0;
+        self.edge_of.chunk_by(|a, b| a == b).map(move |of_edge| {
+            let start = end;
+            end += of_edge.len();
+            (of_edge[0] as usize, start..end)
+        })
+    }
 }
 
 /// The surface of all tiles.

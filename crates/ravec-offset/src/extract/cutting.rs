@@ -4,6 +4,7 @@ use crate::extract::Extracted;
 use crate::extract::crossing::CrossingPlaces;
 use crate::extract::face::Face;
 use crate::refine::Refinement;
+use crate::scope::Scope;
 use crate::tile::{TRIANGLES_AT_ONCE, VertexName};
 use glam::DVec3;
 use ravec_mesh::{Sign, orient3d};
@@ -36,6 +37,7 @@ impl Pieces {
 /// Cuts polygons into triangles.
 pub(super) struct Cutter<'a> {
     refinement: &'a Refinement<'a>,
+    scope: &'a Scope,
     contour: &'a Contour,
     positions: Vec<DVec3>,
     added: Vec<VertexName>,
@@ -58,11 +60,13 @@ impl<'a> Cutter<'a> {
     /// `positions` are those of the contour's vertices.
     pub fn new(
         refinement: &'a Refinement<'a>,
+        scope: &'a Scope,
         contour: &'a Contour,
         positions: Vec<DVec3>,
     ) -> Self {
         Self {
             refinement,
+            scope,
             contour,
             positions,
             added: Vec::new(),
@@ -75,7 +79,10 @@ impl<'a> Cutter<'a> {
         progress: &Progress,
     ) -> Result<Pieces, Cancelled> {
         let contour = self.contour;
-        let is_core = |cells: &[NodeId]| cells.iter().all(|&cell| self.refinement.is_core(cell));
+        let is_core = |cells: &[NodeId]| {
+            let mut cells = cells.iter();
+            cells.all(|&cell| self.scope.is_core(self.refinement, cell))
+        };
         let is_bent: Vec<bool> = contour
             .duals
             .par_iter()
