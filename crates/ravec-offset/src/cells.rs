@@ -2,7 +2,7 @@
 
 use crate::offset::Task;
 use crate::params::{OffsetError, OffsetParams};
-use crate::refine::{Halt, Refinement};
+use crate::refine::{Halt, Refinement, Setting};
 use crate::tile::Orders;
 use ravec_mesh::{Aabb, TriMesh};
 use ravec_octree::CellKey;
@@ -33,10 +33,16 @@ pub fn offset_cells(
 ) -> Result<Vec<OffsetCell>, OffsetError> {
     let task = Task::new(mesh, params, progress)?;
     let field = task.field(progress)?;
+    let enclosed = task.enclosed(&field, params.side, usize::MAX, progress)?;
+    let setting = Setting {
+        field: &field,
+        enclosed: &enclosed,
+        frame: task.frame,
+        grid: task.grid,
+        tolerance: params.tolerance,
+    };
     let grown = Refinement::grow(
-        &field,
-        (task.frame, task.grid),
-        params.tolerance,
+        setting,
         CellKey::ROOT,
         &Orders::default(),
         usize::MAX,

@@ -29,6 +29,7 @@
 mod cell;
 mod cells;
 mod certify;
+mod enclosed;
 mod extract;
 mod field;
 mod grid;

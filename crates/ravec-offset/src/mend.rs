@@ -7,15 +7,14 @@
 
 use crate::certify::{Room, keeps_distance, room_kept, tightened};
 use crate::extract::{CrossingPlaces, Extracted, extract};
-use crate::field::Field;
-use crate::grid::{Grid, doubled};
+use crate::grid::doubled;
 use crate::outermost::{compact, reachable};
-use crate::refine::{Halt, Refinement};
+use crate::refine::{Halt, Refinement, Setting};
 use crate::scope::Scope;
 use crate::tile::{Assembled, Orders, Patch, Reach, TRIANGLES_AT_ONCE, assemble};
 use glam::DVec3;
 use ravec_mesh::{BoxTree, self_intersections};
-use ravec_octree::{CellKey, Frame, NodeId};
+use ravec_octree::{CellKey, NodeId};
 use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
 use rustc_hash::{FxBuildHasher, FxHashMap, FxHashSet};
@@ -48,10 +47,7 @@ const AMPLE: f64 = 0.65;
 
 /// What to mend, and how far.
 pub(crate) struct Mending<'a> {
-    pub field: &'a Field<'a>,
-    pub frame: Frame,
-    pub grid: Grid,
-    pub tolerance: f64,
+    pub setting: Setting<'a>,
     /// The least and the largest distance that a point of the surface may have.
     pub limits: [f64; 2],
     /// Whether to drop what cannot be reached from far away.
@@ -161,7 +157,7 @@ impl<'a> Mending<'a> {
         let mut latest = Orders::default();
         let mut rounds = 0;
         let mut size = 0;
-        let most_rounds = if self.field.level == 0.0 {
+        let most_rounds = if self.setting.field.level == 0.0 {
             MOST_ROUNDS_OF_SURFACE
         } else {
             MOST_ROUNDS
@@ -172,7 +168,7 @@ impl<'a> Mending<'a> {
             let extracted = tiles.iter().map(|tile| tile.patch.triangles.len()).sum();
             let before = std::mem::replace(&mut size, extracted);
             let grows = before > 0 && extracted as f64 > MOST_GROWTH * before as f64;
-            if self.field.level == 0.0 && extracted > LARGE && grows {
+            if self.setting.field.level == 0.0 && extracted > LARGE && grows {
                 return Ok(Mended {
                     positions: vec![],
                     triangles: vec![],
@@ -197,7 +193,7 @@ impl<'a> Mending<'a> {
                     // only crowded cells let triangles meet, and these were searched: this is to be sure
                     let pairs = meeting_pairs(&whole.positions, &whole.triangles, progress)?;
                     let mut bad: Vec<u32> = pairs.into_iter().flatten().collect();
-                    if self.grid.is_coarse() {
+                    if self.setting.grid.is_coarse() {
                         let doubled = doubled(&whole.positions);
                         let is_doubled = |t: &[u32; 3]| t.iter().any(|v| doubled.contains(v));
                         let at = (0u32..).zip(&whole.triangles);
@@ -230,7 +226,7 @@ impl<'a> Mending<'a> {
 
     /// The nearest that facets with ample room below them may come.
     fn ample_distance(&self) -> f64 {
-        self.field.radius() - AMPLE * self.tolerance
+        self.setting.field.radius() - AMPLE * self.setting.tolerance
     }
 
     fn ample_facets(&self, tiles: &[Tile<'_>]) -> AmpleFacets {
@@ -246,7 +242,7 @@ impl<'a> Mending<'a> {
     /// mend are gaps that close along a front: one level at a time, it stops at every cell for as many rounds as it is large.
     /// Where triangles of the input meet, one halving rarely parts them.
     fn levels(&self, rounds: u32) -> u8 {
-        if self.field.level == 0.0 {
+        if self.setting.field.level == 0.0 {
             2
         } else {
             1 + (rounds / HASTE).min(2) as u8
@@ -353,22 +349,14 @@ impl<'a> Mending<'a> {
         progress: &Progress,
     ) -> Result<Refinement<'a>, Halt> {
         // the chords of a facet of this size leave a sphere by the tolerance
-        let cell = (8.0 * self.field.radius() * self.tolerance).sqrt();
-        let may_be_cut = self.frame.side_at(tile.level) >= LEAST_CELLS * cell;
+        let cell = (8.0 * self.setting.field.radius() * self.setting.tolerance).sqrt();
+        let may_be_cut = self.setting.frame.side_at(tile.level) >= LEAST_CELLS * cell;
         let most_nodes = if may_be_cut {
             self.most_nodes
         } else {
             usize::MAX
         };
-        Refinement::grow(
-            self.field,
-            (self.frame, self.grid),
-            self.tolerance,
-            tile,
-            orders,
-            most_nodes,
-            progress,
-        )
+        Refinement::grow(self.setting, tile, orders, most_nodes, progress)
     }
 
     /// Orders what mends facets that are not proved, and triangles that meet.
@@ -452,11 +440,17 @@ impl<'a> Mending<'a> {
                 phase.advance(1);
                 let given = given(t);
                 let Given { hints, is_last } = given;
-                let limits = tightened(self.field, facet(t), self.limits, hints);
+                let limits = tightened(self.setting.field, facet(t), self.limits, hints);
                 // what cannot be split has to keep the distance, but cannot follow a crest any further
-                let room = room_kept(self.field, facet(t), limits, self.ample_distance(), hints);
+                let room = room_kept(
+                    self.setting.field,
+                    facet(t),
+                    limits,
+                    self.ample_distance(),
+                    hints,
+                );
                 let is_held =
-                    || is_last && keeps_distance(self.field, facet(t), self.limits, hints);
+                    || is_last && keeps_distance(self.setting.field, facet(t), self.limits, hints);
                 let room = room.or_else(|| is_held().then_some(Room::Enough));
                 Ok(room.map(|room| Proof { room, given }))
             })
@@ -581,9 +575,13 @@ fn hash(facet: [DVec3; 3]) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::enclosed::Enclosed;
+    use crate::field::Field;
+    use crate::grid::Grid;
     use crate::measure::measure;
     use crate::params::Coordinates;
     use ravec_mesh::{Bvh, TriMesh};
+    use ravec_octree::Frame;
 
     /// Overlapping plates and needles, some of them repeated or without area.
     fn soup(seed: u64) -> TriMesh {
@@ -610,11 +608,20 @@ mod tests {
             origin: bounds.min,
             side: 1.01 * bounds.size().max_element(),
         };
+        let field = Field::new(&bvh, false, distance, &Progress::none()).unwrap();
+        let enclosed = if outer_only {
+            Enclosed::find(&field, &frame, usize::MAX, &Progress::none()).unwrap()
+        } else {
+            Enclosed::default()
+        };
         let mending = Mending {
-            field: &Field::new(&bvh, false, distance, &Progress::none()).unwrap(),
-            grid: Grid::fit(Coordinates::Double, &mut frame, tolerance).unwrap(),
-            frame,
-            tolerance,
+            setting: Setting {
+                field: &field,
+                enclosed: &enclosed,
+                grid: Grid::fit(Coordinates::Double, &mut frame, tolerance).unwrap(),
+                frame,
+                tolerance,
+            },
             limits: [distance - tolerance, distance + tolerance],
             outer_only,
             most_nodes,

@@ -1,10 +1,12 @@
 //! The whole way from triangles to their offset surface.
 
+use crate::enclosed::Enclosed;
 use crate::field::Field;
 use crate::grid::{Grid, rounded};
 use crate::measure::{creases, measure};
 use crate::mend::{AmpleFacets, Mending};
 use crate::params::{Coordinates, OffsetError, OffsetParams, OpenRule, Side};
+use crate::refine::Setting;
 use crate::simplify::simplify;
 use crate::thicken::thicken;
 use glam::DVec3;
@@ -140,17 +142,22 @@ pub(crate) fn surface(
         params.distance - params.tolerance,
         params.distance + params.tolerance,
     ];
+    let most_nodes = match params.memory_bytes {
+        Some(bytes) => nodes_within(bytes, &task.bvh, mesh)?,
+        None => usize::MAX,
+    };
+    let enclosed = task.enclosed(&field, params.side, most_nodes, progress)?;
     let mending = Mending {
-        field: &field,
-        frame: task.frame,
-        grid: task.grid,
-        tolerance: params.tolerance,
+        setting: Setting {
+            field: &field,
+            enclosed: &enclosed,
+            frame: task.frame,
+            grid: task.grid,
+            tolerance: params.tolerance,
+        },
         limits,
         outer_only: params.side == Side::Outer,
-        most_nodes: match params.memory_bytes {
-            Some(bytes) => nodes_within(bytes, &task.bvh, mesh)?,
-            None => usize::MAX,
-        },
+        most_nodes,
     };
     let mended = mending.run(progress)?;
     if mended.is_given_up {
@@ -295,6 +302,21 @@ impl Task {
             frame,
             grid,
         })
+    }
+
+    /// What need not be looked at for the outermost surface. Where distances have a sign, solids are inside anyway.
+    pub fn enclosed(
+        &self,
+        field: &Field<'_>,
+        side: Side,
+        most_nodes: usize,
+        progress: &Progress,
+    ) -> Result<Enclosed, Cancelled> {
+        if side == Side::Outer && !self.is_solid {
+            Enclosed::find(field, &self.frame, most_nodes, progress)
+        } else {
+            Ok(Enclosed::default())
+        }
     }
 
     pub fn field(&self, progress: &Progress) -> Result<Field<'_>, Cancelled> {

@@ -58,7 +58,8 @@ fn holds(bounds: &Aabb, p: DVec3) -> bool {
     p.cmpge(bounds.min).all() && p.cmple(bounds.max).all()
 }
 
-fn root(parents: &mut [u32], mut at: u32) -> u32 {
+/// The smallest member of the set that `at` is in, of sets that are joined but never split.
+pub(crate) fn root(parents: &mut [u32], mut at: u32) -> u32 {
     while parents[at as usize] != at {
         let above = parents[parents[at as usize] as usize];
         parents[at as usize] = above;

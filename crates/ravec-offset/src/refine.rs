@@ -4,6 +4,7 @@ use crate::cell::{
     Cell, CornerValue, EdgeKey, Ends, Fit, MOST_TRIANGLES, MOST_TRIANGLES_OF_SURFACE, ON_SURFACE,
     Roots, Sample, crossed_edges, inside_of, root,
 };
+use crate::enclosed::{Enclosed, Enclosure};
 use crate::field::{Field, Near, Place, Region};
 use crate::grid::{Grid, LEVELS_BELOW_FLOOR, floor_level};
 use crate::tile::{Edge, Orders, RINGS, Reach};
@@ -45,9 +46,21 @@ pub(crate) struct Node {
     pub state: State,
 }
 
+/// What a tree is grown for, and where.
+#[derive(Clone, Copy)]
+pub(crate) struct Setting<'a> {
+    pub field: &'a Field<'a>,
+    /// What need not be looked at.
+    pub enclosed: &'a Enclosed,
+    pub frame: Frame,
+    pub grid: Grid,
+    pub tolerance: f64,
+}
+
 /// The tree, and all that was found on the way.
 pub(crate) struct Refinement<'a> {
     pub field: &'a Field<'a>,
+    enclosed: &'a Enclosed,
     pub frame: Frame,
     pub grid: Grid,
     pub tolerance: f64,
@@ -88,18 +101,24 @@ impl<'a> Refinement<'a> {
     /// Grows the tree over a cube until every cell that a tile depends on is good, with cells split and corners filled as
     /// ordered.
     pub fn grow(
-        field: &'a Field<'a>,
-        (frame, grid): (Frame, Grid),
-        tolerance: f64,
+        setting: Setting<'a>,
         tile: CellKey,
         orders: &Orders,
         most_nodes: usize,
         progress: &Progress,
     ) -> Result<Self, Halt> {
+        let Setting {
+            field,
+            enclosed,
+            frame,
+            grid,
+            tolerance,
+        } = setting;
         let floor = floor_level(frame.side, tolerance);
         let reach = Reach::of(tile);
         let mut refinement = Self {
             field,
+            enclosed,
             frame,
             grid,
             tolerance,
@@ -260,11 +279,19 @@ impl<'a> Refinement<'a> {
                 return Err(Halt::TooLarge);
             }
             front.retain(|&node| {
-                let is_near = self.reach.touches(self.tree.key(node));
-                if !is_near {
-                    self.tree.data_mut(node).state = State::Beyond;
+                let key = self.tree.key(node);
+                let known = if !self.reach.touches(key) {
+                    Some(State::Beyond)
+                } else if self.enclosed.of(key) == Some(Enclosure::Whole) {
+                    // as if it were filled, since what lies in it is not asked for
+                    Some(State::Empty { is_inside: true })
+                } else {
+                    None
+                };
+                if let Some(state) = known {
+                    self.tree.data_mut(node).state = state;
                 }
-                is_near
+                known.is_none()
             });
             let phase = progress.phase("refine", front.len() as u64);
             let looks: Vec<Look> = front
@@ -390,7 +417,7 @@ impl<'a> Refinement<'a> {
     /// Whether a cell is to be split without a look at its corners.
     fn must_split(&self, node: NodeId, look: &Look) -> bool {
         let key = self.tree.key(node);
-        if key.level < FIRST_LEVEL {
+        if key.level < FIRST_LEVEL || self.enclosed.of(key) == Some(Enclosure::Part) {
             return true;
         }
         let [low, high] = self.frame.bounds(key);
