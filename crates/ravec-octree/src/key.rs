@@ -24,6 +24,12 @@ impl Corner {
         x | y << 1 | z << 2
     }
 
+    /// The corner at a place of that curve.
+    #[inline]
+    pub fn at_morton(place: u64) -> Self {
+        Self([0, 1, 2].map(|axis| gathered(place >> axis)))
+    }
+
     /// The corner moved by `by` along an axis.
     #[inline]
     #[must_use]
@@ -47,6 +53,22 @@ fn spread(x: u32) -> u64 {
         x = (x | x << by) & mask;
     }
     x
+}
+
+/// Every third bit, the inverse of [`spread`].
+#[inline]
+fn gathered(x: u64) -> u32 {
+    let mut x = x & 0x1249_2492_4924_9249;
+    for (by, mask) in [
+        (2, 0x10c3_0c30_c30c_30c3),
+        (4, 0x100f_00f0_0f00_f00f),
+        (8, 0x001f_0000_ff00_00ff),
+        (16, 0x001f_0000_0000_ffff),
+        (32, 0x001f_ffff),
+    ] {
+        x = (x | x >> by) & mask;
+    }
+    x as u32
 }
 
 /// A cell: its lowest corner and its level, 0 for the root.
@@ -177,9 +199,11 @@ mod tests {
             x = x.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
             let corner = Corner([x >> 12, x >> 11 & 0xf_ffff, x & 0xf_ffff]);
             assert_eq!(corner.morton(), bit_by_bit(corner));
+            assert_eq!(Corner::at_morton(corner.morton()), corner);
         }
         let end = Corner([1 << MAX_LEVEL; 3]);
         assert_eq!(end.morton(), bit_by_bit(end));
+        assert_eq!(Corner::at_morton(end.morton()), end);
     }
 
     #[test]

@@ -56,10 +56,11 @@ pub(crate) struct CornerValue {
     pub value: f64,
 }
 
-/// An edge of a cell: its lower end, its direction and its level.
+/// An edge of a cell: its lower end, its level and its direction. They are in the order in which those nearby follow one another.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(crate) struct EdgeKey {
-    start: Corner,
+    /// The place of the end on the curve through all corners.
+    start: u64,
     level: u8,
     axis: u8,
 }
@@ -67,17 +68,12 @@ pub(crate) struct EdgeKey {
 impl EdgeKey {
     /// The ends, the lower one first.
     pub fn ends(self) -> [Corner; 2] {
+        let start = Corner::at_morton(self.start);
         let level = CellKey {
-            at: self.start,
+            at: start,
             level: self.level,
         };
-        let end = self.start.moved(self.axis.into(), level.side());
-        [self.start, end]
-    }
-
-    /// What edges are sorted by, so that those nearby follow one another.
-    pub fn order(self) -> (u64, u8, u8) {
-        (self.start.morton(), self.level, self.axis)
+        [start, start.moved(self.axis.into(), level.side())]
     }
 }
 
@@ -92,18 +88,14 @@ pub(crate) fn inside_of(corners: &[CornerValue; 8]) -> u8 {
         .sum()
 }
 
-/// The edges of a cell whose ends have different signs.
-pub(crate) fn crossed_edges(
-    key: CellKey,
-    corners: &[CornerValue; 8],
-) -> impl Iterator<Item = EdgeKey> + use<> {
-    let inside = inside_of(corners);
+/// The edges of a cell whose ends have different signs, by the corners that lie inside.
+pub(crate) fn crossed_edges(key: CellKey, inside: u8) -> impl Iterator<Item = EdgeKey> {
     (0..24).filter_map(move |i| {
         let (octant, axis) = (i % 8, i / 8);
         let is_lower = octant >> axis & 1 == 0;
         let differs = (inside >> octant ^ inside >> (octant | 1 << axis)) & 1 == 1;
         (is_lower && differs).then(|| EdgeKey {
-            start: key.corner(octant),
+            start: key.corner(octant).morton(),
             level: key.level,
             axis: axis as u8,
         })
@@ -157,7 +149,8 @@ impl Cell<'_> {
         roots: &Roots,
     ) -> Fit {
         let mut samples = Vec::with_capacity(24);
-        samples.extend(crossed_edges(self.key, corners).map(|edge| roots[&edge]));
+        let inside = inside_of(corners);
+        samples.extend(crossed_edges(self.key, inside).map(|edge| roots[&edge]));
         let changes = !samples.is_empty();
         self.feet(center, side, corners, &mut samples);
         if region == Region::Unknown && self.field.is_signed() {
@@ -190,7 +183,7 @@ impl Cell<'_> {
             vertex: Some(vertex),
             is_good: flatness <= FLATNESS * self.tolerance
                 && miss <= MISS * self.tolerance
-                && sign_components(corners) <= 2,
+                && sign_components(inside) <= 2,
             is_acute: false,
         }
     }
@@ -455,8 +448,7 @@ fn root_on_piece(field: &Field<'_>, points: [DVec3; 2], triangle: u32, mut t: f6
 }
 
 /// Groups of corners of equal sign that are joined by edges of the cell.
-fn sign_components(corners: &[CornerValue; 8]) -> usize {
-    let inside = inside_of(corners);
+fn sign_components(inside: u8) -> usize {
     components_of(inside) + components_of(!inside)
 }
 

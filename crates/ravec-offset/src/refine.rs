@@ -302,7 +302,8 @@ impl<'a> Refinement<'a> {
                     Ok(self.look(node))
                 })
                 .collect::<Result<_, Cancelled>>()?;
-            let (mut coarse, mut full) = (Vec::new(), Vec::new());
+            let mut coarse = Vec::new();
+            let mut full: Vec<(NodeId, Look)> = Vec::new();
             for (&node, look) in front.iter().zip(looks) {
                 progress.check()?;
                 let data = self.tree.data_mut(node);
@@ -322,7 +323,14 @@ impl<'a> Refinement<'a> {
                 }
             }
             self.evaluate_corners(&full, progress)?;
-            let roots = self.roots(&full, progress)?;
+            let inside: Vec<u8> = full
+                .par_iter()
+                .map(|&(node, _)| {
+                    progress.check()?;
+                    Ok(inside_of(&self.corners_of(self.tree.key(node))))
+                })
+                .collect::<Result<_, Cancelled>>()?;
+            let roots = self.roots(&full, &inside, progress)?;
             let fits: Vec<Fit> = full
                 .par_iter()
                 .map(|(node, look)| {
@@ -338,7 +346,7 @@ impl<'a> Refinement<'a> {
                     ))
                 })
                 .collect::<Result<_, Cancelled>>()?;
-            for ((node, _), fit) in full.into_iter().zip(fits) {
+            for (((node, _), inside), fit) in full.into_iter().zip(inside).zip(fits) {
                 let key = self.tree.key(node);
                 // the tip of an acute crest is thinner than cells that are as small as the tolerance
                 let is_done = if fit.is_acute {
@@ -347,7 +355,6 @@ impl<'a> Refinement<'a> {
                     fit.is_good || key.level >= self.floor
                 };
                 if is_done && !orders.split.contains(&key) {
-                    let inside = inside_of(&self.corners_of(key));
                     let vertex = fit.vertex;
                     self.tree.data_mut(node).state = State::Full { vertex, inside };
                 } else {
@@ -452,28 +459,27 @@ impl<'a> Refinement<'a> {
         cells: &[(NodeId, Look)],
         progress: &Progress,
     ) -> Result<(), Cancelled> {
-        let mut missing: Vec<(Corner, bool, &Look)> = cells
+        // by their places on the curve, so that those nearby follow one another; of each corner first the cells that know the side
+        let mut missing: Vec<(u64, bool, &Look)> = cells
             .par_iter()
             .flat_map_iter(|(node, look)| {
                 let key = self.tree.key(*node);
-                (0..8).map(move |octant| {
-                    let unknown = look.region == Region::Unknown;
-                    (key.corner(octant), unknown, look)
-                })
+                (0..8).map(move |octant| (key.corner(octant), look))
             })
-            .filter(|(corner, ..)| {
+            .filter(|(corner, _)| {
                 !progress.is_cancelled() && !self.corners.contains_key(&corner.code())
             })
+            .map(|(corner, look)| (corner.morton(), look.region == Region::Unknown, look))
             .collect();
         progress.check()?;
-        // of each corner the cell that knows the side, if any does; in an order in which those nearby follow one another
-        missing.par_sort_unstable_by_key(|&(corner, unknown, _)| (corner.morton(), unknown));
+        missing.par_sort_unstable_by_key(|&(place, unknown, _)| (place, unknown));
         progress.check()?;
-        missing.dedup_by_key(|&mut (corner, ..)| corner);
+        missing.dedup_by_key(|&mut (place, ..)| place);
         let values: Vec<(u64, CornerValue)> = missing
             .into_par_iter()
-            .map(|(corner, _, look)| {
+            .map(|(place, _, look)| {
                 progress.check()?;
+                let corner = Corner::at_morton(place);
                 Ok((corner.code(), self.evaluate(corner, look)))
             })
             .collect::<Result<_, Cancelled>>()?;
@@ -485,20 +491,26 @@ impl<'a> Refinement<'a> {
         progress.check()
     }
 
-    /// Where the surface goes through the edges of some cells. Up to four cells share an edge, so each is looked at once.
-    fn roots(&self, cells: &[(NodeId, Look)], progress: &Progress) -> Result<Roots, Cancelled> {
+    /// Where the surface goes through the edges of some cells, given with the corners of each that lie inside. Up to four cells share
+    /// an edge, so each is looked at once.
+    fn roots(
+        &self,
+        cells: &[(NodeId, Look)],
+        inside: &[u8],
+        progress: &Progress,
+    ) -> Result<Roots, Cancelled> {
         let mut edges: Vec<(EdgeKey, bool, Region)> = cells
             .par_iter()
-            .flat_map_iter(|(node, look)| {
-                let key = self.tree.key(*node);
+            .zip(inside)
+            .flat_map_iter(|((node, look), &inside)| {
                 let unknown = look.region == Region::Unknown;
-                crossed_edges(key, &self.corners_of(key))
+                crossed_edges(self.tree.key(*node), inside)
                     .map(move |edge| (edge, unknown, look.region))
             })
             .collect();
         progress.check()?;
         // as for corners
-        edges.par_sort_unstable_by_key(|&(edge, unknown, _)| (edge.order(), unknown));
+        edges.par_sort_unstable_by_key(|&(edge, unknown, _)| (edge, unknown));
         progress.check()?;
         edges.dedup_by_key(|&mut (edge, ..)| edge);
         progress.check()?;

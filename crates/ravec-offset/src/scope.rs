@@ -98,7 +98,7 @@ impl Scope {
             Self::Changes(surroundings) => std::mem::take(&mut surroundings.crossings),
         };
         progress.check()?;
-        crossings.par_sort_unstable_by_key(|(edge, _)| (edge.start.morton(), edge.axis));
+        crossings.par_sort_by_cached_key(|(edge, _)| (edge.start.morton(), edge.axis));
         progress.check()?;
         Ok(crossings)
     }
