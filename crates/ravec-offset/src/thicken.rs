@@ -14,6 +14,7 @@ mod directions;
 mod seam;
 mod skins;
 mod slab;
+mod slivers;
 
 use crate::certify::keeps_distance;
 use crate::field::{Field, Region};
@@ -29,6 +30,7 @@ use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
 use rustc_hash::FxHashSet;
 use slab::Slab;
+pub(crate) use slivers::without_slivers;
 
 /// The share of the tolerance by which polyhedra may be off from prisms, cylinders and spheres.
 const SLACK: f64 = 0.1;
