@@ -8,7 +8,9 @@
 //!
 //! Guarantees: as for all offsets, for what the report says; `certified` says that each triangle is within the tolerance of
 //! the border of that union or of the sheet. Does not guarantee: that the sheet is kept triangle for triangle
-//! (`sheet_kept` says so); it is not where it meets itself, is not manifold or oriented, or is buried in the solid.
+//! (`sheet_kept` says so); it is not where it meets itself, is not manifold or oriented, or lies in what stands over it, as is
+//! the rule on scans. Nor that edges of the solid that are more acute than a right angle are followed to their ends. Parts and
+//! cavities of less volume than a cube whose side is the tolerance are left out (`slivers`).
 
 mod directions;
 mod seam;

@@ -457,7 +457,7 @@ fn what_is_above_saddles_is_filled() {
     for (spokes, rise) in [(4, 0.3), (6, 0.6), (8, 0.4)] {
         let spoke = |k: u32| {
             let (sin, cos) = (2.0 * PI * f64::from(k) / f64::from(spokes)).sin_cos();
-            let up = if k % 2 == 0 { rise } else { -rise };
+            let up = if k.is_multiple_of(2) { rise } else { -rise };
             DVec3::new(cos, sin, up)
         };
         let positions = (0..spokes).map(spoke).chain([DVec3::ZERO]).collect();

@@ -1,7 +1,7 @@
 //! The solid between two heights above a sheet, as polyhedra that may overlap.
 //!
-//! Over each triangle stands a prism; at convex hinges a wedge turns from one prism to the next, and around convex vertices a
-//! cone joins the wedges. At concave hinges prisms overlap. All of them are closed and face outward, so a point is in the
+//! Over each triangle stands a prism; at convex hinges a wedge turns from one prism to the next, and around vertices
+//! cones fill what is open. At concave hinges prisms overlap. All of them are closed and face outward, so a point is in the
 //! solid just where the winding number of all of them is above 0. What two of them share and face oppositely is left out.
 //!
 //! Guarantees: no point of the solid is farther than its upper height and the slack from the sheet. Does not guarantee: upright
