@@ -19,7 +19,8 @@
 //! memory.
 //!
 //! Does not guarantee: that every point of the true offset has a point of the result within the tolerance. It is so in all
-//! tests, for crests from 7° on; a more acute crest may be cut farther from its tip, and a part of the surface that is
+//! tests, for crests from 7° on; a more acute crest, and in thick sheets one below a right angle, may be cut farther from its
+//! tip, and a part of the surface that is
 //! shallower than half the tolerance within a cell may be missed.
 //!
 //! Cost: about six searches for the closest triangle for each leaf of the tree and one for each vertex, and for each triangle a

@@ -8,7 +8,7 @@ use crate::mend::{AmpleFacets, Mending};
 use crate::params::{Coordinates, OffsetError, OffsetParams, OpenRule, Side};
 use crate::refine::Setting;
 use crate::simplify::simplify;
-use crate::thicken::thicken;
+use crate::thicken::{thicken, without_slivers};
 use glam::DVec3;
 use ravec_mesh::{Bvh, CheckParams, MeshCheck, TriMesh, check, weld};
 use ravec_octree::Frame;
@@ -129,7 +129,8 @@ fn of_exact(
     surface(mesh, params, false, progress)
 }
 
-/// The surface, for parameters that were checked; with `wound`, around all that the triangles wind around, cavities too.
+/// The surface, for parameters that were checked; with `wound`, around all that the triangles wind around, cavities too,
+/// but without parts and cavities of less volume than a cube whose side is the tolerance.
 pub(crate) fn surface(
     mesh: &TriMesh,
     params: &OffsetParams,
@@ -179,6 +180,9 @@ pub(crate) fn surface(
         ample = AmpleFacets::default();
         surface = simplify(&field, params, limits, [mesh, &surface], progress)?;
         is_apart = false;
+    }
+    if wound {
+        surface = without_slivers(surface, params.tolerance.powi(3), progress)?;
     }
     let measured = measure(&field, &surface, limits, &ample, progress)?;
     let reach = 2.0 * params.tolerance;

@@ -348,8 +348,9 @@ impl<'a> Refinement<'a> {
                 .collect::<Result<_, Cancelled>>()?;
             for (((node, _), inside), fit) in full.into_iter().zip(inside).zip(fits) {
                 let key = self.tree.key(node);
-                // the tip of an acute crest is thinner than cells that are as small as the tolerance
-                let is_done = if fit.is_acute {
+                // the tip of an acute crest is thinner than cells that are as small as the tolerance; where the surface is made
+                // of the triangles themselves it is not followed
+                let is_done = if fit.is_acute && self.field.level != 0.0 {
                     key.level >= (self.floor + LEVELS_BELOW_FLOOR).min(self.grid.deepest)
                 } else {
                     fit.is_good || key.level >= self.floor

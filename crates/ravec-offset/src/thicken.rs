@@ -8,15 +8,18 @@
 //!
 //! Guarantees: as for all offsets, for what the report says; `certified` says that each triangle is within the tolerance of
 //! the border of that union or of the sheet. Does not guarantee: that the sheet is kept triangle for triangle
-//! (`sheet_kept` says so); it is not where it meets itself, is not manifold or oriented, or is buried in the solid.
+//! (`sheet_kept` says so); it is not where it meets itself, is not manifold or oriented, or lies in what stands over it, as is
+//! the rule on scans. Nor that edges of the solid that are more acute than a right angle are followed to their ends. Parts and
+//! cavities of less volume than a cube whose side is the tolerance are left out (`slivers`).
 
 mod directions;
 mod seam;
 mod skins;
 mod slab;
+mod slivers;
 
 use crate::certify::keeps_distance;
-use crate::field::Field;
+use crate::field::{Field, Region};
 use crate::offset::{Offset, check_written, surface};
 use crate::outermost::compact;
 use crate::params::{OffsetError, OffsetParams, OpenRule, Side};
@@ -26,7 +29,10 @@ use ravec_mesh::{
     Aabb, Adjacency, BoxTree, Bvh, CheckParams, TriMesh, check, self_intersections, weld,
 };
 use ravec_progress::{Cancelled, Progress};
+use rayon::prelude::*;
 use rustc_hash::FxHashSet;
+use slab::Slab;
+pub(crate) use slivers::without_slivers;
 
 /// The share of the tolerance by which polyhedra may be off from prisms, cylinders and spheres.
 const SLACK: f64 = 0.1;
@@ -83,8 +89,9 @@ pub(crate) fn thicken(
             Err(error) => return Err(error),
         }
     }
-    let around = thickener.around([0.0, height], OFF, progress);
-    let (mut offset, _) = around.map_err(|error| match error {
+    let slab = thickener.slab([0.0, height], progress)?;
+    let around = thickener.around(&slab, OFF, progress);
+    let mut offset = around.map_err(|error| match error {
         OffsetError::TooRough { .. } => OffsetError::TooRough {
             tolerance: params.tolerance,
         },
@@ -107,24 +114,19 @@ struct Thickener<'a> {
 }
 
 impl Thickener<'_> {
-    /// The border of the slab between two heights, and the slab.
-    fn around(
-        &self,
-        heights: [f64; 2],
-        off: f64,
-        progress: &Progress,
-    ) -> Result<(Offset, slab::Slab), OffsetError> {
-        let slab = self.slab(heights, progress)?;
+    /// The border of a slab, off by a share of the tolerance.
+    fn around(&self, slab: &Slab, off: f64, progress: &Progress) -> Result<Offset, OffsetError> {
         let inner = OffsetParams {
             distance: 0.0,
             tolerance: off * self.params.tolerance,
             open: OpenRule::Refuse,
             ..self.params.clone()
         };
-        Ok((surface(&slab.polyhedra, &inner, true, progress)?, slab))
+        surface(&slab.polyhedra, &inner, true, progress)
     }
 
-    fn slab(&self, heights: [f64; 2], progress: &Progress) -> Result<slab::Slab, Cancelled> {
+    /// The slab between two heights.
+    fn slab(&self, heights: [f64; 2], progress: &Progress) -> Result<Slab, Cancelled> {
         let slack = SLACK * self.params.tolerance;
         let directed = Directed::new(self.sheet, &self.adjacency, heights[1], slack, progress)?;
         slab::slab(&directed, heights, slack, progress)
@@ -141,11 +143,28 @@ impl Thickener<'_> {
         Ok(found.manifold && found.oriented && !meets_itself)
     }
 
+    /// Whether some of the sheet lies inside a slab that starts above it. At narrow folds what stands over one flank comes out
+    /// behind the other, which is the rule on scans; their sheet can be no skin, and it takes rays to know, not the surface.
+    fn is_inside(&self, slab: &Slab, progress: &Progress) -> Result<bool, Cancelled> {
+        let polyhedra = Bvh::try_new(&slab.polyhedra, progress)?;
+        let field = Field::new(&polyhedra, true, 0.0, progress)?;
+        let is_inside = |p: DVec3| !progress.is_cancelled() && field.region(p) == Region::Inside;
+        let found = (0..self.sheet.triangles().len() as u32)
+            .into_par_iter()
+            .any(|t| is_inside(self.sheet.corners(t).into_iter().sum::<DVec3>() / 3.0));
+        progress.check()?;
+        Ok(found)
+    }
+
     /// The solid with the sheet itself as one skin, if that can be.
     fn around_sheet(&self, progress: &Progress) -> Result<Option<Offset>, OffsetError> {
         let (tolerance, coordinates) = (self.params.tolerance, self.params.coordinates);
         let heights = [LIFT * tolerance, self.height];
-        let (mut offset, slab) = self.around(heights, OFF_LIFTED, progress)?;
+        let slab = self.slab(heights, progress)?;
+        if self.is_inside(&slab, progress)? {
+            return Ok(None);
+        }
+        let mut offset = self.around(&slab, OFF_LIFTED, progress)?;
         let surface = &offset.mesh;
         let parts = self.adjacency.patches(self.sheet).count as usize;
         let mut is_upper = skins::upper(surface, &slab, OFF_LIFTED * tolerance, parts, progress)?;

@@ -1,7 +1,7 @@
 //! The solid between two heights above a sheet, as polyhedra that may overlap.
 //!
-//! Over each triangle stands a prism; at convex hinges a wedge turns from one prism to the next, and around convex vertices a
-//! cone joins the wedges. At concave hinges prisms overlap. All of them are closed and face outward, so a point is in the
+//! Over each triangle stands a prism; at convex hinges a wedge turns from one prism to the next, and around vertices
+//! cones fill what is open. At concave hinges prisms overlap. All of them are closed and face outward, so a point is in the
 //! solid just where the winding number of all of them is above 0. What two of them share and face oppositely is left out.
 //!
 //! Guarantees: no point of the solid is farther than its upper height and the slack from the sheet. Does not guarantee: upright
@@ -19,9 +19,6 @@ use rustc_hash::FxHashMap;
 ///
 /// What is left open then is a ten-millionth of the height wide; angles from dot products are no better than that.
 const LEAST_TURN: f64 = 1e-7;
-
-/// Vertices with more edges than this are not searched for what is nearest to them: it takes the cube of their number.
-const MOST_EDGES: usize = 64;
 
 /// Polyhedra that may overlap.
 pub(super) struct Slab {
@@ -62,7 +59,6 @@ pub(super) fn slab(
     for (vertex, turns) in turns {
         progress.check()?;
         builder.vertex(vertex, &turns);
-        builder.saddle(vertex);
     }
     progress.check()?;
     let count = builder.positions.len() as u32 / 3;
@@ -77,8 +73,13 @@ pub(super) fn slab(
     })
 }
 
-/// The directions along the end of a wedge, seen from outside of it from left to right.
-type Turn = Vec<DVec3>;
+/// How directions turn at one end of a hinge.
+struct Turn {
+    /// Seen from outside of the hinge from left to right.
+    directions: Vec<DVec3>,
+    /// Whether the hinge opens, so that a wedge ends here.
+    has_wedge: bool,
+}
 
 struct Builder<'a> {
     directed: &'a Directed<'a>,
@@ -87,7 +88,7 @@ struct Builder<'a> {
     step: f64,
     positions: Vec<DVec3>,
     is_low: Vec<bool>,
-    /// By vertex, the ends of wedges.
+    /// By vertex, the turns at the ends of hinges.
     turns: FxHashMap<u32, Vec<Turn>>,
 }
 
@@ -122,10 +123,15 @@ impl Builder<'_> {
     }
 
     /// A wall over an edge, seen from outside with `a` on the left.
+    ///
+    /// Directions may differ, so that a wall need not be flat. Those on both sides of a closing hinge bend the same way, as
+    /// there would be slits between them otherwise, as high as the solid.
     fn wall(&mut self, [a, b]: [u32; 2], [da, db]: [DVec3; 2]) {
         let corners = [self.low(a), self.low(b), self.high(b, db), self.high(a, da)];
-        self.triangle([corners[0], corners[1], corners[2]], false);
-        self.triangle([corners[0], corners[2], corners[3]], false);
+        let first = usize::from(a > b);
+        let [from, next, to, last] = [0, 1, 2, 3].map(|k| corners[(first + k) % 4]);
+        self.triangle([from, next, to], false);
+        self.triangle([from, to, last], false);
     }
 
     /// A wall over a vertex, seen from outside from left to right.
@@ -156,6 +162,9 @@ impl Builder<'_> {
         if let Some(hinge) = hinge.filter(|&hinge| opens(hinge, 0.0)) {
             self.wedge(hinge, false);
             return;
+        }
+        if let Some(hinge) = hinge {
+            self.turns_of(hinge, false);
         }
         let uses = directed.adjacency.uses(edge);
         let [low, high] = directed.adjacency.edges()[edge as usize];
@@ -199,120 +208,100 @@ impl Builder<'_> {
             return;
         }
         let steps = (angle / self.step).ceil().max(1.0) as u32;
-        let [mut start, mut end] = [0, 1].map(|i| turn(from[i], to[i], steps));
+        let [start, mut end] = [0, 1].map(|i| turn(from[i], to[i], steps));
         for k in 0..steps as usize {
             self.top(
                 [ends[0], ends[0], ends[1], ends[1]],
                 [start[k], start[k + 1], end[k + 1], end[k]],
             );
         }
-        end.reverse();
-        for (i, turn) in [&mut start, &mut end].into_iter().enumerate() {
-            if alone {
-                self.sector(ends[i], turn);
-            } else if turn[0] != turn[turn.len() - 1] {
-                let turns = self.turns.entry(hinge.ends[i]).or_default();
-                turns.push(std::mem::take(turn));
-            }
-        }
         if alone {
+            end.reverse();
+            self.sector(ends[0], &start);
+            self.sector(ends[1], &end);
             self.wall([ends[1], ends[0]], [from[1], from[0]]);
             self.wall(ends, to);
+        } else {
+            self.turns_of(hinge, true);
         }
     }
 
-    /// Fills what is nearest to a vertex at which some hinges open and others close.
-    fn saddle(&mut self, vertex: u32) {
+    /// Keeps the turns at both ends of a hinge for what is to be built around its vertices.
+    fn turns_of(&mut self, hinge: Hinge, has_wedge: bool) {
+        let [from, to] =
+            [hinge.left, hinge.right].map(|t| hinge.ends.map(|v| self.directed.at(t, v)));
+        let angles = [0, 1].map(|i| from[i].angle_between(to[i]));
+        // both ends of a wedge in the same steps
+        let angle = angles[0].max(angles[1]);
+        if angle < LEAST_TURN {
+            return;
+        }
+        let steps = (angle / self.step).ceil().max(1.0) as u32;
+        for i in 0..2 {
+            let mut directions = turn(from[i], to[i], steps);
+            if i == 1 {
+                directions.reverse();
+            }
+            if directions[0] != directions[directions.len() - 1] {
+                let turns = self.turns.entry(hinge.ends[i]).or_default();
+                turns.push(Turn {
+                    directions,
+                    has_wedge,
+                });
+            }
+        }
+    }
+
+    /// What is left open around a vertex: cones over those turns that run clockwise around the mean direction.
+    ///
+    /// Beside a vertex, the pieces of its triangles are moved apart where hinges open, and into one another where they close. A
+    /// place above it is in one piece more than it is in of closing hinges, less the number of times that the turns of all
+    /// hinges go around it. So what is open lies within the turns, and a cone over each that goes around the right way holds
+    /// it, whether its hinge opens or closes.
+    fn vertex(&mut self, vertex: u32, turns: &[Turn]) {
         let directed = self.directed;
         let around = directed.adjacency.triangles_at(vertex);
-        let mut edges: Vec<u32> = around
-            .iter()
-            .flat_map(|&t| (0..3).filter_map(move |side| directed.adjacency.edge_of(t, side)))
-            .filter(|&edge| directed.adjacency.edges()[edge as usize].contains(&vertex))
-            .collect();
-        edges.sort_unstable();
-        edges.dedup();
-        let mut closes = false;
-        for &edge in &edges {
-            let Some(hinge) = directed.hinge(edge) else {
-                return;
-            };
-            closes |= directed
-                .openings(hinge)
-                .into_iter()
-                .any(|opening| opening < 0.0);
-        }
-        if !closes || edges.len() > MOST_EDGES {
-            return;
-        }
-        let place = self.place(vertex);
-        let ways: Vec<DVec3> = edges
-            .iter()
-            .map(|&edge| {
-                let [a, b] = directed.adjacency.edges()[edge as usize];
-                (self.place(if a == vertex { b } else { a }) - place).normalize_or_zero()
-            })
-            .collect();
-        let Some(rays) = polar_cone(&ways, directed.of_vertex[vertex as usize]) else {
-            return;
-        };
-        let mean = rays.iter().sum::<DVec3>().normalize_or_zero();
-        let widest = rays
-            .iter()
-            .map(|ray| ray.angle_between(mean))
-            .fold(0.0, f64::max);
-        let rings = (widest / self.step).ceil().max(1.0) as u32;
-        for (i, &from) in rays.iter().enumerate() {
-            let to = rays[(i + 1) % rays.len()];
-            let steps = (from.angle_between(to) / self.step).ceil().max(1.0) as u32;
-            let border = turn(from, to, steps);
-            for pair in border.windows(2) {
-                let [from, to] = [pair[0], pair[1]].map(|d| turn(mean, d, rings));
-                for k in 0..rings as usize {
-                    self.top([vertex; 4], [from[k], from[k + 1], to[k + 1], to[k]]);
-                }
-            }
-            self.sector(vertex, &border);
-        }
-    }
-
-    /// A cone over the ends of wedges at a vertex.
-    fn vertex(&mut self, vertex: u32, turns: &[Turn]) {
-        let around = self.directed.adjacency.triangles_at(vertex);
         let mean = around
             .iter()
-            .map(|&t| self.directed.at(t, vertex))
+            .map(|&t| directed.at(t, vertex))
             .sum::<DVec3>()
             .normalize_or_zero();
-        // seen from outside the wedge its end runs clockwise around the cone
-        let is_filled = |turn: &Turn| {
-            let is_ahead = turn.iter().all(|direction| mean.dot(*direction) > 0.0);
-            is_ahead
-                && turn
-                    .windows(2)
-                    .all(|pair| mean.dot(pair[1].cross(pair[0])) > 0.0)
+        // where the sheet ends, what closes leaves nothing open
+        let ends_there = (around.iter())
+            .flat_map(|&t| (0..3).filter_map(move |side| directed.adjacency.edge_of(t, side)))
+            .filter(|&edge| directed.adjacency.edges()[edge as usize].contains(&vertex))
+            .any(|edge| directed.hinge(edge).is_none());
+        // seen from outside a wedge its end runs clockwise around the cone
+        let is_filled = |pair: &[DVec3]| {
+            pair.iter().all(|direction| mean.dot(*direction) > 0.0)
+                && mean.dot(pair[1].cross(pair[0])) > LEAST_TURN * LEAST_TURN
         };
-        let (filled, open): (Vec<&Turn>, Vec<&Turn>) =
-            turns.iter().partition(|turn| is_filled(turn));
-        for turn in open {
-            self.sector(vertex, turn);
+        let mut filled: Vec<(&[DVec3], bool)> = Vec::new();
+        for turn in turns.iter().filter(|turn| turn.has_wedge || !ends_there) {
+            for pair in turn.directions.windows(2) {
+                if is_filled(pair) {
+                    filled.push((pair, turn.has_wedge));
+                } else if turn.has_wedge {
+                    self.sector(vertex, pair);
+                }
+            }
         }
-        let widest = filled
-            .iter()
-            .flat_map(|turn| turn.iter())
+        let widest = (filled.iter())
+            .flat_map(|(pair, _)| pair.iter())
             .map(|direction| direction.angle_between(mean))
             .fold(0.0, f64::max);
         let rings = (widest / self.step).ceil().max(1.0) as u32;
         // how often a ray from the mean has a sector on its left less those on its right
         let mut rays: FxHashMap<[u64; 3], (DVec3, i32)> = FxHashMap::default();
-        for run in filled {
-            for pair in run.windows(2) {
-                let [to, from] = [pair[0], pair[1]].map(|d| turn(mean, d, rings));
-                for k in 0..rings as usize {
-                    self.top([vertex; 4], [from[k], from[k + 1], to[k + 1], to[k]]);
-                }
+        for (pair, has_wedge) in filled {
+            let (to, from) = (pair[0], pair[1]);
+            let [start, end] = [from, to].map(|d| turn(mean, d, rings));
+            for k in 0..rings as usize {
+                self.top([vertex; 4], [start[k], start[k + 1], end[k + 1], end[k]]);
             }
-            let (to, from) = (run[0], run[run.len() - 1]);
+            if !has_wedge {
+                self.sector(vertex, &[from, to]);
+            }
             for (direction, count) in [(from, 1), (to, -1)] {
                 let key = direction.to_array().map(f64::to_bits);
                 rays.entry(key).or_insert((direction, 0)).1 += count;
@@ -332,37 +321,8 @@ impl Builder<'_> {
     }
 }
 
-/// The directions in which a vertex is closer than anything beside it, counterclockwise around their mean: the cone polar to
-/// its edges. Nothing if it has no inside on the front.
-fn polar_cone(edges: &[DVec3], front: DVec3) -> Option<Vec<DVec3>> {
-    let mut rays: Vec<DVec3> = Vec::new();
-    for (i, &a) in edges.iter().enumerate() {
-        for &b in &edges[i + 1..] {
-            let across = a.cross(b).normalize_or_zero();
-            for ray in [across, -across] {
-                let is_free = edges.iter().all(|edge| edge.dot(ray) <= LEAST_TURN);
-                let is_new = rays.iter().all(|other| other.distance(ray) > LEAST_TURN);
-                if ray.dot(front) > 0.0 && is_free && is_new {
-                    rays.push(ray);
-                }
-            }
-        }
-    }
-    let mean = rays.iter().sum::<DVec3>().normalize_or_zero();
-    let right = mean.any_orthonormal_vector();
-    let up = mean.cross(right);
-    rays.sort_by(|a, b| {
-        let angle = |ray: &DVec3| ray.dot(up).atan2(ray.dot(right));
-        angle(a).total_cmp(&angle(b))
-    });
-    let is_ahead = |pair: [DVec3; 2]| mean.dot(pair[0].cross(pair[1])) > LEAST_TURN;
-    let count = rays.len();
-    let is_cone = count > 2 && (0..count).all(|i| is_ahead([rays[i], rays[(i + 1) % count]]));
-    is_cone.then_some(rays)
-}
-
 /// The directions on the way from one to another in equal steps.
-fn turn(from: DVec3, to: DVec3, steps: u32) -> Turn {
+fn turn(from: DVec3, to: DVec3, steps: u32) -> Vec<DVec3> {
     let angle = from.angle_between(to);
     let sine = angle.sin();
     let at = |k: u32| match k {

@@ -1,0 +1,77 @@
+//! Parts and cavities that are too small to be meant.
+//!
+//! On a rough sheet, polyhedra that stand side by side leave slivers between them, or behind the sheet, that are thinner than
+//! the tolerance.
+
+use crate::outermost::compact;
+use glam::DVec3;
+use ravec_mesh::{Adjacency, TriMesh};
+use ravec_progress::{Cancelled, Progress};
+
+/// A closed surface that does not meet itself, without those parts of it that enclose less volume than asked for, be it of the
+/// solid or of a cavity.
+///
+/// What lies in a part encloses less than it does, so that nothing is left behind in what was filled or removed.
+pub(crate) fn without_slivers(
+    surface: TriMesh,
+    least_volume: f64,
+    progress: &Progress,
+) -> Result<TriMesh, Cancelled> {
+    let parts = Adjacency::new(&surface).components(&surface);
+    progress.check()?;
+    // from the first corner of each part, lest small ones far from the origin drown in roundings
+    let mut origins: Vec<Option<DVec3>> = vec![None; parts.count as usize];
+    let mut volumes = vec![0.0; parts.count as usize];
+    for (t, &part) in (0..).zip(&parts.of_triangle) {
+        let corners = surface.corners(t);
+        let origin = *origins[part as usize].get_or_insert(corners[0]);
+        let [a, b, c] = corners.map(|corner| corner - origin);
+        volumes[part as usize] += a.dot(b.cross(c)) / 6.0;
+    }
+    progress.check()?;
+    if volumes.iter().all(|volume| volume.abs() >= least_volume) {
+        return Ok(surface);
+    }
+    let kept = surface.triangles().iter().zip(&parts.of_triangle);
+    let kept = kept.filter(|(_, part)| volumes[**part as usize].abs() >= least_volume);
+    let triangles: Vec<[u32; 3]> = kept.map(|(&triangle, _)| triangle).collect();
+    compact(surface.positions(), &triangles, progress)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ravec_scenes::solids::cuboid;
+
+    #[test]
+    fn small_parts_and_small_cavities_go() {
+        // a cube of side 2, in it a cavity of side `hole`, and apart from both a cube of side `crumb`
+        let body = |hole: f64, crumb: f64| {
+            let mut positions = Vec::new();
+            let mut triangles = Vec::new();
+            let mut add = |side: f64, center: DVec3, turn: bool| {
+                let cube = cuboid(DVec3::splat(side)).mesh;
+                let first = positions.len() as u32;
+                let shift = center - cube.bounds().center();
+                positions.extend(cube.positions().iter().map(|&p| p + shift));
+                triangles.extend(cube.triangles().iter().map(|&[a, b, c]| {
+                    let turned = if turn { [a, c, b] } else { [a, b, c] };
+                    turned.map(|v| v + first)
+                }));
+            };
+            add(2.0, DVec3::ZERO, false);
+            add(hole, DVec3::ZERO, true);
+            add(crumb, 3.0 * DVec3::X, false);
+            TriMesh::new(positions, triangles).unwrap()
+        };
+        let volume_left = |hole: f64, crumb: f64| {
+            let left = without_slivers(body(hole, crumb), 0.1, &Progress::none()).unwrap();
+            ravec_mesh::measure(&left).volume
+        };
+        let near = |found: f64, expected: f64| assert!((found - expected).abs() < 1e-12, "{found}");
+        near(volume_left(0.5, 0.5), 8.0 - 0.125 + 0.125);
+        near(volume_left(0.4, 0.5), 8.0 + 0.125);
+        near(volume_left(0.5, 0.4), 8.0 - 0.125);
+        near(volume_left(0.4, 0.4), 8.0);
+    }
+}
