@@ -41,6 +41,7 @@ use crate::snap::sites::{Family, Sites};
 use glam::DVec2;
 use ravec_progress::{Cancelled, Progress};
 use ravec_raster::Plane;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::ops::RangeInclusive;
 
@@ -137,21 +138,27 @@ pub fn snap(
     let phase = progress.phase("snap", 1 + MOST_STARTS as u64);
     let starts = starts(plane, grid, reach, progress)?;
     phase.advance(1);
-    let mut best = Err(SnapError::NoEdges);
-    for start in starts {
+    let follow = |start: QuadGrid| {
         let found = settled(plane, start, second_reach(reach), progress);
         phase.advance(1);
-        if found == Err(SnapError::Cancelled) {
-            return found;
-        }
-        let support = |of: &Result<Snapped, SnapError>| of.as_ref().map_or(-1.0, |of| of.support);
-        if best.is_err() || support(&found) > support(&best) {
-            best = found;
-        }
-        if support(&best) >= CLEAR_SUPPORT {
-            break;
+        found
+    };
+    let support = |of: &Result<Snapped, SnapError>| of.as_ref().map_or(-1.0, |of| of.support);
+    let mut starts = starts.into_iter();
+    let mut best = starts.next().map_or(Err(SnapError::NoEdges), follow);
+    if support(&best) < CLEAR_SUPPORT {
+        let others: Vec<_> = starts
+            .collect::<Vec<_>>()
+            .into_par_iter()
+            .map(follow)
+            .collect();
+        for found in others {
+            if best.is_err() || support(&found) > support(&best) {
+                best = found;
+            }
         }
     }
+    progress.check()?;
     best
 }
 

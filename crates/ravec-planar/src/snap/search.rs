@@ -67,35 +67,43 @@ impl Evidence {
         }
         let reach = reach_px.ceil() as usize;
         let sigma_px = (reach_px / PIECES as f64).clamp(MIN_SIGMA_PX, MAX_SIGMA_PX);
-        let slopes: Vec<Vec<f32>> = sites
-            .sites
-            .par_iter()
+        let width = 2 * reach + 1;
+        let mut slopes = vec![0.0; width * sites.sites.len()];
+        slopes
+            .par_chunks_exact_mut(width)
+            .zip(&sites.sites)
             .with_min_len(64)
-            .map_init(
+            .for_each_init(
                 || Profile::new(reach, sigma_px),
-                |profile, site| {
+                |profile, (slopes, site)| {
                     profile.read(plane, site.at, site.normal);
-                    profile.slopes.clone()
+                    slopes.copy_from_slice(&profile.slopes);
                 },
-            )
-            .collect();
-        let largest = steepest(slopes.iter().flatten().copied()).ok_or(SnapError::NoEdges)?;
+            );
+        let largest = steepest(slopes.iter().copied()).ok_or(SnapError::NoEdges)?;
         let piece_of = |site: &Site| {
             (
                 site.line,
                 ((site.along * PIECES as f64) as usize).min(PIECES - 1),
             )
         };
-        let all: Vec<(&Site, &Vec<f32>)> = sites.sites.iter().zip(&slopes).collect();
-        let pieces: Vec<Piece> = all
-            .chunk_by(|a, b| piece_of(a.0) == piece_of(b.0))
+        let parts = sites.sites.chunk_by(|a, b| piece_of(a) == piece_of(b));
+        let mut rest = slopes.as_slice();
+        let parts: Vec<(&[Site], &[f32])> = parts
             .map(|sites| {
+                let (here, after) = rest.split_at(width * sites.len());
+                rest = after;
+                (sites, here)
+            })
+            .collect();
+        let pieces: Vec<Piece> = parts
+            .into_par_iter()
+            .map(|(sites, slopes)| {
                 let share = 1.0 / sites.len() as f32;
-                let here = sites.iter().flat_map(|(_, slopes)| slopes.iter().copied());
-                let scale = edge_scale(here, largest);
-                let mut values = vec![0.0; 2 * reach + 1];
-                for (_, slopes) in sites {
-                    for (sum, slope) in values.iter_mut().zip(*slopes) {
+                let scale = edge_scale(slopes.iter().copied(), largest);
+                let mut values = vec![0.0; width];
+                for slopes in slopes.chunks_exact(width) {
+                    for (sum, slope) in values.iter_mut().zip(slopes) {
                         *sum += share * edgeness(*slope, scale);
                     }
                 }
@@ -105,11 +113,8 @@ impl Evidence {
                     *value = (*value - mean).max(0.0);
                 }
                 Piece {
-                    line: sites[0].0.line,
-                    along: sites
-                        .iter()
-                        .map(|(site, _)| share * site.along as f32)
-                        .sum(),
+                    line: sites[0].line,
+                    along: sites.iter().map(|site| share * site.along as f32).sum(),
                     values,
                 }
             })
