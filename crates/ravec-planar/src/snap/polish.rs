@@ -11,7 +11,8 @@ use ravec_raster::Plane;
 use rayon::prelude::*;
 
 /// A step of the last fraction of a pixel.
-struct Round {
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Round {
     /// How far edges are looked for, in pixels: the search leaves about one pixel.
     reach: usize,
     /// One of so many sites is looked at, if there are plenty: far from the end the others say the same.
@@ -28,16 +29,19 @@ const fn round(reach: usize, every: usize, settled_px: f64) -> Round {
     }
 }
 
-const ROUNDS: [Round; 8] = [
+/// From about two pixels off to a tenth.
+pub(super) const ROUGH: [Round; 7] = [
     round(4, 3, 0.1),
     round(4, 3, 0.1),
     round(3, 3, 0.05),
     round(3, 3, 0.05),
-    round(2, 1, 0.005),
-    round(2, 1, 0.005),
-    round(2, 1, 0.005),
-    round(2, 1, 0.005),
+    round(2, 3, 0.02),
+    round(2, 3, 0.02),
+    round(2, 3, 0.02),
 ];
+
+/// The rest of the way.
+pub(super) const FINE: [Round; 4] = [round(2, 1, 0.005); 4];
 
 /// Sites that are enough to look at: fewer are not thinned out.
 const ENOUGH_SITES: usize = 1000;
@@ -54,22 +58,22 @@ pub(super) fn polish(
     plane: &Plane,
     grid: &QuadGrid,
     joints: [Option<Joint>; 2],
+    rounds: &[Round],
 ) -> Result<Snapped, SnapError> {
     let mut grid = grid.clone();
     let mut support = 0.0;
     let mut settled = 0;
-    for Round {
+    for &Round {
         reach,
         every,
         settled_px,
-    } in ROUNDS
+    } in rounds
     {
         if settled == reach {
             continue;
         }
         let all = Sites::new(&grid, None, plane.size());
-        let every = every.min(all.sites.len() / ENOUGH_SITES).max(1);
-        let sites: Vec<&Site> = all.sites.iter().step_by(every).collect();
+        let sites = thinned(&all.sites, every);
         if sites.is_empty() {
             return Err(SnapError::Outside);
         }
@@ -114,6 +118,12 @@ pub(super) fn polish(
         }
     }
     Ok(Snapped { grid, support })
+}
+
+/// One of `every` so many sites, or more where there are few.
+pub(super) fn thinned(sites: &[Site], every: usize) -> Vec<&Site> {
+    let every = every.min(sites.len() / ENOUGH_SITES).max(1);
+    sites.iter().step_by(every).collect()
 }
 
 /// The slopes across the lines at all sites, or how much like the middle of a joint each place is: `2 · reach + 3` numbers

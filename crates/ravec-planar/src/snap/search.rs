@@ -244,7 +244,10 @@ fn shifts(ends: &Ends, moves: [f32; MOVES]) -> [f32; 2] {
 
 /// The evidence at one step: each value is the highest within half a step, so that no edge lies between two moves.
 struct Level<'a> {
-    pieces: Vec<(&'a Piece, Vec<f32>)>,
+    pieces: &'a [Piece],
+    /// `width` values for each piece.
+    values: Vec<f32>,
+    width: usize,
     ends: &'a [Ends],
     reach: usize,
     step: f32,
@@ -254,10 +257,17 @@ struct Level<'a> {
 impl<'a> Level<'a> {
     fn new(evidence: &'a Evidence, ends: &'a [Ends], step: f32) -> Self {
         let radius = (0.5 * step).round() as usize;
-        let soft = |piece: &'a Piece| (piece, highest_within(&piece.values, radius));
         let reach = evidence.reach;
+        let width = 2 * reach + 1;
+        let mut values = vec![0.0; width * evidence.pieces.len()];
+        values
+            .par_chunks_exact_mut(width)
+            .zip(&evidence.pieces)
+            .for_each(|(values, piece)| highest_within(&piece.values, radius, values));
         Self {
-            pieces: evidence.pieces.par_iter().map(soft).collect(),
+            pieces: &evidence.pieces,
+            values,
+            width,
             ends,
             reach,
             step,
@@ -265,9 +275,15 @@ impl<'a> Level<'a> {
         }
     }
 
-    /// What a piece finds when the ends of its line shift.
-    fn find(&self, (piece, values): &(&Piece, Vec<f32>), [start, end]: [f32; 2]) -> f32 {
-        let shift = start + piece.along * (end - start);
+    /// The pieces with their values.
+    fn rows(&self) -> impl Iterator<Item = (&Piece, &[f32])> {
+        self.pieces.iter().zip(self.values.chunks_exact(self.width))
+    }
+
+    /// What a piece with these values finds when the ends of its line shift.
+    #[inline]
+    fn find(&self, along: f32, values: &[f32], [start, end]: [f32; 2]) -> f32 {
+        let shift = start + along * (end - start);
         // places out of reach find the first of the row, or nothing
         let at = (shift + self.reach as f32 + 0.5).max(0.0) as i32;
         values.get(at as usize).copied().unwrap_or(0.0)
@@ -278,12 +294,12 @@ impl<'a> Level<'a> {
         // pieces come line by line
         let mut line = usize::MAX;
         let mut ends = [0.0; 2];
-        for piece in &self.pieces {
-            if piece.0.line != line {
-                line = piece.0.line;
+        for (piece, values) in self.rows() {
+            if piece.line != line {
+                line = piece.line;
                 ends = shifts(&self.ends[line], moves);
             }
-            sum += self.find(piece, ends);
+            sum += self.find(piece.along, values, ends);
         }
         sum - self.penalty * moves.iter().map(|m| m * m).sum::<f32>()
     }
@@ -305,16 +321,15 @@ impl<'a> Level<'a> {
             .into_par_iter()
             .flat_map_iter(|line| {
                 let pieces: Vec<_> = self
-                    .pieces
-                    .iter()
-                    .filter(|piece| piece.0.line == line)
+                    .rows()
+                    .filter(|(piece, _)| piece.line == line)
                     .collect();
                 let cells =
                     (0..CELLS * CELLS).map(|cell| [shift(cell / CELLS), shift(cell % CELLS)]);
                 cells.map(move |ends| {
                     pieces
                         .iter()
-                        .map(|piece| self.find(piece, ends))
+                        .map(|(piece, values)| self.find(piece.along, values, ends))
                         .sum::<f32>()
                 })
             })
@@ -418,22 +433,20 @@ impl<'a> Level<'a> {
 }
 
 /// The highest value within `radius` places to each side.
-fn highest_within(row: &[f32], radius: usize) -> Vec<f32> {
-    (0..row.len())
-        .map(|k| {
-            let near = &row[k.saturating_sub(radius)..(k + radius + 1).min(row.len())];
-            near.iter().fold(0.0, |a: f32, &b| a.max(b))
-        })
-        .collect()
+fn highest_within(row: &[f32], radius: usize, highest: &mut [f32]) {
+    for (k, highest) in highest.iter_mut().enumerate() {
+        let near = &row[k.saturating_sub(radius)..(k + radius + 1).min(row.len())];
+        *highest = near.iter().fold(0.0, |a: f32, &b| a.max(b));
+    }
 }
 
 /// See [`Moves::excess`].
 fn excess(evidence: &Evidence, ends: &[Ends], moves: [f32; MOVES]) -> f64 {
     let level = Level::new(evidence, ends, 2.0);
     let mut lines = vec![0.0; ends.len()];
-    for piece in &level.pieces {
-        let found = level.find(piece, shifts(&ends[piece.0.line], moves));
-        lines[piece.0.line] += (f64::from(found) - evidence.mean) / PIECES as f64;
+    for (piece, values) in level.rows() {
+        let found = level.find(piece.along, values, shifts(&ends[piece.line], moves));
+        lines[piece.line] += (f64::from(found) - evidence.mean) / PIECES as f64;
     }
     let best = lines.iter().fold(0.0f64, |a, &b| a.max(b));
     // a line that finds less than a third of what the best one finds speaks against the count
