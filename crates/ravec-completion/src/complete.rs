@@ -222,10 +222,11 @@ fn fill(
     for &place in part {
         canvas.states[place] = HOLE;
     }
-    let sheet = match plane.and_then(|plane| Sheet::rectified(canvas, plane)) {
-        Some(sheet) => sheet,
-        None => flat(canvas, part, params),
+    let rectified = match plane {
+        Some(plane) => Sheet::rectified(canvas, plane, progress)?,
+        None => None,
     };
+    let sheet = rectified.unwrap_or_else(|| flat(canvas, part, params));
     let found = proposals::propose(&sheet, progress)?;
     let mut offsets = distinct(&found);
     summary.proposals += offsets.len();

@@ -143,7 +143,7 @@ pub fn snap(
     phase.advance(1);
     let follow = |start: QuadGrid| nearer(plane, start, second_reach(reach), progress);
     let settle = |grid: Result<QuadGrid, SnapError>| {
-        let found = grid.and_then(|grid| settled(plane, grid, progress));
+        let found = grid.and_then(|grid| settled(plane, &grid, progress));
         phase.advance(1);
         found
     };
@@ -219,9 +219,9 @@ fn nearer(
 }
 
 /// The grid on the edges or joints near its lines.
-fn settled(plane: &Plane, grid: QuadGrid, progress: &Progress) -> Result<Snapped, SnapError> {
+fn settled(plane: &Plane, grid: &QuadGrid, progress: &Progress) -> Result<Snapped, SnapError> {
     progress.check()?;
-    let on_edges = polish(plane, &grid, [None; 2], &ROUGH)?.grid;
+    let on_edges = polish(plane, grid, [None; 2], &ROUGH)?.grid;
     let mut grid = on_edges.clone();
     let mut joints = [None; 2];
     for (joint, family) in joints.iter_mut().zip([Family::Columns, Family::Rows]) {

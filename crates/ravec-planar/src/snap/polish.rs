@@ -30,14 +30,15 @@ const fn round(reach: usize, every: usize, settled_px: f64) -> Round {
 }
 
 /// From about two pixels off to a tenth.
-pub(super) const ROUGH: [Round; 7] = [
+pub(super) const ROUGH: [Round; 8] = [
     round(4, 3, 0.1),
     round(4, 3, 0.1),
     round(3, 3, 0.05),
     round(3, 3, 0.05),
-    round(2, 3, 0.02),
-    round(2, 3, 0.02),
-    round(2, 3, 0.02),
+    round(2, 3, 0.005),
+    round(2, 3, 0.005),
+    round(2, 3, 0.005),
+    round(2, 3, 0.005),
 ];
 
 /// The rest of the way.
