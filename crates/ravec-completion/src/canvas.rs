@@ -112,9 +112,12 @@ fn forget(inks: &mut Image<Ink>, states: &Image<u8>, bounds: Rect) {
     }
 }
 
-/// Everything that a mask covers, and be it in part.
-pub(crate) fn solid(mask: &Mask) -> Mask {
-    Mask::from_fn(mask.size(), |col, row| mask.at(col, row) > 0.0)
+/// The covered pixels of a mask within a window around all of them, `margin_px` wide, and that window; none if there are no
+/// such pixels. What looks no farther than the margin sees no difference, and a large picture costs no more than its hole.
+pub(crate) fn solid_window(mask: &Mask, margin_px: usize) -> Option<(Mask, Rect)> {
+    let window = mask.bounding_box()?.grown(margin_px).clipped(mask.size());
+    let covered = |col: usize, row: usize| mask.at(window.col + col, window.row + row) > 0.0;
+    Some((Mask::from_fn(window.size()?, covered), window))
 }
 
 /// The ink of a pixel. What is not a number becomes 0, what is infinite the nearest finite value.

@@ -21,7 +21,7 @@ use crate::sheet::Sheet;
 use crate::{subpixel, thin};
 use glam::{DVec2, IVec2};
 use ravec_planar::Homography;
-use ravec_progress::Progress;
+use ravec_progress::{Cancelled, Progress};
 use ravec_raster::{Color, Image, Mask, Rect};
 use serde::{Deserialize, Serialize};
 
@@ -83,7 +83,7 @@ pub struct CompleteSummary {
 ///
 /// ```
 /// use ravec_completion::{CompleteParams, complete};
-/// use ravec_progress::Progress;
+/// use ravec_progress::{Cancelled, Progress};
 /// use ravec_raster::{Image, Mask, Rect, Size, Srgb};
 ///
 /// // tiles, and a stain on them
@@ -148,7 +148,9 @@ pub fn complete<P: Color>(
             largest_radius_px: largest_radius(hole),
         });
     }
+    progress.check()?;
     let thin = thin::thin_parts(hole);
+    progress.check()?;
     summary.thin_px = thin.area_px() as usize;
     thin::bend(
         &mut canvas.inks,
@@ -220,10 +222,11 @@ fn fill(
     for &place in part {
         canvas.states[place] = HOLE;
     }
-    let sheet = match plane.and_then(|plane| Sheet::rectified(canvas, plane)) {
-        Some(sheet) => sheet,
-        None => flat(canvas, part, params),
+    let rectified = match plane {
+        Some(plane) => Sheet::rectified(canvas, plane, progress)?,
+        None => None,
     };
+    let sheet = rectified.unwrap_or_else(|| flat(canvas, part, params));
     let found = proposals::propose(&sheet, progress)?;
     let mut offsets = distinct(&found);
     summary.proposals += offsets.len();
@@ -245,7 +248,7 @@ fn fill(
         ..cut
     };
     let labels = cut.assign(1, Some(&start), Some(side as i32 + 1), 2, progress)?;
-    let (fine, used) = to_subpixel(&sheet, &kept, &labels);
+    let (fine, used) = to_subpixel(&sheet, &kept, &labels, progress)?;
     summary.offsets += used;
     summary.parts += 1;
     summary.sourceless_px += sheet
@@ -366,18 +369,25 @@ fn most_used(offsets: &[IVec2], labels: &[u16]) -> (Vec<IVec2>, Vec<u16>) {
 }
 
 /// The offsets to a fraction of a pixel, and how many of them are used.
-fn to_subpixel(sheet: &Sheet, offsets: &[IVec2], labels: &[u16]) -> (Vec<DVec2>, usize) {
+fn to_subpixel(
+    sheet: &Sheet,
+    offsets: &[IVec2],
+    labels: &[u16],
+    progress: &Progress,
+) -> Result<(Vec<DVec2>, usize), Cancelled> {
     let mut used = vec![false; offsets.len()];
     for index in sheet.hole().filter(|&index| labels[index] != UNLABELED) {
         used[usize::from(labels[index])] = true;
     }
     let ring = proposals::around(sheet, usize::MAX);
-    let fine = offsets.iter().zip(&used).map(|(&offset, &used)| {
-        if used {
+    let mut fine = Vec::with_capacity(offsets.len());
+    for (&offset, &used) in offsets.iter().zip(&used) {
+        progress.check()?;
+        fine.push(if used {
             subpixel::refined(sheet, &ring, offset)
         } else {
             offset.as_dvec2()
-        }
-    });
-    (fine.collect(), used.iter().filter(|&&used| used).count())
+        });
+    }
+    Ok((fine, used.iter().filter(|&&used| used).count()))
 }

@@ -2,7 +2,7 @@
 //!
 //! A pixel of the hole goes to the sheet, along its offset, and back into the picture: the maps are multiplied before
 //! anything is sampled, so that nothing is resampled twice. Near a seam a pixel takes a share from each of the pieces that
-//! meet there, and wants a share of the gradients of each; then the tones are solved for (see [`crate::poisson`]).
+//! meet there and agree, and wants a share of the gradients of each; then the tones are solved for (see [`crate::poisson`]).
 
 use crate::canvas::{Canvas, HOLE, Ink, KNOWN};
 use crate::cut::UNLABELED;
@@ -22,6 +22,10 @@ const REACH_PX: isize = 8;
 /// Where a piece meets the rim with a larger difference than this, the rim has an edge that the piece has not, and its tone
 /// should not follow.
 const TRUSTED_STEP: f32 = 0.6;
+/// Pieces that differ by more than this at a pixel show different things, and the one that is not the pixel's own has little
+/// share in it: else the edges of what lies beyond a seam would come through it, as faint steps in an even sky. Less keeps
+/// more contrast, and tones meet more abruptly.
+const SAME_THING: f32 = 0.25;
 /// Samples for a pixel in each direction where the source is finer than the hole, at most.
 const MAX_TAPS: f64 = 4.0;
 
@@ -34,10 +38,20 @@ pub(crate) struct Composition<'a> {
     pub(crate) offsets: &'a [DVec2],
 }
 
-/// A pixel of the hole with the shares of the pieces that it is made of; those of a pixel without a piece are empty.
+/// A pixel of the hole with the shares of the pieces that it is made of, its own first; those of a pixel without a piece are
+/// empty.
 struct Piece {
     place: (usize, usize),
     shares: Vec<(u16, f32)>,
+}
+
+impl Piece {
+    fn normalize(&mut self) {
+        let sum: f32 = self.shares.iter().map(|share| share.1).sum();
+        for share in &mut self.shares {
+            share.1 /= sum;
+        }
+    }
 }
 
 /// The maps of a composition.
@@ -83,6 +97,31 @@ impl Maps<'_> {
         mean_ink(self.canvas, taps as usize, |step| from + j * step)
     }
 
+    /// The mean of the pieces at a pixel, after the shares of pieces that show something else there than its own are made
+    /// smaller.
+    fn blended(&self, piece: &mut Piece) -> Ink {
+        let inks: Vec<Ink> = piece
+            .shares
+            .iter()
+            .map(|&(label, _)| self.sample(piece.place, label))
+            .collect();
+        let mut mean = [0.0; 4];
+        let Some(own) = inks.first() else {
+            return mean;
+        };
+        for ((_, share), ink) in piece.shares.iter_mut().zip(&inks) {
+            let step = ink_distance_sq(ink, own) / (SAME_THING * SAME_THING);
+            *share *= (1.0 + step).powi(-2);
+        }
+        piece.normalize();
+        for (&(_, share), ink) in piece.shares.iter().zip(&inks) {
+            for c in 0..4 {
+                mean[c] += share * ink[c];
+            }
+        }
+        mean
+    }
+
     /// The wanted difference between two neighbors, with the weight of the pieces that say so.
     fn difference(&self, a: &Piece, b: (usize, usize), shares: &[(u16, f32)]) -> (Ink, f32) {
         let (mut sum, mut weight) = ([0.0; 4], 0.0);
@@ -119,23 +158,16 @@ pub(crate) fn compose(
             composition,
             sheet_from_image: composition.sheet.image_from_sheet.inverse(),
         };
-        let pieces = pieces(&maps, bounds);
-        progress.check()?;
-        let values: Vec<Ink> = pieces
-            .par_iter()
+        let mut pieces = pieces(&maps, bounds, progress)?;
+        let values = pieces
+            .par_iter_mut()
             .with_min_len(64)
             .map(|piece| {
-                let mut ink = [0.0; 4];
-                for &(label, share) in &piece.shares {
-                    let value = maps.sample(piece.place, label);
-                    for c in 0..4 {
-                        ink[c] += share * value[c];
-                    }
-                }
-                ink
+                progress.check()?;
+                Ok(maps.blended(piece))
             })
-            .collect();
-        let mut system = system(&maps, &pieces, values, bounds, blend);
+            .collect::<Result<Vec<Ink>, Cancelled>>()?;
+        let mut system = system(&maps, &pieces, values, bounds, blend, progress)?;
         system.solve(progress)?;
         let places: Vec<(usize, usize)> = pieces.iter().map(|piece| piece.place).collect();
         (places, system.values)
@@ -160,7 +192,7 @@ fn hole_bounds(canvas: &Canvas) -> Option<Rect> {
 }
 
 /// The pixels of the hole with their shares.
-fn pieces(maps: &Maps, bounds: Rect) -> Vec<Piece> {
+fn pieces(maps: &Maps, bounds: Rect, progress: &Progress) -> Result<Vec<Piece>, Cancelled> {
     let places = |rect: Rect| {
         (0..rect.pixels()).map(move |k| (rect.col + k % rect.width, rect.row + k / rect.width))
     };
@@ -185,11 +217,12 @@ fn pieces(maps: &Maps, bounds: Rect) -> Vec<Piece> {
         .into_par_iter()
         .with_min_len(256)
         .map(|place| {
+            progress.check()?;
             let Some(own) = label(place.0, place.1) else {
-                return Piece {
+                return Ok(Piece {
                     place,
                     shares: Vec::new(),
-                };
+                });
             };
             let mut shares = vec![(own, 0.0)];
             for dy in -REACH_PX..=REACH_PX {
@@ -210,18 +243,23 @@ fn pieces(maps: &Maps, bounds: Rect) -> Vec<Piece> {
                 }
             }
             shares.retain(|&(label, _)| label == own || maps.reaches(place, label));
-            let sum: f32 = shares.iter().map(|share| share.1).sum();
-            for share in &mut shares {
-                share.1 /= sum;
-            }
-            Piece { place, shares }
+            let mut piece = Piece { place, shares };
+            piece.normalize();
+            Ok(piece)
         })
         .collect()
 }
 
 /// What the values should obey: with `blend` the gradients of the pieces, else the pieces themselves. Pixels without a
 /// piece go on smoothly in any case.
-fn system(maps: &Maps, pieces: &[Piece], values: Vec<Ink>, bounds: Rect, blend: bool) -> Blend {
+fn system(
+    maps: &Maps,
+    pieces: &[Piece],
+    values: Vec<Ink>,
+    bounds: Rect,
+    blend: bool,
+    progress: &Progress,
+) -> Result<Blend, Cancelled> {
     let mut number = vec![u32::MAX; bounds.pixels()];
     let at = |(col, row): (usize, usize)| (row - bounds.row) * bounds.width + col - bounds.col;
     for (index, piece) in pieces.iter().enumerate() {
@@ -233,6 +271,7 @@ fn system(maps: &Maps, pieces: &[Piece], values: Vec<Ink>, bounds: Rect, blend: 
         ..Blend::default()
     };
     for (i, piece) in pieces.iter().enumerate() {
+        progress.check()?;
         if !blend && !piece.shares.is_empty() {
             system.anchors.push((i as u32, system.values[i], 1.0));
             continue;
@@ -281,5 +320,5 @@ fn system(maps: &Maps, pieces: &[Piece], values: Vec<Ink>, bounds: Rect, blend: 
             }
         }
     }
-    system
+    Ok(system)
 }

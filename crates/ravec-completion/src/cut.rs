@@ -262,6 +262,7 @@ impl Cut<'_> {
     ) -> Result<bool, Cancelled> {
         scratch.clear();
         for cell in 0..cells.len() {
+            progress.check()?;
             let (pixels, old) = (cells.pixels(cell), state.labels[cell]);
             let mut free = old != label && !state.fixed[cell];
             let cost = if free {
@@ -299,6 +300,7 @@ impl Cut<'_> {
         }
         let length = cells.side as f32;
         for cell in 0..cells.len() {
+            progress.check()?;
             for other in [cells.right[cell], cells.below[cell]] {
                 if other == NONE {
                     continue;

@@ -15,6 +15,11 @@ const WINDOW_SIGMA_PX: f64 = 6.0;
 /// How much a difference of contrast counts against one of tone.
 const CONTRAST: f32 = 1.0;
 
+/// Rows of a large sheet that are looked at between two looks at the cancellation, and rows beyond them that their blur sees:
+/// with fewer than its kernel has, there would be steps.
+const BAND_ROWS: usize = 128;
+const BAND_OVERLAP: usize = 32;
+
 /// What pixels look like in the mean: ink without alpha, and contrast.
 pub(crate) struct Guidance {
     /// For each pixel of the sheet what it should be like if it is in the hole.
@@ -25,34 +30,15 @@ pub(crate) struct Guidance {
 
 /// The statistics of a sheet: mean ink and contrast of the luminance, around each pixel.
 pub(crate) fn guidance(sheet: &Sheet, progress: &Progress) -> Result<Guidance, Cancelled> {
-    let moments: Vec<[f32; 8]> = sheet
-        .inks
-        .iter()
-        .enumerate()
-        .map(|(index, &[r, g, b, _])| {
-            if !sheet.is(index, KNOWN) {
-                return [0.0; 8];
-            }
-            let l = 0.299 * r + 0.587 * g + 0.114 * b;
-            [r, g, b, l * l, l, 1.0, 0.0, 0.0]
-        })
-        .collect();
-    let moments = Image::from_vec(sheet.width, moments).expect("a sheet has whole rows");
-    let blurred = gaussian_blur(&moments, WINDOW_SIGMA_PX);
-    let found: Vec<[f32; 4]> = blurred
-        .pixels()
-        .iter()
-        .map(|m| {
-            let share = m[5].max(1e-6);
-            let l = m[4] / share;
-            [
-                m[0] / share,
-                m[1] / share,
-                m[2] / share,
-                CONTRAST * (m[3] / share - l * l).max(0.0).sqrt(),
-            ]
-        })
-        .collect();
+    let mut found = Vec::with_capacity(sheet.inks.len());
+    for first in (0..sheet.height).step_by(BAND_ROWS) {
+        progress.check()?;
+        found.extend(statistics(
+            sheet,
+            first,
+            (first + BAND_ROWS).min(sheet.height),
+        ));
+    }
     let mut expected = found.clone();
     let mut number = vec![u32::MAX; found.len()];
     let hole: Vec<usize> = sheet.hole().collect();
@@ -82,4 +68,37 @@ pub(crate) fn guidance(sheet: &Sheet, progress: &Progress) -> Result<Guidance, C
         expected[index] = value;
     }
     Ok(Guidance { expected, found })
+}
+
+/// The statistics of some rows.
+fn statistics(sheet: &Sheet, first: usize, end: usize) -> impl Iterator<Item = [f32; 4]> + use<> {
+    let (above, below) = (
+        first.saturating_sub(BAND_OVERLAP),
+        (end + BAND_OVERLAP).min(sheet.height),
+    );
+    let moment = |index: usize| {
+        if !sheet.is(index, KNOWN) {
+            return [0.0; 8];
+        }
+        let [r, g, b, _] = sheet.inks[index];
+        let l = 0.299 * r + 0.587 * g + 0.114 * b;
+        [r, g, b, l * l, l, 1.0, 0.0, 0.0]
+    };
+    let moments: Vec<[f32; 8]> = (above * sheet.width..below * sheet.width)
+        .map(moment)
+        .collect();
+    let moments = Image::from_vec(sheet.width, moments).expect("a sheet has whole rows");
+    let blurred = gaussian_blur(&moments, WINDOW_SIGMA_PX);
+    let rows = (first - above) * sheet.width..(end - above) * sheet.width;
+    let blurred = blurred.pixels()[rows].to_vec();
+    blurred.into_iter().map(|m| {
+        let share = m[5].max(1e-6);
+        let l = m[4] / share;
+        [
+            m[0] / share,
+            m[1] / share,
+            m[2] / share,
+            CONTRAST * (m[3] / share - l * l).max(0.0).sqrt(),
+        ]
+    })
 }

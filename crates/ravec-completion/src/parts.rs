@@ -3,7 +3,7 @@
 //! What lies on a plane is filled along that plane; the rest falls into what hangs together, and what hangs together but
 //! is spread out, as a net of wires is, into tiles.
 
-use crate::canvas::solid;
+use crate::canvas::solid_window;
 use glam::DVec2;
 use ravec_raster::Mask;
 
@@ -54,8 +54,11 @@ fn members(mask: &Mask) -> impl Iterator<Item = (usize, usize)> {
 
 /// What hangs together in a hole, cut where it is long and sparse.
 pub(crate) fn split(hole: &Mask) -> Vec<Part> {
-    let near = solid(hole).dilate(NEAR_PX);
-    let (width, height) = (hole.size().width(), hole.size().height());
+    let Some((solid, window)) = solid_window(hole, NEAR_PX.ceil() as usize) else {
+        return Vec::new();
+    };
+    let near = solid.dilate(NEAR_PX);
+    let (width, height) = (window.width, window.height);
     let mut group = vec![u32::MAX; width * height];
     let mut groups = 0;
     let mut stack = Vec::new();
@@ -89,8 +92,8 @@ pub(crate) fn split(hole: &Mask) -> Vec<Part> {
         groups += 1;
     }
     let mut parts = vec![Part::new(); groups as usize];
-    for (col, row) in members(hole) {
-        parts[group[row * width + col] as usize].push((col, row));
+    for (col, row) in members(&solid) {
+        parts[group[row * width + col] as usize].push((window.col + col, window.row + row));
     }
     parts
         .into_iter()

@@ -6,6 +6,7 @@ use crate::canvas::{Canvas, HOLE, Ink, KNOWN, SOURCE};
 use crate::sheet::{Sheet, center};
 use glam::{DVec2, IVec2, dvec2};
 use ravec_planar::Homography;
+use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
 
 /// Sheet pixels per picture pixel at the hole. Less blurs what repeats, more costs and gains nothing.
@@ -23,13 +24,23 @@ const MAX_GROWTH: f64 = 4.0;
 impl Sheet {
     /// The rectified view of a plane around the hole of a canvas, of which there is at least a pixel in front of the
     /// plane's horizon.
-    pub(crate) fn rectified(canvas: &Canvas, image_from_plane: &Homography) -> Option<Self> {
-        let ([width, height], image_from_sheet) = Self::extent(canvas, image_from_plane)?;
+    pub(crate) fn rectified(
+        canvas: &Canvas,
+        image_from_plane: &Homography,
+        progress: &Progress,
+    ) -> Result<Option<Self>, Cancelled> {
+        let extent = Self::extent(canvas, image_from_plane, progress)?;
+        let Some(([width, height], image_from_sheet)) = extent else {
+            return Ok(None);
+        };
         let cells: Vec<(Ink, u8)> = (0..width * height)
             .into_par_iter()
             .with_min_len(512)
             .map(|index| {
                 let at = center(IVec2::new((index % width) as i32, (index / width) as i32));
+                if progress.is_cancelled() {
+                    return ([0.0; 4], 0);
+                }
                 let Some((ink, state)) = sampled(canvas, &image_from_sheet, at) else {
                     return ([0.0; 4], 0);
                 };
@@ -37,6 +48,7 @@ impl Sheet {
                 (ink, if coarse { state & !SOURCE } else { state })
             })
             .collect();
+        progress.check()?;
         let (inks, states) = cells.into_iter().unzip();
         let mut sheet = Self {
             width,
@@ -46,18 +58,23 @@ impl Sheet {
             features: Vec::new(),
             image_from_sheet,
         };
+        progress.check()?;
         sheet.find_features();
-        Some(sheet)
+        progress.check()?;
+        Ok(Some(sheet))
     }
 
     /// The size of the rectified view, and the map from it.
     pub(crate) fn extent(
         canvas: &Canvas,
         image_from_plane: &Homography,
-    ) -> Option<([usize; 2], Homography)> {
-        let (low, size, image_from_sheet) = extent(canvas, image_from_plane)?;
-        let image_from_sheet = image_from_sheet * Homography::from_translation(low).ok()?;
-        Some((size, image_from_sheet))
+        progress: &Progress,
+    ) -> Result<Option<([usize; 2], Homography)>, Cancelled> {
+        let found = extent(canvas, image_from_plane, progress)?;
+        Ok(found.and_then(|(low, size, image_from_sheet)| {
+            let shift = Homography::from_translation(low).ok()?;
+            Some((size, image_from_sheet * shift))
+        }))
     }
 }
 
@@ -65,42 +82,53 @@ impl Sheet {
 fn extent(
     canvas: &Canvas,
     image_from_plane: &Homography,
-) -> Option<(DVec2, [usize; 2], Homography)> {
+    progress: &Progress,
+) -> Result<Option<(DVec2, [usize; 2], Homography)>, Cancelled> {
     let plane_from_image = image_from_plane.inverse();
     let (width, height) = (canvas.states.width(), canvas.states.height());
-    let pixels = || (0..width * height).map(|index| (index % width, index / width));
     let middle = |(col, row): (usize, usize)| dvec2(col as f64 + 0.5, row as f64 + 0.5);
     // steps of the plane that are a picture pixel long at the hole, in each direction
     let (mut steps, mut count) = (DVec2::ZERO, 0.0);
-    for place in pixels().filter(|&place| canvas.states[place] & HOLE != 0) {
-        if let Some(at) = plane_from_image.try_apply(middle(place)) {
-            let j = image_from_plane.jacobian(at);
-            steps += dvec2(j.x_axis.length(), j.y_axis.length());
-            count += 1.0;
+    for row in 0..height {
+        progress.check()?;
+        for place in (0..width).map(|col| (col, row)) {
+            if canvas.states[place] & HOLE == 0 {
+                continue;
+            }
+            if let Some(at) = plane_from_image.try_apply(middle(place)) {
+                let j = image_from_plane.jacobian(at);
+                steps += dvec2(j.x_axis.length(), j.y_axis.length());
+                count += 1.0;
+            }
         }
     }
     if count == 0.0 {
-        return None;
+        return Ok(None);
     }
-    let sheet_from_plane = Homography::from_scale(SCALE * steps / count).ok()?;
+    let Ok(sheet_from_plane) = Homography::from_scale(SCALE * steps / count) else {
+        return Ok(None);
+    };
     let image_from_sheet = *image_from_plane * sheet_from_plane.inverse();
     let sheet_from_image = image_from_sheet.inverse();
     let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
-    for place in pixels() {
-        let Some(at) = sheet_from_image.try_apply(middle(place)) else {
-            continue;
-        };
-        let hole = canvas.states[place] & HOLE != 0;
-        if hole || resolution(&image_from_sheet, at) > MARGIN * MIN_RESOLUTION {
-            low = low.min(at);
-            high = high.max(at);
+    for row in 0..height {
+        progress.check()?;
+        for place in (0..width).map(|col| (col, row)) {
+            let Some(at) = sheet_from_image.try_apply(middle(place)) else {
+                continue;
+            };
+            let hole = canvas.states[place] & HOLE != 0;
+            if hole || resolution(&image_from_sheet, at) > MARGIN * MIN_RESOLUTION {
+                low = low.min(at);
+                high = high.max(at);
+            }
         }
     }
     let low = low.floor();
     let size = (high - low).ceil() + 1.0;
     let fits =
         size.is_finite() && size.element_product() <= MAX_GROWTH * (width * height) as f64 + 1e4;
-    fits.then_some((low, [size.x as usize, size.y as usize], image_from_sheet))
+    Ok(fits.then_some((low, [size.x as usize, size.y as usize], image_from_sheet)))
 }
 
 /// Picture pixels for each sheet pixel, against what there are at the hole: 1 there in the mean.

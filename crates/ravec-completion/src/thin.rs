@@ -6,7 +6,7 @@
 //!
 //! Cost: two dozen operations for each pixel and iteration, a hundred iterations or so.
 
-use crate::canvas::Ink;
+use crate::canvas::{Ink, solid_window};
 use ravec_progress::{Cancelled, Progress};
 use ravec_raster::{Image, Mask};
 
@@ -18,12 +18,16 @@ const MAX_STEPS: usize = 400;
 
 /// The thin parts of a hole.
 pub(crate) fn thin_parts(hole: &Mask) -> Mask {
-    let covered = hole.coverage();
-    let solid = Mask::from_fn(hole.size(), |col, row| covered[(col, row)] > 0.0);
+    let Some((solid, window)) = solid_window(hole, 2 * RADIUS_PX.ceil() as usize) else {
+        return Mask::empty(hole.size());
+    };
     // half a pixel more on the way back, so that the stairs of a thick part's rim are not taken for scratches
     let thick = solid.erode(RADIUS_PX).dilate(RADIUS_PX + 1.5);
     Mask::from_fn(hole.size(), |col, row| {
-        solid.at(col, row) > 0.0 && thick.at(col, row) == 0.0
+        window.contains(col, row) && {
+            let (col, row) = (col - window.col, row - window.row);
+            solid.at(col, row) > 0.0 && thick.at(col, row) == 0.0
+        }
     })
 }
 
@@ -41,11 +45,13 @@ pub(crate) fn bend(
     unknown: impl Fn(usize, usize) -> bool,
     progress: &Progress,
 ) -> Result<(), Cancelled> {
-    let (width, height) = (inks.width(), inks.height());
+    let Some(bounds) = part.bounding_box() else {
+        return Ok(());
+    };
     let mut number = Image::new(inks.size(), u32::MAX);
     let mut places = Vec::new();
-    for row in 0..height {
-        for col in 0..width {
+    for row in bounds.row..bounds.bottom() {
+        for col in bounds.col..bounds.right() {
             if part.at(col, row) > 0.0 {
                 number[(col, row)] = places.len() as u32;
                 places.push((col, row));

@@ -315,7 +315,7 @@ impl Blocks {
             step: transform.step(),
             across: level.width.div_ceil(transform.step()),
             down: level.height.div_ceil(transform.step()),
-            means: means(level, channels),
+            means: means(level, channels, progress)?,
             spectra: None,
         };
         let pixels = blocks.count() * transform.side * transform.side;
@@ -508,12 +508,13 @@ fn accumulate<S: Simd>(_simd: S, a: &[Vec<f32>], b: &[f32], sum: &mut [f32]) {
 }
 
 /// The means of the values of the sources; of all pixels, if there are none.
-fn means(level: &Level, channels: Channels) -> Vec<f32> {
+fn means(level: &Level, channels: Channels, progress: &Progress) -> Result<Vec<f32>, Cancelled> {
     (0..channels.values())
         .into_par_iter()
         .map(|plane| {
             let (mut sum, mut count) = (0.0f64, 0u64);
             for row in 0..level.height {
+                progress.check()?;
                 for col in 0..level.width {
                     let index = row * level.width + col;
                     if level.runs[index] > 0 {
@@ -526,7 +527,7 @@ fn means(level: &Level, channels: Channels) -> Vec<f32> {
                     }
                 }
             }
-            (sum / count.max(1) as f64) as f32
+            Ok((sum / count.max(1) as f64) as f32)
         })
         .collect()
 }

@@ -96,7 +96,7 @@ impl Buffer {
             if last.width.min(last.height) < 2 * MIN_SIDE {
                 break;
             }
-            levels.push(last.halved(channels));
+            levels.push(last.halved(channels, progress)?);
         }
         let mut blocks = Vec::new();
         for (level, waste) in levels[1..].iter().zip(WASTE) {

@@ -221,7 +221,8 @@ impl FragmentIndex {
         let mut views = Vec::new();
         for (plane, (quad, map)) in planes.into_iter().enumerate() {
             progress.check()?;
-            let view = Sheet::extent(&photos[0], &map).map(|(size, picture_from_view)| View {
+            let extent = Sheet::extent(&photos[0], &map, progress)?;
+            let view = extent.map(|(size, picture_from_view)| View {
                 quad,
                 picture_from_view,
                 size,

@@ -12,6 +12,7 @@
 //! Cost: 13 bytes a pixel, 4 more with alpha and with features each.
 
 use crate::canvas::Ink;
+use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
 
 /// Rows are read in whole vectors: so much may be read beyond the last pixel.
@@ -145,15 +146,22 @@ impl Level {
     }
 
     /// The level of half the width and height: means of 2 × 2 pixels. Sources are those of which more than half are.
-    pub(super) fn halved(&self, channels: Channels) -> Self {
+    pub(super) fn halved(
+        &self,
+        channels: Channels,
+        progress: &Progress,
+    ) -> Result<Self, Cancelled> {
         let (right, bottom) = (self.width - 1, self.height - 1);
-        Self::new(
+        let half = Self::new(
             self.width.div_ceil(2),
             self.height.div_ceil(2),
             channels,
             |col, row| {
                 let mut values = [0.0; MAX_VALUES];
                 let mut sources = 0;
+                if progress.is_cancelled() {
+                    return (values, false);
+                }
                 for (x, y) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
                     let (x, y) = ((2 * col + x).min(right), (2 * row + y).min(bottom));
                     let index = y * self.width + x;
@@ -165,7 +173,9 @@ impl Level {
                 }
                 (values, sources > 2)
             },
-        )
+        );
+        progress.check()?;
+        Ok(half)
     }
 
     /// Where the luminance of a pixel is.
@@ -214,7 +224,7 @@ mod tests {
         let level = Level::new(3, 3, COLORS, |col, row| {
             ([(col + 10 * row) as f32, 1.0, 2.0, 0.0, 0.0], true)
         });
-        let half = level.halved(COLORS);
+        let half = level.halved(COLORS, &Progress::none()).unwrap();
         assert_eq!((half.width, half.height), (2, 2));
         assert_eq!(half.luma[half.luma_index(0, 0)], 5.5);
         assert_eq!(half.luma[half.luma_index(1, 1)], 22.0);

@@ -1,7 +1,7 @@
 //! The plain definitions, and the fast versions held against them.
 
 use super::blocks::{Blocks, Transform};
-use super::direct::mismatch;
+use super::direct::{Rows, mismatch};
 use super::level::{Channels, Level};
 use super::minima::Valid;
 use super::target::Shape;
@@ -195,9 +195,9 @@ proptest! {
                         let truth = scene.mismatch(middle);
                         // what is promised; rounding is about a tenth of it
                         prop_assert!((f64::from(field.row(row)[col]) - truth).abs() <= 1e-3 * truth);
-                        let direct = mismatch(Vectors::new(), &template, &level, corner, f32::INFINITY);
+                        let direct = mismatch(Vectors::new(), &template, &level, corner, Rows::All, f32::INFINITY);
                         prop_assert!((f64::from(direct) - truth).abs() <= 1e-5 * truth);
-                        let early = mismatch(Vectors::new(), &template, &level, corner, 0.9 * direct);
+                        let early = mismatch(Vectors::new(), &template, &level, corner, Rows::All, 0.9 * direct);
                         prop_assert!(early == f32::INFINITY);
                     }
                 }

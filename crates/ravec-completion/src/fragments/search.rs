@@ -5,14 +5,15 @@
 //! Departures: 1. All positions are looked at on a reduced level only, where a transform is small. 2. The few hundred best
 //! minima there, and as many of the lowest positions that are none (in a valley along an edge the minimum of the finer level
 //! may lie anywhere), are followed down the levels by direct sums around each of them. 3. Sums end as soon as they exceed
-//! the worst match that is wanted. The full search does the first step on the finest level itself.
+//! the worst match that is wanted. 4. On levels between, every other row is summed, and of what is found there some are
+//! followed for each of the matches that are wanted. The full search does the first step on the finest level itself.
 //!
 //! Guarantees: what is returned is valid, and its mismatch is the direct sum. The same on any number of threads. Does not
 //! guarantee: that coarse to fine finds what the full search finds; on photos it nearly always does (see the measurements).
 
 use super::blocks::{Blocks, Scratch, Transform};
 use super::buffer::{Buffer, MAX_LEVEL};
-use super::direct::mismatch;
+use super::direct::{Rows, mismatch};
 use super::minima::{Low, Valid, bottom, minima};
 use super::template::Template;
 use fearless_simd::Level as Vectors;
@@ -27,6 +28,10 @@ const MINIMA: usize = 200;
 /// in them that could tell places apart; with a quarter of it one query in a hundred ends elsewhere.
 const SLOPES: usize = 16_000;
 const SLOPE_LIMITS: [usize; 2] = [250, 1000];
+/// Places that are followed from a level between, on which large fragments are known well, and how many of each group of
+/// near ones: those of one valley would take the place of all others.
+const BEST: usize = 64;
+const BEST_OF_GROUP: usize = 5;
 /// Places that are followed without a bound, and from which the search goes on by single pixels.
 const FIRST: usize = 24;
 /// A place may move by so many pixels in the end.
@@ -72,8 +77,8 @@ impl Hunt<'_> {
             if level == 1 {
                 found = places;
             } else {
-                let next = places.into_iter().take(MINIMA + self.slopes());
-                lows[level - 1].extend(next.map(Low::from));
+                let next = self.spread(&places, level - 1);
+                lows[level - 1].extend(next.into_iter().map(Low::from));
             }
         }
         // a full search comes here with sums from transforms
@@ -167,7 +172,7 @@ impl Hunt<'_> {
         let at = |step: IVec2| {
             let corner = place.corner + step;
             if template.valid(planes, corner) {
-                mismatch(vectors, template, planes, corner, f32::INFINITY)
+                mismatch(vectors, template, planes, corner, Rows::All, f32::INFINITY)
             } else {
                 f32::INFINITY
             }
@@ -243,6 +248,12 @@ impl Hunt<'_> {
         progress: &Progress,
     ) -> Result<Vec<Place>, Cancelled> {
         let (template, vectors) = (&self.templates[level], Vectors::new());
+        // on levels between, sums only say where to go on
+        let rows = if level > 0 {
+            Rows::EvenTwice
+        } else {
+            Rows::All
+        };
         let found = places
             .par_iter()
             .with_min_len(16)
@@ -251,7 +262,7 @@ impl Hunt<'_> {
                 if progress.is_cancelled() || !template.valid(planes, corner) {
                     return None;
                 }
-                let score = mismatch(vectors, template, planes, corner, bound);
+                let score = mismatch(vectors, template, planes, corner, rows, bound);
                 score.is_finite().then_some(Place {
                     buffer,
                     corner,
@@ -261,6 +272,34 @@ impl Hunt<'_> {
             .collect();
         progress.check()?;
         Ok(found)
+    }
+
+    /// The places of a level that are followed, from all that were looked at, the best first: the best, and some of each
+    /// group of near ones.
+    fn spread(&self, places: &[Place], level: usize) -> Vec<Place> {
+        let apart_px = self.apart_px / f64::from(1 << level);
+        // the order of groups may change on the next level
+        let most_groups = self.count + self.count / 2;
+        let mut groups: Vec<(Place, usize)> = Vec::new();
+        let mut chosen = Vec::new();
+        for (rank, place) in places.iter().enumerate() {
+            let near = |(first, _): &&mut (Place, usize)| {
+                first.buffer == place.buffer
+                    && (first.corner - place.corner).as_dvec2().length() < apart_px
+            };
+            let mut is_followed = rank < BEST;
+            if let Some((_, members)) = groups.iter_mut().find(near) {
+                *members += 1;
+                is_followed |= *members <= BEST_OF_GROUP;
+            } else if groups.len() < most_groups {
+                groups.push((*place, 1));
+                is_followed = true;
+            }
+            if is_followed {
+                chosen.push(*place);
+            }
+        }
+        chosen
     }
 
     /// The best places that keep apart.

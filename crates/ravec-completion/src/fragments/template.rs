@@ -44,6 +44,8 @@ pub(super) struct Template {
     known: Vec<bool>,
     /// For each row the part of it that a source must cover, from and to; empty if none.
     pub(super) rows: Vec<(usize, usize)>,
+    /// For each row the part of it that has weights, from and to; empty if none.
+    pub(super) weighted: Vec<(usize, usize)>,
 }
 
 impl Template {
@@ -84,6 +86,7 @@ impl Template {
             template.rows[row] = if to > from { (from, to) } else { (0, 0) };
         }
         template.find_gradients();
+        template.find_weighted();
         template
     }
 
@@ -100,6 +103,7 @@ impl Template {
             weights: [plane(), plane(), plane()],
             known: vec![false; stride * height],
             rows: vec![(0, 0); height],
+            weighted: vec![(0, 0); height],
         }
     }
 
@@ -119,6 +123,18 @@ impl Template {
                 gradients[1][at] = GRADIENT_WEIGHT * (luma[around[3]] - luma[around[2]]);
                 self.weights[1][at] = self.weights[0][at];
             }
+        }
+    }
+
+    /// Where the weights are. Gradients have none where colors have none.
+    fn find_weighted(&mut self) {
+        for (row, weighted) in self.weighted.iter_mut().enumerate() {
+            let at = row * self.stride;
+            let [colors, _, features] = &self.weights;
+            let has_weight = |col: &usize| colors[at + col] > 0.0 || features[at + col] > 0.0;
+            let from = (0..self.width).find(has_weight);
+            let to = (0..self.width).rev().find(has_weight);
+            *weighted = from.zip(to).map_or((0, 0), |(from, last)| (from, last + 1));
         }
     }
 
@@ -172,6 +188,7 @@ impl Template {
             half.rows[row] = if to > from { (from, to) } else { (0, 0) };
         }
         half.find_gradients();
+        half.find_weighted();
         half
     }
 

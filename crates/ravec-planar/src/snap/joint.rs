@@ -6,6 +6,7 @@
 
 use crate::quad_grid::QuadGrid;
 use crate::snap::SnapError;
+use crate::snap::polish::thinned;
 use crate::snap::sites::{Family, Profile, Site, Sites};
 use glam::{DVec2, dvec2};
 use ravec_raster::Plane;
@@ -62,21 +63,17 @@ impl Joint {
 
 /// The slope between two whole pixels; 0 beyond the ends.
 fn between(slopes: &[f32], at: f64) -> f64 {
-    let floor = at.floor();
-    let value = |k: f64| {
-        let inside = k >= 0.0 && k < slopes.len() as f64;
-        if inside {
-            f64::from(slopes[k as usize])
-        } else {
-            0.0
-        }
-    };
-    let share = at - floor;
-    if share == 0.0 {
-        value(floor)
-    } else {
-        (1.0 - share) * value(floor) + share * value(floor + 1.0)
+    if at <= -1.0 {
+        return 0.0;
     }
+    // a cast rounds down what is positive, without the call that `floor` is on machines of the base level
+    let after = (at + 1.0) as usize;
+    let share = at + 1.0 - after as f64;
+    let value = |k: Option<usize>| k.and_then(|k| slopes.get(k)).map_or(0.0, |&v| f64::from(v));
+    if share == 0.0 {
+        return value(after.checked_sub(1));
+    }
+    (1.0 - share) * value(after.checked_sub(1)) + share * value(Some(after))
 }
 
 /// What the edges below a family say about their partners.
@@ -114,6 +111,9 @@ impl Partners {
     }
 }
 
+/// One of so many sites is asked for partners, if there are plenty.
+const THINNED: usize = 3;
+
 /// Sites that are looked at together, in a fixed order.
 const CHUNK: usize = 128;
 
@@ -124,9 +124,10 @@ pub(super) fn centered(
     grid: &QuadGrid,
     family: Family,
 ) -> Result<(QuadGrid, Option<Joint>), SnapError> {
-    let sites = Sites::new(grid, Some(family), plane.size()).sites;
+    let all = Sites::new(grid, Some(family), plane.size()).sites;
+    let sites = thinned(&all, THINNED);
     let cell_px = sites.iter().map(|site| site.cell_px.abs()).sum::<f64>() / sites.len() as f64;
-    let reach = |site: &Site| (MAX_WIDTH * site.cell_px.abs()).ceil() as usize + 1;
+    let reach = |site: &&Site| (MAX_WIDTH * site.cell_px.abs()).ceil() as usize + 1;
     let widest = sites.iter().map(reach).max().unwrap_or(1);
     let slopes = |site: &Site, profile: &mut Profile| {
         profile.read(plane, site.at, site.normal);

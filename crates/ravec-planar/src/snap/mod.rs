@@ -35,12 +35,13 @@ mod sites;
 use crate::homography::HomographyError;
 use crate::quad_grid::QuadGrid;
 use crate::snap::joint::centered;
-use crate::snap::polish::polish;
+use crate::snap::polish::{FINE, ROUGH, polish};
 use crate::snap::search::{Evidence, best_moves};
 use crate::snap::sites::{Family, Sites};
 use glam::DVec2;
 use ravec_progress::{Cancelled, Progress};
 use ravec_raster::Plane;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::ops::RangeInclusive;
 
@@ -102,6 +103,9 @@ const MOST_STARTS: usize = 3;
 /// The support from which a grid is taken without a look at others.
 const CLEAR_SUPPORT: f64 = 0.9;
 
+/// Finds whose corners are nearer to each other after the second search come to the same place in the end, in pixels.
+const SAME_PX: f64 = 1.5;
+
 /// The smallest reach in pixels: below it a search says nothing that the last step does not say better.
 const MIN_REACH_PX: f64 = 4.0;
 
@@ -137,22 +141,41 @@ pub fn snap(
     let phase = progress.phase("snap", 1 + MOST_STARTS as u64);
     let starts = starts(plane, grid, reach, progress)?;
     phase.advance(1);
-    let mut best = Err(SnapError::NoEdges);
-    for start in starts {
-        let found = settled(plane, start, second_reach(reach), progress);
+    let follow = |start: QuadGrid| nearer(plane, start, second_reach(reach), progress);
+    let settle = |grid: Result<QuadGrid, SnapError>| {
+        let found = grid.and_then(|grid| settled(plane, &grid, progress));
         phase.advance(1);
-        if found == Err(SnapError::Cancelled) {
-            return found;
+        found
+    };
+    let mut starts = starts.into_iter();
+    let first = starts.next().map_or(Err(SnapError::NoEdges), follow);
+    let mut best = settle(first.clone());
+    let support = |of: &Result<Snapped, SnapError>| of.as_ref().map_or(-1.0, |of| of.support);
+    if support(&best) < CLEAR_SUPPORT {
+        let others: Vec<QuadGrid> = starts.collect();
+        let others: Vec<_> = others.into_par_iter().map(follow).collect();
+        let mut fresh: Vec<QuadGrid> = Vec::new();
+        for grid in others.into_iter().flatten() {
+            let is_known = |known: &QuadGrid| farthest(known, &grid) < SAME_PX;
+            if !first.iter().chain(&fresh).any(is_known) {
+                fresh.push(grid);
+            }
         }
-        let support = |of: &Result<Snapped, SnapError>| of.as_ref().map_or(-1.0, |of| of.support);
-        if best.is_err() || support(&found) > support(&best) {
-            best = found;
-        }
-        if support(&best) >= CLEAR_SUPPORT {
-            break;
+        let others: Vec<_> = fresh.into_par_iter().map(|grid| settle(Ok(grid))).collect();
+        for found in others {
+            if best.is_err() || support(&found) > support(&best) {
+                best = found;
+            }
         }
     }
+    progress.check()?;
     best
+}
+
+/// The largest distance of two corners, in pixels.
+fn farthest(a: &QuadGrid, b: &QuadGrid) -> f64 {
+    let pairs = a.corners().into_iter().zip(b.corners());
+    pairs.map(|(a, b)| a.distance(b)).fold(0.0, f64::max)
 }
 
 /// Where the lines may belong, from a search within the whole reach: the likeliest first.
@@ -181,28 +204,34 @@ fn starts(
     Ok(starts)
 }
 
-/// The grid on the edges or joints near its lines.
-fn settled(
+/// The grid on what the second, nearer search finds.
+fn nearer(
     plane: &Plane,
     mut grid: QuadGrid,
     reach: f64,
     progress: &Progress,
-) -> Result<Snapped, SnapError> {
+) -> Result<QuadGrid, SnapError> {
     for family in [Family::Columns, Family::Rows] {
         progress.check()?;
         grid = search(plane, &grid, family, reach)?.swap_remove(0).grid;
     }
-    let mut snapped = polish(plane, &grid, [None; 2])?;
-    let on_edges = snapped.grid.clone();
+    Ok(grid)
+}
+
+/// The grid on the edges or joints near its lines.
+fn settled(plane: &Plane, grid: &QuadGrid, progress: &Progress) -> Result<Snapped, SnapError> {
+    progress.check()?;
+    let on_edges = polish(plane, grid, [None; 2], &ROUGH)?.grid;
+    let mut grid = on_edges.clone();
     let mut joints = [None; 2];
     for (joint, family) in joints.iter_mut().zip([Family::Columns, Family::Rows]) {
         progress.check()?;
-        (snapped.grid, *joint) = centered(plane, &snapped.grid, family)?;
+        (grid, *joint) = centered(plane, &grid, family)?;
     }
-    if snapped.grid != on_edges {
-        snapped = polish(plane, &snapped.grid, joints)?;
+    if grid != on_edges {
+        grid = polish(plane, &grid, joints, &ROUGH)?.grid;
     }
-    Ok(snapped)
+    polish(plane, &grid, joints, &FINE)
 }
 
 /// As [`snap`], with the columns and rows sought as well, within the given ranges (1 to some 40).

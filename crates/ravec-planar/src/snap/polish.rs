@@ -10,8 +10,42 @@ use ravec_numeric::NormalEquations;
 use ravec_raster::Plane;
 use rayon::prelude::*;
 
-/// How far edges are looked for, in pixels, round by round: the search leaves about one pixel.
-const REACHES_PX: [usize; 8] = [4, 4, 3, 3, 2, 2, 2, 2];
+/// A step of the last fraction of a pixel.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Round {
+    /// How far edges are looked for, in pixels: the search leaves about one pixel.
+    reach: usize,
+    /// One of so many sites is looked at, if there are plenty: far from the end the others say the same.
+    every: usize,
+    /// Corners that move by less, in pixels, need no further round of this reach.
+    settled_px: f64,
+}
+
+const fn round(reach: usize, every: usize, settled_px: f64) -> Round {
+    Round {
+        reach,
+        every,
+        settled_px,
+    }
+}
+
+/// From about two pixels off to a tenth.
+pub(super) const ROUGH: [Round; 8] = [
+    round(4, 3, 0.1),
+    round(4, 3, 0.1),
+    round(3, 3, 0.05),
+    round(3, 3, 0.05),
+    round(2, 3, 0.005),
+    round(2, 3, 0.005),
+    round(2, 3, 0.005),
+    round(2, 3, 0.005),
+];
+
+/// The rest of the way.
+pub(super) const FINE: [Round; 4] = [round(2, 1, 0.005); 4];
+
+/// Sites that are enough to look at: fewer are not thinned out.
+const ENOUGH_SITES: usize = 1000;
 
 /// The blur across lines, in pixels: enough against the pixel grid and noise, without mixing neighbouring edges.
 const SIGMA_PX: f64 = 1.0;
@@ -25,41 +59,36 @@ pub(super) fn polish(
     plane: &Plane,
     grid: &QuadGrid,
     joints: [Option<Joint>; 2],
+    rounds: &[Round],
 ) -> Result<Snapped, SnapError> {
-    let joint = |site: &Site| joints[usize::from(site.family == Family::Rows)];
     let mut grid = grid.clone();
     let mut support = 0.0;
-    for reach in REACHES_PX {
-        let sites = Sites::new(&grid, None, plane.size());
-        if sites.sites.is_empty() {
+    let mut settled = 0;
+    for &Round {
+        reach,
+        every,
+        settled_px,
+    } in rounds
+    {
+        if settled == reach {
+            continue;
+        }
+        let all = Sites::new(&grid, None, plane.size());
+        let sites = thinned(&all.sites, every);
+        if sites.is_empty() {
             return Err(SnapError::Outside);
         }
-        let half = |site: &Site| joint(site).map_or(0.0, |joint| joint.half_px(site.cell_px));
-        let widest = sites.sites.iter().map(half).fold(0.0, f64::max);
-        let new_profile = || Profile::new(reach + 1 + widest.ceil() as usize, SIGMA_PX);
-        let slopes: Vec<Vec<f32>> = sites
-            .sites
-            .par_iter()
-            .with_min_len(64)
-            .map_init(new_profile, |profile, site| {
-                profile.read(plane, site.at, site.normal);
-                let mut seen = vec![0.0; 2 * reach + 3];
-                if let Some(joint) = joint(site) {
-                    joint.respond(site, &profile.slopes, &mut seen);
-                } else {
-                    let first = (profile.slopes.len() - seen.len()) / 2;
-                    seen.copy_from_slice(&profile.slopes[first..][..2 * reach + 3]);
-                }
-                seen
-            })
-            .collect();
+        let slopes = seen(plane, &sites, reach, joints);
+        let width = 2 * reach + 3;
         // noise is what lies away from the line; near it there is an edge nearly everywhere
-        let away = slopes.iter().flat_map(|s| [s[0], s[s.len() - 1]]);
-        let largest = steepest(slopes.iter().flatten().copied()).ok_or(SnapError::NoEdges)?;
+        let away = slopes
+            .chunks_exact(width)
+            .flat_map(|s| [s[0], s[width - 1]]);
+        let largest = steepest(slopes.iter().copied()).ok_or(SnapError::NoEdges)?;
         let scale = edge_scale(away, largest);
         let mut sum = NormalEquations::default();
         let (mut supported, mut weights) = (0.0, 0.0);
-        for (site, slopes) in sites.sites.iter().zip(&slopes) {
+        for (site, slopes) in sites.iter().zip(slopes.chunks_exact(width)) {
             let Some((distance, slope)) = peak(slopes, reach) else {
                 continue;
             };
@@ -68,13 +97,13 @@ pub(super) fn polish(
                 .max(0.0)
                 .powi(2);
             let weight = f64::from(edgeness(slope, scale)) * near;
-            sum.add(-distance, &site.influence, weight);
+            sum.add(-distance, &all.influence(site), weight);
             weights += weight;
             if weight > 0.25 {
                 supported += 1.0;
             }
         }
-        support = supported / sites.sites.len() as f64;
+        support = supported / sites.len() as f64;
         if weights <= 0.0 {
             return Err(SnapError::NoEdges);
         }
@@ -85,11 +114,41 @@ pub(super) fn polish(
         let moved = grid.corners();
         let moved = std::array::from_fn(|k| moved[k] + dvec2(step[2 * k], step[2 * k + 1]));
         grid = QuadGrid::new(moved, grid.columns(), grid.rows())?;
-        if reach == REACHES_PX[REACHES_PX.len() - 1] && step.iter().all(|s| s.abs() < 0.005) {
-            break;
+        if step.iter().all(|s| s.abs() < settled_px) {
+            settled = reach;
         }
     }
     Ok(Snapped { grid, support })
+}
+
+/// One of `every` so many sites, or more where there are few.
+pub(super) fn thinned(sites: &[Site], every: usize) -> Vec<&Site> {
+    let every = every.min(sites.len() / ENOUGH_SITES).max(1);
+    sites.iter().step_by(every).collect()
+}
+
+/// The slopes across the lines at all sites, or how much like the middle of a joint each place is: `2 · reach + 3` numbers
+/// for each site.
+fn seen(plane: &Plane, sites: &[&Site], reach: usize, joints: [Option<Joint>; 2]) -> Vec<f32> {
+    let width = 2 * reach + 3;
+    let joint = |site: &Site| joints[usize::from(site.family == Family::Rows)];
+    let half = |site: &Site| joint(site).map_or(0.0, |joint| joint.half_px(site.cell_px));
+    let widest = sites.iter().map(|site| half(site)).fold(0.0, f64::max);
+    let new_profile = || Profile::new(reach + 1 + widest.ceil() as usize, SIGMA_PX);
+    let mut seen = vec![0.0; width * sites.len()];
+    seen.par_chunks_exact_mut(width)
+        .zip(sites)
+        .with_min_len(64)
+        .for_each_init(new_profile, |profile, (seen, site)| {
+            profile.read(plane, site.at, site.normal);
+            if let Some(joint) = joint(site) {
+                joint.respond(site, &profile.slopes, seen);
+            } else {
+                let first = (profile.slopes.len() - width) / 2;
+                seen.copy_from_slice(&profile.slopes[first..][..width]);
+            }
+        });
+    seen
 }
 
 /// The place and the height of the steepest slope within reach, preferring near ones; nothing at the ends.

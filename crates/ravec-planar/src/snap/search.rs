@@ -67,35 +67,43 @@ impl Evidence {
         }
         let reach = reach_px.ceil() as usize;
         let sigma_px = (reach_px / PIECES as f64).clamp(MIN_SIGMA_PX, MAX_SIGMA_PX);
-        let slopes: Vec<Vec<f32>> = sites
-            .sites
-            .par_iter()
+        let width = 2 * reach + 1;
+        let mut slopes = vec![0.0; width * sites.sites.len()];
+        slopes
+            .par_chunks_exact_mut(width)
+            .zip(&sites.sites)
             .with_min_len(64)
-            .map_init(
+            .for_each_init(
                 || Profile::new(reach, sigma_px),
-                |profile, site| {
+                |profile, (slopes, site)| {
                     profile.read(plane, site.at, site.normal);
-                    profile.slopes.clone()
+                    slopes.copy_from_slice(&profile.slopes);
                 },
-            )
-            .collect();
-        let largest = steepest(slopes.iter().flatten().copied()).ok_or(SnapError::NoEdges)?;
+            );
+        let largest = steepest(slopes.iter().copied()).ok_or(SnapError::NoEdges)?;
         let piece_of = |site: &Site| {
             (
                 site.line,
                 ((site.along * PIECES as f64) as usize).min(PIECES - 1),
             )
         };
-        let all: Vec<(&Site, &Vec<f32>)> = sites.sites.iter().zip(&slopes).collect();
-        let pieces: Vec<Piece> = all
-            .chunk_by(|a, b| piece_of(a.0) == piece_of(b.0))
+        let parts = sites.sites.chunk_by(|a, b| piece_of(a) == piece_of(b));
+        let mut rest = slopes.as_slice();
+        let parts: Vec<(&[Site], &[f32])> = parts
             .map(|sites| {
+                let (here, after) = rest.split_at(width * sites.len());
+                rest = after;
+                (sites, here)
+            })
+            .collect();
+        let pieces: Vec<Piece> = parts
+            .into_par_iter()
+            .map(|(sites, slopes)| {
                 let share = 1.0 / sites.len() as f32;
-                let here = sites.iter().flat_map(|(_, slopes)| slopes.iter().copied());
-                let scale = edge_scale(here, largest);
-                let mut values = vec![0.0; 2 * reach + 1];
-                for (_, slopes) in sites {
-                    for (sum, slope) in values.iter_mut().zip(*slopes) {
+                let scale = edge_scale(slopes.iter().copied(), largest);
+                let mut values = vec![0.0; width];
+                for slopes in slopes.chunks_exact(width) {
+                    for (sum, slope) in values.iter_mut().zip(slopes) {
                         *sum += share * edgeness(*slope, scale);
                     }
                 }
@@ -105,11 +113,8 @@ impl Evidence {
                     *value = (*value - mean).max(0.0);
                 }
                 Piece {
-                    line: sites[0].0.line,
-                    along: sites
-                        .iter()
-                        .map(|(site, _)| share * site.along as f32)
-                        .sum(),
+                    line: sites[0].line,
+                    along: sites.iter().map(|site| share * site.along as f32).sum(),
                     values,
                 }
             })
@@ -239,7 +244,10 @@ fn shifts(ends: &Ends, moves: [f32; MOVES]) -> [f32; 2] {
 
 /// The evidence at one step: each value is the highest within half a step, so that no edge lies between two moves.
 struct Level<'a> {
-    pieces: Vec<(&'a Piece, Vec<f32>)>,
+    pieces: &'a [Piece],
+    /// `width` values for each piece.
+    values: Vec<f32>,
+    width: usize,
     ends: &'a [Ends],
     reach: usize,
     step: f32,
@@ -249,10 +257,17 @@ struct Level<'a> {
 impl<'a> Level<'a> {
     fn new(evidence: &'a Evidence, ends: &'a [Ends], step: f32) -> Self {
         let radius = (0.5 * step).round() as usize;
-        let soft = |piece: &'a Piece| (piece, highest_within(&piece.values, radius));
         let reach = evidence.reach;
+        let width = 2 * reach + 1;
+        let mut values = vec![0.0; width * evidence.pieces.len()];
+        values
+            .par_chunks_exact_mut(width)
+            .zip(&evidence.pieces)
+            .for_each(|(values, piece)| highest_within(&piece.values, radius, values));
         Self {
-            pieces: evidence.pieces.par_iter().map(soft).collect(),
+            pieces: &evidence.pieces,
+            values,
+            width,
             ends,
             reach,
             step,
@@ -260,9 +275,15 @@ impl<'a> Level<'a> {
         }
     }
 
-    /// What a piece finds when the ends of its line shift.
-    fn find(&self, (piece, values): &(&Piece, Vec<f32>), [start, end]: [f32; 2]) -> f32 {
-        let shift = start + piece.along * (end - start);
+    /// The pieces with their values.
+    fn rows(&self) -> impl Iterator<Item = (&Piece, &[f32])> {
+        self.pieces.iter().zip(self.values.chunks_exact(self.width))
+    }
+
+    /// What a piece with these values finds when the ends of its line shift.
+    #[inline]
+    fn find(&self, along: f32, values: &[f32], [start, end]: [f32; 2]) -> f32 {
+        let shift = start + along * (end - start);
         // places out of reach find the first of the row, or nothing
         let at = (shift + self.reach as f32 + 0.5).max(0.0) as i32;
         values.get(at as usize).copied().unwrap_or(0.0)
@@ -273,12 +294,12 @@ impl<'a> Level<'a> {
         // pieces come line by line
         let mut line = usize::MAX;
         let mut ends = [0.0; 2];
-        for piece in &self.pieces {
-            if piece.0.line != line {
-                line = piece.0.line;
+        for (piece, values) in self.rows() {
+            if piece.line != line {
+                line = piece.line;
                 ends = shifts(&self.ends[line], moves);
             }
-            sum += self.find(piece, ends);
+            sum += self.find(piece.along, values, ends);
         }
         sum - self.penalty * moves.iter().map(|m| m * m).sum::<f32>()
     }
@@ -300,16 +321,15 @@ impl<'a> Level<'a> {
             .into_par_iter()
             .flat_map_iter(|line| {
                 let pieces: Vec<_> = self
-                    .pieces
-                    .iter()
-                    .filter(|piece| piece.0.line == line)
+                    .rows()
+                    .filter(|(piece, _)| piece.line == line)
                     .collect();
                 let cells =
                     (0..CELLS * CELLS).map(|cell| [shift(cell / CELLS), shift(cell % CELLS)]);
                 cells.map(move |ends| {
                     pieces
                         .iter()
-                        .map(|piece| self.find(piece, ends))
+                        .map(|(piece, values)| self.find(piece.along, values, ends))
                         .sum::<f32>()
                 })
             })
@@ -413,22 +433,20 @@ impl<'a> Level<'a> {
 }
 
 /// The highest value within `radius` places to each side.
-fn highest_within(row: &[f32], radius: usize) -> Vec<f32> {
-    (0..row.len())
-        .map(|k| {
-            let near = &row[k.saturating_sub(radius)..(k + radius + 1).min(row.len())];
-            near.iter().fold(0.0, |a: f32, &b| a.max(b))
-        })
-        .collect()
+fn highest_within(row: &[f32], radius: usize, highest: &mut [f32]) {
+    for (k, highest) in highest.iter_mut().enumerate() {
+        let near = &row[k.saturating_sub(radius)..(k + radius + 1).min(row.len())];
+        *highest = near.iter().fold(0.0, |a: f32, &b| a.max(b));
+    }
 }
 
 /// See [`Moves::excess`].
 fn excess(evidence: &Evidence, ends: &[Ends], moves: [f32; MOVES]) -> f64 {
     let level = Level::new(evidence, ends, 2.0);
     let mut lines = vec![0.0; ends.len()];
-    for piece in &level.pieces {
-        let found = level.find(piece, shifts(&ends[piece.0.line], moves));
-        lines[piece.0.line] += (f64::from(found) - evidence.mean) / PIECES as f64;
+    for (piece, values) in level.rows() {
+        let found = level.find(piece.along, values, shifts(&ends[piece.line], moves));
+        lines[piece.line] += (f64::from(found) - evidence.mean) / PIECES as f64;
     }
     let best = lines.iter().fold(0.0f64, |a, &b| a.max(b));
     // a line that finds less than a third of what the best one finds speaks against the count

@@ -30,8 +30,6 @@ pub(super) struct Site {
     pub at: DVec2,
     /// Across the line, of length 1.
     pub normal: DVec2,
-    /// By how much the line moves across itself when a corner's x or y grows by 1: x₀, y₀, x₁, …
-    pub influence: [f64; 8],
     /// By how many pixels the line moves along the normal when it moves on by a column or row.
     pub cell_px: f64,
     pub family: Family,
@@ -40,7 +38,8 @@ pub(super) struct Site {
 /// Places on lines that lie in the picture.
 pub(super) struct Sites {
     pub sites: Vec<Site>,
-    /// The influence at both ends of each line. Between them it changes evenly, as a line moves to a line.
+    /// By how much each line moves across itself at both ends when a corner's x or y grows by 1: x₀, y₀, x₁, … Between the
+    /// ends it changes evenly, as a line moves to a line.
     pub ends: Vec<[[f64; 8]; 2]>,
 }
 
@@ -73,9 +72,10 @@ impl Sites {
                 };
                 let length = ends[0].distance(ends[1]);
                 let normal = (ends[1] - ends[0]).normalize_or_zero().perp();
-                let influence = |at: DVec2| maps.influence(maps.place(at), at, normal);
                 let line = all.ends.len();
-                all.ends.push(ends.map(influence));
+                all.ends
+                    .push(ends.map(|at| maps.influence(maps.place(at), at, normal)));
+                let cells_px = ends.map(|at| maps.step(at, this).dot(normal));
                 let sites = (length / SPACING_PX).clamp(1.0, MAX_SITES).ceil() as usize;
                 for k in 0..sites {
                     // evenly in the picture; corners are left out, where lines meet
@@ -89,14 +89,19 @@ impl Sites {
                         along: share,
                         at,
                         normal,
-                        influence: influence(at),
-                        cell_px: maps.step(at, this).dot(normal),
+                        cell_px: cells_px[0] + share * (cells_px[1] - cells_px[0]),
                         family: this,
                     });
                 }
             }
         }
         all
+    }
+
+    /// By how much the line moves across itself at a site when a corner's x or y grows by 1: x₀, y₀, x₁, …
+    pub(super) fn influence(&self, site: &Site) -> [f64; 8] {
+        let [start, end] = &self.ends[site.line];
+        std::array::from_fn(|k| start[k] + site.along * (end[k] - start[k]))
     }
 }
 
@@ -184,13 +189,13 @@ impl Profile {
             }
         }
         let taps = self.derivative.len();
-        for (k, slope) in self.slopes.iter_mut().enumerate() {
-            let (before, after) = (
-                &self.brightness[k..k + taps],
-                &self.brightness[k + taps + 1..],
-            );
-            let differences = after.iter().zip(before.iter().rev()).map(|(a, b)| a - b);
-            *slope = differences.zip(&self.derivative).map(|(d, w)| w * d).sum();
+        self.slopes.fill(0.0);
+        for (m, weight) in self.derivative.iter().enumerate() {
+            let before = &self.brightness[taps - 1 - m..];
+            let after = &self.brightness[taps + 1 + m..];
+            for (slope, (after, before)) in self.slopes.iter_mut().zip(after.iter().zip(before)) {
+                *slope += weight * (after - before);
+            }
         }
     }
 }
