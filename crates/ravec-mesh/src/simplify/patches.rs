@@ -26,7 +26,7 @@ use super::parts::{Part, cut, grow};
 use super::surface::{GONE, creases};
 use super::{Keep, Simplified, SimplifyError, SimplifyParams, SimplifyReport, validate};
 use crate::adjacency::is_proper;
-use crate::{Adjacency, BoxTree, Bvh, TriMesh, for_each_self_intersection};
+use crate::{Aabb, Adjacency, BoxTree, Bvh, CandidateTree, TriMesh, for_each_self_intersection};
 
 /// How many rings of triangles around what was held or restored are simplified in the end.
 const RINGS: usize = 2;
@@ -277,27 +277,69 @@ impl<O: Overseer> Task<'_, O> {
         self.progress.check()?;
         let mut bad = self.overseer.faults(&part.mesh, &suspicious);
         self.progress.check()?;
+        // the others were examined before
+        let around = match suspects {
+            Some(_) => Some(self.touched(&part.mesh, &suspicious)?),
+            None => None,
+        };
+        let (mesh, number): (&TriMesh, &dyn Fn(u32) -> u32) = match &around {
+            Some((mesh, numbers)) => (mesh, &|t| numbers[t as usize]),
+            None => (&part.mesh, &|t| t),
+        };
         if suspects.is_some() {
             // neighbors of what is restored may have come to be so twice
-            let adjacency = Adjacency::new(&part.mesh);
+            let adjacency = Adjacency::new(mesh);
             for (edge, ends) in (0_u32..).zip(adjacency.edges()) {
                 let uses = adjacency.uses(edge);
                 if uses.len() > 2 && ends.iter().any(|&v| restored[name(v) as usize]) {
-                    bad.extend(uses.iter().map(|at| at.triangle));
+                    bad.extend(uses.iter().map(|at| number(at.triangle)));
                 }
             }
         }
-        if self.params.avoid_intersections {
-            let tree = BoxTree::try_new(&part.mesh, self.progress)?;
+        if self.params.avoid_intersections && !mesh.triangles().is_empty() {
+            let tree = BoxTree::try_new(mesh, self.progress)?;
             let pairs = Mutex::new(Vec::new());
             for_each_self_intersection(&tree, self.progress, |pair| {
                 if let Ok(mut pairs) = pairs.lock() {
                     pairs.extend([pair.first, pair.second]);
                 }
             })?;
-            bad.extend(pairs.into_inner().unwrap_or_default());
+            bad.extend(
+                pairs
+                    .into_inner()
+                    .unwrap_or_default()
+                    .into_iter()
+                    .map(number),
+            );
         }
         Ok(bad.into_iter().flat_map(|t| corners(t).map(name)).collect())
+    }
+
+    /// The triangles whose boxes touch that of one of `suspicious`, these among them, with the names of the vertices as they are;
+    /// and the number of each.
+    fn touched(
+        &self,
+        mesh: &TriMesh,
+        suspicious: &[u32],
+    ) -> Result<(TriMesh, Vec<u32>), Cancelled> {
+        let boxes = CandidateTree::try_new(
+            mesh.bounds(),
+            suspicious.len(),
+            |i| mesh.corners(suspicious[i as usize]),
+            self.progress,
+        )?;
+        let numbers: Vec<u32> = (0..mesh.triangles().len() as u32)
+            .into_par_iter()
+            .filter(|&t| {
+                let mut is_near = false;
+                boxes.for_each_near(&Aabb::around(mesh.corners(t)), |_| is_near = true);
+                is_near
+            })
+            .collect();
+        self.progress.check()?;
+        let triangles = numbers.iter().map(|&t| mesh.triangles()[t as usize]);
+        let touched = TriMesh::new(mesh.positions().to_vec(), triangles.collect());
+        Ok((touched.expect("they are triangles of a mesh"), numbers))
     }
 
     /// Simplifies what is put together, around vertices that are `free`, or everywhere.
