@@ -34,6 +34,7 @@ mod enclosed;
 mod extract;
 mod field;
 mod grid;
+mod judge;
 mod measure;
 mod mend;
 mod offset;

@@ -12,7 +12,7 @@
 use crate::certify::MOST_CUTS;
 use crate::certify::keeps_distance;
 use crate::field::Field;
-use crate::mend::AmpleFacets;
+use crate::judge::AmpleFacets;
 use glam::DVec3;
 use ravec_mesh::{Adjacency, TriMesh, distance_sq_to_triangle};
 use ravec_progress::{Cancelled, Progress};

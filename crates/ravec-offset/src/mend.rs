@@ -5,20 +5,16 @@
 //! out does not depend on the tiles. Where memory is limited a tile that would take too much is cut into eight, and only one
 //! tile is in memory at a time, beside the surface itself; otherwise all of space is one tile, which stays.
 
-use crate::certify::{Room, keeps_distance, room_kept, tightened};
-use crate::extract::{CrossingPlaces, Extracted, extract};
+use crate::extract::{CrossingPlaces, extract};
 use crate::grid::doubled;
-use crate::outermost::{compact, reachable};
+use crate::judge::{AmpleFacets, Judge, Proved, meeting_pairs, separate};
+use crate::outermost::reachable;
 use crate::refine::{Halt, Refinement, Setting};
 use crate::scope::Scope;
-use crate::tile::{Assembled, Orders, Patch, Reach, TRIANGLES_AT_ONCE, assemble};
+use crate::tile::{Assembled, Orders, Patch, Reach, assemble};
 use glam::DVec3;
-use ravec_mesh::{BoxTree, self_intersections};
 use ravec_octree::{CellKey, NodeId};
 use ravec_progress::{Cancelled, Progress};
-use rayon::prelude::*;
-use rustc_hash::{FxBuildHasher, FxHashMap, FxHashSet};
-use std::hash::BuildHasher as _;
 
 /// Rounds of mending after which what is left is reported.
 const MOST_ROUNDS: u32 = 100;
@@ -35,15 +31,8 @@ const HASTE: u32 = 8;
 const LARGE: usize = 500_000;
 const MOST_GROWTH: f64 = 1.6;
 
-/// Where more facets than this are not proved, their cells are split once and not twice.
-const MANY: usize = 2000;
-
 /// Tiles of fewer cells along a side are not cut any more: they are hardly larger than what they depend on.
 const LEAST_CELLS: f64 = 16.0;
-
-/// The share of the tolerance by which most facets come nearer than the distance at most: three quarters of it is what the worst
-/// of them do.
-const AMPLE: f64 = 0.65;
 
 /// What to mend, and how far.
 pub(crate) struct Mending<'a> {
@@ -76,36 +65,6 @@ pub(crate) struct Mended {
     pub filled: u64,
 }
 
-/// Facets that are known not to come nearer than a distance, as far as memory of them was kept.
-#[derive(Debug, Default)]
-pub(crate) struct AmpleFacets {
-    pub distance: f64,
-    hashes: FxHashSet<u64>,
-}
-
-impl AmpleFacets {
-    pub fn contains(&self, facet: [DVec3; 3]) -> bool {
-        !self.hashes.is_empty() && self.hashes.contains(&hash(facet))
-    }
-}
-
-/// What the proof of a facet begins with, beside the facet. A proof that is not tight may succeed from one triangle and fail from
-/// another: one that was found from others does not count, or the surface would depend on what was remembered.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Given {
-    /// Triangles close to the leaves of its polygon.
-    hints: [u32; 3],
-    /// Whether none of these can be split.
-    is_last: bool,
-}
-
-/// A proof that a facet keeps its distance.
-#[derive(Debug, Clone, Copy)]
-struct Proof {
-    room: Room,
-    given: Given,
-}
-
 /// A part of space.
 struct Tile<'a> {
     key: CellKey,
@@ -114,7 +73,7 @@ struct Tile<'a> {
     refinement: Option<Refinement<'a>>,
     places: CrossingPlaces,
     /// Facets that were proved, by a hash of their corners.
-    proved: FxHashMap<u64, Proof>,
+    proved: Proved,
     /// Leaves of triangles that are not proved, or meet others.
     bad: Vec<NodeId>,
     patch: Patch,
@@ -131,7 +90,7 @@ impl Tile<'_> {
             reach: None,
             refinement: None,
             places: CrossingPlaces::default(),
-            proved: FxHashMap::default(),
+            proved: Proved::default(),
             bad: vec![],
             patch: Patch::default(),
             is_proved: false,
@@ -144,7 +103,7 @@ impl Tile<'_> {
     fn forget(&mut self) {
         self.refinement = None;
         self.places = CrossingPlaces::default();
-        self.proved = FxHashMap::default();
+        self.proved = Proved::default();
         self.bad = vec![];
         self.patch.leaves = vec![];
     }
@@ -186,7 +145,8 @@ impl<'a> Mending<'a> {
             if next.is_empty() || rounds == most_rounds {
                 let whole = self.assemble(&tiles, progress)?;
                 let mut is_proved = tiles.iter().all(|tile| tile.is_proved);
-                let ample = self.ample_facets(&tiles);
+                let proved = tiles.iter().map(|tile| &tile.proved);
+                let ample = self.judge().ample_facets(proved);
                 if is_proved {
                     // trees grow again in the rare case that they are needed
                     tiles.iter_mut().for_each(Tile::forget);
@@ -224,17 +184,10 @@ impl<'a> Mending<'a> {
         }
     }
 
-    /// The nearest that facets with ample room below them may come.
-    fn ample_distance(&self) -> f64 {
-        self.setting.field.radius() - AMPLE * self.setting.tolerance
-    }
-
-    fn ample_facets(&self, tiles: &[Tile<'_>]) -> AmpleFacets {
-        let proved = tiles.iter().flat_map(|tile| &tile.proved);
-        let ample = proved.filter(|(_, proof)| proof.room == Room::Ample);
-        AmpleFacets {
-            distance: self.ample_distance(),
-            hashes: ample.map(|(&hash, _)| hash).collect(),
+    fn judge(&self) -> Judge<'a> {
+        Judge {
+            setting: self.setting,
+            limits: self.limits,
         }
     }
 
@@ -317,14 +270,15 @@ impl<'a> Mending<'a> {
                 tile.patch.replaced(is_gone, &patch, progress)?
             }
         };
-        self.judge(
-            tile,
+        tile.bad = self.judge().judge(
+            &mut tile.proved,
             &refinement,
             (&extracted, &scope),
             levels,
             next,
             progress,
         )?;
+        tile.is_proved = tile.bad.is_empty();
         let leaves = || {
             let all = refinement.tree.leaves();
             all.map(|leaf| refinement.tree.key(leaf))
@@ -357,118 +311,6 @@ impl<'a> Mending<'a> {
             usize::MAX
         };
         Refinement::grow(self.setting, tile, orders, most_nodes, progress)
-    }
-
-    /// Orders what mends facets that are not proved, and triangles that meet.
-    fn judge(
-        &self,
-        tile: &mut Tile<'_>,
-        refinement: &Refinement<'_>,
-        (extracted, scope): (&Extracted, &Scope),
-        levels: u8,
-        next: &mut Orders,
-        progress: &Progress,
-    ) -> Result<(), Cancelled> {
-        let unproved = self.unproved_cells(tile, refinement, (extracted, scope), progress)?;
-        // a proof needs no second try where cells cannot be split
-        for key in unproved.iter().map(|&leaf| refinement.tree.key(leaf)) {
-            if key.level < refinement.limit() {
-                if unproved.len() > MANY {
-                    next.split.insert(key);
-                } else {
-                    next.split.extend(parts(refinement, key, levels));
-                }
-            }
-        }
-        progress.check()?;
-        let crowded = extracted.near_crowded_cells(refinement, scope);
-        progress.check()?;
-        let chosen: Vec<[u32; 3]> = crowded
-            .iter()
-            .map(|&t| extracted.triangles[t as usize])
-            .collect();
-        let pairs = meeting_pairs(&extracted.positions, &chosen, progress)?;
-        let equal = extracted.cells_with_equal_vertices(refinement, scope);
-        tile.bad = unproved;
-        tile.bad.extend(&equal);
-        for pair in pairs {
-            for t in pair {
-                let triangle = crowded[t as usize] as usize;
-                let cells = extracted.cells_of(triangle);
-                separate(refinement, cells, levels, next);
-                tile.bad.extend(cells);
-            }
-        }
-        separate(refinement, &equal, levels, next);
-        tile.is_proved = tile.bad.is_empty();
-        Ok(())
-    }
-
-    /// The leaves of facets of a tile that are not proved.
-    fn unproved_cells(
-        &self,
-        tile: &mut Tile<'_>,
-        refinement: &Refinement<'_>,
-        (extracted, scope): (&Extracted, &Scope),
-        progress: &Progress,
-    ) -> Result<Vec<NodeId>, Cancelled> {
-        let facet =
-            |t: usize| extracted.triangles[t].map(|corner| extracted.positions[corner as usize]);
-        let given = |t: usize| {
-            let cells = extracted.cells_of(t);
-            let level = |&cell: &NodeId| refinement.tree.key(cell).level;
-            Given {
-                hints: [0, 1, 2].map(|i| refinement.tree.data(cells[i]).hint),
-                is_last: cells.iter().all(|cell| level(cell) >= refinement.limit()),
-            }
-        };
-        let fresh: Vec<(usize, u64)> = (0..extracted.triangles.len())
-            .into_par_iter()
-            .filter(|&t| extracted.is_owned(t, scope))
-            .map(|t| (t, hash(facet(t))))
-            .filter(|&(t, hash)| {
-                let known = tile.proved.get(&hash);
-                !progress.is_cancelled() && known.is_none_or(|proof| proof.given != given(t))
-            })
-            .collect();
-        progress.check()?;
-        let phase = progress.phase("prove", fresh.len() as u64);
-        let proofs: Vec<Option<Proof>> = fresh
-            .par_iter()
-            .map(|&(t, _)| {
-                progress.check()?;
-                phase.advance(1);
-                let given = given(t);
-                let Given { hints, is_last } = given;
-                let limits = tightened(self.setting.field, facet(t), self.limits, hints);
-                // what cannot be split has to keep the distance, but cannot follow a crest any further
-                let room = room_kept(
-                    self.setting.field,
-                    facet(t),
-                    limits,
-                    self.ample_distance(),
-                    hints,
-                );
-                let is_held =
-                    || is_last && keeps_distance(self.setting.field, facet(t), self.limits, hints);
-                let room = room.or_else(|| is_held().then_some(Room::Enough));
-                Ok(room.map(|room| Proof { room, given }))
-            })
-            .collect::<Result<_, Cancelled>>()?;
-        let mut bad = Vec::new();
-        tile.proved.reserve(fresh.len());
-        for (i, ((t, hash), proof)) in fresh.into_iter().zip(proofs).enumerate() {
-            if i.is_multiple_of(TRIANGLES_AT_ONCE as usize) {
-                progress.check()?;
-            }
-            match proof {
-                Some(proof) => {
-                    tile.proved.insert(hash, proof);
-                }
-                None => bad.extend(extracted.cells_of(t)),
-            }
-        }
-        Ok(bad)
     }
 
     fn assemble(&self, tiles: &[Tile<'_>], progress: &Progress) -> Result<Assembled, Cancelled> {
@@ -525,51 +367,6 @@ impl<'a> Mending<'a> {
         }
         Ok(next)
     }
-}
-
-/// A cell that is to be split, and its descendants as far as they are to be split with it, over some levels in all.
-fn parts(refinement: &Refinement<'_>, key: CellKey, levels: u8) -> Vec<CellKey> {
-    let mut parts = vec![key];
-    let (mut first, last) = (0, (key.level + levels).min(refinement.limit()));
-    for _ in key.level + 1..last {
-        let end = parts.len();
-        for k in first..end {
-            let parent = parts[k];
-            parts.extend((0..8).map(|octant| parent.child(octant)));
-        }
-        first = end;
-    }
-    parts
-}
-
-/// Orders what keeps the sheets in some leaves apart: finer cells, and where there are none, no gap.
-fn separate(refinement: &Refinement<'_>, leaves: &[NodeId], levels: u8, next: &mut Orders) {
-    for &leaf in leaves {
-        let key = refinement.tree.key(leaf);
-        if key.level < refinement.limit() {
-            next.split.extend(parts(refinement, key, levels));
-        } else {
-            next.filled.extend(refinement.open_corners(leaf));
-        }
-    }
-}
-
-/// Pairs of triangles that meet where they should not.
-fn meeting_pairs(
-    positions: &[DVec3],
-    triangles: &[[u32; 3]],
-    progress: &Progress,
-) -> Result<Vec<[u32; 2]>, Cancelled> {
-    if triangles.is_empty() {
-        return Ok(vec![]);
-    }
-    let tree = BoxTree::try_new(&compact(positions, triangles, progress)?, progress)?;
-    let pairs = self_intersections(&tree, usize::MAX, progress)?.pairs;
-    Ok(pairs.iter().map(|pair| [pair.first, pair.second]).collect())
-}
-
-fn hash(facet: [DVec3; 3]) -> u64 {
-    FxBuildHasher.hash_one(facet.map(|p| p.to_array().map(f64::to_bits)))
 }
 
 #[cfg(test)]

@@ -3,8 +3,9 @@
 use crate::enclosed::Enclosed;
 use crate::field::Field;
 use crate::grid::{Grid, rounded};
+use crate::judge::AmpleFacets;
 use crate::measure::{creases, measure};
-use crate::mend::{AmpleFacets, Mending};
+use crate::mend::Mending;
 use crate::params::{Coordinates, OffsetError, OffsetParams, OpenRule, Side};
 use crate::refine::Setting;
 use crate::simplify::simplify;

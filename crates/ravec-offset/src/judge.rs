@@ -1,0 +1,246 @@
+//! What is wrong with a surface, and what is ordered to mend it.
+//!
+//! Facets have to be proved to keep the distance, and triangles must not meet. Only those near leaves with several sheets can,
+//! see [`crate::extract`]; whoever wants to be sure searches all in the end.
+
+use crate::certify::{Room, keeps_distance, room_kept, tightened};
+use crate::extract::Extracted;
+use crate::outermost::compact;
+use crate::refine::{Refinement, Setting};
+use crate::scope::Scope;
+use crate::tile::{Orders, TRIANGLES_AT_ONCE};
+use glam::DVec3;
+use ravec_mesh::{BoxTree, self_intersections};
+use ravec_octree::{CellKey, NodeId};
+use ravec_progress::{Cancelled, Progress};
+use rayon::prelude::*;
+use rustc_hash::{FxBuildHasher, FxHashMap, FxHashSet};
+use std::hash::BuildHasher as _;
+
+/// Where more facets than this are not proved, their cells are split once and not twice.
+const MANY: usize = 2000;
+
+/// The share of the tolerance by which most facets come nearer than the distance at most: three quarters of it is what the worst
+/// of them do.
+const AMPLE: f64 = 0.65;
+
+/// Facets that are known not to come nearer than a distance, as far as memory of them was kept.
+#[derive(Debug, Default)]
+pub(crate) struct AmpleFacets {
+    pub distance: f64,
+    hashes: FxHashSet<u64>,
+}
+
+impl AmpleFacets {
+    pub fn contains(&self, facet: [DVec3; 3]) -> bool {
+        !self.hashes.is_empty() && self.hashes.contains(&hash(facet))
+    }
+}
+
+/// What the proof of a facet begins with, beside the facet. A proof that is not tight may succeed from one triangle and fail from
+/// another: one that was found from others does not count, or the surface would depend on what was remembered.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Given {
+    /// Triangles close to the leaves of its polygon.
+    hints: [u32; 3],
+    /// Whether none of these can be split.
+    is_last: bool,
+}
+
+/// A proof that a facet keeps its distance.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Proof {
+    room: Room,
+    given: Given,
+}
+
+/// Facets that were proved, by a hash of their corners.
+pub(crate) type Proved = FxHashMap<u64, Proof>;
+
+/// Who judges a surface.
+#[derive(Clone, Copy)]
+pub(crate) struct Judge<'a> {
+    pub setting: Setting<'a>,
+    /// The least and the largest distance that a point of the surface may have.
+    pub limits: [f64; 2],
+}
+
+impl Judge<'_> {
+    /// The nearest that facets with ample room below them may come.
+    fn ample_distance(&self) -> f64 {
+        self.setting.field.radius() - AMPLE * self.setting.tolerance
+    }
+
+    /// The facets of which ample room was proved.
+    pub fn ample_facets<'p>(&self, proved: impl Iterator<Item = &'p Proved>) -> AmpleFacets {
+        let proved = proved.flatten();
+        let ample = proved.filter(|(_, proof)| proof.room == Room::Ample);
+        AmpleFacets {
+            distance: self.ample_distance(),
+            hashes: ample.map(|(&hash, _)| hash).collect(),
+        }
+    }
+
+    /// Orders what mends facets that are not proved, and triangles that meet.
+    ///
+    /// Returns the leaves of all these triangles. `proved` is what was proved before, and grows.
+    pub fn judge(
+        &self,
+        proved: &mut Proved,
+        refinement: &Refinement<'_>,
+        (extracted, scope): (&Extracted, &Scope),
+        levels: u8,
+        next: &mut Orders,
+        progress: &Progress,
+    ) -> Result<Vec<NodeId>, Cancelled> {
+        let unproved = self.unproved_cells(proved, refinement, (extracted, scope), progress)?;
+        // a proof needs no second try where cells cannot be split
+        for key in unproved.iter().map(|&leaf| refinement.tree.key(leaf)) {
+            if key.level < refinement.limit() {
+                if unproved.len() > MANY {
+                    next.split.insert(key);
+                } else {
+                    next.split.extend(parts(refinement, key, levels));
+                }
+            }
+        }
+        progress.check()?;
+        let crowded = extracted.near_crowded_cells(refinement, scope);
+        progress.check()?;
+        let chosen: Vec<[u32; 3]> = crowded
+            .iter()
+            .map(|&t| extracted.triangles[t as usize])
+            .collect();
+        let pairs = meeting_pairs(&extracted.positions, &chosen, progress)?;
+        let equal = extracted.cells_with_equal_vertices(refinement, scope);
+        let mut bad = unproved;
+        bad.extend(&equal);
+        for pair in pairs {
+            for t in pair {
+                let triangle = crowded[t as usize] as usize;
+                let cells = extracted.cells_of(triangle);
+                separate(refinement, cells, levels, next);
+                bad.extend(cells);
+            }
+        }
+        separate(refinement, &equal, levels, next);
+        Ok(bad)
+    }
+
+    /// The leaves of facets that are not proved.
+    fn unproved_cells(
+        &self,
+        proved: &mut Proved,
+        refinement: &Refinement<'_>,
+        (extracted, scope): (&Extracted, &Scope),
+        progress: &Progress,
+    ) -> Result<Vec<NodeId>, Cancelled> {
+        let facet =
+            |t: usize| extracted.triangles[t].map(|corner| extracted.positions[corner as usize]);
+        let given = |t: usize| {
+            let cells = extracted.cells_of(t);
+            let level = |&cell: &NodeId| refinement.tree.key(cell).level;
+            Given {
+                hints: [0, 1, 2].map(|i| refinement.tree.data(cells[i]).hint),
+                is_last: cells.iter().all(|cell| level(cell) >= refinement.limit()),
+            }
+        };
+        let fresh: Vec<(usize, u64)> = (0..extracted.triangles.len())
+            .into_par_iter()
+            .filter(|&t| extracted.is_owned(t, scope))
+            .map(|t| (t, hash(facet(t))))
+            .filter(|&(t, hash)| {
+                let known = proved.get(&hash);
+                !progress.is_cancelled() && known.is_none_or(|proof| proof.given != given(t))
+            })
+            .collect();
+        progress.check()?;
+        let phase = progress.phase("prove", fresh.len() as u64);
+        let proofs: Vec<Option<Proof>> = fresh
+            .par_iter()
+            .map(|&(t, _)| {
+                progress.check()?;
+                phase.advance(1);
+                let given = given(t);
+                let Given { hints, is_last } = given;
+                let limits = tightened(self.setting.field, facet(t), self.limits, hints);
+                // what cannot be split has to keep the distance, but cannot follow a crest any further
+                let room = room_kept(
+                    self.setting.field,
+                    facet(t),
+                    limits,
+                    self.ample_distance(),
+                    hints,
+                );
+                let is_held =
+                    || is_last && keeps_distance(self.setting.field, facet(t), self.limits, hints);
+                let room = room.or_else(|| is_held().then_some(Room::Enough));
+                Ok(room.map(|room| Proof { room, given }))
+            })
+            .collect::<Result<_, Cancelled>>()?;
+        let mut bad = Vec::new();
+        proved.reserve(fresh.len());
+        for (i, ((t, hash), proof)) in fresh.into_iter().zip(proofs).enumerate() {
+            if i.is_multiple_of(TRIANGLES_AT_ONCE as usize) {
+                progress.check()?;
+            }
+            match proof {
+                Some(proof) => {
+                    proved.insert(hash, proof);
+                }
+                None => bad.extend(extracted.cells_of(t)),
+            }
+        }
+        Ok(bad)
+    }
+}
+
+/// A cell that is to be split, and its descendants as far as they are to be split with it, over some levels in all.
+fn parts(refinement: &Refinement<'_>, key: CellKey, levels: u8) -> Vec<CellKey> {
+    let mut parts = vec![key];
+    let (mut first, last) = (0, (key.level + levels).min(refinement.limit()));
+    for _ in key.level + 1..last {
+        let end = parts.len();
+        for k in first..end {
+            let parent = parts[k];
+            parts.extend((0..8).map(|octant| parent.child(octant)));
+        }
+        first = end;
+    }
+    parts
+}
+
+/// Orders what keeps the sheets in some leaves apart: finer cells, and where there are none, no gap.
+pub(crate) fn separate(
+    refinement: &Refinement<'_>,
+    leaves: &[NodeId],
+    levels: u8,
+    next: &mut Orders,
+) {
+    for &leaf in leaves {
+        let key = refinement.tree.key(leaf);
+        if key.level < refinement.limit() {
+            next.split.extend(parts(refinement, key, levels));
+        } else {
+            next.filled.extend(refinement.open_corners(leaf));
+        }
+    }
+}
+
+/// Pairs of triangles that meet where they should not.
+pub(crate) fn meeting_pairs(
+    positions: &[DVec3],
+    triangles: &[[u32; 3]],
+    progress: &Progress,
+) -> Result<Vec<[u32; 2]>, Cancelled> {
+    if triangles.is_empty() {
+        return Ok(vec![]);
+    }
+    let tree = BoxTree::try_new(&compact(positions, triangles, progress)?, progress)?;
+    let pairs = self_intersections(&tree, usize::MAX, progress)?.pairs;
+    Ok(pairs.iter().map(|pair| [pair.first, pair.second]).collect())
+}
+
+fn hash(facet: [DVec3; 3]) -> u64 {
+    FxBuildHasher.hash_one(facet.map(|p| p.to_array().map(f64::to_bits)))
+}
