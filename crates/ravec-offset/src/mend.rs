@@ -242,22 +242,19 @@ impl<'a> Mending<'a> {
         next: &mut Orders,
         progress: &Progress,
     ) -> Result<(), Halt> {
-        let (refinement, mut scope) = match tile.refinement.take() {
-            Some(mut refinement) => {
-                let first_new = refinement.tree.len() as NodeId;
-                refinement.mend(latest, progress)?;
-                let filled = latest.filled.iter();
-                let changed = (first_new..refinement.tree.len() as NodeId)
-                    .chain(filled.flat_map(|&corner| refinement.leaves_at(corner)))
-                    .chain(std::mem::take(&mut tile.bad));
-                let scope = Scope::around(changed, &refinement, progress)?;
-                (refinement, scope)
-            }
-            None => {
-                tile.patch = Patch::default();
-                let refinement = self.grow(tile.key, orders, progress)?;
-                (refinement, Scope::Tile(tile.key))
-            }
+        let (refinement, mut scope) = if let Some(mut refinement) = tile.refinement.take() {
+            let first_new = refinement.tree.len() as NodeId;
+            refinement.mend(latest, progress)?;
+            let filled = latest.filled.iter();
+            let changed = (first_new..refinement.tree.len() as NodeId)
+                .chain(filled.flat_map(|&corner| refinement.leaves_at(corner)))
+                .chain(std::mem::take(&mut tile.bad));
+            let scope = Scope::around(changed, &refinement, progress)?;
+            (refinement, scope)
+        } else {
+            tile.patch = Patch::default();
+            let refinement = self.grow(tile.key, orders, progress)?;
+            (refinement, Scope::Tile(tile.key))
         };
         let extracted = extract(&refinement, &mut scope, &mut tile.places, progress)?;
         let patch = extracted.patch(&refinement, &scope, progress)?;
