@@ -83,7 +83,7 @@ pub struct CompleteSummary {
 ///
 /// ```
 /// use ravec_completion::{CompleteParams, complete};
-/// use ravec_progress::{Cancelled, Progress};
+/// use ravec_progress::Progress;
 /// use ravec_raster::{Image, Mask, Rect, Size, Srgb};
 ///
 /// // tiles, and a stain on them

@@ -20,11 +20,11 @@
 //!
 //! Does not guarantee: that every point of the true offset has a point of the result within the tolerance. It is so in all
 //! tests, for crests from 7° on; a more acute crest, and in thick sheets one below a right angle, may be cut farther from its
-//! tip, and a part of the surface that is
-//! shallower than half the tolerance within a cell may be missed.
+//! tip, and a part of the surface that is shallower than half the tolerance within a cell may be missed.
 //!
 //! Cost: about six searches for the closest triangle for each leaf of the tree and one for each vertex, and for each triangle a
-//! proof that costs less than one. A round of mending proves only triangles that are new, but walks through all of the tree.
+//! proof that costs less than one. A round of mending looks at what changed and what is near it, but where memory is limited at
+//! all of the tiles that hold changes.
 //! Simplification takes at most ten searches or so for each vertex that goes.
 
 mod cell;

@@ -9,7 +9,7 @@ use ravec_mesh::{Adjacency, TriMesh};
 use ravec_progress::{Cancelled, Progress};
 
 /// A closed surface that does not meet itself, without those parts of it that enclose less volume than asked for, be it of the
-/// solid or of a cavity.
+/// solid or of a cavity. The largest part stays in any case: a sheet may be as small as that.
 ///
 /// What lies in a part encloses less than it does, so that nothing is left behind in what was filled or removed.
 pub(crate) fn without_slivers(
@@ -29,11 +29,15 @@ pub(crate) fn without_slivers(
         volumes[part as usize] += a.dot(b.cross(c)) / 6.0;
     }
     progress.check()?;
-    if volumes.iter().all(|volume| volume.abs() >= least_volume) {
+    let largest = volumes
+        .iter()
+        .fold(0.0, |most: f64, volume| most.max(volume.abs()));
+    let is_kept = |volume: f64| volume.abs() >= least_volume.min(largest);
+    if volumes.iter().all(|&volume| is_kept(volume)) {
         return Ok(surface);
     }
     let kept = surface.triangles().iter().zip(&parts.of_triangle);
-    let kept = kept.filter(|(_, part)| volumes[**part as usize].abs() >= least_volume);
+    let kept = kept.filter(|(_, part)| is_kept(volumes[**part as usize]));
     let triangles: Vec<[u32; 3]> = kept.map(|(&triangle, _)| triangle).collect();
     compact(surface.positions(), &triangles, progress)
 }
@@ -73,5 +77,8 @@ mod tests {
         near(volume_left(0.4, 0.5), 8.0 + 0.125);
         near(volume_left(0.5, 0.4), 8.0 - 0.125);
         near(volume_left(0.4, 0.4), 8.0);
+        let all = cuboid(DVec3::splat(0.4)).mesh;
+        let left = without_slivers(all.clone(), 0.1, &Progress::none()).unwrap();
+        assert_eq!(left.triangles(), all.triangles());
     }
 }
