@@ -1,10 +1,10 @@
 //! What a cell holds of the surface: samples of it, the vertex that represents them, and how well it does.
 
 use crate::field::{Field, Near, Place, Region};
-use crate::grid::Grid;
+use crate::refine::Setting;
 use glam::{DMat3, DVec3};
 use ravec_mesh::{Aabb, closest_on_triangle};
-use ravec_octree::{CellKey, Corner, Frame};
+use ravec_octree::{CellKey, Corner};
 use rustc_hash::FxHashMap;
 
 /// The share of a cell's side that its vertex keeps away from its faces, so that vertices of neighbours never meet.
@@ -104,10 +104,7 @@ pub(crate) fn crossed_edges(key: CellKey, inside: u8) -> impl Iterator<Item = Ed
 
 /// A cell with its corners evaluated.
 pub(crate) struct Cell<'a> {
-    pub field: &'a Field<'a>,
-    pub frame: &'a Frame,
-    pub grid: Grid,
-    pub tolerance: f64,
+    pub setting: &'a Setting<'a>,
     pub key: CellKey,
 }
 
@@ -134,8 +131,8 @@ fn is_acute(samples: &[Sample]) -> bool {
 impl Cell<'_> {
     /// The lowest and the highest place for the vertex.
     fn room(&self) -> [DVec3; 2] {
-        let [low, high] = self.frame.bounds(self.key);
-        let margin = self.grid.margin(MARGIN, high.x - low.x) * (high - low);
+        let [low, high] = self.setting.frame.bounds(self.key);
+        let margin = self.setting.grid.margin(MARGIN, high.x - low.x) * (high - low);
         [low + margin, high - margin]
     }
 
@@ -153,7 +150,7 @@ impl Cell<'_> {
         samples.extend(crossed_edges(self.key, inside).map(|edge| roots[&edge]));
         let changes = !samples.is_empty();
         self.feet(center, side, corners, &mut samples);
-        if region == Region::Unknown && self.field.is_signed() {
+        if region == Region::Unknown && self.setting.field.is_signed() {
             self.feet_of_triangles(center, &mut samples);
         }
         if samples.is_empty() {
@@ -167,7 +164,7 @@ impl Cell<'_> {
             // a sheet, or a bump, between the corners
             let deep = samples
                 .iter()
-                .any(|sample| self.depth(sample.point) > 0.5 * self.tolerance);
+                .any(|sample| self.depth(sample.point) > 0.5 * self.setting.tolerance);
             return Fit {
                 vertex: None,
                 is_good: !deep,
@@ -181,8 +178,8 @@ impl Cell<'_> {
             .fold(0.0, f64::max);
         Fit {
             vertex: Some(vertex),
-            is_good: flatness <= FLATNESS * self.tolerance
-                && miss <= MISS * self.tolerance
+            is_good: flatness <= FLATNESS * self.setting.tolerance
+                && miss <= MISS * self.setting.tolerance
                 && sign_components(inside) <= 2,
             is_acute: false,
         }
@@ -190,7 +187,7 @@ impl Cell<'_> {
 
     /// How far inside the cell a point is.
     fn depth(&self, p: DVec3) -> f64 {
-        let [low, high] = self.frame.bounds(self.key);
+        let [low, high] = self.setting.frame.bounds(self.key);
         (p - low).min(high - p).min_element()
     }
 
@@ -202,22 +199,22 @@ impl Cell<'_> {
         corners: &[CornerValue; 8],
         samples: &mut Vec<Sample>,
     ) {
-        let radius = self.field.radius();
-        let [low, high] = self.frame.bounds(self.key);
-        let at = |octant| self.frame.point(self.key.corner(octant));
+        let radius = self.setting.field.radius();
+        let [low, high] = self.setting.frame.bounds(self.key);
+        let at = |octant| self.setting.frame.point(self.key.corner(octant));
         let middle = 0.5 * (low + high);
-        let middle_value = self.field.value(center.distance, side);
+        let middle_value = self.setting.field.value(center.distance, side);
         let points = (0..8).map(|octant| {
             let (p, CornerValue { triangle, value }) = (at(octant), corners[octant]);
-            (p, self.field.near_of(p, triangle), value)
+            (p, self.setting.field.near_of(p, triangle), value)
         });
         for (p, near, value) in points.chain([(middle, center, middle_value)]) {
             // the other side of the solid has its surface elsewhere
-            let signed_distance = value + self.field.level;
-            if near.distance <= 0.0 || signed_distance * self.field.level < 0.0 {
+            let signed_distance = value + self.setting.field.level;
+            if near.distance <= 0.0 || signed_distance * self.setting.field.level < 0.0 {
                 continue;
             }
-            let foot = self.field.foot(p, &near);
+            let foot = self.setting.field.foot(p, &near);
             if foot.cmplt(low).any() || foot.cmpgt(high).any() || !self.is_border(foot, near.away) {
                 continue;
             }
@@ -228,8 +225,8 @@ impl Cell<'_> {
             };
             if near.distance < radius {
                 // something else may be closer out there
-                let there = self.field.near(foot, near.triangle);
-                if (there.distance - radius).abs() > ON_SURFACE * self.tolerance {
+                let there = self.setting.field.near(foot, near.triangle);
+                if (there.distance - radius).abs() > ON_SURFACE * self.setting.tolerance {
                     continue;
                 }
                 sample.triangle = there.triangle;
@@ -240,24 +237,27 @@ impl Cell<'_> {
     }
 
     fn is_border(&self, p: DVec3, normal: DVec3) -> bool {
-        self.field.is_border(p, normal, ON_SURFACE * self.tolerance)
+        self.setting
+            .field
+            .is_border(p, normal, ON_SURFACE * self.setting.tolerance)
     }
 
     /// The points of the surface above the triangles that go through the cell, on the side that is wanted.
     fn feet_of_triangles(&self, center: Near, samples: &mut Vec<Sample>) {
-        let [low, high] = self.frame.bounds(self.key);
-        let radius = self.field.radius();
+        let [low, high] = self.setting.frame.bounds(self.key);
+        let radius = self.setting.field.radius();
         let bounds = Aabb {
             min: low,
             max: high,
         };
         let mut triangles = Vec::with_capacity(MOST_TRIANGLES);
-        self.field
+        self.setting
+            .field
             .bvh()
             .for_each_touching(&bounds, |triangle| triangles.push(triangle));
         triangles.sort_unstable();
         for triangle in triangles {
-            let corners = self.field.bvh().corners(triangle);
+            let corners = self.setting.field.bvh().corners(triangle);
             let normal = (corners[1] - corners[0])
                 .cross(corners[2] - corners[0])
                 .normalize_or_zero();
@@ -277,9 +277,9 @@ impl Cell<'_> {
                     }
                     continue;
                 }
-                let there = self.field.near(foot, center.triangle);
-                let is_off = (there.distance - radius).abs() > ON_SURFACE * self.tolerance;
-                if !is_off && self.field.region(foot) == self.field.wanted() {
+                let there = self.setting.field.near(foot, center.triangle);
+                let is_off = (there.distance - radius).abs() > ON_SURFACE * self.setting.tolerance;
+                if !is_off && self.setting.field.region(foot) == self.setting.field.wanted() {
                     samples.push(Sample {
                         point: foot,
                         away: there.away,
@@ -293,7 +293,7 @@ impl Cell<'_> {
     /// The point in the cell that is nearest to being on the pieces that the samples lie on, and by how much it misses the
     /// surface at most.
     pub fn vertex(&self, samples: &[Sample]) -> (DVec3, f64) {
-        let radius = self.field.radius();
+        let radius = self.setting.field.radius();
         let [low, high] = self.room();
         let mut triangles: Vec<u32> = samples.iter().map(|sample| sample.triangle).collect();
         triangles.sort_unstable();
@@ -301,40 +301,40 @@ impl Cell<'_> {
         let mean = samples.iter().map(|sample| sample.point).sum::<DVec3>() / samples.len() as f64;
         let mut v = mean.clamp(low, high);
         v = self.toward_pieces(v, &triangles, [low, high]);
-        let mut near = self.field.near(v, samples[0].triangle);
+        let mut near = self.setting.field.near(v, samples[0].triangle);
         for _ in 0..2 {
-            let is_off = (near.distance - radius).abs() > MISS * self.tolerance;
+            let is_off = (near.distance - radius).abs() > MISS * self.setting.tolerance;
             if !is_off || triangles.contains(&near.triangle) {
                 break;
             }
             triangles.push(near.triangle);
             v = self.toward_pieces(v, &triangles, [low, high]);
-            near = self.field.near(v, near.triangle);
+            near = self.setting.field.near(v, near.triangle);
         }
         for _ in 0..PROJECTIONS {
-            if (near.distance - radius).abs() <= 1e-3 * self.tolerance {
+            if (near.distance - radius).abs() <= 1e-3 * self.setting.tolerance {
                 break;
             }
-            let moved = self.field.foot(v, &near).clamp(low, high);
-            let there = self.field.near(moved, near.triangle);
+            let moved = self.setting.field.foot(v, &near).clamp(low, high);
+            let there = self.setting.field.near(moved, near.triangle);
             if (there.distance - radius).abs() >= (near.distance - radius).abs() {
                 break;
             }
             (v, near) = (moved, there);
         }
-        let vertex = self.grid.nearest(v);
+        let vertex = self.setting.grid.nearest(v);
         (vertex, (near.distance - radius).abs() + vertex.distance(v))
     }
 
     /// Gauss-Newton steps on the distances to some triangles.
     fn toward_pieces(&self, mut v: DVec3, triangles: &[u32], [low, high]: [DVec3; 2]) -> DVec3 {
-        let radius = self.field.radius();
+        let radius = self.setting.field.radius();
         let damping = 1e-3 * triangles.len() as f64;
         for _ in 0..FIT_STEPS {
             let mut normal_matrix = DMat3::from_diagonal(DVec3::splat(damping));
             let mut right = DVec3::ZERO;
             for &triangle in triangles {
-                let corners = self.field.bvh().corners(triangle);
+                let corners = self.setting.field.bvh().corners(triangle);
                 let (distance, gradient) = if radius > 0.0 {
                     let closest = closest_on_triangle(v, corners);
                     let distance = closest.distance_sq.sqrt();
@@ -344,7 +344,7 @@ impl Cell<'_> {
                     (distance, (v - closest.point) / distance)
                 } else {
                     // the surface is made of the triangles themselves
-                    let normal = self.field.near_of(v, triangle).away;
+                    let normal = self.setting.field.near_of(v, triangle).away;
                     (normal.dot(v - corners[0]), normal)
                 };
                 let outer = DMat3::from_cols(
@@ -358,7 +358,7 @@ impl Cell<'_> {
             let moved = (v + normal_matrix.inverse() * right).clamp(low, high);
             let step = moved.distance(v);
             v = moved;
-            if step <= 1e-3 * self.tolerance {
+            if step <= 1e-3 * self.setting.tolerance {
                 break;
             }
         }

@@ -61,7 +61,7 @@ pub fn offset_cells(
     let cells: Vec<OffsetCell> = held
         .map(|leaf| {
             let key = tree.key(leaf);
-            let [min, max] = grown.frame.bounds(key);
+            let [min, max] = grown.setting.frame.bounds(key);
             OffsetCell {
                 bounds: Aabb { min, max },
                 level: key.level,

@@ -245,6 +245,7 @@ fn vertices(
             let position = position.unwrap_or_else(|| {
                 let placed = refinement.cell(key).vertex(&samples).0;
                 refinement
+                    .setting
                     .grid
                     .apart(placed, samples.iter().map(|s| s.point))
             });

@@ -59,11 +59,7 @@ pub(crate) struct Setting<'a> {
 
 /// The tree, and all that was found on the way.
 pub(crate) struct Refinement<'a> {
-    pub field: &'a Field<'a>,
-    enclosed: &'a Enclosed,
-    pub frame: Frame,
-    pub grid: Grid,
-    pub tolerance: f64,
+    pub setting: Setting<'a>,
     /// Cells of this level are not split because of what they hold.
     pub floor: u8,
     pub tree: Octree<Node>,
@@ -107,22 +103,11 @@ impl<'a> Refinement<'a> {
         most_nodes: usize,
         progress: &Progress,
     ) -> Result<Self, Halt> {
-        let Setting {
-            field,
-            enclosed,
-            frame,
-            grid,
-            tolerance,
-        } = setting;
-        let floor = floor_level(frame.side, tolerance);
+        let floor = floor_level(setting.frame.side, setting.tolerance);
         let reach = Reach::of(tile);
         let mut refinement = Self {
-            field,
-            enclosed,
-            frame,
-            grid,
-            tolerance,
-            floor: floor.min(MAX_LEVEL - 2).min(grid.deepest),
+            setting,
+            floor: floor.min(MAX_LEVEL - 2).min(setting.grid.deepest),
             tree: Octree::new(Node {
                 hint: 0,
                 region: Region::Unknown,
@@ -241,7 +226,7 @@ impl<'a> Refinement<'a> {
 
     /// The finest level: cells of it are so small that the surface may go anywhere in them.
     pub fn limit(&self) -> u8 {
-        (self.floor + 2).min(self.grid.deepest)
+        (self.floor + 2).min(self.setting.grid.deepest)
     }
 
     /// The corners of a leaf that lie outside. Where sheets come closer than cells can tell apart, those of cells of the
@@ -282,7 +267,7 @@ impl<'a> Refinement<'a> {
                 let key = self.tree.key(node);
                 let known = if !self.reach.touches(key) {
                     Some(State::Beyond)
-                } else if self.enclosed.of(key) == Some(Enclosure::Whole) {
+                } else if self.setting.enclosed.of(key) == Some(Enclosure::Whole) {
                     // as if it were filled, since what lies in it is not asked for
                     Some(State::Empty { is_inside: true })
                 } else {
@@ -350,8 +335,8 @@ impl<'a> Refinement<'a> {
                 let key = self.tree.key(node);
                 // the tip of an acute crest is thinner than cells that are as small as the tolerance; where the surface is made
                 // of the triangles themselves it is not followed
-                let is_done = if fit.is_acute && self.field.level != 0.0 {
-                    key.level >= (self.floor + LEVELS_BELOW_FLOOR).min(self.grid.deepest)
+                let is_done = if fit.is_acute && self.setting.field.level != 0.0 {
+                    key.level >= (self.floor + LEVELS_BELOW_FLOOR).min(self.setting.grid.deepest)
                 } else {
                     fit.is_good || key.level >= self.floor
                 };
@@ -372,7 +357,7 @@ impl<'a> Refinement<'a> {
     /// Looks at the middle of a cell.
     fn look(&self, node: NodeId) -> Look {
         let key = self.tree.key(node);
-        let [low, high] = self.frame.bounds(key);
+        let [low, high] = self.setting.frame.bounds(key);
         let (center, radius) = (0.5 * (low + high), 0.5 * (high - low).length());
         let &Node {
             hint,
@@ -380,22 +365,22 @@ impl<'a> Refinement<'a> {
             middle,
             ..
         } = self.tree.data(node);
-        let near = self.field.near(center, hint);
+        let near = self.setting.field.near(center, hint);
         let side = match region {
             Region::Unknown => {
                 let parent = Place::new(self.middle_of_parent(key), middle);
-                (self.field).region_beside(center, near.distance, &[parent])
+                (self.setting.field).region_beside(center, near.distance, &[parent])
             }
             known => known,
         };
         // no triangle goes through the cell, so all of it lies on one side of them
-        let is_clear = near.distance > radius || !self.field.is_signed();
+        let is_clear = near.distance > radius || !self.setting.field.is_signed();
         let region = if is_clear { side } else { region };
         let empty = if region == Region::Unknown {
-            let reaches = near.distance + radius >= self.field.radius();
-            (!reaches).then_some(self.field.level > 0.0)
+            let reaches = near.distance + radius >= self.setting.field.radius();
+            (!reaches).then_some(self.setting.field.level > 0.0)
         } else {
-            let value = self.field.value(near.distance, region);
+            let value = self.setting.field.value(near.distance, region);
             (value.abs() > radius).then_some(value < 0.0)
         };
         Look {
@@ -419,16 +404,16 @@ impl<'a> Refinement<'a> {
                 x
             }
         });
-        self.frame.point(Corner(inner))
+        self.setting.frame.point(Corner(inner))
     }
 
     /// Whether a cell is to be split without a look at its corners.
     fn must_split(&self, node: NodeId, look: &Look) -> bool {
         let key = self.tree.key(node);
-        if key.level < FIRST_LEVEL || self.enclosed.of(key) == Some(Enclosure::Part) {
+        if key.level < FIRST_LEVEL || self.setting.enclosed.of(key) == Some(Enclosure::Part) {
             return true;
         }
-        let [low, high] = self.frame.bounds(key);
+        let [low, high] = self.setting.frame.bounds(key);
         let radius = 0.5 * (high - low).length();
         if look.near.distance > radius || key.level >= self.floor {
             return false;
@@ -440,7 +425,7 @@ impl<'a> Refinement<'a> {
             min: low,
             max: high,
         };
-        let field = self.field;
+        let field = self.setting.field;
         field.bvh().for_each_touching(&bounds, |triangle| {
             // large slanted triangles have boxes in which they are nearly nowhere
             let is_far =
@@ -452,7 +437,7 @@ impl<'a> Refinement<'a> {
         } else {
             MOST_TRIANGLES
         };
-        !self.field.is_signed() || triangles > most
+        !self.setting.field.is_signed() || triangles > most
     }
 
     fn evaluate_corners(
@@ -520,17 +505,18 @@ impl<'a> Refinement<'a> {
             .map(|(edge, _, region)| {
                 progress.check()?;
                 let ends = edge.ends();
-                let points = ends.map(|end| self.frame.point(end));
+                let points = ends.map(|end| self.setting.frame.point(end));
                 let values = ends.map(|end| self.corners[&end.code()]);
-                let enough = ON_SURFACE * self.tolerance;
-                let place = |i: usize| Place::new(points[i], values[i].value + self.field.level);
+                let enough = ON_SURFACE * self.setting.tolerance;
+                let place =
+                    |i: usize| Place::new(points[i], values[i].value + self.setting.field.level);
                 let known = [place(0), place(1)];
                 let ends = Ends {
                     points,
                     values,
                     known: &known,
                 };
-                Ok((edge, root(self.field, region, ends, enough)))
+                Ok((edge, root(self.setting.field, region, ends, enough)))
             })
             .collect::<Result<_, Cancelled>>()?;
         let mut roots = Roots::with_capacity_and_hasher(found.len(), FxBuildHasher);
@@ -543,15 +529,15 @@ impl<'a> Refinement<'a> {
 
     /// The field at a corner of a cell that was looked at.
     fn evaluate(&self, corner: Corner, look: &Look) -> CornerValue {
-        let p = self.frame.point(corner);
-        let near = self.field.near(p, look.near.triangle);
+        let p = self.setting.frame.point(corner);
+        let near = self.setting.field.near(p, look.near.triangle);
         let region = match look.region {
-            Region::Unknown => (self.field).region_beside(p, near.distance, &[look.middle]),
+            Region::Unknown => (self.setting.field).region_beside(p, near.distance, &[look.middle]),
             known => known,
         };
         CornerValue {
             triangle: near.triangle,
-            value: self.field.value(near.distance, region),
+            value: self.setting.field.value(near.distance, region),
         }
     }
 
@@ -562,10 +548,7 @@ impl<'a> Refinement<'a> {
     /// A cell, to fit a vertex in it.
     pub fn cell(&self, key: CellKey) -> Cell<'_> {
         Cell {
-            field: self.field,
-            frame: &self.frame,
-            grid: self.grid,
-            tolerance: self.tolerance,
+            setting: &self.setting,
             key,
         }
     }

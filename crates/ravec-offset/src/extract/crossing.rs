@@ -32,8 +32,11 @@ impl Crossing {
         let mut values = [0, 1].map(|i| {
             refinement.corner(ends[i]).copied().unwrap_or_else(|| {
                 // a corner of finer, empty cells: only its sign is known
-                let near = refinement.field.near(refinement.frame.point(ends[i]), hint);
-                let value = refinement.field.radius() - near.distance;
+                let near = refinement
+                    .setting
+                    .field
+                    .near(refinement.setting.frame.point(ends[i]), hint);
+                let value = refinement.setting.field.radius() - near.distance;
                 let inside = if i == 0 { -1.0 } else { 1.0 };
                 CornerValue {
                     triangle: near.triangle,
@@ -43,7 +46,7 @@ impl Crossing {
         });
         // a filled corner: the surface goes as close to it as it can
         let is_filled = values[0].value > 0.0;
-        values[0].value = values[0].value.min(-1e-9 * refinement.tolerance);
+        values[0].value = values[0].value.min(-1e-9 * refinement.setting.tolerance);
         Self {
             ends,
             region,
@@ -53,10 +56,13 @@ impl Crossing {
     }
 
     fn root(&self, refinement: &Refinement<'_>) -> Sample {
-        let points = self.ends.map(|end| refinement.frame.point(end));
-        let enough = ON_SURFACE * refinement.tolerance;
+        let points = self.ends.map(|end| refinement.setting.frame.point(end));
+        let enough = ON_SURFACE * refinement.setting.tolerance;
         let mut sample = if self.is_filled {
-            let near = refinement.field.near(points[0], self.values[0].triangle);
+            let near = refinement
+                .setting
+                .field
+                .near(points[0], self.values[0].triangle);
             Sample {
                 point: points[0],
                 away: near.away,
@@ -69,14 +75,14 @@ impl Crossing {
                 // of some ends it is known only whether they are inside
                 known: &[],
             };
-            root(refinement.field, self.region, ends, enough)
+            root(refinement.setting.field, self.region, ends, enough)
         };
         // off the ends, where other edges begin
         let along = points[1] - points[0];
         let t = (sample.point - points[0]).dot(along) / along.length_squared();
-        let margin = refinement.grid.margin(1e-6, along.length());
+        let margin = refinement.setting.grid.margin(1e-6, along.length());
         let place = points[0] + t.clamp(margin, 1.0 - margin) * along;
-        sample.point = refinement.grid.nearest(place);
+        sample.point = refinement.setting.grid.nearest(place);
         sample
     }
 }

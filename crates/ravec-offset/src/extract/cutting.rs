@@ -214,7 +214,7 @@ impl<'a> Cutter<'a> {
 
     fn face_of(&self, dual: &DualEdge) -> Face {
         let keys = dual.cells.map(|cell| self.refinement.tree.key(cell));
-        Face::between(keys, &self.refinement.frame)
+        Face::between(keys, &self.refinement.setting.frame)
     }
 
     /// Whether a dual edge takes a vertex in its minimal face: the straight way does not go through the face, or there is
@@ -241,13 +241,13 @@ impl<'a> Cutter<'a> {
 
     fn new_face_vertex(&self, dual: &DualEdge, roots: [DVec3; 2]) -> DVec3 {
         let face = self.face_of(dual);
-        let grid = self.refinement.grid;
+        let grid = self.refinement.setting.grid;
         let size = (face.high - face.low).max_element();
         let margin = grid.margin(1e-4, size) * size;
         let mut place = 0.5 * (roots[0] + roots[1]);
         if !dual.is_ambiguous {
             // onto the surface, without leaving the face
-            let field = self.refinement.field;
+            let field = self.refinement.setting.field;
             let mut hint = self.refinement.tree.data(dual.cells[0]).hint;
             for _ in 0..4 {
                 let near = field.near(place, hint);
@@ -260,7 +260,7 @@ impl<'a> Cutter<'a> {
                 }
                 let step = (field.foot(place, &near) - place).dot(near.away) / slope;
                 place = face.clamp(place + step * along, margin);
-                if step.abs() <= 0.02 * self.refinement.tolerance {
+                if step.abs() <= 0.02 * self.refinement.setting.tolerance {
                     break;
                 }
             }
@@ -273,7 +273,9 @@ impl<'a> Cutter<'a> {
         if polygon.duals().iter().any(|&dual| is_bent[dual as usize]) {
             return Cut::Fan;
         }
-        let [inside, outside] = polygon.ends().map(|end| self.refinement.frame.point(end));
+        let [inside, outside] = polygon
+            .ends()
+            .map(|end| self.refinement.setting.frame.point(end));
         let edge = [inside, outside];
         let p: Vec<DVec3> = vertices
             .iter()
