@@ -29,6 +29,12 @@ const MOST_ROUNDS: usize = 90;
 /// Triangles that may go through a cell that is not split: more may enclose rooms that its corners know nothing of.
 pub(crate) const MOST_TRIANGLES: usize = 6;
 
+/// As [`MOST_TRIANGLES`] where these face one way.
+pub(crate) const MOST_TRIANGLES_OF_SHEET: usize = 64;
+
+/// The least cosine of the angle between a direction and the normals of triangles that face it.
+const FACING: f64 = 0.2;
+
 /// The cosines of the least and the largest angle of a crest that counts as acute: 5° and 25°. Sheets at less of an angle
 /// may be those of a thin gap, which has no crest.
 const ACUTE: [f64; 2] = [0.996, 0.906];
@@ -37,6 +43,14 @@ const ACUTE: [f64; 2] = [0.996, 0.906];
 /// number, and each of them is looked at. With 6, cells around vertices are split down to the floor, which gave 5 and 15
 /// times as many triangles on two open meshes; with 12, twice as many on one of them.
 pub(crate) const MOST_TRIANGLES_OF_SURFACE: usize = 40;
+
+/// Whether triangles face one way: a direction is the front of all of them. Where triangles are oriented, lines in that direction
+/// go only out of the solid, so that these triangles enclose nothing.
+pub(crate) fn is_sheet(normals: &[DVec3]) -> bool {
+    let front = normals.iter().sum::<DVec3>().normalize_or_zero();
+    let faces = |normal: &DVec3| normal.dot(front) >= FACING || *normal == DVec3::ZERO;
+    normals.iter().all(faces)
+}
 
 /// A point of the surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -477,6 +491,19 @@ fn components_of(mut set: u8) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn sheets_face_one_way() {
+        let [x, y, z] = DVec3::AXES;
+        assert!(is_sheet(&[x, y, z, DVec3::ZERO]));
+        // a ditch with a wall that leans over, and a plate with its back
+        assert!(!is_sheet(&[
+            z,
+            (x + 0.5 * z).normalize(),
+            (-x - 0.1 * z).normalize()
+        ]));
+        assert!(!is_sheet(&[z, z, -z]));
+    }
 
     #[test]
     fn groups_of_corners_are_counted() {

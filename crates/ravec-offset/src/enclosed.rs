@@ -147,6 +147,7 @@ fn reached(tree: &Octree<Coarse>) -> Vec<bool> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::field::Solid;
     use glam::DVec3;
     use ravec_mesh::{Bvh, TriMesh};
     use ravec_scenes::solids::cuboid;
@@ -162,7 +163,7 @@ mod tests {
             side: 1.1 * bounds.size().max_element(),
         };
         let bvh = Bvh::new(&mesh);
-        let field = Field::new(&bvh, false, distance, &Progress::none()).unwrap();
+        let field = Field::new(&bvh, Solid::No, distance, &Progress::none()).unwrap();
         let found = Enclosed::find(&field, &frame, usize::MAX, &Progress::none()).unwrap();
         (found, frame, mesh)
     }

@@ -20,6 +20,17 @@ pub(crate) enum Region {
     Inside,
 }
 
+/// How it is found on which side a point lies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Solid {
+    /// The triangles are not taken as a solid: all of space is outside.
+    No,
+    /// They are closed and oriented, so that rays count exactly how often they go around it.
+    Closed,
+    /// By their winding number, whatever they are.
+    Any,
+}
+
 /// A point whose side is known, with its distance to the triangles.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Place {
@@ -68,31 +79,30 @@ pub(crate) struct Near {
 /// The distance to the triangles, and the level at which the surface lies.
 pub(crate) struct Field<'a> {
     bvh: &'a Bvh,
+    solid: Solid,
+    /// Of any solid.
     winding: Option<WindingNumbers<'a>>,
-    is_signed: bool,
     bounds: Aabb,
     /// The signed distance of the surface: below zero inside the solid.
     pub level: f64,
 }
 
 impl<'a> Field<'a> {
-    /// With `solid`, what the triangles wind around has negative distances.
+    /// What lies inside the solid has negative distances.
     pub fn new(
         bvh: &'a Bvh,
-        solid: bool,
+        solid: Solid,
         level: f64,
         progress: &Progress,
     ) -> Result<Self, Cancelled> {
-        // polyhedra are closed: rays count them, faster and exactly
-        let winding = if solid && level != 0.0 {
-            Some(WindingNumbers::try_new(bvh, progress)?)
-        } else {
-            None
+        let winding = match solid {
+            Solid::No | Solid::Closed => None,
+            Solid::Any => Some(WindingNumbers::try_new(bvh, progress)?),
         };
         Ok(Self {
             bvh,
+            solid,
             winding,
-            is_signed: solid,
             bounds: bvh.bounds(),
             level,
         })
@@ -105,7 +115,12 @@ impl<'a> Field<'a> {
 
     /// Whether distances have a sign.
     pub fn is_signed(&self) -> bool {
-        self.is_signed
+        self.solid != Solid::No
+    }
+
+    /// Whether the triangles face away from the solid everywhere.
+    pub fn is_oriented(&self) -> bool {
+        self.solid == Solid::Closed
     }
 
     pub fn bvh(&self) -> &'a Bvh {
@@ -142,11 +157,17 @@ impl<'a> Field<'a> {
         }
     }
 
+    /// The unit normal of a triangle; zero if it has no area.
+    #[inline]
+    pub fn normal(&self, triangle: u32) -> DVec3 {
+        let [a, b, c] = self.bvh.corners(triangle);
+        (b - a).cross(c - a).normalize_or_zero()
+    }
+
     #[inline]
     fn away(&self, p: DVec3, closest: DVec3, triangle: u32) -> DVec3 {
         if self.level == 0.0 {
-            let [a, b, c] = self.bvh.corners(triangle);
-            (b - a).cross(c - a).normalize_or_zero()
+            self.normal(triangle)
         } else {
             (p - closest).normalize_or_zero()
         }
@@ -173,7 +194,7 @@ impl<'a> Field<'a> {
     pub fn region(&self, p: DVec3) -> Region {
         let is_inside = match &self.winding {
             Some(winding) => winding.is_inside(p),
-            None => self.is_signed && self.turns_around(p) > 0,
+            None => self.is_signed() && self.turns_around(p) > 0,
         };
         if is_inside {
             Region::Inside
@@ -193,7 +214,7 @@ impl<'a> Field<'a> {
         }
     }
 
-    /// How often closed polyhedra go around a point.
+    /// How often closed and oriented triangles go around a point.
     fn turns_around(&self, p: DVec3) -> i32 {
         // along the axis on which it is not far to the end, and a little aside, where no edges are likely to be
         let from_center = p - self.bounds.center();
@@ -205,10 +226,7 @@ impl<'a> Field<'a> {
         } else {
             DVec3::new(0.0123, 0.0271, 1f64.copysign(from_center.z))
         };
-        let hits = self.bvh.ray_hits(p, direction);
-        hits.iter()
-            .map(|hit| if hit.outward { 1 } else { -1 })
-            .sum()
+        self.bvh.ray_turns(p, direction)
     }
 
     /// The region of a level's own side.
@@ -263,10 +281,11 @@ mod tests {
         #[test]
         fn the_side_that_follows_from_others_is_the_one_that_is_found(
             at in place(), others in prop::collection::vec(place(), 0..4), level in prop::sample::select(vec![0.0, 0.1, -0.1]),
+            solid in prop::sample::select(vec![Solid::Closed, Solid::Any]),
         ) {
             let mesh = hollow();
             let bvh = Bvh::new(&mesh);
-            let field = Field::new(&bvh, true, level, &Progress::none()).unwrap();
+            let field = Field::new(&bvh, solid, level, &Progress::none()).unwrap();
             let middle = mesh.bounds().center();
             let place_at = |p: DVec3| {
                 let distance = field.near(p, 0).distance;

@@ -96,7 +96,7 @@ impl Judge<'_> {
         let unproved = self.unproved_cells(proved, refinement, (extracted, scope), progress)?;
         // a proof needs no second try where cells cannot be split
         for key in unproved.iter().map(|&leaf| refinement.tree.key(leaf)) {
-            if key.level < refinement.limit() {
+            if key.level < refinement.setting.limit() {
                 if unproved.len() > MANY {
                     next.split.insert(key);
                 } else {
@@ -142,7 +142,9 @@ impl Judge<'_> {
             let level = |&cell: &NodeId| refinement.tree.key(cell).level;
             Given {
                 hints: [0, 1, 2].map(|i| refinement.tree.data(cells[i]).hint),
-                is_last: cells.iter().all(|cell| level(cell) >= refinement.limit()),
+                is_last: cells
+                    .iter()
+                    .all(|cell| level(cell) >= refinement.setting.limit()),
             }
         };
         let fresh: Vec<(usize, u64)> = (0..extracted.triangles.len())
@@ -198,7 +200,7 @@ impl Judge<'_> {
 /// A cell that is to be split, and its descendants as far as they are to be split with it, over some levels in all.
 fn parts(refinement: &Refinement<'_>, key: CellKey, levels: u8) -> Vec<CellKey> {
     let mut parts = vec![key];
-    let (mut first, last) = (0, (key.level + levels).min(refinement.limit()));
+    let (mut first, last) = (0, (key.level + levels).min(refinement.setting.limit()));
     for _ in key.level + 1..last {
         let end = parts.len();
         for k in first..end {
@@ -219,7 +221,7 @@ pub(crate) fn separate(
 ) {
     for &leaf in leaves {
         let key = refinement.tree.key(leaf);
-        if key.level < refinement.limit() {
+        if key.level < refinement.setting.limit() {
             next.split.extend(parts(refinement, key, levels));
         } else {
             next.filled.extend(refinement.open_corners(leaf));

@@ -264,6 +264,7 @@ pub(crate) fn creases(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::field::Solid;
     use ravec_mesh::Bvh;
     use ravec_scenes::solids::cuboid;
 
@@ -274,7 +275,7 @@ mod tests {
     /// A cube of side 4 around one of side 2: 1 apart at the faces, the root of 3 at the corners.
     fn measured(limits: [f64; 2]) -> Measured {
         let bvh = Bvh::new(&cube(2.0));
-        let field = Field::new(&bvh, true, 1.0, &Progress::none()).unwrap();
+        let field = Field::new(&bvh, Solid::Closed, 1.0, &Progress::none()).unwrap();
         measure(
             &field,
             &cube(4.0),
@@ -296,7 +297,7 @@ mod tests {
         assert!(found.most >= found.most_found && found.most <= limits[1]);
         // a facet through the middle of a cube, with one corner close to a face
         let bvh = Bvh::new(&cube(4.0));
-        let field = Field::new(&bvh, true, -1.0, &Progress::none()).unwrap();
+        let field = Field::new(&bvh, Solid::Closed, -1.0, &Progress::none()).unwrap();
         let tilted = TriMesh::new(
             vec![
                 DVec3::new(-1.0, -1.0, 0.0),
@@ -339,7 +340,7 @@ mod tests {
             let bvh = Bvh::new(mesh);
             let field = Field::new(
                 &bvh,
-                true,
+                Solid::Closed,
                 if inner { -1.0 } else { 1.0 },
                 &Progress::none(),
             )
@@ -355,7 +356,7 @@ mod tests {
         let progress = Progress::none();
         progress.cancel();
         let bvh = Bvh::new(&cube(2.0));
-        let field = Field::new(&bvh, true, 1.0, &Progress::none()).unwrap();
+        let field = Field::new(&bvh, Solid::Closed, 1.0, &Progress::none()).unwrap();
         assert!(
             measure(
                 &field,

@@ -370,7 +370,7 @@ impl<'a> Mending<'a> {
 mod tests {
     use super::*;
     use crate::enclosed::Enclosed;
-    use crate::field::Field;
+    use crate::field::{Field, Solid};
     use crate::grid::Grid;
     use crate::measure::measure;
     use crate::params::Coordinates;
@@ -402,7 +402,7 @@ mod tests {
             origin: bounds.min,
             side: 1.01 * bounds.size().max_element(),
         };
-        let field = Field::new(&bvh, false, distance, &Progress::none()).unwrap();
+        let field = Field::new(&bvh, Solid::No, distance, &Progress::none()).unwrap();
         let enclosed = if outer_only {
             Enclosed::find(&field, &frame, usize::MAX, &Progress::none()).unwrap()
         } else {
@@ -447,7 +447,7 @@ mod tests {
         let mesh = soup(3);
         let mended = mended(&mesh, false, usize::MAX);
         let bvh = Bvh::new(&mesh);
-        let field = Field::new(&bvh, false, 0.05, &Progress::none()).unwrap();
+        let field = Field::new(&bvh, Solid::No, 0.05, &Progress::none()).unwrap();
         let surface = TriMesh::new(mended.positions, mended.triangles).unwrap();
         let facets = surface.triangles().len();
         let known = (0..facets as u32)

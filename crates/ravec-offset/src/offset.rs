@@ -1,7 +1,7 @@
 //! The whole way from triangles to their offset surface.
 
 use crate::enclosed::Enclosed;
-use crate::field::Field;
+use crate::field::{Field, Solid};
 use crate::grid::{Grid, rounded};
 use crate::judge::AmpleFacets;
 use crate::measure::{creases, measure};
@@ -248,7 +248,7 @@ pub(crate) fn check_written(
 pub(crate) struct Task {
     bvh: Bvh,
     /// Whether the triangles are taken as a solid.
-    is_solid: bool,
+    solid: Solid,
     /// The signed distance of the surface.
     level: f64,
     /// Where the tree lies.
@@ -281,12 +281,14 @@ impl Task {
             self_intersections: false,
             list_limit: 0,
         };
-        let boundary_edges = match params.side {
-            Side::Both => 0,
-            Side::Outer | Side::Inner | Side::Shell => {
-                check(mesh, &quick, progress)?.boundary_edges.count
-            }
+        let checked = match params.side {
+            Side::Both => None,
+            Side::Outer | Side::Inner | Side::Shell => Some(check(mesh, &quick, progress)?),
         };
+        let boundary_edges = checked
+            .as_ref()
+            .map_or(0, |found| found.boundary_edges.count);
+        let is_oriented = checked.is_some_and(|found| found.oriented);
         let inward = matches!(params.side, Side::Inner | Side::Shell);
         if inward && boundary_edges > 0 {
             return Err(OffsetError::NotClosed { boundary_edges });
@@ -302,7 +304,13 @@ impl Task {
         let grid = Grid::fit(params.coordinates, &mut frame, params.tolerance)?;
         Ok(Self {
             bvh: Bvh::try_new(mesh, progress)?,
-            is_solid: wound || inward || (params.side == Side::Outer && boundary_edges == 0),
+            solid: if params.side == Side::Both && !wound || boundary_edges > 0 {
+                Solid::No
+            } else if wound || is_oriented {
+                Solid::Closed
+            } else {
+                Solid::Any
+            },
             level: if inward { -level } else { level },
             frame,
             grid,
@@ -317,7 +325,7 @@ impl Task {
         most_nodes: usize,
         progress: &Progress,
     ) -> Result<Enclosed, Cancelled> {
-        if side == Side::Outer && !self.is_solid {
+        if side == Side::Outer && self.solid == Solid::No {
             Enclosed::find(field, &self.frame, most_nodes, progress)
         } else {
             Ok(Enclosed::default())
@@ -325,7 +333,7 @@ impl Task {
     }
 
     pub fn field(&self, progress: &Progress) -> Result<Field<'_>, Cancelled> {
-        Field::new(&self.bvh, self.is_solid, self.level, progress)
+        Field::new(&self.bvh, self.solid, self.level, progress)
     }
 }
 

@@ -1,8 +1,8 @@
 //! The tree: cells that may hold the surface are split until a vertex can stand for what they hold.
 
 use crate::cell::{
-    Cell, CornerValue, EdgeKey, Ends, Fit, MOST_TRIANGLES, MOST_TRIANGLES_OF_SURFACE, ON_SURFACE,
-    Roots, Sample, crossed_edges, inside_of, root,
+    Cell, CornerValue, EdgeKey, Ends, Fit, MOST_TRIANGLES, MOST_TRIANGLES_OF_SHEET,
+    MOST_TRIANGLES_OF_SURFACE, ON_SURFACE, Roots, Sample, crossed_edges, inside_of, is_sheet, root,
 };
 use crate::enclosed::{Enclosed, Enclosure};
 use crate::field::{Field, Near, Place, Region};
@@ -10,7 +10,9 @@ use crate::grid::{Grid, LEVELS_BELOW_FLOOR, floor_level};
 use crate::tile::{Edge, Orders, RINGS, Reach};
 use glam::DVec3;
 use ravec_mesh::Aabb;
-use ravec_octree::{CellKey, Corner, Frame, MAX_LEVEL, MinimalEdge, NodeId, Octree, minimal_edges};
+use ravec_octree::{
+    CellKey, Corner, Frame, MAX_LEVEL, MinimalEdge, NodeId, Octree, minimal_edges_near,
+};
 use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
 use rustc_hash::{FxBuildHasher, FxHashMap, FxHashSet};
@@ -55,6 +57,19 @@ pub(crate) struct Setting<'a> {
     pub frame: Frame,
     pub grid: Grid,
     pub tolerance: f64,
+}
+
+impl Setting<'_> {
+    /// Cells of this level are not split because of what they hold.
+    pub fn floor(&self) -> u8 {
+        let floor = floor_level(self.frame.side, self.tolerance);
+        floor.min(MAX_LEVEL - 2).min(self.grid.deepest)
+    }
+
+    /// The finest level: cells of it are so small that the surface may go anywhere in them.
+    pub fn limit(&self) -> u8 {
+        (self.floor() + 2).min(self.grid.deepest)
+    }
 }
 
 /// The tree, and all that was found on the way.
@@ -103,11 +118,10 @@ impl<'a> Refinement<'a> {
         most_nodes: usize,
         progress: &Progress,
     ) -> Result<Self, Halt> {
-        let floor = floor_level(setting.frame.side, setting.tolerance);
         let reach = Reach::of(tile);
         let mut refinement = Self {
             setting,
-            floor: floor.min(MAX_LEVEL - 2).min(setting.grid.deepest),
+            floor: setting.floor(),
             tree: Octree::new(Node {
                 hint: 0,
                 region: Region::Unknown,
@@ -129,20 +143,36 @@ impl<'a> Refinement<'a> {
         Ok(refinement)
     }
 
-    /// Reaches as far as the leaves around edges within reach that go through the surface, and looks at all beside them.
+    /// Reaches one step farther, and looks at all that is there.
     fn widen(&mut self, orders: &Orders, progress: &Progress) -> Result<(), Halt> {
-        let crossed = minimal_edges(&self.tree, |edge| {
-            let is_near = self.reach.holds_between(edge.start, edge.end());
-            let is_wanted = is_near && !progress.is_cancelled() && self.is_crossed(&edge);
-            is_wanted.then_some(edge.cells)
-        });
+        self.reach = self.widened(self.reach, progress);
         progress.check()?;
-        for leaf in crossed.into_iter().flatten() {
-            self.reach.include(self.tree.key(leaf));
-        }
         let is_beyond = |&leaf: &NodeId| !self.is_known(leaf);
         let beyond: Vec<NodeId> = self.tree.leaves().filter(is_beyond).collect();
         self.settle(beyond, orders, progress)
+    }
+
+    /// A reach with the leaves around edges in it that go through the surface.
+    fn widened(&self, reach: Reach, progress: &Progress) -> Reach {
+        let crossed = minimal_edges_near(
+            &self.tree,
+            |node| reach.touches(self.tree.key(node)),
+            |edge| {
+                let is_near = reach.holds_between(edge.start, edge.end());
+                let is_wanted = is_near && !progress.is_cancelled() && self.is_crossed(&edge);
+                is_wanted.then_some(edge.cells)
+            },
+        );
+        let mut wide = reach;
+        for leaf in crossed.into_iter().flatten() {
+            wide.include(self.tree.key(leaf));
+        }
+        wide
+    }
+
+    /// What a cell in the tile would depend on if it were a tile; anything after a cancellation.
+    pub fn reach_of(&self, cell: CellKey, progress: &Progress) -> Reach {
+        (0..RINGS).fold(Reach::of(cell), |reach, _| self.widened(reach, progress))
     }
 
     /// Whether the surface goes through an edge, as far as what is around it was looked at.
@@ -152,7 +182,7 @@ impl<'a> Refinement<'a> {
             && is_inside(edge.start) != is_inside(edge.end())
     }
 
-    /// What a tile depends on.
+    /// What the tile depends on.
     pub fn reach(&self) -> Reach {
         self.reach
     }
@@ -222,11 +252,6 @@ impl<'a> Refinement<'a> {
         leaves.sort_unstable();
         leaves.dedup();
         leaves
-    }
-
-    /// The finest level: cells of it are so small that the surface may go anywhere in them.
-    pub fn limit(&self) -> u8 {
-        (self.floor + 2).min(self.setting.grid.deepest)
     }
 
     /// The corners of a leaf that lie outside. Where sheets come closer than cells can tell apart, those of cells of the
@@ -420,24 +445,33 @@ impl<'a> Refinement<'a> {
         }
         // without signs, a cell with triangles in it would hide the surface on one side of them; with signs, many
         // triangles may enclose what the corners know nothing of
-        let mut triangles = 0;
+        let field = self.setting.field;
+        if !field.is_signed() {
+            return true;
+        }
+        let center = 0.5 * (low + high);
         let bounds = Aabb {
             min: low,
             max: high,
         };
-        let field = self.setting.field;
+        let mut triangles = 0;
+        let mut normals = [DVec3::ZERO; MOST_TRIANGLES_OF_SHEET];
         field.bvh().for_each_touching(&bounds, |triangle| {
             // large slanted triangles have boxes in which they are nearly nowhere
-            let is_far =
-                field.level == 0.0 && field.near_of(0.5 * (low + high), triangle).distance > radius;
-            triangles += usize::from(!is_far);
+            if field.level == 0.0 && field.near_of(center, triangle).distance > radius {
+                return;
+            }
+            if let Some(normal) = normals.get_mut(triangles) {
+                *normal = field.normal(triangle);
+            }
+            triangles += 1;
         });
-        let most = if field.level == 0.0 {
-            MOST_TRIANGLES_OF_SURFACE
-        } else {
-            MOST_TRIANGLES
-        };
-        !self.setting.field.is_signed() || triangles > most
+        if field.level == 0.0 {
+            return triangles > MOST_TRIANGLES_OF_SURFACE;
+        }
+        let is_sheet =
+            || triangles <= normals.len() && field.is_oriented() && is_sheet(&normals[..triangles]);
+        triangles > MOST_TRIANGLES && !is_sheet()
     }
 
     fn evaluate_corners(

@@ -19,7 +19,7 @@ mod slab;
 mod slivers;
 
 use crate::certify::keeps_distance;
-use crate::field::{Field, Region};
+use crate::field::{Field, Region, Solid};
 use crate::offset::{Offset, check_written, surface};
 use crate::outermost::compact;
 use crate::params::{OffsetError, OffsetParams, OpenRule, Side};
@@ -147,7 +147,7 @@ impl Thickener<'_> {
     /// behind the other, which is the rule on scans; their sheet can be no skin, and it takes rays to know, not the surface.
     fn is_inside(&self, slab: &Slab, progress: &Progress) -> Result<bool, Cancelled> {
         let polyhedra = Bvh::try_new(&slab.polyhedra, progress)?;
-        let field = Field::new(&polyhedra, true, 0.0, progress)?;
+        let field = Field::new(&polyhedra, Solid::Closed, 0.0, progress)?;
         let is_inside = |p: DVec3| !progress.is_cancelled() && field.region(p) == Region::Inside;
         let found = (0..self.sheet.triangles().len() as u32)
             .into_par_iter()
@@ -171,7 +171,7 @@ impl Thickener<'_> {
         let around = Adjacency::new(surface);
         let whole = self.slab([0.0, self.height], progress)?.polyhedra;
         let whole = Bvh::try_new(&whole, progress)?;
-        let near_whole = Field::new(&whole, false, tolerance, progress)?;
+        let near_whole = Field::new(&whole, Solid::No, tolerance, progress)?;
         let mut round = 0;
         let mesh = loop {
             let reach = 2.0 * OFF_LIFTED * tolerance;

@@ -183,9 +183,27 @@ impl Bvh {
     /// the ray, or without area, are not met. None are met if `direction` is zero, or anything is not finite.
     pub fn ray_hits(&self, origin: DVec3, direction: DVec3) -> Vec<RayHit> {
         let mut hits = Vec::new();
+        self.for_each_hit(origin, direction, |hit| hits.push(hit));
+        hits.sort_unstable_by(|a, b| a.t.total_cmp(&b.t).then(a.triangle.cmp(&b.triangle)));
+        hits
+    }
+
+    /// How often the triangles go around `origin`, counted along a ray from there, whose `direction` does not matter for closed
+    /// and oriented meshes: how many triangles it leaves through, less those it enters through. Of these meshes it is the winding
+    /// number, and exact; of others it says nothing. 0 where [`Self::ray_hits`] meets none.
+    pub fn ray_turns(&self, origin: DVec3, direction: DVec3) -> i32 {
+        let mut turns = 0;
+        self.for_each_hit(origin, direction, |hit| {
+            turns += if hit.outward { 1 } else { -1 };
+        });
+        turns
+    }
+
+    #[inline]
+    fn for_each_hit(&self, origin: DVec3, direction: DVec3, mut visit: impl FnMut(RayHit)) {
         let longest = direction.abs().max_element();
         if !(origin.is_finite() && longest > 0.0 && longest.is_finite()) {
-            return hits;
+            return;
         }
         let ray = Ray::new(origin, direction);
         let (from, along) = (self.frame.to_local(origin), direction / longest);
@@ -198,7 +216,7 @@ impl Bvh {
             },
             |slot| {
                 if let Some((t, outward)) = ray.meets(self.corners[slot as usize]) {
-                    hits.push(RayHit {
+                    visit(RayHit {
                         triangle: self.triangle_of[slot as usize],
                         t,
                         outward,
@@ -206,8 +224,6 @@ impl Bvh {
                 }
             },
         );
-        hits.sort_unstable_by(|a, b| a.t.total_cmp(&b.t).then(a.triangle.cmp(&b.triangle)));
-        hits
     }
 }
 
@@ -447,9 +463,11 @@ mod tests {
             );
             let from_inside = bvh.ray_hits(center, to);
             let from_outside = bvh.ray_hits(center - 4.0 * to, to);
+            assert_eq!(bvh.ray_turns(center - 4.0 * to, to), 0, "{to}");
             if to == DVec3::ZERO {
                 assert!(from_inside.is_empty());
             } else {
+                assert_eq!(bvh.ray_turns(center, to), 1, "{to}");
                 let reach = 0.5 / to.abs().max_element();
                 assert_eq!(from_inside.len(), 1, "{to}");
                 assert!(from_inside[0].outward);
