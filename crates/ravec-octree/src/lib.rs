@@ -13,10 +13,12 @@ mod contour;
 mod edges;
 mod faces;
 mod key;
+mod set;
 mod tree;
 
 pub use contour::{Contour, DualEdge, Polygon};
 pub use edges::{MinimalEdge, for_each_minimal_edge, minimal_edges, minimal_edges_near};
 pub use faces::for_each_minimal_face;
 pub use key::{CellKey, Corner, Frame, MAX_LEVEL};
+pub use set::CellSet;
 pub use tree::{NodeId, Octree};

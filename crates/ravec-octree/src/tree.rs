@@ -32,6 +32,34 @@ impl<T> Octree<T> {
         }
     }
 
+    /// A tree of nodes in their order, each given with its first child as by [`Self::first_child`]; nothing if they are none.
+    pub fn from_nodes(nodes: Vec<(NodeId, T)>) -> Option<Self> {
+        let mut keys = vec![None; nodes.len()];
+        *keys.first_mut()? = Some(CellKey::ROOT);
+        let mut tree = Self {
+            nodes: Vec::with_capacity(nodes.len()),
+        };
+        for (at, (first_child, data)) in nodes.into_iter().enumerate() {
+            let key = keys[at]?;
+            if first_child != 0 {
+                let first = first_child as usize;
+                let children = keys.get_mut(first..first.checked_add(8)?)?;
+                if first <= at || key.level == MAX_LEVEL || children.iter().any(Option::is_some) {
+                    return None;
+                }
+                for (octant, child) in children.iter_mut().enumerate() {
+                    *child = Some(key.child(octant));
+                }
+            }
+            tree.nodes.push(Node {
+                key,
+                first_child,
+                data,
+            });
+        }
+        Some(tree)
+    }
+
     /// Gives a leaf eight children; returns the first, the others follow it in the order of their octants.
     ///
     /// # Panics
@@ -50,6 +78,12 @@ impl<T> Octree<T> {
         }
         self.nodes[leaf as usize].first_child = first;
         first
+    }
+
+    /// The first of the eight children of a node, which follow one another; 0 for a leaf.
+    #[inline]
+    pub fn first_child(&self, node: NodeId) -> NodeId {
+        self.nodes[node as usize].first_child
     }
 
     /// Whether the node has no children.
@@ -111,5 +145,46 @@ impl<T> Octree<T> {
     /// All leaves, in the order in which they were made.
     pub fn leaves(&self) -> impl Iterator<Item = NodeId> + '_ {
         (0..self.nodes.len() as NodeId).filter(|&node| self.is_leaf(node))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn rows(tree: &Octree<u32>) -> Vec<(NodeId, u32)> {
+        let nodes = 0..tree.len() as NodeId;
+        nodes
+            .map(|node| (tree.first_child(node), *tree.data(node)))
+            .collect()
+    }
+
+    #[test]
+    fn a_tree_can_be_made_again_from_its_nodes() {
+        let mut tree = Octree::new(7);
+        let first = tree.split(0, |octant, _| octant as u32);
+        // not in the order of their parents
+        let last = tree.split(first + 6, |octant, &of| 10 * of + octant as u32);
+        tree.split(first + 2, |_, &of| of);
+        tree.split(last, |_, &of| of);
+        let again = Octree::from_nodes(rows(&tree)).unwrap();
+        assert_eq!(rows(&again), rows(&tree));
+        assert!((0..tree.len() as NodeId).all(|node| again.key(node) == tree.key(node)));
+    }
+
+    #[test]
+    fn what_is_no_tree_is_refused() {
+        let mut tree = Octree::new(0);
+        let first = tree.split(0, |_, _| 0);
+        tree.split(first, |_, _| 0);
+        let good = rows(&tree);
+        assert!(Octree::from_nodes(good.clone()).is_some());
+        assert!(Octree::from_nodes(good[..16].to_vec()).is_none());
+        assert!(Octree::<u32>::from_nodes(vec![]).is_none());
+        for (node, child) in [(1, 1), (1, 0), (2, 9), (2, u32::MAX), (9, 1)] {
+            let mut bad = good.clone();
+            bad[node].0 = child;
+            assert!(Octree::from_nodes(bad).is_none(), "{child} of {node}");
+        }
     }
 }
