@@ -28,6 +28,7 @@ mod off;
 mod ply;
 mod polygon;
 mod read;
+mod rows;
 mod sniff;
 mod soup;
 mod source;
@@ -43,8 +44,9 @@ pub use read::{
     BufferResolver, MeshFile, MeshLimits, ReadOptions, ReadWarning, read_mesh,
     read_mesh_with_buffers,
 };
+pub use rows::MeshRows;
 pub use weld::{Welded, weld};
-pub use write::{Attributes, Precision, WriteOptions, write_mesh, write_mesh_with};
+pub use write::{Attributes, Precision, WriteOptions, write_mesh, write_mesh_with, write_rows};
 
 /// The formats of mesh files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

@@ -24,9 +24,9 @@ pub use bvh::{BoxTree, Bvh, CandidateTree, Closest, RayHit, WindingNumbers, wind
 pub use check::{BoundaryLoop, CheckParams, Found, MeshCheck, check};
 pub use closest::{ClosestOnTriangle, Feature, closest_on_triangle, distance_sq_to_triangle};
 pub use format::{
-    Attributes, BufferResolver, LengthUnit, MeshFile, MeshFormat, MeshLimits, Place, Precision,
-    ReadMeshError, ReadOptions, ReadWarning, Welded, WriteMeshError, WriteOptions, read_mesh,
-    read_mesh_with_buffers, weld, write_mesh, write_mesh_with,
+    Attributes, BufferResolver, LengthUnit, MeshFile, MeshFormat, MeshLimits, MeshRows, Place,
+    Precision, ReadMeshError, ReadOptions, ReadWarning, Welded, WriteMeshError, WriteOptions,
+    read_mesh, read_mesh_with_buffers, weld, write_mesh, write_mesh_with, write_rows,
 };
 pub use hausdorff::{
     Hausdorff, HausdorffError, HausdorffParams, OneSided, distances_to, hausdorff, vertex_distances,
@@ -39,8 +39,8 @@ pub use self_intersection::{
     self_intersections,
 };
 pub use simplify::{
-    BoundaryRule, CollapseCandidate, CollapseJudge, Keep, Overseer, Simplified, SimplifyError,
-    SimplifyParams, SimplifyReport, Trust, Vetoes, simplify, simplify_patches,
+    BoundaryRule, CollapseCandidate, CollapseJudge, ErrorSample, Keep, Overseer, Simplified,
+    SimplifyError, SimplifyParams, SimplifyReport, Trust, Vetoes, simplify, simplify_patches,
 };
 pub use tri_distance::triangle_distance_sq;
 pub use tri_intersect::{TriTri, intersection};

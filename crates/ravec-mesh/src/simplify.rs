@@ -32,7 +32,9 @@ mod quadric;
 mod queue;
 mod surface;
 
+use deviation::known_samples;
 use engine::{Engine, Start};
+use glam::DVec3;
 use ravec_progress::{Cancelled, Progress};
 use serde::{Deserialize, Serialize};
 
@@ -109,6 +111,21 @@ pub struct Keep<'a> {
     pub features: &'a [[u32; 2]],
     /// Vertices that stay. Others may be merged into them.
     pub vertices: &'a [u32],
+    /// Whether other meshes have these vertices, too (default false): then no edge between two of them comes to be, since there
+    /// might be one elsewhere.
+    pub sealed: bool,
+    /// What the error is measured from, if not from the mesh itself: the [`samples`](Simplified::samples) of a simplification that
+    /// it came from, so that the errors of both do not add up.
+    pub samples: Option<&'a [ErrorSample]>,
+}
+
+/// A place that the simplified mesh must be near.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ErrorSample {
+    /// A vertex or the middle of an edge of the original.
+    pub place: DVec3,
+    /// The triangle that is near it.
+    pub triangle: u32,
 }
 
 /// How many collapses were vetoed, and by what. One edge may be counted several times.
@@ -170,6 +187,8 @@ pub struct Simplified {
     pub triangle_origin: Vec<u32>,
     /// The feature edges that were left, each with its lower vertex first, ascending; boundary edges are not listed.
     pub features: Vec<[u32; 2]>,
+    /// What the error was measured from, if it was limited and the vertices to keep were [`sealed`](Keep::sealed).
+    pub samples: Vec<ErrorSample>,
     /// What was done.
     pub report: SimplifyReport,
 }
@@ -195,6 +214,14 @@ pub enum SimplifyError {
         vertex: u32,
         /// How many there are.
         vertices: usize,
+    },
+    /// A sample is near a triangle that does not exist.
+    #[error("a sample is near triangle {triangle}, but there are only {triangles} triangles")]
+    NoSuchTriangle {
+        /// The triangle.
+        triangle: u32,
+        /// How many there are.
+        triangles: usize,
     },
     /// Two vertices without an edge between them are to be kept as a feature.
     #[error("a feature runs from vertex {} to vertex {}, but no edge does", ends[0], ends[1])]
@@ -245,6 +272,17 @@ fn validate(mesh: &TriMesh, params: &SimplifyParams, keep: &Keep<'_>) -> Result<
     if triangles > (u32::MAX / 3) as usize {
         return Err(SimplifyError::TooMany { triangles });
     }
+    let mut near = keep
+        .samples
+        .unwrap_or_default()
+        .iter()
+        .map(|sample| sample.triangle);
+    if let Some(triangle) = near.find(|&t| t as usize >= triangles) {
+        return Err(SimplifyError::NoSuchTriangle {
+            triangle,
+            triangles,
+        });
+    }
     Ok(())
 }
 
@@ -271,8 +309,8 @@ fn validate(mesh: &TriMesh, params: &SimplifyParams, keep: &Keep<'_>) -> Result<
 /// ```
 ///
 /// # Errors
-/// [`SimplifyError::BadParameter`], [`SimplifyError::NoSuchVertex`], [`SimplifyError::NoSuchEdge`] and
-/// [`SimplifyError::TooMany`]; [`SimplifyError::Cancelled`] soon after `progress` is cancelled.
+/// [`SimplifyError::BadParameter`], [`SimplifyError::NoSuchVertex`], [`SimplifyError::NoSuchEdge`],
+/// [`SimplifyError::NoSuchTriangle`] and [`SimplifyError::TooMany`]; [`SimplifyError::Cancelled`] soon after `progress` is cancelled.
 pub fn simplify(
     mesh: &TriMesh,
     params: &SimplifyParams,
@@ -292,12 +330,12 @@ pub fn simplify(
         mesh,
         params,
         keep: *keep,
-        sealed: false,
-        samples: None,
+        sealed: keep.sealed,
+        samples: keep.samples.map(known_samples),
         original: original.as_ref(),
     };
     let mut engine = Engine::new(start, veto, progress)?;
     let phase = progress.phase("simplify", engine.most_to_do());
     engine.run(&phase, progress)?;
-    Ok(engine.take_apart().into_simplified())
+    Ok(engine.take_apart().into_simplified(keep.sealed))
 }

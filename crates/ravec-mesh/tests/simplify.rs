@@ -128,6 +128,7 @@ fn marked_features_and_vertices_stay_in_a_flat_sheet() {
     let keep = Keep {
         features: &line,
         vertices: &[stays],
+        ..Keep::default()
     };
     let params = SimplifyParams {
         max_error: 1e-6,

@@ -122,6 +122,7 @@ fn vertices_and_features_to_keep_stay_across_patches() {
     let keep = Keep {
         features: &features,
         vertices: &[lone],
+        ..Keep::default()
     };
     let params = SimplifyParams {
         max_error: 1e-9,

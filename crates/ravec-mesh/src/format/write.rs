@@ -13,6 +13,7 @@ use ravec_progress::{Phase, Progress};
 use rustc_hash::FxHashMap;
 
 use super::error::WriteMeshError;
+use super::rows::MeshRows;
 use super::{LengthUnit, MeshFormat};
 use crate::TriMesh;
 
@@ -95,7 +96,7 @@ pub fn write_mesh_with(
     attributes: Attributes<'_>,
     format: MeshFormat,
     options: &WriteOptions,
-    mut writer: impl Write,
+    writer: impl Write,
     progress: &Progress,
 ) -> Result<(), WriteMeshError> {
     let Attributes { colors, texture } = attributes;
@@ -103,49 +104,107 @@ pub fn write_mesh_with(
     let colors = all.then_some(colors);
     let all = texture.len() == mesh.triangles().len() && !texture.is_empty();
     let texture = all.then_some(texture);
-    let single = options.precision == Precision::Single;
-    let always_single = matches!(
-        format,
-        MeshFormat::StlBinary | MeshFormat::Glb | MeshFormat::Gltf
-    );
-    if single || always_single {
-        check_f32(mesh, format)?;
+    if let (MeshFormat::Glb | MeshFormat::Gltf, Some(texture)) = (format, texture) {
+        let (split, of_vertices) = split_by_texture(mesh, texture);
+        let rows = Rows {
+            texture_of_vertices: Some(&of_vertices),
+            ..Rows::of(&split)
+        };
+        return rows.write(format, *options, writer, progress);
     }
-    let split;
-    let (mesh, texture_of_vertices) = match (format, texture) {
-        (MeshFormat::Glb | MeshFormat::Gltf, Some(texture)) => {
-            split = split_by_texture(mesh, texture);
-            (&split.0, Some(&split.1[..]))
-        }
-        _ => (mesh, None),
+    let rows = Rows {
+        colors,
+        texture,
+        ..Rows::of(mesh)
     };
-    let rows = (mesh.positions().len() + mesh.triangles().len()) as u64;
-    let phase = progress.phase("write", rows);
-    let mut sink = Sink {
-        writer: &mut writer,
-        buffer: Vec::with_capacity(FULL + ROW),
-        progress,
-        phase: &phase,
-    };
-    match format {
-        MeshFormat::StlBinary => stl::write_binary(mesh, &mut sink),
-        MeshFormat::StlAscii => stl::write_ascii(mesh, options.precision, &mut sink),
-        MeshFormat::PlyBinary => ply::write_binary(mesh, colors, options.precision, &mut sink),
-        MeshFormat::PlyAscii => ply::write_ascii(mesh, colors, options.precision, &mut sink),
-        MeshFormat::Obj => text::write_obj(mesh, texture, options.precision, &mut sink),
-        MeshFormat::Off => text::write_off(mesh, options.precision, &mut sink),
-        MeshFormat::ThreeMf => threemf::write(mesh, *options, &mut sink),
-        MeshFormat::Glb => gltf::write_glb(mesh, texture_of_vertices, options.unit, &mut sink),
-        MeshFormat::Gltf => gltf::write_gltf(mesh, texture_of_vertices, options.unit, &mut sink),
-    }?;
-    sink.flush()?;
-    writer.flush()?;
-    Ok(())
+    rows.write(format, *options, writer, progress)
 }
 
-fn check_f32(mesh: &TriMesh, format: MeshFormat) -> Result<(), WriteMeshError> {
-    let positions = mesh.positions().iter().enumerate();
-    for (vertex, at) in positions {
+/// Writes a mesh as [`write_mesh`] does, without ever holding all of it.
+///
+/// # Errors
+/// As [`write_mesh`]; [`WriteMeshError::Io`] also if `mesh` cannot be read.
+pub fn write_rows(
+    mesh: &impl MeshRows,
+    format: MeshFormat,
+    options: &WriteOptions,
+    writer: impl Write,
+    progress: &Progress,
+) -> Result<(), WriteMeshError> {
+    Rows::of(mesh).write(format, *options, writer, progress)
+}
+
+/// What is written, with what belongs to its vertices and triangles, in their order.
+#[derive(Clone, Copy)]
+struct Rows<'a> {
+    mesh: &'a dyn MeshRows,
+    colors: Option<&'a [[u8; 4]]>,
+    texture: Option<&'a [[DVec2; 3]]>,
+    texture_of_vertices: Option<&'a [[f32; 2]]>,
+}
+
+impl<'a> Rows<'a> {
+    /// Without anything else.
+    fn of(mesh: &'a impl MeshRows) -> Self {
+        Self {
+            mesh,
+            colors: None,
+            texture: None,
+            texture_of_vertices: None,
+        }
+    }
+
+    fn write(
+        self,
+        format: MeshFormat,
+        options: WriteOptions,
+        mut writer: impl Write,
+        progress: &Progress,
+    ) -> Result<(), WriteMeshError> {
+        let Self {
+            mesh,
+            colors,
+            texture,
+            texture_of_vertices,
+        } = self;
+        let single = options.precision == Precision::Single;
+        let always_single = matches!(
+            format,
+            MeshFormat::StlBinary | MeshFormat::Glb | MeshFormat::Gltf
+        );
+        if single || always_single {
+            check_f32(mesh, format)?;
+        }
+        let rows = (mesh.vertex_count() + mesh.triangle_count()) as u64;
+        let phase = progress.phase("write", rows);
+        let mut sink = Sink {
+            writer: &mut writer,
+            buffer: Vec::with_capacity(FULL + ROW),
+            progress,
+            phase: &phase,
+        };
+        match format {
+            MeshFormat::StlBinary => stl::write_binary(mesh, &mut sink),
+            MeshFormat::StlAscii => stl::write_ascii(mesh, options.precision, &mut sink),
+            MeshFormat::PlyBinary => ply::write_binary(mesh, colors, options.precision, &mut sink),
+            MeshFormat::PlyAscii => ply::write_ascii(mesh, colors, options.precision, &mut sink),
+            MeshFormat::Obj => text::write_obj(mesh, texture, options.precision, &mut sink),
+            MeshFormat::Off => text::write_off(mesh, options.precision, &mut sink),
+            MeshFormat::ThreeMf => threemf::write(mesh, options, &mut sink),
+            MeshFormat::Glb => gltf::write_glb(mesh, texture_of_vertices, options.unit, &mut sink),
+            MeshFormat::Gltf => {
+                gltf::write_gltf(mesh, texture_of_vertices, options.unit, &mut sink)
+            }
+        }?;
+        sink.flush()?;
+        writer.flush()?;
+        Ok(())
+    }
+}
+
+fn check_f32(mesh: &dyn MeshRows, format: MeshFormat) -> Result<(), WriteMeshError> {
+    let mut vertex = 0;
+    mesh.for_each_vertex(&mut |at| {
         if let Some(value) = at.to_array().into_iter().find(|&x| !(x as f32).is_finite()) {
             return Err(WriteMeshError::BeyondF32 {
                 format,
@@ -153,8 +212,9 @@ fn check_f32(mesh: &TriMesh, format: MeshFormat) -> Result<(), WriteMeshError> {
                 value,
             });
         }
-    }
-    Ok(())
+        vertex += 1;
+        Ok(())
+    })
 }
 
 /// The same mesh with as many vertices at a place as there are texture coordinates there, and these for each vertex. Corners
@@ -207,41 +267,58 @@ struct Sink<'a> {
 }
 
 impl Sink<'_> {
-    /// Appends what `spell` writes for each of `items`; they count as rows of the mesh.
-    fn rows<T>(
+    /// Appends what `spell` writes for each vertex.
+    fn vertices(
         &mut self,
-        items: impl IntoIterator<Item = T>,
-        spell: impl FnMut(&mut Vec<u8>, T) -> io::Result<()>,
+        mesh: &dyn MeshRows,
+        mut spell: impl FnMut(&mut Vec<u8>, DVec3) -> io::Result<()>,
     ) -> Result<(), WriteMeshError> {
-        self.spell(items, 1, spell)
+        let mut rows = 0;
+        mesh.for_each_vertex(&mut |at| {
+            spell(&mut self.buffer, at)?;
+            self.count(&mut rows)
+        })?;
+        self.phase.advance(rows);
+        Ok(())
+    }
+
+    /// Appends what `spell` writes for each triangle: its vertices, and where these are.
+    fn triangles(
+        &mut self,
+        mesh: &dyn MeshRows,
+        mut spell: impl FnMut(&mut Vec<u8>, [u32; 3], [DVec3; 3]) -> io::Result<()>,
+    ) -> Result<(), WriteMeshError> {
+        let mut rows = 0;
+        mesh.for_each_triangle(&mut |corners, places| {
+            spell(&mut self.buffer, corners, places)?;
+            self.count(&mut rows)
+        })?;
+        self.phase.advance(rows);
+        Ok(())
+    }
+
+    /// Counts a row, and hands on what was gathered if it is much.
+    fn count(&mut self, rows: &mut u64) -> Result<(), WriteMeshError> {
+        *rows += 1;
+        if self.buffer.len() >= FULL {
+            self.flush()?;
+            self.phase.advance(std::mem::take(rows));
+        }
+        Ok(())
     }
 
     /// Appends what `spell` writes for each of `items`, which are no rows of the mesh.
     fn more<T>(
         &mut self,
         items: impl IntoIterator<Item = T>,
-        spell: impl FnMut(&mut Vec<u8>, T) -> io::Result<()>,
-    ) -> Result<(), WriteMeshError> {
-        self.spell(items, 0, spell)
-    }
-
-    fn spell<T>(
-        &mut self,
-        items: impl IntoIterator<Item = T>,
-        counts: u64,
         mut spell: impl FnMut(&mut Vec<u8>, T) -> io::Result<()>,
     ) -> Result<(), WriteMeshError> {
-        let mut rows = 0;
         for item in items {
             spell(&mut self.buffer, item)?;
-            rows += counts;
             if self.buffer.len() >= FULL {
                 self.flush()?;
-                self.phase.advance(rows);
-                rows = 0;
             }
         }
-        self.phase.advance(rows);
         Ok(())
     }
 

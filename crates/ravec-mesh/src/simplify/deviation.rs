@@ -7,6 +7,7 @@
 
 use glam::DVec3;
 
+use super::ErrorSample;
 use super::surface::Surface;
 use crate::{Adjacency, Bvh, TriMesh, distance_sq_to_triangle};
 
@@ -22,8 +23,21 @@ pub(super) struct Sample {
     pub place: DVec3,
     /// The triangle of the original it is on.
     pub original: u32,
+    /// The triangle that it was near to when patches were put together.
+    pub settled: u32,
     /// The triangle of the simplified surface it is near to.
     pub triangle: u32,
+}
+
+/// Samples that are near triangles of a mesh as it is.
+pub(super) fn known_samples(samples: &[ErrorSample]) -> Vec<Sample> {
+    let near = |&ErrorSample { place, triangle }: &ErrorSample| Sample {
+        place,
+        original: triangle,
+        settled: triangle,
+        triangle,
+    };
+    samples.iter().map(near).collect()
 }
 
 /// The samples of a mesh that is not simplified yet.
@@ -32,6 +46,7 @@ pub(super) fn samples(mesh: &TriMesh, adjacency: &Adjacency) -> Vec<Sample> {
     let sample = |place: DVec3, triangle: u32| Sample {
         place,
         original: triangle,
+        settled: triangle,
         triangle,
     };
     let vertices = (0..positions.len() as u32).filter_map(|v| {

@@ -10,7 +10,7 @@ use super::judge::CollapseJudge;
 use super::quadric::Quadric;
 use super::queue::{Entry, Queue};
 use super::surface::{GONE, Surface};
-use super::{Keep, Simplified, SimplifyError, SimplifyParams, SimplifyReport};
+use super::{ErrorSample, Keep, Simplified, SimplifyError, SimplifyParams, SimplifyReport};
 use crate::loose_octree::LooseOctree;
 use crate::{Aabb, Adjacency, Bvh, TriMesh};
 
@@ -415,8 +415,8 @@ pub(super) struct Leftover {
 }
 
 impl Leftover {
-    /// The mesh of what is still there.
-    pub fn into_simplified(self) -> Simplified {
+    /// The mesh of what is still there, with its samples if asked for.
+    pub fn into_simplified(self, with_samples: bool) -> Simplified {
         let mut name = vec![u32::MAX; self.positions.len()];
         for &v in self.triangles.iter().filter(|t| **t != GONE).flatten() {
             name[v as usize] = 0;
@@ -445,6 +445,17 @@ impl Leftover {
             })
             .collect();
         features.sort_unstable();
+        let mut samples = Vec::new();
+        if with_samples {
+            let mut number = vec![u32::MAX; self.triangles.len()];
+            for (at, &t) in (0_u32..).zip(&triangle_origin) {
+                number[t as usize] = at;
+            }
+            samples.extend(self.samples.iter().map(|sample| ErrorSample {
+                place: sample.place,
+                triangle: number[sample.triangle as usize],
+            }));
+        }
         Simplified {
             mesh: TriMesh::new(positions, triangles).expect(
                 "places were checked to be finite, and names are of vertices that were counted",
@@ -452,6 +463,7 @@ impl Leftover {
             vertex_origin,
             triangle_origin,
             features,
+            samples,
             report: self.report,
         }
     }

@@ -3,6 +3,7 @@
 use glam::DVec3;
 use rustc_hash::{FxHashMap, FxHashSet};
 
+use super::deviation::Sample;
 use super::surface::edge_key;
 use crate::adjacency::is_proper;
 use crate::{Aabb, TriMesh};
@@ -52,6 +53,20 @@ impl Part {
             mesh: TriMesh::new(positions.collect(), corners).expect("names were just given"),
             vertices,
             triangles: kept,
+        }
+    }
+
+    /// Gives samples that are near triangles of the original as it is the names that these have here.
+    pub fn rename(&self, samples: &mut [Sample]) {
+        let names: FxHashMap<u32, u32> = self.triangles.iter().copied().zip(0..).collect();
+        for sample in samples {
+            let triangle = names[&sample.triangle];
+            *sample = Sample {
+                place: sample.place,
+                original: triangle,
+                settled: triangle,
+                triangle,
+            };
         }
     }
 

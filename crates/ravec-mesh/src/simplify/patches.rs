@@ -2,12 +2,14 @@
 //!
 //! 1. The triangles are cut into patches, by halving them again and again across the longest side of the box of their
 //!    middles. Patches are simplified side by side, with the vertices they share held fast.
-//! 2. Put together, they are examined: within a patch nothing is known of the others, so triangles of two might meet, and
-//!    those of one as well if the [`Overseer`] says that its judges keep them apart; and the caller may find triangles at
-//!    fault. The vertices of such triangles are *restored*: all that was merged into them is what it was before. That is
-//!    easy, since a triangle is there if and only if its corners were not merged with each other. What is restored is
-//!    examined again, and more is restored until nothing is at fault.
-//! 3. What is around vertices that were held or restored is simplified as a whole, so that no seam remains.
+//! 2. Each is examined: triangles may meet if the [`Overseer`] says that its judges keep them apart; and the caller may find
+//!    triangles at fault. The vertices of such triangles are *restored*: all that was merged into them is what it was before.
+//!    That is easy, since a triangle is there if and only if its corners were not merged with each other. What is restored is
+//!    examined again, and more is restored until nothing is at fault; then it is simplified with care.
+//! 3. Patches are put together, and what is around the vertices that they share is simplified, so that no seam remains, and
+//!    examined. What is at fault now is what it was when patches were put together, and only if that was not enough, since
+//!    triangles of two patches meet, what it was in the beginning: restored triangles have others beside them at fault, and
+//!    what is restored from farther back spreads farther.
 //!
 //! Guarantees: as for [`simplify`](super::simplify); patches depend on the mesh alone. Does not guarantee: that the result
 //! is the one of [`simplify`](super::simplify), since collapses happen in another order.
@@ -19,7 +21,7 @@ use ravec_progress::{Cancelled, Phase, Progress};
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
-use super::deviation::{Sample, samples};
+use super::deviation::{Sample, known_samples, samples};
 use super::engine::{Engine, Leftover, Start};
 use super::judge::{Overseer, Trust};
 use super::parts::{Part, cut, grow};
@@ -64,7 +66,10 @@ pub fn simplify_patches(
     } else {
         None
     };
-    let known = limited.then(|| samples(mesh, &adjacency));
+    let known = limited.then(|| match keep.samples {
+        Some(known) => known_samples(known),
+        None => samples(mesh, &adjacency),
+    });
     progress.check()?;
     let mut features = creases(mesh, &adjacency, params.feature_angle_rad);
     features.extend(keep.features);
@@ -84,29 +89,22 @@ pub fn simplify_patches(
         original: original.as_ref(),
         features,
         fixed,
+        sealed: keep.sealed,
         overseer,
-        phase: progress.phase("simplify", mesh.triangles().len() as u64),
+        phase: &progress.phase("simplify", mesh.triangles().len() as u64),
         progress,
-    };
-    let mut assembly = Assembly {
-        positions: mesh.positions().to_vec(),
-        merged_into: (0..mesh.positions().len() as u32).collect(),
-        samples: known.unwrap_or_default(),
-        report: SimplifyReport::default(),
     };
     progress.check()?;
     let groups = cut(mesh);
     progress.check()?;
-    let free = if groups.len() > 1 {
-        Some(task.simplify_apart(&mut assembly, &groups)?)
+    let samples = known.unwrap_or_default();
+    let assembly = if groups.len() > 1 {
+        let (mut assembly, held) = task.simplify_apart(samples, &groups)?;
+        task.simplify_seams(&mut assembly, &held)?;
+        assembly
     } else {
-        None
+        task.simplify_examined(samples)?
     };
-    task.simplify_whole(&mut assembly, free.as_deref(), Trust::Examined)?;
-    let restored = task.restore(&mut assembly)?;
-    if restored.contains(&true) {
-        task.simplify_whole(&mut assembly, Some(&restored), Trust::Final)?;
-    }
     progress.check()?;
     Ok(task.finish(assembly))
 }
@@ -119,8 +117,10 @@ struct Task<'a, O> {
     /// All edges that are features.
     features: Vec<[u32; 2]>,
     fixed: Vec<bool>,
+    /// Whether what is fixed is that of other meshes, too.
+    sealed: bool,
     overseer: &'a O,
-    phase: Phase,
+    phase: &'a Phase,
     progress: &'a Progress,
 }
 
@@ -130,6 +130,19 @@ struct Work<'a> {
     keep: Keep<'a>,
     trust: Trust,
     sealed: bool,
+}
+
+/// Vertices whose triangles have to be examined.
+struct Suspects {
+    vertices: Vec<bool>,
+    /// Whether other triangles may meet each other, too.
+    may_all_meet: bool,
+}
+
+/// What vertices may go back to.
+struct Checkpoint {
+    positions: Vec<DVec3>,
+    merged_into: Vec<u32>,
 }
 
 /// The mesh between the steps, in the names of the original.
@@ -142,47 +155,69 @@ struct Assembly {
 }
 
 impl<O: Overseer> Task<'_, O> {
-    /// Simplifies patches, and says which vertices were held fast.
+    /// Simplifies all of the mesh, and undoes what is at fault.
+    fn simplify_examined(&self, samples: Vec<Sample>) -> Result<Assembly, SimplifyError> {
+        let mut assembly = Assembly::new(self.mesh, samples);
+        self.simplify_whole(&mut assembly, None, Trust::Examined)?;
+        let restored = self.restore(&mut assembly, None)?;
+        if restored.contains(&true) {
+            self.simplify_whole(&mut assembly, Some(&restored), Trust::Final)?;
+        }
+        Ok(assembly)
+    }
+
+    /// Simplifies patches, each as if it were all of the mesh, and says which vertices were held fast.
     fn simplify_apart(
         &self,
-        assembly: &mut Assembly,
+        samples: Vec<Sample>,
         groups: &[Vec<u32>],
-    ) -> Result<Vec<bool>, SimplifyError> {
+    ) -> Result<(Assembly, Vec<bool>), SimplifyError> {
         let (patch_of, held) = self.borders(groups);
         self.progress.check()?;
         let mut samples_of = vec![Vec::new(); groups.len()];
-        for sample in assembly.samples.drain(..) {
+        for sample in samples {
             samples_of[patch_of[sample.triangle as usize] as usize].push(sample);
         }
-        let shared = &*assembly;
-        let found: Vec<(Part, Leftover)> = groups
+        let untouched = Assembly::new(self.mesh, vec![]);
+        let found: Vec<(Part, Assembly)> = groups
             .par_iter()
             .zip(samples_of)
-            .map(|(group, samples)| {
+            .map(|(group, mut samples)| {
                 self.progress.check()?;
-                let part = Part::new(self.mesh, shared.now(), group.iter().copied());
-                let is_kept = |v: u32| held[v as usize] || self.fixed[v as usize];
-                let named = (0_u32..).zip(&part.vertices);
-                let keep = named.filter(|&(_, &v)| is_kept(v)).map(|(name, _)| name);
-                let work = Work {
-                    keep: Keep {
-                        features: &part.features(&self.features, &shared.merged_into),
-                        vertices: &keep.collect::<Vec<u32>>(),
-                    },
-                    trust: Trust::Examined,
+                let part = Part::new(self.mesh, untouched.now(), group.iter().copied());
+                part.rename(&mut samples);
+                let is_kept = |&v: &u32| held[v as usize] || self.fixed[v as usize];
+                let patch = Task {
+                    mesh: &part.mesh,
+                    features: part.features(&self.features, &untouched.merged_into),
+                    fixed: part.vertices.iter().map(is_kept).collect(),
                     sealed: true,
+                    ..*self
                 };
-                let leftover = self.run(&part, samples, work)?;
-                Ok((part, leftover))
+                let assembly = patch.simplify_examined(samples)?;
+                Ok((part, assembly))
             })
             .collect::<Result<_, SimplifyError>>()?;
-        for (part, leftover) in found {
+        let mut assembly = untouched;
+        for (part, of_patch) in found {
             self.progress.check()?;
-            assembly.take(&part, leftover);
+            assembly.take_patch(&part, of_patch);
         }
-        assembly.resolve();
-        self.progress.check()?;
-        Ok(held)
+        Ok((assembly, held))
+    }
+
+    /// Simplifies what is around vertices that were held fast, and undoes what is at fault.
+    fn simplify_seams(&self, assembly: &mut Assembly, held: &[bool]) -> Result<(), SimplifyError> {
+        let checkpoint = Checkpoint {
+            positions: assembly.positions.clone(),
+            merged_into: assembly.merged_into.clone(),
+        };
+        self.simplify_whole(assembly, Some(held), Trust::Examined)?;
+        let restored = self.restore(assembly, Some(&checkpoint))?;
+        if restored.contains(&true) {
+            self.simplify_whole(assembly, Some(&restored), Trust::Final)?;
+        }
+        Ok(())
     }
 
     /// Lets an engine work on a part.
@@ -214,48 +249,96 @@ impl<O: Overseer> Task<'_, O> {
         let judge = self.overseer.judge(&part.mesh, work.trust);
         self.progress.check()?;
         let mut engine = Engine::new(start, judge, self.progress)?;
-        engine.run(&self.phase, self.progress)?;
+        engine.run(self.phase, self.progress)?;
         Ok(engine.take_apart())
     }
 
-    /// Undoes what is at fault, and says which vertices are what they were.
-    fn restore(&self, assembly: &mut Assembly) -> Result<Vec<bool>, SimplifyError> {
+    /// Undoes what is at fault, if there was a checkpoint back to that, and says of which vertices something was undone.
+    fn restore(
+        &self,
+        assembly: &mut Assembly,
+        checkpoint: Option<&Checkpoint>,
+    ) -> Result<Vec<bool>, SimplifyError> {
         let merged: Vec<u32> = assembly.merged_into.clone();
+        let before = checkpoint.map_or(&merged, |checkpoint| &checkpoint.merged_into);
+        // what was merged, or moved, since the checkpoint
+        let mut is_new = vec![false; merged.len()];
+        if let Some(checkpoint) = checkpoint {
+            for (&now, &then) in merged.iter().zip(&checkpoint.merged_into) {
+                let place = now as usize;
+                let is_moved = assembly.positions[place] != checkpoint.positions[place];
+                is_new[place] |= is_moved || then != now;
+            }
+        }
         let all = 0..self.mesh.triangles().len() as u32;
         let mut restored = vec![false; merged.len()];
-        let mut suspects: Option<Vec<bool>> = None;
+        let mut is_original = vec![false; merged.len()];
+        let mut suspects = checkpoint.map(|_| Suspects {
+            vertices: merged.iter().map(|&v| is_new[v as usize]).collect(),
+            may_all_meet: true,
+        });
         loop {
             self.progress.check()?;
             let part = Part::new(self.mesh, assembly.now(), all.clone());
             self.progress.check()?;
-            let faults = self.faults(&part, suspects.as_deref(), &restored)?;
+            let faults = self.faults(&part, suspects.as_ref(), &restored)?;
             // whole clusters are restored
-            let mut chosen = vec![false; merged.len()];
+            let mut to_checkpoint = vec![false; merged.len()];
+            let mut to_original = vec![false; merged.len()];
             let mut any = false;
-            for v in faults {
-                let place = merged[v as usize] as usize;
-                any |= !std::mem::replace(&mut chosen[place], true) && !restored[place];
+            for v in faults.into_iter().map(|v| v as usize) {
+                if is_new[merged[v] as usize] && !restored[v] {
+                    to_checkpoint[merged[v] as usize] = true;
+                    any = true;
+                } else if !is_original[v] {
+                    to_original[before[v] as usize] = true;
+                    any = true;
+                }
             }
             if !any {
                 return Ok(restored);
             }
             let mut fresh = vec![false; merged.len()];
-            for (v, &into) in merged.iter().enumerate() {
-                if chosen[into as usize] && !restored[v] {
-                    restored[v] = true;
-                    fresh[v] = true;
+            for v in 0..merged.len() {
+                if to_original[before[v] as usize] && !is_original[v] {
+                    is_original[v] = true;
                     assembly.merged_into[v] = v as u32;
                     assembly.positions[v] = self.mesh.positions()[v];
+                } else if to_checkpoint[merged[v] as usize] && !restored[v] {
+                    assembly.merged_into[v] = before[v];
+                    if let Some(checkpoint) = checkpoint {
+                        assembly.positions[v] = checkpoint.positions[v];
+                    }
+                } else {
+                    continue;
                 }
+                restored[v] = true;
+                fresh[v] = true;
             }
+            let corners = |triangle: u32| {
+                let corners = self.mesh.triangles()[triangle as usize];
+                corners.map(|v| assembly.merged_into[v as usize])
+            };
+            let is_one = |triangle: u32, of: &[bool]| {
+                let corners = corners(triangle);
+                is_proper(corners) && corners.iter().any(|&v| of[v as usize])
+            };
+            let back = |sample: &Sample| {
+                if is_one(sample.original, &is_original) {
+                    sample.original
+                } else if is_one(sample.settled, &fresh) {
+                    sample.settled
+                } else {
+                    sample.triangle
+                }
+            };
             for sample in &mut assembly.samples {
-                let corners = self.mesh.triangles()[sample.original as usize];
-                let now = corners.map(|v| assembly.merged_into[v as usize]);
-                if now.iter().any(|&v| fresh[v as usize]) && is_proper(now) {
-                    sample.triangle = sample.original;
-                }
+                sample.triangle = back(sample);
             }
-            suspects = Some(fresh);
+            suspects = Some(Suspects {
+                vertices: fresh,
+                may_all_meet: false,
+            });
         }
     }
 
@@ -263,7 +346,7 @@ impl<O: Overseer> Task<'_, O> {
     fn faults(
         &self,
         part: &Part,
-        suspects: Option<&[bool]>,
+        suspects: Option<&Suspects>,
         restored: &[bool],
     ) -> Result<Vec<u32>, Cancelled> {
         let corners = |t: u32| part.mesh.triangles()[t as usize];
@@ -271,7 +354,7 @@ impl<O: Overseer> Task<'_, O> {
         let suspicious: Vec<u32> = (0..part.mesh.triangles().len() as u32)
             .filter(|&t| {
                 let mut names = corners(t).into_iter().map(name);
-                suspects.is_none_or(|suspects| names.any(|v| suspects[v as usize]))
+                suspects.is_none_or(|suspects| names.any(|v| suspects.vertices[v as usize]))
             })
             .collect();
         self.progress.check()?;
@@ -279,14 +362,16 @@ impl<O: Overseer> Task<'_, O> {
         self.progress.check()?;
         // the others were examined before
         let around = match suspects {
-            Some(_) => Some(self.touched(&part.mesh, &suspicious)?),
-            None => None,
+            Some(suspects) if !suspects.may_all_meet => {
+                Some(self.touched(&part.mesh, &suspicious)?)
+            }
+            Some(_) | None => None,
         };
         let (mesh, number): (&TriMesh, &dyn Fn(u32) -> u32) = match &around {
             Some((mesh, numbers)) => (mesh, &|t| numbers[t as usize]),
             None => (&part.mesh, &|t| t),
         };
-        if suspects.is_some() {
+        if around.is_some() {
             // neighbors of what is restored may have come to be so twice
             let adjacency = Adjacency::new(mesh);
             for (edge, ends) in (0_u32..).zip(adjacency.edges()) {
@@ -369,9 +454,10 @@ impl<O: Overseer> Task<'_, O> {
             keep: Keep {
                 features: &part.features(&self.features, &assembly.merged_into),
                 vertices: &keep,
+                ..Keep::default()
             },
             trust,
-            sealed: false,
+            sealed: self.sealed,
         };
         let samples = std::mem::take(&mut assembly.samples);
         let leftover = self.run(&part, samples, work)?;
@@ -406,10 +492,10 @@ impl<O: Overseer> Task<'_, O> {
             triangles,
             merged_into: assembly.merged_into,
             features,
-            samples: Vec::new(),
+            samples: assembly.samples,
             report,
         }
-        .into_simplified()
+        .into_simplified(self.sealed)
     }
 
     /// The patch of each triangle, and whether triangles of several patches share a vertex.
@@ -431,6 +517,36 @@ impl<O: Overseer> Task<'_, O> {
 }
 
 impl Assembly {
+    /// Nothing is merged yet.
+    fn new(mesh: &TriMesh, samples: Vec<Sample>) -> Self {
+        Self {
+            positions: mesh.positions().to_vec(),
+            merged_into: (0..mesh.positions().len() as u32).collect(),
+            samples,
+            report: SimplifyReport::default(),
+        }
+    }
+
+    /// Takes over what became of a patch.
+    fn take_patch(&mut self, part: &Part, of_patch: Self) {
+        let name = |v: u32| part.vertices[v as usize];
+        for (v, &into) in (0_u32..).zip(&of_patch.merged_into) {
+            self.merged_into[name(v) as usize] = name(into);
+            self.positions[name(v) as usize] = of_patch.positions[v as usize];
+        }
+        self.samples
+            .extend(of_patch.samples.into_iter().map(|sample| {
+                let triangle = part.triangles[sample.triangle as usize];
+                Sample {
+                    place: sample.place,
+                    original: part.triangles[sample.original as usize],
+                    settled: triangle,
+                    triangle,
+                }
+            }));
+        self.report.add(&of_patch.report);
+    }
+
     /// Which vertices stand for which, and where they are.
     fn now(&self) -> (&[u32], &[DVec3]) {
         (&self.merged_into, &self.positions)

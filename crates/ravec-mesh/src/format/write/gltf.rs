@@ -4,9 +4,9 @@ use base64::engine::general_purpose::STANDARD;
 use base64::write::EncoderWriter;
 
 use super::super::error::WriteMeshError;
+use super::super::rows::MeshRows;
 use super::super::{LengthUnit, MeshFormat};
 use super::{Sink, rounded};
-use crate::TriMesh;
 
 /// The JSON, but for what stands in the braces of its only buffer behind the length.
 struct Document {
@@ -17,13 +17,13 @@ struct Document {
 }
 
 fn document(
-    mesh: &TriMesh,
+    mesh: &dyn MeshRows,
     texture: Option<&[[f32; 2]]>,
     unit: Option<LengthUnit>,
     format: MeshFormat,
 ) -> Result<Document, WriteMeshError> {
     const ASSET: &str = r#"{"asset":{"version":"2.0","generator":"ravec"},"scene":0"#;
-    let (vertices, corners) = (mesh.positions().len(), 3 * mesh.triangles().len());
+    let (vertices, corners) = (mesh.vertex_count(), 3 * mesh.triangle_count());
     // The format has no buffers without bytes.
     if corners == 0 {
         return Ok(Document {
@@ -44,12 +44,13 @@ fn document(
         bytes: total,
     })?;
     let (mut least, mut most) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
-    for &at in mesh.positions() {
+    mesh.for_each_vertex(&mut |at| {
         for (axis, x) in rounded(at).into_iter().enumerate() {
             least[axis] = least[axis].min(x);
             most[axis] = most[axis].max(x);
         }
-    }
+        Ok(())
+    })?;
     let scale = unit.map_or(1.0, LengthUnit::in_meters);
     let scale = if scale == 1.0 {
         String::new()
@@ -89,15 +90,15 @@ fn document(
 }
 
 fn write_data(
-    mesh: &TriMesh,
+    mesh: &dyn MeshRows,
     texture: Option<&[[f32; 2]]>,
     sink: &mut Sink<'_>,
 ) -> Result<(), WriteMeshError> {
-    sink.rows(mesh.positions(), |buffer, &at| {
+    sink.vertices(mesh, |buffer, at| {
         buffer.extend_from_slice(rounded(at).map(f32::to_le_bytes).as_flattened());
         Ok(())
     })?;
-    sink.rows(mesh.triangles(), |buffer, &corners| {
+    sink.triangles(mesh, |buffer, corners, _| {
         buffer.extend_from_slice(corners.map(u32::to_le_bytes).as_flattened());
         Ok(())
     })?;
@@ -108,7 +109,7 @@ fn write_data(
 }
 
 pub(super) fn write_glb(
-    mesh: &TriMesh,
+    mesh: &dyn MeshRows,
     texture: Option<&[[f32; 2]]>,
     unit: Option<LengthUnit>,
     sink: &mut Sink<'_>,
@@ -141,7 +142,7 @@ pub(super) fn write_glb(
 }
 
 pub(super) fn write_gltf(
-    mesh: &TriMesh,
+    mesh: &dyn MeshRows,
     texture: Option<&[[f32; 2]]>,
     unit: Option<LengthUnit>,
     sink: &mut Sink<'_>,

@@ -9,22 +9,21 @@ use std::io::Write as _;
 use glam::DVec3;
 
 use super::super::error::WriteMeshError;
+use super::super::rows::MeshRows;
 use super::{Precision, Sink, point, rounded};
-use crate::TriMesh;
 
 fn normal([a, b, c]: [DVec3; 3]) -> [f32; 3] {
     rounded((b - a).cross(c - a).normalize_or_zero())
 }
 
-pub(super) fn write_binary(mesh: &TriMesh, sink: &mut Sink<'_>) -> Result<(), WriteMeshError> {
+pub(super) fn write_binary(mesh: &dyn MeshRows, sink: &mut Sink<'_>) -> Result<(), WriteMeshError> {
     // Must not begin with `solid`, which is the mark of the text form.
     let mut header = [b' '; 80];
     header[..17].copy_from_slice(b"binary STL, ravec");
     sink.bytes(&header);
     // A mesh never has more triangles than fit.
-    sink.bytes(&(mesh.triangles().len() as u32).to_le_bytes());
-    sink.rows(0..mesh.triangles().len() as u32, |buffer, triangle| {
-        let corners = mesh.corners(triangle);
+    sink.bytes(&(mesh.triangle_count() as u32).to_le_bytes());
+    sink.triangles(mesh, |buffer, _, corners| {
         let mut row = [0; 50];
         let [a, b, c] = corners.map(rounded);
         let numbers = [normal(corners), a, b, c];
@@ -38,13 +37,12 @@ pub(super) fn write_binary(mesh: &TriMesh, sink: &mut Sink<'_>) -> Result<(), Wr
 }
 
 pub(super) fn write_ascii(
-    mesh: &TriMesh,
+    mesh: &dyn MeshRows,
     precision: Precision,
     sink: &mut Sink<'_>,
 ) -> Result<(), WriteMeshError> {
     sink.bytes(b"solid ravec\n");
-    sink.rows(0..mesh.triangles().len() as u32, |buffer, triangle| {
-        let corners = mesh.corners(triangle);
+    sink.triangles(mesh, |buffer, _, corners| {
         let [x, y, z] = normal(corners);
         write!(buffer, "facet normal {x:?} {y:?} {z:?}\n outer loop\n")?;
         for corner in corners {

@@ -4,8 +4,8 @@ use glam::DVec2;
 use rustc_hash::FxHashMap;
 
 use super::super::error::WriteMeshError;
+use super::super::rows::MeshRows;
 use super::{Precision, Sink, number, point, whole};
-use crate::TriMesh;
 
 /// Texture coordinates, each once, and which of them the corners of triangles have, from 1; 0 for none.
 struct Texture {
@@ -39,13 +39,13 @@ impl Texture {
 }
 
 pub(super) fn write_obj(
-    mesh: &TriMesh,
+    mesh: &dyn MeshRows,
     texture: Option<&[[DVec2; 3]]>,
     precision: Precision,
     sink: &mut Sink<'_>,
 ) -> Result<(), WriteMeshError> {
     let texture = texture.map(Texture::of);
-    sink.rows(mesh.positions(), |buffer, &at| {
+    sink.vertices(mesh, |buffer, at| {
         buffer.extend_from_slice(b"v ");
         point(buffer, at, precision)?;
         buffer.push(b'\n');
@@ -61,43 +61,43 @@ pub(super) fn write_obj(
         Ok(())
     })?;
     let of_corners = texture.iter().flat_map(|texture| &texture.of_corners);
-    let of_corners = of_corners.copied().chain(std::iter::repeat([0; 3]));
-    sink.rows(
-        mesh.triangles().iter().zip(of_corners),
-        |buffer, (corners, texture)| {
-            buffer.push(b'f');
-            for (corner, at) in corners.iter().zip(texture) {
-                buffer.push(b' ');
-                // Cannot overflow: there are at most u32::MAX vertices.
-                whole(buffer, corner + 1);
-                if at > 0 {
-                    buffer.push(b'/');
-                    whole(buffer, at);
-                }
+    let mut of_corners = of_corners.copied();
+    sink.triangles(mesh, |buffer, corners, _| {
+        buffer.push(b'f');
+        for (corner, at) in corners
+            .into_iter()
+            .zip(of_corners.next().unwrap_or_default())
+        {
+            buffer.push(b' ');
+            // Cannot overflow: there are at most u32::MAX vertices.
+            whole(buffer, corner + 1);
+            if at > 0 {
+                buffer.push(b'/');
+                whole(buffer, at);
             }
-            buffer.push(b'\n');
-            Ok(())
-        },
-    )?;
-    if mesh.positions().is_empty() {
+        }
+        buffer.push(b'\n');
+        Ok(())
+    })?;
+    if mesh.vertex_count() == 0 {
         sink.bytes(b"# no vertices\n");
     }
     Ok(())
 }
 
 pub(super) fn write_off(
-    mesh: &TriMesh,
+    mesh: &dyn MeshRows,
     precision: Precision,
     sink: &mut Sink<'_>,
 ) -> Result<(), WriteMeshError> {
-    let (vertices, triangles) = (mesh.positions().len(), mesh.triangles().len());
+    let (vertices, triangles) = (mesh.vertex_count(), mesh.triangle_count());
     sink.bytes(format!("OFF\n{vertices} {triangles} 0\n").as_bytes());
-    sink.rows(mesh.positions(), |buffer, &at| {
+    sink.vertices(mesh, |buffer, at| {
         point(buffer, at, precision)?;
         buffer.push(b'\n');
         Ok(())
     })?;
-    sink.rows(mesh.triangles(), |buffer, &corners| {
+    sink.triangles(mesh, |buffer, corners, _| {
         buffer.push(b'3');
         for corner in corners {
             buffer.push(b' ');

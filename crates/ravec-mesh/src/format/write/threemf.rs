@@ -9,8 +9,8 @@ use zip::{CompressionMethod, ZipWriter};
 
 use super::super::LengthUnit;
 use super::super::error::WriteMeshError;
+use super::super::rows::MeshRows;
 use super::{FULL, ROW, Sink, WriteOptions, number, whole};
-use crate::TriMesh;
 
 const TYPES: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
 <Types xmlns="http://schemas.openxmlformats.org/package/2006/content-types">
@@ -36,7 +36,7 @@ fn failed(error: zip::result::ZipError) -> WriteMeshError {
 }
 
 pub(super) fn write(
-    mesh: &TriMesh,
+    mesh: &dyn MeshRows,
     options: WriteOptions,
     sink: &mut Sink<'_>,
 ) -> Result<(), WriteMeshError> {
@@ -118,7 +118,7 @@ impl<W: Write + Seek> Write for Checked<'_, '_, W> {
 }
 
 fn write_entries<W: Write + Seek>(
-    mesh: &TriMesh,
+    mesh: &dyn MeshRows,
     options: WriteOptions,
     progress: &Progress,
     phase: &Phase,
@@ -126,7 +126,7 @@ fn write_entries<W: Write + Seek>(
     archive: &mut ZipWriter<W>,
 ) -> Result<(), WriteMeshError> {
     // An archive entry above 4 GiB has to be announced as such: at most so many bytes are a vertex and a triangle.
-    let most = 130 * mesh.positions().len() as u64 + 80 * mesh.triangles().len() as u64;
+    let most = 130 * mesh.vertex_count() as u64 + 80 * mesh.triangle_count() as u64;
     let entry = SimpleFileOptions::default()
         .compression_method(CompressionMethod::Deflated)
         .compression_level(Some(LEVEL))
@@ -149,7 +149,7 @@ fn write_entries<W: Write + Seek>(
 }
 
 fn write_model(
-    mesh: &TriMesh,
+    mesh: &dyn MeshRows,
     options: WriteOptions,
     sink: &mut Sink<'_>,
 ) -> Result<(), WriteMeshError> {
@@ -161,10 +161,10 @@ fn write_model(
     );
     sink.bytes(head.as_bytes());
     // The format has no meshes without triangles.
-    let is_empty = mesh.triangles().is_empty();
+    let is_empty = mesh.triangle_count() == 0;
     if !is_empty {
         sink.bytes(b"<object id=\"1\" type=\"model\"><mesh>\n<vertices>\n");
-        sink.rows(mesh.positions(), |buffer, &at| {
+        sink.vertices(mesh, |buffer, at| {
             for (name, x) in ["<vertex x=\"", "\" y=\"", "\" z=\""]
                 .iter()
                 .zip(at.to_array())
@@ -176,7 +176,7 @@ fn write_model(
             Ok(())
         })?;
         sink.bytes(b"</vertices>\n<triangles>\n");
-        sink.rows(mesh.triangles(), |buffer, &corners| {
+        sink.triangles(mesh, |buffer, corners, _| {
             for (name, v) in ["<triangle v1=\"", "\" v2=\"", "\" v3=\""]
                 .iter()
                 .zip(corners)
