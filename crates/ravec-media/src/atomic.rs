@@ -57,6 +57,23 @@ pub fn check_writable(path: &Path) -> io::Result<()> {
     }
 }
 
+/// A file without a name, for what does not fit in memory: in the folder of what will be written `beside` it, if that is a plain
+/// file, or else where the system keeps temporary files. It is gone when it is closed, or the program ends.
+///
+/// # Errors
+/// What the file system says, with the folder.
+pub fn scratch_file(beside: Option<&Path>) -> io::Result<File> {
+    let folder = match beside.map(Target::of).transpose()? {
+        Some(Target::File { path, .. }) => folder_of(&path).to_owned(),
+        Some(Target::Stream(_)) | None => std::env::temp_dir(),
+    };
+    let named = |error: io::Error| {
+        let sentence = format!("a temporary file in {}: {error}", folder.display());
+        io::Error::new(error.kind(), sentence)
+    };
+    tempfile::tempfile_in(&folder).map_err(named)
+}
+
 /// Where the content goes in the end.
 enum Target {
     /// A plain file, old or to be made.
@@ -172,6 +189,18 @@ mod tests {
         put(&path, "two").unwrap();
         assert_eq!(std::fs::read_to_string(&path).unwrap(), "two");
         assert_eq!(names(folder.path()), ["a.txt"]);
+    }
+
+    #[test]
+    fn a_scratch_file_has_no_name_and_needs_a_folder() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.txt");
+        let mut file = scratch_file(Some(&path)).unwrap();
+        file.write_all(b"something").unwrap();
+        assert_eq!(names(folder.path()), [""; 0]);
+        scratch_file(None).unwrap();
+        let error = scratch_file(Some(&path.join("b.txt"))).unwrap_err();
+        assert!(error.to_string().contains("a.txt"), "{error}");
     }
 
     #[test]

@@ -56,7 +56,7 @@ mod taken;
 mod tiff;
 mod write;
 
-pub use atomic::{AtomicWriter, check_writable, write_atomically};
+pub use atomic::{AtomicWriter, check_writable, scratch_file, write_atomically};
 pub use format::Format;
 pub use lens::focal_px_from_35mm;
 pub use limits::Limits;
