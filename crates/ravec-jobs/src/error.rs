@@ -270,7 +270,12 @@ impl JobError {
             | Self::Complete { .. }
             | Self::Strokes { .. }
             | Self::Steps { .. } => 3,
-            Self::Write { .. } | Self::WriteMesh { .. } => 4,
+            Self::Write { .. }
+            | Self::WriteMesh { .. }
+            | Self::Offset {
+                cause: OffsetError::Storage { .. },
+                ..
+            } => 4,
             Self::Offset { .. }
             | Self::Boolean { .. }
             | Self::NoMatch { .. }

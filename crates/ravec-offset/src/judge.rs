@@ -8,13 +8,13 @@ use crate::extract::Extracted;
 use crate::outermost::compact;
 use crate::refine::{Refinement, Setting};
 use crate::scope::Scope;
-use crate::tile::{Orders, TRIANGLES_AT_ONCE};
+use crate::tile::{Orders, Patch, TRIANGLES_AT_ONCE};
 use glam::DVec3;
 use ravec_mesh::{BoxTree, self_intersections};
-use ravec_octree::{CellKey, NodeId};
+use ravec_octree::{CellKey, Corner, NodeId};
 use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
-use rustc_hash::{FxBuildHasher, FxHashMap, FxHashSet};
+use rustc_hash::{FxBuildHasher, FxHashMap};
 use std::hash::BuildHasher as _;
 
 /// Where more facets than this are not proved, their cells are split once and not twice.
@@ -24,17 +24,44 @@ const MANY: usize = 2000;
 /// of them do.
 const AMPLE: f64 = 0.65;
 
-/// Facets that are known not to come nearer than a distance, as far as memory of them was kept.
+/// What is ordered while a surface is judged. How cells of facets that are not proved are split depends on how many there are
+/// everywhere.
 #[derive(Debug, Default)]
-pub(crate) struct AmpleFacets {
-    pub distance: f64,
-    hashes: FxHashSet<u64>,
+pub(crate) struct Wanted {
+    next: Orders,
+    unproved: Vec<CellKey>,
 }
 
-impl AmpleFacets {
-    pub fn contains(&self, facet: [DVec3; 3]) -> bool {
-        !self.hashes.is_empty() && self.hashes.contains(&hash(facet))
+impl Wanted {
+    /// Adds all of `other`.
+    pub fn extend(&mut self, other: Self) {
+        self.next.extend(&other.next);
+        self.unproved.extend(other.unproved);
     }
+
+    /// What is to be done, where cells are split by some levels at once.
+    pub fn orders(mut self, setting: &Setting<'_>, levels: u8) -> Orders {
+        let are_many = self.unproved.len() > MANY;
+        // a proof needs no second try where cells cannot be split
+        let limit = setting.limit();
+        for key in self.unproved.into_iter().filter(|key| key.level < limit) {
+            if are_many {
+                self.next.split.insert(key);
+            } else {
+                self.next.split.extend(parts(key, levels, limit));
+            }
+        }
+        self.next
+    }
+}
+
+/// What is wrong with a surface.
+#[derive(Debug, Default)]
+pub(crate) struct Bad {
+    /// The leaves of triangles that are not proved or meet others.
+    pub leaves: Vec<NodeId>,
+    /// Where the edges of their polygons start, or such a leaf.
+    pub starts: Vec<Corner>,
 }
 
 /// What the proof of a facet begins with, beside the facet. A proof that is not tight may succeed from one triangle and fail from
@@ -67,44 +94,46 @@ pub(crate) struct Judge<'a> {
 
 impl Judge<'_> {
     /// The nearest that facets with ample room below them may come.
-    fn ample_distance(&self) -> f64 {
+    pub fn ample_distance(&self) -> f64 {
         self.setting.field.radius() - AMPLE * self.setting.tolerance
     }
 
-    /// The facets of which ample room was proved.
-    pub fn ample_facets<'p>(&self, proved: impl Iterator<Item = &'p Proved>) -> AmpleFacets {
-        let proved = proved.flatten();
-        let ample = proved.filter(|(_, proof)| proof.room == Room::Ample);
-        AmpleFacets {
-            distance: self.ample_distance(),
-            hashes: ample.map(|(&hash, _)| hash).collect(),
-        }
+    /// Of each triangle whether ample room below it was proved.
+    pub fn ample(proved: &Proved, patch: &Patch) -> Vec<bool> {
+        let facet = |corners: &[u32; 3]| corners.map(|v| patch.positions[v as usize]);
+        let is_ample = |corners| {
+            let proof = proved.get(&hash(facet(corners)));
+            proof.is_some_and(|proof| proof.room == Room::Ample)
+        };
+        patch.triangles.par_iter().map(is_ample).collect()
     }
 
     /// Orders what mends facets that are not proved, and triangles that meet.
     ///
-    /// Returns the leaves of all these triangles. `proved` is what was proved before, and grows.
+    /// Returns where all these are. `proved` is what was proved before, and grows.
     pub fn judge(
         &self,
         proved: &mut Proved,
         refinement: &Refinement<'_>,
         (extracted, scope): (&Extracted, &Scope),
         levels: u8,
-        next: &mut Orders,
+        wanted: &mut Wanted,
         progress: &Progress,
-    ) -> Result<Vec<NodeId>, Cancelled> {
-        let unproved = self.unproved_cells(proved, refinement, (extracted, scope), progress)?;
-        // a proof needs no second try where cells cannot be split
-        for key in unproved.iter().map(|&leaf| refinement.tree.key(leaf)) {
-            if key.level < refinement.setting.limit() {
-                if unproved.len() > MANY {
-                    next.split.insert(key);
-                } else {
-                    next.split.extend(parts(refinement, key, levels));
-                }
-            }
+    ) -> Result<Bad, Cancelled> {
+        let start_of = |t: usize| {
+            let polygon = extracted.polygon_of[t];
+            extracted.contour.polygons[polygon as usize].start
+        };
+        let mut bad = Bad::default();
+        for t in self.unproved(proved, refinement, (extracted, scope), progress)? {
+            let cells = extracted.cells_of(t);
+            let keys = cells.iter().map(|&leaf| refinement.tree.key(leaf));
+            wanted.unproved.extend(keys);
+            bad.leaves.extend(cells);
+            bad.starts.push(start_of(t));
         }
         progress.check()?;
+        let next = &mut wanted.next;
         let crowded = extracted.near_crowded_cells(refinement, scope);
         progress.check()?;
         let chosen: Vec<[u32; 3]> = crowded
@@ -113,38 +142,39 @@ impl Judge<'_> {
             .collect();
         let pairs = meeting_pairs(&extracted.positions, &chosen, progress)?;
         let equal = extracted.cells_with_equal_vertices(refinement, scope);
-        let mut bad = unproved;
-        bad.extend(&equal);
+        let at = |&leaf: &NodeId| refinement.tree.key(leaf).at;
+        bad.starts.extend(equal.iter().map(at));
+        bad.leaves.extend(&equal);
         for pair in pairs {
             for t in pair {
                 let triangle = crowded[t as usize] as usize;
                 let cells = extracted.cells_of(triangle);
                 separate(refinement, cells, levels, next);
-                bad.extend(cells);
+                bad.leaves.extend(cells);
+                bad.starts.push(start_of(triangle));
             }
         }
         separate(refinement, &equal, levels, next);
         Ok(bad)
     }
 
-    /// The leaves of facets that are not proved.
-    fn unproved_cells(
+    /// The triangles that are not proved.
+    fn unproved(
         &self,
         proved: &mut Proved,
         refinement: &Refinement<'_>,
         (extracted, scope): (&Extracted, &Scope),
         progress: &Progress,
-    ) -> Result<Vec<NodeId>, Cancelled> {
+    ) -> Result<Vec<usize>, Cancelled> {
         let facet =
             |t: usize| extracted.triangles[t].map(|corner| extracted.positions[corner as usize]);
+        let limit = self.setting.limit();
         let given = |t: usize| {
             let cells = extracted.cells_of(t);
             let level = |&cell: &NodeId| refinement.tree.key(cell).level;
             Given {
                 hints: [0, 1, 2].map(|i| refinement.tree.data(cells[i]).hint),
-                is_last: cells
-                    .iter()
-                    .all(|cell| level(cell) >= refinement.setting.limit()),
+                is_last: cells.iter().all(|cell| level(cell) >= limit),
             }
         };
         let fresh: Vec<(usize, u64)> = (0..extracted.triangles.len())
@@ -190,7 +220,7 @@ impl Judge<'_> {
                 Some(proof) => {
                     proved.insert(hash, proof);
                 }
-                None => bad.extend(extracted.cells_of(t)),
+                None => bad.push(t),
             }
         }
         Ok(bad)
@@ -198,9 +228,9 @@ impl Judge<'_> {
 }
 
 /// A cell that is to be split, and its descendants as far as they are to be split with it, over some levels in all.
-fn parts(refinement: &Refinement<'_>, key: CellKey, levels: u8) -> Vec<CellKey> {
+fn parts(key: CellKey, levels: u8, limit: u8) -> Vec<CellKey> {
     let mut parts = vec![key];
-    let (mut first, last) = (0, (key.level + levels).min(refinement.setting.limit()));
+    let (mut first, last) = (0, (key.level + levels).min(limit));
     for _ in key.level + 1..last {
         let end = parts.len();
         for k in first..end {
@@ -219,10 +249,11 @@ pub(crate) fn separate(
     levels: u8,
     next: &mut Orders,
 ) {
+    let limit = refinement.setting.limit();
     for &leaf in leaves {
         let key = refinement.tree.key(leaf);
-        if key.level < refinement.setting.limit() {
-            next.split.extend(parts(refinement, key, levels));
+        if key.level < limit {
+            next.split.extend(parts(key, levels, limit));
         } else {
             next.filled.extend(refinement.open_corners(leaf));
         }

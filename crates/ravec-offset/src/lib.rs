@@ -4,8 +4,8 @@
 //! edges and planes beside them. An octree is split until one vertex a cell stands for the pieces in it (`refine`, `cell`);
 //! the surface dual to it is cut into triangles that do not meet each other (`extract`); every triangle is proved to keep the
 //! distance (`certify`), and cells whose triangles are not, or meet others, are split again (`mend`), tile by tile if memory is
-//! limited (`tile`). Triangles are merged at the end, as far as the same proof allows (`simplify`), those that lie badly are turned
-//! (`smooth`), and what is left is measured (`measure`). If a file is to hold 32-bit floats, vertices are put on these before
+//! limited (`tile`, `store`). Triangles are merged at the end, as far as the same proof allows (`simplify`), those that lie badly
+//! are turned (`smooth`), and what is left is measured (`measure`), if need be piece by piece (`pieces`). If a file is to hold 32-bit floats, vertices are put on these before
 //! any of that is decided (`grid`). Sheets are made thick by the same means (`thicken`).
 //!
 //! Sources: Pavić and Kobbelt, *High-Resolution Volumetric Computation of Offset Surfaces with Feature Preservation*,
@@ -23,8 +23,8 @@
 //! tip, and a part of the surface that is shallower than half the tolerance within a cell may be missed.
 //!
 //! Cost: about six searches for the closest triangle for each leaf of the tree and one for each vertex, and for each triangle a
-//! proof that costs less than one. A round of mending looks at what changed and what is near it, but where memory is limited at
-//! all of the tiles that hold changes.
+//! proof that costs less than one. A round of mending looks at what changed and what is near it. Where memory is limited tiles
+//! are read and written in each round that concerns them, and what they share with others is grown for each.
 //! Simplification takes at most ten searches or so for each vertex that goes.
 
 mod cell;
@@ -33,6 +33,7 @@ mod certify;
 mod enclosed;
 mod extract;
 mod field;
+mod finish;
 mod grid;
 mod judge;
 mod measure;
@@ -40,13 +41,18 @@ mod mend;
 mod offset;
 mod outermost;
 mod params;
+mod pieces;
 mod refine;
 mod scope;
 mod simplify;
 mod smooth;
+mod store;
+mod stored;
 mod thicken;
 mod tile;
 
 pub use cells::{OffsetCell, offset_cells};
-pub use offset::{Offset, OffsetReport, offset};
+pub use offset::{Offset, OffsetReport, StoredOffset, offset, offset_stored};
 pub use params::{Coordinates, OffsetError, OffsetParams, OpenRule, Side};
+pub use store::{NewStorage, Storage};
+pub use stored::OffsetSurface;

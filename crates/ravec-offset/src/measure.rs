@@ -12,7 +12,6 @@
 use crate::certify::MOST_CUTS;
 use crate::certify::keeps_distance;
 use crate::field::Field;
-use crate::judge::AmpleFacets;
 use glam::DVec3;
 use ravec_mesh::{Adjacency, TriMesh, distance_sq_to_triangle};
 use ravec_progress::{Cancelled, Progress};
@@ -42,13 +41,39 @@ pub(crate) struct Measured {
     pub most_found: f64,
 }
 
+/// Facets that are known not to come nearer than a distance.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Ample<'a> {
+    pub distance: f64,
+    /// Of each facet whether it is one; empty if none are.
+    pub facets: &'a [bool],
+}
+
+impl Ample<'_> {
+    fn contains(&self, facet: u32) -> bool {
+        self.facets.get(facet as usize) == Some(&true)
+    }
+}
+
+impl Measured {
+    /// What holds for two parts of a surface together.
+    pub fn and(self, other: Self) -> Self {
+        Self {
+            unproved: self.unproved + other.unproved,
+            least: self.least.min(other.least),
+            most: self.most.max(other.most),
+            most_found: self.most_found.max(other.most_found),
+        }
+    }
+}
+
 /// Proves that facets keep the distance within limits, and measures the extremes; what is known of `ample` facets is not proved
 /// again.
 pub(crate) fn measure(
     field: &Field<'_>,
     surface: &TriMesh,
     limits: [f64; 2],
-    ample: &AmpleFacets,
+    ample: Ample<'_>,
     progress: &Progress,
 ) -> Result<Measured, Cancelled> {
     let corners = nearest_of_vertices(field, surface, progress)?;
@@ -62,7 +87,7 @@ pub(crate) fn measure(
             progress.check()?;
             let corners = surface.corners(t);
             let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
-            let is_ample = ample.contains(corners);
+            let is_ample = ample.contains(t);
             // that of an ample facet is of interest only where it is far
             let nearest = |triangle| distance_sq_to_triangle(middle, field.bvh().corners(triangle));
             let guess_sq = (hints(t).map(nearest).into_iter()).fold(f64::INFINITY, f64::min);
@@ -222,11 +247,13 @@ fn most_distance(
 }
 
 /// The number of edges where the surface creases: there, both the facets and the normals of the true surface beside the edge
-/// turn by more than 20°. `reach` is how far beside: about as far as the surface may be off.
+/// turn by more than 20°. `reach` is how far beside: about as far as the surface may be off. Only edges between triangles that are
+/// counted, are.
 pub(crate) fn creases(
     field: &Field<'_>,
     surface: &TriMesh,
     reach: f64,
+    is_counted: impl Fn([u32; 2]) -> bool + Sync,
     progress: &Progress,
 ) -> Result<u64, Cancelled> {
     progress.check()?;
@@ -241,6 +268,9 @@ pub(crate) fn creases(
             let &[left, right] = adjacency.uses(edge) else {
                 return Ok(0);
             };
+            if !is_counted([left.triangle, right.triangle]) {
+                return Ok(0);
+            }
             let sides = [left, right].map(|side| surface.corners(side.triangle));
             let [m, n] = sides.map(|[a, b, c]| (b - a).cross(c - a));
             if !turns(m, n) {
@@ -268,6 +298,11 @@ mod tests {
     use ravec_mesh::Bvh;
     use ravec_scenes::solids::cuboid;
 
+    const NOTHING: Ample<'_> = Ample {
+        distance: 0.0,
+        facets: &[],
+    };
+
     fn cube(side: f64) -> TriMesh {
         cuboid(DVec3::splat(side)).mesh
     }
@@ -276,14 +311,7 @@ mod tests {
     fn measured(limits: [f64; 2]) -> Measured {
         let bvh = Bvh::new(&cube(2.0));
         let field = Field::new(&bvh, Solid::Closed, 1.0, &Progress::none()).unwrap();
-        measure(
-            &field,
-            &cube(4.0),
-            limits,
-            &AmpleFacets::default(),
-            &Progress::none(),
-        )
-        .unwrap()
+        measure(&field, &cube(4.0), limits, NOTHING, &Progress::none()).unwrap()
     }
 
     #[test]
@@ -310,7 +338,7 @@ mod tests {
             &field,
             &tilted.unwrap(),
             [0.0, 2.0],
-            &AmpleFacets::default(),
+            NOTHING,
             &Progress::none(),
         )
         .unwrap();
@@ -346,7 +374,7 @@ mod tests {
             )
             .unwrap();
             // outside, cylinders and spheres round what is an edge here
-            let found = creases(&field, surface, 0.02, &Progress::none()).unwrap();
+            let found = creases(&field, surface, 0.02, |_| true, &Progress::none()).unwrap();
             assert_eq!(found, expected, "inner: {inner}");
         }
     }
@@ -357,16 +385,7 @@ mod tests {
         progress.cancel();
         let bvh = Bvh::new(&cube(2.0));
         let field = Field::new(&bvh, Solid::Closed, 1.0, &Progress::none()).unwrap();
-        assert!(
-            measure(
-                &field,
-                &cube(4.0),
-                [0.9, 1.8],
-                &AmpleFacets::default(),
-                &progress
-            )
-            .is_err()
-        );
-        assert!(creases(&field, &cube(4.0), 0.1, &progress).is_err());
+        assert!(measure(&field, &cube(4.0), [0.9, 1.8], NOTHING, &progress).is_err());
+        assert!(creases(&field, &cube(4.0), 0.1, |_| true, &progress).is_err());
     }
 }

@@ -1,20 +1,25 @@
 //! The surface, mended until it is proved and does not meet itself.
 //!
-//! All tiles are grown and cut into triangles; cells of triangles that are not proved, or meet others, are split; tiles that
-//! depend on these cells are done again. Every round sees the orders of the rounds before and no others, so that what comes
-//! out does not depend on the tiles. Where memory is limited a tile that would take too much is cut into eight, and only one
-//! tile is in memory at a time, beside the surface itself; otherwise all of space is one tile, which stays.
+//! All of space is grown and cut into triangles; cells of triangles that are not proved, or meet others, are split; what
+//! depends on these cells is done again. Every round sees the orders of the rounds before and no others, so that what comes
+//! out does not depend on how space is cut.
+//!
+//! Trees are kept from round to round, and only the surface near what changed is cut anew. If the tree of all of space does not
+//! fit in memory, tiles are grown one after the other, each cut into eight if it would take too much, and are kept in a storage,
+//! from which those come back that changes concern.
 
 use crate::extract::{CrossingPlaces, extract};
-use crate::grid::doubled;
-use crate::judge::{AmpleFacets, Judge, Proved, meeting_pairs, separate};
-use crate::outermost::reachable;
+use crate::judge::{Bad, Judge, Proved, Wanted, separate};
+use crate::params::OffsetError;
+use crate::pieces::{Pieces, Visibility};
 use crate::refine::{Halt, Refinement, Setting};
 use crate::scope::Scope;
-use crate::tile::{Assembled, Orders, Patch, Reach, assemble};
-use glam::DVec3;
-use ravec_octree::{CellKey, NodeId};
-use ravec_progress::{Cancelled, Progress};
+use crate::store::{Block, Bytes, NewStorage, Record, Scratch, Store, damaged, encoded};
+use crate::tile::{Orders, Patch, Reach};
+use ravec_mesh::Aabb;
+use ravec_octree::{CellKey, Corner, NodeId};
+use ravec_progress::Progress;
+use rayon::prelude::*;
 
 /// Rounds of mending after which what is left is reported.
 const MOST_ROUNDS: u32 = 100;
@@ -34,6 +39,20 @@ const MOST_GROWTH: f64 = 1.6;
 /// Tiles of fewer cells along a side are not cut any more: they are hardly larger than what they depend on.
 const LEAST_CELLS: f64 = 16.0;
 
+/// Polygons of a block. Of smaller ones more is border.
+const MOST_POLYGONS: usize = 1000;
+
+/// How much may be in memory at once.
+#[derive(Clone, Copy)]
+pub(crate) struct Budget<'a> {
+    /// Nodes of a tree.
+    pub nodes: usize,
+    /// Triangles of the surface, with all that is found out about them together.
+    pub triangles: usize,
+    /// Where there is room for more.
+    pub storage: NewStorage<'a>,
+}
+
 /// What to mend, and how far.
 pub(crate) struct Mending<'a> {
     pub setting: Setting<'a>,
@@ -41,21 +60,17 @@ pub(crate) struct Mending<'a> {
     pub limits: [f64; 2],
     /// Whether to drop what cannot be reached from far away.
     pub outer_only: bool,
-    /// How many nodes the tree of a tile may have.
-    pub most_nodes: usize,
+    pub budget: Budget<'a>,
 }
 
 /// The surface, and what it took.
 pub(crate) struct Mended {
-    pub positions: Vec<DVec3>,
-    pub triangles: Vec<[u32; 3]>,
-    /// Facets that are proved to leave ample room below them.
-    pub ample: AmpleFacets,
+    pub surface: Pieces,
     /// Whether all is proved, and triangles meet nowhere.
     pub is_proved: bool,
-    /// Whether mending was given up: each round made the surface much larger, and there is none.
-    pub is_given_up: bool,
-    /// Leaves of the tree.
+    /// The nearest that triangles with ample room below them come.
+    pub ample_distance: f64,
+    /// Leaves of the tree, and their finest level.
     pub cells: u64,
     pub deepest_level: u8,
     pub tiles: u64,
@@ -65,53 +80,52 @@ pub(crate) struct Mended {
     pub filled: u64,
 }
 
-/// A part of space.
-struct Tile<'a> {
+/// The surface as far as it is made.
+enum Space<'a> {
+    Nothing,
+    /// All of it at once.
+    Whole(Box<Grown<'a>>),
+    /// Tile by tile, in the order of the curve.
+    Cut(Scratch, Vec<Tile>),
+}
+
+/// A tile, or all of space, with its tree.
+struct Grown<'a> {
     key: CellKey,
-    /// What it depends on; nothing before it was done.
-    reach: Option<Reach>,
-    refinement: Option<Refinement<'a>>,
+    refinement: Refinement<'a>,
     places: CrossingPlaces,
     /// Facets that were proved, by a hash of their corners.
     proved: Proved,
-    /// Leaves of triangles that are not proved, or meet others.
-    bad: Vec<NodeId>,
+    bad: Bad,
     patch: Patch,
-    /// Whether nothing is wrong with the patch.
-    is_proved: bool,
+}
+
+/// A tile that is in the storage.
+struct Tile {
+    key: CellKey,
+    /// What it depends on.
+    reach: Reach,
+    tree: Record,
+    patch: Record,
+    bad: Bad,
+    triangles: usize,
     leaves: u64,
     deepest_level: u8,
 }
 
-impl Tile<'_> {
-    fn new(key: CellKey) -> Self {
-        Self {
-            key,
-            reach: None,
-            refinement: None,
-            places: CrossingPlaces::default(),
-            proved: Proved::default(),
-            bad: vec![],
-            patch: Patch::default(),
-            is_proved: false,
-            leaves: 0,
-            deepest_level: 0,
-        }
-    }
-
-    /// Gives back the memory of all that can be found again.
-    fn forget(&mut self) {
-        self.refinement = None;
-        self.places = CrossingPlaces::default();
-        self.proved = Proved::default();
-        self.bad = vec![];
-        self.patch.leaves = vec![];
-    }
+/// What a round is about.
+#[derive(Clone, Copy)]
+struct Round<'o> {
+    /// All that was ordered before, and what of it is new.
+    orders: &'o Orders,
+    latest: &'o Orders,
+    /// How many levels cells are split by at once.
+    levels: u8,
 }
 
 impl<'a> Mending<'a> {
-    pub fn run(&self, progress: &Progress) -> Result<Mended, Cancelled> {
-        let mut tiles = vec![Tile::new(CellKey::ROOT)];
+    pub fn run(&self, progress: &Progress) -> Result<Mended, OffsetError> {
+        let mut space = Space::Nothing;
         let mut orders = Orders::default();
         let mut latest = Orders::default();
         let mut rounds = 0;
@@ -123,55 +137,50 @@ impl<'a> Mending<'a> {
         };
         loop {
             let levels = self.levels(rounds);
-            let mut next = self.round(&mut tiles, &orders, &latest, levels, progress)?;
-            let extracted = tiles.iter().map(|tile| tile.patch.triangles.len()).sum();
+            let round = Round {
+                orders: &orders,
+                latest: &latest,
+                levels,
+            };
+            let mut wanted = Wanted::default();
+            space = self.advance(space, round, &mut wanted, progress)?;
+            let mut next = wanted.orders(&self.setting, levels);
+            let extracted = space.triangles();
             let before = std::mem::replace(&mut size, extracted);
             let grows = before > 0 && extracted as f64 > MOST_GROWTH * before as f64;
             if self.setting.field.level == 0.0 && extracted > LARGE && grows {
-                return Ok(Mended {
-                    positions: vec![],
-                    triangles: vec![],
-                    ample: AmpleFacets::default(),
-                    is_proved: false,
-                    is_given_up: true,
-                    cells: 0,
-                    deepest_level: 0,
-                    tiles: tiles.len() as u64,
-                    rounds,
-                    split: orders.split.len() as u64,
-                    filled: orders.filled.len() as u64,
+                return Err(OffsetError::TooRough {
+                    tolerance: self.setting.tolerance,
                 });
             }
             if next.is_empty() || rounds == most_rounds {
-                let whole = self.assemble(&tiles, progress)?;
-                let mut is_proved = tiles.iter().all(|tile| tile.is_proved);
-                let proved = tiles.iter().map(|tile| &tile.proved);
-                let ample = self.judge().ample_facets(proved);
+                let (cells, deepest_level) = space.counted();
+                let tiles = space.tiles();
+                let blocks;
+                (space, blocks) = self.finished(space, progress)?;
+                let visibility = if self.outer_only {
+                    Visibility::Reachable
+                } else {
+                    Visibility::All
+                };
+                let (store, blocks) = blocks;
+                let most_triangles = self.budget.triangles;
+                let surface = Pieces::new(store, blocks, most_triangles, visibility, progress)?;
+                let mut is_proved = surface.blocks().iter().all(|block| block.is_proved);
                 if is_proved {
-                    // trees grow again in the rare case that they are needed
-                    tiles.iter_mut().for_each(Tile::forget);
                     // only crowded cells let triangles meet, and these were searched: this is to be sure
-                    let pairs = meeting_pairs(&whole.positions, &whole.triangles, progress)?;
-                    let mut bad: Vec<u32> = pairs.into_iter().flatten().collect();
-                    if self.setting.grid.is_coarse() {
-                        let doubled = doubled(&whole.positions);
-                        let is_doubled = |t: &[u32; 3]| t.iter().any(|v| doubled.contains(v));
-                        let at = (0u32..).zip(&whole.triangles);
-                        bad.extend(at.filter(|(_, t)| is_doubled(t)).map(|(t, _)| t));
-                    }
+                    let bad = surface.meeting(&self.setting.grid, progress)?;
                     is_proved = bad.is_empty();
-                    next = self.separation(&whole, &bad, &tiles, &orders, levels, progress)?;
+                    next = self.separation(&surface, &space, &bad, round, progress)?;
                 }
                 if next.is_empty() || rounds == most_rounds {
                     return Ok(Mended {
-                        positions: whole.positions,
-                        triangles: whole.triangles,
-                        ample,
+                        surface,
                         is_proved,
-                        is_given_up: false,
-                        cells: tiles.iter().map(|tile| tile.leaves).sum(),
-                        deepest_level: tiles.iter().map(|t| t.deepest_level).max().unwrap_or(0),
-                        tiles: tiles.len() as u64,
+                        ample_distance: self.judge().ample_distance(),
+                        cells,
+                        deepest_level,
+                        tiles,
                         rounds,
                         split: orders.split.len() as u64,
                         filled: orders.filled.len() as u64,
@@ -202,168 +211,409 @@ impl<'a> Mending<'a> {
         }
     }
 
-    /// Does all tiles that the latest orders concern; returns what is to be done next.
-    fn round(
+    /// Makes what is not there yet, and does again what the latest orders concern.
+    fn advance(
         &self,
-        tiles: &mut Vec<Tile<'a>>,
-        orders: &Orders,
-        latest: &Orders,
-        levels: u8,
+        space: Space<'a>,
+        round: Round<'_>,
+        wanted: &mut Wanted,
         progress: &Progress,
-    ) -> Result<Orders, Cancelled> {
-        let mut next = Orders::default();
-        let mut at = 0;
-        while at < tiles.len() {
-            let tile = &mut tiles[at];
-            let is_concerned = tile.reach.is_none_or(|reach| latest.concern(&reach));
-            if is_concerned {
-                match self.tend(tile, [orders, latest], levels, &mut next, progress) {
-                    Ok(()) => {}
-                    Err(Halt::Cancelled(cancelled)) => return Err(cancelled),
-                    Err(Halt::TooLarge) => {
-                        let key = tile.key;
-                        let children = (0..8).map(|octant| Tile::new(key.child(octant)));
-                        tiles.splice(at..=at, children);
-                        continue;
-                    }
+    ) -> Result<Space<'a>, OffsetError> {
+        let root = CellKey::ROOT;
+        let whole = match space {
+            Space::Nothing => self
+                .grown(root, self.budget.nodes, round, wanted, progress)
+                .map(Box::new),
+            Space::Whole(whole) => self.mended(whole, round, wanted, progress),
+            Space::Cut(scratch, tiles) => {
+                let mut done = Vec::with_capacity(tiles.len());
+                for tile in tiles {
+                    self.redo(tile, &scratch, &mut done, round, wanted, progress)?;
                 }
+                return Ok(Space::Cut(scratch, done));
             }
-            at += 1;
+        };
+        match whole {
+            Ok(whole) => Ok(Space::Whole(whole)),
+            Err(Halt::Cancelled(cancelled)) => Err(cancelled.into()),
+            Err(Halt::TooLarge) => {
+                let scratch = Scratch::new(self.budget.storage)?;
+                let mut tiles = vec![];
+                for tile in (0..8).map(|octant| root.child(octant)) {
+                    self.add_tiles(tile, &scratch, &mut tiles, round, wanted, progress)?;
+                }
+                Ok(Space::Cut(scratch, tiles))
+            }
         }
-        Ok(next)
     }
 
-    /// Grows a tile, or mends it, cuts it into triangles and judges these.
-    fn tend(
+    /// Grows a tile, cuts it into triangles and judges these.
+    fn grown(
         &self,
-        tile: &mut Tile<'a>,
-        [orders, latest]: [&Orders; 2],
+        key: CellKey,
+        most_nodes: usize,
+        round: Round<'_>,
+        wanted: &mut Wanted,
+        progress: &Progress,
+    ) -> Result<Grown<'a>, Halt> {
+        let refinement = Refinement::grow(self.setting, key, round.orders, most_nodes, progress)?;
+        let mut grown = Grown {
+            key,
+            refinement,
+            places: CrossingPlaces::default(),
+            proved: Proved::default(),
+            bad: Bad::default(),
+            patch: Patch::default(),
+        };
+        self.cut(&mut grown, Scope::Tile(key), round.levels, wanted, progress)?;
+        Ok(grown)
+    }
+
+    /// Does what is new, cuts the surface around it into triangles and judges these.
+    fn mended(
+        &self,
+        mut grown: Box<Grown<'a>>,
+        round: Round<'_>,
+        wanted: &mut Wanted,
+        progress: &Progress,
+    ) -> Result<Box<Grown<'a>>, Halt> {
+        let key = grown.key;
+        let mut changed = grown.refinement.mend(key, round.orders, progress)?;
+        changed.append(&mut grown.bad.leaves);
+        let scope = Scope::around(key, changed, &grown.refinement, progress)?;
+        self.cut(&mut grown, scope, round.levels, wanted, progress)?;
+        Ok(grown)
+    }
+
+    /// Cuts what is asked for into triangles and judges these.
+    fn cut(
+        &self,
+        grown: &mut Grown<'a>,
+        mut scope: Scope,
         levels: u8,
-        next: &mut Orders,
+        wanted: &mut Wanted,
         progress: &Progress,
     ) -> Result<(), Halt> {
-        let (refinement, mut scope) = if let Some(mut refinement) = tile.refinement.take() {
-            let first_new = refinement.tree.len() as NodeId;
-            refinement.mend(latest, progress)?;
-            let filled = latest.filled.iter();
-            let changed = (first_new..refinement.tree.len() as NodeId)
-                .chain(filled.flat_map(|&corner| refinement.leaves_at(corner)))
-                .chain(std::mem::take(&mut tile.bad));
-            let scope = Scope::around(changed, &refinement, progress)?;
-            (refinement, scope)
-        } else {
-            tile.patch = Patch::default();
-            let refinement = self.grow(tile.key, orders, progress)?;
-            (refinement, Scope::Tile(tile.key))
-        };
-        let extracted = extract(&refinement, &mut scope, &mut tile.places, progress)?;
-        let patch = extracted.patch(&refinement, &scope, progress)?;
-        tile.patch = match &scope {
+        let refinement = &grown.refinement;
+        let extracted = extract(refinement, &mut scope, &mut grown.places, progress)?;
+        let mut patch = extracted.patch(refinement, &scope, progress)?;
+        grown.bad = self.judge().judge(
+            &mut grown.proved,
+            refinement,
+            (&extracted, &scope),
+            levels,
+            wanted,
+            progress,
+        )?;
+        patch.ample = Judge::ample(&grown.proved, &patch);
+        grown.patch = match &scope {
             Scope::Tile(_) => patch,
             Scope::Changes(near) => {
                 let tree = &refinement.tree;
                 let is_gone = |&leaf: &NodeId| !tree.is_leaf(leaf) || near.is_affected(leaf);
                 let is_gone = |leaves: &[NodeId; 4]| leaves.iter().any(is_gone);
-                tile.patch.replaced(is_gone, &patch, progress)?
+                grown.patch.replaced(is_gone, &patch, progress)?
             }
         };
-        tile.bad = self.judge().judge(
-            &mut tile.proved,
-            &refinement,
-            (&extracted, &scope),
-            levels,
-            next,
-            progress,
-        )?;
-        tile.is_proved = tile.bad.is_empty();
-        let leaves = || {
-            let all = refinement.tree.leaves();
-            all.map(|leaf| refinement.tree.key(leaf))
-                .filter(|key| tile.key.owns(key.at))
-        };
-        tile.leaves = leaves().count() as u64;
-        tile.deepest_level = leaves().map(|key| key.level).max().unwrap_or(0);
-        tile.reach = Some(refinement.reach());
-        // the only tile may stay: it was within what is allowed
-        if tile.key == CellKey::ROOT {
-            tile.refinement = Some(refinement);
+        Ok(())
+    }
+
+    /// How many nodes a tile may have: any number if it is hardly larger than what it depends on.
+    fn most_nodes(&self, tile: CellKey) -> usize {
+        // the chords of a facet of this size leave a sphere by the tolerance
+        let cell = (8.0 * self.setting.field.radius() * self.setting.tolerance).sqrt();
+        let may_be_cut = self.setting.frame.side_at(tile.level) >= LEAST_CELLS * cell;
+        if may_be_cut {
+            self.budget.nodes
         } else {
-            tile.forget();
+            usize::MAX
+        }
+    }
+
+    /// Grows a tile, or its parts if it would take too much, and puts them in the storage.
+    fn add_tiles(
+        &self,
+        tile: CellKey,
+        scratch: &Scratch,
+        tiles: &mut Vec<Tile>,
+        round: Round<'_>,
+        wanted: &mut Wanted,
+        progress: &Progress,
+    ) -> Result<(), OffsetError> {
+        let mut of_tile = Wanted::default();
+        match self.grown(tile, self.most_nodes(tile), round, &mut of_tile, progress) {
+            Ok(grown) => {
+                wanted.extend(of_tile);
+                tiles.push(Tile::put(grown, scratch, None)?);
+            }
+            Err(Halt::Cancelled(cancelled)) => return Err(cancelled.into()),
+            Err(Halt::TooLarge) => {
+                for part in (0..8).map(|octant| tile.child(octant)) {
+                    self.add_tiles(part, scratch, tiles, round, wanted, progress)?;
+                }
+            }
         }
         Ok(())
     }
 
-    fn grow(
+    /// Mends a tile if the latest orders concern it.
+    fn redo(
         &self,
-        tile: CellKey,
-        orders: &Orders,
+        tile: Tile,
+        scratch: &Scratch,
+        done: &mut Vec<Tile>,
+        round: Round<'_>,
+        wanted: &mut Wanted,
         progress: &Progress,
-    ) -> Result<Refinement<'a>, Halt> {
-        // the chords of a facet of this size leave a sphere by the tolerance
-        let cell = (8.0 * self.setting.field.radius() * self.setting.tolerance).sqrt();
-        let may_be_cut = self.setting.frame.side_at(tile.level) >= LEAST_CELLS * cell;
-        let most_nodes = if may_be_cut {
-            self.most_nodes
-        } else {
-            usize::MAX
-        };
-        Refinement::grow(self.setting, tile, orders, most_nodes, progress)
+    ) -> Result<(), OffsetError> {
+        progress.check()?;
+        if !round.latest.concern(&tile.reach) {
+            done.push(tile);
+            return Ok(());
+        }
+        let places = [tile.tree, tile.patch];
+        let key = tile.key;
+        let most_nodes = self.most_nodes(key);
+        // it is better to keep a tile that has grown a little
+        let most_nodes = most_nodes.saturating_add(most_nodes / 4);
+        let grown = tile.get(self.setting, most_nodes, scratch)?;
+        let mut of_tile = Wanted::default();
+        match self.mended(Box::new(grown), round, &mut of_tile, progress) {
+            Ok(grown) => {
+                wanted.extend(of_tile);
+                done.push(Tile::put(*grown, scratch, Some(places))?);
+                Ok(())
+            }
+            Err(Halt::Cancelled(cancelled)) => Err(cancelled.into()),
+            Err(Halt::TooLarge) => {
+                for part in (0..8).map(|octant| key.child(octant)) {
+                    self.add_tiles(part, scratch, done, round, wanted, progress)?;
+                }
+                Ok(())
+            }
+        }
     }
 
-    fn assemble(&self, tiles: &[Tile<'_>], progress: &Progress) -> Result<Assembled, Cancelled> {
-        let whole = assemble(tiles.iter().map(|tile| &tile.patch), progress)?;
-        if !self.outer_only {
-            return Ok(whole);
+    /// The surface in blocks, one if it fits in memory; and the space without what can be grown again.
+    fn finished(
+        &self,
+        space: Space<'a>,
+        progress: &Progress,
+    ) -> Result<(Space<'a>, (Store, Vec<Block>)), OffsetError> {
+        match space {
+            Space::Nothing => unreachable!("there was a round"),
+            Space::Whole(whole) => {
+                let Grown {
+                    key, bad, patch, ..
+                } = *whole;
+                let mut patch = patch.united();
+                patch.leaves = vec![];
+                let made = if patch.triangles.len() > self.budget.triangles {
+                    let store = Store::Storage(Scratch::new(self.budget.storage)?);
+                    let blocks = blocks(key, &patch, &bad, &store, progress)?;
+                    (store, blocks)
+                } else {
+                    let mut block = block(key, patch, &Store::Memory)?;
+                    block.is_proved = bad.starts.is_empty();
+                    (Store::Memory, vec![block])
+                };
+                Ok((Space::Nothing, made))
+            }
+            Space::Cut(scratch, tiles) => {
+                let store = Store::Storage(Scratch::new(self.budget.storage)?);
+                let mut all = vec![];
+                for tile in &tiles {
+                    progress.check()?;
+                    let patch = scratch.patch(tile.patch)?.united();
+                    all.extend(blocks(tile.key, &patch, &tile.bad, &store, progress)?);
+                }
+                Ok((Space::Cut(scratch, tiles), (store, all)))
+            }
         }
-        let seen = reachable(&whole.positions, &whole.triangles, progress)?;
-        if seen.iter().all(|&seen| seen) {
-            return Ok(whole);
-        }
-        whole.retain(|t| seen[t], progress)
     }
 
-    /// Orders what separates triangles from others that they meet.
+    /// Orders what separates triangles from others that they meet, given by their blocks and their numbers there, in order.
     fn separation(
         &self,
-        whole: &Assembled,
-        triangles: &[u32],
-        tiles: &[Tile<'a>],
-        orders: &Orders,
-        levels: u8,
+        surface: &Pieces,
+        space: &Space<'a>,
+        triangles: &[[u32; 2]],
+        round: Round<'_>,
         progress: &Progress,
-    ) -> Result<Orders, Cancelled> {
+    ) -> Result<Orders, OffsetError> {
         let mut next = Orders::default();
-        let mut origins: Vec<[u32; 2]> = triangles
-            .iter()
-            .map(|&t| whole.origin[t as usize])
-            .collect();
-        origins.sort_unstable();
-        for of_tile in origins.chunk_by(|a, b| a[0] == b[0]) {
-            let tile = &tiles[of_tile[0][0] as usize];
-            let grown;
-            let refinement = match &tile.refinement {
-                Some(refinement) => refinement,
-                None => match self.grow(tile.key, orders, progress) {
-                    Ok(refinement) => {
-                        grown = refinement;
-                        &grown
-                    }
-                    Err(Halt::Cancelled(cancelled)) => return Err(cancelled),
-                    Err(Halt::TooLarge) => unreachable!("it was grown before"),
-                },
+        let mut last: Option<(CellKey, Refinement<'a>)> = None;
+        for of_block in triangles.chunk_by(|a, b| a[0] == b[0]) {
+            let block = of_block[0][0] as usize;
+            let start = surface.blocks()[block].key.at;
+            let known = last.take_if(|(key, _)| key.owns(start));
+            let (key, refinement) = match known {
+                Some(known) => known,
+                None => self.tree_around(start, space, round, progress)?,
             };
-            for &[_, t] in of_tile {
-                let edge = tile.patch.edges[tile.patch.edge_of[t as usize] as usize];
-                separate(
-                    refinement,
-                    &refinement.leaves_around(edge),
-                    levels,
-                    &mut next,
-                );
+            let patch = surface.patch(block)?;
+            for &[_, t] in of_block {
+                let edge = patch.edges[patch.edge_of[t as usize] as usize];
+                let leaves = refinement.leaves_around(edge);
+                separate(&refinement, &leaves, round.levels, &mut next);
             }
+            last = Some((key, refinement));
         }
         Ok(next)
     }
+
+    /// The tree of the tile that holds a place.
+    fn tree_around(
+        &self,
+        place: Corner,
+        space: &Space<'a>,
+        round: Round<'_>,
+        progress: &Progress,
+    ) -> Result<(CellKey, Refinement<'a>), OffsetError> {
+        if let Space::Cut(scratch, tiles) = space {
+            let tile = tiles.iter().find(|tile| tile.key.owns(place));
+            let tile = tile.expect("tiles cover all of space");
+            let refinement = tile.refinement(self.setting, usize::MAX, scratch)?;
+            return Ok((tile.key, refinement));
+        }
+        let key = CellKey::ROOT;
+        match Refinement::grow(self.setting, key, round.orders, usize::MAX, progress) {
+            Ok(refinement) => Ok((key, refinement)),
+            Err(Halt::Cancelled(cancelled)) => Err(cancelled.into()),
+            Err(Halt::TooLarge) => unreachable!("any number of nodes is allowed"),
+        }
+    }
+}
+
+impl Space<'_> {
+    fn triangles(&self) -> usize {
+        match self {
+            Self::Nothing => 0,
+            Self::Whole(whole) => whole.patch.triangles.len(),
+            Self::Cut(_, tiles) => tiles.iter().map(|tile| tile.triangles).sum(),
+        }
+    }
+
+    fn tiles(&self) -> u64 {
+        match self {
+            Self::Nothing => 0,
+            Self::Whole(_) => 1,
+            Self::Cut(_, tiles) => tiles.len() as u64,
+        }
+    }
+
+    /// How many leaves there are, and their finest level.
+    fn counted(&self) -> (u64, u8) {
+        match self {
+            Self::Nothing => (0, 0),
+            Self::Whole(whole) => whole.counted(),
+            Self::Cut(_, tiles) => (
+                tiles.iter().map(|tile| tile.leaves).sum(),
+                (tiles.iter().map(|tile| tile.deepest_level).max()).unwrap_or(0),
+            ),
+        }
+    }
+}
+
+impl Grown<'_> {
+    /// How many leaves start in it, and their finest level.
+    fn counted(&self) -> (u64, u8) {
+        let tree = &self.refinement.tree;
+        let keys = tree.leaves().map(|leaf| tree.key(leaf));
+        keys.filter(|key| self.key.owns(key.at))
+            .fold((0, 0), |(count, deepest), key| {
+                (count + 1, key.level.max(deepest))
+            })
+    }
+}
+
+impl Tile {
+    /// Puts a tile away, if that fits where its tree and its patch were before.
+    fn put(
+        grown: Grown<'_>,
+        scratch: &Scratch,
+        instead: Option<[Record; 2]>,
+    ) -> Result<Self, OffsetError> {
+        let [tree, patch] = [0, 1].map(|i| instead.map(|records| records[i]));
+        let (leaves, deepest_level) = grown.counted();
+        Ok(Self {
+            key: grown.key,
+            reach: grown.refinement.reach().clone(),
+            tree: scratch.put(&grown.refinement.to_bytes(), tree)?,
+            patch: scratch.put(&encoded(&grown.patch), patch)?,
+            bad: grown.bad,
+            triangles: grown.patch.triangles.len(),
+            leaves,
+            deepest_level,
+        })
+    }
+
+    /// What was put away; what is only remembered to save time is not.
+    fn get<'a>(
+        self,
+        setting: Setting<'a>,
+        most_nodes: usize,
+        scratch: &Scratch,
+    ) -> Result<Grown<'a>, OffsetError> {
+        Ok(Grown {
+            key: self.key,
+            refinement: self.refinement(setting, most_nodes, scratch)?,
+            places: CrossingPlaces::default(),
+            proved: Proved::default(),
+            patch: scratch.patch(self.patch)?,
+            bad: self.bad,
+        })
+    }
+
+    fn refinement<'a>(
+        &self,
+        setting: Setting<'a>,
+        most_nodes: usize,
+        scratch: &Scratch,
+    ) -> Result<Refinement<'a>, OffsetError> {
+        let bytes = scratch.get(self.tree)?;
+        let refinement = Refinement::from_bytes(setting, self.key, most_nodes, &mut Bytes(&bytes));
+        refinement.ok_or_else(damaged)
+    }
+}
+
+/// The blocks of a tile, in the order of the curve.
+fn blocks(
+    tile: CellKey,
+    patch: &Patch,
+    bad: &Bad,
+    store: &Store,
+    progress: &Progress,
+) -> Result<Vec<Block>, OffsetError> {
+    let mut blocks = patch
+        .cells(tile, MOST_POLYGONS)
+        .into_par_iter()
+        .filter(|(_, edges)| !edges.is_empty())
+        .map(|(cell, edges)| {
+            progress.check()?;
+            block(cell, patch.part(edges), store)
+        })
+        .collect::<Result<Vec<Block>, OffsetError>>()?;
+    for &start in bad.starts.iter().filter(|&&start| tile.owns(start)) {
+        let after = blocks.partition_point(|block| block.key.at.morton() <= start.morton());
+        // where nothing starts there is no block
+        if let Some(block) = blocks.get_mut(after.saturating_sub(1)) {
+            block.is_proved = false;
+        }
+    }
+    Ok(blocks)
+}
+
+/// A block with nothing wrong.
+pub(crate) fn block(key: CellKey, patch: Patch, store: &Store) -> Result<Block, OffsetError> {
+    let corners = patch.positions.iter().copied();
+    Ok(Block {
+        key,
+        bounds: Aabb::around(corners),
+        triangles: patch.triangles.len(),
+        is_proved: true,
+        patch: store.put(patch)?,
+    })
 }
 
 #[cfg(test)]
@@ -372,8 +622,10 @@ mod tests {
     use crate::enclosed::Enclosed;
     use crate::field::{Field, Solid};
     use crate::grid::Grid;
-    use crate::measure::measure;
+    use crate::measure::{Ample, measure};
     use crate::params::Coordinates;
+    use crate::store::in_memory;
+    use glam::DVec3;
     use ravec_mesh::{Bvh, TriMesh};
     use ravec_octree::Frame;
 
@@ -394,7 +646,7 @@ mod tests {
         TriMesh::new(positions, triangles.chain([[3, 4, 5]]).collect()).unwrap()
     }
 
-    fn mended(mesh: &TriMesh, outer_only: bool, most_nodes: usize) -> Mended {
+    fn mended(mesh: &TriMesh, outer_only: bool, budget: Budget<'_>) -> Mended {
         let bvh = Bvh::new(mesh);
         let (distance, tolerance) = (0.05, 0.004);
         let bounds = mesh.bounds().grown(distance + 4.0 * tolerance);
@@ -418,50 +670,68 @@ mod tests {
             },
             limits: [distance - tolerance, distance + tolerance],
             outer_only,
-            most_nodes,
+            budget,
         };
         mending.run(&Progress::none()).unwrap()
     }
 
+    fn limited(nodes: usize, triangles: usize) -> Budget<'static> {
+        Budget {
+            nodes,
+            triangles,
+            storage: &in_memory,
+        }
+    }
+
     #[test]
     fn the_surface_is_the_same_bit_by_bit_however_space_is_cut() {
-        for (seed, outer_only, most_nodes) in [(1, false, 12_000), (2, true, 5000)] {
+        let cut_in_tiles = limited(12_000, usize::MAX);
+        let cut_in_pieces = [limited(5000, 3000), limited(usize::MAX, 3000)];
+        for (seed, outer_only, budgets) in [
+            (1, false, &[cut_in_tiles][..]),
+            (2, true, &cut_in_pieces[..]),
+        ] {
             let mesh = soup(seed);
-            let whole = mended(&mesh, outer_only, usize::MAX);
+            let whole = mended(&mesh, outer_only, limited(usize::MAX, usize::MAX));
 
-            // the whole was mended where it changed, tiles are grown anew in each round
-            assert!(whole.is_proved && whole.tiles == 1 && !whole.triangles.is_empty());
-            // the whole was mended where it changed, tiles are grown anew in each round
+            assert!(whole.is_proved && whole.tiles == 1);
             assert!(whole.rounds > 1, "{} rounds", whole.rounds);
-            let cut = mended(&mesh, outer_only, most_nodes);
-            assert!(cut.tiles >= 8, "{} tiles", cut.tiles);
-            assert_eq!(cut.positions, whole.positions);
-            assert_eq!(cut.triangles, whole.triangles);
             let counts = |m: &Mended| (m.cells, m.deepest_level, m.rounds, m.split);
-            assert_eq!(counts(&cut), counts(&whole));
+            let counted = counts(&whole);
+            let whole = whole.surface.into_mesh(&Progress::none()).unwrap();
+            assert!(!whole.triangles().is_empty());
+            for budget in budgets.iter().copied() {
+                let is_grown_whole = budget.nodes == usize::MAX;
+                let cut = mended(&mesh, outer_only, budget);
+                assert!(cut.is_proved && (cut.tiles == 1) == is_grown_whole);
+                assert!(cut.tiles == 1 || cut.tiles >= 8);
+                assert_eq!(counts(&cut), counted);
+                let cut = cut.surface.into_mesh(&Progress::none()).unwrap();
+                assert!(cut == whole);
+            }
         }
     }
 
     #[test]
     fn facets_that_are_known_to_have_ample_room_are_measured_as_others() {
         let mesh = soup(3);
-        let mended = mended(&mesh, false, usize::MAX);
+        let mended = mended(&mesh, false, limited(usize::MAX, usize::MAX));
         let bvh = Bvh::new(&mesh);
         let field = Field::new(&bvh, Solid::No, 0.05, &Progress::none()).unwrap();
-        let surface = TriMesh::new(mended.positions, mended.triangles).unwrap();
-        let facets = surface.triangles().len();
-        let known = (0..facets as u32)
-            .filter(|&t| mended.ample.contains(surface.corners(t)))
-            .count();
+        let piece = mended.surface.piece(0, &Progress::none()).unwrap();
+        let facets = piece.mesh.triangles().len();
+        let known = piece.ample.iter().filter(|&&is| is).count();
         assert!(known > facets / 2, "{known} of {facets}");
         let limits = [0.046, 0.054];
-        let measured = |ample: &AmpleFacets| {
-            let found = measure(&field, &surface, limits, ample, &Progress::none()).unwrap();
+        let distance = 0.05 - 0.65 * 0.004;
+        let measured = |facets: &[bool]| {
+            let ample = Ample { distance, facets };
+            let found = measure(&field, &piece.mesh, limits, ample, &Progress::none()).unwrap();
             assert_eq!(found.unproved, 0);
             [found.least, found.most, found.most_found]
         };
-        let [least, most, most_found] = measured(&mended.ample);
-        let [plain_least, plain_most, plain_most_found] = measured(&AmpleFacets::default());
+        let [least, most, most_found] = measured(&piece.ample);
+        let [plain_least, plain_most, plain_most_found] = measured(&[]);
         assert!((least - plain_least).abs() <= 1e-3 * 0.004);
         assert_eq!([most, most_found], [plain_most, plain_most_found]);
     }

@@ -2,16 +2,16 @@
 
 use crate::enclosed::Enclosed;
 use crate::field::{Field, Solid};
+use crate::finish::Finish;
 use crate::grid::{Grid, rounded};
-use crate::judge::AmpleFacets;
-use crate::measure::{creases, measure};
-use crate::mend::Mending;
+use crate::mend::{Budget, Mended, Mending};
 use crate::params::{Coordinates, OffsetError, OffsetParams, OpenRule, Side};
 use crate::refine::Setting;
-use crate::simplify::simplify;
-use crate::thicken::{thicken, without_slivers};
+use crate::store::{NewStorage, in_memory};
+use crate::stored::OffsetSurface;
+use crate::thicken::thicken;
 use glam::DVec3;
-use ravec_mesh::{Bvh, CheckParams, MeshCheck, TriMesh, check, weld};
+use ravec_mesh::{Bvh, CheckParams, TriMesh, check};
 use ravec_octree::Frame;
 use ravec_progress::{Cancelled, Progress};
 
@@ -20,6 +20,15 @@ const OFF_ROUND: f64 = 0.0107;
 
 /// Bytes that a node of the tree costs, with corners, polygons and triangles: as measured, rounded up.
 const BYTES_PER_NODE: u64 = 640;
+
+/// Bytes that a triangle costs while it is merged with others, measured and checked: as measured, rounded up.
+const BYTES_PER_TRIANGLE: u64 = 1700;
+
+/// Bytes that the program takes itself.
+const BYTES_OF_PROGRAM: u64 = 40 << 20;
+
+/// The share of the memory that trees and pieces are allowed, since what they take is only guessed by these bytes.
+const USED_SHARE: f64 = 0.75;
 
 /// Bytes without which no tile is worth its while, beside what the mesh itself takes.
 const LEAST_MEMORY: u64 = 64 << 20;
@@ -43,7 +52,7 @@ pub struct OffsetReport {
     pub cells: u64,
     /// The finest level of the tree that was used; the root is level 0.
     pub deepest_level: u8,
-    /// Tiles that the tree was grown in, one after the other: 1 if memory is not limited.
+    /// Tiles that the tree was grown in, one after the other: 1 if all of it fitted in memory.
     pub tiles: u64,
     /// How often cells were split to mend the surface.
     pub rounds: u32,
@@ -75,6 +84,15 @@ pub struct Offset {
     pub report: OffsetReport,
 }
 
+/// An offset surface that need not be in memory.
+#[derive(Debug)]
+pub struct StoredOffset {
+    /// The surface; triangles are counterclockwise seen from outside of the offset solid.
+    pub surface: OffsetSurface,
+    /// What holds for it.
+    pub report: OffsetReport,
+}
+
 /// The surface at a distance from the triangles of a mesh, which may be any triangles at all.
 ///
 /// # Errors
@@ -86,13 +104,31 @@ pub fn offset(
     params: &OffsetParams,
     progress: &Progress,
 ) -> Result<Offset, OffsetError> {
+    let StoredOffset { surface, report } = offset_stored(mesh, params, &in_memory, progress)?;
+    Ok(Offset {
+        mesh: surface.into_mesh(progress)?,
+        report,
+    })
+}
+
+/// As [`offset`], but a surface that would take more memory than [`OffsetParams::memory_bytes`] is made in a `storage`, some
+/// 300 bytes for each triangle before simplification, and stays there, to be written triangle by triangle.
+///
+/// # Errors
+/// As [`offset`]; [`OffsetError::Storage`] if the storage fails.
+pub fn offset_stored(
+    mesh: &TriMesh,
+    params: &OffsetParams,
+    storage: NewStorage<'_>,
+    progress: &Progress,
+) -> Result<StoredOffset, OffsetError> {
     if mesh.triangles().is_empty() {
         return Err(OffsetError::NoTriangles);
     }
     // what becomes part of the result has to be what a file holds
     let is_part = params.open == OpenRule::Thicken || params.side == Side::Shell;
     if !is_part || params.coordinates == Coordinates::Double {
-        return of_exact(mesh, params, progress);
+        return of_exact(mesh, params, storage, progress);
     }
     let got = params.tolerance;
     let Some((rounded, moved)) = rounded(mesh, params.coordinates) else {
@@ -103,7 +139,7 @@ pub fn offset(
         tolerance: got - moved.min(0.5 * got),
         ..params.clone()
     };
-    let made = of_exact(&rounded, &left, progress);
+    let made = of_exact(&rounded, &left, storage, progress);
     let mut offset = made.map_err(|error| match error {
         OffsetError::SinglePrecision { least, .. } => OffsetError::SinglePrecision {
             got,
@@ -117,131 +153,38 @@ pub fn offset(
     Ok(offset)
 }
 
-/// As [`offset`]; the mesh may become part of the result as it is.
+/// As [`offset_stored`]; the mesh may become part of the result as it is.
 fn of_exact(
     mesh: &TriMesh,
     params: &OffsetParams,
+    storage: NewStorage<'_>,
     progress: &Progress,
-) -> Result<Offset, OffsetError> {
+) -> Result<StoredOffset, OffsetError> {
     if params.open == OpenRule::Thicken {
-        return thicken(mesh, params, progress);
+        let Offset { mesh, report } = thicken(mesh, params, progress)?;
+        let surface = OffsetSurface::from(mesh);
+        return Ok(StoredOffset { surface, report });
     }
     params.check(&mesh.bounds())?;
-    surface(mesh, params, false, progress)
+    let task = Task::checked(mesh, params, false, progress)?;
+    let field = task.field(progress)?;
+    let finish = task.finish(mesh, params, &field, storage)?;
+    let mended = task.mended(params, &finish, progress)?;
+    finish.run(mesh, mended, progress)
 }
 
-/// The surface, for parameters that were checked; with `wound`, around all that the triangles wind around, cavities too,
-/// but without parts and cavities of less volume than a cube whose side is the tolerance.
-pub(crate) fn surface(
+/// The surface around all that the triangles of a mesh wind around, cavities too, but without parts and cavities of less volume
+/// than a cube whose side is the tolerance; for parameters that were checked.
+pub(crate) fn wound(
     mesh: &TriMesh,
     params: &OffsetParams,
-    wound: bool,
     progress: &Progress,
 ) -> Result<Offset, OffsetError> {
-    let task = Task::checked(mesh, params, wound, progress)?;
+    let task = Task::checked(mesh, params, true, progress)?;
     let field = task.field(progress)?;
-    let limits = [
-        params.distance - params.tolerance,
-        params.distance + params.tolerance,
-    ];
-    let most_nodes = match params.memory_bytes {
-        Some(bytes) => nodes_within(bytes, &task.bvh, mesh)?,
-        None => usize::MAX,
-    };
-    let enclosed = task.enclosed(&field, params.side, most_nodes, progress)?;
-    let mending = Mending {
-        setting: Setting {
-            field: &field,
-            enclosed: &enclosed,
-            frame: task.frame,
-            grid: task.grid,
-            tolerance: params.tolerance,
-        },
-        limits,
-        outer_only: params.side == Side::Outer,
-        most_nodes,
-    };
-    let mended = mending.run(progress)?;
-    if mended.is_given_up {
-        return Err(OffsetError::TooRough {
-            tolerance: params.tolerance,
-        });
-    }
-    if mended.triangles.is_empty() {
-        return Err(OffsetError::Empty {
-            distance: params.distance,
-        });
-    }
-    let extracted_triangles = mended.triangles.len() as u64;
-    let surface = TriMesh::new(mended.positions, mended.triangles);
-    let mut surface = surface.expect("corners are finite and have numbers");
-    let mut is_apart = mended.is_proved;
-    let mut ample = mended.ample;
-    if params.simplify {
-        ample = AmpleFacets::default();
-        surface = simplify(&field, params, limits, [mesh, &surface], progress)?;
-        is_apart = false;
-    }
-    if wound {
-        surface = without_slivers(surface, params.tolerance.powi(3), progress)?;
-    }
-    let measured = measure(&field, &surface, limits, &ample, progress)?;
-    let reach = 2.0 * params.tolerance;
-    let reach = if wound {
-        reach
-    } else {
-        reach.min(0.125 * params.distance)
-    };
-    let feature_edges = creases(&field, &surface, reach, progress)?;
-    if params.side == Side::Shell {
-        surface = shell(mesh, &surface);
-        is_apart = false;
-    }
-    // what is as it was mended meets itself nowhere
-    let last = CheckParams {
-        self_intersections: !is_apart,
-        list_limit: 0,
-    };
-    let checked = check_written(&surface, params.coordinates, &last, progress)?;
-    let self_intersections = checked.self_intersections.map_or(0, |found| found.count);
-    Ok(Offset {
-        report: OffsetReport {
-            certified: measured.unproved == 0,
-            uncertified_facets: measured.unproved,
-            solid: checked.closed
-                && checked.manifold
-                && checked.oriented
-                && self_intersections == 0,
-            self_intersections,
-            triangles: surface.triangles().len() as u64,
-            extracted_triangles,
-            cells: mended.cells,
-            deepest_level: mended.deepest_level,
-            tiles: mended.tiles,
-            rounds: mended.rounds,
-            split_cells: mended.split,
-            filled_corners: mended.filled,
-            least_distance: measured.least,
-            most_distance: measured.most,
-            most_distance_found: measured.most_found,
-            feature_edges,
-            sheet_kept: None,
-        },
-        mesh: surface,
-    })
-}
-
-/// Looks at a result as a file holds it: vertices that rounding put in one place are one for whoever reads it.
-pub(crate) fn check_written(
-    mesh: &TriMesh,
-    coordinates: Coordinates,
-    params: &CheckParams,
-    progress: &Progress,
-) -> Result<MeshCheck, Cancelled> {
-    match coordinates {
-        Coordinates::Double => check(mesh, params, progress),
-        Coordinates::Single => check(&weld(mesh, 0.0).mesh, params, progress),
-    }
+    let finish = task.finish(mesh, params, &field, &in_memory)?;
+    let mended = task.mended(params, &finish, progress)?;
+    finish.wound(mesh, mended, progress)
 }
 
 /// What is asked for, found possible and made ready.
@@ -335,6 +278,55 @@ impl Task {
     pub fn field(&self, progress: &Progress) -> Result<Field<'_>, Cancelled> {
         Field::new(&self.bvh, self.solid, self.level, progress)
     }
+
+    /// The surface, proved as far as it can be.
+    fn mended(
+        &self,
+        params: &OffsetParams,
+        finish: &Finish<'_>,
+        progress: &Progress,
+    ) -> Result<Mended, OffsetError> {
+        let Finish { field, budget, .. } = finish;
+        let enclosed = self.enclosed(field, params.side, budget.nodes, progress)?;
+        let mending = Mending {
+            setting: Setting {
+                field,
+                enclosed: &enclosed,
+                frame: self.frame,
+                grid: self.grid,
+                tolerance: params.tolerance,
+            },
+            limits: finish.limits,
+            outer_only: params.side == Side::Outer,
+            budget: *budget,
+        };
+        let mended = mending.run(progress)?;
+        if mended.surface.triangles() == 0 {
+            return Err(OffsetError::Empty {
+                distance: params.distance,
+            });
+        }
+        Ok(mended)
+    }
+
+    fn finish<'a>(
+        &self,
+        mesh: &TriMesh,
+        params: &'a OffsetParams,
+        field: &'a Field<'a>,
+        storage: NewStorage<'a>,
+    ) -> Result<Finish<'a>, OffsetError> {
+        Ok(Finish {
+            params,
+            field,
+            grid: self.grid,
+            limits: [
+                params.distance - params.tolerance,
+                params.distance + params.tolerance,
+            ],
+            budget: budget(params, &self.bvh, mesh, storage)?,
+        })
+    }
 }
 
 /// A cube around a box, off its center, so that planes of symmetry do not lie in faces of cells.
@@ -349,27 +341,30 @@ fn frame_around(bounds: &ravec_mesh::Aabb) -> Frame {
     }
 }
 
-/// How many nodes of a tree take half of the memory that the mesh leaves: the rest is for the surface.
-fn nodes_within(bytes: u64, bvh: &Bvh, mesh: &TriMesh) -> Result<usize, OffsetError> {
+/// What fits in the memory that the mesh leaves.
+fn budget<'a>(
+    params: &OffsetParams,
+    bvh: &Bvh,
+    mesh: &TriMesh,
+    storage: NewStorage<'a>,
+) -> Result<Budget<'a>, OffsetError> {
+    let Some(bytes) = params.memory_bytes else {
+        return Ok(Budget {
+            nodes: usize::MAX,
+            triangles: usize::MAX,
+            storage,
+        });
+    };
     let of_mesh = size_of_val(mesh.positions()) + size_of_val(mesh.triangles());
     let taken = (bvh.memory_bytes() + of_mesh) as u64;
     let least = taken + LEAST_MEMORY;
     if bytes < least {
         return Err(OffsetError::Memory { got: bytes, least });
     }
-    Ok(((bytes - taken) / 2 / BYTES_PER_NODE) as usize)
-}
-
-/// The mesh with the surface inside it, turned so that the space between them is inside.
-fn shell(mesh: &TriMesh, inner: &TriMesh) -> TriMesh {
-    let mut positions = mesh.positions().to_vec();
-    let first = positions.len() as u32;
-    positions.extend(inner.positions());
-    let mut triangles = mesh.triangles().to_vec();
-    let turned = inner
-        .triangles()
-        .iter()
-        .map(|&[a, b, c]| [a, c, b].map(|v| v + first));
-    triangles.extend(turned);
-    TriMesh::new(positions, triangles).expect("corners of both have numbers")
+    let left = ((bytes - taken - BYTES_OF_PROGRAM) as f64 * USED_SHARE) as u64;
+    Ok(Budget {
+        nodes: (left / BYTES_PER_NODE) as usize,
+        triangles: (left / BYTES_PER_TRIANGLE) as usize,
+        storage,
+    })
 }

@@ -1,9 +1,13 @@
 //! Which closed surfaces can be reached from far away.
 
-use crate::tile::TRIANGLES_AT_ONCE;
+use crate::params::OffsetError;
+use crate::tile::{Patch, TRIANGLES_AT_ONCE, VertexName, border};
 use glam::DVec3;
-use ravec_mesh::{Aabb, Bvh, TriMesh, WindingNumbers, measure};
+use ravec_mesh::{Aabb, Bvh, TriMesh, WindingNumbers, measure, winding_number};
 use ravec_progress::{Cancelled, Progress};
+use rayon::prelude::*;
+use rustc_hash::FxHashMap;
+use std::borrow::Cow;
 
 /// Of each triangle of a closed surface that does not meet itself, and is seen from outside of what it encloses, whether it
 /// can be reached from far away.
@@ -52,6 +56,146 @@ pub(crate) fn reachable(
         }
     }
     Ok(part_of.iter().map(|&part| seen[part as usize]).collect())
+}
+
+/// As [`reachable`] for a surface in blocks, of which few are taken at once: the triangles that can be reached of those blocks of
+/// which only some can.
+pub(crate) fn reachable_in_blocks<'a>(
+    blocks: usize,
+    patch: impl Fn(usize) -> Result<Cow<'a, Patch>, OffsetError>,
+    progress: &Progress,
+) -> Result<FxHashMap<usize, Vec<bool>>, OffsetError> {
+    // the parts of blocks, and which of them are the same part of the surface
+    let mut shares: Vec<Share> = Vec::new();
+    let mut first_of = Vec::with_capacity(blocks);
+    let mut parents: Vec<u32> = Vec::new();
+    let mut known: FxHashMap<VertexName, u32> = FxHashMap::default();
+    for at in 0..blocks {
+        let patch = patch(at)?;
+        let part_of = parts(patch.positions.len(), &patch.triangles, progress)?;
+        let first = shares.len() as u32;
+        first_of.push(first);
+        let border = border(patch.positions.len(), patch.triangles.iter());
+        for (corners, &part) in patch.triangles.iter().zip(&part_of) {
+            let number = first + part;
+            if number as usize == shares.len() {
+                parents.push(number);
+                shares.push(Share::at(patch.positions[corners[0] as usize]));
+            }
+            shares[number as usize].add(corners.map(|v| patch.positions[v as usize]));
+            for &v in corners.iter().filter(|&&v| border[v as usize]) {
+                let other = *known.entry(patch.names[v as usize]).or_insert(number);
+                let (a, b) = (root(&mut parents, other), root(&mut parents, number));
+                parents[a.max(b) as usize] = a.min(b);
+            }
+        }
+    }
+    drop(known);
+    let part_of: Vec<u32> = (0..shares.len() as u32)
+        .map(|share| root(&mut parents, share))
+        .collect();
+    for share in 0..shares.len() {
+        let part = part_of[share] as usize;
+        if part != share {
+            let of_part = shares[share].clone();
+            shares[part].join(&of_part);
+        }
+    }
+    let solids: Vec<u32> = (0..shares.len() as u32)
+        .filter(|&part| part_of[part as usize] == part && shares[part as usize].volume > 0.0)
+        .collect();
+    let mut seen = vec![false; shares.len()];
+    for &solid in &solids {
+        seen[solid as usize] = true;
+    }
+    // of each solid those others that may lie in it, and how often it goes around them
+    let mut within: FxHashMap<u32, Vec<(u32, f64)>> = FxHashMap::default();
+    for &solid in &solids {
+        let bounds = shares[solid as usize].bounds;
+        let others = (solids.iter().copied())
+            .filter(|&other| other != solid && holds(&bounds, shares[other as usize].origin));
+        let others: Vec<(u32, f64)> = others.map(|other| (other, 0.0)).collect();
+        if !others.is_empty() {
+            within.insert(solid, others);
+        }
+    }
+    for at in 0..blocks {
+        progress.check()?;
+        if within.is_empty() {
+            break;
+        }
+        let patch = patch(at)?;
+        let part_of_triangle = parts(patch.positions.len(), &patch.triangles, progress)?;
+        let mut groups: FxHashMap<u32, Vec<[u32; 3]>> = FxHashMap::default();
+        for (&corners, &part) in patch.triangles.iter().zip(&part_of_triangle) {
+            let part = part_of[(first_of[at] + part) as usize];
+            if within.contains_key(&part) {
+                groups.entry(part).or_default().push(corners);
+            }
+        }
+        for (part, group) in groups {
+            let mesh = compact(&patch.positions, &group, progress)?;
+            if let Some(others) = within.get_mut(&part) {
+                others.par_iter_mut().for_each(|(other, turns)| {
+                    *turns += winding_number(&mesh, shares[*other as usize].origin);
+                });
+            }
+        }
+    }
+    for (other, turns) in within.into_values().flatten() {
+        seen[other as usize] &= turns <= 0.5;
+    }
+    let mut found = FxHashMap::default();
+    for at in 0..blocks {
+        progress.check()?;
+        let next = first_of
+            .get(at + 1)
+            .map_or(shares.len(), |&next| next as usize);
+        let own = first_of[at] as usize..next;
+        if part_of[own].iter().all(|&part| seen[part as usize]) {
+            continue;
+        }
+        let patch = patch(at)?;
+        let part_of_triangle = parts(patch.positions.len(), &patch.triangles, progress)?;
+        let is_seen = |part: &u32| seen[part_of[(first_of[at] + part) as usize] as usize];
+        found.insert(at, part_of_triangle.iter().map(is_seen).collect());
+    }
+    Ok(found)
+}
+
+/// What a block has of a part of the surface.
+#[derive(Debug, Clone)]
+struct Share {
+    /// One of its corners.
+    origin: DVec3,
+    /// The volume under its triangles as seen from there, and their area as a vector, which says what it is elsewhere.
+    volume: f64,
+    area: DVec3,
+    bounds: Aabb,
+}
+
+impl Share {
+    fn at(origin: DVec3) -> Self {
+        Self {
+            origin,
+            volume: 0.0,
+            area: DVec3::ZERO,
+            bounds: Aabb::EMPTY,
+        }
+    }
+
+    fn add(&mut self, corners: [DVec3; 3]) {
+        let [a, b, c] = corners.map(|corner| corner - self.origin);
+        self.volume += a.dot(b.cross(c)) / 6.0;
+        self.area += 0.5 * (b - a).cross(c - a);
+        self.bounds = self.bounds.union(Aabb::around(corners));
+    }
+
+    fn join(&mut self, other: &Self) {
+        self.volume += other.volume + other.area.dot(other.origin - self.origin) / 3.0;
+        self.area += other.area;
+        self.bounds = self.bounds.union(other.bounds);
+    }
 }
 
 fn holds(bounds: &Aabb, p: DVec3) -> bool {
@@ -107,7 +251,7 @@ pub(crate) fn compact(
     triangles: &[[u32; 3]],
     progress: &Progress,
 ) -> Result<TriMesh, Cancelled> {
-    let mut numbers = rustc_hash::FxHashMap::default();
+    let mut numbers = FxHashMap::default();
     let mut used = Vec::new();
     let mut compacted = Vec::with_capacity(triangles.len());
     for some in triangles.chunks(TRIANGLES_AT_ONCE as usize) {

@@ -73,8 +73,9 @@ pub struct OffsetParams {
     /// What the coordinates of the result may be (default double). Single precision asks for a tolerance of some 20 times
     /// the gap between its numbers there.
     pub coordinates: Coordinates,
-    /// How much memory to use, in bytes (default as much as it takes). Less cuts space into more tiles, which takes longer
-    /// but gives the same surface. The surface itself stays in memory, so that it may take more than this.
+    /// How much memory to use, in bytes (default as much as it takes). With less, space is cut into more tiles, which takes
+    /// longer, and a surface that is too large is kept in a [`Storage`](crate::Storage); before simplification it is the same.
+    /// Memory is guessed, and what is known of orders and borders is kept in any case, so that limits below some 200 MB may be exceeded by a half.
     pub memory_bytes: Option<u64>,
 }
 
@@ -178,6 +179,12 @@ pub enum OffsetError {
         got: u64,
         /// The least for this mesh, in bytes.
         least: u64,
+    },
+    /// The surface is larger than the memory it may take, and cannot be kept elsewhere.
+    #[error("cannot keep the surface outside of memory: {cause}")]
+    Storage {
+        /// What the storage says.
+        cause: String,
     },
     /// A sheet that is so rough, for its size, that what stands over its triangles has too many parts to be told apart.
     #[error(

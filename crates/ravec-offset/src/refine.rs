@@ -1,5 +1,7 @@
 //! The tree: cells that may hold the surface are split until a vertex can stand for what they hold.
 
+mod kept;
+
 use crate::cell::{
     Cell, CornerValue, EdgeKey, Ends, Fit, MOST_TRIANGLES, MOST_TRIANGLES_OF_SHEET,
     MOST_TRIANGLES_OF_SURFACE, ON_SURFACE, Roots, Sample, crossed_edges, inside_of, is_sheet, root,
@@ -134,18 +136,29 @@ impl<'a> Refinement<'a> {
             most_nodes,
         };
         refinement.settle(vec![0], orders, progress)?;
-        if tile == CellKey::ROOT {
-            return Ok(refinement);
-        }
-        for _ in 0..RINGS {
-            refinement.widen(orders, progress)?;
-        }
+        refinement.reach_far(tile, orders, progress)?;
         Ok(refinement)
+    }
+
+    /// Looks at all that a tile depends on.
+    fn reach_far(
+        &mut self,
+        tile: CellKey,
+        orders: &Orders,
+        progress: &Progress,
+    ) -> Result<(), Halt> {
+        self.reach = Reach::of(tile);
+        if tile != CellKey::ROOT {
+            for _ in 0..RINGS {
+                self.widen(orders, progress)?;
+            }
+        }
+        Ok(())
     }
 
     /// Reaches one step farther, and looks at all that is there.
     fn widen(&mut self, orders: &Orders, progress: &Progress) -> Result<(), Halt> {
-        self.reach = self.widened(self.reach, progress);
+        self.reach = self.widened(&self.reach, progress);
         progress.check()?;
         let is_beyond = |&leaf: &NodeId| !self.is_known(leaf);
         let beyond: Vec<NodeId> = self.tree.leaves().filter(is_beyond).collect();
@@ -153,7 +166,7 @@ impl<'a> Refinement<'a> {
     }
 
     /// A reach with the leaves around edges in it that go through the surface.
-    fn widened(&self, reach: Reach, progress: &Progress) -> Reach {
+    fn widened(&self, reach: &Reach, progress: &Progress) -> Reach {
         let crossed = minimal_edges_near(
             &self.tree,
             |node| reach.touches(self.tree.key(node)),
@@ -163,16 +176,11 @@ impl<'a> Refinement<'a> {
                 is_wanted.then_some(edge.cells)
             },
         );
-        let mut wide = reach;
+        let mut wide = reach.clone();
         for leaf in crossed.into_iter().flatten() {
             wide.include(self.tree.key(leaf));
         }
         wide
-    }
-
-    /// What a cell in the tile would depend on if it were a tile; anything after a cancellation.
-    pub fn reach_of(&self, cell: CellKey, progress: &Progress) -> Reach {
-        (0..RINGS).fold(Reach::of(cell), |reach, _| self.widened(reach, progress))
     }
 
     /// Whether the surface goes through an edge, as far as what is around it was looked at.
@@ -183,8 +191,8 @@ impl<'a> Refinement<'a> {
     }
 
     /// What the tile depends on.
-    pub fn reach(&self) -> Reach {
-        self.reach
+    pub fn reach(&self) -> &Reach {
+        &self.reach
     }
 
     /// Whether all around a leaf was looked at.
@@ -192,9 +200,17 @@ impl<'a> Refinement<'a> {
         self.reach.contains(self.tree.key(leaf))
     }
 
-    /// Does what is ordered, and goes on until every cell is good again.
-    pub fn mend(&mut self, orders: &Orders, progress: &Progress) -> Result<(), Halt> {
-        self.filled.extend(&orders.filled);
+    /// Does what is ordered and was not done yet, and goes on until every cell that the tile depends on is good again. Returns the
+    /// leaves that are new or have a corner that was filled.
+    pub fn mend(
+        &mut self,
+        tile: CellKey,
+        orders: &Orders,
+        progress: &Progress,
+    ) -> Result<Vec<NodeId>, Halt> {
+        let first_new = self.tree.len() as NodeId;
+        let filled: Vec<Corner> = orders.filled.difference(&self.filled).copied().collect();
+        self.filled.extend(&filled);
         let mut leaves: Vec<NodeId> = orders
             .split
             .iter()
@@ -203,7 +219,11 @@ impl<'a> Refinement<'a> {
         leaves.sort_unstable();
         let children = self.split_all(&leaves);
         // orders may name children of what they split
-        self.settle(children, orders, progress)
+        self.settle(children, orders, progress)?;
+        self.reach_far(tile, orders, progress)?;
+        let leaves = first_new..self.tree.len() as NodeId;
+        let around_filled = filled.iter().flat_map(|&corner| self.leaves_at(corner));
+        Ok(leaves.chain(around_filled).collect())
     }
 
     /// The leaf that is a cell, if it was looked at.

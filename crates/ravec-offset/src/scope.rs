@@ -30,20 +30,22 @@ pub(crate) type Crossing = (MinimalEdge, bool);
 pub(crate) enum Scope {
     /// The polygons whose edges start in a tile.
     Tile(CellKey),
-    /// The polygons near what changed.
+    /// The polygons of a tile near what changed.
     Changes(Surroundings),
 }
 
 /// Leaves around changes, and the edges on which the surface goes through them.
 pub(crate) struct Surroundings {
+    tile: CellKey,
     /// How many steps each node is away from a change; [`FAR`] if it is no leaf.
     steps: Vec<u8>,
     crossings: Vec<Crossing>,
 }
 
 impl Scope {
-    /// What the changes of some leaves concern.
+    /// What the changes of some leaves concern in a tile.
     pub fn around(
+        tile: CellKey,
         changed: impl IntoIterator<Item = NodeId>,
         refinement: &Refinement<'_>,
         progress: &Progress,
@@ -82,7 +84,11 @@ impl Scope {
             }
             crossings.extend(found);
         }
-        Ok(Self::Changes(Surroundings { steps, crossings }))
+        Ok(Self::Changes(Surroundings {
+            tile,
+            steps,
+            crossings,
+        }))
     }
 
     /// Takes the edges on which the surface goes through what is looked at, in an order that all tiles agree on.
@@ -107,7 +113,9 @@ impl Scope {
     pub fn is_core(&self, refinement: &Refinement<'_>, leaf: NodeId) -> bool {
         match self {
             Self::Tile(_) => refinement.is_core(leaf),
-            Self::Changes(near) => near.steps[leaf as usize] <= SURROUNDED,
+            Self::Changes(near) => {
+                near.steps[leaf as usize] <= SURROUNDED && refinement.is_core(leaf)
+            }
         }
     }
 
@@ -115,7 +123,10 @@ impl Scope {
     pub fn owns(&self, polygon: &Polygon) -> bool {
         match self {
             Self::Tile(tile) => tile.owns(polygon.start),
-            Self::Changes(near) => polygon.cells().iter().any(|&leaf| near.is_affected(leaf)),
+            Self::Changes(near) => {
+                let is_affected = |&leaf: &NodeId| near.is_affected(leaf);
+                near.tile.owns(polygon.start) && polygon.cells().iter().any(is_affected)
+            }
         }
     }
 }

@@ -6,11 +6,15 @@
 //! around it, and by the distance of what was there before from these. Then what is left is proved, the little that is not
 //! proved is undone, and there, as along the seams of patches, facets are proved before they come to be.
 
+mod pieces;
+
+pub(crate) use pieces::Simplified;
+
 use crate::certify::{proved, spread, tilt};
 use crate::field::{Field, Near};
 use crate::grid::doubled;
 use crate::params::{Coordinates, OffsetParams};
-use crate::smooth::smooth;
+use crate::smooth::{Facets, smooth};
 use glam::DVec3;
 use ravec_mesh::{
     Adjacency, CollapseCandidate, CollapseJudge, Keep, Overseer, SimplifyError, SimplifyParams,
@@ -30,42 +34,78 @@ const TRUSTED_SPREAD: f64 = 0.9;
 /// How much more facets may be off where the mesh is rough, relative to what they may be off elsewhere.
 const MOST_LEEWAY: f64 = 0.8;
 
-/// Merges triangles of the `surface` of a `mesh`, which keeps the distance between `limits`.
-pub(crate) fn simplify(
-    field: &Field<'_>,
-    params: &OffsetParams,
-    limits: [f64; 2],
-    [mesh, surface]: [&TriMesh; 2],
-    progress: &Progress,
-) -> Result<TriMesh, Cancelled> {
-    let most_deviation = params.max_normal_deviation_deg.to_radians();
-    progress.check()?;
-    let leeway = (2.0 * roughness(mesh)).min(MOST_LEEWAY * most_deviation);
-    progress.check()?;
-    let asked = SimplifyParams {
-        max_error: CREST_SHARE * params.tolerance,
-        both_ways: false,
-        ..SimplifyParams::default()
-    };
-    let overseer = Proofs {
-        field,
-        coordinates: params.coordinates,
-        limits,
-        most_deviation: most_deviation + leeway,
-        progress,
-    };
-    match simplify_patches(surface, &asked, &Keep::default(), &overseer, progress) {
-        Ok(simplified) => smooth(
+/// How triangles are merged.
+pub(crate) struct Simplifier<'a> {
+    proofs: Proofs<'a>,
+    /// How far simplification may leave what it starts from.
+    max_error: f64,
+}
+
+impl<'a> Simplifier<'a> {
+    /// For the surface of a `mesh`, which keeps the distance between `limits`.
+    pub fn new(
+        field: &'a Field<'a>,
+        params: &OffsetParams,
+        limits: [f64; 2],
+        mesh: &TriMesh,
+        progress: &'a Progress,
+    ) -> Result<Self, Cancelled> {
+        let most_deviation = params.max_normal_deviation_deg.to_radians();
+        progress.check()?;
+        let leeway = (2.0 * roughness(mesh)).min(MOST_LEEWAY * most_deviation);
+        progress.check()?;
+        Ok(Self {
+            proofs: Proofs {
+                field,
+                coordinates: params.coordinates,
+                limits,
+                most_deviation: most_deviation + leeway,
+                progress,
+            },
+            max_error: CREST_SHARE * params.tolerance,
+        })
+    }
+
+    /// Merges triangles, and turns those that lie badly.
+    fn whole(&self, surface: TriMesh, keep: Keep<'_>) -> Result<TriMesh, Cancelled> {
+        match self.merged(&surface, keep)? {
+            Some(simplified) => {
+                drop(surface);
+                self.turned(&simplified.mesh, &[])
+            }
+            None => Ok(surface),
+        }
+    }
+
+    /// Turns facets that lie badly, but none with two corners that are `sealed`.
+    fn turned(&self, surface: &TriMesh, sealed: &[bool]) -> Result<TriMesh, Cancelled> {
+        let Proofs {
             field,
-            &simplified.mesh,
-            params.coordinates,
+            coordinates,
             limits,
-            most_deviation + leeway,
+            most_deviation,
             progress,
-        ),
-        Err(SimplifyError::Cancelled(cancelled)) => Err(cancelled),
-        // nothing else can be said against a surface of our own: keep it as it is
-        Err(_) => Ok(surface.clone()),
+        } = self.proofs;
+        let facets = Facets::new(field, coordinates, limits, most_deviation, sealed);
+        smooth(surface, &facets, progress)
+    }
+
+    fn merged(
+        &self,
+        surface: &TriMesh,
+        keep: Keep<'_>,
+    ) -> Result<Option<ravec_mesh::Simplified>, Cancelled> {
+        let asked = SimplifyParams {
+            max_error: self.max_error,
+            both_ways: false,
+            ..SimplifyParams::default()
+        };
+        match simplify_patches(surface, &asked, &keep, &self.proofs, self.proofs.progress) {
+            Ok(simplified) => Ok(Some(simplified)),
+            Err(SimplifyError::Cancelled(cancelled)) => Err(cancelled),
+            // nothing else can be said against a surface of our own: keep it as it is
+            Err(_) => Ok(None),
+        }
     }
 }
 

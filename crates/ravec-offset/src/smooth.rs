@@ -19,35 +19,54 @@ const AIM: f64 = 0.8;
 /// too little to keep it from a crease of a few degrees.
 const HOLD: f64 = 1e-5;
 
-/// Turns facets of `surface` that are off by more than `most_deviation`, in radians, while distances stay within `limits`.
+/// Turns facets of `surface` that are off by more than is allowed, while distances stay within limits.
 pub(crate) fn smooth(
-    field: &Field<'_>,
     surface: &TriMesh,
-    coordinates: Coordinates,
-    limits: [f64; 2],
-    most_deviation: f64,
+    facets: &Facets<'_>,
     progress: &Progress,
 ) -> Result<TriMesh, Cancelled> {
-    let facets = Facets {
-        field,
-        coordinates,
-        limits,
-        aim: AIM * most_deviation,
-    };
-    relax(surface, &facets, progress).map(|relaxed| relaxed.mesh)
+    relax(surface, facets, progress).map(|relaxed| relaxed.mesh)
 }
 
-struct Facets<'a> {
+/// What facets should be.
+pub(crate) struct Facets<'a> {
     field: &'a Field<'a>,
     coordinates: Coordinates,
     limits: [f64; 2],
     /// In radians.
     aim: f64,
+    /// Of each vertex whether triangles elsewhere have it, too; empty if there are none.
+    sealed: &'a [bool],
+}
+
+impl<'a> Facets<'a> {
+    /// Facets that are off by no more than `most_deviation`, in radians.
+    pub fn new(
+        field: &'a Field<'a>,
+        coordinates: Coordinates,
+        limits: [f64; 2],
+        most_deviation: f64,
+        sealed: &'a [bool],
+    ) -> Self {
+        Self {
+            field,
+            coordinates,
+            limits,
+            aim: AIM * most_deviation,
+            sealed,
+        }
+    }
+
+    /// Whether a side of a facet may be one of triangles elsewhere.
+    fn is_sealed(&self, names: [u32; 3]) -> bool {
+        let is_sealed = |v: &u32| self.sealed.get(*v as usize) == Some(&true);
+        names.iter().filter(|v| is_sealed(v)).count() > 1
+    }
 }
 
 /// How a facet lies.
 #[derive(Debug, Clone, Copy)]
-struct Lie {
+pub(crate) struct Lie {
     /// By how much more than is aimed at the facet is off at its middle, times its area.
     fault: f64,
     area: f64,
@@ -106,6 +125,9 @@ impl RelaxJudge for Facets<'_> {
     }
 
     fn admits(&self, after: &[Facet<Lie>]) -> bool {
+        if after.iter().any(|facet| self.is_sealed(facet.names)) {
+            return false;
+        }
         let mut known: Vec<(u32, Near)> = Vec::with_capacity(after.len() + 1);
         after.iter().all(|facet| {
             let near = [0, 1, 2].map(|i| {

@@ -20,7 +20,8 @@ mod slivers;
 
 use crate::certify::keeps_distance;
 use crate::field::{Field, Region, Solid};
-use crate::offset::{Offset, check_written, surface};
+use crate::finish::check_written;
+use crate::offset::{Offset, wound};
 use crate::outermost::compact;
 use crate::params::{OffsetError, OffsetParams, OpenRule, Side};
 use directions::Directed;
@@ -122,7 +123,7 @@ impl Thickener<'_> {
             open: OpenRule::Refuse,
             ..self.params.clone()
         };
-        surface(&slab.polyhedra, &inner, true, progress)
+        wound(&slab.polyhedra, &inner, progress)
     }
 
     /// The slab between two heights.

@@ -8,7 +8,7 @@
 //! Guarantees: the same surface, vertex by vertex and triangle by triangle, however space is cut into tiles.
 
 use glam::DVec3;
-use ravec_octree::{CellKey, Corner, NodeId};
+use ravec_octree::{CellKey, CellSet, Corner, MAX_LEVEL, NodeId};
 use ravec_progress::{Cancelled, Progress};
 use rustc_hash::{FxHashMap, FxHashSet};
 use std::ops::Range;
@@ -20,19 +20,24 @@ pub(crate) const RINGS: usize = 3;
 /// So many triangles are put in place in a few milliseconds.
 pub(crate) const TRIANGLES_AT_ONCE: u32 = 1 << 15;
 
-/// A box of the lattice, with its border.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// A tile and leaves around it, with their borders.
+#[derive(Debug, Clone)]
 pub(crate) struct Reach {
-    low: Corner,
-    high: Corner,
+    tile: CellKey,
+    leaves: CellSet,
 }
 
 impl Reach {
-    pub fn of(cell: CellKey) -> Self {
+    pub fn of(tile: CellKey) -> Self {
         Self {
-            low: cell.corner(0),
-            high: cell.corner(7),
+            tile,
+            leaves: CellSet::default(),
         }
+    }
+
+    /// The leaves that are not in the tile.
+    pub fn leaves(&self) -> Vec<CellKey> {
+        self.leaves.members()
     }
 
     /// Whether a cell shares a point with it.
@@ -45,22 +50,26 @@ impl Reach {
         self.holds_between(point, point)
     }
 
-    /// Whether all of a cell is in it.
+    /// Whether all of a cell is in the tile, or in one of the leaves.
     pub fn contains(&self, cell: CellKey) -> bool {
-        let (low, high) = (cell.corner(0), cell.corner(7));
-        (0..3).all(|axis| self.low.0[axis] <= low.0[axis] && high.0[axis] <= self.high.0[axis])
+        self.is_in_tile(cell) || self.leaves.contains(cell)
+    }
+
+    fn is_in_tile(&self, cell: CellKey) -> bool {
+        self.tile.level <= cell.level && self.tile.owns(cell.at)
     }
 
     /// Whether a part of the box between two points is in it.
     pub fn holds_between(&self, low: Corner, high: Corner) -> bool {
-        (0..3).all(|axis| low.0[axis] <= self.high.0[axis] && high.0[axis] >= self.low.0[axis])
+        let (first, last) = (self.tile.corner(0), self.tile.corner(7));
+        let is_at_tile =
+            (0..3).all(|axis| low.0[axis] <= last.0[axis] && high.0[axis] >= first.0[axis]);
+        is_at_tile || self.leaves.touches([low, high])
     }
 
-    pub fn include(&mut self, cell: CellKey) {
-        let (low, high) = (cell.corner(0), cell.corner(7));
-        for axis in 0..3 {
-            self.low.0[axis] = self.low.0[axis].min(low.0[axis]);
-            self.high.0[axis] = self.high.0[axis].max(high.0[axis]);
+    pub fn include(&mut self, leaf: CellKey) {
+        if !self.is_in_tile(leaf) {
+            self.leaves.insert(leaf);
         }
     }
 }
@@ -119,7 +128,7 @@ impl Edge {
 }
 
 /// The surface in a tile.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct Patch {
     pub positions: Vec<DVec3>,
     pub names: Vec<VertexName>,
@@ -128,6 +137,8 @@ pub(crate) struct Patch {
     pub edge_of: Vec<u32>,
     /// In the order of the curve through their starts (Morton), and of their axes.
     pub edges: Vec<Edge>,
+    /// Of each triangle whether ample room below it was proved; empty if that is not known of any.
+    pub ample: Vec<bool>,
     /// The leaves around each edge, as long as the tree is kept that they are leaves of.
     pub leaves: Vec<[NodeId; 4]>,
 }
@@ -170,6 +181,7 @@ impl Patch {
             };
             whole.edges.push(from.edges[edge]);
             whole.leaves.push(from.leaves[edge]);
+            whole.ample.extend(&from.ample[triangles.clone()]);
             for triangle in &from.triangles[triangles] {
                 whole.edge_of.push(whole.edges.len() as u32 - 1);
                 whole.triangles.push(triangle.map(|v| {
@@ -185,6 +197,84 @@ impl Patch {
         }
     }
 
+    /// The same with one vertex for each name.
+    pub fn united(self) -> Self {
+        let mut number_of: FxHashMap<VertexName, u32> = FxHashMap::default();
+        let mut numbers = vec![u32::MAX; self.positions.len()];
+        let (mut positions, mut names) = (Vec::new(), Vec::new());
+        let mut unite = |v: u32| {
+            let number = &mut numbers[v as usize];
+            if *number == u32::MAX {
+                let next = positions.len() as u32;
+                let name = self.names[v as usize];
+                *number = *number_of.entry(name).or_insert(next);
+                if *number == next {
+                    positions.push(self.positions[v as usize]);
+                    names.push(name);
+                }
+            }
+            *number
+        };
+        let triangles = self.triangles.iter();
+        let triangles = triangles.map(|corners| corners.map(&mut unite)).collect();
+        Self {
+            positions,
+            names,
+            triangles,
+            ..self
+        }
+    }
+
+    /// The cells that a cell has to be cut into for each to own the starts of few edges only, in the order of the curve, with the
+    /// numbers of these.
+    pub fn cells(&self, whole: CellKey, most_edges: usize) -> Vec<(CellKey, Range<usize>)> {
+        let mut cells = Vec::new();
+        let mut to_cut = vec![(whole, 0..self.edges.len())];
+        while let Some((cell, edges)) = to_cut.pop() {
+            if edges.len() <= most_edges || cell.level == MAX_LEVEL {
+                cells.push((cell, edges));
+                continue;
+            }
+            let mut end = edges.end;
+            for child in (0..8).rev().map(|octant| cell.child(octant)) {
+                let first = child.at.morton();
+                let of_cell = &self.edges[edges.start..end];
+                let start =
+                    edges.start + of_cell.partition_point(|edge| edge.start.morton() < first);
+                to_cut.push((child, start..end));
+                end = start;
+            }
+        }
+        cells
+    }
+
+    /// The polygons around some of the edges, without leaves.
+    pub fn part(&self, edges: Range<usize>) -> Self {
+        let first = |edge: usize| self.edge_of.partition_point(|&e| (e as usize) < edge);
+        let triangles = first(edges.start)..first(edges.end);
+        let mut part = Self {
+            edges: self.edges[edges.clone()].to_vec(),
+            ample: self
+                .ample
+                .get(triangles.clone())
+                .unwrap_or_default()
+                .to_vec(),
+            ..Self::default()
+        };
+        let mut numbers = FxHashMap::default();
+        for t in triangles {
+            part.edge_of.push(self.edge_of[t] - edges.start as u32);
+            part.triangles.push(self.triangles[t].map(|v| {
+                *numbers.entry(v).or_insert_with(|| {
+                    part.positions.push(self.positions[v as usize]);
+                    part.names.push(self.names[v as usize]);
+                    part.positions.len() as u32 - 1
+                })
+            }));
+        }
+        part
+    }
+
     /// The edges by their numbers, with their triangles.
     fn polygons(&self) -> impl Iterator<Item = (usize, Range<usize>)> {
         let mut end = 0;
@@ -196,72 +286,23 @@ impl Patch {
     }
 }
 
-/// The surface of all tiles.
-#[derive(Debug, Default)]
-pub(crate) struct Assembled {
-    pub positions: Vec<DVec3>,
-    pub triangles: Vec<[u32; 3]>,
-    /// The tile of each triangle and its number there.
-    pub origin: Vec<[u32; 2]>,
-}
-
-/// Puts patches together, in their order: that of the curve through their cells.
-pub(crate) fn assemble<'a>(
-    patches: impl Iterator<Item = &'a Patch>,
-    progress: &Progress,
-) -> Result<Assembled, Cancelled> {
-    let mut whole = Assembled::default();
-    let mut number_of: FxHashMap<VertexName, u32> = FxHashMap::default();
-    for (tile, patch) in (0u32..).zip(patches) {
-        let mut numbers = vec![u32::MAX; patch.positions.len()];
-        for (t, triangle) in (0u32..).zip(&patch.triangles) {
-            if t.is_multiple_of(TRIANGLES_AT_ONCE) {
-                progress.check()?;
+/// Of each vertex whether an edge with only one of the triangles ends in it. Of a part of a closed surface these are the vertices
+/// that other parts have, too.
+pub(crate) fn border<'a>(
+    vertices: usize,
+    triangles: impl Iterator<Item = &'a [u32; 3]>,
+) -> Vec<bool> {
+    let mut open: FxHashSet<[u32; 2]> = FxHashSet::default();
+    for &[a, b, c] in triangles {
+        for [from, to] in [[a, b], [b, c], [c, a]] {
+            if !open.remove(&[to, from]) {
+                open.insert([from, to]);
             }
-            let triangle = triangle.map(|v| {
-                let number = &mut numbers[v as usize];
-                if *number == u32::MAX {
-                    let next = whole.positions.len() as u32;
-                    *number = *number_of.entry(patch.names[v as usize]).or_insert(next);
-                    if *number == next {
-                        whole.positions.push(patch.positions[v as usize]);
-                    }
-                }
-                *number
-            });
-            whole.triangles.push(triangle);
-            whole.origin.push([tile, t]);
         }
     }
-    Ok(whole)
-}
-
-impl Assembled {
-    /// Only some of the triangles.
-    pub fn retain(
-        self,
-        keep: impl Fn(usize) -> bool,
-        progress: &Progress,
-    ) -> Result<Self, Cancelled> {
-        let mut numbers = vec![u32::MAX; self.positions.len()];
-        let mut kept = Self::default();
-        for (t, (triangle, origin)) in self.triangles.into_iter().zip(self.origin).enumerate() {
-            if t.is_multiple_of(TRIANGLES_AT_ONCE as usize) {
-                progress.check()?;
-            }
-            if !keep(t) {
-                continue;
-            }
-            kept.triangles.push(triangle.map(|v| {
-                let number = &mut numbers[v as usize];
-                if *number == u32::MAX {
-                    *number = kept.positions.len() as u32;
-                    kept.positions.push(self.positions[v as usize]);
-                }
-                *number
-            }));
-            kept.origin.push(origin);
-        }
-        Ok(kept)
+    let mut border = vec![false; vertices];
+    for v in open.into_iter().flatten() {
+        border[v as usize] = true;
     }
+    border
 }

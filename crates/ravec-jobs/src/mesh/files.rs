@@ -4,14 +4,15 @@ use crate::error::JobError;
 use crate::files::{check_files, is_stream};
 use crate::report::{FileReport, Report};
 use ravec::mesh::{
-    Attributes, LengthUnit, MeshFile, MeshFormat, MeshLimits, Precision, ReadMeshError,
-    ReadOptions, TriMesh, WriteOptions, read_mesh, read_mesh_with_buffers, write_mesh_with,
+    Attributes, LengthUnit, MeshFile, MeshFormat, MeshLimits, MeshRows, Precision, ReadMeshError,
+    ReadOptions, TriMesh, WriteMeshError, WriteOptions, read_mesh, read_mesh_with_buffers,
+    write_mesh_with, write_rows,
 };
 use ravec::progress::Progress;
 use ravec_media::write_atomically;
 use std::cell::RefCell;
 use std::fs::File;
-use std::io::{self, Read};
+use std::io::{self, Read, Write};
 use std::path::{Component, Path, PathBuf};
 
 /// A mesh file to be read.
@@ -185,18 +186,31 @@ fn write_file(
     target: &MeshTarget,
     progress: &Progress,
 ) -> Result<(), JobError> {
+    write_to(path, target, progress, |writer, options| {
+        write_mesh_with(mesh, attributes, target.format, options, writer, progress)
+    })
+}
+
+/// Lets `write` write to a file that is whole or absent, or to standard output.
+#[expect(
+    clippy::trivially_copy_pass_by_ref,
+    reason = "taken like in the public function"
+)]
+fn write_to(
+    path: &Path,
+    target: &MeshTarget,
+    progress: &Progress,
+    write: impl FnOnce(&mut dyn Write, &WriteOptions) -> Result<(), WriteMeshError>,
+) -> Result<(), JobError> {
     progress.check()?;
     let options = WriteOptions {
         precision: target.precision,
         unit: target.unit,
     };
     let written = if is_stream(path) {
-        let out = io::stdout().lock();
-        write_mesh_with(mesh, attributes, target.format, &options, out, progress)
+        write(&mut io::stdout().lock(), &options)
     } else {
-        write_atomically(path, |writer| {
-            write_mesh_with(mesh, attributes, target.format, &options, writer, progress)
-        })
+        write_atomically(path, |writer| write(writer, &options))
     };
     written.map_err(|cause| JobError::from_writing(path, cause))
 }
@@ -306,27 +320,56 @@ pub(super) fn write_with(
     report.time("write", || {
         write_file(path, mesh, attributes, target, progress)
     })?;
-    let unit = match target.format {
-        MeshFormat::ThreeMf => target.unit.or(Some(LengthUnit::Millimeter)),
-        MeshFormat::Glb | MeshFormat::Gltf => Some(LengthUnit::Meter),
-        _ => None,
-    };
+    let unit = written_unit(*target);
     let described = described(path, target.format, unit, mesh);
     report.outputs.push(described);
     Ok(())
+}
+
+/// Writes a mesh as [`write`] does, wherever it is.
+#[expect(
+    clippy::trivially_copy_pass_by_ref,
+    reason = "taken like in the public function"
+)]
+pub(super) fn write_stored(
+    path: &Path,
+    mesh: &impl MeshRows,
+    target: &MeshTarget,
+    report: &mut Report,
+    progress: &Progress,
+) -> Result<(), JobError> {
+    tracing::info!("writing {}", path.display());
+    report.time("write", || {
+        write_to(path, target, progress, |writer, options| {
+            write_rows(mesh, target.format, options, writer, progress)
+        })
+    })?;
+    let unit = written_unit(*target);
+    let described = described(path, target.format, unit, mesh);
+    report.outputs.push(described);
+    Ok(())
+}
+
+/// The unit of what is written.
+fn written_unit(target: MeshTarget) -> Option<LengthUnit> {
+    match target.format {
+        MeshFormat::ThreeMf => target.unit.or(Some(LengthUnit::Millimeter)),
+        MeshFormat::Glb | MeshFormat::Gltf => Some(LengthUnit::Meter),
+        _ => None,
+    }
 }
 
 fn described(
     path: &Path,
     format: MeshFormat,
     unit: Option<LengthUnit>,
-    mesh: &TriMesh,
+    mesh: &impl MeshRows,
 ) -> FileReport {
     FileReport {
         path: path.display().to_string(),
         format: format.to_string(),
-        vertices: Some(mesh.positions().len() as u64),
-        triangles: Some(mesh.triangles().len() as u64),
+        vertices: Some(mesh.vertex_count() as u64),
+        triangles: Some(mesh.triangle_count() as u64),
         unit: unit.map(LengthUnit::name),
         ..FileReport::default()
     }

@@ -33,7 +33,7 @@ mod weld;
 pub use boolean::NamedFile;
 pub use dimension::{Dimension, DimensionError};
 pub use files::{MeshSource, MeshTarget, read_mesh_file, write_mesh_file};
-use files::{keep_held, read_with_attributes, write_with};
+use files::{keep_held, read_with_attributes, write_stored, write_with};
 pub(crate) use files::{known_extensions, read, write};
 pub use length::{Length, LengthError};
 pub use ravec::mesh::MeshLimits;

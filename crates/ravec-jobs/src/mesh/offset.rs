@@ -5,11 +5,13 @@ mod showcase;
 use super::convert::{Begun, Carries, Output, Unit, rounds, scaled, unit_scale};
 use super::{Dimension, MeshSource};
 use crate::error::JobError;
+use crate::files::is_stream;
 use crate::report::{Finding, Report};
 use bytesize::ByteSize;
 use ravec::mesh::{CheckParams, LengthUnit, MeshFile, TriMesh, check, measure};
 use ravec::offset as library;
 use ravec::progress::Progress;
+use ravec_media::scratch_file;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -108,7 +110,8 @@ pub struct Params {
     pub max_normal_deviation: f64,
     /// How much memory to work in, such as 2GiB [default: as much as it takes]
     ///
-    /// Less cuts space into more tiles: that takes longer, and gives the same surface. Mesh and result themselves stay in memory.
+    /// With less, space is cut into more tiles, which takes longer and gives the same surface; one that is too large is kept in a
+    /// temporary file beside the output, some 300 bytes for each triangle before these are merged. The mesh itself stays in memory.
     #[cfg_attr(feature = "cli", arg(long, value_name = "SIZE"))]
     pub memory: Option<ByteSize>,
     /// Unit of the input's coordinates, whatever the file says; most formats say nothing
@@ -270,9 +273,13 @@ pub fn run(
             source.path.display()
         ));
     }
-    let offset = report.time("offset", || library::offset(&mesh, &asked, progress));
-    let library::Offset {
-        mesh: surface,
+    let beside = Some(path).filter(|path| !is_stream(path));
+    let storage = || Ok(Box::new(scratch_file(beside)?) as Box<dyn library::Storage>);
+    let offset = report.time("offset", || {
+        library::offset_stored(&mesh, &asked, &storage, progress)
+    });
+    let library::StoredOffset {
+        surface,
         report: done,
     } = offset.map_err(|cause| JobError::from_offset(&source.path, cause))?;
     drop(mesh);
@@ -304,7 +311,7 @@ pub fn run(
         ("distance_most", done.most_distance),
         ("distance_most_found", done.most_distance_found),
     ]);
-    super::write(path, &surface, &target, &mut report, progress)?;
+    super::write_stored(path, &surface, &target, &mut report, progress)?;
     Ok(report)
 }
 
