@@ -220,7 +220,8 @@ impl Finish<'_> {
             });
         }
         let mut feature_edges = 0;
-        pieces.for_each_with_neighbors(progress, |piece| {
+        for at in 0..pieces.count() {
+            let piece = pieces.piece_with_neighbors(at, progress)?;
             // an edge between two pieces belongs to the first of them
             let is_first = |[a, b]: [u32; 2]| {
                 let [p, q] = [a, b].map(|t| piece.origin[t as usize]);
@@ -228,8 +229,7 @@ impl Finish<'_> {
             };
             let reach = self.reach(false);
             feature_edges += creases(self.field, &piece.mesh, reach, is_first, progress)?;
-            Ok(())
-        })?;
+        }
         Ok(Facts {
             measured: measured.expect("there is a piece"),
             feature_edges,

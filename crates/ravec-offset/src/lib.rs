@@ -46,6 +46,7 @@ mod refine;
 mod scope;
 mod simplify;
 mod smooth;
+mod space;
 mod store;
 mod stored;
 mod thicken;

@@ -154,7 +154,7 @@ impl Pieces {
     }
 
     /// A piece with the triangles of others that are near it: all that meet its triangles, and all around their corners.
-    fn piece_with_neighbors(
+    pub fn piece_with_neighbors(
         &self,
         piece: usize,
         progress: &Progress,
@@ -296,18 +296,6 @@ impl Pieces {
             }
         }
         Ok(true)
-    }
-
-    /// What comes of each piece with what is around it; `visit` gets these.
-    pub fn for_each_with_neighbors(
-        &self,
-        progress: &Progress,
-        mut visit: impl FnMut(Piece) -> Result<(), OffsetError>,
-    ) -> Result<(), OffsetError> {
-        for at in 0..self.count() {
-            visit(self.piece_with_neighbors(at, progress)?)?;
-        }
-        Ok(())
     }
 }
 

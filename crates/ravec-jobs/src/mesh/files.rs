@@ -320,9 +320,7 @@ pub(super) fn write_with(
     report.time("write", || {
         write_file(path, mesh, attributes, target, progress)
     })?;
-    let unit = written_unit(*target);
-    let described = described(path, target.format, unit, mesh);
-    report.outputs.push(described);
+    report.outputs.push(written(path, *target, mesh));
     Ok(())
 }
 
@@ -344,19 +342,18 @@ pub(super) fn write_stored(
             write_rows(mesh, target.format, options, writer, progress)
         })
     })?;
-    let unit = written_unit(*target);
-    let described = described(path, target.format, unit, mesh);
-    report.outputs.push(described);
+    report.outputs.push(written(path, *target, mesh));
     Ok(())
 }
 
-/// The unit of what is written.
-fn written_unit(target: MeshTarget) -> Option<LengthUnit> {
-    match target.format {
+/// What is said of a mesh that was written.
+fn written(path: &Path, target: MeshTarget, mesh: &impl MeshRows) -> FileReport {
+    let unit = match target.format {
         MeshFormat::ThreeMf => target.unit.or(Some(LengthUnit::Millimeter)),
         MeshFormat::Glb | MeshFormat::Gltf => Some(LengthUnit::Meter),
         _ => None,
-    }
+    };
+    described(path, target.format, unit, mesh)
 }
 
 fn described(

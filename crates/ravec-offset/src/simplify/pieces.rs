@@ -10,6 +10,7 @@
 use super::Simplifier;
 use crate::params::OffsetError;
 use crate::pieces::{Piece, Pieces, Visibility};
+use crate::space;
 use crate::store::{Block, Store};
 use crate::tile::Patch;
 use ravec_mesh::{Aabb, ErrorSample, Keep, TriMesh};
@@ -102,7 +103,7 @@ impl Simplifier<'_> {
                     }
                 };
                 samples[at] = done.samples;
-                *block = Some(crate::mend::block(key, done.patch, &store)?);
+                *block = Some(space::block(key, done.patch, &store)?);
             }
             let made: Vec<Block> = blocks.drain(..).flatten().collect();
             let fewer = Pieces::new(store, made, most_triangles, Visibility::All, progress)?;
