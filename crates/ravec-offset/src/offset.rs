@@ -112,7 +112,7 @@ pub fn offset(
 }
 
 /// As [`offset`], but a surface that would take more memory than [`OffsetParams::memory_bytes`] is made in a `storage`, some
-/// 300 bytes for each triangle before simplification, and stays there, to be written triangle by triangle.
+/// 180 bytes for each triangle before simplification, and stays there, to be written triangle by triangle.
 ///
 /// # Errors
 /// As [`offset`]; [`OffsetError::Storage`] if the storage fails.

@@ -111,7 +111,7 @@ pub struct Params {
     /// How much memory to work in, such as 2GiB [default: as much as it takes]
     ///
     /// With less, space is cut into more tiles, which takes longer and gives the same surface; one that is too large is kept in a
-    /// temporary file beside the output, some 300 bytes for each triangle before these are merged. The mesh itself stays in memory.
+    /// temporary file beside the output, some 180 bytes for each triangle before these are merged. The mesh itself stays in memory.
     #[cfg_attr(feature = "cli", arg(long, value_name = "SIZE"))]
     pub memory: Option<ByteSize>,
     /// Unit of the input's coordinates, whatever the file says; most formats say nothing
