@@ -129,8 +129,20 @@ pub(crate) struct Fit {
     pub vertex: Option<DVec3>,
     /// Whether the vertex stands for all samples, and the signs of the corners for the surface.
     pub is_good: bool,
+    /// The triangle closest to the vertex, or to the middle where there is none.
+    pub nearest: u32,
     /// Whether two sheets go through the cell that meet at an acute crest, while no corner lies between them.
     pub is_acute: bool,
+}
+
+/// Where a vertex is placed.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Placed {
+    pub vertex: DVec3,
+    /// The triangle closest to it.
+    pub nearest: u32,
+    /// By how much it misses the surface at most.
+    pub miss: f64,
 }
 
 /// Whether some of the samples lie on sheets that meet at an acute crest.
@@ -167,13 +179,6 @@ impl Cell<'_> {
         if region == Region::Unknown && self.setting.field.is_signed() {
             self.feet_of_triangles(center, &mut samples);
         }
-        if samples.is_empty() {
-            return Fit {
-                vertex: None,
-                is_good: !changes,
-                is_acute: false,
-            };
-        }
         if !changes {
             // a sheet, or a bump, between the corners
             let deep = samples
@@ -181,17 +186,23 @@ impl Cell<'_> {
                 .any(|sample| self.depth(sample.point) > 0.5 * self.setting.tolerance);
             return Fit {
                 vertex: None,
-                is_good: !deep,
+                nearest: center.triangle,
+                is_good: !deep && !self.may_hold_a_pocket(center, corners),
                 is_acute: is_acute(&samples),
             };
         }
-        let (vertex, miss) = self.vertex(&samples);
+        let Placed {
+            vertex,
+            nearest,
+            miss,
+        } = self.vertex(&samples);
         let flatness = samples
             .iter()
             .map(|sample| sample.away.dot(vertex - sample.point).abs())
             .fold(0.0, f64::max);
         Fit {
             vertex: Some(vertex),
+            nearest,
             is_good: flatness <= FLATNESS * self.setting.tolerance
                 && miss <= MISS * self.setting.tolerance
                 && sign_components(inside) <= 2,
@@ -304,9 +315,8 @@ impl Cell<'_> {
         }
     }
 
-    /// The point in the cell that is nearest to being on the pieces that the samples lie on, and by how much it misses the
-    /// surface at most.
-    pub fn vertex(&self, samples: &[Sample]) -> (DVec3, f64) {
+    /// The point in the cell that is nearest to being on the pieces that the samples lie on.
+    pub fn vertex(&self, samples: &[Sample]) -> Placed {
         let radius = self.setting.field.radius();
         let [low, high] = self.room();
         let mut triangles: Vec<u32> = samples.iter().map(|sample| sample.triangle).collect();
@@ -337,7 +347,11 @@ impl Cell<'_> {
             (v, near) = (moved, there);
         }
         let vertex = self.setting.grid.nearest(v);
-        (vertex, (near.distance - radius).abs() + vertex.distance(v))
+        Placed {
+            vertex,
+            nearest: near.triangle,
+            miss: (near.distance - radius).abs() + vertex.distance(v),
+        }
     }
 
     /// Gauss-Newton steps on the distances to some triangles.

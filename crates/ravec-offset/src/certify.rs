@@ -4,25 +4,13 @@
 //! facet is farther from the mesh than the least, over some triangles, of the largest distance of its corners to them. Where
 //! that bound is too weak the facet is cut. The smallest distance is that between facet and triangles, by exact distances.
 
-use crate::cell::ON_SURFACE;
+use crate::crest::tightened;
 use crate::field::{Field, Near};
 use glam::DVec3;
 use ravec_mesh::distance_sq_to_triangle;
 
 /// How often a facet may be halved each way until the bound is strong enough.
 pub(crate) const MOST_CUTS: u32 = 8;
-
-/// Directions that differ by more, as a cosine, are looked at more closely; less tightens the limits by an eighth at most.
-const SPREAD_OF_CREST: f64 = 0.5;
-
-/// Crests that are more acute than about 5° are not followed to their end.
-const LEAST_SHARE: f64 = 0.04;
-
-/// As [`LEAST_SHARE`] where the surface is made of the triangles themselves: there, crests that are more acute than a right
-/// angle are taken for right angles. Solids that overlap make crests of any angle, at every fold of a rough sheet, and to follow
-/// these asks for cells much smaller than the smallest there are: of what 0.04 refused on two scans, more than nine tenths was
-/// within the tolerance, and each round of splitting only brought more of it. Right angles are what walls and skins meet at.
-const LEAST_SHARE_OF_SURFACE: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
 /// Whether no point of a facet is nearer to the triangles than `least` or farther than `most`; `hints` are triangles that
 /// may be close to its corners.
@@ -70,7 +58,7 @@ pub(crate) fn proved(
     limits: [f64; 2],
     near: [Near; 3],
 ) -> bool {
-    let [least, most] = tighter(field, limits, spread_of_border(field, near, limits));
+    let [least, most] = tightened(field, facet, near, limits);
     let triangles = near.map(|near| near.triangle);
     near.iter().all(|near| near.distance <= most)
         && is_within(field, facet, most, triangles, MOST_CUTS)
@@ -155,52 +143,6 @@ fn any_near_enough(field: &Field<'_>, facet: [DVec3; 3], most: f64, [r, s, t]: [
 fn is_near_enough(field: &Field<'_>, facet: [DVec3; 3], most: f64, triangle: u32) -> bool {
     let corners = field.bvh().corners(triangle);
     (facet.iter()).all(|&p| distance_sq_to_triangle(p, corners) <= most * most)
-}
-
-/// Limits for a facet that may cut a crest. Where two sheets meet at an angle α, the distance grows by sin(α/2) only on the
-/// way from the crest, so that a facet across it must keep the distance that much better.
-pub(crate) fn tightened(
-    field: &Field<'_>,
-    facet: [DVec3; 3],
-    limits: [f64; 2],
-    hints: [u32; 3],
-) -> [f64; 2] {
-    let near = [0, 1, 2].map(|i| field.near_of(facet[i], hints[i]));
-    tighter(field, limits, spread_of_border(field, near, limits))
-}
-
-fn tighter(field: &Field<'_>, [least, most]: [f64; 2], most_apart: f64) -> [f64; 2] {
-    let half_opening_sine = (0.5 * (1.0 + most_apart)).max(0.0).sqrt();
-    let least_share = if field.level == 0.0 {
-        LEAST_SHARE_OF_SURFACE
-    } else {
-        LEAST_SHARE
-    };
-    let share = half_opening_sine.clamp(least_share, 1.0);
-    let (middle, half) = (0.5 * (least + most), 0.5 * (most - least));
-    [middle - share * half, middle + share * half]
-}
-
-/// As [`spread`], of the border only. Where the surface is made of the triangles themselves, others end at it from within,
-/// at any angle: no crests are there.
-fn spread_of_border(field: &Field<'_>, near: [Near; 3], [least, most]: [f64; 2]) -> f64 {
-    let all = spread(near);
-    if field.level != 0.0 || all >= SPREAD_OF_CREST {
-        return all;
-    }
-    let step = ON_SURFACE * 0.5 * (most - least);
-    let is_border = near.map(|near| field.is_border(near.point, near.away, step));
-    let pairs = [(0, 1), (1, 2), (2, 0)].into_iter();
-    pairs
-        .filter(|&(i, j)| is_border[i] && is_border[j])
-        .map(|(i, j)| near[i].away.dot(near[j].away))
-        .fold(1.0, f64::min)
-}
-
-/// The cosine between those two of the directions away from what is nearest that differ most.
-pub(crate) fn spread(near: [Near; 3]) -> f64 {
-    let [a, b, c] = near.map(|near| near.away);
-    a.dot(b).min(b.dot(c)).min(c.dot(a))
 }
 
 /// How a facet lies.

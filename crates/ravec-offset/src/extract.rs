@@ -243,7 +243,7 @@ fn vertices(
             let hash = FxBuildHasher.hash_one((key, points.collect::<Vec<_>>()));
             let position = known.get(&hash).copied();
             let position = position.unwrap_or_else(|| {
-                let placed = refinement.cell(key).vertex(&samples).0;
+                let placed = refinement.cell(key).vertex(&samples).vertex;
                 refinement
                     .setting
                     .grid

@@ -1,11 +1,10 @@
 //! What is left to do when a surface is mended: to merge triangles, to measure what is left and to look at it once more.
 
 use crate::field::Field;
-use crate::grid::Grid;
 use crate::measure::{Ample, Measured, creases, measure};
 use crate::mend::{Budget, Mended};
 use crate::offset::{Offset, OffsetReport, StoredOffset};
-use crate::params::{Coordinates, OffsetError, OffsetParams, Side};
+use crate::params::{OffsetError, OffsetParams, Side};
 use crate::pieces::{Piece, Pieces};
 use crate::simplify::{Simplified, Simplifier};
 use crate::store::{Scratch, Store};
@@ -18,7 +17,6 @@ use ravec_progress::{Cancelled, Progress};
 pub(crate) struct Finish<'a> {
     pub params: &'a OffsetParams,
     pub field: &'a Field<'a>,
-    pub grid: Grid,
     /// The least and the largest distance that a point of the surface may have.
     pub limits: [f64; 2],
     pub budget: Budget<'a>,
@@ -182,7 +180,7 @@ impl Finish<'_> {
             self_intersections: !is_apart,
             list_limit: 0,
         };
-        let checked = check_written(&surface, self.params.coordinates, &last, progress)?;
+        let checked = check_written(&surface, &last, progress)?;
         let facts = Facts {
             measured,
             feature_edges,
@@ -234,7 +232,7 @@ impl Finish<'_> {
             measured: measured.expect("there is a piece"),
             feature_edges,
             triangles: pieces.triangles() as u64,
-            is_closed_manifold: pieces.is_closed_manifold(&self.grid, progress)?,
+            is_closed_manifold: pieces.is_closed_manifold(progress)?,
             self_intersections,
         })
     }
@@ -300,17 +298,13 @@ impl Facts {
     }
 }
 
-/// Looks at a result as a file holds it: vertices that rounding put in one place are one for whoever reads it.
+/// Looks at a result as a file holds it: vertices in one place are one for many who read it.
 pub(crate) fn check_written(
     mesh: &TriMesh,
-    coordinates: Coordinates,
     params: &CheckParams,
     progress: &Progress,
 ) -> Result<MeshCheck, Cancelled> {
-    match coordinates {
-        Coordinates::Double => check(mesh, params, progress),
-        Coordinates::Single => check(&weld(mesh, 0.0).mesh, params, progress),
-    }
+    check(&weld(mesh, 0.0).mesh, params, progress)
 }
 
 /// The mesh with the surface inside it, turned so that the space between them is inside.

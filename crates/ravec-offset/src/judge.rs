@@ -3,7 +3,8 @@
 //! Facets have to be proved to keep the distance, and triangles must not meet. Only those near leaves with several sheets can,
 //! see [`crate::extract`]; whoever wants to be sure searches all in the end.
 
-use crate::certify::{Room, keeps_distance, room_kept, tightened};
+use crate::certify::{Room, keeps_distance, room_kept};
+use crate::crest::{near_corner, tightened};
 use crate::extract::Extracted;
 use crate::outermost::compact;
 use crate::refine::{Refinement, Setting};
@@ -69,7 +70,7 @@ pub(crate) struct Bad {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Given {
     /// Triangles close to the leaves of its polygon.
-    hints: [u32; 3],
+    hints: [u32; 4],
     /// Whether none of these can be split.
     is_last: bool,
 }
@@ -172,8 +173,9 @@ impl Judge<'_> {
         let given = |t: usize| {
             let cells = extracted.cells_of(t);
             let level = |&cell: &NodeId| refinement.tree.key(cell).level;
+            let hint = |cell: NodeId| refinement.tree.data(cell).hint;
             Given {
-                hints: [0, 1, 2].map(|i| refinement.tree.data(cells[i]).hint),
+                hints: std::array::from_fn(|i| hint(cells[i.min(cells.len() - 1)])),
                 is_last: cells.iter().all(|cell| level(cell) >= limit),
             }
         };
@@ -195,17 +197,14 @@ impl Judge<'_> {
                 phase.advance(1);
                 let given = given(t);
                 let Given { hints, is_last } = given;
-                let limits = tightened(self.setting.field, facet(t), self.limits, hints);
+                let (field, facet) = (self.setting.field, facet(t));
+                // corners of fans are not those of the leaves, nor in their order
+                let near = facet.map(|corner| near_corner(field, corner, &hints, self.limits));
+                let hints = near.map(|near| near.triangle);
                 // what cannot be split has to keep the distance, but cannot follow a crest any further
-                let room = room_kept(
-                    self.setting.field,
-                    facet(t),
-                    limits,
-                    self.ample_distance(),
-                    hints,
-                );
-                let is_held =
-                    || is_last && keeps_distance(self.setting.field, facet(t), self.limits, hints);
+                let limits = tightened(field, facet, near, self.limits);
+                let room = room_kept(field, facet, limits, self.ample_distance(), hints);
+                let is_held = || is_last && keeps_distance(field, facet, self.limits, hints);
                 let room = room.or_else(|| is_held().then_some(Room::Enough));
                 Ok(room.map(|room| Proof { room, given }))
             })

@@ -30,6 +30,7 @@
 mod cell;
 mod cells;
 mod certify;
+mod crest;
 mod enclosed;
 mod extract;
 mod field;
@@ -42,6 +43,7 @@ mod offset;
 mod outermost;
 mod params;
 mod pieces;
+mod pocket;
 mod refine;
 mod scope;
 mod simplify;

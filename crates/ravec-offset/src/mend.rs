@@ -132,7 +132,7 @@ impl<'a> Mending<'a> {
                 let mut is_proved = surface.blocks().iter().all(|block| block.is_proved);
                 if is_proved {
                     // only crowded cells let triangles meet, and these were searched: this is to be sure
-                    let bad = surface.meeting(&self.setting.grid, progress)?;
+                    let bad = surface.meeting(progress)?;
                     is_proved = bad.is_empty();
                     next = self.separation(&surface, &space, &bad, round, progress)?;
                 }

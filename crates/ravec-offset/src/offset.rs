@@ -319,7 +319,6 @@ impl Task {
         Ok(Finish {
             params,
             field,
-            grid: self.grid,
             limits: [
                 params.distance - params.tolerance,
                 params.distance + params.tolerance,

@@ -3,7 +3,7 @@
 //! What is asked of all of the surface is asked of one piece after the other; where that depends on neighbours, a piece comes with
 //! the triangles of others near it. Vertices of several blocks are the same if they have the same name.
 
-use crate::grid::{Grid, doubled};
+use crate::grid::doubled;
 use crate::judge::meeting_pairs;
 use crate::outermost::{reachable, reachable_in_blocks};
 use crate::params::OffsetError;
@@ -240,13 +240,10 @@ impl Pieces {
         Ok(found)
     }
 
-    /// The triangles that meet others, or have corners in one place with others on a coarse grid, each by its block and its number
-    /// there, in order.
-    pub fn meeting(&self, grid: &Grid, progress: &Progress) -> Result<Vec<[u32; 2]>, OffsetError> {
+    /// The triangles that meet others, or have corners in one place with others, each by its block and its number there, in order.
+    pub fn meeting(&self, progress: &Progress) -> Result<Vec<[u32; 2]>, OffsetError> {
         let mut bad = self.meeting_pairs(progress)?.concat();
-        if grid.is_coarse() {
-            bad.extend(self.doubled(progress)?);
-        }
+        bad.extend(self.doubled(progress)?);
         bad.sort_unstable();
         bad.dedup();
         Ok(bad)
@@ -266,13 +263,9 @@ impl Pieces {
         Ok(found)
     }
 
-    /// Whether the surface is closed, manifold and oriented, and no two vertices are in one place on a coarse grid.
-    pub fn is_closed_manifold(
-        &self,
-        grid: &Grid,
-        progress: &Progress,
-    ) -> Result<bool, OffsetError> {
-        if grid.is_coarse() && !self.doubled(progress)?.is_empty() {
+    /// Whether the surface is closed, manifold and oriented, and no two vertices are in one place.
+    pub fn is_closed_manifold(&self, progress: &Progress) -> Result<bool, OffsetError> {
+        if !self.doubled(progress)?.is_empty() {
             return Ok(false);
         }
         for at in 0..self.count() {

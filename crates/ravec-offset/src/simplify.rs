@@ -10,7 +10,8 @@ mod pieces;
 
 pub(crate) use pieces::Simplified;
 
-use crate::certify::{proved, spread, tilt};
+use crate::certify::{proved, tilt};
+use crate::crest::spread;
 use crate::field::{Field, Near};
 use crate::grid::doubled;
 use crate::params::{Coordinates, OffsetParams};
@@ -328,7 +329,7 @@ impl CollapseJudge for Judge<'_> {
         let mut facets = candidate.after.iter().zip(candidate.corners);
         let refused = facets.any(|(&facet, &corners)| {
             let near = self.near(candidate, corners);
-            (self.trust == Trust::Final || spread(near) < TRUSTED_SPREAD)
+            (self.trust == Trust::Final || spread(&near) < TRUSTED_SPREAD)
                 && !proved(field, facet, limits, near)
         });
         if !refused {

@@ -213,7 +213,7 @@ impl Thickener<'_> {
             self_intersections: false,
             list_limit: 0,
         };
-        let found = check_written(&mesh, coordinates, &quick, progress)?;
+        let found = check_written(&mesh, &quick, progress)?;
         if !(found.closed && found.manifold && found.oriented) {
             return Ok(None);
         }

@@ -2,7 +2,7 @@
 
 mod support;
 
-use glam::{DVec2, DVec3, dvec2, dvec3};
+use glam::{DMat3, DVec2, DVec3, EulerRot, dvec2, dvec3};
 use ravec_mesh::{Bvh, TriMesh};
 use ravec_offset::{OffsetParams, Side};
 use ravec_scenes::Seed;
@@ -118,6 +118,36 @@ fn small_rooms_inside_are_found_beside_large_ones() {
             assert_eq!(checked.components, 2, "{name} at {place}");
             assert_all_covered(name, &mesh, &found.mesh, &asked);
         }
+    }
+}
+
+/// Corners of the cells around it see only some of the sides of a small room, and none of them from within.
+#[test]
+fn rooms_hardly_higher_than_the_tolerance_are_found_however_they_are_turned() {
+    let (distance, tolerance) = (0.1, 0.01);
+    for seed in 0..20u32 {
+        let turn = DMat3::from_euler(
+            EulerRot::XYZ,
+            0.7 * f64::from(seed),
+            0.31 * f64::from(seed),
+            0.13 * f64::from(seed),
+        );
+        // all but the shallowest have to be found
+        let height = tolerance * (1.3 + 0.1 * f64::from(seed));
+        let room = 2.0 * DVec3::splat(distance + height);
+        let rooms = (0..6).map(|i| {
+            let at = dvec3(f64::from(i % 3), f64::from(i / 3), 0.0) * 0.37 + 0.01 * f64::from(seed);
+            [at - 0.5 * room, at + 0.5 * room]
+        });
+        let straight = boxes(&rooms.collect::<Vec<_>>());
+        let turned = straight.positions().iter().map(|&p| turn * p).collect();
+        let mesh = TriMesh::new(turned, straight.triangles().to_vec()).unwrap();
+        let asked = params(Side::Inner, distance, tolerance, false);
+        let (found, _) = sound_offset("rooms", &mesh, &asked);
+        let covered = coverage_by_oracle(&mesh, &found.mesh, &asked, 0.4 * height);
+        assert!(covered.samples > 100, "{}", covered.samples);
+        let gap = covered.gaps.first();
+        assert!(gap.is_none(), "seed {seed}, {height} high: {gap:?}");
     }
 }
 

@@ -1,0 +1,144 @@
+//! How much better facets across crests and tips of the surface have to keep the distance.
+//!
+//! That a facet keeps the distance says how far it is from the surface only where the distance grows as fast as one goes. Where
+//! two sheets meet at an angle α, it grows by sin(α/2) on the way from their crest, and where three meet, by less. So a crest that a
+//! facet cuts off at a height h is h / sin(α/2) away.
+//!
+//! Not guaranteed: sheets are seen at the corners of a facet, at its middle and a step above that. Crests more acute than 5° are not
+//! followed to their end.
+
+use crate::cell::ON_SURFACE;
+use crate::field::{Field, Near};
+use glam::DVec3;
+
+/// Directions that differ by more, as a cosine, are looked at more closely; less tightens the limits by an eighth at most.
+const SPREAD_OF_CREST: f64 = 0.5;
+
+/// Corners that are farther off than this share of the tolerance may be closer to other triangles than to those that are known.
+const OFF_SURFACE: f64 = 0.1;
+
+/// Crests that are more acute than about 5° are not followed to their end.
+const LEAST_SHARE: f64 = 0.04;
+
+/// As [`LEAST_SHARE`] where the surface is made of the triangles themselves: there, crests that are more acute than a right
+/// angle are taken for right angles. Solids that overlap make crests of any angle, at every fold of a rough sheet, and to follow
+/// these asks for cells much smaller than the smallest there are: of what 0.04 refused on two scans, more than nine tenths was
+/// within the tolerance, and each round of splitting only brought more of it. Right angles are what walls and skins meet at.
+const LEAST_SHARE_OF_SURFACE: f64 = std::f64::consts::FRAC_1_SQRT_2;
+
+/// Limits for a facet that may cut a crest or a tip, of whose corners is known what is nearest. Where two sheets meet at an angle α,
+/// the distance grows by sin(α/2) only on the way from the crest, so that a facet across it must keep the distance that much better.
+pub(crate) fn tightened(
+    field: &Field<'_>,
+    facet: [DVec3; 3],
+    near: [Near; 3],
+    limits: [f64; 2],
+) -> [f64; 2] {
+    let [least, most] = limits;
+    let of_corners = spread(&near);
+    let growth = if of_corners >= SPREAD_OF_CREST {
+        growth_between(of_corners)
+    } else if field.level == 0.0 {
+        growth_between(spread_of_border(field, near, limits)).max(LEAST_SHARE_OF_SURFACE)
+    } else {
+        growth_beside(field, facet, near, most - least)
+    };
+    let share = growth.clamp(LEAST_SHARE, 1.0);
+    let (middle, half) = (0.5 * (least + most), 0.5 * (most - least));
+    [middle - share * half, middle + share * half]
+}
+
+/// How fast the distance grows on the way from a crest between two sheets, by the cosine of the directions away from them.
+fn growth_between(cosine: f64) -> f64 {
+    (0.5 * (1.0 + cosine)).max(0.0).sqrt()
+}
+
+/// As [`growth_between`], for a facet that cuts a crest where another sheet may end it, at a right angle.
+fn growth_beside(field: &Field<'_>, facet: [DVec3; 3], near: [Near; 3], range: f64) -> f64 {
+    // a corner where three sheets meet shows only one of them; where two are equally near, a step away from one leads to the other
+    let middle = (facet[0] + facet[1] + facet[2]) / 3.0;
+    let of_middle = field.near(middle, near[0].triangle);
+    let beyond = field.near(middle + 0.25 * range * of_middle.away, of_middle.triangle);
+    let [a, b, c] = near.map(|near| near.away);
+    let growth = nearest_of_hull(&[a, b, c, of_middle.away, beyond.away]).length();
+    growth / growth.hypot(1.0)
+}
+
+/// The point of the convex hull of some unit vectors that is nearest to zero, if it lies on an edge or a face.
+fn nearest_of_hull(vectors: &[DVec3]) -> DVec3 {
+    let mut nearest = vectors[0];
+    let mut offer = |p: DVec3| {
+        if p.length_squared() < nearest.length_squared() {
+            nearest = p;
+        }
+    };
+    for (i, &a) in vectors.iter().enumerate() {
+        for (j, &b) in vectors[..i].iter().enumerate() {
+            offer(0.5 * (a + b));
+            for &c in &vectors[..j] {
+                let normal = (b - a).cross(c - a);
+                let foot = normal * (a.dot(normal) / normal.length_squared());
+                let is_left = |p: DVec3, q: DVec3| (q - p).cross(foot - p).dot(normal) >= 0.0;
+                if is_left(a, b) && is_left(b, c) && is_left(c, a) {
+                    offer(foot);
+                }
+            }
+        }
+    }
+    nearest
+}
+
+/// What is nearest to a corner of a facet, of some triangles near it; of all, if these are farther off than the surface is.
+pub(crate) fn near_corner(
+    field: &Field<'_>,
+    corner: DVec3,
+    hints: &[u32],
+    [least, most]: [f64; 2],
+) -> Near {
+    let guesses = hints.iter().map(|&hint| field.near_of(corner, hint));
+    let guess = guesses.min_by(|a, b| a.distance.total_cmp(&b.distance));
+    let guess = guess.expect("there is a leaf");
+    let (middle, half) = (0.5 * (least + most), 0.5 * (most - least));
+    if guess.distance <= middle + OFF_SURFACE * half {
+        guess
+    } else {
+        field.near(corner, guess.triangle)
+    }
+}
+
+/// As [`spread`], of the border only, where the surface is made of the triangles themselves: others end at it from within, at any
+/// angle, and no crests are there.
+fn spread_of_border(field: &Field<'_>, near: [Near; 3], [least, most]: [f64; 2]) -> f64 {
+    let step = ON_SURFACE * 0.5 * (most - least);
+    let is_border = near.map(|near| field.is_border(near.point, near.away, step));
+    let pairs = [(0, 1), (1, 2), (2, 0)].into_iter();
+    pairs
+        .filter(|&(i, j)| is_border[i] && is_border[j])
+        .map(|(i, j)| near[i].away.dot(near[j].away))
+        .fold(1.0, f64::min)
+}
+
+/// The cosine between those two of the directions away from what is nearest that differ most.
+pub(crate) fn spread(near: &[Near]) -> f64 {
+    let pairs = (near.iter().enumerate()).flat_map(|(i, a)| near[..i].iter().map(move |b| (a, b)));
+    pairs.map(|(a, b)| a.away.dot(b.away)).fold(1.0, f64::min)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn distances_grow_as_slowly_as_sheets_meet_acutely() {
+        let [x, y, z] = DVec3::AXES;
+        let growth = |aways: &[DVec3]| nearest_of_hull(aways).length();
+        assert!((growth(&[x, x]) - 1.0).abs() < 1e-15);
+        assert!((growth(&[x, y]) - 0.5f64.sqrt()).abs() < 1e-15);
+        // the tip of a cube
+        assert!((growth(&[x, y, z]) - (1.0f64 / 3.0).sqrt()).abs() < 1e-15);
+        // of an acute crest, that a third sheet which leans the same way does not end
+        let [a, b] = [1.0, -1.0].map(|side: f64| DVec3::new(side, 0.2, 0.0).normalize());
+        assert!((growth(&[a, y, b]) - growth(&[a, b])).abs() < 1e-15);
+        assert!((growth(&[a, b]) - growth_between(a.dot(b))).abs() < 1e-15);
+    }
+}
