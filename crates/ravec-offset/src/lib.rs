@@ -43,7 +43,6 @@ mod offset;
 mod outermost;
 mod params;
 mod pieces;
-mod pocket;
 mod refine;
 mod scope;
 mod simplify;

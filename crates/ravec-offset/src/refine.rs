@@ -1,26 +1,24 @@
 //! The tree: cells that may hold the surface are split until a vertex can stand for what they hold.
 
 mod kept;
+mod look;
 
 use crate::cell::{
-    Cell, CornerValue, EdgeKey, Ends, Fit, MOST_TRIANGLES, MOST_TRIANGLES_OF_SHEET,
-    MOST_TRIANGLES_OF_SURFACE, ON_SURFACE, Roots, Sample, crossed_edges, inside_of, is_sheet, root,
+    Cell, CornerValue, EdgeKey, Ends, Fit, ON_SURFACE, Roots, Sample, crossed_edges, inside_of,
+    root,
 };
 use crate::enclosed::{Enclosed, Enclosure};
-use crate::field::{Field, Near, Place, Region};
+use crate::field::{Field, Place, Region};
 use crate::grid::{Grid, LEVELS_BELOW_FLOOR, floor_level};
+use crate::refine::look::Look;
 use crate::tile::{Edge, Orders, RINGS, Reach};
 use glam::DVec3;
-use ravec_mesh::Aabb;
 use ravec_octree::{
     CellKey, Corner, Frame, MAX_LEVEL, MinimalEdge, NodeId, Octree, minimal_edges_near,
 };
 use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
 use rustc_hash::{FxBuildHasher, FxHashMap, FxHashSet};
-
-/// Cells coarser than this are split without a look.
-const FIRST_LEVEL: u8 = 3;
 
 /// So many entries go into a table in a few milliseconds.
 const AT_ONCE: usize = 1 << 14;
@@ -104,15 +102,6 @@ impl From<Cancelled> for Halt {
     fn from(cancelled: Cancelled) -> Self {
         Self::Cancelled(cancelled)
     }
-}
-
-/// What came of looking at the middle of a cell.
-struct Look {
-    near: Near,
-    region: Region,
-    /// The middle, on whichever side it lies.
-    middle: Place,
-    empty: Option<bool>,
 }
 
 impl<'a> Refinement<'a> {
@@ -422,101 +411,6 @@ impl<'a> Refinement<'a> {
             front = self.split_all(&coarse);
         }
         Ok(())
-    }
-
-    /// Looks at the middle of a cell.
-    fn look(&self, node: NodeId) -> Look {
-        let key = self.tree.key(node);
-        let [low, high] = self.setting.frame.bounds(key);
-        let (center, radius) = (0.5 * (low + high), 0.5 * (high - low).length());
-        let &Node {
-            hint,
-            region,
-            middle,
-            ..
-        } = self.tree.data(node);
-        let near = self.setting.field.near(center, hint);
-        let side = match region {
-            Region::Unknown => {
-                let parent = Place::new(self.middle_of_parent(key), middle);
-                (self.setting.field).region_beside(center, near.distance, &[parent])
-            }
-            known => known,
-        };
-        // no triangle goes through the cell, so all of it lies on one side of them
-        let is_clear = near.distance > radius || !self.setting.field.is_signed();
-        let region = if is_clear { side } else { region };
-        let empty = if region == Region::Unknown {
-            let reaches = near.distance + radius >= self.setting.field.radius();
-            (!reaches).then_some(self.setting.field.level > 0.0)
-        } else {
-            let value = self.setting.field.value(near.distance, region);
-            (value.abs() > radius).then_some(value < 0.0)
-        };
-        Look {
-            near,
-            region,
-            middle: Place {
-                point: center,
-                distance: near.distance,
-                region: side,
-            },
-            empty,
-        }
-    }
-
-    /// The middle of the cell that a cell was split from: the corner of it that is not one of that cell.
-    fn middle_of_parent(&self, key: CellKey) -> DVec3 {
-        let inner = key.at.0.map(|x| {
-            if x & key.side() == 0 {
-                x + key.side()
-            } else {
-                x
-            }
-        });
-        self.setting.frame.point(Corner(inner))
-    }
-
-    /// Whether a cell is to be split without a look at its corners.
-    fn must_split(&self, node: NodeId, look: &Look) -> bool {
-        let key = self.tree.key(node);
-        if key.level < FIRST_LEVEL || self.setting.enclosed.of(key) == Some(Enclosure::Part) {
-            return true;
-        }
-        let [low, high] = self.setting.frame.bounds(key);
-        let radius = 0.5 * (high - low).length();
-        if look.near.distance > radius || key.level >= self.floor {
-            return false;
-        }
-        // without signs, a cell with triangles in it would hide the surface on one side of them; with signs, many
-        // triangles may enclose what the corners know nothing of
-        let field = self.setting.field;
-        if !field.is_signed() {
-            return true;
-        }
-        let center = 0.5 * (low + high);
-        let bounds = Aabb {
-            min: low,
-            max: high,
-        };
-        let mut triangles = 0;
-        let mut normals = [DVec3::ZERO; MOST_TRIANGLES_OF_SHEET];
-        field.bvh().for_each_touching(&bounds, |triangle| {
-            // large slanted triangles have boxes in which they are nearly nowhere
-            if field.level == 0.0 && field.near_of(center, triangle).distance > radius {
-                return;
-            }
-            if let Some(normal) = normals.get_mut(triangles) {
-                *normal = field.normal(triangle);
-            }
-            triangles += 1;
-        });
-        if field.level == 0.0 {
-            return triangles > MOST_TRIANGLES_OF_SURFACE;
-        }
-        let is_sheet =
-            || triangles <= normals.len() && field.is_oriented() && is_sheet(&normals[..triangles]);
-        triangles > MOST_TRIANGLES && !is_sheet()
     }
 
     fn evaluate_corners(

@@ -6,7 +6,7 @@
 //! Guarantee: if what corners see differs, no point of a cell that passes is farther than the surface by more than half of the
 //! tolerance. Not guaranteed: that they see it; rooms turned at random, hardly higher than the tolerance, are all found in tests.
 
-use crate::cell::{Cell, CornerValue};
+use super::{Cell, CornerValue, is_sheet};
 use crate::field::Near;
 use glam::DVec3;
 
@@ -16,9 +16,25 @@ const SPREAD_OF_POCKET: f64 = -0.1;
 /// How much farther than the surface points of a cell may be that counts as free of pockets, as a share of the tolerance.
 const SHALLOW: f64 = 0.5;
 
+/// More triangles than this may enclose rooms that the corners of a cell know nothing of, which takes a proof that there is none.
+const FEW_TRIANGLES: usize = 6;
+
 impl Cell<'_> {
-    /// Whether a pocket may be in the cell, if all corners have the same sign; `center` is its middle.
-    pub fn may_hold_a_pocket(&self, center: Near, corners: &[CornerValue; 8]) -> bool {
+    /// Whether triangles may enclose a room without a corner in it.
+    pub(super) fn is_crowd(&self, triangles: &[u32]) -> bool {
+        let field = self.setting.field;
+        let normals = || -> Vec<DVec3> { triangles.iter().map(|&t| field.normal(t)).collect() };
+        triangles.len() > FEW_TRIANGLES && !(field.is_oriented() && is_sheet(&normals()))
+    }
+
+    /// Whether a pocket may be in the cell, if all corners have the same sign; `center` is its middle. If it is crowded, what corners
+    /// see does not count.
+    pub(super) fn may_hold_a_pocket(
+        &self,
+        center: Near,
+        corners: &[CornerValue; 8],
+        is_crowded: bool,
+    ) -> bool {
         let field = self.setting.field;
         // only what is nearer than the surface, or on the other side of the triangles, may have pockets in it
         if corners[0].value * field.level >= 0.0 {
@@ -26,15 +42,14 @@ impl Cell<'_> {
         }
         let points: [DVec3; 8] =
             std::array::from_fn(|octant| self.setting.frame.point(self.key.corner(octant)));
-        // upward through the triangles, so that their two sides do not count as different
-        let upward = |i: usize| {
-            let away = field.near_of(points[i], corners[i].triangle).away;
-            (corners[i].value + field.level).signum() * away
+        let is_on_side = |i: &usize| (corners[*i].value + field.level) * field.level > 0.0;
+        let away = |i: usize| field.near_of(points[i], corners[i].triangle).away;
+        let differ = || {
+            let aways: Vec<DVec3> = (0..8).filter(is_on_side).map(away).collect();
+            let mut pairs = (1..aways.len()).flat_map(|i| (0..i).map(move |j| [i, j]));
+            pairs.any(|[i, j]| aways[i].dot(aways[j]) < SPREAD_OF_POCKET)
         };
-        let upward: Vec<DVec3> = (0..8).map(upward).collect();
-        let differ =
-            |(i, a): (usize, &DVec3)| upward[..i].iter().any(|b| a.dot(*b) < SPREAD_OF_POCKET);
-        if !upward.iter().enumerate().any(differ) {
+        if !is_crowded && !differ() {
             return false;
         }
         let mut triangles: Vec<u32> = corners.iter().map(|corner| corner.triangle).collect();
