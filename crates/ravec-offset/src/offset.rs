@@ -40,7 +40,7 @@ pub struct OffsetReport {
     pub certified: bool,
     /// Facets for which that proof failed.
     pub uncertified_facets: u64,
-    /// Whether the surface is closed, manifold and consistently oriented.
+    /// Whether the surface is closed, manifold and consistently oriented, with vertices in one place taken as one.
     pub solid: bool,
     /// Pairs of triangles that meet where they should not.
     pub self_intersections: u64,
