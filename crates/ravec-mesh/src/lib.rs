@@ -40,7 +40,8 @@ pub use self_intersection::{
 };
 pub use simplify::{
     BoundaryRule, CollapseCandidate, CollapseJudge, ErrorSample, Keep, Overseer, Simplified,
-    SimplifyError, SimplifyParams, SimplifyReport, Trust, Vetoes, simplify, simplify_patches,
+    SimplifyError, SimplifyParams, SimplifyReport, Trust, Vetoes, add_rings, simplify,
+    simplify_patches,
 };
 pub use tri_distance::triangle_distance_sq;
 pub use tri_intersect::{TriTri, intersection};

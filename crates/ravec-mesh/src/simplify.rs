@@ -41,6 +41,7 @@ use serde::{Deserialize, Serialize};
 use crate::{Bvh, TriMesh};
 
 pub use judge::{CollapseCandidate, CollapseJudge, Overseer, Trust};
+pub use parts::add_rings;
 pub use patches::simplify_patches;
 
 /// What may happen to the edges with one triangle.

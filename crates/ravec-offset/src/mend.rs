@@ -202,9 +202,7 @@ impl<'a> Mending<'a> {
             Err(Halt::TooLarge) => {
                 let scratch = Scratch::new(self.budget.storage)?;
                 let mut tiles = vec![];
-                for tile in (0..8).map(|octant| root.child(octant)) {
-                    self.add_tiles(tile, &scratch, &mut tiles, round, wanted, progress)?;
-                }
+                self.add_parts(root, &scratch, &mut tiles, round, wanted, progress)?;
                 Ok(Space::Cut(scratch, tiles))
             }
         }
@@ -311,10 +309,24 @@ impl<'a> Mending<'a> {
             }
             Err(Halt::Cancelled(cancelled)) => return Err(cancelled.into()),
             Err(Halt::TooLarge) => {
-                for part in (0..8).map(|octant| tile.child(octant)) {
-                    self.add_tiles(part, scratch, tiles, round, wanted, progress)?;
-                }
+                self.add_parts(tile, scratch, tiles, round, wanted, progress)?;
             }
+        }
+        Ok(())
+    }
+
+    /// [`Self::add_tiles`] for the eight parts of a tile.
+    fn add_parts(
+        &self,
+        tile: CellKey,
+        scratch: &Scratch,
+        tiles: &mut Vec<Tile>,
+        round: Round<'_>,
+        wanted: &mut Wanted,
+        progress: &Progress,
+    ) -> Result<(), OffsetError> {
+        for part in (0..8).map(|octant| tile.child(octant)) {
+            self.add_tiles(part, scratch, tiles, round, wanted, progress)?;
         }
         Ok(())
     }
@@ -348,12 +360,7 @@ impl<'a> Mending<'a> {
                 Ok(())
             }
             Err(Halt::Cancelled(cancelled)) => Err(cancelled.into()),
-            Err(Halt::TooLarge) => {
-                for part in (0..8).map(|octant| key.child(octant)) {
-                    self.add_tiles(part, scratch, done, round, wanted, progress)?;
-                }
-                Ok(())
-            }
+            Err(Halt::TooLarge) => self.add_parts(key, scratch, done, round, wanted, progress),
         }
     }
 

@@ -316,12 +316,9 @@ pub(super) fn write_with(
     report: &mut Report,
     progress: &Progress,
 ) -> Result<(), JobError> {
-    tracing::info!("writing {}", path.display());
-    report.time("write", || {
+    write_recorded(path, mesh, target, report, || {
         write_file(path, mesh, attributes, target, progress)
-    })?;
-    report.outputs.push(written(path, *target, mesh));
-    Ok(())
+    })
 }
 
 /// Writes a mesh as [`write`] does, wherever it is.
@@ -336,12 +333,27 @@ pub(super) fn write_stored(
     report: &mut Report,
     progress: &Progress,
 ) -> Result<(), JobError> {
-    tracing::info!("writing {}", path.display());
-    report.time("write", || {
+    write_recorded(path, mesh, target, report, || {
         write_to(path, target, progress, |writer, options| {
             write_rows(mesh, target.format, options, writer, progress)
         })
-    })?;
+    })
+}
+
+/// Lets `write` write a mesh, and records it.
+#[expect(
+    clippy::trivially_copy_pass_by_ref,
+    reason = "taken like in the public function"
+)]
+fn write_recorded(
+    path: &Path,
+    mesh: &impl MeshRows,
+    target: &MeshTarget,
+    report: &mut Report,
+    write: impl FnOnce() -> Result<(), JobError>,
+) -> Result<(), JobError> {
+    tracing::info!("writing {}", path.display());
+    report.time("write", write)?;
     report.outputs.push(written(path, *target, mesh));
     Ok(())
 }

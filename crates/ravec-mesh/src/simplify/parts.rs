@@ -123,8 +123,11 @@ pub(super) fn cut(mesh: &TriMesh) -> Vec<Vec<u32>> {
     patches
 }
 
-/// Adds rings of neighbors.
-pub(super) fn grow(chosen: &mut [bool], mesh: &TriMesh, rings: usize) {
+/// Adds so many rings of neighbors to the vertices that are chosen: a bit for each vertex of the mesh.
+///
+/// # Panics
+/// If there are fewer bits than vertices.
+pub fn add_rings(chosen: &mut [bool], mesh: &TriMesh, rings: usize) {
     for _ in 0..rings {
         let before = chosen.to_vec();
         for corners in mesh.triangles() {

@@ -24,7 +24,7 @@ use rustc_hash::FxHashMap;
 use super::deviation::{Sample, known_samples, samples};
 use super::engine::{Engine, Leftover, Start};
 use super::judge::{Overseer, Trust};
-use super::parts::{Part, cut, grow};
+use super::parts::{Part, add_rings, cut};
 use super::surface::{GONE, creases};
 use super::{Keep, Simplified, SimplifyError, SimplifyParams, SimplifyReport, validate};
 use crate::adjacency::is_proper;
@@ -439,7 +439,7 @@ impl<O: Overseer> Task<'_, O> {
         self.progress.check()?;
         let free = free.map(|free| {
             let mut here: Vec<bool> = part.vertices.iter().map(|&v| free[v as usize]).collect();
-            grow(&mut here, &part.mesh, RINGS);
+            add_rings(&mut here, &part.mesh, RINGS);
             here
         });
         let keep: Vec<u32> = (0_u32..)

@@ -13,7 +13,7 @@ use crate::pieces::{Piece, Pieces, Visibility};
 use crate::space;
 use crate::store::{Block, Store};
 use crate::tile::Patch;
-use ravec_mesh::{Aabb, ErrorSample, Keep, TriMesh};
+use ravec_mesh::{Aabb, ErrorSample, Keep, TriMesh, add_rings};
 use rustc_hash::FxHashMap;
 
 /// How many rings of triangles beside the vertices that pieces share are simplified when all pieces are.
@@ -145,7 +145,7 @@ impl Simplifier<'_> {
             });
         };
         let origin = |v: usize| simplified.vertex_origin[v] as usize;
-        let near = rings(&simplified.mesh, |v| border[origin(v)] || held[origin(v)]);
+        let near = around(&simplified.mesh, |v| border[origin(v)] || held[origin(v)]);
         let is_near = |sample: &&ErrorSample| {
             let corners = simplified.mesh.triangles()[sample.triangle as usize];
             corners.iter().any(|&v| near[v as usize])
@@ -207,7 +207,7 @@ impl Seams {
                 is_shared[v as usize] |= *first != block;
             }
         }
-        let is_free = rings(&piece.mesh, |v| is_shared[v]);
+        let is_free = around(&piece.mesh, |v| is_shared[v]);
         let blocks = 0..surface.blocks().len();
         let of_blocks = blocks.filter_map(|block| {
             let first = *first_triangle.get(&(block as u32))?;
@@ -232,18 +232,9 @@ impl Seams {
 }
 
 /// Some vertices and those around them.
-fn rings(mesh: &TriMesh, is_first: impl Fn(usize) -> bool) -> Vec<bool> {
+fn around(mesh: &TriMesh, is_first: impl Fn(usize) -> bool) -> Vec<bool> {
     let mut near: Vec<bool> = (0..mesh.positions().len()).map(is_first).collect();
-    for _ in 0..SEAM_RINGS {
-        let before = near.clone();
-        for corners in mesh.triangles() {
-            if corners.iter().any(|&v| before[v as usize]) {
-                for &v in corners {
-                    near[v as usize] = true;
-                }
-            }
-        }
-    }
+    add_rings(&mut near, mesh, SEAM_RINGS);
     near
 }
 
