@@ -162,17 +162,24 @@ impl Pieces {
         let mut assembly = self.own(piece, progress)?;
         let own = assembly.triangles.len();
         let range = &self.ranges[piece];
+        // block by block: a box around all of the piece may hold most of the surface
         let blocks = self.blocks[range.clone()].iter();
-        let bounds = blocks.fold(Aabb::EMPTY, |bounds, block| bounds.union(block.bounds));
+        let bounds: Vec<Aabb> = blocks.map(|block| block.bounds).collect();
         for (at, block) in self.blocks.iter().enumerate() {
             progress.check()?;
-            if range.contains(&at) || block.triangles == 0 || !block.bounds.touches(&bounds) {
+            if range.contains(&at) || block.triangles == 0 {
+                continue;
+            }
+            let beside = |bounds: &&Aabb| block.bounds.touches(bounds);
+            let beside: Vec<&Aabb> = bounds.iter().filter(beside).collect();
+            if beside.is_empty() {
                 continue;
             }
             let (patch, numbers) = self.part(at)?;
             let is_near = |&t: &u32| {
                 let corners = patch.triangles[t as usize].map(|v| patch.positions[v as usize]);
-                Aabb::around(corners).touches(&bounds)
+                let around = Aabb::around(corners);
+                beside.iter().any(|bounds| bounds.touches(&around))
             };
             assembly.add(at, &patch, numbers.filter(is_near), progress)?;
         }
