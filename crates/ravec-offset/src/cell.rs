@@ -23,10 +23,16 @@ const PROJECTIONS: usize = 2;
 const FLATNESS: f64 = 0.95;
 const MISS: f64 = 0.5;
 
-/// The cosine of the angle by which the normals in a cell may turn from their mean if its vertex is moved off the surface: with
-/// 12° up to a third of the cells is spared at tolerances of 2.5e-4; with more, designed parts come out with more than 4° between
-/// facets and surface.
-const NEARLY_FLAT: f64 = 0.978;
+/// The angles in degrees by which the normals in a cell may turn from their mean if its vertex is moved off the surface, at
+/// least and at most.
+///
+/// A cell that holds a part of a sphere is some √(8 r ε) wide, so that moving its vertex by a share of the tolerance ε tilts
+/// facets by an angle that grows as √(ε/r); the finer the tolerance, the more may turn. With 12° where ε is [`COARSE`] up to a third
+/// of the cells is spared; with more, designed parts come out with more than 4° between facets and surface.
+const NEARLY_FLAT_DEG: [f64; 2] = [12.0, 20.0];
+
+/// The tolerance, relative to the distance, from which on cells have to be the flattest.
+const COARSE: f64 = 0.05;
 
 /// The share of the tolerance within which a sample counts as lying on the surface.
 pub(crate) const ON_SURFACE: f64 = 0.02;
@@ -231,7 +237,8 @@ impl Cell<'_> {
     fn balance(&self, placed: &mut Placed, samples: &[Sample]) {
         let normal = samples.iter().map(|sample| sample.away).sum::<DVec3>();
         let normal = normal.normalize_or_zero();
-        if (samples.iter()).any(|sample| sample.away.dot(normal) < NEARLY_FLAT) {
+        let least_cosine = self.most_turn().cos();
+        if (samples.iter()).any(|sample| sample.away.dot(normal) < least_cosine) {
             return;
         }
         let [low, high] = samples
@@ -246,6 +253,13 @@ impl Cell<'_> {
         let moved = (placed.vertex + shift * normal).clamp(low, high);
         placed.vertex = self.setting.grid.nearest(moved);
         placed.miss += shift.abs();
+    }
+
+    /// The angle in radians by which normals may turn from their mean if the vertex is moved off the surface.
+    fn most_turn(&self) -> f64 {
+        let fineness = COARSE * self.setting.field.radius() / self.setting.tolerance;
+        let [least, most] = NEARLY_FLAT_DEG;
+        (least * fineness.sqrt()).clamp(least, most).to_radians()
     }
 
     /// How far inside the cell a point is.
