@@ -33,6 +33,7 @@ mod winding;
 
 use std::ops::Deref;
 
+use fearless_simd::Level;
 use glam::DVec3;
 use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
@@ -69,6 +70,8 @@ pub struct Bvh {
     boxes: BoxTree,
     /// The same nodes with boxes that are turned to the surface.
     turned: Vec<TurnedNode>,
+    /// The vector instructions that this machine has. Answers do not depend on them.
+    vectors: Level,
 }
 
 impl Deref for Bvh {
@@ -99,7 +102,11 @@ impl Bvh {
     pub fn try_new(mesh: &TriMesh, progress: &Progress) -> Result<Self, Cancelled> {
         let boxes = BoxTree::build(mesh, Effort::Thorough, progress)?;
         let turned = turned::turned(&boxes.nodes, &boxes.frame, &boxes.corners, progress)?;
-        Ok(Self { boxes, turned })
+        Ok(Self {
+            boxes,
+            turned,
+            vectors: Level::new(),
+        })
     }
 
     /// The number of bytes this structure holds on to.
@@ -160,8 +167,8 @@ impl BoxTree {
     /// # Panics
     /// If there is no such triangle.
     #[inline]
-    pub fn corners(&self, triangle: u32) -> [DVec3; 3] {
-        self.corners[self.slot_of[triangle as usize] as usize]
+    pub fn corners(&self, triangle: u32) -> &[DVec3; 3] {
+        &self.corners[self.slot_of[triangle as usize] as usize]
     }
 
     /// The smallest box around all triangles; empty if there are none.

@@ -109,7 +109,7 @@ impl Smallest {
 fn improper(tree: &BoxTree, a: u32, b: u32) -> Option<IntersectingPair> {
     let (first, second) = (a.min(b), a.max(b));
     let (x, y) = (tree.corners(first), tree.corners(second));
-    let kind = intersection(&x, &y);
+    let kind = intersection(x, y);
     if !kind.is_improper() && kind != TriTri::Same {
         return None;
     }
@@ -194,7 +194,7 @@ pub fn intersections_with(
         .map(|&triangle| {
             progress.check()?;
             let mut found = Vec::new();
-            tree.for_each_touching(&Aabb::around(tree.corners(triangle)), |other| {
+            tree.for_each_touching(&Aabb::around(*tree.corners(triangle)), |other| {
                 // a pair of two that are asked for is left to the lower one
                 let twice = other < triangle && asked.binary_search(&other).is_ok();
                 if other != triangle && !twice {

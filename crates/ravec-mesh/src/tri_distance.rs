@@ -24,8 +24,8 @@ pub fn triangle_distance_sq(a: [DVec3; 3], b: [DVec3; 3]) -> f64 {
     let mut best = f64::INFINITY;
     for i in 0..3 {
         best = best
-            .min(distance_sq_to_triangle(a[i], b))
-            .min(distance_sq_to_triangle(b[i], a));
+            .min(distance_sq_to_triangle(a[i], &b))
+            .min(distance_sq_to_triangle(b[i], &a));
     }
     for i in 0..3 {
         let along_a = a[(i + 1) % 3] - a[i];
@@ -82,7 +82,7 @@ mod tests {
         // over t is convex in s.
         lowest(|s| {
             let (from, to) = (a.lerp(b, s), a.lerp(c, s));
-            lowest(|t| distance_sq_to_triangle(from.lerp(to, t), other).sqrt())
+            lowest(|t| distance_sq_to_triangle(from.lerp(to, t), &other).sqrt())
         })
     }
 

@@ -127,10 +127,16 @@ pub fn intersection(a: &[DVec3; 3], b: &[DVec3; 3]) -> TriTri {
         // common corner if `a` names it twice
         return TriTri::Neighbors;
     }
+    if stands_on_corner(heights_a, common.first) {
+        return TriTri::Neighbors;
+    }
     let plane_a = OrientedPlane::through(a[0], a[1], a[2]);
     let heights_b = heights(&plane_a, b, common.second);
     if one_side(heights_b) {
         return TriTri::Disjoint;
+    }
+    if stands_on_corner(heights_b, common.second) {
+        return TriTri::Neighbors;
     }
     if heights_a == [Sign::Zero; 3] || heights_b == [Sign::Zero; 3] {
         return special(a, b, common, &plane_a, &plane_b);
@@ -156,6 +162,17 @@ fn heights(plane: &OrientedPlane, corners: &[DVec3; 3], common: [bool; 3]) -> [S
 #[inline]
 fn one_side(heights: [Sign; 3]) -> bool {
     heights[0] != Sign::Zero && heights[0] == heights[1] && heights[0] == heights[2]
+}
+
+/// Whether a triangle meets a plane at a common corner and nowhere else, since its other corners are on one side.
+#[inline]
+fn stands_on_corner(heights: [Sign; 3], common: [bool; 3]) -> bool {
+    match (common, heights) {
+        ([true, false, false], [_, p, q])
+        | ([false, true, false], [q, _, p])
+        | ([false, false, true], [p, q, _]) => p == q && p != Sign::Zero,
+        _ => false,
+    }
 }
 
 /// The cases in which all corners of one triangle are on the plane of the other, or one has no plane.

@@ -154,8 +154,8 @@ pub(crate) struct Tilt {
     pub triangle: u32,
 }
 
-/// How a facet lies; `near` are triangles that may be close to its middle, the last one the most likely. An angle up to `enough`
-/// is one that was found without a search.
+/// How a facet lies; `near` are triangles that may be close to its middle. An angle up to `enough` is one that was found without a
+/// search.
 pub(crate) fn tilt(field: &Field<'_>, facet: [DVec3; 3], near: [u32; 4], enough: f64) -> Tilt {
     let [a, b, c] = facet;
     let normal = (b - a).cross(c - a);
@@ -171,25 +171,12 @@ pub(crate) fn tilt(field: &Field<'_>, facet: [DVec3; 3], near: [u32; 4], enough:
         }
     };
     // a guess from what is known, and a search only if that is not good enough
-    let mut guess: Option<Near> = None;
-    for (i, &triangle) in near.iter().enumerate() {
-        if near[..i].contains(&triangle) {
-            continue;
-        }
-        let found = field.near_of(middle, triangle);
-        if guess.is_none_or(|guess| found.distance < guess.distance) {
-            guess = Some(found);
-        }
+    let Near { triangle, away, .. } = field.nearest_of(middle, &near);
+    let angle = off(away);
+    if angle <= enough {
+        return Tilt { angle, triangle };
     }
-    let mut hint = near[3];
-    if let Some(Near { triangle, away, .. }) = guess {
-        let angle = off(away);
-        if angle <= enough {
-            return Tilt { angle, triangle };
-        }
-        hint = triangle;
-    }
-    let near = field.near(middle, hint);
+    let near = field.near(middle, triangle);
     Tilt {
         angle: off(near.away),
         triangle: near.triangle,

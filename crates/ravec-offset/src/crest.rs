@@ -95,9 +95,7 @@ pub(crate) fn near_corner(
     hints: &[u32],
     [least, most]: [f64; 2],
 ) -> Near {
-    let guesses = hints.iter().map(|&hint| field.near_of(corner, hint));
-    let guess = guesses.min_by(|a, b| a.distance.total_cmp(&b.distance));
-    let guess = guess.expect("there is a leaf");
+    let guess = field.nearest_of(corner, hints);
     let (middle, half) = (0.5 * (least + most), 0.5 * (most - least));
     if guess.distance <= middle + OFF_SURFACE * half {
         guess

@@ -2,7 +2,7 @@
 //! distance that is asked for.
 
 use glam::DVec3;
-use ravec_mesh::{Aabb, Bvh, Closest, WindingNumbers, closest_on_triangle};
+use ravec_mesh::{Aabb, Bvh, Closest, ClosestOnTriangle, WindingNumbers, closest_on_triangle};
 use ravec_progress::{Cancelled, Progress};
 
 /// How much larger than the way between their centers the radii of two balls must be together, so that roundings count for
@@ -148,7 +148,35 @@ impl<'a> Field<'a> {
     /// As [`Self::near`] for a point whose closest triangle is known.
     #[inline]
     pub fn near_of(&self, p: DVec3, triangle: u32) -> Near {
-        let closest = closest_on_triangle(p, self.bvh.corners(triangle));
+        self.near_from(
+            p,
+            triangle,
+            closest_on_triangle(p, self.bvh.corners(triangle)),
+        )
+    }
+
+    /// What of some triangles is closest to a point, the first of equally close ones.
+    ///
+    /// # Panics
+    /// If there are none.
+    #[inline]
+    pub fn nearest_of(&self, p: DVec3, triangles: &[u32]) -> Near {
+        let mut best: Option<(u32, ClosestOnTriangle)> = None;
+        for (i, &triangle) in triangles.iter().enumerate() {
+            if triangles[..i].contains(&triangle) {
+                continue;
+            }
+            let closest = closest_on_triangle(p, self.bvh.corners(triangle));
+            if best.is_none_or(|(_, best)| closest.distance_sq < best.distance_sq) {
+                best = Some((triangle, closest));
+            }
+        }
+        let (triangle, closest) = best.expect("there is a triangle");
+        self.near_from(p, triangle, closest)
+    }
+
+    #[inline]
+    fn near_from(&self, p: DVec3, triangle: u32, closest: ClosestOnTriangle) -> Near {
         Near {
             triangle,
             point: closest.point,
@@ -160,7 +188,7 @@ impl<'a> Field<'a> {
     /// The unit normal of a triangle; zero if it has no area.
     #[inline]
     pub fn normal(&self, triangle: u32) -> DVec3 {
-        let [a, b, c] = self.bvh.corners(triangle);
+        let &[a, b, c] = self.bvh.corners(triangle);
         (b - a).cross(c - a).normalize_or_zero()
     }
 

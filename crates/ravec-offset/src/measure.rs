@@ -89,10 +89,12 @@ pub(crate) fn measure(
             let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
             let is_ample = ample.contains(t);
             // that of an ample facet is of interest only where it is far
-            let nearest = |triangle| distance_sq_to_triangle(middle, field.bvh().corners(triangle));
-            let guess_sq = (hints(t).map(nearest).into_iter()).fold(f64::INFINITY, f64::min);
-            let distance = if is_ample && guess_sq <= most_at_corners * most_at_corners {
-                guess_sq.sqrt()
+            let most_sq = most_at_corners * most_at_corners;
+            let is_near = |&triangle: &u32| {
+                distance_sq_to_triangle(middle, field.bvh().corners(triangle)) <= most_sq
+            };
+            let distance = if is_ample && hints(t).iter().any(is_near) {
+                most_at_corners
             } else {
                 field.near(middle, hints(t)[0]).distance
             };
@@ -116,7 +118,8 @@ pub(crate) fn measure(
         } else {
             least_distance(field, facet, least, LEAST_SLACK * half)
         };
-        let farthest = most_distance(field, facet, [enough, limits[1]], hints(t), MOST_CUTS);
+        let levels = [most_found, enough, limits[1]];
+        let farthest = most_distance(field, facet, levels, hints(t), MOST_CUTS);
         if nearest >= limits[0] && farthest <= limits[1] {
             return Ok((0, nearest, farthest));
         }
@@ -187,11 +190,11 @@ fn least_distance(field: &Field<'_>, facet: [DVec3; 3], enough: f64, slack: f64)
 }
 
 /// A bound for the distance of all points of a facet. It is searched for until it is no more than `enough`, and given up
-/// where a point is beyond `hopeless`; `hints` are triangles that may be close to the corners.
+/// where a point is beyond `hopeless`; one up to `found` is as good as any. `hints` are triangles that may be close to the corners.
 fn most_distance(
     field: &Field<'_>,
     facet: [DVec3; 3],
-    [enough, hopeless]: [f64; 2],
+    [found, enough, hopeless]: [f64; 3],
     hints: [u32; 3],
     cuts: u32,
 ) -> f64 {
@@ -204,10 +207,13 @@ fn most_distance(
             .fold(0.0, f64::max)
             .sqrt()
     };
-    let mut bound = hints
-        .map(bound_by)
-        .into_iter()
-        .fold(f64::INFINITY, f64::min);
+    let mut bound = f64::INFINITY;
+    for hint in hints {
+        bound = bound.min(bound_by(hint));
+        if bound <= found {
+            return bound;
+        }
+    }
     if bound <= enough {
         return bound;
     }
@@ -231,7 +237,7 @@ fn most_distance(
         most = most.max(most_distance(
             field,
             part,
-            [enough, hopeless],
+            [found, enough, hopeless],
             hints,
             cuts - 1,
         ));

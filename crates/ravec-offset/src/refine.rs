@@ -365,29 +365,26 @@ impl<'a> Refinement<'a> {
                 }
             }
             self.evaluate_corners(&full, progress)?;
-            let inside: Vec<u8> = full
+            let corners: Vec<[CornerValue; 8]> = full
                 .par_iter()
                 .map(|&(node, _)| {
                     progress.check()?;
-                    Ok(inside_of(&self.corners_of(self.tree.key(node))))
+                    Ok(self.corners_of(self.tree.key(node)))
                 })
                 .collect::<Result<_, Cancelled>>()?;
+            let inside: Vec<u8> = corners.par_iter().map(inside_of).collect();
             let roots = self.roots(&full, &inside, progress)?;
             let fits: Vec<Fit> = full
                 .par_iter()
-                .map(|(node, look)| {
+                .zip(&corners)
+                .map(|((node, look), corners)| {
                     progress.check()?;
-                    let key = self.tree.key(*node);
-                    let corners = self.corners_of(key);
-                    let cell = self.cell(key);
-                    Ok(cell.fit(
-                        look.near,
-                        [look.region, look.middle.region],
-                        &corners,
-                        &roots,
-                    ))
+                    let cell = self.cell(self.tree.key(*node));
+                    let regions = [look.region, look.middle.region];
+                    Ok(cell.fit(look.near, regions, corners, &roots))
                 })
                 .collect::<Result<_, Cancelled>>()?;
+            drop(corners);
             for (((node, _), inside), fit) in full.into_iter().zip(inside).zip(fits) {
                 let key = self.tree.key(node);
                 // the tip of an acute crest is thinner than cells that are as small as the tolerance; where the surface is made

@@ -102,7 +102,7 @@ fn sound(sheet: &TriMesh, params: &OffsetParams) -> Offset {
         .map(|v| sheet.positions()[v as usize])
         .collect();
     let nearest = |p: DVec3, triangles: &mut dyn Iterator<Item = [DVec3; 3]>| {
-        let distances = triangles.map(|corners| distance_sq_to_triangle(p, corners));
+        let distances = triangles.map(|corners| distance_sq_to_triangle(p, &corners));
         distances.fold(f64::INFINITY, f64::min).sqrt()
     };
     for t in 0..found.mesh.triangles().len() as u32 {
@@ -374,7 +374,7 @@ fn filled(sheet: &TriMesh, params: &OffsetParams) -> Offset {
         let p = foot + random().abs() * 1.2 * height * normal(t);
         let (nearest, closest) = (corners
             .iter()
-            .map(|&corners| closest_on_triangle(p, corners)))
+            .map(|&corners| closest_on_triangle(p, &corners)))
         .enumerate()
         .min_by(|a, b| a.1.distance_sq.total_cmp(&b.1.distance_sq))
         .unwrap();
@@ -396,7 +396,7 @@ fn filled(sheet: &TriMesh, params: &OffsetParams) -> Offset {
         let is_near_border = || {
             let count = found.mesh.triangles().len() as u32;
             let mut distances =
-                (0..count).map(|t| distance_sq_to_triangle(p, found.mesh.corners(t)));
+                (0..count).map(|t| distance_sq_to_triangle(p, &found.mesh.corners(t)));
             distances.any(|distance_sq| distance_sq <= tolerance * tolerance)
         };
         assert!(

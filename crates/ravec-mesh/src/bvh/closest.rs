@@ -1,9 +1,11 @@
 //! The triangle closest to a point.
 
+use arrayvec::ArrayVec;
+use fearless_simd::{dispatch, prelude::*};
 use glam::DVec3;
 
 use super::Bvh;
-use super::node::{Child, STACK, WIDTH, mask_of};
+use super::node::{Child, STACK, WIDTH, lanes};
 use crate::closest::{Feature, closest_on_triangle};
 
 /// The place of a mesh that is closest to a given point.
@@ -67,12 +69,13 @@ impl Beyond {
         beyond
     }
 
+    #[inline(always)]
     fn move_to(&mut self, best: &Best) {
         self.toward = (best.found.point - self.from).normalize_or_zero();
         self.reach = best.found.distance_sq.sqrt() + self.margin;
     }
 
-    #[inline]
+    #[inline(always)]
     fn holds(&self, corners: &[DVec3; 3]) -> bool {
         let [a, b, c] = corners.map(|corner| self.toward.dot(corner - self.from));
         a.min(b).min(c) > self.reach
@@ -83,37 +86,25 @@ impl Beyond {
 ///
 /// An entry is one number: the bits of the squared distance, which for what is not negative are in the order of the values,
 /// above the place of the box, its node times eight and its lane.
-struct Stack {
-    entries: [u64; STACK],
-    len: usize,
-}
+struct Stack(ArrayVec<u64, STACK>);
 
 impl Stack {
-    #[inline]
-    fn new() -> Self {
-        Self {
-            entries: [0; STACK],
-            len: 0,
-        }
-    }
-
     /// Keeps the entries from `base` on sorted, the nearest last.
-    #[inline]
+    #[inline(always)]
     fn insert(&mut self, base: usize, distance_sq: f32, place: u32) {
         let entry = u64::from(distance_sq.to_bits()) << 32 | u64::from(place);
-        let mut at = self.len;
-        while at > base && self.entries[at - 1] < entry {
-            self.entries[at] = self.entries[at - 1];
+        let mut at = self.0.len();
+        self.0.push(entry);
+        while at > base && self.0[at - 1] < entry {
+            self.0[at] = self.0[at - 1];
             at -= 1;
         }
-        self.entries[at] = entry;
-        self.len += 1;
+        self.0[at] = entry;
     }
 
-    #[inline]
+    #[inline(always)]
     fn pop(&mut self) -> Option<(f32, u32)> {
-        self.len = self.len.checked_sub(1)?;
-        let entry = self.entries[self.len];
+        let entry = self.0.pop()?;
         Some((f32::from_bits((entry >> 32) as u32), entry as u32))
     }
 }
@@ -147,9 +138,9 @@ impl Bvh {
         self.measured(p, slot, hint)
     }
 
-    #[inline]
+    #[inline(always)]
     fn measured(&self, p: DVec3, slot: u32, triangle: u32) -> Best {
-        let found = closest_on_triangle(p, self.corners[slot as usize]);
+        let found = closest_on_triangle(p, &self.corners[slot as usize]);
         Best {
             found: Closest {
                 triangle,
@@ -168,28 +159,29 @@ impl Bvh {
         if self.is_empty() || !p.is_finite() {
             return None;
         }
+        dispatch!(self.vectors, simd => self.search_with(simd, p, &mut best));
+        (best.slot != u32::MAX).then_some(best.found)
+    }
+
+    #[inline(always)]
+    fn search_with<S: Simd>(&self, simd: S, p: DVec3, best: &mut Best) {
         let local = self.frame.local_point(p);
         let mut reach_sq = self.frame.reach_sq(&local, best.found.distance_sq);
-        let mut beyond = Beyond::new(p, &best, self.frame.rounding(&local));
-        let mut stack = Stack::new();
+        let mut beyond = Beyond::new(p, best, self.frame.rounding(&local));
+        let mut stack = Stack(ArrayVec::new());
         let mut at = 0;
         loop {
             let node = &self.turned[at as usize];
-            let distances_sq = node.distances_sq(local.at);
-            let base = stack.len;
-            let mut near = node.children.mask() & mask_of(|lane| distances_sq[lane] <= reach_sq);
-            while near != 0 {
-                let lane = near.trailing_zeros();
-                near &= near - 1;
-                stack.insert(
-                    base,
-                    distances_sq[lane as usize % WIDTH],
-                    at * WIDTH as u32 + lane,
-                );
+            let distances_sq = node.distances_sq(simd, local.at);
+            let base = stack.0.len();
+            let near = distances_sq.simd_le(reach_sq).to_bitmask() as u32;
+            let distances_sq: [f32; WIDTH] = distances_sq.into();
+            for lane in lanes(near & node.children.mask()) {
+                stack.insert(base, distances_sq[lane], at * WIDTH as u32 + lane as u32);
             }
             at = loop {
                 let Some((distance_sq, place)) = stack.pop() else {
-                    return (best.slot != u32::MAX).then_some(best.found);
+                    return;
                 };
                 if distance_sq > reach_sq {
                     continue;
@@ -199,7 +191,7 @@ impl Bvh {
                     Child::Node(node) => break node,
                     Child::Leaf { first, count } => {
                         let before = best.found.distance_sq;
-                        self.try_leaf(p, first, count, &mut best, &mut beyond);
+                        self.try_leaf(p, first, count, best, &mut beyond);
                         if best.found.distance_sq < before {
                             reach_sq = self.frame.reach_sq(&local, best.found.distance_sq);
                         }
@@ -209,7 +201,7 @@ impl Bvh {
         }
     }
 
-    #[inline]
+    #[inline(always)]
     fn try_leaf(&self, p: DVec3, first: u32, count: u32, best: &mut Best, beyond: &mut Beyond) {
         for slot in first..first + count {
             // The hint, most often.
@@ -238,7 +230,7 @@ mod tests {
     fn closest_naive(mesh: &TriMesh, p: DVec3) -> Option<Closest> {
         let mut best: Option<Closest> = None;
         for triangle in 0..mesh.triangles().len() as u32 {
-            let found = closest_on_triangle(p, mesh.corners(triangle));
+            let found = closest_on_triangle(p, &mesh.corners(triangle));
             if best.is_none_or(|best| found.distance_sq < best.distance_sq) {
                 best = Some(Closest {
                     triangle,

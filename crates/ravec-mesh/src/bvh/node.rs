@@ -1,6 +1,7 @@
 //! A node: the boxes of up to eight children, and what they hold.
 
 use super::frame::LocalBox;
+use fearless_simd::{Level, dispatch, f32x8, prelude::*};
 
 /// Children of a node: as many `f32` as the widest common vector registers hold.
 pub(super) const WIDTH: usize = 8;
@@ -72,9 +73,9 @@ impl Node {
         self.boxes.get(lane)
     }
 
-    /// Which boxes share a point with `other`; none where there is no box.
+    /// As [`Boxes::touching`].
     #[inline]
-    pub fn touching(&self, other: &LocalBox) -> [bool; WIDTH] {
+    pub fn touching(&self, other: &LocalBox) -> u32 {
         self.boxes.touching(other)
     }
 }
@@ -142,54 +143,108 @@ impl Boxes {
         }
     }
 
-    /// Which boxes share a point with `other`; none where there is no box.
+    /// A bit for each box that shares a point with `other`; none where there is no box.
     #[inline]
-    pub fn touching(&self, other: &LocalBox) -> [bool; WIDTH] {
-        let mut touches = [true; WIDTH];
+    pub fn touching(&self, other: &LocalBox) -> u32 {
+        // a few comparisons gain nothing from wider registers
+        dispatch!(Level::baseline(), simd => self.touching_with(simd, other))
+    }
+
+    #[inline(always)]
+    fn touching_with<S: Simd>(&self, simd: S, other: &LocalBox) -> u32 {
+        let mut touches = 0xff;
         for axis in 0..3 {
-            for (lane, touches) in touches.iter_mut().enumerate() {
-                let (below, above) = (
-                    self.min[axis][lane] <= other.max[axis],
-                    other.min[axis] <= self.max[axis][lane],
-                );
-                // Without branches, so that all lanes are compared at once.
-                *touches = *touches & below & above;
-            }
+            let (min, max) = self.along(simd, axis);
+            let both = min.simd_le(other.max[axis]) & max.simd_ge(other.min[axis]);
+            touches &= both.to_bitmask() as u32;
         }
         touches
     }
 
+    /// The boxes' least and largest coordinates along an axis.
+    #[inline(always)]
+    fn along<S: Simd>(&self, simd: S, axis: usize) -> (f32x8<S>, f32x8<S>) {
+        (
+            self.min[axis].simd_into(simd),
+            self.max[axis].simd_into(simd),
+        )
+    }
+
     /// The squared distance from `p` to each box; infinite where there is none.
-    #[inline]
-    pub fn distances_sq(&self, p: [f32; 3]) -> [f32; WIDTH] {
-        self.distances_sq_to(&LocalBox { min: p, max: p })
+    #[inline(always)]
+    pub fn distances_sq<S: Simd>(&self, simd: S, p: [f32; 3]) -> f32x8<S> {
+        self.distances_sq_to(simd, &LocalBox { min: p, max: p })
     }
 
     /// The squared distance from another box to each box; infinite where there is none.
-    #[inline]
-    pub fn distances_sq_to(&self, other: &LocalBox) -> [f32; WIDTH] {
-        let mut sum = [0.0; WIDTH];
+    #[inline(always)]
+    pub fn distances_sq_to<S: Simd>(&self, simd: S, other: &LocalBox) -> f32x8<S> {
+        let mut sum = f32x8::splat(simd, 0.0);
         for axis in 0..3 {
-            let (low, high) = (other.min[axis], other.max[axis]);
-            for ((sum, min), max) in sum.iter_mut().zip(&self.min[axis]).zip(&self.max[axis]) {
-                let outside = larger(larger(min - high, low - max), 0.0);
-                *sum += outside * outside;
-            }
+            let (min, max) = self.along(simd, axis);
+            let low = f32x8::splat(simd, other.min[axis]);
+            let outside = (min - other.max[axis]).max(low - max).max(0.0);
+            sum += outside * outside;
         }
         sum
     }
 }
 
-/// A bit for each lane of which `is` is true.
+/// The lanes whose bits are set, in order.
 #[inline(always)]
-pub(super) fn mask_of(is: impl Fn(usize) -> bool) -> u32 {
-    // first side by side, then added up, so that all lanes are compared at once
-    let bits: [u32; WIDTH] = std::array::from_fn(|lane| if is(lane) { 1 << lane } else { 0 });
-    bits.into_iter().sum()
+pub(super) fn lanes(mut bits: u32) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(
+        #[inline(always)]
+        move || {
+            let lane = (bits != 0).then(|| bits.trailing_zeros() as usize % WIDTH)?;
+            bits &= bits - 1;
+            Some(lane)
+        },
+    )
 }
 
-/// The maximum as one instruction: `f32::max` takes more for the sake of NaN.
-#[inline(always)]
-fn larger(a: f32, b: f32) -> f32 {
-    if a > b { a } else { b }
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Boxes with corners on a coarse grid, so that many touch just so.
+    fn local_box() -> impl Strategy<Value = LocalBox> {
+        let interval = (-4_i8..4, 0_i8..4).prop_map(|(low, size)| [low, low + size].map(f32::from));
+        [interval.clone(), interval.clone(), interval].prop_map(|axes| LocalBox {
+            min: axes.map(|[low, _]| low),
+            max: axes.map(|[_, high]| high),
+        })
+    }
+
+    /// The plain definition.
+    fn distance_sq(a: &LocalBox, b: &LocalBox) -> f32 {
+        let outside = |axis: usize| (a.min[axis] - b.max[axis]).max(b.min[axis] - a.max[axis]);
+        let along = |axis: usize| outside(axis).max(0.0);
+        [0, 1, 2].map(|axis| along(axis).powi(2)).into_iter().sum()
+    }
+
+    proptest! {
+        #[test]
+        fn all_lanes_say_what_one_says_whatever_the_instructions(
+            boxes in prop::collection::vec(local_box(), 0..=WIDTH),
+            other in local_box(),
+        ) {
+            let mut lanes_of = Boxes::EMPTY;
+            for (lane, bounds) in boxes.iter().enumerate() {
+                lanes_of.set(lane, bounds);
+            }
+            let touched: Vec<usize> = lanes(lanes_of.touching(&other)).collect();
+            let expected = (0..boxes.len()).filter(|&lane| boxes[lane].touches(&other));
+            prop_assert_eq!(touched, expected.collect::<Vec<_>>());
+            for vectors in [Level::baseline(), Level::new()] {
+                let found: [f32; WIDTH] =
+                    dispatch!(vectors, simd => lanes_of.distances_sq_to(simd, &other).into());
+                for (lane, &found) in found.iter().enumerate() {
+                    let far = boxes.get(lane).map_or(f32::INFINITY, |a| distance_sq(a, &other));
+                    prop_assert_eq!(found, far);
+                }
+            }
+        }
+    }
 }

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 
 use super::BoxTree;
 use super::frame::LocalBox;
-use super::node::{Child, Node};
+use super::node::{Child, Node, lanes};
 use crate::Aabb;
 
 /// Pieces into which parallel work is cut: many more than cores, so that none waits for long.
@@ -170,8 +170,7 @@ impl Pairing<'_> {
             }
             Task::Between([(Child::Node(a), _), (Child::Node(b), around)]) => {
                 let (a, b) = (&self.0[a as usize], &self.0[b as usize]);
-                let meets = a.touching(&around);
-                for (lane, _) in meets[..a.len()].iter().enumerate().filter(|at| *at.1) {
+                for lane in lanes(a.touching(&around)) {
                     pair_with_lanes((a.child(lane), a.bounds(lane)), b, 0, parts);
                 }
             }
@@ -197,12 +196,9 @@ impl Task {
 /// Appends the pairs of `side` and the children of `node` from lane `from` on.
 #[inline]
 fn pair_with_lanes(side: (Child, LocalBox), node: &Node, from: usize, parts: &mut Vec<Task>) {
-    let meets = node.touching(&side.1);
-    for (lane, &meets) in meets.iter().enumerate().take(node.len()).skip(from) {
-        if meets {
-            let other = (node.child(lane), node.bounds(lane));
-            parts.push(Task::Between([side, other]));
-        }
+    for lane in lanes(node.touching(&side.1) >> from << from) {
+        let other = (node.child(lane), node.bounds(lane));
+        parts.push(Task::Between([side, other]));
     }
 }
 

@@ -1,8 +1,12 @@
 //! The triangles in a box, in a ball and along a ray.
 
+use std::array;
+
+use arrayvec::ArrayVec;
+use fearless_simd::{dispatch, prelude::*};
 use glam::{DVec2, DVec3};
 
-use super::node::{Boxes, Child, Children, STACK, WIDTH};
+use super::node::{Boxes, Child, Children, STACK, WIDTH, lanes};
 use super::{BoxTree, Bvh};
 use crate::closest::{closest_on_triangle, distance_sq_to_triangle};
 use crate::{Aabb, Sign, orient2d, triangle_distance_sq};
@@ -43,13 +47,9 @@ impl BoxTree {
     }
 
     /// Calls `visit` with the slots of all leaves whose boxes, and those above them, pass `test`: what the node of an index
-    /// holds, and which of it is looked into.
-    #[inline]
-    fn descend<'a>(
-        &self,
-        test: impl Fn(usize) -> (&'a Children, [bool; WIDTH]),
-        mut visit: impl FnMut(u32),
-    ) {
+    /// holds, and a bit for each lane of it that is looked into.
+    #[inline(always)]
+    fn descend<'a>(&self, test: impl Fn(usize) -> (&'a Children, u32), mut visit: impl FnMut(u32)) {
         self.any(test, |slot| {
             visit(slot);
             false
@@ -57,10 +57,10 @@ impl BoxTree {
     }
 
     /// As [`Self::descend`] until `visit` is true for a slot; whether that happened.
-    #[inline]
+    #[inline(always)]
     fn any<'a>(
         &self,
-        test: impl Fn(usize) -> (&'a Children, [bool; WIDTH]),
+        test: impl Fn(usize) -> (&'a Children, u32),
         visit: impl FnMut(u32) -> bool,
     ) -> bool {
         !self.is_empty() && any(test, visit)
@@ -69,22 +69,18 @@ impl BoxTree {
 
 /// Calls `visit` with the slots of all leaves of a tree whose boxes, and those above them, pass `test`, until it is true for one;
 /// whether that happened. There must be a root.
-#[inline]
+#[inline(always)]
 pub(super) fn any<'a>(
-    test: impl Fn(usize) -> (&'a Children, [bool; WIDTH]),
+    test: impl Fn(usize) -> (&'a Children, u32),
     mut visit: impl FnMut(u32) -> bool,
 ) -> bool {
-    let mut stack = [0; STACK];
-    let mut len = 1;
-    while len > 0 {
-        len -= 1;
-        let (children, passes) = test(stack[len] as usize);
-        for lane in (0..children.len()).filter(|&lane| passes[lane]) {
+    let mut stack = ArrayVec::<u32, STACK>::new();
+    stack.push(0);
+    while let Some(node) = stack.pop() {
+        let (children, passes) = test(node as usize);
+        for lane in lanes(passes & children.mask()) {
             match children.get(lane) {
-                Child::Node(child) => {
-                    stack[len] = child;
-                    len += 1;
-                }
+                Child::Node(child) => stack.push(child),
                 Child::Leaf { first, count } => {
                     if (first..first + count).any(&mut visit) {
                         return true;
@@ -106,19 +102,21 @@ impl Bvh {
         let local = self.frame.local_point(p);
         let max_sq = max_distance * max_distance;
         let reach_sq = self.frame.reach_sq(&local, max_sq);
-        self.descend(
+        dispatch!(self.vectors, simd => self.descend(
+            #[inline(always)]
             |at| {
                 let node = &self.turned[at];
-                let near = node.distances_sq(local.at).map(|sq| sq <= reach_sq);
-                (&node.children, near)
+                let near = node.distances_sq(simd, local.at).simd_le(reach_sq);
+                (&node.children, near.to_bitmask() as u32)
             },
+            #[inline(always)]
             |slot| {
-                let distance_sq = distance_sq_to_triangle(p, self.corners[slot as usize]);
+                let distance_sq = distance_sq_to_triangle(p, &self.corners[slot as usize]);
                 if distance_sq <= max_sq {
                     visit(self.triangle_of[slot as usize], distance_sq);
                 }
             },
-        );
+        ));
     }
 
     /// Whether any triangle comes closer to the given one than `distance`, by its exact distance.
@@ -141,15 +139,17 @@ impl Bvh {
         let local = local.map(|point| point.at);
         // most often the slab that parts one triangle from the facet parts the next one, too, and the first lies along it
         let mut slab = Slab::new((facet[1] - facet[0]).cross(facet[2] - facet[0]), facet);
-        self.any(
+        dispatch!(self.vectors, simd => self.any(
+            #[inline(always)]
             |at| {
                 let node = &self.turned[at];
-                let near = node.distances_sq_to(local).map(|sq| sq <= reach_sq);
-                (&node.children, near)
+                let near = node.distances_sq_to(simd, local).simd_le(reach_sq);
+                (&node.children, near.to_bitmask() as u32)
             },
+            #[inline(always)]
             |slot| {
-                let corners = self.corners[slot as usize];
-                if slab.is_beside(&corners, distance) {
+                let corners = &self.corners[slot as usize];
+                if slab.is_beside(corners, distance) {
                     return false;
                 }
                 let nearest = closest_on_triangle(middle, corners);
@@ -159,20 +159,20 @@ impl Bvh {
                 let (mut above, mut below) = (middle, nearest.point);
                 for _ in 0..SLABS {
                     let other = Slab::new(above - below, facet);
-                    if other.is_beside(&corners, distance) {
+                    if other.is_beside(corners, distance) {
                         slab = other;
                         return false;
                     }
-                    let nearest = closest_on_triangle(below, facet);
+                    let nearest = closest_on_triangle(below, &facet);
                     if nearest.distance_sq < distance * distance {
                         return true;
                     }
                     above = nearest.point;
                     below = closest_on_triangle(above, corners).point;
                 }
-                triangle_distance_sq(facet, corners) < distance * distance
+                triangle_distance_sq(facet, *corners) < distance * distance
             },
-        )
+        ))
     }
 
     /// The triangles that the ray from `origin` along `direction` goes through, in the order of the ray; equally far ones
@@ -261,7 +261,7 @@ impl Slab {
 
 /// Which boxes a ray in the local frame meets, when they are grown by `slack`. The largest component of `along` is 1.
 #[inline]
-fn meeting(boxes: &Boxes, from: DVec3, along: DVec3, slack: f64) -> [bool; WIDTH] {
+fn meeting(boxes: &Boxes, from: DVec3, along: DVec3, slack: f64) -> u32 {
     let mut enter = [0.0_f64; WIDTH];
     let mut leave = [f64::INFINITY; WIDTH];
     for axis in 0..3 {
@@ -282,7 +282,8 @@ fn meeting(boxes: &Boxes, from: DVec3, along: DVec3, slack: f64) -> [bool; WIDTH
             }
         }
     }
-    std::array::from_fn(|lane| enter[lane] <= leave[lane])
+    let meets: [u32; WIDTH] = array::from_fn(|lane| u32::from(enter[lane] <= leave[lane]) << lane);
+    meets.into_iter().sum()
 }
 
 /// A ray, and the projection along it.
@@ -391,7 +392,7 @@ mod tests {
             bvh.for_each_within(p, radius, |t, distance_sq| found.push((t, distance_sq)));
             found.sort_unstable_by_key(|&(t, _)| t);
             let expected: Vec<(u32, f64)> = triangles(&mesh)
-                .map(|(t, corners)| (t, distance_sq_to_triangle(p, corners)))
+                .map(|(t, corners)| (t, distance_sq_to_triangle(p, &corners)))
                 .filter(|&(_, distance_sq)| distance_sq <= radius * radius)
                 .collect();
             prop_assert_eq!(found, expected);

@@ -21,6 +21,7 @@
 
 use std::ops::Range;
 
+use fearless_simd::{f32x8, prelude::*};
 use glam::DVec3;
 use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
@@ -68,19 +69,19 @@ struct Turn {
 
 impl TurnedNode {
     /// The squared distance from a point in the local frame to each box; infinite where there is none.
-    #[inline]
-    pub fn distances_sq(&self, at: [f32; 3]) -> [f32; WIDTH] {
-        self.boxes.distances_sq(self.turn.apply(at))
+    #[inline(always)]
+    pub fn distances_sq<S: Simd>(&self, simd: S, at: [f32; 3]) -> f32x8<S> {
+        self.boxes.distances_sq(simd, self.turn.apply(at))
     }
 
     /// The squared distance from the smallest box around a triangle in the local frame to each box; infinite where there
     /// is none.
-    #[inline]
-    pub fn distances_sq_to(&self, triangle: [[f32; 3]; 3]) -> [f32; WIDTH] {
+    #[inline(always)]
+    pub fn distances_sq_to<S: Simd>(&self, simd: S, triangle: [[f32; 3]; 3]) -> f32x8<S> {
         let [a, b, c] = triangle.map(|corner| self.turn.apply(corner));
         let min = [0, 1, 2].map(|axis| a[axis].min(b[axis]).min(c[axis]));
         let max = [0, 1, 2].map(|axis| a[axis].max(b[axis]).max(c[axis]));
-        self.boxes.distances_sq_to(&LocalBox { min, max })
+        self.boxes.distances_sq_to(simd, &LocalBox { min, max })
     }
 
     /// The twin of a node along the axes of the local frame.
@@ -159,11 +160,16 @@ impl Turn {
         }
     }
 
-    #[inline]
+    #[inline(always)]
     fn apply(&self, at: [f32; 3]) -> [f32; 3] {
-        let [x, y, z] = [0, 1, 2].map(|axis| at[axis] - self.center[axis]);
-        self.axes
-            .map(|axis| axis[0] * x + axis[1] * y + axis[2] * z)
+        let [x, y, z] = at;
+        let (x, y, z) = (x - self.center[0], y - self.center[1], z - self.center[2]);
+        let along = |axis: [f32; 3]| axis[0] * x + axis[1] * y + axis[2] * z;
+        [
+            along(self.axes[0]),
+            along(self.axes[1]),
+            along(self.axes[2]),
+        ]
     }
 
     /// The least and largest coordinates of the triangles of each range, or of each `step`-th.
@@ -289,6 +295,7 @@ mod tests {
     use super::*;
     use crate::bvh::tests::soup;
     use crate::{Bvh, TriMesh, distance_sq_to_triangle, triangle_distance_sq};
+    use fearless_simd::dispatch;
     use proptest::prelude::*;
 
     fn place() -> impl Strategy<Value = DVec3> {
@@ -335,12 +342,14 @@ mod tests {
             + bvh.frame.turned_slack(2.0 * facet_size);
         let slots = slots(&bvh.nodes);
         for (node, straight) in bvh.turned.iter().zip(&bvh.nodes) {
-            let distances_sq = node.distances_sq(local.at);
-            let facet_distances_sq = node.distances_sq_to(local_facet.map(|c| c.at));
+            let (distances_sq, facet_distances_sq): ([f32; WIDTH], [f32; WIDTH]) = dispatch!(bvh.vectors, simd => (
+                node.distances_sq(simd, local.at).into(),
+                node.distances_sq_to(simd, local_facet.map(|c| c.at)).into(),
+            ));
             for lane in 0..straight.len() {
                 for slot in slots_of(straight.child(lane), &slots) {
                     let corners = bvh.corners[slot as usize];
-                    let exact_sq = distance_sq_to_triangle(p, corners);
+                    let exact_sq = distance_sq_to_triangle(p, &corners);
                     assert!(distances_sq[lane] <= bvh.frame.reach_sq(&local, exact_sq));
                     let exact = triangle_distance_sq(facet, corners).sqrt();
                     let reach_sq = bvh.frame.widened_sq(exact, slack);
@@ -388,7 +397,9 @@ mod tests {
         let p = at(5, 5) + height * along.cross(up);
         let least = bvh.frame.widened_sq(height * (1.0 - 1e-4), 0.0);
         for node in &bvh.turned {
-            let distances_sq = node.distances_sq(bvh.frame.local_point(p).at);
+            let at = bvh.frame.local_point(p).at;
+            let distances_sq: [f32; WIDTH] =
+                dispatch!(bvh.vectors, simd => node.distances_sq(simd, at).into());
             assert!(distances_sq.iter().all(|&sq| sq >= least));
         }
     }

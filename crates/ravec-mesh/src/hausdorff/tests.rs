@@ -172,7 +172,7 @@ proptest! {
                 for j in 0..=20 - i {
                     let at = p + (q - p) * (f64::from(i) / 20.0) + (r - p) * (f64::from(j) / 20.0);
                     let distance_sq = (0..b.triangles().len() as u32)
-                        .map(|t| distance_sq_to_triangle(at, b.corners(t)))
+                        .map(|t| distance_sq_to_triangle(at, &b.corners(t)))
                         .fold(f64::INFINITY, f64::min);
                     prop_assert!(distance_sq.sqrt() <= found.forward.upper + 1e-12);
                 }

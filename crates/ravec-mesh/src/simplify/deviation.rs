@@ -112,11 +112,11 @@ impl<'a> Deviation<'a> {
                 let place = self.samples[i as usize].place;
                 let mut best = (f64::INFINITY, 0);
                 if let Some(corners) = new.get(k) {
-                    best = (distance_sq_to_triangle(place, *corners), k as u32);
+                    best = (distance_sq_to_triangle(place, corners), k as u32);
                 }
                 if best.0 > NEAR_SHARE * limit_sq {
                     for (other, corners) in (0_u32..).zip(new) {
-                        let distance_sq = distance_sq_to_triangle(place, *corners);
+                        let distance_sq = distance_sq_to_triangle(place, corners);
                         if distance_sq < best.0 {
                             best = (distance_sq, other);
                             if distance_sq <= NEAR_SHARE * limit_sq {

@@ -186,8 +186,8 @@ impl Along {
             if *rim.get_or_insert(number) != number {
                 return None;
             }
-            let [a, b, _] = edges.corners(edge);
-            let ClosestOnTriangle { point, .. } = closest_on_triangle(place, [a, b, b]);
+            let &[a, b, _] = edges.corners(edge);
+            let ClosestOnTriangle { point, .. } = closest_on_triangle(place, &[a, b, b]);
             let share = point.distance(a) / b.distance(a);
             params.push(f64::from(at) + share.clamp(0.0, 1.0));
             points.push(point);

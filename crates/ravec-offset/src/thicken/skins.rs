@@ -32,7 +32,7 @@ pub(super) fn upper(
             let own = area_vector(corners).normalize_or_zero();
             let mut best = (f64::NEG_INFINITY, true);
             polyhedra.for_each_within(middle, 1.5 * tolerance, |near, _| {
-                let normal = area_vector(polyhedra.corners(near)).normalize_or_zero();
+                let normal = area_vector(*polyhedra.corners(near)).normalize_or_zero();
                 let likeness = own.dot(normal);
                 let is_upper = !slab.is_low[near as usize];
                 if likeness > best.0 || (likeness == best.0 && is_upper) {

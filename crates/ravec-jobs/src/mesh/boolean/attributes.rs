@@ -92,7 +92,7 @@ fn mixed(at: DVec3, corners: [DVec3; 3], colors: [[u8; 4]; 3]) -> [u8; 4] {
 fn shares(at: DVec3, corners: [DVec3; 3]) -> [f64; 3] {
     match corners.iter().position(|corner| *corner == at) {
         Some(corner) => std::array::from_fn(|i| f64::from(u8::from(i == corner))),
-        None => weights(closest_on_triangle(at, corners).point, corners),
+        None => weights(closest_on_triangle(at, &corners).point, corners),
     }
 }
 
