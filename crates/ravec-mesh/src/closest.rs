@@ -43,7 +43,7 @@ const BLUNT: f64 = 1e-3;
 /// The point of the triangle with these corners that is closest to `p`.
 ///
 /// A triangle without area answers with an edge or a corner; of equally close parts the one with the lower index.
-// the corners are not handed over as a copy: that takes a sixth of the time
+// the corners are not handed over as a copy, which takes a tenth of the time of an offset
 #[inline]
 pub fn closest_on_triangle(p: DVec3, corners: &[DVec3; 3]) -> ClosestOnTriangle {
     let &[a, b, c] = corners;
