@@ -31,6 +31,7 @@ mod patches;
 mod quadric;
 mod queue;
 mod surface;
+mod undo;
 
 use deviation::known_samples;
 use engine::{Engine, Start};

@@ -25,7 +25,7 @@ const LENGTH_SHARE: f64 = 1e-9;
 const CURVE_WEIGHT: f64 = 3.0;
 
 /// How often what was vetoed may be tried again. Later rounds find next to nothing.
-const ROUNDS: u32 = 6;
+const ROUNDS: u32 = 3;
 
 /// Coordinates in which the mesh has a diagonal of 1, so that squares neither overflow nor vanish in `f32`.
 #[derive(Debug, Clone, Copy)]

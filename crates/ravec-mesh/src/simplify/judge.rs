@@ -57,7 +57,7 @@ impl<F: FnMut(&CollapseCandidate<'_>) -> bool> CollapseJudge for F {
 /// How far a judge may go on trust.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Trust {
-    /// All triangles are examined afterwards, by [`Overseer::faults`], and what is at fault is undone: a judge may admit
+    /// All triangles that changed are examined afterwards, by [`Overseer::faults`], and what is at fault is undone: a judge may admit
     /// what is most probably right.
     Examined,
     /// What it admits is final.
@@ -80,7 +80,7 @@ pub trait Overseer: Sync {
         false
     }
 
-    /// Those of `triangles` that must not stay (default: none). The collapses that made them are undone, and tried again
+    /// Those of `triangles`, which changed, that must not stay (default: none). The collapses that made them are undone, and tried again
     /// by a judge whose word is final.
     fn faults(&self, mesh: &TriMesh, triangles: &[u32]) -> Vec<u32> {
         let _ = (mesh, triangles);

@@ -3,21 +3,16 @@
 //! 1. The triangles are cut into patches, by halving them again and again across the longest side of the box of their
 //!    middles. Patches are simplified side by side, with the vertices they share held fast.
 //! 2. Each is examined: triangles may meet if the [`Overseer`] says that its judges keep them apart; and the caller may find
-//!    triangles at fault. The vertices of such triangles are *restored*: all that was merged into them is what it was before.
-//!    That is easy, since a triangle is there if and only if its corners were not merged with each other. What is restored is
-//!    examined again, and more is restored until nothing is at fault; then it is simplified with care.
+//!    triangles at fault. These are [undone](super::undo), and then what is there again is simplified with care.
 //! 3. Patches are put together, and what is around the vertices that they share is simplified, so that no seam remains, and
 //!    examined. What is at fault now is what it was when patches were put together, and only if that was not enough, since
-//!    triangles of two patches meet, what it was in the beginning: restored triangles have others beside them at fault, and
-//!    what is restored from farther back spreads farther.
+//!    triangles of two patches meet, what it was in the beginning.
 //!
 //! Guarantees: as for [`simplify`](super::simplify); patches depend on the mesh alone. Does not guarantee: that the result
 //! is the one of [`simplify`](super::simplify), since collapses happen in another order.
 
-use std::sync::Mutex;
-
 use glam::DVec3;
-use ravec_progress::{Cancelled, Phase, Progress};
+use ravec_progress::{Phase, Progress};
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
@@ -26,9 +21,10 @@ use super::engine::{Engine, Leftover, Start};
 use super::judge::{Overseer, Trust};
 use super::parts::{Part, add_rings, cut};
 use super::surface::{GONE, creases};
+use super::undo::Checkpoint;
 use super::{Keep, Simplified, SimplifyError, SimplifyParams, SimplifyReport, validate};
 use crate::adjacency::is_proper;
-use crate::{Aabb, Adjacency, BoxTree, Bvh, CandidateTree, TriMesh, for_each_self_intersection};
+use crate::{Adjacency, Bvh, TriMesh};
 
 /// How many rings of triangles around what was held or restored are simplified in the end.
 const RINGS: usize = 2;
@@ -110,18 +106,18 @@ pub fn simplify_patches(
 }
 
 /// What all steps have in common.
-struct Task<'a, O> {
-    mesh: &'a TriMesh,
-    params: SimplifyParams,
+pub(super) struct Task<'a, O> {
+    pub mesh: &'a TriMesh,
+    pub params: SimplifyParams,
     original: Option<&'a Bvh>,
     /// All edges that are features.
     features: Vec<[u32; 2]>,
     fixed: Vec<bool>,
     /// Whether what is fixed is that of other meshes, too.
     sealed: bool,
-    overseer: &'a O,
+    pub overseer: &'a O,
     phase: &'a Phase,
-    progress: &'a Progress,
+    pub progress: &'a Progress,
 }
 
 /// What an engine is to do.
@@ -132,25 +128,12 @@ struct Work<'a> {
     sealed: bool,
 }
 
-/// Vertices whose triangles have to be examined.
-struct Suspects {
-    vertices: Vec<bool>,
-    /// Whether other triangles may meet each other, too.
-    may_all_meet: bool,
-}
-
-/// What vertices may go back to.
-struct Checkpoint {
-    positions: Vec<DVec3>,
-    merged_into: Vec<u32>,
-}
-
 /// The mesh between the steps, in the names of the original.
-struct Assembly {
-    positions: Vec<DVec3>,
+pub(super) struct Assembly {
+    pub positions: Vec<DVec3>,
     /// Of each vertex, the one that stands for it.
-    merged_into: Vec<u32>,
-    samples: Vec<Sample>,
+    pub merged_into: Vec<u32>,
+    pub samples: Vec<Sample>,
     report: SimplifyReport,
 }
 
@@ -208,10 +191,7 @@ impl<O: Overseer> Task<'_, O> {
 
     /// Simplifies what is around vertices that were held fast, and undoes what is at fault.
     fn simplify_seams(&self, assembly: &mut Assembly, held: &[bool]) -> Result<(), SimplifyError> {
-        let checkpoint = Checkpoint {
-            positions: assembly.positions.clone(),
-            merged_into: assembly.merged_into.clone(),
-        };
+        let checkpoint = Checkpoint::new(assembly);
         self.simplify_whole(assembly, Some(held), Trust::Examined)?;
         let restored = self.restore(assembly, Some(&checkpoint))?;
         if restored.contains(&true) {
@@ -251,180 +231,6 @@ impl<O: Overseer> Task<'_, O> {
         let mut engine = Engine::new(start, judge, self.progress)?;
         engine.run(self.phase, self.progress)?;
         Ok(engine.take_apart())
-    }
-
-    /// Undoes what is at fault, if there was a checkpoint back to that, and says of which vertices something was undone.
-    fn restore(
-        &self,
-        assembly: &mut Assembly,
-        checkpoint: Option<&Checkpoint>,
-    ) -> Result<Vec<bool>, SimplifyError> {
-        let merged: Vec<u32> = assembly.merged_into.clone();
-        let before = checkpoint.map_or(&merged, |checkpoint| &checkpoint.merged_into);
-        // what was merged, or moved, since the checkpoint
-        let mut is_new = vec![false; merged.len()];
-        if let Some(checkpoint) = checkpoint {
-            for (&now, &then) in merged.iter().zip(&checkpoint.merged_into) {
-                let place = now as usize;
-                let is_moved = assembly.positions[place] != checkpoint.positions[place];
-                is_new[place] |= is_moved || then != now;
-            }
-        }
-        let all = 0..self.mesh.triangles().len() as u32;
-        let mut restored = vec![false; merged.len()];
-        let mut is_original = vec![false; merged.len()];
-        let mut suspects = checkpoint.map(|_| Suspects {
-            vertices: merged.iter().map(|&v| is_new[v as usize]).collect(),
-            may_all_meet: true,
-        });
-        loop {
-            self.progress.check()?;
-            let part = Part::new(self.mesh, assembly.now(), all.clone());
-            self.progress.check()?;
-            let faults = self.faults(&part, suspects.as_ref(), &restored)?;
-            // whole clusters are restored
-            let mut to_checkpoint = vec![false; merged.len()];
-            let mut to_original = vec![false; merged.len()];
-            let mut any = false;
-            for v in faults.into_iter().map(|v| v as usize) {
-                if is_new[merged[v] as usize] && !restored[v] {
-                    to_checkpoint[merged[v] as usize] = true;
-                    any = true;
-                } else if !is_original[v] {
-                    to_original[before[v] as usize] = true;
-                    any = true;
-                }
-            }
-            if !any {
-                return Ok(restored);
-            }
-            let mut fresh = vec![false; merged.len()];
-            for v in 0..merged.len() {
-                if to_original[before[v] as usize] && !is_original[v] {
-                    is_original[v] = true;
-                    assembly.merged_into[v] = v as u32;
-                    assembly.positions[v] = self.mesh.positions()[v];
-                } else if to_checkpoint[merged[v] as usize] && !restored[v] {
-                    assembly.merged_into[v] = before[v];
-                    if let Some(checkpoint) = checkpoint {
-                        assembly.positions[v] = checkpoint.positions[v];
-                    }
-                } else {
-                    continue;
-                }
-                restored[v] = true;
-                fresh[v] = true;
-            }
-            let corners = |triangle: u32| {
-                let corners = self.mesh.triangles()[triangle as usize];
-                corners.map(|v| assembly.merged_into[v as usize])
-            };
-            let is_one = |triangle: u32, of: &[bool]| {
-                let corners = corners(triangle);
-                is_proper(corners) && corners.iter().any(|&v| of[v as usize])
-            };
-            let back = |sample: &Sample| {
-                if is_one(sample.original, &is_original) {
-                    sample.original
-                } else if is_one(sample.settled, &fresh) {
-                    sample.settled
-                } else {
-                    sample.triangle
-                }
-            };
-            for sample in &mut assembly.samples {
-                sample.triangle = back(sample);
-            }
-            suspects = Some(Suspects {
-                vertices: fresh,
-                may_all_meet: false,
-            });
-        }
-    }
-
-    /// The vertices of triangles that must not stay; of all, or of those at `suspects`.
-    fn faults(
-        &self,
-        part: &Part,
-        suspects: Option<&Suspects>,
-        restored: &[bool],
-    ) -> Result<Vec<u32>, Cancelled> {
-        let corners = |t: u32| part.mesh.triangles()[t as usize];
-        let name = |v: u32| part.vertices[v as usize];
-        let suspicious: Vec<u32> = (0..part.mesh.triangles().len() as u32)
-            .filter(|&t| {
-                let mut names = corners(t).into_iter().map(name);
-                suspects.is_none_or(|suspects| names.any(|v| suspects.vertices[v as usize]))
-            })
-            .collect();
-        self.progress.check()?;
-        let mut bad = self.overseer.faults(&part.mesh, &suspicious);
-        self.progress.check()?;
-        // the others were examined before
-        let around = match suspects {
-            Some(suspects) if !suspects.may_all_meet => {
-                Some(self.touched(&part.mesh, &suspicious)?)
-            }
-            Some(_) | None => None,
-        };
-        let (mesh, number): (&TriMesh, &dyn Fn(u32) -> u32) = match &around {
-            Some((mesh, numbers)) => (mesh, &|t| numbers[t as usize]),
-            None => (&part.mesh, &|t| t),
-        };
-        if around.is_some() {
-            // neighbors of what is restored may have come to be so twice
-            let adjacency = Adjacency::new(mesh);
-            for (edge, ends) in (0_u32..).zip(adjacency.edges()) {
-                let uses = adjacency.uses(edge);
-                if uses.len() > 2 && ends.iter().any(|&v| restored[name(v) as usize]) {
-                    bad.extend(uses.iter().map(|at| number(at.triangle)));
-                }
-            }
-        }
-        if self.params.avoid_intersections && !mesh.triangles().is_empty() {
-            let tree = BoxTree::try_new(mesh, self.progress)?;
-            let pairs = Mutex::new(Vec::new());
-            for_each_self_intersection(&tree, self.progress, |pair| {
-                if let Ok(mut pairs) = pairs.lock() {
-                    pairs.extend([pair.first, pair.second]);
-                }
-            })?;
-            bad.extend(
-                pairs
-                    .into_inner()
-                    .unwrap_or_default()
-                    .into_iter()
-                    .map(number),
-            );
-        }
-        Ok(bad.into_iter().flat_map(|t| corners(t).map(name)).collect())
-    }
-
-    /// The triangles whose boxes touch that of one of `suspicious`, these among them, with the names of the vertices as they are;
-    /// and the number of each.
-    fn touched(
-        &self,
-        mesh: &TriMesh,
-        suspicious: &[u32],
-    ) -> Result<(TriMesh, Vec<u32>), Cancelled> {
-        let boxes = CandidateTree::try_new(
-            mesh.bounds(),
-            suspicious.len(),
-            |i| mesh.corners(suspicious[i as usize]),
-            self.progress,
-        )?;
-        let numbers: Vec<u32> = (0..mesh.triangles().len() as u32)
-            .into_par_iter()
-            .filter(|&t| {
-                let mut is_near = false;
-                boxes.for_each_near(&Aabb::around(mesh.corners(t)), |_| is_near = true);
-                is_near
-            })
-            .collect();
-        self.progress.check()?;
-        let triangles = numbers.iter().map(|&t| mesh.triangles()[t as usize]);
-        let touched = TriMesh::new(mesh.positions().to_vec(), triangles.collect());
-        Ok((touched.expect("they are triangles of a mesh"), numbers))
     }
 
     /// Simplifies what is put together, around vertices that are `free`, or everywhere.
@@ -548,7 +354,7 @@ impl Assembly {
     }
 
     /// Which vertices stand for which, and where they are.
-    fn now(&self) -> (&[u32], &[DVec3]) {
+    pub fn now(&self) -> (&[u32], &[DVec3]) {
         (&self.merged_into, &self.positions)
     }
 
