@@ -66,10 +66,10 @@ pub struct OffsetParams {
     /// Whether to merge triangles as far as the tolerance allows, and to turn what then lies badly (default yes).
     pub simplify: bool,
     /// How far simplification may turn a triangle away from the surface that it stands for, in degrees, above 0 and at most
-    /// 90 (default 4). Triangles at creases that were off more before may stay so. Where a mesh is rough, as scans are, it is
-    /// more by twice the angle between neighbors that a quarter of the mesh stays below, but at most by 80 %. Less keeps
-    /// more triangles.
-    pub max_normal_deviation_deg: f64,
+    /// 90 (default what [`Self::normal_deviation_deg`] says). Triangles at creases that were off more before may stay so. Where a
+    /// mesh is rough, as scans are, it is more by twice the angle between neighbors that a quarter of the mesh stays below, but at
+    /// most by 80 %. Less keeps more triangles.
+    pub max_normal_deviation_deg: Option<f64>,
     /// What the coordinates of the result may be (default double). Single precision asks for a tolerance of some 20 times
     /// the gap between its numbers there.
     pub coordinates: Coordinates,
@@ -87,7 +87,7 @@ impl Default for OffsetParams {
             side: Side::default(),
             open: OpenRule::default(),
             simplify: true,
-            max_normal_deviation_deg: 4.0,
+            max_normal_deviation_deg: None,
             coordinates: Coordinates::default(),
             memory_bytes: None,
         }
@@ -271,7 +271,25 @@ impl std::fmt::Display for Short {
     }
 }
 
+/// How far a triangle may be turned where the tolerance is [`COARSE`] or finer, in degrees.
+const NORMAL_DEVIATION_DEG: f64 = 4.0;
+
+/// The tolerance, relative to the distance, from which on triangles may be turned by more.
+const COARSE: f64 = 0.05;
+
 impl OffsetParams {
+    /// How far simplification may turn a triangle, in degrees: what is asked for, or 4, and more where the tolerance ε is more
+    /// than a twentieth of the distance δ: 4 √(20 ε/δ).
+    ///
+    /// A chord of a rounded edge, whose radius is the distance, is off by as much as the tolerance if it spans an angle that grows as
+    /// √(ε/δ). A limit that does not grow with it would keep many more triangles than the tolerance asks for.
+    pub fn normal_deviation_deg(&self) -> f64 {
+        self.max_normal_deviation_deg.unwrap_or_else(|| {
+            let coarseness = self.tolerance / (COARSE * self.distance);
+            NORMAL_DEVIATION_DEG * coarseness.max(1.0).sqrt()
+        })
+    }
+
     /// Refuses what makes no sense for a mesh in a box.
     pub(crate) fn check(&self, bounds: &Aabb) -> Result<(), OffsetError> {
         let diagonal = bounds.diagonal();
@@ -304,10 +322,33 @@ impl OffsetParams {
         if !(got.is_finite() && got >= least && got < most) {
             return Err(OffsetError::Tolerance { got, least, most });
         }
-        let got = self.max_normal_deviation_deg;
-        if !(got > 0.0 && got <= 90.0) {
+        if let Some(got) = self.max_normal_deviation_deg
+            && !(got > 0.0 && got <= 90.0)
+        {
             return Err(OffsetError::NormalDeviation { got });
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn triangles_may_be_turned_by_more_where_the_tolerance_is_coarse() {
+        let of = |tolerance, max_normal_deviation_deg| {
+            let params = OffsetParams {
+                distance: 2.0,
+                tolerance,
+                max_normal_deviation_deg,
+                ..OffsetParams::default()
+            };
+            params.normal_deviation_deg()
+        };
+        assert!((of(0.001, None) - 4.0).abs() < 1e-12);
+        assert!((of(0.1, None) - 4.0).abs() < 1e-12);
+        assert!((of(0.4, None) - 8.0).abs() < 1e-12);
+        assert!((of(0.4, Some(3.0)) - 3.0).abs() < 1e-12);
     }
 }

@@ -51,7 +51,7 @@ impl<'a> Simplifier<'a> {
         mesh: &TriMesh,
         progress: &'a Progress,
     ) -> Result<Self, Cancelled> {
-        let most_deviation = params.max_normal_deviation_deg.to_radians();
+        let most_deviation = params.normal_deviation_deg().to_radians();
         progress.check()?;
         let leeway = (2.0 * roughness(mesh)).min(MOST_LEEWAY * most_deviation);
         progress.check()?;

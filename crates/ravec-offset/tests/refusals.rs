@@ -142,7 +142,7 @@ fn a_tolerance_that_coordinates_far_from_the_origin_cannot_hold_is_refused() {
 fn a_normal_deviation_is_above_0_and_at_most_a_right_angle() {
     for degrees in [0.0, -4.0, 90.5, f64::INFINITY, f64::NAN] {
         let asked = OffsetParams {
-            max_normal_deviation_deg: degrees,
+            max_normal_deviation_deg: Some(degrees),
             ..params(0.1, 0.01, Side::Both)
         };
         let error = refusal(&cube(), &asked);

@@ -103,11 +103,12 @@ pub struct Params {
     /// Keep all triangles, rather than merge them as far as the tolerance allows: faster, and many more triangles
     #[cfg_attr(feature = "cli", arg(long))]
     pub no_simplify: bool,
-    /// How far merging may turn a triangle away from the surface that it stands for, above 0, up to 90 degrees
+    /// How far merging may turn a triangle away from the surface that it stands for, above 0, up to 90 degrees [default: 4, and
+    /// more where the tolerance is over a twentieth of the distance]
     ///
     /// Less keeps more triangles and looks smoother. At creases, triangles that were off more before stay so.
-    #[cfg_attr(feature = "cli", arg(long, value_name = "DEGREES", default_value_t = Params::default().max_normal_deviation))]
-    pub max_normal_deviation: f64,
+    #[cfg_attr(feature = "cli", arg(long, value_name = "DEGREES"))]
+    pub max_normal_deviation: Option<f64>,
     /// How much memory to work in, such as 2GiB [default: as much as it takes]
     ///
     /// With less, space is cut into more tiles, which takes longer and gives the same surface; one that is too large is kept in a
@@ -130,7 +131,7 @@ impl Default for Params {
             side: Side::default(),
             open: Open::default(),
             no_simplify: false,
-            max_normal_deviation: library::OffsetParams::default().max_normal_deviation_deg,
+            max_normal_deviation: None,
             memory: None,
             unit: None,
             output: Output::default(),
@@ -156,8 +157,9 @@ impl Params {
             let range = "above 0 (or below with --side inner or shell, or --open thicken)";
             return wrong("--distance", self.distance, range);
         }
-        let deviation = self.max_normal_deviation;
-        if !(deviation > 0.0 && deviation <= 90.0) {
+        if let Some(deviation) = self.max_normal_deviation
+            && !(deviation > 0.0 && deviation <= 90.0)
+        {
             return Err(JobError::Parameter {
                 name: "--max-normal-deviation",
                 value: deviation.to_string(),

@@ -293,7 +293,7 @@ fn what_cannot_be_offset_is_refused_with_a_reason_and_without_a_file() {
     }
     for deviation in [0.0, 90.5, f64::NAN] {
         let asked = Params {
-            max_normal_deviation: deviation,
+            max_normal_deviation: Some(deviation),
             ..params("1", Side::Both)
         };
         let (code, text) = shop.refused("box.off", "out.off", &asked);
