@@ -148,37 +148,34 @@ fn is_near_enough(field: &Field<'_>, facet: [DVec3; 3], most: f64, triangle: u32
 /// How a facet lies.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Tilt {
-    /// The angle in radians between the facet and the surface that it stands for, at the facet's middle.
-    pub angle: f64,
-    /// The triangle closest to the middle, or one that is nearly so.
+    /// The cosine of the angle between the facet and the surface that it stands for, at the facet's middle; -1 if either has no
+    /// direction.
+    pub cosine: f64,
+    /// The triangle closest to the middle.
     pub triangle: u32,
 }
 
-/// How a facet lies; `near` are triangles that may be close to its middle. An angle up to `enough` is one that was found without a
-/// search.
-pub(crate) fn tilt(field: &Field<'_>, facet: [DVec3; 3], near: [u32; 4], enough: f64) -> Tilt {
-    let [a, b, c] = facet;
+/// How a facet lies, by a search from a triangle near its middle.
+pub(crate) fn tilt(field: &Field<'_>, facet: [DVec3; 3], hint: u32) -> Tilt {
+    tilt_from(field, facet, |middle| field.near(middle, hint))
+}
+
+/// How a facet lies, most probably: if of all triangles one of `likely` is closest to its middle.
+pub(crate) fn likely_tilt(field: &Field<'_>, facet: [DVec3; 3], likely: &[u32]) -> Tilt {
+    tilt_from(field, facet, |middle| field.nearest_of(middle, likely))
+}
+
+#[inline]
+fn tilt_from(field: &Field<'_>, [a, b, c]: [DVec3; 3], near: impl Fn(DVec3) -> Near) -> Tilt {
     let normal = (b - a).cross(c - a);
-    let middle = (a + b + c) / 3.0;
-    let off = |away: DVec3| {
-        // the surface inside a solid faces its triangles
-        let outward = if field.level < 0.0 { -away } else { away };
-        let length = normal.length() * away.length();
-        if length > 0.0 {
-            (normal.dot(outward) / length).clamp(-1.0, 1.0).acos()
-        } else {
-            std::f64::consts::PI
-        }
+    let Near { triangle, away, .. } = near((a + b + c) / 3.0);
+    // the surface inside a solid faces its triangles
+    let outward = if field.level < 0.0 { -away } else { away };
+    let length = normal.length() * away.length();
+    let cosine = if length > 0.0 {
+        (normal.dot(outward) / length).clamp(-1.0, 1.0)
+    } else {
+        -1.0
     };
-    // a guess from what is known, and a search only if that is not good enough
-    let Near { triangle, away, .. } = field.nearest_of(middle, &near);
-    let angle = off(away);
-    if angle <= enough {
-        return Tilt { angle, triangle };
-    }
-    let near = field.near(middle, triangle);
-    Tilt {
-        angle: off(near.away),
-        triangle: near.triangle,
-    }
+    Tilt { cosine, triangle }
 }

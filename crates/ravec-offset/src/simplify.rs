@@ -10,7 +10,7 @@ mod pieces;
 
 pub(crate) use pieces::Simplified;
 
-use crate::certify::{proved, tilt};
+use crate::certify::{Tilt, likely_tilt, proved, tilt};
 use crate::crest::spread;
 use crate::field::{Field, Near};
 use crate::grid::doubled;
@@ -30,7 +30,7 @@ use rustc_hash::FxHashSet;
 const CREST_SHARE: f64 = 0.8;
 
 /// Facets between whose corners the direction to what is nearest turns by more, as a cosine, are not trusted.
-const TRUSTED_SPREAD: f64 = 0.9;
+const TRUSTED_SPREAD: f64 = 0.7;
 
 /// How much more facets may be off where the mesh is rough, relative to what they may be off elsewhere.
 const MOST_LEEWAY: f64 = 0.8;
@@ -183,6 +183,7 @@ impl<'a> Overseer for Proofs<'a> {
         Judge {
             proofs: *self,
             trust,
+            least_cosine: self.most_deviation.cos(),
             merged: nearest[0],
             nearest,
             lies: vec![None; part.triangles().len()],
@@ -222,6 +223,8 @@ impl<'a> Overseer for Proofs<'a> {
 struct Judge<'a> {
     proofs: Proofs<'a>,
     trust: Trust,
+    /// The cosine of the most that facets may be off.
+    least_cosine: f64,
     /// What is closest to each vertex.
     nearest: Vec<Near>,
     /// What is closest to the merged vertex.
@@ -242,21 +245,30 @@ struct Lie {
 }
 
 impl Judge<'_> {
-    /// How a facet lies, by what is nearest to its corners and a triangle that may be near to its middle.
-    fn lie(&self, facet: [DVec3; 3], near: [Near; 3], middle: Option<u32>) -> Lie {
-        let most = self.proofs.most_deviation;
-        let [a, b, c] = near.map(|near| near.triangle);
-        let likely = [a, b, c, middle.unwrap_or(a)];
-        let tilt = tilt(self.proofs.field, facet, likely, most);
-        let [a, b, c] = facet;
-        let excess = if tilt.angle <= most {
+    /// How a facet lies that is tilted by so much.
+    fn lie(&self, [a, b, c]: [DVec3; 3], tilt: Tilt) -> Lie {
+        let excess = if tilt.cosine >= self.least_cosine {
             0.0
         } else {
-            (tilt.angle - most) * (b - a).cross(c - a).length()
+            let angle = tilt.cosine.acos() - self.proofs.most_deviation;
+            angle * (b - a).cross(c - a).length()
         };
         Lie {
             excess,
             triangle: tilt.triangle,
+        }
+    }
+
+    /// How a facet lies, by what is nearest to its corners and a triangle that may be near to its middle, and by a search only if that
+    /// is not good enough.
+    fn looked_at(&self, facet: [DVec3; 3], likely: [u32; 4]) -> Lie {
+        let field = self.proofs.field;
+        let tilted = likely_tilt(field, facet, &likely);
+        let lie = self.lie(facet, tilted);
+        if lie.excess > 0.0 {
+            self.lie(facet, tilt(field, facet, lie.triangle))
+        } else {
+            lie
         }
     }
 
@@ -281,7 +293,8 @@ impl Judge<'_> {
             let lie = if let Some(lie) = self.lies[t as usize] {
                 lie
             } else {
-                self.lie(facet, self.near(candidate, corners), None)
+                let [a, b, c] = corners.map(|v| self.nearest[v as usize].triangle);
+                self.looked_at(facet, [a, b, c, a])
             };
             self.lies[t as usize] = Some(lie);
             sum += lie.excess;
@@ -296,23 +309,25 @@ impl CollapseJudge for Judge<'_> {
     }
 
     fn refuses_early(&mut self, candidate: &CollapseCandidate<'_>) -> bool {
-        let known = candidate.vertices.map(|v| self.nearest[v as usize]);
-        let [p, q] = (candidate.from).map(|p| p.distance_squared(candidate.position));
-        let hint = if p <= q { known[0] } else { known[1] };
-        let near = self.proofs.field.near(candidate.position, hint.triangle);
-        let [least, most] = self.proofs.limits;
-        if near.distance < least || near.distance > most {
-            return true;
-        }
-        self.merged = near;
+        let Proofs { field, limits, .. } = self.proofs;
+        let [kept, removed] = candidate.vertices;
+        let ends = [kept, removed].map(|v| self.nearest[v as usize].triangle);
+        let merged = field.nearest_of(candidate.position, &ends).triangle;
         // at creases facets may be off, but all together no more than they were
         let mut excess = 0.0;
         let mut allowed = None;
         self.after.clear();
         let facets = candidate.after.iter().zip(candidate.corners);
         for ((&facet, &corners), &t) in facets.zip(candidate.triangles) {
-            let known = self.lies[t as usize].map(|lie| lie.triangle);
-            let lie = self.lie(facet, self.near(candidate, corners), known);
+            let [a, b, c] = corners.map(|v| {
+                if v == kept {
+                    merged
+                } else {
+                    self.nearest[v as usize].triangle
+                }
+            });
+            let middle = self.lies[t as usize].map_or(a, |lie| lie.triangle);
+            let lie = self.looked_at(facet, [a, b, c, middle]);
             self.after.push(lie);
             if lie.excess > 0.0 {
                 excess += lie.excess;
@@ -321,7 +336,9 @@ impl CollapseJudge for Judge<'_> {
                 }
             }
         }
-        false
+        self.merged = field.near(candidate.position, merged);
+        let [least, most] = limits;
+        self.merged.distance < least || self.merged.distance > most
     }
 
     fn refuses(&mut self, candidate: &CollapseCandidate<'_>) -> bool {
