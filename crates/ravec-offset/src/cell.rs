@@ -17,22 +17,24 @@ const MARGIN: f64 = 1e-4;
 const FIT_STEPS: usize = 6;
 const PROJECTIONS: usize = 2;
 
-/// The share of the tolerance by which the planes at the samples may miss the vertex, and the vertex the surface. Facets are proved
-/// anyway, and what fails is split: with 0.8 and 0.25 hardly any fails, but there are up to a third more cells; with 1.0 and 0.6
-/// there are a few less, but simplified facets turn by 0.1° more.
-const FLATNESS: f64 = 0.95;
-const MISS: f64 = 0.5;
-
-/// The angles in degrees by which the normals in a cell may turn from their mean if its vertex is moved off the surface, at
-/// least and at most.
+/// The tolerance, relative to the distance, at which cells have to be the flattest.
 ///
 /// A cell that holds a part of a sphere is some √(8 r ε) wide, so that moving its vertex by a share of the tolerance ε tilts
-/// facets by an angle that grows as √(ε/r); the finer the tolerance, the more may turn. With 12° where ε is [`COARSE`] up to a third
-/// of the cells is spared; with more, designed parts come out with more than 4° between facets and surface.
-const NEARLY_FLAT_DEG: [f64; 2] = [12.0, 20.0];
+/// facets by an angle that grows as √(ε/r). Where the tolerance is finer, facets are turned by less than simplified ones may be, and
+/// where it is coarser, these may be turned by more.
+const FLATTEST: f64 = 0.05;
 
-/// The tolerance, relative to the distance, from which on cells have to be the flattest.
-const COARSE: f64 = 0.05;
+/// The share of the tolerance by which the planes at the samples may miss the vertex, and the vertex the surface: where the
+/// tolerance is [`FLATTEST`], and where it is a quarter or four times that, or beyond. Facets are proved anyway, and what fails is
+/// split: with 0.8 and 0.25 hardly any fails, but there are up to a third more cells. With the second values there are a twentieth
+/// less than with the first, and simplified facets turn by 0.1° more.
+const FLATNESS: [f64; 2] = [0.95, 1.0];
+const MISS: [f64; 2] = [0.5, 0.6];
+
+/// The angles in degrees by which the normals in a cell may turn from their mean if its vertex is moved off the surface, likewise.
+/// With the first up to a third of the cells is spared; with more, designed parts come out with more than 4° between facets and
+/// surface.
+const NEARLY_FLAT_DEG: [f64; 2] = [12.0, 24.0];
 
 /// The share of the tolerance within which a sample counts as lying on the surface.
 pub(crate) const ON_SURFACE: f64 = 0.02;
@@ -219,15 +221,16 @@ impl Cell<'_> {
             };
         }
         let mut placed = self.vertex(&samples);
-        let is_bent = placed.flatness(&samples) > FLATNESS * self.setting.tolerance;
+        let flatness = self.share(FLATNESS) * self.setting.tolerance;
+        let is_bent = placed.flatness(&samples) > flatness;
         if is_bent && self.setting.field.level != 0.0 {
             self.balance(&mut placed, &samples);
         }
         Fit {
             vertex: Some(placed.vertex),
             nearest: placed.nearest,
-            is_good: placed.flatness(&samples) <= FLATNESS * self.setting.tolerance
-                && placed.miss <= MISS * self.setting.tolerance
+            is_good: placed.flatness(&samples) <= flatness
+                && placed.miss <= self.share(MISS) * self.setting.tolerance
                 && sign_components(inside) <= 2,
             is_acute: false,
         }
@@ -237,7 +240,7 @@ impl Cell<'_> {
     fn balance(&self, placed: &mut Placed, samples: &[Sample]) {
         let normal = samples.iter().map(|sample| sample.away).sum::<DVec3>();
         let normal = normal.normalize_or_zero();
-        let least_cosine = self.most_turn().cos();
+        let least_cosine = self.share(NEARLY_FLAT_DEG).to_radians().cos();
         if (samples.iter()).any(|sample| sample.away.dot(normal) < least_cosine) {
             return;
         }
@@ -247,7 +250,7 @@ impl Cell<'_> {
             .fold([0.0, 0.0], |[low, high]: [f64; 2], off| {
                 [low.min(off), high.max(off)]
             });
-        let most = (MISS * self.setting.tolerance - placed.miss).max(0.0);
+        let most = (self.share(MISS) * self.setting.tolerance - placed.miss).max(0.0);
         let shift = (-0.5 * (low + high)).clamp(-most, most);
         let [low, high] = self.room();
         let moved = (placed.vertex + shift * normal).clamp(low, high);
@@ -255,11 +258,15 @@ impl Cell<'_> {
         placed.miss += shift.abs();
     }
 
-    /// The angle in radians by which normals may turn from their mean if the vertex is moved off the surface.
-    fn most_turn(&self) -> f64 {
-        let fineness = COARSE * self.setting.field.radius() / self.setting.tolerance;
-        let [least, most] = NEARLY_FLAT_DEG;
-        (least * fineness.sqrt()).clamp(least, most).to_radians()
+    /// What lies between the value where cells have to be the flattest, as where the surface is made of the triangles themselves, and
+    /// that where they need not be.
+    fn share(&self, [flattest, other]: [f64; 2]) -> f64 {
+        let fineness = FLATTEST * self.setting.field.radius() / self.setting.tolerance;
+        if fineness == 0.0 {
+            return flattest;
+        }
+        let off = fineness.max(1.0 / fineness).sqrt() - 1.0;
+        flattest + off.min(1.0) * (other - flattest)
     }
 
     /// How far inside the cell a point is.
@@ -279,8 +286,9 @@ impl Cell<'_> {
         let mut v = mean.clamp(low, high);
         v = self.toward_pieces(v, &triangles, [low, high]);
         let mut near = self.setting.field.near(v, samples[0].triangle);
+        let miss = self.share(MISS) * self.setting.tolerance;
         for _ in 0..2 {
-            let is_off = (near.distance - radius).abs() > MISS * self.setting.tolerance;
+            let is_off = (near.distance - radius).abs() > miss;
             if !is_off || triangles.contains(&near.triangle) {
                 break;
             }
