@@ -416,27 +416,29 @@ impl<'a> Refinement<'a> {
         progress: &Progress,
     ) -> Result<(), Cancelled> {
         // by their places on the curve, so that those nearby follow one another; of each corner first the cells that know the side
-        let mut missing: Vec<(u64, bool, &Look)> = cells
+        let mut missing: Vec<(u64, u32)> = cells
             .par_iter()
-            .flat_map_iter(|(node, look)| {
-                let key = self.tree.key(*node);
-                (0..8).map(move |octant| (key.corner(octant), look))
+            .enumerate()
+            .flat_map_iter(|(at, (node, look))| {
+                let (key, unknown) = (self.tree.key(*node), look.region == Region::Unknown);
+                (0..8)
+                    .map(move |octant| key.corner(octant))
+                    .filter(|corner| {
+                        !progress.is_cancelled() && !self.corners.contains_key(&corner.code())
+                    })
+                    .map(move |corner| (corner.morton() << 1 | u64::from(unknown), at as u32))
             })
-            .filter(|(corner, _)| {
-                !progress.is_cancelled() && !self.corners.contains_key(&corner.code())
-            })
-            .map(|(corner, look)| (corner.morton(), look.region == Region::Unknown, look))
             .collect();
         progress.check()?;
-        missing.par_sort_unstable_by_key(|&(place, unknown, _)| (place, unknown));
+        missing.par_sort_unstable();
         progress.check()?;
-        missing.dedup_by_key(|&mut (place, ..)| place);
+        missing.dedup_by_key(|&mut (place, _)| place >> 1);
         let values: Vec<(u64, CornerValue)> = missing
             .into_par_iter()
-            .map(|(place, _, look)| {
+            .map(|(place, at)| {
                 progress.check()?;
-                let corner = Corner::at_morton(place);
-                Ok((corner.code(), self.evaluate(corner, look)))
+                let corner = Corner::at_morton(place >> 1);
+                Ok((corner.code(), self.evaluate(corner, &cells[at as usize].1)))
             })
             .collect::<Result<_, Cancelled>>()?;
         self.corners.reserve(values.len());
