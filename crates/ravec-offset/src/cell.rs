@@ -4,6 +4,7 @@ mod feet;
 mod pocket;
 
 use crate::field::{Field, Near, Place, Region};
+use crate::params::COARSE;
 use crate::refine::Setting;
 use glam::{DMat3, DVec3};
 use ravec_mesh::closest_on_triangle;
@@ -17,23 +18,21 @@ const MARGIN: f64 = 1e-4;
 const FIT_STEPS: usize = 6;
 const PROJECTIONS: usize = 2;
 
-/// The tolerance, relative to the distance, at which cells have to be the flattest.
-///
-/// A cell that holds a part of a sphere is some √(8 r ε) wide, so that moving its vertex by a share of the tolerance ε tilts
-/// facets by an angle that grows as √(ε/r). Where the tolerance is finer, facets are turned by less than simplified ones may be, and
-/// where it is coarser, these may be turned by more.
-const FLATTEST: f64 = 0.05;
-
-/// The share of the tolerance by which the planes at the samples may miss the vertex, and the vertex the surface: where the
-/// tolerance is [`FLATTEST`], and where it is a quarter or four times that, or beyond. Facets are proved anyway, and what fails is
-/// split: with 0.8 and 0.25 hardly any fails, but there are up to a third more cells. With the second values there are a twentieth
-/// less than with the first, and simplified facets turn by 0.1° more.
+/// The share of the tolerance by which the planes at the samples may miss the vertex: where the tolerance is [`COARSE`], and where
+/// it is a quarter or four times that, or beyond. Facets are proved anyway, and what fails is split: with 0.8 hardly any fails, but
+/// there are more cells. With the second value there are fewer than with the first, and simplified facets turn by 0.1° more,
+/// which does no harm where these are turned by less than they may be, as with a finer tolerance, or may be turned by more.
 const FLATNESS: [f64; 2] = [0.95, 1.0];
-const MISS: [f64; 2] = [0.5, 0.6];
+
+/// The share of the tolerance by which a vertex may miss the surface. With 0.6 tips of some crests are cut off by more than the
+/// tolerance; with 0.25 there are up to a third more cells.
+const MISS: f64 = 0.5;
 
 /// The angles in degrees by which the normals in a cell may turn from their mean if its vertex is moved off the surface, likewise.
-/// With the first up to a third of the cells is spared; with more, designed parts come out with more than 4° between facets and
-/// surface.
+///
+/// A cell that holds a part of a sphere is some √(8 r ε) wide, so that moving its vertex by a share of the tolerance ε tilts
+/// facets by an angle that grows as √(ε/r). With the first up to a third of the cells is spared; with more, designed parts come out
+/// with more than 4° between facets and surface.
 const NEARLY_FLAT_DEG: [f64; 2] = [12.0, 24.0];
 
 /// The share of the tolerance within which a sample counts as lying on the surface.
@@ -230,7 +229,7 @@ impl Cell<'_> {
             vertex: Some(placed.vertex),
             nearest: placed.nearest,
             is_good: placed.flatness(&samples) <= flatness
-                && placed.miss <= self.share(MISS) * self.setting.tolerance
+                && placed.miss <= MISS * self.setting.tolerance
                 && sign_components(inside) <= 2,
             is_acute: false,
         }
@@ -250,7 +249,7 @@ impl Cell<'_> {
             .fold([0.0, 0.0], |[low, high]: [f64; 2], off| {
                 [low.min(off), high.max(off)]
             });
-        let most = (self.share(MISS) * self.setting.tolerance - placed.miss).max(0.0);
+        let most = (MISS * self.setting.tolerance - placed.miss).max(0.0);
         let shift = (-0.5 * (low + high)).clamp(-most, most);
         let [low, high] = self.room();
         let moved = (placed.vertex + shift * normal).clamp(low, high);
@@ -261,7 +260,7 @@ impl Cell<'_> {
     /// What lies between the value where cells have to be the flattest, as where the surface is made of the triangles themselves, and
     /// that where they need not be.
     fn share(&self, [flattest, other]: [f64; 2]) -> f64 {
-        let fineness = FLATTEST * self.setting.field.radius() / self.setting.tolerance;
+        let fineness = COARSE * self.setting.field.radius() / self.setting.tolerance;
         if fineness == 0.0 {
             return flattest;
         }
@@ -286,9 +285,8 @@ impl Cell<'_> {
         let mut v = mean.clamp(low, high);
         v = self.toward_pieces(v, &triangles, [low, high]);
         let mut near = self.setting.field.near(v, samples[0].triangle);
-        let miss = self.share(MISS) * self.setting.tolerance;
         for _ in 0..2 {
-            let is_off = (near.distance - radius).abs() > miss;
+            let is_off = (near.distance - radius).abs() > MISS * self.setting.tolerance;
             if !is_off || triangles.contains(&near.triangle) {
                 break;
             }

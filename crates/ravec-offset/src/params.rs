@@ -275,7 +275,7 @@ impl std::fmt::Display for Short {
 const NORMAL_DEVIATION_DEG: f64 = 4.0;
 
 /// The tolerance, relative to the distance, from which on triangles may be turned by more.
-const COARSE: f64 = 0.05;
+pub(crate) const COARSE: f64 = 0.05;
 
 impl OffsetParams {
     /// How far simplification may turn a triangle, in degrees: what is asked for, or 4, and more where the tolerance ε is more
