@@ -33,7 +33,7 @@ pub use hausdorff::{
 };
 pub use measures::{Measures, SideLengths, measure};
 pub use predicates::{OrientedPlane, Sign, on_one_line, orient2d, orient3d};
-pub use relax::{Facet, RelaxJudge, Relaxed, relax};
+pub use relax::{Facet, NEW_VERTEX, RelaxJudge, Relaxed, relax};
 pub use self_intersection::{
     IntersectingPair, SelfIntersections, for_each_self_intersection, intersections_with,
     self_intersections,

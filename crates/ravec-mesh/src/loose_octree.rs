@@ -48,6 +48,15 @@ struct Item {
     bounds: Rounded,
 }
 
+impl Item {
+    const AWAY: Self = Self {
+        next: NONE,
+        previous: NONE,
+        node: NONE,
+        bounds: Rounded::EMPTY,
+    };
+}
+
 /// A box rounded outward.
 #[derive(Debug, Clone, Copy)]
 struct Rounded {
@@ -101,6 +110,13 @@ struct Address {
     cell: [u32; 3],
 }
 
+impl Address {
+    const ROOT: Self = Self {
+        level: 0,
+        cell: [0; 3],
+    };
+}
+
 /// Items, named by numbers, by their boxes.
 #[derive(Debug, Clone)]
 pub(crate) struct LooseOctree {
@@ -116,22 +132,12 @@ impl LooseOctree {
     pub fn new(bounds: Aabb, items: usize) -> Self {
         // room for what moves out of the box a little
         let side = 1.5 * bounds.size().max_element().max(f64::MIN_POSITIVE);
-        let away = Item {
-            next: NONE,
-            previous: NONE,
-            node: NONE,
-            bounds: Rounded::EMPTY,
-        };
-        let nowhere = Address {
-            level: 0,
-            cell: [0; 3],
-        };
         Self {
             min: bounds.center() - 0.5 * side,
             side,
             nodes: vec![Node::EMPTY],
-            items: vec![away; items],
-            addresses: vec![nowhere; items],
+            items: vec![Item::AWAY; items],
+            addresses: vec![Address::ROOT; items],
         }
     }
 
@@ -141,10 +147,7 @@ impl LooseOctree {
         let local = (bounds.center() - self.min) / self.side;
         // what sticks out of the whole lives at the root, which is always visited
         if local.min_element() < 0.0 || local.max_element() >= 1.0 {
-            return Address {
-                level: 0,
-                cell: [0; 3],
-            };
+            return Address::ROOT;
         }
         let ratio = self.side / extent;
         // the exponent of a number is the integer below its binary logarithm
@@ -155,6 +158,14 @@ impl LooseOctree {
             level,
             cell: (local * cells).to_array().map(|x| x as u32),
         }
+    }
+
+    /// Adds an item with the next number.
+    pub fn add(&mut self, bounds: &Aabb) {
+        let item = self.items.len() as u32;
+        self.items.push(Item::AWAY);
+        self.addresses.push(Address::ROOT);
+        self.insert(item, bounds);
     }
 
     /// Adds an item that is not there.
@@ -282,6 +293,7 @@ mod tests {
         #[test]
         fn nothing_that_meets_a_box_is_missed_whatever_came_and_went(
             first in prop::collection::vec(boxes(), 40),
+            more in prop::collection::vec(boxes(), 0..10),
             second in prop::collection::vec((any::<prop::sample::Index>(), prop::option::of(boxes())), 0..60),
             asked in prop::collection::vec(boxes(), 10),
         ) {
@@ -290,6 +302,10 @@ mod tests {
             let mut now: Vec<Option<Aabb>> = first.into_iter().map(Some).collect();
             for (i, bounds) in now.iter().enumerate() {
                 tree.insert(i as u32, &bounds.unwrap());
+            }
+            for bounds in more {
+                tree.add(&bounds);
+                now.push(Some(bounds));
             }
             for (at, bounds) in second {
                 let i = at.index(now.len());

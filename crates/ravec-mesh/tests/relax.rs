@@ -4,7 +4,7 @@ mod shapes;
 
 use glam::{DMat3, DVec3};
 use proptest::prelude::*;
-use ravec_mesh::{Facet, RelaxJudge, TriMesh, relax};
+use ravec_mesh::{Facet, NEW_VERTEX, RelaxJudge, TriMesh, relax};
 use ravec_progress::Progress;
 use shapes::{checked, sheet, torus};
 
@@ -56,8 +56,7 @@ impl RelaxJudge for Roofer {
     }
 
     fn place(&self, of: u32, around: &[Facet<Self::Look>]) -> Option<DVec3> {
-        let Facet { names, corners, .. } = around[0];
-        let v = corners[names.iter().position(|&name| name == of).unwrap()];
+        let v = around[0].corner(of).unwrap();
         let (mut matrix, mut right) = (DMat3::from_diagonal(DVec3::splat(1e-6)), DVec3::ZERO);
         for &Facet { corners, .. } in around {
             let m = middle(corners);
@@ -113,6 +112,69 @@ impl RelaxJudge for Stubborn {
     }
     fn admits(&self, _: &[Facet<Self::Look>]) -> bool {
         false
+    }
+}
+
+/// Wants what [`Roofer`] wants, and divides edges on the ridge instead of moving vertices there.
+struct Divider;
+
+impl RelaxJudge for Divider {
+    type Look = f64;
+
+    fn look(&self, corners: [DVec3; 3], like: Option<&f64>) -> f64 {
+        Roofer.look(corners, like)
+    }
+    fn fault(&self, look: &f64) -> f64 {
+        *look
+    }
+
+    fn place(&self, _: u32, _: &[Facet<Self::Look>]) -> Option<DVec3> {
+        None
+    }
+    fn between(&self, ends: [u32; 2], facets: &[Facet<Self::Look>; 2]) -> Option<DVec3> {
+        assert!(facets[0].look > 0.0, "the first facet is at fault");
+        let [p, q] = ends.map(|v| {
+            let [one, other] = [0, 1].map(|i| facets[i].corner(v).unwrap());
+            assert_eq!(one, other);
+            one
+        });
+        let share = (RIDGE - p.x) / (q.x - p.x);
+        let on_ridge = DVec3::new(RIDGE, p.y + share * (q.y - p.y), 0.0);
+        (0.0..1.0).contains(&share).then_some(on_ridge)
+    }
+    fn admits(&self, after: &[Facet<Self::Look>]) -> bool {
+        let new = after.iter().filter(|f| f.names.contains(&NEW_VERTEX));
+        [0, 4].contains(&new.count())
+    }
+}
+
+/// Wants the middles of two sheets to be behind one another.
+struct Crossing;
+
+impl Crossing {
+    fn wanted(z: f64) -> f64 {
+        if z < 0.5 { 0.7 } else { 0.3 }
+    }
+}
+
+impl RelaxJudge for Crossing {
+    type Look = f64;
+
+    fn look(&self, corners: [DVec3; 3], _: Option<&f64>) -> f64 {
+        let rim = corners.iter().find(|p| p.x != 0.0).unwrap();
+        let apex = corners.iter().find(|p| p.x == 0.0).unwrap();
+        (Self::wanted(rim.z) - apex.z).abs()
+    }
+    fn fault(&self, look: &f64) -> f64 {
+        *look
+    }
+
+    fn place(&self, of: u32, around: &[Facet<Self::Look>]) -> Option<DVec3> {
+        let v = around[0].corner(of).unwrap();
+        Some(DVec3::new(0.0, 0.0, Self::wanted(v.z)))
+    }
+    fn admits(&self, _: &[Facet<Self::Look>]) -> bool {
+        true
     }
 }
 
@@ -180,6 +242,41 @@ fn an_edge_across_a_crease_flips_even_if_no_vertex_may_move() {
 }
 
 #[test]
+fn of_two_moves_that_would_meet_one_is_made() {
+    let rim = [(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)];
+    let fan = |z: f64| {
+        let middle = DVec3::new(0.0, 0.0, z);
+        std::iter::once(middle).chain(rim.map(|(x, y)| DVec3::new(x, y, z)))
+    };
+    let triangles = [0, 5]
+        .map(|first| [[1, 2], [2, 3], [3, 4], [4, 1]].map(|[a, b]| [first, first + a, first + b]));
+    let places = fan(0.0).chain(fan(1.0)).collect();
+    let mesh = TriMesh::new(places, triangles.concat()).unwrap();
+    let relaxed = relax(&mesh, &Crossing, &Progress::none()).unwrap();
+    assert_eq!((relaxed.moves, relaxed.flips), (1, 0));
+    assert_eq!(checked(&relaxed.mesh).self_intersections.unwrap().count, 0);
+}
+
+#[test]
+fn edges_are_divided_where_nothing_else_helps() {
+    let mesh = roof(12);
+    let relaxed = relax(&mesh, &Divider, &Progress::none()).unwrap();
+    let [before, after] = relaxed.faults;
+    assert!(after < 0.25 * before, "{before} became {after}");
+    assert!(relaxed.splits > 0);
+    let (old, new) = relaxed.mesh.positions().split_at(mesh.positions().len());
+    assert_eq!(old, mesh.positions());
+    assert_eq!(new.len() as u64, relaxed.splits);
+    assert!(new.iter().all(|p| p.x == RIDGE));
+    let more = relaxed.mesh.triangles().len() - mesh.triangles().len();
+    assert_eq!(more as u64, 2 * relaxed.splits);
+    let checked = checked(&relaxed.mesh);
+    assert!(checked.manifold && checked.oriented);
+    assert_eq!(checked.self_intersections.unwrap().count, 0);
+    assert_eq!(checked.euler, 1);
+}
+
+#[test]
 fn what_is_not_admitted_does_not_happen() {
     let mesh = roof(6);
     let relaxed = relax(&mesh, &Stubborn, &Progress::none()).unwrap();
@@ -230,10 +327,15 @@ proptest! {
             }
 
             fn place(&self, of: u32, around: &[Facet<Self::Look>]) -> Option<DVec3> {
-                let Facet { names, corners, .. } = around[0];
-                let v = corners[names.iter().position(|&name| name == of).unwrap()];
+                let v = around[0].corner(of).unwrap();
                 let shift = [0.0, 1.0, 2.0].map(|k| self.number(&[v.x, v.y, v.z, k]) - 0.5);
                 Some(v + self.reach * DVec3::from_array(shift))
+            }
+            fn between(&self, ends: [u32; 2], facets: &[Facet<Self::Look>; 2]) -> Option<DVec3> {
+                let [p, q] = ends.map(|v| facets[0].corner(v).unwrap());
+                let middle = 0.5 * (p + q);
+                let shift = [3.0, 4.0, 5.0].map(|k| self.number(&[middle.x, middle.y, middle.z, k]) - 0.5);
+                Some(middle + self.reach * p.distance(q) * DVec3::from_array(shift))
             }
             fn admits(&self, _: &[Facet<Self::Look>]) -> bool {
                 true
@@ -244,9 +346,10 @@ proptest! {
         let whim = Whim { seed, reach };
         let relaxed = relax(&mesh, &whim, &Progress::none()).unwrap();
         let after = checked(&relaxed.mesh);
-        prop_assert!(relaxed.flips + relaxed.moves > 0);
+        prop_assert!(relaxed.flips + relaxed.moves + relaxed.splits > 0);
         prop_assert!(relaxed.faults[1] < relaxed.faults[0]);
-        prop_assert_eq!(relaxed.mesh.triangles().len(), mesh.triangles().len());
+        let more = relaxed.mesh.triangles().len() - mesh.triangles().len();
+        prop_assert_eq!(more as u64, 2 * relaxed.splits);
         prop_assert!(after.closed && after.manifold && after.oriented);
         prop_assert_eq!(after.self_intersections.unwrap().count, 0);
         prop_assert_eq!(after.components, before.components);

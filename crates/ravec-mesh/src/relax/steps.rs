@@ -3,7 +3,7 @@
 use glam::DVec3;
 use ravec_progress::{Cancelled, Progress};
 
-use super::{Facet, RelaxJudge};
+use super::{Facet, NEW_VERTEX, RelaxJudge};
 use crate::loose_octree::LooseOctree;
 use crate::tri_intersect::{TriTri, intersection};
 use crate::{Aabb, Adjacency, TriMesh};
@@ -15,19 +15,37 @@ pub(super) enum Step {
     Flip { triangles: [u32; 2] },
     /// A vertex moves.
     Move { vertex: u32, to: DVec3 },
+    /// A new vertex divides the edge between two triangles, and both of them in two.
+    Split { triangles: [u32; 2], at: DVec3 },
 }
 
 /// The facets that a step changes, and what they become.
 #[derive(Debug)]
 pub(super) struct Fan<L> {
     pub triangles: Vec<u32>,
+    /// Those that take the places of `triangles`, in the same order, and behind them new ones.
     pub after: Vec<Facet<L>>,
     /// By how much the sum of their faults becomes less.
     pub gain: f64,
 }
 
-/// Triangles, the names that their corners will have, and where these will be.
-type Change = (Vec<u32>, Vec<([u32; 3], [DVec3; 3])>);
+impl<L> Fan<L> {
+    /// A box around what the facets become.
+    pub fn bounds(&self) -> Aabb {
+        Aabb::around(self.after.iter().flat_map(|facet| facet.corners))
+    }
+}
+
+/// Memory for searches.
+#[derive(Debug, Default)]
+pub(super) struct Scratch {
+    stack: Vec<(u32, DVec3, f64)>,
+    found: Vec<u32>,
+}
+
+/// Triangles, and of what comes to be of each, and of new ones: the names that its corners will have, where these will be, and which of
+/// the triangles it is a part of.
+type Change = (Vec<u32>, Vec<([u32; 3], [DVec3; 3], usize)>);
 
 pub(super) struct Steps<'a, J: RelaxJudge> {
     pub judge: &'a J,
@@ -40,8 +58,6 @@ pub(super) struct Steps<'a, J: RelaxJudge> {
     /// Vertices that edges have which are not between two triangles of one orientation.
     held: Vec<bool>,
     tree: LooseOctree,
-    stack: Vec<(u32, DVec3, f64)>,
-    found: Vec<u32>,
 }
 
 impl<'a, J: RelaxJudge> Steps<'a, J> {
@@ -86,8 +102,6 @@ impl<'a, J: RelaxJudge> Steps<'a, J> {
             stars,
             held,
             tree,
-            stack: Vec::new(),
-            found: Vec::new(),
         })
     }
 
@@ -103,20 +117,44 @@ impl<'a, J: RelaxJudge> Steps<'a, J> {
         }
     }
 
-    /// All steps that concern a triangle: flips of its edges and moves of its corners.
-    pub fn of_triangle(&self, triangle: u32) -> Vec<Step> {
+    /// A box around all triangles that have a corner of this one: steps that concern it change no other, and are chosen by no other.
+    pub fn surroundings(&self, triangle: u32) -> Aabb {
+        let names = self.triangles[triangle as usize].into_iter();
+        let around = names.flat_map(|v| &self.stars[v as usize]);
+        Aabb::around(around.flat_map(|&t| self.corners(t)))
+    }
+
+    /// The triangles beside the edges of a triangle that have one other triangle.
+    fn across(&self, triangle: u32) -> impl Iterator<Item = u32> {
         let names = self.triangles[triangle as usize];
-        let mut steps = Vec::with_capacity(6);
-        for i in 0..3 {
+        (0..3).filter_map(move |i| {
             let [a, b] = [names[i], names[(i + 1) % 3]];
             let mut across = (self.stars[a as usize].iter().copied())
                 .filter(|&t| t != triangle && self.triangles[t as usize].contains(&b));
-            if let (Some(other), None) = (across.next(), across.next()) {
-                let triangles = [triangle, other];
-                steps.push(Step::Flip { triangles });
-            }
-        }
-        for vertex in names {
+            across.next().filter(|_| across.next().is_none())
+        })
+    }
+
+    /// The steps by which a triangle is divided.
+    pub fn splits_of(&self, triangle: u32) -> Vec<Step> {
+        let splits = self.across(triangle).filter_map(|other| {
+            let [_, a, b, _] = self.diamond([triangle, other])?;
+            let triangles = [triangle, other];
+            let facets = triangles.map(|t| self.facet(t));
+            let at = self.judge.between([a, b], &facets)?;
+            Some(Step::Split { triangles, at })
+        });
+        splits.collect()
+    }
+
+    /// Flips of the edges of a triangle and moves of its corners.
+    pub fn of_triangle(&self, triangle: u32) -> Vec<Step> {
+        let mut steps = Vec::with_capacity(6);
+        let flips = self.across(triangle).map(|other| Step::Flip {
+            triangles: [triangle, other],
+        });
+        steps.extend(flips);
+        for vertex in self.triangles[triangle as usize] {
             if self.held[vertex as usize] {
                 continue;
             }
@@ -135,18 +173,21 @@ impl<'a, J: RelaxJudge> Steps<'a, J> {
         let (triangles, after) = match step {
             Step::Flip { triangles } => self.flipped(triangles)?,
             Step::Move { vertex, to } => self.moved(vertex, to)?,
+            Step::Split { triangles, at } => self.divided(triangles, at)?,
         };
         // no facet may turn over: the directions before are those of the facets around
         let normal = |[a, b, c]: [DVec3; 3]| (b - a).cross(c - a);
-        let before = triangles.iter().map(|&t| normal(self.corners(t)));
+        let before: Vec<DVec3> = (triangles.iter())
+            .map(|&t| normal(self.corners(t)))
+            .collect();
         let stands = match step {
             Step::Flip { .. } => {
-                let sum: DVec3 = before.sum();
-                after.iter().all(|&(_, at)| normal(at).dot(sum) > 0.0)
+                let sum: DVec3 = before.iter().sum();
+                after.iter().all(|&(_, at, _)| normal(at).dot(sum) > 0.0)
             }
-            Step::Move { .. } => before
-                .zip(&after)
-                .all(|(old, &(_, at))| old.dot(normal(at)) > 0.0),
+            Step::Move { .. } | Step::Split { .. } => after
+                .iter()
+                .all(|&(_, at, part_of)| before[part_of].dot(normal(at)) > 0.0),
         };
         if !stands {
             return None;
@@ -154,8 +195,9 @@ impl<'a, J: RelaxJudge> Steps<'a, J> {
         let before: f64 = triangles.iter().map(|&t| faults[t as usize]).sum();
         let mut sum = 0.0;
         let mut facets = Vec::with_capacity(after.len());
-        for (&t, (names, corners)) in triangles.iter().zip(after) {
-            let look = self.judge.look(corners, Some(&self.looks[t as usize]));
+        for (names, corners, part_of) in after {
+            let like = &self.looks[triangles[part_of] as usize];
+            let look = self.judge.look(corners, Some(like));
             sum += self.judge.fault(&look);
             // what is still to come only adds to it
             if before - sum <= least_gain * before {
@@ -174,27 +216,58 @@ impl<'a, J: RelaxJudge> Steps<'a, J> {
         })
     }
 
-    fn flipped(&self, [one, other]: [u32; 2]) -> Option<Change> {
+    /// The corners of two triangles with a common edge: that of the first which is not on the edge, the edge as the first goes along it,
+    /// and that of the second; `None` if they do not go along it in opposite directions.
+    fn diamond(&self, [one, other]: [u32; 2]) -> Option<[u32; 4]> {
         let names = self.triangles[one as usize];
         let others = self.triangles[other as usize];
         let apex = names.into_iter().find(|v| !others.contains(v))?;
         let opposite = others.into_iter().find(|v| !names.contains(v))?;
-        // the edge as the first triangle goes along it
         let at = names.iter().position(|&v| v == apex)?;
         let [a, b] = [names[(at + 1) % 3], names[(at + 2) % 3]];
         let next = others.iter().position(|&v| v == b)?;
-        if others[(next + 1) % 3] != a {
-            return None;
-        }
+        (others[(next + 1) % 3] == a).then_some([apex, a, b, opposite])
+    }
+
+    fn flipped(&self, triangles: [u32; 2]) -> Option<Change> {
+        let [apex, a, b, opposite] = self.diamond(triangles)?;
         // the other diagonal must not be an edge already
         let joins = (self.stars[apex as usize].iter())
             .any(|&t| self.triangles[t as usize].contains(&opposite));
         if joins {
             return None;
         }
-        let facet = |names: [u32; 3]| (names, names.map(|v| self.positions[v as usize]));
-        let after = vec![facet([apex, a, opposite]), facet([apex, opposite, b])];
-        Some((vec![one, other], after))
+        let facet = |names: [u32; 3], part_of| {
+            let corners = names.map(|v| self.positions[v as usize]);
+            (names, corners, part_of)
+        };
+        let after = vec![facet([apex, a, opposite], 0), facet([apex, opposite, b], 1)];
+        Some((triangles.to_vec(), after))
+    }
+
+    fn divided(&self, triangles: [u32; 2], place: DVec3) -> Option<Change> {
+        if !place.is_finite() {
+            return None;
+        }
+        let [apex, a, b, opposite] = self.diamond(triangles)?;
+        let new = NEW_VERTEX;
+        let facet = |names: [u32; 3], part_of| {
+            let at = |v: u32| {
+                if v == new {
+                    place
+                } else {
+                    self.positions[v as usize]
+                }
+            };
+            (names, names.map(at), part_of)
+        };
+        let after = vec![
+            facet([apex, a, new], 0),
+            facet([opposite, b, new], 1),
+            facet([apex, new, b], 0),
+            facet([opposite, new, a], 1),
+        ];
+        Some((triangles.to_vec(), after))
     }
 
     fn moved(&self, vertex: u32, to: DVec3) -> Option<Change> {
@@ -202,7 +275,7 @@ impl<'a, J: RelaxJudge> Steps<'a, J> {
             return None;
         }
         let star = &self.stars[vertex as usize];
-        let after = star.iter().map(|&t| {
+        let after = (0..).zip(star).map(|(part_of, &t)| {
             let names = self.triangles[t as usize];
             let at = |v: u32| {
                 if v == vertex {
@@ -211,13 +284,13 @@ impl<'a, J: RelaxJudge> Steps<'a, J> {
                     self.positions[v as usize]
                 }
             };
-            (names, names.map(at))
+            (names, names.map(at), part_of)
         });
         Some((star.clone(), after.collect()))
     }
 
     /// Whether the facets that a step makes meet one another, and all others, only in what they share.
-    pub fn stay_apart(&mut self, fan: &Fan<J::Look>) -> bool {
+    pub fn stay_apart(&self, fan: &Fan<J::Look>, scratch: &mut Scratch) -> bool {
         let bad = |kind: TriTri| kind.is_improper() || kind == TriTri::Same;
         for (i, t) in fan.after.iter().enumerate() {
             let mut others = fan.after[..i].iter();
@@ -227,10 +300,10 @@ impl<'a, J: RelaxJudge> Steps<'a, J> {
         }
         let corners = fan.after.iter().map(|facet| facet.corners);
         let boxes: Vec<Aabb> = corners.map(Aabb::around).collect();
-        let whole = boxes.iter().fold(Aabb::EMPTY, |sum, b| sum.union(*b));
-        self.found.clear();
-        self.tree.search(&whole, &mut self.stack, &mut self.found);
-        self.found.iter().all(|&other| {
+        let Scratch { stack, found } = scratch;
+        found.clear();
+        self.tree.search(&fan.bounds(), stack, found);
+        found.iter().all(|&other| {
             if fan.triangles.contains(&other) {
                 return true;
             }
@@ -246,26 +319,45 @@ impl<'a, J: RelaxJudge> Steps<'a, J> {
         })
     }
 
-    /// Does what was found possible.
-    pub fn take(&mut self, step: Step, fan: &Fan<J::Look>) {
-        for (&t, facet) in fan.triangles.iter().zip(&fan.after) {
-            self.looks[t as usize] = facet.look;
-            if let Step::Flip { .. } = step {
-                let before = self.triangles[t as usize];
-                let names = facet.names;
-                for v in before.into_iter().filter(|v| !names.contains(v)) {
-                    self.stars[v as usize].retain(|&s| s != t);
-                }
-                for v in names.into_iter().filter(|v| !before.contains(v)) {
-                    self.stars[v as usize].push(t);
-                }
-                self.triangles[t as usize] = names;
+    /// Does what was found possible, and says which triangles the facets are now.
+    pub fn take(&mut self, step: Step, fan: &Fan<J::Look>) -> Vec<u32> {
+        let mut new_vertex = NEW_VERTEX;
+        match step {
+            Step::Flip { .. } => {}
+            Step::Move { vertex, to } => self.positions[vertex as usize] = to,
+            Step::Split { at, .. } => {
+                new_vertex = self.positions.len() as u32;
+                self.positions.push(at);
+                self.stars.push(vec![]);
+                self.held.push(false);
             }
+        }
+        let mut triangles = fan.triangles.clone();
+        for facet in &fan.after[triangles.len()..] {
+            triangles.push(self.triangles.len() as u32);
+            // without corners so far
+            self.triangles.push([NEW_VERTEX; 3]);
+            self.looks.push(facet.look);
+            self.tree.add(&Aabb::around(facet.corners));
+        }
+        for (&t, facet) in triangles.iter().zip(&fan.after) {
+            let before = self.triangles[t as usize];
+            let is_new = |&v: &u32| v == NEW_VERTEX;
+            let names = facet.names.map(|v| if is_new(&v) { new_vertex } else { v });
+            let left = before
+                .into_iter()
+                .filter(|v| !is_new(v) && !names.contains(v));
+            for v in left {
+                self.stars[v as usize].retain(|&s| s != t);
+            }
+            for v in names.into_iter().filter(|v| !before.contains(v)) {
+                self.stars[v as usize].push(t);
+            }
+            self.triangles[t as usize] = names;
+            self.looks[t as usize] = facet.look;
             self.tree.update(t, &Aabb::around(facet.corners));
         }
-        if let Step::Move { vertex, to } = step {
-            self.positions[vertex as usize] = to;
-        }
+        triangles
     }
 
     pub fn into_mesh(self) -> TriMesh {
