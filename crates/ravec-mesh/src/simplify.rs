@@ -119,6 +119,8 @@ pub struct Keep<'a> {
     /// What the error is measured from, if not from the mesh itself: the [`samples`](Simplified::samples) of a simplification that
     /// it came from, so that the errors of both do not add up.
     pub samples: Option<&'a [ErrorSample]>,
+    /// Whether the [`samples`](Simplified::samples) of the result are wanted, to go on from (default false).
+    pub reports_samples: bool,
 }
 
 /// A place that the simplified mesh must be near.
@@ -189,7 +191,7 @@ pub struct Simplified {
     pub triangle_origin: Vec<u32>,
     /// The feature edges that were left, each with its lower vertex first, ascending; boundary edges are not listed.
     pub features: Vec<[u32; 2]>,
-    /// What the error was measured from, if it was limited and the vertices to keep were [`sealed`](Keep::sealed).
+    /// What the error was measured from, if it was limited and this was [asked for](Keep::reports_samples).
     pub samples: Vec<ErrorSample>,
     /// What was done.
     pub report: SimplifyReport,
@@ -332,12 +334,12 @@ pub fn simplify(
         mesh,
         params,
         keep: *keep,
-        sealed: keep.sealed,
+        sealed: if keep.sealed { keep.vertices } else { &[] },
         samples: keep.samples.map(known_samples),
         original: original.as_ref(),
     };
     let mut engine = Engine::new(start, veto, progress)?;
     let phase = progress.phase("simplify", engine.most_to_do());
     engine.run(&phase, progress)?;
-    Ok(engine.take_apart().into_simplified(keep.sealed))
+    Ok(engine.take_apart().into_simplified(keep.reports_samples))
 }

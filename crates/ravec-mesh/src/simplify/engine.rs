@@ -46,9 +46,9 @@ pub(super) struct Start<'a> {
     pub mesh: &'a TriMesh,
     pub params: &'a SimplifyParams,
     pub keep: Keep<'a>,
-    /// Whether the vertices to keep are also those of other triangles, elsewhere: then no edge between two of them may
-    /// come to be, since there might be one elsewhere.
-    pub sealed: bool,
+    /// The vertices to keep that are also those of other triangles, elsewhere: no edge between two of them may come to be, since
+    /// there might be one elsewhere.
+    pub sealed: &'a [u32],
     /// What is known of the original, if this is not the first engine at work.
     pub samples: Option<Vec<Sample>>,
     /// The original, if the distance from it is limited.
@@ -74,7 +74,8 @@ pub(super) struct Engine<'a, J> {
     /// What was vetoed, and after how many collapses.
     vetoed: Vec<(Entry, u32)>,
     examiner: Examiner,
-    sealed: bool,
+    /// Of each vertex, whether other triangles have it; empty if there are none.
+    sealed: Vec<bool>,
     report: SimplifyReport,
     judge: J,
 }
@@ -184,6 +185,10 @@ impl<'a, J: CollapseJudge> Engine<'a, J> {
             }
         }
         progress.check()?;
+        let mut is_sealed = vec![false; if sealed.is_empty() { 0 } else { vertices }];
+        for &v in sealed {
+            is_sealed[v as usize] = true;
+        }
         let limits = Limits::new(params);
         let planned: Vec<Result<Entry, Veto>> = adjacency
             .edges()
@@ -233,7 +238,7 @@ impl<'a, J: CollapseJudge> Engine<'a, J> {
             queue,
             vetoed: Vec::new(),
             examiner: Examiner::new(vertices),
-            sealed,
+            sealed: is_sealed,
             report,
             judge,
         })
@@ -289,8 +294,8 @@ impl<'a, J: CollapseJudge> Engine<'a, J> {
         }
         let (surface, examiner) = (&self.surface, &mut self.examiner);
         examiner.gather(surface, &plan)?;
-        if self.sealed {
-            examiner.examine_seal(surface, &plan)?;
+        if !self.sealed.is_empty() {
+            examiner.examine_seal(surface, &plan, &self.sealed)?;
         }
         examiner.examine_shape(surface, &plan, &self.limits)?;
         if self

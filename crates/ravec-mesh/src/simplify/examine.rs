@@ -173,9 +173,14 @@ impl Examiner {
         Ok(())
     }
 
-    /// Examines whether an edge between two fixed vertices would come to be, after [`Self::gather`].
-    pub fn examine_seal(&self, surface: &Surface, plan: &Plan) -> Result<(), Veto> {
-        if surface.class(plan.kept) != Class::Fixed {
+    /// Examines whether an edge between two `sealed` vertices would come to be, after [`Self::gather`].
+    pub fn examine_seal(
+        &self,
+        surface: &Surface,
+        plan: &Plan,
+        sealed: &[bool],
+    ) -> Result<(), Veto> {
+        if !sealed[plan.kept as usize] {
             return Ok(());
         }
         let shared = self.mark + 1;
@@ -183,7 +188,7 @@ impl Examiner {
             .star(plan.removed)
             .flat_map(|(_, corners)| corners)
             .filter(|&w| w != plan.kept && w != plan.removed)
-            .any(|w| surface.class(w) == Class::Fixed && self.marks[w as usize] != shared);
+            .any(|w| sealed[w as usize] && self.marks[w as usize] != shared);
         if joins { Err(Veto::Topology) } else { Ok(()) }
     }
 

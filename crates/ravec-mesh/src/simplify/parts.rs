@@ -17,6 +17,13 @@ const MOST: usize = 16_384;
 /// So many patches are made between these limits: enough for as many threads.
 const PATCHES: usize = 8;
 
+/// What is around seams is cut into pieces of about so many triangles at least.
+const FEWEST_OF_SEAMS: usize = 512;
+
+/// Between which shares of its triangles a piece of seams is cut, and in how many places that is tried.
+const CUT_SHARES: [f64; 2] = [0.25, 0.75];
+const CUT_PLACES: usize = 32;
+
 /// A part of the original or of what became of it, as a mesh of its own.
 pub(super) struct Part {
     pub mesh: TriMesh,
@@ -68,6 +75,13 @@ impl Part {
                 triangle,
             };
         }
+    }
+
+    /// Those of its vertices that are `chosen`, a bit for each vertex of the original, by their names here.
+    pub fn vertices_in(&self, chosen: &[bool]) -> Vec<u32> {
+        let all = (0..).zip(&self.vertices);
+        let here = all.filter(|(_, v)| chosen[**v as usize]);
+        here.map(|(name, _)| name).collect()
     }
 
     /// What became of features of the original, by their names here.
@@ -123,6 +137,65 @@ pub(super) fn cut(mesh: &TriMesh) -> Vec<Vec<u32>> {
     patches
 }
 
+/// Cuts `triangles` of a mesh into pieces, where they are sparsest.
+///
+/// Around seams they are dense along the planes of seams, so that they are cut across these.
+pub(super) fn cut_sparsely(mesh: &TriMesh, triangles: Vec<u32>) -> Vec<Vec<u32>> {
+    let middle = |t: u32| mesh.corners(t).into_iter().sum::<DVec3>();
+    let most = (triangles.len() / PATCHES).clamp(FEWEST_OF_SEAMS, MOST);
+    let mut pieces = Vec::new();
+    let mut to_cut = vec![triangles];
+    while let Some(mut triangles) = to_cut.pop() {
+        if triangles.len() <= 2 * most {
+            triangles.sort_unstable();
+            pieces.push(triangles);
+            continue;
+        }
+        let count = triangles.len();
+        let [first, last] = CUT_SHARES.map(|share| (share * count as f64) as usize);
+        let step = (last - first) / CUT_PLACES;
+        // the farther some of them reach along an axis, the fewer are cut across it
+        let cuts = (0..3).map(|axis| {
+            let mut places: Vec<(f64, u32)> =
+                (triangles.iter()).map(|&t| (middle(t)[axis], t)).collect();
+            places.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            let width = |at: usize| places[at + step].0 - places[at].0;
+            let at = (0..CUT_PLACES).map(|i| first + i * step);
+            let widest = at.max_by(|&a, &b| width(a).total_cmp(&width(b)));
+            let widest = widest.unwrap_or(first);
+            (width(widest), widest + step / 2, places)
+        });
+        let Some((_, at, places)) = cuts.max_by(|a, b| a.0.total_cmp(&b.0)) else {
+            break;
+        };
+        let sorted = places.iter().map(|(_, t)| *t);
+        triangles.clear();
+        triangles.extend(sorted);
+        to_cut.push(triangles.split_off(at));
+        to_cut.push(triangles);
+    }
+    pieces
+}
+
+/// The group of each triangle, by its index or the number of groups if it is in none, and whether triangles of several groups,
+/// or of one and of none, share a vertex.
+pub(super) fn borders(mesh: &TriMesh, groups: &[Vec<u32>]) -> (Vec<u32>, Vec<bool>) {
+    let mut group_of = vec![groups.len() as u32; mesh.triangles().len()];
+    for (g, group) in (0..).zip(groups) {
+        for &t in group {
+            group_of[t as usize] = g;
+        }
+    }
+    let mut first = vec![None; mesh.positions().len()];
+    let mut shared = vec![false; first.len()];
+    for (&group, corners) in group_of.iter().zip(mesh.triangles()) {
+        for &v in corners.iter().filter(|_| is_proper(*corners)) {
+            shared[v as usize] |= *first[v as usize].get_or_insert(group) != group;
+        }
+    }
+    (group_of, shared)
+}
+
 /// Adds so many rings of neighbors to the vertices that are chosen: a bit for each vertex of the mesh.
 ///
 /// # Panics
@@ -137,5 +210,60 @@ pub fn add_rings(chosen: &mut [bool], mesh: &TriMesh, rings: usize) {
                 }
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A flat grid of so many squares, each of two triangles.
+    fn grid(columns: u32, rows: u32) -> TriMesh {
+        let at = |x: u32, y: u32| y * (columns + 1) + x;
+        let places = (0..=rows).flat_map(|y| (0..=columns).map(move |x| (x, y)));
+        let positions = places.map(|(x, y)| DVec3::new(f64::from(x), f64::from(y), 0.0));
+        let squares = (0..rows).flat_map(|y| (0..columns).map(move |x| (x, y)));
+        let triangles = squares.flat_map(|(x, y)| {
+            let [a, b, c, d] = [at(x, y), at(x + 1, y), at(x + 1, y + 1), at(x, y + 1)];
+            [[a, b, c], [a, c, d]]
+        });
+        TriMesh::new(positions.collect(), triangles.collect()).expect("all corners are there")
+    }
+
+    #[test]
+    fn seams_are_cut_across() {
+        // bands of triangles, 10 wide, along two lines that cross
+        let mesh = grid(300, 200);
+        let near: Vec<u32> = (0..mesh.triangles().len() as u32)
+            .filter(|&t| {
+                let middle = mesh.corners(t).into_iter().sum::<DVec3>() / 3.0;
+                (middle.x - 150.0).abs() < 5.0 || (middle.y - 100.0).abs() < 5.0
+            })
+            .collect();
+        let pieces = cut_sparsely(&mesh, near.clone());
+        assert!(pieces.len() > PATCHES / 2, "{} pieces", pieces.len());
+        let mut all = pieces.concat();
+        all.sort_unstable();
+        assert_eq!(all, near);
+        // across a band there are 10 vertices, at most twice that where a cut is ragged; along it 200 or 300
+        let (_, shared) = borders(&mesh, &pieces);
+        let is_inside = |at: DVec3| (at.x - 150.0).abs() < 4.5 || (at.y - 100.0).abs() < 4.5;
+        let inside = mesh.positions().iter().zip(&shared);
+        let between = inside.filter(|(at, shared)| **shared && is_inside(**at));
+        let between = between.count();
+        assert!(
+            between <= 24 * (pieces.len() - 1),
+            "{between} between {}",
+            pieces.len()
+        );
+    }
+
+    #[test]
+    fn borders_are_between_groups_and_where_they_end() {
+        let mesh = grid(3, 1);
+        let (group_of, shared) = borders(&mesh, &[vec![0, 1], vec![2, 3]]);
+        assert_eq!(group_of, [0, 0, 1, 1, 2, 2]);
+        let expected = [false, true, true, false];
+        assert_eq!(shared, [expected, expected].concat());
     }
 }

@@ -4,9 +4,11 @@
 //!    middles. Patches are simplified side by side, with the vertices they share held fast.
 //! 2. Each is examined: triangles may meet if the [`Overseer`] says that its judges keep them apart; and the caller may find
 //!    triangles at fault. These are [undone](super::undo), and then what is there again is simplified with care.
-//! 3. Patches are put together, and what is around the vertices that they share is simplified, so that no seam remains, and
-//!    examined. What is at fault now is what it was when patches were put together, and only if that was not enough, since
-//!    triangles of two patches meet, what it was in the beginning.
+//! 3. Patches are put together, and what is around the vertices that they share is simplified, so that no seam remains. This
+//!    is cut into pieces, too, where it is sparse and so across seams; they are simplified side by side, and then what is
+//!    around the few vertices that they share.
+//! 4. All of that is examined. What is at fault now is what it was when patches were put together, and only if that was not
+//!    enough, since triangles of two patches meet, what it was in the beginning.
 //!
 //! Guarantees: as for [`simplify`](super::simplify); patches depend on the mesh alone. Does not guarantee: that the result
 //! is the one of [`simplify`](super::simplify), since collapses happen in another order.
@@ -19,7 +21,7 @@ use rustc_hash::FxHashMap;
 use super::deviation::{Sample, known_samples, samples};
 use super::engine::{Engine, Leftover, Start};
 use super::judge::{Overseer, Trust};
-use super::parts::{Part, add_rings, cut};
+use super::parts::{Part, add_rings, borders, cut, cut_sparsely};
 use super::surface::{GONE, creases};
 use super::undo::Checkpoint;
 use super::{Keep, Simplified, SimplifyError, SimplifyParams, SimplifyReport, validate};
@@ -86,6 +88,7 @@ pub fn simplify_patches(
         features,
         fixed,
         sealed: keep.sealed,
+        reports_samples: keep.reports_samples,
         overseer,
         phase: &progress.phase("simplify", mesh.triangles().len() as u64),
         progress,
@@ -115,6 +118,7 @@ pub(super) struct Task<'a, O> {
     fixed: Vec<bool>,
     /// Whether what is fixed is that of other meshes, too.
     sealed: bool,
+    reports_samples: bool,
     pub overseer: &'a O,
     phase: &'a Phase,
     pub progress: &'a Progress,
@@ -125,7 +129,8 @@ pub(super) struct Task<'a, O> {
 struct Work<'a> {
     keep: Keep<'a>,
     trust: Trust,
-    sealed: bool,
+    /// Those to keep that other triangles have, too.
+    sealed: &'a [u32],
 }
 
 /// The mesh between the steps, in the names of the original.
@@ -155,9 +160,9 @@ impl<O: Overseer> Task<'_, O> {
         samples: Vec<Sample>,
         groups: &[Vec<u32>],
     ) -> Result<(Assembly, Vec<bool>), SimplifyError> {
-        let (patch_of, held) = self.borders(groups);
+        let (patch_of, held) = borders(self.mesh, groups);
         self.progress.check()?;
-        let mut samples_of = vec![Vec::new(); groups.len()];
+        let mut samples_of = vec![Vec::new(); groups.len() + 1];
         for sample in samples {
             samples_of[patch_of[sample.triangle as usize] as usize].push(sample);
         }
@@ -192,12 +197,85 @@ impl<O: Overseer> Task<'_, O> {
     /// Simplifies what is around vertices that were held fast, and undoes what is at fault.
     fn simplify_seams(&self, assembly: &mut Assembly, held: &[bool]) -> Result<(), SimplifyError> {
         let checkpoint = Checkpoint::new(assembly);
-        self.simplify_whole(assembly, Some(held), Trust::Examined)?;
+        let left = self.simplify_around(assembly, held, true)?;
+        self.simplify_around(assembly, &left, false)?;
         let restored = self.restore(assembly, Some(&checkpoint))?;
         if restored.contains(&true) {
             self.simplify_whole(assembly, Some(&restored), Trust::Final)?;
         }
         Ok(())
+    }
+
+    /// Simplifies what is around vertices that were `held`, in pieces side by side or in one, and says which vertices could not
+    /// go because pieces share them.
+    fn simplify_around(
+        &self,
+        assembly: &mut Assembly,
+        held: &[bool],
+        is_cut: bool,
+    ) -> Result<Vec<bool>, SimplifyError> {
+        let all = 0..self.mesh.triangles().len() as u32;
+        let whole = Part::new(self.mesh, assembly.now(), all);
+        self.progress.check()?;
+        let mut free: Vec<bool> = (whole.vertices.iter()).map(|&v| held[v as usize]).collect();
+        add_rings(&mut free, &whole.mesh, RINGS);
+        let is_free = |corners: &[u32; 3]| corners.iter().any(|&v| free[v as usize]);
+        let near = (0..).zip(whole.mesh.triangles());
+        let near: Vec<u32> = near.filter(|(_, t)| is_free(t)).map(|(t, _)| t).collect();
+        self.progress.check()?;
+        let pieces = match (near.is_empty(), is_cut) {
+            (true, _) => vec![],
+            (false, true) => cut_sparsely(&whole.mesh, near),
+            (false, false) => vec![near],
+        };
+        let (piece_of, shared) = borders(&whole.mesh, &pieces);
+        self.progress.check()?;
+        let mut samples_of = vec![Vec::new(); pieces.len() + 1];
+        let numbers: FxHashMap<u32, u32> = whole.triangles.iter().copied().zip(0..).collect();
+        for sample in assembly.samples.drain(..) {
+            let piece = piece_of[numbers[&sample.triangle] as usize];
+            samples_of[piece as usize].push(sample);
+        }
+        drop(numbers);
+        self.progress.check()?;
+        // in the names of the original from here on
+        let mut kept = self.fixed.clone();
+        let mut sealed = vec![false; kept.len()];
+        let mut left = vec![false; kept.len()];
+        for (v, &name) in whole.vertices.iter().enumerate() {
+            let name = name as usize;
+            left[name] = free[v] && shared[v] && !self.fixed[name];
+            kept[name] |= !free[v] || shared[v];
+            sealed[name] = shared[v] || self.sealed && self.fixed[name];
+        }
+        self.progress.check()?;
+        assembly.samples = samples_of.pop().unwrap_or_default();
+        let found: Vec<(Part, Leftover)> = pieces
+            .par_iter()
+            .zip(samples_of)
+            .map(|(piece, samples)| {
+                self.progress.check()?;
+                let triangles = piece.iter().map(|&t| whole.triangles[t as usize]);
+                let part = Part::new(self.mesh, assembly.now(), triangles);
+                let work = Work {
+                    keep: Keep {
+                        features: &part.features(&self.features, &assembly.merged_into),
+                        vertices: &part.vertices_in(&kept),
+                        ..Keep::default()
+                    },
+                    trust: Trust::Examined,
+                    sealed: &part.vertices_in(&sealed),
+                };
+                let leftover = self.run(&part, samples, work)?;
+                Ok((part, leftover))
+            })
+            .collect::<Result<_, SimplifyError>>()?;
+        for (part, leftover) in found {
+            self.progress.check()?;
+            assembly.take(&part, leftover);
+        }
+        assembly.resolve();
+        Ok(left)
     }
 
     /// Lets an engine work on a part.
@@ -255,6 +333,11 @@ impl<O: Overseer> Task<'_, O> {
             })
             .map(|(name, _)| name)
             .collect();
+        let sealed = if self.sealed {
+            part.vertices_in(&self.fixed)
+        } else {
+            vec![]
+        };
         self.progress.check()?;
         let work = Work {
             keep: Keep {
@@ -263,7 +346,7 @@ impl<O: Overseer> Task<'_, O> {
                 ..Keep::default()
             },
             trust,
-            sealed: self.sealed,
+            sealed: &sealed,
         };
         let samples = std::mem::take(&mut assembly.samples);
         let leftover = self.run(&part, samples, work)?;
@@ -301,24 +384,7 @@ impl<O: Overseer> Task<'_, O> {
             samples: assembly.samples,
             report,
         }
-        .into_simplified(self.sealed)
-    }
-
-    /// The patch of each triangle, and whether triangles of several patches share a vertex.
-    fn borders(&self, groups: &[Vec<u32>]) -> (Vec<u32>, Vec<bool>) {
-        let mut patch_of = vec![0; self.mesh.triangles().len()];
-        let mut last = vec![None; self.mesh.positions().len()];
-        let mut held = vec![false; last.len()];
-        for (p, group) in (0_u32..).zip(groups) {
-            for &t in group {
-                patch_of[t as usize] = p;
-                for v in self.mesh.triangles()[t as usize] {
-                    let before = last[v as usize].replace(p);
-                    held[v as usize] |= before.is_some_and(|before| before != p);
-                }
-            }
-        }
-        (patch_of, held)
+        .into_simplified(self.reports_samples)
     }
 }
 
