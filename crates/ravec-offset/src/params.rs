@@ -66,9 +66,10 @@ pub struct OffsetParams {
     /// Whether to merge triangles as far as the tolerance allows, and to turn what then lies badly (default yes).
     pub simplify: bool,
     /// How far simplification may turn a triangle away from the surface that it stands for, in degrees, above 0 and at most
-    /// 90 (default what [`Self::normal_deviation_deg`] says). Triangles at creases that were off more before may stay so. Where a
-    /// mesh is rough, as scans are, it is more by twice the angle between neighbors that a quarter of the mesh stays below, but at
-    /// most by 80 %. Less keeps more triangles.
+    /// 90 (default what [`Self::normal_deviation_deg`] says). Triangles at creases that were off more before may stay so. Without a
+    /// limit of their own, rough meshes, as scans are, have a larger one: by twice the angle between neighbors that a quarter of the
+    /// mesh stays below, but at most by 80 %. Less keeps more triangles. With a limit of its own the surface is turned before its
+    /// triangles are merged, which takes memory that [`Self::memory_bytes`] does not know of.
     pub max_normal_deviation_deg: Option<f64>,
     /// What the coordinates of the result may be (default double). Single precision asks for a tolerance of some 20 times
     /// the gap between its numbers there.

@@ -5,6 +5,9 @@
 //! soon. So patches are simplified on trust at first, by the distance of the merged vertex, by the directions of the facets
 //! around it, and by the distance of what was there before from these. Then what is left is proved, the little that is not
 //! proved is undone, and there, as along the seams of patches, facets are proved before they come to be.
+//!
+//! Facets that lie badly then are turned (see `smooth`), which frees others to be merged: so what is whole is merged and turned
+//! once more, with the error still counted from what was there first.
 
 mod pieces;
 
@@ -14,16 +17,17 @@ use crate::certify::{Tilt, likely_tilt, proved, tilt};
 use crate::crest::spread;
 use crate::field::{Field, Near};
 use crate::grid::doubled;
-use crate::params::{Coordinates, OffsetParams};
-use crate::smooth::{Facets, smooth};
+use crate::params::{COARSE, Coordinates, OffsetParams};
+use crate::smooth::{Facets, least_divided, smooth};
 use glam::DVec3;
 use ravec_mesh::{
-    Adjacency, CollapseCandidate, CollapseJudge, Keep, Overseer, SimplifyError, SimplifyParams,
-    TriMesh, Trust, simplify_patches,
+    Adjacency, Bvh, CollapseCandidate, CollapseJudge, ErrorSample, Keep, Overseer,
+    Simplified as Merged, SimplifyError, SimplifyParams, TriMesh, Trust, simplify_patches,
 };
 use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
 use rustc_hash::FxHashSet;
+use std::f64::consts::PI;
 
 /// The share of the tolerance by which simplification may leave the surface that it started from: so crests, which the
 /// proof of the distance alone would let it cut, stay where they are.
@@ -35,11 +39,19 @@ const TRUSTED_SPREAD: f64 = 0.7;
 /// How much more facets may be off where the mesh is rough, relative to what they may be off elsewhere.
 const MOST_LEEWAY: f64 = 0.8;
 
+/// The angle from which on edges are kept as features when triangles are merged once more, in radians: by then crests end in so few
+/// facets that the samples of the error may miss the tip of one.
+const CREST_RAD: f64 = std::f64::consts::FRAC_PI_3;
+
 /// How triangles are merged.
 pub(crate) struct Simplifier<'a> {
     proofs: Proofs<'a>,
     /// How far simplification may leave what it starts from.
     max_error: f64,
+    /// Whether somebody asks for a limit of what facets are off.
+    has_limit: bool,
+    /// Whether triangles are merged once more: where the tolerance is coarse, nothing is left to be merged.
+    is_merged_twice: bool,
 }
 
 impl<'a> Simplifier<'a> {
@@ -53,7 +65,12 @@ impl<'a> Simplifier<'a> {
     ) -> Result<Self, Cancelled> {
         let most_deviation = params.normal_deviation_deg().to_radians();
         progress.check()?;
-        let leeway = (2.0 * roughness(mesh)).min(MOST_LEEWAY * most_deviation);
+        let has_limit = params.max_normal_deviation_deg.is_some();
+        let leeway = if has_limit {
+            0.0
+        } else {
+            (2.0 * roughness(mesh)).min(MOST_LEEWAY * most_deviation)
+        };
         progress.check()?;
         Ok(Self {
             proofs: Proofs {
@@ -64,22 +81,73 @@ impl<'a> Simplifier<'a> {
                 progress,
             },
             max_error: CREST_SHARE * params.tolerance,
+            has_limit,
+            is_merged_twice: has_limit || params.tolerance <= COARSE * params.distance,
         })
     }
 
-    /// Merges triangles, and turns those that lie badly.
+    /// Merges triangles, and turns those that lie badly; all of it once more, unless `keep` knows the error only in part.
     fn whole(&self, surface: TriMesh, keep: Keep<'_>) -> Result<TriMesh, Cancelled> {
-        match self.merged(&surface, keep)? {
-            Some(simplified) => {
-                drop(surface);
-                self.turned(&simplified.mesh, &[])
-            }
-            None => Ok(surface),
+        let surface = match self.prepared(&surface, &[])? {
+            Some(prepared) => prepared,
+            None => surface,
+        };
+        let is_merged_twice = self.is_merged_twice && keep.samples.is_none();
+        let keep = Keep {
+            reports_samples: is_merged_twice,
+            ..keep
+        };
+        let Some(mut merged) = self.merged(&surface, keep, PI)? else {
+            return Ok(surface);
+        };
+        drop(surface);
+        if is_merged_twice {
+            merged = self.merged_again(merged, &[])?;
         }
+        self.turned(&merged.mesh, &[], true)
     }
 
-    /// Turns facets that lie badly, but none with two corners that are `sealed`.
-    fn turned(&self, surface: &TriMesh, sealed: &[bool]) -> Result<TriMesh, Cancelled> {
+    /// Turns facets of what was merged, and merges them once more, with the error counted from what was there first. Of the vertices
+    /// that are `sealed` none goes, and no facet is turned that has two of them.
+    fn merged_again(&self, merged: Merged, sealed: &[bool]) -> Result<Merged, Cancelled> {
+        let turned = self.turned(&merged.mesh, sealed, false)?;
+        let samples = samples_on(&turned, &merged, self.proofs.progress)?;
+        let held = indices(sealed);
+        let keep = Keep {
+            vertices: &held,
+            sealed: !sealed.is_empty(),
+            samples: Some(&samples),
+            reports_samples: true,
+            ..Keep::default()
+        };
+        let Some(mut again) = self.merged(&turned, keep, CREST_RAD)? else {
+            return Ok(Merged {
+                mesh: turned,
+                samples,
+                ..merged
+            });
+        };
+        for v in &mut again.vertex_origin {
+            *v = merged.vertex_origin[*v as usize];
+        }
+        Ok(again)
+    }
+
+    /// A surface with its facets turned before any are merged, if somebody asks for a limit: merging allows facets to be off by as much
+    /// as they were before, all together. Vertices and triangles keep their numbers.
+    fn prepared(&self, surface: &TriMesh, sealed: &[bool]) -> Result<Option<TriMesh>, Cancelled> {
+        let turned = self.has_limit.then(|| self.turned(surface, sealed, false));
+        turned.transpose()
+    }
+
+    /// Turns facets that lie badly, but none with two corners that are `sealed`; with vertices added where nothing else helps, or
+    /// without.
+    fn turned(
+        &self,
+        surface: &TriMesh,
+        sealed: &[bool],
+        adds_vertices: bool,
+    ) -> Result<TriMesh, Cancelled> {
         let Proofs {
             field,
             coordinates,
@@ -87,18 +155,32 @@ impl<'a> Simplifier<'a> {
             most_deviation,
             progress,
         } = self.proofs;
-        let facets = Facets::new(field, coordinates, limits, most_deviation, sealed);
+        let facets = Facets {
+            field,
+            coordinates,
+            limits,
+            most_deviation,
+            least_divided: if adds_vertices {
+                least_divided(surface)
+            } else {
+                f64::INFINITY
+            },
+            sealed,
+        };
         smooth(surface, &facets, progress)
     }
 
+    /// Merges triangles, with edges at which they meet at a larger angle than this kept as features; `None` if that cannot be done.
     fn merged(
         &self,
         surface: &TriMesh,
         keep: Keep<'_>,
-    ) -> Result<Option<ravec_mesh::Simplified>, Cancelled> {
+        feature_angle_rad: f64,
+    ) -> Result<Option<Merged>, Cancelled> {
         let asked = SimplifyParams {
             max_error: self.max_error,
             both_ways: false,
+            feature_angle_rad,
             ..SimplifyParams::default()
         };
         match simplify_patches(surface, &asked, &keep, &self.proofs, self.proofs.progress) {
@@ -108,6 +190,33 @@ impl<'a> Simplifier<'a> {
             Err(_) => Ok(None),
         }
     }
+}
+
+/// The samples of what was merged, on the triangles that are nearest once its facets are turned.
+fn samples_on(
+    turned: &TriMesh,
+    merged: &Merged,
+    progress: &Progress,
+) -> Result<Vec<ErrorSample>, Cancelled> {
+    let bvh = Bvh::try_new(turned, progress)?;
+    let settled = |&ErrorSample { place, triangle }: &ErrorSample| {
+        progress.check()?;
+        let is_same = merged.mesh.corners(triangle) == turned.corners(triangle);
+        let closest = (!is_same).then(|| bvh.closest_with_hint(place, triangle));
+        Ok(ErrorSample {
+            place,
+            triangle: closest.flatten().map_or(triangle, |found| found.triangle),
+        })
+    };
+    merged.samples.par_iter().map(settled).collect()
+}
+
+/// The numbers of what is marked.
+fn indices(marked: &[bool]) -> Vec<u32> {
+    let all = (0u32..).zip(marked);
+    all.filter(|(_, is_marked)| **is_marked)
+        .map(|(i, _)| i)
+        .collect()
 }
 
 /// How rough a mesh is: the angle in radians, between neighboring triangles, that a quarter of the surface stays below.

@@ -2,7 +2,8 @@
 //!
 //! After simplification a few facets are left that lie across a crease, or otherwise point away from the surface by more
 //! than is allowed. Their corners are moved to where the planes that touch the surface around them meet, and their edges
-//! flipped, as long as that lessens what they are off, and the tolerance is proved for what comes to be.
+//! flipped, as long as that lessens what they are off, and the tolerance is proved for what comes to be. Where neither helps,
+//! large ones are divided.
 
 use crate::certify::proved;
 use crate::field::{Field, Near};
@@ -15,11 +16,19 @@ use ravec_progress::{Cancelled, Progress};
 /// would be worth nothing.
 const AIM: f64 = 0.8;
 
+/// The share of what is allowed up to which facets are not divided: a few degrees less are not worth a vertex.
+const TOLERATED: f64 = 0.95;
+
+/// The area of the least facets that are divided, relative to their mean: smaller ones weigh too little.
+const LEAST_DIVIDED: f64 = 0.3;
+
 /// What holds a vertex in the directions in which the planes do not, relative to their mean weight: enough for flat parts,
 /// too little to keep it from a crease of a few degrees.
 const HOLD: f64 = 1e-5;
 
 /// Turns facets of `surface` that are off by more than is allowed, while distances stay within limits.
+///
+/// Vertices and triangles keep their numbers; new ones come behind them.
 pub(crate) fn smooth(
     surface: &TriMesh,
     facets: &Facets<'_>,
@@ -28,39 +37,52 @@ pub(crate) fn smooth(
     relax(surface, facets, progress).map(|relaxed| relaxed.mesh)
 }
 
-/// What facets should be.
-pub(crate) struct Facets<'a> {
-    field: &'a Field<'a>,
-    coordinates: Coordinates,
-    limits: [f64; 2],
-    /// In radians.
-    aim: f64,
-    /// Of each vertex whether triangles elsewhere have it, too; empty if there are none.
-    sealed: &'a [bool],
+/// Twice the area of the least facets of a surface that should be divided.
+pub(crate) fn least_divided(surface: &TriMesh) -> f64 {
+    let area = |t: u32| {
+        let [a, b, c] = surface.corners(t);
+        (b - a).cross(c - a).length()
+    };
+    let count = surface.triangles().len();
+    let whole: f64 = (0..count as u32).map(area).sum();
+    LEAST_DIVIDED * whole / count as f64
 }
 
-impl<'a> Facets<'a> {
-    /// Facets that are off by no more than `most_deviation`, in radians.
-    pub fn new(
-        field: &'a Field<'a>,
-        coordinates: Coordinates,
-        limits: [f64; 2],
-        most_deviation: f64,
-        sealed: &'a [bool],
-    ) -> Self {
-        Self {
-            field,
-            coordinates,
-            limits,
-            aim: AIM * most_deviation,
-            sealed,
-        }
-    }
+/// What facets should be.
+pub(crate) struct Facets<'a> {
+    pub field: &'a Field<'a>,
+    pub coordinates: Coordinates,
+    pub limits: [f64; 2],
+    /// What they may be off, in radians.
+    pub most_deviation: f64,
+    /// Twice the area of the least facets that are divided; infinite if none are.
+    pub least_divided: f64,
+    /// Of each vertex whether triangles elsewhere have it, too; empty if there are none.
+    pub sealed: &'a [bool],
+}
 
+impl Facets<'_> {
     /// Whether a side of a facet may be one of triangles elsewhere.
     fn is_sealed(&self, names: [u32; 3]) -> bool {
         let is_sealed = |v: &u32| self.sealed.get(*v as usize) == Some(&true);
         names.iter().filter(|v| is_sealed(v)).count() > 1
+    }
+
+    /// Where planes meet that touch the surface, or nearly, from a place on; each with its weight.
+    fn meeting(&self, from: DVec3, planes: impl Iterator<Item = Lie>) -> Option<DVec3> {
+        let mut matrix = DMat3::ZERO;
+        let mut right = DVec3::ZERO;
+        for Lie {
+            area, near, foot, ..
+        } in planes
+        {
+            let n = near.away;
+            matrix += area * DMat3::from_cols(n.x * n, n.y * n, n.z * n);
+            right += area * n.dot(foot - from) * n;
+        }
+        let trace = matrix.x_axis.x + matrix.y_axis.y + matrix.z_axis.z;
+        let held = matrix + DMat3::from_diagonal(DVec3::splat(HOLD * trace / 3.0));
+        (trace > 0.0).then(|| self.coordinates.nearest(from + held.inverse() * right))
     }
 }
 
@@ -92,7 +114,7 @@ impl RelaxJudge for Facets<'_> {
         let length = normal.length();
         let fault = if length > 0.0 {
             let angle = (normal.dot(outward) / length).clamp(-1.0, 1.0).acos();
-            (angle - self.aim).max(0.0) * length
+            (angle - AIM * self.most_deviation).max(0.0) * length
         } else {
             0.0
         };
@@ -110,18 +132,29 @@ impl RelaxJudge for Facets<'_> {
 
     /// Where the planes meet that touch the surface at the middles of the facets around.
     fn place(&self, of: u32, around: &[Facet<Lie>]) -> Option<DVec3> {
-        let Facet { names, corners, .. } = around.first()?;
-        let v = corners[names.iter().position(|&name| name == of)?];
-        let mut matrix = DMat3::ZERO;
-        let mut right = DVec3::ZERO;
-        for Facet { look, .. } in around {
-            let n = look.near.away;
-            matrix += look.area * DMat3::from_cols(n.x * n, n.y * n, n.z * n);
-            right += look.area * n.dot(look.foot - v) * n;
+        let v = around.first()?.corner(of)?;
+        self.meeting(v, around.iter().map(|facet| facet.look))
+    }
+
+    /// Where the planes meet that touch the surface at the middles of what the facets would be divided into.
+    fn between(&self, ends: [u32; 2], facets: &[Facet<Lie>; 2]) -> Option<DVec3> {
+        let worst = facets[0].look;
+        let tolerated = (TOLERATED - AIM) * self.most_deviation * worst.area;
+        if worst.area < self.least_divided || worst.fault <= tolerated {
+            return None;
         }
-        let trace = matrix.x_axis.x + matrix.y_axis.y + matrix.z_axis.z;
-        let held = matrix + DMat3::from_diagonal(DVec3::splat(HOLD * trace / 3.0));
-        (trace > 0.0).then(|| self.coordinates.nearest(v + held.inverse() * right))
+        let places = ends.map(|v| facets[0].corner(v));
+        let [Some(p), Some(q)] = places else {
+            return None;
+        };
+        let middle = 0.5 * (p + q);
+        let halves = facets.iter().flat_map(|facet| {
+            let apex = facet.names.iter().position(|v| !ends.contains(v));
+            apex.into_iter().flat_map(move |apex| {
+                [p, q].map(|end| self.look([facet.corners[apex], end, middle], Some(&facet.look)))
+            })
+        });
+        self.meeting(middle, halves)
     }
 
     fn admits(&self, after: &[Facet<Lie>]) -> bool {

@@ -5,7 +5,7 @@ mod support;
 use glam::{DQuat, DVec3};
 use ravec_mesh::{Bvh, TriMesh};
 use ravec_offset::{OffsetParams, Side};
-use ravec_scenes::solids::{crossing_plates, cuboid, cylinder};
+use ravec_scenes::solids::{crossing_plates, cuboid, cylinder, icosphere};
 use support::verdict::{params, sound_offset};
 
 /// The share of the area whose facets are turned by more than some degrees, at their middles, from what is nearest.
@@ -61,4 +61,34 @@ fn nearly_all_of_a_simplified_surface_faces_as_it_should() {
             assert!(many > few, "{name}: {few} and {many} triangles");
         }
     }
+}
+
+/// A ball whose radius changes from vertex to vertex, so that its triangles are some degrees off.
+fn rough_ball() -> TriMesh {
+    let ball = turned(&icosphere(1.0, 4).mesh);
+    let rough = |p: DVec3| {
+        let seed = (p.dot(DVec3::new(12.9898, 78.233, 37.719)).sin() * 43758.5453).fract();
+        (1.0 + 0.006 * seed) * p
+    };
+    let positions = ball.positions().iter().map(|&p| rough(p)).collect();
+    TriMesh::new(positions, ball.triangles().to_vec()).unwrap()
+}
+
+#[test]
+fn rough_meshes_have_leeway_unless_somebody_asks_for_a_limit() {
+    let mesh = rough_ball();
+    let of = |max_normal_deviation_deg| {
+        let params = OffsetParams {
+            max_normal_deviation_deg,
+            ..params(Side::Outer, 0.06, 0.003, true)
+        };
+        let (found, _) = sound_offset("a rough ball", &mesh, &params);
+        found.mesh
+    };
+    let (free, limited) = (of(None), of(Some(4.0)));
+    let [off, less_off] = [&free, &limited].map(|s| turned_by_more(&mesh, s, 4.0));
+    assert!(off > 0.03, "{off} of the area");
+    assert!(less_off <= 0.01, "{less_off} of the area");
+    let [few, many] = [&free, &limited].map(|s| s.triangles().len());
+    assert!(many > few, "{few} and {many} triangles");
 }

@@ -104,9 +104,10 @@ pub struct Params {
     #[cfg_attr(feature = "cli", arg(long))]
     pub no_simplify: bool,
     /// How far merging may turn a triangle away from the surface that it stands for, above 0, up to 90 degrees [default: 4, and
-    /// more where the tolerance is over a twentieth of the distance]
+    /// more where the tolerance is over a twentieth of the distance, and for rough meshes such as scans]
     ///
-    /// Less keeps more triangles and looks smoother. At creases, triangles that were off more before stay so.
+    /// Less keeps more triangles and looks smoother. A limit that is asked for is that of rough meshes, too. At creases,
+    /// triangles that were off more before stay so.
     #[cfg_attr(feature = "cli", arg(long, value_name = "DEGREES"))]
     pub max_normal_deviation: Option<f64>,
     /// How much memory to work in, such as 2GiB [default: as much as it takes]

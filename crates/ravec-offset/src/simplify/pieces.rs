@@ -7,7 +7,7 @@
 //! Guarantees: as for a surface in memory; where triangles of two pieces met, pieces are as they were. Does not guarantee: that
 //! no seam is left, if what is left is too large to be one piece.
 
-use super::Simplifier;
+use super::{Simplifier, indices};
 use crate::params::OffsetError;
 use crate::pieces::{Piece, Pieces, Visibility};
 use crate::space;
@@ -15,6 +15,7 @@ use crate::store::{Block, Store};
 use crate::tile::Patch;
 use ravec_mesh::{Aabb, ErrorSample, Keep, TriMesh, add_rings};
 use rustc_hash::FxHashMap;
+use std::f64::consts::PI;
 
 /// How many rings of triangles beside the vertices that pieces share are simplified when all pieces are.
 const SEAM_RINGS: usize = 1;
@@ -129,23 +130,32 @@ impl Simplifier<'_> {
 
     /// Simplifies a piece but for its border and what is held.
     fn apart(&self, piece: &Piece, held: &[bool]) -> Result<Done, OffsetError> {
-        let border = piece.border();
-        let fixed: Vec<u32> = (0..border.len() as u32)
-            .filter(|&v| border[v as usize] || held[v as usize])
-            .collect();
+        let mut border = piece.border();
+        for (v, &is_held) in held.iter().enumerate() {
+            border[v] |= is_held;
+        }
+        let fixed = indices(&border);
+        let prepared = self.prepared(&piece.mesh, &border)?;
+        let surface = prepared.as_ref().unwrap_or(&piece.mesh);
         let keep = Keep {
             vertices: &fixed,
             sealed: true,
+            reports_samples: true,
             ..Keep::default()
         };
-        let Some(simplified) = self.merged(&piece.mesh, keep)? else {
+        let Some(mut simplified) = self.merged(surface, keep, PI)? else {
             return Ok(Done {
-                patch: patch(piece, piece.mesh.clone(), |v| v),
+                patch: patch(piece, surface.clone(), |v| v),
                 samples: vec![],
             });
         };
+        if self.is_merged_twice {
+            let sealed = (simplified.vertex_origin.iter()).map(|&v| border[v as usize]);
+            let sealed: Vec<bool> = sealed.collect();
+            simplified = self.merged_again(simplified, &sealed)?;
+        }
         let origin = |v: usize| simplified.vertex_origin[v] as usize;
-        let near = around(&simplified.mesh, |v| border[origin(v)] || held[origin(v)]);
+        let near = around(&simplified.mesh, |v| border[origin(v)]);
         let is_near = |sample: &&ErrorSample| {
             let corners = simplified.mesh.triangles()[sample.triangle as usize];
             corners.iter().any(|&v| near[v as usize])
@@ -170,7 +180,7 @@ impl Simplifier<'_> {
             ..Keep::default()
         };
         let samples = vec![];
-        let Some(simplified) = self.merged(&piece.mesh, keep)? else {
+        let Some(simplified) = self.merged(&piece.mesh, keep, PI)? else {
             let patch = patch(piece, piece.mesh.clone(), |v| v);
             return Ok(Done { patch, samples });
         };
@@ -178,7 +188,7 @@ impl Simplifier<'_> {
         let sealed: Vec<bool> = (0..simplified.mesh.positions().len())
             .map(|v| border[origin(v)])
             .collect();
-        let turned = self.turned(&simplified.mesh, &sealed)?;
+        let turned = self.turned(&simplified.mesh, &sealed, false)?;
         let patch = patch(piece, turned, origin);
         Ok(Done { patch, samples })
     }
