@@ -116,8 +116,8 @@ pub struct Keep<'a> {
     /// Whether other meshes have these vertices, too (default false): then no edge between two of them comes to be, since there
     /// might be one elsewhere.
     pub sealed: bool,
-    /// What the error is measured from, if not from the mesh itself: the [`samples`](Simplified::samples) of a simplification that
-    /// it came from, so that the errors of both do not add up.
+    /// What the error is measured from, if not from the mesh itself: the [`samples`](Simplified::samples) of a simplification
+    /// that it came from, so that the errors of both do not add up.
     pub samples: Option<&'a [ErrorSample]>,
     /// Whether the [`samples`](Simplified::samples) of the result are wanted, to go on from (default false).
     pub reports_samples: bool,

@@ -65,18 +65,19 @@ pub struct OffsetParams {
     pub open: OpenRule,
     /// Whether to merge triangles as far as the tolerance allows, and to turn what then lies badly (default yes).
     pub simplify: bool,
-    /// How far simplification may turn a triangle away from the surface that it stands for, in degrees, above 0 and at most
-    /// 90 (default what [`Self::normal_deviation_deg`] says). Triangles at creases that were off more before may stay so. Without a
-    /// limit of their own, rough meshes, as scans are, have a larger one: by twice the angle between neighbors that a quarter of the
-    /// mesh stays below, but at most by 80 %. Less keeps more triangles. With a limit of its own the surface is turned before its
-    /// triangles are merged, which takes memory that [`Self::memory_bytes`] does not know of.
+    /// How far simplification may turn a triangle away from the surface that it stands for, in degrees, above 0 and at most 90
+    /// (default what [`Self::normal_deviation_deg`] says). Triangles at creases that were off more before may stay so. Without
+    /// a limit of their own, rough meshes, as scans are, have a larger one: by twice the angle between neighbors that a quarter
+    /// of the mesh stays below, but at most by 80 %. Less keeps more triangles. With a limit of its own the surface is turned
+    /// before its triangles are merged, which takes memory that [`Self::memory_bytes`] does not know of.
     pub max_normal_deviation_deg: Option<f64>,
     /// What the coordinates of the result may be (default double). Single precision asks for a tolerance of some 20 times
     /// the gap between its numbers there.
     pub coordinates: Coordinates,
     /// How much memory to use, in bytes (default as much as it takes). With less, space is cut into more tiles, which takes
     /// longer, and a surface that is too large is kept in a [`Storage`](crate::Storage); before simplification it is the same.
-    /// Memory is guessed, and what is known of orders and borders is kept in any case, so that limits below some 200 MB may be exceeded by a half.
+    /// Memory is guessed, and what is known of orders and borders is kept in any case, so that limits below some 200 MB may be
+    /// exceeded by a half.
     pub memory_bytes: Option<u64>,
 }
 
@@ -282,8 +283,8 @@ impl OffsetParams {
     /// How far simplification may turn a triangle, in degrees: what is asked for, or 4, and more where the tolerance ε is more
     /// than a twentieth of the distance δ: 4 √(20 ε/δ).
     ///
-    /// A chord of a rounded edge, whose radius is the distance, is off by as much as the tolerance if it spans an angle that grows as
-    /// √(ε/δ). A limit that does not grow with it would keep many more triangles than the tolerance asks for.
+    /// A chord of a rounded edge, whose radius is the distance, is off by as much as the tolerance if it spans an angle that
+    /// grows as √(ε/δ). A limit that does not grow with it would keep many more triangles than the tolerance asks for.
     pub fn normal_deviation_deg(&self) -> f64 {
         self.max_normal_deviation_deg.unwrap_or_else(|| {
             let coarseness = self.tolerance / (COARSE * self.distance);

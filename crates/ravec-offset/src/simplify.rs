@@ -39,8 +39,8 @@ const TRUSTED_SPREAD: f64 = 0.7;
 /// How much more facets may be off where the mesh is rough, relative to what they may be off elsewhere.
 const MOST_LEEWAY: f64 = 0.8;
 
-/// The angle from which on edges are kept as features when triangles are merged once more, in radians: by then crests end in so few
-/// facets that the samples of the error may miss the tip of one.
+/// The angle from which on edges are kept as features when triangles are merged once more, in radians: by then crests end in so
+/// few facets that the samples of the error may miss the tip of one.
 const CREST_RAD: f64 = std::f64::consts::FRAC_PI_3;
 
 /// How triangles are merged.
@@ -107,8 +107,8 @@ impl<'a> Simplifier<'a> {
         self.turned(&merged.mesh, &[], true)
     }
 
-    /// Turns facets of what was merged, and merges them once more, with the error counted from what was there first. Of the vertices
-    /// that are `sealed` none goes, and no facet is turned that has two of them.
+    /// Turns facets of what was merged, and merges them once more, with the error counted from what was there first. Of the
+    /// vertices that are `sealed` none goes, and no facet is turned that has two of them.
     fn merged_again(&self, merged: Merged, sealed: &[bool]) -> Result<Merged, Cancelled> {
         let turned = self.turned(&merged.mesh, sealed, false)?;
         let samples = samples_on(&turned, &merged, self.proofs.progress)?;
@@ -133,15 +133,15 @@ impl<'a> Simplifier<'a> {
         Ok(again)
     }
 
-    /// A surface with its facets turned before any are merged, if somebody asks for a limit: merging allows facets to be off by as much
-    /// as they were before, all together. Vertices and triangles keep their numbers.
+    /// A surface with its facets turned before any are merged, if somebody asks for a limit: merging allows facets to be off by
+    /// as much as they were before, all together. Vertices and triangles keep their numbers.
     fn prepared(&self, surface: &TriMesh, sealed: &[bool]) -> Result<Option<TriMesh>, Cancelled> {
         let turned = self.has_limit.then(|| self.turned(surface, sealed, false));
         turned.transpose()
     }
 
-    /// Turns facets that lie badly, but none with two corners that are `sealed`; with vertices added where nothing else helps, or
-    /// without.
+    /// Turns facets that lie badly, but none with two corners that are `sealed`; with vertices added where nothing else helps,
+    /// or without.
     fn turned(
         &self,
         surface: &TriMesh,
@@ -170,7 +170,8 @@ impl<'a> Simplifier<'a> {
         smooth(surface, &facets, progress)
     }
 
-    /// Merges triangles, with edges at which they meet at a larger angle than this kept as features; `None` if that cannot be done.
+    /// Merges triangles, with edges at which they meet at a larger angle than this kept as features; `None` if that cannot be
+    /// done.
     fn merged(
         &self,
         surface: &TriMesh,
@@ -368,8 +369,8 @@ impl Judge<'_> {
         }
     }
 
-    /// How a facet lies, by what is nearest to its corners and a triangle that may be near to its middle, and by a search only if that
-    /// is not good enough.
+    /// How a facet lies, by what is nearest to its corners and a triangle that may be near to its middle, and by a search only
+    /// if that is not good enough.
     fn looked_at(&self, facet: [DVec3; 3], likely: [u32; 4]) -> Lie {
         let field = self.proofs.field;
         let tilted = likely_tilt(field, facet, &likely);

@@ -112,8 +112,9 @@ pub struct Params {
     pub max_normal_deviation: Option<f64>,
     /// How much memory to work in, such as 2GiB [default: as much as it takes]
     ///
-    /// With less, space is cut into more tiles, which takes longer and gives the same surface; one that is too large is kept in a
-    /// temporary file beside the output, some 180 bytes for each triangle before these are merged. The mesh itself stays in memory.
+    /// With less, space is cut into more tiles, which takes longer and gives the same surface; one that is too large is kept in
+    /// a temporary file beside the output, some 180 bytes for each triangle before these are merged. The mesh itself stays in
+    /// memory.
     #[cfg_attr(feature = "cli", arg(long, value_name = "SIZE"))]
     pub memory: Option<ByteSize>,
     /// Unit of the input's coordinates, whatever the file says; most formats say nothing
@@ -198,18 +199,19 @@ impl Params {
 /// Writes the surface at a distance from the mesh `source` to `path`.
 ///
 /// The mesh may be any triangles; [`Side::Inner`] and [`Side::Shell`] need a closed one. If a closed mesh is inside out it is
-/// turned. If the output holds 32-bit floats, vertices are put on such numbers before anything is decided about their triangles:
-/// all that is said holds for the mesh in the file.
+/// turned. If the output holds 32-bit floats, vertices are put on such numbers before anything is decided about their
+/// triangles: all that is said holds for the mesh in the file.
 ///
 /// [`Report::passed`] says whether the result is what was promised: each triangle is proved to keep the distance within the
 /// tolerance, and all of them are the surface of a solid, closed, manifold and without self-intersections. If not, it is
 /// written all the same; a warning and findings say what is wrong with it.
 ///
-/// Figures: `distance`, `tolerance`, `diagonal` (units of the file that is written), `certified` and `solid` (0 or 1), `uncertified_triangles`,
-/// `self_intersections`, `triangles`, `extracted_triangles` (before they were merged); `cells` and `deepest_level` of the
-/// octree, and how it was mended: `mending_rounds`, `split_cells`, `filled_corners`; `feature_edges`, where the surface turns
-/// by more than 20°; `distance_least` and `distance_most`, proved for every point of the surface, and `distance_most_found`,
-/// the most that a corner or a middle of a triangle has; `sheet_kept` (0 or 1) of a sheet that was thickened.
+/// Figures: `distance`, `tolerance`, `diagonal` (units of the file that is written), `certified` and `solid` (0 or 1),
+/// `uncertified_triangles`, `self_intersections`, `triangles`, `extracted_triangles` (before they were merged); `cells` and
+/// `deepest_level` of the octree, and how it was mended: `mending_rounds`, `split_cells`, `filled_corners`; `feature_edges`,
+/// where the surface turns by more than 20°; `distance_least` and `distance_most`, proved for every point of the surface, and
+/// `distance_most_found`, the most that a corner or a middle of a triangle has; `sheet_kept` (0 or 1) of a sheet that was
+/// thickened.
 ///
 /// # Errors
 /// [`JobError::Parameter`], [`JobError::UnknownMeshFormat`], [`JobError::ReadMesh`], [`JobError::NoTriangles`],

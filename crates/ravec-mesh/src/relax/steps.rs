@@ -43,8 +43,8 @@ pub(super) struct Scratch {
     found: Vec<u32>,
 }
 
-/// Triangles, and of what comes to be of each, and of new ones: the names that its corners will have, where these will be, and which of
-/// the triangles it is a part of.
+/// Triangles, and of what comes to be of each, and of new ones: the names that its corners will have, where these will be, and
+/// which of the triangles it is a part of.
 type Change = (Vec<u32>, Vec<([u32; 3], [DVec3; 3], usize)>);
 
 pub(super) struct Steps<'a, J: RelaxJudge> {
@@ -117,7 +117,8 @@ impl<'a, J: RelaxJudge> Steps<'a, J> {
         }
     }
 
-    /// A box around all triangles that have a corner of this one: steps that concern it change no other, and are chosen by no other.
+    /// A box around all triangles that have a corner of this one: steps that concern it change no other, and are chosen by no
+    /// other.
     pub fn surroundings(&self, triangle: u32) -> Aabb {
         let names = self.triangles[triangle as usize].into_iter();
         let around = names.flat_map(|v| &self.stars[v as usize]);
@@ -216,8 +217,8 @@ impl<'a, J: RelaxJudge> Steps<'a, J> {
         })
     }
 
-    /// The corners of two triangles with a common edge: that of the first which is not on the edge, the edge as the first goes along it,
-    /// and that of the second; `None` if they do not go along it in opposite directions.
+    /// The corners of two triangles with a common edge: that of the first which is not on the edge, the edge as the first goes
+    /// along it, and that of the second; `None` if they do not go along it in opposite directions.
     fn diamond(&self, [one, other]: [u32; 2]) -> Option<[u32; 4]> {
         let names = self.triangles[one as usize];
         let others = self.triangles[other as usize];

@@ -46,8 +46,8 @@ pub(super) struct Start<'a> {
     pub mesh: &'a TriMesh,
     pub params: &'a SimplifyParams,
     pub keep: Keep<'a>,
-    /// The vertices to keep that are also those of other triangles, elsewhere: no edge between two of them may come to be, since
-    /// there might be one elsewhere.
+    /// The vertices to keep that are also those of other triangles, elsewhere: no edge between two of them may come to be,
+    /// since there might be one elsewhere.
     pub sealed: &'a [u32],
     /// What is known of the original, if this is not the first engine at work.
     pub samples: Option<Vec<Sample>>,

@@ -84,6 +84,22 @@ impl Part {
         here.map(|(name, _)| name).collect()
     }
 
+    /// Those of its vertices that are at most so many `rings` away from what is `chosen`, a bit for each vertex of the
+    /// original: a bit for each of them.
+    pub fn around(&self, chosen: &[bool], rings: usize) -> Vec<bool> {
+        let here = self.vertices.iter().map(|&v| chosen[v as usize]);
+        let mut around: Vec<bool> = here.collect();
+        add_rings(&mut around, &self.mesh, rings);
+        around
+    }
+
+    /// The triangles with a corner that is `chosen`, a bit for each of its vertices.
+    pub fn triangles_at(&self, chosen: &[bool]) -> Vec<u32> {
+        let all = (0..).zip(self.mesh.triangles());
+        let at = all.filter(|(_, corners)| corners.iter().any(|&v| chosen[v as usize]));
+        at.map(|(t, _)| t).collect()
+    }
+
     /// What became of features of the original, by their names here.
     pub fn features(&self, features: &[[u32; 2]], merged_into: &[u32]) -> Vec<[u32; 2]> {
         if features.is_empty() {
@@ -194,6 +210,19 @@ pub(super) fn borders(mesh: &TriMesh, groups: &[Vec<u32>]) -> (Vec<u32>, Vec<boo
         }
     }
     (group_of, shared)
+}
+
+/// The samples of each of so many groups, of which `group_of` tells by the triangle, and of none in the end.
+pub(super) fn by_group(
+    samples: Vec<Sample>,
+    groups: usize,
+    group_of: impl Fn(u32) -> u32,
+) -> Vec<Vec<Sample>> {
+    let mut samples_of = vec![Vec::new(); groups + 1];
+    for sample in samples {
+        samples_of[group_of(sample.triangle) as usize].push(sample);
+    }
+    samples_of
 }
 
 /// Adds so many rings of neighbors to the vertices that are chosen: a bit for each vertex of the mesh.

@@ -21,7 +21,7 @@ use rustc_hash::FxHashMap;
 use super::deviation::{Sample, known_samples, samples};
 use super::engine::{Engine, Leftover, Start};
 use super::judge::{Overseer, Trust};
-use super::parts::{Part, add_rings, borders, cut, cut_sparsely};
+use super::parts::{Part, borders, by_group, cut, cut_sparsely};
 use super::surface::{GONE, creases};
 use super::undo::Checkpoint;
 use super::{Keep, Simplified, SimplifyError, SimplifyParams, SimplifyReport, validate};
@@ -133,6 +133,15 @@ struct Work<'a> {
     sealed: &'a [u32],
 }
 
+/// What bounds pieces that are simplified side by side: a bit for each vertex of the original.
+struct Bounds {
+    kept: Vec<bool>,
+    /// Those that other triangles have, too.
+    sealed: Vec<bool>,
+    /// Those that could go if pieces did not share them.
+    left: Vec<bool>,
+}
+
 /// The mesh between the steps, in the names of the original.
 pub(super) struct Assembly {
     pub positions: Vec<DVec3>,
@@ -162,10 +171,7 @@ impl<O: Overseer> Task<'_, O> {
     ) -> Result<(Assembly, Vec<bool>), SimplifyError> {
         let (patch_of, held) = borders(self.mesh, groups);
         self.progress.check()?;
-        let mut samples_of = vec![Vec::new(); groups.len() + 1];
-        for sample in samples {
-            samples_of[patch_of[sample.triangle as usize] as usize].push(sample);
-        }
+        let samples_of = by_group(samples, groups.len(), |t| patch_of[t as usize]);
         let untouched = Assembly::new(self.mesh, vec![]);
         let found: Vec<(Part, Assembly)> = groups
             .par_iter()
@@ -217,11 +223,8 @@ impl<O: Overseer> Task<'_, O> {
         let all = 0..self.mesh.triangles().len() as u32;
         let whole = Part::new(self.mesh, assembly.now(), all);
         self.progress.check()?;
-        let mut free: Vec<bool> = (whole.vertices.iter()).map(|&v| held[v as usize]).collect();
-        add_rings(&mut free, &whole.mesh, RINGS);
-        let is_free = |corners: &[u32; 3]| corners.iter().any(|&v| free[v as usize]);
-        let near = (0..).zip(whole.mesh.triangles());
-        let near: Vec<u32> = near.filter(|(_, t)| is_free(t)).map(|(t, _)| t).collect();
+        let free = whole.around(held, RINGS);
+        let near = whole.triangles_at(&free);
         self.progress.check()?;
         let pieces = match (near.is_empty(), is_cut) {
             (true, _) => vec![],
@@ -230,24 +233,13 @@ impl<O: Overseer> Task<'_, O> {
         };
         let (piece_of, shared) = borders(&whole.mesh, &pieces);
         self.progress.check()?;
-        let mut samples_of = vec![Vec::new(); pieces.len() + 1];
+        let samples = std::mem::take(&mut assembly.samples);
         let numbers: FxHashMap<u32, u32> = whole.triangles.iter().copied().zip(0..).collect();
-        for sample in assembly.samples.drain(..) {
-            let piece = piece_of[numbers[&sample.triangle] as usize];
-            samples_of[piece as usize].push(sample);
-        }
+        let piece_at = |t: u32| piece_of[numbers[&t] as usize];
+        let mut samples_of = by_group(samples, pieces.len(), piece_at);
         drop(numbers);
         self.progress.check()?;
-        // in the names of the original from here on
-        let mut kept = self.fixed.clone();
-        let mut sealed = vec![false; kept.len()];
-        let mut left = vec![false; kept.len()];
-        for (v, &name) in whole.vertices.iter().enumerate() {
-            let name = name as usize;
-            left[name] = free[v] && shared[v] && !self.fixed[name];
-            kept[name] |= !free[v] || shared[v];
-            sealed[name] = shared[v] || self.sealed && self.fixed[name];
-        }
+        let bounds = self.bounds(&whole, &free, &shared);
         self.progress.check()?;
         assembly.samples = samples_of.pop().unwrap_or_default();
         let found: Vec<(Part, Leftover)> = pieces
@@ -260,11 +252,11 @@ impl<O: Overseer> Task<'_, O> {
                 let work = Work {
                     keep: Keep {
                         features: &part.features(&self.features, &assembly.merged_into),
-                        vertices: &part.vertices_in(&kept),
+                        vertices: &part.vertices_in(&bounds.kept),
                         ..Keep::default()
                     },
                     trust: Trust::Examined,
-                    sealed: &part.vertices_in(&sealed),
+                    sealed: &part.vertices_in(&bounds.sealed),
                 };
                 let leftover = self.run(&part, samples, work)?;
                 Ok((part, leftover))
@@ -275,7 +267,23 @@ impl<O: Overseer> Task<'_, O> {
             assembly.take(&part, leftover);
         }
         assembly.resolve();
-        Ok(left)
+        Ok(bounds.left)
+    }
+
+    /// What bounds the pieces of a `whole`, of whose vertices some are `free`, and some `shared` by pieces.
+    fn bounds(&self, whole: &Part, free: &[bool], shared: &[bool]) -> Bounds {
+        let mut bounds = Bounds {
+            kept: self.fixed.clone(),
+            sealed: vec![false; self.fixed.len()],
+            left: vec![false; self.fixed.len()],
+        };
+        for (v, &name) in whole.vertices.iter().enumerate() {
+            let name = name as usize;
+            bounds.kept[name] |= !free[v] || shared[v];
+            bounds.sealed[name] = shared[v] || self.sealed && self.fixed[name];
+            bounds.left[name] = free[v] && shared[v] && !self.fixed[name];
+        }
+        bounds
     }
 
     /// Lets an engine work on a part.
@@ -321,11 +329,7 @@ impl<O: Overseer> Task<'_, O> {
         let all = 0..self.mesh.triangles().len() as u32;
         let part = Part::new(self.mesh, assembly.now(), all);
         self.progress.check()?;
-        let free = free.map(|free| {
-            let mut here: Vec<bool> = part.vertices.iter().map(|&v| free[v as usize]).collect();
-            add_rings(&mut here, &part.mesh, RINGS);
-            here
-        });
+        let free = free.map(|free| part.around(free, RINGS));
         let keep: Vec<u32> = (0_u32..)
             .zip(&part.vertices)
             .filter(|&(name, &v)| {

@@ -1,8 +1,8 @@
 //! Simplification of a surface that is too large for its memory.
 //!
-//! Pieces are simplified one after the other, with the vertices that they share held fast. What is left of them is put together to
-//! fewer pieces, in which what is around these vertices is simplified, but for what is at their own borders. The error counts
-//! from the surface that was there first.
+//! Pieces are simplified one after the other, with the vertices that they share held fast. What is left of them is put together
+//! to fewer pieces, in which what is around these vertices is simplified, but for what is at their own borders. The error
+//! counts from the surface that was there first.
 //!
 //! Guarantees: as for a surface in memory; where triangles of two pieces met, pieces are as they were. Does not guarantee: that
 //! no seam is left, if what is left is too large to be one piece.
@@ -20,7 +20,8 @@ use std::f64::consts::PI;
 /// How many rings of triangles beside the vertices that pieces share are simplified when all pieces are.
 const SEAM_RINGS: usize = 1;
 
-/// How often a piece is simplified whose triangles meet those of others, each time with more left as it was, before all of it is.
+/// How often a piece is simplified whose triangles meet those of others, each time with more left as it was, before all of it
+/// is.
 const MOST_TRIES: u32 = 4;
 
 /// A surface with fewer triangles.
