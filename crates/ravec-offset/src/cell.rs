@@ -50,10 +50,6 @@ pub(crate) const MOST_TRIANGLES_OF_SHEET: usize = 64;
 /// The least cosine of the angle between a direction and the normals of triangles that face it.
 const FACING: f64 = 0.2;
 
-/// The cosines of the least and the largest angle of a crest that counts as acute: 5° and 25°. Sheets at less of an angle
-/// may be those of a thin gap, which has no crest.
-const ACUTE: [f64; 2] = [0.996, 0.906];
-
 /// As [`MOST_TRIANGLES`] where the surface is made of the triangles themselves. There they meet at every vertex, in any
 /// number, and each of them is looked at. With 6, cells around vertices are split down to the floor, which gave 5 and 15
 /// times as many triangles on two open meshes; with 12, twice as many on one of them.
@@ -146,8 +142,6 @@ pub(crate) struct Fit {
     pub is_good: bool,
     /// The triangle closest to the vertex, or to the middle where there is none.
     pub nearest: u32,
-    /// Whether two sheets go through the cell that meet at an acute crest, while no corner lies between them.
-    pub is_acute: bool,
 }
 
 /// Where a vertex is placed.
@@ -168,15 +162,6 @@ impl Placed {
             .map(|sample| sample.away.dot(self.vertex - sample.point).abs())
             .fold(0.0, f64::max)
     }
-}
-
-/// Whether some of the samples lie on sheets that meet at an acute crest.
-fn is_acute(samples: &[Sample]) -> bool {
-    let opposed = |a: &Sample, b: &Sample| {
-        let cosine = -a.away.dot(b.away);
-        cosine < ACUTE[0] && cosine > ACUTE[1]
-    };
-    (1..samples.len()).any(|i| samples[..i].iter().any(|other| opposed(other, &samples[i])))
 }
 
 impl Cell<'_> {
@@ -216,7 +201,6 @@ impl Cell<'_> {
                 vertex: None,
                 nearest: center.triangle,
                 is_good: !deep && !self.may_hold_a_pocket(center, corners, self.is_crowd(&through)),
-                is_acute: is_acute(&samples),
             };
         }
         let mut placed = self.vertex(&samples);
@@ -231,7 +215,6 @@ impl Cell<'_> {
             is_good: placed.flatness(&samples) <= flatness
                 && placed.miss <= MISS * self.setting.tolerance
                 && sign_components(inside) <= 2,
-            is_acute: false,
         }
     }
 

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use rustc_hash::FxHashSet;
 
 /// How many levels below the floor, where cells are as small as the tolerance, cells may have to be split.
-pub(crate) const LEVELS_BELOW_FLOOR: u8 = 3;
+pub(crate) const LEVELS_BELOW_FLOOR: u8 = 2;
 
 /// Cells measure at least this many steps, so that there are places inside them, and inside their faces and edges.
 const LEAST_STEPS: f64 = 4.0;

@@ -128,8 +128,7 @@ impl Judge<'_> {
         let mut bad = Bad::default();
         for t in self.unproved(proved, refinement, (extracted, scope), progress)? {
             let cells = extracted.cells_of(t);
-            let keys = cells.iter().map(|&leaf| refinement.tree.key(leaf));
-            wanted.unproved.extend(keys);
+            wanted.unproved.extend(coarsest(refinement, cells));
             bad.leaves.extend(cells);
             bad.starts.push(start_of(t));
         }
@@ -224,6 +223,17 @@ impl Judge<'_> {
         }
         Ok(bad)
     }
+}
+
+/// The cells of those leaves that are the coarsest.
+///
+/// To split them is enough to mend a facet, in the end: it is their vertices that are far from others. A crest whose tip lies in a
+/// coarse leaf without a corner beyond it is followed by the edges of finer leaves beside it, at a third of the cells that it takes to
+/// split all of them.
+fn coarsest(refinement: &Refinement<'_>, leaves: &[NodeId]) -> impl Iterator<Item = CellKey> {
+    let keys = leaves.iter().map(|&leaf| refinement.tree.key(leaf));
+    let least = keys.clone().map(|key| key.level).min();
+    keys.filter(move |key| Some(key.level) == least)
 }
 
 /// A cell that is to be split, and its descendants as far as they are to be split with it, over some levels in all.

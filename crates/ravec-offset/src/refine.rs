@@ -66,14 +66,9 @@ impl Setting<'_> {
         floor.min(MAX_LEVEL - 2).min(self.grid.deepest)
     }
 
-    /// The level down to which tips of acute crests are followed.
-    pub fn deepest(&self) -> u8 {
-        (self.floor() + LEVELS_BELOW_FLOOR).min(self.grid.deepest)
-    }
-
-    /// The finest level but for such tips: cells of it are so small that the surface may go anywhere in them.
+    /// The finest level: cells of it are so small that the surface may go anywhere in them.
     pub fn limit(&self) -> u8 {
-        (self.floor() + 2).min(self.grid.deepest)
+        (self.floor() + LEVELS_BELOW_FLOOR).min(self.grid.deepest)
     }
 }
 
@@ -268,32 +263,13 @@ impl<'a> Refinement<'a> {
         leaves
     }
 
-    /// The corners of a leaf, and of finer ones on its border, that lie outside. Where sheets come closer than cells can tell apart,
-    /// those of cells of the finest level are to count as inside: the surface goes through such a cell, so that moves it by less
-    /// than its diagonal, a quarter of the tolerance.
+    /// The corners of a leaf that lie outside. Where sheets come closer than cells can tell apart, those of cells of the finest level
+    /// are to count as inside: the surface goes through such a cell, so that moves it by less than its diagonal, a quarter of the
+    /// tolerance.
     pub fn open_corners(&self, leaf: NodeId) -> impl Iterator<Item = Corner> + '_ {
         let key = self.tree.key(leaf);
-        let levels = self.setting.deepest().saturating_sub(key.level);
-        let (steps, step) = (1u32 << levels, key.side() >> levels);
-        let along = move |axis: usize, count: u32| key.at.0[axis] + count * step;
-        let corner = move |at: [u32; 3]| Corner([0, 1, 2].map(|axis| along(axis, at[axis])));
-        let line = move |y, z| (0..=steps).map(move |x| [x, y, z]);
-        let plane = move |z| (0..=steps).flat_map(move |y| line(y, z));
-        (0..=steps)
-            .flat_map(plane)
-            .filter(move |at| at.iter().any(|&count| count == 0 || count == steps))
-            .map(corner)
-            .filter(|&corner| self.is_outside(corner))
-    }
-
-    /// Whether a place is a corner of a leaf, and lies outside.
-    fn is_outside(&self, place: Corner) -> bool {
-        let has_it = |&leaf: &NodeId| {
-            let key = self.tree.key(leaf);
-            self.is_known(leaf) && (0..8).any(|octant| key.corner(octant) == place)
-        };
-        let leaf = self.leaves_at(place).into_iter().find(has_it);
-        leaf.is_some_and(|leaf| !self.is_inside(leaf, place))
+        let corners = (0..8).map(move |octant| key.corner(octant));
+        corners.filter(move |&corner| !self.is_inside(leaf, corner))
     }
 
     fn split_all(&mut self, leaves: &[NodeId]) -> Vec<NodeId> {
@@ -387,13 +363,7 @@ impl<'a> Refinement<'a> {
             drop(corners);
             for (((node, _), inside), fit) in full.into_iter().zip(inside).zip(fits) {
                 let key = self.tree.key(node);
-                // the tip of an acute crest is thinner than cells that are as small as the tolerance; where the surface is made
-                // of the triangles themselves it is not followed
-                let is_done = if fit.is_acute && self.setting.field.level != 0.0 {
-                    key.level >= self.setting.deepest()
-                } else {
-                    fit.is_good || key.level >= self.floor
-                };
+                let is_done = fit.is_good || key.level >= self.floor;
                 if is_done && !orders.split.contains(&key) {
                     let data = self.tree.data_mut(node);
                     let vertex = fit.vertex;
