@@ -27,7 +27,7 @@ const MOST_ROUNDS: u32 = 100;
 const MOST_ROUNDS_OF_SURFACE: u32 = 40;
 
 /// Rounds after which cells are split by one more level at once.
-const HASTE: u32 = 8;
+const HASTE: u32 = 16;
 
 /// A surface of more triangles than this, made of the input's triangles themselves, is given up if a round makes it larger
 /// by this factor: that far from being mended, it would take minutes and end as crowded. Those that could be mended grew
