@@ -157,6 +157,16 @@ impl Extracted {
         }
     }
 
+    /// The corners of a triangle.
+    pub fn facet(&self, triangle: usize) -> [DVec3; 3] {
+        self.triangles[triangle].map(|v| self.positions[v as usize])
+    }
+
+    /// The edge around which the polygon of a triangle lies.
+    pub fn edge_of(&self, triangle: usize) -> Edge {
+        edge_of(&self.contour.polygons[self.polygon_of[triangle] as usize])
+    }
+
     /// Whether the polygon of a triangle is asked for.
     pub fn is_owned(&self, triangle: usize, scope: &Scope) -> bool {
         scope.owns(&self.contour.polygons[self.polygon_of[triangle] as usize])

@@ -10,7 +10,7 @@ use ravec_progress::{Cancelled, Progress};
 const OVERLAP: f64 = 1.0 + 1e-9;
 
 /// On which side of the triangles something lies.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(crate) enum Region {
     /// Not known yet: triangles may be between its points.
     Unknown,

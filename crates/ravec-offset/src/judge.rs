@@ -7,16 +7,15 @@ use crate::certify::{Room, keeps_distance, room_kept};
 use crate::crest::{near_corner, tightened};
 use crate::extract::Extracted;
 use crate::outermost::compact;
+use crate::proof::{Given, Proof};
 use crate::refine::{Refinement, Setting};
 use crate::scope::Scope;
-use crate::tile::{Orders, Patch, TRIANGLES_AT_ONCE};
+use crate::tile::{Orders, Patch};
 use glam::DVec3;
 use ravec_mesh::{BoxTree, self_intersections};
 use ravec_octree::{CellKey, Corner, NodeId};
 use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
-use rustc_hash::{FxBuildHasher, FxHashMap};
-use std::hash::BuildHasher as _;
 
 /// Where more facets than this are not proved, their cells are split once and not twice.
 const MANY: usize = 2000;
@@ -65,26 +64,6 @@ pub(crate) struct Bad {
     pub starts: Vec<Corner>,
 }
 
-/// What the proof of a facet begins with, beside the facet. A proof that is not tight may succeed from one triangle and fail from
-/// another: one that was found from others does not count, or the surface would depend on what was remembered.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Given {
-    /// Triangles close to the leaves of its polygon.
-    hints: [u32; 4],
-    /// Whether none of these can be split.
-    is_last: bool,
-}
-
-/// A proof that a facet keeps its distance.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Proof {
-    room: Room,
-    given: Given,
-}
-
-/// Facets that were proved, by a hash of their corners.
-pub(crate) type Proved = FxHashMap<u64, Proof>;
-
 /// Who judges a surface.
 #[derive(Clone, Copy)]
 pub(crate) struct Judge<'a> {
@@ -99,34 +78,35 @@ impl Judge<'_> {
         self.setting.field.radius() - AMPLE * self.setting.tolerance
     }
 
-    /// Of each triangle whether ample room below it was proved.
-    pub fn ample(proved: &Proved, patch: &Patch) -> Vec<bool> {
-        let facet = |corners: &[u32; 3]| corners.map(|v| patch.positions[v as usize]);
-        let is_ample = |corners| {
-            let proof = proved.get(&hash(facet(corners)));
-            proof.is_some_and(|proof| proof.room == Room::Ample)
-        };
-        patch.triangles.par_iter().map(is_ample).collect()
-    }
-
     /// Orders what mends facets that are not proved, and triangles that meet.
     ///
-    /// Returns where all these are. `proved` is what was proved before, and grows.
+    /// Returns where all these are, and a proof of each triangle that is asked for, in their order. What was proved of the
+    /// surface `before` is not proved again.
     pub fn judge(
         &self,
-        proved: &mut Proved,
+        before: &Patch,
         refinement: &Refinement<'_>,
         (extracted, scope): (&Extracted, &Scope),
         levels: u8,
         wanted: &mut Wanted,
         progress: &Progress,
-    ) -> Result<Bad, Cancelled> {
+    ) -> Result<(Bad, Vec<Option<Proof>>), Cancelled> {
         let start_of = |t: usize| {
             let polygon = extracted.polygon_of[t];
             extracted.contour.polygons[polygon as usize].start
         };
         let mut bad = Bad::default();
-        for t in self.unproved(proved, refinement, (extracted, scope), progress)? {
+        let asked: Vec<usize> = (0..extracted.triangles.len())
+            .into_par_iter()
+            .filter(|&t| extracted.is_owned(t, scope))
+            .collect();
+        progress.check()?;
+        let proofs = self.proofs(before, refinement, extracted, &asked, progress)?;
+        let unproved = asked
+            .iter()
+            .zip(&proofs)
+            .filter(|(_, proof)| proof.is_none());
+        for (&t, _) in unproved {
             let cells = extracted.cells_of(t);
             wanted.unproved.extend(coarsest(refinement, cells));
             bad.leaves.extend(cells);
@@ -155,19 +135,18 @@ impl Judge<'_> {
             }
         }
         separate(refinement, &equal, levels, next);
-        Ok(bad)
+        Ok((bad, proofs))
     }
 
-    /// The triangles that are not proved.
-    fn unproved(
+    /// Proofs of some triangles, as far as they can be found.
+    fn proofs(
         &self,
-        proved: &mut Proved,
+        before: &Patch,
         refinement: &Refinement<'_>,
-        (extracted, scope): (&Extracted, &Scope),
+        extracted: &Extracted,
+        asked: &[usize],
         progress: &Progress,
-    ) -> Result<Vec<usize>, Cancelled> {
-        let facet =
-            |t: usize| extracted.triangles[t].map(|corner| extracted.positions[corner as usize]);
+    ) -> Result<Vec<Option<Proof>>, Cancelled> {
         let limit = self.setting.limit();
         let given = |t: usize| {
             let cells = extracted.cells_of(t);
@@ -178,25 +157,19 @@ impl Judge<'_> {
                 is_last: cells.iter().all(|cell| level(cell) >= limit),
             }
         };
-        let fresh: Vec<(usize, u64)> = (0..extracted.triangles.len())
-            .into_par_iter()
-            .filter(|&t| extracted.is_owned(t, scope))
-            .map(|t| (t, hash(facet(t))))
-            .filter(|&(t, hash)| {
-                let known = proved.get(&hash);
-                !progress.is_cancelled() && known.is_none_or(|proof| proof.given != given(t))
-            })
-            .collect();
-        progress.check()?;
-        let phase = progress.phase("prove", fresh.len() as u64);
-        let proofs: Vec<Option<Proof>> = fresh
+        let phase = progress.phase("prove", asked.len() as u64);
+        asked
             .par_iter()
-            .map(|&(t, _)| {
+            .map(|&t| {
                 progress.check()?;
                 phase.advance(1);
-                let given = given(t);
+                let (given, facet) = (given(t), extracted.facet(t));
+                let known = before.proof_of(&extracted.edge_of(t), facet);
+                if let Some(proof) = known.filter(|proof| proof.is_from(&given)) {
+                    return Ok(Some(proof));
+                }
                 let Given { hints, is_last } = given;
-                let (field, facet) = (self.setting.field, facet(t));
+                let field = self.setting.field;
                 // corners of fans are not those of the leaves, nor in their order
                 let near = facet.map(|corner| near_corner(field, corner, &hints, self.limits));
                 let hints = near.map(|near| near.triangle);
@@ -205,23 +178,9 @@ impl Judge<'_> {
                 let room = room_kept(field, facet, limits, self.ample_distance(), hints);
                 let is_held = || is_last && keeps_distance(field, facet, self.limits, hints);
                 let room = room.or_else(|| is_held().then_some(Room::Enough));
-                Ok(room.map(|room| Proof { room, given }))
+                Ok(room.map(|room| Proof::new(room, &given)))
             })
-            .collect::<Result<_, Cancelled>>()?;
-        let mut bad = Vec::new();
-        proved.reserve(fresh.len());
-        for (i, ((t, hash), proof)) in fresh.into_iter().zip(proofs).enumerate() {
-            if i.is_multiple_of(TRIANGLES_AT_ONCE as usize) {
-                progress.check()?;
-            }
-            match proof {
-                Some(proof) => {
-                    proved.insert(hash, proof);
-                }
-                None => bad.push(t),
-            }
-        }
-        Ok(bad)
+            .collect()
     }
 }
 
@@ -281,8 +240,4 @@ pub(crate) fn meeting_pairs(
     let tree = BoxTree::try_new(&compact(positions, triangles, progress)?, progress)?;
     let pairs = self_intersections(&tree, usize::MAX, progress)?.pairs;
     Ok(pairs.iter().map(|pair| [pair.first, pair.second]).collect())
-}
-
-fn hash(facet: [DVec3; 3]) -> u64 {
-    FxBuildHasher.hash_one(facet.map(|p| p.to_array().map(f64::to_bits)))
 }

@@ -44,6 +44,7 @@ mod offset;
 mod outermost;
 mod params;
 mod pieces;
+mod proof;
 mod refine;
 mod scope;
 mod simplify;

@@ -9,7 +9,7 @@
 //! from which those come back that changes concern.
 
 use crate::extract::{CrossingPlaces, extract};
-use crate::judge::{Bad, Judge, Proved, Wanted, separate};
+use crate::judge::{Bad, Judge, Wanted, separate};
 use crate::params::OffsetError;
 use crate::pieces::{Pieces, Visibility};
 use crate::refine::{Halt, Refinement, Setting};
@@ -222,7 +222,6 @@ impl<'a> Mending<'a> {
             key,
             refinement,
             places: CrossingPlaces::default(),
-            proved: Proved::default(),
             bad: Bad::default(),
             patch: Patch::default(),
         };
@@ -258,24 +257,24 @@ impl<'a> Mending<'a> {
         let refinement = &grown.refinement;
         let extracted = extract(refinement, &mut scope, &mut grown.places, progress)?;
         let mut patch = extracted.patch(refinement, &scope, progress)?;
-        grown.bad = self.judge().judge(
-            &mut grown.proved,
+        (grown.bad, patch.proofs) = self.judge().judge(
+            &grown.patch,
             refinement,
             (&extracted, &scope),
             levels,
             wanted,
             progress,
         )?;
-        patch.ample = Judge::ample(&grown.proved, &patch);
-        grown.patch = match &scope {
-            Scope::Tile(_) => patch,
+        drop(extracted);
+        match &scope {
+            Scope::Tile(_) => grown.patch = patch,
             Scope::Changes(near) => {
                 let tree = &refinement.tree;
                 let is_gone = |&leaf: &NodeId| !tree.is_leaf(leaf) || near.is_affected(leaf);
                 let is_gone = |leaves: &[NodeId; 4]| leaves.iter().any(is_gone);
-                grown.patch.replaced(is_gone, &patch, progress)?
+                grown.patch.replace(is_gone, patch, progress)?;
             }
-        };
+        }
         Ok(())
     }
 
@@ -373,11 +372,8 @@ impl<'a> Mending<'a> {
         match space {
             Space::Nothing => unreachable!("there was a round"),
             Space::Whole(whole) => {
-                let Grown {
-                    key, bad, patch, ..
-                } = *whole;
-                let mut patch = patch.united();
-                patch.leaves = vec![];
+                let (key, bad, patch) = whole.without_tree();
+                let patch = patch.finished();
                 let made = if patch.triangles.len() > self.budget.triangles {
                     let store = Store::Storage(Scratch::new(self.budget.storage)?);
                     let blocks = blocks(key, &patch, &bad, &store, progress)?;
@@ -394,7 +390,7 @@ impl<'a> Mending<'a> {
                 let mut all = vec![];
                 for tile in &tiles {
                     progress.check()?;
-                    let patch = scratch.patch(tile.patch)?.united();
+                    let patch = scratch.patch(tile.patch)?.finished();
                     all.extend(blocks(tile.key, &patch, &tile.bad, &store, progress)?);
                 }
                 Ok((Space::Cut(scratch, tiles), (store, all)))

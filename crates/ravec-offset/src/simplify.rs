@@ -21,8 +21,8 @@ use crate::params::{COARSE, Coordinates, OffsetParams};
 use crate::smooth::{Facets, least_divided, smooth};
 use glam::DVec3;
 use ravec_mesh::{
-    Adjacency, Bvh, CollapseCandidate, CollapseJudge, ErrorSample, Keep, Overseer,
-    Simplified as Merged, SimplifyError, SimplifyParams, TriMesh, Trust, simplify_patches,
+    Adjacency, Bvh, CollapseCandidate, CollapseJudge, Keep, Overseer, Simplified as Merged,
+    SimplifyError, SimplifyParams, TriMesh, Trust, simplify_patches,
 };
 use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
@@ -109,21 +109,20 @@ impl<'a> Simplifier<'a> {
 
     /// Turns facets of what was merged, and merges them once more, with the error counted from what was there first. Of the
     /// vertices that are `sealed` none goes, and no facet is turned that has two of them.
-    fn merged_again(&self, merged: Merged, sealed: &[bool]) -> Result<Merged, Cancelled> {
+    fn merged_again(&self, mut merged: Merged, sealed: &[bool]) -> Result<Merged, Cancelled> {
         let turned = self.turned(&merged.mesh, sealed, false)?;
-        let samples = samples_on(&turned, &merged, self.proofs.progress)?;
+        move_samples(&mut merged, &turned, self.proofs.progress)?;
         let held = indices(sealed);
         let keep = Keep {
             vertices: &held,
             sealed: !sealed.is_empty(),
-            samples: Some(&samples),
-            reports_samples: true,
+            samples: Some(&merged.samples),
+            reports_samples: !sealed.is_empty(),
             ..Keep::default()
         };
         let Some(mut again) = self.merged(&turned, keep, CREST_RAD)? else {
             return Ok(Merged {
                 mesh: turned,
-                samples,
                 ..merged
             });
         };
@@ -193,23 +192,22 @@ impl<'a> Simplifier<'a> {
     }
 }
 
-/// The samples of what was merged, on the triangles that are nearest once its facets are turned.
-fn samples_on(
+/// Moves the samples of what was merged to the triangles that are nearest once its facets are turned.
+fn move_samples(
+    merged: &mut Merged,
     turned: &TriMesh,
-    merged: &Merged,
     progress: &Progress,
-) -> Result<Vec<ErrorSample>, Cancelled> {
+) -> Result<(), Cancelled> {
+    let Merged { mesh, samples, .. } = merged;
     let bvh = Bvh::try_new(turned, progress)?;
-    let settled = |&ErrorSample { place, triangle }: &ErrorSample| {
+    samples.par_iter_mut().try_for_each(|sample| {
         progress.check()?;
-        let is_same = merged.mesh.corners(triangle) == turned.corners(triangle);
-        let closest = (!is_same).then(|| bvh.closest_with_hint(place, triangle));
-        Ok(ErrorSample {
-            place,
-            triangle: closest.flatten().map_or(triangle, |found| found.triangle),
-        })
-    };
-    merged.samples.par_iter().map(settled).collect()
+        if mesh.corners(sample.triangle) != turned.corners(sample.triangle) {
+            let closest = bvh.closest_with_hint(sample.place, sample.triangle);
+            sample.triangle = closest.map_or(sample.triangle, |found| found.triangle);
+        }
+        Ok(())
+    })
 }
 
 /// The numbers of what is marked.

@@ -1,7 +1,7 @@
 //! The surface while it is mended: all at once, or tile by tile in a storage; and the blocks that it becomes.
 
 use crate::extract::CrossingPlaces;
-use crate::judge::{Bad, Proved};
+use crate::judge::Bad;
 use crate::params::OffsetError;
 use crate::refine::{Refinement, Setting};
 use crate::store::{Block, Bytes, Record, Scratch, Store, damaged, encoded};
@@ -28,8 +28,6 @@ pub(crate) struct Grown<'a> {
     pub key: CellKey,
     pub refinement: Refinement<'a>,
     pub places: CrossingPlaces,
-    /// Facets that were proved, by a hash of their corners.
-    pub proved: Proved,
     pub bad: Bad,
     pub patch: Patch,
 }
@@ -78,6 +76,11 @@ impl Space<'_> {
 }
 
 impl Grown<'_> {
+    /// What is left once the tree is not needed.
+    pub fn without_tree(self) -> (CellKey, Bad, Patch) {
+        (self.key, self.bad, self.patch)
+    }
+
     /// How many leaves start in it, and their finest level.
     pub fn counted(&self) -> (u64, u8) {
         let tree = &self.refinement.tree;
@@ -121,7 +124,6 @@ impl Tile {
             key: self.key,
             refinement: self.refinement(setting, most_nodes, scratch)?,
             places: CrossingPlaces::default(),
-            proved: Proved::default(),
             patch: scratch.patch(self.patch)?,
             bad: self.bad,
         })

@@ -7,6 +7,7 @@
 //! Guarantees: what was put away is the same, bit for bit, when it is taken out.
 
 use crate::params::OffsetError;
+use crate::proof::Proof;
 use crate::tile::{Edge, Patch, VertexName};
 use bytemuck::{Pod, cast_slice, pod_collect_to_vec};
 use glam::DVec3;
@@ -197,6 +198,7 @@ pub(crate) fn encoded(patch: &Patch) -> Vec<u8> {
         patch.edges.len(),
         patch.ample.len(),
         patch.leaves.len(),
+        patch.proofs.len(),
     ];
     let positions: Vec<[f64; 3]> = patch.positions.iter().map(DVec3::to_array).collect();
     let names: Vec<[u32; 6]> = patch.names.iter().map(|&name| name_row(name)).collect();
@@ -205,6 +207,7 @@ pub(crate) fn encoded(patch: &Patch) -> Vec<u8> {
         [x, y, z, edge.length, edge.axis.into()]
     };
     let edges: Vec<[u32; 5]> = patch.edges.iter().map(edge).collect();
+    let proofs: Vec<u64> = patch.proofs.iter().map(|&p| Proof::to_bits(p)).collect();
     let ample: Vec<u8> = patch.ample.iter().map(|&is| is.into()).collect();
     [
         cast_slice(&lengths.map(|length| length as u64)),
@@ -213,23 +216,26 @@ pub(crate) fn encoded(patch: &Patch) -> Vec<u8> {
         cast_slice(&patch.triangles),
         cast_slice(&patch.edge_of),
         cast_slice(&edges),
-        &ample,
         cast_slice(&patch.leaves),
+        cast_slice(&proofs),
+        &ample,
     ]
     .concat()
 }
 
 fn decoded(bytes: &[u8]) -> Option<Patch> {
     let mut bytes = Bytes(bytes);
-    let lengths: Vec<u64> = bytes.take(5)?;
-    let [vertices, triangles, edges, ample, leaves] = [0, 1, 2, 3, 4].map(|i| lengths[i]);
+    let lengths: Vec<u64> = bytes.take(6)?;
+    let lengths: [u64; 6] = lengths.try_into().ok()?;
+    let [vertices, triangles, edges, ample, leaves, proofs] = lengths;
     let positions: Vec<[f64; 3]> = bytes.take(vertices)?;
     let names: Vec<[u32; 6]> = bytes.take(vertices)?;
     let triangles_of: Vec<[u32; 3]> = bytes.take(triangles)?;
     let edge_of: Vec<u32> = bytes.take(triangles)?;
     let edges: Vec<[u32; 5]> = bytes.take(edges)?;
-    let ample: Vec<u8> = bytes.take(ample)?;
     let leaves = bytes.take(leaves)?;
+    let proofs: Vec<u64> = bytes.take(proofs)?;
+    let ample: Vec<u8> = bytes.take(ample)?;
     let edges = edges.into_iter().map(|[x, y, z, length, axis]| Edge {
         start: Corner([x, y, z]),
         length,
@@ -243,6 +249,7 @@ fn decoded(bytes: &[u8]) -> Option<Patch> {
         edges: edges.collect(),
         ample: ample.into_iter().map(|is| is != 0).collect(),
         leaves,
+        proofs: proofs.into_iter().map(Proof::from_bits).collect(),
     })
 }
 
@@ -307,6 +314,7 @@ mod tests {
                 .to_vec(),
             ample: vec![true, false],
             leaves: vec![],
+            proofs: vec![],
         }
     }
 
@@ -318,6 +326,7 @@ mod tests {
         let other = || Patch {
             ample: vec![],
             leaves: vec![[1, 2, 3, 4], [5, 6, 7, u32::MAX]],
+            proofs: vec![Proof::from_bits(77), None],
             ..patch()
         };
         let second = store.put(other()).unwrap();

@@ -7,6 +7,7 @@
 //!
 //! Guarantees: the same surface, vertex by vertex and triangle by triangle, however space is cut into tiles.
 
+use crate::proof::Proof;
 use glam::DVec3;
 use ravec_octree::{CellKey, CellSet, Corner, MAX_LEVEL, NodeId};
 use ravec_progress::{Cancelled, Progress};
@@ -141,64 +142,143 @@ pub(crate) struct Patch {
     pub ample: Vec<bool>,
     /// The leaves around each edge, as long as the tree is kept that they are leaves of.
     pub leaves: Vec<[NodeId; 4]>,
+    /// The proof of each triangle that has one, as long as triangles may have to be proved again.
+    pub proofs: Vec<Option<Proof>>,
 }
 
 impl Patch {
-    /// The same with other polygons in the place of those of which the leaves say that they are gone. Vertices of both parts are
-    /// there twice where they meet, under the same name.
-    pub fn replaced(
-        &self,
+    /// Puts other polygons in the place of those of which the leaves say that they are gone, without a copy of those that stay.
+    /// Vertices of both parts are there twice where they meet, under the same name.
+    ///
+    /// After a cancellation nothing of it can be used.
+    pub fn replace(
+        &mut self,
         is_gone: impl Fn(&[NodeId; 4]) -> bool,
-        fresh: &Self,
+        fresh: Self,
         progress: &Progress,
-    ) -> Result<Self, Cancelled> {
-        let mut kept = self.polygons().peekable();
-        let mut new = fresh.polygons().peekable();
-        let mut whole = Self::default();
-        let mut numbers = [self, fresh].map(|patch| vec![u32::MAX; patch.positions.len()]);
-        loop {
-            if whole.edges.len().is_multiple_of(TRIANGLES_AT_ONCE as usize) {
+    ) -> Result<(), Cancelled> {
+        self.retain(|leaves| !is_gone(leaves), progress)?;
+        self.drop_unused_vertices();
+        progress.check()?;
+        self.insert(fresh, progress)
+    }
+
+    /// Drops polygons.
+    fn retain(
+        &mut self,
+        is_kept: impl Fn(&[NodeId; 4]) -> bool,
+        progress: &Progress,
+    ) -> Result<(), Cancelled> {
+        let (mut edges, mut triangles) = (0, 0);
+        let mut start = 0;
+        for edge in 0..self.edges.len() {
+            if edge.is_multiple_of(TRIANGLES_AT_ONCE as usize) {
                 progress.check()?;
             }
-            while kept
-                .next_if(|(edge, _)| is_gone(&self.leaves[*edge]))
-                .is_some()
-            {}
-            let place = |patch: &Self, next: Option<&(usize, Range<usize>)>| {
-                next.map(|&(edge, _)| patch.edges[edge].place())
-            };
-            let is_kept = match (place(self, kept.peek()), place(fresh, new.peek())) {
-                (Some(a), Some(b)) => a < b,
-                (first, _) => first.is_some(),
-            };
-            let (from, next, numbers) = if is_kept {
-                (self, kept.next(), &mut numbers[0])
-            } else {
-                (fresh, new.next(), &mut numbers[1])
-            };
-            let Some((edge, triangles)) = next else {
-                return Ok(whole);
-            };
-            whole.edges.push(from.edges[edge]);
-            whole.leaves.push(from.leaves[edge]);
-            whole.ample.extend(&from.ample[triangles.clone()]);
-            for triangle in &from.triangles[triangles] {
-                whole.edge_of.push(whole.edges.len() as u32 - 1);
-                whole.triangles.push(triangle.map(|v| {
-                    let number = &mut numbers[v as usize];
-                    if *number == u32::MAX {
-                        *number = whole.positions.len() as u32;
-                        whole.positions.push(from.positions[v as usize]);
-                        whole.names.push(from.names[v as usize]);
-                    }
-                    *number
-                }));
+            let of_edge = &self.edge_of[start..];
+            let count = of_edge.iter().take_while(|&&e| e as usize == edge).count();
+            let end = start + count;
+            if is_kept(&self.leaves[edge]) {
+                self.edges[edges] = self.edges[edge];
+                self.leaves[edges] = self.leaves[edge];
+                self.triangles.copy_within(start..end, triangles);
+                self.proofs.copy_within(start..end, triangles);
+                self.edge_of[triangles..triangles + count].fill(edges as u32);
+                edges += 1;
+                triangles += count;
             }
+            start = end;
+        }
+        self.edges.truncate(edges);
+        self.leaves.truncate(edges);
+        self.triangles.truncate(triangles);
+        self.proofs.truncate(triangles);
+        self.edge_of.truncate(triangles);
+        Ok(())
+    }
+
+    fn drop_unused_vertices(&mut self) {
+        let mut numbers = vec![u32::MAX; self.positions.len()];
+        for &v in self.triangles.iter().flatten() {
+            numbers[v as usize] = 0;
+        }
+        let mut next = 0;
+        for (v, number) in numbers.iter_mut().enumerate() {
+            if *number == 0 {
+                *number = next as u32;
+                self.positions[next] = self.positions[v];
+                self.names[next] = self.names[v];
+                next += 1;
+            }
+        }
+        self.positions.truncate(next);
+        self.names.truncate(next);
+        for corners in &mut self.triangles {
+            *corners = corners.map(|v| numbers[v as usize]);
         }
     }
 
-    /// The same with one vertex for each name.
-    pub fn united(self) -> Self {
+    /// Adds polygons around other edges, each at its place.
+    fn insert(&mut self, fresh: Self, progress: &Progress) -> Result<(), Cancelled> {
+        let first_new = self.positions.len() as u32;
+        self.positions.extend(fresh.positions);
+        self.names.extend(fresh.names);
+        let mut kept = [self.edges.len(), self.triangles.len()];
+        let mut new = [fresh.edges.len(), fresh.triangles.len()];
+        // those after what is in place; the place of what moves is free, since it moves from the last on
+        let mut at = [0, 1].map(|i| kept[i] + new[i]);
+        self.edges.extend(&fresh.edges);
+        self.leaves.extend(&fresh.leaves);
+        self.triangles.extend(&fresh.triangles);
+        self.proofs.extend(&fresh.proofs);
+        self.edge_of.extend(&fresh.edge_of);
+        while let Some(last_new) = new[0].checked_sub(1) {
+            if at[0].is_multiple_of(TRIANGLES_AT_ONCE as usize) {
+                progress.check()?;
+            }
+            at[0] -= 1;
+            let is_later = |last: &usize| self.edges[*last].place() > fresh.edges[last_new].place();
+            if let Some(last) = kept[0].checked_sub(1).filter(is_later) {
+                self.edges[at[0]] = self.edges[last];
+                self.leaves[at[0]] = self.leaves[last];
+                while kept[1] > 0 && self.edge_of[kept[1] - 1] as usize == last {
+                    let [from, to] = [kept[1] - 1, at[1] - 1];
+                    self.triangles[to] = self.triangles[from];
+                    self.proofs[to] = self.proofs[from];
+                    self.edge_of[to] = at[0] as u32;
+                    (kept[1], at[1]) = (from, to);
+                }
+                kept[0] = last;
+            } else {
+                self.edges[at[0]] = fresh.edges[last_new];
+                self.leaves[at[0]] = fresh.leaves[last_new];
+                while new[1] > 0 && fresh.edge_of[new[1] - 1] as usize == last_new {
+                    let [from, to] = [new[1] - 1, at[1] - 1];
+                    self.triangles[to] = fresh.triangles[from].map(|v| first_new + v);
+                    self.proofs[to] = fresh.proofs[from];
+                    self.edge_of[to] = at[0] as u32;
+                    (new[1], at[1]) = (from, to);
+                }
+                new[0] = last_new;
+            }
+        }
+        Ok(())
+    }
+
+    /// What was proved of a facet of the polygon around an edge.
+    pub fn proof_of(&self, edge: &Edge, facet: [DVec3; 3]) -> Option<Proof> {
+        let known = |known: &Edge| known.place().cmp(&edge.place());
+        let edge = self.edges.binary_search_by(known).ok()?;
+        let first = self.edge_of.partition_point(|&e| (e as usize) < edge);
+        let of_edge = self.edge_of[first..].iter().zip(first..);
+        let mut triangles = of_edge.take_while(|(e, _)| **e as usize == edge);
+        let corners = |t: usize| self.triangles[t].map(|v| self.positions[v as usize]);
+        let (_, t) = triangles.find(|&(_, t)| corners(t) == facet)?;
+        self.proofs[t]
+    }
+
+    /// The same with one vertex for each name, without what is only known while triangles are mended.
+    pub fn finished(self) -> Self {
         let mut number_of: FxHashMap<VertexName, u32> = FxHashMap::default();
         let mut numbers = vec![u32::MAX; self.positions.len()];
         let (mut positions, mut names) = (Vec::new(), Vec::new());
@@ -215,13 +295,20 @@ impl Patch {
             }
             *number
         };
-        let triangles = self.triangles.iter();
-        let triangles = triangles.map(|corners| corners.map(&mut unite)).collect();
+        let mut triangles = self.triangles;
+        for corners in &mut triangles {
+            *corners = corners.map(&mut unite);
+        }
+        let is_ample = |proof: &Option<Proof>| proof.is_some_and(Proof::is_ample);
         Self {
             positions,
             names,
             triangles,
-            ..self
+            edge_of: self.edge_of,
+            edges: self.edges,
+            ample: self.proofs.iter().map(is_ample).collect(),
+            leaves: vec![],
+            proofs: vec![],
         }
     }
 
@@ -248,7 +335,7 @@ impl Patch {
         cells
     }
 
-    /// The polygons around some of the edges, without leaves.
+    /// The polygons around some of the edges of what is finished.
     pub fn part(&self, edges: Range<usize>) -> Self {
         let first = |edge: usize| self.edge_of.partition_point(|&e| (e as usize) < edge);
         let triangles = first(edges.start)..first(edges.end);
@@ -274,16 +361,6 @@ impl Patch {
         }
         part
     }
-
-    /// The edges by their numbers, with their triangles.
-    fn polygons(&self) -> impl Iterator<Item = (usize, Range<usize>)> {
-        let mut end = 0;
-        self.edge_of.chunk_by(|a, b| a == b).map(move |of_edge| {
-            let start = end;
-            end += of_edge.len();
-            (of_edge[0] as usize, start..end)
-        })
-    }
 }
 
 /// Of each vertex whether an edge with only one of the triangles ends in it. Of a part of a closed surface these are the vertices
@@ -305,4 +382,122 @@ pub(crate) fn border<'a>(
         border[v as usize] = true;
     }
     border
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::certify::Room;
+    use crate::proof::Given;
+    use proptest::prelude::*;
+
+    /// A polygon, by what it is whatever numbers its vertices have.
+    #[derive(Debug, Clone, PartialEq)]
+    struct Plain {
+        edge: Edge,
+        leaves: [NodeId; 4],
+        facets: Vec<([(DVec3, VertexName); 3], Option<Proof>)>,
+    }
+
+    fn plain(patch: &Patch) -> Vec<Plain> {
+        let of_edge = patch.edge_of.chunk_by(|a, b| a == b);
+        let counts: Vec<usize> = of_edge.map(<[u32]>::len).collect();
+        assert_eq!(counts.len(), patch.edges.len());
+        let mut t = 0;
+        counts
+            .into_iter()
+            .enumerate()
+            .map(|(edge, count)| {
+                assert!(
+                    patch.edge_of[t..t + count]
+                        .iter()
+                        .all(|&e| e as usize == edge)
+                );
+                t += count;
+                let vertex = |v: u32| (patch.positions[v as usize], patch.names[v as usize]);
+                let facets =
+                    (t - count..t).map(|t| (patch.triangles[t].map(vertex), patch.proofs[t]));
+                Plain {
+                    edge: patch.edges[edge],
+                    leaves: patch.leaves[edge],
+                    facets: facets.collect(),
+                }
+            })
+            .collect()
+    }
+
+    /// Polygons around edges at places on a line, each given with its leaf and its number of triangles.
+    fn patch(polygons: &[(u32, NodeId, usize)], height: f64) -> Patch {
+        let mut patch = Patch::default();
+        for &(place, leaf, count) in polygons {
+            let start = Corner([place, 0, 0]);
+            let axis = (place % 3) as u8;
+            let edge = patch.edges.len() as u32;
+            patch.edges.push(Edge {
+                start,
+                length: 1,
+                axis,
+            });
+            patch.leaves.push([leaf, leaf + 1, leaf, leaf]);
+            for k in 0..count {
+                // some vertices are those of the polygon before
+                let first = (patch.positions.len() as u32).saturating_sub(k as u32 % 3);
+                for v in patch.positions.len() as u32..first + 3 {
+                    let at = DVec3::new(f64::from(place), f64::from(v), height);
+                    patch.positions.push(at);
+                    patch.names.push(VertexName::OnEdge { start, axis });
+                }
+                patch.triangles.push([first, first + 1, first + 2]);
+                patch.edge_of.push(edge);
+                let given = Given {
+                    hints: [leaf, k as u32, 0, 0],
+                    is_last: false,
+                };
+                let proof = (k != 1).then(|| Proof::new(Room::Enough, &given));
+                patch.proofs.push(proof);
+            }
+        }
+        patch
+    }
+
+    fn polygons() -> impl Strategy<Value = Vec<(u32, NodeId, usize)>> {
+        let polygon = (0..60u32, (0..8u32, 1..5usize));
+        prop::collection::btree_map(polygon.0, polygon.1, 0..30).prop_map(|all| {
+            let all = all.into_iter();
+            all.map(|(place, (leaf, count))| (place, leaf, count))
+                .collect()
+        })
+    }
+
+    proptest! {
+        #[test]
+        fn polygons_are_replaced_as_in_sorted_lists(before in polygons(), fresh in polygons(), gone in 0..9u32) {
+            let is_gone = |leaves: &[NodeId; 4]| leaves[0] >= gone;
+            let left = before.iter().filter(|polygon| polygon.1 < gone);
+            let places: Vec<u32> = left.map(|polygon| polygon.0).collect();
+            let mut fresh = fresh;
+            fresh.retain(|polygon| !places.contains(&polygon.0));
+            let (mut replaced, new) = (patch(&before, 0.0), patch(&fresh, 1.0));
+            let mut expected = plain(&replaced);
+            expected.retain(|polygon| !is_gone(&polygon.leaves));
+            expected.extend(plain(&new));
+            expected.sort_by_key(|polygon| polygon.edge.place());
+            replaced.replace(is_gone, new, &Progress::none()).unwrap();
+            let found = plain(&replaced);
+            prop_assert_eq!(&found, &expected);
+            // no vertex is left that no triangle has
+            let mut used: Vec<u32> = replaced.triangles.iter().flatten().copied().collect();
+            used.sort_unstable();
+            used.dedup();
+            prop_assert_eq!(used.len(), replaced.positions.len());
+            prop_assert_eq!(replaced.names.len(), replaced.positions.len());
+            for polygon in found {
+                for (facet, proof) in &polygon.facets {
+                    let known = replaced.proof_of(&polygon.edge, facet.map(|(at, _)| at));
+                    prop_assert_eq!(known, *proof);
+                }
+                prop_assert_eq!(replaced.proof_of(&polygon.edge, [DVec3::NAN; 3]), None);
+            }
+        }
+    }
 }

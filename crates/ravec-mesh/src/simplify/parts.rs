@@ -212,16 +212,25 @@ pub(super) fn borders(mesh: &TriMesh, groups: &[Vec<u32>]) -> (Vec<u32>, Vec<boo
     (group_of, shared)
 }
 
-/// The samples of each of so many groups, of which `group_of` tells by the triangle, and of none in the end.
+/// Takes the samples of each of so many groups out, of which `group_of` tells by the triangle; those of none stay.
 pub(super) fn by_group(
-    samples: Vec<Sample>,
+    samples: &mut Vec<Sample>,
     groups: usize,
     group_of: impl Fn(u32) -> u32,
 ) -> Vec<Vec<Sample>> {
-    let mut samples_of = vec![Vec::new(); groups + 1];
-    for sample in samples {
-        samples_of[group_of(sample.triangle) as usize].push(sample);
+    let mut counts = vec![0; groups];
+    for sample in &*samples {
+        if let Some(count) = counts.get_mut(group_of(sample.triangle) as usize) {
+            *count += 1;
+        }
     }
+    let mut samples_of: Vec<Vec<Sample>> = counts.into_iter().map(Vec::with_capacity).collect();
+    samples.retain(|sample| {
+        let group = samples_of.get_mut(group_of(sample.triangle) as usize);
+        let stays = group.is_none();
+        group.into_iter().for_each(|group| group.push(*sample));
+        stays
+    });
     samples_of
 }
 
@@ -294,5 +303,26 @@ mod tests {
         assert_eq!(group_of, [0, 0, 1, 1, 2, 2]);
         let expected = [false, true, true, false];
         assert_eq!(shared, [expected, expected].concat());
+    }
+    #[test]
+    fn samples_go_to_their_groups_and_others_stay_in_order() {
+        let sample = |i: u32| Sample {
+            place: DVec3::splat(f64::from(i)),
+            original: i,
+            settled: i,
+            triangle: i % 5,
+        };
+        let mut samples: Vec<Sample> = (0..40).map(sample).collect();
+        // triangles 0 and 3 in the first group, 1 in the second, others in none
+        let group_of = |t: u32| [0, 1, 2, 0, 2][t as usize];
+        let groups = by_group(&mut samples, 2, group_of);
+        let of = |is_in: fn(u32) -> bool| (0..40).filter(|i| is_in(i % 5)).map(sample).collect();
+        let expected: [Vec<Sample>; 3] = [
+            of(|t| t == 0 || t == 3),
+            of(|t| t == 1),
+            of(|t| t == 2 || t == 4),
+        ];
+        assert_eq!(groups, expected[..2]);
+        assert_eq!(samples, expected[2]);
     }
 }

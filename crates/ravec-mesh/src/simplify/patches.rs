@@ -166,12 +166,13 @@ impl<O: Overseer> Task<'_, O> {
     /// Simplifies patches, each as if it were all of the mesh, and says which vertices were held fast.
     fn simplify_apart(
         &self,
-        samples: Vec<Sample>,
+        mut samples: Vec<Sample>,
         groups: &[Vec<u32>],
     ) -> Result<(Assembly, Vec<bool>), SimplifyError> {
         let (patch_of, held) = borders(self.mesh, groups);
         self.progress.check()?;
-        let samples_of = by_group(samples, groups.len(), |t| patch_of[t as usize]);
+        let samples_of = by_group(&mut samples, groups.len(), |t| patch_of[t as usize]);
+        drop(samples);
         let untouched = Assembly::new(self.mesh, vec![]);
         let found: Vec<(Part, Assembly)> = groups
             .par_iter()
@@ -233,15 +234,13 @@ impl<O: Overseer> Task<'_, O> {
         };
         let (piece_of, shared) = borders(&whole.mesh, &pieces);
         self.progress.check()?;
-        let samples = std::mem::take(&mut assembly.samples);
         let numbers: FxHashMap<u32, u32> = whole.triangles.iter().copied().zip(0..).collect();
         let piece_at = |t: u32| piece_of[numbers[&t] as usize];
-        let mut samples_of = by_group(samples, pieces.len(), piece_at);
+        let samples_of = by_group(&mut assembly.samples, pieces.len(), piece_at);
         drop(numbers);
         self.progress.check()?;
         let bounds = self.bounds(&whole, &free, &shared);
         self.progress.check()?;
-        assembly.samples = samples_of.pop().unwrap_or_default();
         let found: Vec<(Part, Leftover)> = pieces
             .par_iter()
             .zip(samples_of)
@@ -410,6 +409,8 @@ impl Assembly {
             self.merged_into[name(v) as usize] = name(into);
             self.positions[name(v) as usize] = of_patch.positions[v as usize];
         }
+        // exactly, since all of the patches together are many
+        self.samples.reserve_exact(of_patch.samples.len());
         self.samples
             .extend(of_patch.samples.into_iter().map(|sample| {
                 let triangle = part.triangles[sample.triangle as usize];
@@ -437,11 +438,15 @@ impl Assembly {
                 self.positions[name(v) as usize] = leftover.positions[v as usize];
             }
         }
-        let samples = leftover.samples.into_iter();
-        self.samples.extend(samples.map(|sample| Sample {
-            triangle: part.triangles[sample.triangle as usize],
-            ..sample
-        }));
+        let mut samples = leftover.samples;
+        for sample in &mut samples {
+            sample.triangle = part.triangles[sample.triangle as usize];
+        }
+        if self.samples.is_empty() {
+            self.samples = samples;
+        } else {
+            self.samples.append(&mut samples);
+        }
         self.report.add(&leftover.report);
     }
 }

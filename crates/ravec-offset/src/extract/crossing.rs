@@ -8,10 +8,11 @@ use glam::DVec3;
 use ravec_octree::{Corner, Polygon};
 use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
-use rustc_hash::FxHashMap;
+use rustc_hash::{FxBuildHasher, FxHashMap};
+use std::hash::BuildHasher as _;
 
 /// What the place where an edge goes through the surface depends on: its ends, the one inside first.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy)]
 struct Crossing {
     ends: [Corner; 2],
     region: Region,
@@ -55,6 +56,12 @@ impl Crossing {
         }
     }
 
+    /// 64 bits that hardly any others share.
+    fn mark(&self) -> u64 {
+        let values = self.values.map(|at| (at.triangle, at.value.to_bits()));
+        FxBuildHasher.hash_one((self.region, values, self.is_filled))
+    }
+
     fn root(&self, refinement: &Refinement<'_>) -> Sample {
         let points = self.ends.map(|end| refinement.setting.frame.point(end));
         let enough = ON_SURFACE * refinement.setting.tolerance;
@@ -91,7 +98,8 @@ impl Crossing {
 /// several: rounds of mending ask again and again.
 #[derive(Debug, Default)]
 pub(crate) struct CrossingPlaces {
-    crossings: FxHashMap<[Corner; 2], (Crossing, Sample)>,
+    /// Each with the mark of what it depends on beside its ends.
+    crossings: FxHashMap<[Corner; 2], (u64, Sample)>,
     /// By a hash of the leaf and of where its edges go through the surface.
     pub(super) vertices: FxHashMap<u64, DVec3>,
     /// Vertices in faces, by a hash of the leaves on both sides and of where the edges of both polygons go through the surface.
@@ -110,7 +118,7 @@ impl CrossingPlaces {
             .map(|polygon| Crossing::of(refinement, polygon))
             .filter(|crossing| {
                 let known = self.crossings.get(&crossing.ends);
-                known.is_none_or(|(known, _)| known != crossing)
+                known.is_none_or(|(mark, _)| *mark != crossing.mark())
             })
             .map(|crossing| {
                 progress.check()?;
@@ -120,7 +128,9 @@ impl CrossingPlaces {
         self.crossings.reserve(missing.len());
         for some in missing.chunks(TRIANGLES_AT_ONCE as usize) {
             progress.check()?;
-            let named = some.iter().map(|place| (place.0.ends, *place));
+            let named = some
+                .iter()
+                .map(|(crossing, place)| (crossing.ends, (crossing.mark(), *place)));
             self.crossings.extend(named);
         }
         Ok(())
