@@ -106,7 +106,7 @@ impl Default for SimplifyParams {
 }
 
 /// What must be kept, by index into the mesh.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Default)]
 pub struct Keep<'a> {
     /// Edges that are features, in either direction: they collapse only along themselves, and where one ends or more than
     /// two meet, the vertex stays.
@@ -118,7 +118,7 @@ pub struct Keep<'a> {
     pub sealed: bool,
     /// What the error is measured from, if not from the mesh itself: the [`samples`](Simplified::samples) of a simplification
     /// that it came from, so that the errors of both do not add up.
-    pub samples: Option<&'a [ErrorSample]>,
+    pub samples: Option<Vec<ErrorSample>>,
     /// Whether the [`samples`](Simplified::samples) of the result are wanted, to go on from (default false).
     pub reports_samples: bool,
 }
@@ -276,11 +276,7 @@ fn validate(mesh: &TriMesh, params: &SimplifyParams, keep: &Keep<'_>) -> Result<
     if triangles > (u32::MAX / 3) as usize {
         return Err(SimplifyError::TooMany { triangles });
     }
-    let mut near = keep
-        .samples
-        .unwrap_or_default()
-        .iter()
-        .map(|sample| sample.triangle);
+    let mut near = keep.samples.iter().flatten().map(|sample| sample.triangle);
     if let Some(triangle) = near.find(|&t| t as usize >= triangles) {
         return Err(SimplifyError::NoSuchTriangle {
             triangle,
@@ -333,9 +329,12 @@ pub fn simplify(
     let start = Start {
         mesh,
         params,
-        keep: *keep,
+        keep: Keep {
+            samples: None,
+            ..*keep
+        },
         sealed: if keep.sealed { keep.vertices } else { &[] },
-        samples: keep.samples.map(known_samples),
+        samples: keep.samples.as_deref().map(known_samples),
         original: original.as_ref(),
     };
     let mut engine = Engine::new(start, veto, progress)?;

@@ -30,7 +30,7 @@ impl Overseer for Easygoing {
 
 fn run(mesh: &TriMesh, params: &SimplifyParams, keep: &Keep<'_>) -> Simplified {
     let overseer = Easygoing::default();
-    simplify_patches(mesh, params, keep, &overseer, &Progress::none()).unwrap()
+    simplify_patches(mesh, params, keep.clone(), &overseer, &Progress::none()).unwrap()
 }
 
 /// A shell of two wavy spheres, close to one another, of 37 632 triangles: eight patches.
@@ -100,7 +100,8 @@ fn what_meets_is_undone_where_the_judges_were_believed_to_keep_walls_apart() {
     };
     let overseer = Easygoing { keeps_apart: true };
     let keep = Keep::default();
-    let simple = simplify_patches(&mesh, &params, &keep, &overseer, &Progress::none()).unwrap();
+    let simple =
+        simplify_patches(&mesh, &params, keep.clone(), &overseer, &Progress::none()).unwrap();
     assert!(checked(&simple.mesh).is_solid());
     let careful = run(&mesh, &params, &keep);
     // without a judge walls do meet, so that it is another mesh
@@ -174,7 +175,7 @@ fn what_is_at_fault_is_undone_and_tried_again_with_care() {
     };
     let strict = Strict { longest: 0.4 };
     let progress = Progress::none();
-    let simple = simplify_patches(&mesh, &params, &Keep::default(), &strict, &progress).unwrap();
+    let simple = simplify_patches(&mesh, &params, Keep::default(), &strict, &progress).unwrap();
     assert!(checked(&simple.mesh).is_solid());
     let all: Vec<u32> = (0..simple.mesh.triangles().len() as u32).collect();
     assert_eq!(strict.faults(&simple.mesh, &all), Vec::<u32>::new());
@@ -192,7 +193,7 @@ fn a_number_of_triangles_is_refused_and_a_cancellation_heeded() {
     let refused = simplify_patches(
         &mesh,
         &params,
-        &Keep::default(),
+        Keep::default(),
         &Easygoing::default(),
         &progress,
     );
@@ -208,7 +209,7 @@ fn a_number_of_triangles_is_refused_and_a_cancellation_heeded() {
     let cancelled = simplify_patches(
         &mesh,
         &params,
-        &Keep::default(),
+        Keep::default(),
         &Easygoing::default(),
         &progress,
     );

@@ -19,10 +19,10 @@ use ravec_progress::{Cancelled, Progress};
 const OFF_ROUND: f64 = 0.0107;
 
 /// Bytes that a node of the tree costs, with corners, polygons and triangles: as measured, rounded up.
-const BYTES_PER_NODE: u64 = 640;
+const BYTES_PER_NODE: u64 = 512;
 
 /// Bytes that a triangle costs while it is merged with others, measured and checked: as measured, rounded up.
-const BYTES_PER_TRIANGLE: u64 = 1700;
+const BYTES_PER_TRIANGLE: u64 = 1400;
 
 /// Bytes that the program takes itself.
 const BYTES_OF_PROGRAM: u64 = 40 << 20;

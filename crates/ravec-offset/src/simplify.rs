@@ -116,11 +116,12 @@ impl<'a> Simplifier<'a> {
         let keep = Keep {
             vertices: &held,
             sealed: !sealed.is_empty(),
-            samples: Some(&merged.samples),
+            samples: Some(std::mem::take(&mut merged.samples)),
             reports_samples: !sealed.is_empty(),
             ..Keep::default()
         };
         let Some(mut again) = self.merged(&turned, keep, CREST_RAD)? else {
+            // it could be merged before, so that this is not to be expected
             return Ok(Merged {
                 mesh: turned,
                 ..merged
@@ -183,7 +184,7 @@ impl<'a> Simplifier<'a> {
             feature_angle_rad,
             ..SimplifyParams::default()
         };
-        match simplify_patches(surface, &asked, &keep, &self.proofs, self.proofs.progress) {
+        match simplify_patches(surface, &asked, keep, &self.proofs, self.proofs.progress) {
             Ok(simplified) => Ok(Some(simplified)),
             Err(SimplifyError::Cancelled(cancelled)) => Err(cancelled),
             // nothing else can be said against a surface of our own: keep it as it is

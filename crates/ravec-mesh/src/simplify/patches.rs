@@ -39,12 +39,12 @@ const RINGS: usize = 2;
 pub fn simplify_patches(
     mesh: &TriMesh,
     params: &SimplifyParams,
-    keep: &Keep<'_>,
+    mut keep: Keep<'_>,
     overseer: &impl Overseer,
     progress: &Progress,
 ) -> Result<Simplified, SimplifyError> {
     progress.check()?;
-    validate(mesh, params, keep)?;
+    validate(mesh, params, &keep)?;
     if params.target_triangles > 0 {
         return Err(SimplifyError::BadParameter {
             name: "target_triangles",
@@ -64,8 +64,8 @@ pub fn simplify_patches(
     } else {
         None
     };
-    let known = limited.then(|| match keep.samples {
-        Some(known) => known_samples(known),
+    let known = limited.then(|| match keep.samples.take() {
+        Some(known) => known_samples(&known),
         None => samples(mesh, &adjacency),
     });
     progress.check()?;
@@ -125,7 +125,6 @@ pub(super) struct Task<'a, O> {
 }
 
 /// What an engine is to do.
-#[derive(Clone, Copy)]
 struct Work<'a> {
     keep: Keep<'a>,
     trust: Trust,

@@ -59,14 +59,14 @@ impl Simplifier<'_> {
             let held = seams.held(&[]);
             let keep = Keep {
                 vertices: &held,
-                samples: Some(&seams.samples),
+                samples: Some(seams.samples),
                 ..Keep::default()
             };
             return Ok(Simplified::Mesh(self.whole(piece.mesh, keep)?));
         }
         let simplify = |piece: &Piece, held: &[bool]| {
             let seams = Seams::of(&fewer, piece, &samples);
-            self.together(piece, held, &seams)
+            self.together(piece, held, seams)
         };
         let (done, _) = self.pass(&fewer, most_triangles, &new_store, simplify)?;
         Ok(Simplified::Pieces(done))
@@ -168,7 +168,7 @@ impl Simplifier<'_> {
     }
 
     /// Simplifies what is around the seams in a piece, but for its border and what is held, and turns facets that lie badly.
-    fn together(&self, piece: &Piece, held: &[bool], seams: &Seams) -> Result<Done, OffsetError> {
+    fn together(&self, piece: &Piece, held: &[bool], seams: Seams) -> Result<Done, OffsetError> {
         let mut border = piece.border();
         for (v, &is_held) in held.iter().enumerate() {
             border[v] |= is_held;
@@ -177,7 +177,7 @@ impl Simplifier<'_> {
         let keep = Keep {
             vertices: &fixed,
             sealed: true,
-            samples: Some(&seams.samples),
+            samples: Some(seams.samples),
             ..Keep::default()
         };
         let samples = vec![];
