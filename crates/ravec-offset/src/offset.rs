@@ -224,10 +224,15 @@ impl Task {
             self_intersections: false,
             list_limit: 0,
         };
-        let checked = match params.side {
-            Side::Both => None,
-            Side::Outer | Side::Inner | Side::Shell => Some(check(mesh, &quick, progress)?),
-        };
+        // most of the check is done by one thread
+        let (checked, bvh) = rayon::join(
+            || match params.side {
+                Side::Both => Ok(None),
+                Side::Outer | Side::Inner | Side::Shell => check(mesh, &quick, progress).map(Some),
+            },
+            || Bvh::try_new(mesh, progress),
+        );
+        let (checked, bvh) = (checked?, bvh?);
         let boundary_edges = checked
             .as_ref()
             .map_or(0, |found| found.boundary_edges.count);
@@ -246,7 +251,7 @@ impl Task {
         let mut frame = frame_around(&bounds.grown(margin));
         let grid = Grid::fit(params.coordinates, &mut frame, params.tolerance)?;
         Ok(Self {
-            bvh: Bvh::try_new(mesh, progress)?,
+            bvh,
             solid: if params.side == Side::Both && !wound || boundary_edges > 0 {
                 Solid::No
             } else if wound || is_oriented {

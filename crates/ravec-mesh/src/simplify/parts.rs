@@ -227,9 +227,7 @@ pub(super) fn by_group(
     let mut samples_of: Vec<Vec<Sample>> = counts.into_iter().map(Vec::with_capacity).collect();
     samples.retain(|sample| {
         let group = samples_of.get_mut(group_of(sample.triangle) as usize);
-        let stays = group.is_none();
-        group.into_iter().for_each(|group| group.push(*sample));
-        stays
+        group.map(|group| group.push(*sample)).is_none()
     });
     samples_of
 }
