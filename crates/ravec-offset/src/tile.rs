@@ -391,12 +391,15 @@ mod tests {
     use crate::proof::Given;
     use proptest::prelude::*;
 
+    /// The corners of a facet, and what was proved of it.
+    type Facet = ([(DVec3, VertexName); 3], Option<Proof>);
+
     /// A polygon, by what it is whatever numbers its vertices have.
     #[derive(Debug, Clone, PartialEq)]
     struct Plain {
         edge: Edge,
         leaves: [NodeId; 4],
-        facets: Vec<([(DVec3, VertexName); 3], Option<Proof>)>,
+        facets: Vec<Facet>,
     }
 
     fn plain(patch: &Patch) -> Vec<Plain> {
