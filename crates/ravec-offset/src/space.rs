@@ -113,7 +113,7 @@ impl Tile {
         })
     }
 
-    /// What was put away; what is only remembered to save time is not.
+    /// What was put away; the places of crossings, which are only remembered to save time, are not.
     pub fn get<'a>(
         self,
         setting: Setting<'a>,
