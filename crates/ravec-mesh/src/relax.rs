@@ -13,7 +13,7 @@
 //! are; edges with one triangle, or with more than two, and their vertices stay as they are; facets turn by less than a right
 //! angle at a time; triangles that did not meet do not meet, exactly; the same result on any number of threads. Does not
 //! guarantee: the least possible sum of faults; a distance to what was there before, unless the caller refuses steps.
-//! Cost: one look at each facet; then for each facet with a fault six candidates, each of which costs a look at the facets
+//! Cost: one look at each facet; then for each facet with a fault nine candidates, each of which costs a look at the facets
 //! that it changes, until it is seen to be of no use, and a search for intersections for the best of them.
 //!
 //! Source: local steps as in Hoppe et al., "Mesh Optimization", 1993, without its collapses.
@@ -78,13 +78,19 @@ pub trait RelaxJudge: Sync {
     /// How badly a facet lies that looks like this: 0 if it may stay, else more than that, finite.
     fn fault(&self, look: &Self::Look) -> f64;
 
-    /// Where the vertex `of` would better be; `around` are the facets that have it as a corner. `None` if it may stay.
+    /// Where the vertex `of` would better be; `around` are the facets that have it as a corner. `None` if it may stay. It may come
+    /// to be there, or on the way there.
     fn place(&self, of: u32, around: &[Facet<Self::Look>]) -> Option<DVec3>;
 
     /// Where a new vertex should be that divides the edge between two vertices, and both facets beside it in two; the first of
     /// these is the one at fault. `None` (always, unless the judge says otherwise) if they should stay whole.
     fn between(&self, _ends: [u32; 2], _facets: &[Facet<Self::Look>; 2]) -> Option<DVec3> {
         None
+    }
+
+    /// The nearest place that a vertex may have: any, unless the judge says otherwise.
+    fn rounded(&self, place: DVec3) -> DVec3 {
+        place
     }
 
     /// Whether a step may be taken that lowers faults and lets no triangles meet; `after` are the facets that it makes.

@@ -115,6 +115,31 @@ impl RelaxJudge for Stubborn {
     }
 }
 
+/// Wants what [`Roofer`] wants, but goes twice as far, to numbers that single precision has.
+struct Overshooting;
+
+impl RelaxJudge for Overshooting {
+    type Look = f64;
+
+    fn look(&self, corners: [DVec3; 3], like: Option<&f64>) -> f64 {
+        Roofer.look(corners, like)
+    }
+    fn fault(&self, look: &f64) -> f64 {
+        *look
+    }
+
+    fn place(&self, of: u32, around: &[Facet<Self::Look>]) -> Option<DVec3> {
+        let v = around[0].corner(of)?;
+        Some(2.0 * Roofer.place(of, around)? - v)
+    }
+    fn rounded(&self, place: DVec3) -> DVec3 {
+        place.as_vec3().as_dvec3()
+    }
+    fn admits(&self, _: &[Facet<Self::Look>]) -> bool {
+        true
+    }
+}
+
 /// Wants what [`Roofer`] wants, and divides edges on the ridge instead of moving vertices there.
 struct Divider;
 
@@ -221,6 +246,22 @@ fn a_crease_between_vertices_is_found_by_moves_and_flips() {
         let on_boundary = [before.x, before.y].iter().any(|&c| c == 0.0 || c == 1.0);
         assert!(!on_boundary || before == after, "{before} went to {after}");
     }
+    assert_eq!(checked(&relaxed.mesh).self_intersections.unwrap().count, 0);
+}
+
+#[test]
+fn a_vertex_goes_a_part_of_the_way_where_all_of_it_is_too_far() {
+    let mesh = roof(12);
+    let relaxed = relax(&mesh, &Overshooting, &Progress::none()).unwrap();
+    let [before, after] = relaxed.faults;
+    assert!(after < 0.25 * before, "{before} became {after}");
+    let moved = (mesh.positions().iter().zip(relaxed.mesh.positions())).filter(|(p, q)| p != q);
+    let mut count = 0;
+    for (_, after) in moved {
+        assert_eq!(*after, after.as_vec3().as_dvec3());
+        count += 1;
+    }
+    assert!(count >= 9, "{count} vertices were moved");
     assert_eq!(checked(&relaxed.mesh).self_intersections.unwrap().count, 0);
 }
 

@@ -66,10 +66,13 @@ pub struct OffsetParams {
     /// Whether to merge triangles as far as the tolerance allows, and to turn what then lies badly (default yes).
     pub simplify: bool,
     /// How far simplification may turn a triangle away from the surface that it stands for, in degrees, above 0 and at most 90
-    /// (default what [`Self::normal_deviation_deg`] says). Triangles at creases that were off more before may stay so. Without
-    /// a limit of their own, rough meshes, as scans are, have a larger one: by twice the angle between neighbors that a quarter
-    /// of the mesh stays below, but at most by 80 %. Less keeps more triangles. With a limit of its own the surface is turned
-    /// before its triangles are merged, which takes memory that [`Self::memory_bytes`] does not know of.
+    /// (default what [`Self::normal_deviation_deg`] says). Triangles at creases that were off more before may stay so. Less keeps
+    /// more triangles.
+    ///
+    /// Without a limit of their own, triangles may be turned by up to 80 % more: where the mesh is rough, as scans are (from
+    /// triangle to triangle, three quarters of it bend by 4 radians or more along a way as long as its diagonal); and, in
+    /// proportion, where more than a sixth of the triangles would be left. With a limit the surface is turned before its
+    /// triangles are merged, which takes memory that [`Self::memory_bytes`] does not know of.
     pub max_normal_deviation_deg: Option<f64>,
     /// What the coordinates of the result may be (default double). Single precision asks for a tolerance of some 20 times
     /// the gap between its numbers there.

@@ -36,16 +36,27 @@ const CREST_SHARE: f64 = 0.8;
 /// Facets between whose corners the direction to what is nearest turns by more, as a cosine, are not trusted.
 const TRUSTED_SPREAD: f64 = 0.7;
 
-/// How much more facets may be off where the mesh is rough, relative to what they may be off elsewhere.
+/// How much more facets may be off where the mesh is rough or many triangles would be left, relative to what they may be off
+/// elsewhere.
 const MOST_LEEWAY: f64 = 0.8;
+
+/// How much a mesh bends nearly everywhere that is taken for a scan, in radians along a way as long as its diagonal. A ball bends
+/// by 3.5; with three quarters of it rougher than that, a mesh is no plain shape.
+const ROUGH: f64 = 4.0;
+
+/// Where merging leaves more of the triangles than this, it is the limit of what facets are off that keeps them.
+const MOST_LEFT: f64 = 1.0 / 6.0;
 
 /// The angle from which on edges are kept as features when triangles are merged once more, in radians: by then crests end in so
 /// few facets that the samples of the error may miss the tip of one.
 const CREST_RAD: f64 = std::f64::consts::FRAC_PI_3;
 
 /// How triangles are merged.
+#[derive(Clone, Copy)]
 pub(crate) struct Simplifier<'a> {
     proofs: Proofs<'a>,
+    /// How far facets may be off wherever there is reason for leeway, in radians.
+    widest_deviation: f64,
     /// How far simplification may leave what it starts from.
     max_error: f64,
     /// Whether somebody asks for a limit of what facets are off.
@@ -66,20 +77,26 @@ impl<'a> Simplifier<'a> {
         let most_deviation = params.normal_deviation_deg().to_radians();
         progress.check()?;
         let has_limit = params.max_normal_deviation_deg.is_some();
-        let leeway = if has_limit {
-            0.0
+        let widest_deviation = if has_limit {
+            most_deviation
         } else {
-            (2.0 * roughness(mesh)).min(MOST_LEEWAY * most_deviation)
+            (1.0 + MOST_LEEWAY) * most_deviation
         };
+        let is_rough = !has_limit && roughness(mesh) >= ROUGH;
         progress.check()?;
         Ok(Self {
             proofs: Proofs {
                 field,
                 coordinates: params.coordinates,
                 limits,
-                most_deviation: most_deviation + leeway,
+                most_deviation: if is_rough {
+                    widest_deviation
+                } else {
+                    most_deviation
+                },
                 progress,
             },
+            widest_deviation,
             max_error: CREST_SHARE * params.tolerance,
             has_limit,
             is_merged_twice: has_limit || params.tolerance <= COARSE * params.distance,
@@ -100,11 +117,32 @@ impl<'a> Simplifier<'a> {
         let Some(mut merged) = self.merged(&surface, keep, PI)? else {
             return Ok(surface);
         };
-        drop(surface);
-        if is_merged_twice {
-            merged = self.merged_again(merged, &[])?;
+        if !is_merged_twice {
+            drop(surface);
+            return self.turned(&merged.mesh, &[], true);
         }
-        self.turned(&merged.mesh, &[], true)
+        let eased = self.eased(&surface, &merged.mesh);
+        drop(surface);
+        merged = eased.merged_again(merged, &[])?;
+        eased.turned(&merged.mesh, &[], true)
+    }
+
+    /// As this one, but where merging left much of a surface, facets may be off by more.
+    fn eased(&self, surface: &TriMesh, merged: &TriMesh) -> Self {
+        let [before, after] = [surface, merged].map(|mesh| mesh.triangles().len());
+        let most_deviation = eased(
+            self.proofs.most_deviation,
+            self.widest_deviation,
+            before,
+            after,
+        );
+        Self {
+            proofs: Proofs {
+                most_deviation,
+                ..self.proofs
+            },
+            ..*self
+        }
     }
 
     /// Turns facets of what was merged, and merges them once more, with the error counted from what was there first. Of the
@@ -193,6 +231,13 @@ impl<'a> Simplifier<'a> {
     }
 }
 
+/// How far facets may be off, up to the widest, when merging left so many triangles: the number of those that stand for an edge
+/// that is rounded goes with the inverse of it.
+fn eased(deviation: f64, widest: f64, before: usize, after: usize) -> f64 {
+    let left = after as f64 / before as f64;
+    (deviation * (left / MOST_LEFT).max(1.0)).min(widest)
+}
+
 /// Moves the samples of what was merged to the triangles that are nearest once its facets are turned.
 fn move_samples(
     merged: &mut Merged,
@@ -219,36 +264,43 @@ fn indices(marked: &[bool]) -> Vec<u32> {
         .collect()
 }
 
-/// How rough a mesh is: the angle in radians, between neighboring triangles, that a quarter of the surface stays below.
+/// How rough a mesh is: by how many radians it bends from triangle to triangle, along a way as long as its diagonal, where it
+/// bends less than elsewhere, on a quarter of it.
 ///
-/// On what was designed, more than that is flat or finely divided, so that it is next to nothing. The surface of what was
-/// scanned is as rough as that nearly everywhere; facets that follow its offset more closely follow noise.
+/// On what was designed, more than that is flat or straight in some direction, so that it is next to nothing. What was scanned
+/// bends nearly everywhere, the more the finer its triangles are; facets that follow its offset more closely follow noise.
 fn roughness(mesh: &TriMesh) -> f64 {
     let adjacency = Adjacency::new(mesh);
     let normal = |triangle: u32| {
         let [a, b, c] = mesh.corners(triangle);
         (b - a).cross(c - a)
     };
-    let mut angles: Vec<(f64, f64)> = (0..adjacency.edges().len() as u32)
+    let diagonal = mesh.bounds().diagonal();
+    let mut bends: Vec<(f64, f64)> = (0..adjacency.edges().len() as u32)
         .into_par_iter()
         .filter_map(|edge| {
             let [one, other] = adjacency.uses(edge) else {
                 return None;
             };
             let (m, n) = (normal(one.triangle), normal(other.triangle));
+            let area = m.length() + n.length();
             let lengths = m.length() * n.length();
             let cosine = (m.dot(n) / lengths).abs().min(1.0);
-            (lengths > 0.0).then(|| (cosine.acos(), m.length() + n.length()))
+            let [a, b] = adjacency.edges()[edge as usize].map(|v| mesh.positions()[v as usize]);
+            // from middle to middle
+            let way = area / (3.0 * a.distance(b));
+            let bend = cosine.acos() / way * diagonal;
+            (lengths > 0.0).then_some((bend, area))
         })
         .collect();
-    angles.par_sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
-    let quarter = 0.25 * angles.iter().map(|(_, area)| area).sum::<f64>();
+    bends.par_sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    let quarter = 0.25 * bends.iter().map(|(_, area)| area).sum::<f64>();
     let mut below = 0.0;
-    let reached = angles.iter().find(|(_, area)| {
+    let reached = bends.iter().find(|(_, area)| {
         below += area;
         below >= quarter
     });
-    reached.map_or(0.0, |(angle, _)| *angle)
+    reached.map_or(0.0, |(bend, _)| *bend)
 }
 
 /// What the facets must keep to.
@@ -465,5 +517,18 @@ impl CollapseJudge for Judge<'_> {
             self.nearest[candidate.vertices[0] as usize] = self.merged;
         }
         refused
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::eased;
+
+    #[test]
+    fn facets_may_be_off_by_more_where_more_than_a_sixth_is_left() {
+        let of = |after| eased(4.0, 7.0, 600, after);
+        assert_eq!((of(0), of(60), of(100)), (4.0, 4.0, 4.0));
+        assert!((of(125) - 5.0).abs() < 1e-12);
+        assert_eq!((of(200), of(600)), (7.0, 7.0));
     }
 }

@@ -82,7 +82,7 @@ impl Facets<'_> {
         }
         let trace = matrix.x_axis.x + matrix.y_axis.y + matrix.z_axis.z;
         let held = matrix + DMat3::from_diagonal(DVec3::splat(HOLD * trace / 3.0));
-        (trace > 0.0).then(|| self.coordinates.nearest(from + held.inverse() * right))
+        (trace > 0.0).then(|| from + held.inverse() * right)
     }
 }
 
@@ -155,6 +155,10 @@ impl RelaxJudge for Facets<'_> {
             })
         });
         self.meeting(middle, halves)
+    }
+
+    fn rounded(&self, place: DVec3) -> DVec3 {
+        self.coordinates.nearest(place)
     }
 
     fn admits(&self, after: &[Facet<Lie>]) -> bool {

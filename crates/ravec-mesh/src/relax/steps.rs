@@ -8,6 +8,10 @@ use crate::loose_octree::LooseOctree;
 use crate::tri_intersect::{TriTri, intersection};
 use crate::{Aabb, Adjacency, TriMesh};
 
+/// How much of the way to where it would better be a vertex is tried to go: what suits all facets around it together may be too
+/// far for some of them.
+const SHARES: [f64; 2] = [1.0, 0.5];
+
 /// A change of few facets.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Step {
@@ -142,7 +146,8 @@ impl<'a, J: RelaxJudge> Steps<'a, J> {
             let [_, a, b, _] = self.diamond([triangle, other])?;
             let triangles = [triangle, other];
             let facets = triangles.map(|t| self.facet(t));
-            let at = self.judge.between([a, b], &facets)?;
+            let place = self.judge.between([a, b], &facets)?;
+            let at = self.judge.rounded(place);
             Some(Step::Split { triangles, at })
         });
         splits.collect()
@@ -150,7 +155,7 @@ impl<'a, J: RelaxJudge> Steps<'a, J> {
 
     /// Flips of the edges of a triangle and moves of its corners.
     pub fn of_triangle(&self, triangle: u32) -> Vec<Step> {
-        let mut steps = Vec::with_capacity(6);
+        let mut steps = Vec::with_capacity(3 + 3 * SHARES.len());
         let flips = self.across(triangle).map(|other| Step::Flip {
             triangles: [triangle, other],
         });
@@ -161,8 +166,12 @@ impl<'a, J: RelaxJudge> Steps<'a, J> {
             }
             let star = &self.stars[vertex as usize];
             let around: Vec<_> = star.iter().map(|&t| self.facet(t)).collect();
-            if let Some(to) = self.judge.place(vertex, &around) {
-                steps.push(Step::Move { vertex, to });
+            if let Some(place) = self.judge.place(vertex, &around) {
+                let from = self.positions[vertex as usize];
+                steps.extend(SHARES.map(|share| Step::Move {
+                    vertex,
+                    to: self.judge.rounded(from + share * (place - from)),
+                }));
             }
         }
         steps

@@ -153,7 +153,8 @@ impl Simplifier<'_> {
         if self.is_merged_twice {
             let sealed = (simplified.vertex_origin.iter()).map(|&v| border[v as usize]);
             let sealed: Vec<bool> = sealed.collect();
-            simplified = self.merged_again(simplified, &sealed)?;
+            let eased = self.eased(surface, &simplified.mesh);
+            simplified = eased.merged_again(simplified, &sealed)?;
         }
         let origin = |v: usize| simplified.vertex_origin[v] as usize;
         let near = around(&simplified.mesh, |v| border[origin(v)]);
