@@ -67,23 +67,6 @@ impl Facets<'_> {
         let is_sealed = |v: &u32| self.sealed.get(*v as usize) == Some(&true);
         names.iter().filter(|v| is_sealed(v)).count() > 1
     }
-
-    /// Where planes meet that touch the surface, or nearly, from a place on; each with its weight.
-    fn meeting(&self, from: DVec3, planes: impl Iterator<Item = Lie>) -> Option<DVec3> {
-        let mut matrix = DMat3::ZERO;
-        let mut right = DVec3::ZERO;
-        for Lie {
-            area, near, foot, ..
-        } in planes
-        {
-            let n = near.away;
-            matrix += area * DMat3::from_cols(n.x * n, n.y * n, n.z * n);
-            right += area * n.dot(foot - from) * n;
-        }
-        let trace = matrix.x_axis.x + matrix.y_axis.y + matrix.z_axis.z;
-        let held = matrix + DMat3::from_diagonal(DVec3::splat(HOLD * trace / 3.0));
-        (trace > 0.0).then(|| from + held.inverse() * right)
-    }
 }
 
 /// How a facet lies.
@@ -96,6 +79,23 @@ pub(crate) struct Lie {
     near: Near,
     /// The point of the surface there.
     foot: DVec3,
+}
+
+/// Where planes meet that touch the surface, or nearly, from a place on; each with its weight.
+fn meeting(from: DVec3, planes: impl Iterator<Item = Lie>) -> Option<DVec3> {
+    let mut matrix = DMat3::ZERO;
+    let mut right = DVec3::ZERO;
+    for Lie {
+        area, near, foot, ..
+    } in planes
+    {
+        let n = near.away;
+        matrix += area * DMat3::from_cols(n.x * n, n.y * n, n.z * n);
+        right += area * n.dot(foot - from) * n;
+    }
+    let trace = matrix.x_axis.x + matrix.y_axis.y + matrix.z_axis.z;
+    let held = matrix + DMat3::from_diagonal(DVec3::splat(HOLD * trace / 3.0));
+    (trace > 0.0).then(|| from + held.inverse() * right)
 }
 
 impl RelaxJudge for Facets<'_> {
@@ -133,7 +133,7 @@ impl RelaxJudge for Facets<'_> {
     /// Where the planes meet that touch the surface at the middles of the facets around.
     fn place(&self, of: u32, around: &[Facet<Lie>]) -> Option<DVec3> {
         let v = around.first()?.corner(of)?;
-        self.meeting(v, around.iter().map(|facet| facet.look))
+        meeting(v, around.iter().map(|facet| facet.look))
     }
 
     /// Where the planes meet that touch the surface at the middles of what the facets would be divided into.
@@ -154,7 +154,7 @@ impl RelaxJudge for Facets<'_> {
                 [p, q].map(|end| self.look([facet.corners[apex], end, middle], Some(&facet.look)))
             })
         });
-        self.meeting(middle, halves)
+        meeting(middle, halves)
     }
 
     fn rounded(&self, place: DVec3) -> DVec3 {
