@@ -151,7 +151,7 @@ impl Strict {
 }
 
 impl Overseer for Strict {
-    type Judge = Box<dyn FnMut(&CollapseCandidate<'_>) -> bool>;
+    type Judge = Box<dyn Fn(&CollapseCandidate<'_>) -> bool + Sync>;
 
     fn judge(&self, _: &TriMesh, trust: Trust) -> Self::Judge {
         let longest = self.longest;

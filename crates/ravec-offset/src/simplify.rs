@@ -28,6 +28,7 @@ use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
 use rustc_hash::FxHashSet;
 use std::f64::consts::PI;
+use std::sync::OnceLock;
 
 /// The share of the tolerance by which simplification may leave the surface that it started from: so crests, which the
 /// proof of the distance alone would let it cut, stay where they are.
@@ -345,10 +346,8 @@ impl<'a> Overseer for Proofs<'a> {
             proofs: *self,
             trust,
             least_cosine: self.most_deviation.cos(),
-            merged: nearest[0],
             nearest,
-            lies: vec![None; part.triangles().len()],
-            after: Vec::new(),
+            lies: vec![OnceLock::new(); part.triangles().len()],
         }
     }
 
@@ -388,12 +387,17 @@ struct Judge<'a> {
     least_cosine: f64,
     /// What is closest to each vertex.
     nearest: Vec<Near>,
-    /// What is closest to the merged vertex.
-    merged: Near,
     /// How facets lie, as far as is known.
-    lies: Vec<Option<Lie>>,
-    /// How those around the merged vertex will lie.
-    after: Vec<Lie>,
+    lies: Vec<OnceLock<Lie>>,
+}
+
+/// What is found out about a collapse.
+#[derive(Default)]
+struct Findings {
+    /// What is closest to the merged vertex.
+    merged: Option<Near>,
+    /// How the facets around it will lie.
+    lies: Vec<Lie>,
 }
 
 /// How a facet lies.
@@ -433,43 +437,34 @@ impl Judge<'_> {
         }
     }
 
-    /// What the corners of a facet will be closest to.
-    fn near(&self, candidate: &CollapseCandidate<'_>, corners: [u32; 3]) -> [Near; 3] {
-        corners.map(|v| {
-            if v == candidate.vertices[0] {
-                self.merged
-            } else {
-                self.nearest[v as usize]
-            }
-        })
+    /// How a facet lies now.
+    fn lie_now(&self, t: u32, facet: [DVec3; 3], corners: [u32; 3]) -> Lie {
+        let look = || {
+            let [a, b, c] = corners.map(|v| self.nearest[v as usize].triangle);
+            self.looked_at(facet, [a, b, c, a])
+        };
+        *self.lies[t as usize].get_or_init(look)
     }
 
     /// What all facets around the edge together are off now.
-    fn excess_before(&mut self, candidate: &CollapseCandidate<'_>) -> f64 {
+    fn excess_before(&self, candidate: &CollapseCandidate<'_>) -> f64 {
         let triangles = candidate.triangles.iter().chain(candidate.vanishing);
         let facets = candidate.before.iter().chain(candidate.vanishing_at);
-        let corners = (candidate.corners.iter()).chain(candidate.vanishing_corners);
-        let mut sum = 0.0;
-        for ((&t, &facet), &corners) in triangles.zip(facets).zip(corners) {
-            let lie = if let Some(lie) = self.lies[t as usize] {
-                lie
-            } else {
-                let [a, b, c] = corners.map(|v| self.nearest[v as usize].triangle);
-                self.looked_at(facet, [a, b, c, a])
-            };
-            self.lies[t as usize] = Some(lie);
-            sum += lie.excess;
-        }
-        sum
+        let corners = (candidate.corners_before.iter()).chain(candidate.vanishing_corners);
+        let lies = (triangles.zip(facets).zip(corners))
+            .map(|((&t, &facet), &corners)| self.lie_now(t, facet, corners));
+        lies.map(|lie| lie.excess).sum()
     }
 }
 
 impl CollapseJudge for Judge<'_> {
+    type Findings = Findings;
+
     fn place(&self, lowest: DVec3) -> DVec3 {
         self.proofs.coordinates.nearest(lowest)
     }
 
-    fn refuses_early(&mut self, candidate: &CollapseCandidate<'_>) -> bool {
+    fn refuses_early(&self, candidate: &CollapseCandidate<'_>, findings: &mut Findings) -> bool {
         let Proofs { field, limits, .. } = self.proofs;
         let [kept, removed] = candidate.vertices;
         let ends = [kept, removed].map(|v| self.nearest[v as usize].triangle);
@@ -477,9 +472,8 @@ impl CollapseJudge for Judge<'_> {
         // at creases facets may be off, but all together no more than they were
         let mut excess = 0.0;
         let mut allowed = None;
-        self.after.clear();
-        let facets = candidate.after.iter().zip(candidate.corners);
-        for ((&facet, &corners), &t) in facets.zip(candidate.triangles) {
+        findings.lies.clear();
+        for (i, (&facet, &corners)) in candidate.after.iter().zip(candidate.corners).enumerate() {
             let [a, b, c] = corners.map(|v| {
                 if v == kept {
                     merged
@@ -487,9 +481,13 @@ impl CollapseJudge for Judge<'_> {
                     self.nearest[v as usize].triangle
                 }
             });
-            let middle = self.lies[t as usize].map_or(a, |lie| lie.triangle);
-            let lie = self.looked_at(facet, [a, b, c, middle]);
-            self.after.push(lie);
+            let now = self.lie_now(
+                candidate.triangles[i],
+                candidate.before[i],
+                candidate.corners_before[i],
+            );
+            let lie = self.looked_at(facet, [a, b, c, now.triangle]);
+            findings.lies.push(lie);
             if lie.excess > 0.0 {
                 excess += lie.excess;
                 if excess > *allowed.get_or_insert_with(|| self.excess_before(candidate)) {
@@ -497,26 +495,35 @@ impl CollapseJudge for Judge<'_> {
                 }
             }
         }
-        self.merged = field.near(candidate.position, merged);
+        let merged = field.near(candidate.position, merged);
+        findings.merged = Some(merged);
         let [least, most] = limits;
-        self.merged.distance < least || self.merged.distance > most
+        merged.distance < least || merged.distance > most
     }
 
-    fn refuses(&mut self, candidate: &CollapseCandidate<'_>) -> bool {
+    fn refuses(&self, candidate: &CollapseCandidate<'_>, findings: &mut Findings) -> bool {
         let Proofs { field, limits, .. } = self.proofs;
+        let kept = candidate.vertices[0];
+        let near_now = |v: u32| self.nearest[v as usize];
+        let near = |v: u32| match findings.merged {
+            Some(merged) if v == kept => merged,
+            _ => near_now(v),
+        };
         let mut facets = candidate.after.iter().zip(candidate.corners);
-        let refused = facets.any(|(&facet, &corners)| {
-            let near = self.near(candidate, corners);
+        facets.any(|(&facet, corners)| {
+            let near = corners.map(near);
             (self.trust == Trust::Final || spread(&near) < TRUSTED_SPREAD)
                 && !proved(field, facet, limits, near)
-        });
-        if !refused {
-            for (&t, &lie) in candidate.triangles.iter().zip(&self.after) {
-                self.lies[t as usize] = Some(lie);
-            }
-            self.nearest[candidate.vertices[0] as usize] = self.merged;
+        })
+    }
+
+    fn happens(&mut self, candidate: &CollapseCandidate<'_>, findings: &mut Findings) {
+        for (&t, &lie) in candidate.triangles.iter().zip(&findings.lies) {
+            self.lies[t as usize] = OnceLock::from(lie);
         }
-        refused
+        if let Some(merged) = findings.merged {
+            self.nearest[candidate.vertices[0] as usize] = merged;
+        }
     }
 }
 

@@ -69,11 +69,16 @@ pub(super) struct Deviation<'a> {
     first: Vec<u32>,
     /// The triangles of the original, if the distance to them is limited, too.
     original: Option<&'a Bvh>,
-    /// The samples around the collapse under examination, with the place of their triangle among the new ones.
-    moves: Vec<(u32, u32)>,
     pub largest: f64,
-    /// The largest distance around the collapse under examination.
-    here: f64,
+}
+
+/// What becomes of the samples around a collapse. The list is kept for the next one.
+#[derive(Default)]
+pub(super) struct Moves {
+    /// The samples, each with the place of its triangle among the new ones.
+    samples: Vec<(u32, u32)>,
+    /// The largest distance.
+    largest: f64,
 }
 
 impl<'a> Deviation<'a> {
@@ -88,24 +93,23 @@ impl<'a> Deviation<'a> {
             next,
             first,
             original,
-            moves: Vec::new(),
             largest: 0.0,
-            here: 0.0,
         }
     }
 
     /// Whether the deviation stays within `limit` if the triangles `old` are replaced by those with corners at `new`, all
     /// of which have one at `merged`. The first of `old` are those that change into `new`, in the same order.
     pub fn stays_within(
-        &mut self,
+        &self,
         limit: f64,
         old: &[&[u32]; 2],
         new: &[[DVec3; 3]],
         merged: DVec3,
+        moves: &mut Moves,
     ) -> bool {
         let limit_sq = limit * limit;
-        self.here = 0.0;
-        self.moves.clear();
+        moves.largest = 0.0;
+        moves.samples.clear();
         for (k, &t) in old.iter().copied().flatten().enumerate() {
             let mut i = self.first[t as usize];
             while i != NONE {
@@ -128,12 +132,12 @@ impl<'a> Deviation<'a> {
                         return false;
                     }
                 }
-                self.here = self.here.max(best.0);
-                self.moves.push((i, best.1));
+                moves.largest = moves.largest.max(best.0);
+                moves.samples.push((i, best.1));
                 i = self.next[i as usize];
             }
         }
-        self.here = self.here.sqrt();
+        moves.largest = moves.largest.sqrt();
         let Some(original) = self.original else {
             return true;
         };
@@ -149,19 +153,17 @@ impl<'a> Deviation<'a> {
             [(a + b + c) / 3.0, 0.5 * (merged + next)]
         });
         for place in std::iter::once(merged).chain(middles) {
-            let Some(distance) = self.distance_to(original, place, limit) else {
+            let Some(distance) = self.distance_to(original, place, limit, moves) else {
                 return false;
             };
-            self.here = self.here.max(distance);
+            moves.largest = moves.largest.max(distance);
         }
         true
     }
 
     /// How far a place is from the original at most, unless that is more than the limit.
-    fn distance_to(&self, original: &Bvh, place: DVec3, limit: f64) -> Option<f64> {
-        let near = self
-            .moves
-            .iter()
+    fn distance_to(&self, original: &Bvh, place: DVec3, limit: f64, moves: &Moves) -> Option<f64> {
+        let near = (moves.samples.iter())
             .map(|&(i, _)| &self.samples[i as usize])
             .map(|sample| (sample.place.distance_squared(place), sample.original))
             .min_by(|a, b| a.0.total_cmp(&b.0));
@@ -175,13 +177,13 @@ impl<'a> Deviation<'a> {
         Some(found.distance_sq.sqrt())
     }
 
-    /// Hands the samples over, after the collapse that was examined last.
-    pub fn accept(&mut self, old: &[&[u32]; 2], new: &[u32]) {
-        self.largest = self.largest.max(self.here);
+    /// Hands the samples over.
+    pub fn accept(&mut self, old: &[&[u32]; 2], new: &[u32], moves: &Moves) {
+        self.largest = self.largest.max(moves.largest);
         for &t in old.iter().copied().flatten() {
             self.first[t as usize] = NONE;
         }
-        for &(sample, i) in &self.moves {
+        for &(sample, i) in &moves.samples {
             let first = &mut self.first[new[i as usize] as usize];
             self.next[sample as usize] = std::mem::replace(first, sample);
         }

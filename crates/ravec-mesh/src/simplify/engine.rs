@@ -1,24 +1,25 @@
 //! The queue of edges, and what happens to them.
+//!
+//! Edges collapse one after the other, but where threads are idle the next ones are examined at once. Most examinations end with
+//! a veto, and few collapses change anything around the edges that wait, so that most verdicts still hold when it is their turn.
+//! The result is the same, bit for bit.
 
 use glam::DVec3;
 use ravec_progress::{Cancelled, Phase, Progress};
 use rayon::prelude::*;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 use super::deviation::{Deviation, Sample, samples};
-use super::examine::{Examiner, Freedom, Limits, Plan, Veto, freedom};
+use super::examine::{Examiner, Limits, Marks, Plan, Veto};
 use super::judge::CollapseJudge;
 use super::quadric::Quadric;
 use super::queue::{Entry, Queue};
+use super::state::{Collapse, Frame, State, planned};
 use super::surface::{GONE, Surface};
 use super::{ErrorSample, Keep, Simplified, SimplifyError, SimplifyParams, SimplifyReport};
 use crate::loose_octree::LooseOctree;
 use crate::{Aabb, Adjacency, Bvh, TriMesh};
-
-/// The share of the squared length of an edge that is added to its cost, for the area it stands for.
-///
-/// It orders the edges of flat parts, whose quadrics are rounding: short ones first, which keeps triangles in shape. A
-/// larger share would prefer short edges also where the surface is curved.
-const LENGTH_SHARE: f64 = 1e-9;
 
 /// The weight of the planes across boundaries and features, relative to the square of the edge. Smaller lets curves
 /// shrink where they bend, larger freezes their bends.
@@ -27,19 +28,19 @@ const CURVE_WEIGHT: f64 = 3.0;
 /// How often what was vetoed may be tried again. Later rounds find next to nothing.
 const ROUNDS: u32 = 3;
 
-/// Coordinates in which the mesh has a diagonal of 1, so that squares neither overflow nor vanish in `f32`.
-#[derive(Debug, Clone, Copy)]
-struct Frame {
-    origin: DVec3,
-    scale: f64,
-}
+/// How many edges are examined at once where threads are idle, at least and at most. The more, the rarer threads wait for one
+/// another, and the more examinations are in vain, since something changed meanwhile.
+const AHEAD: [usize; 2] = [16, 256];
 
-impl Frame {
-    #[inline]
-    fn to_local(self, p: DVec3) -> DVec3 {
-        (p - self.origin) * self.scale
-    }
-}
+/// If of the edges that were examined at once a larger share than the second was examined in vain, there are half as many the
+/// next time, and if a smaller share than the first, twice as many.
+const IN_VAIN: [f64; 2] = [1.0 / 32.0, 1.0 / 8.0];
+
+/// If even the fewest were too many, so many edges are examined one after the other before that is tried again.
+const PAUSE: usize = 256;
+
+/// For so many threads at most there are examiners, since each has a number for each vertex.
+const MOST_EXAMINERS: usize = 8;
 
 /// What an engine starts from.
 pub(super) struct Start<'a> {
@@ -53,85 +54,37 @@ pub(super) struct Start<'a> {
     pub samples: Option<Vec<Sample>>,
     /// The original, if the distance from it is limited.
     pub original: Option<&'a Bvh>,
+    /// How many other engines wait for a thread: while there are any, this one looks at one edge after the other.
+    pub waiting: &'a AtomicUsize,
 }
 
-pub(super) struct Engine<'a, J> {
-    surface: Surface,
-    quadrics: Vec<Quadric>,
-    /// Only if the error is limited.
-    deviation: Option<Deviation<'a>>,
+pub(super) struct Engine<'a, J: CollapseJudge> {
+    state: State<'a, J>,
+    /// How many other engines wait for a thread.
+    waiting: &'a AtomicUsize,
     /// Grows with each change of a vertex.
     stamps: Vec<u32>,
     /// Of each vertex that is gone, the one it was merged into.
     merged_into: Vec<u32>,
     /// When the triangles at a vertex last changed, as a number of collapses.
     touched: Vec<u32>,
-    frame: Frame,
-    limits: Limits,
     target: u64,
-    tree: Option<LooseOctree>,
     queue: Queue,
     /// What was vetoed, and after how many collapses.
     vetoed: Vec<(Entry, u32)>,
+    marks: Marks,
     examiner: Examiner,
-    /// Of each vertex, whether other triangles have it; empty if there are none.
-    sealed: Vec<bool>,
+    /// Those of other threads.
+    examiners: Vec<Mutex<Examiner>>,
+    /// What is examined next, and what was examined ahead; kept for their lists.
+    next: Collapse<J::Findings>,
+    ahead: Vec<Collapse<J::Findings>>,
+    /// Where triangles have changed since a batch was examined, if there is one and triangles must not meet.
+    changed_boxes: Option<Vec<Aabb>>,
+    /// How many edges are examined at once the next time, and how many one after the other before that.
+    reach: usize,
+    pause: usize,
     report: SimplifyReport,
-    judge: J,
-}
-
-/// The collapse of an edge and its cost, if its ends allow any.
-#[inline]
-fn planned(
-    surface: &Surface,
-    quadrics: &[Quadric],
-    frame: Frame,
-    [a, b]: [u32; 2],
-    max_error: f64,
-) -> Result<(Plan, f64), Veto> {
-    let freedom = freedom(surface, a, b).ok_or(Veto::Features)?;
-    let quadric = quadrics[a as usize] + quadrics[b as usize];
-    let [p, q] = [a, b].map(|v| surface.positions[v as usize]);
-    let (kept, removed, position, value) = match freedom {
-        Freedom::To([kept, removed]) => {
-            let position = surface.positions[kept as usize];
-            let value = quadric.at(frame.to_local(position));
-            (kept, removed, position, value)
-        }
-        Freedom::Between([kept, removed]) => {
-            let (local_p, local_q) = (frame.to_local(p), frame.to_local(q));
-            let middle = 0.5 * (local_p + local_q);
-            let lowest = quadric.lowest(middle);
-            let position = frame.origin + lowest / frame.scale;
-            // a point far away is the meeting of nearly parallel planes
-            let near = lowest.distance_squared(middle) <= local_p.distance_squared(local_q);
-            let (value, position) = if near && position.is_finite() {
-                (quadric.at(lowest), position)
-            } else {
-                let others = [(local_p, p), (local_q, q), (middle, 0.5 * p + 0.5 * q)];
-                let valued = others.map(|(local, place)| (quadric.at(local), place));
-                let [first, rest @ ..] = valued;
-                rest.into_iter().fold(
-                    first,
-                    |best, other| if other.0 < best.0 { other } else { best },
-                )
-            };
-            (kept, removed, position, value)
-        }
-    };
-    let allowed = max_error * frame.scale;
-    // spares the measurement of what is hopeless
-    if value > allowed * allowed * quadric.weight + quadric.rounding() && quadric.weight > 0.0 {
-        return Err(Veto::Error);
-    }
-    let length_sq = p.distance_squared(q) * frame.scale * frame.scale;
-    let cost = value + LENGTH_SHARE * length_sq * quadric.weight;
-    let plan = Plan {
-        kept,
-        removed,
-        position,
-    };
-    Ok((plan, cost))
 }
 
 impl<'a, J: CollapseJudge> Engine<'a, J> {
@@ -143,6 +96,7 @@ impl<'a, J: CollapseJudge> Engine<'a, J> {
             sealed,
             samples: known,
             original,
+            waiting,
         } = start;
         let adjacency = Adjacency::new(mesh);
         progress.check()?;
@@ -225,22 +179,32 @@ impl<'a, J: CollapseJudge> Engine<'a, J> {
             Deviation::new(known, surface.triangles.len(), original)
         });
         Ok(Self {
-            surface,
-            quadrics,
-            deviation,
+            state: State {
+                surface,
+                quadrics,
+                deviation,
+                frame,
+                limits,
+                tree,
+                sealed: is_sealed,
+                judge,
+            },
+            waiting,
             stamps: vec![0; vertices],
             merged_into: (0..vertices as u32).collect(),
             touched: vec![0; vertices],
-            frame,
-            limits,
             target: params.target_triangles,
-            tree,
             queue,
             vetoed: Vec::new(),
+            marks: Marks::new(vertices),
             examiner: Examiner::new(vertices),
-            sealed: is_sealed,
+            examiners: Vec::new(),
+            next: Collapse::default(),
+            ahead: Vec::new(),
+            changed_boxes: None,
+            reach: AHEAD[0],
+            pause: 0,
             report,
-            judge,
         })
     }
 
@@ -248,32 +212,25 @@ impl<'a, J: CollapseJudge> Engine<'a, J> {
     pub fn run(&mut self, phase: &Phase, progress: &Progress) -> Result<(), Cancelled> {
         for _ in 0..ROUNDS {
             let before = self.report.collapses;
-            while self.surface.alive > self.target {
-                let Some(entry) = self.queue.pop() else {
-                    break;
-                };
-                let ([a, b], stamp) = (entry.ends, entry.stamp);
-                if self.stamp(a, b) != stamp {
-                    continue;
-                }
-                progress.check()?;
-                match self.try_collapse(a, b) {
-                    Ok(()) => phase.advance(self.examiner.vanishing.len() as u64),
-                    Err(veto) => {
-                        self.report.vetoes.count(veto);
-                        self.vetoed.push((entry, self.report.collapses as u32));
-                    }
+            while !self.is_done() {
+                let many = self.most_ahead();
+                let batch = self.next(many);
+                match batch.as_slice() {
+                    [] => break,
+                    [entry] => self.try_collapse(*entry, phase, progress)?,
+                    _ => self.look_ahead(&batch, phase, progress)?,
                 }
             }
-            if self.surface.alive <= self.target || self.report.collapses == before {
+            if self.is_done() || self.report.collapses == before {
                 break;
             }
             for (entry, when) in std::mem::take(&mut self.vetoed) {
-                let ([a, b], stamp) = (entry.ends, entry.stamp);
-                let changed = self.touched[a as usize].max(self.touched[b as usize]) > when;
-                if changed && self.stamp(a, b) == stamp {
+                if !self.is_current(&entry) {
+                    continue;
+                }
+                if self.has_changed(&entry, when) {
                     self.queue.push(entry);
-                } else if self.stamp(a, b) == stamp {
+                } else {
                     self.vetoed.push((entry, when));
                 }
             }
@@ -281,90 +238,179 @@ impl<'a, J: CollapseJudge> Engine<'a, J> {
         Ok(())
     }
 
+    fn is_done(&self) -> bool {
+        self.state.surface.alive <= self.target
+    }
+
     #[inline]
-    fn stamp(&self, a: u32, b: u32) -> u32 {
+    fn stamp(&self, [a, b]: [u32; 2]) -> u32 {
         self.stamps[a as usize].wrapping_add(self.stamps[b as usize])
     }
 
-    fn try_collapse(&mut self, a: u32, b: u32) -> Result<(), Veto> {
-        let max_error = self.limits.max_error;
-        let (mut plan, _) = planned(&self.surface, &self.quadrics, self.frame, [a, b], max_error)?;
-        if plan.position != self.surface.positions[plan.kept as usize] {
-            plan.position = self.judge.place(plan.position);
+    /// Whether neither end was merged since the edge was put into the queue.
+    #[inline]
+    fn is_current(&self, entry: &Entry) -> bool {
+        self.stamp(entry.ends) == entry.stamp
+    }
+
+    /// Whether triangles at either end have changed since so many collapses had happened.
+    #[inline]
+    fn has_changed(&self, entry: &Entry, when: u32) -> bool {
+        let mut touched = entry.ends.into_iter().map(|v| self.touched[v as usize]);
+        touched.any(|touched| touched > when)
+    }
+
+    /// How many edges to examine at once: one if all threads have work.
+    fn most_ahead(&mut self) -> usize {
+        let is_last = self.waiting.load(Ordering::Relaxed) == 0;
+        if self.pause > 0 || !is_last || rayon::current_num_threads() == 1 {
+            self.pause = self.pause.saturating_sub(1);
+            1
+        } else {
+            self.reach
         }
-        let (surface, examiner) = (&self.surface, &mut self.examiner);
-        examiner.gather(surface, &plan)?;
-        if !self.sealed.is_empty() {
-            examiner.examine_seal(surface, &plan, &self.sealed)?;
+    }
+
+    /// Looks ahead the farther the fewer of `all` edges were examined in vain.
+    fn adapt(&mut self, in_vain: usize, all: usize) {
+        let [least, most] = AHEAD;
+        let share = in_vain as f64 / all as f64;
+        if share < IN_VAIN[0] {
+            self.reach = (2 * self.reach).min(most);
+        } else if share > IN_VAIN[1] {
+            self.pause = if self.reach == least { PAUSE } else { 0 };
+            self.reach = (self.reach / 2).max(least);
         }
-        examiner.examine_shape(surface, &plan, &self.limits)?;
-        if self
-            .judge
-            .refuses_early(&examiner.candidate(surface, &plan))
+    }
+
+    /// The next edges, at most so `many`.
+    fn next(&mut self, many: usize) -> Vec<Entry> {
+        let mut batch = Vec::with_capacity(many);
+        while batch.len() < many
+            && let Some(entry) = self.queue.pop()
         {
-            return Err(Veto::Caller);
+            if self.is_current(&entry) {
+                batch.push(entry);
+            }
         }
-        if let Some(deviation) = &mut self.deviation {
-            examiner.examine_deviation(&plan, deviation, &self.limits)?;
+        batch
+    }
+
+    /// Examines all of a batch at once, as if each were next, and lets those collapse that may. What happens is what would happen
+    /// one after the other: edges that come to be meanwhile have their turn, and where something has changed since around an
+    /// edge, it is examined again.
+    fn look_ahead(
+        &mut self,
+        batch: &[Entry],
+        phase: &Phase,
+        progress: &Progress,
+    ) -> Result<(), Cancelled> {
+        progress.check()?;
+        let mut ahead = std::mem::take(&mut self.ahead);
+        if ahead.len() < batch.len() {
+            ahead.resize_with(batch.len(), Collapse::default);
         }
-        if let Some(tree) = &self.tree {
-            examiner.examine_intersections(surface, &plan, tree)?;
+        let threads = rayon::current_num_threads().min(MOST_EXAMINERS);
+        let vertices = self.stamps.len();
+        self.examiners
+            .resize_with(threads, || Mutex::new(Examiner::new(vertices)));
+        let (state, examiners) = (&self.state, &self.examiners);
+        (batch.par_iter().zip(&mut ahead)).for_each(|(entry, collapse)| {
+            let thread = rayon::current_thread_index().unwrap_or(0);
+            let mut examiner =
+                (examiners[thread % threads].lock()).unwrap_or_else(PoisonError::into_inner);
+            state.examine(entry.ends, &mut examiner, collapse);
+        });
+        let since = self.report.collapses as u32;
+        // what is still in the bucket of the last one comes after it
+        let last = batch.last().map_or(0, |entry| entry.bucket);
+        let after_last = self.queue.count_in(last);
+        self.changed_boxes = self.state.tree.is_some().then(Vec::new);
+        let mut in_vain = 0;
+        for (entry, collapse) in batch.iter().zip(&mut ahead) {
+            let old = if entry.bucket == last { after_last } else { 0 };
+            while !self.is_done()
+                && let Some(cheaper) = self.queue.pop_up_to(entry.bucket, old)
+            {
+                if self.is_current(&cheaper) {
+                    self.try_collapse(cheaper, phase, progress)?;
+                }
+            }
+            if self.is_done() {
+                break;
+            }
+            if !self.is_current(entry) {
+                in_vain += 1;
+                continue;
+            }
+            let bounds = collapse.change.bounds();
+            let mut changed_boxes = self.changed_boxes.iter().flatten();
+            if self.has_changed(entry, since) || changed_boxes.any(|b| b.touches(&bounds)) {
+                in_vain += 1;
+                self.try_collapse(*entry, phase, progress)?;
+            } else {
+                self.decide(*entry, collapse, phase);
+            }
         }
-        if self.judge.refuses(&examiner.candidate(surface, &plan)) {
-            return Err(Veto::Caller);
-        }
-        self.collapse(&plan);
+        self.ahead = ahead;
+        self.changed_boxes = None;
+        self.adapt(in_vain, batch.len());
         Ok(())
     }
 
-    fn collapse(&mut self, plan: &Plan) {
-        let Plan {
-            kept,
-            removed,
-            position,
-        } = *plan;
-        let examiner = &mut self.examiner;
+    fn try_collapse(
+        &mut self,
+        entry: Entry,
+        phase: &Phase,
+        progress: &Progress,
+    ) -> Result<(), Cancelled> {
+        progress.check()?;
+        let mut collapse = std::mem::take(&mut self.next);
+        (self.state).examine(entry.ends, &mut self.examiner, &mut collapse);
+        self.decide(entry, &mut collapse, phase);
+        self.next = collapse;
+        Ok(())
+    }
+
+    /// Lets an edge collapse, or puts it away for the next round.
+    fn decide(&mut self, entry: Entry, collapse: &mut Collapse<J::Findings>, phase: &Phase) {
+        match collapse.verdict {
+            Ok(()) => {
+                self.collapse(collapse);
+                phase.advance(collapse.change.vanishing.len() as u64);
+            }
+            Err(veto) => {
+                self.report.vetoes.count(veto);
+                self.vetoed.push((entry, self.report.collapses as u32));
+            }
+        }
+    }
+
+    fn collapse(&mut self, collapse: &mut Collapse<J::Findings>) {
+        let Plan { kept, removed, .. } = collapse.plan;
         self.report.collapses += 1;
-        if let Some(deviation) = &mut self.deviation {
-            deviation.accept(&examiner.old(), &examiner.changed);
+        self.state.collapse(collapse);
+        if let Some(boxes) = &mut self.changed_boxes {
+            boxes.push(collapse.change.bounds_of_all());
         }
         self.merged_into[removed as usize] = kept;
-        let quadric = self.quadrics[removed as usize];
-        self.quadrics[kept as usize] += quadric;
         for v in [kept, removed] {
             self.stamps[v as usize] = self.stamps[v as usize].wrapping_add(1);
         }
-        if let Some(tree) = &mut self.tree {
-            for &t in &examiner.vanishing {
-                tree.remove(t);
-            }
-            for (&t, corners) in examiner.changed.iter().zip(&examiner.after) {
-                tree.update(t, &Aabb::around(*corners));
-            }
-        }
-        let ends = [kept, removed];
-        self.surface
-            .merge(ends, position, &examiner.changed, &examiner.vanishing);
         // the edges of the merged vertex
-        let mark = examiner.next_mark();
-        examiner.is_new(kept, mark);
+        let mark = self.marks.next();
+        self.marks.is_new(kept, mark);
         let now = self.report.collapses as u32;
         self.touched[kept as usize] = now;
-        for i in 0..examiner.changed.len() {
-            for w in self.surface.triangles[examiner.changed[i] as usize] {
-                if !examiner.is_new(w, mark) {
+        for &t in &collapse.change.changed {
+            for w in self.state.surface.triangles[t as usize] {
+                if !self.marks.is_new(w, mark) {
                     continue;
                 }
                 self.touched[w as usize] = now;
                 let ends = [kept, w];
-                let limit = self.limits.max_error;
-                match planned(&self.surface, &self.quadrics, self.frame, ends, limit) {
-                    Ok((_, cost)) => {
-                        let stamp =
-                            self.stamps[kept as usize].wrapping_add(self.stamps[w as usize]);
-                        let entry = Entry::new(cost, ends, stamp);
-                        self.queue.push(entry);
-                    }
+                match self.state.cost(ends) {
+                    Ok(cost) => self.queue.push(Entry::new(cost, ends, self.stamp(ends))),
                     Err(veto) => self.report.vetoes.count(veto),
                 }
             }
@@ -373,18 +419,20 @@ impl<'a, J: CollapseJudge> Engine<'a, J> {
 
     /// How many triangles may go.
     pub fn most_to_do(&self) -> u64 {
-        self.surface.alive.saturating_sub(self.target)
+        self.state.surface.alive.saturating_sub(self.target)
     }
 
     /// Takes what is left, in the names of the mesh that was given.
     pub fn take_apart(self) -> Leftover {
         let Self {
-            surface,
-            deviation,
+            state,
             mut merged_into,
             mut report,
             ..
         } = self;
+        let State {
+            surface, deviation, ..
+        } = state;
         for v in 0..merged_into.len() {
             let mut end = merged_into[v];
             while merged_into[end as usize] != end {

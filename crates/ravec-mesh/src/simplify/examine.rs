@@ -2,7 +2,6 @@
 
 use glam::DVec3;
 
-use super::deviation::Deviation;
 use super::judge::CollapseCandidate;
 use super::surface::{Class, Surface};
 use super::{SimplifyParams, Vetoes};
@@ -65,134 +64,40 @@ impl Limits {
     }
 }
 
-/// What is known about the collapse under examination. The lists are kept for the next one.
+/// The change of a collapse. The lists are kept for the next one.
 #[derive(Default)]
-pub(super) struct Examiner {
+pub(super) struct Change {
     /// The triangles that change, where their corners are and will be.
     pub changed: Vec<u32>,
     before: Vec<[DVec3; 3]>,
     pub after: Vec<[DVec3; 3]>,
-    /// The names of the corners of what changes, as they will be.
+    /// The names of the corners of what changes, as they are and will be.
+    corners_before: Vec<[u32; 3]>,
     corners: Vec<[u32; 3]>,
     /// The triangles that vanish.
     pub vanishing: Vec<u32>,
     vanishing_corners: Vec<[u32; 3]>,
     vanishing_at: Vec<[DVec3; 3]>,
-    /// Vertices that were seen carry the number of the examination, or the one after it if they were seen twice.
-    marks: Vec<u32>,
-    mark: u32,
-    common: Vec<u32>,
-    boxes: Vec<Aabb>,
-    found: Vec<u32>,
-    stack: Vec<(u32, DVec3, f64)>,
 }
 
-impl Examiner {
-    pub fn new(vertices: usize) -> Self {
-        Self {
-            marks: vec![0; vertices],
-            ..Self::default()
-        }
+impl Change {
+    /// The triangles that change, and those that vanish.
+    pub fn old(&self) -> [&[u32]; 2] {
+        [&self.changed, &self.vanishing]
     }
 
-    /// A number that no vertex carries, nor the one after it.
-    pub fn next_mark(&mut self) -> u32 {
-        if self.mark >= u32::MAX - 3 {
-            self.marks.fill(0);
-            self.mark = 0;
-        }
-        self.mark += 2;
-        self.mark
+    /// The box around what will be there.
+    pub fn bounds(&self) -> Aabb {
+        Aabb::around(self.after.iter().flatten().copied())
     }
 
-    /// Whether `v` did not carry `mark` yet, which it does from now on.
-    #[inline]
-    pub fn is_new(&mut self, v: u32, mark: u32) -> bool {
-        std::mem::replace(&mut self.marks[v as usize], mark) != mark
+    /// The box around what was there and what will be.
+    pub fn bounds_of_all(&self) -> Aabb {
+        let before = self.before.iter().chain(&self.vanishing_at).flatten();
+        self.bounds().union(Aabb::around(before.copied()))
     }
 
-    /// Gathers the triangles around the edge, and examines whether the topology stays.
-    ///
-    /// The link condition: a vertex with edges to both ends must be the third corner of a triangle at the edge, and no
-    /// triangle may become the same as another.
-    pub fn gather(&mut self, surface: &Surface, plan: &Plan) -> Result<(), Veto> {
-        let Plan { kept, removed, .. } = *plan;
-        self.changed.clear();
-        self.vanishing.clear();
-        self.common.clear();
-        let mark = self.next_mark();
-        for (t, corners) in surface.star(removed) {
-            if corners.contains(&kept) {
-                self.vanishing.push(t);
-            } else {
-                self.changed.push(t);
-            }
-            for w in corners {
-                self.marks[w as usize] = mark;
-            }
-        }
-        let of_removed = self.changed.len();
-        for (t, corners) in surface.star(kept) {
-            if !corners.contains(&removed) {
-                self.changed.push(t);
-            }
-            for w in corners {
-                if self.marks[w as usize] == mark && w != kept && w != removed {
-                    self.marks[w as usize] = mark + 1;
-                    self.common.push(w);
-                }
-            }
-        }
-        if self.changed.is_empty() || self.common.len() != self.vanishing.len() {
-            return Err(Veto::Topology);
-        }
-        // two boundaries or features would become one
-        let special = |&w: &u32| surface.is_special(kept, w) && surface.is_special(removed, w);
-        if self.common.iter().any(special) {
-            return Err(Veto::Topology);
-        }
-        // a triangle of one end over two common neighbors, and the same of the other end
-        let over_common = |t: u32, apex: u32| {
-            let corners = surface.triangles[t as usize];
-            let mut others = corners.iter().filter(|&&w| w != apex);
-            let both = others.all(|&w| self.marks[w as usize] == mark + 1);
-            both.then_some(corners)
-        };
-        for &t in &self.changed[..of_removed] {
-            let Some(corners) = over_common(t, removed) else {
-                continue;
-            };
-            let twin = self.changed[of_removed..].iter().any(|&s| {
-                over_common(s, kept)
-                    .is_some_and(|other| other.iter().all(|&w| w == kept || corners.contains(&w)))
-            });
-            if twin {
-                return Err(Veto::Topology);
-            }
-        }
-        Ok(())
-    }
-
-    /// Examines whether an edge between two `sealed` vertices would come to be, after [`Self::gather`].
-    pub fn examine_seal(
-        &self,
-        surface: &Surface,
-        plan: &Plan,
-        sealed: &[bool],
-    ) -> Result<(), Veto> {
-        if !sealed[plan.kept as usize] {
-            return Ok(());
-        }
-        let shared = self.mark + 1;
-        let joins = surface
-            .star(plan.removed)
-            .flat_map(|(_, corners)| corners)
-            .filter(|&w| w != plan.kept && w != plan.removed)
-            .any(|w| sealed[w as usize] && self.marks[w as usize] != shared);
-        if joins { Err(Veto::Topology) } else { Ok(()) }
-    }
-
-    /// Examines the shape of the triangles that [`Self::gather`] found.
+    /// Examines the shape of the triangles that were [gathered](Examiner::gather).
     pub fn examine_shape(
         &mut self,
         surface: &Surface,
@@ -201,6 +106,7 @@ impl Examiner {
     ) -> Result<(), Veto> {
         self.before.clear();
         self.after.clear();
+        self.corners_before.clear();
         self.corners.clear();
         let mut worst_sq = f64::INFINITY;
         let mut new_worst_sq = f64::INFINITY;
@@ -228,6 +134,7 @@ impl Examiner {
             self.before.push(before);
             self.after.push(after);
             let renamed = |v| if v == plan.removed { plan.kept } else { v };
+            self.corners_before.push(names);
             self.corners.push(names.map(renamed));
         }
         self.vanishing_corners.clear();
@@ -245,24 +152,162 @@ impl Examiner {
         Ok(())
     }
 
-    /// Examines how far the surface would be from the original one.
-    pub fn examine_deviation(
-        &self,
-        plan: &Plan,
-        deviation: &mut Deviation<'_>,
-        limits: &Limits,
-    ) -> Result<(), Veto> {
-        let old = self.old();
-        if deviation.stays_within(limits.max_error, &old, &self.after, plan.position) {
-            Ok(())
-        } else {
-            Err(Veto::Error)
+    /// The collapse as the caller sees it.
+    pub fn candidate<'a>(&'a self, surface: &Surface, plan: &Plan) -> CollapseCandidate<'a> {
+        let vertices = [plan.kept, plan.removed];
+        CollapseCandidate {
+            vertices,
+            from: vertices.map(|v| surface.positions[v as usize]),
+            position: plan.position,
+            triangles: &self.changed,
+            before: &self.before,
+            corners_before: &self.corners_before,
+            after: &self.after,
+            corners: &self.corners,
+            vanishing: &self.vanishing,
+            vanishing_corners: &self.vanishing_corners,
+            vanishing_at: &self.vanishing_at,
+        }
+    }
+}
+
+/// Vertices that were seen.
+#[derive(Default)]
+pub(super) struct Marks {
+    /// Each carries the number of the examination, or the one after it if it was seen twice.
+    of: Vec<u32>,
+    last: u32,
+}
+
+impl Marks {
+    pub fn new(vertices: usize) -> Self {
+        Self {
+            of: vec![0; vertices],
+            last: 0,
         }
     }
 
-    /// The triangles that change, and those that vanish.
-    pub fn old(&self) -> [&[u32]; 2] {
-        [&self.changed, &self.vanishing]
+    /// A number that no vertex carries, nor the one after it.
+    pub fn next(&mut self) -> u32 {
+        if self.last >= u32::MAX - 3 {
+            self.of.fill(0);
+            self.last = 0;
+        }
+        self.last += 2;
+        self.last
+    }
+
+    /// Whether `v` did not carry `mark` yet, which it does from now on.
+    #[inline]
+    pub fn is_new(&mut self, v: u32, mark: u32) -> bool {
+        std::mem::replace(&mut self.of[v as usize], mark) != mark
+    }
+}
+
+/// Examines collapses, one after the other.
+pub(super) struct Examiner {
+    marks: Marks,
+    common: Vec<u32>,
+    boxes: Vec<Aabb>,
+    found: Vec<u32>,
+    stack: Vec<(u32, DVec3, f64)>,
+}
+
+impl Examiner {
+    pub fn new(vertices: usize) -> Self {
+        Self {
+            marks: Marks::new(vertices),
+            common: Vec::new(),
+            boxes: Vec::new(),
+            found: Vec::new(),
+            stack: Vec::new(),
+        }
+    }
+
+    /// Gathers the triangles around the edge, and examines whether the topology stays.
+    ///
+    /// The link condition: a vertex with edges to both ends must be the third corner of a triangle at the edge, and no
+    /// triangle may become the same as another.
+    pub fn gather(
+        &mut self,
+        surface: &Surface,
+        plan: &Plan,
+        change: &mut Change,
+    ) -> Result<(), Veto> {
+        let Plan { kept, removed, .. } = *plan;
+        change.changed.clear();
+        change.vanishing.clear();
+        self.common.clear();
+        let mark = self.marks.next();
+        for (t, corners) in surface.star(removed) {
+            if corners.contains(&kept) {
+                change.vanishing.push(t);
+            } else {
+                change.changed.push(t);
+            }
+            for w in corners {
+                self.marks.of[w as usize] = mark;
+            }
+        }
+        let of_removed = change.changed.len();
+        for (t, corners) in surface.star(kept) {
+            if !corners.contains(&removed) {
+                change.changed.push(t);
+            }
+            for w in corners {
+                if self.marks.of[w as usize] == mark && w != kept && w != removed {
+                    self.marks.of[w as usize] = mark + 1;
+                    self.common.push(w);
+                }
+            }
+        }
+        if change.changed.is_empty() || self.common.len() != change.vanishing.len() {
+            return Err(Veto::Topology);
+        }
+        // two boundaries or features would become one
+        let special = |&w: &u32| surface.is_special(kept, w) && surface.is_special(removed, w);
+        if self.common.iter().any(special) {
+            return Err(Veto::Topology);
+        }
+        // a triangle of one end over two common neighbors, and the same of the other end
+        let over_common = |t: u32, apex: u32| {
+            let corners = surface.triangles[t as usize];
+            let mut others = corners.iter().filter(|&&w| w != apex);
+            let both = others.all(|&w| self.marks.of[w as usize] == mark + 1);
+            both.then_some(corners)
+        };
+        for &t in &change.changed[..of_removed] {
+            let Some(corners) = over_common(t, removed) else {
+                continue;
+            };
+            let twin = change.changed[of_removed..].iter().any(|&s| {
+                over_common(s, kept)
+                    .is_some_and(|other| other.iter().all(|&w| w == kept || corners.contains(&w)))
+            });
+            if twin {
+                return Err(Veto::Topology);
+            }
+        }
+        Ok(())
+    }
+
+    /// Examines whether an edge between two `sealed` vertices would come to be, after [`Self::gather`].
+    pub fn examine_seal(
+        &self,
+        surface: &Surface,
+        plan: &Plan,
+        sealed: &[bool],
+    ) -> Result<(), Veto> {
+        if !sealed[plan.kept as usize] {
+            return Ok(());
+        }
+        let shared = self.marks.last + 1;
+        let joins = surface
+            .star(plan.removed)
+            .flat_map(|(_, corners)| corners)
+            .filter(|&w| w != plan.kept && w != plan.removed)
+            .any(|w| sealed[w as usize] && self.marks.of[w as usize] != shared);
+        if joins { Err(Veto::Topology) } else { Ok(()) }
     }
 
     /// Examines whether the new triangles would meet one another, or others, where they should not.
@@ -270,14 +315,15 @@ impl Examiner {
         &mut self,
         surface: &Surface,
         plan: &Plan,
+        change: &Change,
         tree: &LooseOctree,
     ) -> Result<(), Veto> {
         let bad = |kind: TriTri| kind.is_improper() || kind == TriTri::Same;
         self.boxes.clear();
         self.boxes
-            .extend(self.after.iter().map(|t| Aabb::around(*t)));
-        for (i, t) in self.after.iter().enumerate() {
-            if self.after[..i].iter().any(|s| bad(intersection(s, t))) {
+            .extend(change.after.iter().map(|t| Aabb::around(*t)));
+        for (i, t) in change.after.iter().enumerate() {
+            if change.after[..i].iter().any(|s| bad(intersection(s, t))) {
                 return Err(Veto::Intersections);
             }
         }
@@ -296,30 +342,13 @@ impl Examiner {
             }
             // a vertex at the place of another would meet it as if they were one
             let meets = corners.contains(&plan.position)
-                || (self.after.iter().zip(&self.boxes))
+                || (change.after.iter().zip(&self.boxes))
                     .any(|(t, b)| b.touches(&bounds) && bad(intersection(t, &corners)));
             if meets {
                 return Err(Veto::Intersections);
             }
         }
         Ok(())
-    }
-
-    /// The collapse as the caller sees it.
-    pub fn candidate<'a>(&'a self, surface: &Surface, plan: &Plan) -> CollapseCandidate<'a> {
-        let vertices = [plan.kept, plan.removed];
-        CollapseCandidate {
-            vertices,
-            from: vertices.map(|v| surface.positions[v as usize]),
-            position: plan.position,
-            triangles: &self.changed,
-            before: &self.before,
-            after: &self.after,
-            corners: &self.corners,
-            vanishing: &self.vanishing,
-            vanishing_corners: &self.vanishing_corners,
-            vanishing_at: &self.vanishing_at,
-        }
     }
 }
 

@@ -17,6 +17,8 @@ pub struct CollapseCandidate<'a> {
     pub triangles: &'a [u32],
     /// Where the corners of `triangles` are.
     pub before: &'a [[DVec3; 3]],
+    /// The names of these corners, by their index in the original mesh.
+    pub corners_before: &'a [[u32; 3]],
     /// Where they will be, in the same order.
     pub after: &'a [[DVec3; 3]],
     /// The names they will have, by their index in the original mesh.
@@ -30,7 +32,14 @@ pub struct CollapseCandidate<'a> {
 }
 
 /// Who may refuse collapses. A closure that answers whether to refuse is one that is asked last.
-pub trait CollapseJudge {
+///
+/// Several collapses may be judged at the same time, and what is judged may not happen for other reasons, or be judged again
+/// once its neighborhood has changed. So answers may depend only on the candidate and on the collapses around it that
+/// [happened](Self::happens).
+pub trait CollapseJudge: Sync {
+    /// What is found out while a collapse is judged, for the next question about it and for when it happens.
+    type Findings: Default + Send;
+
     /// Where a merged vertex is put that would best be at `lowest` (default there): for vertices that may be in some places
     /// only. It is asked before all else, and not about a vertex that stays where it is.
     fn place(&self, lowest: DVec3) -> DVec3 {
@@ -38,18 +47,30 @@ pub trait CollapseJudge {
     }
 
     /// Whether to refuse a collapse whose new triangles have a good shape, while the distance from the original and
-    /// intersections are not examined yet: for questions that are cheaper than these.
-    fn refuses_early(&mut self, candidate: &CollapseCandidate<'_>) -> bool {
-        let _ = candidate;
+    /// intersections are not examined yet: for questions that are cheaper than these. The findings are those of another
+    /// collapse, or new.
+    fn refuses_early(
+        &self,
+        candidate: &CollapseCandidate<'_>,
+        findings: &mut Self::Findings,
+    ) -> bool {
+        let _ = (candidate, findings);
         false
     }
 
-    /// Whether to refuse a collapse that all other conditions allow. If not, it happens.
-    fn refuses(&mut self, candidate: &CollapseCandidate<'_>) -> bool;
+    /// Whether to refuse a collapse that all other conditions allow.
+    fn refuses(&self, candidate: &CollapseCandidate<'_>, findings: &mut Self::Findings) -> bool;
+
+    /// A collapse that was not refused happens.
+    fn happens(&mut self, candidate: &CollapseCandidate<'_>, findings: &mut Self::Findings) {
+        let _ = (candidate, findings);
+    }
 }
 
-impl<F: FnMut(&CollapseCandidate<'_>) -> bool> CollapseJudge for F {
-    fn refuses(&mut self, candidate: &CollapseCandidate<'_>) -> bool {
+impl<F: Fn(&CollapseCandidate<'_>) -> bool + Sync> CollapseJudge for F {
+    type Findings = ();
+
+    fn refuses(&self, candidate: &CollapseCandidate<'_>, (): &mut ()) -> bool {
         self(candidate)
     }
 }

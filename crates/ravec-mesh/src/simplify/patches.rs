@@ -17,6 +17,7 @@ use glam::DVec3;
 use ravec_progress::{Phase, Progress};
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::deviation::{Sample, known_samples, samples};
 use super::engine::{Engine, Leftover, Start};
@@ -90,6 +91,7 @@ pub fn simplify_patches(
         sealed: keep.sealed,
         reports_samples: keep.reports_samples,
         overseer,
+        waiting: &AtomicUsize::new(0),
         phase: &progress.phase("simplify", mesh.triangles().len() as u64),
         progress,
     };
@@ -120,6 +122,8 @@ pub(super) struct Task<'a, O> {
     sealed: bool,
     reports_samples: bool,
     pub overseer: &'a O,
+    /// How many patches or pieces wait for a thread.
+    waiting: &'a AtomicUsize,
     phase: &'a Phase,
     pub progress: &'a Progress,
 }
@@ -173,10 +177,12 @@ impl<O: Overseer> Task<'_, O> {
         let samples_of = by_group(&mut samples, groups.len(), |t| patch_of[t as usize]);
         drop(samples);
         let untouched = Assembly::new(self.mesh, vec![]);
+        self.waiting.store(groups.len(), Ordering::Relaxed);
         let found: Vec<(Part, Assembly)> = groups
             .par_iter()
             .zip(samples_of)
             .map(|(group, mut samples)| {
+                self.waiting.fetch_sub(1, Ordering::Relaxed);
                 self.progress.check()?;
                 let part = Part::new(self.mesh, untouched.now(), group.iter().copied());
                 part.rename(&mut samples);
@@ -240,10 +246,12 @@ impl<O: Overseer> Task<'_, O> {
         self.progress.check()?;
         let bounds = self.bounds(&whole, &free, &shared);
         self.progress.check()?;
+        self.waiting.store(pieces.len(), Ordering::Relaxed);
         let found: Vec<(Part, Leftover)> = pieces
             .par_iter()
             .zip(samples_of)
             .map(|(piece, samples)| {
+                self.waiting.fetch_sub(1, Ordering::Relaxed);
                 self.progress.check()?;
                 let triangles = piece.iter().map(|&t| whole.triangles[t as usize]);
                 let part = Part::new(self.mesh, assembly.now(), triangles);
@@ -309,6 +317,7 @@ impl<O: Overseer> Task<'_, O> {
             sealed: work.sealed,
             samples: Some(samples),
             original: self.original,
+            waiting: self.waiting,
         };
         let judge = self.overseer.judge(&part.mesh, work.trust);
         self.progress.check()?;

@@ -55,8 +55,19 @@ impl Queue {
 
     #[inline]
     pub fn pop(&mut self) -> Option<Entry> {
-        while self.lowest < self.buckets.len() {
-            if let Some((ends, stamp)) = self.buckets[self.lowest].pop() {
+        self.pop_up_to(u32::MAX, 0)
+    }
+
+    /// The next one, unless it is of a bucket above this one, or one of the first `old` of this one.
+    #[inline]
+    pub fn pop_up_to(&mut self, highest: u32, old: usize) -> Option<Entry> {
+        let highest = highest as usize;
+        while self.lowest < self.buckets.len() && self.lowest <= highest {
+            let bucket = &mut self.buckets[self.lowest];
+            if self.lowest == highest && bucket.len() <= old {
+                return None;
+            }
+            if let Some((ends, stamp)) = bucket.pop() {
                 return Some(Entry {
                     bucket: self.lowest as u32,
                     ends,
@@ -66,6 +77,11 @@ impl Queue {
             self.lowest += 1;
         }
         None
+    }
+
+    /// How many are in a bucket.
+    pub fn count_in(&self, bucket: u32) -> usize {
+        self.buckets[bucket as usize].len()
     }
 }
 
@@ -92,6 +108,22 @@ mod tests {
             seen.sort_unstable();
             prop_assert!(seen.into_iter().eq(0..logs.len() as u32));
         }
+    }
+
+    #[test]
+    fn what_was_there_before_may_be_left() {
+        let mut queue = Queue::new();
+        for (ends, cost) in [([0, 1], 1.0), ([2, 3], 1.0), ([4, 5], 9.0), ([6, 7], 0.5)] {
+            queue.push(Entry::new(cost, ends, 0));
+        }
+        let bucket = Entry::new(1.0, [0, 0], 0).bucket;
+        let next = |queue: &mut Queue| queue.pop_up_to(bucket, 1).map(|e| e.ends);
+        assert_eq!(next(&mut queue), Some([6, 7]));
+        assert_eq!(next(&mut queue), Some([2, 3]));
+        assert_eq!((next(&mut queue), queue.count_in(bucket)), (None, 1));
+        assert_eq!(queue.pop_up_to(bucket, 0).map(|e| e.ends), Some([0, 1]));
+        assert_eq!(queue.pop_up_to(bucket, 0), None);
+        assert_eq!(queue.pop().map(|e| e.ends), Some([4, 5]));
     }
 
     #[test]
