@@ -94,31 +94,15 @@ impl RelaxJudge for Tent {
     }
 }
 
-/// Wants what [`Roofer`] wants, and admits nothing.
-struct Stubborn;
-
-impl RelaxJudge for Stubborn {
-    type Look = f64;
-
-    fn look(&self, corners: [DVec3; 3], like: Option<&f64>) -> f64 {
-        Roofer.look(corners, like)
-    }
-    fn fault(&self, look: &f64) -> f64 {
-        *look
-    }
-
-    fn place(&self, of: u32, around: &[Facet<Self::Look>]) -> Option<DVec3> {
-        Roofer.place(of, around)
-    }
-    fn admits(&self, _: &[Facet<Self::Look>]) -> bool {
-        false
-    }
+/// Wants what [`Roofer`] wants.
+struct Like {
+    /// How far a vertex is to go, as a share of the way, to numbers that single precision has.
+    share: f64,
+    /// Whether any step is admitted.
+    admits: bool,
 }
 
-/// Wants what [`Roofer`] wants, but goes twice as far, to numbers that single precision has.
-struct Overshooting;
-
-impl RelaxJudge for Overshooting {
+impl RelaxJudge for Like {
     type Look = f64;
 
     fn look(&self, corners: [DVec3; 3], like: Option<&f64>) -> f64 {
@@ -130,13 +114,13 @@ impl RelaxJudge for Overshooting {
 
     fn place(&self, of: u32, around: &[Facet<Self::Look>]) -> Option<DVec3> {
         let v = around[0].corner(of)?;
-        Some(2.0 * Roofer.place(of, around)? - v)
+        Some(v + self.share * (Roofer.place(of, around)? - v))
     }
     fn rounded(&self, place: DVec3) -> DVec3 {
         place.as_vec3().as_dvec3()
     }
     fn admits(&self, _: &[Facet<Self::Look>]) -> bool {
-        true
+        self.admits
     }
 }
 
@@ -252,7 +236,11 @@ fn a_crease_between_vertices_is_found_by_moves_and_flips() {
 #[test]
 fn a_vertex_goes_a_part_of_the_way_where_all_of_it_is_too_far() {
     let mesh = roof(12);
-    let relaxed = relax(&mesh, &Overshooting, &Progress::none()).unwrap();
+    let overshooting = Like {
+        share: 2.0,
+        admits: true,
+    };
+    let relaxed = relax(&mesh, &overshooting, &Progress::none()).unwrap();
     let [before, after] = relaxed.faults;
     assert!(after < 0.25 * before, "{before} became {after}");
     let moved = (mesh.positions().iter().zip(relaxed.mesh.positions())).filter(|(p, q)| p != q);
@@ -320,7 +308,11 @@ fn edges_are_divided_where_nothing_else_helps() {
 #[test]
 fn what_is_not_admitted_does_not_happen() {
     let mesh = roof(6);
-    let relaxed = relax(&mesh, &Stubborn, &Progress::none()).unwrap();
+    let stubborn = Like {
+        share: 1.0,
+        admits: false,
+    };
+    let relaxed = relax(&mesh, &stubborn, &Progress::none()).unwrap();
     assert_eq!(relaxed.mesh, mesh);
     assert_eq!(relaxed.faults[0], relaxed.faults[1]);
 }

@@ -309,6 +309,34 @@ fn any_number_of_threads_gives_the_same_mesh() {
     assert!(vetoed.iter().all(|&times| times > 500), "{vetoed:?}");
 }
 
+/// While a veto waits for parallel work of its own, its thread may take up other edges.
+#[test]
+fn a_veto_may_let_its_thread_do_other_work() {
+    let mesh = shell(0.05);
+    let params = SimplifyParams {
+        max_error: 0.02,
+        ..SimplifyParams::default()
+    };
+    let veto = |candidate: &CollapseCandidate<'_>| {
+        rayon::yield_now();
+        let area = |[a, b, c]: [DVec3; 3]| (b - a).cross(c - a).length();
+        candidate.after.iter().any(|&corners| area(corners) > 0.04)
+    };
+    let with = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        let keep = Keep::default();
+        let simplified = || simplify(&mesh, &params, &keep, veto, &Progress::none()).unwrap();
+        pool.unwrap().install(simplified)
+    };
+    let alone = with(1);
+    let report = &alone.report;
+    assert!(
+        report.collapses > 500 && report.vetoes.caller > 500,
+        "{report:?}"
+    );
+    assert_eq!(alone, with(4));
+}
+
 #[test]
 fn large_coordinates_and_tiny_meshes_are_simplified_alike() {
     let mesh = grid_box(8);

@@ -39,8 +39,8 @@ const IN_VAIN: [f64; 2] = [1.0 / 32.0, 1.0 / 8.0];
 /// If even the fewest were too many, so many edges are examined one after the other before that is tried again.
 const PAUSE: usize = 256;
 
-/// For so many threads at most there are examiners, since each has a number for each vertex.
-const MOST_EXAMINERS: usize = 8;
+/// In so many parts at most they are examined, since each needs an examiner, which has a number for each vertex.
+const MOST_PARTS: usize = 8;
 
 /// What an engine starts from.
 pub(super) struct Start<'a> {
@@ -74,10 +74,10 @@ pub(super) struct Engine<'a, J: CollapseJudge> {
     vetoed: Vec<(Entry, u32)>,
     marks: Marks,
     examiner: Examiner,
-    /// Those of other threads.
-    examiners: Vec<Mutex<Examiner>>,
-    /// What is examined next, and what was examined ahead; kept for their lists.
-    next: Collapse<J::Findings>,
+    /// Those of other threads, while they are not at work.
+    examiners: Mutex<Vec<Examiner>>,
+    /// What was examined last, and what was examined ahead; kept for their lists.
+    last: Collapse<J::Findings>,
     ahead: Vec<Collapse<J::Findings>>,
     /// Where triangles have changed since a batch was examined, if there is one and triangles must not meet.
     changed_boxes: Option<Vec<Aabb>>,
@@ -198,8 +198,8 @@ impl<'a, J: CollapseJudge> Engine<'a, J> {
             vetoed: Vec::new(),
             marks: Marks::new(vertices),
             examiner: Examiner::new(vertices),
-            examiners: Vec::new(),
-            next: Collapse::default(),
+            examiners: Mutex::default(),
+            last: Collapse::default(),
             ahead: Vec::new(),
             changed_boxes: None,
             reach: AHEAD[0],
@@ -305,22 +305,11 @@ impl<'a, J: CollapseJudge> Engine<'a, J> {
         phase: &Phase,
         progress: &Progress,
     ) -> Result<(), Cancelled> {
-        progress.check()?;
         let mut ahead = std::mem::take(&mut self.ahead);
         if ahead.len() < batch.len() {
             ahead.resize_with(batch.len(), Collapse::default);
         }
-        let threads = rayon::current_num_threads().min(MOST_EXAMINERS);
-        let vertices = self.stamps.len();
-        self.examiners
-            .resize_with(threads, || Mutex::new(Examiner::new(vertices)));
-        let (state, examiners) = (&self.state, &self.examiners);
-        (batch.par_iter().zip(&mut ahead)).for_each(|(entry, collapse)| {
-            let thread = rayon::current_thread_index().unwrap_or(0);
-            let mut examiner =
-                (examiners[thread % threads].lock()).unwrap_or_else(PoisonError::into_inner);
-            state.examine(entry.ends, &mut examiner, collapse);
-        });
+        self.examine_all(batch, &mut ahead, progress)?;
         let since = self.report.collapses as u32;
         // what is still in the bucket of the last one comes after it
         let last = batch.last().map_or(0, |entry| entry.bucket);
@@ -358,6 +347,31 @@ impl<'a, J: CollapseJudge> Engine<'a, J> {
         Ok(())
     }
 
+    /// Examines all of a batch, side by side.
+    fn examine_all(
+        &self,
+        batch: &[Entry],
+        ahead: &mut [Collapse<J::Findings>],
+        progress: &Progress,
+    ) -> Result<(), Cancelled> {
+        // not locked during the examination: a judge with parallel work of its own may make this thread take up another part
+        let (state, examiners, vertices) = (&self.state, &self.examiners, self.stamps.len());
+        let idle = || examiners.lock().unwrap_or_else(PoisonError::into_inner);
+        let part = batch.len().div_ceil(MOST_PARTS);
+        let parts = batch.par_chunks(part).zip(ahead.par_chunks_mut(part));
+        parts.try_for_each(|(entries, collapses)| {
+            let examiner = idle().pop();
+            let mut examiner = examiner.unwrap_or_else(|| Examiner::new(vertices));
+            for (entry, collapse) in entries.iter().zip(collapses) {
+                progress.check()?;
+                state.examine(entry.ends, &mut examiner, collapse);
+            }
+            idle().push(examiner);
+            Ok(())
+        })
+    }
+
+    /// Examines an edge, and lets it collapse if it may.
     fn try_collapse(
         &mut self,
         entry: Entry,
@@ -365,10 +379,10 @@ impl<'a, J: CollapseJudge> Engine<'a, J> {
         progress: &Progress,
     ) -> Result<(), Cancelled> {
         progress.check()?;
-        let mut collapse = std::mem::take(&mut self.next);
+        let mut collapse = std::mem::take(&mut self.last);
         (self.state).examine(entry.ends, &mut self.examiner, &mut collapse);
         self.decide(entry, &mut collapse, phase);
-        self.next = collapse;
+        self.last = collapse;
         Ok(())
     }
 

@@ -147,22 +147,12 @@ impl<J: CollapseJudge> State<'_, J> {
 
     /// Lets an edge collapse that was examined, since when nothing changed around it.
     pub fn collapse(&mut self, collapse: &mut Collapse<J::Findings>) {
-        let Collapse {
-            plan,
-            change,
-            moves,
-            findings,
-            ..
-        } = collapse;
-        let Plan {
-            kept,
-            removed,
-            position,
-        } = *plan;
-        self.judge
-            .happens(&change.candidate(&self.surface, plan), findings);
+        let (plan, change) = (collapse.plan, &collapse.change);
+        let [kept, removed] = [plan.kept, plan.removed];
+        let candidate = change.candidate(&self.surface, &plan);
+        self.judge.happens(&candidate, &mut collapse.findings);
         if let Some(deviation) = &mut self.deviation {
-            deviation.accept(&change.old(), &change.changed, moves);
+            deviation.accept(&change.old(), &change.changed, &collapse.moves);
         }
         let quadric = self.quadrics[removed as usize];
         self.quadrics[kept as usize] += quadric;
@@ -176,7 +166,7 @@ impl<J: CollapseJudge> State<'_, J> {
         }
         self.surface.merge(
             [kept, removed],
-            position,
+            plan.position,
             &change.changed,
             &change.vanishing,
         );
