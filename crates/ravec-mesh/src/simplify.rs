@@ -337,7 +337,7 @@ pub fn simplify(
             ..*keep
         },
         sealed: if keep.sealed { keep.vertices } else { &[] },
-        samples: keep.samples.as_deref().map(known_samples),
+        samples: keep.samples.clone().map(known_samples),
         original: original.as_ref(),
         waiting: &AtomicUsize::new(0),
     };

@@ -19,6 +19,7 @@ use ravec_octree::{
 use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
 use rustc_hash::{FxBuildHasher, FxHashMap, FxHashSet};
+use std::num::NonZeroU32;
 
 /// So many entries go into a table in a few milliseconds.
 const AT_ONCE: usize = 1 << 14;
@@ -32,10 +33,16 @@ pub(crate) enum State {
     Beyond,
     /// All of it lies on one side of the surface.
     Empty { is_inside: bool },
-    /// It may hold the surface; with the place of its vertex, if its corners have both signs, and a bit for each corner that lies
-    /// inside.
-    Full { vertex: Option<DVec3>, inside: u8 },
+    /// It may hold the surface; with its vertex, if its corners have both signs, and a bit for each corner that lies inside.
+    Full {
+        vertex: Option<VertexNumber>,
+        inside: u8,
+    },
 }
+
+/// Where the vertex of a leaf stands in a list, counted from 1: with places in them, nodes would be half as large again.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct VertexNumber(NonZeroU32);
 
 /// A node of the tree.
 #[derive(Debug, Clone, Copy)]
@@ -78,6 +85,8 @@ pub(crate) struct Refinement<'a> {
     /// Cells of this level are not split because of what they hold.
     pub floor: u8,
     pub tree: Octree<Node>,
+    /// The vertices of leaves, also of some that were split.
+    vertices: Vec<DVec3>,
     corners: FxHashMap<u64, CornerValue>,
     /// Corners that count as inside though the field says otherwise: see [`Self::open_corners`].
     filled: FxHashSet<Corner>,
@@ -119,6 +128,7 @@ impl<'a> Refinement<'a> {
                 middle: 0.0,
                 state: State::New,
             }),
+            vertices: Vec::new(),
             corners: FxHashMap::default(),
             filled: orders.filled.clone(),
             reach,
@@ -365,8 +375,10 @@ impl<'a> Refinement<'a> {
                 let key = self.tree.key(node);
                 let is_done = fit.is_good || key.level >= self.floor;
                 if is_done && !orders.split.contains(&key) {
+                    let vertex = fit
+                        .vertex
+                        .map(|place| VertexNumber::add(&mut self.vertices, place));
                     let data = self.tree.data_mut(node);
-                    let vertex = fit.vertex;
                     data.state = State::Full { vertex, inside };
                     data.hint = fit.nearest;
                 } else {
@@ -523,8 +535,24 @@ impl<'a> Refinement<'a> {
 
     pub fn leaf_vertex(&self, leaf: NodeId) -> Option<DVec3> {
         match self.tree.data(leaf).state {
-            State::Full { vertex, .. } => vertex,
+            State::Full { vertex, .. } => vertex.map(|vertex| vertex.place(&self.vertices)),
             State::New | State::Beyond | State::Empty { .. } => None,
         }
+    }
+}
+
+impl VertexNumber {
+    fn add(vertices: &mut Vec<DVec3>, place: DVec3) -> Self {
+        vertices.push(place);
+        let count = u32::try_from(vertices.len()).ok();
+        Self(
+            count
+                .and_then(NonZeroU32::new)
+                .expect("fewer than 2^32 vertices"),
+        )
+    }
+
+    fn place(self, vertices: &[DVec3]) -> DVec3 {
+        vertices[self.0.get() as usize - 1]
     }
 }

@@ -17,6 +17,9 @@ const NONE: u32 = u32::MAX;
 /// distance to another might be less still, but that is not worth the search.
 const NEAR_SHARE: f64 = 1.0 / 16.0;
 
+/// So many samples are moved before memory is given back.
+const AT_ONCE: usize = 1 << 16;
+
 /// A place of the original.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Sample {
@@ -30,14 +33,27 @@ pub(super) struct Sample {
 }
 
 /// Samples that are near triangles of a mesh as it is.
-pub(super) fn known_samples(samples: &[ErrorSample]) -> Vec<Sample> {
-    let near = |&ErrorSample { place, triangle }: &ErrorSample| Sample {
-        place,
-        original: triangle,
-        settled: triangle,
-        triangle,
-    };
-    samples.iter().map(near).collect()
+pub(super) fn known_samples(mut samples: Vec<ErrorSample>) -> Vec<Sample> {
+    let mut known = Vec::with_capacity(samples.len());
+    take_from_end(&mut samples, |ErrorSample { place, triangle }| {
+        known.push(Sample {
+            place,
+            original: triangle,
+            settled: triangle,
+            triangle,
+        });
+    });
+    known.reverse();
+    known
+}
+
+/// Takes elements out, the last one first, and gives memory back on the way: there may be more samples than of all else.
+pub(super) fn take_from_end<T>(list: &mut Vec<T>, mut each: impl FnMut(T)) {
+    while !list.is_empty() {
+        let first = list.len().saturating_sub(AT_ONCE);
+        list.drain(first..).rev().for_each(&mut each);
+        list.shrink_to_fit();
+    }
 }
 
 /// The samples of a mesh that is not simplified yet.

@@ -518,10 +518,12 @@ impl Leftover {
             for (at, &t) in (0_u32..).zip(&triangle_origin) {
                 number[t as usize] = at;
             }
-            samples.extend(self.samples.iter().map(|sample| ErrorSample {
+            // by value, so that they take the place of what they are made of: there may be more of them than of all else
+            let moved = self.samples.into_iter().map(|sample| ErrorSample {
                 place: sample.place,
                 triangle: number[sample.triangle as usize],
-            }));
+            });
+            samples = moved.collect();
         }
         Simplified {
             mesh: TriMesh::new(positions, triangles).expect(

@@ -3,7 +3,7 @@
 use glam::DVec3;
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use super::deviation::Sample;
+use super::deviation::{Sample, take_from_end};
 use super::surface::edge_key;
 use crate::adjacency::is_proper;
 use crate::{Aabb, TriMesh};
@@ -225,10 +225,15 @@ pub(super) fn by_group(
         }
     }
     let mut samples_of: Vec<Vec<Sample>> = counts.into_iter().map(Vec::with_capacity).collect();
-    samples.retain(|sample| {
+    let mut others = Vec::new();
+    take_from_end(samples, |sample| {
         let group = samples_of.get_mut(group_of(sample.triangle) as usize);
-        group.map(|group| group.push(*sample)).is_none()
+        group.unwrap_or(&mut others).push(sample);
     });
+    for list in samples_of.iter_mut().chain([&mut others]) {
+        list.reverse();
+    }
+    *samples = others;
     samples_of
 }
 

@@ -66,7 +66,7 @@ pub fn simplify_patches(
         None
     };
     let known = limited.then(|| match keep.samples.take() {
-        Some(known) => known_samples(&known),
+        Some(known) => known_samples(known),
         None => samples(mesh, &adjacency),
     });
     progress.check()?;

@@ -1,6 +1,6 @@
 //! Trees as rows of bytes, to be kept in a file.
 
-use super::{Node, Refinement, Setting, State};
+use super::{Node, Refinement, Setting, State, VertexNumber};
 use crate::cell::CornerValue;
 use crate::field::Region;
 use crate::store::Bytes;
@@ -27,10 +27,8 @@ impl<'a> Refinement<'a> {
         let flags: Vec<[u8; 4]> = nodes.clone().map(|at| flags(node(at))).collect();
         let middles: Vec<f64> = nodes.clone().map(|at| node(at).middle).collect();
         let vertices: Vec<[f64; 3]> = nodes
-            .filter_map(|at| match node(at).state {
-                State::Full { vertex, .. } => vertex.map(|vertex| vertex.to_array()),
-                State::New | State::Beyond | State::Empty { .. } => None,
-            })
+            .filter_map(|at| self.leaf_vertex(at))
+            .map(|vertex| vertex.to_array())
             .collect();
         let (places, values): (Vec<[u64; 2]>, Vec<f64>) = (self.corners.iter())
             .map(|(&code, corner)| ([code, corner.triangle.into()], corner.value))
@@ -84,17 +82,21 @@ impl<'a> Refinement<'a> {
         let places: Vec<[u64; 2]> = bytes.take(corners)?;
         let values: Vec<f64> = bytes.take(corners)?;
         let filled: Vec<[u32; 3]> = bytes.take(filled)?;
-        let mut vertices = vertices.into_iter().map(DVec3::from);
+        let mut given = vertices.into_iter().map(DVec3::from);
+        let mut vertices = Vec::with_capacity(given.len());
         let rows = links.into_iter().zip(flags).zip(middles);
         let rows = rows.map(|(([first_child, hint], flags), middle)| {
             let node = Node {
                 hint,
                 region: region(flags[0])?,
                 middle,
-                state: state(flags, &mut vertices)?,
+                state: state(flags, || {
+                    Some(VertexNumber::add(&mut vertices, given.next()?))
+                })?,
             };
             Some((first_child, node))
         });
+        let tree = Octree::from_nodes(rows.collect::<Option<_>>()?)?;
         let corners = places.into_iter().zip(values);
         let corners = corners.map(|([code, triangle], value)| {
             let triangle = triangle as u32;
@@ -103,7 +105,8 @@ impl<'a> Refinement<'a> {
         Some(Self {
             setting,
             floor: setting.floor(),
-            tree: Octree::from_nodes(rows.collect::<Option<_>>()?)?,
+            tree,
+            vertices,
             corners: corners.collect(),
             filled: filled.into_iter().map(Corner).collect(),
             reach,
@@ -145,7 +148,7 @@ fn region(flag: u8) -> Option<Region> {
 
 fn state(
     [_, kind, inside, _]: [u8; 4],
-    vertices: &mut impl Iterator<Item = DVec3>,
+    vertex: impl FnOnce() -> Option<VertexNumber>,
 ) -> Option<State> {
     match kind {
         NEW => Some(State::New),
@@ -158,7 +161,7 @@ fn state(
             inside,
         }),
         FULL_WITH_VERTEX => Some(State::Full {
-            vertex: Some(vertices.next()?),
+            vertex: Some(vertex()?),
             inside,
         }),
         _ => None,
