@@ -162,6 +162,20 @@ impl Extracted {
         self.triangles[triangle].map(|v| self.positions[v as usize])
     }
 
+    /// The leaves in which the ends of an edge of a triangle lie, edge `i` from corner `i` to the next; all around the polygon if
+    /// both ends were added when it was cut.
+    pub fn cells_at_ends(&self, triangle: usize, i: usize) -> Vec<NodeId> {
+        let corners = self.triangles[triangle];
+        let ends = [corners[i], corners[(i + 1) % 3]];
+        let cell = |&vertex: &u32| self.contour.vertex_cells.get(vertex as usize).copied();
+        let cells: Vec<NodeId> = ends.iter().filter_map(cell).collect();
+        if cells.is_empty() {
+            self.cells_of(triangle).to_vec()
+        } else {
+            cells
+        }
+    }
+
     /// The edge around which the polygon of a triangle lies.
     pub fn edge_of(&self, triangle: usize) -> Edge {
         edge_of(&self.contour.polygons[self.polygon_of[triangle] as usize])

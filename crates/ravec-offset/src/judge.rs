@@ -102,14 +102,14 @@ impl Judge<'_> {
             .collect();
         progress.check()?;
         let proofs = self.proofs(before, refinement, extracted, &asked, progress)?;
-        let unproved = asked
-            .iter()
-            .zip(&proofs)
-            .filter(|(_, proof)| proof.is_none());
-        for (&t, _) in unproved {
-            let cells = extracted.cells_of(t);
-            wanted.unproved.extend(coarsest(refinement, cells));
-            bad.leaves.extend(cells);
+        let unproved: Vec<usize> = (asked.iter().zip(&proofs))
+            .filter(|(_, proof)| proof.is_none())
+            .map(|(&t, _)| t)
+            .collect();
+        let at_fault = self.at_fault(refinement, extracted, &unproved, progress)?;
+        for (&t, at_fault) in unproved.iter().zip(at_fault) {
+            wanted.unproved.extend(at_fault);
+            bad.leaves.extend(extracted.cells_of(t));
             bad.starts.push(start_of(t));
         }
         progress.check()?;
@@ -136,6 +136,39 @@ impl Judge<'_> {
         }
         separate(refinement, &equal, levels, next);
         Ok((bad, proofs))
+    }
+
+    /// For each of some facets that are not proved, the cells to split.
+    ///
+    /// Across a crest, a facet has vertices on either side that miss its tip, and perhaps one that does not: to split the cell of
+    /// that one is of no use. So it is the edge whose middle is farthest off the surface that is to become shorter. Of the cells at
+    /// its ends the coarsest are split, which is enough in the end: a crest whose tip lies in a coarse cell without a corner beyond
+    /// it is followed by the edges of finer cells beside it.
+    fn at_fault(
+        &self,
+        refinement: &Refinement<'_>,
+        extracted: &Extracted,
+        facets: &[usize],
+        progress: &Progress,
+    ) -> Result<Vec<Vec<CellKey>>, Cancelled> {
+        let (field, limit) = (self.setting.field, self.setting.limit());
+        let can_be_split = |&leaf: &NodeId| refinement.tree.key(leaf).level < limit;
+        let of_facet = |&t: &usize| {
+            progress.check()?;
+            let around = extracted.cells_of(t);
+            let (facet, hint) = (extracted.facet(t), refinement.tree.data(around[0]).hint);
+            let off = |i: usize| {
+                let middle = 0.5 * (facet[i] + facet[(i + 1) % 3]);
+                (field.near(middle, hint).distance - field.radius()).abs()
+            };
+            let worst = (0..3)
+                .map(|i| (off(i), extracted.cells_at_ends(t, i)))
+                .filter(|(_, cells)| cells.iter().any(can_be_split))
+                .max_by(|(a, _), (b, _)| a.total_cmp(b));
+            let cells = worst.map_or_else(|| around.to_vec(), |(_, cells)| cells);
+            Ok(coarsest(refinement, &cells))
+        };
+        facets.par_iter().map(of_facet).collect()
     }
 
     /// Proofs of some triangles, as far as they can be found.
@@ -185,14 +218,10 @@ impl Judge<'_> {
 }
 
 /// The cells of those leaves that are the coarsest.
-///
-/// To split them is enough to mend a facet, in the end: it is their vertices that are far from others. A crest whose tip lies in a
-/// coarse leaf without a corner beyond it is followed by the edges of finer leaves beside it, at a third of the cells that it takes to
-/// split all of them.
-fn coarsest(refinement: &Refinement<'_>, leaves: &[NodeId]) -> impl Iterator<Item = CellKey> {
+fn coarsest(refinement: &Refinement<'_>, leaves: &[NodeId]) -> Vec<CellKey> {
     let keys = leaves.iter().map(|&leaf| refinement.tree.key(leaf));
     let least = keys.clone().map(|key| key.level).min();
-    keys.filter(move |key| Some(key.level) == least)
+    keys.filter(|key| Some(key.level) == least).collect()
 }
 
 /// A cell that is to be split, and its descendants as far as they are to be split with it, over some levels in all.
