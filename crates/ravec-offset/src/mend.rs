@@ -238,7 +238,9 @@ impl<'a> Mending<'a> {
         progress: &Progress,
     ) -> Result<Box<Grown<'a>>, Halt> {
         let key = grown.key;
-        let mut changed = grown.refinement.mend(key, round.orders, progress)?;
+        let mut changed = grown
+            .refinement
+            .mend(key, round.orders, round.latest, progress)?;
         changed.append(&mut grown.bad.leaves);
         let scope = Scope::around(key, changed, &grown.refinement, progress)?;
         self.cut(&mut grown, scope, round.levels, wanted, progress)?;

@@ -199,18 +199,19 @@ impl<'a> Refinement<'a> {
         self.reach.contains(self.tree.key(leaf))
     }
 
-    /// Does what is ordered and was not done yet, and goes on until every cell that the tile depends on is good again. Returns the
-    /// leaves that are new or have a corner that was filled.
+    /// Does the `latest` of all orders, and goes on until every cell that the tile depends on is good again. Returns the leaves that
+    /// are new or have a corner that was filled.
     pub fn mend(
         &mut self,
         tile: CellKey,
         orders: &Orders,
+        latest: &Orders,
         progress: &Progress,
     ) -> Result<Vec<NodeId>, Halt> {
         let first_new = self.tree.len() as NodeId;
         let filled: Vec<Corner> = orders.filled.difference(&self.filled).copied().collect();
         self.filled.extend(&filled);
-        let mut leaves: Vec<NodeId> = orders
+        let mut leaves: Vec<NodeId> = latest
             .split
             .iter()
             .filter_map(|&key| self.leaf_of(key))

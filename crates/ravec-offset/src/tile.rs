@@ -11,6 +11,7 @@ use crate::proof::Proof;
 use glam::DVec3;
 use ravec_octree::{CellKey, CellSet, Corner, MAX_LEVEL, NodeId};
 use ravec_progress::{Cancelled, Progress};
+use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
 use std::ops::Range;
 
@@ -153,32 +154,35 @@ impl Patch {
     /// After a cancellation nothing of it can be used.
     pub fn replace(
         &mut self,
-        is_gone: impl Fn(&[NodeId; 4]) -> bool,
+        is_gone: impl Fn(&[NodeId; 4]) -> bool + Sync,
         fresh: Self,
         progress: &Progress,
     ) -> Result<(), Cancelled> {
-        self.retain(|leaves| !is_gone(leaves), progress)?;
+        let is_kept: Vec<bool> = (self.leaves.par_iter())
+            .map(|leaves| !is_gone(leaves))
+            .collect();
+        progress.check()?;
+        self.retain(&is_kept, progress)?;
         self.drop_unused_vertices();
         progress.check()?;
         self.insert(fresh, progress)
     }
 
     /// Drops polygons.
-    fn retain(
-        &mut self,
-        is_kept: impl Fn(&[NodeId; 4]) -> bool,
-        progress: &Progress,
-    ) -> Result<(), Cancelled> {
-        let (mut edges, mut triangles) = (0, 0);
-        let mut start = 0;
-        for edge in 0..self.edges.len() {
+    fn retain(&mut self, is_kept: &[bool], progress: &Progress) -> Result<(), Cancelled> {
+        let Some(first_gone) = is_kept.iter().position(|is_kept| !is_kept) else {
+            return Ok(());
+        };
+        let mut start = (self.edge_of).partition_point(|&edge| (edge as usize) < first_gone);
+        let (mut edges, mut triangles) = (first_gone, start);
+        for edge in first_gone..self.edges.len() {
             if edge.is_multiple_of(TRIANGLES_AT_ONCE as usize) {
                 progress.check()?;
             }
             let of_edge = &self.edge_of[start..];
             let count = of_edge.iter().take_while(|&&e| e as usize == edge).count();
             let end = start + count;
-            if is_kept(&self.leaves[edge]) {
+            if is_kept[edge] {
                 self.edges[edges] = self.edges[edge];
                 self.leaves[edges] = self.leaves[edge];
                 self.triangles.copy_within(start..end, triangles);
