@@ -21,13 +21,13 @@ use ravec_octree::{CellKey, Corner, NodeId};
 use ravec_progress::Progress;
 
 /// Rounds of mending after which what is left is reported.
-const MOST_ROUNDS: u32 = 100;
+const MOST_ROUNDS: u32 = 200;
 
-/// As [`MOST_ROUNDS`] where the surface is made of the triangles themselves: what 40 rounds do not mend, 100 do not.
+/// As [`MOST_ROUNDS`] where the surface is made of the triangles themselves: what 40 rounds do not mend, more do not.
 const MOST_ROUNDS_OF_SURFACE: u32 = 40;
 
 /// Rounds after which cells are split by one more level at once.
-const HASTE: u32 = 16;
+const HASTE: u32 = 32;
 
 /// A surface of more triangles than this, made of the input's triangles themselves, is given up if a round makes it larger
 /// by this factor: that far from being mended, it would take minutes and end as crowded. Those that could be mended grew
