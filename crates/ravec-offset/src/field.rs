@@ -242,6 +242,16 @@ impl<'a> Field<'a> {
         }
     }
 
+    /// On which side of the triangles the way between two places lies, if that follows from these alone.
+    pub fn region_between(&self, [a, b]: &[Place; 2]) -> Region {
+        let overlap = || a.distance + b.distance > OVERLAP * a.point.distance(b.point);
+        if !self.is_signed() || (a.region == b.region && overlap()) {
+            a.region
+        } else {
+            Region::Unknown
+        }
+    }
+
     /// How often closed and oriented triangles go around a point.
     fn turns_around(&self, p: DVec3) -> i32 {
         // along the axis on which it is not far to the end, and a little aside, where no edges are likely to be

@@ -460,11 +460,12 @@ mod tests {
     use crate::field::{Field, Solid};
     use crate::grid::Grid;
     use crate::measure::{Ample, measure};
-    use crate::params::Coordinates;
+    use crate::params::{Coordinates, Side};
     use crate::store::in_memory;
-    use glam::DVec3;
+    use glam::{DMat3, DVec3, EulerRot};
     use ravec_mesh::{Bvh, TriMesh};
     use ravec_octree::Frame;
+    use ravec_scenes::solids::{comb, wedge};
 
     /// Overlapping plates and needles, some of them repeated or without area.
     fn soup(seed: u64) -> TriMesh {
@@ -483,7 +484,8 @@ mod tests {
         TriMesh::new(positions, triangles.chain([[3, 4, 5]]).collect()).unwrap()
     }
 
-    fn mended(mesh: &TriMesh, outer_only: bool, budget: Budget<'_>) -> Mended {
+    /// The surface on both sides of triangles, or its outermost part, or that inside a solid.
+    fn mended(mesh: &TriMesh, side: Side, budget: Budget<'_>) -> Mended {
         let bvh = Bvh::new(mesh);
         let (distance, tolerance) = (0.05, 0.004);
         let bounds = mesh.bounds().grown(distance + 4.0 * tolerance);
@@ -491,7 +493,12 @@ mod tests {
             origin: bounds.min,
             side: 1.01 * bounds.size().max_element(),
         };
-        let field = Field::new(&bvh, Solid::No, distance, &Progress::none()).unwrap();
+        let (solid, level) = match side {
+            Side::Inner => (Solid::Closed, -distance),
+            _ => (Solid::No, distance),
+        };
+        let field = Field::new(&bvh, solid, level, &Progress::none()).unwrap();
+        let outer_only = side == Side::Outer;
         let enclosed = if outer_only {
             Enclosed::find(&field, &frame, usize::MAX, &Progress::none()).unwrap()
         } else {
@@ -512,6 +519,12 @@ mod tests {
         mending.run(&Progress::none()).unwrap()
     }
 
+    fn turned(solid: &TriMesh) -> TriMesh {
+        let turn = DMat3::from_euler(EulerRot::XYZ, 0.5, 0.8, 0.3);
+        let positions = solid.positions().iter().map(|&p| turn * p).collect();
+        TriMesh::new(positions, solid.triangles().to_vec()).unwrap()
+    }
+
     fn limited(nodes: usize, triangles: usize) -> Budget<'static> {
         Budget {
             nodes,
@@ -524,12 +537,16 @@ mod tests {
     fn the_surface_is_the_same_bit_by_bit_however_space_is_cut() {
         let cut_in_tiles = limited(12_000, usize::MAX);
         let cut_in_pieces = [limited(5000, 3000), limited(usize::MAX, 3000)];
-        for (seed, outer_only, budgets) in [
-            (1, false, &[cut_in_tiles][..]),
-            (2, true, &cut_in_pieces[..]),
+        let cut_more = [limited(2000, usize::MAX), limited(4000, usize::MAX)];
+        let (knife, comb) = (wedge(0.35, 1.0, 1.0), comb(2, 0.3, 0.3, 0.8));
+        for (mesh, side, budgets) in [
+            (soup(1), Side::Both, &[cut_in_tiles][..]),
+            (soup(2), Side::Outer, &cut_in_pieces[..]),
+            // cells with triangles in them, beside others that have none
+            (turned(&knife.mesh), Side::Inner, &cut_more[..]),
+            (turned(&comb.mesh), Side::Inner, &cut_more[1..]),
         ] {
-            let mesh = soup(seed);
-            let whole = mended(&mesh, outer_only, limited(usize::MAX, usize::MAX));
+            let whole = mended(&mesh, side, limited(usize::MAX, usize::MAX));
 
             assert!(whole.is_proved && whole.tiles == 1);
             assert!(whole.rounds > 1, "{} rounds", whole.rounds);
@@ -539,7 +556,7 @@ mod tests {
             assert!(!whole.triangles().is_empty());
             for budget in budgets.iter().copied() {
                 let is_grown_whole = budget.nodes == usize::MAX;
-                let cut = mended(&mesh, outer_only, budget);
+                let cut = mended(&mesh, side, budget);
                 assert!(cut.is_proved && (cut.tiles == 1) == is_grown_whole);
                 assert!(cut.tiles == 1 || cut.tiles >= 8);
                 assert_eq!(counts(&cut), counted);
@@ -552,7 +569,7 @@ mod tests {
     #[test]
     fn facets_that_are_known_to_have_ample_room_are_measured_as_others() {
         let mesh = soup(3);
-        let mended = mended(&mesh, false, limited(usize::MAX, usize::MAX));
+        let mended = mended(&mesh, Side::Both, limited(usize::MAX, usize::MAX));
         let bvh = Bvh::new(&mesh);
         let field = Field::new(&bvh, Solid::No, 0.05, &Progress::none()).unwrap();
         let piece = mended.surface.piece(0, &Progress::none()).unwrap();

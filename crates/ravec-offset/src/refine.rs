@@ -440,24 +440,19 @@ impl<'a> Refinement<'a> {
         inside: &[u8],
         progress: &Progress,
     ) -> Result<Roots, Cancelled> {
-        let mut edges: Vec<(EdgeKey, bool, Region)> = cells
+        let mut edges: Vec<EdgeKey> = cells
             .par_iter()
             .zip(inside)
-            .flat_map_iter(|((node, look), &inside)| {
-                let unknown = look.region == Region::Unknown;
-                crossed_edges(self.tree.key(*node), inside)
-                    .map(move |edge| (edge, unknown, look.region))
-            })
+            .flat_map_iter(|((node, _), &inside)| crossed_edges(self.tree.key(*node), inside))
             .collect();
         progress.check()?;
-        // as for corners
-        edges.par_sort_unstable_by_key(|&(edge, unknown, _)| (edge, unknown));
+        edges.par_sort_unstable();
         progress.check()?;
-        edges.dedup_by_key(|&mut (edge, ..)| edge);
+        edges.dedup();
         progress.check()?;
         let found: Vec<(EdgeKey, Sample)> = edges
             .into_par_iter()
-            .map(|(edge, _, region)| {
+            .map(|edge| {
                 progress.check()?;
                 let ends = edge.ends();
                 let points = ends.map(|end| self.setting.frame.point(end));
@@ -466,6 +461,8 @@ impl<'a> Refinement<'a> {
                 let place =
                     |i: usize| Place::new(points[i], values[i].value + self.setting.field.level);
                 let known = [place(0), place(1)];
+                // not by the cells around it: which of these are known differs from tile to tile
+                let region = self.setting.field.region_between(&known);
                 let ends = Ends {
                     points,
                     values,

@@ -30,18 +30,19 @@ impl Crossing {
             .find(|&region| region != Region::Unknown)
             .unwrap_or(Region::Unknown);
         let hint = refinement.tree.data(cells[0]).hint;
-        let mut values = [0, 1].map(|i| {
-            refinement.corner(ends[i]).copied().unwrap_or_else(|| {
-                // a corner of finer, empty cells: only its sign is known
-                let near = refinement
-                    .setting
-                    .field
-                    .near(refinement.setting.frame.point(ends[i]), hint);
-                let value = refinement.setting.field.radius() - near.distance;
-                let inside = if i == 0 { -1.0 } else { 1.0 };
+        let field = refinement.setting.field;
+        let mut values = ends.map(|end| {
+            refinement.corner(end).copied().unwrap_or_else(|| {
+                // a corner of finer, empty cells, which other tiles may know
+                let p = refinement.setting.frame.point(end);
+                let near = field.near(p, hint);
+                let side = match region {
+                    Region::Unknown => field.region(p),
+                    known => known,
+                };
                 CornerValue {
                     triangle: near.triangle,
-                    value: inside * value.abs(),
+                    value: field.value(near.distance, side),
                 }
             })
         });
