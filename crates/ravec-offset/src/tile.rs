@@ -175,14 +175,14 @@ impl Patch {
         };
         let mut start = (self.edge_of).partition_point(|&edge| (edge as usize) < first_gone);
         let (mut edges, mut triangles) = (first_gone, start);
-        for edge in first_gone..self.edges.len() {
+        for (edge, &is_kept) in is_kept.iter().enumerate().skip(first_gone) {
             if edge.is_multiple_of(TRIANGLES_AT_ONCE as usize) {
                 progress.check()?;
             }
             let of_edge = &self.edge_of[start..];
             let count = of_edge.iter().take_while(|&&e| e as usize == edge).count();
             let end = start + count;
-            if is_kept[edge] {
+            if is_kept {
                 self.edges[edges] = self.edges[edge];
                 self.leaves[edges] = self.leaves[edge];
                 self.triangles.copy_within(start..end, triangles);
