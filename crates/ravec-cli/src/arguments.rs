@@ -373,10 +373,17 @@ impl Command {
             } => vec![input, catalogue],
             Self::Mesh { command, .. } => command.inputs(),
             Self::Demo { image, .. } => image.as_deref().into_iter().collect(),
-            Self::Library { .. }
-            | Self::Scenes { .. }
-            | Self::Completions { .. }
-            | Self::Man { .. } => Vec::new(),
+            Self::Library { command } => command.inputs(),
+            Self::Scenes { .. } | Self::Completions { .. } | Self::Man { .. } => Vec::new(),
+        }
+    }
+
+    /// The catalogue of photos that the operation uses.
+    pub fn catalogue(&self) -> Option<&Path> {
+        match self {
+            Self::Mosaic { catalogue, .. } => Some(catalogue),
+            Self::Library { command } => Some(command.catalogue()),
+            _ => None,
         }
     }
 
@@ -530,7 +537,9 @@ mod tests {
                 "c d e",
             ),
             ("ravec mosaic a --catalogue b -o c", "a b", "c"),
-            ("ravec library stats --catalogue a", "", ""),
+            ("ravec library stats --catalogue a", "a", ""),
+            ("ravec library add a b --catalogue c", "c a b", ""),
+            ("ravec library remove a --catalogue b", "b", ""),
             ("ravec demo --image a", "a", ""),
             ("ravec scenes -o a", "", ""),
         ] {

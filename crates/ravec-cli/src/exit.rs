@@ -1,5 +1,7 @@
 //! How the program ends: exit codes and the sentence of an error.
 
+use crate::interrupt;
+use ravec_jobs::escape_controls;
 use std::backtrace::Backtrace;
 use std::io::Write as _;
 use std::panic::{self, AssertUnwindSafe};
@@ -18,8 +20,13 @@ pub const NOT_AS_PROMISED: u8 = 5;
 pub const INTERRUPTED: u8 = 130;
 
 /// Writes to standard error. Whether anybody listens there is not the program's business.
-pub fn tell(text: &str) {
+pub fn print(text: &str) {
     drop(std::io::stderr().lock().write_all(text.as_bytes()));
+}
+
+/// Writes one line to standard error: an `error` or a `warning`. Names and texts from files in it are made safe to show.
+pub fn say(kind: &str, sentence: &str) {
+    print(&format!("ravec: {kind}: {}\n", escape_controls(sentence)));
 }
 
 /// An error and the code to end with.
@@ -42,8 +49,9 @@ impl Failure {
 
     /// Tells the user and gives the exit code.
     pub fn report(&self) -> ExitCode {
-        if !self.sentence.is_empty() {
-            tell(&format!("ravec: error: {}\n", self.sentence));
+        let reported = self.code == INTERRUPTED && !interrupt::report_once();
+        if !self.sentence.is_empty() && !reported {
+            say("error", &self.sentence);
         }
         ExitCode::from(self.code)
     }

@@ -25,6 +25,7 @@ mod arguments;
 mod exit;
 mod help;
 mod interrupt;
+mod log;
 mod progress_bar;
 mod summary;
 
@@ -33,12 +34,12 @@ use clap::{CommandFactory as _, Parser as _};
 use exit::Failure;
 use ravec::progress::Progress;
 use ravec_jobs::{
-    JobError, Report, Source, brush, check_files, check_folder, compare, complete, demo, library,
-    match_photos, mesh, mosaic, plane, retarget, scenes, twocolor,
+    JobError, Report, Source, brush, check_files, check_folder, compare, complete, demo,
+    escape_except, library, match_photos, mesh, mosaic, plane, retarget, scenes, twocolor,
 };
 use std::ffi::OsString;
 use std::io::IsTerminal as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use tracing_subscriber::EnvFilter;
 
@@ -62,15 +63,18 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
 /// Help and version go to standard output; what is wrong with the flags is an error like any other.
 fn usage(answer: &clap::Error) -> ExitCode {
     let text = answer.render();
+    // an argument that is quoted may have an escape sequence of its own; then nothing is colored
+    let plain = text.to_string();
+    let safe = escape_except(&plain, &['\n']);
     let text = |terminal: bool| {
-        if terminal {
+        if terminal && safe == plain {
             text.ansi().to_string()
         } else {
-            text.to_string()
+            safe.to_string()
         }
     };
     if answer.use_stderr() {
-        exit::tell(&format!("ravec: {}", text(std::io::stderr().is_terminal())));
+        exit::print(&format!("ravec: {}", text(std::io::stderr().is_terminal())));
         return ExitCode::from(exit::USAGE);
     }
     match summary::print(&text(std::io::stdout().is_terminal())) {
@@ -99,7 +103,10 @@ fn execute(
         .into_iter()
         .chain(global.json.as_deref())
         .collect();
-    check_files(&command.inputs(), &outputs)?;
+    let side_files = command.catalogue().map(journals).unwrap_or_default();
+    let side_files = side_files.iter().map(PathBuf::as_path);
+    let inputs: Vec<_> = command.inputs().into_iter().chain(side_files).collect();
+    check_files(&inputs, &outputs)?;
     let limits = global.limits();
     let source = |path| Source {
         path,
@@ -278,6 +285,16 @@ fn execute(
     }
 }
 
+/// The files that a database keeps beside itself while it is changed, or after it was killed.
+fn journals(database: &Path) -> Vec<PathBuf> {
+    let beside = |ending: &str| {
+        let mut name = database.as_os_str().to_owned();
+        name.push(ending);
+        name.into()
+    };
+    ["-journal", "-wal", "-shm"].map(beside).to_vec()
+}
+
 /// Runs an operation on a catalogue of photos.
 fn on_library(command: LibraryCommand, global: &Global) -> Result<(), Failure> {
     let limits = global.limits();
@@ -366,10 +383,8 @@ fn answer(
 ) -> Result<(), Failure> {
     let report = perform(global, operation)?;
     show(global, &report, |report| {
-        report
-            .result
-            .as_ref()
-            .map_or(Ok(()), |result| summary::print(&format!("{result:#}\n")))
+        let result = report.result_json();
+        result.map_or(Ok(()), |result| summary::print(&result))
     })
 }
 
@@ -415,7 +430,7 @@ fn show(
 ) -> Result<(), Failure> {
     if !global.quiet && global.verbose == 0 {
         for warning in &report.warnings {
-            exit::tell(&format!("ravec: warning: {warning}\n"));
+            exit::say("warning", warning);
         }
     }
     let to_stdout = |path: &Path| path.as_os_str() == "-";
@@ -448,10 +463,11 @@ fn listen(global: &Global) {
         _ => "trace",
     };
     let filter = EnvFilter::try_from_env("RAVEC_LOG").unwrap_or_else(|_| EnvFilter::new(level));
+    let colored = std::io::stderr().is_terminal();
     let subscriber = tracing_subscriber::fmt()
         .with_env_filter(filter)
-        .with_writer(std::io::stderr)
-        .with_ansi(std::io::stderr().is_terminal())
+        .with_writer(move || log::SafeStderr { colored })
+        .with_ansi(colored)
         .with_target(false)
         .without_time();
     // Only a second subscriber in the same process can fail here, and then the first one stays.

@@ -123,8 +123,11 @@ fn fill<T, E: From<io::Error>>(
     Ok(value)
 }
 
-/// The path behind any symbolic links, which need not exist.
-fn follow_links(path: &Path) -> io::Result<PathBuf> {
+/// The path behind any symbolic links, which need not exist: where [`write_atomically`] writes.
+///
+/// # Errors
+/// If a link cannot be read, or links lead in a circle.
+pub fn follow_links(path: &Path) -> io::Result<PathBuf> {
     // as many links as Linux follows
     const MAX_LINKS: usize = 40;
     let mut path = path.to_path_buf();

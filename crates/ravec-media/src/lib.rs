@@ -57,7 +57,7 @@ mod temporary;
 mod tiff;
 mod write;
 
-pub use atomic::{AtomicWriter, check_writable, scratch_file, write_atomically};
+pub use atomic::{AtomicWriter, check_writable, follow_links, scratch_file, write_atomically};
 pub use format::Format;
 pub use lens::focal_px_from_35mm;
 pub use limits::Limits;

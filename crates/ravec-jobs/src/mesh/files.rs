@@ -280,6 +280,9 @@ fn read_recorded(
         report.time("read", || read_with_companions(path, options, progress))?;
     let companions: Vec<_> = companions.iter().map(PathBuf::as_path).collect();
     check_files(&companions, outputs)?;
+    for path in companions.into_iter().chain([path.as_path()]) {
+        report.protect(path);
+    }
     for warning in &file.warnings {
         report.warn(format!("{}: {warning}", path.display()));
     }
@@ -352,6 +355,7 @@ fn write_recorded(
     report: &mut Report,
     write: impl FnOnce() -> Result<(), JobError>,
 ) -> Result<(), JobError> {
+    report.check_output(path)?;
     tracing::info!("writing {}", path.display());
     report.time("write", write)?;
     report.outputs.push(written(path, *target, mesh));
