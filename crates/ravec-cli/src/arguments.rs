@@ -7,6 +7,7 @@ use crate::help;
 use clap::builder::{OsStringValueParser, TypedValueParser as _};
 use clap::{ArgGroup, Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
+use ravec::memory::MemoryBudget;
 use ravec_jobs::mesh::{NamedFile, boolean, offset};
 use ravec_jobs::plane::{planes, rectify, snap};
 use ravec_jobs::{
@@ -447,6 +448,11 @@ pub struct Global {
 }
 
 impl Global {
+    /// The memory that reading meshes may take.
+    pub fn memory(&self) -> MemoryBudget {
+        MemoryBudget::new(self.max_bytes)
+    }
+
     /// The limits for reading pictures.
     pub fn limits(&self) -> Limits {
         Limits {
@@ -640,8 +646,8 @@ mod tests {
             let Command::Mesh { command, limits } = parsed.command else {
                 panic!("not mesh");
             };
-            let bytes = parsed.global.max_bytes;
-            assert_eq!(limits.limits(bytes), MeshLimits::default());
+            let memory = MemoryBudget::default();
+            assert_eq!(limits.limits(memory), MeshLimits::default());
             match command {
                 MeshCommand::Info { params, .. } => assert_eq!(params, info::Params::default()),
                 MeshCommand::Check { params, .. } => assert_eq!(params, check::Params::default()),

@@ -203,8 +203,8 @@ fn execute(
             })
         }
         Command::Mesh { command, limits } => {
-            let limits = limits.limits(global.max_bytes);
-            job(&global, |progress| on_mesh(command, limits, progress))
+            let limits = limits.limits(global.memory());
+            job(&global, |progress| on_mesh(command, &limits, progress))
         }
         Command::Offset {
             input,
@@ -212,7 +212,7 @@ fn execute(
             params,
             limits,
         } => {
-            let limits = limits.limits(global.max_bytes);
+            let limits = limits.limits(global.memory());
             let input = mesh::MeshSource {
                 path: input,
                 limits,
@@ -231,14 +231,14 @@ fn execute(
             params,
             limits,
         } => {
-            let limits = limits.limits(global.max_bytes);
+            let limits = limits.limits(global.memory());
             let targets = mesh::boolean::Targets {
                 mesh: output,
                 origins,
                 picture,
             };
             job(&global, |progress| {
-                mesh::boolean::run(&expression, &files, limits, &targets, &params, progress)
+                mesh::boolean::run(&expression, &files, &limits, &targets, &params, progress)
             })
         }
         Command::Library { command } => on_library(command, &global),
@@ -308,10 +308,13 @@ fn on_library(command: LibraryCommand, global: &Global) -> Result<(), Failure> {
 /// Runs an operation on meshes.
 fn on_mesh(
     command: MeshCommand,
-    limits: mesh::MeshLimits,
+    limits: &mesh::MeshLimits,
     progress: &Progress,
 ) -> Result<Report, JobError> {
-    let source = |path| mesh::MeshSource { path, limits };
+    let source = |path| mesh::MeshSource {
+        path,
+        limits: limits.clone(),
+    };
     match command {
         MeshCommand::Info { input, params } => mesh::info::run(&source(input), &params, progress),
         MeshCommand::Check { input, params } => mesh::check::run(&source(input), &params, progress),
