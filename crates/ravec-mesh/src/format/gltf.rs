@@ -184,6 +184,8 @@ impl Scene<'_> {
         for _ in 0..document.meshes.len() {
             self.fruitful.push(None)?;
         }
+        let (vertices, triangles) = expected(document);
+        self.soup.expect(vertices, triangles);
         if document.nodes.is_empty() {
             for mesh in 0..document.meshes.len() {
                 self.mesh(mesh, &DAffine3::IDENTITY)?;
@@ -443,6 +445,36 @@ impl Scene<'_> {
         }
         Ok(())
     }
+}
+
+/// How many vertices and triangles there will be if no primitives share their vertices and all nodes are in the scene.
+fn expected(document: &Document) -> (u64, u64) {
+    let count = |accessor: Option<usize>| {
+        let accessor = accessor.and_then(|accessor| document.accessors.get(accessor));
+        accessor.map_or(0, |accessor| accessor.count as u64)
+    };
+    let plus = |(a, b): (u64, u64), (c, d): (u64, u64)| (a.saturating_add(c), b.saturating_add(d));
+    let of_primitive = |primitive: &Primitive| {
+        let vertices = count(primitive.attributes.position);
+        let corners = primitive.indices.map_or(vertices, |i| count(Some(i)));
+        match primitive.mode.unwrap_or(4) {
+            0..4 => (0, 0),
+            4 => (vertices, corners / 3),
+            _ => (vertices, corners.saturating_sub(2)),
+        }
+    };
+    // a mesh that many nodes use is counted for each of them by its first primitives: it is only expected
+    const COUNTED: usize = 64;
+    let of_mesh = |mesh: &document::Mesh| {
+        let primitives = mesh.primitives.iter().take(COUNTED);
+        primitives.map(of_primitive).fold((0, 0), plus)
+    };
+    if document.nodes.is_empty() {
+        return document.meshes.iter().map(of_mesh).fold((0, 0), plus);
+    }
+    let meshes = document.nodes.iter().filter_map(|node| node.mesh);
+    let meshes = meshes.filter_map(|mesh| document.meshes.get(mesh));
+    meshes.map(of_mesh).fold((0, 0), plus)
 }
 
 /// The transform of a node.

@@ -116,7 +116,8 @@ impl<T> List<T> {
         let mut outcome = Ok(());
         for step in [capacity, capacity / 4, capacity / 8] {
             let mut wanted = capacity.saturating_add(step).max(needed);
-            if (needed..wanted).contains(&self.expected) {
+            // a step less if the next one would be small
+            if (needed..=wanted.saturating_add(wanted / 4)).contains(&self.expected) {
                 wanted = self.expected;
             }
             outcome = self.memory.grow(bytes_of::<T>(wanted));

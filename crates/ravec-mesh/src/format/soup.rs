@@ -108,6 +108,12 @@ impl Soup {
         Ok(())
     }
 
+    /// Announces counts that are likely, and may be wrong.
+    pub(super) fn expect(&mut self, vertices: u64, triangles: u64) {
+        self.positions.expect(vertices);
+        self.triangles.expect(triangles);
+    }
+
     /// Announces that each vertex will have a color.
     pub(super) fn claim_colors(&mut self, vertices: u64) {
         self.colors.expect(vertices);
