@@ -652,8 +652,8 @@ mod tests {
             let Command::Mesh { command, limits } = parsed.command else {
                 panic!("not mesh");
             };
-            let bytes = parsed.global.limits().memory.limit();
-            assert_eq!(limits.limits(bytes), MeshLimits::default());
+            let memory = MemoryBudget::default();
+            assert_eq!(limits.limits(memory), MeshLimits::default());
             match command {
                 MeshCommand::Info { params, .. } => assert_eq!(params, info::Params::default()),
                 MeshCommand::Check { params, .. } => assert_eq!(params, check::Params::default()),

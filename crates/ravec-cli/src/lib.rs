@@ -108,6 +108,7 @@ fn execute(
     let inputs: Vec<_> = command.inputs().into_iter().chain(side_files).collect();
     check_files(&inputs, &outputs)?;
     let limits = global.limits();
+    let memory = limits.memory.clone();
     let source = |path| Source {
         path,
         limits: limits.clone(),
@@ -213,8 +214,8 @@ fn execute(
             })
         }
         Command::Mesh { command, limits } => {
-            let limits = limits.limits(global.limits().memory.limit());
-            job(&global, |progress| on_mesh(command, limits, progress))
+            let limits = limits.limits(memory);
+            job(&global, |progress| on_mesh(command, &limits, progress))
         }
         Command::Offset {
             input,
@@ -222,7 +223,7 @@ fn execute(
             params,
             limits,
         } => {
-            let limits = limits.limits(global.limits().memory.limit());
+            let limits = limits.limits(memory);
             let input = mesh::MeshSource {
                 path: input,
                 limits,
@@ -241,14 +242,14 @@ fn execute(
             params,
             limits,
         } => {
-            let limits = limits.limits(global.limits().memory.limit());
+            let limits = limits.limits(memory);
             let targets = mesh::boolean::Targets {
                 mesh: output,
                 origins,
                 picture,
             };
             job(&global, |progress| {
-                mesh::boolean::run(&expression, &files, limits, &targets, &params, progress)
+                mesh::boolean::run(&expression, &files, &limits, &targets, &params, progress)
             })
         }
         Command::Library { command } => on_library(command, &global),
@@ -328,10 +329,13 @@ fn on_library(command: LibraryCommand, global: &Global) -> Result<(), Failure> {
 /// Runs an operation on meshes.
 fn on_mesh(
     command: MeshCommand,
-    limits: mesh::MeshLimits,
+    limits: &mesh::MeshLimits,
     progress: &Progress,
 ) -> Result<Report, JobError> {
-    let source = |path| mesh::MeshSource { path, limits };
+    let source = |path| mesh::MeshSource {
+        path,
+        limits: limits.clone(),
+    };
     match command {
         MeshCommand::Info { input, params } => mesh::info::run(&source(input), &params, progress),
         MeshCommand::Check { input, params } => mesh::check::run(&source(input), &params, progress),

@@ -26,7 +26,7 @@ pub use closest::{ClosestOnTriangle, Feature, closest_on_triangle, distance_sq_t
 pub use format::{
     Attributes, BufferResolver, LengthUnit, MeshFile, MeshFormat, MeshLimits, MeshRows, Place,
     Precision, ReadMeshError, ReadOptions, ReadWarning, Welded, WriteMeshError, WriteOptions,
-    read_mesh, read_mesh_with_buffers, weld, write_mesh, write_mesh_with, write_rows,
+    read_mesh, read_mesh_with_buffers, try_weld, weld, write_mesh, write_mesh_with, write_rows,
 };
 pub use hausdorff::{
     Hausdorff, HausdorffError, HausdorffParams, OneSided, distances_to, hausdorff, vertex_distances,

@@ -100,7 +100,7 @@ pub fn read_mesh_file(
     progress: &Progress,
 ) -> Result<MeshFile, JobError> {
     let options = ReadOptions {
-        limits: *limits,
+        limits: limits.clone(),
         ..ReadOptions::default()
     };
     read_with_companions(path, options, progress).map(|(file, _)| file)
@@ -275,7 +275,7 @@ fn read_recorded(
 ) -> Result<MeshFile, JobError> {
     let path = &source.path;
     tracing::info!("reading {}", path.display());
-    options.limits = source.limits;
+    options.limits = source.limits.clone();
     let (file, companions) =
         report.time("read", || read_with_companions(path, options, progress))?;
     let companions: Vec<_> = companions.iter().map(PathBuf::as_path).collect();

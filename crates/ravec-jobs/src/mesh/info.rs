@@ -27,13 +27,14 @@ pub struct Params {}
 pub fn run(source: &MeshSource, params: &Params, progress: &Progress) -> Result<Report, JobError> {
     check_files(&[&source.path], &[])?;
     let mut report = Report::new("mesh info", params);
-    let mesh = super::read(source, &[], &mut report, progress)?.mesh;
+    let file = super::read(source, &[], &mut report, progress)?;
+    let mesh = &file.mesh;
     let quick = CheckParams {
         self_intersections: false,
         list_limit: 0,
     };
-    let found = report.time("check", || check(&mesh, &quick, progress))?;
-    let measured = report.time("measure", || measure(&mesh));
+    let found = report.time("check", || check(mesh, &quick, progress))?;
+    let measured = report.time("measure", || measure(mesh));
     progress.check()?;
     let yes = |fact: bool| f64::from(u8::from(fact));
     let size = measured.max - measured.min;

@@ -6,19 +6,20 @@
 //! Guarantees: n − 2 triangles that use the corners in their cyclic order, so that the edges of the polygon stay edges;
 //! a simple plane polygon is covered exactly once. Does not guarantee: anything but the count for polygons that cross
 //! themselves or are far from plane. Cost: O(n) if convex, else O(n · reflex corners), and a fan beyond
-//! [`MOST_EARS`] corners, so that a hostile file costs no more than a bounded time per corner.
+//! [`MAX_EARS`] corners, so that a hostile file costs no more than a bounded time per corner.
 
 use glam::{DVec2, DVec3};
 
 /// Non-convex polygons with more corners become a fan. Text outlines have some hundred corners; at 2048 the worst case
 /// costs about 4 µs a corner.
-const MOST_EARS: usize = 2048;
+const MAX_EARS: usize = 2048;
 
-/// Appends the triangles of the polygon `corners`, at least three, to `triangles`.
+/// Appends the triangles of the polygon `corners`, at least three, to `triangles`, as numbers of corners. Memory beside the
+/// result is that of [`MAX_EARS`] corners at most.
 pub(super) fn triangulate(corners: &[u32], positions: &[DVec3], triangles: &mut Vec<[u32; 3]>) {
     let at = |corner: u32| positions[corner as usize];
     match *corners {
-        [a, b, c] => triangles.push([a, b, c]),
+        [_, _, _] => triangles.push([0, 1, 2]),
         [a, b, c, d] => {
             let [pa, pb, pc, pd] = [a, b, c, d].map(at);
             let normal = |a: DVec3, b: DVec3, c: DVec3| (b - a).cross(c - a);
@@ -26,9 +27,9 @@ pub(super) fn triangulate(corners: &[u32], positions: &[DVec3], triangles: &mut 
             let along_bd = normal(pa, pb, pd).dot(normal(pb, pc, pd)) > 0.0;
             let shorter_ac = pa.distance_squared(pc) <= pb.distance_squared(pd);
             if along_ac && (shorter_ac || !along_bd) || shorter_ac && !along_bd {
-                triangles.extend([[a, b, c], [a, c, d]]);
+                triangles.extend([[0, 1, 2], [0, 2, 3]]);
             } else {
-                triangles.extend([[a, b, d], [b, c, d]]);
+                triangles.extend([[0, 1, 3], [1, 2, 3]]);
             }
         }
         _ => cut_ears(corners, positions, triangles),
@@ -42,6 +43,11 @@ fn turn(a: DVec2, b: DVec2, c: DVec2) -> f64 {
 
 fn cut_ears(corners: &[u32], positions: &[DVec3], triangles: &mut Vec<[u32; 3]>) {
     let count = corners.len();
+    let fan = (1..count as u32 - 1).map(|i| [0, i, i + 1]);
+    if count > MAX_EARS {
+        triangles.extend(fan);
+        return;
+    }
     let flat = flattened(corners, positions);
     let reflex = |before: usize, corner: usize, after: usize| {
         turn(flat[before], flat[corner], flat[after]) < 0.0
@@ -49,8 +55,8 @@ fn cut_ears(corners: &[u32], positions: &[DVec3], triangles: &mut Vec<[u32; 3]>)
     let mut hollow: Vec<usize> = (0..count)
         .filter(|&i| reflex((i + count - 1) % count, i, (i + 1) % count))
         .collect();
-    if hollow.is_empty() || count > MOST_EARS {
-        triangles.extend((1..count - 1).map(|i| [corners[0], corners[i], corners[i + 1]]));
+    if hollow.is_empty() {
+        triangles.extend(fan);
         return;
     }
     let mut next: Vec<usize> = (0..count).map(|i| (i + 1) % count).collect();
@@ -74,7 +80,7 @@ fn cut_ears(corners: &[u32], positions: &[DVec3], triangles: &mut Vec<[u32; 3]>)
             });
         // A polygon without ears crosses itself or has no area: any corner will do.
         if is_ear || tried > left {
-            triangles.push([before, tip, after].map(|i| corners[i]));
+            triangles.push([before, tip, after].map(|i| i as u32));
             next[before] = after;
             previous[after] = before;
             left -= 1;
@@ -87,7 +93,7 @@ fn cut_ears(corners: &[u32], positions: &[DVec3], triangles: &mut Vec<[u32; 3]>)
             tried += 1;
         }
     }
-    triangles.push([previous[tip], tip, next[tip]].map(|i| corners[i]));
+    triangles.push([previous[tip], tip, next[tip]].map(|i| i as u32));
 }
 
 /// The polygon as seen along its Newell normal, counter-clockwise, relative to its first corner.
