@@ -7,6 +7,7 @@ use crate::help;
 use clap::builder::{OsStringValueParser, TypedValueParser as _};
 use clap::{ArgGroup, Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
+use ravec::memory::MemoryBudget;
 use ravec_jobs::mesh::{NamedFile, boolean, offset};
 use ravec_jobs::plane::{planes, rectify, snap};
 use ravec_jobs::{
@@ -439,19 +440,21 @@ pub struct Global {
     #[arg(long, global = true, value_name = "COUNT", value_parser = count,
         default_value_t = Limits::default().max_pixels)]
     pub max_pixels: u64,
-    /// The most memory in bytes that reading a picture may take, or the most bytes of a mesh file; `k`, `M` and `G` multiply by
-    /// powers of 1000
-    #[arg(long, global = true, value_name = "COUNT", value_parser = count,
-        default_value_t = Limits::default().max_bytes)]
-    pub max_bytes: u64,
+    /// Memory in bytes that the inputs may take together while they are read and as long as they are needed; `k`, `M` and `G`
+    /// multiply by powers of 1000 [default: half of the memory of the machine]
+    #[arg(long, global = true, value_name = "COUNT", value_parser = count)]
+    pub max_bytes: Option<u64>,
 }
 
 impl Global {
-    /// The limits for reading pictures.
+    /// The limits for reading pictures, with a new memory budget. All inputs of a run share the budget of one call.
     pub fn limits(&self) -> Limits {
+        let memory = self
+            .max_bytes
+            .map_or_else(MemoryBudget::default, MemoryBudget::new);
         Limits {
             max_pixels: self.max_pixels,
-            max_bytes: self.max_bytes,
+            memory,
         }
     }
 }
@@ -640,7 +643,7 @@ mod tests {
             let Command::Mesh { command, limits } = parsed.command else {
                 panic!("not mesh");
             };
-            let bytes = parsed.global.max_bytes;
+            let bytes = parsed.global.limits().memory.limit();
             assert_eq!(limits.limits(bytes), MeshLimits::default());
             match command {
                 MeshCommand::Info { params, .. } => assert_eq!(params, info::Params::default()),

@@ -101,7 +101,10 @@ fn execute(
         .collect();
     check_files(&command.inputs(), &outputs)?;
     let limits = global.limits();
-    let source = |path| Source { path, limits };
+    let source = |path| Source {
+        path,
+        limits: limits.clone(),
+    };
     match command {
         Command::Compare { a, b, params } => job(&global, |progress| {
             compare::run(&source(a), &source(b), &params, progress)
@@ -203,7 +206,7 @@ fn execute(
             })
         }
         Command::Mesh { command, limits } => {
-            let limits = limits.limits(global.max_bytes);
+            let limits = limits.limits(global.limits().memory.limit());
             job(&global, |progress| on_mesh(command, limits, progress))
         }
         Command::Offset {
@@ -212,7 +215,7 @@ fn execute(
             params,
             limits,
         } => {
-            let limits = limits.limits(global.max_bytes);
+            let limits = limits.limits(global.limits().memory.limit());
             let input = mesh::MeshSource {
                 path: input,
                 limits,
@@ -231,7 +234,7 @@ fn execute(
             params,
             limits,
         } => {
-            let limits = limits.limits(global.max_bytes);
+            let limits = limits.limits(global.limits().memory.limit());
             let targets = mesh::boolean::Targets {
                 mesh: output,
                 origins,

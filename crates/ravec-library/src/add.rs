@@ -240,7 +240,7 @@ fn look(path: &Path, known: Option<&Entry>, limits: &Limits) -> Looked {
     if known.is_some_and(|known| known.bytes == bytes && known.modified == modified) {
         return Looked::Unchanged;
     }
-    if bytes > limits.max_bytes {
+    if bytes > limits.memory.limit() {
         return failed("it is larger than --max-bytes".into());
     }
     let data = match std::fs::read(path) {

@@ -53,6 +53,7 @@ mod rows;
 mod samples;
 mod standard;
 mod taken;
+mod temporary;
 mod tiff;
 mod write;
 
@@ -61,6 +62,10 @@ pub use format::Format;
 pub use lens::focal_px_from_35mm;
 pub use limits::Limits;
 pub use picture::{Origin, Picture, SampleKind, Warning};
-pub use read::{DecodeError, Probe, ReadError, decode, decode_reduced, probe, probe_data, read};
+pub use read::{
+    DecodeError, Probe, ReadError, decode, decode_reduced, memory_to_decode, probe, probe_data,
+    read,
+};
 pub use rows::{RowsError, write_rows};
+pub use temporary::{TemporaryFolder, abandon_outputs, remove_stale_in};
 pub use write::{EncodeError, ProfileChoice, WriteError, WriteOptions, encode, write};

@@ -45,6 +45,8 @@ pub struct MemoryBudget {
 
 struct Shared {
     limit: u64,
+    /// The reservation that this budget divides, if it is a part of another.
+    _whole: Option<Reservation>,
     account: Mutex<Account>,
     released: Condvar,
 }
@@ -81,9 +83,14 @@ pub enum ReserveError {
 impl MemoryBudget {
     /// A budget of `limit` bytes.
     pub fn new(limit: u64) -> Self {
+        Self::dividing(limit, None)
+    }
+
+    fn dividing(limit: u64, whole: Option<Reservation>) -> Self {
         Self {
             shared: Arc::new(Shared {
                 limit,
+                _whole: whole,
                 account: Mutex::default(),
                 released: Condvar::new(),
             }),
@@ -258,6 +265,26 @@ impl Reservation {
         let surplus = self.bytes.saturating_sub(bytes);
         self.bytes -= surplus;
         self.budget.release(surplus);
+    }
+
+    /// A budget that divides this reservation, which is given back with the last clone of that budget and the last of its
+    /// reservations.
+    ///
+    /// ```
+    /// use ravec_memory::MemoryBudget;
+    ///
+    /// let budget = MemoryBudget::new(1000);
+    /// let part = budget.reserve(600)?.into_budget();
+    /// let pixels = part.reserve(500)?;
+    /// assert!(part.reserve(200).is_err());
+    /// drop(part);
+    /// assert_eq!(budget.used(), 600);
+    /// drop(pixels);
+    /// assert_eq!(budget.used(), 0);
+    /// # Ok::<(), ravec_memory::OverBudget>(())
+    /// ```
+    pub fn into_budget(self) -> MemoryBudget {
+        MemoryBudget::dividing(self.bytes, Some(self))
     }
 
     /// Joins `other`, which is of the same budget, to this.
