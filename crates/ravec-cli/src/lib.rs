@@ -265,7 +265,15 @@ fn execute(
                 deep_zoom: deep_zoom.as_deref(),
             };
             job(&global, |progress| {
-                mosaic::run(&source(input), &catalogue, &outputs, &params, progress)
+                let report = global.json.as_deref();
+                mosaic::run(
+                    &source(input),
+                    &catalogue,
+                    &outputs,
+                    report,
+                    &params,
+                    progress,
+                )
             })
         }
         Command::Demo { image, out, params } => {
@@ -299,29 +307,37 @@ fn journals(database: &Path) -> Vec<PathBuf> {
 /// Runs an operation on a catalogue of photos.
 fn on_library(command: LibraryCommand, global: &Global) -> Result<(), Failure> {
     let limits = global.limits();
+    let report = global.json.as_deref();
     match command {
         LibraryCommand::Add {
             paths,
             catalogue,
             params,
         } => job(global, |progress| {
-            library::add(&paths, &catalogue.catalogue, &limits, &params, progress)
+            library::add(
+                &paths,
+                &catalogue.catalogue,
+                report,
+                &limits,
+                &params,
+                progress,
+            )
         }),
         LibraryCommand::Remove {
             paths,
             catalogue,
             params,
         } => job(global, |progress| {
-            library::remove(&paths, &catalogue.catalogue, &params, progress)
+            library::remove(&paths, &catalogue.catalogue, report, &params, progress)
         }),
         LibraryCommand::List { catalogue, params } => answer(global, |progress| {
-            library::list(&catalogue.catalogue, &params, progress)
+            library::list(&catalogue.catalogue, report, &params, progress)
         }),
         LibraryCommand::Clean { catalogue, params } => answer(global, |progress| {
-            library::clean(&catalogue.catalogue, &params, progress)
+            library::clean(&catalogue.catalogue, report, &params, progress)
         }),
         LibraryCommand::Stats { catalogue, params } => job(global, |progress| {
-            library::stats(&catalogue.catalogue, &params, progress)
+            library::stats(&catalogue.catalogue, report, &params, progress)
         }),
     }
 }

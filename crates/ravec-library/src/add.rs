@@ -4,7 +4,8 @@
 //! file that moved keeps its row, and one that changed is looked at anew. Decoding runs in parallel, at reduced scale; what is
 //! done is committed every few seconds' worth of photos, so that an interrupted run goes on where it was.
 
-use crate::catalogue::{Catalogue, Change, Entry};
+use crate::catalogue::{Catalogue, Change, Entry, FileNumber, MAX_PATH_BYTES};
+use crate::deep_zoom::{DESCRIPTION, PIECES};
 use crate::error::LibraryError;
 use ravec_media::{Format, Limits, Picture, decode_reduced};
 use ravec_mosaic::flaw;
@@ -15,6 +16,7 @@ use ravec_raster::{
 };
 use rayon::prelude::*;
 use std::collections::{HashMap, HashSet};
+use std::ffi::OsStr;
 use std::fs::Metadata;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
@@ -23,7 +25,7 @@ use std::time::UNIX_EPOCH;
 
 /// The longer side of the small pictures, which looks are taken from. A polynomial of degree 5 has at most 6 halves of waves;
 /// 36 pixels give each 6, and roots for more pixels would take longer than decoding.
-const THUMBNAIL: usize = 36;
+pub(crate) const THUMBNAIL: usize = 36;
 
 /// The shorter side below which a photo is not reduced while it is decoded.
 const LEAST_DECODED: u32 = 40;
@@ -48,11 +50,12 @@ pub struct Added {
     pub unreadable: Vec<(PathBuf, String)>,
 }
 
-/// Adds files, and all picture files in folders and the folders in them, told by their extensions.
+/// Adds files, and all picture files in folders and the folders in them, told by their extensions. Pieces of pages that zoom
+/// (`mosaic_files` beside `mosaic.dzi`) are passed by.
 ///
 /// # Errors
-/// [`LibraryError::Add`] if a path is not there, [`LibraryError::Database`], [`LibraryError::Cancelled`]; what was committed
-/// before stays.
+/// [`LibraryError::Add`] if a path is not there, and as for [`Catalogue::entries`], and [`LibraryError::Change`]; what was
+/// committed before stays.
 pub fn add(
     catalogue: &mut Catalogue,
     paths: &[PathBuf],
@@ -106,7 +109,8 @@ pub fn add(
                     taken.insert(entry.hash.clone());
                     changes.push(Change::Move {
                         id: other.id,
-                        path: entry.path.to_string_lossy().into_owned(),
+                        from: other.path.clone(),
+                        to: entry.path.clone(),
                         bytes: entry.bytes,
                         modified: entry.modified,
                     });
@@ -114,7 +118,8 @@ pub fn add(
                 }
                 if other.is_some() || !taken.insert(entry.hash.clone()) {
                     added.copies += 1;
-                    changes.extend(old.map(|id| Change::Forget { id }));
+                    let path = entry.path.clone();
+                    changes.extend(old.map(|id| Change::Forget { id, path }));
                     continue;
                 }
                 if old.is_some() {
@@ -128,6 +133,25 @@ pub fn add(
         catalogue.change(&changes)?;
     }
     Ok(added)
+}
+
+/// Whether [`add`] of `paths` would read a file, whatever link or spelling leads to it.
+///
+/// # Errors
+/// [`LibraryError::Add`] if a path is not there, [`LibraryError::Cancelled`].
+pub fn would_read(
+    paths: &[PathBuf],
+    file: &Path,
+    progress: &Progress,
+) -> Result<bool, LibraryError> {
+    // what is not there is not read
+    let Some(number) = FileNumber::of(file) else {
+        return Ok(false);
+    };
+    let files = files_in(paths, progress)?;
+    Ok(files
+        .iter()
+        .any(|path| FileNumber::of(path).as_ref() == Some(&number)))
 }
 
 /// All picture files, by absolute paths, in the order of their names.
@@ -145,9 +169,14 @@ fn files_in(paths: &[PathBuf], progress: &Progress) -> Result<Vec<PathBuf>, Libr
             files.push(root);
             continue;
         }
+        if !root.is_dir() {
+            return Err(failed("it is neither a file nor a folder".into()));
+        }
         for entry in walkdir::WalkDir::new(&root)
             .follow_links(true)
             .sort_by_file_name()
+            .into_iter()
+            .filter_entry(|entry| entry.depth() == 0 || !is_folder_of_pieces(entry.path()))
         {
             progress.check()?;
             // folders that may not be read and links that go round are passed by, as there is nothing to be had from them
@@ -160,6 +189,11 @@ fn files_in(paths: &[PathBuf], progress: &Progress) -> Result<Vec<PathBuf>, Libr
     files.sort();
     files.dedup();
     Ok(files)
+}
+
+/// Whether a folder has the pieces of a page that zooms, which are no photos.
+fn is_folder_of_pieces(path: &Path) -> bool {
+    path.file_name() == Some(OsStr::new(PIECES)) && path.with_file_name(DESCRIPTION).is_file()
 }
 
 /// What the system says, without its number.
@@ -193,7 +227,12 @@ fn look(path: &Path, known: Option<&Entry>, limits: &Limits) -> Looked {
     if path.to_str().is_none() {
         return failed("its name is not Unicode".into());
     }
+    if path.as_os_str().len() > MAX_PATH_BYTES {
+        return failed("its path is too long for the catalogue".into());
+    }
     let metadata = match path.metadata() {
+        // a pipe would be waited for
+        Ok(metadata) if !metadata.is_file() => return failed("it is no plain file".into()),
         Ok(metadata) => metadata,
         Err(error) => return failed(reason_of(&error)),
     };
@@ -212,7 +251,8 @@ fn look(path: &Path, known: Option<&Entry>, limits: &Limits) -> Looked {
     if let Some(known) = known.filter(|known| known.hash == hash) {
         return Looked::Touched(Change::Move {
             id: known.id,
-            path: known.path.to_string_lossy().into_owned(),
+            from: known.path.clone(),
+            to: known.path.clone(),
             bytes,
             modified,
         });
@@ -236,15 +276,23 @@ fn look(path: &Path, known: Option<&Entry>, limits: &Limits) -> Looked {
         Ok((probe, picture)) => {
             (entry.width, entry.height) = (probe.size.width(), probe.size.height());
             entry.orientation = probe.orientation;
-            entry.taken = picture.origin.taken_at();
+            entry.taken = picture.origin.taken_at().map(bounded);
             let small = thumbnail(&opaque(&picture));
             let short_side = entry.width.min(entry.height);
             entry.flaw = flaw(&small.convert(), short_side).map(|flaw| flaw.name().into());
             entry.thumbnail = Some(small);
         }
-        Err(error) => entry.unreadable = Some(error.to_string()),
+        Err(error) => entry.unreadable = Some(bounded(error.to_string())),
     }
     Looked::Read(Box::new(entry), known.map(|known| known.id))
+}
+
+/// A text that comes from a file, as far as it goes into the catalogue.
+fn bounded(mut text: String) -> String {
+    // longer than any sentence of a decoder
+    const MAX_BYTES: usize = 1000;
+    text.truncate(text.floor_char_boundary(MAX_BYTES));
+    text
 }
 
 /// The pixels of a photo, on white where it is transparent.

@@ -4,8 +4,8 @@
 //! once. The mosaic is made one row of tiles at a time.
 
 use crate::add::modified;
-use crate::catalogue::{Catalogue, Entry};
-use crate::deep_zoom::DeepZoom;
+use crate::catalogue::{Catalogue, Entry, Loaded, leads_into, protected};
+use crate::deep_zoom::{DeepZoom, check_place};
 use crate::error::LibraryError;
 use crate::layout::Layout;
 use crate::painter::{Candidate, Painter, Source, Unpainted};
@@ -100,6 +100,16 @@ pub fn mosaic(
     progress: &Progress,
 ) -> Result<Mosaic, LibraryError> {
     let layout = Layout::new(picture.size(), params)?;
+    if let Some(path) = outputs.picture {
+        catalogue.check_output(path)?;
+    }
+    if let Some(folder) = outputs.deep_zoom {
+        if let Some(path) = outputs.picture.filter(|path| leads_into(path, folder)) {
+            return Err(protected(path, "it would lie in the folder of the page"));
+        }
+        catalogue.check_output_folder(folder)?;
+        check_place(folder, layout.size, progress)?;
+    }
     let mut warnings = layout.warning(picture.size());
     let mut photos = candidates(catalogue, params, &mut warnings)?;
     let (picture, frame) = layout.reduced(picture);
@@ -151,7 +161,13 @@ pub fn mosaic(
         let broken = match write(
             outputs, &layout, &places, &photos, painter, params, progress,
         ) {
-            Ok(()) => {
+            Ok(kept) => {
+                warnings.extend(kept.map(|kept| {
+                    format!(
+                        "what was put into the old page while the new one was made is kept in {}",
+                        kept.display()
+                    )
+                }));
                 return Ok(described(
                     &layout,
                     &photos,
@@ -192,7 +208,7 @@ pub fn mosaic(
     }
 }
 
-/// Paints the mosaic into all outputs at once.
+/// Paints the mosaic into all outputs at once. Returns a folder that is kept, with what was put into a page that was replaced.
 fn write(
     outputs: &Outputs<'_>,
     layout: &Layout,
@@ -201,7 +217,7 @@ fn write(
     mut painter: Painter<'_>,
     params: &MosaicParams,
     progress: &Progress,
-) -> Result<(), Unpainted> {
+) -> Result<Option<PathBuf>, Unpainted> {
     let (size, strip_px) = (layout.size, layout.strip_px());
     let phase = progress.phase("write", size.height().div_ceil(strip_px) as u64);
     let mut zoom = match outputs.deep_zoom {
@@ -234,9 +250,9 @@ fn write(
             let path = &photos[photo as usize].entry.path;
             (path.as_path(), place)
         });
-        zoom.finish(named)?;
+        return Ok(zoom.finish(named, progress)?);
     }
-    Ok(())
+    Ok(None)
 }
 
 /// The photos that fit the tiles.
@@ -273,8 +289,12 @@ fn candidates(
 
 /// The photos whose files are as they were when they were added.
 fn there(catalogue: &Catalogue, warnings: &mut Vec<String>) -> Result<Vec<Entry>, LibraryError> {
-    let mut entries = catalogue.usable()?;
+    let Loaded {
+        mut entries,
+        memory: _memory,
+    } = catalogue.usable(&ravec_memory::MemoryBudget::default())?;
     let flaw = |entry: &Entry| match entry.path.metadata() {
+        Ok(metadata) if !metadata.is_file() => Some("is no longer a plain file"),
         Ok(metadata) if metadata.len() == entry.bytes && modified(&metadata) == entry.modified => {
             None
         }

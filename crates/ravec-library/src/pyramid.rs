@@ -57,6 +57,16 @@ impl Pyramid {
         Self { levels }
     }
 
+    /// Pieces of all levels of a picture of `size`.
+    pub fn pieces(size: Size) -> usize {
+        let across = |pixels: usize| pixels.div_ceil(PIECE_PX);
+        let levels = Self::new(size).levels;
+        let pieces = levels
+            .iter()
+            .map(|level| across(level.width) * across(level.height));
+        pieces.sum()
+    }
+
     /// How many levels there are.
     pub fn levels(&self) -> usize {
         self.levels.len()
