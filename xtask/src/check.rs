@@ -24,6 +24,12 @@ const fn quiet(name: &'static str, arguments: &'static [&'static str]) -> Step {
 
 const FORMAT: Step = quiet("format", &["fmt", "--all", "--check"]);
 
+/// The fuzzer has a workspace of its own. Its lints would build it; the bodies of its targets are linted with `ravec-jobs`.
+const FUZZER_FORMAT: Step = quiet(
+    "format of the fuzzer",
+    &["fmt", "--manifest-path", "fuzz/Cargo.toml", "--check"],
+);
+
 const LINTS: Step = quiet(
     "lints of libraries and programs",
     &[
@@ -79,7 +85,7 @@ const DOCS: Step = quiet("docs", &["doc", "--workspace", "--no-deps"]);
 pub fn check(skip_tests: bool) -> anyhow::Result<()> {
     let mut failed = Vec::new();
     let tests = (!skip_tests).then_some(TESTS);
-    for step in [FORMAT, LINTS, TEST_LINTS, FEATURES]
+    for step in [FORMAT, FUZZER_FORMAT, LINTS, TEST_LINTS, FEATURES]
         .into_iter()
         .chain(tests)
         .chain([DOCS])
@@ -91,12 +97,18 @@ pub fn check(skip_tests: bool) -> anyhow::Result<()> {
             failed.push(step.name);
         }
     }
-    let start = Instant::now();
-    let arrows = crate::check_arrows();
-    report("arrows", arrows.is_ok(), start);
-    if let Err(error) = arrows {
-        eprintln!("{error:#}");
-        failed.push("arrows");
+    let chores: [(&'static str, fn() -> anyhow::Result<()>); 2] = [
+        ("arrows", crate::check_arrows),
+        ("dependencies", crate::deny::deny),
+    ];
+    for (name, chore) in chores {
+        let start = Instant::now();
+        let outcome = chore();
+        report(name, outcome.is_ok(), start);
+        if let Err(error) = outcome {
+            eprintln!("{error:#}");
+            failed.push(name);
+        }
     }
     if failed.is_empty() {
         println!("check: all is well");

@@ -3,15 +3,22 @@
 //! | chore | what it does |
 //! | --- | --- |
 //! | `arrows` | checks who depends on whom, and what sources may not mention |
-//! | `check` | everything that must hold before a change is taken: format, lints, tests, docs, arrows |
+//! | `check` | everything that must hold before a change is taken: format, lints, tests, docs, dependencies, arrows |
+//! | `crash` | kills the program at random moments and looks at what it left |
+//! | `deny` | checks licences, sources and advisories of dependencies, where `cargo-deny` is installed |
+//! | `fuzz` | runs the fuzz targets of all readers, or replays their inputs |
 
 mod arrows;
 mod check;
+mod crash;
+mod deny;
+mod fuzz;
 mod sources;
 
 use anyhow::{Context as _, bail};
 use cargo_metadata::{Metadata, MetadataCommand};
 use clap::{Parser, Subcommand};
+use std::path::PathBuf;
 
 #[derive(Parser)]
 #[command(name = "cargo xtask", about = "Project chores of Ravec")]
@@ -30,12 +37,48 @@ enum Chore {
         #[arg(long)]
         skip_tests: bool,
     },
+    /// Kill the program at random moments and look at what it left
+    Crash {
+        /// Kills of each operation
+        #[arg(long, default_value_t = 50)]
+        rounds: u32,
+        /// Seed of the moments
+        #[arg(long, default_value_t = 1)]
+        seed: u64,
+        /// The program [default: built for the tests]
+        #[arg(long)]
+        program: Option<PathBuf>,
+    },
+    /// Check licences, sources and advisories of dependencies
+    Deny,
+    /// Run the fuzz targets of all readers
+    Fuzz {
+        /// Minutes for all targets together
+        #[arg(long, default_value_t = 10.0)]
+        minutes: f64,
+        /// Only this target; can be given several times
+        #[arg(long, value_name = "NAME")]
+        target: Vec<String>,
+        /// Replay the corpus and all finds, without libFuzzer
+        #[arg(long, conflicts_with_all = ["minutes", "target"])]
+        replay: bool,
+    },
 }
 
 fn main() -> anyhow::Result<()> {
     match Arguments::parse().chore {
         Chore::Arrows => check_arrows(),
         Chore::Check { skip_tests } => check::check(skip_tests),
+        Chore::Crash {
+            rounds,
+            seed,
+            program,
+        } => crash::crash(rounds, seed, program.as_deref()),
+        Chore::Deny => deny::deny(),
+        Chore::Fuzz { replay: true, .. } => fuzz::replay(),
+        Chore::Fuzz {
+            minutes, target, ..
+        } => fuzz::fuzz(minutes, &target),
     }
 }
 
