@@ -1,7 +1,7 @@
 //! The index of fragments: everything that may be copied from, prepared for searches.
 
 use super::blocks::{KEPT_SIDE, Transform};
-use super::buffer::{Base, Buffer, MAX_LEVEL};
+use super::buffer::{Base, Buffer, MAX_LEVEL, in_proportion};
 use super::level::Channels;
 use super::search::{Hunt, Place};
 use super::target::{SourceFragment, Target, Variant};
@@ -129,7 +129,8 @@ impl FragmentIndex {
     ///
     /// # Errors
     /// [`CompleteError::MaskSize`], [`CompleteError::FeatureSize`], [`CompleteError::NoSource`] if no pixel is more than 3
-    /// pixels away from the hole, [`CompleteError::Fragment`] for a variant out of range, for planes
+    /// pixels away from the hole, [`CompleteError::Fragment`] for a variant out of range or one that turns a picture which is
+    /// longer than about 30 times its width, for planes
     /// [`CompleteError::QuadCrosses`], [`CompleteError::Plane`] and [`CompleteError::PlaneOutside`],
     /// [`CompleteError::Cancelled`] soon after `progress` is cancelled.
     pub fn new<P: Color>(sources: &Sources<P>, progress: &Progress) -> Result<Self, CompleteError> {
@@ -234,6 +235,18 @@ impl FragmentIndex {
                 photo_from_base: view.picture_from_view,
             }));
             views.push(view);
+        }
+        for base in &bases {
+            if let Some(variant) = variants.iter().find(|v| !in_proportion(base.size, **v)) {
+                let [width, height] = base.size;
+                return Err(CompleteError::Fragment {
+                    what: format!(
+                        "copies cannot be turned by {} degrees: what they come from is too long and narrow with {width} x \
+                         {height} pixels; give turns by 90 or 180 degrees",
+                        variant.turn_rad.to_degrees()
+                    ),
+                });
+            }
         }
         let fourier = Transform::new(KEPT_SIDE);
         let mut buffers = Vec::new();
