@@ -125,6 +125,16 @@ impl Buffer {
         at.flatten().map(|at| at.floor().as_ivec2())
     }
 
+    /// The pixel of a level that shows a place of the picture, or is nearest to it; in other photos the pixel at that place.
+    pub(super) fn nearest(&self, in_picture: DVec2, level: usize) -> IVec2 {
+        let planes = &self.levels[level];
+        let end = dvec2((planes.width - 1) as f64, (planes.height - 1) as f64);
+        let here = self.photo_from_buffer.inverse().try_apply(in_picture);
+        // what lies behind the horizon of a plane is nowhere near
+        let at = here.map_or(0.5 * end, |at| at * 0.5f64.powi(level as i32));
+        at.clamp(DVec2::ZERO, end).floor().as_ivec2()
+    }
+
     /// Whether its pixels are those of the photo. They are copied as they are, and anything else is resampled anyway.
     pub(super) fn as_it_is(&self) -> bool {
         self.plane.is_none() && self.transform == Variant::default()
