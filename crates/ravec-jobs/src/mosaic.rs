@@ -412,10 +412,11 @@ impl JobError {
     pub(crate) fn library_code(cause: &LibraryError) -> u8 {
         match cause {
             LibraryError::TooLarge { .. }
+            | LibraryError::TooManyPixels { .. }
             | LibraryError::NoThirds { .. }
             | LibraryError::Protected { .. } => 2,
             LibraryError::Change { .. } | LibraryError::Busy { writing: true, .. } => 4,
-            LibraryError::Choose(_) => 1,
+            LibraryError::Choose(_) | LibraryError::Threads { .. } => 1,
             LibraryError::Write(error) if matches!(error.cause, EncodeError::UnknownExtension) => 2,
             _ => 3,
         }

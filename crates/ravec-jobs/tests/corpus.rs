@@ -9,7 +9,7 @@ mod targets;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
-use targets::{BROKEN, Outcome, TARGETS, run};
+use targets::{Outcome, TARGETS, Target, run};
 
 #[global_allocator]
 static ALLOCATOR: targets::memory::Counting = targets::memory::Counting;
@@ -19,7 +19,9 @@ const LONGEST: Duration = Duration::from_secs(10);
 
 /// All files of a target in the corpus or among the finds, by their names.
 fn inputs(kind: &str, target: &str) -> Vec<PathBuf> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz").join(kind);
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../../fuzz")
+        .join(kind);
     let Ok(entries) = fs::read_dir(folder.join(target)) else {
         return Vec::new();
     };
@@ -29,7 +31,7 @@ fn inputs(kind: &str, target: &str) -> Vec<PathBuf> {
 }
 
 /// What is wrong with a run of an input, if anything.
-fn fault(target: &targets::Target, path: &Path) -> Option<String> {
+fn fault(target: &Target, path: &Path) -> Option<String> {
     let input = fs::read(path).unwrap();
     let name = path.file_name().unwrap().to_string_lossy();
     let start = Instant::now();
@@ -45,12 +47,41 @@ fn fault(target: &targets::Target, path: &Path) -> Option<String> {
     }
 }
 
+/// A target with the least budget that any has.
+const fn broken(name: &'static str, body: fn(&[u8]) -> Outcome) -> Target {
+    Target {
+        name,
+        body,
+        max_held: 1 << 20,
+    }
+}
+
+/// Targets that break each promise on purpose, by which the judge is judged.
+const BROKEN: &[Target] = &[
+    broken("panics", |_| panic!("ours")),
+    broken("catches its own panic", |_| {
+        let _ = std::panic::catch_unwind(|| panic!("ours, caught"));
+        Outcome::Read
+    }),
+    broken("panics in the standard library", |input| {
+        let _ = std::panic::catch_unwind(|| Vec::<u64>::with_capacity(usize::MAX - input.len()));
+        Outcome::Read
+    }),
+    broken("holds too much", |input| {
+        let held = vec![1_u8; (1 << 20) + input.len()];
+        Outcome::of::<_, String>(&Ok(std::hint::black_box(held)))
+    }),
+];
+
 #[test]
 fn every_input_is_read_or_refused_within_the_limits() {
     let mut faults = Vec::new();
     for target in BROKEN {
         if run(target, b"a").is_ok() {
-            faults.push(format!("the judge does not see a target that {}", target.name));
+            faults.push(format!(
+                "the judge does not see a target that {}",
+                target.name
+            ));
         }
     }
     let mut count = 0;
@@ -62,10 +93,16 @@ fn every_input_is_read_or_refused_within_the_limits() {
         for path in corpus.iter().chain(&inputs("finds", target.name)) {
             count += 1;
             let name = path.file_name().unwrap().to_string_lossy();
-            faults.extend(fault(target, path).map(|fault| format!("{}/{name}: {fault}", target.name)));
+            faults.extend(
+                fault(target, path).map(|fault| format!("{}/{name}: {fault}", target.name)),
+            );
         }
     }
     // the hook of the targets keeps messages to itself
     drop(std::panic::take_hook());
-    assert!(faults.is_empty(), "of {count} inputs:\n{}", faults.join("\n"));
+    assert!(
+        faults.is_empty(),
+        "of {count} inputs:\n{}",
+        faults.join("\n")
+    );
 }

@@ -127,6 +127,11 @@ impl Catalogue {
         Ok(loaded.entries)
     }
 
+    /// All photos without pixels, also those that were cleaned away.
+    pub(crate) fn all(&self, memory: &MemoryBudget) -> Result<Loaded, LibraryError> {
+        self.select(COLUMNS_WITHOUT_PIXELS, true, memory, |_| true)
+    }
+
     /// The photos that can be used, with their small pictures.
     pub(crate) fn usable(&self, memory: &MemoryBudget) -> Result<Loaded, LibraryError> {
         self.select(COLUMNS, false, memory, |entry| entry.thumbnail.is_some())

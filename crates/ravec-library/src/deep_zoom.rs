@@ -24,11 +24,12 @@ pub(crate) use manifest::{DESCRIPTION, PIECES};
 
 use crate::error::LibraryError;
 use crate::painter::Unpainted;
-use crate::pyramid::{Piece, Pyramid};
-use crate::temporary::TemporaryFolder;
+use crate::pyramid::{PIECE_PX, Piece, Pyramid};
 use manifest::{MANIFEST, MAX_FILES, Manifest, PAGE};
 use place::Place;
-use ravec_media::{EncodeError, Format, Picture, WriteError, WriteOptions, encode};
+use ravec_media::{
+    EncodeError, Format, Picture, TemporaryFolder, WriteError, WriteOptions, encode,
+};
 use ravec_progress::{Cancelled, Progress};
 use ravec_raster::{Rect, Size, Srgb};
 use std::fs::{self, File};
@@ -85,6 +86,19 @@ pub(crate) fn check_place(target: &Path, size: Size, progress: &Progress) -> Res
         return Err(place.failed(io::Error::other(text)));
     }
     place.check(progress)
+}
+
+/// Bytes of memory that making a page takes, at most: a row of pieces of all levels, pieces that are being written, the lists of
+/// pieces and tiles.
+pub(crate) fn bytes_of_page(size: Size, tiles: usize) -> u64 {
+    /// Of a level, the strip and its half on the way to the next one; all levels have twice the pixels of the finest.
+    const STRIPS: usize = 3;
+    /// Of a piece, its pixels, what the encoder has of them, and the file.
+    const COPIES: usize = 4;
+    let strips = STRIPS * 3 * PIECE_PX * size.width().next_multiple_of(PIECE_PX);
+    let pieces = COPIES * 3 * PIECE_PX * PIECE_PX * rayon::current_num_threads();
+    let lists = 300 * Pyramid::pieces(size) + 100 * tiles;
+    (strips + pieces + lists) as u64
 }
 
 impl DeepZoom {

@@ -74,6 +74,36 @@ pub enum LibraryError {
         /// The limit in bytes.
         limit: u64,
     },
+    /// The threads for the work cannot be started.
+    #[error("cannot start the threads for the photos: {reason}; ask for fewer with --threads")]
+    Threads {
+        /// What the system says.
+        reason: String,
+    },
+    /// The mosaic would have more pixels than allowed.
+    #[error(
+        "the mosaic would have {width} x {height} pixels, more than the limit of {limit} (raise it with --max-pixels)"
+    )]
+    TooManyPixels {
+        /// Of the mosaic.
+        width: usize,
+        /// Of the mosaic.
+        height: usize,
+        /// The most pixels.
+        limit: u64,
+    },
+    /// Making the mosaic needs more memory than allowed.
+    #[error(
+        "the mosaic needs {needed} bytes of memory for {purpose}, more than the limit of {limit} leaves (raise it with --max-bytes)"
+    )]
+    MosaicMemory {
+        /// What for.
+        purpose: &'static str,
+        /// Bytes.
+        needed: u64,
+        /// The limit in bytes.
+        limit: u64,
+    },
     /// An output would take the place of something that is read.
     #[error("cannot write {}: {reason}; choose another name", .path.display())]
     Protected {

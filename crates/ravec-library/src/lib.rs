@@ -27,8 +27,10 @@
 //! use it at once; photos are only read, and neither a mosaic nor its page takes the place of a photo that is known; in a mosaic, each tile is the scaled photo bit for bit (in JPEG, as far as its compression lets it). Does not guarantee:
 //! that files which changed without a change of size and time are noticed.
 //!
-//! Memory: of a mosaic, a row of tiles, the photos that are being scaled, and those that are kept for later rows; for a page
-//! that zooms, 512 rows of pixels more; of the catalogue, 3 KB a photo.
+//! Memory: within the budget of [`Limits`](ravec_media::Limits), whatever the number of threads: a photo waits for its share, and
+//! is refused only if it alone exceeds what all photos have together. Of a mosaic, a row of tiles (or less, if the budget is
+//! small), the photos that are being scaled, and those that are kept for later rows; for a page that zooms, 768 rows of pixels
+//! more; of the catalogue, 5 KB a photo.
 
 mod add;
 mod catalogue;
@@ -38,8 +40,10 @@ mod layout;
 mod manage;
 mod mosaic;
 mod painter;
+mod plan;
 mod pyramid;
-mod temporary;
+mod thumbnail;
+mod workers;
 
 pub use add::{Added, add, would_read};
 pub use catalogue::{Catalogue, Entry, belongs_to_catalogue, leads_into};

@@ -5,7 +5,7 @@
 //!
 //! Memory: a row of pieces for each level, together twice those of the finest.
 
-use crate::add::encoded;
+use crate::thumbnail::encoded;
 use ravec_raster::color::linear_from_srgb;
 use ravec_raster::{Image, Size, Srgb};
 use rayon::prelude::*;

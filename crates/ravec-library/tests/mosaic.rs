@@ -373,16 +373,24 @@ fn what_cannot_be_made_is_said_and_leaves_nothing() {
 #[test]
 fn an_interrupted_run_keeps_what_was_committed_and_goes_on_there() {
     let (folder, _) = studio(300);
-    let path = folder.path().join("other.ravec");
     let paths = [folder.path().join("photos")];
-    let mut catalogue = Catalogue::open_or_make(&path, &Progress::none()).unwrap();
-    // one look for each file that is found, then one for each photo: in the second batch
-    let progress = Progress::cancelled_at(580);
-    let stopped = add(&mut catalogue, &paths, &Limits::default(), &progress);
-    assert!(matches!(stopped, Err(LibraryError::Cancelled(_))));
-    drop(catalogue);
-    let mut catalogue = Catalogue::open(&path, &Progress::none()).unwrap();
-    assert_eq!(catalogue.entries(true).unwrap().len(), 256);
+    // later and later, until the second of two batches is interrupted
+    let mut catalogue = (0..)
+        .find_map(|run| {
+            let path = folder.path().join(format!("{run}.ravec"));
+            let mut catalogue = Catalogue::open_or_make(&path, &Progress::none()).unwrap();
+            let progress = Progress::cancelled_at(400 + 100 * run);
+            let stopped = add(&mut catalogue, &paths, &Limits::default(), &progress);
+            assert!(matches!(stopped, Err(LibraryError::Cancelled(_))));
+            drop(catalogue);
+            let catalogue = Catalogue::open(&path, &Progress::none()).unwrap();
+            match catalogue.entries(true).unwrap().len() {
+                0 => None,
+                256 => Some(catalogue),
+                photos => panic!("{photos} photos"),
+            }
+        })
+        .unwrap();
     let rest = add(
         &mut catalogue,
         &paths,

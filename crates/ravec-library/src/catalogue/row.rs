@@ -2,7 +2,7 @@
 
 use super::Entry;
 use super::database::Trouble;
-use crate::add::THUMBNAIL;
+use crate::thumbnail::THUMBNAIL;
 use ravec_raster::{Image, Srgb};
 use rusqlite::Row;
 use rusqlite::types::ValueRef;
