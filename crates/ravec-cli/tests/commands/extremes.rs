@@ -5,7 +5,7 @@
 //! grow with the square of a side fails at once. Time is only guarded against hanging.
 
 use crate::pictures::{GREY, png};
-use crate::program::{done, folder};
+use crate::program::{assert_refused, done, folder, ravec};
 use std::fs::File;
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -251,6 +251,20 @@ fn a_row_of_twenty_million_pixels() {
         let arguments = filled_in(operation, width, height);
         assert_ends(folder.path(), width * height, &arguments);
     }
+}
+
+/// A drawing counts in hundredths of a pixel, and so ends before a picture does.
+#[test]
+fn a_drawing_of_a_row_that_is_too_long_for_it_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = png(24_000_000, 1, 1, GREY, &vec![0xff; 3_000_000]);
+    std::fs::write(folder.path().join("in.png"), file).unwrap();
+    let output = ravec(folder.path(), &["twocolor", "in.png", "--svg", "out.svg"]);
+    assert_refused(
+        &output,
+        4,
+        &["out.svg", "at most 21474836 pixels", "24000000 x 1"],
+    );
 }
 
 /// The demonstration reduces its picture first, and costs the same for all of them.
