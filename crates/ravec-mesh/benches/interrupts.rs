@@ -3,6 +3,7 @@
 //! The last column is the longest of these times, the place of it in the work before it. What is above 50 ms on an idle
 //! machine fails.
 
+use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use glam::DVec3;
@@ -22,7 +23,7 @@ const MOMENTS: f64 = 40.0;
 /// What all moments of a work may take together, about.
 const EACH: Duration = Duration::from_secs(8);
 
-fn main() {
+fn main() -> ExitCode {
     let mut failed = false;
     println!(
         "{:40} {:>10} {:>7} {:>10}",
@@ -81,8 +82,11 @@ fn main() {
         };
         drop(read_mesh(file.as_bytes(), &options, progress));
     });
-    std::process::exit(i32::from(failed));
+    ExitCode::from(u8::from(failed))
 }
+
+/// A name, and what is done.
+type Work<'a> = (&'a str, &'a dyn Fn(&Progress));
 
 fn operations(what: &str, mesh: &TriMesh) -> bool {
     let (positions, triangles) = mesh.clone().into_parts();
@@ -101,7 +105,7 @@ fn operations(what: &str, mesh: &TriMesh) -> bool {
         camera: Camera::default(),
         ..RenderParams::default()
     };
-    let works: [(&str, &dyn Fn(&Progress)); 8] = [
+    let works: [Work<'_>; 8] = [
         ("check", &|progress| {
             drop(check(mesh, &CheckParams::default(), progress));
         }),

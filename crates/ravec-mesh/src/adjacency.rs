@@ -240,6 +240,7 @@ impl Adjacency {
 
     /// The parts of the mesh: two triangles are in one part if one can be reached from the other through vertices that
     /// triangles have in common.
+    #[expect(clippy::missing_panics_doc, reason = "nobody cancels")]
     pub fn components(&self, mesh: &TriMesh) -> Components {
         let found = self.try_components(mesh, &Progress::none());
         found.expect("nobody can cancel it")
@@ -294,6 +295,7 @@ impl Adjacency {
     }
 
     /// The vertices at which triangles form more than one fan, ascending.
+    #[expect(clippy::missing_panics_doc, reason = "nobody cancels")]
     pub fn pinched_vertices(&self, mesh: &TriMesh) -> Vec<u32> {
         let found = self.try_pinched_vertices(mesh, &Progress::none());
         found.expect("nobody can cancel it")

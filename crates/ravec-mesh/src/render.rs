@@ -388,15 +388,17 @@ pub fn render(
             for part in &triangles_of {
                 for triangles in part[index as usize].chunks(DRAWN_AT_ONCE) {
                     progress.check()?;
-                    triangles.iter().for_each(|&triangle| tile.draw(triangle));
+                    for &triangle in triangles {
+                        tile.draw(triangle);
+                    }
                 }
             }
             for part in &lines_of {
                 for drawn in part[index as usize].chunks(DRAWN_AT_ONCE) {
                     progress.check()?;
-                    drawn
-                        .iter()
-                        .for_each(|&line| tile.ink(&lines[line as usize]));
+                    for &line in drawn {
+                        tile.ink(&lines[line as usize]);
+                    }
                 }
             }
             let pixels = tile.pixels();

@@ -52,7 +52,7 @@ fn primitives_that_bring_nothing_are_not_walked_again_with_each_node() {
     assert_linear(
         |count| {
             let one = "{\"attributes\":{\"POSITION\":0}}";
-            let empty = format!(",{{\"attributes\":{{\"POSITION\":0}},\"indices\":1}}");
+            let empty = ",{\"attributes\":{\"POSITION\":0},\"indices\":1}";
             let view = "\"bufferView\":0,\"componentType\":";
             let text = bombs::CORNERS.replace(
                 "\"type\":\"VEC3\"}]",
@@ -72,7 +72,7 @@ fn places_that_were_chosen_to_collide_take_no_longer_than_others() {
     let stir = |hash: u64, word: u64| (hash.rotate_left(23) ^ word).wrapping_mul(SPREAD);
     let chosen = |x: f64, y: f64| {
         let before = stir(stir(0, x.to_bits()), y.to_bits()).rotate_left(23);
-        f64::from_bits(before ^ 77)
+        f64::from_bits(before ^ 0x4d)
     };
     let file = |z: &dyn Fn(f64, f64) -> f64| {
         let mut text = "solid\n".to_owned();

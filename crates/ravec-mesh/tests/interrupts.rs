@@ -43,6 +43,9 @@ fn looks(work: impl Fn(&Progress) -> bool) -> u64 {
     powers.next().expect("the work has an end")
 }
 
+/// A name, and work that says whether it was stopped.
+type Work<'a> = (&'a str, &'a dyn Fn(&Progress) -> bool);
+
 /// Between two looks there are at most so many triangles, times the passes that work makes over them.
 const BETWEEN: u64 = 1 << 15;
 
@@ -105,7 +108,7 @@ fn operations_stop_wherever_they_are_cancelled() {
     let mesh = parts(35_000);
     let bvh = Bvh::new(&mesh);
     let look = RenderParams::default();
-    let works: [(&str, &dyn Fn(&Progress) -> bool); 8] = [
+    let works: [Work<'_>; 8] = [
         ("adjacency", &|progress| {
             Adjacency::try_new(&mesh, progress).is_err()
         }),

@@ -1,6 +1,7 @@
 //! Files that make a reader take much more memory than they have bytes, or time.
 
 #![allow(dead_code, reason = "each test uses some of them")]
+#![allow(clippy::format_push_string, reason = "texts are made once")]
 
 use std::io::{Cursor, Read as _, Write as _};
 
