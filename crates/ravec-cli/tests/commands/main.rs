@@ -9,6 +9,7 @@ mod examples;
 mod frame;
 mod hostile;
 mod interrupt;
+mod library;
 mod mesh;
 mod mesh_hostile;
 mod meshes;
