@@ -12,10 +12,13 @@ use ravec_memory::{MemoryBudget, Reservation};
 const PHOTO_BYTES: u64 = 1500;
 
 /// Bytes of a tile while photos are chosen: its look and its candidates.
-const TILE_BYTES: u64 = 6000;
+const TILE_BYTES: u64 = 3000;
 
 /// The same for tiles off the grid, of which more are looked at than are used.
-const ADAPTIVE_TILE_BYTES: u64 = 40_000;
+const ADAPTIVE_TILE_BYTES: u64 = 30_000;
+
+/// Strips in which a tile is painted, at most: its photo may be decoded again for each.
+const MAX_STRIPS_PER_TILE: u64 = 16;
 
 /// The memory for painting.
 pub(crate) struct Plan {
@@ -63,8 +66,8 @@ pub(crate) fn reserve(
 }
 
 impl Plan {
-    /// Divides what is left of the memory: at most a quarter for the strip that is painted, unless a single row takes more,
-    /// a quarter for photos that are kept, and the rest for those that are being scaled.
+    /// Divides what is left of the memory: at most half for the strip that is painted, unless that is too low a strip, a quarter
+    /// of the rest for photos that are kept, and the others for those that are being scaled.
     pub fn new(
         layout: &Layout,
         outputs: &Outputs<'_>,
@@ -78,13 +81,14 @@ impl Plan {
             None => 0,
         };
         // the strip, and what an encoder has of it
-        let rows = (memory.available() / 4).saturating_sub(page) / (2 * row);
-        let tile_px = layout.tile_px();
-        let strip_px = rows.clamp(1, tile_px as u64);
+        let left = memory.available().saturating_sub(page);
+        let tile_px = layout.tile_px() as u64;
+        let least_px = tile_px.div_ceil(MAX_STRIPS_PER_TILE);
+        let strip_px = (left / 2 / (2 * row)).clamp(least_px, tile_px);
         let purpose = "the rows that are painted at once";
         let mut fixed = reserve(memory, page.saturating_add(2 * row * strip_px), purpose)?;
 
-        let of_tiles = row.saturating_mul(tile_px as u64);
+        let of_tiles = row.saturating_mul(tile_px);
         let wanted = (params.kept_bytes as u64).max(2 * of_tiles);
         let all = wanted.min(memory.available() / 4);
         fixed.absorb(reserve(memory, all, "photos that are kept")?);

@@ -244,6 +244,9 @@ fn refusal(catalogue: &Catalogue, zoom: &Path) -> String {
     error.to_string()
 }
 
+/// What is put into a page: its name, a word of the refusal, and how.
+type Intrusion<'a> = (&'a str, &'a str, &'a dyn Fn());
+
 #[test]
 fn a_folder_with_anything_else_in_it_is_refused_by_name_and_stays() {
     let (folder, catalogue) = studio();
@@ -254,21 +257,20 @@ fn a_folder_with_anything_else_in_it_is_refused_by_name_and_stays() {
     std::fs::write(outside.join("0_0.jpg"), "of somebody else").unwrap();
     let piece = "mosaic_files/0/0_0.jpg";
     let put = |name: &str, text: &str| std::fs::write(zoom.join(name), text).unwrap();
-    type Intrusion<'a> = (&'a str, &'a str, &'a dyn Fn());
     let intrusions: &[Intrusion<'_>] = &[
         ("photo.jpg", "file", &|| put("photo.jpg", "x")),
         (".hidden", "file", &|| put(".hidden", "")),
         ("mosaic_files/a.jpg", "file", &|| {
-            put("mosaic_files/a.jpg", "x")
+            put("mosaic_files/a.jpg", "x");
         }),
         ("mosaic_files/0/1_0.jpg", "file", &|| {
-            put("mosaic_files/0/1_0.jpg", "x")
+            put("mosaic_files/0/1_0.jpg", "x");
         }),
         ("mosaic_files/0/00_0.jpg", "file", &|| {
-            put("mosaic_files/0/00_0.jpg", "x")
+            put("mosaic_files/0/00_0.jpg", "x");
         }),
         ("empty", "folder", &|| {
-            std::fs::create_dir(zoom.join("empty")).unwrap()
+            std::fs::create_dir(zoom.join("empty")).unwrap();
         }),
         ("mosaic_files/99", "folder", &|| {
             std::fs::create_dir(zoom.join("mosaic_files/99")).unwrap();

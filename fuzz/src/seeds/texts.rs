@@ -12,7 +12,7 @@ pub fn seeds() -> Vec<Seed> {
         .collect();
     let folder = tempfile::tempdir().expect("a temporary folder can be made");
     let path = folder.path().join("a.ravec");
-    let mut catalogue = Catalogue::open_or_make(&path).expect("an empty catalogue can be made");
+    let mut catalogue = Catalogue::open_or_make(&path, &Progress::none()).expect("an empty catalogue can be made");
     // any file will do: it becomes a row, be it of a picture that cannot be read
     let photos = folder.path().join("photos");
     std::fs::create_dir(&photos).expect("the folder can be written to");
@@ -31,11 +31,11 @@ pub fn seeds() -> Vec<Seed> {
 
 /// Target, name and content.
 const TEXTS: &[(&str, &str, &str)] = &[
-    ("catalogue_rows", "usable", r#"[{"real":0,"hash":[1,2,3],"width":18,"height":16,"thumbnail_width":4,"thumbnail":{"blob":[48,90]}},
-{"real":1,"hash":[1,2,4],"width":19,"height":16,"orientation":6,"taken":"2024:05:06 07:08:09","thumbnail_width":3,"thumbnail":[1,2,3,4,5,6,7,8,9]},
-{"real":2,"hash":[1,2,5],"width":20,"height":16,"thumbnail_width":5,"thumbnail":{"blob":[75,200]},"flaw":"tiny"}]"#),
-    ("catalogue_rows", "others", r#"[{"path":"/no/such.png","hash":[7],"bytes":12,"modified":5,"unreadable":"the file is empty"},
-{"id":9,"path":"b","hash":[8],"bytes":1,"modified":-5,"width":100,"height":3,"dropped":"near-duplicate of a","thumbnail_width":1,"thumbnail":[0,0,0]},
+    ("catalogue_rows", "usable", r#"[{"real":0,"hash":{"blob":[32,1]},"width":18,"height":16,"thumbnail_width":4,"thumbnail":{"blob":[48,90]}},
+{"real":1,"hash":{"blob":[32,2]},"width":19,"height":16,"orientation":6,"taken":"2024:05:06 07:08:09","thumbnail_width":3,"thumbnail":[1,2,3,4,5,6,7,8,9]},
+{"real":2,"hash":{"blob":[32,3]},"width":20,"height":16,"thumbnail_width":5,"thumbnail":{"blob":[75,200]},"flaw":"tiny"}]"#),
+    ("catalogue_rows", "others", r#"[{"path":"/no/such.png","hash":{"blob":[32,7]},"bytes":12,"modified":5,"unreadable":"the file is empty"},
+{"id":9,"path":"/b","hash":{"blob":[32,8]},"bytes":1,"modified":-5,"width":100,"height":3,"dropped":"near-duplicate of a","thumbnail_width":1,"thumbnail":[0,0,0]},
 {"path":"c","hash":[],"bytes":9223372036854775807,"modified":0,"width":-1,"height":4294967296,"thumbnail_width":-3,"thumbnail":null}]"#),
     ("strokes", "list", r##"[{"tool":"mask","points":[[10,10]],"radius_px":5},{"tool":"burn","points":[[3,4],[20,8.5]],"radius_px":4,"accumulate":true,"spacing":0.5},
 {"tool":{"color":{"rgb":[1,2,250]}},"points":[[1,1]],"radius_px":2,"hardness":1,"strength":0.5,"edge_aware":false}]"##),

@@ -8,8 +8,8 @@ Examples:
   ravec library clean --catalogue photos.ravec --dry-run
   ravec library stats --catalogue photos.ravec
 
-The catalogue is one file. It stays valid if the program is stopped at any moment, and several programs may use it at once. Photos \
-are only read.
+The catalogue is one file. It stays valid if the program is stopped at any moment or the power fails, and several programs may use \
+it at once: they wait for one another, up to a minute. Photos are only read, and no output may take the place of one.
 
 ",
     exit_codes!()
@@ -23,7 +23,8 @@ Examples:
   ravec library add photo.jpg noisy.jpg --catalogue photos.ravec
 
 What is known is not looked at again, so that an interrupted run goes on where it was. Files that moved are recognized by their \
-content.
+content. Photos wait for memory, and one that alone needs more than --max-bytes is left out with a warning. Pieces of pages that \
+zoom are passed by.
 
 Figures: new, changed, moved, unchanged, copies (of other files), unreadable.
 
@@ -97,11 +98,13 @@ Examples:
   ravec mosaic photo.jpg --catalogue photos.ravec -o f.png --tiles 4 --tile-size 36x27 --adaptive
 
 Photos are scaled, and with --crop center cut to the proportions of a tile; they are never recolored or overlaid. Near-duplicates \
-count as one photo. The mosaic is written row by row and may be much larger than the memory; TIFF files beyond 4 GiB become BigTIFF.
+count as one photo. The mosaic is written row by row and may be much larger than the memory, up to --max-pixels; TIFF files beyond \
+4 GiB become BigTIFF.
 
 --deep-zoom makes a folder whose index.html shows the mosaic in a browser, without a network: wheel, drag and click, or the keys \
 + - arrows Enter Esc, lead into single photos, whose names are shown. mosaic.dzi there is for other viewers of Deep Zoom images. A \
-larger --tile-size gives larger photos. The folder may be new, empty, or an older mosaic, which is replaced.
+larger --tile-size gives larger photos. The folder may be new, empty, or an older page, which is replaced; ravec-manifest.json there \
+lists the files of a page, and a folder with anything else in it, or with a changed file, is refused.
 
 --adaptive takes larger tiles where the picture is homogeneous and smaller ones where it has detail, off the grid, at most as many as \
 there would be on it. --tile-size must be a multiple of 3. --feature-degree compares tiles through which an edge runs by their \

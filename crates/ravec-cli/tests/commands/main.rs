@@ -10,6 +10,7 @@ mod extremes;
 mod frame;
 mod hostile;
 mod interrupt;
+mod library;
 mod mesh;
 mod mesh_hostile;
 mod meshes;

@@ -5,7 +5,7 @@ use crate::program::{assert_refused, code, ravec, stderr};
 use std::path::Path;
 
 /// A folder with thirty photos of 64 × 48 pixels in `photos`, their catalogue `c.ravec`, and a picture `in.bmp`.
-fn studio() -> tempfile::TempDir {
+pub fn studio() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     std::fs::create_dir(folder.path().join("photos")).unwrap();
     for number in 0..30usize {
@@ -91,6 +91,13 @@ fn a_page_that_zooms_is_a_folder_and_a_preview_is_small() {
     assert!(path.join("zoom/index.html").is_file());
     // 1280 x 720 pixels are 5 x 3 pieces on the level of 2048
     assert!(path.join("zoom/mosaic_files/11/4_2.jpg").is_file());
+    // once more in the same place, and not with something else in it
+    let made = ravec(path, &[&zoom[..], &flags].concat());
+    assert_eq!(code(&made), 0, "{}", stderr(&made));
+    std::fs::write(path.join("zoom/mosaic_files/letter.txt"), "x").unwrap();
+    let made = ravec(path, &[&zoom[..], &flags].concat());
+    assert_refused(&made, 4, &["zoom: mosaic_files/letter.txt in it is a file"]);
+    assert!(path.join("zoom/mosaic_files/letter.txt").is_file());
     let wide = [
         "--tiles",
         "4x3",
@@ -113,7 +120,16 @@ fn a_page_that_zooms_is_a_folder_and_a_preview_is_small() {
     assert!(stderr(&nowhere).contains("--output"));
     let taken = [&zoom[..5], &["photos"]].concat();
     let made = ravec(path, &[&taken[..], &flags].concat());
-    assert_refused(&made, 4, &["photos: the folder has other files in it"]);
+    assert_refused(&made, 2, &["photos: photos of the catalogue are in it"]);
+    std::fs::create_dir(path.join("other")).unwrap();
+    std::fs::write(path.join("other/letter.txt"), "x").unwrap();
+    let taken = [&zoom[..5], &["other"]].concat();
+    let made = ravec(path, &[&taken[..], &flags].concat());
+    assert_refused(
+        &made,
+        4,
+        &["other: letter.txt in it is a file that is not of an earlier page"],
+    );
 }
 
 #[test]

@@ -78,16 +78,9 @@ pub fn add(
         files::check_files(&[], &[catalogue])?;
     }
     if let Some(path) = file_of(report_file) {
-        let reason = if belongs_to_catalogue(catalogue, path) {
-            Some("it belongs to the catalogue")
-        } else if would_read(paths, path, progress).map_err(JobError::from_library)? {
-            Some("it is one of the photos")
-        } else {
-            None
-        };
-        if let Some(reason) = reason {
-            let path = path.into();
-            return Err(JobError::Library(LibraryError::Protected { path, reason }));
+        let photo = || would_read(paths, path, progress).map_err(JobError::from_library);
+        if belongs_to_catalogue(catalogue, path) || photo()? {
+            return Err(JobError::OverwritesInput { path: path.into() });
         }
     }
     let mut report = Report::new("library add", params);

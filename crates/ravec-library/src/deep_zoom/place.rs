@@ -203,16 +203,22 @@ impl Place {
     }
 }
 
-/// A folder with the lock of whoever moves it aside and removes it. None if another process has it. File systems without locks
-/// give the folder.
-fn locked(folder: &Path) -> Option<Option<File>> {
+/// The lock of whoever moves a folder aside and removes it.
+struct Lock {
+    _handle: Option<File>,
+}
+
+/// Locks a folder. None if another process has the lock. On file systems without locks everybody gets one.
+fn locked(folder: &Path) -> Option<Lock> {
     // only unix opens folders
     let Ok(handle) = File::open(folder) else {
-        return Some(None);
+        return Some(Lock { _handle: None });
     };
     match handle.try_lock() {
         Err(fs::TryLockError::WouldBlock) => None,
-        _ => Some(Some(handle)),
+        _ => Some(Lock {
+            _handle: Some(handle),
+        }),
     }
 }
 
