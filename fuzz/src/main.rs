@@ -2,10 +2,13 @@
 //!
 //! `cargo xtask fuzz` builds it with the flags that it needs and runs it for each target.
 
+#![no_main]
+
 #[path = "../targets/mod.rs"]
 mod targets;
 
 mod mutate;
+mod seeds;
 
 use libfuzzer_sys::{fuzz_mutator, fuzz_target, fuzzer_mutate};
 use std::collections::HashSet;
@@ -42,6 +45,10 @@ fn report_contained() {
 fuzz_target!(
     init: {
         // after libFuzzer's hook, which ends the process at every panic
+        if let Some(folder) = std::env::var_os("RAVEC_FUZZ_SEEDS") {
+            seeds::write(folder.as_ref()).expect("the folder can be written to");
+            std::process::exit(0);
+        }
         targets::watch();
     },
     |input: &[u8]| {

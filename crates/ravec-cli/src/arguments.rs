@@ -78,7 +78,7 @@ pub enum Command {
     Snap {
         /// The picture; `-` is standard input
         input: PathBuf,
-        /// A picture to write with the grid before (orange) and after (green)
+        /// A picture to write with the grid before (orange) and after (green), or the result if the name ends in .json
         #[arg(short, long, value_name = "FILE")]
         output: Option<PathBuf>,
         #[command(flatten)]
@@ -89,7 +89,7 @@ pub enum Command {
     Planes {
         /// The picture; `-` is standard input
         input: PathBuf,
-        /// A picture to write with the planes and the edges that led to them
+        /// A picture to write with the planes and the edges that led to them, or the planes if the name ends in .json
         #[arg(short, long, value_name = "FILE")]
         output: Option<PathBuf>,
         #[command(flatten)]

@@ -1,7 +1,7 @@
 //! How the program ends: exit codes and the sentence of an error.
 
 use crate::interrupt;
-use ravec_jobs::escape_controls;
+use ravec_jobs::{JobError, escape_except};
 use std::backtrace::Backtrace;
 use std::io::Write as _;
 use std::panic::{self, AssertUnwindSafe};
@@ -26,7 +26,10 @@ pub fn print(text: &str) {
 
 /// Writes one line to standard error: an `error` or a `warning`. Names and texts from files in it are made safe to show.
 pub fn say(kind: &str, sentence: &str) {
-    print(&format!("ravec: {kind}: {}\n", escape_controls(sentence)));
+    print(&format!(
+        "ravec: {kind}: {}\n",
+        escape_except(sentence, &[])
+    ));
 }
 
 /// An error and the code to end with.
@@ -36,6 +39,8 @@ pub struct Failure {
     pub code: u8,
     /// What, where, and what to do. Empty if there is nobody left to tell, or all was said.
     pub sentence: String,
+    /// Lines below the sentence, such as an expression with a mark below its mistake.
+    pub lines: String,
 }
 
 impl Failure {
@@ -44,6 +49,7 @@ impl Failure {
         Self {
             code,
             sentence: sentence.to_string(),
+            lines: String::new(),
         }
     }
 
@@ -52,14 +58,22 @@ impl Failure {
         let reported = self.code == INTERRUPTED && !interrupt::report_once();
         if !self.sentence.is_empty() && !reported {
             say("error", &self.sentence);
+            print(&escape_except(&self.lines, &['\n']));
         }
         ExitCode::from(self.code)
     }
 }
 
-impl From<ravec_jobs::JobError> for Failure {
-    fn from(error: ravec_jobs::JobError) -> Self {
-        Self::new(error.exit_code(), error)
+impl From<JobError> for Failure {
+    fn from(error: JobError) -> Self {
+        let mut failure = Self::new(error.exit_code(), &error);
+        if let JobError::Expression { .. } = error
+            && let Some((sentence, lines)) = failure.sentence.split_once('\n')
+        {
+            failure.lines = format!("{lines}\n");
+            failure.sentence = sentence.to_owned();
+        }
+        failure
     }
 }
 

@@ -387,22 +387,27 @@ fn job(
     operation: impl FnOnce(&Progress) -> Result<Report, JobError> + Send,
 ) -> Result<(), Failure> {
     let report = perform(global, operation)?;
-    show(global, &report, |report| {
-        if global.quiet {
-            Ok(())
-        } else {
-            summary::print(&summary::summary(report))
-        }
-    })
+    show(global, &report, |report| summarize(global, report))
 }
 
-/// Runs an operation whose result is no file, and prints the result, unless standard output has something else to carry.
+fn summarize(global: &Global, report: &Report) -> Result<(), Failure> {
+    if global.quiet {
+        return Ok(());
+    }
+    summary::print(&summary::summary(report))
+}
+
+/// Runs an operation whose result is no file, and prints the result, unless it is in a file of JSON or standard output has
+/// something else to carry.
 fn answer(
     global: &Global,
     operation: impl FnOnce(&Progress) -> Result<Report, JobError> + Send,
 ) -> Result<(), Failure> {
     let report = perform(global, operation)?;
     show(global, &report, |report| {
+        if report.outputs.iter().any(|file| file.format == "JSON") {
+            return summarize(global, report);
+        }
         let result = report.result_json();
         result.map_or(Ok(()), |result| summary::print(&result))
     })

@@ -9,8 +9,8 @@ use crate::report::Report;
 use ravec::progress::Progress;
 use ravec::raster::{AnyImage, Color, Image, LinearRgba, Size};
 use ravec::twocolor::{
-    AdaptiveField, AdaptiveParams, BlockField, FitMethod, FitParams, SvgParams, TwoColorField,
-    render, render_mosaic, render_to, write_svg,
+    AdaptiveField, AdaptiveParams, BlockField, FitMethod, FitParams, MAX_SVG_SIDE, SvgParams,
+    TwoColorField, render, render_mosaic, render_to, write_svg,
 };
 use ravec_media::WriteOptions;
 use serde::{Deserialize, Serialize};
@@ -176,6 +176,9 @@ pub fn run(
     if let Some(path) = &targets.picture {
         files::check_size(path, size, &picture)?;
     }
+    if let Some(path) = &targets.svg {
+        check_drawing(path, picture.image.size())?;
+    }
     if params.adaptive {
         let fit = AdaptiveParams {
             min_block_px: params.size,
@@ -209,6 +212,20 @@ pub fn run(
         deliver(&field, &picture, targets, params, &mut report, progress)?;
     }
     Ok(report)
+}
+
+/// Refuses a picture that is too long for a drawing, before any work is done for it.
+fn check_drawing(path: &Path, size: Size) -> Result<(), JobError> {
+    if size.width().max(size.height()) <= MAX_SVG_SIDE {
+        return Ok(());
+    }
+    let text = format!(
+        "a drawing can have at most {MAX_SVG_SIDE} pixels on a side, the picture has {size}"
+    );
+    Err(JobError::Write {
+        path: path.to_path_buf(),
+        cause: std::io::Error::new(std::io::ErrorKind::InvalidInput, text).into(),
+    })
 }
 
 /// Draws, writes and measures.

@@ -9,7 +9,7 @@ mod targets;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
-use targets::{BROKEN, Outcome, TARGETS, run};
+use targets::{Outcome, TARGETS, Target, run};
 
 #[global_allocator]
 static ALLOCATOR: targets::memory::Counting = targets::memory::Counting;
@@ -31,7 +31,7 @@ fn inputs(kind: &str, target: &str) -> Vec<PathBuf> {
 }
 
 /// What is wrong with a run of an input, if anything.
-fn fault(target: &targets::Target, path: &Path) -> Option<String> {
+fn fault(target: &Target, path: &Path) -> Option<String> {
     let input = fs::read(path).unwrap();
     let name = path.file_name().unwrap().to_string_lossy();
     let start = Instant::now();
@@ -46,6 +46,32 @@ fn fault(target: &targets::Target, path: &Path) -> Option<String> {
         Ok(_) => None,
     }
 }
+
+/// A target with the least budget that any has.
+const fn broken(name: &'static str, body: fn(&[u8]) -> Outcome) -> Target {
+    Target {
+        name,
+        body,
+        max_held: 1 << 20,
+    }
+}
+
+/// Targets that break each promise on purpose, by which the judge is judged.
+const BROKEN: &[Target] = &[
+    broken("panics", |_| panic!("ours")),
+    broken("catches its own panic", |_| {
+        let _ = std::panic::catch_unwind(|| panic!("ours, caught"));
+        Outcome::Read
+    }),
+    broken("panics in the standard library", |input| {
+        let _ = std::panic::catch_unwind(|| Vec::<u64>::with_capacity(usize::MAX - input.len()));
+        Outcome::Read
+    }),
+    broken("holds too much", |input| {
+        let held = vec![1_u8; (1 << 20) + input.len()];
+        Outcome::of::<_, String>(&Ok(std::hint::black_box(held)))
+    }),
+];
 
 #[test]
 fn every_input_is_read_or_refused_within_the_limits() {

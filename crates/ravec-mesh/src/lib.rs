@@ -6,7 +6,9 @@ mod bvh;
 mod check;
 mod closest;
 mod format;
+mod gathered;
 mod hausdorff;
+mod keyed;
 mod loose_octree;
 mod measures;
 mod predicates;
@@ -31,7 +33,7 @@ pub use format::{
 pub use hausdorff::{
     Hausdorff, HausdorffError, HausdorffParams, OneSided, distances_to, hausdorff, vertex_distances,
 };
-pub use measures::{Measures, SideLengths, measure};
+pub use measures::{Measures, SideLengths, measure, try_measure};
 pub use predicates::{OrientedPlane, Sign, on_one_line, orient2d, orient3d};
 pub use relax::{Facet, NEW_VERTEX, RelaxJudge, Relaxed, relax};
 pub use self_intersection::{

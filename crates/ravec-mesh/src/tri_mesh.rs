@@ -93,7 +93,7 @@ impl TriMesh {
         for (block, corners) in triangles.chunks(AT_ONCE).enumerate() {
             progress.check()?;
             let outside = |&v: &u32| v as usize >= vertices;
-            if let Some(i) = corners.iter().position(|t| t.iter().any(|v| outside(v))) {
+            if let Some(i) = corners.iter().position(|t| t.iter().any(outside)) {
                 let vertex = corners[i].into_iter().find(outside).unwrap_or_default();
                 return Ok(Err(MeshError::NoSuchVertex {
                     triangle: block * AT_ONCE + i,

@@ -63,7 +63,7 @@ fn hostile_files_never_take_more_than_the_budget() {
         for budget in [1_000_000, 10_000_000, 50_000_000] {
             // welding comes after reading, and is the same for all
             let welds = [None, Some(0.5)];
-            for &weld in &welds[..1 + usize::from(budget > 10_000_000)] {
+            for &weld in &welds[..=usize::from(budget > 10_000_000)] {
                 let read = read(&file, budget, weld);
                 let allocated = read.allocated;
                 assert!(

@@ -187,6 +187,10 @@ impl View {
             let found: Vec<Features> = batch
                 .par_iter()
                 .map(|tile| {
+                    if tile.frame.size.width().min(tile.frame.size.height()) < MIN_SIDE_PX {
+                        phase.advance(STEPS);
+                        return Ok(Features::default());
+                    }
                     let seen = self.seen(plane, &tile.frame);
                     let found = Features::find(&seen, params, progress, &phase)?;
                     Ok(tile.placed(found, plane.size()))

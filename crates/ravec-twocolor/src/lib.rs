@@ -82,4 +82,4 @@ pub use placed::{BlockField, PlacedBlock};
 pub use render::{RenderError, render, render_mosaic, render_to};
 pub use split_table::{MAX_EXACT_SIDE, split_count};
 pub use subpixel::refine_line;
-pub use svg::{SvgParams, write_svg};
+pub use svg::{MAX_SVG_SIDE, SvgParams, write_svg};

@@ -45,6 +45,9 @@ impl Default for SvgParams {
 /// Units of the grid per pixel.
 const GRID: i32 = 100;
 
+/// The longest side of a drawing in pixels: corners are counted in hundredths of a pixel, in 32 bits.
+pub const MAX_SVG_SIDE: usize = (i32::MAX / GRID) as usize;
+
 /// A corner on the grid.
 type Point = [i32; 2];
 
@@ -61,13 +64,19 @@ struct Outline {
 /// Writes the two-color image as an SVG drawing, one path a color. The view box is the fitted image in pixels.
 ///
 /// # Errors
-/// Those of the writer.
+/// Those of the writer; [`io::ErrorKind::InvalidInput`] if a side exceeds [`MAX_SVG_SIDE`], before anything is written.
 pub fn write_svg(
     blocks: &impl BlockField,
     params: &SvgParams,
     writer: &mut impl Write,
 ) -> io::Result<()> {
     let (width, height) = (blocks.image_size().width(), blocks.image_size().height());
+    if width.max(height) > MAX_SVG_SIDE {
+        let text = format!(
+            "a drawing can have at most {MAX_SVG_SIDE} pixels on a side, the picture has {width} x {height}"
+        );
+        return Err(io::Error::new(io::ErrorKind::InvalidInput, text));
+    }
     writeln!(
         writer,
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {width} {height}\">"
@@ -516,6 +525,37 @@ mod tests {
         let svg = drawn(&field);
         assert_eq!(svg.matches("<path").count(), 1, "{svg}");
         assert!(svg.contains("fill-opacity=\"0.502\""), "{svg}");
+    }
+
+    /// A picture without blocks.
+    struct Empty(Size);
+
+    impl BlockField for Empty {
+        fn image_size(&self) -> Size {
+            self.0
+        }
+
+        fn blocks_in_rows(
+            &self,
+            _: std::ops::Range<usize>,
+        ) -> impl Iterator<Item = PlacedBlock<'_>> {
+            std::iter::empty()
+        }
+    }
+
+    #[test]
+    fn sides_of_which_hundredths_do_not_fit_into_32_bits_are_refused() {
+        for (width, height, fits) in [
+            (MAX_SVG_SIDE, 1, true),
+            (1, MAX_SVG_SIDE, true),
+            (MAX_SVG_SIDE + 1, 1, false),
+            (1, MAX_SVG_SIDE + 1, false),
+        ] {
+            let mut text = Vec::new();
+            let field = Empty(Size::new(width, height).unwrap());
+            let written = write_svg(&field, &SvgParams::default(), &mut text);
+            assert_eq!((written.is_ok(), text.is_empty()), (fits, !fits));
+        }
     }
 
     #[test]

@@ -17,7 +17,7 @@ pub fn mutated_archive(input: &[u8], hand: &mut Hand) -> Option<Vec<u8>> {
     let mut entries = Vec::new();
     for index in 0..archive.len().min(16) {
         let entry = archive.by_index(index).ok()?;
-        let name = entry.name().to_owned();
+        let name = entry.name().ok()?.into_owned();
         let mut content = Vec::new();
         let _ = entry.take(MAX_ENTRY).read_to_end(&mut content);
         entries.push((name, content));

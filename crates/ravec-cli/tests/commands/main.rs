@@ -6,6 +6,7 @@ mod compare;
 mod complete;
 mod demo;
 mod examples;
+mod extremes;
 mod frame;
 mod hostile;
 mod interrupt;

@@ -291,3 +291,78 @@ fn data_of_a_gltf_file_beside_it_are_no_place_for_an_output() {
         &["it is an input"],
     );
 }
+
+#[test]
+fn standard_input_that_is_no_mesh_is_given_up_while_it_still_comes() {
+    use std::io::Write as _;
+    let folder = folder();
+    for bytes in [
+        &[0; 4096][..],
+        &b"y\n".repeat(2048),
+        &[b' '; 4096],
+        &[b'{'; 4096],
+    ] {
+        let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_ravec"))
+            .args(["mesh", "info", "-"])
+            .current_dir(folder.path())
+            .stdin(std::process::Stdio::piped())
+            .stdout(std::process::Stdio::piped())
+            .stderr(std::process::Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut input = child.stdin.take().unwrap();
+        // the pipe breaks as soon as nobody reads any more; else this would write 4 GiB
+        let written = (0..1 << 20)
+            .take_while(|_| input.write_all(bytes).is_ok())
+            .count();
+        drop(input);
+        let output = child.wait_with_output().unwrap();
+        assert_refused(
+            &output,
+            3,
+            &["standard input", "does not look like a mesh file"],
+        );
+        assert!(written < 1024, "{written} blocks");
+    }
+}
+
+#[test]
+fn a_small_file_that_becomes_a_large_mesh_is_refused_with_the_flag_that_allows_it() {
+    let folder = folder();
+    std::fs::write(folder.path().join("large.obj"), "v 0 0 0\n".repeat(300_000)).unwrap();
+    for line in readers("large.obj") {
+        let line = format!("{line} --max-bytes 5M");
+        refused(
+            folder.path(),
+            &line,
+            3,
+            &["large.obj", "5000000", "--max-bytes"],
+        );
+    }
+    done(folder.path(), "-q mesh info large.obj --max-bytes 30M");
+}
+
+#[test]
+fn control_characters_of_a_mesh_file_do_not_reach_the_terminal() {
+    let folder = folder();
+    let evil = "\u{1b}]0;title\u{7}";
+    let blank = " ".repeat(2000);
+    let write = |name: &str, text: String| {
+        std::fs::write(folder.path().join(name), text).unwrap();
+    };
+    write("word.stl", format!("solid a\n{blank}{evil}\n"));
+    write("word.ply", format!("ply\nformat ascii 1.0\n{evil}\n"));
+    write("word.obj", format!("v 0 0 0\n{blank}\nf {evil}\n"));
+    write("word.off", format!("OFF\n{blank}\n{evil}\n"));
+    write(
+        "word.gltf",
+        "{\"buffers\":[{\"byteLength\":1,\"uri\":\"\\u001b]0;title\\u0007\"}]}".to_owned(),
+    );
+    for name in ["word.stl", "word.ply", "word.obj", "word.off", "word.gltf"] {
+        let output = ravec(folder.path(), &["mesh", "info", name]);
+        assert_eq!(code(&output), 3, "{name}");
+        let said = stderr(&output);
+        assert!(said.contains("\\u{1b}]0;title\\u{7}"), "{name}: {said}");
+        assert!(!said.contains(['\u{1b}', '\u{7}']), "{name}: {said}");
+    }
+}

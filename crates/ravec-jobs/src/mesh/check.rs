@@ -68,6 +68,7 @@ pub fn run(source: &MeshSource, params: &Params, progress: &Progress) -> Result<
     let found = report.time("check", || check(&mesh, &asked, progress))?;
     phase.advance(1);
     count(&found, &mut report);
+    progress.check()?;
     report.findings = findings(&mesh, &found, params);
     report.passed = Some(report.findings.iter().all(|finding| !finding.defect));
     Ok(report)

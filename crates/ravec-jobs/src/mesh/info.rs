@@ -4,7 +4,7 @@ use super::MeshSource;
 use crate::error::JobError;
 use crate::files::check_files;
 use crate::report::Report;
-use ravec::mesh::{CheckParams, check, measure};
+use ravec::mesh::{CheckParams, check, try_measure};
 use ravec::progress::Progress;
 use serde::{Deserialize, Serialize};
 
@@ -34,8 +34,7 @@ pub fn run(source: &MeshSource, params: &Params, progress: &Progress) -> Result<
         list_limit: 0,
     };
     let found = report.time("check", || check(mesh, &quick, progress))?;
-    let measured = report.time("measure", || measure(mesh));
-    progress.check()?;
+    let measured = report.time("measure", || try_measure(mesh, progress))?;
     let yes = |fact: bool| f64::from(u8::from(fact));
     let size = measured.max - measured.min;
     let sides = measured.side_lengths;

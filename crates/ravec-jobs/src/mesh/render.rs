@@ -287,7 +287,7 @@ pub fn run(
         let reference = &read_surface(other, &mut report, progress)?.mesh;
         if !params.edges {
             let edge = FINE_EDGE * mesh.bounds().diagonal();
-            mesh = report.time("refine", || refined(mesh, edge, FINE_TRIANGLES));
+            mesh = report.time("refine", || refined(mesh, edge, FINE_TRIANGLES, progress))?;
         }
         let values = report.time("compare", || {
             vertex_distances(&mesh, &Bvh::try_new(reference, progress)?, progress)

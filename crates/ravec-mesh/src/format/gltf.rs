@@ -115,17 +115,12 @@ fn head(source: &mut Source<'_>) -> Result<u64, ReadMeshError> {
         });
     }
     let chunk = source.exact(8)?;
-    match chunk.map(|chunk| (u32_at(chunk, 0), &chunk[4..] == b"JSON")) {
-        Some((length, true)) => Ok(u64::from(length)),
-        _ => {
-            let what = "the first chunk of the file is not its JSON";
-            Err(ReadMeshError::syntax(
-                MeshFormat::Glb,
-                Place::Byte(12),
-                what,
-            ))
-        }
-    }
+    let json = chunk.filter(|chunk| &chunk[4..] == b"JSON");
+    let length = json.map(|chunk| u64::from(u32_at(chunk, 0)));
+    length.ok_or_else(|| {
+        let what = "the first chunk of the file is not its JSON";
+        ReadMeshError::syntax(MeshFormat::Glb, Place::Byte(12), what)
+    })
 }
 
 /// The chunk of binary data, which comes after `left` bytes, if there is one.
@@ -447,6 +442,9 @@ impl Scene<'_> {
     }
 }
 
+/// Primitives of a mesh that are counted before it is read: it may have very many, and be used by very many nodes.
+const COUNTED: usize = 64;
+
 /// How many vertices and triangles there will be if no primitives share their vertices and all nodes are in the scene.
 fn expected(document: &Document) -> (u64, u64) {
     let count = |accessor: Option<usize>| {
@@ -463,8 +461,6 @@ fn expected(document: &Document) -> (u64, u64) {
             _ => (vertices, corners.saturating_sub(2)),
         }
     };
-    // a mesh that many nodes use is counted for each of them by its first primitives: it is only expected
-    const COUNTED: usize = 64;
     let of_mesh = |mesh: &document::Mesh| {
         let primitives = mesh.primitives.iter().take(COUNTED);
         primitives.map(of_primitive).fold((0, 0), plus)

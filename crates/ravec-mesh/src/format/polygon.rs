@@ -9,14 +9,26 @@
 //! [`MAX_EARS`] corners, so that a hostile file costs no more than a bounded time per corner.
 
 use glam::{DVec2, DVec3};
+use ravec_progress::{Cancelled, Progress};
 
 /// Non-convex polygons with more corners become a fan. Text outlines have some hundred corners; at 2048 the worst case
 /// costs about 4 µs a corner.
 const MAX_EARS: usize = 2048;
 
+/// So many triangles are made between two looks at the cancellation.
+const AT_ONCE: usize = 1 << 16;
+
 /// Appends the triangles of the polygon `corners`, at least three, to `triangles`, as numbers of corners. Memory beside the
 /// result is that of [`MAX_EARS`] corners at most.
-pub(super) fn triangulate(corners: &[u32], positions: &[DVec3], triangles: &mut Vec<[u32; 3]>) {
+///
+/// # Errors
+/// [`Cancelled`] soon after `progress` is cancelled.
+pub(super) fn triangulate(
+    corners: &[u32],
+    positions: &[DVec3],
+    triangles: &mut Vec<[u32; 3]>,
+    progress: &Progress,
+) -> Result<(), Cancelled> {
     let at = |corner: u32| positions[corner as usize];
     match *corners {
         [_, _, _] => triangles.push([0, 1, 2]),
@@ -32,8 +44,17 @@ pub(super) fn triangulate(corners: &[u32], positions: &[DVec3], triangles: &mut 
                 triangles.extend([[0, 1, 3], [1, 2, 3]]);
             }
         }
+        _ if corners.len() > MAX_EARS => {
+            let last = corners.len() as u32 - 1;
+            for start in (1..last).step_by(AT_ONCE) {
+                progress.check()?;
+                let end = last.min(start.saturating_add(AT_ONCE as u32));
+                triangles.extend((start..end).map(|i| [0, i, i + 1]));
+            }
+        }
         _ => cut_ears(corners, positions, triangles),
     }
+    Ok(())
 }
 
 /// Twice the signed area.
@@ -43,11 +64,6 @@ fn turn(a: DVec2, b: DVec2, c: DVec2) -> f64 {
 
 fn cut_ears(corners: &[u32], positions: &[DVec3], triangles: &mut Vec<[u32; 3]>) {
     let count = corners.len();
-    let fan = (1..count as u32 - 1).map(|i| [0, i, i + 1]);
-    if count > MAX_EARS {
-        triangles.extend(fan);
-        return;
-    }
     let flat = flattened(corners, positions);
     let reflex = |before: usize, corner: usize, after: usize| {
         turn(flat[before], flat[corner], flat[after]) < 0.0
@@ -56,7 +72,7 @@ fn cut_ears(corners: &[u32], positions: &[DVec3], triangles: &mut Vec<[u32; 3]>)
         .filter(|&i| reflex((i + count - 1) % count, i, (i + 1) % count))
         .collect();
     if hollow.is_empty() {
-        triangles.extend(fan);
+        triangles.extend((1..count as u32 - 1).map(|i| [0, i, i + 1]));
         return;
     }
     let mut next: Vec<usize> = (0..count).map(|i| (i + 1) % count).collect();
@@ -135,7 +151,7 @@ mod tests {
     fn cut(positions: &[DVec3]) -> Vec<[u32; 3]> {
         let corners: Vec<u32> = (0..positions.len() as u32).collect();
         let mut triangles = Vec::new();
-        triangulate(&corners, positions, &mut triangles);
+        triangulate(&corners, positions, &mut triangles, &Progress::none()).unwrap();
         triangles
     }
 

@@ -263,17 +263,23 @@ fn read_dyn(
 
 /// The format of what comes, from its first bytes: a stream need not end for that, nor bring much.
 fn recognize(source: &mut Source<'_>, size: Option<u64>) -> Result<MeshFormat, ReadMeshError> {
-    let head = source.peek(sniff::HEAD)?;
+    // no more is looked at than is asked for, lest the answer depends on how much a read brings
+    fn first(head: &[u8], most: usize) -> &[u8] {
+        &head[..head.len().min(most)]
+    }
+    let mut most = sniff::HEAD;
+    let head = first(source.peek(most)?, most);
     if head.is_empty() {
         return Err(ReadMeshError::Empty);
     }
     let mut is_open = sniff::is_undecided(head);
     if is_open {
         // long comments stand in front of some text files
-        let head = source.peek(sniff::LONGEST_COMMENT)?;
-        is_open = sniff::is_undecided(head) && head.len() >= sniff::LONGEST_COMMENT;
+        most = sniff::LONGEST_COMMENT;
+        let head = first(source.peek(most)?, most);
+        is_open = sniff::is_undecided(head) && head.len() == most;
     }
-    let head = source.peek(1)?;
+    let head = first(source.peek(1)?, most);
     // Of a binary STL file with extraordinary numbers at least the size is right.
     let is_stl = || size.is_some_and(|size| sniff::is_size_of_stl(head, size));
     let format = MeshFormat::sniff(head).filter(|_| !is_open);

@@ -14,6 +14,9 @@ use super::read::{MeshFile, MeshLimits, MeshMemory, ReadWarning};
 use super::{LengthUnit, MeshFormat};
 use crate::TriMesh;
 
+/// So many triangles are dealt with between two looks at the cancellation.
+const AT_ONCE: usize = 1 << 16;
+
 /// A face with more than three corners, kept until the positions of all its corners are known.
 struct Polygon {
     /// How many triangles stand before it.
@@ -332,7 +335,7 @@ impl Soup {
                 }
                 triangles.extend_from_slice(&single[taken..polygon.before]);
                 let first = triangles.len();
-                triangulate(corners, &self.positions, &mut triangles);
+                triangulate(corners, &self.positions, &mut triangles, progress)?;
                 if textured {
                     for t in taken..polygon.before {
                         texture.push(self.texture.of_triangle(t))?;
@@ -342,12 +345,18 @@ impl Soup {
                         let of = of_corners.map(|of| self.texture.at(of[i as usize]));
                         of.unwrap_or(DVec2::NAN)
                     };
-                    for t in &triangles[first..] {
-                        texture.push(t.map(at))?;
+                    for block in triangles[first..].chunks(AT_ONCE) {
+                        progress.check()?;
+                        for t in block {
+                            texture.push(t.map(at))?;
+                        }
                     }
                 }
-                for t in &mut triangles[first..] {
-                    *t = t.map(|i| corners[i as usize]);
+                for block in triangles[first..].chunks_mut(AT_ONCE) {
+                    progress.check()?;
+                    for t in block {
+                        *t = t.map(|i| corners[i as usize]);
+                    }
                 }
                 (taken, start) = (polygon.before, polygon.end);
             }

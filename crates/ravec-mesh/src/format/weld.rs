@@ -120,7 +120,7 @@ const NONE: u32 = u32::MAX;
 struct Cells {
     tolerance: f64,
     kept: List<DVec3>,
-    cells: Places<[u64; 3]>,
+    numbers: Places<[u64; 3]>,
     /// The last vertex of each cell; those before it are chained.
     last: List<u32>,
     earlier: List<u32>,
@@ -142,7 +142,7 @@ impl Cells {
         Ok(Self {
             tolerance,
             kept: List::new(budget),
-            cells: Places::new(budget)?,
+            numbers: Places::new(budget)?,
             last: List::new(budget),
             earlier: List::new(budget),
         })
@@ -156,7 +156,7 @@ impl Cells {
         for step in 0..27 {
             let [x, y, z] = [step % 3, step / 3 % 3, step / 9];
             let Some(cell) = self
-                .cells
+                .numbers
                 .find([numbers[x][0], numbers[y][1], numbers[z][2]])
             else {
                 continue;
@@ -173,7 +173,7 @@ impl Cells {
         if found == NONE {
             found = self.kept.len() as u32;
             self.kept.push(at)?;
-            let cell = self.cells.index_of(numbers[1])? as usize;
+            let cell = self.numbers.index_of(numbers[1])? as usize;
             self.last.fill_up_to(cell + 1, NONE)?;
             self.earlier
                 .push(std::mem::replace(&mut self.last[cell], found))?;
@@ -433,7 +433,7 @@ mod tests {
             let (x, y) = ((1.0 + i as f64).to_bits(), 0.5_f64.to_bits());
             let before = stir(stir(0, x), y).rotate_left(23);
             // the last word undoes what those before it did
-            [x, y, before ^ 77]
+            [x, y, before ^ 0x4d]
         });
         let places: Vec<[u64; 3]> = places.collect();
         let hash = |place: &[u64; 3]| place.iter().fold(0, |hash, &word| stir(hash, word));
@@ -446,7 +446,7 @@ mod tests {
         for places in [
             colliding(200_000),
             (0..200_000).map(|i| [i << 40, 0, 0]).collect(),
-            (0..200_000).map(|i| [0, i << 52 | i >> 12, i]).collect(),
+            (0..200_000).map(|i| [0, i << 52 | 1, i]).collect(),
         ] {
             let mut table = Places::new(&MemoryBudget::unlimited()).unwrap();
             for (i, &place) in (0..).zip(&places) {

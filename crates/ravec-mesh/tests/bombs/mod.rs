@@ -1,4 +1,7 @@
-//! Files that make a reader take much more memory than they have bytes.
+//! Files that make a reader take much more memory than they have bytes, or time.
+
+#![allow(dead_code, reason = "each test uses some of them")]
+#![allow(clippy::format_push_string, reason = "texts are made once")]
 
 use std::io::{Cursor, Read as _, Write as _};
 
@@ -42,10 +45,27 @@ const TRIANGLE: &str = "<object id=\"1\"><mesh><vertices><vertex x=\"0\" y=\"0\"
     <vertex x=\"0\" y=\"1\" z=\"0\"/></vertices><triangles><triangle v1=\"0\" v2=\"1\" v3=\"2\"/></triangles></mesh></object>";
 
 /// A model with `more` objects beside a triangle, and `items`.
-fn built(more: &str, items: &str) -> Vec<u8> {
+pub fn built(more: &str, items: &str) -> Vec<u8> {
     model(&format!(
         "<model><resources>{TRIANGLE}{more}</resources><build>{items}</build></model>"
     ))
+}
+
+/// A model in `count` parts and one that uses them all.
+pub fn many_parts(count: usize) -> Vec<u8> {
+    let mut items = String::new();
+    let part = format!("<model><resources>{TRIANGLE}</resources></model>");
+    let names: Vec<String> = (0..count).map(|i| format!("3D/{i}.model")).collect();
+    for name in &names {
+        items += &format!("<item objectid=\"1\" path=\"/{name}\"/>");
+    }
+    let root = format!("<model><resources>{TRIANGLE}</resources><build>{items}</build></model>");
+    let mut parts: Vec<(&str, &[u8])> = names
+        .iter()
+        .map(|name| (name.as_str(), part.as_bytes()))
+        .collect();
+    parts.push(("3D/3dmodel.model", root.as_bytes()));
+    packed(&parts)
 }
 
 fn packages() -> Vec<Bomb> {
@@ -215,19 +235,19 @@ fn overlapping(count: u32) -> Vec<u8> {
 }
 
 /// A scene in JSON.
-fn json(text: &str) -> Vec<u8> {
+pub fn json(text: &str) -> Vec<u8> {
     format!("{{\"asset\":{{}},{text}}}").into_bytes()
 }
 
 /// `count` times `item`, with commas.
-fn list(item: &str, count: usize) -> String {
+pub fn list(item: &str, count: usize) -> String {
     let mut list = format!("{item},").repeat(count);
     list.pop();
     format!("[{list}]")
 }
 
 /// A triangle in a buffer that a mesh may show.
-const CORNERS: &str = "\"buffers\":[{\"byteLength\":36,\"uri\":\"data:;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA\"}],\
+pub const CORNERS: &str = "\"buffers\":[{\"byteLength\":36,\"uri\":\"data:;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA\"}],\
     \"bufferViews\":[{\"buffer\":0,\"byteLength\":36}],\
     \"accessors\":[{\"bufferView\":0,\"componentType\":5126,\"count\":3,\"type\":\"VEC3\"}]";
 

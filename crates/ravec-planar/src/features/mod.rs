@@ -137,6 +137,10 @@ impl Features {
         progress: &Progress,
         phase: &Phase,
     ) -> Result<Self, Cancelled> {
+        if plane.width().min(plane.height()) < MIN_SIDE_PX {
+            phase.advance(STEPS);
+            return Ok(Self::default());
+        }
         let space = ScaleSpace::new(plane, progress)?;
         phase.advance(1);
         let mut found: Vec<Extremum> = extrema(&space, params);

@@ -30,7 +30,7 @@ const BLOCK: usize = 1 << 14;
 /// The most characters in front of the base64.
 const LONGEST_KIND: usize = 256;
 
-/// Base64 that is decoded in one piece.
+/// Base64 that is looked at in one piece.
 const DECODED: usize = 1 << 14;
 
 /// Data that stood in the text.
@@ -211,6 +211,9 @@ impl<'s, 'a> Json<'s, 'a> {
     }
 }
 
+/// Base64 that is decoded at once, whole groups of four letters.
+const PIECE: usize = 1 << 12;
+
 /// Decodes `text` as far as it is certain that no padding follows, or all of it. Says whether it is base64.
 fn decode(text: &mut Vec<u8>, ended: bool, bytes: &mut List<u8>) -> Result<bool, ReadMeshError> {
     let (length, engine) = if ended {
@@ -221,8 +224,8 @@ fn decode(text: &mut Vec<u8>, ended: bool, bytes: &mut List<u8>) -> Result<bool,
     } else {
         (text.len().saturating_sub(4) / 4 * 4, STANDARD_NO_PAD)
     };
-    let mut decoded = [0; 2 * DECODED];
-    for piece in text[..length].chunks(2 * DECODED) {
+    let mut decoded = [0; PIECE];
+    for piece in text[..length].chunks(PIECE) {
         let Ok(count) = engine.decode_slice(piece, &mut decoded) else {
             return Ok(false);
         };

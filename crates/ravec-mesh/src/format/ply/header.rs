@@ -125,6 +125,9 @@ impl Element {
     }
 }
 
+/// The most bytes of a header: a stream may have comments without end.
+const MAX_HEADER: u64 = 1 << 24;
+
 /// As much of a name as is kept: known names are shorter, and messages show no more.
 const MAX_NAME: usize = 128;
 
@@ -151,6 +154,9 @@ pub(super) fn read(source: &mut Source<'_>) -> Result<Header, ReadMeshError> {
     source.line()?;
     loop {
         let place = source.at_line();
+        if source.offset() > MAX_HEADER {
+            return Err(fault(place, "the header does not end".to_owned()));
+        }
         let Some((line, _)) = source.line()? else {
             return Err(source.truncated("the header"));
         };

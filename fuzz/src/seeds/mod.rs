@@ -1,7 +1,7 @@
 //! Makes the seeds: small files of every kind that the readers know, in `fuzz/corpus/TARGET/seed-NAME`.
 //!
-//! Each must be read by its target, which the replay checks. Run with the folder `fuzz/corpus` as the argument; files that
-//! begin with `seed-` are replaced, all others stay.
+//! Each must be read by its target, which the replay checks. The fuzzer makes them if the variable `RAVEC_FUZZ_SEEDS` names
+//! the folder `fuzz/corpus`; files that begin with `seed-` are replaced, all others stay.
 
 mod meshes;
 mod pictures;
@@ -14,9 +14,8 @@ use std::path::Path;
 /// The target, the name and the content of a seed.
 type Seed = (&'static str, String, Vec<u8>);
 
-fn main() -> std::io::Result<()> {
-    let folder = std::env::args_os().nth(1).expect("the folder for the seeds is the argument");
-    let folder = Path::new(&folder);
+/// Writes all seeds below a folder.
+pub fn write(folder: &Path) -> std::io::Result<()> {
     let mut seeds: Vec<Seed> = pictures::seeds();
     seeds.extend(raw::seeds());
     seeds.extend(meshes::seeds());
