@@ -449,6 +449,26 @@ fn what_cannot_be_done_says_why() {
         ..Sources::new(&image, &hole)
     };
     assert!(matches!(fails(&huge), CompleteError::Fragment { .. }));
+    // a turned copy of it would have 1.6 thousand million pixels
+    let long = Size::new(56_000, 10).unwrap();
+    let (row, stain) = (
+        Image::new(long, Srgb([90u8; 3])),
+        Mask::from_rect(long, Rect::new(9000, 0, 9, 9)),
+    );
+    let turned = Variant {
+        turn_rad: 0.7,
+        ..NONE
+    };
+    let aslant = Sources {
+        variants: &[turned],
+        ..Sources::new(&row, &stain)
+    };
+    let error = fails(&aslant);
+    assert!(
+        matches!(error, CompleteError::Fragment { .. })
+            && error.to_string().contains("56000 x 10 pixels"),
+        "{error}"
+    );
 
     let index = index(&Sources::new(&image, &hole));
     let retouch = Retouch::new(&index);
