@@ -1,4 +1,4 @@
-//! How long it takes until work has stopped after a cancellation, at many moments of each reader, writer and operation.
+//! Time from a cancellation until work has stopped, at many moments of each reader, writer and operation.
 //!
 //! The last column is the longest of these times, the place of it in the work before it. What is above 50 ms on an idle
 //! machine fails.
@@ -20,7 +20,7 @@ const BAR: Duration = Duration::from_millis(50);
 /// Moments at which each work is cancelled, fewer of long ones.
 const MOMENTS: f64 = 40.0;
 
-/// What all moments of a work may take together, about.
+/// Time for all moments of a work together, about.
 const EACH: Duration = Duration::from_secs(8);
 
 fn main() -> ExitCode {
