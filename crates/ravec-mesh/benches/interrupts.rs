@@ -111,10 +111,10 @@ fn operations(what: &str, mesh: &TriMesh) -> bool {
         }),
         ("weld", &|progress| drop(try_weld(mesh, 0.0, progress))),
         ("weld within", &|progress| {
-            drop(try_weld(mesh, 0.1, progress))
+            drop(try_weld(mesh, 0.1, progress));
         }),
         ("build a hierarchy", &|progress| {
-            drop(Bvh::try_new(mesh, progress))
+            drop(Bvh::try_new(mesh, progress));
         }),
         ("compare vertices", &|progress| {
             drop(vertex_distances(mesh, &of_other, progress));
