@@ -1,4 +1,4 @@
-//! How the time of each reader grows with the file: a table of files of one, two, four and eight times a size.
+//! Growth of the time of each reader with the file: a table of files of one, two, four and eight times a size.
 //!
 //! Twice the file should take about twice the time. The last column is the mean factor from one size to the next, of the
 //! times that are long enough to tell; what is above 2.2 fails.

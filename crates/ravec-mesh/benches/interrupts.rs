@@ -1,4 +1,4 @@
-//! How long it takes until work has stopped after a cancellation, at many moments of each reader, writer and operation.
+//! Time from a cancellation until work has stopped, at many moments of each reader, writer and operation.
 //!
 //! The last column is the longest of these times, the place of it in the work before it. What is above 50 ms on an idle
 //! machine fails.
@@ -20,7 +20,7 @@ const BAR: Duration = Duration::from_millis(50);
 /// Moments at which each work is cancelled, fewer of long ones.
 const MOMENTS: f64 = 40.0;
 
-/// What all moments of a work may take together, about.
+/// Time for all moments of a work together, about.
 const EACH: Duration = Duration::from_secs(8);
 
 fn main() -> ExitCode {
@@ -111,10 +111,10 @@ fn operations(what: &str, mesh: &TriMesh) -> bool {
         }),
         ("weld", &|progress| drop(try_weld(mesh, 0.0, progress))),
         ("weld within", &|progress| {
-            drop(try_weld(mesh, 0.1, progress))
+            drop(try_weld(mesh, 0.1, progress));
         }),
         ("build a hierarchy", &|progress| {
-            drop(Bvh::try_new(mesh, progress))
+            drop(Bvh::try_new(mesh, progress));
         }),
         ("compare vertices", &|progress| {
             drop(vertex_distances(mesh, &of_other, progress));

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 /// So many things are dealt with between two looks at the cancellation: a few milliseconds, if one takes a microsecond.
 const AT_ONCE: u32 = 1 << 12;
 
-/// What `found` finds for each of `0..count`, in that order.
+/// Gathers what `found` finds for each of `0..count`, in that order.
 pub(crate) fn gathered<T: Send, I: IntoIterator<Item = T>>(
     count: usize,
     progress: &Progress,

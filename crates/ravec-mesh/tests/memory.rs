@@ -16,10 +16,10 @@ use ravec_progress::Progress;
 #[global_allocator]
 static MEMORY: PeakAlloc = PeakAlloc;
 
-/// What is counted is that of all threads.
+/// The allocator counts for all threads.
 static ALONE: Mutex<()> = Mutex::new(());
 
-/// What may be taken beside the budget: small things that do not grow with the file, and the threads of the test.
+/// Bytes that may be taken beside the budget: small things that do not grow with the file, and the threads of the test.
 const BESIDE: u64 = 150_000;
 
 struct Read {
@@ -27,7 +27,7 @@ struct Read {
     /// The most that was allocated at one time, and reserved.
     allocated: u64,
     reserved: u64,
-    /// What the mesh takes.
+    /// Bytes that the mesh takes.
     kept: u64,
 }
 

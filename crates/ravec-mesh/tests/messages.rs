@@ -1,4 +1,4 @@
-//! What a message quotes of a file is short and harmless, and a stream that is no mesh is given up at once.
+//! Quotes of a file in messages are short and harmless, and a stream that is no mesh is given up at once.
 
 use std::io::{self, Cursor, Read, Write as _};
 
@@ -185,6 +185,27 @@ fn a_stream_that_is_no_mesh_is_given_up_after_some_kilobytes() {
     });
     let outcome = read_mesh(&mut stream, &ReadOptions::default(), &Progress::none());
     assert!(matches!(outcome, Err(ReadMeshError::Syntax { .. })));
+}
+
+#[test]
+fn a_line_that_begins_at_the_end_of_what_is_looked_at_first_is_read_whole() {
+    for line in [
+        "mtllib a.mtl\nv 0 0 0\n",
+        "1 0 0\n0 0 0\n",
+        "{\"nodes\":[]}",
+    ] {
+        for length in 4070..4100 {
+            let comment = format!("#{}\n", " ".repeat(length));
+            let comment = if line.starts_with('{') {
+                " ".repeat(length)
+            } else {
+                comment
+            };
+            let file = comment + line;
+            let outcome = read_mesh(file.as_bytes(), &ReadOptions::default(), &Progress::none());
+            assert!(outcome.is_ok(), "{length} {line}: {outcome:?}");
+        }
+    }
 }
 
 #[test]

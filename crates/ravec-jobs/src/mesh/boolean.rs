@@ -254,7 +254,7 @@ struct Inputs {
     colors: Vec<Vec<[u8; 4]>>,
     /// Texture coordinates of the corners of their triangles, where there are any.
     textures: Vec<Vec<[DVec2; 3]>>,
-    /// What is left of the files: the memory of all that was read stays reserved as long as they are there.
+    /// The rest of the files: the memory of all that was read stays reserved as long as they are there.
     _files: Vec<MeshFile>,
     target: MeshTarget,
 }

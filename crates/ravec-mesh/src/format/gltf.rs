@@ -445,7 +445,7 @@ impl Scene<'_> {
 /// Primitives of a mesh that are counted before it is read: it may have very many, and be used by very many nodes.
 const COUNTED: usize = 64;
 
-/// How many vertices and triangles there will be if no primitives share their vertices and all nodes are in the scene.
+/// The numbers of vertices and triangles, if no primitives share their vertices and all nodes are in the scene.
 fn expected(document: &Document) -> (u64, u64) {
     let count = |accessor: Option<usize>| {
         let accessor = accessor.and_then(|accessor| document.accessors.get(accessor));

@@ -10,7 +10,7 @@ use ravec_memory::{MemoryBudget, OverBudget, Reservation};
 pub(super) struct List<T> {
     items: Vec<T>,
     memory: Reservation,
-    /// How many items a file claims to have. A list does not grow beyond that at once, and takes no memory for the claim.
+    /// The number of items that a file claims to have. A list does not grow beyond that at once, and takes no memory for the claim.
     expected: usize,
 }
 

@@ -21,8 +21,8 @@ use crate::TriMesh;
 pub struct MeshLimits {
     /// The memory that reading may take, reserved before it is allocated (default half of that of the machine). Clones share
     /// one account, and a [`MeshFile`] keeps its part of it: all files that are read with clones of one budget take no more
-    /// together than it has. A file as programs write them takes up to 2.5 times its size while it is read, a 3MF file
-    /// that of its unpacked model; numbers of few digits in text take more.
+    /// together than it has. A file as programs write them takes up to three times its size while it is read, a 3MF file
+    /// that of its unpacked model; numbers of few digits in text, and short ones in binary data, take more.
     pub memory: MemoryBudget,
     /// The most triangles, those of cut polygons and of repeated parts counted (default 200 million; never more than
     /// `u32::MAX`). Each takes 12 bytes, up to three times as much while it is read.

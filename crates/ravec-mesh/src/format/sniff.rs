@@ -8,10 +8,10 @@ use super::MeshFormat;
 use super::number::{integer, words};
 use super::off::Header;
 
-/// How much is looked at: 80 triangles of a binary STL file, and what programs write in front of their text.
+/// Bytes that are looked at: 80 triangles of a binary STL file, and what programs write in front of their text.
 pub(super) const HEAD: usize = 1 << 12;
 
-/// How much is looked at as long as there are nothing but comments and blank lines.
+/// Bytes that are looked at as long as there are nothing but comments and blank lines.
 pub(super) const LONGEST_COMMENT: usize = 1 << 16;
 
 /// Within these bytes a text file has no control characters, and a binary STL has some.
@@ -72,15 +72,19 @@ fn is_text(head: &[u8]) -> bool {
         .any(|&byte| byte < b' ' && !byte.is_ascii_whitespace() && byte != 0x0b)
 }
 
-/// Whether `head` is text without a word outside of comments, or with one that may go on.
+/// True for text that has nothing but comments and blank lines, and perhaps the beginning of another line behind them.
 pub(super) fn is_undecided(head: &[u8]) -> bool {
+    // longer than the words and counts that decide
+    const LINE: usize = 64;
     let head = head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(head);
-    let mut lines = head.split(|&byte| byte == b'\n');
-    is_text(head)
-        && lines.all(|line| {
-            let blank = line.trim_ascii_start();
-            blank.is_empty() || blank.starts_with(b"#")
-        })
+    let is_comment = |line: &[u8]| {
+        let line = line.trim_ascii_start();
+        line.is_empty() || line.starts_with(b"#")
+    };
+    let end = head.iter().rposition(|&byte| byte == b'\n');
+    let (whole, last) = head.split_at(end.map_or(0, |end| end + 1));
+    let may_go_on = is_comment(last) || last.trim_ascii_start().len() <= LINE;
+    is_text(head) && may_go_on && whole.split(|&byte| byte == b'\n').all(is_comment)
 }
 
 fn sniff_text(head: &[u8]) -> Option<MeshFormat> {
@@ -227,10 +231,19 @@ mod tests {
 
     #[test]
     fn text_is_undecided_as_long_as_it_may_be_a_comment() {
-        for open in ["", "\n \n", "# a\n# b", "  # a", "\u{feff}#"] {
+        for open in [
+            "",
+            "\n \n",
+            "# a\n# b",
+            "  # a",
+            "\u{feff}#",
+            "# a\nmtll",
+            "8 6 1",
+        ] {
             assert!(is_undecided(open.as_bytes()), "{open}");
         }
-        for decided in ["v", "# a\nv", "{", "# a\n\0"] {
+        let long = format!("# a\n{{{}", "x".repeat(70));
+        for decided in ["v\n", "# a\nv 0 0 0\n", long.as_str(), "# a\n\0"] {
             assert!(!is_undecided(decided.as_bytes()), "{decided}");
         }
     }

@@ -149,7 +149,7 @@ impl Soup {
         self.positions.len()
     }
 
-    /// How many triangles there are, polygons not counted.
+    /// The number of triangles, polygons not counted.
     pub(super) fn triangles(&self) -> usize {
         self.triangles.len()
     }

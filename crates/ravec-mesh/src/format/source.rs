@@ -24,7 +24,7 @@ const LONGEST_LINE: usize = 1 << 26;
 pub(super) struct Source<'a> {
     reader: &'a mut dyn Read,
     buffer: Vec<u8>,
-    /// That of the buffer.
+    /// The memory of the buffer.
     memory: Reservation,
     start: usize,
     end: usize,

@@ -72,7 +72,7 @@ pub(super) fn read(source: Source<'_>) -> Result<MeshFile, ReadMeshError> {
     soup.finish(Some(unit), progress)
 }
 
-/// How much an object brings with its components. Objects without triangles bring no vertices.
+/// The vertices and triangles that an object brings with its components. Objects without triangles bring no vertices.
 #[derive(Clone, Copy, Default)]
 struct Count {
     vertices: u64,
@@ -158,7 +158,7 @@ impl<'a> Scene<'a> {
         Ok(())
     }
 
-    /// How much an object brings. Each object is counted once, so that nothing is walked more often than it has something to
+    /// Counts what an object brings. Each object is counted once, so that nothing is walked more often than it has something to
     /// give.
     fn count(&mut self, part: u32, id: u32, depth: usize) -> Result<Count, ReadMeshError> {
         self.progress.check()?;
@@ -199,7 +199,7 @@ impl<'a> Scene<'a> {
         Ok(count)
     }
 
-    /// What was counted for a use.
+    /// The count of a use.
     fn known_count(&self, used: &Use) -> Count {
         match self.object(used).map(|(_, at)| self.counts[at]) {
             Some(Counted::Done(count)) => count,

@@ -232,7 +232,7 @@ pub(super) struct Places<K> {
     memory: Reservation,
     keys: List<K>,
     hash: Keyed,
-    /// How many slots were looked at.
+    /// The number of slots that were looked at.
     #[cfg(test)]
     probes: u64,
 }
@@ -253,7 +253,7 @@ impl<K: Key> Places<K> {
         })
     }
 
-    /// How many places there are.
+    /// The number of places.
     pub(super) fn len(&self) -> usize {
         self.keys.len()
     }

@@ -13,7 +13,7 @@ pub fn all() -> Vec<Bomb> {
     [packages(), scenes(), texts()].concat()
 }
 
-/// Whether the file of that name is refused for another reason than memory.
+/// True for files that are refused for another reason than memory.
 pub fn is_small(name: &str) -> bool {
     name.starts_with("small: ")
 }

@@ -29,7 +29,7 @@ pub(super) struct Buffers {
 pub(super) struct Origins<'a, 'r> {
     /// The part of the file that is the first buffer, if any.
     pub(super) inside: Option<List<u8>>,
-    /// What stood in the text.
+    /// Data that stood in the text.
     pub(super) data: List<Data>,
     pub(super) resolver: Option<&'a mut BufferResolver<'r>>,
 }

@@ -121,7 +121,7 @@ pub(super) struct Buffer {
     pub(super) byte_length: usize,
 }
 
-/// What a file may demand: these do not change where the triangles are.
+/// Extensions that a file may demand: these do not change where the triangles are.
 const HARMLESS: [&str; 4] = [
     "KHR_mesh_quantization",
     "KHR_texture_",

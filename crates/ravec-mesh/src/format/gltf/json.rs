@@ -17,7 +17,7 @@ use super::super::source::Source;
 /// In front of the number of data that were taken out: no address of a file begins so.
 const MARK: char = '\0';
 
-/// What a `{`, a `[` and a `,` cost at most. The largest things that a brace begins are nodes (88 bytes), those that a comma
+/// The most bytes that a `{`, a `[` and a `,` cost. The largest things that a brace begins are nodes (88 bytes), those that a comma
 /// separates numbers (8 bytes) and a bracket lists of one (32 bytes): three times as much while a list grows, and a list begins
 /// with room for four.
 const BRACE: u64 = 288;
@@ -43,7 +43,7 @@ pub(super) enum Data {
 /// The text, as a stream for the parser.
 pub(super) struct Json<'s, 'a> {
     source: &'s mut Source<'a>,
-    /// How many bytes may come.
+    /// The bytes that may come.
     left: u64,
     out: Vec<u8>,
     at: usize,
@@ -86,12 +86,12 @@ impl<'s, 'a> Json<'s, 'a> {
         self.failure.take()
     }
 
-    /// How many bytes of the text were not read, the data that were taken out, and the memory of the parsed text.
+    /// The number of bytes of the text that were not read, the data that were taken out, and the memory of the parsed text.
     pub(super) fn finish(self) -> (u64, List<Data>, Reservation) {
         (self.left, self.data, self.memory)
     }
 
-    /// What comes next, at least `least` bytes unless the text ends before.
+    /// The next bytes, at least `least` of them unless the text ends before.
     fn peek(&mut self, least: usize) -> Result<&[u8], ReadMeshError> {
         let there = self.source.peek(least)?;
         let end = self.left.min(there.len() as u64) as usize;

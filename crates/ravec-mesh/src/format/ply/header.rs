@@ -135,7 +135,7 @@ fn kept(name: &[u8]) -> Vec<u8> {
     name[..name.len().min(MAX_NAME)].to_vec()
 }
 
-/// What a header says.
+/// The content of a header.
 pub(super) struct Header {
     pub(super) encoding: Encoding,
     pub(super) elements: List<Element>,

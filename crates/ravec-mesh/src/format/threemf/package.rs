@@ -49,7 +49,7 @@ pub(super) struct Package<'a> {
     by_name: HashMap<u64, u32>,
     _of_names: Reservation,
     hash: RandomState,
-    /// How many packed bytes may still be read: none twice.
+    /// Packed bytes that may still be read: none twice.
     left: u64,
     progress: &'a Progress,
 }
@@ -136,7 +136,7 @@ fn u64_at(file: &[u8], at: usize) -> Option<u64> {
 struct Directory {
     start: usize,
     count: u64,
-    /// How many bytes stand in front of the archive, which its addresses do not count.
+    /// The number of bytes in front of the archive, which its addresses do not count.
     shift: u64,
 }
 

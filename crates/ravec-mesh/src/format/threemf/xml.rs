@@ -16,7 +16,7 @@ use super::super::{LengthUnit, MeshFormat};
 use super::package::Part;
 use super::parts::Parts;
 
-/// How deep elements may be nested, and how long their names may be: the names of those that are open are held.
+/// Bounds on the depth of elements and on the length of their names: the names of those that are open are held.
 const DEEPEST: usize = 256;
 const LONGEST_NAME: usize = 1024;
 
@@ -225,7 +225,7 @@ pub(super) fn read_part(
 }
 
 struct Builder<'a> {
-    /// That of the part.
+    /// The number of the part.
     number: usize,
     model: Model,
     /// The object that has begun.
