@@ -54,6 +54,7 @@ mod samples;
 mod standard;
 mod taken;
 mod tiff;
+mod webp;
 mod write;
 
 pub use atomic::{AtomicWriter, check_writable, scratch_file, write_atomically};

@@ -110,7 +110,13 @@ impl Samples {
             Self::U16(samples) => unmultiply_pixels(samples, count, |color, alpha| {
                 divided(color.into(), alpha.into(), 65535) as u16
             }),
-            Self::F32(samples) => unmultiply_pixels(samples, count, |color, alpha| color / alpha),
+            Self::F32(samples) => unmultiply_pixels(samples, count, |color, alpha| {
+                // alpha may be so little that the quotient is infinite
+                match color / alpha {
+                    straight if straight.is_finite() => straight,
+                    _ => INFINITE.copysign(color) * alpha.signum(),
+                }
+            }),
         };
         (pixels > 0).then_some(Warning::GlowLost { pixels })
     }
@@ -302,6 +308,16 @@ mod tests {
             unreachable!()
         };
         assert_eq!(samples, [1.0, 0.0, -INFINITE, INFINITE, -2.0]);
+    }
+
+    #[test]
+    fn colors_stay_finite_however_little_they_cover() {
+        let mut samples = Samples::F32(vec![1.0, -2.0, 1e-40, 1e-40]);
+        assert_eq!(samples.unmultiply(Channels::Rgba), None);
+        let Samples::F32(samples) = samples else {
+            unreachable!()
+        };
+        assert_eq!(samples, [INFINITE, -INFINITE, 1.0, 1e-40]);
     }
 
     #[test]
