@@ -26,16 +26,23 @@ static SHELF: LazyLock<Shelf> = LazyLock::new(|| {
     let folder = tempfile::tempdir().expect("a temporary folder can be made");
     let photo = |number: usize| {
         let size = Size::new(18 + number, 16).expect("not empty");
-        let image = Image::from_fn(size, |col, row| Srgb([(col * 12) as u8, (row * 15) as u8, (number * 80) as u8]));
+        let image = Image::from_fn(size, |col, row| {
+            Srgb([(col * 12) as u8, (row * 15) as u8, (number * 80) as u8])
+        });
         let path = folder.path().join(format!("{number}.png"));
-        write(&path, &Picture::from_image(image), &WriteOptions::default()).expect("a small photo can be written");
+        write(&path, &Picture::from_image(image), &WriteOptions::default())
+            .expect("a small photo can be written");
         path
     };
     let photos = (0..3).map(photo).collect();
     let path = folder.path().join("empty.ravec");
     drop(Catalogue::open_or_make(&path).expect("an empty catalogue can be made"));
     let empty = fs::read(&path).expect("the catalogue is there");
-    Shelf { folder, photos, empty }
+    Shelf {
+        folder,
+        photos,
+        empty,
+    }
 });
 
 impl Shelf {
@@ -86,15 +93,26 @@ fn fill(path: &Path, rows: &[Map<String, Json>]) -> rusqlite::Result<()> {
         values.reverse();
         values.sort_by(|a, b| a.0.cmp(&b.0));
         values.dedup_by(|a, b| a.0 == b.0);
-        let is_name = |name: &str| !name.is_empty() && name.bytes().all(|b| b.is_ascii_lowercase() || b == b'_');
+        let is_name = |name: &str| {
+            !name.is_empty() && name.bytes().all(|b| b.is_ascii_lowercase() || b == b'_')
+        };
         if values.is_empty() || !values.iter().all(|(name, _)| is_name(name)) {
             continue;
         }
-        let names: Vec<String> = values.iter().map(|(name, _)| format!("\"{name}\"")).collect();
+        let names: Vec<String> = values
+            .iter()
+            .map(|(name, _)| format!("\"{name}\""))
+            .collect();
         let marks = vec!["?"; values.len()].join(", ");
-        let insert = format!("INSERT OR REPLACE INTO photo ({}) VALUES ({marks})", names.join(", "));
+        let insert = format!(
+            "INSERT OR REPLACE INTO photo ({}) VALUES ({marks})",
+            names.join(", ")
+        );
         // what the schema refuses is no row that a catalogue can have
-        let _ = transaction.execute(&insert, params_from_iter(values.into_iter().map(|(_, value)| value)));
+        let _ = transaction.execute(
+            &insert,
+            params_from_iter(values.into_iter().map(|(_, value)| value)),
+        );
     }
     transaction.commit()
 }
@@ -103,7 +121,10 @@ fn fill(path: &Path, rows: &[Map<String, Json>]) -> rusqlite::Result<()> {
 fn real(number: usize) -> Vec<(String, Value)> {
     let path = &SHELF.photos[number % SHELF.photos.len()];
     let metadata = path.metadata().expect("the photo is there");
-    let modified = metadata.modified().ok().and_then(|time| time.duration_since(UNIX_EPOCH).ok());
+    let modified = metadata
+        .modified()
+        .ok()
+        .and_then(|time| time.duration_since(UNIX_EPOCH).ok());
     let modified = modified.map_or(0, |since| since.as_nanos() as i64);
     vec![
         ("path".into(), Value::Text(path.display().to_string())),
@@ -122,7 +143,11 @@ fn stored(value: &Json) -> Value {
         },
         Json::String(text) => Value::Text(text.clone()),
         Json::Array(bytes) => Value::Blob(bytes.iter().map(byte).collect()),
-        Json::Object(object) => match object.get("blob").and_then(Json::as_array).map(Vec::as_slice) {
+        Json::Object(object) => match object
+            .get("blob")
+            .and_then(Json::as_array)
+            .map(Vec::as_slice)
+        {
             Some([length, fill]) => {
                 let length = length.as_u64().unwrap_or_default().min(1 << 16) as usize;
                 Value::Blob(vec![byte(fill); length])
@@ -139,7 +164,11 @@ fn byte(value: &Json) -> u8 {
 /// Counts, lists, chooses from and cleans the catalogue.
 fn used(catalogue: &Path) -> Outcome {
     let progress = Progress::none();
-    let outcome = Outcome::of(&library::stats(catalogue, &library::Plain::default(), &progress));
+    let outcome = Outcome::of(&library::stats(
+        catalogue,
+        &library::Plain::default(),
+        &progress,
+    ));
     let _ = library::list(catalogue, &library::ListParams { all: true }, &progress);
     let input = Source {
         path: SHELF.photos[0].clone(),
@@ -151,7 +180,10 @@ fn used(catalogue: &Path) -> Outcome {
         deep_zoom: None,
     };
     for preview in [true, false] {
-        let sides = |across, down| mosaic::Sides { across, down: Some(down) };
+        let sides = |across, down| mosaic::Sides {
+            across,
+            down: Some(down),
+        };
         let params = mosaic::Params {
             tiles: sides(3, 2),
             tile_size: sides(6, 5),
@@ -166,6 +198,9 @@ fn used(catalogue: &Path) -> Outcome {
     for dry_run in [true, false] {
         let _ = library::clean(catalogue, &library::CleanParams { dry_run }, &progress);
     }
-    assert!(SHELF.photos.iter().all(|photo| photo.exists()), "a photo is gone");
+    assert!(
+        SHELF.photos.iter().all(|photo| photo.exists()),
+        "a photo is gone"
+    );
     outcome
 }

@@ -14,7 +14,8 @@ const MAX_ELEMENTS: u64 = 1 << 14;
 
 /// The memory of a mesh reader: bytes of the file and of what is packed in it, each in two copies while a buffer grows, and
 /// four times the mesh, as [`MeshLimits`] says.
-pub const MESH_HELD: usize = 2 * MESH_BYTES as usize + 4 * (12 + 24) * MAX_ELEMENTS as usize + (1 << 20);
+pub const MESH_HELD: usize =
+    2 * MESH_BYTES as usize + 4 * (12 + 24) * MAX_ELEMENTS as usize + (1 << 20);
 
 /// The limits of picture readers.
 pub fn pictures() -> Limits {

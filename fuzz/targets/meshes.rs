@@ -59,11 +59,20 @@ pub fn judge(file: &MeshFile) {
     judge_mesh(&file.mesh);
     let (vertices, triangles) = (file.mesh.positions().len(), file.mesh.triangles().len());
     let limits = limits::meshes();
-    assert!(vertices as u64 <= limits.max_vertices, "{vertices} vertices");
-    assert!(triangles as u64 <= limits.max_triangles, "{triangles} triangles");
+    assert!(
+        vertices as u64 <= limits.max_vertices,
+        "{vertices} vertices"
+    );
+    assert!(
+        triangles as u64 <= limits.max_triangles,
+        "{triangles} triangles"
+    );
     let (colors, texture) = (file.colors.len(), file.texture.len());
     assert!(colors == 0 || colors == vertices, "{colors} colors");
-    assert!(texture == 0 || texture == triangles, "{texture} textured triangles");
+    assert!(
+        texture == 0 || texture == triangles,
+        "{texture} textured triangles"
+    );
     for warning in &file.warnings {
         assert!(warning.to_string().len() > 5);
     }
@@ -71,9 +80,15 @@ pub fn judge(file: &MeshFile) {
 
 fn judge_mesh(mesh: &TriMesh) {
     let vertices = mesh.positions().len();
-    assert!(mesh.positions().iter().all(|at| at.is_finite()), "a coordinate is not finite");
     assert!(
-        mesh.triangles().iter().flatten().all(|&index| (index as usize) < vertices),
+        mesh.positions().iter().all(|at| at.is_finite()),
+        "a coordinate is not finite"
+    );
+    assert!(
+        mesh.triangles()
+            .iter()
+            .flatten()
+            .all(|&index| (index as usize) < vertices),
         "an index is out of range"
     );
 }
@@ -83,8 +98,17 @@ fn judge_rewritten(mesh: &TriMesh) {
     let progress = Progress::none();
     let _ = ravec::mesh::measure(mesh);
     let mut data = Vec::new();
-    if write_mesh(mesh, MeshFormat::PlyBinary, &WriteOptions::default(), &mut data, &progress).is_ok() {
-        let again = read_mesh(&data[..], &options(&data), &progress).expect("what we write we can read");
+    if write_mesh(
+        mesh,
+        MeshFormat::PlyBinary,
+        &WriteOptions::default(),
+        &mut data,
+        &progress,
+    )
+    .is_ok()
+    {
+        let again =
+            read_mesh(&data[..], &options(&data), &progress).expect("what we write we can read");
         assert_eq!(&again.mesh, mesh, "binary PLY keeps a mesh");
     }
 }

@@ -7,8 +7,8 @@
 
 mod catalogue;
 mod limits;
-mod meshes;
 pub mod memory;
+mod meshes;
 mod packages;
 mod panics;
 mod parameters;

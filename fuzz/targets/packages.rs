@@ -22,7 +22,9 @@ fn package(input: &[u8]) -> Vec<u8> {
     let mut rest = Some(input);
     for name in PARTS {
         let Some(text) = rest else { break };
-        let cut = text.windows(SEPARATOR.len()).position(|window| window == SEPARATOR);
+        let cut = text
+            .windows(SEPARATOR.len())
+            .position(|window| window == SEPARATOR);
         let part = &text[..cut.unwrap_or(text.len())];
         rest = cut.map(|cut| &text[cut + SEPARATOR.len()..]);
         archive
@@ -30,5 +32,8 @@ fn package(input: &[u8]) -> Vec<u8> {
             .and_then(|()| Ok(archive.write_all(part)?))
             .expect("memory takes any archive");
     }
-    archive.finish().expect("memory takes any archive").into_inner()
+    archive
+        .finish()
+        .expect("memory takes any archive")
+        .into_inner()
 }

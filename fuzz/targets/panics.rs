@@ -11,7 +11,8 @@ static FOREIGN: Mutex<Option<String>> = Mutex::new(None);
 /// Replaces the panic hook, once.
 pub fn watch() {
     static WATCHED: Once = Once::new();
-    WATCHED.call_once(|| std::panic::set_hook(Box::new(|panic| memory::uncounted(|| record(panic)))));
+    WATCHED
+        .call_once(|| std::panic::set_hook(Box::new(|panic| memory::uncounted(|| record(panic)))));
 }
 
 /// The first panic of our own code since the last call.
@@ -21,7 +22,10 @@ pub fn take_own() -> Option<String> {
 
 /// The last panic of foreign code.
 pub fn take_foreign() -> Option<String> {
-    FOREIGN.lock().unwrap_or_else(PoisonError::into_inner).take()
+    FOREIGN
+        .lock()
+        .unwrap_or_else(PoisonError::into_inner)
+        .take()
 }
 
 fn record(panic: &PanicHookInfo<'_>) {
@@ -61,7 +65,9 @@ fn is_ours_by_stack(stack: &str) -> bool {
             .any(|start| name.starts_with(start))
     };
     functions
-        .skip_while(|name| !name.contains("begin_panic_handler") && !name.contains("rust_begin_unwind"))
+        .skip_while(|name| {
+            !name.contains("begin_panic_handler") && !name.contains("rust_begin_unwind")
+        })
         .find(|name| !is_standard(name))
         .is_none_or(|name| name.contains("ravec"))
 }

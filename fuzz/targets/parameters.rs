@@ -2,7 +2,10 @@
 
 use super::Outcome;
 use ravec::boolean::{Expr, Known};
-use ravec_jobs::{brush, compare, complete, library, match_photos, mesh, mosaic, plane, retarget, scenes, twocolor};
+use ravec_jobs::{
+    brush, compare, complete, library, match_photos, mesh, mosaic, plane, retarget, scenes,
+    twocolor,
+};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::fmt::Display;
@@ -23,10 +26,18 @@ pub fn read_expression(input: &[u8]) -> Outcome {
             // each mesh inside or outside by turns, in a few patterns
             for pattern in [0_usize, usize::MAX, 0x5555, 0x3333, 0x0f0f, 0x9246] {
                 let inside = |mesh: usize| pattern >> (mesh % 16) & 1 == 1;
-                assert_eq!(expr.eval(&inside), flat.eval(&inside), "flattening changes {text:?}");
+                assert_eq!(
+                    expr.eval(&inside),
+                    flat.eval(&inside),
+                    "flattening changes {text:?}"
+                );
                 let known = |mesh: usize| if inside(mesh) { Known::In } else { Known::Out };
                 let told = expr.known(&known);
-                assert_eq!(told == Known::In, expr.eval(&inside), "{text:?} is {told:?}");
+                assert_eq!(
+                    told == Known::In,
+                    expr.eval(&inside),
+                    "{text:?} is {told:?}"
+                );
             }
         }
         Err(error) => {
@@ -84,7 +95,9 @@ fn shown<T: FromStr + Display>(text: &str) -> bool {
         return false;
     };
     let shown = value.to_string();
-    let again = shown.parse::<T>().unwrap_or_else(|_| panic!("{text:?} is shown as {shown:?}, which is no value"));
+    let again = shown
+        .parse::<T>()
+        .unwrap_or_else(|_| panic!("{text:?} is shown as {shown:?}, which is no value"));
     assert_eq!(again.to_string(), shown);
     true
 }
@@ -95,7 +108,8 @@ fn stored<T: DeserializeOwned + Serialize>(text: &str) -> bool {
         return false;
     };
     let stored = serde_json::to_string(&value).expect("parameters are plain data");
-    let again: T = serde_json::from_str(&stored).unwrap_or_else(|error| panic!("{stored}: {error}"));
+    let again: T =
+        serde_json::from_str(&stored).unwrap_or_else(|error| panic!("{stored}: {error}"));
     assert_eq!(serde_json::to_string(&again).expect("as before"), stored);
     true
 }

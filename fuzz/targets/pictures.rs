@@ -2,7 +2,9 @@
 
 use super::{Outcome, limits};
 use ravec::raster::AnyImage;
-use ravec_media::{DecodeError, Picture, Probe, WriteOptions, decode, decode_reduced, encode, probe_data};
+use ravec_media::{
+    DecodeError, Picture, Probe, WriteOptions, decode, decode_reduced, encode, probe_data,
+};
 use std::io::Cursor;
 
 /// The shorter side below which the reduced picture may not fall.
@@ -37,7 +39,10 @@ pub fn read(input: &[u8]) -> Outcome {
 
 fn judge(picture: &Picture, probe: &Probe) {
     let size = picture.image.size();
-    assert!(size.pixels() as u64 <= limits::MAX_PIXELS, "{size} is above the limit");
+    assert!(
+        size.pixels() as u64 <= limits::MAX_PIXELS,
+        "{size} is above the limit"
+    );
     assert_eq!(picture.image.has_alpha(), probe.alpha, "alpha of {probe:?}");
     match &picture.image {
         AnyImage::Linear(image) => {
@@ -60,7 +65,9 @@ fn judge(picture: &Picture, probe: &Probe) {
 fn judge_reduced(reduced: &Picture, probe: &Probe) {
     let (small, large) = (reduced.image.size(), probe.size);
     let is_share = |small: usize, large: usize| {
-        [1, 2, 4, 8].iter().any(|factor| large.div_ceil(*factor) == small)
+        [1, 2, 4, 8]
+            .iter()
+            .any(|factor| large.div_ceil(*factor) == small)
     };
     assert!(
         is_share(small.width(), large.width()) && is_share(small.height(), large.height()),
@@ -70,7 +77,10 @@ fn judge_reduced(reduced: &Picture, probe: &Probe) {
 
 /// Whatever was read can be written in its own format, and read again with its size.
 fn judge_rewritten(picture: &Picture) {
-    let format = picture.origin.format.expect("a picture that was read has a format");
+    let format = picture
+        .origin
+        .format
+        .expect("a picture that was read has a format");
     let mut data = Cursor::new(Vec::new());
     match encode(&mut data, format, picture, &WriteOptions::default()) {
         Ok(_) => {

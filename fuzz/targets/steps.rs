@@ -25,11 +25,21 @@ const MAX_STEPS: usize = 16;
 static SIZE: LazyLock<Size> = LazyLock::new(|| Size::new(64, 48).expect("not empty"));
 static HOLE: LazyLock<Mask> = LazyLock::new(|| Mask::from_rect(*SIZE, Rect::new(20, 16, 12, 10)));
 static PICTURE: LazyLock<Image<Srgb<u8>>> = LazyLock::new(|| {
-    Image::from_fn(*SIZE, |col, row| Srgb([(col * 37 % 90) as u8, (row * 5) as u8, (col ^ row) as u8]))
+    Image::from_fn(*SIZE, |col, row| {
+        Srgb([(col * 37 % 90) as u8, (row * 5) as u8, (col ^ row) as u8])
+    })
 });
 static INDEX: LazyLock<FragmentIndex> = LazyLock::new(|| {
-    let wall = [dvec2(4.0, 4.0), dvec2(58.0, 8.0), dvec2(58.0, 40.0), dvec2(4.0, 44.0)];
-    let mirrored = Variant { mirrored: true, ..Variant::default() };
+    let wall = [
+        dvec2(4.0, 4.0),
+        dvec2(58.0, 8.0),
+        dvec2(58.0, 40.0),
+        dvec2(4.0, 44.0),
+    ];
+    let mirrored = Variant {
+        mirrored: true,
+        ..Variant::default()
+    };
     let sources = Sources {
         planes: &[wall],
         photos: std::slice::from_ref(&*PICTURE),
@@ -52,7 +62,9 @@ pub fn read(input: &[u8]) -> Outcome {
         panic!("nobody cancelled");
     }
     let picture = retouch.picture(&PICTURE);
-    for (row, col) in (0..SIZE.height()).flat_map(|row| (0..SIZE.width()).map(move |col| (row, col))) {
+    for (row, col) in
+        (0..SIZE.height()).flat_map(|row| (0..SIZE.width()).map(move |col| (row, col)))
+    {
         let kept = HOLE.at(col, row) > 0.0 || picture[(col, row)] == PICTURE[(col, row)];
         assert!(kept, "the known pixel {col}, {row} changed");
     }

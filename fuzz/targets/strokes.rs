@@ -21,8 +21,19 @@ static DESK: LazyLock<Desk> = LazyLock::new(|| {
     let folder = tempfile::tempdir().expect("a temporary folder can be made");
     let at = |name: &str| folder.path().join(name);
     let size = Size::new(24, 16).expect("not empty");
-    let image = Image::from_fn(size, |col, row| Srgb([(col * 9) as u8, (row * 15) as u8, if col > 12 { 200 } else { 20 }]));
-    write(at("in.png"), &Picture::from_image(image), &WriteOptions::default()).expect("a small picture can be written");
+    let image = Image::from_fn(size, |col, row| {
+        Srgb([
+            (col * 9) as u8,
+            (row * 15) as u8,
+            if col > 12 { 200 } else { 20 },
+        ])
+    });
+    write(
+        at("in.png"),
+        &Picture::from_image(image),
+        &WriteOptions::default(),
+    )
+    .expect("a small picture can be written");
     Desk {
         picture: at("in.png"),
         strokes: at("strokes.json"),
@@ -40,7 +51,12 @@ pub fn read(input: &[u8]) -> Outcome {
     let desk = &*DESK;
     std::fs::write(&desk.strokes, input).expect("the folder can be written to");
     let source = Source::new(desk.picture.clone());
-    let result = brush::run(&source, &desk.targets, &brush::Params::default(), &Progress::none());
+    let result = brush::run(
+        &source,
+        &desk.targets,
+        &brush::Params::default(),
+        &Progress::none(),
+    );
     match &result {
         Ok(report) => assert!(report.figures["strokes"] >= 0.0),
         Err(JobError::Strokes { .. }) => {}

@@ -19,7 +19,9 @@ const LONGEST: Duration = Duration::from_secs(10);
 
 /// All files of a target in the corpus or among the finds, by their names.
 fn inputs(kind: &str, target: &str) -> Vec<PathBuf> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz").join(kind);
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../../fuzz")
+        .join(kind);
     let Ok(entries) = fs::read_dir(folder.join(target)) else {
         return Vec::new();
     };
@@ -76,7 +78,10 @@ fn every_input_is_read_or_refused_within_the_limits() {
     let mut faults = Vec::new();
     for target in BROKEN {
         if run(target, b"a").is_ok() {
-            faults.push(format!("the judge does not see a target that {}", target.name));
+            faults.push(format!(
+                "the judge does not see a target that {}",
+                target.name
+            ));
         }
     }
     let mut count = 0;
@@ -88,10 +93,16 @@ fn every_input_is_read_or_refused_within_the_limits() {
         for path in corpus.iter().chain(&inputs("finds", target.name)) {
             count += 1;
             let name = path.file_name().unwrap().to_string_lossy();
-            faults.extend(fault(target, path).map(|fault| format!("{}/{name}: {fault}", target.name)));
+            faults.extend(
+                fault(target, path).map(|fault| format!("{}/{name}: {fault}", target.name)),
+            );
         }
     }
     // the hook of the targets keeps messages to itself
     drop(std::panic::take_hook());
-    assert!(faults.is_empty(), "of {count} inputs:\n{}", faults.join("\n"));
+    assert!(
+        faults.is_empty(),
+        "of {count} inputs:\n{}",
+        faults.join("\n")
+    );
 }

@@ -47,7 +47,15 @@ fn pngs() -> Vec<Seed> {
                     &[depth, color, 0, 0, u8::from(interlaced)],
                 ];
                 let passes: &[[usize; 4]] = if interlaced {
-                    &[[0, 0, 8, 8], [4, 0, 8, 8], [0, 4, 4, 8], [2, 0, 4, 4], [0, 2, 2, 4], [1, 0, 2, 2], [0, 1, 1, 2]]
+                    &[
+                        [0, 0, 8, 8],
+                        [4, 0, 8, 8],
+                        [0, 4, 4, 8],
+                        [2, 0, 4, 4],
+                        [0, 2, 2, 4],
+                        [1, 0, 2, 2],
+                        [0, 1, 1, 2],
+                    ]
                 } else {
                     &[[0, 0, 1, 1]]
                 };
@@ -149,7 +157,12 @@ fn tiffs() -> Vec<Seed> {
         ("palette", 3, 8, 1, false),
         ("ycbcr", 6, 8, 3, false),
     ] {
-        for (way, tiled, compression) in [("strips", false, 1_u32), ("tiles", true, 1), ("deflate", false, 8), ("deflate-tiles", true, 8)] {
+        for (way, tiled, compression) in [
+            ("strips", false, 1_u32),
+            ("tiles", true, 1),
+            ("deflate", false, 8),
+            ("deflate-tiles", true, 8),
+        ] {
             let planes = if planar { channels } else { 1 };
             let in_plane = channels / planes;
             let block_rows = if tiled { side } else { side / 2 };
@@ -158,9 +171,15 @@ fn tiffs() -> Vec<Seed> {
             for _ in 0..planes * side / block_rows {
                 let mut raw = bytes(row_bytes * block_rows);
                 if name == "float" {
-                    raw = (0..side * block_rows).flat_map(|i| (i as f32 / 9.0).to_le_bytes()).collect();
+                    raw = (0..side * block_rows)
+                        .flat_map(|i| (i as f32 / 9.0).to_le_bytes())
+                        .collect();
                 }
-                blocks.push(if compression == 8 { deflated(&raw) } else { raw });
+                blocks.push(if compression == 8 {
+                    deflated(&raw)
+                } else {
+                    raw
+                });
             }
             let mut entries = vec![
                 (256, vec![side as u32]),
@@ -184,7 +203,12 @@ fn tiffs() -> Vec<Seed> {
                 "ycbcr" => entries.push((530, vec![1, 1])),
                 _ => {}
             }
-            let file = Tiff { entries, blocks, tiled }.file();
+            let file = Tiff {
+                entries,
+                blocks,
+                tiled,
+            }
+            .file();
             seeds.push(("tiff", format!("{name}-{way}"), file));
         }
     }
@@ -194,10 +218,23 @@ fn tiffs() -> Vec<Seed> {
 
 /// White lines in the code of faxes (group 4): each is the same as the one above, one bit.
 fn fax() -> Vec<u8> {
-    let entries = [(256, 16), (257, 16), (258, 1), (259, 4), (262, 0), (277, 1), (278, 16)];
+    let entries = [
+        (256, 16),
+        (257, 16),
+        (258, 1),
+        (259, 4),
+        (262, 0),
+        (277, 1),
+        (278, 16),
+    ];
     let entries = entries.map(|(tag, value)| (tag, vec![value])).to_vec();
     let blocks = vec![vec![0xff, 0xff, 0, 0x10, 0x01, 0, 0x10, 0x01]];
-    Tiff { entries, blocks, tiled: false }.file()
+    Tiff {
+        entries,
+        blocks,
+        tiled: false,
+    }
+    .file()
 }
 
 fn bmps() -> Vec<Seed> {
@@ -228,7 +265,11 @@ fn bmps() -> Vec<Seed> {
     };
     let plain = |bits: usize| bytes((width as usize * bits).div_ceil(32) * 4 * height as usize);
     let palette = |colors: usize| bytes(4 * colors);
-    let runs = [[9_u8, 1, 0, 0].repeat(4), vec![0, 3, 1, 2, 3, 0, 0, 2, 1, 0, 0, 1]].concat();
+    let runs = [
+        [9_u8, 1, 0, 0].repeat(4),
+        vec![0, 3, 1, 2, 3, 0, 0, 2, 1, 0, 0, 1],
+    ]
+    .concat();
     [
         ("1", file(1, 0, &palette(2), &plain(1))),
         ("4", file(4, 0, &palette(16), &plain(4))),
@@ -252,8 +293,12 @@ fn webps() -> Vec<Seed> {
         VP8 \x18\0\0\0\x14\x01\0\x9d\x01\x2a\x01\0\x01\0\0\0\xfe\0\0\x0d\xc0\0\xfe\xe6\xb5\0\0\0";
     let animated: &[u8] = b"RIFF\x52\0\0\0WEBPVP8X\x0a\0\0\0\x12\0\0\0\0\0\0\0\0\0ANIM\x06\0\0\0\xff\xff\xff\xff\0\0\
         ANMF\x26\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\x64\0\0\0VP8L\x0d\0\0\0\x2f\0\0\0\x10\x07\x10\x11\x11\x88\x88\xfe\x07\0";
-    [("lossy", lossy), ("lossy-alpha", alpha), ("animated", animated)]
-        .into_iter()
-        .map(|(name, data)| ("webp", name.to_owned(), data.to_vec()))
-        .collect()
+    [
+        ("lossy", lossy),
+        ("lossy-alpha", alpha),
+        ("animated", animated),
+    ]
+    .into_iter()
+    .map(|(name, data)| ("webp", name.to_owned(), data.to_vec()))
+    .collect()
 }

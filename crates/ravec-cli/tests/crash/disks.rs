@@ -44,9 +44,15 @@ fn files_that_may_not_grow_are_an_error_and_leave_nothing() {
             .into_iter()
             .chain(operation.line(0).iter().cloned())
             .collect();
-        let output = wrapped(OsString::from("sh"), folder, &arguments).output().unwrap();
+        let output = wrapped(OsString::from("sh"), folder, &arguments)
+            .output()
+            .unwrap();
         assert_failed(&output, operation.line(0));
-        assert!(operation.inputs() == inputs, "{}: an input changed", operation.name);
+        assert!(
+            operation.inputs() == inputs,
+            "{}: an input changed",
+            operation.name
+        );
         if operation.is_catalogue() {
             operation.assert_whole(&Default::default(), 0);
         } else {
@@ -71,7 +77,11 @@ fn a_full_disk_is_an_error_and_leaves_the_old_output() {
         if operation.is_catalogue() {
             // more photos than there is room for
             for number in 0..50 {
-                fs::write(folder.join(format!("in/photos/more{number}.bmp")), crate::world::photo(700 + number, 40, 30)).unwrap();
+                fs::write(
+                    folder.join(format!("in/photos/more{number}.bmp")),
+                    crate::world::photo(700 + number, 40, 30),
+                )
+                .unwrap();
             }
             let output = run(folder, operation.line(1));
             assert_failed(&output, operation.line(1));
@@ -80,8 +90,16 @@ fn a_full_disk_is_an_error_and_leaves_the_old_output() {
         }
         let output = run(folder, operation.line(1));
         assert_failed(&output, operation.line(1));
-        assert!(content(&operation.output()) == before, "{}: the old output is gone", operation.name);
-        assert!(operation.inputs() == inputs, "{}: an input changed", operation.name);
+        assert!(
+            content(&operation.output()) == before,
+            "{}: the old output is gone",
+            operation.name
+        );
+        assert!(
+            operation.inputs() == inputs,
+            "{}: an input changed",
+            operation.name
+        );
         let left = names(&operation.out());
         assert_eq!(left.len(), 2, "{}: {left:?}", operation.name);
     }
@@ -114,7 +132,11 @@ fn a_folder_that_may_not_be_written_to_is_an_error() {
         }
         assert_failed(&output, operation.line(0));
         assert_eq!(names(&operation.out()), [""; 0], "{}", operation.name);
-        assert!(operation.inputs() == inputs, "{}: an input changed", operation.name);
+        assert!(
+            operation.inputs() == inputs,
+            "{}: an input changed",
+            operation.name
+        );
     }
 }
 

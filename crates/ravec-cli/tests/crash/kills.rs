@@ -35,9 +35,16 @@ fn kill(operation: &Operation) {
         }
         succeed(folder, operation.line(which));
         operation.assert_done(which);
-        assert!(operation.inputs() == inputs, "{state}: an input changed in the next run");
+        assert!(
+            operation.inputs() == inputs,
+            "{state}: an input changed in the next run"
+        );
     }
-    println!("{}: {killed} of {} kills came before the end", operation.name, rounds());
+    println!(
+        "{}: {killed} of {} kills came before the end",
+        operation.name,
+        rounds()
+    );
 }
 
 /// The program opens a catalogue that a killed run left, unless that run had not begun to make one of it.
@@ -45,7 +52,10 @@ fn looks_sound(operation: &Operation) {
     if crate::world::catalogued(&operation.output()).is_empty() {
         return;
     }
-    succeed(operation.folder.path(), &words("library stats --catalogue out/photos.ravec"));
+    succeed(
+        operation.folder.path(),
+        &words("library stats --catalogue out/photos.ravec"),
+    );
 }
 
 #[test]

@@ -1,6 +1,8 @@
 //! The operations that are killed: their inputs, what they write, and what they write when nobody kills them.
 
-use crate::world::{Content, bumpy_sphere, catalogued, content, names, photo, program, succeed, words};
+use crate::world::{
+    Content, bumpy_sphere, catalogued, content, names, photo, program, succeed, words,
+};
 use std::fs;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
@@ -48,7 +50,10 @@ impl Operation {
                 succeed(operation.folder.path(), operation.line(line));
                 content(&operation.output())
             });
-            assert_ne!(results[0], results[1], "{name}: the lines must differ in what they give");
+            assert_ne!(
+                results[0], results[1],
+                "{name}: the lines must differ in what they give"
+            );
             operation.remove_output();
             operation.results = Some(results);
         }
@@ -57,7 +62,13 @@ impl Operation {
 
     /// All operations, made anew.
     pub fn all() -> Vec<Self> {
-        vec![Self::add(), Self::mosaic(), Self::deep_zoom(), Self::offset(), Self::convert()]
+        vec![
+            Self::add(),
+            Self::mosaic(),
+            Self::deep_zoom(),
+            Self::offset(),
+            Self::convert(),
+        ]
     }
 
     pub fn add() -> Self {
@@ -65,7 +76,11 @@ impl Operation {
             let photos = folder.join("in/photos");
             fs::create_dir(&photos).unwrap();
             for number in 0..PHOTOS {
-                fs::write(photos.join(format!("{number:03}.bmp")), photo(number, 40, 30)).unwrap();
+                fs::write(
+                    photos.join(format!("{number:03}.bmp")),
+                    photo(number, 40, 30),
+                )
+                .unwrap();
             }
         };
         let line = "library add in/photos --catalogue out/photos.ravec";
@@ -89,7 +104,8 @@ impl Operation {
     }
 
     pub fn offset() -> Self {
-        let prepare = |folder: &Path| fs::write(folder.join("in/mesh.stl"), bumpy_sphere(48, 24)).unwrap();
+        let prepare =
+            |folder: &Path| fs::write(folder.join("in/mesh.stl"), bumpy_sphere(48, 24)).unwrap();
         let lines = [
             "offset in/mesh.stl -o out/mesh.ply --distance 4% --tolerance 1% --memory 100MiB",
             "offset in/mesh.stl -o out/mesh.ply --distance 3% --tolerance 1% --memory 100MiB",
@@ -98,7 +114,8 @@ impl Operation {
     }
 
     pub fn convert() -> Self {
-        let prepare = |folder: &Path| fs::write(folder.join("in/mesh.stl"), bumpy_sphere(200, 100)).unwrap();
+        let prepare =
+            |folder: &Path| fs::write(folder.join("in/mesh.stl"), bumpy_sphere(200, 100)).unwrap();
         let lines = [
             "mesh convert in/mesh.stl -o out/mesh.3mf",
             "mesh convert in/mesh.stl -o out/mesh.3mf --scale 2",
@@ -137,7 +154,9 @@ impl Operation {
     pub fn assert_whole(&self, before: &Content, which: usize) {
         let Some(results) = &self.results else {
             let photos = catalogued(&self.output());
-            assert!(photos.len() <= PHOTOS && photos.iter().all(|path| path.contains("/in/photos/")));
+            assert!(
+                photos.len() <= PHOTOS && photos.iter().all(|path| path.contains("/in/photos/"))
+            );
             return;
         };
         let now = content(&self.output());
@@ -148,7 +167,9 @@ impl Operation {
             self.name,
             before.len(),
             results[which].len(),
-            now.iter().map(|(name, bytes)| (name, bytes.len())).collect::<Vec<_>>(),
+            now.iter()
+                .map(|(name, bytes)| (name, bytes.len()))
+                .collect::<Vec<_>>(),
         );
     }
 
@@ -156,13 +177,26 @@ impl Operation {
     #[track_caller]
     pub fn assert_done(&self, which: usize) {
         match &self.results {
-            Some(results) => assert!(content(&self.output()) == results[which], "{}: another result", self.name),
+            Some(results) => assert!(
+                content(&self.output()) == results[which],
+                "{}: another result",
+                self.name
+            ),
             None => {
                 assert_eq!(catalogued(&self.output()).len(), PHOTOS);
-                succeed(self.folder.path(), &words("library stats --catalogue out/photos.ravec"));
+                succeed(
+                    self.folder.path(),
+                    &words("library stats --catalogue out/photos.ravec"),
+                );
             }
         }
-        assert_eq!(names(&self.out()), [self.output], "{} ({})", self.name, program().display());
+        assert_eq!(
+            names(&self.out()),
+            [self.output],
+            "{} ({})",
+            self.name,
+            program().display()
+        );
     }
 }
 
@@ -173,8 +207,15 @@ fn photo_catalogue(folder: &Path) {
     let photos = folder.join("in/photos");
     fs::create_dir(&photos).unwrap();
     for number in 0..TILES {
-        fs::write(photos.join(format!("{number:02}.bmp")), photo(number, 80, 60)).unwrap();
+        fs::write(
+            photos.join(format!("{number:02}.bmp")),
+            photo(number, 80, 60),
+        )
+        .unwrap();
     }
     fs::write(folder.join("in/target.bmp"), photo(5, 160, 120)).unwrap();
-    succeed(folder, &words("library add in/photos --catalogue in/photos.ravec"));
+    succeed(
+        folder,
+        &words("library add in/photos --catalogue in/photos.ravec"),
+    );
 }

@@ -49,7 +49,8 @@ pub fn rounds() -> u32 {
 
 /// The program that is killed.
 pub fn program() -> PathBuf {
-    variable("RAVEC_CRASH_PROGRAM").map_or_else(|| env!("CARGO_BIN_EXE_ravec").into(), PathBuf::from)
+    variable("RAVEC_CRASH_PROGRAM")
+        .map_or_else(|| env!("CARGO_BIN_EXE_ravec").into(), PathBuf::from)
 }
 
 /// The program with its arguments, not yet started.
@@ -90,7 +91,11 @@ pub fn succeed(folder: &Path, arguments: &[String]) {
 #[track_caller]
 pub fn assert_failed(output: &Output, of: &[String]) {
     let said = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.code().is_some_and(|code| code != 0), "{of:?}: {}: {said}", output.status);
+    assert!(
+        output.status.code().is_some_and(|code| code != 0),
+        "{of:?}: {}: {said}",
+        output.status
+    );
     assert!(said.starts_with("ravec: error: "), "{of:?}: {said}");
 }
 
@@ -104,8 +109,11 @@ pub struct Dice(u64);
 
 impl Dice {
     pub fn new(of: &str) -> Self {
-        let seed: u64 = variable("RAVEC_CRASH_SEED").map_or(1, |text| text.parse().expect("a seed"));
-        let mixed = of.bytes().fold(seed, |mixed, byte| (mixed ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3));
+        let seed: u64 =
+            variable("RAVEC_CRASH_SEED").map_or(1, |text| text.parse().expect("a seed"));
+        let mixed = of.bytes().fold(seed, |mixed, byte| {
+            (mixed ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
+        });
         Self(mixed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1)
     }
 
@@ -137,14 +145,20 @@ pub fn catalogued(catalogue: &Path) -> Vec<String> {
         return Vec::new();
     }
     let connection = Connection::open_with_flags(&copy, OpenFlags::SQLITE_OPEN_READ_WRITE).unwrap();
-    let verdict: String = connection.query_row("PRAGMA integrity_check", [], |row| row.get(0)).unwrap();
+    let verdict: String = connection
+        .query_row("PRAGMA integrity_check", [], |row| row.get(0))
+        .unwrap();
     assert_eq!(verdict, "ok", "{}", catalogue.display());
     // a file that was made and not yet filled has no table
-    let tables: i64 = connection.query_row("SELECT count(*) FROM sqlite_master", [], |row| row.get(0)).unwrap();
+    let tables: i64 = connection
+        .query_row("SELECT count(*) FROM sqlite_master", [], |row| row.get(0))
+        .unwrap();
     if tables == 0 {
         return Vec::new();
     }
-    let mut statement = connection.prepare("SELECT path FROM photo ORDER BY path").unwrap();
+    let mut statement = connection
+        .prepare("SELECT path FROM photo ORDER BY path")
+        .unwrap();
     let paths = statement.query_map([], |row| row.get(0)).unwrap();
     paths.collect::<Result<_, _>>().unwrap()
 }
@@ -182,7 +196,10 @@ pub fn photo(number: usize, width: usize, height: usize) -> Vec<u8> {
 pub fn bumpy_sphere(around: usize, rings: usize) -> Vec<u8> {
     use std::f64::consts::PI;
     let at = |i: usize, j: usize| {
-        let (a, b) = (2.0 * PI * (i % around) as f64 / around as f64, PI * j as f64 / rings as f64);
+        let (a, b) = (
+            2.0 * PI * (i % around) as f64 / around as f64,
+            PI * j as f64 / rings as f64,
+        );
         let r = 1.0 + 0.1 * (5.0 * a).sin() * (7.0 * b).sin() * b.sin();
         // both poles are single points
         let s = if j == 0 || j == rings { 0.0 } else { b.sin() };
