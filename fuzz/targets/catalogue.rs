@@ -36,7 +36,9 @@ static SHELF: LazyLock<Shelf> = LazyLock::new(|| {
     };
     let photos = (0..3).map(photo).collect();
     let path = folder.path().join("empty.ravec");
-    drop(Catalogue::open_or_make(&path).expect("an empty catalogue can be made"));
+    drop(
+        Catalogue::open_or_make(&path, &Progress::none()).expect("an empty catalogue can be made"),
+    );
     let empty = fs::read(&path).expect("the catalogue is there");
     Shelf {
         folder,
@@ -166,10 +168,16 @@ fn used(catalogue: &Path) -> Outcome {
     let progress = Progress::none();
     let outcome = Outcome::of(&library::stats(
         catalogue,
+        None,
         &library::Plain::default(),
         &progress,
     ));
-    let _ = library::list(catalogue, &library::ListParams { all: true }, &progress);
+    let _ = library::list(
+        catalogue,
+        None,
+        &library::ListParams { all: true },
+        &progress,
+    );
     let input = Source {
         path: SHELF.photos[0].clone(),
         limits: limits::pictures(),
@@ -193,10 +201,15 @@ fn used(catalogue: &Path) -> Outcome {
             preview,
             ..mosaic::Params::default()
         };
-        let _ = mosaic::run(&input, catalogue, &outputs, &params, &progress);
+        let _ = mosaic::run(&input, catalogue, &outputs, None, &params, &progress);
     }
     for dry_run in [true, false] {
-        let _ = library::clean(catalogue, &library::CleanParams { dry_run }, &progress);
+        let _ = library::clean(
+            catalogue,
+            None,
+            &library::CleanParams { dry_run },
+            &progress,
+        );
     }
     assert!(
         SHELF.photos.iter().all(|photo| photo.exists()),

@@ -26,7 +26,7 @@ pub fn read(input: &[u8]) -> Outcome {
     let all = ReadOptions {
         colors: true,
         texture: true,
-        ..plain
+        ..plain.clone()
     };
     // a file beside a glTF file, that is long enough for any index
     let mut beside = |_: &str| Ok(Box::new(std::io::repeat(1).take(4096)) as Box<dyn Read>);
@@ -46,7 +46,7 @@ pub fn read(input: &[u8]) -> Outcome {
     }
     let welding = ReadOptions {
         weld_tolerance: Some(0.0),
-        ..plain
+        ..plain.clone()
     };
     if let Ok(welded) = read_mesh(input, &welding, &progress) {
         judge(&welded);

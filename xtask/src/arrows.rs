@@ -20,6 +20,11 @@ const CRATES: &[Crate] = &[
         uses: &[],
     },
     Crate {
+        name: "ravec-memory",
+        layer: "floor",
+        uses: &["ravec-progress"],
+    },
+    Crate {
         name: "ravec-numeric",
         layer: "floor",
         uses: &[],
@@ -32,12 +37,12 @@ const CRATES: &[Crate] = &[
     Crate {
         name: "ravec-media",
         layer: "vocabulary",
-        uses: &["ravec-raster", "ravec-progress"],
+        uses: &["ravec-raster", "ravec-memory", "ravec-progress"],
     },
     Crate {
         name: "ravec-mesh",
         layer: "vocabulary",
-        uses: &["ravec-progress"],
+        uses: &["ravec-memory", "ravec-progress"],
     },
     Crate {
         name: "ravec-twocolor",
@@ -91,6 +96,7 @@ const CRATES: &[Crate] = &[
             "ravec-mosaic",
             "ravec-media",
             "ravec-raster",
+            "ravec-memory",
             "ravec-progress",
         ],
     },
@@ -107,6 +113,7 @@ const CRATES: &[Crate] = &[
             "ravec-boolean",
             "ravec-mesh",
             "ravec-raster",
+            "ravec-memory",
             "ravec-progress",
         ],
     },
@@ -154,6 +161,8 @@ const QUARANTINE: &[(&[&str], &[&str])] = &[
         ],
         &["ravec-media"],
     ),
+    // the memory of the machine
+    (&["sysinfo"], &["ravec-memory"]),
     // the catalogue of photos
     (&["blake3", "rusqlite", "walkdir"], &["ravec-library"]),
     // errors that are only shown

@@ -7,6 +7,7 @@ use crate::help;
 use clap::builder::{OsStringValueParser, TypedValueParser as _};
 use clap::{ArgGroup, Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
+use ravec::memory::MemoryBudget;
 use ravec_jobs::mesh::{NamedFile, boolean, offset};
 use ravec_jobs::plane::{planes, rectify, snap};
 use ravec_jobs::{
@@ -77,7 +78,7 @@ pub enum Command {
     Snap {
         /// The picture; `-` is standard input
         input: PathBuf,
-        /// A picture to write with the grid before (orange) and after (green)
+        /// A picture to write with the grid before (orange) and after (green), or the result if the name ends in .json
         #[arg(short, long, value_name = "FILE")]
         output: Option<PathBuf>,
         #[command(flatten)]
@@ -88,7 +89,7 @@ pub enum Command {
     Planes {
         /// The picture; `-` is standard input
         input: PathBuf,
-        /// A picture to write with the planes and the edges that led to them
+        /// A picture to write with the planes and the edges that led to them, or the planes if the name ends in .json
         #[arg(short, long, value_name = "FILE")]
         output: Option<PathBuf>,
         #[command(flatten)]
@@ -372,10 +373,17 @@ impl Command {
             } => vec![input, catalogue],
             Self::Mesh { command, .. } => command.inputs(),
             Self::Demo { image, .. } => image.as_deref().into_iter().collect(),
-            Self::Library { .. }
-            | Self::Scenes { .. }
-            | Self::Completions { .. }
-            | Self::Man { .. } => Vec::new(),
+            Self::Library { command } => command.inputs(),
+            Self::Scenes { .. } | Self::Completions { .. } | Self::Man { .. } => Vec::new(),
+        }
+    }
+
+    /// The catalogue of photos that the operation uses.
+    pub fn catalogue(&self) -> Option<&Path> {
+        match self {
+            Self::Mosaic { catalogue, .. } => Some(catalogue),
+            Self::Library { command } => Some(command.catalogue()),
+            _ => None,
         }
     }
 
@@ -439,19 +447,21 @@ pub struct Global {
     #[arg(long, global = true, value_name = "COUNT", value_parser = count,
         default_value_t = Limits::default().max_pixels)]
     pub max_pixels: u64,
-    /// The most memory in bytes that reading a picture may take, or the most bytes of a mesh file; `k`, `M` and `G` multiply by
-    /// powers of 1000
-    #[arg(long, global = true, value_name = "COUNT", value_parser = count,
-        default_value_t = Limits::default().max_bytes)]
-    pub max_bytes: u64,
+    /// Memory in bytes that the inputs may take together while they are read and as long as they are needed; `k`, `M` and `G`
+    /// multiply by powers of 1000 [default: half of the memory of the machine]
+    #[arg(long, global = true, value_name = "COUNT", value_parser = count)]
+    pub max_bytes: Option<u64>,
 }
 
 impl Global {
-    /// The limits for reading pictures.
+    /// The limits for reading pictures, with a new memory budget. All inputs of a run share the budget of one call.
     pub fn limits(&self) -> Limits {
+        let memory = self
+            .max_bytes
+            .map_or_else(MemoryBudget::default, MemoryBudget::new);
         Limits {
             max_pixels: self.max_pixels,
-            max_bytes: self.max_bytes,
+            memory,
         }
     }
 }
@@ -527,7 +537,9 @@ mod tests {
                 "c d e",
             ),
             ("ravec mosaic a --catalogue b -o c", "a b", "c"),
-            ("ravec library stats --catalogue a", "", ""),
+            ("ravec library stats --catalogue a", "a", ""),
+            ("ravec library add a b --catalogue c", "c a b", ""),
+            ("ravec library remove a --catalogue b", "b", ""),
             ("ravec demo --image a", "a", ""),
             ("ravec scenes -o a", "", ""),
         ] {
@@ -640,8 +652,8 @@ mod tests {
             let Command::Mesh { command, limits } = parsed.command else {
                 panic!("not mesh");
             };
-            let bytes = parsed.global.max_bytes;
-            assert_eq!(limits.limits(bytes), MeshLimits::default());
+            let memory = MemoryBudget::default();
+            assert_eq!(limits.limits(memory), MeshLimits::default());
             match command {
                 MeshCommand::Info { params, .. } => assert_eq!(params, info::Params::default()),
                 MeshCommand::Check { params, .. } => assert_eq!(params, check::Params::default()),

@@ -1,5 +1,7 @@
 //! How the program ends: exit codes and the sentence of an error.
 
+use crate::interrupt;
+use ravec_jobs::{JobError, escape_except};
 use std::backtrace::Backtrace;
 use std::io::Write as _;
 use std::panic::{self, AssertUnwindSafe};
@@ -18,8 +20,16 @@ pub const NOT_AS_PROMISED: u8 = 5;
 pub const INTERRUPTED: u8 = 130;
 
 /// Writes to standard error. Whether anybody listens there is not the program's business.
-pub fn tell(text: &str) {
+pub fn print(text: &str) {
     drop(std::io::stderr().lock().write_all(text.as_bytes()));
+}
+
+/// Writes one line to standard error: an `error` or a `warning`. Names and texts from files in it are made safe to show.
+pub fn say(kind: &str, sentence: &str) {
+    print(&format!(
+        "ravec: {kind}: {}\n",
+        escape_except(sentence, &[])
+    ));
 }
 
 /// An error and the code to end with.
@@ -29,6 +39,8 @@ pub struct Failure {
     pub code: u8,
     /// What, where, and what to do. Empty if there is nobody left to tell, or all was said.
     pub sentence: String,
+    /// Lines below the sentence, such as an expression with a mark below its mistake.
+    pub lines: String,
 }
 
 impl Failure {
@@ -37,21 +49,31 @@ impl Failure {
         Self {
             code,
             sentence: sentence.to_string(),
+            lines: String::new(),
         }
     }
 
     /// Tells the user and gives the exit code.
     pub fn report(&self) -> ExitCode {
-        if !self.sentence.is_empty() {
-            tell(&format!("ravec: error: {}\n", self.sentence));
+        let reported = self.code == INTERRUPTED && !interrupt::report_once();
+        if !self.sentence.is_empty() && !reported {
+            say("error", &self.sentence);
+            print(&escape_except(&self.lines, &['\n']));
         }
         ExitCode::from(self.code)
     }
 }
 
-impl From<ravec_jobs::JobError> for Failure {
-    fn from(error: ravec_jobs::JobError) -> Self {
-        Self::new(error.exit_code(), error)
+impl From<JobError> for Failure {
+    fn from(error: JobError) -> Self {
+        let mut failure = Self::new(error.exit_code(), &error);
+        if let JobError::Expression { .. } = error
+            && let Some((sentence, lines)) = failure.sentence.split_once('\n')
+        {
+            failure.lines = format!("{lines}\n");
+            failure.sentence = sentence.to_owned();
+        }
+        failure
     }
 }
 

@@ -25,6 +25,7 @@ mod arguments;
 mod exit;
 mod help;
 mod interrupt;
+mod log;
 mod progress_bar;
 mod summary;
 
@@ -33,12 +34,12 @@ use clap::{CommandFactory as _, Parser as _};
 use exit::Failure;
 use ravec::progress::Progress;
 use ravec_jobs::{
-    JobError, Report, Source, brush, check_files, check_folder, compare, complete, demo, library,
-    match_photos, mesh, mosaic, plane, retarget, scenes, twocolor,
+    JobError, Report, Source, brush, check_files, check_folder, compare, complete, demo,
+    escape_except, library, match_photos, mesh, mosaic, plane, retarget, scenes, twocolor,
 };
 use std::ffi::OsString;
 use std::io::IsTerminal as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use tracing_subscriber::EnvFilter;
 
@@ -62,15 +63,18 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
 /// Help and version go to standard output; what is wrong with the flags is an error like any other.
 fn usage(answer: &clap::Error) -> ExitCode {
     let text = answer.render();
+    // an argument that is quoted may have an escape sequence of its own; then nothing is colored
+    let plain = text.to_string();
+    let safe = escape_except(&plain, &['\n']);
     let text = |terminal: bool| {
-        if terminal {
+        if terminal && safe == plain {
             text.ansi().to_string()
         } else {
-            text.to_string()
+            safe.to_string()
         }
     };
     if answer.use_stderr() {
-        exit::tell(&format!("ravec: {}", text(std::io::stderr().is_terminal())));
+        exit::print(&format!("ravec: {}", text(std::io::stderr().is_terminal())));
         return ExitCode::from(exit::USAGE);
     }
     match summary::print(&text(std::io::stdout().is_terminal())) {
@@ -99,9 +103,16 @@ fn execute(
         .into_iter()
         .chain(global.json.as_deref())
         .collect();
-    check_files(&command.inputs(), &outputs)?;
+    let side_files = command.catalogue().map(journals).unwrap_or_default();
+    let side_files = side_files.iter().map(PathBuf::as_path);
+    let inputs: Vec<_> = command.inputs().into_iter().chain(side_files).collect();
+    check_files(&inputs, &outputs)?;
     let limits = global.limits();
-    let source = |path| Source { path, limits };
+    let memory = limits.memory.clone();
+    let source = |path| Source {
+        path,
+        limits: limits.clone(),
+    };
     match command {
         Command::Compare { a, b, params } => job(&global, |progress| {
             compare::run(&source(a), &source(b), &params, progress)
@@ -203,8 +214,8 @@ fn execute(
             })
         }
         Command::Mesh { command, limits } => {
-            let limits = limits.limits(global.max_bytes);
-            job(&global, |progress| on_mesh(command, limits, progress))
+            let limits = limits.limits(memory);
+            job(&global, |progress| on_mesh(command, &limits, progress))
         }
         Command::Offset {
             input,
@@ -212,7 +223,7 @@ fn execute(
             params,
             limits,
         } => {
-            let limits = limits.limits(global.max_bytes);
+            let limits = limits.limits(memory);
             let input = mesh::MeshSource {
                 path: input,
                 limits,
@@ -231,14 +242,14 @@ fn execute(
             params,
             limits,
         } => {
-            let limits = limits.limits(global.max_bytes);
+            let limits = limits.limits(memory);
             let targets = mesh::boolean::Targets {
                 mesh: output,
                 origins,
                 picture,
             };
             job(&global, |progress| {
-                mesh::boolean::run(&expression, &files, limits, &targets, &params, progress)
+                mesh::boolean::run(&expression, &files, &limits, &targets, &params, progress)
             })
         }
         Command::Library { command } => on_library(command, &global),
@@ -254,7 +265,15 @@ fn execute(
                 deep_zoom: deep_zoom.as_deref(),
             };
             job(&global, |progress| {
-                mosaic::run(&source(input), &catalogue, &outputs, &params, progress)
+                let report = global.json.as_deref();
+                mosaic::run(
+                    &source(input),
+                    &catalogue,
+                    &outputs,
+                    report,
+                    &params,
+                    progress,
+                )
             })
         }
         Command::Demo { image, out, params } => {
@@ -275,32 +294,50 @@ fn execute(
     }
 }
 
+/// The files that a database keeps beside itself while it is changed, or after it was killed.
+fn journals(database: &Path) -> Vec<PathBuf> {
+    let beside = |ending: &str| {
+        let mut name = database.as_os_str().to_owned();
+        name.push(ending);
+        name.into()
+    };
+    ["-journal", "-wal", "-shm"].map(beside).to_vec()
+}
+
 /// Runs an operation on a catalogue of photos.
 fn on_library(command: LibraryCommand, global: &Global) -> Result<(), Failure> {
     let limits = global.limits();
+    let report = global.json.as_deref();
     match command {
         LibraryCommand::Add {
             paths,
             catalogue,
             params,
         } => job(global, |progress| {
-            library::add(&paths, &catalogue.catalogue, &limits, &params, progress)
+            library::add(
+                &paths,
+                &catalogue.catalogue,
+                report,
+                &limits,
+                &params,
+                progress,
+            )
         }),
         LibraryCommand::Remove {
             paths,
             catalogue,
             params,
         } => job(global, |progress| {
-            library::remove(&paths, &catalogue.catalogue, &params, progress)
+            library::remove(&paths, &catalogue.catalogue, report, &params, progress)
         }),
         LibraryCommand::List { catalogue, params } => answer(global, |progress| {
-            library::list(&catalogue.catalogue, &params, progress)
+            library::list(&catalogue.catalogue, report, &params, progress)
         }),
         LibraryCommand::Clean { catalogue, params } => answer(global, |progress| {
-            library::clean(&catalogue.catalogue, &params, progress)
+            library::clean(&catalogue.catalogue, report, &params, progress)
         }),
         LibraryCommand::Stats { catalogue, params } => job(global, |progress| {
-            library::stats(&catalogue.catalogue, &params, progress)
+            library::stats(&catalogue.catalogue, report, &params, progress)
         }),
     }
 }
@@ -308,10 +345,13 @@ fn on_library(command: LibraryCommand, global: &Global) -> Result<(), Failure> {
 /// Runs an operation on meshes.
 fn on_mesh(
     command: MeshCommand,
-    limits: mesh::MeshLimits,
+    limits: &mesh::MeshLimits,
     progress: &Progress,
 ) -> Result<Report, JobError> {
-    let source = |path| mesh::MeshSource { path, limits };
+    let source = |path| mesh::MeshSource {
+        path,
+        limits: limits.clone(),
+    };
     match command {
         MeshCommand::Info { input, params } => mesh::info::run(&source(input), &params, progress),
         MeshCommand::Check { input, params } => mesh::check::run(&source(input), &params, progress),
@@ -347,26 +387,29 @@ fn job(
     operation: impl FnOnce(&Progress) -> Result<Report, JobError> + Send,
 ) -> Result<(), Failure> {
     let report = perform(global, operation)?;
-    show(global, &report, |report| {
-        if global.quiet {
-            Ok(())
-        } else {
-            summary::print(&summary::summary(report))
-        }
-    })
+    show(global, &report, |report| summarize(global, report))
 }
 
-/// Runs an operation whose result is no file, and prints the result, unless standard output has something else to carry.
+fn summarize(global: &Global, report: &Report) -> Result<(), Failure> {
+    if global.quiet {
+        return Ok(());
+    }
+    summary::print(&summary::summary(report))
+}
+
+/// Runs an operation whose result is no file, and prints the result, unless it is in a file of JSON or standard output has
+/// something else to carry.
 fn answer(
     global: &Global,
     operation: impl FnOnce(&Progress) -> Result<Report, JobError> + Send,
 ) -> Result<(), Failure> {
     let report = perform(global, operation)?;
     show(global, &report, |report| {
-        report
-            .result
-            .as_ref()
-            .map_or(Ok(()), |result| summary::print(&format!("{result:#}\n")))
+        if report.outputs.iter().any(|file| file.format == "JSON") {
+            return summarize(global, report);
+        }
+        let result = report.result_json();
+        result.map_or(Ok(()), |result| summary::print(&result))
     })
 }
 
@@ -412,7 +455,7 @@ fn show(
 ) -> Result<(), Failure> {
     if !global.quiet && global.verbose == 0 {
         for warning in &report.warnings {
-            exit::tell(&format!("ravec: warning: {warning}\n"));
+            exit::say("warning", warning);
         }
     }
     let to_stdout = |path: &Path| path.as_os_str() == "-";
@@ -445,10 +488,11 @@ fn listen(global: &Global) {
         _ => "trace",
     };
     let filter = EnvFilter::try_from_env("RAVEC_LOG").unwrap_or_else(|_| EnvFilter::new(level));
+    let colored = std::io::stderr().is_terminal();
     let subscriber = tracing_subscriber::fmt()
         .with_env_filter(filter)
-        .with_writer(std::io::stderr)
-        .with_ansi(std::io::stderr().is_terminal())
+        .with_writer(move || log::SafeStderr { colored })
+        .with_ansi(colored)
         .with_target(false)
         .without_time();
     // Only a second subscriber in the same process can fail here, and then the first one stays.

@@ -1,7 +1,7 @@
 //! What the user sees of a report: lines on standard output, or JSON in a file.
 
 use crate::exit::{self, Failure};
-use ravec_jobs::{FileReport, Finding, Place, Report, write_text};
+use ravec_jobs::{FileReport, Finding, Place, Report, escape_controls, write_text};
 use std::fmt::Write as _;
 use std::io::{self, Write};
 use std::path::Path;
@@ -100,7 +100,9 @@ fn described(place: &Place) -> String {
 }
 
 fn put(text: &mut String, line: std::fmt::Arguments<'_>) {
-    writeln!(text, "{line}").expect("a string takes every write");
+    // a line has names from outside, which must not break it nor reach the terminal as they are
+    let line = line.to_string();
+    writeln!(text, "{}", escape_controls(&line)).expect("a string takes every write");
 }
 
 /// Four significant digits at least, and whole numbers as such.
@@ -130,6 +132,7 @@ pub fn write_json(report: &Report, path: &Path) -> Result<(), Failure> {
     if path.as_os_str() == "-" {
         print(&report.to_json())
     } else {
+        report.check_output(path)?;
         write_text(path, &report.to_json()).map_err(Failure::from)
     }
 }

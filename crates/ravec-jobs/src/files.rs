@@ -1,12 +1,13 @@
 //! Reading and writing for all operations: each file leaves its trace in the report.
 
 use crate::error::JobError;
+use crate::identity::FileIdentity;
 use crate::report::{FileReport, Report};
 use ravec::progress::Progress;
 use ravec::raster::Size;
 use ravec_media::{
     EncodeError, Format, Limits, Picture, SampleKind, WriteOptions, check_writable,
-    write_atomically,
+    remove_stale_in, write_atomically,
 };
 use std::collections::HashSet;
 use std::fs::File;
@@ -50,6 +51,7 @@ pub(crate) fn read(
     let format = picture.origin.format.map_or("none", |format| format.name());
     let file = described(path, format, picture.origin.sample, &picture);
     report.inputs.push(file);
+    report.protect(path);
     Ok(picture)
 }
 
@@ -79,8 +81,8 @@ pub(crate) fn check_size(path: &Path, size: Size, source: &Picture) -> Result<()
 
 /// Refuses files that get in each other's way, and outputs that cannot be written, before any work is done for them.
 ///
-/// An output may take the place of an older file, but not that of an input or of another output, whatever their names
-/// look like. Standard input and standard output serve once. Pipes and devices are the caller's business.
+/// An output may take the place of an older file, but not that of an input or of another output, whatever link or spelling
+/// leads to it; nor that of a picture in a folder that is an input. Standard input and standard output serve once. Pipes and devices are the caller's business.
 ///
 /// # Errors
 /// [`JobError::InputTwice`], [`JobError::OverwritesInput`], [`JobError::OutputTwice`], [`JobError::Write`].
@@ -88,24 +90,26 @@ pub fn check_files(inputs: &[&Path], outputs: &[&Path]) -> Result<(), JobError> 
     if inputs.iter().filter(|path| is_stream(path)).count() > 1 {
         return Err(JobError::InputTwice);
     }
-    let files = inputs.iter().filter(|path| !is_stream(path));
-    let read: HashSet<_> = files.filter_map(|path| identity(path)).collect();
+    let read: HashSet<_> = inputs
+        .iter()
+        .filter_map(|path| FileIdentity::of(path))
+        .collect();
     let mut written = HashSet::new();
+    let mut to_stream = false;
     for &path in outputs {
-        let place = if is_stream(path) {
-            Some(path.to_path_buf())
-        } else {
-            identity(path)
+        let owned = || path.to_path_buf();
+        let identity = FileIdentity::of(path);
+        if identity.as_ref().is_some_and(|file| read.contains(file))
+            || inputs.iter().any(|input| reads_within(input, path))
+        {
+            return Err(JobError::OverwritesInput { path: owned() });
+        }
+        let twice = match identity {
+            Some(file) => !written.insert(file),
+            None => is_stream(path) && std::mem::replace(&mut to_stream, true),
         };
-        let path = || path.to_path_buf();
-        match place {
-            Some(place) if read.contains(&place) => {
-                return Err(JobError::OverwritesInput { path: path() });
-            }
-            Some(place) if !written.insert(place.clone()) => {
-                return Err(JobError::OutputTwice { path: path() });
-            }
-            _ => {}
+        if twice {
+            return Err(JobError::OutputTwice { path: owned() });
         }
     }
     for path in outputs.iter().filter(|path| !is_stream(path)) {
@@ -114,7 +118,18 @@ pub fn check_files(inputs: &[&Path], outputs: &[&Path]) -> Result<(), JobError> 
     Ok(())
 }
 
-/// Refuses a folder that cannot be made or written into, before any work is done for it.
+/// True if `input` is a folder, of which all pictures are read, and `output` is one of them.
+fn reads_within(input: &Path, output: &Path) -> bool {
+    let place = |path: &Path| path.canonicalize().ok();
+    input.is_dir()
+        && Format::from_extension(output).is_some()
+        && place(output)
+            .zip(place(input))
+            .is_some_and(|(output, folder)| output.starts_with(folder))
+}
+
+/// Refuses a folder that cannot be made or written into, before any work is done for it. Temporary files that killed
+/// processes left in it are removed.
 ///
 /// # Errors
 /// [`JobError::Write`].
@@ -131,6 +146,7 @@ pub fn check_folder(path: &Path) -> Result<(), JobError> {
         let cause = io::Error::new(io::ErrorKind::NotADirectory, text);
         return Err(unwritable(path, cause));
     }
+    remove_stale_in(path);
     check_writable(&nearest.join(".ravec-probe")).map_err(|cause| match cause.kind() {
         io::ErrorKind::PermissionDenied => {
             let text = if nearest == path {
@@ -142,22 +158,6 @@ pub fn check_folder(path: &Path) -> Result<(), JobError> {
         }
         _ => unwritable(path, cause),
     })
-}
-
-/// What tells a plain file from others: its place in the file system without links. None for what is no plain file, or
-/// cannot be found.
-fn identity(path: &Path) -> Option<PathBuf> {
-    match path.metadata() {
-        Ok(metadata) if metadata.is_file() => path.canonicalize().ok(),
-        Ok(_) => None,
-        Err(_) => {
-            let folder = match path.parent()? {
-                folder if folder == Path::new("") => Path::new("."),
-                folder => folder,
-            };
-            Some(folder.canonicalize().ok()?.join(path.file_name()?))
-        }
-    }
 }
 
 pub(crate) fn is_stream(path: &Path) -> bool {
@@ -212,6 +212,7 @@ pub(crate) fn write(
     progress: &Progress,
 ) -> Result<(), JobError> {
     progress.check()?;
+    report.check_output(path)?;
     tracing::info!("writing {}", path.display());
     let warnings = report.time("write", || ravec_media::write(path, picture, options))?;
     for warning in warnings {
@@ -248,6 +249,7 @@ pub(crate) fn write_output_text(
     text: &str,
     report: &mut Report,
 ) -> Result<(), JobError> {
+    report.check_output(path)?;
     tracing::info!("writing {}", path.display());
     report.time("write", || write_text(path, text))?;
     report.outputs.push(FileReport {

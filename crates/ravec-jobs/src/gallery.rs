@@ -1,5 +1,6 @@
 //! A page of pictures, captions and tables in one HTML file that needs nothing else.
 
+use crate::text::escape_controls;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use ravec::raster::{Image, LinearRgba, Rect, Srgb, Srgba};
@@ -102,9 +103,10 @@ fn data_uri(picture: &Picture, format: Format) -> String {
     )
 }
 
-/// Text for HTML.
+/// Text for HTML, with control characters made visible.
 fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;")
+    escape_controls(text)
+        .replace('&', "&amp;")
         .replace('<', "&lt;")
         .replace('>', "&gt;")
         .replace('"', "&quot;")
@@ -117,6 +119,7 @@ impl Gallery {
         let mut page = Self {
             body: format!(
                 "<!doctype html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n\
+                 <meta http-equiv=\"Content-Security-Policy\" content=\"{POLICY}\">\n\
                  <meta name=\"viewport\" content=\"width=device-width\">\n<title>{title}</title>\n\
                  <style>{STYLE}</style>\n<main>\n<h1>{title}</h1>\n"
             ),
@@ -183,6 +186,9 @@ impl Gallery {
     }
 }
 
+/// The page shows pictures that are inside it, and runs and fetches nothing.
+const POLICY: &str = "default-src 'none'; img-src data:; style-src 'unsafe-inline'";
+
 /// Follows the reader's choice of light or dark.
 const STYLE: &str = "\
 :root{color-scheme:light dark}\
@@ -207,7 +213,7 @@ mod tests {
     fn a_page_holds_its_pictures_and_needs_nothing_else() {
         let image = Image::new(Size::new(6, 4).unwrap(), LinearRgba([0.5, 0.2, 0.1, 1.0]));
         let mut page = Gallery::new("A & B", "lead");
-        page.section("First", "text with <angles>");
+        page.section("First", "text with <angles> and \u{1b}[2J");
         page.figures(&[
             Figure::picture(&image, "whole"),
             Figure::crop(&image, Rect::new(4, 2, 10, 10), 4, "part \"quoted\""),
@@ -216,7 +222,8 @@ mod tests {
         page.table(&["a", "b"], &[vec!["1".to_owned(), "2 < 3".to_owned()]]);
         let html = page.finish();
         assert!(html.contains("<title>A &amp; B</title>"));
-        assert!(html.contains("text with &lt;angles&gt;"));
+        assert!(html.contains(r"text with &lt;angles&gt; and \u{1b}[2J"));
+        assert!(html.contains("Content-Security-Policy"));
         assert!(html.contains("width=\"8\""));
         assert!(html.contains("2 &lt; 3"));
         assert_eq!(html.matches("data:image/").count(), 3);

@@ -2,11 +2,12 @@
 
 use crate::error::JobError;
 use crate::files::{self, Source};
+use crate::library::check_report;
 use crate::report::{FileReport, Report};
 use ravec::mosaic::{ChooseParams, Crop, Features, MAX_DEGREE, Rules, Weights};
 use ravec::progress::Progress;
 use ravec::raster::Size;
-use ravec_library::{Catalogue, LibraryError, MosaicParams};
+use ravec_library::{Catalogue, LibraryError, MosaicParams, leads_into};
 use ravec_media::{EncodeError, Format};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -179,7 +180,10 @@ const PREVIEW_TILING_ROUNDS: usize = 1;
 /// The longer side of a preview: what a screen shows at once.
 const PREVIEW_PX: usize = 1600;
 
-/// Makes a mosaic of a picture from the photos of a catalogue, each scaled and, if asked for, cropped, and nothing else.
+/// Makes a mosaic of a picture from the photos of a catalogue, each scaled and, if asked for, cropped, and nothing else. The
+/// caller writes the report to `report_file`.
+///
+/// No output may be the catalogue or a photo that it knows.
 ///
 /// Figures: `columns`, `rows`, `tiles`, `features` (tiles with an edge, if compared in their own way), `photos` (that fit the tiles), `different` (of these, to the eye), `used`, `most_uses`,
 /// `nearest_repeat` (in tiles; infinite if no photo is there twice), `cost` (the sum over tiles of the mean squared
@@ -193,6 +197,7 @@ pub fn run(
     input: &Source,
     catalogue: &Path,
     outputs: &Outputs<'_>,
+    report_file: Option<&Path>,
     params: &Params,
     progress: &Progress,
 ) -> Result<Report, JobError> {
@@ -211,7 +216,8 @@ pub fn run(
     if let Some(folder) = outputs.deep_zoom {
         files::check_folder(folder)?;
     }
-    let catalogue = Catalogue::open(catalogue).map_err(JobError::from_library)?;
+    let catalogue = Catalogue::open_to_read(catalogue, progress).map_err(JobError::from_library)?;
+    check_outputs(&catalogue, outputs, report_file).map_err(JobError::from_library)?;
     let mut report = Report::new("mosaic", params);
     let picture = files::read(input, &mut report, progress)?;
     let mosaic = report.time("mosaic", || {
@@ -280,6 +286,33 @@ pub fn run(
         .collect();
     report.result = Some(json!({ "photos": photos, "places": places }));
     Ok(report)
+}
+
+/// Refuses outputs in the way of the catalogue, of photos that it knows or of one another, before the picture is read.
+fn check_outputs(
+    catalogue: &Catalogue,
+    outputs: &Outputs<'_>,
+    report_file: Option<&Path>,
+) -> Result<(), LibraryError> {
+    check_report(catalogue, report_file)?;
+    if let Some(picture) = outputs.picture {
+        catalogue.check_output(picture)?;
+    }
+    let Some(folder) = outputs.deep_zoom else {
+        return Ok(());
+    };
+    catalogue.check_output_folder(folder)?;
+    let files = [outputs.picture, report_file];
+    let inside = files
+        .into_iter()
+        .flatten()
+        .find(|path| !files::is_stream(path) && leads_into(path, folder));
+    inside.map_or(Ok(()), |path| {
+        Err(LibraryError::Protected {
+            path: path.into(),
+            reason: "it would lie in the folder of the page",
+        })
+    })
 }
 
 fn checked(params: &Params) -> Result<MosaicParams, JobError> {
@@ -378,9 +411,12 @@ impl JobError {
     /// The exit code for what went wrong with a catalogue.
     pub(crate) fn library_code(cause: &LibraryError) -> u8 {
         match cause {
-            LibraryError::TooLarge { .. } | LibraryError::NoThirds { .. } => 2,
-            LibraryError::Database { .. } => 4,
-            LibraryError::Choose(_) => 1,
+            LibraryError::TooLarge { .. }
+            | LibraryError::TooManyPixels { .. }
+            | LibraryError::NoThirds { .. }
+            | LibraryError::Protected { .. } => 2,
+            LibraryError::Change { .. } | LibraryError::Busy { writing: true, .. } => 4,
+            LibraryError::Choose(_) | LibraryError::Threads { .. } => 1,
             LibraryError::Write(error) if matches!(error.cause, EncodeError::UnknownExtension) => 2,
             _ => 3,
         }

@@ -1,7 +1,11 @@
 //! What a run did, as data.
 
+use crate::error::JobError;
+use crate::identity::FileIdentity;
+use crate::text::escape_json;
 use serde::Serialize;
 use std::collections::BTreeMap;
+use std::path::Path;
 use std::time::Instant;
 
 /// What a run did: enough to repeat it and to judge it. Written by `--json`, and the source of what the program prints.
@@ -31,6 +35,9 @@ pub struct Report {
     pub result: Option<serde_json::Value>,
     /// What the user should know although the run succeeded.
     pub warnings: Vec<String>,
+    /// Files that no output of this run may replace.
+    #[serde(skip)]
+    protected: Vec<FileIdentity>,
 }
 
 /// A file that was read or written.
@@ -109,7 +116,37 @@ impl Report {
             passed: None,
             result: None,
             warnings: Vec::new(),
+            protected: Vec::new(),
         }
+    }
+
+    /// Protects a file that was read from every output of this run.
+    pub(crate) fn protect(&mut self, path: &Path) {
+        self.protected.extend(FileIdentity::of(path));
+    }
+
+    /// Refuses an output that would replace a file which this run has read or written, whatever link or spelling leads to
+    /// it.
+    ///
+    /// # Errors
+    /// [`JobError::OverwritesInput`], [`JobError::OutputTwice`].
+    pub fn check_output(&self, path: &Path) -> Result<(), JobError> {
+        let Some(output) = FileIdentity::of(path) else {
+            return Ok(());
+        };
+        let path = path.to_path_buf();
+        if self.protected.contains(&output) {
+            return Err(JobError::OverwritesInput { path });
+        }
+        let written = |file: &FileReport| FileIdentity::of(Path::new(&file.path));
+        if self
+            .outputs
+            .iter()
+            .any(|file| written(file).as_ref() == Some(&output))
+        {
+            return Err(JobError::OutputTwice { path });
+        }
+        Ok(())
     }
 
     /// Runs `work` and records its duration. A phase that is timed again adds up.
@@ -135,7 +172,8 @@ impl Report {
         self.warnings.push(warning);
     }
 
-    /// The report as indented JSON with a final line break.
+    /// The report as indented JSON with a final line break. Control characters of names and texts are escaped, so that the
+    /// file can be shown on a terminal.
     ///
     /// # Panics
     /// Never: all keys are strings, and infinite figures become `null`.
@@ -143,7 +181,13 @@ impl Report {
         let mut text =
             serde_json::to_string_pretty(self).expect("a report has string keys and plain values");
         text.push('\n');
-        text
+        escape_json(&text).into_owned()
+    }
+
+    /// The result as indented JSON with a final line break, escaped like [`to_json`](Self::to_json).
+    pub fn result_json(&self) -> Option<String> {
+        let result = self.result.as_ref()?;
+        Some(escape_json(&format!("{result:#}\n")).into_owned())
     }
 }
 

@@ -1,50 +1,45 @@
 //! The catalogue: one `SQLite` file.
 //!
-//! Every change is a transaction, so that the file is valid whenever the program ends, and what was committed stays. Writers
+//! Every change is a transaction, so that the file is valid whenever the program ends, and what was committed stays. Processes
 //! wait for one another. Photos that were cleaned away keep their rows, so that they are not added again.
 
+mod database;
+mod protect;
+mod row;
+#[cfg(test)]
+mod tests;
+
+pub(crate) use protect::{FileNumber, place_of, protected};
+pub use protect::{belongs_to_catalogue, leads_into};
+pub(crate) use row::MAX_PATH_BYTES;
+
 use crate::error::LibraryError;
+use database::{Access, Database, Trouble};
+use ravec_memory::{MemoryBudget, OverBudget, Reservation};
+use ravec_progress::Progress;
 use ravec_raster::{Image, Srgb};
-use rusqlite::{
-    Connection, ErrorCode, OpenFlags, OptionalExtension as _, Row, TransactionBehavior, params,
-};
+use row::{COLUMNS, COLUMNS_WITHOUT_PIXELS, entry};
+use rusqlite::{Connection, params};
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
-/// What marks a file as a catalogue: the letters RAVC.
-const APPLICATION: i64 = 0x5241_5643;
+/// Photos in a catalogue, at most. Their numbers have 32 bits in a mosaic; so many take 16 GiB there.
+const MAX_PHOTOS: usize = 4_000_000;
 
-/// The format that is written.
-const FORMAT: i64 = 1;
-
-/// How long a writer waits for another one.
-const PATIENCE: Duration = Duration::from_mins(1);
-
-const SCHEMA: &str = "
-CREATE TABLE photo (
-    id INTEGER PRIMARY KEY,
-    path TEXT NOT NULL UNIQUE,
-    hash BLOB NOT NULL,
-    bytes INTEGER NOT NULL,
-    modified INTEGER NOT NULL,
-    width INTEGER NOT NULL DEFAULT 0,
-    height INTEGER NOT NULL DEFAULT 0,
-    orientation INTEGER NOT NULL DEFAULT 1,
-    taken TEXT,
-    thumbnail_width INTEGER NOT NULL DEFAULT 0,
-    thumbnail BLOB,
-    unreadable TEXT,
-    flaw TEXT,
-    dropped TEXT
-);
-CREATE INDEX photo_by_hash ON photo (hash);
-";
+/// Photos between looks at the cancellation.
+const PHOTOS_PER_CHECK: usize = 1000;
 
 /// A catalogue of photos in a file.
+///
+/// Guarantees: a change is done as a whole or not at all, also if the process is killed or the power fails, provided that the
+/// disk keeps what it reports as written; a change that was reported as done stays. Whoever finds a change half done takes it
+/// back, which needs the permission to write. A catalogue that nobody is changing is a single file. A file with other tables or
+/// with impossible rows is refused as damaged, and nothing in it is executed.
+///
+/// Waits up to a minute for other processes that use the same file, or until the [`Progress`] with which it was opened is
+/// cancelled. Does not guarantee: anything on network folders whose locks do not work.
 #[derive(Debug)]
 pub struct Catalogue {
-    connection: Connection,
-    path: PathBuf,
+    database: Database,
 }
 
 /// A photo as the catalogue has it.
@@ -76,185 +71,177 @@ pub struct Entry {
     pub(crate) thumbnail: Option<Image<Srgb<u8>>>,
 }
 
-const COLUMNS: &str = "id, path, hash, bytes, modified, width, height, orientation, taken, unreadable, flaw, dropped, \
-                       thumbnail_width, thumbnail";
-
-/// [`COLUMNS`] without the pixels.
-const COLUMNS_WITHOUT_PIXELS: &str = "id, path, hash, bytes, modified, width, height, orientation, taken, unreadable, flaw, \
-                                      dropped, 0, NULL";
-
-fn entry(row: &Row<'_>) -> rusqlite::Result<Entry> {
-    let thumbnail_width: usize = row.get::<_, i64>(12)? as usize;
-    let pixels = row.get_ref(13)?.as_blob_or_null()?;
-    let thumbnail = pixels.and_then(|pixels| {
-        let pixels = pixels.as_chunks().0.iter().map(|&pixel| Srgb(pixel));
-        Image::from_vec(thumbnail_width, pixels.collect()).ok()
-    });
-    Ok(Entry {
-        id: row.get(0)?,
-        path: PathBuf::from(row.get::<_, String>(1)?),
-        hash: row.get(2)?,
-        bytes: row.get::<_, i64>(3)? as u64,
-        modified: row.get(4)?,
-        width: row.get::<_, i64>(5)? as usize,
-        height: row.get::<_, i64>(6)? as usize,
-        orientation: row.get(7)?,
-        taken: row.get(8)?,
-        unreadable: row.get(9)?,
-        flaw: row.get(10)?,
-        dropped: row.get(11)?,
-        thumbnail,
-    })
+/// Photos of a catalogue in memory.
+#[derive(Debug)]
+pub(crate) struct Loaded {
+    pub entries: Vec<Entry>,
+    /// The memory that they take.
+    pub memory: Reservation,
 }
 
 impl Catalogue {
-    /// Opens a catalogue that is there.
+    /// Opens a catalogue that is there, to change it.
     ///
     /// # Errors
-    /// [`LibraryError::NoCatalogue`], [`LibraryError::NotACatalogue`], [`LibraryError::Newer`], [`LibraryError::Database`].
-    pub fn open(path: &Path) -> Result<Self, LibraryError> {
-        if !path.exists() {
-            return Err(LibraryError::NoCatalogue { path: path.into() });
-        }
-        Self::connected(path, false)
+    /// [`LibraryError::NoCatalogue`], [`LibraryError::NotACatalogue`], [`LibraryError::Newer`], [`LibraryError::Damaged`],
+    /// [`LibraryError::Busy`], [`LibraryError::Read`], [`LibraryError::Cancelled`].
+    pub fn open(path: &Path, progress: &Progress) -> Result<Self, LibraryError> {
+        Self::opened(path, Access::Change, progress)
     }
 
-    /// Opens a catalogue, and makes one if there is no file of that name.
+    /// Opens a catalogue that is there, only to read it: its file may be write-protected, and so may its folder.
     ///
     /// # Errors
-    /// As for [`open`](Self::open), and [`LibraryError::Database`] if it cannot be made.
-    pub fn open_or_make(path: &Path) -> Result<Self, LibraryError> {
-        Self::connected(path, true)
+    /// As for [`open`](Self::open). A change is refused later.
+    pub fn open_to_read(path: &Path, progress: &Progress) -> Result<Self, LibraryError> {
+        Self::opened(path, Access::Read, progress)
     }
 
-    fn connected(path: &Path, make: bool) -> Result<Self, LibraryError> {
-        let mut flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_NO_MUTEX;
-        if make {
-            flags |= OpenFlags::SQLITE_OPEN_CREATE;
-        }
-        let failed = |error: rusqlite::Error| failure(path, &error);
-        let connection = Connection::open_with_flags(path, flags).map_err(failed)?;
-        connection.busy_timeout(PATIENCE).map_err(failed)?;
-        let mut catalogue = Self {
-            connection,
-            path: path.into(),
-        };
-        catalogue.check(make)?;
-        Ok(catalogue)
+    /// Opens a catalogue to change it, and makes one if there is no file of that name.
+    ///
+    /// # Errors
+    /// As for [`open`](Self::open), and [`LibraryError::Change`] if it cannot be made.
+    pub fn open_or_make(path: &Path, progress: &Progress) -> Result<Self, LibraryError> {
+        Self::opened(path, Access::Make, progress)
     }
 
-    /// Looks whether the file is a catalogue, and makes an empty file one.
-    fn check(&mut self, make: bool) -> Result<(), LibraryError> {
-        let path = self.path.clone();
-        let failed = |error: rusqlite::Error| failure(&path, &error);
-        // what is not durable at once may be lost with the power, but never half there
-        self.connection
-            .pragma_update(None, "synchronous", "NORMAL")
-            .map_err(failed)?;
-        let behavior = if make {
-            TransactionBehavior::Immediate
-        } else {
-            TransactionBehavior::Deferred
-        };
-        let transaction = self
-            .connection
-            .transaction_with_behavior(behavior)
-            .map_err(failed)?;
-        let number =
-            |name: &str| transaction.pragma_query_value(None, name, |row| row.get::<_, i64>(0));
-        let (application, format) = (
-            number("application_id").map_err(failed)?,
-            number("user_version").map_err(failed)?,
-        );
-        let tables: i64 = transaction
-            .query_row("SELECT count(*) FROM sqlite_master", [], |row| row.get(0))
-            .map_err(failed)?;
-        if make && application == 0 && format == 0 && tables == 0 {
-            transaction.execute_batch(SCHEMA).map_err(failed)?;
-            transaction
-                .pragma_update(None, "application_id", APPLICATION)
-                .map_err(failed)?;
-            transaction
-                .pragma_update(None, "user_version", FORMAT)
-                .map_err(failed)?;
-            return transaction.commit().map_err(failed);
-        }
-        if application != APPLICATION {
-            return Err(LibraryError::NotACatalogue { path });
-        }
-        if format > FORMAT {
-            return Err(LibraryError::Newer {
-                path,
-                format,
-                known: FORMAT,
-            });
-        }
-        Ok(())
+    fn opened(path: &Path, access: Access, progress: &Progress) -> Result<Self, LibraryError> {
+        Ok(Self {
+            database: Database::open(path, access, progress)?,
+        })
     }
 
     /// The file of the catalogue.
     pub fn path(&self) -> &Path {
-        &self.path
-    }
-
-    fn failed(&self, error: &rusqlite::Error) -> LibraryError {
-        failure(&self.path, error)
+        self.database.path()
     }
 
     /// All photos by their paths, without those that were cleaned away unless `dropped` is set. Pixels are not read.
     ///
     /// # Errors
-    /// [`LibraryError::Database`].
+    /// [`LibraryError::Damaged`], [`LibraryError::Memory`], [`LibraryError::Busy`], [`LibraryError::Read`],
+    /// [`LibraryError::Cancelled`].
     pub fn entries(&self, dropped: bool) -> Result<Vec<Entry>, LibraryError> {
-        self.select(COLUMNS_WITHOUT_PIXELS, dropped)
+        let memory = MemoryBudget::default();
+        let loaded = self.select(COLUMNS_WITHOUT_PIXELS, dropped, &memory, |_| true)?;
+        Ok(loaded.entries)
+    }
+
+    /// All photos without pixels, also those that were cleaned away.
+    pub(crate) fn all(&self, memory: &MemoryBudget) -> Result<Loaded, LibraryError> {
+        self.select(COLUMNS_WITHOUT_PIXELS, true, memory, |_| true)
     }
 
     /// The photos that can be used, with their small pictures.
-    pub(crate) fn usable(&self) -> Result<Vec<Entry>, LibraryError> {
-        let mut entries = self.select(COLUMNS, false)?;
-        entries.retain(|entry| entry.thumbnail.is_some());
-        Ok(entries)
+    pub(crate) fn usable(&self, memory: &MemoryBudget) -> Result<Loaded, LibraryError> {
+        self.select(COLUMNS, false, memory, |entry| entry.thumbnail.is_some())
     }
 
-    fn select(&self, columns: &str, dropped: bool) -> Result<Vec<Entry>, LibraryError> {
+    fn select(
+        &self,
+        columns: &str,
+        dropped: bool,
+        memory: &MemoryBudget,
+        wanted: impl Fn(&Entry) -> bool,
+    ) -> Result<Loaded, LibraryError> {
         let condition = if dropped { "1" } else { "dropped IS NULL" };
         let query = format!("SELECT {columns} FROM photo WHERE {condition} ORDER BY path");
-        let read = || -> rusqlite::Result<Vec<Entry>> {
-            let mut statement = self.connection.prepare(&query)?;
-            statement.query_map([], entry)?.collect()
-        };
-        read().map_err(|error| self.failed(&error))
+        self.database.read(|connection| {
+            let mut account = Account::new(self.path(), memory);
+            let mut entries = Vec::new();
+            let mut statement = connection.prepare(&query)?;
+            let mut rows = statement.query([])?;
+            while let Some(row) = rows.next()? {
+                let (entry, bytes) = entry(row)?;
+                if account.rows.is_multiple_of(PHOTOS_PER_CHECK) {
+                    self.database.progress().check()?;
+                }
+                let keep = wanted(&entry);
+                account.enter(bytes, keep)?;
+                if keep {
+                    entries.push(entry);
+                }
+            }
+            Ok(Loaded {
+                entries,
+                memory: account.memory,
+            })
+        })
     }
 
     /// The photo that has this content, if there is one.
     pub(crate) fn with_hash(&self, hash: &[u8]) -> Result<Option<Entry>, LibraryError> {
         let query = format!("SELECT {COLUMNS_WITHOUT_PIXELS} FROM photo WHERE hash = ? LIMIT 1");
-        let read = || {
-            let mut statement = self.connection.prepare_cached(&query)?;
-            statement.query_row([hash], entry).optional()
-        };
-        read().map_err(|error| self.failed(&error))
+        self.database.read(|connection| {
+            let mut statement = connection.prepare_cached(&query)?;
+            let mut rows = statement.query([hash])?;
+            let row = rows.next()?;
+            Ok(row.map(entry).transpose()?.map(|(entry, _)| entry))
+        })
     }
 
-    /// Makes several changes as one.
+    /// Makes several changes as one. Returns the number of photos that were changed.
     pub(crate) fn change(&mut self, changes: &[Change]) -> Result<usize, LibraryError> {
-        let path = self.path.clone();
-        let mut work = || {
-            let transaction = self
-                .connection
-                .transaction_with_behavior(TransactionBehavior::Immediate)?;
+        if changes.is_empty() {
+            return Ok(0);
+        }
+        self.database.change(|connection| {
             let mut changed = 0;
             for change in changes {
-                changed += change.make(&transaction)?;
+                changed += change.make(connection)?;
             }
-            transaction.commit()?;
             Ok(changed)
-        };
-        work().map_err(|error| failure(&path, &error))
+        })
     }
 }
 
-/// A change of the catalogue.
+/// The account of what a query returns: rows that claim more than the whole file has are not as they were written.
+struct Account<'a> {
+    path: &'a Path,
+    file_bytes: u64,
+    rows: usize,
+    bytes: u64,
+    memory: Reservation,
+}
+
+impl<'a> Account<'a> {
+    fn new(path: &'a Path, memory: &MemoryBudget) -> Self {
+        Self {
+            path,
+            file_bytes: 0,
+            rows: 0,
+            bytes: 0,
+            memory: memory.reserve_nothing(),
+        }
+    }
+
+    /// Counts a row that has `bytes` in the file, and reserves the memory for it if it is kept.
+    fn enter(&mut self, bytes: u64, keep: bool) -> Result<(), Trouble> {
+        self.rows += 1;
+        self.bytes += bytes;
+        if self.bytes > self.file_bytes {
+            // the file may have grown
+            self.file_bytes = self.path.metadata().map_or(0, |metadata| metadata.len());
+        }
+        if self.rows > MAX_PHOTOS || self.bytes > self.file_bytes {
+            let reason = "it claims more photos than it can have";
+            return Err(Trouble::Damaged(reason.into()));
+        }
+        if keep {
+            // twice an entry: a list that grows is copied
+            let memory = bytes + 2 * size_of::<Entry>() as u64;
+            self.memory
+                .grow(memory)
+                .map_err(|over: OverBudget| LibraryError::Memory {
+                    path: self.path.into(),
+                    limit: over.limit,
+                })?;
+        }
+        Ok(())
+    }
+}
+
+/// A change of the catalogue. Photos are named by their number and path: a number may be used again for another photo.
 #[derive(Debug, Clone)]
 pub(crate) enum Change {
     /// A photo is new, or its content is.
@@ -262,14 +249,19 @@ pub(crate) enum Change {
     /// A file moved, or was touched without a change of its content.
     Move {
         id: i64,
-        path: String,
+        from: PathBuf,
+        to: PathBuf,
         bytes: u64,
         modified: i64,
     },
     /// A photo is cleaned away, for a reason.
-    Drop { id: i64, reason: String },
+    Drop {
+        id: i64,
+        path: PathBuf,
+        reason: String,
+    },
     /// A photo is forgotten.
-    Forget { id: i64 },
+    Forget { id: i64, path: PathBuf },
 }
 
 impl Change {
@@ -305,90 +297,21 @@ impl Change {
             }
             Self::Move {
                 id,
-                path,
+                from,
+                to,
                 bytes,
                 modified,
             } => connection
                 .prepare_cached(
-                    "UPDATE OR REPLACE photo SET path = ?, bytes = ?, modified = ? WHERE id = ?",
+                    "UPDATE OR REPLACE photo SET path = ?, bytes = ?, modified = ? WHERE id = ? AND path = ?",
                 )?
-                .execute(params![path, *bytes as i64, modified, id]),
-            Self::Drop { id, reason } => connection
-                .prepare_cached("UPDATE photo SET dropped = ? WHERE id = ?")?
-                .execute(params![reason, id]),
-            Self::Forget { id } => connection
-                .prepare_cached("DELETE FROM photo WHERE id = ?")?
-                .execute([id]),
+                .execute(params![to.to_str(), *bytes as i64, modified, id, from.to_str()]),
+            Self::Drop { id, path, reason } => connection
+                .prepare_cached("UPDATE photo SET dropped = ? WHERE id = ? AND path = ?")?
+                .execute(params![reason, id, path.to_str()]),
+            Self::Forget { id, path } => connection
+                .prepare_cached("DELETE FROM photo WHERE id = ? AND path = ?")?
+                .execute(params![id, path.to_str()]),
         }
-    }
-}
-
-fn failure(path: &Path, error: &rusqlite::Error) -> LibraryError {
-    let path = path.to_path_buf();
-    match error.sqlite_error_code() {
-        Some(ErrorCode::NotADatabase) => LibraryError::NotACatalogue { path },
-        Some(ErrorCode::DatabaseBusy | ErrorCode::DatabaseLocked) => LibraryError::Database {
-            path,
-            reason: "another process has been writing to it for more than a minute".into(),
-        },
-        Some(ErrorCode::DiskFull) => LibraryError::Database {
-            path,
-            reason: "the disk is full".into(),
-        },
-        _ => LibraryError::Database {
-            path,
-            reason: error.to_string(),
-        },
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn other_files_and_newer_catalogues_are_refused_and_stay_as_they_are() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("photos.ravec");
-        assert!(matches!(
-            Catalogue::open(&path),
-            Err(LibraryError::NoCatalogue { .. })
-        ));
-        assert!(!path.exists());
-        drop(Catalogue::open_or_make(&path).unwrap());
-        let catalogue = Catalogue::open(&path).unwrap();
-        assert!(catalogue.entries(true).unwrap().is_empty());
-        catalogue
-            .connection
-            .pragma_update(None, "user_version", 7)
-            .unwrap();
-        drop(catalogue);
-        let error = Catalogue::open_or_make(&path).unwrap_err().to_string();
-        assert!(
-            error.contains("has format 7, which a newer version made"),
-            "{error}"
-        );
-
-        let database = folder.path().join("other.db");
-        Connection::open(&database)
-            .unwrap()
-            .execute_batch("CREATE TABLE a (b);")
-            .unwrap();
-        assert!(matches!(
-            Catalogue::open_or_make(&database),
-            Err(LibraryError::NotACatalogue { .. })
-        ));
-        let text = folder.path().join("text");
-        ravec_media::write_atomically(&text, |writer| {
-            std::io::Write::write_all(writer, &[b'a'; 4000])
-        })
-        .unwrap();
-        assert!(matches!(
-            Catalogue::open_or_make(&text),
-            Err(LibraryError::NotACatalogue { .. })
-        ));
-        assert_eq!(std::fs::read(&text).unwrap(), [b'a'; 4000]);
-        let error = Catalogue::open_or_make(&folder.path().join("no/a")).unwrap_err();
-        assert!(matches!(error, LibraryError::Database { .. }));
     }
 }

@@ -34,13 +34,83 @@ pub enum LibraryError {
         /// The newest format that is known.
         known: i64,
     },
-    /// The catalogue cannot be read or written.
-    #[error("cannot use the catalogue {}: {reason}", .path.display())]
-    Database {
+    /// The catalogue is not as it was written.
+    #[error("the catalogue {} is damaged: {reason}; make a new one with ravec library add", .path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// Another process has the catalogue.
+    #[error("the catalogue {} is busy: another process has been using it for more than a minute", .path.display())]
+    Busy {
+        /// The file.
+        path: PathBuf,
+        /// Whether it was to be changed.
+        writing: bool,
+    },
+    /// The catalogue cannot be read.
+    #[error("cannot read the catalogue {}: {reason}", .path.display())]
+    Read {
         /// The file.
         path: PathBuf,
         /// What the database says.
         reason: String,
+    },
+    /// The catalogue cannot be changed or made.
+    #[error("cannot write the catalogue {}: {reason}", .path.display())]
+    Change {
+        /// The file.
+        path: PathBuf,
+        /// What the database says.
+        reason: String,
+    },
+    /// The photos of the catalogue need more memory than allowed.
+    #[error("the photos of the catalogue {} need more than the limit of {limit} bytes (raise it with --max-bytes)", .path.display())]
+    Memory {
+        /// The file.
+        path: PathBuf,
+        /// The limit in bytes.
+        limit: u64,
+    },
+    /// The threads for the work cannot be started.
+    #[error("cannot start the threads for the photos: {reason}; ask for fewer with --threads")]
+    Threads {
+        /// What the system says.
+        reason: String,
+    },
+    /// The mosaic would have more pixels than allowed.
+    #[error(
+        "the mosaic would have {width} x {height} pixels, more than the limit of {limit} (raise it with --max-pixels)"
+    )]
+    TooManyPixels {
+        /// Of the mosaic.
+        width: usize,
+        /// Of the mosaic.
+        height: usize,
+        /// The most pixels.
+        limit: u64,
+    },
+    /// Making the mosaic needs more memory than allowed.
+    #[error(
+        "the mosaic needs {needed} bytes of memory for {purpose}, more than the limit of {limit} leaves (raise it with --max-bytes)"
+    )]
+    MosaicMemory {
+        /// What for.
+        purpose: &'static str,
+        /// Bytes.
+        needed: u64,
+        /// The limit in bytes.
+        limit: u64,
+    },
+    /// An output would take the place of something that is read.
+    #[error("cannot write {}: {reason}; choose another name", .path.display())]
+    Protected {
+        /// The file or folder.
+        path: PathBuf,
+        /// What it is.
+        reason: &'static str,
     },
     /// What should be added is not there.
     #[error("cannot add {}: {reason}", .path.display())]

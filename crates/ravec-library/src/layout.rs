@@ -2,14 +2,13 @@
 
 use crate::error::LibraryError;
 use crate::mosaic::MosaicParams;
+use crate::thumbnail::light;
 use ravec_mosaic::{
     ADAPTIVE_UNITS, ChooseParams, Frame, Photos, Tile, Tiling, adaptive_tiles, grid_tiles,
     mark_features,
 };
 use ravec_progress::{Cancelled, Progress};
-use ravec_raster::{
-    AnyImage, Image, LinearRgb, Oklab, PremulLinearRgba, Rect, ResizeFilter, Size, resize,
-};
+use ravec_raster::{AnyImage, Image, Oklab, Rect, ResizeFilter, Size, resize};
 
 /// Pixels of the picture in a tile beyond which more say nothing about its look.
 const PICTURE_PX: usize = 16;
@@ -124,19 +123,23 @@ impl Layout {
         Ok(tiling)
     }
 
+    /// Bytes that [`reduced`](Self::reduced) takes at most: the picture in linear light, and smaller ones on the way.
+    pub fn bytes_to_reduce(&self, picture: Size) -> u64 {
+        /// Of a pixel of three floats.
+        const BYTES: u64 = 12;
+        let small = (PICTURE_PX * self.columns + 1).saturating_mul(PICTURE_PX * self.rows + 1);
+        // the small one, its halfway form of all rows, and its form in Oklab
+        let small = small.min(picture.pixels()) as u64;
+        let halfway = (PICTURE_PX * self.columns + 1).min(picture.width()) * picture.height();
+        BYTES * (picture.pixels() as u64 + 2 * small + halfway as u64)
+    }
+
     /// The picture with as many pixels as looks need, on white where it is transparent, and the part of it that is shown.
     pub fn reduced(&self, picture: &AnyImage) -> (Image<Oklab>, Frame) {
         let reduce = |length: f64, tiles: usize| (PICTURE_PX * tiles) as f64 / length;
         let factor =
             reduce(self.frame.width, self.columns).max(reduce(self.frame.height, self.rows));
-        let opaque: Image<LinearRgb> = if picture.has_alpha() {
-            let on_white = |PremulLinearRgba([r, g, b, alpha]): PremulLinearRgba| {
-                LinearRgb([r, g, b].map(|value| value + 1.0 - alpha))
-            };
-            picture.convert::<PremulLinearRgba>().map(on_white)
-        } else {
-            picture.convert()
-        };
+        let opaque = light(picture);
         let side = |pixels: usize| ((pixels as f64 * factor).ceil() as usize).max(1);
         let small = if factor < 1.0 {
             Size::new(side(opaque.width()), side(opaque.height())).ok()
@@ -173,8 +176,8 @@ impl Layout {
         )
     }
 
-    /// Rows of the mosaic that are painted at once.
-    pub fn strip_px(&self) -> usize {
+    /// Rows of pixels of a tile of common size.
+    pub fn tile_px(&self) -> usize {
         self.tile.height()
     }
 }

@@ -1,7 +1,8 @@
 //! Photos leave the catalogue, and what is in it.
 
-use crate::catalogue::{Catalogue, Change, Entry};
+use crate::catalogue::{Catalogue, Change, Entry, Loaded};
 use crate::error::LibraryError;
+use ravec_memory::MemoryBudget;
 use ravec_mosaic::{Frame, Look, MAX_DEGREE, NEAR_DUPLICATE, near_duplicates};
 use ravec_progress::Progress;
 use std::collections::BTreeMap;
@@ -38,14 +39,17 @@ pub struct Stats {
 /// Forgets files, and all files in folders. Returns how many photos were in the catalogue and are no longer.
 ///
 /// # Errors
-/// [`LibraryError::Database`].
+/// As for [`Catalogue::entries`], and [`LibraryError::Change`].
 pub fn remove(catalogue: &mut Catalogue, paths: &[PathBuf]) -> Result<usize, LibraryError> {
     let roots: Vec<PathBuf> = paths.iter().map(|path| absolute(path)).collect();
     let gone: Vec<Change> = catalogue
         .entries(true)?
         .iter()
         .filter(|entry| roots.iter().any(|root| entry.path.starts_with(root)))
-        .map(|entry| Change::Forget { id: entry.id })
+        .map(|entry| Change::Forget {
+            id: entry.id,
+            path: entry.path.clone(),
+        })
         .collect();
     catalogue.change(&gone)
 }
@@ -61,7 +65,7 @@ fn absolute(path: &Path) -> PathBuf {
 /// one with the most pixels stays. Files that are no longer there are forgotten.
 ///
 /// # Errors
-/// [`LibraryError::Database`], [`LibraryError::Cancelled`].
+/// As for [`Catalogue::entries`], and [`LibraryError::Change`].
 pub fn clean(
     catalogue: &mut Catalogue,
     dry_run: bool,
@@ -80,7 +84,10 @@ pub fn clean(
             note(&entry, format!("unreadable: {reason}"), false);
         }
     }
-    let mut photos = catalogue.usable()?;
+    let Loaded {
+        entries: mut photos,
+        memory: _memory,
+    } = catalogue.usable(&MemoryBudget::default())?;
     photos.retain(|entry| entry.path.exists());
     for entry in &photos {
         if let Some(flaw) = &entry.flaw {
@@ -89,7 +96,7 @@ pub fn clean(
     }
     photos.retain(|entry| entry.flaw.is_none());
     // the first of a group leads it
-    photos.sort_by_key(|entry| std::cmp::Reverse(entry.width * entry.height));
+    photos.sort_by_key(|entry| std::cmp::Reverse(entry.width.saturating_mul(entry.height)));
     let looks: Vec<Look> = photos.iter().filter_map(whole_look).collect();
     let groups = near_duplicates(&looks, NEAR_DUPLICATE, progress)?;
     let mut leaders: Vec<&Entry> = Vec::new();
@@ -108,9 +115,13 @@ pub fn clean(
         let changes: Vec<Change> = found
             .iter()
             .map(|(id, dropped, forget)| match forget {
-                true => Change::Forget { id: *id },
+                true => Change::Forget {
+                    id: *id,
+                    path: dropped.path.clone(),
+                },
                 false => Change::Drop {
                     id: *id,
+                    path: dropped.path.clone(),
                     reason: dropped.reason.clone(),
                 },
             })
@@ -129,11 +140,11 @@ fn whole_look(entry: &Entry) -> Option<Look> {
 /// Counts what is in a catalogue.
 ///
 /// # Errors
-/// [`LibraryError::Database`].
+/// As for [`Catalogue::entries`], and [`LibraryError::Change`].
 pub fn stats(catalogue: &Catalogue) -> Result<Stats, LibraryError> {
     let mut stats = Stats::default();
     for entry in catalogue.entries(true)? {
-        stats.bytes += entry.bytes;
+        stats.bytes = stats.bytes.saturating_add(entry.bytes);
         if let Some(reason) = &entry.dropped {
             let word = reason.split([' ', ':']).next().unwrap_or_default();
             *stats.dropped.entry(word.into()).or_default() += 1;

@@ -1,15 +1,18 @@
 //! A mosaic from a picture and a catalogue.
 //!
 //! Looks come from the small pictures in the catalogue; only the photos that were chosen are decoded, at full size, and scaled
-//! once. The mosaic is made one row of tiles at a time.
+//! once. The mosaic is made one row of tiles at a time, or in lower strips if the memory does not suffice for that.
 
 use crate::add::modified;
-use crate::catalogue::{Catalogue, Entry};
-use crate::deep_zoom::DeepZoom;
+use crate::catalogue::{Catalogue, Entry, Loaded, leads_into, protected};
+use crate::deep_zoom::{DeepZoom, check_place};
 use crate::error::LibraryError;
 use crate::layout::Layout;
 use crate::painter::{Candidate, Painter, Source, Unpainted};
+use crate::plan::{Plan, reserve, reserve_choice};
+use crate::workers::Workers;
 use ravec_media::{Limits, RowsError, write_rows};
+use ravec_memory::{MemoryBudget, Reservation};
 use ravec_mosaic::{
     Choice, ChooseParams, Crop, Frame, Look, MAX_DEGREE, NEAR_DUPLICATE, Photos, Rules, Tiling,
     choose, near_duplicates,
@@ -87,7 +90,8 @@ pub struct Outputs<'a> {
 
 /// Makes a mosaic of `picture` from the photos of a catalogue, and writes it to `outputs`.
 ///
-/// Photos that cannot be read any more are replaced by the next best.
+/// Photos that cannot be read any more are replaced by the next best. All memory in proportion to photos, tiles and pixels is
+/// taken from the budget of `limits`, of which `picture` may hold a part; the mosaic has at most the pixels of `limits`.
 ///
 /// # Errors
 /// [`LibraryError`]; the outputs are then as they were.
@@ -100,9 +104,38 @@ pub fn mosaic(
     progress: &Progress,
 ) -> Result<Mosaic, LibraryError> {
     let layout = Layout::new(picture.size(), params)?;
+    if layout.size.pixels() as u64 > limits.max_pixels {
+        return Err(LibraryError::TooManyPixels {
+            width: layout.size.width(),
+            height: layout.size.height(),
+            limit: limits.max_pixels,
+        });
+    }
+    if let Some(path) = outputs.picture {
+        catalogue.check_output(path)?;
+    }
+    if let Some(folder) = outputs.deep_zoom {
+        if let Some(path) = outputs.picture.filter(|path| leads_into(path, folder)) {
+            return Err(protected(path, "it would lie in the folder of the page"));
+        }
+        catalogue.check_output_folder(folder)?;
+        check_place(folder, layout.size, progress)?;
+    }
     let mut warnings = layout.warning(picture.size());
-    let mut photos = candidates(catalogue, params, &mut warnings)?;
+    let memory = &limits.memory;
+    let (mut photos, _of_entries) = candidates(catalogue, params, memory, &mut warnings)?;
+    let reducing = reserve(
+        memory,
+        layout.bytes_to_reduce(picture.size()),
+        "the picture",
+    )?;
     let (picture, frame) = layout.reduced(picture);
+    drop(reducing);
+    let small = 12 * picture.size().pixels() as u64;
+    let _of_picture = reserve(memory, small, "the picture")?;
+    let _of_choice = reserve_choice(&layout, params, photos.len(), memory)?;
+    let plan = Plan::new(&layout, outputs, params, limits)?;
+    let workers = Workers::new()?;
     let phase = progress.phase("photos", photos.len() as u64);
     let mut looks: Vec<Look> = photos
         .par_iter()
@@ -137,21 +170,30 @@ pub fn mosaic(
         let source = if params.preview_px.is_some() {
             Source::Thumbnails
         } else {
-            Source::Photos(params.crop, limits)
+            Source::Photos(params.crop, &plan.photos)
         };
         let painter = Painter::new(
             &photos,
             &places,
-            layout.size,
-            layout.strip_px(),
+            (layout.size, plan.strip_px),
             source,
-            params.kept_bytes,
+            plan.room,
+            &workers,
             progress,
         );
-        let broken = match write(
-            outputs, &layout, &places, &photos, painter, params, progress,
-        ) {
-            Ok(()) => {
+        let named: Vec<(&Path, Rect)> = places
+            .iter()
+            .map(|&(photo, place)| (photos[photo as usize].entry.path.as_path(), place))
+            .collect();
+        let size = (layout.size, plan.strip_px);
+        let broken = match write(outputs, size, &named, painter, params.quality, progress) {
+            Ok(kept) => {
+                warnings.extend(kept.map(|kept| {
+                    format!(
+                        "what was put into the old page while the new one was made is kept in {}",
+                        kept.display()
+                    )
+                }));
                 return Ok(described(
                     &layout,
                     &photos,
@@ -192,20 +234,18 @@ pub fn mosaic(
     }
 }
 
-/// Paints the mosaic into all outputs at once.
+/// Paints the mosaic into all outputs at once. Returns a folder that is kept, with what was put into a page that was replaced.
 fn write(
     outputs: &Outputs<'_>,
-    layout: &Layout,
-    places: &[(u32, Rect)],
-    photos: &[Candidate],
+    (size, strip_px): (Size, usize),
+    photos: &[(&Path, Rect)],
     mut painter: Painter<'_>,
-    params: &MosaicParams,
+    quality: u8,
     progress: &Progress,
-) -> Result<(), Unpainted> {
-    let (size, strip_px) = (layout.size, layout.strip_px());
+) -> Result<Option<PathBuf>, Unpainted> {
     let phase = progress.phase("write", size.height().div_ceil(strip_px) as u64);
     let mut zoom = match outputs.deep_zoom {
-        Some(folder) => Some(DeepZoom::new(folder, size, params.quality)?),
+        Some(folder) => Some(DeepZoom::new(folder, size, quality)?),
         None => None,
     };
     let mut fill = |rows: Range<usize>, pixels: &mut [Srgb<u8>]| {
@@ -217,7 +257,7 @@ fn write(
         Ok::<(), Unpainted>(())
     };
     if let Some(path) = outputs.picture {
-        write_rows(path, size, params.quality, strip_px, fill).map_err(|error| match error {
+        write_rows(path, size, quality, strip_px, fill).map_err(|error| match error {
             RowsError::Write(error) => Unpainted::Write(error),
             RowsError::Fill(unpainted) => unpainted,
         })?;
@@ -230,22 +270,19 @@ fn write(
         }
     }
     if let Some(zoom) = zoom {
-        let named = places.iter().map(|&(photo, place)| {
-            let path = &photos[photo as usize].entry.path;
-            (path.as_path(), place)
-        });
-        zoom.finish(named)?;
+        return Ok(zoom.finish(photos.iter().copied(), progress)?);
     }
-    Ok(())
+    Ok(None)
 }
 
 /// The photos that fit the tiles.
 fn candidates(
     catalogue: &Catalogue,
     params: &MosaicParams,
+    memory: &MemoryBudget,
     warnings: &mut Vec<String>,
-) -> Result<Vec<Candidate>, LibraryError> {
-    let entries = there(catalogue, warnings)?;
+) -> Result<(Vec<Candidate>, Reservation), LibraryError> {
+    let Loaded { entries, memory } = there(catalogue, memory, warnings)?;
     if entries.is_empty() {
         return Err(LibraryError::Empty {
             path: catalogue.path().into(),
@@ -268,13 +305,21 @@ fn candidates(
             height: params.tile.height(),
         });
     }
-    Ok(fitting)
+    Ok((fitting, memory))
 }
 
 /// The photos whose files are as they were when they were added.
-fn there(catalogue: &Catalogue, warnings: &mut Vec<String>) -> Result<Vec<Entry>, LibraryError> {
-    let mut entries = catalogue.usable()?;
+fn there(
+    catalogue: &Catalogue,
+    memory: &MemoryBudget,
+    warnings: &mut Vec<String>,
+) -> Result<Loaded, LibraryError> {
+    let Loaded {
+        mut entries,
+        memory,
+    } = catalogue.usable(memory)?;
     let flaw = |entry: &Entry| match entry.path.metadata() {
+        Ok(metadata) if !metadata.is_file() => Some("is no longer a plain file"),
         Ok(metadata) if metadata.len() == entry.bytes && modified(&metadata) == entry.modified => {
             None
         }
@@ -293,7 +338,7 @@ fn there(catalogue: &Catalogue, warnings: &mut Vec<String>) -> Result<Vec<Entry>
         ));
         false
     });
-    Ok(entries)
+    Ok(Loaded { entries, memory })
 }
 
 /// What the part of a photo that a tile shows looks like.

@@ -5,7 +5,7 @@
 //!
 //! Memory: a row of pieces for each level, together twice those of the finest.
 
-use crate::add::encoded;
+use crate::thumbnail::encoded;
 use ravec_raster::color::linear_from_srgb;
 use ravec_raster::{Image, Size, Srgb};
 use rayon::prelude::*;
@@ -55,6 +55,16 @@ impl Pyramid {
         }
         levels.reverse();
         Self { levels }
+    }
+
+    /// Pieces of all levels of a picture of `size`.
+    pub fn pieces(size: Size) -> usize {
+        let across = |pixels: usize| pixels.div_ceil(PIECE_PX);
+        let levels = Self::new(size).levels;
+        let pieces = levels
+            .iter()
+            .map(|level| across(level.width) * across(level.height));
+        pieces.sum()
     }
 
     /// How many levels there are.

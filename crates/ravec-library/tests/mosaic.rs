@@ -39,7 +39,8 @@ fn studio(photos: usize) -> (tempfile::TempDir, Catalogue) {
         let path = folder.path().join(format!("photos/{number:03}.{kind}"));
         save(&path, &photo(number, 120, 90));
     }
-    let mut catalogue = Catalogue::open_or_make(&folder.path().join("photos.ravec")).unwrap();
+    let mut catalogue =
+        Catalogue::open_or_make(&folder.path().join("photos.ravec"), &Progress::none()).unwrap();
     put(&mut catalogue, folder.path());
     (folder, catalogue)
 }
@@ -183,7 +184,7 @@ fn one_thread_and_many_make_the_same_mosaic() {
         let params = params(8, 6, (16, 12), Crop::Never);
         pool.install(|| {
             make(
-                &Catalogue::open(&path).unwrap(),
+                &Catalogue::open(&path, &Progress::none()).unwrap(),
                 &picture(),
                 &output,
                 &params,
@@ -333,7 +334,8 @@ fn a_photo_that_disappears_is_named_and_others_take_its_place() {
 fn what_cannot_be_made_is_said_and_leaves_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let output = folder.path().join("a.png");
-    let mut empty = Catalogue::open_or_make(&folder.path().join("empty.ravec")).unwrap();
+    let mut empty =
+        Catalogue::open_or_make(&folder.path().join("empty.ravec"), &Progress::none()).unwrap();
     let square = params(4, 3, (16, 16), Crop::Never);
     let said = |catalogue: &Catalogue, params: &MosaicParams| {
         make(catalogue, &picture(), &output, params)
@@ -371,16 +373,24 @@ fn what_cannot_be_made_is_said_and_leaves_nothing() {
 #[test]
 fn an_interrupted_run_keeps_what_was_committed_and_goes_on_there() {
     let (folder, _) = studio(300);
-    let path = folder.path().join("other.ravec");
     let paths = [folder.path().join("photos")];
-    let mut catalogue = Catalogue::open_or_make(&path).unwrap();
-    // one look for each file that is found, then one for each photo: in the second batch
-    let progress = Progress::cancelled_at(580);
-    let stopped = add(&mut catalogue, &paths, &Limits::default(), &progress);
-    assert!(matches!(stopped, Err(LibraryError::Cancelled(_))));
-    drop(catalogue);
-    let mut catalogue = Catalogue::open(&path).unwrap();
-    assert_eq!(catalogue.entries(true).unwrap().len(), 256);
+    // later and later, until the second of two batches is interrupted
+    let mut catalogue = (0..)
+        .find_map(|run| {
+            let path = folder.path().join(format!("{run}.ravec"));
+            let mut catalogue = Catalogue::open_or_make(&path, &Progress::none()).unwrap();
+            let progress = Progress::cancelled_at(400 + 100 * run);
+            let stopped = add(&mut catalogue, &paths, &Limits::default(), &progress);
+            assert!(matches!(stopped, Err(LibraryError::Cancelled(_))));
+            drop(catalogue);
+            let catalogue = Catalogue::open(&path, &Progress::none()).unwrap();
+            match catalogue.entries(true).unwrap().len() {
+                0 => None,
+                256 => Some(catalogue),
+                photos => panic!("{photos} photos"),
+            }
+        })
+        .unwrap();
     let rest = add(
         &mut catalogue,
         &paths,
@@ -399,13 +409,17 @@ fn two_writers_wait_for_one_another() {
     std::thread::scope(|scope| {
         for _ in 0..3 {
             scope.spawn(|| {
-                let mut catalogue = Catalogue::open_or_make(&path).unwrap();
+                let mut catalogue = Catalogue::open_or_make(&path, &Progress::none()).unwrap();
                 put(&mut catalogue, folder.path());
             });
         }
     });
     assert_eq!(
-        Catalogue::open(&path).unwrap().entries(true).unwrap().len(),
+        Catalogue::open(&path, &Progress::none())
+            .unwrap()
+            .entries(true)
+            .unwrap()
+            .len(),
         40
     );
 }

@@ -1,5 +1,6 @@
 //! Files that appear whole or not at all.
 
+use crate::temporary::{TemporaryFile, folder_of, remove_stale};
 use std::fs::{File, Permissions};
 use std::io::{self, BufWriter, Seek as _, SeekFrom, Write as _};
 use std::path::{Path, PathBuf};
@@ -14,8 +15,10 @@ pub type AtomicWriter<'a> = BufWriter<&'a File>;
 /// Symbolic links are written through; a replaced file hands on its permissions; a new one gets those of any new file.
 /// Targets that are no plain file (a pipe, `/dev/null`) get the finished content at the end.
 ///
-/// Does not guarantee: that the content has reached the disk when the machine loses power; that hard links and owner
-/// of a replaced file survive.
+/// The content reaches the disk before the name does: after a loss of power the target is old or new, never half there, as
+/// far as the disk keeps what it confirmed.
+///
+/// Does not guarantee: that hard links and owner of a replaced file survive.
 ///
 /// # Errors
 /// Whatever `write` returns, or an error of the file system, such as a missing folder or a write-protected target.
@@ -32,12 +35,12 @@ pub fn write_atomically<T, E: From<io::Error>>(
             Ok(value)
         }
         Target::File { path, permissions } => {
-            let temporary = new_temporary(folder_of(&path))?;
+            let temporary = TemporaryFile::beside(&path)?;
             let value = fill(temporary.as_file(), write)?;
             if let Some(permissions) = permissions {
                 temporary.as_file().set_permissions(permissions)?;
             }
-            temporary.persist(&path).map_err(|failed| failed.error)?;
+            temporary.persist(&path)?;
             Ok(value)
         }
     }
@@ -45,13 +48,17 @@ pub fn write_atomically<T, E: From<io::Error>>(
 
 /// Refuses a target that [`write_atomically`] could not even begin to write, so that long work for it need not be done.
 ///
-/// Makes a temporary file in the target's folder and removes it. Does not guarantee: that writing will succeed later.
+/// Makes a temporary file in the target's folder and removes it, with those that killed processes left there for the same
+/// target. Does not guarantee: that writing will succeed later.
 ///
 /// # Errors
 /// As [`write_atomically`] would have.
 pub fn check_writable(path: &Path) -> io::Result<()> {
     match Target::of(path)? {
-        Target::File { path, .. } => new_temporary(folder_of(&path)).map(drop),
+        Target::File { path, .. } => {
+            remove_stale(&path);
+            TemporaryFile::beside(&path).map(drop)
+        }
         // opening a pipe would wait for its reader
         Target::Stream(_) => Ok(()),
     }
@@ -116,39 +123,11 @@ fn fill<T, E: From<io::Error>>(
     Ok(value)
 }
 
-fn folder_of(path: &Path) -> &Path {
-    match path.parent() {
-        Some(folder) if folder != Path::new("") => folder,
-        _ => Path::new("."),
-    }
-}
-
-fn new_temporary(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".ravec-").suffix(".part");
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt as _;
-        // the default of temporary files is private; the system takes the umask off these
-        builder.permissions(Permissions::from_mode(0o666));
-    }
-    // the error names the temporary file, of which nobody has heard
-    builder
-        .tempfile_in(folder)
-        .map_err(|error| match error.kind() {
-            kind @ io::ErrorKind::NotFound => io::Error::new(kind, "its folder does not exist"),
-            kind @ io::ErrorKind::PermissionDenied => {
-                io::Error::new(kind, "its folder is write-protected")
-            }
-            kind @ io::ErrorKind::NotADirectory => {
-                io::Error::new(kind, "what should be its folder is a file")
-            }
-            _ => error,
-        })
-}
-
-/// The path behind any symbolic links, which need not exist.
-fn follow_links(path: &Path) -> io::Result<PathBuf> {
+/// The path behind any symbolic links, which need not exist: where [`write_atomically`] writes.
+///
+/// # Errors
+/// If a link cannot be read, or links lead in a circle.
+pub fn follow_links(path: &Path) -> io::Result<PathBuf> {
     // as many links as Linux follows
     const MAX_LINKS: usize = 40;
     let mut path = path.to_path_buf();

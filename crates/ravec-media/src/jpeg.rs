@@ -5,7 +5,6 @@
 //!
 //! CMYK files store ink amounts inverted (255 = no ink), as Adobe's programs began to and all others follow.
 
-use crate::limits::Limits;
 use crate::samples::Channels;
 use zune_jpeg::JpegDecoder;
 use zune_jpeg::errors::DecodeErrors;
@@ -23,6 +22,16 @@ pub(crate) struct Jpeg {
     pub(crate) exif: Option<Vec<u8>>,
     /// The picture in less than its size.
     reduced: Option<Vec<u8>>,
+}
+
+/// A smaller size in which a picture can be decoded.
+pub(crate) struct Reduction {
+    pub(crate) width: u32,
+    pub(crate) height: u32,
+    /// Bytes that this takes at its peak, beside the encoded data.
+    pub(crate) bytes: u64,
+    /// Bytes of the reduced samples, which stay.
+    pub(crate) samples: u64,
 }
 
 impl Jpeg {
@@ -53,49 +62,78 @@ impl Jpeg {
         }
     }
 
-    pub(crate) fn encoded_bytes(&self) -> u64 {
-        self.input.len() as u64
-    }
-
     /// Whether no marker ends the picture. The decoder then fills the missing part with grey.
     pub(crate) fn is_truncated(&self) -> bool {
         !self.input.windows(2).rev().any(|pair| pair == [0xff, 0xd9])
     }
 
-    /// Decodes at the least size whose shorter side has still `least_side` pixels, if there is such a size below the whole one.
-    /// Width and height are then those of the reduced picture.
-    pub(crate) fn reduce(&mut self, least_side: u32, limits: &Limits) {
+    /// A plan to decode at the least size whose shorter side has still `least_side` pixels, if there is such a size below
+    /// the whole one.
+    pub(crate) fn reduction(&self, least_side: u32) -> Option<Reduction> {
         let shorter = self.width.min(self.height);
-        let Some(factor) = [8, 4, 2]
+        let factor = [8, 4, 2]
             .into_iter()
-            .find(|factor| shorter / factor >= least_side)
-        else {
-            return;
-        };
+            .find(|factor| shorter / factor >= least_side)?;
         let wanted = match self.channels() {
             Channels::Grey => jpeg_decoder::PixelFormat::L8,
             Channels::Rgb => jpeg_decoder::PixelFormat::RGB24,
-            _ => return,
+            _ => return None,
         };
         let mut decoder = jpeg_decoder::Decoder::new(self.input.as_slice());
-        let most = usize::try_from(limits.max_bytes).unwrap_or(usize::MAX);
-        decoder.set_max_decoding_buffer_size(most);
         // sides of JPEG files have 16 bits
         let side = |pixels: u32| pixels.div_ceil(factor) as u16;
-        let Ok((width, height)) = decoder.scale(side(self.width), side(self.height)) else {
-            return;
-        };
-        let format = decoder.info().map(|info| info.pixel_format);
+        let (width, height) = decoder.scale(side(self.width), side(self.height)).ok()?;
+        let format = decoder.info()?.pixel_format;
+        let (width, height) = (u32::from(width), u32::from(height));
+        if format != wanted || width >= self.width {
+            return None;
+        }
+        let channels = self.channels().count() as u64;
         let pixels = u64::from(width) * u64::from(height);
-        if format != Some(wanted) || u32::from(width) >= self.width {
+        // progressive files keep all coefficients until the last scan, others as many as wait for their transform
+        let coefficients = 2 * (u64::from(self.width) + 64) * (u64::from(self.height) + 64);
+        Some(Reduction {
+            width,
+            height,
+            // planes of the channels, with whole blocks, and the interleaved samples
+            bytes: channels
+                * (coefficients + (u64::from(width) + 64) * (u64::from(height) + 64) + pixels),
+            samples: channels * pixels,
+        })
+    }
+
+    /// Decodes by a plan of [`reduction`](Self::reduction). Width and height are then those of the reduced picture; what the
+    /// decoder refuses stays as it is.
+    pub(crate) fn reduce(&mut self, plan: &Reduction) {
+        let mut decoder = jpeg_decoder::Decoder::new(self.input.as_slice());
+        let most = usize::try_from(plan.bytes).unwrap_or(usize::MAX);
+        decoder.set_max_decoding_buffer_size(most);
+        let side = |pixels: u32| pixels as u16;
+        if decoder.scale(side(plan.width), side(plan.height)).is_err() {
             return;
         }
         if let Ok(samples) = decoder.decode()
-            && samples.len() as u64 == pixels * self.channels().count() as u64
+            && samples.len() as u64 == plan.samples
         {
-            (self.width, self.height) = (width.into(), height.into());
             self.reduced = Some(samples);
+            (self.width, self.height) = (plan.width, plan.height);
         }
+    }
+
+    /// Takes the picture for reduced, to find out what decoding it needs.
+    pub(crate) fn expect_reduced(&mut self, plan: &Reduction) {
+        self.reduced = Some(Vec::new());
+        (self.width, self.height) = (plan.width, plan.height);
+    }
+
+    pub(crate) fn is_reduced(&self) -> bool {
+        self.reduced.is_some()
+    }
+
+    pub(crate) fn reduced_bytes(&self) -> u64 {
+        self.reduced
+            .as_ref()
+            .map_or(0, |samples| samples.len() as u64)
     }
 
     /// Fills `samples` with one byte a channel.

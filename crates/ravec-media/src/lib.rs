@@ -53,15 +53,20 @@ mod rows;
 mod samples;
 mod standard;
 mod taken;
+mod temporary;
 mod tiff;
 mod webp;
 mod write;
 
-pub use atomic::{AtomicWriter, check_writable, scratch_file, write_atomically};
+pub use atomic::{AtomicWriter, check_writable, follow_links, scratch_file, write_atomically};
 pub use format::Format;
 pub use lens::focal_px_from_35mm;
 pub use limits::Limits;
 pub use picture::{Origin, Picture, SampleKind, Warning};
-pub use read::{DecodeError, Probe, ReadError, decode, decode_reduced, probe, probe_data, read};
+pub use read::{
+    DecodeError, Probe, ReadError, decode, decode_reduced, memory_to_decode, probe, probe_data,
+    read,
+};
 pub use rows::{RowsError, write_rows};
+pub use temporary::{TemporaryFolder, abandon_outputs, remove_stale_in};
 pub use write::{EncodeError, ProfileChoice, WriteError, WriteOptions, encode, write};

@@ -1,24 +1,26 @@
-//! What reading may cost at most.
+//! Limits on what reading may cost.
 
 use crate::read::DecodeError;
+use ravec_memory::{MemoryBudget, OverBudget};
 
 /// Bounds on a picture that is read: every file is taken to be hostile.
 ///
-/// Both are checked against the file's header before anything of the picture's size is allocated.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// Both are checked against the file's header before anything of the picture's size is allocated. Clones share the memory
+/// budget, so that all files that are read with one `Limits`, by however many threads, share it.
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Limits {
     /// The most pixels a picture may have (default 400 million).
     pub max_pixels: u64,
-    /// The most bytes that reading may hold at a time: encoded data in memory, the decoder's working memory and the
-    /// decoded picture (default 8 GiB).
-    pub max_bytes: u64,
+    /// Memory for encoded data, decoders and decoded pictures, as long as these exist (default: half of the memory of the
+    /// machine).
+    pub memory: MemoryBudget,
 }
 
 impl Default for Limits {
     fn default() -> Self {
         Self {
             max_pixels: 400_000_000,
-            max_bytes: 8 << 30,
+            memory: MemoryBudget::default(),
         }
     }
 }
@@ -35,16 +37,14 @@ impl Limits {
         }
         Ok(())
     }
+}
 
-    /// Passes a need of `bytes`, or names the limit that it breaks.
-    pub(crate) fn check_bytes(&self, bytes: u64) -> Result<(), DecodeError> {
-        if bytes > self.max_bytes {
-            return Err(DecodeError::TooManyBytes {
-                bytes: Some(bytes),
-                limit: self.max_bytes,
-            });
-        }
-        Ok(())
+/// Reports the whole need of a picture, of which `reserved` bytes were reserved before.
+pub(crate) fn over_budget(over: OverBudget, reserved: u64) -> DecodeError {
+    DecodeError::TooManyBytes {
+        bytes: Some(over.needed.saturating_add(reserved)),
+        others: over.used.saturating_sub(reserved),
+        limit: over.limit,
     }
 }
 
@@ -76,13 +76,33 @@ mod tests {
     }
 
     #[test]
-    fn a_need_as_large_as_the_limit_passes() {
+    fn a_picture_as_large_as_the_limit_passes() {
         let limits = Limits {
             max_pixels: 6,
-            max_bytes: 7,
+            memory: MemoryBudget::unlimited(),
         };
-        assert!(limits.check_pixels(2, 3).is_ok() && limits.check_bytes(7).is_ok());
-        assert!(limits.check_pixels(7, 1).is_err() && limits.check_bytes(8).is_err());
+        assert!(limits.check_pixels(2, 3).is_ok());
+        assert!(limits.check_pixels(7, 1).is_err());
         assert!(limits.check_pixels(u64::MAX, u64::MAX).is_err());
+    }
+
+    #[test]
+    fn the_sentence_names_the_need_the_limit_and_what_others_hold() {
+        let budget = MemoryBudget::new(8 << 20);
+        let held = budget.reserve(2 << 20).unwrap();
+        let own = budget.reserve(1 << 20).unwrap();
+        let over = budget.reserve(6 << 20).unwrap_err();
+        let sentence = over_budget(over, own.bytes()).to_string();
+        assert_eq!(
+            sentence,
+            "reading the picture needs 7.0 MiB, more than the limit of 8.0 MiB of which 2.0 MiB are in use (raise it with --max-bytes)"
+        );
+        drop(held);
+        let over = budget.reserve(9 << 20).unwrap_err();
+        let sentence = over_budget(over, own.bytes()).to_string();
+        assert_eq!(
+            sentence,
+            "reading the picture needs 10.0 MiB, more than the limit of 8.0 MiB (raise it with --max-bytes)"
+        );
     }
 }

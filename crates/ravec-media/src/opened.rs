@@ -2,9 +2,9 @@
 
 use crate::format::Format;
 use crate::jpeg::Jpeg;
-use crate::limits::Limits;
+use crate::limits::{Limits, over_budget};
 use crate::orient;
-use crate::picture::{Origin, Picture, SampleKind, Warning};
+use crate::picture::{Charge, Origin, Picture, SampleKind, Warning};
 use crate::profile::{self, Profile};
 use crate::read::{DecodeError, Probe};
 use crate::samples::{self, Channels, Samples};
@@ -13,6 +13,7 @@ use ::tiff::TiffError;
 use image::codecs::{bmp, hdr, openexr, png, webp};
 use image::metadata::Orientation;
 use image::{ColorType, ImageDecoder, ImageError, ImageResult};
+use ravec_memory::Reservation;
 use ravec_raster::Size;
 use std::error::Error as _;
 use std::io::{self, BufRead, Read, Seek, SeekFrom};
@@ -31,6 +32,9 @@ pub(crate) struct Opened<'a> {
     icc: Option<Vec<u8>>,
     exif: Option<Vec<u8>>,
     warnings: Vec<Warning>,
+    /// Memory for the encoded data that are held here, and later for decoding.
+    memory: Reservation,
+    limits: Limits,
 }
 
 enum Decoder<'a> {
@@ -48,10 +52,7 @@ impl<'a> Opened<'a> {
         let length = input.seek(SeekFrom::End(0))?;
         input.seek(SeekFrom::Start(0))?;
         let mut opened = match format {
-            Format::Jpeg => {
-                limits.check_bytes(length)?;
-                Self::open_jpeg(input)?
-            }
+            Format::Jpeg => Self::open_jpeg(input, length, limits)?,
             Format::Tiff => Self::open_tiff(input, length, limits)?,
             Format::WebP => Self::open_webp(input, length, limits)?,
             _ => Self::open_general(format, input, limits, true)
@@ -64,9 +65,11 @@ impl<'a> Opened<'a> {
         Ok(opened)
     }
 
-    fn open_jpeg(input: &mut impl Read) -> Result<Self, DecodeError> {
-        let mut data = Vec::new();
-        input.read_to_end(&mut data)?;
+    fn open_jpeg(input: &mut impl Read, length: u64, limits: &Limits) -> Result<Self, DecodeError> {
+        let memory = limits.memory.reserve(length);
+        let memory = memory.map_err(|over| over_budget(over, 0))?;
+        let mut data = Vec::with_capacity(length as usize);
+        input.take(length).read_to_end(&mut data)?;
         let mut jpeg = Jpeg::open(data).map_err(|error| jpeg_error(&error))?;
         let mut warnings = Vec::new();
         if jpeg.is_truncated() {
@@ -84,6 +87,8 @@ impl<'a> Opened<'a> {
             exif: jpeg.exif.take(),
             decoder: Decoder::Jpeg(jpeg),
             warnings,
+            memory,
+            limits: limits.clone(),
         })
     }
 
@@ -92,7 +97,7 @@ impl<'a> Opened<'a> {
         length: u64,
         limits: &Limits,
     ) -> Result<Self, DecodeError> {
-        let mut tiff = Tiff::open(input, length, limits.max_bytes)
+        let mut tiff = Tiff::open(input, length, limits.memory.available())
             .map_err(|error| tiff_error(error, limits))?;
         Ok(Self {
             format: Format::Tiff,
@@ -106,6 +111,8 @@ impl<'a> Opened<'a> {
             exif: None,
             decoder: Decoder::Tiff(Box::new(tiff)),
             warnings: Vec::new(),
+            memory: limits.memory.reserve_nothing(),
+            limits: limits.clone(),
         })
     }
 
@@ -138,7 +145,7 @@ impl<'a> Opened<'a> {
         metadata: bool,
     ) -> ImageResult<Self> {
         let mut bounds = image::Limits::no_limits();
-        bounds.max_alloc = Some(limits.max_bytes);
+        bounds.max_alloc = Some(limits.memory.available());
         let mut warnings = Vec::new();
         let mut decoder: Box<dyn ImageDecoder + 'a> = match format {
             Format::Png => {
@@ -181,6 +188,8 @@ impl<'a> Opened<'a> {
             exif,
             decoder: Decoder::General(decoder),
             warnings,
+            memory: limits.memory.reserve_nothing(),
+            limits: limits.clone(),
         })
     }
 
@@ -217,24 +226,61 @@ impl<'a> Opened<'a> {
         })
     }
 
+    /// Charges what holds the encoded data to this file.
+    pub(crate) fn charge_input(&mut self, kept: Reservation) {
+        self.memory.absorb(kept);
+    }
+
     /// Decodes a JPEG file at a fraction of its size, if its shorter side has then still `least_side` pixels.
-    pub(crate) fn reduce(&mut self, least_side: u32, limits: &Limits) {
-        if let Decoder::Jpeg(jpeg) = &mut self.decoder {
-            jpeg.reduce(least_side, limits);
+    pub(crate) fn reduce(&mut self, least_side: u32) {
+        if let Decoder::Jpeg(jpeg) = &mut self.decoder
+            && let Some(plan) = jpeg.reduction(least_side)
+            // what exceeds the limit here does so when it is decoded whole, which is told then
+            && self.memory.grow(plan.bytes).is_ok()
+        {
+            let encoded = self.memory.bytes() - plan.bytes;
+            jpeg.reduce(&plan);
             (self.width, self.height) = (jpeg.width, jpeg.height);
+            self.memory.shrink_to(encoded + jpeg.reduced_bytes());
         }
     }
 
-    pub(crate) fn decode(mut self, limits: &Limits) -> Result<Picture, DecodeError> {
-        let size = Size::new(self.width as usize, self.height as usize)?;
+    /// Bytes that will be reserved at the peak, if the picture is decoded at a fraction of its size down to `least_side`
+    /// where that is possible.
+    pub(crate) fn need(mut self, least_side: Option<u32>) -> u64 {
+        let (mut reducing, mut held) = (0, self.memory.bytes());
+        if let (Some(least_side), Decoder::Jpeg(jpeg)) = (least_side, &mut self.decoder)
+            && let Some(plan) = jpeg.reduction(least_side)
+        {
+            reducing = held + plan.bytes;
+            held += plan.samples;
+            (self.width, self.height) = (plan.width, plan.height);
+            jpeg.expect_reduced(&plan);
+        }
         let profile = self.profile();
+        let active = self.active(profile.as_ref());
+        reducing.max(held + self.memory_to_decode(active))
+    }
+
+    /// The profile, if colors must be converted by it.
+    fn active<'p>(&self, profile: Option<&'p Profile>) -> Option<&'p Profile> {
         // sRGB is what integers are, and its light what floats are
-        let active = profile.as_ref().filter(|profile| match self.sample {
+        profile.filter(|profile| match self.sample {
             SampleKind::F32 => !profile.is_linear_srgb(),
             _ => !matches!(profile, Profile::Srgb),
-        });
-        let needed = self.memory(active);
-        limits.check_bytes(needed)?;
+        })
+    }
+
+    pub(crate) fn decode(mut self) -> Result<Picture, DecodeError> {
+        let size = Size::new(self.width as usize, self.height as usize)?;
+        let profile = self.profile();
+        let active = self.active(profile.as_ref());
+        let needed = self.memory_to_decode(active);
+        let mut memory = self.memory;
+        memory
+            .grow(needed)
+            .map_err(|over| over_budget(over, memory.bytes()))?;
+        let limits = &self.limits;
         let count = size.pixels() * self.channels.count();
         let mut samples = Samples::zeroed(self.sample, count)
             .map_err(|_| DecodeError::OutOfMemory { bytes: needed })?;
@@ -268,8 +314,11 @@ impl<'a> Opened<'a> {
                 reason,
             })?;
         samples::bound_alpha(&mut image);
+        let image = orient::upright(image, self.orientation);
+        memory.shrink_to(samples::bytes(&image));
         Ok(Picture {
-            image: orient::upright(image, self.orientation),
+            image,
+            charge: Charge::new(memory),
             origin: Origin {
                 format: Some(self.format),
                 sample: self.sample,
@@ -295,8 +344,8 @@ impl<'a> Opened<'a> {
         None
     }
 
-    /// The bytes that decoding holds at its peak, at most.
-    fn memory(&self, profile: Option<&Profile>) -> u64 {
+    /// Bytes that decoding holds at its peak, at most, beside the encoded data.
+    fn memory_to_decode(&self, profile: Option<&Profile>) -> u64 {
         let pixels = u64::from(self.width) * u64::from(self.height);
         let channels = self.channels.count() as u64;
         let decoded = pixels * channels * self.sample.bytes() as u64;
@@ -304,7 +353,8 @@ impl<'a> Opened<'a> {
         let padded = (u64::from(self.width) + 64) * (u64::from(self.height) + 64);
         let decoder = match (&self.decoder, self.format) {
             // progressive files: a 16-bit coefficient for each sample
-            (Decoder::Jpeg(jpeg), _) => jpeg.encoded_bytes() + 2 * channels * padded,
+            (Decoder::Jpeg(jpeg), _) if jpeg.is_reduced() => 0,
+            (Decoder::Jpeg(_), _) => 2 * channels * padded,
             // planes of a lossy frame, its alpha, a canvas of an animation
             (_, Format::WebP) => 12 * padded,
             (Decoder::Tiff(tiff), _) => tiff.working_bytes(decoded),
@@ -355,10 +405,7 @@ fn decode_error(format: Format, error: ImageError, limits: &Limits) -> DecodeErr
             format,
             reason: error.to_string(),
         },
-        ImageError::Limits(_) => DecodeError::TooManyBytes {
-            bytes: None,
-            limit: limits.max_bytes,
-        },
+        ImageError::Limits(_) => too_much_on_the_way(limits),
         ImageError::IoError(error) if error.kind() == io::ErrorKind::UnexpectedEof => {
             DecodeError::Damaged {
                 format,
@@ -379,6 +426,15 @@ fn decode_error(format: Format, error: ImageError, limits: &Limits) -> DecodeErr
     }
 }
 
+/// A decoder found on its way that the memory does not suffice.
+fn too_much_on_the_way(limits: &Limits) -> DecodeError {
+    DecodeError::TooManyBytes {
+        bytes: None,
+        others: 0,
+        limit: limits.memory.limit(),
+    }
+}
+
 fn tiff_error(error: TiffError, limits: &Limits) -> DecodeError {
     let format = Format::Tiff;
     match error {
@@ -387,10 +443,7 @@ fn tiff_error(error: TiffError, limits: &Limits) -> DecodeError {
             format,
             reason: what.to_string(),
         },
-        TiffError::LimitsExceeded => DecodeError::TooManyBytes {
-            bytes: None,
-            limit: limits.max_bytes,
-        },
+        TiffError::LimitsExceeded => too_much_on_the_way(limits),
         error => DecodeError::Damaged {
             format,
             reason: one_line(&error.to_string()),
@@ -417,8 +470,20 @@ fn jpeg_error(error: &zune_jpeg::errors::DecodeErrors) -> DecodeError {
     }
 }
 
-/// What a decoder says, as part of a sentence.
+/// The words of a decoder as part of a sentence. Decoders quote the file, so that control characters are escaped and the end
+/// of a long text is left out.
 fn one_line(text: &str) -> String {
+    const MAX_CHARS: usize = 200;
     let words: Vec<_> = text.split_whitespace().collect();
-    words.join(" ").trim_end_matches('.').to_owned()
+    let line = words.join(" ");
+    let line = line.trim_end_matches('.');
+    let escaped = |c: char| {
+        let control = c.is_control().then(|| c.escape_default());
+        control.map_or_else(|| c.to_string(), |escape| escape.to_string())
+    };
+    let mut text: String = line.chars().take(MAX_CHARS).map(escaped).collect();
+    if line.chars().nth(MAX_CHARS).is_some() {
+        text.push('…');
+    }
+    text
 }

@@ -1,6 +1,7 @@
 //! A picture together with what is needed to write a result like its source.
 
 use crate::format::Format;
+use ravec_memory::Reservation;
 use ravec_raster::{AnyImage, Color, Image, LinearRgb, LinearRgba, Srgb, Srgba};
 use std::sync::Arc;
 
@@ -99,6 +100,28 @@ pub struct Picture {
     pub origin: Origin,
     /// What was lost or guessed on reading.
     pub warnings: Vec<Warning>,
+    /// The share of the memory budget that the pixels take, given back with the picture and its clones.
+    pub(crate) charge: Charge,
+}
+
+/// Memory that is given back with the last clone. All charges are equal: they are no part of what a picture is.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Charge {
+    _memory: Option<Arc<Reservation>>,
+}
+
+impl Charge {
+    pub(crate) fn new(memory: Reservation) -> Self {
+        Self {
+            _memory: Some(Arc::new(memory)),
+        }
+    }
+}
+
+impl PartialEq for Charge {
+    fn eq(&self, _: &Self) -> bool {
+        true
+    }
 }
 
 impl Picture {
@@ -120,6 +143,7 @@ impl Picture {
                 exif: None,
             },
             warnings: Vec::new(),
+            charge: Charge::default(),
         }
     }
 
@@ -152,6 +176,7 @@ impl Picture {
             image: image.into(),
             origin: self.origin.clone(),
             warnings: Vec::new(),
+            charge: Charge::default(),
         }
     }
 

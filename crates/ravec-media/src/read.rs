@@ -1,10 +1,11 @@
 //! Reading pictures.
 
 use crate::format::{self, Format};
-use crate::limits::{Limits, display_bytes};
+use crate::limits::{Limits, display_bytes, over_budget};
 use crate::opened::Opened;
 use crate::picture::{Picture, SampleKind};
 use crate::tiff::Source;
+use ravec_memory::Reservation;
 use ravec_raster::{Size, SizeError};
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Cursor, Read, Seek, SeekFrom};
@@ -39,11 +40,13 @@ pub enum DecodeError {
         limit: u64,
     },
     /// Reading would need more memory than allowed.
-    #[error("reading the picture needs {}, more than the limit of {} (raise it with --max-bytes)", .bytes.map_or("more memory".into(), display_bytes), display_bytes(*.limit))]
+    #[error("reading the picture needs {}, more than the limit of {}{} (raise it with --max-bytes)", .bytes.map_or("more memory".into(), display_bytes), display_bytes(*.limit), in_use(*.others))]
     TooManyBytes {
         /// Bytes needed; none if the decoder stopped on the way.
         bytes: Option<u64>,
-        /// [`Limits::max_bytes`].
+        /// Bytes that other pictures hold.
+        others: u64,
+        /// The limit of [`Limits::memory`].
         limit: u64,
     },
     /// The machine has not enough memory.
@@ -71,6 +74,14 @@ pub enum DecodeError {
     /// A size that no image can have.
     #[error("{0}")]
     Size(#[from] SizeError),
+}
+
+/// The part of a budget that others use, for a sentence.
+fn in_use(bytes: u64) -> String {
+    match bytes {
+        0 => String::new(),
+        bytes => format!(" of which {} are in use", display_bytes(bytes)),
+    }
 }
 
 /// Why a file could not be read as a picture.
@@ -112,13 +123,18 @@ pub struct Probe {
 
 /// Reads a picture from a file, or from standard input if the path is `-`.
 ///
-/// See [`decode`] for what is done to it. Files of any length are read; standard input and pipes up to
-/// [`Limits::max_bytes`].
+/// See [`decode`] for what is done to it. Files of any length are read; standard input and pipes as far as half of
+/// [`Limits::memory`] holds them, after a look at their first bytes.
 ///
 /// # Errors
 /// [`ReadError`] with the path and a [`DecodeError`].
 pub fn read(path: impl AsRef<Path>, limits: &Limits) -> Result<Picture, ReadError> {
-    with_file(path.as_ref(), limits, |input| decode(input, limits))
+    with_file(path.as_ref(), limits, |input, kept| {
+        contain_panics(input, limits, |mut opened| {
+            opened.charge_input(kept);
+            opened.decode()
+        })
+    })
 }
 
 /// What the header of a file says, without decoding the picture. `-` is standard input.
@@ -126,7 +142,9 @@ pub fn read(path: impl AsRef<Path>, limits: &Limits) -> Result<Picture, ReadErro
 /// # Errors
 /// As for [`read`], except for damage in the part that is not looked at.
 pub fn probe(path: impl AsRef<Path>, limits: &Limits) -> Result<Probe, ReadError> {
-    with_file(path.as_ref(), limits, |input| probe_data(input, limits))
+    with_file(path.as_ref(), limits, |input, _kept| {
+        probe_data(input, limits)
+    })
 }
 
 /// Decodes a picture whose format is found from its content.
@@ -142,7 +160,7 @@ pub fn probe(path: impl AsRef<Path>, limits: &Limits) -> Result<Probe, ReadError
 /// # Errors
 /// [`DecodeError`] for data that is not a picture, damaged, unsupported or above a limit.
 pub fn decode(input: impl BufRead + Seek, limits: &Limits) -> Result<Picture, DecodeError> {
-    contain_panics(input, limits, |opened| opened.decode(limits))
+    contain_panics(input, limits, decode_opened)
 }
 
 /// Like [`decode`], for when the picture is wanted small: JPEG files are decoded at a half, a quarter or an eighth of their
@@ -158,8 +176,27 @@ pub fn decode_reduced(
 ) -> Result<(Probe, Picture), DecodeError> {
     contain_panics(input, limits, |mut opened| {
         let probe = opened.probe()?;
-        opened.reduce(least_side.max(1), limits);
-        Ok((probe, opened.decode(limits)?))
+        opened.reduce(least_side.max(1));
+        Ok((probe, opened.decode()?))
+    })
+}
+
+/// Bytes that [`decode`], or [`decode_reduced`] with `least_side`, reserves at its peak for this data, by its header. The
+/// encoded data of the caller are not among them.
+///
+/// Whoever decodes several pictures at once reserves this first (see
+/// [`MemoryBudget::reserve_when_free`](ravec_memory::MemoryBudget::reserve_when_free)), so that a picture waits for others
+/// instead of being refused because of them.
+///
+/// # Errors
+/// As for [`probe_data`].
+pub fn memory_to_decode(
+    input: impl BufRead + Seek,
+    least_side: Option<u32>,
+    limits: &Limits,
+) -> Result<u64, DecodeError> {
+    contain_panics(input, limits, |opened| {
+        Ok(opened.need(least_side.map(|side| side.max(1))))
     })
 }
 
@@ -174,11 +211,12 @@ pub fn probe_data(input: impl BufRead + Seek, limits: &Limits) -> Result<Probe, 
 fn with_file<T>(
     path: &Path,
     limits: &Limits,
-    work: impl FnOnce(&mut dyn Source) -> Result<T, DecodeError>,
+    work: impl FnOnce(&mut dyn Source, Reservation) -> Result<T, DecodeError>,
 ) -> Result<T, ReadError> {
-    let open = || -> Result<Box<dyn Source>, DecodeError> {
+    let open = || -> Result<(Box<dyn Source>, Reservation), DecodeError> {
         if path == Path::new("-") {
-            return Ok(Box::new(Cursor::new(read_all(io::stdin().lock(), limits)?)));
+            let (data, kept) = read_all(io::stdin().lock(), limits)?;
+            return Ok((Box::new(Cursor::new(data)), kept));
         }
         let file = File::open(path)?;
         let metadata = file.metadata()?;
@@ -186,28 +224,49 @@ fn with_file<T>(
             return Err(io::Error::from(io::ErrorKind::IsADirectory).into());
         }
         if metadata.is_file() {
-            Ok(Box::new(BufReader::with_capacity(1 << 16, file)))
+            let input = BufReader::with_capacity(1 << 16, file);
+            Ok((Box::new(input), limits.memory.reserve_nothing()))
         } else {
             // pipes cannot be searched
-            Ok(Box::new(Cursor::new(read_all(file, limits)?)))
+            let (data, kept) = read_all(file, limits)?;
+            Ok((Box::new(Cursor::new(data)), kept))
         }
     };
     open()
-        .and_then(|mut input| work(&mut *input))
+        .and_then(|(mut input, kept)| work(&mut *input, kept))
         .map_err(|cause| ReadError {
             path: path.to_path_buf(),
             cause,
         })
 }
 
-/// All that `input` has, unless it is more than the limit.
-fn read_all(input: impl Read, limits: &Limits) -> Result<Vec<u8>, DecodeError> {
+fn decode_opened(opened: Opened<'_>) -> Result<Picture, DecodeError> {
+    opened.decode()
+}
+
+/// All data of a stream, with the memory that they take, unless they exceed the limit or begin like no picture.
+fn read_all(mut input: impl Read, limits: &Limits) -> Result<(Vec<u8>, Reservation), DecodeError> {
     let mut data = Vec::new();
-    // half: a growing buffer is copied into one of twice the size
-    let most = limits.max_bytes / 2;
-    input.take(most.saturating_add(1)).read_to_end(&mut data)?;
-    limits.check_bytes(2 * data.len() as u64)?;
-    Ok(data)
+    let first = Format::SNIFFED_BYTES as u64;
+    input.by_ref().take(first).read_to_end(&mut data)?;
+    recognize(&data)?;
+    let mut kept = limits.memory.reserve_nothing();
+    loop {
+        // a growing buffer is copied into one of twice the size
+        let (old, new) = (
+            data.capacity() as u64,
+            2 * data.capacity().max(1 << 15) as u64,
+        );
+        kept.grow_to(old + new)
+            .map_err(|over| over_budget(over, kept.bytes()))?;
+        data.reserve_exact(new as usize - data.len());
+        kept.shrink_to(new);
+        let room = (data.capacity() - data.len()) as u64;
+        let read = input.by_ref().take(room).read_to_end(&mut data)?;
+        if (read as u64) < room {
+            return Ok((data, kept));
+        }
+    }
 }
 
 /// A hostile file may trip an assertion in a decoder. Decoders share no state between files, so unwinding out of one is
@@ -235,11 +294,16 @@ fn sniff(input: &mut (impl BufRead + Seek)) -> Result<Format, DecodeError> {
         .take(Format::SNIFFED_BYTES as u64)
         .read_to_end(&mut first)?;
     input.seek(SeekFrom::Start(start))?;
+    recognize(&first)
+}
+
+/// The format of a file that begins with `first`.
+fn recognize(first: &[u8]) -> Result<Format, DecodeError> {
     if first.is_empty() {
         return Err(DecodeError::Empty);
     }
-    Format::from_content(&first).ok_or_else(|| DecodeError::UnknownFormat {
-        looks_like: format::name_of_stranger(&first),
+    Format::from_content(first).ok_or_else(|| DecodeError::UnknownFormat {
+        looks_like: format::name_of_stranger(first),
     })
 }
 

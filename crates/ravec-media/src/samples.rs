@@ -262,6 +262,19 @@ fn plain_colors<T: Stored>(
     inks
 }
 
+/// Bytes of the pixels of an image.
+pub(crate) fn bytes(image: &AnyImage) -> u64 {
+    let bytes_per_pixel = match image {
+        AnyImage::Srgb8(_) => size_of::<Srgb<u8>>(),
+        AnyImage::Srgba8(_) => size_of::<Srgba<u8>>(),
+        AnyImage::Srgb16(_) => size_of::<Srgb<u16>>(),
+        AnyImage::Srgba16(_) => size_of::<Srgba<u16>>(),
+        AnyImage::Linear(_) => size_of::<LinearRgb>(),
+        AnyImage::LinearAlpha(_) => size_of::<LinearRgba>(),
+    };
+    (image.size().pixels() * bytes_per_pixel) as u64
+}
+
 /// Alpha within 0 to 1, which float files do not promise.
 pub(crate) fn bound_alpha(image: &mut AnyImage) {
     if let AnyImage::LinearAlpha(image) = image {

@@ -4,8 +4,10 @@
 //! Memory is measured by counting every allocation of this test program, so its tests take turns.
 
 use ravec_media::{
-    DecodeError, Format, Limits, Picture, SampleKind, WriteOptions, decode, encode, probe_data,
+    DecodeError, Format, Limits, Picture, SampleKind, WriteOptions, decode, decode_reduced, encode,
+    memory_to_decode, probe_data,
 };
+use ravec_memory::MemoryBudget;
 use ravec_raster::{Image, LinearRgb, LinearRgba, Size, Srgb, Srgba};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::io::Cursor;
@@ -50,16 +52,20 @@ static TURN: Mutex<()> = Mutex::new(());
 
 const LIMIT: usize = 16 << 20;
 
-const LIMITS: Limits = Limits {
-    max_pixels: 1_000_000,
-    max_bytes: LIMIT as u64,
-};
+const MAX_PIXELS: u64 = 1_000_000;
+
+fn limits() -> Limits {
+    Limits {
+        max_pixels: MAX_PIXELS,
+        memory: MemoryBudget::new(LIMIT as u64),
+    }
+}
 
 /// Decodes within the limits; `Err` with the peak if they are not kept.
 fn peak_of(data: &[u8]) -> (Result<Picture, DecodeError>, usize) {
     let before = HELD.load(Relaxed);
     PEAK.store(before, Relaxed);
-    let result = decode(Cursor::new(data), &LIMITS);
+    let result = decode(Cursor::new(data), &limits());
     (result, PEAK.load(Relaxed) - before)
 }
 
@@ -67,9 +73,9 @@ fn check(data: &[u8], what: &str) -> bool {
     let (result, peak) = peak_of(data);
     assert!(peak <= LIMIT, "{what}: {peak} bytes were held");
     if let Ok(picture) = &result {
-        assert!(picture.image.size().pixels() as u64 <= LIMITS.max_pixels);
+        assert!(picture.image.size().pixels() as u64 <= MAX_PIXELS);
     }
-    let _ = probe_data(Cursor::new(data), &LIMITS);
+    let _ = probe_data(Cursor::new(data), &limits());
     result.is_ok()
 }
 
@@ -204,7 +210,7 @@ fn a_header_of_ten_thousand_million_pixels_is_refused_by_name() {
     let (result, peak) = peak_of(&data);
     assert!(matches!(result, Err(DecodeError::TooManyPixels { .. })));
     assert!(peak < 1 << 20, "{peak}");
-    let error = decode(Cursor::new(png_header(20_000, 20_000)), &LIMITS_OF_BYTES).unwrap_err();
+    let error = decode(Cursor::new(png_header(20_000, 20_000)), &limits_of_bytes()).unwrap_err();
     assert!(
         error
             .to_string()
@@ -218,10 +224,12 @@ fn a_header_of_ten_thousand_million_pixels_is_refused_by_name() {
     );
 }
 
-const LIMITS_OF_BYTES: Limits = Limits {
-    max_pixels: u64::MAX,
-    max_bytes: LIMIT as u64,
-};
+fn limits_of_bytes() -> Limits {
+    Limits {
+        max_pixels: u64::MAX,
+        ..limits()
+    }
+}
 
 #[test]
 fn large_pictures_of_one_color_meet_the_limit_before_they_are_decoded() {
@@ -234,7 +242,7 @@ fn large_pictures_of_one_color_meet_the_limit_before_they_are_decoded() {
         let data = data.into_inner();
         let before = HELD.load(Relaxed);
         PEAK.store(before, Relaxed);
-        let error = decode(Cursor::new(&data), &LIMITS_OF_BYTES).unwrap_err();
+        let error = decode(Cursor::new(&data), &limits_of_bytes()).unwrap_err();
         assert!(
             matches!(error, DecodeError::TooManyBytes { .. }),
             "{format}: {error}"
@@ -268,45 +276,34 @@ fn the_need_that_is_checked_bounds_the_need_that_is_measured() {
                 let mut data = Cursor::new(Vec::new());
                 encode(&mut data, format, &picture, &options).unwrap();
                 let data = data.into_inner();
-                let least = Limits {
-                    max_bytes: 0,
-                    ..Limits::default()
+                let within = |bytes: u64| Limits {
+                    max_pixels: u64::MAX,
+                    memory: MemoryBudget::new(bytes),
                 };
-                let mut need = match decode(Cursor::new(&data), &least) {
-                    Err(DecodeError::TooManyBytes { bytes, .. }) => bytes.unwrap_or(4096),
-                    other => panic!("{format}: {other:?}"),
-                };
-                // the first answer may be only what the header needs
-                let bound = Limits {
-                    max_bytes: 64 << 20,
-                    ..Limits::default()
-                };
-                for _ in 0..40 {
-                    match decode(
-                        Cursor::new(&data),
-                        &Limits {
-                            max_bytes: need,
-                            ..bound
-                        },
-                    ) {
-                        Ok(_) => break,
-                        Err(DecodeError::TooManyBytes { bytes, .. }) => {
-                            need = bytes.unwrap_or(0).max(need + need / 4);
-                        }
-                        Err(_) => need += need / 4 + 4096,
-                    }
-                }
+                let need = memory_to_decode(Cursor::new(&data), None, &within(64 << 20)).unwrap();
+                let error = decode(Cursor::new(&data), &within(need - 1)).unwrap_err();
+                assert!(
+                    matches!(error, DecodeError::TooManyBytes { .. }),
+                    "{format}: {error}"
+                );
+                // decoders have limits of their own for their tables
+                let limits = within(need.max(4 << 20));
                 let before = HELD.load(Relaxed);
                 PEAK.store(before, Relaxed);
-                decode(
-                    Cursor::new(&data),
-                    &Limits {
-                        max_bytes: need,
-                        ..bound
-                    },
-                )
-                .unwrap();
+                let decoded = decode(Cursor::new(&data), &limits).unwrap();
                 let measured = PEAK.load(Relaxed) - before;
+                assert_eq!(limits.memory.peak(), need, "{format}");
+                let pixels = decoded.image.size().pixels() as u64;
+                let held = limits.memory.used();
+                assert!(
+                    (3 * pixels..=16 * pixels).contains(&held),
+                    "{format}: {held}"
+                );
+                let copy = decoded.clone();
+                drop(decoded);
+                assert_eq!(limits.memory.used(), held, "a clone keeps it");
+                drop(copy);
+                assert_eq!(limits.memory.used(), 0);
                 // tables of the decoders, of any size of picture
                 let slack = 3 << 20;
                 assert!(
@@ -321,4 +318,35 @@ fn the_need_that_is_checked_bounds_the_need_that_is_measured() {
             }
         }
     }
+}
+
+#[test]
+fn photos_that_are_decoded_small_reserve_what_they_hold() {
+    let _turn = TURN.lock().unwrap();
+    let size = Size::new(1600, 1200).unwrap();
+    let noise = |c: usize, r: usize| ((c * 7919 + r * 104_729) ^ (c * r)) as u8;
+    let picture = Picture::from_image(Image::from_fn(size, |c, r| Srgb([noise(c, r), 9, 200])));
+    let mut data = Cursor::new(Vec::new());
+    encode(&mut data, Format::Jpeg, &picture, &WriteOptions::default()).unwrap();
+    let data = data.into_inner();
+    let limits = Limits {
+        max_pixels: u64::MAX,
+        memory: MemoryBudget::new(64 << 20),
+    };
+    let whole = memory_to_decode(Cursor::new(&data), None, &limits).unwrap();
+    for least_side in [40, 200, 700] {
+        let need = memory_to_decode(Cursor::new(&data), Some(least_side), &limits).unwrap();
+        assert!(need <= whole, "{need} of {whole}");
+        let share = limits.memory.reserve(need).unwrap().into_budget();
+        let within = Limits {
+            memory: share,
+            ..limits.clone()
+        };
+        let before = HELD.load(Relaxed);
+        PEAK.store(before, Relaxed);
+        decode_reduced(Cursor::new(&data), least_side, &within).unwrap();
+        let measured = (PEAK.load(Relaxed) - before) as u64;
+        assert!(measured <= need + (1 << 20), "{measured} > {need}");
+    }
+    assert_eq!(limits.memory.used(), 0);
 }

@@ -7,9 +7,13 @@
 //! Guarantees: edges ascend by their lower vertex, then by the higher one; the triangles of an edge or vertex ascend.
 //! Cost: O(n) plus sorting within each vertex; 36 bytes a triangle and 12 bytes an edge and vertex.
 
-use rayon::prelude::*;
+use ravec_progress::{Cancelled, Progress};
 
 use crate::TriMesh;
+use crate::gathered::gathered;
+
+/// So many triangles or vertices are dealt with between two looks at the cancellation: some milliseconds.
+const AT_ONCE: usize = 1 << 16;
 
 /// Stands for "no edge" in the table of the triangles' sides.
 const NONE: u32 = u32::MAX;
@@ -70,16 +74,32 @@ impl Adjacency {
     /// # Panics
     /// If the mesh has more than 1 431 655 765 triangles, whose sides 32 bits cannot count.
     pub fn new(mesh: &TriMesh) -> Self {
+        Self::try_new(mesh, &Progress::none()).expect("nobody can cancel it")
+    }
+
+    /// As [`Self::new`], for meshes of which that takes more than a moment.
+    ///
+    /// # Errors
+    /// [`Cancelled`] soon after `progress` is cancelled.
+    ///
+    /// # Panics
+    /// As [`Self::new`].
+    pub fn try_new(mesh: &TriMesh, progress: &Progress) -> Result<Self, Cancelled> {
         let (vertices, corners) = (mesh.positions().len(), mesh.triangles());
         assert!(
             corners.len() <= (u32::MAX / 3) as usize,
             "too many sides to be counted"
         );
-        let proper = || (0_u32..).zip(corners).filter(|(_, t)| is_proper(**t));
+        let proper = || (0_usize..).zip(corners).filter(|(_, t)| is_proper(**t));
+        let check = |i: usize| match i % AT_ONCE {
+            0 => progress.check(),
+            _ => Ok(()),
+        };
         // Twice the same linear sort: count, sum up, put in place.
         let mut first_triangle = vec![0_u32; vertices + 1];
         let mut first_side = vec![0_u32; vertices + 1];
-        for (_, t) in proper() {
+        for (triangle, t) in proper() {
+            check(triangle)?;
             for i in 0..3 {
                 first_triangle[t[i] as usize] += 1;
                 first_side[t[i].min(t[(i + 1) % 3]) as usize] += 1;
@@ -97,6 +117,8 @@ impl Adjacency {
         let mut by_low: Vec<(u32, EdgeUse)> = vec![(0, blank); sides];
         let (mut next_triangle, mut next_side) = (first_triangle.clone(), first_side.clone());
         for (triangle, t) in proper() {
+            check(triangle)?;
+            let triangle = triangle as u32;
             for side in 0..3_u8 {
                 let (from, to) = (t[side as usize], t[(side as usize + 1) % 3]);
                 let at = &mut next_triangle[from as usize];
@@ -119,6 +141,7 @@ impl Adjacency {
         let mut first_edge = Vec::with_capacity(vertices + 1);
         let mut edge_of = vec![[NONE; 3]; corners.len()];
         for low in 0..vertices {
+            check(low)?;
             first_edge.push(edges.len() as u32);
             let range = first_side[low] as usize..first_side[low + 1] as usize;
             let start = range.start;
@@ -135,8 +158,12 @@ impl Adjacency {
         }
         first_edge.push(edges.len() as u32);
         first_use.push(sides as u32);
-        let uses = by_low.into_iter().map(|(_, edge_use)| edge_use).collect();
-        Self {
+        let mut uses = Vec::with_capacity(sides);
+        for block in by_low.chunks(AT_ONCE) {
+            progress.check()?;
+            uses.extend(block.iter().map(|&(_, edge_use)| edge_use));
+        }
+        Ok(Self {
             edges,
             first_use,
             uses,
@@ -144,7 +171,7 @@ impl Adjacency {
             first_edge,
             first_triangle,
             triangles,
-        }
+        })
     }
 
     /// All edges, each with its lower vertex first, in ascending order. An edge is named by its place in this list.
@@ -214,26 +241,42 @@ impl Adjacency {
     /// The parts of the mesh: two triangles are in one part if one can be reached from the other through vertices that
     /// triangles have in common.
     pub fn components(&self, mesh: &TriMesh) -> Components {
+        let found = self.try_components(mesh, &Progress::none());
+        found.expect("nobody can cancel it")
+    }
+
+    /// As [`Self::components`], for meshes of which that takes more than a moment.
+    ///
+    /// # Errors
+    /// [`Cancelled`] soon after `progress` is cancelled.
+    pub fn try_components(
+        &self,
+        mesh: &TriMesh,
+        progress: &Progress,
+    ) -> Result<Components, Cancelled> {
         let mut sets = DisjointSets::new(mesh.positions().len());
-        for &[a, b, c] in mesh.triangles() {
-            sets.join(a, b);
-            sets.join(b, c);
+        for block in mesh.triangles().chunks(AT_ONCE) {
+            progress.check()?;
+            for &[a, b, c] in block {
+                sets.join(a, b);
+                sets.join(b, c);
+            }
         }
         let mut number = vec![NONE; mesh.positions().len()];
         let mut count = 0;
-        let of_triangle = mesh
-            .triangles()
-            .iter()
-            .map(|t| {
+        let mut of_triangle = Vec::with_capacity(mesh.triangles().len());
+        for block in mesh.triangles().chunks(AT_ONCE) {
+            progress.check()?;
+            of_triangle.extend(block.iter().map(|t| {
                 let number = &mut number[sets.root(t[0]) as usize];
                 if *number == NONE {
                     *number = count;
                     count += 1;
                 }
                 *number
-            })
-            .collect();
-        Components { count, of_triangle }
+            }));
+        }
+        Ok(Components { count, of_triangle })
     }
 
     /// As [`Self::components`], but parts that meet in single vertices are apart: two triangles are in one part if one
@@ -252,10 +295,22 @@ impl Adjacency {
 
     /// The vertices at which triangles form more than one fan, ascending.
     pub fn pinched_vertices(&self, mesh: &TriMesh) -> Vec<u32> {
-        (0..mesh.positions().len() as u32)
-            .into_par_iter()
-            .filter(|&v| self.fans(v, mesh).count > 1)
-            .collect()
+        let found = self.try_pinched_vertices(mesh, &Progress::none());
+        found.expect("nobody can cancel it")
+    }
+
+    /// As [`Self::pinched_vertices`], for meshes of which that takes more than a moment.
+    ///
+    /// # Errors
+    /// [`Cancelled`] soon after `progress` is cancelled.
+    pub fn try_pinched_vertices(
+        &self,
+        mesh: &TriMesh,
+        progress: &Progress,
+    ) -> Result<Vec<u32>, Cancelled> {
+        gathered(mesh.positions().len(), progress, |v| {
+            (self.fans(v, mesh).count > 1).then_some(v)
+        })
     }
 }
 

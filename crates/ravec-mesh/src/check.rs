@@ -18,6 +18,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::adjacency::is_proper;
+use crate::gathered::gathered;
 use crate::{Adjacency, BoxTree, SelfIntersections, TriMesh, on_one_line, self_intersections};
 
 pub use boundary::BoundaryLoop;
@@ -157,8 +158,7 @@ pub fn check(
 ) -> Result<MeshCheck, Cancelled> {
     progress.check()?;
     let limit = params.list_limit;
-    let adjacency = Adjacency::new(mesh);
-    progress.check()?;
+    let adjacency = Adjacency::try_new(mesh, progress)?;
 
     let mut boundary = Vec::new();
     let mut non_manifold_edges = Found::default();
@@ -188,23 +188,19 @@ pub fn check(
         .iter()
         .map(|&edge| adjacency.edges()[edge as usize])
         .collect();
-    let boundary_loops = boundary::loops(mesh, &adjacency, &boundary);
-    progress.check()?;
-    let pinched = adjacency.pinched_vertices(mesh);
-    progress.check()?;
-    let degenerate: Vec<u32> = (0..mesh.triangles().len() as u32)
-        .into_par_iter()
-        .filter(|&t| {
-            let [a, b, c] = mesh.corners(t);
-            on_one_line(a, b, c)
-        })
-        .collect();
-    progress.check()?;
-    let duplicates = duplicate_triangles(mesh, &adjacency);
-    progress.check()?;
+    let boundary_loops = boundary::loops(mesh, &adjacency, &boundary, progress)?;
+    let pinched = adjacency.try_pinched_vertices(mesh, progress)?;
+    let degenerate = gathered(mesh.triangles().len(), progress, |t| {
+        let [a, b, c] = mesh.corners(t);
+        on_one_line(a, b, c).then_some(t)
+    })?;
+    let duplicates = duplicate_triangles(mesh, &adjacency, progress)?;
     let mut used = vec![false; mesh.positions().len()];
-    for &v in mesh.triangles().iter().flatten() {
-        used[v as usize] = true;
+    for block in mesh.triangles().chunks(AT_ONCE as usize) {
+        progress.check()?;
+        for &v in block.iter().flatten() {
+            used[v as usize] = true;
+        }
     }
     let mut unused_vertices = Found::default();
     for (v, _) in (0_u32..).zip(&used).filter(|(_, used)| !**used) {
@@ -216,8 +212,7 @@ pub fn check(
         .filter(|&v| !adjacency.triangles_at(v).is_empty())
         .count();
     progress.check()?;
-    let components = adjacency.components(mesh).count;
-    progress.check()?;
+    let components = adjacency.try_components(mesh, progress)?.count;
     let closed = proper > 0 && boundary.is_empty();
     let manifold = non_manifold_edges.is_empty() && pinched.is_empty();
     let euler = corners as i64 - adjacency.edges().len() as i64 + proper as i64;
@@ -262,29 +257,30 @@ const AT_ONCE: u32 = 1 << 16;
 
 /// The triangles that name the same three vertices as one before them, ascending. Those that name a vertex twice are
 /// listed as degenerate and not here.
-fn duplicate_triangles(mesh: &TriMesh, adjacency: &Adjacency) -> Vec<u32> {
+fn duplicate_triangles(
+    mesh: &TriMesh,
+    adjacency: &Adjacency,
+    progress: &Progress,
+) -> Result<Vec<u32>, Cancelled> {
     let sorted = |t: u32| {
         let mut corners = mesh.triangles()[t as usize];
         corners.sort_unstable();
         corners
     };
-    let mut repeated: Vec<u32> = (0..mesh.positions().len() as u32)
-        .into_par_iter()
-        .flat_map_iter(|v| {
-            // those whose lowest vertex this is
-            let mut here: Vec<([u32; 3], u32)> = adjacency
-                .triangles_at(v)
-                .iter()
-                .map(|&t| (sorted(t), t))
-                .filter(|(corners, _)| corners[0] == v)
-                .collect();
-            here.sort_unstable();
-            let again = here.windows(2).filter(|pair| pair[0].0 == pair[1].0);
-            again.map(|pair| pair[1].1).collect::<Vec<_>>()
-        })
-        .collect();
+    let mut repeated = gathered(mesh.positions().len(), progress, |v| {
+        // those whose lowest vertex this is
+        let mut here: Vec<([u32; 3], u32)> = adjacency
+            .triangles_at(v)
+            .iter()
+            .map(|&t| (sorted(t), t))
+            .filter(|(corners, _)| corners[0] == v)
+            .collect();
+        here.sort_unstable();
+        let again = here.windows(2).filter(|pair| pair[0].0 == pair[1].0);
+        again.map(|pair| pair[1].1).collect::<Vec<_>>()
+    })?;
     repeated.par_sort_unstable();
-    repeated
+    Ok(repeated)
 }
 
 #[cfg(test)]

@@ -17,11 +17,13 @@
 //! can be asked for, and written ([`write_mesh_with`]). Polygons are cut into triangles.
 //!
 //! Guarantees: vertices and triangles keep the order of the file; whatever the bytes, the result is a mesh or an error
-//! that says what is wrong and where, with memory bounded by [`MeshLimits`] and by the bytes that were there. Does not
-//! guarantee: that a mesh is closed, or that it has triangles.
+//! that says what is wrong and where. Memory is reserved of [`MeshLimits::memory`] before it is allocated, but for some
+//! 100 KiB, and a reader takes time in proportion to the file and the mesh. Does not guarantee: that a mesh is closed, or
+//! that it has triangles.
 
 mod error;
 mod gltf;
+mod memory;
 mod number;
 mod obj;
 mod off;
@@ -45,7 +47,7 @@ pub use read::{
     read_mesh_with_buffers,
 };
 pub use rows::MeshRows;
-pub use weld::{Welded, weld};
+pub use weld::{Welded, try_weld, weld};
 pub use write::{Attributes, Precision, WriteOptions, write_mesh, write_mesh_with, write_rows};
 
 /// The formats of mesh files.
@@ -111,7 +113,7 @@ impl MeshFormat {
 
     /// The format of a file that begins with `head`.
     ///
-    /// 4 KiB are enough but for a text file with longer comments in front; fewer bytes than a magic number or one row of
+    /// 4 KiB are enough but for a text file with longer comments in front, of which 64 KiB are looked at; fewer bytes than a magic number or one row of
     /// data leave the format unknown.
     pub fn sniff(head: &[u8]) -> Option<Self> {
         sniff::sniff(head)

@@ -267,14 +267,15 @@ fn sampled(
 ) -> Result<(f64, f64), Cancelled> {
     let triangles = 0..surface.triangles().len() as u32;
     let mut total = 0.0;
-    let area_before: Vec<f64> = triangles
-        .map(|triangle| {
-            let [a, b, c] = surface.corners(triangle);
-            let before = total;
-            total += 0.5 * (b - a).cross(c - a).length();
-            before
-        })
-        .collect();
+    let mut area_before = Vec::with_capacity(triangles.len());
+    for triangle in triangles {
+        if triangle.is_multiple_of(1 << 16) {
+            progress.check()?;
+        }
+        let [a, b, c] = surface.corners(triangle);
+        area_before.push(total);
+        total += 0.5 * (b - a).cross(c - a).length();
+    }
     if samples == 0 || total <= 0.0 {
         return Ok((0.0, 0.0));
     }
@@ -472,6 +473,7 @@ fn enclosed(
     let mut heap = BinaryHeap::new();
     let mut order = 0;
     for (pieces, most) in chunks {
+        progress.check()?;
         upper = upper.max(most);
         for piece in pieces {
             piece.offer_to(farthest);

@@ -6,7 +6,9 @@ mod bvh;
 mod check;
 mod closest;
 mod format;
+mod gathered;
 mod hausdorff;
+mod keyed;
 mod loose_octree;
 mod measures;
 mod predicates;
@@ -26,12 +28,12 @@ pub use closest::{ClosestOnTriangle, Feature, closest_on_triangle, distance_sq_t
 pub use format::{
     Attributes, BufferResolver, LengthUnit, MeshFile, MeshFormat, MeshLimits, MeshRows, Place,
     Precision, ReadMeshError, ReadOptions, ReadWarning, Welded, WriteMeshError, WriteOptions,
-    read_mesh, read_mesh_with_buffers, weld, write_mesh, write_mesh_with, write_rows,
+    read_mesh, read_mesh_with_buffers, try_weld, weld, write_mesh, write_mesh_with, write_rows,
 };
 pub use hausdorff::{
     Hausdorff, HausdorffError, HausdorffParams, OneSided, distances_to, hausdorff, vertex_distances,
 };
-pub use measures::{Measures, SideLengths, measure};
+pub use measures::{Measures, SideLengths, measure, try_measure};
 pub use predicates::{OrientedPlane, Sign, on_one_line, orient2d, orient3d};
 pub use relax::{Facet, NEW_VERTEX, RelaxJudge, Relaxed, relax};
 pub use self_intersection::{

@@ -7,6 +7,7 @@
 //! Cost: O(n), about 10 ns a triangle and core.
 
 use glam::DVec3;
+use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -153,10 +154,20 @@ impl Sums {
 /// assert!((measure(&mesh).volume - 1.0 / 6.0).abs() < 1e-15);
 /// # Ok::<(), ravec_mesh::MeshError>(())
 /// ```
+#[expect(clippy::missing_panics_doc, reason = "nobody cancels")]
 pub fn measure(mesh: &TriMesh) -> Measures {
+    try_measure(mesh, &Progress::none()).expect("nobody can cancel it")
+}
+
+/// Measures `mesh`, which takes more than a moment if it is large.
+///
+/// # Errors
+/// [`Cancelled`] soon after `progress` is cancelled.
+pub fn try_measure(mesh: &TriMesh, progress: &Progress) -> Result<Measures, Cancelled> {
+    progress.check()?;
     let bounds = mesh.bounds();
     if bounds.is_empty() {
-        return Measures {
+        return Ok(Measures {
             min: DVec3::ZERO,
             max: DVec3::ZERO,
             diagonal: 0.0,
@@ -170,20 +181,21 @@ pub fn measure(mesh: &TriMesh) -> Measures {
                 max: 0.0,
                 deviation: 0.0,
             },
-        };
+        });
     }
     let (middle, positions) = (bounds.center(), mesh.positions());
     let blocks: Vec<Sums> = mesh
         .triangles()
         .par_chunks(BLOCK)
         .map(|block| {
+            progress.check()?;
             let mut sums = Sums::new();
             for t in block {
                 sums.add(t.map(|v| positions[v as usize] - middle));
             }
-            sums
+            Ok(sums)
         })
-        .collect();
+        .collect::<Result<_, Cancelled>>()?;
     let sums = blocks.iter().fold(Sums::new(), Sums::join);
     let moment = |moment: [Sum; 3]| DVec3::from_array(moment.map(Sum::value));
     let (area, volume) = (sums.area.value(), sums.volume.value());
@@ -192,7 +204,7 @@ pub fn measure(mesh: &TriMesh) -> Measures {
     let variance = sums.length_sq.value() / sides - mean * mean;
     // each term has a few roundings of half an ulp
     let meaningful = volume.abs() > 1e-14 * sums.volume_size;
-    Measures {
+    Ok(Measures {
         min: bounds.min,
         max: bounds.max,
         diagonal: bounds.diagonal(),
@@ -210,7 +222,7 @@ pub fn measure(mesh: &TriMesh) -> Measures {
             max: sums.longest,
             deviation: variance.max(0.0).sqrt(),
         },
-    }
+    })
 }
 
 #[cfg(test)]

@@ -35,6 +35,7 @@ use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
 
 use crate::TriMesh;
+use crate::gathered::gathered;
 use camera::{Projected, Projector};
 use scene::Scene;
 use tile::{TILE_PX, Tile};
@@ -351,16 +352,13 @@ pub fn render(
     let used = used_positions(mesh);
     let projector = Projector::new(&params.camera, &used, mesh.bounds(), size);
     drop(used);
-    let projected: Vec<Projected> = mesh
-        .positions()
-        .par_iter()
-        .map(|&at| snapped(projector.project(at)))
-        .collect();
-    progress.check()?;
-    let normals = normals::corner_normals(mesh, &projector, params.smooth_angle_deg);
-    progress.check()?;
-    let lines = lines::lines(mesh, &projected, &projector, params);
-    progress.check()?;
+    let positions = mesh.positions();
+    let projected = gathered(positions.len(), progress, |vertex| {
+        [snapped(projector.project(positions[vertex as usize]))]
+    })?;
+    let angle_deg = params.smooth_angle_deg;
+    let normals = normals::corner_normals(mesh, &projector, angle_deg, progress)?;
+    let lines = lines::lines(mesh, &projected, &projector, params, progress)?;
     let scene = Scene::new(mesh, projector, projected, normals, *paint, params);
     let grid = Grid {
         columns: params.width.div_ceil(TILE_PX),
@@ -368,18 +366,17 @@ pub fn render(
         tile: f64::from(TILE_PX * side),
     };
     let margin = scene.margin() as f64;
-    let triangles_of = grid.sort(mesh.triangles().len(), |triangle| {
+    let triangles_of = grid.sort(mesh.triangles().len(), progress, |triangle| {
         let corners = mesh.triangles()[triangle as usize];
         if scene.beyond(corners).iter().all(|&beyond| beyond > 0.0) {
             return None;
         }
         Some(corners.map(|vertex| scene.projected[vertex as usize])).map(|at| around(&at, margin))
-    });
-    progress.check()?;
-    let lines_of = grid.sort(lines.len(), |line| {
+    })?;
+    let lines_of = grid.sort(lines.len(), progress, |line| {
         let line = &lines[line as usize];
         Some(around(&line.ends, 0.5 * scene.line_width(line.kind) + 1.0))
-    });
+    })?;
     let tiles = grid.columns * grid.rows;
     let phase = progress.phase("render", tiles.into());
     let drawn: Vec<Vec<[f32; 4]>> = (0..tiles)
@@ -389,13 +386,17 @@ pub fn render(
             let (from, size) = grid.pixels(index, params);
             let mut tile = Tile::new(&scene, from, size);
             for part in &triangles_of {
-                for &triangle in &part[index as usize] {
-                    tile.draw(triangle);
+                for triangles in part[index as usize].chunks(DRAWN_AT_ONCE) {
+                    progress.check()?;
+                    triangles.iter().for_each(|&triangle| tile.draw(triangle));
                 }
             }
             for part in &lines_of {
-                for &line in &part[index as usize] {
-                    tile.ink(&lines[line as usize]);
+                for drawn in part[index as usize].chunks(DRAWN_AT_ONCE) {
+                    progress.check()?;
+                    drawn
+                        .iter()
+                        .for_each(|&line| tile.ink(&lines[line as usize]));
                 }
             }
             let pixels = tile.pixels();
@@ -483,6 +484,9 @@ struct Grid {
 /// Things that are sorted at a time.
 const PART: u32 = 1 << 16;
 
+/// Triangles or lines of a tile that are drawn between two looks at the cancellation.
+const DRAWN_AT_ONCE: usize = 1 << 10;
+
 impl Grid {
     /// The pixel at which a tile starts, and its size in pixels.
     fn pixels(&self, index: u32, params: &RenderParams) -> ([u32; 2], [u32; 2]) {
@@ -498,12 +502,14 @@ impl Grid {
     fn sort(
         &self,
         count: usize,
+        progress: &Progress,
         reach: impl Fn(u32) -> Option<[f64; 4]> + Sync,
-    ) -> Vec<Vec<Vec<u32>>> {
+    ) -> Result<Vec<Vec<Vec<u32>>>, Cancelled> {
         let count = count as u32;
         (0..count.div_ceil(PART))
             .into_par_iter()
             .map(|part| {
+                progress.check()?;
                 let mut tiles = vec![Vec::new(); (self.columns * self.rows) as usize];
                 for thing in part * PART..count.min((part + 1).saturating_mul(PART)) {
                     let Some([left, right, top, bottom]) = reach(thing) else {
@@ -520,7 +526,7 @@ impl Grid {
                         }
                     }
                 }
-                tiles
+                Ok(tiles)
             })
             .collect()
     }

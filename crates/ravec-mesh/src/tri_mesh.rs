@@ -1,6 +1,7 @@
 //! A list of positions and a list of triangles.
 
 use glam::DVec3;
+use ravec_progress::{Cancelled, Progress};
 
 use crate::Aabb;
 
@@ -50,38 +51,61 @@ pub enum MeshError {
     },
 }
 
+/// So many vertices or triangles are looked at between two looks at the cancellation: some milliseconds.
+const AT_ONCE: usize = 1 << 20;
+
 impl TriMesh {
     /// A mesh from its parts.
     ///
     /// # Errors
     /// [`MeshError::NotFinite`], [`MeshError::NoSuchVertex`] and [`MeshError::TooMany`].
+    #[expect(clippy::missing_panics_doc, reason = "nobody cancels")]
     pub fn new(positions: Vec<DVec3>, triangles: Vec<[u32; 3]>) -> Result<Self, MeshError> {
+        let made = Self::try_new(positions, triangles, &Progress::none());
+        made.expect("a progress of its own is never cancelled")
+    }
+
+    /// A mesh from its parts, as [`Self::new`] makes it.
+    ///
+    /// # Errors
+    /// [`Cancelled`] soon after `progress` is cancelled; inside, those of [`Self::new`].
+    pub fn try_new(
+        positions: Vec<DVec3>,
+        triangles: Vec<[u32; 3]>,
+        progress: &Progress,
+    ) -> Result<Result<Self, MeshError>, Cancelled> {
         for (what, count) in [
             ("vertices", positions.len()),
             ("triangles", triangles.len()),
         ] {
             if u32::try_from(count).is_err() {
-                return Err(MeshError::TooMany { what, count });
+                return Ok(Err(MeshError::TooMany { what, count }));
             }
         }
-        if let Some(vertex) = positions.iter().position(|at| !at.is_finite()) {
-            let at = positions[vertex];
-            return Err(MeshError::NotFinite { vertex, at });
+        for (block, places) in positions.chunks(AT_ONCE).enumerate() {
+            progress.check()?;
+            if let Some(i) = places.iter().position(|at| !at.is_finite()) {
+                let (vertex, at) = (block * AT_ONCE + i, places[i]);
+                return Ok(Err(MeshError::NotFinite { vertex, at }));
+            }
         }
         let vertices = positions.len();
-        for (triangle, corners) in triangles.iter().enumerate() {
-            if let Some(&vertex) = corners.iter().find(|&&v| v as usize >= vertices) {
-                return Err(MeshError::NoSuchVertex {
-                    triangle,
+        for (block, corners) in triangles.chunks(AT_ONCE).enumerate() {
+            progress.check()?;
+            let outside = |&v: &u32| v as usize >= vertices;
+            if let Some(i) = corners.iter().position(|t| t.iter().any(|v| outside(v))) {
+                let vertex = corners[i].into_iter().find(outside).unwrap_or_default();
+                return Ok(Err(MeshError::NoSuchVertex {
+                    triangle: block * AT_ONCE + i,
                     vertex,
                     vertices,
-                });
+                }));
             }
         }
-        Ok(Self {
+        Ok(Ok(Self {
             positions,
             triangles,
-        })
+        }))
     }
 
     /// The places of the vertices.

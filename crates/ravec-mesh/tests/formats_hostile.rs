@@ -2,6 +2,7 @@
 
 use glam::DVec2;
 use proptest::prelude::*;
+use ravec_memory::MemoryBudget;
 use ravec_mesh::{
     Attributes, MeshFile, MeshFormat, MeshLimits, ReadMeshError, ReadOptions, TriMesh,
     WriteOptions, read_mesh, write_mesh_with,
@@ -20,15 +21,17 @@ const ALL: [MeshFormat; 9] = [
     MeshFormat::Gltf,
 ];
 
-const LIMITS: MeshLimits = MeshLimits {
-    max_bytes: 100_000,
-    max_triangles: 64,
-    max_vertices: 64,
-};
+fn small() -> MeshLimits {
+    MeshLimits {
+        memory: MemoryBudget::new(1_000_000),
+        max_triangles: 64,
+        max_vertices: 64,
+    }
+}
 
-fn read(file: &[u8], limits: MeshLimits) -> Result<MeshFile, ReadMeshError> {
+fn read(file: &[u8], limits: &MeshLimits) -> Result<MeshFile, ReadMeshError> {
     let options = ReadOptions {
-        limits,
+        limits: limits.clone(),
         size: Some(file.len() as u64),
         colors: true,
         texture: true,
@@ -73,7 +76,7 @@ fn written(format: MeshFormat) -> Vec<u8> {
 }
 
 /// Panics if a mesh is larger than it may be, or an error says nothing.
-fn judge(outcome: Result<MeshFile, ReadMeshError>, limits: MeshLimits) {
+fn judge(outcome: Result<MeshFile, ReadMeshError>, limits: &MeshLimits) {
     match outcome {
         Ok(file) => {
             assert!(file.mesh.positions().len() as u64 <= limits.max_vertices);
@@ -92,7 +95,7 @@ fn a_file_cut_anywhere_is_an_error_or_a_mesh() {
     for format in ALL {
         let file = written(format);
         for length in 0..file.len() {
-            let outcome = read(&file[..length], LIMITS);
+            let outcome = read(&file[..length], &small());
             // Of text the last number may be cut, of OBJ whole lines.
             let text = matches!(
                 format,
@@ -105,9 +108,9 @@ fn a_file_cut_anywhere_is_an_error_or_a_mesh() {
             // And `p` alone is a statement of OBJ.
             let is_mesh = outcome.as_ref().is_ok_and(|file| file.format == format);
             assert!(text || !is_mesh, "{format} of {length} bytes is a mesh");
-            judge(outcome, LIMITS);
+            judge(outcome, &small());
         }
-        assert_eq!(read(&file, LIMITS).unwrap().mesh.triangles().len(), 8);
+        assert_eq!(read(&file, &small()).unwrap().mesh.triangles().len(), 8);
     }
 }
 
@@ -121,27 +124,27 @@ fn each_limit_is_kept_in_each_format_and_named() {
                 "triangles",
                 MeshLimits {
                     max_triangles: 8,
-                    ..generous
+                    ..generous.clone()
                 },
                 MeshLimits {
                     max_triangles: 7,
-                    ..generous
+                    ..generous.clone()
                 },
             ),
             (
                 "vertices",
                 MeshLimits {
                     max_vertices: 6,
-                    ..generous
+                    ..generous.clone()
                 },
                 MeshLimits {
                     max_vertices: 5,
-                    ..generous
+                    ..generous.clone()
                 },
             ),
         ] {
-            assert!(read(&file, fits).is_ok(), "{format} {what}");
-            match read(&file, breaks) {
+            assert!(read(&file, &fits).is_ok(), "{format} {what}");
+            match read(&file, &breaks) {
                 Err(error @ ReadMeshError::TooMany { what: named, .. }) => {
                     assert_eq!(named, what, "{format}");
                     assert!(
@@ -152,22 +155,48 @@ fn each_limit_is_kept_in_each_format_and_named() {
                 other => panic!("{format} {what}: {other:?}"),
             }
         }
-        // What is unpacked from an archive counts as well.
-        let bytes = MeshLimits {
-            max_bytes: file.len() as u64 - 1,
-            ..generous
+        let tiny = MeshLimits {
+            memory: MemoryBudget::new(1000),
+            ..generous.clone()
         };
-        assert!(matches!(
-            read(&file, bytes),
-            Err(ReadMeshError::TooMany { what: "bytes", .. })
-        ));
-        let all = MeshLimits {
-            max_bytes: file.len() as u64,
-            ..generous
+        match read(&file, &tiny) {
+            Err(error @ ReadMeshError::OverBudget(_)) => {
+                let text = error.to_string();
+                assert!(
+                    text.contains("--max-bytes") && text.contains("1000"),
+                    "{text}"
+                );
+            }
+            other => panic!("{format}: {other:?}"),
+        }
+        assert_eq!(tiny.memory.used(), 0, "{format}");
+    }
+}
+
+#[test]
+fn what_is_read_keeps_its_memory_reserved_as_long_as_it_lives() {
+    for format in ALL {
+        let (file, limits) = (written(format), MeshLimits::default());
+        let first = read(&file, &limits).unwrap();
+        let (used, peak) = (limits.memory.used(), limits.memory.peak());
+        assert!(used >= 6 * 24 + 8 * 12, "{format}: {used}");
+        let second = read(&file, &limits).unwrap();
+        assert_eq!(limits.memory.used(), 2 * used, "{format}");
+        assert_eq!(first, second, "the reservation is no part of the value");
+        let clone = first.clone();
+        drop((first, second));
+        assert_eq!(limits.memory.used(), used, "{format}");
+        drop(clone);
+        assert_eq!(limits.memory.used(), 0, "{format}");
+        // a file that has no room beside another one
+        let shared = MeshLimits {
+            memory: MemoryBudget::new(peak + used / 2),
+            ..limits.clone()
         };
-        assert_eq!(
-            read(&file, all).is_ok(),
-            format != MeshFormat::ThreeMf,
+        let _first = read(&file, &shared).unwrap();
+        let outcome = read(&file, &shared);
+        assert!(
+            matches!(outcome, Err(ReadMeshError::OverBudget(_))),
             "{format}"
         );
     }
@@ -186,14 +215,14 @@ fn an_archive_that_unpacks_to_more_than_allowed_is_refused() {
     let file = archive.finish().unwrap().into_inner();
     assert!(file.len() < 50_000);
     let limits = MeshLimits {
-        max_bytes: 9_000_000,
+        memory: MemoryBudget::new(9_000_000),
         ..MeshLimits::default()
     };
     assert!(matches!(
-        read(&file, limits),
-        Err(ReadMeshError::TooMany { what: "bytes", .. })
+        read(&file, &limits),
+        Err(ReadMeshError::OverBudget(_))
     ));
-    assert!(read(&file, MeshLimits::default()).is_ok());
+    assert!(read(&file, &MeshLimits::default()).is_ok());
 }
 
 #[test]
@@ -223,7 +252,7 @@ fn objects_that_use_one_another_over_and_over_are_refused_before_they_are_built(
         archive.write_all(model.as_bytes()).unwrap();
         let outcome = read(
             &archive.finish().unwrap().into_inner(),
-            MeshLimits::default(),
+            &MeshLimits::default(),
         );
         if triangle.is_empty() {
             assert!(outcome.unwrap().mesh.triangles().is_empty());
@@ -257,7 +286,7 @@ fn counts_that_a_header_claims_take_no_memory() {
         stl,
     ] {
         // Allocating what is claimed would take some 7 GB and longer than the test may.
-        let outcome = read(&file, MeshLimits::default());
+        let outcome = read(&file, &MeshLimits::default());
         let is_cut = matches!(
             outcome,
             Err(ReadMeshError::Truncated { .. } | ReadMeshError::Syntax { .. })
@@ -270,7 +299,7 @@ fn counts_that_a_header_claims_take_no_memory() {
         ("OFF\n0 999999999999999999 0\n", "triangles"),
         ("OFF\n0 1 0\n999999999999999999 0\n", "triangles"),
     ] {
-        match read(header.as_bytes(), MeshLimits::default()) {
+        match read(header.as_bytes(), &MeshLimits::default()) {
             Err(ReadMeshError::TooMany { what: named, .. }) => assert_eq!(named, what),
             other => panic!("{other:?}"),
         }
@@ -279,7 +308,7 @@ fn counts_that_a_header_claims_take_no_memory() {
 
 #[test]
 fn what_is_no_mesh_is_said_to_be_none() {
-    assert!(matches!(read(b"", LIMITS), Err(ReadMeshError::Empty)));
+    assert!(matches!(read(b"", &small()), Err(ReadMeshError::Empty)));
     for file in [
         &b"hello"[..],
         b"\x89PNG\r\n\x1a\n",
@@ -288,7 +317,7 @@ fn what_is_no_mesh_is_said_to_be_none() {
         b"\n\n",
     ] {
         assert!(matches!(
-            read(file, LIMITS),
+            read(file, &small()),
             Err(ReadMeshError::UnknownFormat)
         ));
     }
@@ -429,9 +458,9 @@ proptest! {
                 apply(change, &mut file);
             }
         }
-        judge(read(&file, LIMITS), LIMITS);
-        let huge = MeshLimits { max_bytes: 100_000, ..MeshLimits::default() };
-        judge(read(&file, huge), huge);
+        judge(read(&file, &small()), &small());
+        let huge = MeshLimits { memory: MemoryBudget::new(3_000_000), ..MeshLimits::default() };
+        judge(read(&file, &huge), &huge);
     }
 
     #[test]
@@ -445,6 +474,6 @@ proptest! {
         text: bool,
     ) {
         let rest = if text { words.as_bytes() } else { &bytes };
-        judge(read(&[start, rest].concat(), LIMITS), LIMITS);
+        judge(read(&[start, rest].concat(), &small()), &small());
     }
 }

@@ -4,6 +4,7 @@ use std::io::{Cursor, Read, Write as _};
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
+use ravec_memory::MemoryBudget;
 use ravec_mesh::{
     LengthUnit, MeshFile, MeshFormat, Place, ReadMeshError, ReadOptions, ReadWarning, read_mesh,
     read_mesh_with_buffers,
@@ -403,14 +404,11 @@ fn gltf_data_in_other_files_are_asked_for() {
     assert!(matches!(outcome, Err(ReadMeshError::Io(_))));
     let mut endless = |_: &str| Ok(Box::new(std::io::repeat(0)) as Box<dyn Read>);
     let mut small = options;
-    small.limits.max_bytes = 1_000_000;
+    small.limits.memory = MemoryBudget::new(1_000_000);
     let outcome = read_mesh_with_buffers(&file[..], &mut endless, &small, &progress);
     assert!(matches!(
         outcome,
-        Err(ReadMeshError::TooMany {
-            what: "bytes",
-            limit: 1_000_000
-        })
+        Err(ReadMeshError::OverBudget(over)) if over.limit == 1_000_000
     ));
 }
 

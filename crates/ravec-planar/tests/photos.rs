@@ -17,7 +17,11 @@ const HEIGHT: usize = 360;
 
 /// A photo of a textured plane: clouds and cells of all sizes, with noise of 2 of 255 steps.
 fn photo(plane_from_image: &Homography, seed: Seed) -> Plane {
-    let mut image = Image::new(Size::new(WIDTH, HEIGHT).unwrap(), LinearRgb([0.0; 3]));
+    photo_of(Size::new(WIDTH, HEIGHT).unwrap(), plane_from_image, seed)
+}
+
+fn photo_of(size: Size, plane_from_image: &Homography, seed: Seed) -> Plane {
+    let mut image = Image::new(size, LinearRgb([0.0; 3]));
     image.par_rows_mut().enumerate().for_each(|(row, line)| {
         for (col, pixel) in line.iter_mut().enumerate() {
             // two samples a pixel
@@ -103,6 +107,34 @@ fn a_photo_from_three_times_as_near_is_found_in_the_other() {
 fn a_steep_view_is_found_through_views_from_other_sides() {
     let (error, tilted) = error_of(&view(0.4, 1.0, 0.1, 4.5));
     assert!(tilted && error < 0.5, "{tilted} {error}");
+}
+
+/// Seen along its diagonal, so that only views aslant help; of a strip of 20 : 1 these are made of tiles.
+#[test]
+fn a_steep_view_of_a_strip_is_found_through_tiles() {
+    let strip = Size::new(1800, 90).unwrap();
+    let first = photo_of(strip, &Homography::IDENTITY, Seed(10));
+    let (turn, back) = (DMat3::from_angle(0.8), DMat3::from_angle(-0.8));
+    let second_from_first = Homography::from_matrix(
+        DMat3::from_translation(dvec2(60.0, 290.0))
+            * turn
+            * DMat3::from_scale(dvec2(0.25, 1.0))
+            * back
+            * DMat3::from_translation(dvec2(-500.0, 0.0)),
+    )
+    .unwrap();
+    let second = photo(&second_from_first.inverse(), Seed(11));
+    let found = match_photos(&first, &second, &MatchParams::default(), &Progress::none()).unwrap();
+    let error = [dvec2(550.0, 45.0), dvec2(700.0, 80.0), dvec2(650.0, 10.0)]
+        .iter()
+        .map(|&at| {
+            found
+                .second_from_first
+                .apply(at)
+                .distance(second_from_first.apply(at))
+        })
+        .fold(0.0, f64::max);
+    assert!(found.tilted && error < 0.5, "{found:?}: {error}");
 }
 
 #[test]

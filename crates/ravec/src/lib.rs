@@ -195,6 +195,7 @@
 
 pub use ravec_boolean as boolean;
 pub use ravec_completion as completion;
+pub use ravec_memory as memory;
 pub use ravec_mesh as mesh;
 pub use ravec_mosaic as mosaic;
 pub use ravec_offset as offset;

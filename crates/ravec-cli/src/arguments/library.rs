@@ -3,7 +3,7 @@
 use crate::help;
 use clap::{Args, Subcommand};
 use ravec_jobs::library::{CleanParams, ListParams, Plain};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// The operations on catalogues of photos.
 #[derive(Debug, Subcommand)]
@@ -54,6 +54,34 @@ pub enum LibraryCommand {
         #[command(flatten)]
         params: Plain,
     },
+}
+
+impl LibraryCommand {
+    /// The files and folders that the operation reads, the catalogue among them.
+    pub fn inputs(&self) -> Vec<&Path> {
+        let paths: &[PathBuf] = match self {
+            Self::Add { paths, .. } => paths,
+            // what is forgotten is not read
+            Self::Remove { .. } | Self::List { .. } | Self::Clean { .. } | Self::Stats { .. } => {
+                &[]
+            }
+        };
+        let catalogue = std::iter::once(self.catalogue());
+        catalogue
+            .chain(paths.iter().map(PathBuf::as_path))
+            .collect()
+    }
+
+    /// The catalogue.
+    pub fn catalogue(&self) -> &Path {
+        match self {
+            Self::Add { catalogue, .. }
+            | Self::Remove { catalogue, .. }
+            | Self::List { catalogue, .. }
+            | Self::Clean { catalogue, .. }
+            | Self::Stats { catalogue, .. } => &catalogue.catalogue,
+        }
+    }
 }
 
 /// Which catalogue.

@@ -3,6 +3,7 @@
 use super::count;
 use crate::help;
 use clap::{ArgGroup, Args, Subcommand};
+use ravec::memory::MemoryBudget;
 use ravec_jobs::mesh::{MeshLimits, check, compare, convert, info, render, simplify};
 use std::path::{Path, PathBuf};
 
@@ -118,10 +119,10 @@ pub struct MeshLimitFlags {
 }
 
 impl MeshLimitFlags {
-    /// The limits for reading.
-    pub fn limits(&self, max_bytes: u64) -> MeshLimits {
+    /// The limits for reading with memory of `memory`.
+    pub fn limits(&self, memory: MemoryBudget) -> MeshLimits {
         MeshLimits {
-            max_bytes,
+            memory,
             max_triangles: self.max_triangles,
             max_vertices: self.max_vertices,
         }

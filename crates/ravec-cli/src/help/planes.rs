@@ -47,7 +47,7 @@ pub const PLANES: &str = concat!(
 Examples:
   ravec planes photo.jpg
   ravec planes photo.jpg -o planes.png --focal 28mm
-  ravec planes photo.jpg --most 1 -q --json planes.json
+  ravec planes photo.jpg --most 1 -o planes.json
 
 Proposals are there to be chosen from: give the corners of one to ravec snap or ravec rectify.
 

@@ -1,8 +1,8 @@
-//! The examples of the help pages and of the readme, run as they are written.
+//! The examples of the help pages, the readme and the guide, run as they are written.
 
-use crate::meshes::parts;
+use crate::meshes::{parts, torus};
 use crate::pictures::bmp;
-use crate::program::{code, done, photos, stderr};
+use crate::program::{code, done, files, photos, stderr};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
@@ -42,6 +42,10 @@ fn studio() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     photos(folder.path());
     parts(folder.path());
+    let mut scan = torus(2.0, 0.8, 48, 24);
+    // without the last two quadrilaterals, side by side: a hole of six edges
+    scan.triangles.truncate(2300);
+    std::fs::write(folder.path().join("scan.stl"), scan.stl()).unwrap();
     for (name, photo) in [("a.png", "photo.jpg"), ("b.png", "noisy.jpg")] {
         done(folder.path(), &format!("-q twocolor {photo} -o {name}"));
     }
@@ -164,15 +168,47 @@ fn tools_and_settings_of_the_help_are_understood() {
     }
 }
 
+/// The lines of the shell blocks of a page that run the program, without their comments.
+#[cfg(unix)]
+fn commands(page: &str) -> Vec<&str> {
+    let mut in_shell = false;
+    let mut lines = Vec::new();
+    for line in page.lines() {
+        if let Some(language) = line.strip_prefix("```") {
+            in_shell = language == "sh";
+        } else if in_shell && line.starts_with("ravec ") {
+            lines.push(line.split(" # ").next().unwrap().trim());
+        }
+    }
+    lines
+}
+
 #[cfg(unix)]
 #[test]
 fn commands_of_the_readme_run_as_they_are_written() {
     let folder = studio();
     let readme = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../README.md");
     let readme = std::fs::read_to_string(readme).unwrap();
-    let lines: Vec<_> = readme.lines().filter(|l| l.starts_with("ravec ")).collect();
+    let lines = commands(&readme);
     assert!(lines.len() > 5, "{lines:?}");
     for line in lines {
-        run(folder.path(), line.split(" # ").next().unwrap().trim());
+        run(folder.path(), line);
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn commands_of_the_guide_run_as_they_are_written() {
+    let pages = files(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/guide"));
+    assert!(pages.len() > 6, "{pages:?}");
+    for page in pages {
+        let text = std::fs::read_to_string(&page).unwrap();
+        let lines = commands(&text);
+        assert!(!lines.is_empty(), "{}", page.display());
+        // no page uses what another one has written
+        let folder = studio();
+        for line in lines {
+            run(folder.path(), line);
+        }
     }
 }

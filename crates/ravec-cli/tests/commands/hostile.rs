@@ -273,3 +273,47 @@ fn too_many_threads_are_a_usage_error_and_more_than_cores_are_fine() {
     }
     done(folder.path(), "compare a.bmp b.bmp --threads 64");
 }
+
+/// A stream is recognized by its first bytes, so that one without an end is refused at once and not when memory is full.
+#[cfg(unix)]
+#[test]
+fn streams_without_an_end_are_refused_by_their_beginning() {
+    let folder = folder();
+    for arguments in [
+        "twocolor - -o out.png",
+        "compare a.bmp -",
+        "complete a.bmp --mask - -o out.png",
+        "mesh info -",
+        "offset - --distance 2% -o out.ply",
+    ] {
+        let output = std::process::Command::new(env!("CARGO_BIN_EXE_ravec"))
+            .args(arguments.split(' '))
+            .args(["--max-bytes", "64G"])
+            .current_dir(folder.path())
+            .stdin(std::fs::File::open("/dev/zero").unwrap())
+            .output()
+            .unwrap();
+        assert_refused(&output, 3, &["standard input"]);
+    }
+    for arguments in [
+        ["twocolor", "/dev/zero", "-o", "out.png"],
+        ["mesh", "info", "/dev/zero", "-q"],
+    ] {
+        assert_refused(&ravec(folder.path(), &arguments), 3, &["/dev/zero"]);
+    }
+}
+
+/// All inputs of a run share the limit.
+#[test]
+fn two_pictures_that_fit_one_by_one_do_not_fit_together() {
+    let folder = tempfile::tempdir().unwrap();
+    let photo = crate::pictures::bmp(1000, 1000, |col, row| [col as u8, row as u8, 7]);
+    for name in ["a.bmp", "b.bmp"] {
+        std::fs::write(folder.path().join(name), &photo).unwrap();
+    }
+    done(folder.path(), "-q twocolor a.bmp -o out.png --max-bytes 5M");
+    let arguments = ["compare", "a.bmp", "b.bmp", "--max-bytes", "5M"];
+    let words = ["b.bmp", "--max-bytes", "are in use"];
+    assert_refused(&ravec(folder.path(), &arguments), 3, &words);
+    done(folder.path(), "-q compare a.bmp b.bmp --max-bytes 7M");
+}

@@ -349,6 +349,22 @@ impl Blocks {
         ) - 2
     }
 
+    /// The `most` blocks that are nearest to a position, in their order; all without one, or if there are no more.
+    pub(super) fn nearest(&self, position: Option<IVec2>, most: usize) -> Vec<usize> {
+        let mut blocks: Vec<usize> = (0..self.count()).collect();
+        if let Some(position) = position.filter(|_| blocks.len() > most) {
+            let half = (self.step / 2) as i32;
+            let distance_sq = |block: usize| {
+                let away = self.first(block) + half - position;
+                away.as_i64vec2().length_squared()
+            };
+            blocks.select_nth_unstable_by_key(most, |&block| (distance_sq(block), block));
+            blocks.truncate(most);
+            blocks.sort_unstable();
+        }
+        blocks
+    }
+
     pub(super) fn bytes(&self) -> usize {
         let spectra = self.spectra.iter().flatten();
         4 * spectra.map(Vec::len).sum::<usize>()
@@ -530,4 +546,30 @@ fn means(level: &Level, channels: Channels, progress: &Progress) -> Result<Vec<f
             Ok((sum / count.max(1) as f64) as f32)
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn the_nearest_blocks_are_those_that_a_sort_finds(
+            across in 1usize..30, down in 1usize..30, most in 1usize..200, x in -999i32..9999, y in -999i32..9999
+        ) {
+            let blocks = Blocks { step: 192, across, down, means: Vec::new(), spectra: None };
+            let position = IVec2::new(x, y);
+            let found = blocks.nearest(Some(position), most);
+            let mut sorted: Vec<usize> = (0..across * down).collect();
+            sorted.sort_by_key(|&block| {
+                let away = blocks.first(block) + 96 - position;
+                away.as_i64vec2().length_squared()
+            });
+            sorted.truncate(most);
+            sorted.sort_unstable();
+            prop_assert_eq!(found, sorted);
+            prop_assert_eq!(blocks.nearest(None, most).len(), across * down);
+        }
+    }
 }

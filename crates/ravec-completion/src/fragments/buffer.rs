@@ -125,6 +125,16 @@ impl Buffer {
         at.flatten().map(|at| at.floor().as_ivec2())
     }
 
+    /// The pixel of a level that shows a place of the picture, or is nearest to it; in other photos the pixel at that place.
+    pub(super) fn nearest(&self, in_picture: DVec2, level: usize) -> IVec2 {
+        let planes = &self.levels[level];
+        let end = dvec2((planes.width - 1) as f64, (planes.height - 1) as f64);
+        let here = self.photo_from_buffer.inverse().try_apply(in_picture);
+        // what lies behind the horizon of a plane is nowhere near
+        let at = here.map_or(0.5 * end, |at| at * 0.5f64.powi(level as i32));
+        at.clamp(DVec2::ZERO, end).floor().as_ivec2()
+    }
+
     /// Whether its pixels are those of the photo. They are copied as they are, and anything else is resampled anyway.
     pub(super) fn as_it_is(&self) -> bool {
         self.plane.is_none() && self.transform == Variant::default()
@@ -150,6 +160,29 @@ impl Buffer {
     }
 }
 
+/// Pixels of a variant for each pixel of its base and of its scale, at most, beside [`ALWAYS_PX`]. A base with sides of a : 1
+/// that is turned by 45 degrees has (a + 1)² / 2a: 2 for a square, 6 for 10 : 1, 16 for 30 : 1. Less would refuse panoramas.
+const MAX_GROWTH: f64 = 16.0;
+/// Pixels that a variant may always have: so many cost little.
+const ALWAYS_PX: f64 = 1e6;
+
+/// Whether a variant of a base has pixels in proportion to the base, which it has not if that is long, narrow, and lies aslant.
+pub(super) fn in_proportion(base: [usize; 2], transform: Variant) -> bool {
+    let pixels = variant_size(dvec2(base[0] as f64, base[1] as f64), transform).element_product();
+    let share = (base[0] * base[1]) as f64 * transform.scale.powi(2);
+    // sizes that are not finite have no pixels at all
+    !pixels.is_finite() || pixels <= MAX_GROWTH * share + ALWAYS_PX
+}
+
+/// Columns and rows of the variant of a base of a size: whole pixels that lie in it, but for rounding.
+fn variant_size(end: DVec2, transform: Variant) -> DVec2 {
+    let linear = transform.source_from_copy();
+    let corners = [DVec2::ZERO, dvec2(end.x, 0.0), end, dvec2(0.0, end.y)]
+        .map(|corner| linear.inverse() * (corner - 0.5 * end));
+    let high = corners.iter().fold(DVec2::ZERO, |high, &at| high.max(at));
+    (2.0 * high + 1e-6).floor()
+}
+
 /// The size of a variant of a base, and the map from it.
 fn extent(base: &Base, transform: Variant) -> Option<([usize; 2], Homography)> {
     if transform == Variant::default() {
@@ -157,11 +190,7 @@ fn extent(base: &Base, transform: Variant) -> Option<([usize; 2], Homography)> {
     }
     let end = dvec2(base.size[0] as f64, base.size[1] as f64);
     let linear = transform.source_from_copy();
-    let corners = [DVec2::ZERO, dvec2(end.x, 0.0), end, dvec2(0.0, end.y)]
-        .map(|corner| linear.inverse() * (corner - 0.5 * end));
-    let high = corners.iter().fold(DVec2::ZERO, |high, &at| high.max(at));
-    // whole pixels that lie in it, but for rounding
-    let size = (2.0 * high + 1e-6).floor();
+    let size = variant_size(end, transform);
     if size.min_element() < 1.0 || !size.is_finite() {
         return None;
     }
@@ -173,4 +202,43 @@ fn extent(base: &Base, transform: Variant) -> Option<([usize; 2], Homography)> {
     );
     let map = Homography::from_matrix(matrix).ok()?;
     Some(([size.x as usize, size.y as usize], map))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn turned(degrees: f64, scale: f64) -> Variant {
+        Variant {
+            turn_rad: degrees.to_radians(),
+            scale,
+            ..Variant::default()
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn variants_of_ordinary_and_of_small_pictures_are_in_proportion(
+            side in 1usize..20_000, aspect in 1.0f64..29.0, degrees in -180.0f64..180.0, scale in 0.25f64..4.0
+        ) {
+            let longer = (side as f64 * aspect) as usize;
+            prop_assert!(in_proportion([longer, side], turned(degrees, scale)));
+            prop_assert!(in_proportion([side, longer], turned(degrees, scale)));
+            prop_assert!(in_proportion([300, 1], turned(degrees, scale)));
+        }
+    }
+
+    #[test]
+    fn long_and_narrow_pictures_may_be_turned_by_right_angles_only() {
+        for base in [[65_535, 1], [1, 65_535], [20_000_000, 1], [200_000, 16]] {
+            assert!(!in_proportion(base, turned(45.0, 1.0)));
+            for degrees in [0.0, 90.0, 180.0, -90.0] {
+                assert!(
+                    in_proportion(base, turned(degrees, 1.0)),
+                    "{base:?} {degrees}"
+                );
+            }
+        }
+    }
 }

@@ -1,7 +1,7 @@
 //! The index of fragments: everything that may be copied from, prepared for searches.
 
 use super::blocks::{KEPT_SIDE, Transform};
-use super::buffer::{Base, Buffer, MAX_LEVEL};
+use super::buffer::{Base, Buffer, MAX_LEVEL, in_proportion};
 use super::level::Channels;
 use super::search::{Hunt, Place};
 use super::target::{SourceFragment, Target, Variant};
@@ -14,6 +14,7 @@ use ravec_planar::Homography;
 use ravec_progress::Progress;
 use ravec_raster::{Color, Image, Mask};
 use rayon::prelude::*;
+use std::sync::OnceLock;
 
 /// Radii of fragments that can be searched, in pixels.
 pub(super) const RADII: std::ops::RangeInclusive<u32> = 2..=124;
@@ -64,7 +65,7 @@ pub struct SearchOptions {
     /// copy from elsewhere has another perspective.
     pub along_plane: Option<Option<usize>>,
     /// Look at all positions at full resolution (default false). Some twenty times slower, and on photos hardly ever another
-    /// result.
+    /// result. Without it a search ends at some 150 megapixels around the target.
     pub full: bool,
 }
 
@@ -113,6 +114,8 @@ pub struct FragmentIndex {
     variants: Vec<Variant>,
     buffers: Vec<Buffer>,
     fourier: Transform,
+    /// Found when it is asked for: it takes as long as a look at all pixels, and targets without a source may be many.
+    largest_radius: OnceLock<u32>,
 }
 
 impl std::fmt::Debug for FragmentIndex {
@@ -129,7 +132,8 @@ impl FragmentIndex {
     ///
     /// # Errors
     /// [`CompleteError::MaskSize`], [`CompleteError::FeatureSize`], [`CompleteError::NoSource`] if no pixel is more than 3
-    /// pixels away from the hole, [`CompleteError::Fragment`] for a variant out of range, for planes
+    /// pixels away from the hole, [`CompleteError::Fragment`] for a variant out of range or one that turns a picture which is
+    /// longer than about 30 times its width, for planes
     /// [`CompleteError::QuadCrosses`], [`CompleteError::Plane`] and [`CompleteError::PlaneOutside`],
     /// [`CompleteError::Cancelled`] soon after `progress` is cancelled.
     pub fn new<P: Color>(sources: &Sources<P>, progress: &Progress) -> Result<Self, CompleteError> {
@@ -235,6 +239,18 @@ impl FragmentIndex {
             }));
             views.push(view);
         }
+        for base in &bases {
+            if let Some(variant) = variants.iter().find(|v| !in_proportion(base.size, **v)) {
+                let [width, height] = base.size;
+                return Err(CompleteError::Fragment {
+                    what: format!(
+                        "copies cannot be turned by {} degrees: what they come from is too long and narrow with {width} x \
+                         {height} pixels; give turns by 90 or 180 degrees",
+                        variant.turn_rad.to_degrees()
+                    ),
+                });
+            }
+        }
         let fourier = Transform::new(KEPT_SIDE);
         let mut buffers = Vec::new();
         let phase = progress.phase("index", (bases.len() * (variants.len() + 1)) as u64);
@@ -257,6 +273,7 @@ impl FragmentIndex {
             variants,
             buffers,
             fourier,
+            largest_radius: OnceLock::new(),
         })
     }
 
@@ -311,6 +328,7 @@ impl FragmentIndex {
             kept: &self.fourier,
             count: options.count.clamp(1, 64),
             apart_px: options.apart.clamp(0.0, 2.0) * f64::from(target.radius_px),
+            around: (!options.full).then_some(target.at),
         };
         let start = |buffer: &Buffer| {
             let along = options
@@ -365,6 +383,7 @@ impl FragmentIndex {
             kept: &self.fourier,
             count: 1,
             apart_px: 0.0,
+            around: None,
         };
         let place = hunt.near(index, middle - step, reach, progress)?;
         Ok(place.map(|place| self.found(&hunt, &place, weight)))
@@ -372,14 +391,16 @@ impl FragmentIndex {
 
     /// The largest radius of which the picture or a photo has a source.
     pub(super) fn largest_radius(&self) -> u32 {
-        let of = |canvas: &Canvas| {
-            largest_radius(&Mask::from_fn(canvas.states.size(), |col, row| {
-                canvas.states[(col, row)] & SOURCE == 0
-            }))
-        };
-        let largest = self.photos.iter().map(of).fold(0.0, f64::max);
-        // pixels at the radius itself belong to a fragment
-        (largest.ceil() as u32).saturating_sub(1).min(*RADII.end())
+        *self.largest_radius.get_or_init(|| {
+            let of = |canvas: &Canvas| {
+                largest_radius(&Mask::from_fn(canvas.states.size(), |col, row| {
+                    canvas.states[(col, row)] & SOURCE == 0
+                }))
+            };
+            let largest = self.photos.iter().map(of).fold(0.0, f64::max);
+            // pixels at the radius itself belong to a fragment
+            (largest.ceil() as u32).saturating_sub(1).min(*RADII.end())
+        })
     }
 }
 

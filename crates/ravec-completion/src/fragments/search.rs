@@ -6,7 +6,8 @@
 //! minima there, and as many of the lowest positions that are none (in a valley along an edge the minimum of the finer level
 //! may lie anywhere), are followed down the levels by direct sums around each of them. 3. Sums end as soon as they exceed
 //! the worst match that is wanted. 4. On levels between, every other row is summed, and of what is found there some are
-//! followed for each of the matches that are wanted. The full search does the first step on the finest level itself.
+//! followed for each of the matches that are wanted. 5. Of buffers larger than some 150 megapixels only what is nearest to the
+//! target is looked at. The full search does the first step on the finest level itself, and everywhere.
 //!
 //! Guarantees: what is returned is valid, and its mismatch is the direct sum. The same on any number of threads. Does not
 //! guarantee: that coarse to fine finds what the full search finds; on photos it nearly always does (see the measurements).
@@ -36,6 +37,9 @@ const BEST_OF_GROUP: usize = 5;
 const FIRST: usize = 24;
 /// A place may move by so many pixels in the end.
 const MOVES: usize = 4;
+/// Blocks of a buffer that are looked at, the nearest to the target: those of 150 megapixels on the level that is half as
+/// wide. So the cost of a fragment is bounded, and that of a hole grows with the hole, not with hole times picture.
+const MAX_BLOCKS: usize = 1024;
 
 /// A place of the template's corner on a level of a buffer.
 #[derive(Debug, Clone, Copy)]
@@ -55,6 +59,8 @@ pub(super) struct Hunt<'a> {
     /// How many places are wanted, and how far apart.
     pub(super) count: usize,
     pub(super) apart_px: f64,
+    /// Where in the picture the target is, around which large buffers are searched; none for searches of all blocks.
+    pub(super) around: Option<DVec2>,
 }
 
 impl Hunt<'_> {
@@ -126,7 +132,10 @@ impl Hunt<'_> {
         };
         let query = blocks.query(template, fourier);
         let counts = [MINIMA, self.slopes()];
-        let found: Vec<Vec<Low>> = (0..blocks.count())
+        let middle = self.around.map(|at| buffer.nearest(at, level));
+        let middle = middle.map(|at| at - template.middle);
+        let found: Vec<Vec<Low>> = blocks
+            .nearest(middle, MAX_BLOCKS)
             .into_par_iter()
             .map_init(
                 || (fourier.scratch(), Valid::default()),

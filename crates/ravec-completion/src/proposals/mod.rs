@@ -52,6 +52,40 @@ const APART_PX: i32 = 3;
 /// Reduced sheets have at most this many pixels, if the hole is large enough to survive.
 const MAX_PIXELS: usize = 160_000;
 
+/// The share of a disc that must be known and covered by sources.
+const DISC_SHARE: f32 = 0.98;
+/// Pixels of a transform for each pixel of the reduced sheet, at most, with the same margin in both directions. Holes of all
+/// ordinary pictures stay below; beyond, a long hole in a narrow sheet gets a margin of its own in each direction, which makes
+/// it about 4 in the worst case.
+const MAX_GROWTH: usize = 8;
+
+/// Whether a disc can be covered by sources anywhere on a sheet, which it cannot if the sheet is too narrow.
+fn disc_fits(radius: i32, limit: IVec2) -> bool {
+    let steps =
+        || (-radius..=radius).flat_map(|y| (-radius..=radius).map(move |x| IVec2::new(x, y)));
+    let inside = |step: &IVec2| step.length_squared() <= radius * radius;
+    // a disc whose middle is in that of the sheet has most of its pixels on it
+    let on_sheet = |step: &IVec2| {
+        let at = *step + limit / 2;
+        at.cmpge(IVec2::ZERO).all() && at.cmplt(limit).all()
+    };
+    let all = steps().filter(inside).count();
+    let covered = steps().filter(inside).filter(on_sheet).count();
+    covered as f32 >= DISC_SHARE * all as f32
+}
+
+/// How much wider and higher than the sheet transforms must be, so that windows at all shifts are not wrapped onto the other
+/// side: as much as the largest window.
+fn margins(sheet: IVec2, ring: IVec2, disc_radius: Option<i32>) -> [usize; 2] {
+    let [width, height] = [sheet.x as usize, sheet.y as usize];
+    let disc = disc_radius.map_or(0, |r| 2 * r + 1);
+    let margin = ring.max_element().max(disc) as usize;
+    if (width + margin) * (height + margin) <= MAX_GROWTH * width * height {
+        return [margin; 2];
+    }
+    [ring.x.max(disc) as usize, ring.y.max(disc) as usize]
+}
+
 /// Looks for offsets around the hole of a sheet.
 pub(crate) fn propose(sheet: &Sheet, progress: &Progress) -> Result<Proposals, Cancelled> {
     let mut found = Proposals::default();
@@ -70,12 +104,14 @@ pub(crate) fn propose(sheet: &Sheet, progress: &Progress) -> Result<Proposals, C
     let corner = (low / f - ring).max(IVec2::ZERO);
     let far = (high / f + ring).min(IVec2::new(reduced.width as i32, reduced.height as i32) - 1);
     let size = far - corner + 1;
-    let prepared = Prepared::new(reduced, size.max_element() as usize);
+    let limit = IVec2::new(reduced.width as i32, reduced.height as i32);
+    let radius = ((high - low).max_element() / 5).clamp(8, 20);
+    let disc = Some((radius / f).max(3)).filter(|&r| disc_fits(r, limit));
+    let prepared = Prepared::new(reduced, margins(limit, size, disc));
     let reduced = &prepared.reduced;
     progress.check()?;
 
     let apart = (APART_PX / f).max(1);
-    let limit = IVec2::new(reduced.width as i32, reduced.height as i32);
     {
         let map = prepared.mismatch(
             corner,
@@ -88,11 +124,9 @@ pub(crate) fn propose(sheet: &Sheet, progress: &Progress) -> Result<Proposals, C
         found.ring = refine(sheet, &offsets, f, &pixels);
     }
     progress.check()?;
-    {
-        let radius = ((high - low).max_element() / 5).clamp(8, 20);
+    if let Some(r) = disc {
         for middle in rim_points(sheet, DISCS, radius) {
             progress.check()?;
-            let r = (radius / f).max(3);
             let middle_reduced = middle / f;
             let corner = middle_reduced - r;
             let size = IVec2::splat(2 * r + 1);
@@ -109,7 +143,7 @@ pub(crate) fn propose(sheet: &Sheet, progress: &Progress) -> Result<Proposals, C
             };
             let needed = |x: i32, y: i32| f32::from(in_disc(x, y));
             let map = prepared.mismatch(corner, size, &weight, &needed);
-            let offsets = map.minima(DISC_MINIMA, apart, 0.98, 0.98, corner, limit);
+            let offsets = map.minima(DISC_MINIMA, apart, DISC_SHARE, DISC_SHARE, corner, limit);
             let pixels: Vec<u32> = (0..(2 * radius + 1).pow(2))
                 .filter_map(|i| {
                     let d = IVec2::new(i % (2 * radius + 1), i / (2 * radius + 1)) - radius;
@@ -245,6 +279,7 @@ mod tests {
     use super::query::CHANNELS;
     use super::*;
     use crate::canvas::Canvas;
+    use proptest::prelude::*;
     use ravec_raster::{Image, Mask, Rect, Size, Srgb};
 
     fn sheet(pattern: impl Fn(usize, usize) -> [u8; 3], hole: Rect) -> Sheet {
@@ -282,6 +317,49 @@ mod tests {
         assert_eq!(found.ring[0].score, 0.0);
     }
 
+    /// Sides from one pixel up, those of long strips as likely as those of squares.
+    fn side() -> impl Strategy<Value = i32> {
+        (0.0f64..20.0).prop_map(|log| log.exp2() as i32)
+    }
+
+    proptest! {
+        #[test]
+        fn transforms_have_pixels_in_proportion_to_the_sheet(
+            (width, height) in (side(), side()), (right, below) in (0.0f64..1.0, 0.0f64..1.0), radius in 3i32..=20
+        ) {
+            let sheet = IVec2::new(width, height.min((100_000_000 / width).max(1)));
+            let ring = (sheet.as_dvec2() * glam::dvec2(right, below)).ceil().as_ivec2().max(IVec2::ONE);
+            let disc = Some(radius).filter(|&r| disc_fits(r, sheet));
+            let [across, down] = margins(sheet, ring, disc);
+            let pixels = sheet.x as usize * sheet.y as usize;
+            let padded = (sheet.x as usize + across) * (sheet.y as usize + down);
+            prop_assert!(padded <= MAX_GROWTH * pixels, "{sheet} {ring} {disc:?}: {across} {down}");
+            prop_assert!(across >= ring.x as usize && down >= ring.y as usize);
+            let least = disc.map_or(0, |r| 2 * r as usize + 1);
+            prop_assert!(across >= least && down >= least);
+        }
+    }
+
+    #[test]
+    fn a_copy_on_a_sheet_of_one_row_is_found() {
+        let size = Size::new(30_000, 1).unwrap();
+        let image = Image::from_fn(size, |col, _| {
+            let at = if (9_900..12_100).contains(&col) {
+                col + 8_000
+            } else {
+                col
+            };
+            Srgb(noise(at, 0))
+        });
+        let hole = Rect::new(10_000, 0, 2_000, 1);
+        let mut canvas =
+            Canvas::new(&image, &Mask::from_rect(size, hole), &Progress::none()).unwrap();
+        canvas.states.row_mut(0)[hole.col..hole.right()].fill(HOLE);
+        let found = propose(&Sheet::window(&canvas, Rect::of(size)), &Progress::none()).unwrap();
+        assert_eq!(found.ring[0].offset, IVec2::new(8_000, 0));
+        assert_eq!(found.ring[0].score, 0.0);
+    }
+
     #[test]
     fn what_repeats_is_found_at_its_periods_only() {
         let pattern = |col: usize, row: usize| noise(col % 13, row % 17);
@@ -298,7 +376,7 @@ mod tests {
     #[test]
     fn the_transforms_agree_with_direct_sums() {
         let sheet = sheet(noise, Rect::new(40, 30, 12, 10));
-        let prepared = Prepared::new(Reduced::new(&sheet, 1), 32);
+        let prepared = Prepared::new(Reduced::new(&sheet, 1), [32; 2]);
         let reduced = &prepared.reduced;
         let (corner, size) = (IVec2::new(34, 24), IVec2::new(24, 22));
         let map = prepared.mismatch(

@@ -18,7 +18,7 @@ const MIN_CORRELATION: f32 = 0.08;
 /// And this share of the sheet must be there to be compared.
 const MIN_OVERLAP: f32 = 0.08;
 /// Shorter offsets are those of the grain.
-const MIN_PERIOD_PX: i32 = 6;
+const MIN_PERIOD_PX: i64 = 6;
 /// The standard deviation of the mean that is taken off first, so that light and shade do not count.
 const FLAT_SIGMA_PX: f64 = 12.0;
 
@@ -85,8 +85,12 @@ pub(super) fn periods(sheet: &Sheet, prepared: &Prepared, count: usize) -> Vec<P
                 row
             };
             let far = 2 * x.abs() > width as i32 || 2 * y.abs() > height as i32;
-            let long = IVec2::new(x, y).length_squared() * reduced.factor.pow(2);
-            if far || overlap[index] < MIN_OVERLAP * total || long < MIN_PERIOD_PX * MIN_PERIOD_PX {
+            // of sides beyond 46 340 pixels the squares exceed 32 bits
+            let step = (reduced.factor * IVec2::new(x, y)).as_i64vec2();
+            if far
+                || overlap[index] < MIN_OVERLAP * total
+                || step.length_squared() < MIN_PERIOD_PX * MIN_PERIOD_PX
+            {
                 return f32::INFINITY;
             }
             let norm = (here[index].max(0.0) * there[index].max(0.0)).sqrt();

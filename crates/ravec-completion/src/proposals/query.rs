@@ -85,8 +85,9 @@ pub(super) struct Prepared {
 }
 
 impl Prepared {
-    pub(super) fn new(reduced: Reduced, margin: usize) -> Self {
-        let fourier = Fourier::new(reduced.width + margin, reduced.height + margin);
+    /// Transforms that are by `margins` wider and higher than the sheet, as much as the largest window is.
+    pub(super) fn new(reduced: Reduced, margins: [usize; 2]) -> Self {
+        let fourier = Fourier::new(reduced.width + margins[0], reduced.height + margins[1]);
         let padded = |value: &(dyn Fn(usize) -> f32 + Sync)| {
             let mut rows = vec![0.0; fourier.width() * reduced.height];
             for (row, line) in rows.chunks_exact_mut(fourier.width()).enumerate() {

@@ -4,7 +4,7 @@ use crate::error::JobError;
 use crate::files;
 use crate::report::Report;
 use ravec::progress::Progress;
-use ravec_library::{Catalogue, Entry};
+use ravec_library::{Catalogue, Entry, LibraryError, belongs_to_catalogue, would_read};
 use ravec_media::Limits;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -36,23 +36,39 @@ pub struct CleanParams {
     pub dry_run: bool,
 }
 
-/// Adds photos, and folders with all that is in them, to a catalogue, which is made if it is missing.
+/// The file of a report, if it is one.
+fn file_of(report: Option<&Path>) -> Option<&Path> {
+    report.filter(|path| !files::is_stream(path))
+}
+
+/// Refuses a report that would take the place of the catalogue or of a photo that it knows.
+pub(crate) fn check_report(
+    catalogue: &Catalogue,
+    report_file: Option<&Path>,
+) -> Result<(), LibraryError> {
+    file_of(report_file).map_or(Ok(()), |path| catalogue.check_output(path))
+}
+
+/// Adds photos, and folders with all that is in them, to a catalogue, which is made if it is missing. The caller writes the
+/// report to `report_file`.
 ///
 /// Figures: `new`, `changed`, `moved`, `unchanged`, `copies` (files with the content of another one), `unreadable`. Files that
 /// cannot be read are warnings.
 ///
 /// # Errors
-/// [`JobError::Library`], [`JobError::Cancelled`]; photos that were added before stay.
+/// [`JobError::Library`], also if `report_file` is the catalogue, one of the photos or one that the
+/// catalogue knows, [`JobError::Cancelled`]; photos that were added before stay.
 pub fn add(
     paths: &[PathBuf],
     catalogue: &Path,
+    report_file: Option<&Path>,
     limits: &Limits,
     params: &Plain,
     progress: &Progress,
 ) -> Result<Report, JobError> {
     for path in paths {
         if let Err(cause) = path.metadata() {
-            return Err(JobError::from_library(ravec_library::LibraryError::Add {
+            return Err(JobError::from_library(LibraryError::Add {
                 path: path.clone(),
                 reason: crate::error::plain(&cause),
             }));
@@ -61,9 +77,23 @@ pub fn add(
     if !catalogue.exists() {
         files::check_files(&[], &[catalogue])?;
     }
+    if let Some(path) = file_of(report_file) {
+        let reason = if belongs_to_catalogue(catalogue, path) {
+            Some("it belongs to the catalogue")
+        } else if would_read(paths, path, progress).map_err(JobError::from_library)? {
+            Some("it is one of the photos")
+        } else {
+            None
+        };
+        if let Some(reason) = reason {
+            let path = path.into();
+            return Err(JobError::Library(LibraryError::Protected { path, reason }));
+        }
+    }
     let mut report = Report::new("library add", params);
     let added = report.time("add", || {
-        let mut catalogue = Catalogue::open_or_make(catalogue)?;
+        let mut catalogue = Catalogue::open_or_make(catalogue, progress)?;
+        check_report(&catalogue, report_file)?;
         ravec_library::add(&mut catalogue, paths, limits, progress)
     });
     let added = added.map_err(JobError::from_library)?;
@@ -86,15 +116,17 @@ pub fn add(
 /// Forgets photos, and all photos in folders; the files stay. Figure: `removed`.
 ///
 /// # Errors
-/// [`JobError::Library`].
+/// [`JobError::Library`], also if `report_file` is the catalogue or a photo that it knows.
 pub fn remove(
     paths: &[PathBuf],
     catalogue: &Path,
+    report_file: Option<&Path>,
     params: &Plain,
-    _progress: &Progress,
+    progress: &Progress,
 ) -> Result<Report, JobError> {
     let mut report = Report::new("library remove", params);
-    let mut catalogue = Catalogue::open(catalogue).map_err(JobError::from_library)?;
+    let mut catalogue = Catalogue::open(catalogue, progress).map_err(JobError::from_library)?;
+    check_report(&catalogue, report_file).map_err(JobError::from_library)?;
     let removed = ravec_library::remove(&mut catalogue, paths).map_err(JobError::from_library)?;
     report.figures.insert("removed", removed as f64);
     Ok(report)
@@ -104,14 +136,16 @@ pub fn remove(
 /// `orientation` (1 to 8 as in EXIF), `taken`, `unreadable`, `flaw` and `dropped` (a reason or null). Figure: `photos`.
 ///
 /// # Errors
-/// [`JobError::Library`].
+/// [`JobError::Library`], also if `report_file` is the catalogue or a photo that it knows.
 pub fn list(
     catalogue: &Path,
+    report_file: Option<&Path>,
     params: &ListParams,
-    _progress: &Progress,
+    progress: &Progress,
 ) -> Result<Report, JobError> {
     let mut report = Report::new("library list", params);
-    let catalogue = Catalogue::open(catalogue).map_err(JobError::from_library)?;
+    let catalogue = Catalogue::open_to_read(catalogue, progress).map_err(JobError::from_library)?;
+    check_report(&catalogue, report_file).map_err(JobError::from_library)?;
     let entries = catalogue
         .entries(params.all)
         .map_err(JobError::from_library)?;
@@ -136,15 +170,21 @@ pub fn list(
 /// (unreadable, tiny, contentless, framed, near-duplicate or missing, and details). Figure: `dropped`.
 ///
 /// # Errors
-/// [`JobError::Library`], [`JobError::Cancelled`].
+/// [`JobError::Library`], also if `report_file` is the catalogue or a photo that it knows, [`JobError::Cancelled`].
 pub fn clean(
     catalogue: &Path,
+    report_file: Option<&Path>,
     params: &CleanParams,
     progress: &Progress,
 ) -> Result<Report, JobError> {
     let mut report = Report::new("library clean", params);
     let dropped = report.time("clean", || {
-        let mut catalogue = Catalogue::open(catalogue)?;
+        let mut catalogue = if params.dry_run {
+            Catalogue::open_to_read(catalogue, progress)?
+        } else {
+            Catalogue::open(catalogue, progress)?
+        };
+        check_report(&catalogue, report_file)?;
         ravec_library::clean(&mut catalogue, params.dry_run, progress)
     });
     let dropped = dropped.map_err(JobError::from_library)?;
@@ -158,10 +198,16 @@ pub fn clean(
 /// report's `result` says how many were dropped for which reason.
 ///
 /// # Errors
-/// [`JobError::Library`].
-pub fn stats(catalogue: &Path, params: &Plain, _progress: &Progress) -> Result<Report, JobError> {
+/// [`JobError::Library`], also if `report_file` is the catalogue or a photo that it knows.
+pub fn stats(
+    catalogue: &Path,
+    report_file: Option<&Path>,
+    params: &Plain,
+    progress: &Progress,
+) -> Result<Report, JobError> {
     let mut report = Report::new("library stats", params);
-    let catalogue = Catalogue::open(catalogue).map_err(JobError::from_library)?;
+    let catalogue = Catalogue::open_to_read(catalogue, progress).map_err(JobError::from_library)?;
+    check_report(&catalogue, report_file).map_err(JobError::from_library)?;
     let stats = ravec_library::stats(&catalogue).map_err(JobError::from_library)?;
     for (name, count) in [
         ("usable", stats.usable),
@@ -199,29 +245,46 @@ mod tests {
         }
         let catalogue = folder.path().join("photos.ravec");
         let progress = Progress::none();
-        let missing = list(&catalogue, &ListParams::default(), &progress).unwrap_err();
+        let missing = list(&catalogue, None, &ListParams::default(), &progress).unwrap_err();
         assert_eq!(missing.exit_code(), 3);
         let paths = [photos.clone()];
         let limits = Limits::default();
-        let added = add(&paths, &catalogue, &limits, &Plain::default(), &progress).unwrap();
+        let added = add(
+            &paths,
+            &catalogue,
+            None,
+            &limits,
+            &Plain::default(),
+            &progress,
+        )
+        .unwrap();
         assert_eq!(added.figures["new"], 3.0);
-        let listed = list(&catalogue, &ListParams::default(), &progress).unwrap();
+        let listed = list(&catalogue, None, &ListParams::default(), &progress).unwrap();
         assert_eq!(listed.result.unwrap()[2]["width"], 80);
         std::fs::remove_file(photos.join("1.png")).unwrap();
         let dry = CleanParams { dry_run: true };
-        let cleaned = clean(&catalogue, &dry, &progress).unwrap();
+        let cleaned = clean(&catalogue, None, &dry, &progress).unwrap();
         assert_eq!(cleaned.result.unwrap()[0]["reason"], "missing");
         let removed = remove(
             &[photos.join("0.png")],
             &catalogue,
+            None,
             &Plain::default(),
             &progress,
         );
         assert_eq!(removed.unwrap().figures["removed"], 1.0);
-        let counted = stats(&catalogue, &Plain::default(), &progress).unwrap();
+        let counted = stats(&catalogue, None, &Plain::default(), &progress).unwrap();
         assert_eq!(counted.figures["landscape"], 2.0);
         let nowhere = [folder.path().join("no")];
-        let error = add(&nowhere, &catalogue, &limits, &Plain::default(), &progress).unwrap_err();
+        let error = add(
+            &nowhere,
+            &catalogue,
+            None,
+            &limits,
+            &Plain::default(),
+            &progress,
+        )
+        .unwrap_err();
         assert_eq!(error.exit_code(), 3);
     }
 }

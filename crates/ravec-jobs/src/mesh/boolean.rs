@@ -17,7 +17,7 @@ use glam::DVec2;
 use ravec::boolean as library;
 use ravec::boolean::{BooleanError, BooleanReport, Expr, ParseExprError};
 use ravec::mesh::render::View;
-use ravec::mesh::{Attributes, LengthUnit, MeshFormat, MeshLimits, TriMesh};
+use ravec::mesh::{Attributes, LengthUnit, MeshFile, MeshFormat, MeshLimits, TriMesh};
 use ravec::progress::Progress;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -155,7 +155,7 @@ fn parsed(text: &str, names: &[String]) -> Result<Expr, JobError> {
 pub fn run(
     expression: &str,
     files: &[NamedFile],
-    limits: MeshLimits,
+    limits: &MeshLimits,
     targets: &Targets,
     params: &Params,
     progress: &Progress,
@@ -186,6 +186,7 @@ pub fn run(
         meshes,
         colors,
         textures,
+        _files,
         target,
     } = read;
     let asked = library::BooleanParams {
@@ -253,13 +254,15 @@ struct Inputs {
     colors: Vec<Vec<[u8; 4]>>,
     /// Texture coordinates of the corners of their triangles, where there are any.
     textures: Vec<Vec<[DVec2; 3]>>,
+    /// What is left of the files: the memory of all that was read stays reserved as long as they are there.
+    _files: Vec<MeshFile>,
     target: MeshTarget,
 }
 
 fn read_all(
     files: &[NamedFile],
     used: &[usize],
-    limits: MeshLimits,
+    limits: &MeshLimits,
     targets: &Targets,
     params: &Params,
     report: &mut Report,
@@ -271,10 +274,11 @@ fn read_all(
     let mut meshes = vec![TriMesh::default(); files.len()];
     let mut colors = vec![Vec::new(); files.len()];
     let mut textures = vec![Vec::new(); files.len()];
+    let mut read = Vec::new();
     for &i in used {
         let source = MeshSource {
             path: files[i].path.clone(),
-            limits,
+            limits: limits.clone(),
         };
         let outputs = targets.paths();
         let mut file = super::read_with_attributes(&source, &outputs, report, progress)?;
@@ -301,9 +305,10 @@ fn read_all(
             file.mesh = scaled(file.mesh, scale, &source)?;
         }
         super::keep_held(&mut file, &source.path, target, report);
-        meshes[i] = file.mesh;
-        colors[i] = file.colors;
-        textures[i] = file.texture;
+        meshes[i] = std::mem::take(&mut file.mesh);
+        colors[i] = std::mem::take(&mut file.colors);
+        textures[i] = std::mem::take(&mut file.texture);
+        read.push(file);
     }
     // an expression always names a mesh
     let target = target.unwrap_or(output);
@@ -311,6 +316,7 @@ fn read_all(
         meshes,
         colors,
         textures,
+        _files: read,
         target,
     })
 }

@@ -58,8 +58,8 @@ pub fn run(source: &MeshSource, params: &Params, progress: &Progress) -> Result<
     weld::check(params.weld)?;
     check_files(&[&source.path], &[])?;
     let mut report = Report::new("mesh check", params);
-    let mesh = super::read(source, &[], &mut report, progress)?.mesh;
-    let mesh = weld::welded(mesh, params.weld, &mut report);
+    let file = super::read(source, &[], &mut report, progress)?;
+    let mesh = weld::welded(file.mesh, params.weld, &mut report, progress)?;
     let asked = CheckParams {
         self_intersections: !params.no_intersections,
         list_limit: params.list,
@@ -68,6 +68,7 @@ pub fn run(source: &MeshSource, params: &Params, progress: &Progress) -> Result<
     let found = report.time("check", || check(&mesh, &asked, progress))?;
     phase.advance(1);
     count(&found, &mut report);
+    progress.check()?;
     report.findings = findings(&mesh, &found, params);
     report.passed = Some(report.findings.iter().all(|finding| !finding.defect));
     Ok(report)

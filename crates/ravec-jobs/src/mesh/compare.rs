@@ -4,7 +4,9 @@ use super::{Length, MeshSource};
 use crate::error::JobError;
 use crate::files::check_files;
 use crate::report::{Finding, Place, Report};
-use ravec::mesh::{Bvh, HausdorffError, HausdorffParams, OneSided, TriMesh, distances_to};
+use ravec::mesh::{
+    Bvh, HausdorffError, HausdorffParams, MeshFile, OneSided, TriMesh, distances_to,
+};
 use ravec::progress::Progress;
 use serde::{Deserialize, Serialize};
 
@@ -83,8 +85,11 @@ pub fn run(
     params.check()?;
     check_files(&[&a.path, &b.path], &[])?;
     let mut report = Report::new("mesh compare", params);
-    let mesh_a = read_surface(a, &mut report, progress)?;
-    let mesh_b = read_surface(b, &mut report, progress)?;
+    let (file_a, file_b) = (
+        read_surface(a, &mut report, progress)?,
+        read_surface(b, &mut report, progress)?,
+    );
+    let (mesh_a, mesh_b) = (&file_a.mesh, &file_b.mesh);
     let diagonal = mesh_a.bounds().diagonal();
     let tolerance = params.tolerance.of(diagonal);
     let size = diagonal.max(mesh_b.bounds().diagonal());
@@ -114,12 +119,12 @@ pub fn run(
     };
     let a_to_b = report
         .time("a to b", || {
-            distances_to(&mesh_a, &Bvh::new(&mesh_b), &asked, progress)
+            distances_to(mesh_a, &Bvh::try_new(mesh_b, progress)?, &asked, progress)
         })
         .map_err(failed)?;
     let b_to_a = report
         .time("b to a", || {
-            distances_to(&mesh_b, &Bvh::new(&mesh_a), &asked, progress)
+            distances_to(mesh_b, &Bvh::try_new(mesh_a, progress)?, &asked, progress)
         })
         .map_err(failed)?;
     let (lower, upper) = (
@@ -159,7 +164,7 @@ pub fn run(
     }
     if let Some(within) = params.within {
         let within = within.of(diagonal);
-        let within = within + ROUNDINGS * farthest_coordinate(&[&mesh_a, &mesh_b]);
+        let within = within + ROUNDINGS * farthest_coordinate(&[mesh_a, mesh_b]);
         report.passed = Some(upper <= within);
         if lower <= within && within < upper {
             report.warn("the bounds do not decide about --within; give a smaller --tolerance");
@@ -173,14 +178,14 @@ pub(super) fn read_surface(
     source: &MeshSource,
     report: &mut Report,
     progress: &Progress,
-) -> Result<TriMesh, JobError> {
-    let mesh = super::read(source, &[], report, progress)?.mesh;
-    if mesh.triangles().is_empty() {
+) -> Result<MeshFile, JobError> {
+    let file = super::read(source, &[], report, progress)?;
+    if file.mesh.triangles().is_empty() {
         return Err(JobError::NoTriangles {
             path: source.path.clone(),
         });
     }
-    Ok(mesh)
+    Ok(file)
 }
 
 /// How far any coordinate is from 0.

@@ -259,7 +259,7 @@ pub fn run(
         texture,
         ..
     } = file;
-    let mesh = weld::welded(mesh, params.weld, &mut report);
+    let mesh = weld::welded(mesh, params.weld, &mut report, progress)?;
     progress.check()?;
     let mesh = match (from, target.unit) {
         (Some(from), Some(to)) if from != to => {

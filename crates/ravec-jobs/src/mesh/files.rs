@@ -100,7 +100,7 @@ pub fn read_mesh_file(
     progress: &Progress,
 ) -> Result<MeshFile, JobError> {
     let options = ReadOptions {
-        limits: *limits,
+        limits: limits.clone(),
         ..ReadOptions::default()
     };
     read_with_companions(path, options, progress).map(|(file, _)| file)
@@ -132,9 +132,28 @@ fn read_with_companions(
     Ok((file, companions.into_inner()))
 }
 
+/// An address out of a file as it can be shown: short, and with control characters escaped.
+fn shown(address: &str) -> String {
+    const MOST: usize = 80;
+    let escaped = address.chars().flat_map(|c| {
+        let (plain, escaped) = if c.is_control() {
+            (None, Some(c.escape_default()))
+        } else {
+            (Some(c), None)
+        };
+        plain.into_iter().chain(escaped.into_iter().flatten())
+    });
+    let mut shown: String = escaped.clone().take(MOST).collect();
+    if escaped.count() > MOST {
+        shown.push('…');
+    }
+    shown
+}
+
 /// Opens the file at a relative address that stands in the file `path`, if it is in the folder of that or below.
 fn open_beside(path: &Path, address: &str) -> io::Result<(File, PathBuf)> {
-    let failed = |kind, what: &str| io::Error::new(kind, format!("its data file {address} {what}"));
+    let shown = shown(address);
+    let failed = |kind, what: &str| io::Error::new(kind, format!("its data file {shown} {what}"));
     let outside = || {
         let what = "is not in the folder of the file, and others are not read";
         failed(io::ErrorKind::PermissionDenied, what)
@@ -275,11 +294,14 @@ fn read_recorded(
 ) -> Result<MeshFile, JobError> {
     let path = &source.path;
     tracing::info!("reading {}", path.display());
-    options.limits = source.limits;
+    options.limits = source.limits.clone();
     let (file, companions) =
         report.time("read", || read_with_companions(path, options, progress))?;
     let companions: Vec<_> = companions.iter().map(PathBuf::as_path).collect();
     check_files(&companions, outputs)?;
+    for path in companions.into_iter().chain([path.as_path()]) {
+        report.protect(path);
+    }
     for warning in &file.warnings {
         report.warn(format!("{}: {warning}", path.display()));
     }
@@ -352,6 +374,7 @@ fn write_recorded(
     report: &mut Report,
     write: impl FnOnce() -> Result<(), JobError>,
 ) -> Result<(), JobError> {
+    report.check_output(path)?;
     tracing::info!("writing {}", path.display());
     report.time("write", write)?;
     report.outputs.push(written(path, *target, mesh));
@@ -489,6 +512,41 @@ mod tests {
             text.contains("missing.bin cannot be read: No such file or directory"),
             "{text}"
         );
+    }
+
+    #[test]
+    fn an_address_is_shown_short_and_without_control_characters() {
+        let folder = tempfile::tempdir().unwrap();
+        let address = format!("%1b]0;x%07{}", "y".repeat(100));
+        let path = triangle_at(folder.path(), &address);
+        let error = read_mesh_file(&path, &MeshLimits::default(), &Progress::none()).unwrap_err();
+        let text = error.to_string();
+        assert!(text.contains("\\u{1b}]0;x\\u{7}yyy"), "{text}");
+        assert!(
+            !text.chars().any(char::is_control) && !text.contains(&"y".repeat(80)),
+            "{text}"
+        );
+    }
+
+    #[test]
+    fn files_that_are_read_one_after_the_other_share_the_memory_as_long_as_they_are_held() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.ply");
+        let (mesh, progress) = (icosphere(1.0, 6).mesh, Progress::none());
+        let target = MeshTarget::new(MeshFormat::PlyBinary);
+        write_mesh_file(&path, &mesh, &target, &progress).unwrap();
+        let limits = MeshLimits {
+            memory: ravec::memory::MemoryBudget::new(6_000_000),
+            ..MeshLimits::default()
+        };
+        let first = read_mesh_file(&path, &limits, &progress).unwrap();
+        assert!(limits.memory.used() > 1_900_000);
+        let _second = read_mesh_file(&path, &limits, &progress).unwrap();
+        let error = read_mesh_file(&path, &limits, &progress).unwrap_err();
+        assert!(error.to_string().contains("--max-bytes"), "{error}");
+        assert_eq!(error.exit_code(), 3);
+        drop(first);
+        read_mesh_file(&path, &limits, &progress).unwrap();
     }
 
     #[test]

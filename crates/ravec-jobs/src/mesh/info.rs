@@ -4,7 +4,7 @@ use super::MeshSource;
 use crate::error::JobError;
 use crate::files::check_files;
 use crate::report::Report;
-use ravec::mesh::{CheckParams, check, measure};
+use ravec::mesh::{CheckParams, check, try_measure};
 use ravec::progress::Progress;
 use serde::{Deserialize, Serialize};
 
@@ -27,14 +27,14 @@ pub struct Params {}
 pub fn run(source: &MeshSource, params: &Params, progress: &Progress) -> Result<Report, JobError> {
     check_files(&[&source.path], &[])?;
     let mut report = Report::new("mesh info", params);
-    let mesh = super::read(source, &[], &mut report, progress)?.mesh;
+    let file = super::read(source, &[], &mut report, progress)?;
+    let mesh = &file.mesh;
     let quick = CheckParams {
         self_intersections: false,
         list_limit: 0,
     };
-    let found = report.time("check", || check(&mesh, &quick, progress))?;
-    let measured = report.time("measure", || measure(&mesh));
-    progress.check()?;
+    let found = report.time("check", || check(mesh, &quick, progress))?;
+    let measured = report.time("measure", || try_measure(mesh, progress))?;
     let yes = |fact: bool| f64::from(u8::from(fact));
     let size = measured.max - measured.min;
     let sides = measured.side_lengths;

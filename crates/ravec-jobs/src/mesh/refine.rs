@@ -1,14 +1,27 @@
 //! Smaller triangles for the same surface, so that numbers at vertices show what happens between them.
 
 use ravec::mesh::TriMesh;
+use ravec::progress::{Cancelled, Progress};
 use std::collections::HashMap;
+
+/// So many triangles are cut between two looks at the cancellation.
+const AT_ONCE: usize = 1 << 14;
 
 /// The mesh with edges halved until none is longer than `longest`, or until there would be more than `most` triangles.
 ///
 /// The vertices of the mesh stay and come first. Edges are halved for both of their triangles alike, so that no cracks open.
-pub(super) fn refined(mesh: TriMesh, longest: f64, most: usize) -> TriMesh {
+///
+/// # Errors
+/// [`Cancelled`] soon after `progress` is cancelled.
+pub(super) fn refined(
+    mesh: TriMesh,
+    longest: f64,
+    most: usize,
+    progress: &Progress,
+) -> Result<TriMesh, Cancelled> {
     let (mut positions, mut triangles) = mesh.into_parts();
     loop {
+        progress.check()?;
         let is_long = |positions: &[glam::DVec3], a: u32, b: u32| {
             positions[a as usize].distance_squared(positions[b as usize]) > longest * longest
         };
@@ -22,7 +35,10 @@ pub(super) fn refined(mesh: TriMesh, longest: f64, most: usize) -> TriMesh {
         }
         let mut middles: HashMap<[u32; 2], u32> = HashMap::new();
         let mut next = Vec::with_capacity(triangles.len() + more);
-        for t in triangles {
+        for (i, t) in triangles.into_iter().enumerate() {
+            if i.is_multiple_of(AT_ONCE) {
+                progress.check()?;
+            }
             let middle = [0, 1, 2].map(|i| {
                 let (a, b) = (t[i], t[(i + 1) % 3]);
                 is_long(&positions, a, b).then(|| {
@@ -36,7 +52,8 @@ pub(super) fn refined(mesh: TriMesh, longest: f64, most: usize) -> TriMesh {
         }
         triangles = next;
     }
-    TriMesh::new(positions, triangles).expect("middles of edges lie between finite places")
+    let refined = TriMesh::try_new(positions, triangles, progress)?;
+    Ok(refined.expect("middles of edges lie between finite places"))
 }
 
 /// A triangle cut at the middles of some of its sides, the first of which is that from its first to its second corner.
@@ -72,7 +89,6 @@ fn two([a, b, c]: [u32; 3], ab: u32, bc: u32, out: &mut Vec<[u32; 3]>) {
 mod tests {
     use super::*;
     use ravec::mesh::{CheckParams, check, measure};
-    use ravec::progress::Progress;
     use ravec_scenes::solids::{cuboid, wedge};
 
     #[test]
@@ -82,7 +98,7 @@ mod tests {
             wedge(0.3, 1.0, 2.0).mesh,
         ] {
             let before = measure(&mesh);
-            let fine = refined(mesh.clone(), 0.11, usize::MAX);
+            let fine = refined(mesh.clone(), 0.11, usize::MAX, &Progress::none()).unwrap();
             let after = measure(&fine);
             assert!(after.side_lengths.max <= 0.11);
             assert!((after.area - before.area).abs() < 1e-12 * before.area);
@@ -96,7 +112,7 @@ mod tests {
 
     #[test]
     fn there_are_no_more_triangles_than_wanted() {
-        let fine = refined(cuboid([1.0; 3].into()).mesh, 1e-3, 5000);
+        let fine = refined(cuboid([1.0; 3].into()).mesh, 1e-3, 5000, &Progress::none()).unwrap();
         let count = fine.triangles().len();
         assert!(count > 1000 && count <= 5000, "{count}");
     }

@@ -10,7 +10,7 @@ use ravec::mesh::render::{
     Camera, ColorMap, FeatureLines, LineStyle, Paint, Projection, RenderError, RenderParams,
     Rendering, Section, UpAxis, Values, View, render,
 };
-use ravec::mesh::{Bvh, TriMesh, vertex_distances};
+use ravec::mesh::{Bvh, MeshFile, TriMesh, vertex_distances};
 use ravec::progress::Progress;
 use ravec::raster::{AnyImage, Image, Size, Srgb, Srgba};
 use ravec_media::{Picture, WriteOptions};
@@ -280,16 +280,17 @@ pub fn run(
     let inputs: Vec<_> = inputs.map(|source| source.path.as_path()).collect();
     check_files(&inputs, &[path])?;
     let mut report = Report::new("mesh render", params);
-    let mut mesh = read_surface(source, &mut report, progress)?;
+    let file = read_surface(source, &mut report, progress)?;
+    let MeshFile { mut mesh, .. } = file;
     let look = params.look(&mesh);
     let rendering = if let Some(other) = other {
-        let reference = read_surface(other, &mut report, progress)?;
+        let reference = &read_surface(other, &mut report, progress)?.mesh;
         if !params.edges {
             let edge = FINE_EDGE * mesh.bounds().diagonal();
-            mesh = report.time("refine", || refined(mesh, edge, FINE_TRIANGLES));
+            mesh = report.time("refine", || refined(mesh, edge, FINE_TRIANGLES, progress))?;
         }
         let values = report.time("compare", || {
-            vertex_distances(&mesh, &Bvh::new(&reference), progress)
+            vertex_distances(&mesh, &Bvh::try_new(reference, progress)?, progress)
         })?;
         summarize(&values, &mut report);
         let values = Colored::new(values, reference.bounds().diagonal(), params);

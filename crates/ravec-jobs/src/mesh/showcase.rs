@@ -72,7 +72,8 @@ impl Detail {
 
     /// A mesh with triangles so small that colors at their corners show what happens between them.
     pub(super) fn refined(self, mesh: TriMesh, diagonal: f64) -> TriMesh {
-        refined(mesh, self.length(diagonal / 120.0), 200_000)
+        let longest = self.length(diagonal / 120.0);
+        refined(mesh, longest, 200_000, &Progress::none()).expect("nobody can cancel it")
     }
 }
 

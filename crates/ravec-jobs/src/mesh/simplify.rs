@@ -131,7 +131,7 @@ pub fn run(
         file,
         target,
     } = begun;
-    let mesh = weld::welded(file.mesh, params.weld, &mut report);
+    let mesh = weld::welded(file.mesh, params.weld, &mut report, progress)?;
     let asked = params.of(mesh.bounds().diagonal());
     let simple = report.time("simplify", || {
         simplify(&mesh, &asked, &Keep::default(), |_| false, progress)

@@ -3,7 +3,8 @@
 use super::Length;
 use crate::error::JobError;
 use crate::report::Report;
-use ravec::mesh::{TriMesh, weld};
+use ravec::mesh::{TriMesh, try_weld};
+use ravec::progress::Progress;
 
 /// Refuses a tolerance below 0.
 pub(super) fn check(tolerance: Option<Length>) -> Result<(), JobError> {
@@ -20,12 +21,17 @@ pub(super) fn check(tolerance: Option<Length>) -> Result<(), JobError> {
 /// The mesh with vertices within `tolerance` made one, and without the triangles that thereby lost a corner.
 ///
 /// Figures: `welded_vertices` and `collapsed_triangles`.
-pub(super) fn welded(mesh: TriMesh, tolerance: Option<Length>, report: &mut Report) -> TriMesh {
+pub(super) fn welded(
+    mesh: TriMesh,
+    tolerance: Option<Length>,
+    report: &mut Report,
+    progress: &Progress,
+) -> Result<TriMesh, JobError> {
     let Some(tolerance) = tolerance else {
-        return mesh;
+        return Ok(mesh);
     };
     let tolerance = tolerance.of(mesh.bounds().diagonal());
-    let welded = report.time("weld", || weld(&mesh, tolerance));
+    let welded = report.time("weld", || try_weld(&mesh, tolerance, progress))?;
     let (positions, mut triangles) = welded.mesh.into_parts();
     let before = triangles.len();
     if welded.collapsed > 0 {
@@ -36,7 +42,8 @@ pub(super) fn welded(mesh: TriMesh, tolerance: Option<Length>, report: &mut Repo
         .figures
         .insert("welded_vertices", welded.merged as f64);
     report.figures.insert("collapsed_triangles", dropped as f64);
-    TriMesh::new(positions, triangles).expect("some triangles of a mesh make a mesh")
+    let welded = TriMesh::try_new(positions, triangles, progress)?;
+    Ok(welded.expect("some triangles of a mesh make a mesh"))
 }
 
 #[cfg(test)]
@@ -54,9 +61,11 @@ mod tests {
         let positions = corners.map(Into::into).to_vec();
         let mesh = TriMesh::new(positions, vec![[0, 1, 2], [1, 3, 2]]).unwrap();
         let mut report = Report::new("test", &());
-        let same = welded(mesh.clone(), None, &mut report);
+        let progress = Progress::none();
+        let same = welded(mesh.clone(), None, &mut report, &progress).unwrap();
         assert_eq!(same, mesh);
-        let result = welded(mesh, Some(Length::Percent(1.0)), &mut report);
+        let tolerance = Some(Length::Percent(1.0));
+        let result = welded(mesh, tolerance, &mut report, &progress).unwrap();
         assert_eq!(result.triangles(), [[0, 1, 2]]);
         assert_eq!(report.figures["welded_vertices"], 1.0);
         assert_eq!(report.figures["collapsed_triangles"], 1.0);

@@ -14,11 +14,25 @@ pub(crate) use showcase::show;
 
 use crate::error::JobError;
 use crate::files::{self, Source};
+use crate::report::Report;
 use std::path::Path;
 
 /// Whether one picture can be read and another, if any, be written: said before anything is worked out.
 fn check_paths(input: &Source, output: Option<&Path>) -> Result<(), JobError> {
     let outputs: Vec<&Path> = output.into_iter().collect();
     files::check_files(&[&input.path], &outputs)?;
-    outputs.into_iter().try_for_each(files::check_target)
+    let mut pictures = outputs.into_iter().filter(|path| !is_json(path));
+    pictures.try_for_each(files::check_target)
+}
+
+/// True for an output that gets the result as JSON, not as a picture.
+fn is_json(path: &Path) -> bool {
+    let extension = path.extension().and_then(|extension| extension.to_str());
+    extension.is_some_and(|extension| extension.eq_ignore_ascii_case("json"))
+}
+
+/// Writes the result of the report as JSON.
+fn write_result(path: &Path, report: &mut Report) -> Result<(), JobError> {
+    let text = report.result_json().unwrap_or_default();
+    files::write_output_text(path, "JSON", &text, report)
 }

@@ -12,9 +12,12 @@ pub(crate) const BEFORE: Color = [1.0, 0.55, 0.0];
 /// What it is.
 pub(crate) const AFTER: Color = [0.0, 0.85, 0.25];
 
-/// A width that can be seen in a picture of this size: three pixels of two thousand.
+/// A width that can be seen in a picture of this size: three pixels of two thousand, or a quarter of the shorter side of a
+/// strip, which a line would else fill.
 pub(crate) fn line_width(size: Size) -> f64 {
-    (1.5e-3 * (size.width() as f64).hypot(size.height() as f64)).max(1.2)
+    let (width, height) = (size.width() as f64, size.height() as f64);
+    let share = 1.5e-3 * width.hypot(height);
+    share.min(0.25 * width.min(height)).max(1.2)
 }
 
 /// Draws the stretch from `a` to `b`, `width_px` wide, with smooth borders. What is not finite, or far outside, is not drawn.
@@ -85,6 +88,15 @@ pub(crate) fn draw_grid(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn lines_fit_into_strips_and_are_seen_in_large_pictures() {
+        let width = |width, height| line_width(Size::new(width, height).unwrap());
+        assert_eq!(width(2000, 1500), 1.5e-3 * 2500.0);
+        assert_eq!(width(100, 100), 1.2);
+        assert_eq!(width(20_000_000, 1), 1.2);
+        assert_eq!(width(40, 1_000_000), 10.0);
+    }
 
     #[test]
     fn a_line_covers_its_area_and_nothing_breaks_it() {

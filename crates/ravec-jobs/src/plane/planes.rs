@@ -4,7 +4,7 @@ use crate::error::JobError;
 use crate::files::{self, Source};
 use crate::plane::overlay::{Color, draw_line, line_width};
 use crate::plane::segments::segments;
-use crate::plane::{Focal, check_paths};
+use crate::plane::{Focal, check_paths, is_json, write_result};
 use crate::report::Report;
 use glam::dvec2;
 use ravec::planar::{Proposals, Segment, propose_planes};
@@ -38,8 +38,8 @@ impl Default for Params {
     }
 }
 
-/// Proposes planes, the best first. The picture that may be written shows them in strong colors, with the edges that led to
-/// them: those that meet in one point in one color.
+/// Proposes planes, the best first. An `output` that ends in `.json` gets the result; any other is a picture that shows the
+/// planes in strong colors, with the edges that led to them: those that meet in one point in one color.
 ///
 /// The report's `result` has `planes` (each with `quad`, four corners [x, y] clockwise from the upper left one, `vanishing`,
 /// the numbers of its two vanishing points, `support_px` and `right_angles`), `vanishing_points` (each with `at`, three
@@ -89,7 +89,9 @@ pub fn run(
         report.figures.insert("focal_px", focal);
     }
     report.result = Some(described(&found));
-    if let Some(output) = output {
+    if let Some(output) = output.filter(|path| is_json(path)) {
+        write_result(output, &mut report)?;
+    } else if let Some(output) = output {
         let mut image: Image<LinearRgba> = picture.convert();
         draw(&mut image, &edges, &found);
         let drawn = picture.with_image(&image);
@@ -204,6 +206,17 @@ mod tests {
             assert!(found, "{wall:?} {quads:?}");
         }
         assert!(drawn.exists());
+        let listed = folder.path().join("planes.JSON");
+        let report = run(
+            &source,
+            Some(&listed),
+            &Params::default(),
+            &Progress::none(),
+        )
+        .unwrap();
+        let text = std::fs::read_to_string(&listed).unwrap();
+        assert_eq!(serde_json::from_str::<Value>(&text).unwrap(), result);
+        assert_eq!(report.outputs[0].format, "JSON");
     }
 
     #[test]

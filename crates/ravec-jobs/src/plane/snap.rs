@@ -3,7 +3,7 @@
 use crate::error::JobError;
 use crate::files::{self, Source};
 use crate::plane::overlay::{AFTER, BEFORE, draw_grid, line_width};
-use crate::plane::{Grid, Quad, check_paths};
+use crate::plane::{Grid, Quad, check_paths, is_json, write_result};
 use crate::report::Report;
 use ravec::planar::{QuadGrid, SnapError, SnapParams, encoded_luminance, snap, snap_counting};
 use ravec::progress::Progress;
@@ -121,7 +121,9 @@ pub fn run(
         "support": found.support,
         "moved_px": moved,
     }));
-    if let Some(output) = output {
+    if let Some(output) = output.filter(|path| is_json(path)) {
+        write_result(output, &mut report)?;
+    } else if let Some(output) = output {
         let mut image: Image<LinearRgba> = picture.convert();
         let width = line_width(image.size());
         let before = rough

@@ -1,6 +1,7 @@
 //! The chains that boundary edges form.
 
-use rustc_hash::FxHashMap;
+use ravec_progress::{Cancelled, Progress};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::adjacency::DisjointSets;
@@ -23,32 +24,43 @@ pub struct BoundaryLoop {
 }
 
 /// The chains of the given edges, each of which has one triangle; the longest first.
-pub(super) fn loops(mesh: &TriMesh, adjacency: &Adjacency, boundary: &[u32]) -> Vec<BoundaryLoop> {
+pub(super) fn loops(
+    mesh: &TriMesh,
+    adjacency: &Adjacency,
+    boundary: &[u32],
+    progress: &Progress,
+) -> Result<Vec<BoundaryLoop>, Cancelled> {
+    const AT_ONCE: usize = 1 << 14;
     // the ends of boundary edges by vertex
     let mut ends: Vec<(u32, u32)> = Vec::with_capacity(2 * boundary.len());
     for (i, &edge) in (0_u32..).zip(boundary) {
         ends.extend(adjacency.edges()[edge as usize].map(|v| (v, i)));
     }
-    ends.sort_unstable();
+    progress.check()?;
+    ends.par_sort_unstable();
     let mut sets = DisjointSets::new(boundary.len());
     let mut loose = vec![false; boundary.len()];
-    for around in ends.chunk_by(|a, b| a.0 == b.0) {
+    for (i, around) in ends.chunk_by(|a, b| a.0 == b.0).enumerate() {
+        if i % AT_ONCE == 0 {
+            progress.check()?;
+        }
         let v = around[0].0;
         let fans = adjacency.fans(v, mesh);
-        let mut by_fan: FxHashMap<u32, Vec<u32>> = FxHashMap::default();
+        let mut by_fan: Vec<(u32, u32)> = Vec::with_capacity(around.len());
         for &(_, i) in around {
             let triangle = adjacency.uses(boundary[i as usize])[0].triangle;
             // triangles at a vertex ascend, and that of an edge is at its ends
             if let Ok(at) = adjacency.triangles_at(v).binary_search(&triangle) {
-                by_fan.entry(fans.of[at]).or_default().push(i);
+                by_fan.push((fans.of[at], i));
             }
         }
-        for edges in by_fan.values() {
-            for &other in &edges[1..] {
-                sets.join(edges[0], other);
+        by_fan.sort_unstable();
+        for edges in by_fan.chunk_by(|a, b| a.0 == b.0) {
+            for &(_, other) in &edges[1..] {
+                sets.join(edges[0].1, other);
             }
             if edges.len() != 2 {
-                for &i in edges {
+                for &(_, i) in edges {
                     loose[i as usize] = true;
                 }
             }
@@ -63,6 +75,9 @@ pub(super) fn loops(mesh: &TriMesh, adjacency: &Adjacency, boundary: &[u32]) -> 
     };
     let mut loops = vec![blank; count as usize];
     for (i, &edge) in boundary.iter().enumerate() {
+        if i % AT_ONCE == 0 {
+            progress.check()?;
+        }
         let [a, b] = adjacency.edges()[edge as usize];
         let chain = &mut loops[of[i] as usize];
         let [p, q] = [a, b].map(|v| mesh.positions()[v as usize]);
@@ -71,8 +86,9 @@ pub(super) fn loops(mesh: &TriMesh, adjacency: &Adjacency, boundary: &[u32]) -> 
         chain.closed &= !loose[i];
         chain.vertex = chain.vertex.min(a);
     }
-    loops.sort_by(|a, b| b.length.total_cmp(&a.length));
-    loops
+    progress.check()?;
+    loops.par_sort_by(|a, b| b.length.total_cmp(&a.length));
+    Ok(loops)
 }
 
 #[cfg(test)]
@@ -99,7 +115,7 @@ mod tests {
         let boundary: Vec<u32> = (0..adjacency.edges().len() as u32)
             .filter(|&edge| adjacency.uses(edge).len() == 1)
             .collect();
-        let found = loops(&mesh, &adjacency, &boundary);
+        let found = loops(&mesh, &adjacency, &boundary, &Progress::none()).unwrap();
         let rim = |length, vertex| BoundaryLoop {
             edges: 4,
             length,

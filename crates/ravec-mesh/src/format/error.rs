@@ -3,6 +3,7 @@
 use std::fmt;
 use std::io;
 
+use ravec_memory::OverBudget;
 use ravec_progress::Cancelled;
 
 use super::MeshFormat;
@@ -103,11 +104,17 @@ pub enum ReadMeshError {
     /// The file holds more than the caller allows.
     #[error("the file has more than {limit} {what} (raise the limit with --max-{what})")]
     TooMany {
-        /// `"bytes"`, `"triangles"` or `"vertices"`: which of the limits.
+        /// `"triangles"` or `"vertices"`: which of the limits.
         what: &'static str,
         /// How many are allowed.
         limit: u64,
     },
+    /// Reading takes more memory than the caller allows.
+    #[error(
+        "reading the file takes {} bytes of memory or more, and the limit is {} for all files together (raise the limit with --max-bytes)",
+        .0.used.saturating_add(.0.needed), .0.limit
+    )]
+    OverBudget(OverBudget),
     /// The file is right but uses a feature that is not read here.
     #[error("{format}: {what}")]
     Unsupported {
@@ -134,6 +141,12 @@ impl ReadMeshError {
 impl From<io::Error> for ReadMeshError {
     fn from(error: io::Error) -> Self {
         Self::Io(error)
+    }
+}
+
+impl From<OverBudget> for ReadMeshError {
+    fn from(over: OverBudget) -> Self {
+        Self::OverBudget(over)
     }
 }
 

@@ -7,130 +7,147 @@
 //! left out, points and lines, too. Meshes compressed by an
 //! extension are refused.
 //!
-//! Cost: the file is held in memory whole.
+//! Cost: the data of the buffers are held in memory, the text is not; of each mesh only those primitives are gone through
+//! again with each use that bring something.
 
 mod buffers;
 mod document;
+mod json;
 
-use std::ops::Range;
+use std::collections::HashMap;
 
 use glam::{DAffine3, DMat4, DQuat, DVec2, DVec3};
+use ravec_memory::MemoryBudget;
 use ravec_progress::Progress;
-use rustc_hash::FxHashMap;
 
-use self::buffers::Buffers;
+use self::buffers::{Buffers, Origins};
 use self::document::{Document, Node, Primitive};
+use self::json::Json;
 use super::error::{Place, ReadMeshError};
+use super::memory::List;
+use super::number::shown;
 use super::read::{BufferResolver, MeshFile};
 use super::soup::Soup;
 use super::source::Source;
 use super::{LengthUnit, MeshFormat};
 
-/// What a file may demand: these do not change where the triangles are.
-const HARMLESS: [&str; 4] = [
-    "KHR_mesh_quantization",
-    "KHR_texture_",
-    "KHR_materials_",
-    "EXT_texture_",
-];
-
 pub(super) fn read(
-    source: Source<'_>,
+    mut source: Source<'_>,
     resolver: Option<&mut BufferResolver<'_>>,
 ) -> Result<MeshFile, ReadMeshError> {
-    let (format, progress, options) = (source.format, source.progress, source.options());
-    let file = source.rest()?;
-    let (json, inside) = if format == MeshFormat::Glb {
-        chunks(&file)?
+    let (format, progress, options) = (source.format, source.progress, source.options().clone());
+    let length = if format == MeshFormat::Glb {
+        head(&mut source)?
     } else {
-        let mark = if file.starts_with(b"\xef\xbb\xbf") {
-            3
-        } else {
-            0
-        };
-        (mark..file.len(), None)
+        source.skip_mark()?;
+        u64::MAX
     };
-    let document: Document = serde_json::from_slice(&file[json]).map_err(|error| {
-        // In a GLB file the text has a single line.
-        let place = Place::Line(error.line() as u64);
-        ReadMeshError::syntax(format, place, format!("the JSON is not right: {error}"))
-    })?;
-    for extension in &document.extensions_required {
-        if !HARMLESS
-            .iter()
-            .any(|harmless| extension.starts_with(harmless))
-        {
-            return Err(ReadMeshError::Unsupported {
-                format,
-                what: format!(
-                    "the file needs the extension `{}`, which is not read here; save it without compression and extensions",
-                    extension.chars().take(60).collect::<String>()
-                ),
-            });
-        }
+    let mut json = Json::new(&mut source, length);
+    let parsed = serde_json::from_reader(&mut json);
+    if let Some(failure) = json.take_failure() {
+        return Err(failure);
     }
-    // A JSON file has no data but in its addresses, which are in the document by now.
-    let file = if inside.is_some() { file } else { Vec::new() };
-    let buffers = Buffers::new(
-        format,
-        file,
-        inside.as_ref(),
-        &document.buffers,
+    let (left, data, _of_document) = json.finish();
+    let document: Document = match parsed {
+        Ok(document) => document,
+        Err(_) if left > 0 && format == MeshFormat::Glb && source.peek(1)?.is_empty() => {
+            return Err(source.truncated("a chunk"));
+        }
+        Err(error) => {
+            // In a GLB file the text has a single line.
+            let place = Place::Line(error.line() as u64);
+            let error = error.to_string();
+            let what = format!("the JSON is not right: {}", shown(error.as_bytes()));
+            return Err(ReadMeshError::syntax(format, place, what));
+        }
+    };
+    if let Some(extension) = &document.extensions_required {
+        return Err(ReadMeshError::Unsupported {
+            format,
+            what: format!(
+                "the file needs the extension `{}`, which is not read here; save it without compression and extensions",
+                shown(extension.as_bytes())
+            ),
+        });
+    }
+    let inside = match format {
+        MeshFormat::Glb => binary_chunk(&mut source, left)?,
+        _ => None,
+    };
+    drop(source);
+    let origins = Origins {
+        inside,
+        data,
         resolver,
-        &options,
-        progress,
-    )?;
+    };
+    let buffers = Buffers::new(format, &document.buffers, origins, &options, progress)?;
+    let budget = options.limits.memory.clone();
     let mut scene = Scene {
         format,
         document: &document,
         buffers: &buffers,
+        fruitful: List::new(&budget),
         soup: Soup::new(format, &options.limits),
         texture: options.texture,
+        budget,
         progress,
     };
     scene.read()?;
-    scene.soup.finish(Some(LengthUnit::Meter), progress)
+    let soup = scene.soup;
+    drop(buffers);
+    soup.finish(Some(LengthUnit::Meter), progress)
 }
 
-/// Where the JSON and the first buffer of a GLB file are.
-fn chunks(file: &[u8]) -> Result<(Range<usize>, Option<Range<usize>>), ReadMeshError> {
-    let word = |at: usize| {
-        let bytes = file.get(at..at + 4)?;
-        Some(u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]))
+fn u32_at(bytes: &[u8], at: usize) -> u32 {
+    u32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]])
+}
+
+/// Passes over the header of a GLB file and that of its first chunk, the JSON, and gives the length of that.
+fn head(source: &mut Source<'_>) -> Result<u64, ReadMeshError> {
+    const HEADER: usize = 12;
+    let Some(header) = source.exact(HEADER)? else {
+        return Err(source.truncated("the header"));
     };
-    let truncated = |inside: &str| ReadMeshError::Truncated {
-        format: MeshFormat::Glb,
-        place: Place::Byte(file.len() as u64),
-        inside: inside.to_owned(),
-    };
-    if word(4).ok_or_else(|| truncated("the header"))? != 2 {
+    if u32_at(header, 4) != 2 {
         return Err(ReadMeshError::Unsupported {
             format: MeshFormat::Glb,
             what: "only version 2 of glTF is read".to_owned(),
         });
     }
-    let mut at = 12;
-    let mut json = None;
-    while let (Some(length), Some(kind)) = (word(at), word(at + 4)) {
-        let start = at + 8;
-        let end = start + length as usize;
-        if end > file.len() {
-            return Err(truncated("a chunk"));
+    let chunk = source.exact(8)?;
+    match chunk.map(|chunk| (u32_at(chunk, 0), &chunk[4..] == b"JSON")) {
+        Some((length, true)) => Ok(u64::from(length)),
+        _ => {
+            let what = "the first chunk of the file is not its JSON";
+            Err(ReadMeshError::syntax(
+                MeshFormat::Glb,
+                Place::Byte(12),
+                what,
+            ))
         }
-        match (&json, &kind.to_le_bytes()) {
-            (None, b"JSON") => json = Some(start..end),
-            (None, _) => break,
-            (Some(json), b"BIN\0") => return Ok((json.clone(), Some(start..end))),
-            // Chunks of other kinds may be there and are to be passed over.
-            (Some(_), _) => {}
-        }
-        at = end;
     }
-    let json = json.ok_or_else(|| {
-        let what = "the first chunk of the file is not its JSON";
-        ReadMeshError::syntax(MeshFormat::Glb, Place::Byte(12), what)
-    })?;
-    Ok((json, None))
+}
+
+/// The chunk of binary data, which comes after `left` bytes, if there is one.
+fn binary_chunk(source: &mut Source<'_>, left: u64) -> Result<Option<List<u8>>, ReadMeshError> {
+    if !source.skip(left)? {
+        return Err(source.truncated("a chunk"));
+    }
+    while let Some(chunk) = source.exact(8)? {
+        let (length, is_binary) = (u64::from(u32_at(chunk, 0)), &chunk[4..] == b"BIN\0");
+        if is_binary {
+            let bytes = source.bytes(length, length)?;
+            if (bytes.len() as u64) < length {
+                return Err(source.truncated("a chunk"));
+            }
+            return Ok(Some(bytes));
+        }
+        // Chunks of other kinds may be there and are to be passed over.
+        if !source.skip(length)? {
+            return Err(source.truncated("a chunk"));
+        }
+    }
+    Ok(None)
 }
 
 /// The vertices of a primitive.
@@ -147,9 +164,12 @@ struct Scene<'a> {
     format: MeshFormat,
     document: &'a Document,
     buffers: &'a Buffers,
+    /// Of the meshes that were used before, the primitives that bring something.
+    fruitful: List<Option<List<u32>>>,
     soup: Soup,
     /// Whether texture coordinates are wanted.
     texture: bool,
+    budget: MemoryBudget,
     progress: &'a Progress,
 }
 
@@ -161,24 +181,39 @@ impl Scene<'_> {
 
     fn read(&mut self) -> Result<(), ReadMeshError> {
         let document = self.document;
-        let scene = document.scenes.get(document.scene.unwrap_or(0));
-        let roots = scene.map_or_else(
-            || without_parents(&document.nodes),
-            |scene| scene.nodes.clone(),
-        );
+        for _ in 0..document.meshes.len() {
+            self.fruitful.push(None)?;
+        }
+        let (vertices, triangles) = expected(document);
+        self.soup.expect(vertices, triangles);
         if document.nodes.is_empty() {
             for mesh in 0..document.meshes.len() {
                 self.mesh(mesh, &DAffine3::IDENTITY)?;
             }
         }
-        let mut seen = vec![false; document.nodes.len()];
-        let mut left: Vec<(usize, DAffine3)> = Vec::new();
-        left.extend(
-            roots
-                .into_iter()
+        let mut seen = List::new(&self.budget);
+        seen.fill_up_to(document.nodes.len(), false)?;
+        let mut left: List<(usize, DAffine3)> = List::new(&self.budget);
+        if let Some(scene) = document.scenes.get(document.scene.unwrap_or(0)) {
+            for &root in scene.nodes.iter().rev() {
+                left.push((root, DAffine3::IDENTITY))?;
+            }
+        } else {
+            // the nodes that are nobody's children
+            let mut is_root = List::new(&self.budget);
+            is_root.fill_up_to(document.nodes.len(), true)?;
+            for &child in document.nodes.iter().flat_map(|node| &node.children) {
+                if let Some(is_root) = is_root.get_mut(child) {
+                    *is_root = false;
+                }
+            }
+            for root in (0..document.nodes.len())
                 .rev()
-                .map(|root| (root, DAffine3::IDENTITY)),
-        );
+                .filter(|&node| is_root[node])
+            {
+                left.push((root, DAffine3::IDENTITY))?;
+            }
+        }
         while let Some((index, scene_from_parent)) = left.pop() {
             self.progress.check()?;
             let Some(node) = document.nodes.get(index) else {
@@ -194,60 +229,94 @@ impl Scene<'_> {
             if let Some(mesh) = node.mesh {
                 self.mesh(mesh, &scene_from_node)?;
             }
-            let children = node.children.iter().rev();
-            left.extend(children.map(|&child| (child, scene_from_node)));
+            for &child in node.children.iter().rev() {
+                left.push((child, scene_from_node))?;
+            }
         }
         Ok(())
     }
 
     fn mesh(&mut self, index: usize, scene_from_mesh: &DAffine3) -> Result<(), ReadMeshError> {
-        let Some(mesh) = self.document.meshes.get(index) else {
+        let document = self.document;
+        let Some(mesh) = document.meshes.get(index) else {
             return Err(self.fault("mesh", index, "there is no such mesh"));
         };
         // Primitives often share their positions; where those begin in the soup.
-        let mut begins: FxHashMap<usize, u32> = FxHashMap::default();
-        for primitive in &mesh.primitives {
-            self.remark(primitive);
-            let mode = primitive.mode.unwrap_or(4);
-            if mode < 4 {
-                self.soup.ignore("points and lines");
-                continue;
+        let known = self.fruitful[index].take();
+        let count = known
+            .as_ref()
+            .map_or(mesh.primitives.len(), |known| known.len());
+        // 25 bytes in up to 3.5 places while the table grows
+        let _of_begins = self.budget.reserve(90 * count as u64)?;
+        let mut begins: HashMap<usize, u32> = HashMap::new();
+        let mut fruitful = List::new(&self.budget);
+        if let Some(known) = known {
+            for &which in known.iter() {
+                let primitive = &mesh.primitives[which as usize];
+                self.primitive(index, primitive, scene_from_mesh, &mut begins)?;
             }
-            if mode > 6 {
-                return Err(self.fault("mesh", index, "its primitives are of no known mode"));
-            }
-            let Some(position) = primitive.attributes.position else {
-                continue;
-            };
-            let begin = if let Some(&begin) = begins.get(&position) {
-                begin
-            } else {
-                let begin = self.soup.vertices() as u32;
-                self.vertices(position, scene_from_mesh)?;
-                begins.insert(position, begin);
-                begin
-            };
-            let count = self.document.accessors.get(position).map_or(0, |a| a.count);
-            let texture = primitive.attributes.texture.filter(|_| self.texture);
-            let texture = texture
-                .map(|accessor| self.coordinates(accessor, count))
-                .transpose()?;
-            let vertices = Vertices {
-                begin,
-                count,
-                texture,
-            };
-            let mirrors = scene_from_mesh.matrix3.determinant() < 0.0;
-            match primitive.indices {
-                None => self.triangles(index, mode, mirrors, &vertices, 0..count as u32)?,
-                Some(accessor) => {
-                    let buffers = self.buffers;
-                    let indices = buffers.indices(self.document, accessor)?;
-                    self.triangles(index, mode, mirrors, &vertices, indices)?;
+            fruitful = known;
+        } else {
+            for (which, primitive) in (0_u32..).zip(&mesh.primitives) {
+                if self.primitive(index, primitive, scene_from_mesh, &mut begins)? {
+                    fruitful.push(which)?;
                 }
             }
         }
+        self.fruitful[index] = Some(fruitful);
         Ok(())
+    }
+
+    /// Adds the vertices and triangles of a primitive. Says whether there were any.
+    fn primitive(
+        &mut self,
+        mesh: usize,
+        primitive: &Primitive,
+        scene_from_mesh: &DAffine3,
+        begins: &mut HashMap<usize, u32>,
+    ) -> Result<bool, ReadMeshError> {
+        self.progress.check()?;
+        self.remark(primitive);
+        let mode = primitive.mode.unwrap_or(4);
+        if mode < 4 {
+            self.soup.ignore("points and lines");
+            return Ok(false);
+        }
+        if mode > 6 {
+            return Err(self.fault("mesh", mesh, "its primitives are of no known mode"));
+        }
+        let Some(position) = primitive.attributes.position else {
+            return Ok(false);
+        };
+        let (vertices, triangles) = (self.soup.vertices(), self.soup.triangles());
+        let begin = if let Some(&begin) = begins.get(&position) {
+            begin
+        } else {
+            let begin = vertices as u32;
+            self.vertices(position, scene_from_mesh)?;
+            begins.insert(position, begin);
+            begin
+        };
+        let count = self.document.accessors.get(position).map_or(0, |a| a.count);
+        let texture = primitive.attributes.texture.filter(|_| self.texture);
+        let texture = texture
+            .map(|accessor| self.coordinates(accessor, count))
+            .transpose()?;
+        let added = Vertices {
+            begin,
+            count,
+            texture,
+        };
+        let mirrors = scene_from_mesh.matrix3.determinant() < 0.0;
+        match primitive.indices {
+            None => self.triangles(mesh, mode, mirrors, &added, 0..count as u32)?,
+            Some(accessor) => {
+                let buffers = self.buffers;
+                let indices = buffers.indices(self.document, accessor)?;
+                self.triangles(mesh, mode, mirrors, &added, indices)?;
+            }
+        }
+        Ok(self.soup.vertices() > vertices || self.soup.triangles() > triangles)
     }
 
     fn remark(&mut self, primitive: &Primitive) {
@@ -279,9 +348,7 @@ impl Scene<'_> {
         };
         let buffers = self.buffers;
         let points = buffers.points(self.document, accessor)?;
-        let so_far = self.soup.vertices() as u64;
-        self.soup
-            .claim(so_far.saturating_add(points.len() as u64), 0)?;
+        self.soup.check_more_vertices(points.len() as u64)?;
         for (i, at) in points.enumerate() {
             if i % 65536 == 0 {
                 self.progress.check()?;
@@ -380,15 +447,34 @@ impl Scene<'_> {
     }
 }
 
-/// The nodes that are nobody's children.
-fn without_parents(nodes: &[Node]) -> Vec<usize> {
-    let mut is_root = vec![true; nodes.len()];
-    for &child in nodes.iter().flat_map(|node| &node.children) {
-        if let Some(is_root) = is_root.get_mut(child) {
-            *is_root = false;
+/// How many vertices and triangles there will be if no primitives share their vertices and all nodes are in the scene.
+fn expected(document: &Document) -> (u64, u64) {
+    let count = |accessor: Option<usize>| {
+        let accessor = accessor.and_then(|accessor| document.accessors.get(accessor));
+        accessor.map_or(0, |accessor| accessor.count as u64)
+    };
+    let plus = |(a, b): (u64, u64), (c, d): (u64, u64)| (a.saturating_add(c), b.saturating_add(d));
+    let of_primitive = |primitive: &Primitive| {
+        let vertices = count(primitive.attributes.position);
+        let corners = primitive.indices.map_or(vertices, |i| count(Some(i)));
+        match primitive.mode.unwrap_or(4) {
+            0..4 => (0, 0),
+            4 => (vertices, corners / 3),
+            _ => (vertices, corners.saturating_sub(2)),
         }
+    };
+    // a mesh that many nodes use is counted for each of them by its first primitives: it is only expected
+    const COUNTED: usize = 64;
+    let of_mesh = |mesh: &document::Mesh| {
+        let primitives = mesh.primitives.iter().take(COUNTED);
+        primitives.map(of_primitive).fold((0, 0), plus)
+    };
+    if document.nodes.is_empty() {
+        return document.meshes.iter().map(of_mesh).fold((0, 0), plus);
     }
-    (0..nodes.len()).filter(|&node| is_root[node]).collect()
+    let meshes = document.nodes.iter().filter_map(|node| node.mesh);
+    let meshes = meshes.filter_map(|mesh| document.meshes.get(mesh));
+    meshes.map(of_mesh).fold((0, 0), plus)
 }
 
 /// The transform of a node.

@@ -41,14 +41,29 @@ pub(super) fn words(line: &[u8]) -> impl Iterator<Item = &[u8]> + Clone {
         .filter(|word| !word.is_empty())
 }
 
-/// `word` as it can be shown in a message: short and printable.
+/// The most characters of a file that a message quotes.
+const MAX_SHOWN: usize = 80;
+
+/// `word` as it can be shown in a message: at most 80 characters, control characters and those that change the direction of
+/// text escaped.
 pub(super) fn shown(word: &[u8]) -> String {
-    const MOST: usize = 40;
-    let text = String::from_utf8_lossy(&word[..word.len().min(4 * MOST)]);
-    let visible = |c: char| if c.is_control() { '\u{fffd}' } else { c };
-    let mut short: String = text.chars().take(MOST).map(visible).collect();
-    if text.chars().nth(MOST).is_some() {
-        short.push('…');
+    // a character has at most four bytes
+    let text = String::from_utf8_lossy(&word[..word.len().min(4 * MAX_SHOWN + 4)]);
+    let mut short = String::new();
+    let mut room = MAX_SHOWN;
+    for c in text.chars() {
+        let directs = matches!(c, '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+        let escaped = (c.is_control() || directs).then(|| c.escape_default());
+        let length = escaped.as_ref().map_or(1, ExactSizeIterator::len);
+        if length > room {
+            short.push('…');
+            break;
+        }
+        room -= length;
+        match escaped {
+            Some(escaped) => short.extend(escaped),
+            None => short.push(c),
+        }
     }
     short
 }
@@ -86,7 +101,13 @@ mod tests {
 
     #[test]
     fn shown_words_are_short_and_printable() {
-        assert_eq!(shown(b"a\x07b\xff"), "a\u{fffd}b\u{fffd}");
-        assert_eq!(shown(&[b'x'; 500]).chars().count(), 41);
+        assert_eq!(shown(b"a\x07b\xff"), "a\\u{7}b\u{fffd}");
+        assert_eq!(
+            shown("\u{1b}]0;x\u{9c}\u{202e}".as_bytes()),
+            "\\u{1b}]0;x\\u{9c}\\u{202e}"
+        );
+        assert_eq!(shown(&[b'x'; 500]).chars().count(), MAX_SHOWN + 1);
+        assert_eq!(shown(&[b'x'; MAX_SHOWN]).chars().count(), MAX_SHOWN);
+        assert!(shown(&[0x1b; 500]).chars().count() <= MAX_SHOWN + 1);
     }
 }

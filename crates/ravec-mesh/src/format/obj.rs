@@ -5,34 +5,41 @@
 //! for. Normals, colors, groups and materials are left out; lines, points and free-form surfaces, too.
 
 use glam::{DVec2, DVec3};
+use ravec_progress::Progress;
 
 use super::MeshFormat;
 use super::error::{Place, ReadMeshError};
+use super::memory::List;
 use super::number::{integer, number, shown, three, words};
 use super::read::MeshFile;
 use super::soup::{NO_TEXTURE, Soup};
 use super::source::Source;
+
+/// So many corners of a face are read between two looks at the cancellation.
+const AT_ONCE: usize = 1 << 16;
 
 /// The longest statement, put together from its lines.
 const LONGEST: usize = 1 << 26;
 
 pub(super) fn read(mut source: Source<'_>) -> Result<MeshFile, ReadMeshError> {
     source.skip_mark()?;
+    let budget = &source.limits.memory;
     let mut reader = Reader {
         soup: Soup::new(MeshFormat::Obj, &source.limits),
-        corners: Vec::new(),
-        texture: source.options().texture.then(Vec::new),
+        progress: source.progress,
+        corners: List::new(budget),
+        texture: source.options().texture.then(|| List::new(budget)),
     };
     // A statement of several lines, and where it began.
-    let mut joined = Vec::new();
+    let mut joined = List::new(budget);
     let mut begun = None;
     while let Some((line, place)) = source.content_line(Some(b'#'))? {
         match line.trim_ascii_end().strip_suffix(b"\\") {
             None if begun.is_none() => reader.statement(line, place)?,
             part => {
                 let start = *begun.get_or_insert(place);
-                joined.extend_from_slice(part.unwrap_or(line));
-                joined.push(b' ');
+                joined.extend_from_slice(part.unwrap_or(line))?;
+                joined.push(b' ')?;
                 if joined.len() > LONGEST {
                     return Err(fault(start, "the statement is too long"));
                 }
@@ -54,15 +61,16 @@ fn fault(place: Place, what: impl Into<String>) -> ReadMeshError {
     ReadMeshError::syntax(MeshFormat::Obj, place, what)
 }
 
-struct Reader {
+struct Reader<'a> {
     soup: Soup,
+    progress: &'a Progress,
     /// The corners of the face at hand.
-    corners: Vec<u32>,
+    corners: List<u32>,
     /// Their texture coordinates, if wanted.
-    texture: Option<Vec<u32>>,
+    texture: Option<List<u32>>,
 }
 
-impl Reader {
+impl Reader<'_> {
     fn statement(&mut self, line: &[u8], place: Place) -> Result<(), ReadMeshError> {
         let mut words = words(line);
         let Some(keyword) = words.next() else {
@@ -75,7 +83,7 @@ impl Reader {
                     return Err(fault(place, what));
                 };
                 // One more is a weight, which polygons do not use; three more are a color.
-                if words.count() >= 3 {
+                if words.nth(2).is_some() {
                     self.soup.ignore("colors");
                 }
                 self.soup.vertex(DVec3::from_array(at), place)
@@ -126,8 +134,11 @@ impl Reader {
         place: Place,
     ) -> Result<(), ReadMeshError> {
         self.corners.clear();
-        self.texture.iter_mut().for_each(Vec::clear);
-        for word in words {
+        self.texture.iter_mut().for_each(List::clear);
+        for (i, word) in words.enumerate() {
+            if i % AT_ONCE == 0 {
+                self.progress.check()?;
+            }
             // Corners are spelled `v`, `v/vt`, `v//vn` or `v/vt/vn`.
             let mut parts = word.split(|&byte| byte == b'/');
             let Some(written) = parts.next().and_then(integer) else {
@@ -140,7 +151,7 @@ impl Reader {
             } else {
                 1
             };
-            self.corners.push(self.soup.index(written, base, place)?);
+            self.corners.push(self.soup.index(written, base, place)?)?;
             if let Some(texture) = &mut self.texture {
                 let index = parts.next().and_then(integer).map(|written| {
                     if written < 0 {
@@ -151,7 +162,7 @@ impl Reader {
                 });
                 // those that are not there are none
                 let index = index.and_then(|index| u32::try_from(index).ok());
-                texture.push(index.unwrap_or(NO_TEXTURE));
+                texture.push(index.unwrap_or(NO_TEXTURE))?;
             }
         }
         match &self.texture {

@@ -8,10 +8,14 @@ use glam::DVec3;
 
 use super::MeshFormat;
 use super::error::{Place, ReadMeshError};
+use super::memory::List;
 use super::number::{integer, shown, three, words};
 use super::read::{MeshFile, ReadWarning};
 use super::soup::Soup;
 use super::source::Source;
+
+/// So many corners of a face are read between two looks at the cancellation.
+const AT_ONCE: u64 = 1 << 16;
 
 /// The first word, `[ST][C][N][4][n]OFF`.
 pub(super) struct Header<'a> {
@@ -53,6 +57,7 @@ fn fault(place: Place, what: impl Into<String>) -> ReadMeshError {
 
 pub(super) fn read(mut source: Source<'_>) -> Result<MeshFile, ReadMeshError> {
     source.skip_mark()?;
+    let progress = source.progress;
     let mut soup = Soup::new(MeshFormat::Off, &source.limits);
     let (vertices, faces) = counts(&mut source, &mut soup)?;
     soup.claim(vertices, faces)?;
@@ -66,7 +71,7 @@ pub(super) fn read(mut source: Source<'_>) -> Result<MeshFile, ReadMeshError> {
         };
         soup.vertex(DVec3::from_array(at), place)?;
     }
-    let mut corners = Vec::new();
+    let mut corners = List::new(&source.limits.memory);
     for face in 0..faces {
         let Some((line, place)) = source.content_line(Some(b'#'))? else {
             return Err(source.truncated(format!("face {face} of {faces}")));
@@ -79,12 +84,15 @@ pub(super) fn read(mut source: Source<'_>) -> Result<MeshFile, ReadMeshError> {
         };
         soup.check_room(length.saturating_sub(2))?;
         corners.clear();
-        for _ in 0..length {
+        for corner in 0..length {
+            if corner % AT_ONCE == 0 {
+                progress.check()?;
+            }
             let Some(written) = words.next().and_then(integer) else {
                 let what = format!("the face lacks its {length} corners");
                 return Err(fault(place, what));
             };
-            corners.push(soup.index(written, 0, place)?);
+            corners.push(soup.index(written, 0, place)?)?;
         }
         if words.next().is_some() {
             soup.ignore("colors");
@@ -99,9 +107,9 @@ pub(super) fn read(mut source: Source<'_>) -> Result<MeshFile, ReadMeshError> {
 
 /// Reads the first word and the numbers of vertices and faces.
 fn counts(source: &mut Source<'_>, soup: &mut Soup) -> Result<(u64, u64), ReadMeshError> {
-    let mut found: Vec<u64> = Vec::new();
+    let (mut found, mut count) = ([0; 2], 0);
     let mut first = true;
-    while found.is_empty() {
+    while count == 0 {
         let Some((line, place)) = source.content_line(Some(b'#'))? else {
             return Err(source.truncated("the header"));
         };
@@ -133,15 +141,18 @@ fn counts(source: &mut Source<'_>, soup: &mut Soup) -> Result<(u64, u64), ReadMe
                     what: "binary OFF is not read; save it as text or as PLY".to_owned(),
                 });
             }
-            let Some(Ok(count)) = integer(word).map(u64::try_from) else {
+            let Some(Ok(number)) = integer(word).map(u64::try_from) else {
                 let what = format!("`{}` is not a number of vertices or faces", shown(word));
                 return Err(fault(place, what));
             };
-            found.push(count);
+            if let Some(found) = found.get_mut(count) {
+                *found = number;
+            }
+            count += 1;
         }
-        if found.len() == 1 {
+        if count == 1 {
             return Err(fault(place, "the number of faces is missing"));
         }
     }
-    Ok((found[0], found[1]))
+    Ok(found.into())
 }

@@ -14,10 +14,14 @@ use glam::DVec3;
 
 use self::header::{Element, Encoding, Scalar};
 use super::error::{Place, ReadMeshError};
+use super::memory::List;
 use super::number::{integer, number, shown, words};
 use super::read::{MeshFile, ReadWarning};
 use super::soup::Soup;
 use super::source::Source;
+
+/// So many words of a line are read between two looks at the cancellation.
+const AT_ONCE: u64 = 1 << 16;
 
 const INDICES: [&[u8]; 3] = [b"vertex_indices", b"vertex_index", b"vertex_indexes"];
 
@@ -91,9 +95,10 @@ impl Role {
 }
 
 pub(super) fn read(mut source: Source<'_>) -> Result<MeshFile, ReadMeshError> {
-    let (encoding, elements) = header::read(&mut source)?;
+    let header = header::read(&mut source)?;
+    let encoding = header.encoding;
     let mut soup = Soup::new(source.format, &source.limits);
-    for element in &elements {
+    for element in header.elements.iter() {
         let role = Role::of(element, &source)?;
         match role {
             Role::Vertices(_) => soup.claim(element.rows, 0)?,
@@ -107,8 +112,11 @@ pub(super) fn read(mut source: Source<'_>) -> Result<MeshFile, ReadMeshError> {
             encoding,
             picked: [0.0; 3],
             color: [0, 0, 0, 255],
-            list: Vec::new(),
+            list: List::new(&source.limits.memory),
         };
+        if let Role::Vertices(Columns { color: Some(_), .. }) = table.role {
+            soup.claim_colors(element.rows);
+        }
         table.read(&mut source, &mut soup)?;
     }
     let more = match encoding {
@@ -158,7 +166,7 @@ struct Table<'a> {
     /// The color of the last row.
     color: [u8; 4],
     /// The indices of the last row.
-    list: Vec<u32>,
+    list: List<u32>,
 }
 
 impl Table<'_> {
@@ -183,7 +191,7 @@ impl Table<'_> {
                 Role::Vertices(columns) => {
                     soup.vertex(DVec3::from_array(self.picked), place)?;
                     if columns.color.is_some() {
-                        soup.color(self.color);
+                        soup.color(self.color)?;
                     }
                 }
                 Role::Faces(_) => soup.face(&self.list)?,
@@ -233,7 +241,7 @@ impl Table<'_> {
                             level(scalar, scalar.decode(&row[at..], big))
                         };
                         let [r, g, b] = color.map(level);
-                        soup.color([r, g, b, alpha.map_or(255, level)]);
+                        soup.color([r, g, b, alpha.map_or(255, level)])?;
                     }
                     done += 1;
                 }
@@ -336,7 +344,7 @@ impl Table<'_> {
         source: &mut Source<'_>,
         soup: &mut Soup,
     ) -> Result<Place, ReadMeshError> {
-        let format = source.format;
+        let (format, progress) = (source.format, source.progress);
         let Some((line, place)) = source.content_line(None)? else {
             let name = shown(&self.element.name);
             return Err(source.truncated(format!("row {row} of the element {name}")));
@@ -373,7 +381,10 @@ impl Table<'_> {
             if wanted {
                 self.check_length(count, soup)?;
             }
-            for _ in 0..count {
+            for i in 0..count {
+                if i % AT_ONCE == 0 {
+                    progress.check()?;
+                }
                 let word = next()?;
                 if wanted {
                     let index = integer(word)
@@ -458,9 +469,9 @@ impl Table<'_> {
         soup: &mut Soup,
     ) -> Result<(), ReadMeshError> {
         if index == -1 && matches!(self.role, Role::Strips(_)) {
-            self.list.push(STOP);
+            self.list.push(STOP)?;
         } else {
-            self.list.push(soup.index(index, 0, place)?);
+            self.list.push(soup.index(index, 0, place)?)?;
         }
         Ok(())
     }

@@ -6,19 +6,32 @@
 //! Guarantees: n − 2 triangles that use the corners in their cyclic order, so that the edges of the polygon stay edges;
 //! a simple plane polygon is covered exactly once. Does not guarantee: anything but the count for polygons that cross
 //! themselves or are far from plane. Cost: O(n) if convex, else O(n · reflex corners), and a fan beyond
-//! [`MOST_EARS`] corners, so that a hostile file costs no more than a bounded time per corner.
+//! [`MAX_EARS`] corners, so that a hostile file costs no more than a bounded time per corner.
 
 use glam::{DVec2, DVec3};
+use ravec_progress::{Cancelled, Progress};
 
 /// Non-convex polygons with more corners become a fan. Text outlines have some hundred corners; at 2048 the worst case
 /// costs about 4 µs a corner.
-const MOST_EARS: usize = 2048;
+const MAX_EARS: usize = 2048;
 
-/// Appends the triangles of the polygon `corners`, at least three, to `triangles`.
-pub(super) fn triangulate(corners: &[u32], positions: &[DVec3], triangles: &mut Vec<[u32; 3]>) {
+/// So many triangles are made between two looks at the cancellation.
+const AT_ONCE: usize = 1 << 16;
+
+/// Appends the triangles of the polygon `corners`, at least three, to `triangles`, as numbers of corners. Memory beside the
+/// result is that of [`MAX_EARS`] corners at most.
+///
+/// # Errors
+/// [`Cancelled`] soon after `progress` is cancelled.
+pub(super) fn triangulate(
+    corners: &[u32],
+    positions: &[DVec3],
+    triangles: &mut Vec<[u32; 3]>,
+    progress: &Progress,
+) -> Result<(), Cancelled> {
     let at = |corner: u32| positions[corner as usize];
     match *corners {
-        [a, b, c] => triangles.push([a, b, c]),
+        [_, _, _] => triangles.push([0, 1, 2]),
         [a, b, c, d] => {
             let [pa, pb, pc, pd] = [a, b, c, d].map(at);
             let normal = |a: DVec3, b: DVec3, c: DVec3| (b - a).cross(c - a);
@@ -26,13 +39,22 @@ pub(super) fn triangulate(corners: &[u32], positions: &[DVec3], triangles: &mut 
             let along_bd = normal(pa, pb, pd).dot(normal(pb, pc, pd)) > 0.0;
             let shorter_ac = pa.distance_squared(pc) <= pb.distance_squared(pd);
             if along_ac && (shorter_ac || !along_bd) || shorter_ac && !along_bd {
-                triangles.extend([[a, b, c], [a, c, d]]);
+                triangles.extend([[0, 1, 2], [0, 2, 3]]);
             } else {
-                triangles.extend([[a, b, d], [b, c, d]]);
+                triangles.extend([[0, 1, 3], [1, 2, 3]]);
+            }
+        }
+        _ if corners.len() > MAX_EARS => {
+            let last = corners.len() as u32 - 1;
+            for start in (1..last).step_by(AT_ONCE) {
+                progress.check()?;
+                let end = last.min(start.saturating_add(AT_ONCE as u32));
+                triangles.extend((start..end).map(|i| [0, i, i + 1]));
             }
         }
         _ => cut_ears(corners, positions, triangles),
     }
+    Ok(())
 }
 
 /// Twice the signed area.
@@ -49,8 +71,8 @@ fn cut_ears(corners: &[u32], positions: &[DVec3], triangles: &mut Vec<[u32; 3]>)
     let mut hollow: Vec<usize> = (0..count)
         .filter(|&i| reflex((i + count - 1) % count, i, (i + 1) % count))
         .collect();
-    if hollow.is_empty() || count > MOST_EARS {
-        triangles.extend((1..count - 1).map(|i| [corners[0], corners[i], corners[i + 1]]));
+    if hollow.is_empty() {
+        triangles.extend((1..count as u32 - 1).map(|i| [0, i, i + 1]));
         return;
     }
     let mut next: Vec<usize> = (0..count).map(|i| (i + 1) % count).collect();
@@ -74,7 +96,7 @@ fn cut_ears(corners: &[u32], positions: &[DVec3], triangles: &mut Vec<[u32; 3]>)
             });
         // A polygon without ears crosses itself or has no area: any corner will do.
         if is_ear || tried > left {
-            triangles.push([before, tip, after].map(|i| corners[i]));
+            triangles.push([before, tip, after].map(|i| i as u32));
             next[before] = after;
             previous[after] = before;
             left -= 1;
@@ -87,7 +109,7 @@ fn cut_ears(corners: &[u32], positions: &[DVec3], triangles: &mut Vec<[u32; 3]>)
             tried += 1;
         }
     }
-    triangles.push([previous[tip], tip, next[tip]].map(|i| corners[i]));
+    triangles.push([previous[tip], tip, next[tip]].map(|i| i as u32));
 }
 
 /// The polygon as seen along its Newell normal, counter-clockwise, relative to its first corner.
@@ -129,7 +151,7 @@ mod tests {
     fn cut(positions: &[DVec3]) -> Vec<[u32; 3]> {
         let corners: Vec<u32> = (0..positions.len() as u32).collect();
         let mut triangles = Vec::new();
-        triangulate(&corners, positions, &mut triangles);
+        triangulate(&corners, positions, &mut triangles, &Progress::none()).unwrap();
         triangles
     }
 

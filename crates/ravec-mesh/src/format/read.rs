@@ -2,36 +2,40 @@
 
 use std::fmt;
 use std::io::{self, Read};
+use std::sync::Arc;
 
 use glam::DVec2;
+use ravec_memory::{MemoryBudget, Reservation};
 use ravec_progress::Progress;
 
 use super::error::ReadMeshError;
 use super::source::Source;
-use super::weld::weld;
+use super::weld::weld_within;
 use super::{LengthUnit, MeshFormat, gltf, obj, off, ply, sniff, stl, threemf};
 use crate::TriMesh;
 
 /// Bounds on a mesh that is read: every file is taken to be hostile.
 ///
 /// Counts that a file claims are checked before anything is allocated, and memory grows with the data that really come.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct MeshLimits {
-    /// The most bytes that are taken from the file, from what is packed inside it, and from files it refers to
-    /// (default 8 GiB). Formats that cannot be read as a stream (3MF, glTF) are held in memory whole.
-    pub max_bytes: u64,
+    /// The memory that reading may take, reserved before it is allocated (default half of that of the machine). Clones share
+    /// one account, and a [`MeshFile`] keeps its part of it: all files that are read with clones of one budget take no more
+    /// together than it has. A file as programs write them takes up to 2.5 times its size while it is read, a 3MF file
+    /// that of its unpacked model; numbers of few digits in text take more.
+    pub memory: MemoryBudget,
     /// The most triangles, those of cut polygons and of repeated parts counted (default 200 million; never more than
-    /// `u32::MAX`). Each takes 12 bytes, up to four times as much while it is read.
+    /// `u32::MAX`). Each takes 12 bytes, up to three times as much while it is read.
     pub max_triangles: u64,
     /// The most vertices, counted like the triangles, for STL after welding (default 200 million; never more than
-    /// `u32::MAX`). Each takes 24 bytes, up to four times as much while it is read.
+    /// `u32::MAX`). Each takes 24 bytes, up to three times as much while it is read.
     pub max_vertices: u64,
 }
 
 impl Default for MeshLimits {
     fn default() -> Self {
         Self {
-            max_bytes: 8 << 30,
+            memory: MemoryBudget::default(),
             max_triangles: 200_000_000,
             max_vertices: 200_000_000,
         }
@@ -39,7 +43,7 @@ impl Default for MeshLimits {
 }
 
 /// How a mesh is read.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct ReadOptions {
     /// What reading may cost at most.
     pub limits: MeshLimits,
@@ -59,6 +63,9 @@ pub struct ReadOptions {
 }
 
 /// A mesh and what its file says about it.
+///
+/// Keeps memory reserved of the budget that it was read with until it is dropped, together with its clones, which reserve
+/// nothing of their own.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MeshFile {
     /// The mesh, in units of the file.
@@ -74,6 +81,34 @@ pub struct MeshFile {
     pub texture: Vec<[DVec2; 3]>,
     /// What is not as in the file, each at most once.
     pub warnings: Vec<ReadWarning>,
+    pub(super) memory: MeshMemory,
+}
+
+/// The reservation for what a [`MeshFile`] holds. It ends with the last clone of the file, and is no part of its value.
+#[derive(Debug, Clone, Default)]
+pub(super) struct MeshMemory {
+    reservations: Vec<Arc<Reservation>>,
+}
+
+impl MeshMemory {
+    pub(super) fn new(reservation: Reservation) -> Self {
+        Self {
+            reservations: vec![Arc::new(reservation)],
+        }
+    }
+
+    /// Keeps `more` as well.
+    pub(super) fn absorb(&mut self, more: Reservation) {
+        if more.bytes() > 0 {
+            self.reservations.push(Arc::new(more));
+        }
+    }
+}
+
+impl PartialEq for MeshMemory {
+    fn eq(&self, _: &Self) -> bool {
+        true
+    }
 }
 
 /// Something in a file that is not in the mesh as it was there.
@@ -148,10 +183,12 @@ pub type BufferResolver<'a> = dyn FnMut(&str) -> io::Result<Box<dyn Read>> + 'a;
 
 /// Reads a mesh of any format, which is recognized by its content.
 ///
-/// `reader` need not be buffered. Cancellation is noticed at least every 256 KiB.
+/// `reader` need not be buffered. Cancellation is noticed at least every 256 KiB. The format is decided by the first 4 KiB, or by
+/// the first 64 KiB of a text file that begins with comments.
 ///
 /// # Errors
-/// All variants of [`ReadMeshError`]; [`ReadMeshError::Unsupported`] also if the data of a glTF file are in other files.
+/// All variants of [`ReadMeshError`]; [`ReadMeshError::OverBudget`] before more memory is taken than
+/// [`MeshLimits::memory`] has; [`ReadMeshError::Unsupported`] also if the data of a glTF file are in other files.
 ///
 /// ```
 /// use ravec_mesh::{MeshFormat, ReadOptions, read_mesh};
@@ -190,19 +227,8 @@ fn read_dyn(
     options: &ReadOptions,
     progress: &Progress,
 ) -> Result<MeshFile, ReadMeshError> {
-    let mut source = Source::new(&mut reader, options, progress);
-    let head = source.peek(sniff::HEAD)?;
-    if head.is_empty() {
-        return Err(ReadMeshError::Empty);
-    }
-    // Of a binary STL file with extraordinary numbers at least the size is right.
-    let is_stl = || {
-        options
-            .size
-            .is_some_and(|size| sniff::is_size_of_stl(head, size))
-    };
-    let format = MeshFormat::sniff(head).or_else(|| is_stl().then_some(MeshFormat::StlBinary));
-    source.format = format.ok_or(ReadMeshError::UnknownFormat)?;
+    let mut source = Source::new(&mut reader, options, progress)?;
+    source.format = recognize(&mut source, options.size)?;
     let mut file = match source.format {
         MeshFormat::StlBinary => stl::read_binary(source),
         MeshFormat::StlAscii => stl::read_ascii(source),
@@ -214,8 +240,10 @@ fn read_dyn(
     }?;
     if let Some(tolerance) = options.weld_tolerance {
         progress.check()?;
-        let welded = weld(&file.mesh, tolerance);
+        let (welded, memory) =
+            weld_within(&file.mesh, tolerance, &options.limits.memory, progress)?;
         file.mesh = welded.mesh;
+        file.memory = MeshMemory::new(memory);
         if !std::mem::take(&mut file.colors).is_empty() {
             file.warnings.push(ReadWarning::Ignored { what: "colors" });
         }
@@ -231,4 +259,31 @@ fn read_dyn(
         }
     }
     Ok(file)
+}
+
+/// The format of what comes, from its first bytes: a stream need not end for that, nor bring much.
+fn recognize(source: &mut Source<'_>, size: Option<u64>) -> Result<MeshFormat, ReadMeshError> {
+    // no more is looked at than is asked for, lest the answer depends on how much a read brings
+    fn first(head: &[u8], most: usize) -> &[u8] {
+        &head[..head.len().min(most)]
+    }
+    let mut most = sniff::HEAD;
+    let head = first(source.peek(most)?, most);
+    if head.is_empty() {
+        return Err(ReadMeshError::Empty);
+    }
+    let mut is_open = sniff::is_undecided(head);
+    if is_open {
+        // long comments stand in front of some text files
+        most = sniff::LONGEST_COMMENT;
+        let head = first(source.peek(most)?, most);
+        is_open = sniff::is_undecided(head) && head.len() == most;
+    }
+    let head = first(source.peek(1)?, most);
+    // Of a binary STL file with extraordinary numbers at least the size is right.
+    let is_stl = || size.is_some_and(|size| sniff::is_size_of_stl(head, size));
+    let format = MeshFormat::sniff(head).filter(|_| !is_open);
+    format
+        .or_else(|| is_stl().then_some(MeshFormat::StlBinary))
+        .ok_or(ReadMeshError::UnknownFormat)
 }

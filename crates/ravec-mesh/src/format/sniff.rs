@@ -8,8 +8,11 @@ use super::MeshFormat;
 use super::number::{integer, words};
 use super::off::Header;
 
-/// How much is looked at: long comments may stand in front of a text file.
-pub(super) const HEAD: usize = 1 << 16;
+/// How much is looked at: 80 triangles of a binary STL file, and what programs write in front of their text.
+pub(super) const HEAD: usize = 1 << 12;
+
+/// How much is looked at as long as there are nothing but comments and blank lines.
+pub(super) const LONGEST_COMMENT: usize = 1 << 16;
 
 /// Within these bytes a text file has no control characters, and a binary STL has some.
 const TEXT: usize = 1024;
@@ -69,9 +72,23 @@ fn is_text(head: &[u8]) -> bool {
         .any(|&byte| byte < b' ' && !byte.is_ascii_whitespace() && byte != 0x0b)
 }
 
+/// Whether `head` is text without a word outside of comments, or with one that may go on.
+pub(super) fn is_undecided(head: &[u8]) -> bool {
+    let head = head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(head);
+    let mut lines = head.split(|&byte| byte == b'\n');
+    is_text(head)
+        && lines.all(|line| {
+            let blank = line.trim_ascii_start();
+            blank.is_empty() || blank.starts_with(b"#")
+        })
+}
+
 fn sniff_text(head: &[u8]) -> Option<MeshFormat> {
-    if head.trim_ascii_start().starts_with(b"{") {
-        return Some(MeshFormat::Gltf);
+    if let Some(inside) = head.trim_ascii_start().strip_prefix(b"{") {
+        // names or the end follow, which tells JSON from other text with braces
+        let inside = inside.trim_ascii_start();
+        let is_json = inside.is_empty() || inside.starts_with(b"\"") || inside.starts_with(b"}");
+        return is_json.then_some(MeshFormat::Gltf);
     }
     for line in head.split(|&byte| byte == b'\n') {
         let line = line.split(|&byte| byte == b'#').next().unwrap_or(line);
@@ -111,8 +128,11 @@ fn looks_like_stl(head: &[u8]) -> bool {
         ordinary += u32::from(number == 0.0 || (1e-12..1e12).contains(&number));
         count += 1;
     }
+    // An empty file has nothing behind its count, as zeros without end have.
+    let claims_some = head.get(80..84).is_some_and(|claim| claim != [0; 4]);
     // Of random bits three numbers in ten are in this range.
-    is_size_of_stl(head, head.len() as u64) || count > 0 && ordinary * 10 >= count * 6
+    is_size_of_stl(head, head.len() as u64)
+        || claims_some && count > 0 && ordinary * 10 >= count * 6
 }
 
 /// Whether a binary STL file that begins with `head` has `size` bytes.
@@ -156,6 +176,8 @@ mod tests {
             "8 6\n",
             "-1 2 3\n",
             "hello world",
+            "{{{{",
+            "{ a }",
         ] {
             assert_eq!(sniff(text.as_bytes()), None, "{text}");
         }
@@ -199,5 +221,17 @@ mod tests {
         random[..8].copy_from_slice(b"\x89PNG\r\n\x1a\n");
         assert_eq!(sniff(&random), None);
         assert_eq!(sniff(&[0xff; 300]), None);
+        assert_eq!(sniff(&[0; 4096]), None);
+        assert_eq!(sniff(&[0; 84]), Some(MeshFormat::StlBinary));
+    }
+
+    #[test]
+    fn text_is_undecided_as_long_as_it_may_be_a_comment() {
+        for open in ["", "\n \n", "# a\n# b", "  # a", "\u{feff}#"] {
+            assert!(is_undecided(open.as_bytes()), "{open}");
+        }
+        for decided in ["v", "# a\nv", "{", "# a\n\0"] {
+            assert!(!is_undecided(decided.as_bytes()), "{decided}");
+        }
     }
 }

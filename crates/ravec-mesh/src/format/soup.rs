@@ -3,19 +3,19 @@
 //! Counts are checked against the limits before anything is stored; memory grows with the data, never with a count that
 //! a header claims.
 
-use std::ops::Range;
-
 use glam::{DVec2, DVec3};
+use ravec_memory::{MemoryBudget, Reservation};
 use ravec_progress::Progress;
 
 use super::error::{Place, ReadMeshError};
+use super::memory::{List, with_room};
 use super::polygon::triangulate;
-use super::read::{MeshFile, MeshLimits, ReadWarning};
+use super::read::{MeshFile, MeshLimits, MeshMemory, ReadWarning};
 use super::{LengthUnit, MeshFormat};
 use crate::TriMesh;
 
-/// Reserving more than this on the word of a header would let a file of some bytes take all the memory.
-const TRUSTED: u64 = 1 << 16;
+/// So many triangles are dealt with between two looks at the cancellation.
+const AT_ONCE: usize = 1 << 16;
 
 /// A face with more than three corners, kept until the positions of all its corners are known.
 struct Polygon {
@@ -30,15 +30,28 @@ pub(super) const NO_TEXTURE: u32 = u32::MAX;
 
 /// Texture coordinates, and which of them the corners of faces have. Both lists of corners may be shorter than those of the
 /// faces: the rest has none.
-#[derive(Default)]
 struct Texture {
-    coordinates: Vec<DVec2>,
-    of_triangles: Vec<[u32; 3]>,
+    coordinates: List<DVec2>,
+    of_triangles: List<[u32; 3]>,
     /// As the corners of polygons.
-    of_corners: Vec<u32>,
+    of_corners: List<u32>,
 }
 
 impl Texture {
+    fn new(budget: &MemoryBudget) -> Self {
+        Self {
+            coordinates: List::new(budget),
+            of_triangles: List::new(budget),
+            of_corners: List::new(budget),
+        }
+    }
+
+    /// Where the corners of a triangle are.
+    fn of_triangle(&self, triangle: usize) -> [DVec2; 3] {
+        let corners = self.of_triangles.get(triangle);
+        corners.map_or([DVec2::NAN; 3], |corners| corners.map(|i| self.at(i)))
+    }
+
     fn at(&self, index: u32) -> DVec2 {
         let coordinates = self.coordinates.get(index as usize).copied();
         coordinates.unwrap_or(DVec2::NAN)
@@ -49,11 +62,11 @@ impl Texture {
 pub(super) struct Soup {
     format: MeshFormat,
     limits: MeshLimits,
-    positions: Vec<DVec3>,
-    colors: Vec<[u8; 4]>,
-    triangles: Vec<[u32; 3]>,
-    polygons: Vec<Polygon>,
-    corners: Vec<u32>,
+    positions: List<DVec3>,
+    colors: List<[u8; 4]>,
+    triangles: List<[u32; 3]>,
+    polygons: List<Polygon>,
+    corners: List<u32>,
     texture: Texture,
     /// Triangles that the polygons will give.
     more: u64,
@@ -70,17 +83,18 @@ impl Soup {
         let limits = MeshLimits {
             max_vertices: limits.max_vertices.min(most),
             max_triangles: limits.max_triangles.min(most),
-            max_bytes: limits.max_bytes,
+            memory: limits.memory.clone(),
         };
+        let budget = &limits.memory;
         Self {
             format,
+            positions: List::new(budget),
+            colors: List::new(budget),
+            triangles: List::new(budget),
+            polygons: List::new(budget),
+            corners: List::new(budget),
+            texture: Texture::new(budget),
             limits,
-            positions: Vec::new(),
-            colors: Vec::new(),
-            triangles: Vec::new(),
-            polygons: Vec::new(),
-            corners: Vec::new(),
-            texture: Texture::default(),
             more: 0,
             highest: None,
             left_out: 0,
@@ -92,9 +106,20 @@ impl Soup {
     pub(super) fn claim(&mut self, vertices: u64, faces: u64) -> Result<(), ReadMeshError> {
         self.check_vertices(vertices)?;
         self.check_triangles(faces)?;
-        self.positions.reserve(vertices.min(TRUSTED) as usize);
-        self.triangles.reserve(faces.min(TRUSTED) as usize);
+        self.positions.expect(vertices);
+        self.triangles.expect(faces);
         Ok(())
+    }
+
+    /// Announces counts that are likely, and may be wrong.
+    pub(super) fn expect(&mut self, vertices: u64, triangles: u64) {
+        self.positions.expect(vertices);
+        self.triangles.expect(triangles);
+    }
+
+    /// Announces that each vertex will have a color.
+    pub(super) fn claim_colors(&mut self, vertices: u64) {
+        self.colors.expect(vertices);
     }
 
     #[inline]
@@ -124,6 +149,16 @@ impl Soup {
         self.positions.len()
     }
 
+    /// How many triangles there are, polygons not counted.
+    pub(super) fn triangles(&self) -> usize {
+        self.triangles.len()
+    }
+
+    /// Fails unless `count` more vertices may come.
+    pub(super) fn check_more_vertices(&self, count: u64) -> Result<(), ReadMeshError> {
+        self.check_vertices((self.positions.len() as u64).saturating_add(count))
+    }
+
     /// Fails unless `triangles` more may come.
     #[inline]
     pub(super) fn check_room(&self, triangles: u64) -> Result<(), ReadMeshError> {
@@ -143,27 +178,28 @@ impl Soup {
             });
         }
         self.check_vertices(self.positions.len() as u64 + 1)?;
-        self.positions.push(at);
+        self.positions.push(at)?;
         Ok(())
     }
 
     /// Adds the color of the last vertex, red, green, blue and alpha.
     #[inline]
-    pub(super) fn color(&mut self, color: [u8; 4]) {
-        self.colors.push(color);
+    pub(super) fn color(&mut self, color: [u8; 4]) -> Result<(), ReadMeshError> {
+        self.colors.push(color)?;
+        Ok(())
     }
 
     /// Adds texture coordinates for corners to name.
     pub(super) fn texture(&mut self, at: DVec2) -> Result<(), ReadMeshError> {
         if self.texture.coordinates.len() as u64 >= self.limits.max_vertices {
             return Err(ReadMeshError::TooMany {
-                what: "texture coordinates",
+                what: "vertices",
                 limit: self.limits.max_vertices,
             });
         }
         // what is nowhere is as good as none
         let at = if at.is_finite() { at } else { DVec2::NAN };
-        self.texture.coordinates.push(at);
+        self.texture.coordinates.push(at)?;
         Ok(())
     }
 
@@ -182,12 +218,12 @@ impl Soup {
         self.face(corners)?;
         if self.triangles.len() > triangles {
             let of_triangles = &mut self.texture.of_triangles;
-            of_triangles.resize(triangles, [NO_TEXTURE; 3]);
-            of_triangles.push(std::array::from_fn(|i| texture[i]));
+            of_triangles.fill_up_to(triangles, [NO_TEXTURE; 3])?;
+            of_triangles.push(std::array::from_fn(|i| texture[i]))?;
         } else if self.corners.len() > polygons {
             let of_corners = &mut self.texture.of_corners;
-            of_corners.resize(polygons, NO_TEXTURE);
-            of_corners.extend_from_slice(texture);
+            of_corners.fill_up_to(polygons, NO_TEXTURE)?;
+            of_corners.extend_from_slice(texture)?;
         }
         Ok(())
     }
@@ -227,15 +263,15 @@ impl Soup {
         let gives = (corners.len() as u64).saturating_sub(2);
         self.check_room(gives)?;
         match *corners {
-            [a, b, c] => self.triangles.push([a, b, c]),
+            [a, b, c] => self.triangles.push([a, b, c])?,
             [] | [_] | [_, _] => self.left_out += 1,
             _ => {
                 self.more += gives;
-                self.corners.extend_from_slice(corners);
+                self.corners.extend_from_slice(corners)?;
                 self.polygons.push(Polygon {
                     before: self.triangles.len(),
                     end: self.corners.len(),
-                });
+                })?;
             }
         }
         Ok(())
@@ -278,56 +314,85 @@ impl Soup {
                 faces: self.left_out,
             });
         }
-        let mut texture: Vec<[DVec2; 3]> = Vec::new();
+        let budget = &self.limits.memory;
+        let mut texture: List<[DVec2; 3]> = List::new(budget);
+        let mut all = self.triangles;
         let textured = !self.texture.coordinates.is_empty();
-        let of_triangles = |range: Range<usize>| {
-            let corners = range.map(|t| self.texture.of_triangles.get(t));
-            corners.map(|c| c.map_or([DVec2::NAN; 3], |c| c.map(|i| self.texture.at(i))))
-        };
-        let triangles = if self.polygons.is_empty() {
-            if textured {
-                texture.extend(of_triangles(0..self.triangles.len()));
-            }
-            self.triangles
-        } else {
-            let mut all = Vec::with_capacity(self.triangles.len() + self.more as usize);
-            let (mut taken, mut start) = (0, 0);
-            for (i, polygon) in self.polygons.iter().enumerate() {
-                if i % 1024 == 0 {
-                    progress.check()?;
-                }
-                all.extend_from_slice(&self.triangles[taken..polygon.before]);
+        if textured {
+            texture.make_room(all.len() + self.more as usize)?;
+        }
+        if !self.polygons.is_empty() {
+            let single = all;
+            let (mut triangles, memory) = with_room(budget, single.len() + self.more as usize)?;
+            let (mut taken, mut start, mut since_check) = (0, 0, 0);
+            for polygon in self.polygons.iter() {
                 let corners = &self.corners[start..polygon.end];
-                let first = all.len();
-                triangulate(corners, &self.positions, &mut all);
+                since_check += corners.len() + polygon.before - taken;
+                // at worst some microseconds for each corner
+                if since_check >= 4096 {
+                    progress.check()?;
+                    since_check = 0;
+                }
+                triangles.extend_from_slice(&single[taken..polygon.before]);
+                let first = triangles.len();
+                triangulate(corners, &self.positions, &mut triangles, progress)?;
                 if textured {
-                    texture.extend(of_triangles(taken..polygon.before));
-                    let mut places: Vec<(u32, usize)> =
-                        corners.iter().copied().zip(start..).collect();
-                    places.sort_unstable();
-                    let at = |v: u32| {
-                        let place = places.partition_point(|&(corner, _)| corner < v);
-                        let index = self.texture.of_corners.get(places[place].1);
-                        index.map_or(DVec2::NAN, |&index| self.texture.at(index))
+                    for t in taken..polygon.before {
+                        texture.push(self.texture.of_triangle(t))?;
+                    }
+                    let of_corners = self.texture.of_corners.get(start..polygon.end);
+                    let at = |i: u32| {
+                        let of = of_corners.map(|of| self.texture.at(of[i as usize]));
+                        of.unwrap_or(DVec2::NAN)
                     };
-                    texture.extend(all[first..].iter().map(|t| t.map(at)));
+                    for block in triangles[first..].chunks(AT_ONCE) {
+                        progress.check()?;
+                        for t in block {
+                            texture.push(t.map(at))?;
+                        }
+                    }
+                }
+                for block in triangles[first..].chunks_mut(AT_ONCE) {
+                    progress.check()?;
+                    for t in block {
+                        *t = t.map(|i| corners[i as usize]);
+                    }
                 }
                 (taken, start) = (polygon.before, polygon.end);
             }
-            all.extend_from_slice(&self.triangles[taken..]);
+            triangles.extend_from_slice(&single[taken..]);
             if textured {
-                texture.extend(of_triangles(taken..self.triangles.len()));
+                for t in taken..single.len() {
+                    texture.push(self.texture.of_triangle(t))?;
+                }
             }
-            all
-        };
-        let mut file = mesh_file(self.format, self.positions, triangles, unit, warnings)?;
-        if self.colors.len() == file.mesh.positions().len() {
-            file.colors = self.colors;
-        } else if !self.colors.is_empty() {
-            // several tables of vertices, and not all with colors
-            file.warnings.push(ReadWarning::Ignored { what: "colors" });
+            all = List::from_parts(triangles, memory);
+        } else if textured {
+            for t in 0..all.len() {
+                if t.is_multiple_of(1 << 16) {
+                    progress.check()?;
+                }
+                texture.push(self.texture.of_triangle(t))?;
+            }
         }
+        drop((self.polygons, self.corners, self.texture));
+        let (format, lists) = (self.format, (self.positions, all));
+        let mut file = mesh_file(format, lists, unit, warnings, progress)?;
+        let (colors, mut memory) = self.colors.into_parts();
+        if colors.len() == file.mesh.positions().len() {
+            file.colors = colors;
+        } else {
+            if !colors.is_empty() {
+                // several tables of vertices, and not all with colors
+                file.warnings.push(ReadWarning::Ignored { what: "colors" });
+            }
+            drop(colors);
+            memory.shrink_to(0);
+        }
+        let (texture, of_texture) = texture.into_parts();
         file.texture = texture;
+        memory.absorb(of_texture);
+        file.memory.absorb(memory);
         Ok(file)
     }
 }
@@ -335,14 +400,19 @@ impl Soup {
 /// Puts the parts together.
 pub(super) fn mesh_file(
     format: MeshFormat,
-    positions: Vec<DVec3>,
-    triangles: Vec<[u32; 3]>,
+    (positions, triangles): (List<DVec3>, List<[u32; 3]>),
     unit: Option<LengthUnit>,
     mut warnings: Vec<ReadWarning>,
+    progress: &Progress,
 ) -> Result<MeshFile, ReadMeshError> {
-    let mesh = TriMesh::new(positions, triangles).map_err(|error| ReadMeshError::Unsupported {
-        format,
-        what: error.to_string(),
+    let (positions, mut memory): (_, Reservation) = positions.into_parts();
+    let (triangles, of_triangles) = triangles.into_parts();
+    memory.absorb(of_triangles);
+    let mesh = TriMesh::try_new(positions, triangles, progress)?.map_err(|error| {
+        ReadMeshError::Unsupported {
+            format,
+            what: error.to_string(),
+        }
     })?;
     if mesh.triangles().is_empty() {
         warnings.push(ReadWarning::NoTriangles);
@@ -354,5 +424,6 @@ pub(super) fn mesh_file(
         colors: Vec::new(),
         texture: Vec::new(),
         warnings,
+        memory: MeshMemory::new(memory),
     })
 }

@@ -1,14 +1,16 @@
 //! A buffered stream of bytes, lines and words that knows where it is.
 //!
 //! All readers stand on it, so that limits, cancellation and truncation are dealt with once. Memory is one buffer of
-//! 256 KiB, more only for a longer line.
+//! 256 KiB, more only for a longer line; it is reserved of the budget.
 
 use std::io::{self, Read};
 
+use ravec_memory::Reservation;
 use ravec_progress::{Phase, Progress};
 
 use super::MeshFormat;
 use super::error::{Place, ReadMeshError};
+use super::memory::List;
 use super::read::{MeshLimits, ReadOptions};
 
 /// Large enough that the cost of a system call vanishes, small enough to stay in the second-level cache.
@@ -22,6 +24,8 @@ const LONGEST_LINE: usize = 1 << 26;
 pub(super) struct Source<'a> {
     reader: &'a mut dyn Read,
     buffer: Vec<u8>,
+    /// That of the buffer.
+    memory: Reservation,
     start: usize,
     end: usize,
     /// Bytes that left the buffer.
@@ -42,27 +46,29 @@ impl<'a> Source<'a> {
         reader: &'a mut dyn Read,
         options: &ReadOptions,
         progress: &'a Progress,
-    ) -> Self {
+    ) -> Result<Self, ReadMeshError> {
         let phase = options.size.map(|size| progress.phase("read", size));
-        Self {
+        let memory = options.limits.memory.reserve(BUFFER as u64)?;
+        Ok(Self {
             reader,
             buffer: vec![0; BUFFER],
+            memory,
             start: 0,
             end: 0,
             passed: 0,
             ended: false,
             line: 1,
             format: MeshFormat::StlBinary,
-            limits: options.limits,
-            options: *options,
+            limits: options.limits.clone(),
+            options: options.clone(),
             progress,
             phase,
-        }
+        })
     }
 
     /// The options it was made with.
-    pub(super) fn options(&self) -> ReadOptions {
-        self.options
+    pub(super) fn options(&self) -> &ReadOptions {
+        &self.options
     }
 
     /// Number of the next byte.
@@ -108,7 +114,10 @@ impl<'a> Source<'a> {
         }
         if self.end == self.buffer.len() {
             let longer = self.buffer.len() * 2;
+            self.memory.grow(longer as u64)?;
+            self.buffer.reserve_exact(longer - self.end);
             self.buffer.resize(longer, 0);
+            self.memory.shrink_to(longer as u64);
         }
         let got = loop {
             match self.reader.read(&mut self.buffer[self.end..]) {
@@ -121,12 +130,6 @@ impl<'a> Source<'a> {
         self.ended = got == 0;
         if let Some(phase) = &self.phase {
             phase.advance(got as u64);
-        }
-        if self.passed + self.end as u64 > self.limits.max_bytes {
-            return Err(ReadMeshError::TooMany {
-                what: "bytes",
-                limit: self.limits.max_bytes,
-            });
         }
         Ok(!self.ended)
     }
@@ -269,12 +272,29 @@ impl<'a> Source<'a> {
         Ok(Some((&self.buffer[from..from + length], self.at_line())))
     }
 
-    /// All bytes from here on. Memory grows with the bytes that come.
-    pub(super) fn rest(mut self) -> Result<Vec<u8>, ReadMeshError> {
-        while self.fill()? {}
-        self.buffer.truncate(self.end);
-        self.buffer.drain(..self.start);
-        Ok(self.buffer)
+    /// The next `count` bytes, fewer where the file ends before. Memory grows with the bytes that come; `expected` of them
+    /// are expected.
+    pub(super) fn bytes(&mut self, count: u64, expected: u64) -> Result<List<u8>, ReadMeshError> {
+        let mut bytes = List::new(&self.limits.memory);
+        bytes.expect(expected.min(count));
+        let mut left = count;
+        while left > 0 {
+            let there = self.peek(1)?;
+            if there.is_empty() {
+                break;
+            }
+            let step = left.min(there.len() as u64) as usize;
+            bytes.extend_from_slice(&there[..step])?;
+            self.consume(step);
+            left -= step as u64;
+        }
+        Ok(bytes)
+    }
+
+    /// All bytes from here on.
+    pub(super) fn rest(&mut self) -> Result<List<u8>, ReadMeshError> {
+        let expected = self.options.size.unwrap_or(0);
+        self.bytes(u64::MAX, expected.saturating_sub(self.offset()))
     }
 }
 
@@ -300,7 +320,7 @@ mod tests {
         let progress = Progress::none();
         let options = ReadOptions::default();
         let mut drip = Drip(text);
-        let mut source = Source::new(&mut drip, &options, &progress);
+        let mut source = Source::new(&mut drip, &options, &progress).unwrap();
         let mut lines = Vec::new();
         while let Some((line, place)) = source.line().unwrap() {
             lines.push((String::from_utf8(line.to_vec()).unwrap(), place));
@@ -310,7 +330,7 @@ mod tests {
         assert_eq!(lines, expected);
 
         let mut drip = Drip(text);
-        let mut source = Source::new(&mut drip, &options, &progress);
+        let mut source = Source::new(&mut drip, &options, &progress).unwrap();
         let mut words = Vec::new();
         while let Some((word, place)) = source.word().unwrap() {
             words.push((String::from_utf8(word.to_vec()).unwrap(), place));

@@ -10,6 +10,7 @@
 use glam::DVec3;
 
 use super::error::{Place, ReadMeshError};
+use super::memory::List;
 use super::number::{number, shown};
 use super::read::{MeshFile, MeshLimits, ReadWarning};
 use super::soup::mesh_file;
@@ -20,22 +21,22 @@ use super::{MeshFormat, weld};
 /// What is read so far: places, and the triangles between them.
 struct Welder<K> {
     places: Places<K>,
-    triangles: Vec<[u32; 3]>,
+    triangles: List<[u32; 3]>,
     limits: MeshLimits,
 }
 
 impl<K: Key> Welder<K> {
-    fn new(limits: &MeshLimits) -> Self {
+    fn new(limits: &MeshLimits) -> Result<Self, ReadMeshError> {
         let most = u64::from(u32::MAX);
-        Self {
-            places: Places::default(),
-            triangles: Vec::new(),
+        Ok(Self {
+            places: Places::new(&limits.memory)?,
+            triangles: List::new(&limits.memory),
             limits: MeshLimits {
                 max_triangles: limits.max_triangles.min(most),
                 max_vertices: limits.max_vertices.min(most),
-                ..*limits
+                memory: limits.memory.clone(),
             },
-        }
+        })
     }
 
     fn check_triangles(&self, count: u64) -> Result<(), ReadMeshError> {
@@ -51,14 +52,19 @@ impl<K: Key> Welder<K> {
     /// Adds a triangle. The limit of triangles is the caller's to check.
     #[inline]
     fn triangle(&mut self, corners: [K; 3]) -> Result<(), ReadMeshError> {
-        let corners = corners.map(|corner| self.places.index_of(corner));
-        if self.places.keys.len() as u64 > self.limits.max_vertices {
+        let [a, b, c] = corners;
+        let corners = [
+            self.places.index_of(a)?,
+            self.places.index_of(b)?,
+            self.places.index_of(c)?,
+        ];
+        if self.places.len() as u64 > self.limits.max_vertices {
             return Err(ReadMeshError::TooMany {
                 what: "vertices",
                 limit: self.limits.max_vertices,
             });
         }
-        self.triangles.push(corners);
+        self.triangles.push(corners)?;
         Ok(())
     }
 }
@@ -70,8 +76,9 @@ pub(super) fn read_binary(mut source: Source<'_>) -> Result<MeshFile, ReadMeshEr
         return Err(source.truncated("the header"));
     };
     let count = u32::from_le_bytes([header[80], header[81], header[82], header[83]]);
-    let mut welder = Welder::<[u32; 3]>::new(&source.limits);
+    let mut welder = Welder::<[u32; 3]>::new(&source.limits)?;
     welder.check_triangles(u64::from(count))?;
+    welder.triangles.expect(u64::from(count));
     let mut done = 0;
     while done < count {
         let offset = source.offset();
@@ -111,11 +118,13 @@ pub(super) fn read_binary(mut source: Source<'_>) -> Result<MeshFile, ReadMeshEr
     let Welder {
         places, triangles, ..
     } = welder;
-    let places = places.keys.into_iter();
-    let positions = places
-        .map(|key| DVec3::from_array(key.map(|bits| f64::from(f32::from_bits(bits)))))
-        .collect();
-    mesh_file(MeshFormat::StlBinary, positions, triangles, None, warnings)
+    let progress = source.progress;
+    let positions = places.into_positions(
+        |key| key.map(|bits| f64::from(f32::from_bits(bits))),
+        progress,
+    )?;
+    let lists = (positions, triangles);
+    mesh_file(MeshFormat::StlBinary, lists, None, warnings, progress)
 }
 
 /// The bits of a number, the same for 0 and −0.
@@ -126,7 +135,7 @@ fn positive_zero(bits: u32) -> u32 {
 
 pub(super) fn read_ascii(mut source: Source<'_>) -> Result<MeshFile, ReadMeshError> {
     source.skip_mark()?;
-    let mut welder = Welder::<[u64; 3]>::new(&source.limits);
+    let mut welder = Welder::<[u64; 3]>::new(&source.limits)?;
     let mut corners = [[0; 3]; 3];
     // The corners of a loop that has begun.
     let mut open: Option<usize> = None;
@@ -194,10 +203,10 @@ pub(super) fn read_ascii(mut source: Source<'_>) -> Result<MeshFile, ReadMeshErr
     let Welder {
         places, triangles, ..
     } = welder;
-    let places = places.keys.into_iter();
-    let positions = places.map(|key| DVec3::from_array(key.map(f64::from_bits)));
-    let positions = positions.collect();
-    mesh_file(MeshFormat::StlAscii, positions, triangles, None, warnings)
+    let progress = source.progress;
+    let positions = places.into_positions(|key| key.map(f64::from_bits), progress)?;
+    let lists = (positions, triangles);
+    mesh_file(MeshFormat::StlAscii, lists, None, warnings, progress)
 }
 
 fn coordinates(source: &mut Source<'_>, vertex: u64, place: Place) -> Result<DVec3, ReadMeshError> {

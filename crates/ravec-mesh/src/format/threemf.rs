@@ -8,16 +8,19 @@
 //! Cost: the archive is held in memory, its parts are unpacked as a stream; each object is held once beside the result.
 
 mod package;
+mod parts;
 mod xml;
 
 use glam::DAffine3;
+use ravec_memory::MemoryBudget;
 use ravec_progress::Progress;
-use rustc_hash::FxHashMap;
 
 use self::package::Package;
-use self::xml::{Model, Room, Use};
+use self::parts::Parts;
+use self::xml::{Model, Object, Room, Use};
 use super::MeshFormat;
 use super::error::{Place, ReadMeshError};
+use super::memory::List;
 use super::read::MeshFile;
 use super::soup::Soup;
 use super::source::Source;
@@ -25,162 +28,211 @@ use super::source::Source;
 /// How deep components may be nested. Real files have one to three levels; the way down is on the stack.
 const DEEPEST: usize = 64;
 
+/// So many vertices and triangles are placed between two looks at the cancellation.
+const AT_ONCE: usize = 1 << 16;
+
 pub(super) fn read(source: Source<'_>) -> Result<MeshFile, ReadMeshError> {
-    let (progress, limits) = (source.progress, source.limits);
+    let (progress, limits) = (source.progress, source.limits.clone());
+    let budget = &limits.memory;
     let mut package = Package::open(source)?;
     let mut room = Room::new(&limits);
-    let mut parts = Parts::default();
-    let root = package.root()?;
-    parts.add(&root);
-    let mut next = 0;
-    while next < parts.names.len() {
-        let name = parts.names[next].clone();
-        let model = read_model(&mut package, &name, &mut room, progress)?;
-        let objects = model.objects.values();
-        let uses = objects
-            .flat_map(|object| &object.components)
-            .chain(&model.items);
-        for path in uses.filter_map(|object| object.path.as_deref()) {
-            parts.add(path);
-        }
-        parts.models.push(model);
-        next += 1;
+    let mut parts = Parts::new(budget);
+    let root = package.root(budget.reserve_nothing())?;
+    parts.number(&root)?;
+    let mut models: List<Model> = List::new(budget);
+    while let Some(name) = parts.path(models.len()) {
+        let Some(part) = package.part(name, budget.reserve_nothing())? else {
+            let name = super::number::shown(name.as_bytes());
+            let what = format!("the part {name}, which is referred to, is not in the archive");
+            let place = Place::Byte(0);
+            return Err(ReadMeshError::syntax(MeshFormat::ThreeMf, place, what));
+        };
+        let model = xml::read_part(part, models.len(), &mut parts, &mut room)?;
+        models.push(model)?;
     }
+    drop(package);
 
+    let mut scene = Scene::new(models, limits.memory.clone(), progress)?;
     let mut soup = Soup::new(MeshFormat::ThreeMf, &limits);
-    let mut scene = Scene {
-        parts: &parts,
-        counts: FxHashMap::default(),
-        progress,
-    };
-    let root = &parts.models[0];
-    let mut total = 0_u64;
-    for item in &root.items {
-        total = total.saturating_add(scene.count(0, item, 0)?);
+    scene.count_all()?;
+    scene.leave_out_what_is_empty(progress)?;
+    let (items, unit) = (&scene.models[0].items, scene.models[0].unit);
+    let total = items.iter().fold(Count::default(), |total, item| {
+        total.plus(scene.known_count(item))
+    });
+    soup.check_room(total.triangles)?;
+    soup.claim(total.vertices, total.triangles)?;
+    for item in items.iter() {
+        scene.place(item, &DAffine3::IDENTITY, &mut soup)?;
     }
-    soup.check_room(total)?;
-    for item in &root.items {
-        scene.place(0, item, &DAffine3::IDENTITY, &mut soup)?;
-    }
-    for warning in parts.models.iter().flat_map(|model| &model.warnings) {
+    for warning in scene.models.iter().flat_map(|model| &model.warnings) {
         soup.warn(warning.clone());
     }
-    soup.finish(Some(root.unit), progress)
+    drop(scene);
+    soup.finish(Some(unit), progress)
 }
 
-fn read_model(
-    package: &mut Package,
-    name: &str,
-    room: &mut Room,
-    progress: &Progress,
-) -> Result<Model, ReadMeshError> {
-    let Some(part) = package.part(name)? else {
-        let name = super::number::shown(name.as_bytes());
-        let what = format!("the part {name}, which is referred to, is not in the archive");
-        return Err(ReadMeshError::syntax(
-            MeshFormat::ThreeMf,
-            Place::Byte(0),
-            what,
-        ));
-    };
-    match xml::read_part(part, name, room, progress) {
-        Ok(model) => Ok(model),
-        Err(Ok(error)) => Err(error),
-        Err(Err(xml::TooLarge)) => Err(package.too_large()),
-    }
+/// How much an object brings with its components. Objects without triangles bring no vertices.
+#[derive(Clone, Copy, Default)]
+struct Count {
+    vertices: u64,
+    triangles: u64,
 }
 
-/// All parts that are needed, the root first.
-#[derive(Default)]
-struct Parts {
-    names: Vec<String>,
-    models: Vec<Model>,
-    numbers: FxHashMap<String, usize>,
-}
-
-impl Parts {
-    fn add(&mut self, path: &str) {
-        let key = path.trim_start_matches('/').to_ascii_lowercase();
-        if !self.numbers.contains_key(&key) {
-            self.numbers.insert(key, self.names.len());
-            self.names.push(path.to_owned());
+impl Count {
+    fn plus(self, other: Self) -> Self {
+        Self {
+            vertices: self.vertices.saturating_add(other.vertices),
+            triangles: self.triangles.saturating_add(other.triangles),
         }
     }
-
-    /// The number of the part that `object`, used in `part`, is in.
-    fn of(&self, part: usize, object: &Use) -> usize {
-        let path = object.path.as_deref();
-        let key = path.map(|path| path.trim_start_matches('/').to_ascii_lowercase());
-        // All paths were added when their parts were read.
-        key.and_then(|key| self.numbers.get(&key).copied())
-            .unwrap_or(part)
-    }
 }
 
-/// The tree of uses, while it is walked.
+#[derive(Clone, Copy)]
+enum Counted {
+    NotYet,
+    Begun,
+    Done(Count),
+}
+
+/// The tree of uses.
 struct Scene<'a> {
-    parts: &'a Parts,
-    /// How many triangles an object has with its components; nothing while it is counted.
-    counts: FxHashMap<(usize, u32), Option<u64>>,
+    models: List<Model>,
+    /// Where the objects of each part begin in `counts`.
+    first: List<usize>,
+    counts: List<Counted>,
+    budget: MemoryBudget,
     progress: &'a Progress,
 }
 
-impl Scene<'_> {
-    fn fault(object: u32, what: &str) -> ReadMeshError {
-        let place = Place::Item {
-            of: "object",
-            index: u64::from(object),
-        };
-        ReadMeshError::syntax(MeshFormat::ThreeMf, place, what)
+fn fault(object: u32, what: &str) -> ReadMeshError {
+    let place = Place::Item {
+        of: "object",
+        index: u64::from(object),
+    };
+    ReadMeshError::syntax(MeshFormat::ThreeMf, place, what)
+}
+
+impl<'a> Scene<'a> {
+    fn new(
+        mut models: List<Model>,
+        budget: MemoryBudget,
+        progress: &'a Progress,
+    ) -> Result<Self, ReadMeshError> {
+        let mut first = List::new(&budget);
+        let mut total = 0;
+        for model in models.iter_mut() {
+            progress.check()?;
+            // to be found by their ids; the last one of an id counts, which is what `object` relies upon
+            let _of_sorting =
+                budget.reserve(super::memory::bytes_of::<Object>(model.objects.len()))?;
+            model.objects.sort_by_key(|object| object.id);
+            first.push(total)?;
+            total += model.objects.len();
+        }
+        let mut counts = List::new(&budget);
+        counts.fill_up_to(total, Counted::NotYet)?;
+        Ok(Self {
+            models,
+            first,
+            counts,
+            budget,
+            progress,
+        })
     }
 
-    /// How many triangles `used` brings. Each object is counted once, so that nothing is walked more often than it has
-    /// something to give.
-    fn count(&mut self, part: usize, used: &Use, depth: usize) -> Result<u64, ReadMeshError> {
-        let part = self.parts.of(part, used);
-        let key = (part, used.object);
-        match self.counts.get(&key) {
-            Some(Some(count)) => return Ok(*count),
-            Some(None) => return Err(Self::fault(used.object, "it is a component of itself")),
-            None => {}
+    /// The object that is used, and its place in `counts`.
+    fn object(&self, used: &Use) -> Option<(&Object, usize)> {
+        let part = used.part as usize;
+        let objects = &self.models[part].objects;
+        let end = objects.partition_point(|object| object.id <= used.object);
+        let object = objects[..end].last()?;
+        (object.id == used.object).then_some((object, self.first[part] + end - 1))
+    }
+
+    fn count_all(&mut self) -> Result<(), ReadMeshError> {
+        for item in 0..self.models[0].items.len() {
+            let Use { part, object, .. } = self.models[0].items[item];
+            self.count(part, object, 0)?;
         }
-        let Some(object) = self.parts.models[part].objects.get(&used.object) else {
-            return Err(Self::fault(
-                used.object,
-                "it is used, but there is no such object",
-            ));
+        Ok(())
+    }
+
+    /// How much an object brings. Each object is counted once, so that nothing is walked more often than it has something to
+    /// give.
+    fn count(&mut self, part: u32, id: u32, depth: usize) -> Result<Count, ReadMeshError> {
+        self.progress.check()?;
+        let used = Use {
+            part,
+            object: id,
+            parent_from_object: DAffine3::IDENTITY,
         };
+        let Some((object, at)) = self.object(&used) else {
+            return Err(fault(id, "it is used, but there is no such object"));
+        };
+        match self.counts[at] {
+            Counted::Done(count) => return Ok(count),
+            Counted::Begun => return Err(fault(id, "it is a component of itself")),
+            Counted::NotYet => {}
+        }
         if depth > DEEPEST {
-            return Err(Self::fault(
-                used.object,
-                &format!("components are nested more than {DEEPEST} deep"),
-            ));
+            let what = format!("components are nested more than {DEEPEST} deep");
+            return Err(fault(id, &what));
         }
-        self.counts.insert(key, None);
-        let mut count = object.triangles.len() as u64;
-        for component in &object.components {
-            count = count.saturating_add(self.count(part, component, depth + 1)?);
+        let triangles = object.triangles.len() as u64;
+        let vertices = object.positions.len() as u64;
+        let mut count = Count {
+            vertices: if triangles > 0 { vertices } else { 0 },
+            triangles,
+        };
+        let components = object.components.len();
+        self.counts[at] = Counted::Begun;
+        for component in 0..components {
+            // found again, because counting changes the scene
+            let Some((object, _)) = self.object(&used) else {
+                break;
+            };
+            let Use { part, object, .. } = object.components[component];
+            count = count.plus(self.count(part, object, depth + 1)?);
         }
-        self.counts.insert(key, Some(count));
+        self.counts[at] = Counted::Done(count);
         Ok(count)
+    }
+
+    /// What was counted for a use.
+    fn known_count(&self, used: &Use) -> Count {
+        match self.object(used).map(|(_, at)| self.counts[at]) {
+            Some(Counted::Done(count)) => count,
+            _ => Count::default(),
+        }
+    }
+
+    /// Removes the components that bring nothing: an object that has millions of them may be used a million times.
+    fn leave_out_what_is_empty(&mut self, progress: &Progress) -> Result<(), ReadMeshError> {
+        for part in 0..self.models.len() {
+            for object in 0..self.models[part].objects.len() {
+                progress.check()?;
+                let objects = &mut self.models[part].objects;
+                let empty = List::new(&self.budget);
+                let mut components = std::mem::replace(&mut objects[object].components, empty);
+                components.retain(|used| self.known_count(used).triangles > 0);
+                self.models[part].objects[object].components = components;
+            }
+        }
+        Ok(())
     }
 
     /// Adds the triangles that `used` brings.
     fn place(
         &self,
-        part: usize,
         used: &Use,
         world_from_parent: &DAffine3,
         soup: &mut Soup,
     ) -> Result<(), ReadMeshError> {
         self.progress.check()?;
-        let part = self.parts.of(part, used);
-        let Some(object) = self.parts.models[part].objects.get(&used.object) else {
+        let Some((object, _)) = self.object(used) else {
             return Ok(());
         };
-        if self.counts.get(&(part, used.object)) == Some(&Some(0)) {
-            return Ok(());
-        }
         let place = Place::Item {
             of: "object",
             index: u64::from(used.object),
@@ -190,21 +242,27 @@ impl Scene<'_> {
         let mirrors = world_from_object.matrix3.determinant() < 0.0;
         let begin = soup.vertices() as u32;
         if !object.triangles.is_empty() {
-            for &at in &object.positions {
-                let at = if moves {
-                    world_from_object.transform_point3(at)
-                } else {
-                    at
-                };
-                soup.vertex(at, place)?;
+            for positions in object.positions.chunks(AT_ONCE) {
+                self.progress.check()?;
+                for &at in positions {
+                    let at = if moves {
+                        world_from_object.transform_point3(at)
+                    } else {
+                        at
+                    };
+                    soup.vertex(at, place)?;
+                }
             }
         }
-        for &triangle in &object.triangles {
-            let [a, b, c] = triangle.map(|corner| begin + corner);
-            soup.face(&if mirrors { [a, c, b] } else { [a, b, c] })?;
+        for triangles in object.triangles.chunks(AT_ONCE) {
+            self.progress.check()?;
+            for &triangle in triangles {
+                let [a, b, c] = triangle.map(|corner| begin + corner);
+                soup.face(&if mirrors { [a, c, b] } else { [a, b, c] })?;
+            }
         }
-        for component in &object.components {
-            self.place(part, component, &world_from_object, soup)?;
+        for component in object.components.iter() {
+            self.place(component, &world_from_object, soup)?;
         }
         Ok(())
     }

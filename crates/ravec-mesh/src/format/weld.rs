@@ -7,11 +7,17 @@
 //! Guarantees: triangles stay in their order and none is dropped, so that data that go with them stay aligned; the first
 //! vertex of each place, in the order of the input, is the one that stays; −0 equals 0. With a tolerance no vertex moves
 //! farther than it, and those that stay are farther than it from one another. Does not guarantee: that a chain of
-//! vertices, each near the next, becomes one. Cost: O(vertices), about 50 ns each.
+//! vertices, each near the next, becomes one. Cost: O(vertices), about 50 ns each. The hash has a key of its own in each
+//! run, so that no file can be made of places that collide; the result does not depend on it.
+
+use std::hash::{BuildHasher, RandomState};
 
 use glam::DVec3;
-use rustc_hash::FxHashMap;
+use ravec_memory::{MemoryBudget, Reservation};
+use ravec_progress::{Cancelled, Progress};
 
+use super::error::ReadMeshError;
+use super::memory::{List, bytes_of, with_room};
 use crate::TriMesh;
 
 /// A mesh whose vertices were welded.
@@ -29,36 +35,77 @@ pub struct Welded {
 ///
 /// `tolerance` is a length in units of the mesh; 0 (and anything that is not a positive number) welds vertices at
 /// exactly equal places only. More closes wider cracks and collapses small triangles.
-#[expect(clippy::missing_panics_doc, reason = "the parts of a mesh make a mesh")]
+#[expect(clippy::missing_panics_doc, reason = "nobody cancels")]
 pub fn weld(mesh: &TriMesh, tolerance: f64) -> Welded {
+    let welded = try_weld(mesh, tolerance, &Progress::none());
+    welded.expect("a progress of its own is never cancelled")
+}
+
+/// Welds `mesh` as [`weld`] does.
+///
+/// # Errors
+/// [`Cancelled`] soon after `progress` is cancelled.
+#[expect(clippy::missing_panics_doc, reason = "there is no limit")]
+pub fn try_weld(mesh: &TriMesh, tolerance: f64, progress: &Progress) -> Result<Welded, Cancelled> {
+    match weld_within(mesh, tolerance, &MemoryBudget::unlimited(), progress) {
+        Ok((welded, _)) => Ok(welded),
+        Err(ReadMeshError::Cancelled) => Err(Cancelled),
+        Err(error) => panic!("without a limit only a cancellation stops: {error}"),
+    }
+}
+
+/// So many vertices or triangles are dealt with between two looks at the cancellation: about a millisecond.
+const AT_ONCE: usize = 1 << 14;
+
+/// Welds `mesh` with memory of `budget`, and gives the reservation of the result along with it.
+pub(super) fn weld_within(
+    mesh: &TriMesh,
+    tolerance: f64,
+    budget: &MemoryBudget,
+    progress: &Progress,
+) -> Result<(Welded, Reservation), ReadMeshError> {
     let positions = mesh.positions();
-    let (kept, new_from_old) = if tolerance > 0.0 && tolerance.is_finite() {
-        within(positions, tolerance)
+    let (mut new_from_old, _numbers) = with_room(budget, positions.len())?;
+    let kept = if tolerance > 0.0 && tolerance.is_finite() {
+        let mut cells = Cells::new(tolerance, budget)?;
+        for block in positions.chunks(AT_ONCE) {
+            progress.check()?;
+            for &at in block {
+                new_from_old.push(cells.index_of(at)?);
+            }
+        }
+        cells.kept
     } else {
-        let mut places = Places::<[u64; 3]>::default();
-        let new_from_old = positions.iter().map(|&at| places.index_of(bits(at)));
-        let new_from_old: Vec<u32> = new_from_old.collect();
-        let kept = places
-            .keys
-            .into_iter()
-            .map(|key| DVec3::from_array(key.map(f64::from_bits)));
-        (kept.collect(), new_from_old)
+        let mut places = Places::new(budget)?;
+        for block in positions.chunks(AT_ONCE) {
+            progress.check()?;
+            for &at in block {
+                new_from_old.push(places.index_of(bits(at))?);
+            }
+        }
+        places.into_positions(|key| key.map(f64::from_bits), progress)?
     };
     let merged = positions.len() - kept.len();
     let mut collapsed = 0;
     let corners_differ = |t: [u32; 3]| t[0] != t[1] && t[1] != t[2] && t[2] != t[0];
-    let triangles = mesh.triangles().iter().map(|&old| {
-        let new = old.map(|v| new_from_old[v as usize]);
-        collapsed += usize::from(corners_differ(old) && !corners_differ(new));
-        new
-    });
-    let triangles = triangles.collect();
-    let mesh = TriMesh::new(kept, triangles).expect("the vertices are some of a mesh's vertices");
-    Welded {
-        mesh,
+    let (mut triangles, of_triangles) = with_room(budget, mesh.triangles().len())?;
+    for block in mesh.triangles().chunks(AT_ONCE) {
+        progress.check()?;
+        triangles.extend(block.iter().map(|&old| {
+            let new = old.map(|v| new_from_old[v as usize]);
+            collapsed += usize::from(corners_differ(old) && !corners_differ(new));
+            new
+        }));
+    }
+    let (kept, mut memory) = kept.into_parts();
+    memory.absorb(of_triangles);
+    let mesh = TriMesh::try_new(kept, triangles, progress)?;
+    let welded = Welded {
+        mesh: mesh.expect("the parts of a mesh make a mesh"),
         merged,
         collapsed,
-    }
+    };
+    Ok((welded, memory))
 }
 
 /// The bits of a place, the same for 0 and −0.
@@ -66,70 +113,113 @@ pub(super) fn bits(at: DVec3) -> [u64; 3] {
     at.to_array().map(|x| (x + 0.0).to_bits())
 }
 
-fn within(positions: &[DVec3], tolerance: f64) -> (Vec<DVec3>, Vec<u32>) {
-    const NONE: u32 = u32::MAX;
-    let mut kept: Vec<DVec3> = Vec::new();
-    // Vertices of one cell are chained from the last to the first.
-    let mut last_in_cell: FxHashMap<[u64; 3], u32> = FxHashMap::default();
-    let mut earlier_in_cell: Vec<u32> = Vec::new();
-    let new_from_old = positions.iter().map(|&at| {
-        let cell = (at / tolerance).floor();
+/// Stands for "no vertex".
+const NONE: u32 = u32::MAX;
+
+/// Vertices that are kept, by the cells of a grid as wide as the tolerance.
+struct Cells {
+    tolerance: f64,
+    kept: List<DVec3>,
+    cells: Places<[u64; 3]>,
+    /// The last vertex of each cell; those before it are chained.
+    last: List<u32>,
+    earlier: List<u32>,
+}
+
+/// The number of the cell that a coordinate is in, and that of the cell `step` further. Where neighboring numbers are more
+/// than a tolerance apart, each is a cell of its own: the numbers of cells would not be exact there, or infinite.
+fn cell(x: f64, tolerance: f64, step: f64) -> u64 {
+    let number = x / tolerance;
+    if number.abs() < 18014398509481984.0 {
+        (number.floor() + step + 0.0).to_bits()
+    } else {
+        (x + 0.0).to_bits()
+    }
+}
+
+impl Cells {
+    fn new(tolerance: f64, budget: &MemoryBudget) -> Result<Self, ReadMeshError> {
+        Ok(Self {
+            tolerance,
+            kept: List::new(budget),
+            cells: Places::new(budget)?,
+            last: List::new(budget),
+            earlier: List::new(budget),
+        })
+    }
+
+    /// The index of the first vertex within the tolerance of `at`, which is kept if there is none.
+    fn index_of(&mut self, at: DVec3) -> Result<u32, ReadMeshError> {
+        let tolerance = self.tolerance;
+        let numbers = [-1.0, 0.0, 1.0].map(|step| at.to_array().map(|x| cell(x, tolerance, step)));
         let mut found = NONE;
         for step in 0..27 {
-            let step = DVec3::new(
-                f64::from(step % 3),
-                f64::from(step / 3 % 3),
-                f64::from(step / 9),
-            );
-            let Some(&last) = last_in_cell.get(&bits(cell + step - 1.0)) else {
+            let [x, y, z] = [step % 3, step / 3 % 3, step / 9];
+            let Some(cell) = self
+                .cells
+                .find([numbers[x][0], numbers[y][1], numbers[z][2]])
+            else {
                 continue;
             };
-            let mut candidate = last;
+            let mut candidate = self.last[cell as usize];
             while candidate != NONE {
-                if candidate < found && kept[candidate as usize].distance(at) <= tolerance {
+                let near = || self.kept[candidate as usize].distance(at) <= tolerance;
+                if candidate < found && near() {
                     found = candidate;
                 }
-                candidate = earlier_in_cell[candidate as usize];
+                candidate = self.earlier[candidate as usize];
             }
         }
         if found == NONE {
-            found = kept.len() as u32;
-            kept.push(at);
-            let last = last_in_cell.insert(bits(cell), found);
-            earlier_in_cell.push(last.unwrap_or(NONE));
+            found = self.kept.len() as u32;
+            self.kept.push(at)?;
+            let cell = self.cells.index_of(numbers[1])? as usize;
+            self.last.fill_up_to(cell + 1, NONE)?;
+            self.earlier
+                .push(std::mem::replace(&mut self.last[cell], found))?;
         }
-        found
-    });
-    let new_from_old = new_from_old.collect();
-    (kept, new_from_old)
+        Ok(found)
+    }
 }
 
 /// A place as bits that can be hashed.
 pub(super) trait Key: Copy + Eq {
-    fn hash(self) -> u64;
-}
-
-/// An odd constant with well-spread bits (that of Fibonacci hashing).
-const SPREAD: u64 = 0x9e37_79b9_7f4a_7c15;
-
-fn mixed(words: [u64; 3]) -> u64 {
-    let hash = words.into_iter().fold(0_u64, |hash, word| {
-        (hash.rotate_left(23) ^ word).wrapping_mul(SPREAD)
-    });
-    hash ^ (hash >> 32)
+    fn words(self) -> [u64; 3];
 }
 
 impl Key for [u32; 3] {
     #[inline]
-    fn hash(self) -> u64 {
-        mixed(self.map(u64::from))
+    fn words(self) -> [u64; 3] {
+        self.map(u64::from)
     }
 }
 
 impl Key for [u64; 3] {
     #[inline]
-    fn hash(self) -> u64 {
-        mixed(self)
+    fn words(self) -> [u64; 3] {
+        self
+    }
+}
+
+/// A hash with a key: nobody who does not know the key can choose places that collide. The product of 128 bits folded is
+/// that of wyhash.
+#[derive(Clone, Copy)]
+struct Keyed([u64; 4]);
+
+impl Keyed {
+    fn new() -> Self {
+        let random = RandomState::new();
+        Self(std::array::from_fn(|i| random.hash_one(i)))
+    }
+
+    #[inline]
+    fn hash(self, [x, y, z]: [u64; 3]) -> u64 {
+        let folded = |a: u64, b: u64| {
+            let product = u128::from(a) * u128::from(b);
+            product as u64 ^ (product >> 64) as u64
+        };
+        let [a, b, c, d] = self.0;
+        folded(folded(x ^ a, y ^ b) ^ z ^ c, d | 1)
     }
 }
 
@@ -139,60 +229,120 @@ impl Key for [u64; 3] {
 /// need not look at the keys.
 pub(super) struct Places<K> {
     slots: Vec<u64>,
-    pub(super) keys: Vec<K>,
+    memory: Reservation,
+    keys: List<K>,
+    hash: Keyed,
+    /// How many slots were looked at.
+    #[cfg(test)]
+    probes: u64,
 }
 
 const FREE: u64 = u64::MAX;
 
-impl<K> Default for Places<K> {
-    fn default() -> Self {
-        Self {
-            slots: vec![FREE; 1024],
-            keys: Vec::new(),
-        }
-    }
-}
-
 impl<K: Key> Places<K> {
-    /// The index of `key`, which is added if it is new. At most `u32::MAX` keys may be added.
+    pub(super) fn new(budget: &MemoryBudget) -> Result<Self, ReadMeshError> {
+        const FIRST: usize = 1024;
+        let memory = budget.reserve(bytes_of::<u64>(FIRST))?;
+        Ok(Self {
+            slots: vec![FREE; FIRST],
+            memory,
+            keys: List::new(budget),
+            hash: Keyed::new(),
+            #[cfg(test)]
+            probes: 0,
+        })
+    }
+
+    /// How many places there are.
+    pub(super) fn len(&self) -> usize {
+        self.keys.len()
+    }
+
+    /// The slot of `key` or the free one where it belongs, and the part of its hash that goes there.
     #[inline]
-    pub(super) fn index_of(&mut self, key: K) -> u32 {
-        if self.keys.len() * 2 >= self.slots.len() {
-            self.grow();
-        }
-        let hash = key.hash();
+    fn slot_of(&self, key: K) -> (usize, u64) {
+        let hash = self.hash.hash(key.words());
         let mask = self.slots.len() - 1;
         let tag = hash & !0xffff_ffff;
         let mut slot = hash as usize & mask;
         loop {
             let entry = self.slots[slot];
-            if entry == FREE {
-                let index = self.keys.len() as u32;
-                self.keys.push(key);
-                self.slots[slot] = tag | u64::from(index);
-                return index;
-            }
-            let index = entry as u32;
-            if entry & !0xffff_ffff == tag && self.keys[index as usize] == key {
-                return index;
+            let same = || entry & !0xffff_ffff == tag && self.keys[entry as u32 as usize] == key;
+            if entry == FREE || same() {
+                return (slot, tag);
             }
             slot = (slot + 1) & mask;
         }
     }
 
+    /// The index of `key` if it is there.
+    fn find(&self, key: K) -> Option<u32> {
+        let entry = self.slots[self.slot_of(key).0];
+        (entry != FREE).then_some(entry as u32)
+    }
+
+    /// The index of `key`, which is added if it is new. At most `u32::MAX` keys may be added.
+    #[inline]
+    pub(super) fn index_of(&mut self, key: K) -> Result<u32, ReadMeshError> {
+        if self.keys.len() * 2 >= self.slots.len() {
+            self.grow()?;
+        }
+        let (slot, tag) = self.slot_of(key);
+        #[cfg(test)]
+        {
+            let first = self.hash.hash(key.words()) as usize & (self.slots.len() - 1);
+            self.probes += 1 + (slot.wrapping_sub(first) & (self.slots.len() - 1)) as u64;
+        }
+        let entry = self.slots[slot];
+        if entry != FREE {
+            return Ok(entry as u32);
+        }
+        let index = self.keys.len() as u32;
+        self.keys.push(key)?;
+        self.slots[slot] = tag | u64::from(index);
+        Ok(index)
+    }
+
     #[cold]
-    fn grow(&mut self) {
-        let count = self.slots.len() * 4;
-        self.slots.clear();
-        self.slots.resize(count, FREE);
-        for (index, key) in self.keys.iter().enumerate() {
-            let hash = key.hash();
+    fn grow(&mut self) -> Result<(), ReadMeshError> {
+        let count = self.slots.len() * 2;
+        // the old slots can be found again from the keys
+        self.slots = Vec::new();
+        self.memory.shrink_to(0);
+        self.memory.grow(bytes_of::<u64>(count))?;
+        self.slots = vec![FREE; count];
+        for (index, &key) in self.keys.iter().enumerate() {
+            let hash = self.hash.hash(key.words());
             let mut slot = hash as usize & (count - 1);
             while self.slots[slot] != FREE {
                 slot = (slot + 1) & (count - 1);
             }
             self.slots[slot] = hash & !0xffff_ffff | index as u64;
         }
+        Ok(())
+    }
+
+    /// The places, as what `position` makes of their keys.
+    pub(super) fn into_positions(
+        self,
+        position: impl Fn(K) -> [f64; 3],
+        progress: &Progress,
+    ) -> Result<List<DVec3>, ReadMeshError> {
+        let Self {
+            slots,
+            mut memory,
+            keys,
+            ..
+        } = self;
+        drop(slots);
+        memory.shrink_to(0);
+        memory.grow(bytes_of::<DVec3>(keys.len()))?;
+        let mut positions = Vec::with_capacity(keys.len());
+        for block in keys.chunks(AT_ONCE) {
+            progress.check()?;
+            positions.extend(block.iter().map(|&key| DVec3::from_array(position(key))));
+        }
+        Ok(List::from_parts(positions, memory))
     }
 }
 
@@ -255,5 +405,74 @@ mod tests {
         let mesh = soup(&[far, far, DVec3::X]);
         assert_eq!(weld(&mesh, 1e-9).merged, 1);
         assert_eq!(weld(&mesh, f64::NAN).merged, 1);
+    }
+
+    #[test]
+    fn numbers_that_are_farther_apart_than_the_tolerance_are_cells_of_their_own() {
+        // all in one cell, or in infinite ones, if cells were numbered as those of other places
+        let positions: Vec<DVec3> = (0..50_000_u64)
+            .map(|i| DVec3::splat(f64::from_bits(1e300_f64.to_bits() + i)))
+            .collect();
+        for tolerance in [1e-9, 1e270] {
+            let mut cells = Cells::new(tolerance, &MemoryBudget::unlimited()).unwrap();
+            for &at in &positions {
+                cells.index_of(at).unwrap();
+            }
+            assert_eq!(cells.kept.len(), positions.len());
+            assert_eq!(cells.last.len(), positions.len(), "one vertex a cell");
+        }
+        let far = soup(&[DVec3::X * 1e300, DVec3::new(1e300, 0.0, 0.25), DVec3::Y]);
+        assert_eq!(weld(&far, 0.5).merged, 1);
+    }
+
+    /// Places that have the same hash if the words of a place are mixed one after the other with known constants.
+    fn colliding(count: u64) -> Vec<[u64; 3]> {
+        const SPREAD: u64 = 0x9e37_79b9_7f4a_7c15;
+        let stir = |hash: u64, word: u64| (hash.rotate_left(23) ^ word).wrapping_mul(SPREAD);
+        let places = (0..count).map(|i| {
+            let (x, y) = ((1.0 + i as f64).to_bits(), 0.5_f64.to_bits());
+            let before = stir(stir(0, x), y).rotate_left(23);
+            // the last word undoes what those before it did
+            [x, y, before ^ 77]
+        });
+        let places: Vec<[u64; 3]> = places.collect();
+        let hash = |place: &[u64; 3]| place.iter().fold(0, |hash, &word| stir(hash, word));
+        assert!(places.iter().all(|place| hash(place) == hash(&places[0])));
+        places
+    }
+
+    #[test]
+    fn places_that_were_chosen_to_collide_take_no_more_probes_than_others() {
+        for places in [
+            colliding(200_000),
+            (0..200_000).map(|i| [i << 40, 0, 0]).collect(),
+            (0..200_000).map(|i| [0, i << 52 | i >> 12, i]).collect(),
+        ] {
+            let mut table = Places::new(&MemoryBudget::unlimited()).unwrap();
+            for (i, &place) in (0..).zip(&places) {
+                assert_eq!(table.index_of(place).unwrap(), i);
+            }
+            // about 1.25 for each at this load
+            assert!(table.probes < 2 * 200_000, "{} probes", table.probes);
+        }
+    }
+
+    #[test]
+    fn welding_stops_at_a_cancellation_and_at_the_limit_of_memory() {
+        let positions: Vec<DVec3> = (0..60_000).map(|i| DVec3::X * f64::from(i)).collect();
+        let mesh = soup(&positions);
+        for tolerance in [0.0, 0.25] {
+            for look in 1..=8 {
+                let stopped = try_weld(&mesh, tolerance, &Progress::cancelled_at(look));
+                assert_eq!(stopped, Err(Cancelled), "look {look}");
+            }
+            let outcome = weld_within(
+                &mesh,
+                tolerance,
+                &MemoryBudget::new(1_000_000),
+                &Progress::none(),
+            );
+            assert!(matches!(outcome, Err(ReadMeshError::OverBudget(_))));
+        }
     }
 }

@@ -10,12 +10,12 @@ use std::io::{self, Write};
 
 use glam::{DVec2, DVec3};
 use ravec_progress::{Phase, Progress};
-use rustc_hash::FxHashMap;
 
 use super::error::WriteMeshError;
 use super::rows::MeshRows;
 use super::{LengthUnit, MeshFormat};
 use crate::TriMesh;
+use crate::keyed::KeyedMap;
 
 /// How a mesh is written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -105,7 +105,7 @@ pub fn write_mesh_with(
     let all = texture.len() == mesh.triangles().len() && !texture.is_empty();
     let texture = all.then_some(texture);
     if let (MeshFormat::Glb | MeshFormat::Gltf, Some(texture)) = (format, texture) {
-        let (split, of_vertices) = split_by_texture(mesh, texture);
+        let (split, of_vertices) = split_by_texture(mesh, texture, progress)?;
         let rows = Rows {
             texture_of_vertices: Some(&of_vertices),
             ..Rows::of(&split)
@@ -173,7 +173,7 @@ impl<'a> Rows<'a> {
             MeshFormat::StlBinary | MeshFormat::Glb | MeshFormat::Gltf
         );
         if single || always_single {
-            check_f32(mesh, format)?;
+            check_f32(mesh, format, progress)?;
         }
         let rows = (mesh.vertex_count() + mesh.triangle_count()) as u64;
         let phase = progress.phase("write", rows);
@@ -202,9 +202,19 @@ impl<'a> Rows<'a> {
     }
 }
 
-fn check_f32(mesh: &dyn MeshRows, format: MeshFormat) -> Result<(), WriteMeshError> {
-    let mut vertex = 0;
+/// So many rows are looked at between two looks at the cancellation.
+const AT_ONCE: usize = 1 << 16;
+
+fn check_f32(
+    mesh: &dyn MeshRows,
+    format: MeshFormat,
+    progress: &Progress,
+) -> Result<(), WriteMeshError> {
+    let mut vertex: usize = 0;
     mesh.for_each_vertex(&mut |at| {
+        if vertex.is_multiple_of(AT_ONCE) {
+            progress.check()?;
+        }
         if let Some(value) = at.to_array().into_iter().find(|&x| !(x as f32).is_finite()) {
             return Err(WriteMeshError::BeyondF32 {
                 format,
@@ -219,12 +229,19 @@ fn check_f32(mesh: &dyn MeshRows, format: MeshFormat) -> Result<(), WriteMeshErr
 
 /// The same mesh with as many vertices at a place as there are texture coordinates there, and these for each vertex. Corners
 /// without, or with more than 32-bit floats hold, have those of the origin: the format knows no others.
-fn split_by_texture(mesh: &TriMesh, texture: &[[DVec2; 3]]) -> (TriMesh, Vec<[f32; 2]>) {
-    let mut names: FxHashMap<(u32, [u32; 2]), u32> = FxHashMap::default();
+fn split_by_texture(
+    mesh: &TriMesh,
+    texture: &[[DVec2; 3]],
+    progress: &Progress,
+) -> Result<(TriMesh, Vec<[f32; 2]>), WriteMeshError> {
+    let mut names: KeyedMap<(u32, [u32; 2]), u32> = KeyedMap::default();
     let (mut positions, mut of_vertices) = (Vec::new(), Vec::new());
     let corners = mesh.triangles().iter().zip(texture);
-    let triangles = corners.map(|(corners, texture)| {
-        std::array::from_fn(|i| {
+    let triangles = corners.enumerate().map(|(t, (corners, texture))| {
+        if t.is_multiple_of(AT_ONCE) {
+            progress.check()?;
+        }
+        Ok(std::array::from_fn(|i| {
             let at = texture[i];
             // counted from the upper edge of the picture
             let at = [at.x as f32, (1.0 - at.y) as f32];
@@ -240,11 +257,12 @@ fn split_by_texture(mesh: &TriMesh, texture: &[[DVec2; 3]]) -> (TriMesh, Vec<[f3
                     of_vertices.push(at);
                     (positions.len() - 1) as u32
                 })
-        })
+        }))
     });
-    let triangles = triangles.collect();
-    let split = TriMesh::new(positions, triangles).expect("vertices were numbered as they came");
-    (split, of_vertices)
+    let triangles = triangles.collect::<Result<_, WriteMeshError>>()?;
+    let split = TriMesh::try_new(positions, triangles, progress)?;
+    let split = split.expect("vertices were numbered as they came");
+    Ok((split, of_vertices))
 }
 
 /// A place rounded to 32-bit floats.

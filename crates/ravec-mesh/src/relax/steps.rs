@@ -71,11 +71,11 @@ impl<'a, J: RelaxJudge> Steps<'a, J> {
         judge: &'a J,
         progress: &Progress,
     ) -> Result<Self, Cancelled> {
-        let adjacency = Adjacency::new(mesh);
+        let adjacency = Adjacency::try_new(mesh, progress)?;
         progress.check()?;
         let vertices = mesh.positions().len();
         let mut held = vec![false; vertices];
-        for v in adjacency.pinched_vertices(mesh) {
+        for v in adjacency.try_pinched_vertices(mesh, progress)? {
             held[v as usize] = true;
         }
         for (edge, ends) in (0_u32..).zip(adjacency.edges()) {

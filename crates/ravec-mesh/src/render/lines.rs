@@ -6,12 +6,13 @@
 //! what it slopes over a sample; by that much, and no more than [`MOST_BIAS`], the line is brought forward.
 
 use glam::{DVec2, DVec3};
-use rayon::prelude::*;
-use rustc_hash::FxHashSet;
+use ravec_progress::{Cancelled, Progress};
 
 use super::camera::{Projected, Projector};
 use super::{FeatureLines, RenderParams, Section};
 use crate::TriMesh;
+use crate::gathered::gathered;
+use crate::keyed::KeyedSet;
 
 /// Which of the styles a line has; later ones are drawn over earlier ones.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -71,50 +72,87 @@ pub(super) fn lines(
     projected: &[Projected],
     projector: &Projector,
     params: &RenderParams,
-) -> Vec<Line> {
+    progress: &Progress,
+) -> Result<Vec<Line>, Cancelled> {
     let mut lines = Vec::new();
-    let marked: FxHashSet<[u32; 2]> = params
+    let marked: KeyedSet<[u32; 2]> = params
         .marked
         .iter()
         .flat_map(|marked| &marked.edges)
         .map(|&[a, b]| [a.min(b), a.max(b)])
         .collect();
     if params.wireframe.is_some() || params.features.is_some() || !marked.is_empty() {
-        let mut sides: Vec<Side> = (0..mesh.triangles().len() as u32)
-            .into_par_iter()
-            .flat_map_iter(|triangle| {
-                let corners = mesh.triangles()[triangle as usize];
-                (0..3).map(move |i| {
-                    let (from, to) = (corners[i], corners[(i + 1) % 3]);
-                    Side {
-                        low: from.min(to),
-                        high: from.max(to),
-                        triangle,
-                        forward: from < to,
-                    }
-                })
-            })
-            .collect();
-        sides.par_sort_unstable();
-        lines.par_extend(
-            sides
-                .par_chunk_by(|a, b| (a.low, a.high) == (b.low, b.high))
-                .filter_map(|sides| {
-                    let is_marked = marked.contains(&[sides[0].low, sides[0].high]);
-                    edge_line(mesh, projected, projector, params, sides, is_marked)
-                }),
-        );
+        let (first, sides) = sides_by_low(mesh, progress)?;
+        lines = gathered(mesh.positions().len(), progress, |low| {
+            let range = first[low as usize] as usize..first[low as usize + 1] as usize;
+            let mut sides = sides[range].to_vec();
+            sides.sort_unstable();
+            let edges = sides.chunk_by(|a, b| a.high == b.high);
+            let found = edges.filter_map(|sides| {
+                let is_marked = marked.contains(&[low, sides[0].high]);
+                edge_line(mesh, projected, projector, params, sides, is_marked)
+            });
+            found.collect::<Vec<_>>()
+        })?;
     }
     if let Some(section) = &params.section
         && params.features.is_some()
     {
-        lines.par_extend(
-            (0..mesh.triangles().len() as u32)
-                .into_par_iter()
-                .filter_map(|triangle| cut_line(mesh, projected, projector, section, triangle)),
-        );
+        lines.extend(gathered(mesh.triangles().len(), progress, |triangle| {
+            cut_line(mesh, projected, projector, section, triangle)
+        })?);
     }
-    lines
+    Ok(lines)
+}
+
+/// The sides of all triangles by their lower vertex, and where those of each vertex begin. There are as many as 32 bits count,
+/// or the list of lines would not fit the memory.
+fn sides_by_low(mesh: &TriMesh, progress: &Progress) -> Result<(Vec<u32>, Vec<Side>), Cancelled> {
+    const AT_ONCE: usize = 1 << 16;
+    let sides_of = |triangle: usize| {
+        let corners = mesh.triangles()[triangle];
+        [0, 1, 2].map(|i| {
+            let (from, to) = (corners[i], corners[(i + 1) % 3]);
+            Side {
+                low: from.min(to),
+                high: from.max(to),
+                triangle: triangle as u32,
+                forward: from < to,
+            }
+        })
+    };
+    let count = mesh.triangles().len();
+    let mut first = vec![0_u32; mesh.positions().len() + 1];
+    for triangle in 0..count {
+        if triangle % AT_ONCE == 0 {
+            progress.check()?;
+        }
+        for side in sides_of(triangle) {
+            first[side.low as usize + 1] += 1;
+        }
+    }
+    for i in 1..first.len() {
+        first[i] += first[i - 1];
+    }
+    let mut next = first.clone();
+    let blank = Side {
+        low: 0,
+        high: 0,
+        triangle: 0,
+        forward: false,
+    };
+    let mut sides = vec![blank; 3 * count];
+    for triangle in 0..count {
+        if triangle % AT_ONCE == 0 {
+            progress.check()?;
+        }
+        for side in sides_of(triangle) {
+            let at = &mut next[side.low as usize];
+            sides[*at as usize] = side;
+            *at += 1;
+        }
+    }
+    Ok((first, sides))
 }
 
 fn edge_line(

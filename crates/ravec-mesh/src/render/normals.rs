@@ -5,10 +5,11 @@
 //! Flipped neighbors are thus left out.
 
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
+use ravec_progress::{Cancelled, Progress};
 
 use super::camera::Projector;
 use crate::TriMesh;
+use crate::gathered::gathered;
 
 /// The unit normals of the corners of each triangle, in the coordinates of the view.
 ///
@@ -17,43 +18,41 @@ pub(super) fn corner_normals(
     mesh: &TriMesh,
     projector: &Projector,
     smooth_angle_deg: f64,
-) -> Vec<[Vec3; 3]> {
-    let triangles = 0..mesh.triangles().len() as u32;
-    let faces: Vec<Face> = triangles
-        .clone()
-        .into_par_iter()
-        .map(|triangle| Face::new(mesh.corners(triangle), projector))
-        .collect();
+    progress: &Progress,
+) -> Result<Vec<[Vec3; 3]>, Cancelled> {
+    let count = mesh.triangles().len();
+    let faces = gathered(count, progress, |triangle| {
+        [Face::new(mesh.corners(triangle), projector)]
+    })?;
     if smooth_angle_deg <= 0.0 {
-        return faces.iter().map(|face| [face.normal; 3]).collect();
+        return gathered(count, progress, |triangle| {
+            [[faces[triangle as usize].normal; 3]]
+        });
     }
-    let (first, around) = corners_by_vertex(mesh);
+    let (first, around) = corners_by_vertex(mesh, progress)?;
     let limit = smooth_angle_deg.to_radians().cos() as f32;
-    triangles
-        .into_par_iter()
-        .map(|triangle| {
-            let own = faces[triangle as usize].normal;
-            mesh.triangles()[triangle as usize].map(|vertex| {
-                let range = first[vertex as usize] as usize..first[vertex as usize + 1] as usize;
-                // A fan of thousands is no smooth surface, and would take its square in time.
-                if range.len() > MOST_AROUND {
-                    return own;
-                }
-                let sum: Vec3 = around[range]
-                    .iter()
-                    .map(|&corner| {
-                        let face = &faces[corner as usize / 3];
-                        if face.normal.dot(own) >= limit {
-                            face.angles[corner as usize % 3] * face.normal
-                        } else {
-                            Vec3::ZERO
-                        }
-                    })
-                    .sum();
-                sum.try_normalize().unwrap_or(own)
-            })
-        })
-        .collect()
+    gathered(count, progress, |triangle| {
+        let own = faces[triangle as usize].normal;
+        [mesh.triangles()[triangle as usize].map(|vertex| {
+            let range = first[vertex as usize] as usize..first[vertex as usize + 1] as usize;
+            // A fan of thousands is no smooth surface, and would take its square in time.
+            if range.len() > MOST_AROUND {
+                return own;
+            }
+            let sum: Vec3 = around[range]
+                .iter()
+                .map(|&corner| {
+                    let face = &faces[corner as usize / 3];
+                    if face.normal.dot(own) >= limit {
+                        face.angles[corner as usize % 3] * face.normal
+                    } else {
+                        Vec3::ZERO
+                    }
+                })
+                .sum();
+            sum.try_normalize().unwrap_or(own)
+        })]
+    })
 }
 
 /// Most corners at a vertex that are averaged.
@@ -88,10 +87,17 @@ impl Face {
 }
 
 /// For each vertex where its corners start, and the corners (three times the triangle, plus which), by vertex.
-fn corners_by_vertex(mesh: &TriMesh) -> (Vec<u32>, Vec<u32>) {
+fn corners_by_vertex(
+    mesh: &TriMesh,
+    progress: &Progress,
+) -> Result<(Vec<u32>, Vec<u32>), Cancelled> {
+    const AT_ONCE: usize = 1 << 16;
     let mut first = vec![0_u32; mesh.positions().len() + 1];
-    for &vertex in mesh.triangles().iter().flatten() {
-        first[vertex as usize + 1] += 1;
+    for block in mesh.triangles().chunks(AT_ONCE) {
+        progress.check()?;
+        for &vertex in block.iter().flatten() {
+            first[vertex as usize + 1] += 1;
+        }
     }
     for i in 1..first.len() {
         first[i] += first[i - 1];
@@ -99,8 +105,11 @@ fn corners_by_vertex(mesh: &TriMesh) -> (Vec<u32>, Vec<u32>) {
     let mut next = first.clone();
     let mut around = vec![0; 3 * mesh.triangles().len()];
     for (corner, &vertex) in mesh.triangles().iter().flatten().enumerate() {
+        if corner % AT_ONCE == 0 {
+            progress.check()?;
+        }
         around[next[vertex as usize] as usize] = corner as u32;
         next[vertex as usize] += 1;
     }
-    (first, around)
+    Ok((first, around))
 }

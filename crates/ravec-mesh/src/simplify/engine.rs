@@ -18,6 +18,7 @@ use super::queue::{Entry, Queue};
 use super::state::{Collapse, Frame, State, planned};
 use super::surface::{GONE, Surface};
 use super::{ErrorSample, Keep, Simplified, SimplifyError, SimplifyParams, SimplifyReport};
+use crate::gathered::gathered;
 use crate::loose_octree::LooseOctree;
 use crate::{Aabb, Adjacency, Bvh, TriMesh};
 
@@ -57,6 +58,12 @@ pub(super) struct Start<'a> {
     /// How many other engines wait for a thread: while there are any, this one looks at one edge after the other.
     pub waiting: &'a AtomicUsize,
 }
+
+/// So many edges or triangles are dealt with between two looks at the cancellation while the work begins.
+const AT_ONCE: u32 = 1 << 14;
+
+/// The same of edges that were vetoed, around each of which one has to look for changes.
+const VETOED_AT_ONCE: usize = 1 << 10;
 
 pub(super) struct Engine<'a, J: CollapseJudge> {
     state: State<'a, J>,
@@ -98,10 +105,8 @@ impl<'a, J: CollapseJudge> Engine<'a, J> {
             original,
             waiting,
         } = start;
-        let adjacency = Adjacency::new(mesh);
-        progress.check()?;
-        let surface = Surface::new(mesh, &adjacency, params, &keep)?;
-        progress.check()?;
+        let adjacency = Adjacency::try_new(mesh, progress)?;
+        let surface = Surface::new(mesh, &adjacency, params, &keep, progress)?;
         let bounds = mesh.bounds();
         let diagonal = bounds.diagonal();
         let frame = Frame {
@@ -114,15 +119,14 @@ impl<'a, J: CollapseJudge> Engine<'a, J> {
         };
         let vertices = mesh.positions().len();
         let local = |v: u32| frame.to_local(mesh.positions()[v as usize]);
-        let mut quadrics: Vec<Quadric> = (0..vertices as u32)
-            .into_par_iter()
-            .map(|v| {
-                surface.star(v).fold(Quadric::default(), |sum, (_, t)| {
-                    sum + Quadric::corner(t.map(local))
-                })
-            })
-            .collect();
+        let mut quadrics = gathered(vertices, progress, |v| {
+            let corners = surface.star(v).map(|(_, t)| Quadric::corner(t.map(local)));
+            [corners.fold(Quadric::default(), |sum, corner| sum + corner)]
+        })?;
         for (edge, &ends) in (0_u32..).zip(adjacency.edges()) {
+            if edge.is_multiple_of(AT_ONCE) {
+                progress.check()?;
+            }
             if !surface.is_special(ends[0], ends[1]) {
                 continue;
             }
@@ -144,35 +148,41 @@ impl<'a, J: CollapseJudge> Engine<'a, J> {
             is_sealed[v as usize] = true;
         }
         let limits = Limits::new(params);
-        let planned: Vec<Result<Entry, Veto>> = adjacency
-            .edges()
-            .par_iter()
-            .map(|&[a, b]| {
-                let planned = planned(&surface, &quadrics, frame, [a, b], limits.max_error);
-                planned.map(|(_, cost)| Entry::new(cost, [a, b], 0))
-            })
-            .collect();
+        let planned: Vec<Result<Entry, Veto>> =
+            gathered(adjacency.edges().len(), progress, |edge| {
+                let ends = adjacency.edges()[edge as usize];
+                let planned = planned(&surface, &quadrics, frame, ends, limits.max_error);
+                [planned.map(|(_, cost)| Entry::new(cost, ends, 0))]
+            })?;
         let mut report = SimplifyReport {
             triangles_before: mesh.triangles().len() as u64,
             ..SimplifyReport::default()
         };
         let mut queue = Queue::new();
-        for planned in planned {
+        for (edge, planned) in (0_u32..).zip(planned) {
+            if edge.is_multiple_of(AT_ONCE) {
+                progress.check()?;
+            }
             match planned {
                 Ok(entry) => queue.push(entry),
                 Err(veto) => report.vetoes.count(veto),
             }
         }
         progress.check()?;
-        let tree = params.avoid_intersections.then(|| {
+        let tree = if params.avoid_intersections {
             let mut tree = LooseOctree::new(bounds, surface.triangles.len());
             for (t, corners) in (0_u32..).zip(&surface.triangles) {
+                if t.is_multiple_of(AT_ONCE) {
+                    progress.check()?;
+                }
                 if *corners != GONE {
                     tree.insert(t, &Aabb::around(surface.corners(t)));
                 }
             }
-            tree
-        });
+            Some(tree)
+        } else {
+            None
+        };
         let limited = params.max_error < f64::INFINITY;
         let deviation = limited.then(|| {
             let known = known.unwrap_or_else(|| samples(mesh, &adjacency));
@@ -224,7 +234,10 @@ impl<'a, J: CollapseJudge> Engine<'a, J> {
             if self.is_done() || self.report.collapses == before {
                 break;
             }
-            for (entry, when) in std::mem::take(&mut self.vetoed) {
+            for (i, (entry, when)) in std::mem::take(&mut self.vetoed).into_iter().enumerate() {
+                if i % VETOED_AT_ONCE == 0 {
+                    progress.check()?;
+                }
                 if !self.is_current(&entry) {
                     continue;
                 }
@@ -459,7 +472,7 @@ impl<'a, J: CollapseJudge> Engine<'a, J> {
         report.target_reached = surface.alive <= self.target;
         Leftover {
             samples: deviation.map_or_else(Vec::new, |known| known.into_samples(&surface)),
-            features: surface.features().collect(),
+            features: surface.features(),
             positions: surface.positions,
             triangles: surface.triangles,
             merged_into,

@@ -1,11 +1,11 @@
 //! Parts of a mesh that are simplified on their own.
 
 use glam::DVec3;
-use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::deviation::{Sample, take_from_end};
 use super::surface::edge_key;
 use crate::adjacency::is_proper;
+use crate::keyed::{KeyedMap, KeyedSet};
 use crate::{Aabb, TriMesh};
 
 /// Patches have at least about half as many triangles: of smaller ones much is seam.
@@ -39,7 +39,7 @@ impl Part {
         (merged_into, positions): (&[u32], &[DVec3]),
         triangles: impl Iterator<Item = u32>,
     ) -> Self {
-        let mut names: FxHashMap<u32, u32> = FxHashMap::default();
+        let mut names: KeyedMap<u32, u32> = KeyedMap::default();
         let mut vertices = Vec::new();
         let mut kept = Vec::new();
         let mut corners = Vec::new();
@@ -65,7 +65,7 @@ impl Part {
 
     /// Gives samples that are near triangles of the original as it is the names that these have here.
     pub fn rename(&self, samples: &mut [Sample]) {
-        let names: FxHashMap<u32, u32> = self.triangles.iter().copied().zip(0..).collect();
+        let names: KeyedMap<u32, u32> = self.triangles.iter().copied().zip(0..).collect();
         for sample in samples {
             let triangle = names[&sample.triangle];
             *sample = Sample {
@@ -106,10 +106,10 @@ impl Part {
             return Vec::new();
         }
         let sides = self.mesh.triangles().iter();
-        let edges: FxHashSet<u64> = sides
+        let edges: KeyedSet<u64> = sides
             .flat_map(|&[a, b, c]| [edge_key(a, b), edge_key(b, c), edge_key(c, a)])
             .collect();
-        let names: FxHashMap<u32, u32> = self.vertices.iter().copied().zip(0..).collect();
+        let names: KeyedMap<u32, u32> = self.vertices.iter().copied().zip(0..).collect();
         features
             .iter()
             .filter_map(|ends| {

@@ -16,7 +16,6 @@
 use glam::DVec3;
 use ravec_progress::{Phase, Progress};
 use rayon::prelude::*;
-use rustc_hash::FxHashMap;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::deviation::{Sample, known_samples, samples};
@@ -27,6 +26,7 @@ use super::surface::{GONE, creases};
 use super::undo::Checkpoint;
 use super::{Keep, Simplified, SimplifyError, SimplifyParams, SimplifyReport, validate};
 use crate::adjacency::is_proper;
+use crate::keyed::KeyedMap;
 use crate::{Adjacency, Bvh, TriMesh};
 
 /// How many rings of triangles around what was held or restored are simplified in the end.
@@ -53,7 +53,7 @@ pub fn simplify_patches(
             range: "0 where patches are simplified",
         });
     }
-    let adjacency = Adjacency::new(mesh);
+    let adjacency = Adjacency::try_new(mesh, progress)?;
     let no_edge = |&&[a, b]: &&[u32; 2]| adjacency.edge_between(a, b).is_none();
     if let Some(&ends) = keep.features.iter().find(no_edge) {
         return Err(SimplifyError::NoSuchEdge { ends });
@@ -239,7 +239,7 @@ impl<O: Overseer> Task<'_, O> {
         };
         let (piece_of, shared) = borders(&whole.mesh, &pieces);
         self.progress.check()?;
-        let numbers: FxHashMap<u32, u32> = whole.triangles.iter().copied().zip(0..).collect();
+        let numbers: KeyedMap<u32, u32> = whole.triangles.iter().copied().zip(0..).collect();
         let piece_at = |t: u32| piece_of[numbers[&t] as usize];
         let samples_of = by_group(&mut assembly.samples, pieces.len(), piece_at);
         drop(numbers);
@@ -299,7 +299,7 @@ impl<O: Overseer> Task<'_, O> {
         mut samples: Vec<Sample>,
         work: Work<'_>,
     ) -> Result<Leftover, SimplifyError> {
-        let names: FxHashMap<u32, u32> = part.triangles.iter().copied().zip(0..).collect();
+        let names: KeyedMap<u32, u32> = part.triangles.iter().copied().zip(0..).collect();
         for sample in &mut samples {
             sample.triangle = names[&sample.triangle];
         }

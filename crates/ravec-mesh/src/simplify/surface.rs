@@ -1,10 +1,11 @@
 //! The mesh while it is being simplified.
 
 use glam::DVec3;
-use rustc_hash::FxHashSet;
+use ravec_progress::Progress;
 
 use super::{BoundaryRule, Keep, SimplifyError, SimplifyParams};
 use crate::adjacency::is_proper;
+use crate::keyed::KeyedSet;
 use crate::{Adjacency, TriMesh};
 
 /// The corners of a triangle that is gone.
@@ -60,9 +61,9 @@ pub(super) struct Surface {
     pool: Vec<u32>,
     pub alive: u64,
     /// Boundary edges, features and edges with more than two triangles.
-    special: FxHashSet<u64>,
+    special: KeyedSet<u64>,
     /// Those of them that are features.
-    features: FxHashSet<u64>,
+    features: KeyedSet<u64>,
     /// How many special edges a vertex has.
     special_count: Vec<u32>,
     fixed: Vec<bool>,
@@ -74,7 +75,9 @@ impl Surface {
         adjacency: &Adjacency,
         params: &SimplifyParams,
         keep: &Keep<'_>,
+        progress: &Progress,
     ) -> Result<Self, SimplifyError> {
+        const AT_ONCE: u32 = 1 << 16;
         let vertices = mesh.positions().len();
         let triangles: Vec<[u32; 3]> = mesh
             .triangles()
@@ -83,19 +86,23 @@ impl Surface {
             .collect();
         let mut pool = Vec::with_capacity(4 * triangles.len());
         let mut stars = Vec::with_capacity(vertices);
+        progress.check()?;
         for v in 0..vertices as u32 {
+            if v.is_multiple_of(AT_ONCE) {
+                progress.check()?;
+            }
             let around = adjacency.triangles_at(v);
             stars.push((pool.len(), around.len() as u32));
             pool.extend_from_slice(around);
         }
         let mut fixed = vec![false; vertices];
-        for v in adjacency.pinched_vertices(mesh) {
+        for v in adjacency.try_pinched_vertices(mesh, progress)? {
             fixed[v as usize] = true;
         }
         for &v in keep.vertices {
             fixed[v as usize] = true;
         }
-        let mut features = FxHashSet::default();
+        let mut features = KeyedSet::default();
         for &[a, b] in keep.features {
             if adjacency.edge_between(a, b).is_none() {
                 return Err(SimplifyError::NoSuchEdge { ends: [a, b] });
@@ -108,6 +115,9 @@ impl Surface {
             features.insert(edge_key(a, b));
         }
         for (edge, &[a, b]) in (0_u32..).zip(adjacency.edges()) {
+            if edge.is_multiple_of(AT_ONCE) {
+                progress.check()?;
+            }
             match adjacency.uses(edge) {
                 [_] => {
                     special.insert(edge_key(a, b));
@@ -173,10 +183,12 @@ impl Surface {
             && self.special.contains(&edge_key(a, b))
     }
 
-    /// The edges that are features, in no particular order.
-    pub fn features(&self) -> impl Iterator<Item = [u32; 2]> {
+    /// The edges that are features, in ascending order.
+    pub fn features(&self) -> Vec<[u32; 2]> {
         let ends = |key: &u64| [(key >> 32) as u32, (key & u64::from(u32::MAX)) as u32];
-        self.features.iter().map(ends)
+        let mut features: Vec<[u32; 2]> = self.features.iter().map(ends).collect();
+        features.sort_unstable();
+        features
     }
 
     /// Merges `removed` into `kept`, which moves to `position`. `changed` are the triangles of either that do not have

@@ -250,7 +250,7 @@ impl<O: Overseer> Task<'_, O> {
         };
         if around.is_some() {
             // neighbors of what is restored may have come to be so twice
-            let adjacency = Adjacency::new(mesh);
+            let adjacency = Adjacency::try_new(mesh, self.progress)?;
             for (edge, ends) in (0_u32..).zip(adjacency.edges()) {
                 let uses = adjacency.uses(edge);
                 if uses.len() > 2 && ends.iter().any(|&v| restored[name(v) as usize]) {

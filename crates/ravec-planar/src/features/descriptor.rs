@@ -151,7 +151,8 @@ fn sample_window(
             let x = center[0] + a * u[0] + b * v[0];
             let y = center[1] + a * u[1] + b * v[1];
             *value = if inside {
-                let (col, row) = (x as usize, y as usize);
+                // beyond 2²⁴ columns steps are rounded to whole pixels and may lead past the last one but one
+                let (col, row) = ((x as usize).min(width - 2), (y as usize).min(height - 2));
                 let (tx, ty) = (x - col as f32, y - row as f32);
                 let at = row * width + col;
                 let top = pixels[at] + tx * (pixels[at + 1] - pixels[at]);
@@ -161,5 +162,22 @@ fn sample_window(
                 plane.bilinear(glam::dvec2(x as f64 + 0.5, y as f64 + 0.5))
             };
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ravec_raster::Size;
+
+    #[test]
+    fn a_window_at_the_end_of_a_row_of_many_million_pixels_stays_in_the_picture() {
+        // columns are even numbers there: each of two steps by more than one leads on by two
+        let width = (1 << 24) + 5;
+        let plane = Plane::new(Size::new(width, 3).unwrap(), 0.0);
+        let mut window = [1.0; SAMPLES * SAMPLES];
+        let step = [1.1 / 10.5, 0.0];
+        sample_window(&plane, [(1 << 24) as f32, 1.9], step, step, &mut window);
+        assert!(window.iter().all(|&value| value == 0.0));
     }
 }

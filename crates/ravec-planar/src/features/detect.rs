@@ -37,7 +37,7 @@ impl Extremum {
 }
 
 /// Pixels next to the border in which the extended border, not the picture, makes extrema.
-const MARGIN: usize = 5;
+pub(super) const MARGIN: usize = 5;
 
 /// Moves to a neighbour when the vertex of the parabola lies there.
 const MAX_MOVES: usize = 5;

@@ -26,15 +26,21 @@ mod scale_space;
 pub use descriptor::Descriptor;
 
 use crate::features::descriptor::describe;
-use crate::features::detect::{Extremum, extrema};
+use crate::features::detect::{Extremum, MARGIN, extrema};
 use crate::features::orientation::orientations;
 use crate::features::scale_space::ScaleSpace;
 use glam::DVec2;
-use ravec_progress::{Cancelled, Progress};
+use ravec_progress::{Cancelled, Phase, Progress};
 use ravec_raster::color::{luminance, srgb_from_linear};
 use ravec_raster::{Color, Image, Plane};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+
+/// The side below which a picture has no features: all of it is too near to the border.
+pub(crate) const MIN_SIDE_PX: usize = 2 * MARGIN + 1;
+
+/// Units of progress of [`Features::find`].
+pub(crate) const STEPS: u64 = 3;
 
 /// A point with a size and a direction.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -120,7 +126,21 @@ impl Features {
         params: &FeatureParams,
         progress: &Progress,
     ) -> Result<Self, Cancelled> {
-        let phase = progress.phase("features", 3);
+        let phase = progress.phase("features", STEPS);
+        Self::find(plane, params, progress, &phase)
+    }
+
+    /// As [`Features::detect`], as [`STEPS`] units of a phase that has more of them.
+    pub(crate) fn find(
+        plane: &Plane,
+        params: &FeatureParams,
+        progress: &Progress,
+        phase: &Phase,
+    ) -> Result<Self, Cancelled> {
+        if plane.width().min(plane.height()) < MIN_SIDE_PX {
+            phase.advance(STEPS);
+            return Ok(Self::default());
+        }
         let space = ScaleSpace::new(plane, progress)?;
         phase.advance(1);
         let mut found: Vec<Extremum> = extrema(&space, params);
@@ -151,5 +171,15 @@ impl Features {
             all.descriptors.push(descriptor);
         }
         Ok(all)
+    }
+
+    /// Keeps the `count` strongest features, the strongest first; of equals those that come first.
+    pub(crate) fn keep_strongest(&mut self, count: usize) {
+        let mut order: Vec<usize> = (0..self.points.len()).collect();
+        let strength = |index: usize| self.points[index].response.abs();
+        order.sort_by(|&a, &b| strength(b).total_cmp(&strength(a)));
+        order.truncate(count);
+        self.points = order.iter().map(|&index| self.points[index]).collect();
+        self.descriptors = order.iter().map(|&index| self.descriptors[index]).collect();
     }
 }

@@ -312,6 +312,7 @@ fn search(
     reach_px: f64,
 ) -> Result<Vec<Sought>, SnapError> {
     let sites = Sites::new(grid, Some(family), plane.size());
+    let reach_px = sites.reach_within(plane.size(), reach_px).max(MIN_REACH_PX);
     let evidence = Evidence::gather(plane, &sites, reach_px)?;
     let (along, across) = (directions(grid, family), directions(grid, family.other()));
     let mut modes = [[0.0; 8]; 5];

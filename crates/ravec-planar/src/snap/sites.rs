@@ -49,6 +49,11 @@ const SPACING_PX: f64 = 2.0;
 /// Sites on a line at most: longer lines are known well enough.
 const MAX_SITES: f64 = 320.0;
 
+/// Places across lines that are looked at, for each pixel of the picture and beside these: a search with the largest reach
+/// and most lines has some 12 a pixel in small pictures, and few in large ones.
+const MAX_PLACES_PER_PIXEL: usize = 16;
+const ALWAYS_PLACES: usize = 1 << 24;
+
 impl Sites {
     /// The sites of one family or of both.
     pub(super) fn new(grid: &QuadGrid, family: Option<Family>, size: Size) -> Self {
@@ -96,6 +101,16 @@ impl Sites {
             }
         }
         all
+    }
+
+    /// As much of a reach as makes sense in a picture: beyond the picture there are no edges, so no line need be sought
+    /// farther away than the picture is wide across it; and what is looked at stays in proportion to the picture.
+    pub(super) fn reach_within(&self, size: Size, reach_px: f64) -> f64 {
+        let extent = dvec2(size.width() as f64, size.height() as f64);
+        let across = self.sites.iter().map(|site| site.normal.abs().dot(extent));
+        let places = MAX_PLACES_PER_PIXEL * size.pixels() + ALWAYS_PLACES;
+        let affordable = places as f64 / (2 * self.sites.len().max(1)) as f64;
+        reach_px.min(across.fold(0.0, f64::max)).min(affordable)
     }
 
     /// By how much the line moves across itself at a site when a corner's x or y grows by 1: x₀, y₀, x₁, …
@@ -218,6 +233,43 @@ fn between_pixels(plane: &Plane, at: DVec2) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_reach_ends_with_the_picture_and_ordinary_ones_stay_as_they_are() {
+        let sites = |corners: [(f64, f64); 4], family, size| {
+            let grid = QuadGrid::new(corners.map(DVec2::from), 40, 40).unwrap();
+            Sites::new(&grid, Some(family), size)
+        };
+        let (rows, columns) = (Family::Rows, Family::Columns);
+        let whole = |w: f64, h: f64| [(0.0, 0.0), (w, 0.0), (w, h), (0.0, h)];
+        for (width, height) in [(2_000_000, 1), (65_535, 1), (65_535, 7)] {
+            let size = Size::new(width, height).unwrap();
+            let (w, h) = (width as f64, height as f64);
+            let (far, quad) = (0.2 * w, whole(w, h));
+            assert!(sites(quad, rows, size).reach_within(size, far) <= h + 1e-6);
+            assert_eq!(sites(quad, columns, size).reach_within(size, far), far);
+            // what is far outside costs no more
+            let outside = [(-1e9, -1e9), (1e9, -1e9), (1e9, 1e9), (-1e9, 1e9)];
+            let there = sites(outside, columns, size);
+            let reach = there.reach_within(size, 4e8);
+            let places = 2.0 * reach * there.sites.len() as f64;
+            assert!(
+                places <= (16 * size.pixels() + (1 << 24)) as f64,
+                "{places}"
+            );
+        }
+        for (width, height) in [(4000, 3000), (60, 40), (300, 1200)] {
+            let size = Size::new(width, height).unwrap();
+            let (w, h) = (width as f64, height as f64);
+            let far = 0.2 * w.hypot(h);
+            for family in [rows, columns] {
+                assert_eq!(
+                    sites(whole(w, h), family, size).reach_within(size, far),
+                    far
+                );
+            }
+        }
+    }
 
     #[test]
     fn profiles_read_as_single_places_do() {

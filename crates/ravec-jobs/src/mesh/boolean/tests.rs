@@ -61,7 +61,7 @@ impl Studio {
         run(
             expression,
             &self.files(line),
-            MeshLimits::default(),
+            &MeshLimits::default(),
             &self.targets(out),
             &Params::default(),
             &Progress::none(),
@@ -160,7 +160,7 @@ fn bad_files_are_refused() {
     targets.origins = Some(studio.at("out.txt"));
     let files = studio.files("block.off");
     let (limits, params) = (MeshLimits::default(), Params::default());
-    let error = run("a", &files, limits, &targets, &params, &Progress::none());
+    let error = run("a", &files, &limits, &targets, &params, &Progress::none());
     assert_eq!(error.unwrap_err().exit_code(), 2);
 }
 
@@ -335,7 +335,7 @@ fn origins_lead_back_to_the_triangles_of_the_files() {
         targets.origins = Some(studio.at(name));
         let (limits, params) = (MeshLimits::default(), Params::default());
         let progress = Progress::none();
-        let report = run("a - drill", &files, limits, &targets, &params, &progress).unwrap();
+        let report = run("a - drill", &files, &limits, &targets, &params, &progress).unwrap();
         let triangles = report.figures["triangles"] as usize;
         let text = std::fs::read_to_string(studio.at(name)).unwrap();
         if name == "out.csv" {
@@ -366,7 +366,7 @@ fn a_cancelled_run_leaves_nothing() {
     progress.cancel();
     let (limits, params) = (MeshLimits::default(), Params::default());
     let (files, targets) = (studio.files("block.off pin.off"), studio.targets("out.ply"));
-    let error = run("a | b", &files, limits, &targets, &params, &progress);
+    let error = run("a | b", &files, &limits, &targets, &params, &progress);
     assert!(matches!(error, Err(JobError::Cancelled)));
     assert!(!studio.at("out.ply").exists());
 }

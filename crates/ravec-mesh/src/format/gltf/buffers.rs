@@ -1,30 +1,37 @@
 //! The bytes behind a glTF file, and the numbers that accessors see in them.
 
-use std::ops::Range;
-
-use base64::Engine as _;
-use base64::engine::general_purpose::{STANDARD, STANDARD_NO_PAD};
-
 use super::super::MeshFormat;
+use ravec_progress::Progress;
+
 use super::super::error::{Place, ReadMeshError};
+use super::super::memory::List;
+use super::super::number::shown;
 use super::super::read::{BufferResolver, ReadOptions};
 use super::super::source::Source;
 use super::document::{Accessor, Buffer, BufferView, Document, Part};
-use ravec_progress::Progress;
+use super::json::{Data, number_of_data};
 
-/// Where the bytes of a buffer are.
+/// The bytes of a buffer.
 enum Bytes {
-    /// In the file itself.
-    Inside(Range<usize>),
-    /// From an address.
-    Apart(Vec<u8>),
+    /// From the text or from elsewhere.
+    Own(List<u8>),
+    /// Data of the text that another buffer had before.
+    Shared(usize),
 }
 
 /// All buffers of a file.
 pub(super) struct Buffers {
     format: MeshFormat,
-    file: Vec<u8>,
-    all: Vec<Bytes>,
+    all: List<Bytes>,
+}
+
+/// Where the bytes of buffers come from.
+pub(super) struct Origins<'a, 'r> {
+    /// The part of the file that is the first buffer, if any.
+    pub(super) inside: Option<List<u8>>,
+    /// What stood in the text.
+    pub(super) data: List<Data>,
+    pub(super) resolver: Option<&'a mut BufferResolver<'r>>,
 }
 
 /// A row of equally spaced numbers, or groups of them.
@@ -104,61 +111,48 @@ impl Span<'_> {
 }
 
 impl Buffers {
-    /// Gets all buffers. `file` is the whole file and `inside` the part of it that is the first buffer, if any.
+    /// Gets all buffers.
     pub(super) fn new(
         format: MeshFormat,
-        file: Vec<u8>,
-        inside: Option<&Range<usize>>,
         buffers: &[Buffer],
-        mut resolver: Option<&mut BufferResolver<'_>>,
+        mut origins: Origins<'_, '_>,
         options: &ReadOptions,
         progress: &Progress,
     ) -> Result<Self, ReadMeshError> {
-        let mut left = options.limits.max_bytes.saturating_sub(file.len() as u64);
-        let mut all = Vec::new();
+        let budget = &options.limits.memory;
+        let mut all = List::new(budget);
+        // which buffer got the data of that number
+        let mut taken: List<Option<usize>> = List::new(budget);
+        taken.fill_up_to(origins.data.len(), None)?;
         for (i, buffer) in buffers.iter().enumerate() {
+            progress.check()?;
             let place = Place::Item {
                 of: "buffer",
                 index: i as u64,
             };
             let fault = |what: &str| ReadMeshError::syntax(format, place, what);
-            let bytes = match (&buffer.uri, inside) {
-                (None, Some(inside)) if i == 0 => Bytes::Inside(inside.clone()),
-                (None, _) => return Err(fault("it has neither data nor an address")),
-                (Some(uri), _) => {
-                    let data = if let Some(data) = uri.strip_prefix("data:") {
-                        decoded(data).ok_or_else(|| fault("its data are not base64"))?
-                    } else if let Some(resolver) = resolver.as_deref_mut() {
-                        let address = percent_decoded(uri)
-                            .ok_or_else(|| fault("its address is not readable"))?;
-                        let mut reader = resolver(&address)?;
-                        let mut options = *options;
-                        options.limits.max_bytes = left;
-                        options.size = None;
-                        let rest = Source::new(&mut reader, &options, progress).rest();
-                        rest.map_err(|error| match error {
-                            ReadMeshError::TooMany { what, .. } => ReadMeshError::TooMany {
-                                what,
-                                limit: options.limits.max_bytes,
-                            },
-                            other => other,
-                        })?
-                    } else {
-                        return Err(ReadMeshError::Unsupported {
-                            format,
-                            what: format!(
-                                "its data are in another file, `{}`, which cannot be reached from here; save it as GLB or with its data embedded",
-                                uri.chars().take(100).collect::<String>()
-                            ),
-                        });
-                    };
-                    left = left.saturating_sub(data.len() as u64);
-                    Bytes::Apart(data)
+            let own = |bytes: List<u8>| (bytes.len(), Bytes::Own(bytes));
+            let (there, bytes) = if let Some(uri) = &buffer.uri {
+                if let Some(number) = number_of_data(uri) {
+                    match (taken.get_mut(number), origins.data.get_mut(number)) {
+                        (Some(Some(first)), _) => (length(&all, *first), Bytes::Shared(*first)),
+                        (Some(taken), Some(Data::Bytes(bytes))) => {
+                            *taken = Some(i);
+                            own(std::mem::replace(bytes, List::new(budget)))
+                        }
+                        _ => return Err(fault("its data are not base64")),
+                    }
+                } else {
+                    own(
+                        from_elsewhere(format, buffer, uri, &mut origins, options, progress)
+                            .map_err(|error| {
+                                error.unwrap_or_else(|| fault("its address is not readable"))
+                            })?,
+                    )
                 }
-            };
-            let there = match &bytes {
-                Bytes::Inside(range) => range.len(),
-                Bytes::Apart(data) => data.len(),
+            } else {
+                let inside = origins.inside.take().filter(|_| i == 0);
+                own(inside.ok_or_else(|| fault("it has neither data nor an address"))?)
             };
             if there < buffer.byte_length {
                 return Err(ReadMeshError::Truncated {
@@ -167,9 +161,9 @@ impl Buffers {
                     inside: format!("buffer {i}, which should have {} bytes", buffer.byte_length),
                 });
             }
-            all.push(bytes);
+            all.push(bytes)?;
         }
-        Ok(Self { format, file, all })
+        Ok(Self { format, all })
     }
 
     fn fault(&self, accessor: usize, what: &str) -> ReadMeshError {
@@ -340,26 +334,53 @@ impl Buffers {
     }
 
     fn view(&self, view: &BufferView) -> Option<&[u8]> {
-        let bytes = match self.all.get(view.buffer)? {
-            Bytes::Inside(range) => self.file.get(range.clone())?,
-            Bytes::Apart(data) => data,
-        };
+        let bytes = bytes_of(&self.all, view.buffer)?;
         let end = view.byte_offset.checked_add(view.byte_length)?;
         bytes.get(view.byte_offset..end)
     }
 }
 
-/// The bytes of a data address, `[type][;base64],data`.
-fn decoded(address: &str) -> Option<Vec<u8>> {
-    let (kind, data) = address.split_once(',')?;
-    kind.ends_with(";base64").then_some(())?;
-    let plain = data.trim_end_matches('=');
-    let engine = if plain.len() == data.len() {
-        STANDARD_NO_PAD
-    } else {
-        STANDARD
+fn bytes_of(all: &[Bytes], buffer: usize) -> Option<&[u8]> {
+    match all.get(buffer)? {
+        Bytes::Own(bytes) => Some(bytes),
+        // that one has its own
+        Bytes::Shared(first) => match all.get(*first)? {
+            Bytes::Own(bytes) => Some(bytes),
+            Bytes::Shared(_) => None,
+        },
+    }
+}
+
+fn length(all: &[Bytes], buffer: usize) -> usize {
+    bytes_of(all, buffer).map_or(0, <[u8]>::len)
+}
+
+/// The bytes at an address; no error if the address is not readable.
+fn from_elsewhere(
+    format: MeshFormat,
+    buffer: &Buffer,
+    uri: &str,
+    origins: &mut Origins<'_, '_>,
+    options: &ReadOptions,
+    progress: &Progress,
+) -> Result<List<u8>, Option<ReadMeshError>> {
+    let Some(resolver) = origins.resolver.as_deref_mut() else {
+        return Err(Some(ReadMeshError::Unsupported {
+            format,
+            what: format!(
+                "its data are in another file, `{}`, which cannot be reached from here; save it as GLB or with its data embedded",
+                shown(uri.as_bytes())
+            ),
+        }));
     };
-    engine.decode(data).ok()
+    let address = percent_decoded(uri).ok_or(None)?;
+    let mut reader = resolver(&address).map_err(|error| Some(error.into()))?;
+    let options = ReadOptions {
+        size: None,
+        ..options.clone()
+    };
+    let mut source = Source::new(&mut reader, &options, progress)?;
+    Ok(source.bytes(u64::MAX, buffer.byte_length as u64)?)
 }
 
 /// `address` with `%20` and the like replaced.
@@ -382,20 +403,6 @@ fn percent_decoded(address: &str) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn data_addresses_are_decoded_with_and_without_padding() {
-        let decoded_text =
-            |address| decoded(address).map(|bytes| String::from_utf8(bytes).unwrap());
-        assert_eq!(
-            decoded_text("application/octet-stream;base64,aGV5"),
-            Some("hey".into())
-        );
-        assert_eq!(decoded_text(";base64,aGU="), Some("he".into()));
-        assert_eq!(decoded_text(";base64,aGU"), Some("he".into()));
-        assert_eq!(decoded_text("text/plain,hey"), None);
-        assert_eq!(decoded_text(";base64,a*"), None);
-    }
 
     #[test]
     fn addresses_are_freed_of_percent_signs() {

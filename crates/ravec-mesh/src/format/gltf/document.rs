@@ -1,44 +1,40 @@
 //! The JSON of a glTF file: as much of it as tells where triangles are.
 
 use std::fmt;
-use std::marker::PhantomData;
 
-use serde::de::{Deserialize, Deserializer, Error as _, SeqAccess, Visitor};
-
-/// The most nodes, meshes, accessors and so on of a file. Some bytes of text become a hundred times as many in memory, so
-/// that the limit of bytes alone would allow too much.
-const MOST: usize = 1 << 20;
+use serde::de::{Deserializer, SeqAccess, Visitor};
 
 #[derive(serde::Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub(super) struct Document {
     pub(super) scene: Option<usize>,
-    #[serde(default, deserialize_with = "few")]
+    #[serde(default)]
     pub(super) scenes: Vec<Scene>,
-    #[serde(default, deserialize_with = "few")]
+    #[serde(default)]
     pub(super) nodes: Vec<Node>,
-    #[serde(default, deserialize_with = "few")]
+    #[serde(default)]
     pub(super) meshes: Vec<Mesh>,
-    #[serde(default, deserialize_with = "few")]
+    #[serde(default)]
     pub(super) accessors: Vec<Accessor>,
-    #[serde(default, deserialize_with = "few")]
+    #[serde(default)]
     pub(super) buffer_views: Vec<BufferView>,
-    #[serde(default, deserialize_with = "few")]
+    #[serde(default)]
     pub(super) buffers: Vec<Buffer>,
-    #[serde(default, deserialize_with = "few")]
-    pub(super) extensions_required: Vec<String>,
+    #[serde(default, deserialize_with = "harmful")]
+    /// The first one that is not known to be harmless.
+    pub(super) extensions_required: Option<String>,
 }
 
 #[derive(serde::Deserialize)]
 pub(super) struct Scene {
-    #[serde(default, deserialize_with = "few")]
+    #[serde(default)]
     pub(super) nodes: Vec<usize>,
 }
 
 #[derive(serde::Deserialize)]
 pub(super) struct Node {
     pub(super) mesh: Option<usize>,
-    #[serde(default, deserialize_with = "few")]
+    #[serde(default)]
     pub(super) children: Vec<usize>,
     pub(super) matrix: Option<Box<[f64; 16]>>,
     pub(super) translation: Option<Box<[f64; 3]>>,
@@ -49,7 +45,7 @@ pub(super) struct Node {
 
 #[derive(serde::Deserialize)]
 pub(super) struct Mesh {
-    #[serde(default, deserialize_with = "few")]
+    #[serde(default)]
     pub(super) primitives: Vec<Primitive>,
 }
 
@@ -125,30 +121,39 @@ pub(super) struct Buffer {
     pub(super) byte_length: usize,
 }
 
-/// A list of at most [`MOST`] things.
-fn few<'de, D: Deserializer<'de>, T: Deserialize<'de>>(from: D) -> Result<Vec<T>, D::Error> {
-    struct Few<T>(PhantomData<T>);
+/// What a file may demand: these do not change where the triangles are.
+const HARMLESS: [&str; 4] = [
+    "KHR_mesh_quantization",
+    "KHR_texture_",
+    "KHR_materials_",
+    "EXT_texture_",
+];
 
-    impl<'de, T: Deserialize<'de>> Visitor<'de> for Few<T> {
-        type Value = Vec<T>;
+/// The first extension of a list that is not harmless.
+fn harmful<'de, D: Deserializer<'de>>(from: D) -> Result<Option<String>, D::Error> {
+    struct Harmful;
+
+    impl<'de> Visitor<'de> for Harmful {
+        type Value = Option<String>;
 
         fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-            f.write_str("a list")
+            f.write_str("a list of names")
         }
 
-        fn visit_seq<A: SeqAccess<'de>>(self, mut items: A) -> Result<Vec<T>, A::Error> {
-            let mut list = Vec::new();
-            while let Some(item) = items.next_element()? {
-                if list.len() == MOST {
-                    return Err(A::Error::custom(format_args!(
-                        "a list has more than {MOST} items"
-                    )));
+        fn visit_seq<A: SeqAccess<'de>>(self, mut items: A) -> Result<Option<String>, A::Error> {
+            let mut harmful = None;
+            while let Some(Name(name)) = items.next_element()? {
+                let is_harmless = HARMLESS.iter().any(|harmless| name.starts_with(harmless));
+                if harmful.is_none() && !is_harmless {
+                    harmful = Some(name);
                 }
-                list.push(item);
             }
-            Ok(list)
+            Ok(harmful)
         }
     }
 
-    from.deserialize_seq(Few(PhantomData))
+    #[derive(serde::Deserialize)]
+    struct Name(String);
+
+    from.deserialize_seq(Harmful)
 }

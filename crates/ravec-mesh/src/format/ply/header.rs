@@ -1,7 +1,10 @@
 //! The header of a PLY file: which elements come, and of which properties a row consists.
 
+use ravec_memory::Reservation;
+
 use super::super::MeshFormat;
 use super::super::error::ReadMeshError;
+use super::super::memory::List;
 use super::super::number::{integer, shown, words};
 use super::super::source::Source;
 
@@ -90,7 +93,7 @@ pub(super) struct Property {
 pub(super) struct Element {
     pub(super) name: Vec<u8>,
     pub(super) rows: u64,
-    pub(super) properties: Vec<Property>,
+    pub(super) properties: List<Property>,
 }
 
 impl Element {
@@ -104,7 +107,7 @@ impl Element {
     /// Whether a row is a list of 32-bit indices with its length in a byte, and nothing else.
     pub(super) fn is_plain_list(&self) -> bool {
         matches!(
-            self.properties.as_slice(),
+            &*self.properties,
             [Property {
                 count: Some(Scalar::U8),
                 item: Scalar::I32 | Scalar::U32,
@@ -122,15 +125,38 @@ impl Element {
     }
 }
 
+/// The most bytes of a header: a stream may have comments without end.
+const MAX_HEADER: u64 = 1 << 24;
+
+/// As much of a name as is kept: known names are shorter, and messages show no more.
+const MAX_NAME: usize = 128;
+
+fn kept(name: &[u8]) -> Vec<u8> {
+    name[..name.len().min(MAX_NAME)].to_vec()
+}
+
+/// What a header says.
+pub(super) struct Header {
+    pub(super) encoding: Encoding,
+    pub(super) elements: List<Element>,
+    /// The memory of the names.
+    _names: Reservation,
+}
+
 /// Reads the header, up to and including the line `end_header`.
-pub(super) fn read(source: &mut Source<'_>) -> Result<(Encoding, Vec<Element>), ReadMeshError> {
+pub(super) fn read(source: &mut Source<'_>) -> Result<Header, ReadMeshError> {
     let mut encoding = None;
-    let mut elements: Vec<Element> = Vec::new();
+    let budget = source.limits.memory.clone();
+    let mut names = budget.reserve_nothing();
+    let mut elements: List<Element> = List::new(&budget);
     let format = source.format;
     let fault = |place, what: String| ReadMeshError::syntax(format, place, what);
     source.line()?;
     loop {
         let place = source.at_line();
+        if source.offset() > MAX_HEADER {
+            return Err(fault(place, "the header does not end".to_owned()));
+        }
         let Some((line, _)) = source.line()? else {
             return Err(source.truncated("the header"));
         };
@@ -157,7 +183,8 @@ pub(super) fn read(source: &mut Source<'_>) -> Result<(Encoding, Vec<Element>), 
                 });
             }
             b"element" => {
-                let name = next().to_vec();
+                names.grow(MAX_NAME as u64)?;
+                let name = kept(next());
                 let rows = next();
                 let Some(Ok(rows)) = integer(rows).map(u64::try_from) else {
                     let what = format!("`{}` is not a number of elements", shown(rows));
@@ -166,8 +193,8 @@ pub(super) fn read(source: &mut Source<'_>) -> Result<(Encoding, Vec<Element>), 
                 elements.push(Element {
                     name,
                     rows,
-                    properties: Vec::new(),
-                });
+                    properties: List::new(&budget),
+                })?;
             }
             b"property" => {
                 let mut types = [next(), b""];
@@ -175,7 +202,8 @@ pub(super) fn read(source: &mut Source<'_>) -> Result<(Encoding, Vec<Element>), 
                 if is_list {
                     types = [next(), next()];
                 }
-                let name = next().to_vec();
+                names.grow(MAX_NAME as u64)?;
+                let name = kept(next());
                 let [first, second] = types.map(Scalar::parse);
                 let (count, item) = if is_list {
                     (first, second)
@@ -192,7 +220,7 @@ pub(super) fn read(source: &mut Source<'_>) -> Result<(Encoding, Vec<Element>), 
                         "a property stands before any element".to_owned(),
                     ));
                 };
-                element.properties.push(Property { name, count, item });
+                element.properties.push(Property { name, count, item })?;
             }
             other => {
                 let what = format!("`{}` is no word of a header", shown(other));
@@ -208,5 +236,9 @@ pub(super) fn read(source: &mut Source<'_>) -> Result<(Encoding, Vec<Element>), 
         Encoding::Ascii => MeshFormat::PlyAscii,
         Encoding::Little | Encoding::Big => MeshFormat::PlyBinary,
     };
-    Ok((encoding, elements))
+    Ok(Header {
+        encoding,
+        elements,
+        _names: names,
+    })
 }

@@ -1,42 +1,48 @@
 //! The model parts of a 3MF file.
 
-use std::io::{BufRead, BufReader};
+use std::io::BufReader;
 
 use glam::{DAffine3, DVec3};
 use quick_xml::Reader;
 use quick_xml::XmlVersion;
 use quick_xml::events::{BytesStart, Event};
-use ravec_progress::Progress;
-use rustc_hash::FxHashMap;
+use ravec_memory::MemoryBudget;
 
 use super::super::error::{Place, ReadMeshError};
+use super::super::memory::List;
 use super::super::number::{integer, number, shown};
 use super::super::read::{MeshLimits, ReadWarning};
 use super::super::{LengthUnit, MeshFormat};
 use super::package::Part;
+use super::parts::Parts;
+
+/// How deep elements may be nested, and how long their names may be: the names of those that are open are held.
+const DEEPEST: usize = 256;
+const LONGEST_NAME: usize = 1024;
 
 /// A use of an object.
 pub(super) struct Use {
-    /// The part it is in, if not in the same.
-    pub(super) path: Option<String>,
+    /// The number of the part it is in.
+    pub(super) part: u32,
     pub(super) object: u32,
     pub(super) parent_from_object: DAffine3,
 }
 
 /// A mesh or a collection of uses, or both.
-#[derive(Default)]
 pub(super) struct Object {
-    pub(super) positions: Vec<DVec3>,
-    pub(super) triangles: Vec<[u32; 3]>,
-    pub(super) components: Vec<Use>,
+    pub(super) id: u32,
+    pub(super) positions: List<DVec3>,
+    pub(super) triangles: List<[u32; 3]>,
+    pub(super) components: List<Use>,
 }
 
 /// One part.
 pub(super) struct Model {
     pub(super) unit: LengthUnit,
-    pub(super) objects: FxHashMap<u32, Object>,
+    /// In the order of the file; ids may be repeated.
+    pub(super) objects: List<Object>,
     /// What is built.
-    pub(super) items: Vec<Use>,
+    pub(super) items: List<Use>,
     pub(super) warnings: Vec<ReadWarning>,
 }
 
@@ -50,7 +56,7 @@ pub(super) struct Room {
 impl Room {
     pub(super) fn new(limits: &MeshLimits) -> Self {
         Self {
-            limits: *limits,
+            limits: limits.clone(),
             vertices: 0,
             triangles: 0,
         }
@@ -79,18 +85,51 @@ impl Room {
     }
 }
 
-/// The target of the relation of the root to the model.
-pub(super) fn root_of(relations: impl BufRead) -> Option<String> {
-    let mut reader = Reader::from_reader(relations);
-    let mut buffer = Vec::new();
+/// The reader of a part, and the element at hand.
+struct Elements<'a> {
+    reader: Reader<BufReader<Part<'a>>>,
+    buffer: Vec<u8>,
+}
+
+impl<'a> Elements<'a> {
+    fn of(part: BufReader<Part<'a>>) -> Self {
+        Self {
+            reader: Reader::from_reader(part),
+            buffer: Vec::new(),
+        }
+    }
+
+    /// The next one. A failure of the part is kept there.
+    fn next(&mut self) -> Result<Event<'_>, quick_xml::Error> {
+        self.buffer.clear();
+        self.reader.get_mut().get_mut().begin();
+        self.reader.read_event_into(&mut self.buffer)
+    }
+
+    fn take_failure(&mut self) -> Option<ReadMeshError> {
+        self.reader.get_mut().get_mut().failure.take()
+    }
+}
+
+/// The target of the relation of the root to the model; nothing if none can be found.
+pub(super) fn root_of(relations: BufReader<Part<'_>>) -> Result<Option<String>, ReadMeshError> {
+    const LONGEST: usize = 4096;
+    let mut elements = Elements::of(relations);
+    let mut depth = 0_usize;
     loop {
-        buffer.clear();
-        match reader.read_event_into(&mut buffer).ok()? {
-            Event::Start(tag) | Event::Empty(tag) => {
+        match elements.next() {
+            Ok(event @ (Event::Start(_) | Event::Empty(_))) => {
+                depth += usize::from(matches!(event, Event::Start(_)));
+                let (Event::Start(tag) | Event::Empty(tag)) = event else {
+                    continue;
+                };
+                if depth > DEEPEST || tag.name().as_ref().len() > LONGEST_NAME {
+                    return Ok(None);
+                }
                 let (mut target, mut is_model) = (None, false);
                 for attribute in tag.attributes().with_checks(false).flatten() {
                     match attribute.key.local_name().as_ref() {
-                        "Target" => {
+                        "Target" if attribute.value.len() <= LONGEST => {
                             target = attribute.normalized_value(XmlVersion::Implicit1_0).ok();
                         }
                         "Type" => is_model = attribute.value.ends_with("/3dmodel"),
@@ -98,75 +137,85 @@ pub(super) fn root_of(relations: impl BufRead) -> Option<String> {
                     }
                 }
                 if is_model && let Some(target) = target {
-                    return Some(target.into_owned());
+                    return Ok(Some(target.into_owned()));
                 }
             }
-            Event::Eof => return None,
-            _ => {}
+            Ok(Event::End(_)) => depth = depth.saturating_sub(1),
+            Ok(Event::Eof) => return Ok(None),
+            Ok(_) => {}
+            Err(_) => {
+                return match elements.take_failure() {
+                    Some(failure @ (ReadMeshError::Cancelled | ReadMeshError::OverBudget(_))) => {
+                        Err(failure)
+                    }
+                    _ => Ok(None),
+                };
+            }
         }
     }
 }
 
-/// Reads the part called `name`. Fails with [`ReadMeshError::Cancelled`] soon after a cancellation; if the part grows too
-/// large, tells so by the error inside.
+/// Reads the part `number`.
 pub(super) fn read_part(
     part: BufReader<Part<'_>>,
-    name: &str,
+    number: usize,
+    parts: &mut Parts,
     room: &mut Room,
-    progress: &Progress,
-) -> Result<Model, Result<ReadMeshError, TooLarge>> {
-    let mut reader = Reader::from_reader(part);
+) -> Result<Model, ReadMeshError> {
+    let budget = room.limits.memory.clone();
+    let mut elements = Elements::of(part);
     let mut builder = Builder {
-        name,
+        number,
         model: Model {
             unit: LengthUnit::Millimeter,
-            objects: FxHashMap::default(),
-            items: Vec::new(),
+            objects: List::new(&budget),
+            items: List::new(&budget),
             warnings: Vec::new(),
         },
         open: None,
+        parts,
         room,
+        budget,
         place: Place::Byte(0),
     };
-    let mut buffer = Vec::new();
-    let (mut depth, mut events) = (0_u64, 0_u64);
+    let mut depth = 0;
     loop {
-        events += 1;
-        if events.is_multiple_of(4096) {
-            progress.check().map_err(|cancelled| Ok(cancelled.into()))?;
-        }
-        buffer.clear();
-        builder.place = Place::Byte(reader.buffer_position());
-        let event = match reader.read_event_into(&mut buffer) {
+        let start = elements.reader.buffer_position();
+        builder.place = Place::Byte(start);
+        let event = match elements.next() {
             Ok(event) => event,
             Err(error) => {
-                let place = Place::Byte(reader.error_position());
-                if reader.get_ref().get_ref().too_large {
-                    return Err(Err(TooLarge));
+                let what = error.to_string();
+                if let Some(failure) = elements.take_failure() {
+                    return Err(failure);
                 }
-                builder.place = place;
-                return Err(Ok(builder.fault(error.to_string())));
+                builder.place = Place::Byte(elements.reader.error_position());
+                return Err(builder.fault(shown(what.as_bytes())));
             }
         };
         match event {
             Event::Start(tag) => {
                 depth += 1;
-                builder.start(&tag).map_err(Ok)?;
+                if depth > DEEPEST || tag.name().as_ref().len() > LONGEST_NAME {
+                    let what = "elements are nested too deeply, or have names that are too long";
+                    return Err(builder.fault(what));
+                }
+                builder.start(&tag)?;
             }
             Event::Empty(tag) => {
-                builder.start(&tag).map_err(Ok)?;
-                builder.end(tag.local_name().as_ref());
+                builder.start(&tag)?;
+                builder.end(tag.local_name().as_ref())?;
             }
             Event::End(tag) => {
                 depth = depth.saturating_sub(1);
-                builder.end(tag.local_name().as_ref());
+                builder.end(tag.local_name().as_ref())?;
             }
             Event::Eof if depth > 0 => {
-                return Err(Ok(ReadMeshError::Truncated {
+                return Err(ReadMeshError::Truncated {
                     format: MeshFormat::ThreeMf,
-                    place: Place::Byte(reader.buffer_position()),
-                    inside: format!("the part {}", shown(name.as_bytes())),
-                }));
+                    place: Place::Byte(start),
+                    inside: format!("the part {}", builder.name()),
+                });
             }
             Event::Eof => break,
             _ => {}
@@ -175,23 +224,26 @@ pub(super) fn read_part(
     Ok(builder.model)
 }
 
-/// The part is larger than the limit of bytes allows.
-pub(super) struct TooLarge;
-
 struct Builder<'a> {
-    name: &'a str,
+    /// That of the part.
+    number: usize,
     model: Model,
-    /// The object that has begun, and its number.
-    open: Option<(u32, Object)>,
+    /// The object that has begun.
+    open: Option<Object>,
+    parts: &'a mut Parts,
     room: &'a mut Room,
+    budget: MemoryBudget,
     /// Where the last tag begins.
     place: Place,
 }
 
 impl Builder<'_> {
+    fn name(&self) -> String {
+        shown(self.parts.path(self.number).unwrap_or_default().as_bytes())
+    }
+
     fn fault(&self, what: impl std::fmt::Display) -> ReadMeshError {
-        let name = shown(self.name.as_bytes());
-        let what = format!("in the part {name}: {what}");
+        let what = format!("in the part {}: {what}", self.name());
         ReadMeshError::syntax(MeshFormat::ThreeMf, self.place, what)
     }
 
@@ -215,20 +267,25 @@ impl Builder<'_> {
                     }
                 })?;
                 let id = id.ok_or_else(|| self.fault("an object has no number for its id"))?;
-                self.open = Some((id, Object::default()));
+                self.open = Some(Object {
+                    id,
+                    positions: List::new(&self.budget),
+                    triangles: List::new(&self.budget),
+                    components: List::new(&self.budget),
+                });
                 Ok(())
             }
             "component" => {
                 let component = self.a_use(tag)?;
                 match &mut self.open {
-                    Some((_, object)) => object.components.push(component),
+                    Some(object) => object.components.push(component)?,
                     None => return Err(self.fault("a component stands outside of any object")),
                 }
                 Ok(())
             }
             "item" => {
                 let item = self.a_use(tag)?;
-                self.model.items.push(item);
+                self.model.items.push(item)?;
                 Ok(())
             }
             "basematerials" | "colorgroup" | "texture2dgroup" | "multiproperties"
@@ -248,12 +305,13 @@ impl Builder<'_> {
         }
     }
 
-    fn end(&mut self, name: &str) {
+    fn end(&mut self, name: &str) -> Result<(), ReadMeshError> {
         if name == "object"
-            && let Some((id, object)) = self.open.take()
+            && let Some(object) = self.open.take()
         {
-            self.model.objects.insert(id, object);
+            self.model.objects.push(object)?;
         }
+        Ok(())
     }
 
     /// Calls `each` with the names, less the prefix, and the values of a tag's attributes.
@@ -263,37 +321,50 @@ impl Builder<'_> {
         mut each: impl FnMut(&str, &str),
     ) -> Result<(), ReadMeshError> {
         for attribute in tag.attributes().with_checks(false) {
-            let attribute = attribute.map_err(|error| self.fault(error))?;
+            let attribute = attribute.map_err(|error| {
+                let what = error.to_string();
+                self.fault(shown(what.as_bytes()))
+            })?;
             each(attribute.key.local_name().as_ref(), &attribute.value);
         }
         Ok(())
     }
 
     fn model(&mut self, tag: &BytesStart<'_>) -> Result<(), ReadMeshError> {
-        let mut unit = None;
-        let mut required = String::new();
-        let mut spaces: Vec<(String, String)> = Vec::new();
+        const LONGEST: usize = 1024;
+        let mut wrong_unit = None;
+        let (mut unit, mut required, mut too_long) = (None, String::new(), false);
         self.attributes(tag, |key, value| match key {
-            "unit" => unit = Some(value.to_owned()),
-            "requiredextensions" => value.clone_into(&mut required),
-            _ => spaces.push((key.to_owned(), value.to_owned())),
+            "unit" => {
+                unit = LengthUnit::ALL
+                    .into_iter()
+                    .find(|known| known.name() == value);
+                wrong_unit = unit.is_none().then(|| shown(value.as_bytes()));
+            }
+            "requiredextensions" => {
+                too_long = value.len() > LONGEST;
+                required.clear();
+                required.push_str(if too_long { "" } else { value });
+            }
+            _ => {}
         })?;
-        if let Some(unit) = unit {
-            let known = LengthUnit::ALL
-                .into_iter()
-                .find(|known| known.name() == unit);
-            self.model.unit = known.ok_or_else(|| {
-                let unit = shown(unit.as_bytes());
-                self.fault(format!("`{unit}` is not a unit of length"))
-            })?;
+        if let Some(unit) = wrong_unit {
+            return Err(self.fault(format!("`{unit}` is not a unit of length")));
         }
-        let changes_the_shape = |prefix: &str| {
-            let space = spaces.iter().find(|(key, _)| key == prefix);
-            !space.is_some_and(|(_, name)| {
-                name.contains("/material/") || name.contains("/production/")
-            })
-        };
-        if required.split_ascii_whitespace().any(changes_the_shape) {
+        self.model.unit = unit.unwrap_or(self.model.unit);
+        // the prefixes, and whether what they stand for leaves the shape as it is
+        let words = required.split_ascii_whitespace();
+        let mut prefixes: Vec<(&str, bool)> = words.map(|prefix| (prefix, false)).collect();
+        prefixes.sort_unstable();
+        prefixes.dedup();
+        self.attributes(tag, |key, value| {
+            if (value.contains("/material/") || value.contains("/production/"))
+                && let Ok(at) = prefixes.binary_search_by_key(&key, |(prefix, _)| prefix)
+            {
+                prefixes[at].1 = true;
+            }
+        })?;
+        if too_long || prefixes.iter().any(|(_, harmless)| !harmless) {
             self.ignore("extensions that the file requires, perhaps for its shape");
         }
         Ok(())
@@ -326,8 +397,8 @@ impl Builder<'_> {
             });
         }
         self.room.vertex()?;
-        if let Some((_, object)) = &mut self.open {
-            object.positions.push(at);
+        if let Some(object) = &mut self.open {
+            object.positions.push(at)?;
         }
         Ok(())
     }
@@ -347,7 +418,7 @@ impl Builder<'_> {
             return Err(self.fault("a triangle lacks an index for v1, v2 or v3"));
         };
         self.room.triangle()?;
-        let Some((_, object)) = &mut self.open else {
+        let Some(object) = &mut self.open else {
             return Err(self.fault("a triangle stands outside of any object"));
         };
         let count = object.positions.len();
@@ -359,11 +430,11 @@ impl Builder<'_> {
                 vertices: count as u64,
             });
         }
-        object.triangles.push([a, b, c]);
+        object.triangles.push([a, b, c])?;
         Ok(())
     }
 
-    fn a_use(&self, tag: &BytesStart<'_>) -> Result<Use, ReadMeshError> {
+    fn a_use(&mut self, tag: &BytesStart<'_>) -> Result<Use, ReadMeshError> {
         let (mut object, mut path) = (None, None);
         let mut placed = Some(DAffine3::IDENTITY);
         self.attributes(tag, |key, value| match key {
@@ -375,8 +446,12 @@ impl Builder<'_> {
         let object = object.ok_or_else(|| self.fault("a use of an object lacks its number"))?;
         let parent_from_object =
             placed.ok_or_else(|| self.fault("a transform does not have twelve numbers"))?;
+        let part = match path {
+            Some(path) => self.parts.number(&path)?,
+            None => self.number as u32,
+        };
         Ok(Use {
-            path,
+            part,
             object,
             parent_from_object,
         })

@@ -1,17 +1,27 @@
 //! PLY, little-endian and ASCII.
 
+use ravec_progress::Progress;
+
 use super::super::error::WriteMeshError;
 use super::super::rows::MeshRows;
-use super::{Precision, Sink, point, rounded, whole};
+use super::{AT_ONCE, Precision, Sink, point, rounded, whole};
 
 /// Whether 32-bit floats are to be written: if asked for, or if they hold all coordinates exactly.
-fn is_single(mesh: &dyn MeshRows, precision: Precision) -> Result<bool, WriteMeshError> {
+fn is_single(
+    mesh: &dyn MeshRows,
+    precision: Precision,
+    progress: &Progress,
+) -> Result<bool, WriteMeshError> {
     if precision == Precision::Single {
         return Ok(true);
     }
     let holds = |x: f64| f64::from(x as f32) == x;
-    let mut all = true;
+    let (mut all, mut vertex) = (true, 0_usize);
     mesh.for_each_vertex(&mut |at| {
+        if vertex.is_multiple_of(AT_ONCE) {
+            progress.check()?;
+        }
+        vertex += 1;
         all = all && at.to_array().into_iter().all(holds);
         Ok(())
     })?;
@@ -52,7 +62,7 @@ pub(super) fn write_binary(
     precision: Precision,
     sink: &mut Sink<'_>,
 ) -> Result<(), WriteMeshError> {
-    let single = is_single(mesh, precision)?;
+    let single = is_single(mesh, precision, sink.progress)?;
     header(mesh, colors.is_some(), "binary_little_endian", single, sink);
     let mut colors = colors_of(colors);
     sink.vertices(mesh, |buffer, at| {
@@ -84,7 +94,7 @@ pub(super) fn write_ascii(
         mesh,
         colors.is_some(),
         "ascii",
-        is_single(mesh, precision)?,
+        is_single(mesh, precision, sink.progress)?,
         sink,
     );
     let mut colors = colors_of(colors);

@@ -1,11 +1,12 @@
 //! OBJ and OFF.
 
 use glam::DVec2;
-use rustc_hash::FxHashMap;
+use ravec_progress::{Cancelled, Progress};
 
 use super::super::error::WriteMeshError;
 use super::super::rows::MeshRows;
-use super::{Precision, Sink, number, point, whole};
+use super::{AT_ONCE, Precision, Sink, number, point, whole};
+use crate::keyed::KeyedMap;
 
 /// Texture coordinates, each once, and which of them the corners of triangles have, from 1; 0 for none.
 struct Texture {
@@ -14,11 +15,14 @@ struct Texture {
 }
 
 impl Texture {
-    fn of(corners: &[[DVec2; 3]]) -> Self {
-        let mut names: FxHashMap<[u64; 2], u32> = FxHashMap::default();
+    fn of(corners: &[[DVec2; 3]], progress: &Progress) -> Result<Self, Cancelled> {
+        let mut names: KeyedMap<[u64; 2], u32> = KeyedMap::default();
         let mut coordinates = Vec::new();
-        let of_corners = corners.iter().map(|corners| {
-            corners.map(|at| {
+        let of_corners = corners.iter().enumerate().map(|(t, corners)| {
+            if t.is_multiple_of(AT_ONCE) {
+                progress.check()?;
+            }
+            Ok(corners.map(|at| {
                 if at.is_nan() {
                     return 0;
                 }
@@ -28,13 +32,13 @@ impl Texture {
                         coordinates.push(at);
                         coordinates.len() as u32
                     })
-            })
+            }))
         });
-        let of_corners = of_corners.collect();
-        Self {
+        let of_corners = of_corners.collect::<Result<_, Cancelled>>()?;
+        Ok(Self {
             coordinates,
             of_corners,
-        }
+        })
     }
 }
 
@@ -44,7 +48,8 @@ pub(super) fn write_obj(
     precision: Precision,
     sink: &mut Sink<'_>,
 ) -> Result<(), WriteMeshError> {
-    let texture = texture.map(Texture::of);
+    let texture = texture.map(|texture| Texture::of(texture, sink.progress));
+    let texture = texture.transpose()?;
     sink.vertices(mesh, |buffer, at| {
         buffer.extend_from_slice(b"v ");
         point(buffer, at, precision)?;
