@@ -313,7 +313,7 @@ impl<'a> Opened<'a> {
                 format: self.format,
                 reason,
             })?;
-        samples::bound_alpha(&mut image);
+        samples::bound(&mut image);
         let image = orient::upright(image, self.orientation);
         memory.shrink_to(samples::bytes(&image));
         Ok(Picture {
