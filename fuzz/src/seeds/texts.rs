@@ -44,16 +44,16 @@ const TEXTS: &[(&str, &str, &str)] = &[
     (
         "catalogue_rows",
         "usable",
-        r#"[{"real":0,"hash":[1,2,3],"width":18,"height":16,"thumbnail_width":4,"thumbnail":{"blob":[48,90]}},
-{"real":1,"hash":[1,2,4],"width":19,"height":16,"orientation":6,"taken":"2024:05:06 07:08:09","thumbnail_width":3,"thumbnail":[1,2,3,4,5,6,7,8,9]},
-{"real":2,"hash":[1,2,5],"width":20,"height":16,"thumbnail_width":5,"thumbnail":{"blob":[75,200]},"flaw":"tiny"}]"#,
+        r#"[{"real":0,"hash":{"blob":[32,1]},"width":18,"height":16,"thumbnail_width":4,"thumbnail":{"blob":[48,90]}},
+{"real":1,"hash":{"blob":[32,2]},"width":19,"height":16,"orientation":6,"taken":"2024:05:06 07:08:09","thumbnail_width":3,"thumbnail":[1,2,3,4,5,6,7,8,9]},
+{"real":2,"hash":{"blob":[32,3]},"width":20,"height":16,"thumbnail_width":5,"thumbnail":{"blob":[75,200]},"flaw":"tiny"}]"#,
     ),
     (
         "catalogue_rows",
         "others",
-        r#"[{"path":"/no/such.png","hash":[7],"bytes":12,"modified":5,"unreadable":"the file is empty"},
-{"id":9,"path":"b","hash":[8],"bytes":1,"modified":-5,"width":100,"height":3,"dropped":"near-duplicate of a","thumbnail_width":1,"thumbnail":[0,0,0]},
-{"path":"c","hash":[],"bytes":9223372036854775807,"modified":0,"width":-1,"height":4294967296,"thumbnail_width":-3,"thumbnail":null}]"#,
+        r#"[{"path":"/no/such.png","hash":{"blob":[32,7]},"bytes":12,"modified":5,"unreadable":"the file is empty"},
+{"id":9,"path":"/b","hash":{"blob":[32,8]},"bytes":1,"modified":-5,"width":100,"height":3,"dropped":"near-duplicate of a","thumbnail_width":1,"thumbnail":[0,0,0]},
+{"path":"/c","hash":{"blob":[32,9]},"bytes":9223372036854775807,"modified":0,"width":1,"height":4294967295,"thumbnail":null}]"#,
     ),
     (
         "strokes",
@@ -108,6 +108,6 @@ const TEXTS: &[(&str, &str, &str)] = &[
     (
         "parameters",
         "offset",
-        r#"{"distance":"2%","min_cell":"0.1"}"#,
+        r#"{"distance":"2%","tolerance":"0.1"}"#,
     ),
 ];
