@@ -37,7 +37,11 @@ fn report_contained() {
     };
     let place = panic.lines().next().unwrap_or_default().to_owned();
     let seen = SEEN.get_or_init(Mutex::default);
-    if seen.lock().unwrap_or_else(PoisonError::into_inner).insert(place) {
+    if seen
+        .lock()
+        .unwrap_or_else(PoisonError::into_inner)
+        .insert(place)
+    {
         eprintln!("CONTAINED {}: {panic}", target().name);
     }
 }

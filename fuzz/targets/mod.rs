@@ -99,7 +99,11 @@ pub const TARGETS: &[Target] = &[
         max_held: 64 << 20,
     },
     small("catalogue_rows", catalogue::read_rows),
-    small("strokes", strokes::read),
+    Target {
+        // a stroke of a few bytes may stand for four million dabs, which grow to 128 MiB
+        max_held: 192 << 20,
+        ..small("strokes", strokes::read)
+    },
     small("steps", steps::read),
     small("expression", parameters::read_expression),
     small("parameters", parameters::read),

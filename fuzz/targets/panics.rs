@@ -2,7 +2,7 @@
 
 use super::memory;
 use std::backtrace::Backtrace;
-use std::panic::PanicHookInfo;
+use std::panic::{Location, PanicHookInfo};
 use std::sync::{Mutex, Once, PoisonError};
 
 static OWN: Mutex<Option<String>> = Mutex::new(None);
@@ -29,7 +29,7 @@ pub fn take_foreign() -> Option<String> {
 }
 
 fn record(panic: &PanicHookInfo<'_>) {
-    let place = panic.location().map_or("", |location| location.file());
+    let place = panic.location().map_or("", Location::file);
     let ours = is_ours(place);
     let slot = if ours { &OWN } else { &FOREIGN };
     let mut slot = slot.lock().unwrap_or_else(PoisonError::into_inner);

@@ -42,9 +42,16 @@ pub fn fuzz(minutes: f64, targets: &[String]) -> anyhow::Result<()> {
     let root = root();
     let known = names(&root.join("fuzz/corpus"))?;
     if let Some(unknown) = targets.iter().find(|target| !known.contains(target)) {
-        bail!("there is no target {unknown}; known are {}", known.join(", "));
+        bail!(
+            "there is no target {unknown}; known are {}",
+            known.join(", ")
+        );
     }
-    let targets = if targets.is_empty() { &known[..] } else { targets };
+    let targets = if targets.is_empty() {
+        &known[..]
+    } else {
+        targets
+    };
     let program = build(&root)?;
     let share = Duration::try_from_secs_f64(60.0 * minutes / targets.len() as f64)
         .context("--minutes must be a positive number")?;
@@ -63,7 +70,9 @@ pub fn fuzz(minutes: f64, targets: &[String]) -> anyhow::Result<()> {
         }
     }
     if failed {
-        bail!("promises were broken; the inputs are in fuzz/finds, and `cargo xtask fuzz --replay` says how");
+        bail!(
+            "promises were broken; the inputs are in fuzz/finds, and `cargo xtask fuzz --replay` says how"
+        );
     }
     Ok(())
 }
@@ -115,14 +124,26 @@ fn build(root: &Path) -> anyhow::Result<PathBuf> {
         bail!("libFuzzer needs a C++ compiler (c++ or the variable CXX): install g++ or clang++");
     }
     let (ours, theirs) = (root.join("Cargo.lock"), root.join("fuzz/Cargo.lock"));
-    let time = |path: &Path| path.metadata().and_then(|metadata| metadata.modified()).ok();
+    let time = |path: &Path| {
+        path.metadata()
+            .and_then(|metadata| metadata.modified())
+            .ok()
+    };
     if time(&theirs) < time(&ours) {
         fs::copy(&ours, &theirs)?;
     }
     let host = host()?;
     // the target is named, so that build scripts and macros are not counted
     let built = Command::new(cargo())
-        .args(["build", "--release", "--bin", "fuzz", "--target", &host, "--target-dir"])
+        .args([
+            "build",
+            "--release",
+            "--bin",
+            "fuzz",
+            "--target",
+            &host,
+            "--target-dir",
+        ])
         .arg(root.join("target/fuzz"))
         .current_dir(root.join("fuzz"))
         .env("RUSTFLAGS", FLAGS)
@@ -139,7 +160,8 @@ fn host() -> anyhow::Result<String> {
     let output = Command::new(rustc).arg("-vV").output()?;
     let text = String::from_utf8_lossy(&output.stdout);
     let host = text.lines().find_map(|line| line.strip_prefix("host: "));
-    host.map(str::to_owned).context("rustc does not name its host")
+    host.map(str::to_owned)
+        .context("rustc does not name its host")
 }
 
 /// Runs one target for a time, again and again after finds.
@@ -150,7 +172,11 @@ fn run(root: &Path, program: &Path, target: &str, share: Duration) -> anyhow::Re
     fs::create_dir_all(&finds)?;
     // temporary files of targets stay in memory where that is possible
     let memory = Path::new("/dev/shm");
-    let base = if memory.is_dir() { memory.to_path_buf() } else { std::env::temp_dir() };
+    let base = if memory.is_dir() {
+        memory.to_path_buf()
+    } else {
+        std::env::temp_dir()
+    };
     let scratch = base.join(format!("ravec-fuzz-{}-{target}", std::process::id()));
     fs::create_dir_all(&scratch)?;
     let longest = longest(&corpus)?;
@@ -175,11 +201,15 @@ fn run(root: &Path, program: &Path, target: &str, share: Duration) -> anyhow::Re
             .env("RAYON_NUM_THREADS", "1")
             .env("TMPDIR", &scratch)
             .stdin(Stdio::null());
-        let words = root.join("fuzz/dictionaries").join(format!("{target}.dict"));
+        let words = root
+            .join("fuzz/dictionaries")
+            .join(format!("{target}.dict"));
         if words.is_file() {
             command.arg(format!("-dict={}", words.display()));
         }
-        let output = command.output().with_context(|| program.display().to_string())?;
+        let output = command
+            .output()
+            .with_context(|| program.display().to_string())?;
         let log = String::from_utf8_lossy(&output.stderr);
         fs::write(work.with_extension("log"), log.as_bytes())?;
         tally.runs += number_after(&log, "stat::number_of_executed_units:").unwrap_or_default();
@@ -230,11 +260,17 @@ mod tests {
     fn figures_and_finds_are_taken_from_the_log() {
         let log = "#12\tNEW    cov: 40 ft: 9\nBROKEN png: a panic\nartifact_prefix='f/'; Test unit written to f/crash-1\n\
             #99\tpulse  cov: 57 ft: 9\nstat::number_of_executed_units: 123\n";
-        assert_eq!(number_after(log, "stat::number_of_executed_units:"), Some(123));
+        assert_eq!(
+            number_after(log, "stat::number_of_executed_units:"),
+            Some(123)
+        );
         assert_eq!(number_after(log, " cov: "), Some(57));
         assert_eq!(number_after(log, "none"), None);
         let find = described(log);
-        assert!(find.contains("a panic") && find.contains("f/crash-1"), "{find}");
+        assert!(
+            find.contains("a panic") && find.contains("f/crash-1"),
+            "{find}"
+        );
     }
 
     #[test]

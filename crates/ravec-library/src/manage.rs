@@ -96,7 +96,7 @@ pub fn clean(
     }
     photos.retain(|entry| entry.flaw.is_none());
     // the first of a group leads it
-    photos.sort_by_key(|entry| std::cmp::Reverse(entry.width * entry.height));
+    photos.sort_by_key(|entry| std::cmp::Reverse(entry.width.saturating_mul(entry.height)));
     let looks: Vec<Look> = photos.iter().filter_map(whole_look).collect();
     let groups = near_duplicates(&looks, NEAR_DUPLICATE, progress)?;
     let mut leaders: Vec<&Entry> = Vec::new();
@@ -144,7 +144,7 @@ fn whole_look(entry: &Entry) -> Option<Look> {
 pub fn stats(catalogue: &Catalogue) -> Result<Stats, LibraryError> {
     let mut stats = Stats::default();
     for entry in catalogue.entries(true)? {
-        stats.bytes += entry.bytes;
+        stats.bytes = stats.bytes.saturating_add(entry.bytes);
         if let Some(reason) = &entry.dropped {
             let word = reason.split([' ', ':']).next().unwrap_or_default();
             *stats.dropped.entry(word.into()).or_default() += 1;

@@ -55,6 +55,7 @@ mod standard;
 mod taken;
 mod temporary;
 mod tiff;
+mod webp;
 mod write;
 
 pub use atomic::{AtomicWriter, check_writable, follow_links, scratch_file, write_atomically};

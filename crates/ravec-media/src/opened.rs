@@ -54,7 +54,8 @@ impl<'a> Opened<'a> {
         let mut opened = match format {
             Format::Jpeg => Self::open_jpeg(input, length, limits)?,
             Format::Tiff => Self::open_tiff(input, length, limits)?,
-            _ => Self::open_general(format, input, limits)
+            Format::WebP => Self::open_webp(input, length, limits)?,
+            _ => Self::open_general(format, input, limits, true)
                 .map_err(|error| decode_error(format, error, limits))?,
         };
         limits.check_pixels(opened.width.into(), opened.height.into())?;
@@ -115,10 +116,33 @@ impl<'a> Opened<'a> {
         })
     }
 
+    fn open_webp<R: BufRead + Seek>(
+        input: &'a mut R,
+        length: u64,
+        limits: &Limits,
+    ) -> Result<Self, DecodeError> {
+        let format = Format::WebP;
+        let claims = crate::webp::claims(input, length)?;
+        if !claims.frames_fit {
+            return Err(DecodeError::Damaged {
+                format,
+                reason: "a frame is larger than the picture".into(),
+            });
+        }
+        let mut opened = Self::open_general(format, input, limits, claims.metadata_is_whole)
+            .map_err(|error| decode_error(format, error, limits))?;
+        if !claims.metadata_is_whole {
+            opened.warnings.push(Warning::Truncated);
+        }
+        Ok(opened)
+    }
+
+    /// Without `metadata` neither profile nor EXIF block are read.
     fn open_general<R: BufRead + Seek>(
         format: Format,
         input: &'a mut R,
         limits: &Limits,
+        metadata: bool,
     ) -> ImageResult<Self> {
         let mut bounds = image::Limits::no_limits();
         bounds.max_alloc = Some(limits.memory.available());
@@ -146,7 +170,12 @@ impl<'a> Opened<'a> {
         decoder.set_limits(bounds)?;
         let (width, height) = decoder.dimensions();
         let (channels, sample) = layout(decoder.color_type());
-        let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
+        let (mut orientation, mut icc, mut exif) = (Orientation::NoTransforms, None, None);
+        if metadata {
+            orientation = decoder.orientation().unwrap_or(orientation);
+            icc = decoder.icc_profile().ok().flatten();
+            exif = decoder.exif_metadata().ok().flatten();
+        }
         Ok(Self {
             format,
             width,
@@ -155,8 +184,8 @@ impl<'a> Opened<'a> {
             sample,
             premultiplied: format == Format::OpenExr,
             orientation,
-            icc: decoder.icc_profile().ok().flatten(),
-            exif: decoder.exif_metadata().ok().flatten(),
+            icc,
+            exif,
             decoder: Decoder::General(decoder),
             warnings,
             memory: limits.memory.reserve_nothing(),
@@ -284,7 +313,7 @@ impl<'a> Opened<'a> {
                 format: self.format,
                 reason,
             })?;
-        samples::bound_alpha(&mut image);
+        samples::bound(&mut image);
         let image = orient::upright(image, self.orientation);
         memory.shrink_to(samples::bytes(&image));
         Ok(Picture {

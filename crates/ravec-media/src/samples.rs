@@ -84,15 +84,9 @@ impl Samples {
             .par_iter_mut()
             .with_min_len(1 << 14)
             .map(|sample| {
-                if sample.is_nan() {
-                    *sample = 0.0;
-                    (1, 0)
-                } else if sample.is_infinite() {
-                    *sample = INFINITE.copysign(*sample);
-                    (0, 1)
-                } else {
-                    (0, 0)
-                }
+                let counts = (u64::from(sample.is_nan()), u64::from(sample.is_infinite()));
+                *sample = finite(*sample);
+                counts
             })
             .reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
         (nan + infinite > 0).then_some(Warning::NotFinite { nan, infinite })
@@ -110,7 +104,10 @@ impl Samples {
             Self::U16(samples) => unmultiply_pixels(samples, count, |color, alpha| {
                 divided(color.into(), alpha.into(), 65535) as u16
             }),
-            Self::F32(samples) => unmultiply_pixels(samples, count, |color, alpha| color / alpha),
+            Self::F32(samples) => unmultiply_pixels(samples, count, |color, alpha| {
+                // alpha may be so little that the quotient is infinite
+                finite(color / alpha)
+            }),
         };
         (pixels > 0).then_some(Warning::GlowLost { pixels })
     }
@@ -269,14 +266,36 @@ pub(crate) fn bytes(image: &AnyImage) -> u64 {
     (image.size().pixels() * bytes_per_pixel) as u64
 }
 
-/// Alpha within 0 to 1, which float files do not promise.
-pub(crate) fn bound_alpha(image: &mut AnyImage) {
-    if let AnyImage::LinearAlpha(image) = image {
-        image
+/// Brings alpha within 0 to 1, which float files do not promise, and makes colors finite, which a profile may make infinite
+/// out of large ones.
+pub(crate) fn bound(image: &mut AnyImage) {
+    match image {
+        AnyImage::Linear(image) => image
             .pixels_mut()
             .par_iter_mut()
             .with_min_len(1 << 14)
-            .for_each(|pixel| pixel.0[3] = pixel.0[3].clamp(0.0, 1.0));
+            .for_each(|pixel| pixel.0 = pixel.0.map(finite)),
+        AnyImage::LinearAlpha(image) => image
+            .pixels_mut()
+            .par_iter_mut()
+            .with_min_len(1 << 14)
+            .for_each(|pixel| {
+                pixel.0 = pixel.0.map(finite);
+                pixel.0[3] = pixel.0[3].clamp(0.0, 1.0);
+            }),
+        // integers have no other values
+        AnyImage::Srgb8(_) | AnyImage::Srgba8(_) | AnyImage::Srgb16(_) | AnyImage::Srgba16(_) => {}
+    }
+}
+
+/// The number, or what stands for one that is none.
+fn finite(value: f32) -> f32 {
+    if value.is_nan() {
+        0.0
+    } else if value.is_infinite() {
+        INFINITE.copysign(value)
+    } else {
+        value
     }
 }
 
@@ -315,6 +334,31 @@ mod tests {
             unreachable!()
         };
         assert_eq!(samples, [1.0, 0.0, -INFINITE, INFINITE, -2.0]);
+    }
+
+    #[test]
+    fn colors_stay_finite_however_little_they_cover() {
+        let mut samples = Samples::F32(vec![1.0, -2.0, 1e-40, 1e-40]);
+        assert_eq!(samples.unmultiply(Channels::Rgba), None);
+        let Samples::F32(samples) = samples else {
+            unreachable!()
+        };
+        assert_eq!(samples, [INFINITE, -INFINITE, 1.0, 1e-40]);
+    }
+
+    #[test]
+    fn images_have_finite_colors_and_alpha_within_its_bounds() {
+        let wild = LinearRgba([f32::INFINITY, f32::NAN, f32::NEG_INFINITY, 2.0]);
+        let bounded = LinearRgba([INFINITE, 0.0, -INFINITE, 1.0]);
+        let mut image = Image::from_vec(1, vec![wild]).unwrap().into();
+        bound(&mut image);
+        assert_eq!(image, Image::from_vec(1, vec![bounded]).unwrap().into());
+        let mut image = Image::from_vec(1, vec![LinearRgb([f32::NEG_INFINITY; 3])])
+            .unwrap()
+            .into();
+        bound(&mut image);
+        let bounded = vec![LinearRgb([-INFINITE; 3])];
+        assert_eq!(image, Image::from_vec(1, bounded).unwrap().into());
     }
 
     #[test]

@@ -47,7 +47,9 @@ pub fn mutated(input: &[u8], hand: &mut Hand) -> Option<Vec<u8>> {
         2 => segments.swap(at, other),
         3 => {
             // another kind of frame: baseline, extended, progressive, lossless, arithmetic
-            let frame = segments.iter_mut().find(|s| matches!(s[1], 0xc0..=0xc3 | 0xc9 | 0xca))?;
+            let frame = segments
+                .iter_mut()
+                .find(|s| matches!(s[1], 0xc0..=0xc3 | 0xc9 | 0xca))?;
             frame[1] = *hand.dice.pick(&[0xc0, 0xc1, 0xc2, 0xc3, 0xc9, 0xca]);
         }
         4 | 5 => {

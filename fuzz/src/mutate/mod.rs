@@ -5,11 +5,11 @@
 
 mod jpeg;
 mod number;
+mod packed;
 mod png;
 mod riff;
 mod text;
 mod tiff;
-mod packed;
 
 /// The mutation of libFuzzer: bytes, their number, the most there may be; returns the new number.
 pub type Plain = fn(&mut [u8], usize, usize) -> usize;
@@ -59,8 +59,18 @@ impl Hand {
 }
 
 /// Mutates an input of the target in place and returns its new size.
-pub fn mutate(target: &str, data: &mut [u8], size: usize, max_size: usize, seed: u32, plain: Plain) -> usize {
-    let mut hand = Hand { dice: Dice::new(seed), plain };
+pub fn mutate(
+    target: &str,
+    data: &mut [u8],
+    size: usize,
+    max_size: usize,
+    seed: u32,
+    plain: Plain,
+) -> usize {
+    let mut hand = Hand {
+        dice: Dice::new(seed),
+        plain,
+    };
     let input = &data[..size];
     // a share stays with libFuzzer, which also crosses inputs; PNG without right checksums is hardly looked at
     let structured = hand.dice.below(8) > 1;

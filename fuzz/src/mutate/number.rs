@@ -4,8 +4,30 @@ use super::Hand;
 
 /// Bounds of integers, and what lies beside them.
 pub const INTEGERS: [u64; 24] = [
-    0, 1, 2, 3, 7, 8, 15, 16, 17, 31, 32, 127, 128, 255, 256, 32_767, 32_768, 65_535, 65_536, 0x7fff_ffff, 0x8000_0000,
-    0xffff_ffff, i64::MAX as u64, u64::MAX,
+    0,
+    1,
+    2,
+    3,
+    7,
+    8,
+    15,
+    16,
+    17,
+    31,
+    32,
+    127,
+    128,
+    255,
+    256,
+    32_767,
+    32_768,
+    65_535,
+    65_536,
+    0x7fff_ffff,
+    0x8000_0000,
+    0xffff_ffff,
+    i64::MAX as u64,
+    u64::MAX,
 ];
 
 /// Writes an integer of 1, 2, 4 or 8 bytes, in one of both orders, somewhere, more often near the start.
@@ -13,7 +35,11 @@ pub fn mutated(input: &[u8], hand: &mut Hand) -> Option<Vec<u8>> {
     let mut made = input.to_vec();
     for _ in 0..=hand.dice.below(2) {
         let width = *hand.dice.pick(&[1, 2, 4, 8]);
-        let reach = if hand.dice.below(2) == 0 { made.len() } else { made.len().min(128) };
+        let reach = if hand.dice.below(2) == 0 {
+            made.len()
+        } else {
+            made.len().min(128)
+        };
         let at = hand.dice.below(reach);
         let slot = made.get_mut(at..at + width)?;
         let mut old = [0; 8];

@@ -37,10 +37,17 @@ pub fn mutated_archive(input: &[u8], hand: &mut Hand) -> Option<Vec<u8>> {
         }
         _ => entries[at].1 = text::mutated(&entries[at].1, hand)?,
     }
-    let method = *hand.dice.pick(&[CompressionMethod::Stored, CompressionMethod::Deflated]);
+    let method = *hand
+        .dice
+        .pick(&[CompressionMethod::Stored, CompressionMethod::Deflated]);
     let mut archive = ZipWriter::new(Cursor::new(Vec::new()));
     for (name, content) in entries {
-        archive.start_file(name, SimpleFileOptions::default().compression_method(method)).ok()?;
+        archive
+            .start_file(
+                name,
+                SimpleFileOptions::default().compression_method(method),
+            )
+            .ok()?;
         archive.write_all(&content).ok()?;
     }
     Some(archive.finish().ok()?.into_inner())

@@ -8,7 +8,8 @@ use std::io::{Read as _, Write as _};
 
 const SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
 const KINDS: [&[u8; 4]; 14] = [
-    b"IHDR", b"PLTE", b"IDAT", b"IEND", b"tRNS", b"gAMA", b"cHRM", b"sRGB", b"iCCP", b"eXIf", b"acTL", b"fcTL", b"fdAT", b"sBIT",
+    b"IHDR", b"PLTE", b"IDAT", b"IEND", b"tRNS", b"gAMA", b"cHRM", b"sRGB", b"iCCP", b"eXIf",
+    b"acTL", b"fcTL", b"fdAT", b"sBIT",
 ];
 
 /// More than this is not unpacked.
@@ -76,15 +77,23 @@ pub fn mutated(input: &[u8], hand: &mut Hand) -> Option<Vec<u8>> {
         }
         1 => {
             let Chunk { kind, data } = &chunks[at];
-            let copy = Chunk { kind: *kind, data: data.clone() };
+            let copy = Chunk {
+                kind: *kind,
+                data: data.clone(),
+            };
             chunks.insert(other, copy);
         }
         2 => chunks.swap(at, other),
         3 => chunks[at].kind = **hand.dice.pick(&KINDS),
         4 | 5 => chunks[at].data = number::mutated(&chunks[at].data, hand)?,
-        6 => mutate_header(chunks.iter_mut().find(|chunk| chunk.kind == *b"IHDR")?, hand),
+        6 => mutate_header(
+            chunks.iter_mut().find(|chunk| chunk.kind == *b"IHDR")?,
+            hand,
+        ),
         7 | 8 => {
-            let pixels = chunks.iter_mut().find(|chunk| matches!(&chunk.kind, b"IDAT" | b"iCCP"))?;
+            let pixels = chunks
+                .iter_mut()
+                .find(|chunk| matches!(&chunk.kind, b"IDAT" | b"iCCP"))?;
             repack(&mut pixels.data, hand)?;
         }
         _ => chunks[at].data = hand.changed(&chunks[at].data),
@@ -112,7 +121,9 @@ fn mutate_header(header: &mut Chunk, hand: &mut Hand) {
 fn repack(data: &mut Vec<u8>, hand: &mut Hand) -> Option<()> {
     let mut content = Vec::new();
     // what comes before an error is taken
-    let _ = ZlibDecoder::new(&data[..]).take(MAX_UNPACKED).read_to_end(&mut content);
+    let _ = ZlibDecoder::new(&data[..])
+        .take(MAX_UNPACKED)
+        .read_to_end(&mut content);
     let content = hand.changed(&content);
     let mut encoder = ZlibEncoder::new(Vec::new(), Compression::fast());
     encoder.write_all(&content).ok()?;

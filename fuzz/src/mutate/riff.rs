@@ -2,7 +2,9 @@
 
 use super::{Hand, number};
 
-const KINDS: [&[u8; 4]; 8] = [b"VP8 ", b"VP8L", b"VP8X", b"ALPH", b"ANIM", b"ANMF", b"ICCP", b"EXIF"];
+const KINDS: [&[u8; 4]; 8] = [
+    b"VP8 ", b"VP8L", b"VP8X", b"ALPH", b"ANIM", b"ANMF", b"ICCP", b"EXIF",
+];
 
 fn chunks(input: &[u8]) -> Option<Vec<([u8; 4], Vec<u8>)>> {
     if !input.starts_with(b"RIFF") || input.get(8..12)? != b"WEBP" {

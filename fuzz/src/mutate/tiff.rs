@@ -4,12 +4,14 @@ use super::{Hand, number};
 
 /// Tags that decide how much is read and from where.
 const TAGS: [u16; 26] = [
-    254, 256, 257, 258, 259, 262, 266, 273, 274, 277, 278, 279, 284, 292, 317, 320, 322, 323, 324, 325, 338, 339, 347, 530, 34675,
-    34665,
+    254, 256, 257, 258, 259, 262, 266, 273, 274, 277, 278, 279, 284, 292, 317, 320, 322, 323, 324,
+    325, 338, 339, 347, 530, 34675, 34665,
 ];
 
 /// Values that tags have in files: compressions, kinds of color, predictors, formats of samples.
-const VALUES: [u32; 20] = [1, 2, 3, 4, 5, 6, 7, 8, 16, 24, 32, 64, 128, 32773, 32946, 34712, 50000, 50001, 8, 16];
+const VALUES: [u32; 20] = [
+    1, 2, 3, 4, 5, 6, 7, 8, 16, 24, 32, 64, 128, 32773, 32946, 34712, 50000, 50001, 8, 16,
+];
 
 /// Changes an entry, or numbers anywhere.
 pub fn mutated(input: &[u8], hand: &mut Hand) -> Option<Vec<u8>> {
@@ -24,16 +26,32 @@ pub fn mutated(input: &[u8], hand: &mut Hand) -> Option<Vec<u8>> {
     let mut made = input.to_vec();
     let read16 = |bytes: &[u8]| {
         let bytes = [bytes[0], bytes[1]];
-        if little { u16::from_le_bytes(bytes) } else { u16::from_be_bytes(bytes) }
+        if little {
+            u16::from_le_bytes(bytes)
+        } else {
+            u16::from_be_bytes(bytes)
+        }
     };
     let put16 = |slot: &mut [u8], value: u16| {
-        slot.copy_from_slice(&if little { value.to_le_bytes() } else { value.to_be_bytes() });
+        slot.copy_from_slice(&if little {
+            value.to_le_bytes()
+        } else {
+            value.to_be_bytes()
+        });
     };
     let put32 = |slot: &mut [u8], value: u32| {
-        slot.copy_from_slice(&if little { value.to_le_bytes() } else { value.to_be_bytes() });
+        slot.copy_from_slice(&if little {
+            value.to_le_bytes()
+        } else {
+            value.to_be_bytes()
+        });
     };
     let at: [u8; 4] = input.get(4..8)?.try_into().ok()?;
-    let directory = if little { u32::from_le_bytes(at) } else { u32::from_be_bytes(at) } as usize;
+    let directory = if little {
+        u32::from_le_bytes(at)
+    } else {
+        u32::from_be_bytes(at)
+    } as usize;
     let count = usize::from(read16(input.get(directory..directory.checked_add(2)?)?));
     for _ in 0..=hand.dice.below(2) {
         let entry = directory + 2 + 12 * hand.dice.below(count);

@@ -2,7 +2,8 @@
 
 use super::Seed;
 use exr::prelude::{
-    Blocks, Compression, Encoding, Image as ExrImage, LineOrder, SpecificChannels, Vec2, WritableImage as _, f16,
+    Blocks, Compression, Encoding, Image as ExrImage, LineOrder, SpecificChannels, Vec2,
+    WritableImage as _, f16,
 };
 use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
 use ravec::raster::{Image, LinearRgb, LinearRgba, Size, Srgb, Srgba};
@@ -26,17 +27,41 @@ fn pictures() -> Vec<(&'static str, Picture)> {
         picture.origin.grey = grey;
         picture
     };
-    let mut turned = Picture::from_image(Image::from_fn(size, |c, r| Srgb([at(c, r), at(r, c), 7])));
+    let mut turned =
+        Picture::from_image(Image::from_fn(size, |c, r| Srgb([at(c, r), at(r, c), 7])));
     turned.origin.exif = Some(exif(6).into());
     vec![
-        ("grey", grey(true, Picture::from_image(Image::from_fn(size, |c, r| Srgb([at(c, r); 3]))))),
+        (
+            "grey",
+            grey(
+                true,
+                Picture::from_image(Image::from_fn(size, |c, r| Srgb([at(c, r); 3]))),
+            ),
+        ),
         ("turned", turned),
-        ("alpha", Picture::from_image(Image::from_fn(size, |c, r| Srgba([at(c, r), 9, 7, at(r, c)])))),
-        ("deep", Picture::from_image(Image::from_fn(size, |c, r| Srgb([256 * u16::from(at(c, r)); 3])))),
-        ("float", Picture::from_image(Image::from_fn(size, |c, r| LinearRgb([f32::from(at(c, r)) / 64.0; 3])))),
+        (
+            "alpha",
+            Picture::from_image(Image::from_fn(size, |c, r| {
+                Srgba([at(c, r), 9, 7, at(r, c)])
+            })),
+        ),
+        (
+            "deep",
+            Picture::from_image(Image::from_fn(size, |c, r| {
+                Srgb([256 * u16::from(at(c, r)); 3])
+            })),
+        ),
+        (
+            "float",
+            Picture::from_image(Image::from_fn(size, |c, r| {
+                LinearRgb([f32::from(at(c, r)) / 64.0; 3])
+            })),
+        ),
         (
             "float-alpha",
-            Picture::from_image(Image::from_fn(size, |c, r| LinearRgba([0.5, 2.0, f32::from(at(c, r)), 0.5]))),
+            Picture::from_image(Image::from_fn(size, |c, r| {
+                LinearRgba([0.5, 2.0, f32::from(at(c, r)), 0.5])
+            })),
         ),
     ]
 }
@@ -56,7 +81,8 @@ pub fn seeds() -> Vec<Seed> {
     for (format, target) in TARGETS {
         for (name, picture) in pictures() {
             let mut data = Cursor::new(Vec::new());
-            encode(&mut data, format, &picture, &WriteOptions::default()).expect("every format takes these");
+            encode(&mut data, format, &picture, &WriteOptions::default())
+                .expect("every format takes these");
             seeds.push((target, name.to_owned(), data.into_inner()));
         }
     }
@@ -73,13 +99,62 @@ fn jpegs() -> Vec<Seed> {
     };
     let mut seeds = Vec::new();
     for (name, color, channels, sampling, progressive, restart) in [
-        ("cmyk", ColorType::Cmyk, 4, SamplingFactor::F_1_1, false, None),
-        ("ycck", ColorType::CmykAsYcck, 4, SamplingFactor::F_1_1, false, None),
-        ("quarter", ColorType::Rgb, 3, SamplingFactor::F_2_2, false, None),
-        ("half", ColorType::Rgb, 3, SamplingFactor::F_2_1, false, Some(2)),
-        ("progressive", ColorType::Rgb, 3, SamplingFactor::F_2_2, true, None),
-        ("progressive-cmyk", ColorType::Cmyk, 4, SamplingFactor::F_1_1, true, None),
-        ("luma", ColorType::Luma, 1, SamplingFactor::F_1_1, true, Some(1)),
+        (
+            "cmyk",
+            ColorType::Cmyk,
+            4,
+            SamplingFactor::F_1_1,
+            false,
+            None,
+        ),
+        (
+            "ycck",
+            ColorType::CmykAsYcck,
+            4,
+            SamplingFactor::F_1_1,
+            false,
+            None,
+        ),
+        (
+            "quarter",
+            ColorType::Rgb,
+            3,
+            SamplingFactor::F_2_2,
+            false,
+            None,
+        ),
+        (
+            "half",
+            ColorType::Rgb,
+            3,
+            SamplingFactor::F_2_1,
+            false,
+            Some(2),
+        ),
+        (
+            "progressive",
+            ColorType::Rgb,
+            3,
+            SamplingFactor::F_2_2,
+            true,
+            None,
+        ),
+        (
+            "progressive-cmyk",
+            ColorType::Cmyk,
+            4,
+            SamplingFactor::F_1_1,
+            true,
+            None,
+        ),
+        (
+            "luma",
+            ColorType::Luma,
+            1,
+            SamplingFactor::F_1_1,
+            true,
+            Some(1),
+        ),
     ] {
         let mut data = Vec::new();
         let mut encoder = Encoder::new(&mut data, 60);
@@ -92,7 +167,9 @@ fn jpegs() -> Vec<Seed> {
         }
         let block = [b"Exif\0\0".to_vec(), exif(3)].concat();
         encoder.add_app_segment(1, block).expect("a short block");
-        encoder.encode(&samples(channels), width, height, color).expect("a small picture");
+        encoder
+            .encode(&samples(channels), width, height, color)
+            .expect("a small picture");
         seeds.push(("jpeg", name.to_owned(), data));
     }
     seeds
@@ -111,7 +188,11 @@ fn exrs() -> Vec<Seed> {
         for tiled in [false, true] {
             let encoding = Encoding {
                 compression,
-                blocks: if tiled { Blocks::Tiles(Vec2(8, 8)) } else { Blocks::ScanLines },
+                blocks: if tiled {
+                    Blocks::Tiles(Vec2(8, 8))
+                } else {
+                    Blocks::ScanLines
+                },
                 line_order: LineOrder::Increasing,
             };
             let pixel = |Vec2(x, y): Vec2<usize>| {
@@ -121,7 +202,11 @@ fn exrs() -> Vec<Seed> {
             let channels = SpecificChannels::rgba(pixel);
             let image = ExrImage::from_encoded_channels((13, 9), encoding, channels);
             let mut data = Cursor::new(Vec::new());
-            image.write().non_parallel().to_buffered(&mut data).expect("memory takes any picture");
+            image
+                .write()
+                .non_parallel()
+                .to_buffered(&mut data)
+                .expect("memory takes any picture");
             let blocks = if tiled { "tiles" } else { "lines" };
             seeds.push(("exr", format!("{name}-{blocks}"), data.into_inner()));
         }

@@ -47,7 +47,15 @@ fn pngs() -> Vec<Seed> {
                     &[depth, color, 0, 0, u8::from(interlaced)],
                 ];
                 let passes: &[[usize; 4]] = if interlaced {
-                    &[[0, 0, 8, 8], [4, 0, 8, 8], [0, 4, 4, 8], [2, 0, 4, 4], [0, 2, 2, 4], [1, 0, 2, 2], [0, 1, 1, 2]]
+                    &[
+                        [0, 0, 8, 8],
+                        [4, 0, 8, 8],
+                        [0, 4, 4, 8],
+                        [2, 0, 4, 4],
+                        [0, 2, 2, 4],
+                        [1, 0, 2, 2],
+                        [0, 1, 1, 2],
+                    ]
                 } else {
                     &[[0, 0, 1, 1]]
                 };
@@ -90,7 +98,7 @@ fn pngs() -> Vec<Seed> {
     seeds
 }
 
-/// A TIFF file of 16 × 16 pixels with one directory; numbers are 32-bit, bits are 16-bit.
+/// A TIFF file with one directory.
 struct Tiff {
     entries: Vec<(u16, Vec<u32>)>,
     blocks: Vec<Vec<u8>>,
@@ -113,17 +121,23 @@ impl Tiff {
         entries.sort_by_key(|entry| entry.0);
         let mut directory = (entries.len() as u16).to_le_bytes().to_vec();
         for (tag, values) in &entries {
-            let value = if let [value] = values[..] {
-                value
-            } else {
+            // offsets and lengths are 32-bit numbers, all others 16-bit ones
+            let is_long = matches!(tag, 273 | 279 | 324 | 325);
+            let mut bytes: Vec<u8> = Vec::new();
+            for value in values {
+                let number = value.to_le_bytes();
+                bytes.extend(if is_long { &number[..] } else { &number[..2] });
+            }
+            if bytes.len() > 4 {
                 let at = file.len() as u32;
-                file.extend(values.iter().flat_map(|value| value.to_le_bytes()));
-                at
-            };
+                file.extend(&bytes);
+                bytes = at.to_le_bytes().to_vec();
+            }
+            bytes.resize(4, 0);
             directory.extend(tag.to_le_bytes());
-            directory.extend(4_u16.to_le_bytes());
+            directory.extend(if is_long { 4_u16 } else { 3 }.to_le_bytes());
             directory.extend((values.len() as u32).to_le_bytes());
-            directory.extend(value.to_le_bytes());
+            directory.extend(bytes);
         }
         directory.extend([0; 4]);
         let at = (file.len() as u32).to_le_bytes();
@@ -146,10 +160,13 @@ fn tiffs() -> Vec<Seed> {
         ("alpha", 2, 8, 4, false),
         ("cmyk", 5, 8, 4, false),
         ("float", 1, 32, 1, false),
-        ("palette", 3, 8, 1, false),
-        ("ycbcr", 6, 8, 3, false),
     ] {
-        for (way, tiled, compression) in [("strips", false, 1_u32), ("tiles", true, 1), ("deflate", false, 8), ("deflate-tiles", true, 8)] {
+        for (way, tiled, compression) in [
+            ("strips", false, 1_u32),
+            ("tiles", true, 1),
+            ("deflate", false, 8),
+            ("deflate-tiles", true, 8),
+        ] {
             let planes = if planar { channels } else { 1 };
             let in_plane = channels / planes;
             let block_rows = if tiled { side } else { side / 2 };
@@ -158,9 +175,15 @@ fn tiffs() -> Vec<Seed> {
             for _ in 0..planes * side / block_rows {
                 let mut raw = bytes(row_bytes * block_rows);
                 if name == "float" {
-                    raw = (0..side * block_rows).flat_map(|i| (i as f32 / 9.0).to_le_bytes()).collect();
+                    raw = (0..side * block_rows)
+                        .flat_map(|i| (i as f32 / 9.0).to_le_bytes())
+                        .collect();
                 }
-                blocks.push(if compression == 8 { deflated(&raw) } else { raw });
+                blocks.push(if compression == 8 {
+                    deflated(&raw)
+                } else {
+                    raw
+                });
             }
             let mut entries = vec![
                 (256, vec![side as u32]),
@@ -180,11 +203,14 @@ fn tiffs() -> Vec<Seed> {
             match name {
                 "alpha" => entries.push((338, vec![2])),
                 "float" => entries.push((339, vec![3])),
-                "palette" => entries.push((320, (0..768).map(|i| i * 85).collect())),
-                "ycbcr" => entries.push((530, vec![1, 1])),
                 _ => {}
             }
-            let file = Tiff { entries, blocks, tiled }.file();
+            let file = Tiff {
+                entries,
+                blocks,
+                tiled,
+            }
+            .file();
             seeds.push(("tiff", format!("{name}-{way}"), file));
         }
     }
@@ -194,10 +220,23 @@ fn tiffs() -> Vec<Seed> {
 
 /// White lines in the code of faxes (group 4): each is the same as the one above, one bit.
 fn fax() -> Vec<u8> {
-    let entries = [(256, 16), (257, 16), (258, 1), (259, 4), (262, 0), (277, 1), (278, 16)];
+    let entries = [
+        (256, 16),
+        (257, 16),
+        (258, 1),
+        (259, 4),
+        (262, 0),
+        (277, 1),
+        (278, 16),
+    ];
     let entries = entries.map(|(tag, value)| (tag, vec![value])).to_vec();
     let blocks = vec![vec![0xff, 0xff, 0, 0x10, 0x01, 0, 0x10, 0x01]];
-    Tiff { entries, blocks, tiled: false }.file()
+    Tiff {
+        entries,
+        blocks,
+        tiled: false,
+    }
+    .file()
 }
 
 fn bmps() -> Vec<Seed> {
@@ -228,7 +267,11 @@ fn bmps() -> Vec<Seed> {
     };
     let plain = |bits: usize| bytes((width as usize * bits).div_ceil(32) * 4 * height as usize);
     let palette = |colors: usize| bytes(4 * colors);
-    let runs = [[9_u8, 1, 0, 0].repeat(4), vec![0, 3, 1, 2, 3, 0, 0, 2, 1, 0, 0, 1]].concat();
+    let runs = [
+        [9_u8, 1, 0, 0].repeat(4),
+        vec![0, 3, 1, 2, 3, 0, 0, 2, 1, 0, 0, 1],
+    ]
+    .concat();
     [
         ("1", file(1, 0, &palette(2), &plain(1))),
         ("4", file(4, 0, &palette(16), &plain(4))),
@@ -251,9 +294,13 @@ fn webps() -> Vec<Seed> {
     let alpha: &[u8] = b"RIFF\x4a\0\0\0WEBPVP8X\x0a\0\0\0\x10\0\0\0\0\0\0\0\0\0ALPH\x0c\0\0\0\x11\x07\x10\x11\xfd\x0f\x44\x44\xff\x03\0\0\
         VP8 \x18\0\0\0\x14\x01\0\x9d\x01\x2a\x01\0\x01\0\0\0\xfe\0\0\x0d\xc0\0\xfe\xe6\xb5\0\0\0";
     let animated: &[u8] = b"RIFF\x52\0\0\0WEBPVP8X\x0a\0\0\0\x12\0\0\0\0\0\0\0\0\0ANIM\x06\0\0\0\xff\xff\xff\xff\0\0\
-        ANMF\x26\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\x64\0\0\0VP8L\x0d\0\0\0\x2f\0\0\0\x10\x07\x10\x11\x11\x88\x88\xfe\x07\0";
-    [("lossy", lossy), ("lossy-alpha", alpha), ("animated", animated)]
-        .into_iter()
-        .map(|(name, data)| ("webp", name.to_owned(), data.to_vec()))
-        .collect()
+        ANMF\x26\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\x64\0\0\0VP8L\x0d\0\0\0\x2f\0\0\0\x10\x07\x10\x11\x11\x88\x88\xfe\x07\0";
+    [
+        ("lossy", lossy),
+        ("lossy-alpha", alpha),
+        ("animated", animated),
+    ]
+    .into_iter()
+    .map(|(name, data)| ("webp", name.to_owned(), data.to_vec()))
+    .collect()
 }

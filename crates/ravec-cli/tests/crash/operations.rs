@@ -89,16 +89,16 @@ impl Operation {
 
     pub fn mosaic() -> Self {
         let lines = [
-            "mosaic in/target.bmp --catalogue in/photos.ravec -o out/mosaic.png --tiles 24x18 --tile-size 24x18",
-            "mosaic in/target.bmp --catalogue in/photos.ravec -o out/mosaic.png --tiles 20x15 --tile-size 24x18",
+            "mosaic in/target.bmp --catalogue in/photos.ravec -o out/mosaic.png --tiles 24x18 --tile-size 24x18 --min-repeat-distance 0",
+            "mosaic in/target.bmp --catalogue in/photos.ravec -o out/mosaic.png --tiles 20x15 --tile-size 24x18 --min-repeat-distance 0",
         ];
         Self::new("mosaic", "mosaic.png", photo_catalogue, lines)
     }
 
     pub fn deep_zoom() -> Self {
         let lines = [
-            "mosaic in/target.bmp --catalogue in/photos.ravec --deep-zoom out/zoom --tiles 24x18 --tile-size 32x24",
-            "mosaic in/target.bmp --catalogue in/photos.ravec --deep-zoom out/zoom --tiles 20x15 --tile-size 32x24",
+            "mosaic in/target.bmp --catalogue in/photos.ravec --deep-zoom out/zoom --tiles 24x18 --tile-size 32x24 --min-repeat-distance 0",
+            "mosaic in/target.bmp --catalogue in/photos.ravec --deep-zoom out/zoom --tiles 20x15 --tile-size 32x24 --min-repeat-distance 0",
         ];
         Self::new("deep zoom", "zoom", photo_catalogue, lines)
     }
@@ -118,7 +118,7 @@ impl Operation {
             |folder: &Path| fs::write(folder.join("in/mesh.stl"), bumpy_sphere(200, 100)).unwrap();
         let lines = [
             "mesh convert in/mesh.stl -o out/mesh.3mf",
-            "mesh convert in/mesh.stl -o out/mesh.3mf --scale 2",
+            "mesh convert in/mesh.stl -o out/mesh.3mf --from-unit inch",
         ];
         Self::new("mesh convert", "mesh.3mf", prepare, lines)
     }
