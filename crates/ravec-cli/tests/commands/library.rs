@@ -60,13 +60,21 @@ fn no_output_takes_the_place_of_the_catalogue_or_of_a_photo() {
             2,
             "it is a photo of the catalogue",
         ),
-        (format!("{mosaic} --deep-zoom ."), 2, "the catalogue is in it"),
+        (
+            format!("{mosaic} --deep-zoom ."),
+            2,
+            "the catalogue is in it",
+        ),
         (
             format!("{mosaic} --deep-zoom photos"),
             2,
             "photos of the catalogue are in it",
         ),
-        (format!("{mosaic} --deep-zoom pages"), 4, "no list of its files"),
+        (
+            format!("{mosaic} --deep-zoom pages"),
+            4,
+            "no list of its files",
+        ),
         (
             format!("{mosaic} --deep-zoom pages --json pages/r.json"),
             2,
