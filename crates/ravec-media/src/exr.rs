@@ -70,7 +70,8 @@ fn header<R: BufRead + Seek>(input: &mut R) -> io::Result<Option<Claims>> {
             b"dataWindow" => {
                 let side = |low: usize, high: usize| {
                     let side = i64::from(number(high)) - i64::from(number(low)) + 1;
-                    side.max(0) as u64
+                    // the decoder takes a window that is inside out for a large one
+                    side.unsigned_abs()
                 };
                 (part.width, part.height) = (side(0, 8), side(4, 12));
             }
@@ -137,10 +138,11 @@ mod tests {
     }
 
     #[test]
-    fn windows_that_are_inside_out_are_empty_and_files_may_end_anywhere() {
+    fn windows_that_are_inside_out_are_large_and_files_may_end_anywhere() {
         let inside_out = window([5, 5, i32::MIN, i32::MIN]);
         let whole = file(&[&[(b"dataWindow", &inside_out), (b"tiles", &[255; 9])]]);
-        assert_eq!(claims(&mut Cursor::new(&whole)).unwrap(), Claims::default());
+        let found = claims(&mut Cursor::new(&whole)).unwrap();
+        assert_eq!((found.width, found.height), (2_147_483_652, 2_147_483_652));
         for length in 8..whole.len() {
             assert!(claims(&mut Cursor::new(&whole[..length])).is_ok());
         }
