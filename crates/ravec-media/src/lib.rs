@@ -39,6 +39,7 @@
 
 mod atomic;
 mod curve;
+mod exr;
 mod format;
 mod jpeg;
 mod lens;

@@ -32,6 +32,8 @@ pub(crate) struct Opened<'a> {
     icc: Option<Vec<u8>>,
     exif: Option<Vec<u8>>,
     warnings: Vec<Warning>,
+    /// Bytes of the blocks that a decoder holds beside the picture.
+    block_bytes: u64,
     /// Memory for the encoded data that are held here, and later for decoding.
     memory: Reservation,
     limits: Limits,
@@ -55,6 +57,7 @@ impl<'a> Opened<'a> {
             Format::Jpeg => Self::open_jpeg(input, length, limits)?,
             Format::Tiff => Self::open_tiff(input, length, limits)?,
             Format::WebP => Self::open_webp(input, length, limits)?,
+            Format::OpenExr => Self::open_exr(input, limits)?,
             _ => Self::open_general(format, input, limits, true)
                 .map_err(|error| decode_error(format, error, limits))?,
         };
@@ -87,6 +90,7 @@ impl<'a> Opened<'a> {
             exif: jpeg.exif.take(),
             decoder: Decoder::Jpeg(jpeg),
             warnings,
+            block_bytes: 0,
             memory,
             limits: limits.clone(),
         })
@@ -111,6 +115,7 @@ impl<'a> Opened<'a> {
             exif: None,
             decoder: Decoder::Tiff(Box::new(tiff)),
             warnings: Vec::new(),
+            block_bytes: 0,
             memory: limits.memory.reserve_nothing(),
             limits: limits.clone(),
         })
@@ -134,6 +139,20 @@ impl<'a> Opened<'a> {
         if !claims.metadata_is_whole {
             opened.warnings.push(Warning::Truncated);
         }
+        Ok(opened)
+    }
+
+    fn open_exr<R: BufRead + Seek>(input: &'a mut R, limits: &Limits) -> Result<Self, DecodeError> {
+        let format = Format::OpenExr;
+        let claims = crate::exr::claims(input)?;
+        limits.check_pixels(claims.width, claims.height)?;
+        // a block before and after its decompression
+        let block_bytes = claims.block_bytes.saturating_mul(2);
+        let blocks = limits.memory.reserve(block_bytes);
+        drop(blocks.map_err(|over| over_budget(over, 0))?);
+        let mut opened = Self::open_general(format, input, limits, true)
+            .map_err(|error| decode_error(format, error, limits))?;
+        opened.block_bytes = block_bytes;
         Ok(opened)
     }
 
@@ -188,6 +207,7 @@ impl<'a> Opened<'a> {
             exif,
             decoder: Decoder::General(decoder),
             warnings,
+            block_bytes: 0,
             memory: limits.memory.reserve_nothing(),
             limits: limits.clone(),
         })
@@ -359,7 +379,7 @@ impl<'a> Opened<'a> {
             (_, Format::WebP) => 12 * padded,
             (Decoder::Tiff(tiff), _) => tiff.working_bytes(decoded),
             // a buffer of its own, and a block before its decompression
-            (_, Format::OpenExr) => decoded + decoded / 2,
+            (_, Format::OpenExr) => (decoded + decoded / 2).saturating_add(self.block_bytes),
             _ => 64 * u64::from(self.width),
         };
         let image_channels = 3 + u64::from(self.channels.has_alpha());
@@ -379,7 +399,9 @@ impl<'a> Opened<'a> {
         } else {
             0
         };
-        (decoded + decoder.max(conversion)).max(image + turned)
+        decoded
+            .saturating_add(decoder.max(conversion))
+            .max(image + turned)
     }
 }
 

@@ -12,7 +12,8 @@ pub fn seeds() -> Vec<Seed> {
         .collect();
     let folder = tempfile::tempdir().expect("a temporary folder can be made");
     let path = folder.path().join("a.ravec");
-    let mut catalogue = Catalogue::open_or_make(&path).expect("an empty catalogue can be made");
+    let mut catalogue =
+        Catalogue::open_or_make(&path, &Progress::none()).expect("an empty catalogue can be made");
     // any file will do: it becomes a row, be it of a picture that cannot be read
     let photos = folder.path().join("photos");
     std::fs::create_dir(&photos).expect("the folder can be written to");

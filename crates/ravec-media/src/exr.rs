@@ -1,0 +1,150 @@
+//! `OpenEXR`: the part of the plane that has data, checked before the decoder takes memory for it.
+//!
+//! A picture is as large as its display window, but lines and tiles are decompressed in the width of its data window, which a
+//! header may make as large as it likes.
+
+use std::io::{self, BufRead, Read as _, Seek, SeekFrom};
+
+/// What the headers of a file claim of the largest of its parts.
+#[derive(Debug, Default, PartialEq, Eq)]
+pub(crate) struct Claims {
+    /// Columns of the data window.
+    pub(crate) width: u64,
+    /// Rows of the data window.
+    pub(crate) height: u64,
+    /// The most bytes of a block of lines or of a tile, before compression.
+    pub(crate) block_bytes: u64,
+}
+
+/// No kind of compression takes more lines at once.
+const MAX_LINES: u64 = 256;
+
+/// Names and types of attributes have at most this many bytes.
+const MAX_NAME: u64 = 255;
+
+/// Lists of channels that are looked at have at most this many bytes; longer ones count as this long.
+const MAX_CHANNELS: u64 = 1 << 16;
+
+/// Reads all headers, as far as they can be understood, and goes back to the start.
+pub(crate) fn claims<R: BufRead + Seek>(input: &mut R) -> io::Result<Claims> {
+    let mut claims = Claims::default();
+    input.seek(SeekFrom::Start(8))?;
+    // an empty name ends a header; a file of one part has one header, and others end with an empty one
+    while let Some(part) = header(input)? {
+        claims.width = claims.width.max(part.width);
+        claims.height = claims.height.max(part.height);
+        claims.block_bytes = claims.block_bytes.max(part.block_bytes);
+    }
+    input.seek(SeekFrom::Start(0))?;
+    Ok(claims)
+}
+
+/// One header; none if there is no attribute, or what is there is none.
+fn header<R: BufRead + Seek>(input: &mut R) -> io::Result<Option<Claims>> {
+    let mut part = Claims::default();
+    let (mut pixel_bytes, mut tile) = (4, 0);
+    let mut is_empty = true;
+    while let Some(name) = word(input)? {
+        let Some(_kind) = word(input)? else { break };
+        let mut size = [0; 4];
+        if input.read_exact(&mut size).is_err() {
+            break;
+        }
+        let size = u64::from(u32::from_le_bytes(size));
+        is_empty = false;
+        let start = input.stream_position()?;
+        let mut value = Vec::new();
+        if matches!(name.as_slice(), b"dataWindow" | b"tiles" | b"channels") {
+            input
+                .by_ref()
+                .take(size.min(MAX_CHANNELS))
+                .read_to_end(&mut value)?;
+        }
+        let number = |at: usize| {
+            let bytes = value
+                .get(at..at + 4)
+                .and_then(|bytes| bytes.try_into().ok());
+            bytes.map_or(0, i32::from_le_bytes)
+        };
+        match name.as_slice() {
+            b"dataWindow" => {
+                let side = |low: usize, high: usize| {
+                    let side = i64::from(number(high)) - i64::from(number(low)) + 1;
+                    // the decoder takes a window that is inside out for a large one
+                    side.unsigned_abs()
+                };
+                (part.width, part.height) = (side(0, 8), side(4, 12));
+            }
+            b"tiles" => tile = u64::from(number(0) as u32) * u64::from(number(4) as u32),
+            // a channel has a name of at least one byte and 17 bytes more, and at most four bytes a pixel
+            b"channels" => pixel_bytes = 4 * (size / 18).max(1),
+            _ => {}
+        }
+        input.seek(SeekFrom::Start(start + size))?;
+    }
+    let lines = part.width.saturating_mul(part.height.min(MAX_LINES));
+    // a tile is no larger than what it covers
+    let tile = tile.min(part.width.saturating_mul(part.height));
+    part.block_bytes = lines.max(tile).saturating_mul(pixel_bytes);
+    Ok((!is_empty).then_some(part))
+}
+
+/// A name before a zero; none if it is empty or too long, or the file ends.
+fn word<R: BufRead>(input: &mut R) -> io::Result<Option<Vec<u8>>> {
+    let mut word = Vec::new();
+    input.take(MAX_NAME + 1).read_until(0, &mut word)?;
+    Ok((word.pop() == Some(0) && !word.is_empty()).then_some(word))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Cursor;
+
+    fn file(parts: &[&[(&[u8], &[u8])]]) -> Vec<u8> {
+        let mut file = b"\x76\x2f\x31\x01\x02\0\0\0".to_vec();
+        for part in parts {
+            for (name, value) in *part {
+                file.extend(*name);
+                file.extend(b"\0type\0");
+                file.extend((value.len() as u32).to_le_bytes());
+                file.extend(*value);
+            }
+            file.push(0);
+        }
+        file
+    }
+
+    fn window(numbers: [i32; 4]) -> Vec<u8> {
+        numbers.iter().flat_map(|n| n.to_le_bytes()).collect()
+    }
+
+    #[test]
+    fn the_largest_data_window_counts_whatever_the_picture_is() {
+        let (small, wide) = (window([0, 0, 12, 8]), window([-16_777_216, 0, 12, 8]));
+        let channels = [0; 36];
+        let parts: [&[(&[u8], &[u8])]; 2] = [
+            &[(b"displayWindow", &small), (b"dataWindow", &small)],
+            &[(b"channels", &channels), (b"dataWindow", &wide)],
+        ];
+        let found = claims(&mut Cursor::new(file(&parts))).unwrap();
+        let width = 16_777_216 + 13;
+        let expected = Claims {
+            width,
+            height: 9,
+            block_bytes: width * 9 * 8,
+        };
+        assert_eq!(found, expected);
+    }
+
+    #[test]
+    fn windows_that_are_inside_out_are_large_and_files_may_end_anywhere() {
+        let inside_out = window([5, 5, i32::MIN, i32::MIN]);
+        let whole = file(&[&[(b"dataWindow", &inside_out), (b"tiles", &[255; 9])]]);
+        let found = claims(&mut Cursor::new(&whole)).unwrap();
+        assert_eq!((found.width, found.height), (2_147_483_652, 2_147_483_652));
+        for length in 8..whole.len() {
+            assert!(claims(&mut Cursor::new(&whole[..length])).is_ok());
+        }
+    }
+}
