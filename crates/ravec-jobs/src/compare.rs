@@ -31,8 +31,10 @@ pub fn run(
 ) -> Result<Report, JobError> {
     files::check_files(&[&a.path, &b.path], &[])?;
     let mut report = Report::new("compare", params);
-    let image_a = files::read(a, &mut report, progress)?.image;
-    let image_b = files::read(b, &mut report, progress)?.image;
+    // pictures keep their shares of the memory budget
+    let picture_a = files::read(a, &mut report, progress)?;
+    let picture_b = files::read(b, &mut report, progress)?;
+    let (image_a, image_b) = (&picture_a.image, &picture_b.image);
     let differ = JobError::SizesDiffer {
         a: a.path.clone(),
         a_size: image_a.size(),
@@ -45,7 +47,7 @@ pub fn run(
     let image_b = image_b.convert::<LinearRgba>();
     let compared = report.time(
         "compare",
-        || with_image!(&image_a, image_a => compare_with_progress(image_a, &image_b, progress)),
+        || with_image!(image_a, image_a => compare_with_progress(image_a, &image_b, progress)),
     );
     let found = compared.map_err(|error| match error {
         MetricError::Cancelled(_) => JobError::Cancelled,

@@ -227,7 +227,10 @@ mod tests {
         assert!(html.contains("width=\"8\""));
         assert!(html.contains("2 &lt; 3"));
         assert_eq!(html.matches("data:image/").count(), 3);
-        assert!(!html.contains("http"), "nothing is fetched");
+        assert!(
+            !html.contains("http:") && !html.contains("https:"),
+            "nothing is fetched"
+        );
     }
 
     #[test]

@@ -63,8 +63,9 @@ pub fn run(
     files::check_files(&[&first.path, &second.path], &[output])?;
     let mut report = Report::new("match", params);
     report.seed = Some(params.seed);
-    let first_image = files::read(first, &mut report, progress)?.image;
-    let second_image = files::read(second, &mut report, progress)?.image;
+    // pictures keep their shares of the memory budget
+    let first_picture = files::read(first, &mut report, progress)?;
+    let second_picture = files::read(second, &mut report, progress)?;
     let options = MatchParams {
         features: FeatureParams {
             max_features: params.features,
@@ -78,8 +79,8 @@ pub fn run(
         ..MatchParams::default()
     };
     let found = report.time("match", || {
-        let first = with_image!(&first_image, image => encoded_luminance(image));
-        let second = with_image!(&second_image, image => encoded_luminance(image));
+        let first = with_image!(&first_picture.image, image => encoded_luminance(image));
+        let second = with_image!(&second_picture.image, image => encoded_luminance(image));
         match_photos(&first, &second, &options, progress)
     });
     let found = found.map_err(|cause| match cause {
