@@ -13,6 +13,7 @@ use ravec::completion::{
     Variant,
 };
 use ravec::raster::{AnyImage, Color, Image, Size, with_image};
+use ravec_media::Picture;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -44,7 +45,7 @@ struct Filled {
 pub(super) fn fill(job: &Job, report: &mut Report) -> Result<AnyImage, JobError> {
     let mut photos = Vec::new();
     for source in &job.files.photos {
-        photos.push(files::read(source, report, job.progress)?.image);
+        photos.push(files::read(source, report, job.progress)?);
     }
     let size = job.picture.size();
     let replayed = match &job.files.replay {
@@ -90,7 +91,7 @@ pub(super) fn fill(job: &Job, report: &mut Report) -> Result<AnyImage, JobError>
 fn filled<P: Color>(
     image: &Image<P>,
     job: &Job,
-    photos: &[AnyImage],
+    photos: &[Picture],
     replayed: Option<&[Step]>,
 ) -> Result<Filled, JobError>
 where
@@ -109,7 +110,7 @@ where
     if job.hole.is_empty() && replayed.is_none() {
         return Ok(nothing);
     }
-    let photos: Vec<Image<P>> = photos.iter().map(AnyImage::convert).collect();
+    let photos: Vec<Image<P>> = photos.iter().map(Picture::convert).collect();
     let sources = Sources {
         planes: &job.planes,
         photos: &photos,
