@@ -81,6 +81,9 @@ const TESTS: Step = Step {
 
 const DOCS: Step = quiet("docs", &["doc", "--workspace", "--no-deps"]);
 
+/// A check that runs in this program.
+type Chore = fn() -> anyhow::Result<()>;
+
 /// Runs every step and fails if one did.
 pub fn check(skip_tests: bool) -> anyhow::Result<()> {
     let mut failed = Vec::new();
@@ -97,7 +100,7 @@ pub fn check(skip_tests: bool) -> anyhow::Result<()> {
             failed.push(step.name);
         }
     }
-    let chores: [(&'static str, fn() -> anyhow::Result<()>); 2] = [
+    let chores: [(&'static str, Chore); 2] = [
         ("arrows", crate::check_arrows),
         ("dependencies", crate::deny::deny),
     ];

@@ -1,6 +1,6 @@
 //! Dependencies: licences, sources, repeated versions and known advisories, by `cargo-deny` and `deny.toml`.
 //!
-//! Advisories need the database of RustSec, which is fetched from the network; without it they are left out, with a line
+//! Advisories need the database of `RustSec`, which is fetched from the network; without it they are left out, with a line
 //! that says so.
 
 use anyhow::bail;

@@ -211,7 +211,7 @@ fn run(root: &Path, program: &Path, target: &str, share: Duration) -> anyhow::Re
             .output()
             .with_context(|| program.display().to_string())?;
         let log = String::from_utf8_lossy(&output.stderr);
-        fs::write(work.with_extension("log"), log.as_bytes())?;
+        keep_log(&work.with_extension("log"), &log)?;
         tally.runs += number_after(&log, "stat::number_of_executed_units:").unwrap_or_default();
         tally.covered = number_after(&log, " cov: ").unwrap_or(tally.covered);
         for line in log.lines().filter(|line| line.starts_with("CONTAINED")) {
@@ -225,6 +225,15 @@ fn run(root: &Path, program: &Path, target: &str, share: Duration) -> anyhow::Re
     // a folder without finds says nothing
     let _ = fs::remove_dir(&finds);
     Ok(tally)
+}
+
+/// Writes what the fuzzer said where a person can read it.
+#[expect(
+    clippy::disallowed_methods,
+    reason = "a log for a person, which may be half there"
+)]
+fn keep_log(path: &Path, log: &str) -> anyhow::Result<()> {
+    Ok(fs::write(path, log)?)
 }
 
 /// Bytes of the longest file in a folder.

@@ -176,19 +176,18 @@ impl Operation {
     /// Asserts that a run which nobody disturbed gave the result, and that nothing is beside it.
     #[track_caller]
     pub fn assert_done(&self, which: usize) {
-        match &self.results {
-            Some(results) => assert!(
+        if let Some(results) = &self.results {
+            assert!(
                 content(&self.output()) == results[which],
                 "{}: another result",
                 self.name
-            ),
-            None => {
-                assert_eq!(catalogued(&self.output()).len(), PHOTOS);
-                succeed(
-                    self.folder.path(),
-                    &words("library stats --catalogue out/photos.ravec"),
-                );
-            }
+            );
+        } else {
+            assert_eq!(catalogued(&self.output()).len(), PHOTOS);
+            succeed(
+                self.folder.path(),
+                &words("library stats --catalogue out/photos.ravec"),
+            );
         }
         assert_eq!(
             names(&self.out()),

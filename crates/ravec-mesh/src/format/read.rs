@@ -49,7 +49,7 @@ pub struct ReadOptions {
     pub limits: MeshLimits,
     /// Which vertices are made one: `None` (the default) those at equal places for STL, which cannot say it otherwise,
     /// and none for other formats; `Some(0.0)` those at equal places in any format; more those within this distance
-    /// (in units of the file, see [`weld`]), which closes cracks and collapses small triangles.
+    /// (in units of the file, see [`weld`](crate::weld)), which closes cracks and collapses small triangles.
     pub weld_tolerance: Option<f64>,
     /// How many bytes will come, if known (default: not known). Used to report progress, and as a mark of binary
     /// STL files, which have no other.
