@@ -31,6 +31,13 @@ pub struct Sides {
 #[error("one or two whole numbers from 1 to 65535 are needed, as in 80 or 80x60")]
 pub struct SidesError;
 
+impl Sides {
+    /// One number for both sides.
+    const fn square(across: usize) -> Self {
+        Self { across, down: None }
+    }
+}
+
 impl FromStr for Sides {
     type Err = SidesError;
 
@@ -95,9 +102,11 @@ pub struct Params {
     /// Tiles in a row and rows of tiles, as in 80x60; of one number alone, rows follow from the picture
     #[cfg_attr(feature = "cli", arg(long, value_name = "COLSxROWS", default_value_t = Self::default().tiles))]
     pub tiles: Sides,
-    /// Pixels of a tile, as in 90x60; one number is a square
-    #[cfg_attr(feature = "cli", arg(long, value_name = "WIDTHxHEIGHT", default_value_t = Self::default().tile_size))]
-    pub tile_size: Sides,
+    /// Pixels of a tile, as in 90x60; one number is a square [default: 64, with --adaptive 66]
+    ///
+    /// With --adaptive both must be multiples of 3.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "WIDTHxHEIGHT"))]
+    pub tile_size: Option<Sides>,
     /// What is done with photos whose proportions are not those of a tile
     #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t))]
     pub crop: CropChoice,
@@ -148,10 +157,9 @@ pub struct Params {
 impl Default for Params {
     fn default() -> Self {
         let choose = ChooseParams::default();
-        let square = |across| Sides { across, down: None };
         Self {
-            tiles: square(60),
-            tile_size: square(64),
+            tiles: Sides::square(60),
+            tile_size: None,
             crop: CropChoice::Never,
             max_uses: None,
             min_repeat_distance: Rules::default().min_repeat_distance,
@@ -170,6 +178,12 @@ impl Default for Params {
         }
     }
 }
+
+/// The default side of a tile, in pixels: enough to recognize a photo on a screen.
+const TILE_PX: usize = 64;
+
+/// The multiple of three next to it, for tiles that are cut into thirds.
+const ADAPTIVE_TILE_PX: usize = 66;
 
 /// Scaled photos that are kept for later rows, in bytes.
 const KEPT_BYTES: usize = 128 << 20;
@@ -352,7 +366,13 @@ fn checked(params: &Params) -> Result<MosaicParams, JobError> {
     if !(1..=100).contains(&params.quality) {
         return wrong("--quality", params.quality.to_string(), "1 to 100");
     }
-    let side = params.tile_size;
+    let side = params
+        .tile_size
+        .unwrap_or(Sides::square(if params.adaptive {
+            ADAPTIVE_TILE_PX
+        } else {
+            TILE_PX
+        }));
     let tile = Size::new(side.across, side.down.unwrap_or(side.across));
     let tile = tile.map_err(|_| JobError::Parameter {
         name: "--tile-size",

@@ -133,6 +133,20 @@ fn a_page_that_zooms_is_a_folder_and_a_preview_is_small() {
 }
 
 #[test]
+fn the_default_tile_can_be_cut_into_thirds_where_tiles_are_adaptive() {
+    let folder = studio();
+    let flags = "--tiles 3x2 --min-repeat-distance 0 --crop center --json r.json";
+    for (adaptive, side) in [(&[][..], 64), (&["--adaptive"][..], 66)] {
+        let flags: Vec<&str> = flags.split(' ').chain(adaptive.iter().copied()).collect();
+        let made = mosaic(folder.path(), &flags);
+        assert_eq!(code(&made), 0, "{}", stderr(&made));
+        let text = std::fs::read_to_string(folder.path().join("r.json")).unwrap();
+        let report: serde_json::Value = serde_json::from_str(&text).unwrap();
+        assert_eq!(report["outputs"][0]["width"], 3 * side);
+    }
+}
+
+#[test]
 fn what_cannot_be_is_one_sentence_and_leaves_no_file() {
     let folder = studio();
     let path = folder.path();

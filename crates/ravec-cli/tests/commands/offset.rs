@@ -245,6 +245,11 @@ fn what_makes_no_sense_is_refused_with_one_sentence_and_without_a_file() {
     let flags = |rest: &str| format!("offset box.stl -o out.ply {rest}");
     for (line, expected, words) in [
         (flags("--distance 0"), 2, "--distance is 0"),
+        (
+            flags("--distance=-1"),
+            2,
+            "--side both offsets an open mesh",
+        ),
         (flags("--distance -2"), 2, "--side inner"),
         (flags("--distance -2% --side outer"), 2, "--side inner"),
         (flags("--distance 1 --tolerance 0"), 2, "--tolerance is 0"),

@@ -156,7 +156,8 @@ impl Params {
         let distance = self.distance.number();
         let thickens = self.open == Open::Thicken;
         if distance == 0.0 || distance < 0.0 && !self.side.is_inward() && !thickens {
-            let range = "above 0 (or below with --side inner or shell, or --open thicken)";
+            let range = "above 0: --side both offsets an open mesh to both sides, and --side inner or shell a closed \
+                         one inward (only there and with --open thicken it may be below 0)";
             return wrong("--distance", self.distance, range);
         }
         if let Some(deviation) = self.max_normal_deviation
