@@ -194,7 +194,7 @@ fn used(catalogue: &Path) -> Outcome {
         };
         let params = mosaic::Params {
             tiles: sides(3, 2),
-            tile_size: sides(6, 5),
+            tile_size: Some(sides(6, 5)),
             crop: mosaic::CropChoice::Center,
             min_repeat_distance: 0.0,
             rounds: 1,
