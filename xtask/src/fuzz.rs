@@ -6,6 +6,7 @@
 //! promise. A find is mended, then moved into the corpus as `find-…`; the test `corpus` of `ravec-jobs` replays both.
 
 use anyhow::{Context as _, bail};
+use std::collections::BTreeSet;
 use std::ffi::OsString;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -214,7 +215,11 @@ fn run(root: &Path, program: &Path, target: &str, share: Duration) -> anyhow::Re
         keep_log(&work.with_extension("log"), &log)?;
         tally.runs += number_after(&log, "stat::number_of_executed_units:").unwrap_or_default();
         tally.covered = number_after(&log, " cov: ").unwrap_or(tally.covered);
-        for line in log.lines().filter(|line| line.starts_with("CONTAINED")) {
+        let contained: BTreeSet<&str> = log
+            .lines()
+            .filter(|line| line.starts_with("CONTAINED"))
+            .collect();
+        for line in contained {
             println!("fuzz: {line}");
         }
         if !output.status.success() {

@@ -44,8 +44,10 @@ fn header<R: BufRead + Seek>(input: &mut R) -> io::Result<Option<Claims>> {
     let mut part = Claims::default();
     let (mut pixel_bytes, mut tile) = (4, 0);
     let mut is_empty = true;
-    while let Some(name) = word(input)? {
-        let Some(_kind) = word(input)? else { break };
+    while input.fill_buf()?.first().is_some_and(|&byte| byte != 0) {
+        let (Some(name), Some(_kind)) = (word(input)?, word(input)?) else {
+            break;
+        };
         let mut size = [0; 4];
         if input.read_exact(&mut size).is_err() {
             break;
@@ -82,18 +84,24 @@ fn header<R: BufRead + Seek>(input: &mut R) -> io::Result<Option<Claims>> {
         }
         input.seek(SeekFrom::Start(start + size))?;
     }
+    if input.fill_buf()?.first() == Some(&0) {
+        input.consume(1);
+    }
     let lines = part.width.saturating_mul(part.height.min(MAX_LINES));
-    // a tile is no larger than what it covers
-    let tile = tile.min(part.width.saturating_mul(part.height));
+    // the decoder takes as much for compressed bytes as a whole tile has, also where the picture is smaller
     part.block_bytes = lines.max(tile).saturating_mul(pixel_bytes);
     Ok((!is_empty).then_some(part))
 }
 
-/// A name before a zero; none if it is empty or too long, or the file ends.
+/// Bytes before a zero; none if they are too many, or the file ends. The first byte is one of them even if it is zero, as it
+/// is for the decoder.
 fn word<R: BufRead>(input: &mut R) -> io::Result<Option<Vec<u8>>> {
-    let mut word = Vec::new();
-    input.take(MAX_NAME + 1).read_until(0, &mut word)?;
-    Ok((word.pop() == Some(0) && !word.is_empty()).then_some(word))
+    let mut word = vec![0];
+    if input.read_exact(&mut word).is_err() {
+        return Ok(None);
+    }
+    input.take(MAX_NAME).read_until(0, &mut word)?;
+    Ok((word.len() > 1 && word.pop() == Some(0)).then_some(word))
 }
 
 #[cfg(test)]
@@ -135,6 +143,22 @@ mod tests {
             block_bytes: width * 9 * 8,
         };
         assert_eq!(found, expected);
+    }
+
+    #[test]
+    fn a_tile_counts_as_a_whole_and_a_name_may_begin_with_a_zero() {
+        let small = window([0, 0, 10, 6]);
+        let tiles = [[64, 0, 0, 0], [64, 0, 128, 0]].concat();
+        let mut whole = file(&[&[(b"dataWindow", &small), (b"tiles", &tiles)]]);
+        let expected = Claims {
+            width: 11,
+            height: 7,
+            block_bytes: 64 * ((128 << 16) + 64) * 4,
+        };
+        assert_eq!(claims(&mut Cursor::new(&whole)).unwrap(), expected);
+        // an attribute with a type of one zero, which the decoder reads
+        whole.splice(8..8, *b"a\0\0\0\0\0\0\0");
+        assert_eq!(claims(&mut Cursor::new(&whole)).unwrap(), expected);
     }
 
     #[test]
