@@ -1,4 +1,4 @@
-//! Dependencies: licences, sources, repeated versions and known advisories, by `cargo-deny` and `deny.toml`.
+//! Dependencies: licenses, sources, repeated versions and known advisories, by `cargo-deny` and `deny.toml`.
 //!
 //! Advisories need the database of `RustSec`, which is fetched from the network; without it they are left out, with a line
 //! that says so.

@@ -5,7 +5,7 @@
 //! | `arrows` | checks who depends on whom, and what sources may not mention |
 //! | `check` | everything that must hold before a change is taken: format, lints, tests, docs, dependencies, arrows |
 //! | `crash` | kills the program at random moments and looks at what it left |
-//! | `deny` | checks licences, sources and advisories of dependencies, where `cargo-deny` is installed |
+//! | `deny` | checks licenses, sources and advisories of dependencies, where `cargo-deny` is installed |
 //! | `fuzz` | runs the fuzz targets of all readers, or replays their inputs |
 
 mod arrows;
@@ -49,7 +49,7 @@ enum Chore {
         #[arg(long)]
         program: Option<PathBuf>,
     },
-    /// Check licences, sources and advisories of dependencies
+    /// Check licenses, sources and advisories of dependencies
     Deny,
     /// Run the fuzz targets of all readers
     Fuzz {

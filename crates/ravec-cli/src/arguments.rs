@@ -42,43 +42,43 @@ pub enum Command {
     /// Compare two pictures of the same size: PSNR, SSIM, color difference
     #[command(after_help = help::COMPARE)]
     Compare {
-        /// The reference; `-` is standard input
+        /// Reference; `-` is standard input
         a: PathBuf,
-        /// The picture that is judged; `-` is standard input
+        /// Picture to compare with it; `-` is standard input
         b: PathBuf,
         #[command(flatten)]
         params: compare::Params,
     },
-    /// Lay one photo of a plane on another: find the homography between them
+    /// Match two photos of a plane: find the homography from one to the other
     #[command(after_help = help::MATCH)]
     Match {
-        /// The photo from which the homography leads; `-` is standard input
+        /// Source photo; `-` is standard input
         first: PathBuf,
-        /// The photo to which it leads; `-` is standard input
+        /// Target photo; `-` is standard input
         second: PathBuf,
-        /// The text to write, nine numbers row by row; `-` is standard output
+        /// Output text file: the nine entries of the matrix, row by row; `-` is standard output
         #[arg(short, long, value_name = "FILE")]
         output: PathBuf,
         #[command(flatten)]
         params: match_photos::Params,
     },
-    /// Show a plane of a picture from straight on, with its true proportions
+    /// Rectify a plane of a picture: show it from the front, with its true proportions
     #[command(after_help = help::planes::RECTIFY)]
     Rectify {
-        /// The picture; `-` is standard input
+        /// Input picture; `-` is standard input
         input: PathBuf,
-        /// The picture to write; its extension says the format, `-` is standard output in the input's format
+        /// Output picture; its extension selects the format, `-` is standard output in the input's format
         #[arg(short, long, value_name = "FILE")]
         output: PathBuf,
         #[command(flatten)]
         params: rectify::Params,
     },
-    /// Move a rough grid onto the edges below it, and print its corners as JSON
+    /// Snap a rough grid to the edges below it, and print its corners as JSON
     #[command(after_help = help::planes::SNAP)]
     Snap {
-        /// The picture; `-` is standard input
+        /// Input picture; `-` is standard input
         input: PathBuf,
-        /// A picture to write with the grid before (orange) and after (green), or the result if the name ends in .json
+        /// Output picture of the grid before (orange) and after (green), or the result if the name ends in .json
         #[arg(short, long, value_name = "FILE")]
         output: Option<PathBuf>,
         #[command(flatten)]
@@ -87,56 +87,56 @@ pub enum Command {
     /// Propose planes from the edges of a picture, and print them as JSON
     #[command(after_help = help::planes::PLANES)]
     Planes {
-        /// The picture; `-` is standard input
+        /// Input picture; `-` is standard input
         input: PathBuf,
-        /// A picture to write with the planes and the edges that led to them, or the planes if the name ends in .json
+        /// Output picture of the planes and the edges that support them, or the planes if the name ends in .json
         #[arg(short, long, value_name = "FILE")]
         output: Option<PathBuf>,
         #[command(flatten)]
         params: planes::Params,
     },
-    /// Fill holes of a picture from the rest of it, in perspective where planes are given
+    /// Fill holes in a picture from the rest of it, in perspective where planes are given
     #[command(
         after_help = help::COMPLETE,
         group = ArgGroup::new("hole").args(["mask", "polygons"]).required(true).multiple(true)
     )]
     Complete {
-        /// The picture; `-` is standard input
+        /// Input picture; `-` is standard input
         input: PathBuf,
-        /// What is replaced, a picture of the same size: white replaces, black keeps, grey mixes; `-` is standard input
+        /// Mask of the pixels to replace, of the same size: white replaces, black keeps, gray mixes; `-` is standard input
         #[arg(short, long, value_name = "FILE")]
         mask: Option<PathBuf>,
-        /// Where structure should go on, a picture of the same size: white on it, inside of what is replaced and outside
+        /// Mask of the structure to continue, of the same size: white on it, inside and outside the hole
         #[arg(long, value_name = "FILE")]
         features: Option<PathBuf>,
         /// Another photo that fragments may come from. May be repeated
         #[arg(long = "source", value_name = "FILE")]
         sources: Vec<PathBuf>,
-        /// Take the steps of this file, which `--steps` wrote, instead of looking for others
+        /// Replay the steps of this file, which `--steps` wrote, instead of searching
         #[arg(long, value_name = "FILE")]
         replay: Option<PathBuf>,
-        /// Write the steps that were taken as JSON; `-` is standard output
+        /// Write the steps as JSON; `-` is standard output
         #[arg(long, value_name = "FILE")]
         steps: Option<PathBuf>,
-        /// The picture to write; its extension says the format, `-` is standard output in the input's format
+        /// Output picture; its extension selects the format, `-` is standard output in the input's format
         #[arg(short, long, value_name = "FILE")]
         output: PathBuf,
         #[command(flatten)]
         params: complete::Params,
     },
-    /// Give a picture another format: objects keep their shape, lines stay straight, the rest gives way
+    /// Change the aspect ratio of a picture: objects keep their shape, straight lines stay straight
     #[command(after_help = help::RETARGET)]
     Retarget {
-        /// The picture; `-` is standard input
+        /// Input picture; `-` is standard input
         input: PathBuf,
-        /// The picture to write; its extension says the format, `-` is standard output in the input's format. With several
+        /// Output picture; its extension selects the format, `-` is standard output in the input's format. With several
         /// sizes `{size}` in the name stands for each
         #[arg(short, long, value_name = "FILE")]
         output: PathBuf,
-        /// What must keep its shape, a picture of the same size, white on black; `-` is standard input
+        /// Mask of the objects that keep their shape, of the same size, white on black; `-` is standard input
         #[arg(long, value_name = "MASK")]
         protect: Option<PathBuf>,
-        /// What may be squeezed or stretched first, likewise
+        /// Mask of the areas that may be squeezed or stretched first, likewise
         #[arg(long, value_name = "MASK")]
         give_way: Option<PathBuf>,
         /// Write the deformed grid and the straight lines as well, over the result or, if the name ends in .svg, as a drawing
@@ -145,29 +145,29 @@ pub enum Command {
         #[command(flatten)]
         params: retarget::Params,
     },
-    /// Turn a picture into two-color pixels: blocks with one line and two colors, sharp at any scale
+    /// Convert a picture to two-color pixels: blocks of one line and two colors, sharp at any scale
     #[command(
         after_help = help::TWOCOLOR,
         group = ArgGroup::new("result").args(["output", "svg"]).required(true).multiple(true)
     )]
     Twocolor {
-        /// The picture; `-` is standard input
+        /// Input picture; `-` is standard input
         input: PathBuf,
-        /// The picture to write; its extension says the format, `-` is standard output in the input's format
+        /// Output picture; its extension selects the format, `-` is standard output in the input's format
         #[arg(short, long, value_name = "FILE")]
         output: Option<PathBuf>,
-        /// The drawing to write as SVG, with equal-colored neighbors merged; `-` is standard output
+        /// Output drawing as SVG, with neighbors of equal color merged; `-` is standard output
         #[arg(long, value_name = "FILE")]
         svg: Option<PathBuf>,
         #[command(flatten)]
         params: twocolor::Params,
     },
-    /// Work on a picture with a brush that stops at edges, or on all of it
+    /// Filter or paint a picture, as a whole or with a brush that stops at edges
     #[command(after_help = help::BRUSH)]
     Brush {
-        /// The picture; `-` is standard input
+        /// Input picture; `-` is standard input
         input: PathBuf,
-        /// The picture to write; its extension says the format, `-` is standard output in the input's format
+        /// Output picture; its extension selects the format, `-` is standard output in the input's format
         #[arg(short, long, value_name = "FILE")]
         output: PathBuf,
         /// Apply the mode to the whole picture
@@ -177,7 +177,7 @@ pub enum Command {
         /// standard input
         #[arg(long, value_name = "FILE")]
         stroke: Option<PathBuf>,
-        /// Write the selection that mask strokes painted as a grey picture
+        /// Write the selection that mask strokes painted as a gray picture
         #[arg(
             long,
             value_name = "FILE",
@@ -188,7 +188,7 @@ pub enum Command {
         #[command(flatten)]
         params: brush::Params,
     },
-    /// Work on triangle meshes: describe, check, convert, compare, draw, simplify
+    /// Describe, check, convert, compare, render and simplify triangle meshes
     #[command(
         after_help = help::mesh::MESH,
         arg_required_else_help = true,
@@ -202,14 +202,14 @@ pub enum Command {
         #[command(flatten)]
         limits: MeshLimitFlags,
     },
-    /// Make the surface at a distance from any triangles, closed and proved to be within a tolerance
+    /// Compute the surface at a distance from any triangles, closed and proved to lie within a tolerance
     ///
     /// The exit code is 5 if the result was written but the proof failed.
     #[command(after_help = help::OFFSET)]
     Offset {
-        /// The mesh; `-` is standard input
+        /// Input mesh; `-` is standard input
         input: PathBuf,
-        /// The mesh to write; its extension says the format, `-` is standard output in the input's format
+        /// Output mesh; its extension selects the format, `-` is standard output in the input's format
         #[arg(short, long, value_name = "FILE")]
         output: PathBuf,
         #[command(flatten)]
@@ -218,27 +218,27 @@ pub enum Command {
         #[command(flatten)]
         limits: MeshLimitFlags,
     },
-    /// Combine meshes by an expression, exact where they meet; all other triangles stay as they are
+    /// Combine meshes by a Boolean expression, exactly; triangles away from the cuts stay unchanged
     ///
     /// The exit code is 5 if the result was written but is not solid.
     #[command(after_help = help::BOOLEAN)]
     Boolean {
-        /// What is wanted, as in '(a | b) - c & d': | is union, & intersection, - difference, ^ symmetric difference; & comes
+        /// Boolean expression, as in '(a | b) - c & d': | is union, & intersection, - difference, ^ symmetric difference; & comes
         /// before the others, which go from left to right. Or union, intersection, difference or symmetric-difference of
         /// all files
         #[arg(value_name = "EXPRESSION")]
         expression: String,
-        /// The meshes, each with its name in the expression; without names they are a, b, c and so on. `-` is standard input
+        /// Input meshes, each with its name in the expression; without names they are a, b, c and so on. `-` is standard input
         #[arg(required = true, value_name = "[NAME=]FILE", value_parser = OsStringValueParser::new().map(NamedFile::from))]
         files: Vec<NamedFile>,
-        /// The mesh to write; its extension says the format, `-` is standard output in the first input's format
+        /// Output mesh; its extension selects the format, `-` is standard output in the first input's format
         #[arg(short, long, value_name = "FILE")]
         output: PathBuf,
-        /// Write where each triangle comes from, as .csv or .json: the mesh, the triangle in it, whether it was turned, and
-        /// whether it is whole
+        /// Write the origin of each triangle, as .csv or .json: its mesh, its index there, whether it was flipped, and whether
+        /// it is whole
         #[arg(long, value_name = "FILE")]
         origins: Option<PathBuf>,
-        /// Draw the result: whole triangles blue, pieces orange, closed holes green, seams red
+        /// Render the result: whole triangles blue, pieces orange, closed holes green, seams red
         #[arg(long, value_name = "FILE")]
         picture: Option<PathBuf>,
         /// Print a report instead of the summary, as `--json -` does
@@ -250,7 +250,7 @@ pub enum Command {
         #[command(flatten)]
         limits: MeshLimitFlags,
     },
-    /// Keep a catalogue of photos, from which mosaics are made
+    /// Manage a catalogue of photos for mosaics
     #[command(
         after_help = help::library::LIBRARY,
         arg_required_else_help = true,
@@ -261,15 +261,15 @@ pub enum Command {
         #[command(subcommand)]
         command: LibraryCommand,
     },
-    /// Make a picture of whole, unchanged photos from a catalogue
+    /// Compose a picture from whole, unchanged photos of a catalogue
     #[command(after_help = help::library::MOSAIC)]
     Mosaic {
-        /// The picture; `-` is standard input
+        /// Input picture; `-` is standard input
         input: PathBuf,
         /// The catalogue of photos
         #[arg(long, value_name = "FILE")]
         catalogue: PathBuf,
-        /// The mosaic to write, .png, .jpg or .tif
+        /// Output mosaic, .png, .jpg or .tif
         #[arg(
             short,
             long,
@@ -277,28 +277,28 @@ pub enum Command {
             required_unless_present = "deep_zoom"
         )]
         output: Option<PathBuf>,
-        /// A folder to make, with a page that zooms from the mosaic into its photos
+        /// Output folder with a page that zooms from the mosaic into its photos
         #[arg(long, value_name = "DIR")]
         deep_zoom: Option<PathBuf>,
         #[command(flatten)]
         params: mosaic::Params,
     },
-    /// Show what Ravec does: a page of pictures and figures, on a built-in scene or a photo
+    /// Run every system on built-in scenes or a photo, and write a page with the results
     #[command(after_help = help::DEMO)]
     Demo {
         /// A photo to use instead of the built-in street; `-` is standard input
         #[arg(long, value_name = "PHOTO")]
         image: Option<PathBuf>,
-        /// The folder to write into; made if it is missing
+        /// Output folder; created if it is missing
         #[arg(short, long, value_name = "DIR", default_value = "ravec-demo")]
         out: PathBuf,
         #[command(flatten)]
         params: demo::Params,
     },
-    /// Write procedural pictures together with what is known about them
+    /// Write procedural pictures with their ground truth
     #[command(after_help = help::SCENES)]
     Scenes {
-        /// The folder to write into; made if it is missing
+        /// Output folder; created if it is missing
         #[arg(short, long, value_name = "DIR")]
         out: PathBuf,
         #[command(flatten)]
@@ -313,7 +313,7 @@ pub enum Command {
     /// Print the manual page, or write the pages of all commands into a folder
     #[command(after_help = help::MAN)]
     Man {
-        /// The folder to write into; made if it is missing
+        /// Output folder; created if it is missing
         #[arg(short, long, value_name = "DIR")]
         out: Option<PathBuf>,
     },
@@ -431,24 +431,24 @@ impl Command {
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Global options")]
 pub struct Global {
-    /// Say on standard error what is done; twice: in detail
+    /// Log to standard error; twice: in detail
     #[arg(short, long, global = true, action = clap::ArgAction::Count, conflicts_with = "quiet")]
     pub verbose: u8,
-    /// Say nothing but errors
+    /// Print errors only
     #[arg(short, long, global = true)]
     pub quiet: bool,
     /// Write a report of the run as JSON; `-` writes it to standard output
     #[arg(long, global = true, value_name = "FILE")]
     pub json: Option<PathBuf>,
-    /// How many threads to work with, 1 to 1024 [default: all cores]. The result does not depend on it
+    /// Number of threads, 1 to 1024 [default: all cores]. The result does not depend on it
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
-    /// The most pixels that a picture may have when read or enlarged; `k`, `M` and `G` multiply by powers of 1000
+    /// Maximum number of pixels of a picture, read or written; `k`, `M` and `G` multiply by powers of 1000
     #[arg(long, global = true, value_name = "COUNT", value_parser = count,
         default_value_t = Limits::default().max_pixels)]
     pub max_pixels: u64,
-    /// Memory in bytes that the inputs may take together while they are read and as long as they are needed; `k`, `M` and `G`
-    /// multiply by powers of 1000 [default: half of the memory of the machine]
+    /// Memory budget in bytes for all inputs together, while they are read and as long as they are needed; `k`, `M` and
+    /// `G` multiply by powers of 1000 [default: half of the memory of the machine]
     #[arg(long, global = true, value_name = "COUNT", value_parser = count)]
     pub max_bytes: Option<u64>,
 }

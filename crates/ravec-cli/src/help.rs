@@ -47,7 +47,7 @@ Examples:
   ravec match poster.jpg street.jpg -o - -q
 
 The nine numbers h, row by row, lead from a point (x, y) of the first photo to (h1 x + h2 y + h3, h4 x + h5 y + h6) / (h7 x + h8 y + \
-h9) in the second. Points are in pixels, x right, y down; the centre of the first pixel is (0.5, 0.5).
+h9) in the second. Points are in pixels, x right, y down; the center of the first pixel is (0.5, 0.5).
 
 Figures: matches, inliers, patches, sigma_px, tilted (0 or 1).
 
@@ -65,7 +65,7 @@ Examples:
   ravec complete photo.jpg --mask mask.png -o without.png --replay steps.json
   ravec complete photo.jpg --mask mask.png -o without.png --target 70,50 --source noisy.jpg
 
-Points are in pixels, x right, y down; the centre of the first pixel is (0.5, 0.5). Pixels that are not masked stay as they are, \
+Points are in pixels, x right, y down; the center of the first pixel is (0.5, 0.5). Pixels that are not masked stay as they are, \
 bit for bit.
 
 With --radius, --target, --mirror, --turn, --scale, --features, --source, --replay or --steps the hole is filled by fragments, \

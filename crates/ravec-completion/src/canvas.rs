@@ -176,8 +176,8 @@ mod tests {
 
     #[test]
     fn a_half_covered_pixel_is_mixed_in_light() {
-        let grey = mixed(Srgb([0u8; 3]), ink_of(Srgb([255u8; 3])), 0.5);
-        assert_eq!(grey, Srgb([188; 3]));
+        let gray = mixed(Srgb([0u8; 3]), ink_of(Srgb([255u8; 3])), 0.5);
+        assert_eq!(gray, Srgb([188; 3]));
     }
 
     #[test]

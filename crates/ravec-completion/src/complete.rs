@@ -78,7 +78,7 @@ pub struct CompleteSummary {
 ///
 /// Pixels that the mask does not cover are returned unchanged, bit for bit; those that it covers in part are mixed, in
 /// linear light. `planes` are quadrilaterals in the picture, corners in order around them, in pixels, x right, y down,
-/// pixel centres at half-integers: pictures of rectangles. The part of the hole that lies in one is filled in its
+/// pixel centers at half-integers: pictures of rectangles. The part of the hole that lies in one is filled in its
 /// perspective, from anywhere on the plane that is not much coarser; where several overlap, the first one counts.
 ///
 /// ```

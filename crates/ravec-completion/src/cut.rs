@@ -9,7 +9,7 @@
 //! expansion moves.
 //!
 //! Guarantees: a pixel that some offset can fill is filled from a source pixel; the same result on any number of threads.
-//! Does not guarantee: the least sum of all; expansion finds a labelling that no single label can improve by spreading.
+//! Does not guarantee: the least sum of all; expansion finds a labeling that no single label can improve by spreading.
 //!
 //! Cost: for each label and sweep one largest flow on the pixels that may take it, about half a microsecond a pixel.
 

@@ -72,10 +72,10 @@ pub struct Params {
     /// What the brush does
     #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t = Params::default().mode))]
     pub mode: BrushMode,
-    /// How far pixels go towards their new color, 0 to 1
+    /// Strength of the effect, 0 to 1: the share of the way from the old color to the new one
     #[cfg_attr(feature = "cli", arg(long, value_name = "SHARE", default_value_t = Params::default().strength))]
     pub strength: f32,
-    /// How often the operator is applied, 1 to 16: more gives a stronger look
+    /// Number of times the operator is applied, 1 to 16: more give a stronger effect
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = Params::default().iterations))]
     pub iterations: u32,
     /// Side of the windows in pixels, odd, 3 to 31: larger ones act more broadly
@@ -165,7 +165,7 @@ fn offset(text: &str) -> Result<[i32; 2], String> {
 pub struct Targets {
     /// The picture; its extension says the format, `-` is standard output.
     pub picture: PathBuf,
-    /// The selection that mask strokes painted, as a grey picture.
+    /// The selection that mask strokes painted, as a gray picture.
     pub mask: Option<PathBuf>,
     /// Strokes as JSON: strokes with the size that they were drawn on, a plain list of strokes on this picture, or plain
     /// points `[[x, y], …]` of one stroke; `-` is standard input, nothing means the whole picture.
@@ -435,7 +435,7 @@ fn read_strokes(path: &Path, size: Size, params: &Params) -> Result<Strokes, Job
         .map_err(|error| unreadable(format!("they are not in the form of strokes: {error}")))
 }
 
-/// The selection as grey; black where there was no mask stroke.
+/// The selection as gray; black where there was no mask stroke.
 fn write_mask(
     path: &Path,
     mask: Option<ravec::raster::Plane>,
@@ -443,14 +443,14 @@ fn write_mask(
     report: &mut Report,
     progress: &Progress,
 ) -> Result<(), JobError> {
-    let grey = if let Some(mask) = mask {
+    let gray = if let Some(mask) = mask {
         mask.map(|v| Srgb([(v * 255.0).round() as u8; 3]))
     } else {
         report.warn("no stroke selects anything; the mask is black");
         Image::new(size, Srgb([0u8; 3]))
     };
-    let mut picture = Picture::from_image(grey);
-    picture.origin.grey = true;
+    let mut picture = Picture::from_image(gray);
+    picture.origin.gray = true;
     files::write(path, &picture, &WriteOptions::default(), report, progress)
 }
 

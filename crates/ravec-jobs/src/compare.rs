@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct Params {}
 
-/// Compares `b` with the reference `a`, as they are shown: alpha over a middle grey.
+/// Compares `b` with the reference `a`, as they are shown: alpha over a middle gray.
 ///
 /// Figures: `psnr_db`, the peak signal-to-noise ratio of the encoded colors, infinite for equal pictures; `ssim`, the mean
 /// structural similarity of luma, 1 for equal pictures; `delta_e_mean`, `delta_e_p95` and `delta_e_max`, CIEDE2000 color

@@ -164,7 +164,7 @@ pub enum JobError {
     /// A grid finds nothing to snap to.
     #[error("cannot snap on {}: {cause}", input_name(.path))]
     NoSnap {
-        /// The picture; `-` is standard input.
+        /// Input picture; `-` is standard input.
         path: PathBuf,
         /// Why not.
         cause: SnapError,
@@ -172,7 +172,7 @@ pub enum JobError {
     /// A hole cannot be filled.
     #[error("cannot complete {}: {cause}", input_name(.path))]
     Complete {
-        /// The picture; `-` is standard input.
+        /// Input picture; `-` is standard input.
         path: PathBuf,
         /// Why not.
         cause: CompleteError,
@@ -180,7 +180,7 @@ pub enum JobError {
     /// A picture cannot get another format.
     #[error("cannot retarget {}: {cause}", input_name(.path))]
     Retarget {
-        /// The picture; `-` is standard input.
+        /// Input picture; `-` is standard input.
         path: PathBuf,
         /// Why not.
         cause: RetargetError,

@@ -16,13 +16,13 @@ use std::path::Path;
 #[serde(default, deny_unknown_fields)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct Params {
-    /// How many features are looked at in each photo, 50 to 20000; more find more in large photos and cost time
+    /// Number of features in each photo, 50 to 20000; more find more in large photos and cost time
     #[cfg_attr(feature = "cli", arg(long, value_name = "COUNT", default_value_t = Self::default().features))]
     pub features: usize,
-    /// The photos are not turned against each other, which finds a little more
+    /// The photos are not rotated against each other, which finds a few more matches
     #[cfg_attr(feature = "cli", arg(long))]
     pub upright: bool,
-    /// Seed of the samples that are drawn among the matches
+    /// Seed of the random samples of matches
     #[cfg_attr(feature = "cli", arg(long, value_name = "NUMBER", default_value_t = Self::default().seed))]
     pub seed: u64,
 }
@@ -38,7 +38,7 @@ impl Default for Params {
 }
 
 /// Finds the homography that leads from points of the first photo to those of the second, and writes its nine numbers as
-/// text, row by row, for points in pixels, x right, y down, pixel centres at half-integers.
+/// text, row by row, for points in pixels, x right, y down, pixel centers at half-integers.
 ///
 /// Figures: `matches`, features that look alike; `inliers`, those that agree; `patches`, places that were aligned to a
 /// fraction of a pixel; `sigma_px`, the standard deviation of a coordinate of such a place; `tilted`, 1 if the photos had to

@@ -82,7 +82,7 @@ impl From<Sides> for String {
     }
 }
 
-/// What is done with photos whose proportions are not those of a tile.
+/// Use of photos whose aspect ratio is not that of a tile.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
@@ -99,36 +99,36 @@ pub enum CropChoice {
 #[serde(default, deny_unknown_fields)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct Params {
-    /// Tiles in a row and rows of tiles, as in 80x60; of one number alone, rows follow from the picture
+    /// Columns and rows of tiles, as in 80x60; with one number, the rows follow from the picture
     #[cfg_attr(feature = "cli", arg(long, value_name = "COLSxROWS", default_value_t = Self::default().tiles))]
     pub tiles: Sides,
-    /// Pixels of a tile, as in 90x60; one number is a square [default: 64, with --adaptive 66]
+    /// Size of a tile in pixels, as in 90x60; one number is a square [default: 64, with --adaptive 66]
     ///
     /// With --adaptive both must be multiples of 3.
     #[cfg_attr(feature = "cli", arg(long, value_name = "WIDTHxHEIGHT"))]
     pub tile_size: Option<Sides>,
-    /// What is done with photos whose proportions are not those of a tile
+    /// Use of photos whose aspect ratio is not that of a tile
     #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t))]
     pub crop: CropChoice,
-    /// The most uses of a photo [default: any number]
+    /// Maximum uses of a photo [default: no limit]
     #[cfg_attr(feature = "cli", arg(long, value_name = "COUNT"))]
     pub max_uses: Option<u32>,
-    /// The least distance of two tiles with the same photo, in tiles, 0 to 1000
+    /// Minimum distance between two tiles with the same photo, in tiles, 0 to 1000
     #[cfg_attr(feature = "cli", arg(long, value_name = "TILES", default_value_t = Self::default().min_repeat_distance))]
     pub min_repeat_distance: f64,
     /// Use every photo at least once
     #[cfg_attr(feature = "cli", arg(long))]
     pub use_all: bool,
-    /// The degree of the polynomials that are compared, 0 (mean colors) to 5
+    /// Degree of the polynomials that describe a tile, 0 (mean colors) to 5
     #[cfg_attr(feature = "cli", arg(long, value_name = "DEGREE", default_value_t = Self::default().degree))]
     pub degree: usize,
-    /// How much structure counts against color, 0 to 1; low for posters that are seen from afar
+    /// Weight of structure against color, 0 to 1; low for posters seen from a distance
     #[cfg_attr(feature = "cli", arg(long, value_name = "SHARE", default_value_t = Self::default().detail))]
     pub detail: f64,
     /// Compare tiles through which an edge runs up to this degree, 0 to 5 [default: like all others]
     #[cfg_attr(feature = "cli", arg(long, value_name = "DEGREE"))]
     pub feature_degree: Option<usize>,
-    /// How much tiles with an edge count against others if they are compared in their own way, 0.1 to 10
+    /// Weight of tiles with an edge under --feature-degree, 0.1 to 10
     #[cfg_attr(feature = "cli", arg(long, value_name = "FACTOR", default_value_t = Self::default().feature_weight))]
     pub feature_weight: f64,
     /// Larger tiles where the picture is homogeneous and smaller ones where it is not, off the grid; at most as many
@@ -137,7 +137,7 @@ pub struct Params {
     /// Seed of the tiles that are off the grid
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = Self::default().seed))]
     pub seed: u64,
-    /// How much neighbors make up for one another's errors, 0 to 1; 0 looks at each tile alone
+    /// Weight with which neighbors compensate one another's errors, 0 to 1; 0 treats each tile alone
     #[cfg_attr(feature = "cli", arg(long, value_name = "SHARE", default_value_t = Self::default().blend))]
     pub blend: f64,
     /// Rounds in which photos change and tiles swap, 0 to 100

@@ -221,14 +221,14 @@ mod tests {
     fn noise_has_the_deviation_that_was_asked_for() {
         let folder = tempfile::tempdir().unwrap();
         let quiet = Params {
-            scenes: vec![SceneId::EdgeGrey],
+            scenes: vec![SceneId::EdgeGray],
             ..Params::default()
         };
         let noisy = Params {
             noise_sigma: 5.0,
             ..quiet.clone()
         };
-        let path = folder.path().join("edge-grey.png");
+        let path = folder.path().join("edge-gray.png");
         let [quiet, noisy] = [quiet, noisy].map(|params| {
             run(folder.path(), &params, &Progress::none()).unwrap();
             picture(&path)

@@ -7,7 +7,7 @@
 //! | `mosaic_files/LEVEL/COL_ROW.jpg` | the mosaic in all sizes, in pieces of 256 pixels |
 //! | `ravec-manifest.json` | sizes and hashes of all these files, by which a later run knows what it may replace |
 //!
-//! The viewer is our own page of script. A kept one such as `OpenSeadragon` brings 200 KB and a licence text for buttons,
+//! The viewer is our own page of script. A kept one such as `OpenSeadragon` brings 200 KB and a license text for buttons,
 //! protocols and plug-ins that are not wanted here, and knows nothing of the photos within the picture.
 //!
 //! Guarantees: the folder is made beside its place under another name, and takes its place when it is complete. It replaces an

@@ -237,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn srgb_and_identity_are_recognised() {
+    fn srgb_and_identity_are_recognized() {
         let of = |curve: &ToneReprCurve| Curve::new(curve).unwrap();
         let all = curves();
         assert!(of(&all[4]).is_srgb() && !of(&all[1]).is_srgb() && !of(&all[3]).is_srgb());

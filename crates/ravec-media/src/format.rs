@@ -6,13 +6,13 @@ use std::path::Path;
 /// A picture file format that is read and written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Format {
-    /// Portable Network Graphics: 8 and 16 bit, grey, alpha, lossless.
+    /// Portable Network Graphics: 8 and 16 bit, gray, alpha, lossless.
     Png,
-    /// JPEG: 8 bit, grey or color, lossy. CMYK is read.
+    /// JPEG: 8 bit, gray or color, lossy. CMYK is read.
     Jpeg,
     /// WebP: 8 bit with alpha. Lossy files are read, lossless ones written.
     WebP,
-    /// TIFF: 8 and 16 bit and float, grey, alpha, lossless. CMYK is read.
+    /// TIFF: 8 and 16 bit and float, gray, alpha, lossless. CMYK is read.
     Tiff,
     /// Windows bitmap: 8 bit with alpha, lossless.
     Bmp,
@@ -112,8 +112,8 @@ impl Format {
         matches!(self, Self::Png | Self::Jpeg | Self::WebP)
     }
 
-    /// Whether one channel is enough for a grey picture, without and with alpha.
-    pub(crate) fn has_grey(self, alpha: bool) -> bool {
+    /// Whether one channel is enough for a gray picture, without and with alpha.
+    pub(crate) fn has_gray(self, alpha: bool) -> bool {
         match self {
             Self::Png | Self::WebP => true,
             Self::Jpeg | Self::Tiff | Self::Bmp => !alpha,

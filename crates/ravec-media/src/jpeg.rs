@@ -56,13 +56,13 @@ impl Jpeg {
 
     pub(crate) fn channels(&self) -> Channels {
         match self.stored {
-            ColorSpace::Luma => Channels::Grey,
+            ColorSpace::Luma => Channels::Gray,
             ColorSpace::CMYK | ColorSpace::YCCK => Channels::Cmyk,
             _ => Channels::Rgb,
         }
     }
 
-    /// Whether no marker ends the picture. The decoder then fills the missing part with grey.
+    /// Whether no marker ends the picture. The decoder then fills the missing part with gray.
     pub(crate) fn is_truncated(&self) -> bool {
         !self.input.windows(2).rev().any(|pair| pair == [0xff, 0xd9])
     }
@@ -75,7 +75,7 @@ impl Jpeg {
             .into_iter()
             .find(|factor| shorter / factor >= least_side)?;
         let wanted = match self.channels() {
-            Channels::Grey => jpeg_decoder::PixelFormat::L8,
+            Channels::Gray => jpeg_decoder::PixelFormat::L8,
             Channels::Rgb => jpeg_decoder::PixelFormat::RGB24,
             _ => return None,
         };
@@ -143,7 +143,7 @@ impl Jpeg {
             return Ok(());
         }
         let wanted = match (self.channels(), self.stored) {
-            (Channels::Grey, _) => ColorSpace::Luma,
+            (Channels::Gray, _) => ColorSpace::Luma,
             (Channels::Cmyk, stored) => stored,
             _ => ColorSpace::RGB,
         };
@@ -194,7 +194,7 @@ mod tests {
         let mut plain = vec![255, 155, 55, 0];
         ink_amounts(&mut plain, false);
         assert_eq!(plain, [0, 100, 200, 255]);
-        // grey inks have no chroma
+        // gray inks have no chroma
         let mut transformed = vec![77, 128, 128, 200];
         ink_amounts(&mut transformed, true);
         assert_eq!(transformed, [77, 77, 77, 55]);

@@ -10,11 +10,11 @@
 use crate::picture::Origin;
 use exif::{In, Reader, Tag};
 
-/// The diagonal of a picture on 35 mm film, in millimetres: 36 × 24.
+/// The diagonal of a picture on 35 mm film, in millimeters: 36 × 24.
 const FILM_DIAGONAL_MM: f64 = 43.266_615_305_567_87;
 
 impl Origin {
-    /// The focal length in millimetres that gives the same view on 35 mm film, if the EXIF block says so.
+    /// The focal length in millimeters that gives the same view on 35 mm film, if the EXIF block says so.
     pub fn focal_35mm(&self) -> Option<f64> {
         let exif = Reader::new().read_raw(self.exif.as_ref()?.to_vec()).ok()?;
         let field = exif.get_field(Tag::FocalLengthIn35mmFilm, In::PRIMARY)?;
@@ -23,7 +23,7 @@ impl Origin {
     }
 }
 
-/// The focal length in pixels of a picture of `width` × `height` pixels, from the one for 35 mm film in millimetres.
+/// The focal length in pixels of a picture of `width` × `height` pixels, from the one for 35 mm film in millimeters.
 ///
 /// Pictures of other proportions are compared by their diagonals.
 pub fn focal_px_from_35mm(focal_mm: f64, width: usize, height: usize) -> f64 {

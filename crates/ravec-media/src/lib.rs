@@ -24,15 +24,15 @@
 //!
 //! | format | read | written |
 //! | --- | --- | --- |
-//! | PNG | 1 to 16 bit, grey, palette, alpha | 8, 16 bit, grey, alpha |
-//! | JPEG | grey, color, CMYK | 8 bit, grey, color |
+//! | PNG | 1 to 16 bit, gray, palette, alpha | 8, 16 bit, gray, alpha |
+//! | JPEG | gray, color, CMYK | 8 bit, gray, color |
 //! | WebP | lossy, lossless, alpha | lossless, 8 bit, alpha |
-//! | TIFF | 8, 16 bit, float, grey, alpha, CMYK | 8, 16 bit, float, grey, alpha |
-//! | BMP | 1 to 32 bit | 8 bit, grey, alpha |
+//! | TIFF | 8, 16 bit, float, gray, alpha, CMYK | 8, 16 bit, float, gray, alpha |
+//! | BMP | 1 to 32 bit | 8 bit, gray, alpha |
 //! | `OpenEXR` | half and full float, alpha | float, alpha |
 //! | Radiance HDR | color | color |
 //!
-//! Guarantees: integer samples in sRGB survive reading and writing exactly, and so do those of other RGB and grey spaces
+//! Guarantees: integer samples in sRGB survive reading and writing exactly, and so do those of other RGB and gray spaces
 //! whose profile is curves and a matrix (the module `profile` says how exactly); hostile files give an error, within
 //! [`Limits`]. Does not guarantee: metadata other than the profile and EXIF; frames after the first; colors outside sRGB
 //! from profiles made of tables.

@@ -236,7 +236,7 @@ impl<'a> Opened<'a> {
                 size
             },
             sample: self.sample,
-            grey: self.channels.is_grey(),
+            gray: self.channels.is_gray(),
             alpha: self.channels.has_alpha(),
             orientation: self.orientation.to_exif(),
             profile: self
@@ -342,7 +342,7 @@ impl<'a> Opened<'a> {
             origin: Origin {
                 format: Some(self.format),
                 sample: self.sample,
-                grey: self.channels.is_grey(),
+                gray: self.channels.is_gray(),
                 icc: self.icc.map(Into::into),
                 exif: self.exif.map(Into::into),
             },
@@ -391,7 +391,7 @@ impl<'a> Opened<'a> {
             // tables go through a second image, with alpha
             Some(Profile::Table(_)) => image + pixels * 16,
             Some(_) => image,
-            None if self.channels.is_grey() => image,
+            None if self.channels.is_gray() => image,
             None => 0,
         };
         let turned = if orient::transposes(self.orientation) {
@@ -407,12 +407,12 @@ impl<'a> Opened<'a> {
 
 fn layout(color: ColorType) -> (Channels, SampleKind) {
     match color {
-        ColorType::L8 => (Channels::Grey, SampleKind::U8),
-        ColorType::La8 => (Channels::GreyAlpha, SampleKind::U8),
+        ColorType::L8 => (Channels::Gray, SampleKind::U8),
+        ColorType::La8 => (Channels::GrayAlpha, SampleKind::U8),
         ColorType::Rgb8 => (Channels::Rgb, SampleKind::U8),
         ColorType::Rgba8 => (Channels::Rgba, SampleKind::U8),
-        ColorType::L16 => (Channels::Grey, SampleKind::U16),
-        ColorType::La16 => (Channels::GreyAlpha, SampleKind::U16),
+        ColorType::L16 => (Channels::Gray, SampleKind::U16),
+        ColorType::La16 => (Channels::GrayAlpha, SampleKind::U16),
         ColorType::Rgb16 => (Channels::Rgb, SampleKind::U16),
         ColorType::Rgba16 => (Channels::Rgba, SampleKind::U16),
         ColorType::Rgb32F => (Channels::Rgb, SampleKind::F32),

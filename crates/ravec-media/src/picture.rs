@@ -36,7 +36,7 @@ pub struct Origin {
     /// than sRGB are held as floats.
     pub sample: SampleKind,
     /// Whether the source had one color channel.
-    pub grey: bool,
+    pub gray: bool,
     /// The color profile that the source embedded, if it could be understood.
     pub icc: Option<Arc<[u8]>>,
     /// The EXIF block, its orientation set to upright.
@@ -138,7 +138,7 @@ impl Picture {
             origin: Origin {
                 format: None,
                 sample,
-                grey: false,
+                gray: false,
                 icc: None,
                 exif: None,
             },
@@ -149,8 +149,8 @@ impl Picture {
 
     /// A result of work on this picture: its pixels are `image`, and it is written like this one.
     ///
-    /// Pixels get the type that this picture's have, with alpha only if some pixel is not opaque. A grey source stays
-    /// grey as long as every pixel is grey, which is looked at when writing. Warnings are not inherited.
+    /// Pixels get the type that this picture's have, with alpha only if some pixel is not opaque. A gray source stays
+    /// gray as long as every pixel is gray, which is looked at when writing. Warnings are not inherited.
     pub fn with_image(&self, image: &Image<LinearRgba>) -> Self {
         let opaque = image.is_opaque();
         let image: AnyImage = match (&self.image, opaque) {

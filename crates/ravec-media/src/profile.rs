@@ -11,7 +11,7 @@
 //! here. A profile that has both is used through its matrix.
 //!
 //! Exactness of the way back: linear light is held as `f32`, so a stored number is recovered if its light differs from
-//! that of its neighbour by more than about 2⁻²² of the brightest channel. That is so for all 8-bit numbers, and for
+//! that of its neighbor by more than about 2⁻²² of the brightest channel. That is so for all 8-bit numbers, and for
 //! 16-bit ones in spaces whose curve is not flat at black (Display P3, sRGB curves). Where it is flat (Adobe RGB and other
 //! pure powers), 16-bit numbers of about 1 % and less in a pixel with a bright other channel may come back changed by
 //! at most 0.05 % of the range.
@@ -31,8 +31,8 @@ pub(crate) enum Profile {
     Srgb,
     /// Curves and a matrix.
     Shaper(Box<Shaper>),
-    /// One curve, from grey to luminance.
-    Grey(Curve),
+    /// One curve, from gray to luminance.
+    Gray(Curve),
     /// Tables, to be evaluated by `moxcms`.
     Table(Box<ColorProfile>),
 }
@@ -65,8 +65,8 @@ impl Profile {
             },
             DataColorSpace::Gray => match profile.gray_trc.as_ref().and_then(Curve::new) {
                 Some(curve) if curve.is_srgb() => Ok(Self::Srgb),
-                Some(curve) => Ok(Self::Grey(curve)),
-                None => Err("a grey profile without a usable curve".into()),
+                Some(curve) => Ok(Self::Gray(curve)),
+                None => Err("a gray profile without a usable curve".into()),
             },
             DataColorSpace::Cmyk => Self::table(profile, Layout::Rgba),
             other => Err(format!("a profile for {other:?} colors")),
@@ -91,7 +91,7 @@ impl Profile {
     pub(crate) fn suits(&self, color_channels: usize) -> bool {
         match self {
             Self::Srgb | Self::Shaper(_) => matches!(color_channels, 1 | 3),
-            Self::Grey(_) => color_channels == 1,
+            Self::Gray(_) => color_channels == 1,
             Self::Table(profile) => match profile.color_space {
                 DataColorSpace::Cmyk => color_channels == 4,
                 _ => matches!(color_channels, 1 | 3),
@@ -123,7 +123,7 @@ impl Profile {
                 [r, g, b] => [r, g, b].map(T::to_linear),
                 _ => [color[0].to_linear(); 3],
             }),
-            Self::Grey(curve) => {
+            Self::Gray(curve) => {
                 let table = curve.table::<T>();
                 let light = |sample: T| light(table.as_deref(), curve, sample) as f32;
                 layout.convert_pixels(samples, size, |color| [light(color[0]); 3])
@@ -142,7 +142,7 @@ impl Profile {
         }
     }
 
-    /// The numbers of this profile nearest to pixels in linear sRGB, three a pixel; one if the profile is grey, where
+    /// The numbers of this profile nearest to pixels in linear sRGB, three a pixel; one if the profile is gray, where
     /// the luminance counts. Alpha is left out. `None` if there is no way back.
     pub(crate) fn numbers_from_linear<T: Stored>(
         &self,
@@ -150,11 +150,11 @@ impl Profile {
     ) -> Option<Vec<T>> {
         match self {
             Self::Srgb | Self::Table(_) => None,
-            Self::Grey(curve) => {
+            Self::Gray(curve) => {
                 let backward = Backward::new(curve.table::<T>()?);
                 let numbers = pixels.pixels().par_iter().map(|pixel| {
                     let light = ravec_raster::color::luminance(pixel.rgb());
-                    // the weights of luminance add up to 1 only nearly: grey is to come back as it was
+                    // the weights of luminance add up to 1 only nearly: gray is to come back as it was
                     let [r, g, b] = pixel.rgb();
                     let light = if r == g && g == b { r } else { light };
                     T::from_code(backward.nearest(f64::from(light)))
@@ -186,7 +186,7 @@ impl Profile {
     pub(crate) fn is_linear_srgb(&self) -> bool {
         match self {
             Self::Shaper(shaper) => shaper.has_srgb_primaries() && self.linear_space().is_some(),
-            Self::Grey(curve) => curve.is_identity(),
+            Self::Gray(curve) => curve.is_identity(),
             Self::Srgb | Self::Table(_) => false,
         }
     }
@@ -359,8 +359,8 @@ pub(crate) fn description(bytes: &[u8]) -> Option<String> {
     (!text.is_empty()).then(|| text.to_owned())
 }
 
-/// Whether a profile is one for grey pictures.
-pub(crate) fn is_grey(bytes: &[u8]) -> bool {
+/// Whether a profile is one for gray pictures.
+pub(crate) fn is_gray(bytes: &[u8]) -> bool {
     bytes.get(16..20) == Some(b"GRAY")
 }
 
@@ -415,7 +415,7 @@ mod tests {
     }
 
     #[test]
-    fn a_grey_gamma_profile_is_a_curve() {
+    fn a_gray_gamma_profile_is_a_curve() {
         let profile = parse(&ColorProfile::new_gray_with_gamma(1.8));
         let size = Size::new(2, 1).unwrap();
         let image = profile.to_linear(&[0u8, 128], 1, false, size).unwrap();

@@ -57,7 +57,7 @@ impl<'a> Raster<'a> {
         let job = Job {
             size: image.size(),
             alpha: image.has_alpha(),
-            grey: picture.origin.grey && format.has_grey(image.has_alpha()),
+            gray: picture.origin.gray && format.has_gray(image.has_alpha()),
             embeds: format.has_profile(),
             kept,
         };
@@ -73,7 +73,7 @@ struct Job<'a> {
     size: Size,
     alpha: bool,
     /// Whether one channel is to be used if every pixel allows it.
-    grey: bool,
+    gray: bool,
     /// Whether the format says its color space.
     embeds: bool,
     /// The source's profile.
@@ -93,19 +93,19 @@ impl<'a> Job<'a> {
             Cow::Owned(image) => Cow::Owned(T::samples(&image, self.alpha).into_owned()),
         };
         let stride = 3 + usize::from(self.alpha);
-        let grey = self.grey && all_grey(&samples, stride);
+        let gray = self.gray && all_gray(&samples, stride);
         let icc: Cow<'a, [u8]> = match &self.kept {
-            // sRGB by the source's own profile; one for grey does not suit colors
-            Some((Profile::Srgb, icc)) if grey || !profile::is_grey(icc) => Cow::Borrowed(*icc),
-            _ if grey => Cow::Borrowed(standard::GREY_SRGB.as_slice()),
+            // sRGB by the source's own profile; one for gray does not suit colors
+            Some((Profile::Srgb, icc)) if gray || !profile::is_gray(icc) => Cow::Borrowed(*icc),
+            _ if gray => Cow::Borrowed(standard::GREY_SRGB.as_slice()),
             _ => Cow::Borrowed(standard::SRGB.as_slice()),
         };
-        let samples = if grey {
+        let samples = if gray {
             Cow::Owned(first_channels(&samples, stride, self.alpha))
         } else {
             samples
         };
-        self.raster(samples, grey, Some(icc))
+        self.raster(samples, gray, Some(icc))
     }
 
     /// The picture in the source's own space, if there is a way there.
@@ -116,12 +116,12 @@ impl<'a> Job<'a> {
         icc: &'a [u8],
     ) -> Option<Raster<'a>> {
         let pixels = image.convert::<LinearRgba>();
-        if matches!(profile, Profile::Grey(_)) {
-            let grey = |pixel: &LinearRgba| {
+        if matches!(profile, Profile::Gray(_)) {
+            let gray = |pixel: &LinearRgba| {
                 let [r, g, b] = pixel.rgb();
                 r == g && g == b
             };
-            if !self.grey || !pixels.pixels().par_iter().with_min_len(1 << 14).all(grey) {
+            if !self.gray || !pixels.pixels().par_iter().with_min_len(1 << 14).all(gray) {
                 return None;
             }
             let samples = profile.numbers_from_linear::<T>(&pixels)?;
@@ -135,13 +135,13 @@ impl<'a> Job<'a> {
             self.alpha,
         );
         let stride = 3 + usize::from(self.alpha);
-        let grey = self.grey && all_grey(&samples, stride);
-        let samples = if grey {
+        let gray = self.gray && all_gray(&samples, stride);
+        let samples = if gray {
             first_channels(&samples, stride, self.alpha)
         } else {
             samples
         };
-        Some(self.raster(Cow::Owned(samples), grey, Some(Cow::Borrowed(icc))))
+        Some(self.raster(Cow::Owned(samples), gray, Some(Cow::Borrowed(icc))))
     }
 
     fn floats(self, image: &AnyImage, format: Format) -> Raster<'a> {
@@ -167,10 +167,10 @@ impl<'a> Job<'a> {
     fn raster<T: Stored>(
         &self,
         samples: Cow<'a, [T]>,
-        grey: bool,
+        gray: bool,
         icc: Option<Cow<'a, [u8]>>,
     ) -> Raster<'a> {
-        let color = match (size_of::<T>(), grey, self.alpha) {
+        let color = match (size_of::<T>(), gray, self.alpha) {
             (1, true, false) => ExtendedColorType::L8,
             (1, true, true) => ExtendedColorType::La8,
             (1, false, false) => ExtendedColorType::Rgb8,
@@ -244,7 +244,7 @@ fn flattened(image: &AnyImage, background: Srgb<u8>) -> AnyImage {
     image.into()
 }
 
-fn all_grey<T: Stored>(samples: &[T], stride: usize) -> bool {
+fn all_gray<T: Stored>(samples: &[T], stride: usize) -> bool {
     samples
         .par_chunks_exact(stride)
         .with_min_len(1 << 14)
@@ -301,8 +301,8 @@ mod tests {
 
     #[test]
     fn channels_are_dropped_and_added_in_place() {
-        assert!(all_grey(&[1u8, 1, 1, 9, 2, 2, 2, 8], 4));
-        assert!(!all_grey(&[1u8, 1, 1, 2, 3, 2], 3));
+        assert!(all_gray(&[1u8, 1, 1, 9, 2, 2, 2, 8], 4));
+        assert!(!all_gray(&[1u8, 1, 1, 2, 3, 2], 3));
         assert_eq!(
             first_channels(&[1u8, 1, 1, 9, 2, 2, 2, 8], 4, true),
             [1, 9, 2, 8]

@@ -112,7 +112,7 @@ pub struct Probe {
     /// How numbers are stored.
     pub sample: SampleKind,
     /// Whether there is one color channel.
-    pub grey: bool,
+    pub gray: bool,
     /// Whether there is an alpha channel.
     pub alpha: bool,
     /// How the stored picture must be turned, 1 to 8 as in EXIF; 1 is upright.

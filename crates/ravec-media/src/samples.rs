@@ -12,8 +12,8 @@ const INFINITE: f32 = 1e30;
 /// What the samples of a pixel mean.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Channels {
-    Grey,
-    GreyAlpha,
+    Gray,
+    GrayAlpha,
     Rgb,
     Rgba,
     /// Amounts of ink.
@@ -23,19 +23,19 @@ pub(crate) enum Channels {
 impl Channels {
     pub(crate) fn count(self) -> usize {
         match self {
-            Self::Grey => 1,
-            Self::GreyAlpha => 2,
+            Self::Gray => 1,
+            Self::GrayAlpha => 2,
             Self::Rgb => 3,
             Self::Rgba | Self::Cmyk => 4,
         }
     }
 
     pub(crate) fn has_alpha(self) -> bool {
-        matches!(self, Self::GreyAlpha | Self::Rgba)
+        matches!(self, Self::GrayAlpha | Self::Rgba)
     }
 
-    pub(crate) fn is_grey(self) -> bool {
-        matches!(self, Self::Grey | Self::GreyAlpha)
+    pub(crate) fn is_gray(self) -> bool {
+        matches!(self, Self::Gray | Self::GrayAlpha)
     }
 }
 
@@ -153,10 +153,10 @@ where
 {
     let width = size.width();
     let image = match channels {
-        Channels::Grey => {
+        Channels::Gray => {
             Image::from_vec(width, pixels(&samples, |[v]| Srgb([v; 3]))).map(AnyImage::from)
         }
-        Channels::GreyAlpha => {
+        Channels::GrayAlpha => {
             Image::from_vec(width, pixels(&samples, |[v, a]| Srgba([v, v, v, a])))
                 .map(AnyImage::from)
         }
@@ -170,10 +170,10 @@ where
 fn floats(samples: Vec<f32>, channels: Channels, size: Size) -> Result<AnyImage, String> {
     let width = size.width();
     let image = match channels {
-        Channels::Grey => {
+        Channels::Gray => {
             Image::from_vec(width, pixels(&samples, |[v]| LinearRgb([v; 3]))).map(AnyImage::from)
         }
-        Channels::GreyAlpha => {
+        Channels::GrayAlpha => {
             Image::from_vec(width, pixels(&samples, |[v, a]| LinearRgba([v, v, v, a])))
                 .map(AnyImage::from)
         }
@@ -304,11 +304,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn grey_is_spread_and_colors_keep_their_memory() {
+    fn gray_is_spread_and_colors_keep_their_memory() {
         let size = Size::new(2, 1).unwrap();
-        let grey = Samples::U8(vec![7, 9]).into_image(Channels::Grey, size, None);
+        let gray = Samples::U8(vec![7, 9]).into_image(Channels::Gray, size, None);
         let expected = Image::from_vec(2, vec![Srgb([7u8; 3]), Srgb([9; 3])]).unwrap();
-        assert_eq!(grey.unwrap(), expected.into());
+        assert_eq!(gray.unwrap(), expected.into());
 
         let samples = vec![1u16, 2, 3, 4, 5, 6];
         let place = samples.as_ptr();
@@ -378,7 +378,7 @@ mod tests {
         assert_eq!(samples.as_bytes(), [128, 255, 0, 100, 0, 0, 0, 0]);
 
         let mut samples = Samples::F32(vec![0.5, 0.5, 1.0, 0.0, 0.0, 0.0]);
-        let warning = samples.unmultiply(Channels::GreyAlpha);
+        let warning = samples.unmultiply(Channels::GrayAlpha);
         assert_eq!(warning, Some(Warning::GlowLost { pixels: 1 }));
         let Samples::F32(samples) = samples else {
             unreachable!()

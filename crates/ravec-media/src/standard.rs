@@ -17,11 +17,11 @@ pub(crate) static LINEAR_SRGB: LazyLock<Vec<u8>> = LazyLock::new(|| {
     encoded(profile, "Linear sRGB")
 });
 
-/// The profile of grey files: the curve of sRGB.
+/// The profile of gray files: the curve of sRGB.
 pub(crate) static GREY_SRGB: LazyLock<Vec<u8>> = LazyLock::new(|| {
     let mut profile = ColorProfile::new_gray_with_gamma(2.2);
     profile.gray_trc = ColorProfile::new_srgb().red_trc;
-    encoded(profile, "Grey with sRGB curve")
+    encoded(profile, "Gray with sRGB curve")
 });
 
 /// Where the header of a profile has its size.

@@ -53,19 +53,19 @@ impl<'a> Tiff<'a> {
         let color = decoder.colortype()?;
         let layout = decoder.image_buffer_layout()?;
         let (channels, bits) = match color {
-            ColorType::Gray(bits) => (Channels::Grey, bits),
+            ColorType::Gray(bits) => (Channels::Gray, bits),
             ColorType::GrayA(bits)
             | ColorType::Multiband {
                 bit_depth: bits,
                 num_samples: 2,
-            } => (Channels::GreyAlpha, bits),
+            } => (Channels::GrayAlpha, bits),
             ColorType::RGB(bits) => (Channels::Rgb, bits),
             ColorType::RGBA(bits) => (Channels::Rgba, bits),
             ColorType::CMYK(bits) => (Channels::Cmyk, bits),
             color => return Err(unsupported(color)),
         };
         let sample = match (layout.sample_format, bits) {
-            (SampleFormat::Uint, 1 | 2 | 4) if channels == Channels::Grey => SampleKind::U8,
+            (SampleFormat::Uint, 1 | 2 | 4) if channels == Channels::Gray => SampleKind::U8,
             (SampleFormat::Uint, 8) => SampleKind::U8,
             (SampleFormat::Uint, 16) => SampleKind::U16,
             (SampleFormat::IEEEFP, 32) if channels != Channels::Cmyk => SampleKind::F32,

@@ -43,7 +43,7 @@ impl Default for WriteOptions {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum ProfileChoice {
     /// That of the source, if it has a profile that can be computed backwards (curves and a matrix, or one curve for
-    /// grey) and the target format can say so; otherwise sRGB.
+    /// gray) and the target format can say so; otherwise sRGB.
     #[default]
     Keep,
     /// sRGB.

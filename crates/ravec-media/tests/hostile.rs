@@ -83,10 +83,10 @@ fn check(data: &[u8], what: &str) -> bool {
 fn samples() -> Vec<(String, Vec<u8>)> {
     let size = Size::new(13, 9).unwrap();
     let at = |col: usize, row: usize| (col * 19 + row * 7) as u8;
-    let mut grey = Picture::from_image(Image::from_fn(size, |c, r| Srgb([at(c, r); 3])));
-    grey.origin.grey = true;
+    let mut gray = Picture::from_image(Image::from_fn(size, |c, r| Srgb([at(c, r); 3])));
+    gray.origin.gray = true;
     let pictures = [
-        grey,
+        gray,
         Picture::from_image(Image::from_fn(size, |c, r| Srgb([at(c, r), at(r, c), 7]))),
         Picture::from_image(Image::from_fn(size, |c, r| {
             Srgba([at(c, r), 9, 7, at(r, c)])
@@ -256,8 +256,8 @@ fn the_need_that_is_checked_bounds_the_need_that_is_measured() {
     let _turn = TURN.lock().unwrap();
     let size = Size::new(700, 500).unwrap();
     let noise = |c: usize, r: usize| ((c * 7919 + r * 104_729) ^ (c * r)) as u8;
-    let mut grey = Picture::from_image(Image::from_fn(size, |c, r| Srgb([noise(c, r); 3])));
-    grey.origin.grey = true;
+    let mut gray = Picture::from_image(Image::from_fn(size, |c, r| Srgb([noise(c, r); 3])));
+    gray.origin.gray = true;
     let mut wide = Picture::from_image(Image::from_fn(size, |c, r| Srgb([noise(c, r), 1, 2])));
     wide.origin.icc = Some(
         moxcms::ColorProfile::new_display_p3()
@@ -266,7 +266,7 @@ fn the_need_that_is_checked_bounds_the_need_that_is_measured() {
             .into(),
     );
     let alpha = Picture::from_image(Image::from_fn(size, |c, r| Srgba([noise(c, r), 5, 6, 200])));
-    for picture in [grey, wide, alpha] {
+    for picture in [gray, wide, alpha] {
         for format in Format::ALL {
             for sample in [SampleKind::U8, SampleKind::U16, SampleKind::F32] {
                 let options = WriteOptions {

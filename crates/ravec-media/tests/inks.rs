@@ -211,7 +211,7 @@ fn jpeg_of_means(transform: u8, means: [i32; 4]) -> Vec<u8> {
 }
 
 #[test]
-fn a_grey_float_tiff_is_read_as_linear_light() {
+fn a_gray_float_tiff_is_read_as_linear_light() {
     let picture = decoded(&tiff::<Gray32Float>(
         2,
         &[0.25, 4.0, f32::NAN, -1.0],
@@ -227,10 +227,10 @@ fn a_grey_float_tiff_is_read_as_linear_light() {
             infinite: 0
         }]
     );
-    assert!(picture.origin.grey);
+    assert!(picture.origin.gray);
 }
 
-/// Grey by another name, to write what the encoder has no type for.
+/// Gray by another name, to write what the encoder has no type for.
 struct Named<const BITS: u8>;
 
 impl ColorType for Named<1> {
@@ -242,22 +242,22 @@ impl ColorType for Named<1> {
 }
 
 #[test]
-fn a_tiff_whose_zero_is_white_and_one_with_grey_and_alpha() {
+fn a_tiff_whose_zero_is_white_and_one_with_gray_and_alpha() {
     let picture = decoded(&tiff::<Named<1>>(2, &[0, 255, 200, 100], &[], &[]));
-    let grey: Vec<_> = picture
+    let gray: Vec<_> = picture
         .convert::<Srgb<u8>>()
         .pixels()
         .iter()
         .map(|p| p.0[0])
         .collect();
-    assert_eq!(grey, [255, 0, 55, 155]);
+    assert_eq!(gray, [255, 0, 55, 155]);
 
     let straight = [ExtraSamples::UnassociatedAlpha];
     let data = tiff::<tiff::encoder::colortype::Gray8>(2, &[9, 255, 50, 100], &straight, &[]);
     let picture = decoded(&data);
     let expected = vec![Srgba([9u8, 9, 9, 255]), Srgba([50, 50, 50, 100])];
     assert_eq!(picture.image, Image::from_vec(2, expected).unwrap().into());
-    assert!(picture.origin.grey);
+    assert!(picture.origin.gray);
 }
 
 #[test]

@@ -229,7 +229,7 @@ fn srgb_under_any_name_is_left_alone() {
 }
 
 #[test]
-fn grey_profiles_come_back_and_give_way_to_color() {
+fn gray_profiles_come_back_and_give_way_to_color() {
     let icc = ColorProfile::new_gray_with_gamma(1.8).encode().unwrap();
     let samples: Vec<u8> = (0..=255).collect();
     for (format, color) in [
@@ -238,7 +238,7 @@ fn grey_profiles_come_back_and_give_way_to_color() {
     ] {
         let data = file(format, &samples, 16, color, icc.clone());
         let picture = decoded(&data);
-        assert!(picture.origin.grey);
+        assert!(picture.origin.gray);
         let again = rewritten(&picture, format, &WriteOptions::default());
         assert_eq!(stored(&again), stored(&data));
         assert_eq!(decoded(&again), picture);
@@ -252,7 +252,7 @@ fn grey_profiles_come_back_and_give_way_to_color() {
         &WriteOptions::default(),
     ));
     assert_eq!(result.convert::<Srgb<u8>>(), image.convert());
-    assert!(!result.origin.grey);
+    assert!(!result.origin.gray);
 }
 
 #[test]
@@ -282,8 +282,8 @@ fn linear_float_files_keep_their_space() {
 
 #[test]
 fn a_profile_that_cannot_be_used_is_a_warning() {
-    let grey = ColorProfile::new_gray_with_gamma(2.2).encode().unwrap();
-    for icc in [b"junk that is no profile".to_vec(), grey] {
+    let gray = ColorProfile::new_gray_with_gamma(2.2).encode().unwrap();
+    for icc in [b"junk that is no profile".to_vec(), gray] {
         let data = file(Format::Png, &[1, 2, 3], 1, ExtendedColorType::Rgb8, icc);
         let picture = decoded(&data);
         assert!(matches!(
@@ -308,5 +308,5 @@ fn a_probe_tells_the_name_of_the_profile() {
         (probe.format, probe.sample, probe.size),
         (Format::Png, SampleKind::U16, Size::new(2, 1).unwrap())
     );
-    assert!(!probe.grey && !probe.alpha && probe.orientation == 1);
+    assert!(!probe.gray && !probe.alpha && probe.orientation == 1);
 }

@@ -1,4 +1,4 @@
-//! What is written is what is read: every format, sample kind, grey, alpha; orientation, EXIF, standard sentences.
+//! What is written is what is read: every format, sample kind, gray, alpha; orientation, EXIF, standard sentences.
 
 use image::{ExtendedColorType, ImageEncoder as _};
 use ravec_media::{
@@ -76,7 +76,7 @@ fn integer_pictures_survive_every_format_that_has_their_samples() {
             assert_eq!(back.image, picture.image, "{format}");
             assert_eq!(back.origin.format, Some(format));
             assert_eq!(back.origin.sample, picture.origin.sample);
-            assert!(!back.origin.grey);
+            assert!(!back.origin.gray);
             assert_eq!(back.origin.icc.is_some(), format.has_profile(), "{format}");
             // and once more with what was read, which has the embedded profile
             assert_eq!(decoded(&encoded(&back, format)), back, "{format}");
@@ -85,7 +85,7 @@ fn integer_pictures_survive_every_format_that_has_their_samples() {
 }
 
 #[test]
-fn grey_pictures_stay_grey_in_every_format_that_has_grey() {
+fn gray_pictures_stay_gray_in_every_format_that_has_gray() {
     let mut n = noise(3);
     let mut value = move || n();
     for alpha in [false, true] {
@@ -105,7 +105,7 @@ fn grey_pictures_stay_grey_in_every_format_that_has_grey() {
                 .into(),
             };
             let mut picture = Picture::from_image(image);
-            picture.origin.grey = true;
+            picture.origin.gray = true;
             for format in [Format::Png, Format::Tiff, Format::WebP, Format::Bmp] {
                 if format.nearest_sample(picture.origin.sample) != picture.origin.sample {
                     continue;
@@ -114,23 +114,23 @@ fn grey_pictures_stay_grey_in_every_format_that_has_grey() {
                 let back = decoded(&data);
                 assert_eq!(back.image, picture.image, "{format} {alpha} {deep}");
                 let probe = probe_data(Cursor::new(&data), &Limits::default()).unwrap();
-                // WebP and BMP store grey, but their decoders hand out color
-                let says_grey = format == Format::Png || format == Format::Tiff && !alpha;
-                assert_eq!(probe.grey, says_grey, "{format}");
-                assert_eq!(back.origin.grey, probe.grey);
+                // WebP and BMP store gray, but their decoders hand out color
+                let says_gray = format == Format::Png || format == Format::Tiff && !alpha;
+                assert_eq!(probe.gray, says_gray, "{format}");
+                assert_eq!(back.origin.gray, probe.gray);
             }
         }
     }
 }
 
 #[test]
-fn a_grey_source_with_a_colored_result_becomes_color() {
+fn a_gray_source_with_a_colored_result_becomes_color() {
     let mut picture = Picture::from_image(Image::new(size(), Srgb([9u8; 3])));
-    picture.origin.grey = true;
+    picture.origin.gray = true;
     let mut image = picture.convert::<LinearRgba>();
     image[(3, 3)] = LinearRgba([0.5, 0.1, 0.1, 1.0]);
     let back = decoded(&encoded(&picture.with_image(&image), Format::Png));
-    assert!(!back.origin.grey);
+    assert!(!back.origin.gray);
     assert_eq!(back.convert::<Srgb<u8>>(), image.convert());
 }
 
@@ -176,7 +176,7 @@ fn floats_survive_tiff_and_exr_exactly_and_hdr_to_its_eight_bits() {
 }
 
 #[test]
-fn jpeg_is_near_and_keeps_grey() {
+fn jpeg_is_near_and_keeps_gray() {
     let ramp = Image::from_fn(Size::new(64, 48).unwrap(), |col, row| {
         Srgb([4 * col as u8, 5 * row as u8, 128])
     });
@@ -187,10 +187,10 @@ fn jpeg_is_near_and_keeps_grey() {
     // quality 92 quantises by up to 18 of 2040; smooth ramps stay well within
     assert!(worst <= 8, "{worst}");
 
-    let mut grey = Picture::from_image(ramp.map(|p| Srgb([p.0[0]; 3])));
-    grey.origin.grey = true;
-    let back = decoded(&encoded(&grey, Format::Jpeg));
-    assert!(back.origin.grey);
+    let mut gray = Picture::from_image(ramp.map(|p| Srgb([p.0[0]; 3])));
+    gray.origin.gray = true;
+    let back = decoded(&encoded(&gray, Format::Jpeg));
+    assert!(back.origin.gray);
 }
 
 fn largest_difference(a: &Image<Srgb<u8>>, b: &Image<Srgb<u8>>) -> u8 {

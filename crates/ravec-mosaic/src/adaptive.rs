@@ -197,8 +197,8 @@ mod tests {
     fn photos(count: usize) -> Photos {
         let looks: Vec<Look> = (0..count)
             .map(|number| {
-                let grey = number as f32 / count as f32;
-                let photo = Image::new(Size::new(4, 4).unwrap(), Oklab([grey, 0.0, 0.0]));
+                let gray = number as f32 / count as f32;
+                let photo = Image::new(Size::new(4, 4).unwrap(), Oklab([gray, 0.0, 0.0]));
                 Look::of(&photo, Frame::of(&photo), 3)
             })
             .collect();

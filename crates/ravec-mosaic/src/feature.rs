@@ -19,7 +19,7 @@ const SIDE: usize = 8;
 /// Tiles that are fitted in one row.
 const IN_A_ROW: usize = 64;
 
-/// The Oklab distance of the two colors from which on an edge is one: a third of that of black and mid grey.
+/// The Oklab distance of the two colors from which on an edge is one: a third of that of black and mid gray.
 const CONTRAST: f32 = 0.15;
 
 /// The share of the variance that may be left over. A ramp leaves a quarter of its own, an edge that is smeared over two of

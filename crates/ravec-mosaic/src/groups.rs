@@ -8,7 +8,7 @@ use crate::search::PhotoIndex;
 use ravec_progress::{Cancelled, Progress};
 
 /// How far near-duplicates may be apart: the root of the mean squared difference in Oklab. 0.012 is a third of what a change
-/// by one 4-bit step of grey makes; copies at other sizes and qualities of JPEG stay below, frames of a burst with a person
+/// by one 4-bit step of gray makes; copies at other sizes and qualities of JPEG stay below, frames of a burst with a person
 /// that moves are above.
 pub const NEAR_DUPLICATE: f32 = 0.012;
 

@@ -8,10 +8,10 @@
 //! use ravec_progress::Progress;
 //! use ravec_raster::{Image, Oklab, Size, Srgb};
 //!
-//! // twenty "photos", each of one grey, and a picture that fades from black to white
-//! let grey = |value: usize| Image::new(Size::new(8, 8).unwrap(), Srgb([value as u8; 3])).convert::<Oklab>();
+//! // twenty "photos", each of one gray, and a picture that fades from black to white
+//! let gray = |value: usize| Image::new(Size::new(8, 8).unwrap(), Srgb([value as u8; 3])).convert::<Oklab>();
 //! let looks: Vec<Look> =
-//!     (0..20).map(|i| grey(13 * i)).map(|photo| Look::of(&photo, Frame::of(&photo), 3)).collect();
+//!     (0..20).map(|i| gray(13 * i)).map(|photo| Look::of(&photo, Frame::of(&photo), 3)).collect();
 //! let fade = Image::from_fn(Size::new(60, 40)?, |col, _| Srgb([(col * 4) as u8; 3])).convert::<Oklab>();
 //!
 //! let progress = Progress::none();

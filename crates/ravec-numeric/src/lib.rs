@@ -2,7 +2,7 @@
 //! squares.
 //!
 //! Geometry from measurements ends in a handful of unknowns and a sum of squares over many measurements. Here the sum is
-//! kept as its normal equations, so that memory does not depend on the number of measurements, and minimised with damping.
+//! kept as its normal equations, so that memory does not depend on the number of measurements, and minimized with damping.
 //!
 //! ```
 //! use ravec_numeric::{Descent, NormalEquations, minimize};

@@ -1,4 +1,4 @@
-//! A lower triangular factor in panels: neighbouring columns whose entries lie in the same rows.
+//! A lower triangular factor in panels: neighboring columns whose entries lie in the same rows.
 //!
 //! ```text
 //! for each panel: gather what its rows have, eliminate its columns one after the other, scatter

@@ -1,12 +1,12 @@
 //! The closed surface that is dual to the edges on which a sign changes.
 //!
-//! Every minimal edge with a change of sign has a polygon around it with a corner in each leaf there. Two neighbouring
+//! Every minimal edge with a change of sign has a polygon around it with a corner in each leaf there. Two neighboring
 //! corners of a polygon are joined by a *dual edge* that goes through the minimal face between their leaves. The boundary of
 //! a minimal face has an even number of changes, and the polygons around these are joined in pairs, so every dual edge has
 //! two polygons. Inside a leaf, corners that are joined through its faces go around in cycles; each cycle is one vertex.
 //!
 //! Source: Schaefer, Ju and Warren, *Manifold Dual Contouring*, TVCG 2007; here the pairing in minimal faces takes the place
-//! of their clustering, so that levels of neighbours may differ by any number.
+//! of their clustering, so that levels of neighbors may differ by any number.
 //!
 //! Guarantees, for signs that are equal on the border of the root: every dual edge has exactly two polygons, which are
 //! oriented alike, and the polygons around every vertex form one fan. Does not guarantee: that two vertices are joined by one
@@ -417,8 +417,8 @@ mod tests {
     }
 
     #[test]
-    fn all_signs_of_a_cell_give_a_manifold_beside_coarse_and_fine_neighbours() {
-        // the corners of one inner cell of a 4 x 4 x 4 tree; some of its neighbours are split
+    fn all_signs_of_a_cell_give_a_manifold_beside_coarse_and_fine_neighbors() {
+        // the corners of one inner cell of a 4 x 4 x 4 tree; some of its neighbors are split
         for split in [0u32, 1, 0b1010_0110] {
             let mut tree = uniform(2);
             let leaves: Vec<_> = tree.leaves().collect();

@@ -53,7 +53,7 @@ pub fn minimal_edges<T: Sync, R: Send>(
 }
 
 /// As [`minimal_edges`], but only of edges beside which there is one of the leaves that are asked for: `is_near` says so of
-/// these leaves and of all cells that hold one ([`Octree::path_to`]). Cost: linear in these nodes and their neighbours.
+/// these leaves and of all cells that hold one ([`Octree::path_to`]). Cost: linear in these nodes and their neighbors.
 pub fn minimal_edges_near<T: Sync, R: Send>(
     tree: &Octree<T>,
     is_near: impl Fn(NodeId) -> bool + Sync,

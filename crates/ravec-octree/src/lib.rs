@@ -1,6 +1,6 @@
 //! Adaptive octrees and the closed surfaces that are dual to them.
 //!
-//! An [`Octree`] is split by its owner, cell by cell, as deep as needed; neighbours may differ by any number of levels.
+//! An [`Octree`] is split by its owner, cell by cell, as deep as needed; neighbors may differ by any number of levels.
 //! [`for_each_minimal_edge`] walks the edges that hold no shorter one, with the leaves around each. From those on which a
 //! sign changes, [`Contour`] makes the combinatorics of a closed surface: polygons around the edges, with vertices in the
 //! leaves. Where the vertices lie is its caller's business.

@@ -14,7 +14,7 @@ struct Node<T> {
     data: T,
 }
 
-/// An octree that is as deep as its owner splits it; neighbours may differ by any number of levels.
+/// An octree that is as deep as its owner splits it; neighbors may differ by any number of levels.
 #[derive(Debug, Clone)]
 pub struct Octree<T> {
     nodes: Vec<Node<T>>,

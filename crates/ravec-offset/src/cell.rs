@@ -11,7 +11,7 @@ use ravec_mesh::closest_on_triangle;
 use ravec_octree::{CellKey, Corner};
 use rustc_hash::FxHashMap;
 
-/// The share of a cell's side that its vertex keeps away from its faces, so that vertices of neighbours never meet.
+/// The share of a cell's side that its vertex keeps away from its faces, so that vertices of neighbors never meet.
 const MARGIN: f64 = 1e-4;
 
 /// Steps towards the pieces, and then towards the surface.

@@ -1,6 +1,6 @@
 //! The surface without any tree: blocks, and pieces of as many of them as fit in memory.
 //!
-//! What is asked of all of the surface is asked of one piece after the other; where that depends on neighbours, a piece comes with
+//! What is asked of all of the surface is asked of one piece after the other; where that depends on neighbors, a piece comes with
 //! the triangles of others near it. Vertices of several blocks are the same if they have the same name.
 
 use crate::grid::doubled;

@@ -100,7 +100,7 @@ fn align(
     let mut template = cut(first, first_level, point, &straight);
     let slopes = slopes(&template);
     let deviation = normalize(&mut template)?;
-    // derivatives of the normalised template by a shift along its axes
+    // derivatives of the normalized template by a shift along its axes
     let slopes = slopes.map(|g| g / deviation);
     let mut matrix = DMat2::ZERO;
     for g in &slopes {
@@ -142,13 +142,13 @@ fn level_of(sizes: &Sizes, pixels: f64) -> usize {
     (pixels.log2().round() as usize).min(sizes.0.levels().len() - 1)
 }
 
-/// Samples around a centre, at the steps that the columns of `m` are.
+/// Samples around a center, at the steps that the columns of `m` are.
 fn cut(sizes: &Sizes, level: usize, center: DVec2, m: &DMat2) -> Patch {
     let plane = sizes.0.level(level);
     let shrink = 0.5f64.powi(level as i32);
     let half = 0.5 * (SIDE - 1) as f64;
     let (u, v) = (m.x_axis * shrink, m.y_axis * shrink);
-    // relative to the centre of the first pixel
+    // relative to the center of the first pixel
     let origin = center * shrink - u * half - v * half - 0.5;
     let (width, height) = (plane.width(), plane.height());
     let pixels = plane.pixels();

@@ -3,10 +3,10 @@
 //! ```text
 //! move and scale both sides to centroid 0 and mean distance √2
 //! start: the smallest eigenvector of the 9 × 9 sum of the linear equations (dst × H·src = 0)
-//! minimise Σ w (|dst − H·src|² + |src − H⁻¹·dst|²) over the 8 unknowns of H with h₃₃ = 1
+//! minimize Σ w (|dst − H·src|² + |src − H⁻¹·dst|²) over the 8 unknowns of H with h₃₃ = 1
 //! ```
 //!
-//! Points are in pixels, x right, y down, pixel centres at half-integers.
+//! Points are in pixels, x right, y down, pixel centers at half-integers.
 //!
 //! Source: Hartley and Zisserman, *Multiple View Geometry*, algorithms 4.2 and 4.3 (symmetric transfer error).
 //!
@@ -19,7 +19,7 @@ use glam::{DMat3, DVec2, DVec3};
 use ravec_numeric::{Descent, NormalEquations, minimize, smallest_eigenvector};
 use serde::{Deserialize, Serialize};
 
-/// Two points that show the same thing, in pixels of their pictures, x right, y down, pixel centres at half-integers.
+/// Two points that show the same thing, in pixels of their pictures, x right, y down, pixel centers at half-integers.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct PointPair {
     /// The point where the homography starts.
@@ -29,7 +29,7 @@ pub struct PointPair {
 }
 
 impl PointPair {
-    /// A pair of points in pixels, x right, y down, pixel centres at half-integers.
+    /// A pair of points in pixels, x right, y down, pixel centers at half-integers.
     pub fn new(src: DVec2, dst: DVec2) -> Self {
         Self { src, dst }
     }

@@ -1,6 +1,6 @@
 //! The homography: how one picture of a plane maps to another.
 //!
-//! Points are in pixels, x right, y down, pixel centres at half-integers. A map is named after where it leads:
+//! Points are in pixels, x right, y down, pixel centers at half-integers. A map is named after where it leads:
 //! `dst_from_src`, so that `c_from_b * b_from_a` is `c_from_a`.
 //!
 //! The matrix is kept with a determinant of 1 or −1 (−1 mirrors), by a factor that is never negative. Its overall sign
@@ -87,7 +87,7 @@ impl Homography {
         matrix: DMat3::IDENTITY,
     };
 
-    /// The map of a matrix that acts on (x, y, 1), x right, y down, pixel centres at half-integers. Any positive factor
+    /// The map of a matrix that acts on (x, y, 1), x right, y down, pixel centers at half-integers. Any positive factor
     /// gives the same map; a negative one turns front and back around.
     ///
     /// # Errors
@@ -135,7 +135,7 @@ impl Homography {
         Self::from_matrix(DMat3::from_scale(factors))
     }
 
-    /// The map that takes four points to four others, in closed form. Points are in pixels, x right, y down, pixel centres
+    /// The map that takes four points to four others, in closed form. Points are in pixels, x right, y down, pixel centers
     /// at half-integers.
     ///
     /// The order of the points does not matter, as long as it is the same on both sides. All of them lie in front.
@@ -162,7 +162,7 @@ impl Homography {
     }
 
     /// The map that takes the corners (0, 0), (1, 0), (1, 1), (0, 1) to those of a quadrilateral, in pixels, x right,
-    /// y down, pixel centres at half-integers.
+    /// y down, pixel centers at half-integers.
     ///
     /// # Errors
     /// As [`Homography::from_pairs`]; a quadrilateral that is not convex, or crosses itself, has the horizon in it.
@@ -185,7 +185,7 @@ impl Homography {
         }
     }
 
-    /// The image of a point, in pixels, x right, y down, pixel centres at half-integers. On the horizon it is infinite or
+    /// The image of a point, in pixels, x right, y down, pixel centers at half-integers. On the horizon it is infinite or
     /// not a number, behind the horizon it is where no camera sees it.
     #[inline]
     pub fn apply(&self, point: DVec2) -> DVec2 {
@@ -193,7 +193,7 @@ impl Homography {
         image.truncate() / image.z
     }
 
-    /// The image of a point in front of the horizon, or nothing. Points are in pixels, x right, y down, pixel centres at
+    /// The image of a point in front of the horizon, or nothing. Points are in pixels, x right, y down, pixel centers at
     /// half-integers.
     #[inline]
     pub fn try_apply(&self, point: DVec2) -> Option<DVec2> {
@@ -202,21 +202,21 @@ impl Homography {
         (image.z > 0.0 && mapped.is_finite()).then_some(mapped)
     }
 
-    /// The image of a homogeneous point: (x, y, 1) in pixels, x right, y down, pixel centres at half-integers, or
+    /// The image of a homogeneous point: (x, y, 1) in pixels, x right, y down, pixel centers at half-integers, or
     /// (dx, dy, 0) for the infinitely far end of a direction, whose image is its vanishing point.
     #[inline]
     pub fn apply_homogeneous(&self, point: DVec3) -> DVec3 {
         self.matrix * point
     }
 
-    /// The image of a direction that starts at a point (in pixels, x right, y down, pixel centres at half-integers): how
+    /// The image of a direction that starts at a point (in pixels, x right, y down, pixel centers at half-integers): how
     /// the image of the point moves when the point moves that way.
     #[inline]
     pub fn apply_direction(&self, at: DVec2, direction: DVec2) -> DVec2 {
         self.jacobian(at) * direction
     }
 
-    /// The derivatives of the image of a point by its coordinates, in pixels, x right, y down, pixel centres at
+    /// The derivatives of the image of a point by its coordinates, in pixels, x right, y down, pixel centers at
     /// half-integers. Column 0 is by x.
     #[inline]
     pub fn jacobian(&self, at: DVec2) -> DMat2 {
@@ -238,13 +238,13 @@ impl Homography {
         }
     }
 
-    /// Whether all `points` (in pixels, x right, y down, pixel centres at half-integers) lie in front of the horizon. Then
+    /// Whether all `points` (in pixels, x right, y down, pixel centers at half-integers) lie in front of the horizon. Then
     /// so does everything between them.
     pub fn is_in_front(&self, points: &[DVec2]) -> bool {
         points.iter().all(|&point| self.try_apply(point).is_some())
     }
 
-    /// The same map, with `point` (in pixels, x right, y down, pixel centres at half-integers) in front of the horizon.
+    /// The same map, with `point` (in pixels, x right, y down, pixel centers at half-integers) in front of the horizon.
     pub fn facing(&self, point: DVec2) -> Self {
         if (self.matrix * point.extend(1.0)).z < 0.0 {
             Self {

@@ -21,7 +21,7 @@
 //!
 //! # Conventions
 //!
-//! Points are in pixels, x right, y down, pixel centres at half-integers: the first pixel's centre is (0.5, 0.5). Maps are
+//! Points are in pixels, x right, y down, pixel centers at half-integers: the first pixel's center is (0.5, 0.5). Maps are
 //! named after where they lead, `dst_from_src`, and read from right to left. Points behind the horizon are in no picture;
 //! a map knows which side is the front.
 //!

@@ -2,7 +2,7 @@
 //!
 //! A threshold asks for the noise's σ. Here σ is anything up to a maximum, all equally likely, and the weight of a residual
 //! is its mean over them: it falls smoothly from the middle to nothing at k · s. The loss is the integral that makes
-//! iterated weighted least squares with these weights minimise it.
+//! iterated weighted least squares with these weights minimize it.
 //!
 //! Notation: r, residual with two degrees of freedom; s, the largest σ; x = r² / 2s²; k² = 9.21, the quantile of χ² with two degrees of
 //! freedom at 99 %; weight ∝ Γ(½, x) − Γ(½, k²/2); loss ∝ ∫ weight · r dr.

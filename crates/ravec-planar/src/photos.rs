@@ -8,7 +8,7 @@
 //!
 //! Source: Morel and Yu, "ASIFT", 2009, for the views from other sides.
 //!
-//! Points are in pixels, x right, y down, pixel centres at half-integers.
+//! Points are in pixels, x right, y down, pixel centers at half-integers.
 //!
 //! Guarantees: equal photos and parameters give equal bytes on any number of threads. Does not guarantee: that the plane
 //! with the most features is the one that was meant, or that what repeats (windows, bricks) is matched without a shift.

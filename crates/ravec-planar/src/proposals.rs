@@ -7,7 +7,7 @@
 //! each connected place is bounded by the outermost segments of both directions
 //! ```
 //!
-//! Points are in pixels, x right, y down, pixel centres at half-integers.
+//! Points are in pixels, x right, y down, pixel centers at half-integers.
 //!
 //! Source: dissertation, section 6.2; the votes of pairs follow Huang et al., "Image completion using planar structure
 //! guidance", 2014. We differ in that regions are connected and bounded, so that they can be offered as quadrilaterals.
@@ -26,7 +26,7 @@ use ravec_progress::{Cancelled, Progress};
 /// A quadrilateral that may be a rectangle on a plane.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlaneProposal {
-    /// Its corners in turn, clockwise in the picture from the upper left one, in pixels, x right, y down, pixel centres at
+    /// Its corners in turn, clockwise in the picture from the upper left one, in pixels, x right, y down, pixel centers at
     /// half-integers. They may lie a little outside the picture.
     pub quad: [DVec2; 4],
     /// The numbers of its vanishing points: of the sides from corner 0 to 1, and from 1 to 2.

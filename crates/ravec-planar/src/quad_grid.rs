@@ -3,7 +3,7 @@
 //! Four corners in the picture make a quadrilateral; columns and rows divide it as they would a rectangle seen by a camera.
 //! The eye judges such a grid against windows, bricks or tiles, far more exactly than four corners.
 //!
-//! Points are in pixels, x right, y down, pixel centres at half-integers. Grid coordinates count columns and rows: the
+//! Points are in pixels, x right, y down, pixel centers at half-integers. Grid coordinates count columns and rows: the
 //! corners are (0, 0), (columns, 0), (columns, rows), (0, rows); what lies beyond them is the extended grid.
 //!
 //! Source: Pavić, Schönefeld and Kobbelt, "Interactive image completion with perspective correction", 2006; dissertation,
@@ -61,7 +61,7 @@ pub enum Side {
 
 impl QuadGrid {
     /// The grid in a quadrilateral, with its corners in the order (0, 0), (columns, 0), (columns, rows), (0, rows), in
-    /// pixels, x right, y down, pixel centres at half-integers. No column or row counts as one.
+    /// pixels, x right, y down, pixel centers at half-integers. No column or row counts as one.
     ///
     /// # Errors
     /// As [`Homography::from_unit_square`].
@@ -78,7 +78,7 @@ impl QuadGrid {
     }
 
     /// The corners in the picture: (0, 0), (columns, 0), (columns, rows), (0, rows), in pixels, x right, y down, pixel
-    /// centres at half-integers.
+    /// centers at half-integers.
     pub fn corners(&self) -> [DVec2; 4] {
         self.corners
     }
@@ -93,7 +93,7 @@ impl QuadGrid {
         self.rows
     }
 
-    /// Leads from grid coordinates to pixels (x right, y down, pixel centres at half-integers).
+    /// Leads from grid coordinates to pixels (x right, y down, pixel centers at half-integers).
     pub fn image_from_grid(&self) -> Homography {
         self.image_from_grid
     }
@@ -106,7 +106,7 @@ impl QuadGrid {
         Self::new(self.corners, columns, rows)
     }
 
-    /// The grid with one corner (0 to 3; more counts on) moved to a place in pixels, x right, y down, pixel centres at
+    /// The grid with one corner (0 to 3; more counts on) moved to a place in pixels, x right, y down, pixel centers at
     /// half-integers.
     ///
     /// # Errors
@@ -156,14 +156,14 @@ impl QuadGrid {
     }
 
     /// The ends of the line between columns `column` − 1 and `column`, from row 0 to the last, in pixels, x right, y down,
-    /// pixel centres at half-integers.
+    /// pixel centers at half-integers.
     pub fn column_line(&self, column: u32) -> [DVec2; 2] {
         let x = f64::from(column);
         [0.0, f64::from(self.rows)].map(|y| self.image_from_grid.apply(dvec2(x, y)))
     }
 
     /// The ends of the line between rows `row` − 1 and `row`, from column 0 to the last, in pixels, x right, y down, pixel
-    /// centres at half-integers.
+    /// centers at half-integers.
     pub fn row_line(&self, row: u32) -> [DVec2; 2] {
         let y = f64::from(row);
         [0.0, f64::from(self.columns)].map(|x| self.image_from_grid.apply(dvec2(x, y)))

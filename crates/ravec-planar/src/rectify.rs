@@ -11,7 +11,7 @@
 //! at right angles:                                      (K⁻¹h₁)·(K⁻¹h₂) = 0, so f² = −(h₁ₓh₂ₓ + h₁ᵧh₂ᵧ) / (h₁₂h₂₂)
 //! ```
 //!
-//! Points are in pixels, x right, y down, pixel centres at half-integers. The principal point, which the axis of the lens goes
+//! Points are in pixels, x right, y down, pixel centers at half-integers. The principal point, which the axis of the lens goes
 //! through, is where the caller says: the middle of a picture that was not cropped.
 //!
 //! Source: Zhang and He, "Whiteboard scanning and image enhancement", 2007; Hartley and Zisserman, *Multiple View Geometry*,
@@ -91,7 +91,7 @@ const MIN_CONVERGENCE: f64 = 2e-5;
 const MAX_SIGMA_REL: f64 = 0.5;
 
 /// The proportions of the rectangle whose corners appear as `quad`, in turn: the first side is the width. Corners and
-/// `principal` point in pixels, x right, y down, pixel centres at half-integers.
+/// `principal` point in pixels, x right, y down, pixel centers at half-integers.
 ///
 /// ```
 /// use glam::dvec2;
@@ -218,7 +218,7 @@ pub type Margin = f64;
 
 /// The quadrilateral as a rectangle of the given `ratio` (width / height), with as many pixels as it has in the picture; or
 /// `scale` times as many in each direction. With a `margin`, the plane around it as well, as far as a picture of
-/// `picture` width and height shows it. Corners in pixels, x right, y down, pixel centres at half-integers.
+/// `picture` width and height shows it. Corners in pixels, x right, y down, pixel centers at half-integers.
 ///
 /// # Errors
 /// As [`Homography::from_unit_square`].

@@ -12,7 +12,7 @@
 //! before anything is computed; (2) no threshold decides who is an inlier, see `magsac`; (3) the residual is the
 //! first-order distance of a pair to the nearest pair that fits perfectly, so that noise on both sides counts rightly.
 //!
-//! Points are in pixels, x right, y down, pixel centres at half-integers.
+//! Points are in pixels, x right, y down, pixel centers at half-integers.
 //!
 //! Sources: Chum and Matas, "Matching with PROSAC", 2005 (order of samples); Chum, Matas and Kittler, "Locally optimized
 //! RANSAC", 2003; Barath et al., "MAGSAC++", 2020 (scores and weights); Hartley and Zisserman, section 4.2.6 (distance).
@@ -75,7 +75,7 @@ pub struct RobustFit {
     pub samples: usize,
 }
 
-/// Improvements of a new best model before the search goes on. More find the optimum of its neighbourhood more exactly, but
+/// Improvements of a new best model before the search goes on. More find the optimum of its neighborhood more exactly, but
 /// the last one is polished to the end anyway.
 const LOCAL_STEPS: usize = 3;
 

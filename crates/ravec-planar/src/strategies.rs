@@ -12,7 +12,7 @@ pub fn point() -> impl Strategy<Value = DVec2> {
 }
 
 /// A camera's change of view of a picture of 1000 × 700 pixels: turned, scaled by 0.5 to 2, sheared, shifted, tilted so that
-/// depth changes by up to ±40 % from the centre to a corner; mirrored in half of the cases. The whole picture lies in front.
+/// depth changes by up to ±40 % from the center to a corner; mirrored in half of the cases. The whole picture lies in front.
 pub fn homography() -> impl Strategy<Value = Homography> {
     (
         -3.0..3.0,

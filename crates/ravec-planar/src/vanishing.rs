@@ -22,7 +22,7 @@ use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// A straight stretch of an edge, in pixels, x right, y down, pixel centres at half-integers.
+/// A straight stretch of an edge, in pixels, x right, y down, pixel centers at half-integers.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Segment {
     /// Its ends, in any order.
@@ -30,7 +30,7 @@ pub struct Segment {
 }
 
 impl Segment {
-    /// The middle, in pixels, x right, y down, pixel centres at half-integers.
+    /// The middle, in pixels, x right, y down, pixel centers at half-integers.
     pub fn middle(&self) -> DVec2 {
         0.5 * (self.ends[0] + self.ends[1])
     }
@@ -44,7 +44,7 @@ impl Segment {
 /// Where many segments meet.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VanishingPoint {
-    /// The point (x, y, w): at (x / w, y / w) in pixels, x right, y down, pixel centres at half-integers; (x, y, 0) for the
+    /// The point (x, y, w): at (x / w, y / w) in pixels, x right, y down, pixel centers at half-integers; (x, y, 0) for the
     /// far end of a direction. Of length 1.
     pub at: DVec3,
     /// The numbers of the segments that aim at it, rising. No segment aims at two points.

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! for each pixel of the output:
-//!     its centre lies somewhere in the image, and the map is nearly linear there: a unit circle becomes an ellipse
+//!     its center lies somewhere in the image, and the map is nearly linear there: a unit circle becomes an ellipse
 //!     the axes of the ellipse are made at least a pixel long
 //!     average the image's pixels within twice the ellipse, by a kernel of the elliptical distance
 //! ```
@@ -12,7 +12,7 @@
 //!
 //! Compose maps before warping: `warp(image, &(image_from_plane * plane_from_output), …)` filters once, two warps blur twice.
 //!
-//! Points are in pixels, x right, y down, pixel centres at half-integers.
+//! Points are in pixels, x right, y down, pixel centers at half-integers.
 //!
 //! Source: Greene and Heckbert, "Creating raster omnimax images from multiple perspective views using the elliptical weighted
 //! average filter", 1986. We differ in the kernel, which is the cubic of Robidoux instead of a Gaussian, for it keeps more

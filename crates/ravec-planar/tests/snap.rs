@@ -13,7 +13,7 @@ use ravec_scenes::texture::fractal;
 const WIDTH: usize = 560;
 const HEIGHT: usize = 440;
 
-/// A wall of panels in different greys before an even ground, with noise of 4 of 255 steps; where `hidden` says so, there
+/// A wall of panels in different grays before an even ground, with noise of 4 of 255 steps; where `hidden` says so, there
 /// is something else.
 fn wall(truth: &QuadGrid, seed: Seed, hidden: impl Fn(DVec2) -> bool) -> Plane {
     let grid_from_image = truth.image_from_grid().inverse();
@@ -23,7 +23,7 @@ fn wall(truth: &QuadGrid, seed: Seed, hidden: impl Fn(DVec2) -> bool) -> Plane {
         if hidden(p) {
             0.5
         } else if q.cmpgt(DVec2::ZERO).all() && q.cmplt(extent).all() {
-            // neighbours differ by at least a tenth
+            // neighbors differ by at least a tenth
             let light = (q.x as i64 + q.y as i64) % 2;
             0.25 + 0.3 * light as f64 + 0.2 * seed.unit(q.x as i64, q.y as i64, 1)
         } else {

@@ -5,7 +5,7 @@ use crate::pixel::{LinearRgb, Oklab, Pixel, PremulLinearRgba};
 /// A pixel whose weighted mean is again a pixel: floats on a scale that is linear in what they measure.
 ///
 /// Sampling, filters and pyramids ask for it. Encoded sRGB and straight alpha do not have it on purpose: averaging the
-/// former darkens edges, averaging the latter lets the colour of transparent pixels bleed. Convert first, for example
+/// former darkens edges, averaging the latter lets the color of transparent pixels bleed. Convert first, for example
 /// with [`Image::convert`](crate::Image::convert) to [`PremulLinearRgba`].
 ///
 /// A type of your own may implement it if it consists of `CHANNELS` values of type `f32` and nothing else.

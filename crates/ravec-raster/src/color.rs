@@ -1,4 +1,4 @@
-//! Transfer functions and colour spaces, one value at a time.
+//! Transfer functions and color spaces, one value at a time.
 //!
 //! Everything here is plain IEEE arithmetic (no fused operations, no library calls), so loops over these functions
 //! vectorise at any width and give the same bits on every machine.
@@ -33,7 +33,7 @@ fn fifth_root(x: f32) -> f32 {
     t
 }
 
-/// Linear light from an sRGB-encoded value. Odd about 0, so that colours outside the gamut survive.
+/// Linear light from an sRGB-encoded value. Odd about 0, so that colors outside the gamut survive.
 #[inline(always)]
 pub fn linear_from_srgb(encoded: f32) -> f32 {
     let e = encoded.abs();
@@ -173,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn oklab_of_white_grey_and_the_published_example_is_as_published() {
+    fn oklab_of_white_gray_and_the_published_example_is_as_published() {
         let [l, a, b] = oklab_from_linear([1.0; 3]);
         assert!((l - 1.0).abs() < 1e-5 && a.abs() < 1e-5 && b.abs() < 1e-5);
         // sRGB red: Oklab (0.6280, 0.2249, 0.1258)

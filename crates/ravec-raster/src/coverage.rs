@@ -29,7 +29,7 @@ impl Edge {
     /// Where the edge is at height `y` within its range.
     fn x_at(&self, y: f64) -> f64 {
         let t = (y - self.top.y) / (self.bottom.y - self.top.y);
-        // between the ends also after rounding, so that vertices of the neighbours are met
+        // between the ends also after rounding, so that vertices of the neighbors are met
         self.top.x + t.clamp(0.0, 1.0) * (self.bottom.x - self.top.x)
     }
 

@@ -262,7 +262,7 @@ mod tests {
     }
 
     #[test]
-    fn white_grey_and_red_have_their_known_lab_values() {
+    fn white_gray_and_red_have_their_known_lab_values() {
         let close = |found: [f32; 3], truth: [f32; 3]| {
             found.iter().zip(truth).all(|(f, t)| (f - t).abs() < 0.02)
         };

@@ -1,6 +1,6 @@
 //! The exact Euclidean distance of each pixel to a set of pixels.
 //!
-//! The plain idea: for each pixel the least distance between its centre and that of any pixel of the set.
+//! The plain idea: for each pixel the least distance between its center and that of any pixel of the set.
 //!
 //! Source: Meijster, Roerdink, Hesselink, "A general algorithm for computing distance transforms in linear time", 2000.
 //! First the distance within each column by two sweeps, then the lower envelope of one parabola a column in each row.
@@ -16,7 +16,7 @@ use rayon::prelude::*;
 /// Stands for "no pixel of the set in this column". Its square still fits.
 const NONE: u32 = u32::MAX;
 
-/// The distance in pixels from the centre of each pixel to the nearest centre of a pixel for which `member(col, row)`
+/// The distance in pixels from the center of each pixel to the nearest center of a pixel for which `member(col, row)`
 /// holds: 0 for members, infinity everywhere if there are none.
 ///
 /// ```

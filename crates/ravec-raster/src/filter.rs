@@ -11,7 +11,7 @@
 //! ```
 //!
 //! Departures: (1) one pass over columns, one over rows; (2) strips of rows do both passes while their rows are in the
-//! cache, in parallel; (3) symmetric taps share a multiplication; (4) sums of [`LANES`] neighbours stay in registers.
+//! cache, in parallel; (3) symmetric taps share a multiplication; (4) sums of [`LANES`] neighbors stay in registers.
 //!
 //! Cost: O(σ) a pixel; memory one strip of at most 24σ + 64 rows a thread beside the result.
 
@@ -22,7 +22,7 @@ use rayon::prelude::*;
 /// Rows of a strip that are not kernel overlap. Smaller repeats more of the horizontal pass, larger leaves the cache.
 const STRIP_ROWS: usize = 64;
 
-/// Neighbouring sums that are kept in registers: two to eight vectors, by the machine.
+/// Neighboring sums that are kept in registers: two to eight vectors, by the machine.
 const LANES: usize = 32;
 
 /// The largest standard deviation, beyond which a blur is computed as if it were this. With it the kernel has 80 001
@@ -153,8 +153,8 @@ pub struct Gradient {
 }
 
 impl Gradient {
-    /// Half the difference of the two neighbours. Exact for linear and quadratic planes; passes all noise across its
-    /// direction. At the border the missing neighbour is the pixel itself, so that slopes there read as half.
+    /// Half the difference of the two neighbors. Exact for linear and quadratic planes; passes all noise across its
+    /// direction. At the border the missing neighbor is the pixel itself, so that slopes there read as half.
     pub fn central(plane: &Plane) -> Self {
         Self::with_cross(plane, [0.0, 1.0, 0.0])
     }

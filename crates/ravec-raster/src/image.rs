@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 /// A rectangle of pixels, row by row from the top, without padding.
 ///
-/// Column and row are integers `(col, row)`; a position `(x, y)` is real, y down, and the centre of pixel `(col, row)` is
+/// Column and row are integers `(col, row)`; a position `(x, y)` is real, y down, and the center of pixel `(col, row)` is
 /// at `(col + 0.5, row + 0.5)`.
 ///
 /// ```
@@ -249,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn conversion_keeps_colour_and_alpha() {
+    fn conversion_keeps_color_and_alpha() {
         let image = Image::new(Size::new(2, 2).unwrap(), Srgba([200u8, 100, 50, 128]));
         assert_eq!(image.convert::<LinearRgba>().convert::<Srgba<u8>>(), image);
         assert!(!image.is_opaque());

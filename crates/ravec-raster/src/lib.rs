@@ -37,7 +37,7 @@
 //!
 //! # Conventions
 //!
-//! - `(col, row)` are integers, `(x, y)` reals; y goes down. The centre of pixel `(col, row)` is at
+//! - `(col, row)` are integers, `(x, y)` reals; y goes down. The center of pixel `(col, row)` is at
 //!   `(col + 0.5, row + 0.5)`, and an image of `w` × `h` pixels spans `0..w` × `0..h`.
 //! - Linear light is the default. Encoded values are another type ([`Srgb`], [`Srgba`]), straight and premultiplied
 //!   alpha are different types, and only types that [`Average`] allows can be averaged, filtered or sampled.
@@ -52,7 +52,7 @@
 //! | holding pixels | [`Image`], [`Plane`], [`AnyImage`], [`Size`], [`Rect`], the pixel types |
 //! | values between pixels | [`Image::sample`] and [`Interpolation`], [`Image::area_average`] |
 //! | other sizes | [`resize()`], [`Pyramid`], [`halved`] |
-//! | neighbourhoods | [`gaussian_blur`], [`Gradient`], [`Integral`], [`distance_to`] |
+//! | neighborhoods | [`gaussian_blur`], [`Gradient`], [`Integral`], [`distance_to`] |
 //! | regions | [`Mask`] |
 //! | differences | [`compare`], [`ssim_map`], [`delta_e_map`], [`ciede2000`] |
 //! | long work | [`for_each_strip`], [`map_strips`], [`tiles`] |

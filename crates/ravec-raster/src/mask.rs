@@ -6,7 +6,7 @@
 //! for coverage alone does not tell where in the pixel each of them lies.
 //!
 //! Growing and shrinking are exact Euclidean: they look at the pixels covered by at least a half and at distances
-//! between pixel centres.
+//! between pixel centers.
 
 use crate::coverage;
 use crate::distance::map_distance_sq;
@@ -123,7 +123,7 @@ impl Mask {
     /// Covers a disc, by the exact area of each pixel. A radius of 0 or less covers nothing.
     ///
     /// # Errors
-    /// [`MaskError::OutOfRange`] for a centre or radius that is not finite or beyond ±1e9.
+    /// [`MaskError::OutOfRange`] for a center or radius that is not finite or beyond ±1e9.
     pub fn from_disc(size: Size, center: DVec2, radius_px: f64) -> Result<Self, MaskError> {
         in_range(center)?;
         in_range(DVec2::splat(radius_px))?;
@@ -216,7 +216,7 @@ impl Mask {
         self.combine(other, |a, b| a.min(1.0 - b))
     }
 
-    /// Adds the pixels whose centres are at most `radius_px` from the centre of a pixel covered by at least a half.
+    /// Adds the pixels whose centers are at most `radius_px` from the center of a pixel covered by at least a half.
     /// Coverage in part stays where it was; what is added is covered wholly. A radius of 0 or less, or NaN, adds
     /// nothing.
     #[must_use]
@@ -234,7 +234,7 @@ impl Mask {
         ))
     }
 
-    /// Takes away the pixels whose centres are at most `radius_px` from the centre of a pixel covered by less than a
+    /// Takes away the pixels whose centers are at most `radius_px` from the center of a pixel covered by less than a
     /// half. The border of the picture takes nothing away. A radius of 0 or less, or NaN, takes nothing away.
     #[must_use]
     pub fn erode(&self, radius_px: f64) -> Self {

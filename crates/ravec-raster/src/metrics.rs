@@ -1,6 +1,6 @@
 //! How much two pictures differ, as people look at them.
 //!
-//! Pictures are compared as shown: alpha is laid over middle grey (encoded 0.5) in linear light, colors are cut off at
+//! Pictures are compared as shown: alpha is laid over middle gray (encoded 0.5) in linear light, colors are cut off at
 //! black and white, NaN reads as black. Opaque pictures are not touched by the first. What gets lost that way is
 //! reported beside it: [`Comparison::alpha_max_abs`] and [`Comparison::identical`].
 //!
@@ -277,7 +277,7 @@ fn unit(value: f32) -> f32 {
     if value > 0.0 { value.min(1.0) } else { 0.0 }
 }
 
-/// The linear light that is seen of a pixel in front of middle grey.
+/// The linear light that is seen of a pixel in front of middle gray.
 #[inline(always)]
 fn shown(pixel: LinearRgba) -> [f32; 3] {
     let alpha = unit(pixel.alpha());

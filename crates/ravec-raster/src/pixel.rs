@@ -1,14 +1,14 @@
-//! Pixel types: each says its colour space, its sample kind and what its alpha means.
+//! Pixel types: each says its color space, its sample kind and what its alpha means.
 //!
 //! | type | space | alpha |
 //! | --- | --- | --- |
 //! | [`Srgb<T>`], [`Srgba<T>`] with `T` = `u8`, `u16` or `f32` | encoded sRGB, full range of the integer or 0 to 1 | straight |
 //! | [`LinearRgb`], [`LinearRgba`] | linear light, sRGB primaries, 1 = white, values outside 0 to 1 are kept | straight |
-//! | [`PremulLinearRgba`] | the same, colour multiplied by alpha: the space in which pixels are averaged | premultiplied |
+//! | [`PremulLinearRgba`] | the same, color multiplied by alpha: the space in which pixels are averaged | premultiplied |
 //! | [`Oklab`] | perceptual (Ottosson 2020): Euclidean distance is near perceived difference | none |
 //!
 //! All linear types can be turned into one another and into any [`Color`]; what has no alpha reads as opaque, and
-//! losing alpha keeps the straight colour.
+//! losing alpha keeps the straight color.
 
 use crate::color::{
     LINEAR_FROM_SRGB8, linear_from_oklab, linear_from_srgb, oklab_from_linear, srgb_from_linear,
@@ -172,7 +172,7 @@ pixel_type!(
 );
 
 impl LinearRgba {
-    /// The colour with its alpha taken off.
+    /// The color with its alpha taken off.
     #[inline(always)]
     pub fn rgb(self) -> [f32; 3] {
         [self.0[0], self.0[1], self.0[2]]
@@ -184,18 +184,18 @@ impl LinearRgba {
         self.0[3]
     }
 
-    /// From a colour in linear light and a straight alpha.
+    /// From a color in linear light and a straight alpha.
     #[inline(always)]
     pub fn from_rgb_alpha([r, g, b]: [f32; 3], alpha: f32) -> Self {
         Self([r, g, b, alpha])
     }
 }
 
-/// A pixel that is a colour.
+/// A pixel that is a color.
 pub trait Color: Pixel {
     /// Whether the type stores alpha.
     const HAS_ALPHA: bool;
-    /// The colour in linear light with straight alpha.
+    /// The color in linear light with straight alpha.
     fn to_linear(self) -> LinearRgba;
     /// The nearest pixel of this type. Types without alpha drop it; integer types clip to their range.
     fn from_linear(color: LinearRgba) -> Self;
@@ -261,7 +261,7 @@ impl Color for LinearRgba {
 
 impl Color for PremulLinearRgba {
     const HAS_ALPHA: bool = true;
-    /// Where alpha is 0 the colour is unknown and becomes black.
+    /// Where alpha is 0 the color is unknown and becomes black.
     #[inline(always)]
     fn to_linear(self) -> LinearRgba {
         let [r, g, b, alpha] = self.0;
@@ -326,7 +326,7 @@ mod tests {
     }
 
     #[test]
-    fn every_8_bit_grey_and_primary_survives_oklab() {
+    fn every_8_bit_gray_and_primary_survives_oklab() {
         for value in 0..=255u8 {
             for rgb in [[value; 3], [value, 0, 0], [0, value, 0], [0, 0, value]] {
                 let pixel = Srgb(rgb);
@@ -346,7 +346,7 @@ mod tests {
     }
 
     #[test]
-    fn a_transparent_premultiplied_pixel_has_no_colour() {
+    fn a_transparent_premultiplied_pixel_has_no_color() {
         let pixel = PremulLinearRgba::from_linear(LinearRgba([0.5, 0.25, 1.0, 0.0]));
         assert_eq!(pixel.to_linear(), LinearRgba([0.0; 4]));
     }

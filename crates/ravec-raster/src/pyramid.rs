@@ -6,7 +6,7 @@
 //! there is (area), or continues the border (gaussian).
 //!
 //! Source: Burt and Adelson, "The Laplacian Pyramid as a Compact Image Code", 1983. We differ in the kernel: with pixel
-//! centres at one half, a factor of 2 needs an even kernel, here the binomial 1 3 3 1, else levels shift by half a pixel.
+//! centers at one half, a factor of 2 needs an even kernel, here the binomial 1 3 3 1, else levels shift by half a pixel.
 //!
 //! Cost: 1/3 of the picture in memory beside it; O(pixels).
 
@@ -109,7 +109,7 @@ pub fn halved<P: Average>(image: &Image<P>, reduction: Reduction) -> Image<P> {
     result
 }
 
-/// Offsets from fine pixel `2c` and their weights: the binomial 1 3 3 1, symmetric about the coarse centre.
+/// Offsets from fine pixel `2c` and their weights: the binomial 1 3 3 1, symmetric about the coarse center.
 const BINOMIAL: [(isize, f32); 4] = [(-1, 0.125), (0, 0.375), (1, 0.375), (2, 0.125)];
 
 #[cfg(test)]

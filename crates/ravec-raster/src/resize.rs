@@ -25,7 +25,7 @@ use std::borrow::Cow;
 pub enum ResizeFilter {
     /// The pixel at the same relative place. Never a new value; aliases. For labels and for pixel art.
     Nearest,
-    /// The mean of the pixels whose centres lie in the new pixel: exact areas for whole shrink factors. Blocky when
+    /// The mean of the pixels whose centers lie in the new pixel: exact areas for whole shrink factors. Blocky when
     /// growing.
     Box,
     /// A tent. Never overshoots; soft.
@@ -126,7 +126,7 @@ pub fn resize<P: Resample>(image: &Image<P>, size: Size, filter: ResizeFilter) -
 }
 
 fn nearest<P: Pixel>(image: &Image<P>, size: Size) -> Image<P> {
-    // the old pixel in which the centre of the new one lies, in whole numbers
+    // the old pixel in which the center of the new one lies, in whole numbers
     let at = |index: usize, new: usize, old: usize| ((2 * index + 1) * old) / (2 * new);
     let cols: Vec<usize> = (0..size.width())
         .map(|col| at(col, size.width(), image.width()))
@@ -165,7 +165,7 @@ fn resize_strip<P: Resample>(
         .use_alpha(false);
 
     // The two passes are two calls: within one call the library keeps only the rows between the first kernel's start
-    // and the last kernel's end, and a cubic or sinc kernel that falls on a pixel centre is shorter than its neighbours.
+    // and the last kernel's end, and a cubic or sinc kernel that falls on a pixel center is shorter than its neighbors.
     let source: Cow<'_, [P::Averaged]> = if image.width() == size.width() {
         source
     } else {
@@ -263,7 +263,7 @@ mod tests {
         })
     }
 
-    /// One axis by the definition: a kernel stretched when shrinking, normalised over the pixels that exist.
+    /// One axis by the definition: a kernel stretched when shrinking, normalized over the pixels that exist.
     fn axis_naive(values: &[f32], new: usize, kernel: impl Fn(f64) -> f64, reach: f64) -> Vec<f32> {
         let scale = values.len() as f64 / new as f64;
         let stretch = scale.max(1.0);
@@ -374,8 +374,8 @@ mod tests {
     }
 
     #[test]
-    fn a_strip_that_ends_on_a_pixel_centre_keeps_its_rows() {
-        // the centre of row 31 of 42, the last of its strip, falls on that of row 7 of 10
+    fn a_strip_that_ends_on_a_pixel_center_keeps_its_rows() {
+        // the center of row 31 of 42, the last of its strip, falls on that of row 7 of 10
         let image = Plane::new(size(1, 10), 0.25);
         let resized = resize(&image, size(2, 42), ResizeFilter::CatmullRom);
         assert!(resized.pixels().iter().all(|v| (v - 0.25).abs() < 1e-6));
@@ -392,7 +392,7 @@ mod tests {
     }
 
     #[test]
-    fn the_colour_of_transparent_pixels_does_not_bleed() {
+    fn the_color_of_transparent_pixels_does_not_bleed() {
         let image =
             Image::from_vec(2, vec![Srgba([255u8, 0, 0, 255]), Srgba([0, 255, 0, 0])]).unwrap();
         let pixel = resize(&image, size(1, 1), ResizeFilter::Box)[(0, 0)];
@@ -400,7 +400,7 @@ mod tests {
     }
 
     #[test]
-    fn nearest_takes_the_pixel_under_the_new_centre() {
+    fn nearest_takes_the_pixel_under_the_new_center() {
         let image = Image::from_vec(4, vec![10.0f32, 20.0, 30.0, 40.0]).unwrap();
         assert_eq!(
             resize(&image, size(2, 1), ResizeFilter::Nearest).pixels(),

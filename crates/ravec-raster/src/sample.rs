@@ -1,12 +1,12 @@
 //! The value of an image at a real position, and its mean over a real rectangle.
 //!
-//! A kernel weighs the pixels by the distance of their centres from the position; its weights are divided by their sum,
+//! A kernel weighs the pixels by the distance of their centers from the position; its weights are divided by their sum,
 //! so that a constant image stays constant to rounding. Outside the image its border pixels go on without end.
 //!
 //! Sources: Keys, "Cubic convolution interpolation", 1981 (Catmull-Rom is its a = −1/2); Duchon, 1979 (Lanczos).
 //!
 //! Guarantees: constants are reproduced by every kernel, linear ramps by bilinear and Catmull-Rom (away from the
-//! border); at a pixel centre every kernel gives that pixel. Does not guarantee: anti-aliasing. A kernel looks at
+//! border); at a pixel center every kernel gives that pixel. Does not guarantee: anti-aliasing. A kernel looks at
 //! pixels near the position only; to shrink a picture use [`area_average`](Image::area_average) or
 //! [`resize`](crate::resize()). Catmull-Rom and Lanczos overshoot at edges.
 //!
@@ -17,7 +17,7 @@ use crate::image::Image;
 use crate::pixel::Pixel;
 use glam::DVec2;
 
-/// How a value between pixel centres comes about.
+/// How a value between pixel centers comes about.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub enum Interpolation {
     /// The pixel in which the position lies. Blocky, and never a new value.
@@ -88,7 +88,7 @@ impl<P: Average> Image<P> {
     }
 
     /// Sums `N` × `N` pixels around `at`; `weights(t)` are those of the pixels from left to right, `t` in 0 to 1 the way
-    /// from the centre of the middle-left pixel to the next one.
+    /// from the center of the middle-left pixel to the next one.
     #[inline]
     fn weighted<const N: usize>(&self, at: DVec2, weights: impl Fn(f64) -> [f64; N]) -> P {
         // far outside, all taps read the border; `max` also turns NaN into a number
@@ -124,7 +124,7 @@ impl<P: Average> Image<P> {
     /// The mean over the rectangle between two opposite corners, each pixel weighed by the exact area in which it
     /// meets the rectangle. Outside the image the border goes on. Sums are kept in `f64`.
     ///
-    /// A rectangle without area gives the pixel at its centre; a coordinate that is not a number reads as one left of
+    /// A rectangle without area gives the pixel at its center; a coordinate that is not a number reads as one left of
     /// or above the image.
     pub fn area_average(&self, corner: DVec2, opposite: DVec2) -> P {
         let (low, high) = (corner.min(opposite), corner.max(opposite));
@@ -258,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn at_a_pixel_centre_every_kernel_gives_the_pixel() {
+    fn at_a_pixel_center_every_kernel_gives_the_pixel() {
         let image = noise(7, 5, 1);
         for (col, row) in (0..5).flat_map(|row| (0..7).map(move |col| (col, row))) {
             for interpolation in ALL {

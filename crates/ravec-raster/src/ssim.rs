@@ -8,7 +8,7 @@
 //! ssim = (2 μx μy + C1)(2 σxy + C2) / (μx² + μy² + C1)(σx² + σy² + C2)
 //! ```
 //!
-//! Sums are taken in `f32` about middle grey: variances are off by at most about 2e-7, and a pixel's similarity by at
+//! Sums are taken in `f32` about middle gray: variances are off by at most about 2e-7, and a pixel's similarity by at
 //! most about 4e-4 where both planes are flat, far less elsewhere. Equal planes give exactly 1.
 
 use crate::filter::{pad, weigh};

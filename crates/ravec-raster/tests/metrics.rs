@@ -134,14 +134,14 @@ fn one_pixel_in_a_thousand_shows_in_the_maximum_and_not_in_the_95th_percentile()
 }
 
 #[test]
-fn transparency_is_compared_in_front_of_middle_grey_and_reported() {
+fn transparency_is_compared_in_front_of_middle_gray_and_reported() {
     let size = Size::new(12, 12).unwrap();
     let white = Image::new(size, Srgba([255u8, 255, 255, 255]));
     let glass = Image::new(size, Srgba([255u8, 255, 255, 0]));
     let found = compare(&white, &glass).unwrap();
     assert_eq!(found.alpha_max_abs, 1.0);
     assert!((found.max_abs - 0.5).abs() < 1e-6);
-    // the colour of what is not seen does not count as a difference that is seen
+    // the color of what is not seen does not count as a difference that is seen
     let other = Image::new(size, Srgba([0u8, 99, 0, 0]));
     let found = compare(&glass, &other).unwrap();
     assert_eq!((found.psnr_db, found.identical), (f64::INFINITY, false));

@@ -1,4 +1,4 @@
-//! The reduction of a picture on which it is analysed.
+//! The reduction of a picture on which it is analyzed.
 //!
 //! It is aligned to the grid: a whole number of its pixels makes a unit, so that two-color pixels and units have common
 //! borders. About 800 pixels on the longer side are enough: lines are found to a fraction of a pixel there, and the
@@ -84,7 +84,7 @@ fn pixels_a_unit(units: usize) -> usize {
     .min(MAX_UNIT_PX)
 }
 
-/// Grids of very few cells are analysed on a smaller reduction.
+/// Grids of very few cells are analyzed on a smaller reduction.
 const MAX_UNIT_PX: usize = 128;
 
 /// Blocks of 8 pixels can always be fitted, so that only a cancellation is left.
@@ -127,7 +127,7 @@ mod tests {
         assert_eq!(100 * pixels_a_unit(100), LONGER_SIDE);
     }
 
-    fn analysed<P: Color + Resample>(image: &Image<P>, units: [usize; 2]) -> Analysis {
+    fn analyzed<P: Color + Resample>(image: &Image<P>, units: [usize; 2]) -> Analysis {
         Analysis::new(image, units, &Progress::none()).unwrap()
     }
 
@@ -137,7 +137,7 @@ mod tests {
         let drawn = Image::from_fn(size(960, 480), |col, _| {
             LinearRgb([if col < 300 { 0.02 } else { 0.8 }; 3])
         });
-        let found = analysed(&drawn, [40, 20]);
+        let found = analyzed(&drawn, [40, 20]);
         assert_eq!(
             [found.image.width(), found.image.height()],
             [40, 20].map(|units| units * found.unit_px)
@@ -158,12 +158,12 @@ mod tests {
     #[test]
     fn what_is_transparent_shows_white_and_what_is_no_number_is_dark() {
         let clear = Image::new(size(64, 48), Srgba([0u8, 0, 0, 0]));
-        for pixel in analysed(&clear, [8, 6]).image.pixels() {
+        for pixel in analyzed(&clear, [8, 6]).image.pixels() {
             assert!(pixel.0.iter().all(|v| (v - 1.0).abs() < 1e-6), "{pixel:?}");
         }
         let mut broken = Image::new(size(64, 48), LinearRgb([0.5; 3]));
         broken[(20, 20)] = LinearRgb([f32::NAN, f32::INFINITY, -1.0]);
-        let found = analysed(&broken, [8, 6]);
+        let found = analyzed(&broken, [8, 6]);
         assert!(
             found
                 .image

@@ -9,7 +9,7 @@
 //! are its own. Texture is as far as its amplitude.
 //!
 //! Source: J. Zhang et al., "Minimum barrier salient object detection at 80 FPS", ICCV 2015: raster scans, each of which
-//! extends the best known path of two neighbours by the pixel. Distances are upper bounds, as there.
+//! extends the best known path of two neighbors by the pixel. Distances are upper bounds, as there.
 //!
 //! Cost: four scans a channel.
 
@@ -49,13 +49,13 @@ pub(crate) fn barrier_distance(values: &Plane) -> Plane {
                 (width - 2) * (height - 2) - 1 - step
             };
             let (col, row) = (1 + index % (width - 2), 1 + index / (width - 2));
-            let neighbours = if forward {
+            let neighbors = if forward {
                 [(col - 1, row), (col, row - 1)]
             } else {
                 [(col + 1, row), (col, row + 1)]
             };
             let value = values[(col, row)];
-            for from in neighbours {
+            for from in neighbors {
                 if distance[from] == f32::INFINITY {
                     continue;
                 }

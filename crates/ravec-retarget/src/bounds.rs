@@ -8,7 +8,7 @@
 //! ```text
 //! the minimum of the energy, if it is within the bounds; else repeat:
 //!     move each edge, less what it was moved before, to the nearest one within its bounds
-//!     minimise the energy plus ρ times the squared distance of the edges from where they should be
+//!     minimize the energy plus ρ times the squared distance of the edges from where they should be
 //!     remember by how much the edges missed that
 //! until all edges are within bounds half as tight, or for long enough; then blend with plain scaling until they are
 //! ```

@@ -59,7 +59,7 @@ impl Deformation {
         self.size
     }
 
-    /// The size of the picture that was analysed.
+    /// The size of the picture that was analyzed.
     pub fn source_size(&self) -> Size {
         self.grid.image_size
     }

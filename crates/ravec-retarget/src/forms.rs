@@ -18,8 +18,8 @@
 //!
 //! Source: D. Pavić and L. Kobbelt, "Two-Colored Pixels", Eurographics 2010. We differ in the deformation energy, which has one
 //! scale for all cells instead of a free one for each (objects keep their relative sizes), and in the lines, which are held to
-//! a common straight line of any place, direction and length instead of neighbour to neighbour: a long soft bow costs nothing
-//! between neighbours.
+//! a common straight line of any place, direction and length instead of neighbor to neighbor: a long soft bow costs nothing
+//! between neighbors.
 
 use crate::grid::Grid;
 use crate::runs::Run;
@@ -212,8 +212,8 @@ impl Content<'_> {
             around[edge.ends[1] as usize][direction][0] = edge.ends[0];
             around[edge.ends[0] as usize][direction][1] = edge.ends[1];
         }
-        for (vertex, neighbours) in around.iter().enumerate() {
-            for (direction, &[before, after]) in neighbours.iter().enumerate() {
+        for (vertex, neighbors) in around.iter().enumerate() {
+            for (direction, &[before, after]) in neighbors.iter().enumerate() {
                 if before == NONE || after == NONE {
                     continue;
                 }

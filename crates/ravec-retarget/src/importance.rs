@@ -144,7 +144,7 @@ mod tests {
     const UNITS: [usize; 2] = [60, 40];
 
     /// A picture of 960 × 640 pixels, 16 a unit, in Oklab as seen at the middle of each pixel.
-    fn analysed(color: impl Fn(f64, f64) -> [f32; 3]) -> Analysis {
+    fn analyzed(color: impl Fn(f64, f64) -> [f32; 3]) -> Analysis {
         let size = Size::new(960, 640).unwrap();
         let drawn = Image::from_fn(size, |col, row| {
             Oklab(color(col as f64 + 0.5, row as f64 + 0.5))
@@ -166,7 +166,7 @@ mod tests {
     }
 
     fn scene() -> Analysis {
-        analysed(|x, y| if disc(x, y) < 0.0 { FIGURE } else { GROUND })
+        analyzed(|x, y| if disc(x, y) < 0.0 { FIGURE } else { GROUND })
     }
 
     #[test]
@@ -210,7 +210,7 @@ mod tests {
 
     #[test]
     fn contrast_along_a_run_counts_a_fifth() {
-        let analysis = analysed(|_, y| if y < 325.0 { FIGURE } else { GROUND });
+        let analysis = analyzed(|_, y| if y < 325.0 { FIGURE } else { GROUND });
         let y = 325.0 * analysis.image.height() as f64 / 640.0;
         let run = Run {
             ends: [dvec2(0.0, y), dvec2(0.5 * analysis.image.width() as f64, y)],
@@ -233,7 +233,7 @@ mod tests {
 
     #[test]
     fn an_even_picture_has_nothing_that_matters() {
-        let found = importance(&analysed(|_, _| GROUND), &[], 1.0);
+        let found = importance(&analyzed(|_, _| GROUND), &[], 1.0);
         assert!(found.iter().all(|&value| value < 1e-3), "{found:?}");
     }
 }

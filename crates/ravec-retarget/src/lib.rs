@@ -32,7 +32,7 @@
 //!
 //! # How
 //!
-//! 1. The picture is analysed on a reduction: two-color pixels give contrast, those of 64 pixels' length straight lines, the
+//! 1. The picture is analyzed on a reduction: two-color pixels give contrast, those of 64 pixels' length straight lines, the
 //!    barrier distance gives closed regions that stand out, masks give what the user knows better.
 //! 2. Energies that are quadratic in the positions of the vertices are factored, for x and for y.
 //! 3. For each size the minimum is a sum of two known vectors; where cells would fold, bounds on edges are met by a few

@@ -1,7 +1,7 @@
 //! Which cell each pixel of the new picture lies in, and where in it.
 //!
-//! A cell of the new picture is a convex quadrilateral. A row of pixel centres crosses it in one stretch, which begins and ends
-//! on two of its sides; where a stretch ends is computed from the two ends of the side alone, so that the neighbour begins at
+//! A cell of the new picture is a convex quadrilateral. A row of pixel centers crosses it in one stretch, which begins and ends
+//! on two of its sides; where a stretch ends is computed from the two ends of the side alone, so that the neighbor begins at
 //! the same number. Hence every pixel is in one cell, whatever the rounding.
 //!
 //! Within a cell, at `a + u e + v f + u v g`, a point is found by the quadratic for v. It is solved in the form that divides by
@@ -111,7 +111,7 @@ impl<'a> Locator<'a> {
                     right = right.max(x);
                 }
             }
-            // the first pixel whose centre is not left of x; a cast saturates
+            // the first pixel whose center is not left of x; a cast saturates
             let pixel = |x: f64| ((x - 0.5).ceil() as usize).min(self.columns);
             let (first, end) = (pixel(left), pixel(right));
             if first < end {

@@ -18,7 +18,7 @@ pub enum Borders {
     Free,
 }
 
-/// How a picture is analysed and deformed.
+/// How a picture is analyzed and deformed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RetargetParams {
@@ -119,15 +119,15 @@ pub enum RetargetError {
         /// The size that was asked for.
         target: Size,
     },
-    /// The picture to be warped has another shape than the analysed one.
+    /// The picture to be warped has another shape than the analyzed one.
     #[error(
-        "the picture to warp has {got} pixels, which is not the shape of the analysed one with {analysed}"
+        "the picture to warp has {got} pixels, which is not the shape of the analyzed one with {analyzed}"
     )]
     OtherShape {
         /// The size of the picture to warp.
         got: Size,
-        /// The size of the analysed picture.
-        analysed: Size,
+        /// The size of the analyzed picture.
+        analyzed: Size,
     },
     /// The system could not be factored, which only numbers out of all proportion can cause.
     #[error("the deformation could not be computed: lower the strengths")]

@@ -105,13 +105,13 @@ impl Tree {
             for row in 0..rows {
                 for col in 0..cols {
                     let span = self.spans[row * cols + col];
-                    let neighbours = [
+                    let neighbors = [
                         (col > 0).then(|| (col - 1, row)),
                         (col + 1 < cols).then_some((col + 1, row)),
                         (row > 0).then(|| (col, row - 1)),
                         (row + 1 < rows).then_some((col, row + 1)),
                     ];
-                    let finer = neighbours
+                    let finer = neighbors
                         .into_iter()
                         .flatten()
                         .any(|(x, y)| span > 2 * self.spans[y * cols + x]);

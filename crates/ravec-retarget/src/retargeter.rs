@@ -1,7 +1,7 @@
 //! From a picture to a factored system, and from that to a deformation for every size.
 //!
 //! ```text
-//! analyse: importance of units, straight runs           once a picture
+//! analyze: importance of units, straight runs           once a picture
 //! factor the energies of x and y                         once a picture
 //! for each size: sum up the minimum, bound the edges     about a millisecond, or some twenty
 //! ```
@@ -61,7 +61,7 @@ pub struct AnalysisSummary {
     pub mean_importance: f64,
 }
 
-/// An analysed picture, ready for any size.
+/// An analyzed picture, ready for any size.
 #[derive(Debug, Clone)]
 pub struct Retargeter {
     params: RetargetParams,
@@ -96,7 +96,7 @@ impl Retargeter {
                 });
             }
         }
-        let phase = progress.phase("analyse", 4);
+        let phase = progress.phase("analyze", 4);
         let units = units_for(image.size(), params.grid_cells);
         let analysis = Analysis::new(image, units, progress)?;
         phase.advance(1);

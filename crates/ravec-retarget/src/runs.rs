@@ -19,7 +19,7 @@ use crate::trace::trace;
 use glam::DVec2;
 use ravec_raster::{Image, LinearRgb, Oklab};
 
-/// A straight line of the picture, in pixels of the analysed reduction.
+/// A straight line of the picture, in pixels of the analyzed reduction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Run {
     pub(crate) ends: [DVec2; 2],
@@ -107,7 +107,7 @@ fn chains(lab: &Image<Oklab>, upright: bool) -> Vec<Chain> {
 pub(crate) struct Chain {
     pub(crate) run: Run,
     pub(crate) fit: LineFit,
-    /// How colours change across it, from left to right as seen along the run.
+    /// How colors change across it, from left to right as seen along the run.
     pub(crate) step: [f32; 3],
 }
 
@@ -120,7 +120,7 @@ impl Chain {
         f64::from(self.contrast()) * self.run.length()
     }
 
-    /// Both as one, if they lie on one line, have like colours on like sides, and what is between them is not longer than
+    /// Both as one, if they lie on one line, have like colors on like sides, and what is between them is not longer than
     /// the longer.
     fn joined(&self, other: &Self) -> Option<Self> {
         let same_way = if self.run.direction().dot(other.run.direction()) < 0.0 {

@@ -38,11 +38,11 @@ pub(crate) const SIDE: usize = 3;
 /// The Oklab contrast along a whole strip from which on a line counts. Fainter ones an observer hardly sees.
 const MIN_CONTRAST: f32 = 0.025;
 
-/// By what factor the square of a line's contrast must exceed the median of its neighbourhood. If contrasts of roughness are
+/// By what factor the square of a line's contrast must exceed the median of its neighborhood. If contrasts of roughness are
 /// normal, one line of a million does so by chance.
 const MIN_ABOVE_MEDIAN: f32 = 50.0;
 
-/// The neighbourhood: so many places along the border of a strip.
+/// The neighborhood: so many places along the border of a strip.
 const BAND: usize = 64;
 
 /// Peaks are the largest within so many rises and places.
@@ -393,7 +393,7 @@ mod tests {
     fn the_strongest_candidate_of_each_strip_is_the_planted_edge() {
         for degrees in [60, 75, 90, 105, 120] {
             let through = dvec2(128.2, 100.4);
-            let colors = TwoColors::grey_step(128.0, 64.0);
+            let colors = TwoColors::gray_step(128.0, 64.0);
             let truth = EdgeTruth::from_angle(f64::from(degrees).to_radians(), through, colors);
             let drawn: Image<LinearRgb> = edge(Size::new(256, 300).unwrap(), &truth);
             let frame = Frame::new(&drawn.convert::<Oklab>(), false);

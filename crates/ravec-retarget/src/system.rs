@@ -219,7 +219,7 @@ impl Axis {
         ])
     }
 
-    /// The unknowns that minimise the energy without regard to folds.
+    /// The unknowns that minimize the energy without regard to folds.
     pub(crate) fn unbounded(&self, length: f64, scale: f64) -> Vec<f64> {
         let [first, second] = &self.minimum;
         let pairs = first.iter().zip(second);
@@ -232,7 +232,7 @@ impl Axis {
         ll * length * length + 2.0 * ls * length * scale + ss * scale * scale
     }
 
-    /// Moves `z`, which minimises the energy plus `stiffness` times the squared distances of the edges from where they should
+    /// Moves `z`, which minimizes the energy plus `stiffness` times the squared distances of the edges from where they should
     /// be, to the minimum for edges that should be elsewhere by `change`.
     ///
     /// The minimum of the energy alone is that for edges that should be where they are.

@@ -8,7 +8,7 @@
 //! ```
 //!
 //! A chunk is a two-color pixel of 8 × 6 that is turned as the line is, 16 × 6 where 8 do not tell it from roughness. What it
-//! is asked for is the contrast in the colours of the candidate.
+//! is asked for is the contrast in the colors of the candidate.
 //!
 //! Guarantees: where the edge was found is within a pixel of the run, and 0.3 in the mean. Does not guarantee: that all of an
 //! edge is followed; see [`crate::runs`] for the joining of what is left.
@@ -42,7 +42,7 @@ const MIN_LENGTH_PX: f64 = 60.0;
 /// The share of a run's length that its chunks must cover.
 const MIN_COVERED: f64 = 0.75;
 
-/// By how much its contrast, taken together over its length, must exceed the median of its neighbourhood. One in fifty of the
+/// By how much its contrast, taken together over its length, must exceed the median of its neighborhood. One in fifty of the
 /// lines that texture makes has 10, see `docs/notes/straight-runs.md`.
 const MIN_SIGNIFICANCE: f64 = 12.0;
 
@@ -127,7 +127,7 @@ pub(crate) fn trace(frame: &Frame, candidate: &Candidate) -> Option<Chain> {
 
 struct Tracer<'a> {
     frame: &'a Frame,
-    /// The step of colours across the line, of length 1.
+    /// The step of colors across the line, of length 1.
     colors: [f32; 3],
     contrast: f32,
     chunk: usize,
@@ -263,7 +263,7 @@ impl Tracer<'_> {
         })
     }
 
-    /// The colours across a line, summed along a chunk: what they have of the step, for the pixels around the places
+    /// The colors across a line, summed along a chunk: what they have of the step, for the pixels around the places
     /// −`REACH` + 1/2, −`REACH` + 3/2 ...
     fn profile(&self, first: usize, level: &Level) -> [f32; 2 * REACH] {
         let across = self.frame.across;

@@ -44,7 +44,7 @@ impl Deformation {
     /// The new picture.
     ///
     /// # Errors
-    /// [`RetargetError::OtherShape`] if `image` has another size than the analysed one, [`RetargetError::Cancelled`] soon
+    /// [`RetargetError::OtherShape`] if `image` has another size than the analyzed one, [`RetargetError::Cancelled`] soon
     /// after `progress` is cancelled.
     pub fn warp<P: Color>(
         &self,
@@ -54,7 +54,7 @@ impl Deformation {
         if image.size() != self.source_size() {
             return Err(RetargetError::OtherShape {
                 got: image.size(),
-                analysed: self.source_size(),
+                analyzed: self.source_size(),
             });
         }
         if self.is_identity() {
@@ -63,7 +63,7 @@ impl Deformation {
         self.warp_to(image, self.size(), WarpFilter::Full, progress)
     }
 
-    /// The new picture at another resolution, from an old one at any resolution: `image` is the analysed picture reduced or
+    /// The new picture at another resolution, from an old one at any resolution: `image` is the analyzed picture reduced or
     /// enlarged, `size` the size of the result.
     ///
     /// # Errors
@@ -85,23 +85,23 @@ impl Deformation {
         size: Size,
         filter: WarpFilter,
     ) -> Result<Warp<'a, P>, RetargetError> {
-        let analysed = self.source_size();
+        let analyzed = self.source_size();
         let scaled = |a: usize, b: usize, c: usize| a as f64 * b as f64 / c as f64;
-        let height = scaled(image.width(), analysed.height(), analysed.width());
-        let width = scaled(image.height(), analysed.width(), analysed.height());
+        let height = scaled(image.width(), analyzed.height(), analyzed.width());
+        let width = scaled(image.height(), analyzed.width(), analyzed.height());
         if (height - image.height() as f64).abs() > 1.0
             && (width - image.width() as f64).abs() > 1.0
         {
             return Err(RetargetError::OtherShape {
                 got: image.size(),
-                analysed,
+                analyzed,
             });
         }
         Ok(Warp {
             image,
             size,
             locator: Locator::new(self, lengths(size) / lengths(self.size()), size.width()),
-            source_unit: self.grid.unit_px() * lengths(image.size()) / lengths(analysed),
+            source_unit: self.grid.unit_px() * lengths(image.size()) / lengths(analyzed),
             filter,
             simd: Level::new(),
         })

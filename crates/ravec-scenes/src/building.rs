@@ -3,7 +3,7 @@
 //! The walls carry windows in a regular grid and courses of stone, the ground is paved. Light is flat on purpose: the scene
 //! is about lines.
 //!
-//! World coordinates: metres, the foot of the corner in the origin, x along the right wall, z along the left one, y up.
+//! World coordinates: meters, the foot of the corner in the origin, x along the right wall, z along the left one, y up.
 
 use crate::paint::{hex, paint_adaptive};
 use crate::random::Seed;
@@ -27,7 +27,7 @@ pub struct BuildingTruth {
 
 /// Columns and rows of windows of the right wall, and columns of the left one.
 const BAYS: [f64; 3] = [5.0, 4.0, 4.0];
-/// Width and height of a bay in metres.
+/// Width and height of a bay in meters.
 const BAY: DVec2 = DVec2::new(2.4, 3.0);
 
 struct Camera {
@@ -162,7 +162,7 @@ fn wall_color(q: DVec2, light: f32, footprint: f64, seed: Seed) -> Vec3 {
     color * light
 }
 
-/// Slabs of two metres with joints.
+/// Slabs of two meters with joints.
 fn ground_color(q: DVec2, footprint: f64) -> Vec3 {
     let slab = (q / 2.0).fract();
     let edge = slab.min(DVec2::ONE - slab).abs().min_element() * 2.0;

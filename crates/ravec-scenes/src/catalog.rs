@@ -42,9 +42,9 @@ pub enum SceneId {
     Swatches,
     /// A leaf with transparency.
     Sprite,
-    /// A straight edge between greys.
-    EdgeGrey,
-    /// A straight edge between colours.
+    /// A straight edge between grays.
+    EdgeGray,
+    /// A straight edge between colors.
     EdgeColor,
     /// A corner.
     Wedge,
@@ -78,17 +78,17 @@ pub enum Truth {
     Swatches(SwatchesTruth),
     /// The outline of a leaf.
     Sprite(SpriteTruth),
-    /// A line and two colours.
+    /// A line and two colors.
     Edge(EdgeTruth),
-    /// Two half planes and two colours.
+    /// Two half planes and two colors.
     Wedge(WedgeTruth),
-    /// A line, its width and two colours.
+    /// A line, its width and two colors.
     Line(LineTruth),
-    /// A circle and two colours.
+    /// A circle and two colors.
     Disc(DiscTruth),
-    /// A grid and two colours.
+    /// A grid and two colors.
     Checkerboard(CheckerboardTruth),
-    /// Four colours.
+    /// Four colors.
     Gradient(GradientTruth),
 }
 
@@ -118,7 +118,7 @@ impl SceneId {
         Self::LineArt,
         Self::Swatches,
         Self::Sprite,
-        Self::EdgeGrey,
+        Self::EdgeGray,
         Self::EdgeColor,
         Self::Wedge,
         Self::Line,
@@ -179,15 +179,15 @@ impl SceneId {
                 (256, 256),
                 "a leaf with a soft edge on transparency",
             ),
-            Self::EdgeGrey => (
-                "edge-grey",
+            Self::EdgeGray => (
+                "edge-gray",
                 (128, 128),
-                "a straight edge between two greys, 64 of 255 steps apart",
+                "a straight edge between two grays, 64 of 255 steps apart",
             ),
             Self::EdgeColor => (
                 "edge-color",
                 (128, 128),
-                "a straight edge between two colours",
+                "a straight edge between two colors",
             ),
             Self::Wedge => (
                 "wedge",
@@ -199,7 +199,7 @@ impl SceneId {
                 (128, 128),
                 "a straight line of about one and a half pixels",
             ),
-            Self::Disc => ("disc", (128, 128), "a disc of known centre and radius"),
+            Self::Disc => ("disc", (128, 128), "a disc of known center and radius"),
             Self::Checkerboard => (
                 "checkerboard",
                 (128, 128),
@@ -208,7 +208,7 @@ impl SceneId {
             Self::Gradient => (
                 "gradient",
                 (256, 128),
-                "a smooth transition between four colours",
+                "a smooth transition between four colors",
             ),
         }
     }
@@ -291,10 +291,10 @@ fn figure(id: SceneId, size: Size, seed: Seed) -> (AnyImage, Truth) {
     let angle_rad = seed.between(0, 0, 2, 0.0, std::f64::consts::TAU);
     let pick = |k: u64| [0, 1, 2].map(|c| seed.between(1, 0, 10 * k + c, 20.0, 235.0) as f32);
     let colors = TwoColors::from_encoded(pick(1), pick(2));
-    let grey = TwoColors::grey_step(seed.between(0, 0, 3, 64.0, 192.0) as f32, 64.0);
+    let gray = TwoColors::gray_step(seed.between(0, 0, 3, 64.0, 192.0) as f32, 64.0);
     match id {
-        SceneId::EdgeGrey => {
-            let truth = EdgeTruth::from_angle(angle_rad, middle, grey);
+        SceneId::EdgeGray => {
+            let truth = EdgeTruth::from_angle(angle_rad, middle, gray);
             (edge(size, &truth).into(), Truth::Edge(truth))
         }
         SceneId::Wedge => {
@@ -324,7 +324,7 @@ fn figure(id: SceneId, size: Size, seed: Seed) -> (AnyImage, Truth) {
             let truth = CheckerboardTruth {
                 origin: middle,
                 cell_px: unit * seed.between(0, 0, 7, 0.07, 0.11),
-                colors: grey,
+                colors: gray,
             };
             (
                 checkerboard(size, &truth).into(),

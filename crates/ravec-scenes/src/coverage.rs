@@ -1,7 +1,7 @@
 //! How much of a pixel a shape covers: exact areas.
 //!
 //! A pixel is a square of side 1; what a camera with a perfect sensor would see of a shape is the mean over that square,
-//! so the pixel's value is the colours mixed in linear light by the covered area. Everything else that a scene draws
+//! so the pixel's value is the colors mixed in linear light by the covered area. Everything else that a scene draws
 //! is judged against these formulas, and these against plain supersampling.
 
 use glam::DVec2;

@@ -13,7 +13,7 @@ use ravec_raster::color::linear_from_srgb;
 use ravec_raster::{Image, LinearRgb, Size};
 use serde::{Deserialize, Serialize};
 
-/// The two colours of a shape, linear light.
+/// The two colors of a shape, linear light.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct TwoColors {
     /// Inside: where `normal·p` is below the offset, within the disc, on the line.
@@ -23,7 +23,7 @@ pub struct TwoColors {
 }
 
 impl TwoColors {
-    /// Two colours by their encoded sRGB values in 8-bit steps, 0 to 255, fractions allowed.
+    /// Two colors by their encoded sRGB values in 8-bit steps, 0 to 255, fractions allowed.
     pub fn from_encoded(inside: [f32; 3], outside: [f32; 3]) -> Self {
         let linear = |color: [f32; 3]| color.map(|v| linear_from_srgb(v / 255.0));
         Self {
@@ -32,10 +32,10 @@ impl TwoColors {
         }
     }
 
-    /// Two greys around `middle`, the outside brighter by `contrast`, both in encoded 8-bit steps.
+    /// Two grays around `middle`, the outside brighter by `contrast`, both in encoded 8-bit steps.
     ///
     /// A contrast below 0 makes the inside the brighter one.
-    pub fn grey_step(middle: f32, contrast: f32) -> Self {
+    pub fn gray_step(middle: f32, contrast: f32) -> Self {
         Self::from_encoded([middle - 0.5 * contrast; 3], [middle + 0.5 * contrast; 3])
     }
 
@@ -52,11 +52,11 @@ impl TwoColors {
 /// A straight edge through the whole picture: the line `normal·p = offset_px`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct EdgeTruth {
-    /// Unit normal, from the inside colour to the outside colour.
+    /// Unit normal, from the inside color to the outside color.
     pub normal: DVec2,
     /// Distance of the line from the origin (the outer corner of the first pixel) along `normal`.
     pub offset_px: f64,
-    /// The colours of the two sides.
+    /// The colors of the two sides.
     pub colors: TwoColors,
 }
 
@@ -71,7 +71,7 @@ impl EdgeTruth {
         }
     }
 
-    /// The half plane of the inside colour.
+    /// The half plane of the inside color.
     pub fn inside(&self) -> HalfPlane {
         HalfPlane {
             normal: self.normal,
@@ -92,7 +92,7 @@ pub struct WedgeTruth {
     pub apex: DVec2,
     /// The two half planes, whose borders go through the tip.
     pub sides: [HalfPlane; 2],
-    /// The colours of the wedge and of its surroundings.
+    /// The colors of the wedge and of its surroundings.
     pub colors: TwoColors,
 }
 
@@ -127,7 +127,7 @@ pub struct LineTruth {
     pub offset_px: f64,
     /// Full width; may be far below 1.
     pub width_px: f64,
-    /// The colours of the line (inside) and of its surroundings.
+    /// The colors of the line (inside) and of its surroundings.
     pub colors: TwoColors,
 }
 
@@ -146,11 +146,11 @@ pub fn line(size: Size, truth: &LineTruth) -> Image<LinearRgb> {
 /// A disc.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct DiscTruth {
-    /// Centre, image coordinates.
+    /// Center, image coordinates.
     pub center: DVec2,
     /// Radius.
     pub radius_px: f64,
-    /// The colours of the disc and of its surroundings.
+    /// The colors of the disc and of its surroundings.
     pub colors: TwoColors,
 }
 
@@ -170,7 +170,7 @@ pub struct CheckerboardTruth {
     pub origin: DVec2,
     /// Side of a cell, above 0, need not be whole.
     pub cell_px: f64,
-    /// The colours of the two kinds of cells.
+    /// The colors of the two kinds of cells.
     pub colors: TwoColors,
 }
 
@@ -187,7 +187,7 @@ pub fn checkerboard(size: Size, truth: &CheckerboardTruth) -> Image<LinearRgb> {
     })
 }
 
-/// A smooth transition between four colours at the corners of the picture, bilinear in linear light.
+/// A smooth transition between four colors at the corners of the picture, bilinear in linear light.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct GradientTruth {
     /// Linear light at the upper left, upper right, lower left and lower right corner of the picture.
@@ -198,7 +198,7 @@ pub struct GradientTruth {
 pub fn gradient(size: Size, truth: &GradientTruth) -> Image<LinearRgb> {
     let extent = DVec2::new(size.width() as f64, size.height() as f64);
     let [upper_left, upper_right, lower_left, lower_right] = truth.corners.map(Vec3::from_array);
-    // the mean of a bilinear function over a pixel is its value at the centre
+    // the mean of a bilinear function over a pixel is its value at the center
     paint(size, |p| {
         let t = (p / extent).as_vec2();
         let upper = upper_left.lerp(upper_right, t.x);
@@ -255,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn exchanging_sides_and_colours_changes_nothing() {
+    fn exchanging_sides_and_colors_changes_nothing() {
         let truth = EdgeTruth::from_angle(0.7, DVec2::new(4.0, 5.0), COLORS);
         let exchanged = EdgeTruth {
             normal: -truth.normal,
@@ -270,8 +270,8 @@ mod tests {
     }
 
     #[test]
-    fn a_grey_step_has_the_asked_contrast_in_encoded_steps() {
-        let colors = TwoColors::grey_step(100.0, 64.0);
+    fn a_gray_step_has_the_asked_contrast_in_encoded_steps() {
+        let colors = TwoColors::gray_step(100.0, 64.0);
         let encoded = |c: [f32; 3]| 255.0 * ravec_raster::color::srgb_from_linear(c[0]);
         assert!((encoded(colors.inside) - 68.0).abs() < 1e-3);
         assert!((encoded(colors.outside) - 132.0).abs() < 1e-3);
@@ -342,7 +342,7 @@ mod tests {
     }
 
     #[test]
-    fn a_gradient_has_its_corner_colours_on_average() {
+    fn a_gradient_has_its_corner_colors_on_average() {
         let truth = GradientTruth {
             corners: [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
         };

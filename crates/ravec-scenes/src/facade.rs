@@ -1,6 +1,6 @@
 //! House fronts: windows with frames, curtains and shutters, ledges, doors, shops, gables.
 //!
-//! A facade lives in its own plane: `u` to the right along the wall in metres from its left end, `v` up from the
+//! A facade lives in its own plane: `u` to the right along the wall in meters from its left end, `v` up from the
 //! ground. Depth is faked where a camera would see it: windows are set back by [`RECESS`], so a slanted ray sees the
 //! reveal, and ledges, shutters and lintels cast the shadows that a sun at a given direction would.
 
@@ -11,7 +11,7 @@ use crate::shopfront::GroundFloor;
 use crate::texture::{brick, fractal, smoothstep, wood};
 use glam::{DVec2, DVec3, Vec3};
 
-/// How far windows and doors are set back, in metres.
+/// How far windows and doors are set back, in meters.
 pub(crate) const RECESS: f64 = 0.16;
 /// Height of the ground floor, where shops and doors are.
 pub(crate) const GROUND_FLOOR: f64 = 3.35;
@@ -86,12 +86,12 @@ pub(crate) enum Gable {
 /// One house front.
 #[derive(Debug, Clone)]
 pub(crate) struct Facade {
-    /// Width and height to the eaves, metres.
+    /// Width and height to the eaves, meters.
     pub width: f64,
     pub height: f64,
     pub gable: Gable,
     pub wall: Wall,
-    /// Colour of frames, ledges and cornice.
+    /// Color of frames, ledges and cornice.
     pub trim: Vec3,
     pub shutters: Option<Vec3>,
     /// Windows side by side.
@@ -196,7 +196,7 @@ impl Facade {
         self.ledges(q, footprint, sun, &mut surface);
         // dirt from the ground and the darkness of the canyon's bottom
         surface.ambient *= (0.55 + 0.45 * smoothstep(0.0, 5.0, q.y)) as f32;
-        // neighbours meet in a dark joint
+        // neighbors meet in a dark joint
         let joint = q.x.min(self.width - q.x);
         surface.albedo *= 1.0 - 0.5 * smoothstep(0.05, 0.0, joint) as f32;
         surface.alpha = alpha;

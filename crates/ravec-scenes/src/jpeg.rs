@@ -18,7 +18,7 @@ use serde::{Deserialize, Serialize};
 pub struct JpegParams {
     /// 1 (worst) to 100 (best; still not lossless), clamped. 30 shows blocks and ringing, 90 hardly anything.
     pub quality: u8,
-    /// Whether colour is stored at half the resolution, as cameras do (4:2:0).
+    /// Whether color is stored at half the resolution, as cameras do (4:2:0).
     pub subsampled: bool,
 }
 
@@ -198,10 +198,10 @@ mod tests {
     use crate::random::Seed;
     use ravec_raster::Size;
 
-    fn noise(width: usize, height: usize, grey: bool) -> Image<Srgb<u8>> {
+    fn noise(width: usize, height: usize, gray: bool) -> Image<Srgb<u8>> {
         Image::from_fn(Size::new(width, height).unwrap(), |c, r| {
             let at = |k| Seed(5).bits(c as i64, r as i64, k) as u8;
-            if grey {
+            if gray {
                 Srgb([at(0); 3])
             } else {
                 Srgb([at(0), at(1), at(2)])
@@ -285,7 +285,7 @@ mod tests {
     }
 
     #[test]
-    fn flat_colours_and_flat_blocks_survive_any_quality_nearly() {
+    fn flat_colors_and_flat_blocks_survive_any_quality_nearly() {
         for quality in [1, 10, 50, 100] {
             for rgb in [[0, 0, 0], [255, 255, 255], [200, 100, 50]] {
                 let image = Image::new(Size::new(19, 9).unwrap(), Srgb(rgb));

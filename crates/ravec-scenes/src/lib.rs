@@ -10,7 +10,7 @@
 //! use ravec_scenes::edge::{EdgeTruth, TwoColors, edge};
 //!
 //! // an edge at 30 degrees, 64 of 255 encoded steps high, through the middle of a block
-//! let colors = TwoColors::grey_step(128.0, 64.0);
+//! let colors = TwoColors::gray_step(128.0, 64.0);
 //! let truth = EdgeTruth::from_angle(30f64.to_radians(), (4.0, 4.0).into(), colors);
 //! let block = edge(Size::new(8, 8)?, &truth);
 //! assert_eq!(block[(0, 0)], LinearRgb(colors.inside));
@@ -19,7 +19,7 @@
 //! ```
 //!
 //! Guarantees: equal size, parameters and seed give equal bytes on any number of threads; light is finite and between 0
-//! and 1; truth is serialisable. Non-guarantees: the same bytes across platforms whose mathematical library differs, or
+//! and 1; truth is serializable. Non-guarantees: the same bytes across platforms whose mathematical library differs, or
 //! across versions of this crate.
 //!
 //! Words: a *scene* is a picture with its *truth*; the *footprint* of a sample is the side of the square it stands for;

@@ -40,7 +40,7 @@ pub fn draw(size: Size, truth: &LineArtTruth) -> Image<LinearRgb> {
 }
 
 fn drawing(size: Size, seed: Seed) -> Vec<Stroke> {
-    // laid out on a sheet of 120 × 120 that is centred in the picture
+    // laid out on a sheet of 120 × 120 that is centered in the picture
     let extent = DVec2::new(size.width() as f64, size.height() as f64);
     let unit = extent.min_element() / 120.0;
     let origin = 0.5 * extent - DVec2::splat(60.0 * unit);

@@ -3,7 +3,7 @@
 //! A wall or a floor under a known homography, drawn by formulas, once bare and once with a post before it. A method that
 //! takes the post away can be held against the bare picture.
 //!
-//! Plane coordinates: metres, x to the right, y down on walls and towards the viewer on floors.
+//! Plane coordinates: meters, x to the right, y down on walls and towards the viewer on floors.
 
 use crate::paint::{hex, paint_adaptive};
 use crate::plane::image_from_unit_square;
@@ -29,7 +29,7 @@ impl Surface {
     /// All of them.
     pub const ALL: [Self; 4] = [Self::Bricks, Self::Windows, Self::Tiles, Self::Wood];
 
-    /// Width and height of the plane in metres.
+    /// Width and height of the plane in meters.
     fn extent(self) -> DVec2 {
         match self {
             Self::Bricks => DVec2::new(3.2, 2.4),

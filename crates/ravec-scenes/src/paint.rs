@@ -1,18 +1,18 @@
-//! From a colour for each position to a picture: rows in parallel, supersampled where needed.
+//! From a color for each position to a picture: rows in parallel, supersampled where needed.
 
 use glam::{DVec2, Vec3};
 use ravec_raster::color::LINEAR_FROM_SRGB8;
 use ravec_raster::{Image, LinearRgb, Size};
 use rayon::prelude::*;
 
-/// Linear light of an encoded colour written as `0xRRGGBB`: palettes read like those of a painting program.
+/// Linear light of an encoded color written as `0xRRGGBB`: palettes read like those of a painting program.
 #[inline]
 pub(crate) fn hex(color: u32) -> Vec3 {
     let channel = |shift: u32| LINEAR_FROM_SRGB8[(color >> shift & 0xff) as usize];
     Vec3::new(channel(16), channel(8), channel(0))
 }
 
-/// The centre of a pixel.
+/// The center of a pixel.
 #[inline]
 pub(crate) fn center(col: usize, row: usize) -> DVec2 {
     DVec2::new(col as f64 + 0.5, row as f64 + 0.5)
@@ -29,16 +29,16 @@ pub(crate) fn paint(size: Size, color_at: impl Fn(DVec2) -> Vec3 + Sync) -> Imag
     image
 }
 
-/// Differences between neighbours, in (gamma 2 encoded) units of 1, above which a pixel is sampled more densely.
+/// Differences between neighbors, in (gamma 2 encoded) units of 1, above which a pixel is sampled more densely.
 /// Larger leaves visible steps on faint edges; smaller samples plain texture again without any gain.
 const CONTRAST: f32 = 0.03;
 
-/// A picture of `color_at(position, side)`, which gives the colour of about a square of side `side` around a position.
+/// A picture of `color_at(position, side)`, which gives the color of about a square of side `side` around a position.
 ///
-/// One sample where a pixel differs little from its eight neighbours, `grid`² samples elsewhere, placed so that each
+/// One sample where a pixel differs little from its eight neighbors, `grid`² samples elsewhere, placed so that each
 /// column and each row of a `grid`² × `grid`² raster holds one. Error where a straight border crosses a pixel: the
-/// covered area is within 1/`grid` (0.3/`grid` is typical), times the difference of the colours. A detail that is
-/// smaller than a pixel and that no pixel centre sees is lost, unless `color_at` makes use of `side`.
+/// covered area is within 1/`grid` (0.3/`grid` is typical), times the difference of the colors. A detail that is
+/// smaller than a pixel and that no pixel center sees is lost, unless `color_at` makes use of `side`.
 pub(crate) fn paint_adaptive(
     size: Size,
     grid: usize,

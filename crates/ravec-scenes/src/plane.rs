@@ -4,7 +4,7 @@
 //! by the inverse homography, so the truth is the matrix that made the picture. The light is textured on purpose (shade
 //! of leaves, sun through windows): a method that takes shadows for structure shows it here.
 //!
-//! Plane coordinates: metres, x to the right; y up on a front, away from the viewer on a floor.
+//! Plane coordinates: meters, x to the right; y up on a front, away from the viewer on a floor.
 
 use crate::facade::{Facade, Gable, Wall};
 use crate::paint::{hex, paint_adaptive};
@@ -20,7 +20,7 @@ use serde::{Deserialize, Serialize};
 /// Where a plane and what is on it lie in the picture.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PlaneTruth {
-    /// Maps (x, y, 1) on the plane to the image; serialised column by column.
+    /// Maps (x, y, 1) on the plane to the image; serialized column by column.
     pub image_from_plane: DMat3,
     /// Extent of the textured rectangle, which begins at (0, 0).
     pub size: DVec2,
@@ -332,7 +332,7 @@ mod tests {
     }
 
     #[test]
-    fn marked_tiles_have_their_colour_in_their_middle() {
+    fn marked_tiles_have_their_color_in_their_middle() {
         let size = Size::new(300, 220).unwrap();
         let (image, truth) = floor(size, Seed(3));
         for quad in &truth.features_in_image {

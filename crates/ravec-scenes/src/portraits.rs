@@ -12,7 +12,7 @@ use glam::{DVec2, Vec3, dvec2};
 use ravec_raster::{Image, LinearRgb, Size};
 use rayon::iter::{IndexedParallelIterator as _, ParallelIterator as _};
 
-/// Colours that no ground has.
+/// Colors that no ground has.
 const PALETTE: [u32; 6] = [0xc8201e, 0x1f4fa8, 0x1d7a3c, 0x8b2a9b, 0x16181f, 0xb86a00];
 
 /// One to three portraits and two lines, as the seed finds room.

@@ -8,7 +8,7 @@ use crate::stroke::Strokes;
 use crate::texture::{Masonry, foliage, fractal, gradient_noise, smoothstep};
 use glam::{DVec2, DVec3, Vec3};
 
-/// A rectangle's content. Coordinates are metres from the lower left corner of the rectangle, y up.
+/// A rectangle's content. Coordinates are meters from the lower left corner of the rectangle, y up.
 pub(crate) enum Prop {
     /// An opaque plain surface.
     Panel(Vec3),
@@ -42,22 +42,22 @@ pub(crate) enum Prop {
 /// A plant.
 pub(crate) struct Plant {
     pub stem: Vec<Layer>,
-    /// Centres and radii.
+    /// Centers and radii.
     pub blobs: Vec<(DVec2, f64)>,
     /// Length of a leaf.
     pub leaf: f64,
-    /// Colour of leaves in the shade and in the light.
+    /// Color of leaves in the shade and in the light.
     pub colors: [Vec3; 2],
-    /// Colour of blossoms and their share among the leaves.
+    /// Color of blossoms and their share among the leaves.
     pub blossom: (Vec3, f64),
     pub seed: Seed,
 }
 
-/// A shape of one colour.
+/// A shape of one color.
 pub(crate) struct Layer {
     pub shape: Shape,
     pub color: Vec3,
-    /// Own light, as a multiple of the colour.
+    /// Own light, as a multiple of the color.
     pub glow: f32,
 }
 
@@ -124,7 +124,7 @@ fn draw(layers: &[Layer], q: DVec2, footprint: f64) -> Surface {
         let covered = layer.shape.coverage(q, footprint) as f32;
         if covered > 0.0 {
             let alpha = covered + surface.alpha * (1.0 - covered);
-            // straight colour of "over"
+            // straight color of "over"
             let t = covered / alpha;
             surface.albedo = surface.albedo.lerp(layer.color, t);
             surface.glow = surface.glow.lerp(layer.color * layer.glow, t);

@@ -96,19 +96,19 @@ mod tests {
     }
 
     #[test]
-    fn neighbours_channels_and_forks_are_uncorrelated() {
+    fn neighbors_channels_and_forks_are_uncorrelated() {
         let seed = Seed(3);
-        let centred = |s: Seed, x, y, c| s.unit(x, y, c) - 0.5;
+        let centered = |s: Seed, x, y, c| s.unit(x, y, c) - 0.5;
         for other in 0..5 {
             let (mean, ..) = moments(|x, y| {
                 let partner = match other {
-                    0 => centred(seed, x + 1, y, 0),
-                    1 => centred(seed, x, y + 1, 0),
-                    2 => centred(seed, x, y, 1),
-                    3 => centred(seed.fork(1), x, y, 0),
-                    _ => centred(Seed(4), x, y, 0),
+                    0 => centered(seed, x + 1, y, 0),
+                    1 => centered(seed, x, y + 1, 0),
+                    2 => centered(seed, x, y, 1),
+                    3 => centered(seed.fork(1), x, y, 0),
+                    _ => centered(Seed(4), x, y, 0),
                 };
-                12.0 * centred(seed, x, y, 0) * partner
+                12.0 * centered(seed, x, y, 0) * partner
             });
             // the product of two independent unit-variance numbers has variance 1: five standard errors
             assert!(mean.abs() < 5.0 / 300.0, "{other}: {mean}");

@@ -1,7 +1,7 @@
 //! Discs, squares and long straight lines on a landscape: shapes that must stay what they are.
 //!
 //! A method that changes the format of a picture may squeeze the meadow, but a disc should stay round and a line
-//! straight. Shapes do not overlap, except that lines lie under discs and squares; each is a flat colour with exact
+//! straight. Shapes do not overlap, except that lines lie under discs and squares; each is a flat color with exact
 //! coverage.
 
 use crate::coverage::{HalfPlane, disc_coverage, intersection_coverage};
@@ -15,28 +15,28 @@ use ravec_raster::{Image, LinearRgb, Size};
 use rayon::iter::{IndexedParallelIterator as _, ParallelIterator as _};
 use serde::{Deserialize, Serialize};
 
-/// One shape; lengths in pixels, colours in linear light.
+/// One shape; lengths in pixels, colors in linear light.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "shape", rename_all = "snake_case")]
 pub enum Shape {
     /// A disc.
     Disc {
-        /// Its centre.
+        /// Its center.
         center: DVec2,
         /// Its radius.
         radius_px: f64,
-        /// Its colour.
+        /// Its color.
         color: [f32; 3],
     },
     /// A square.
     Square {
-        /// Its centre.
+        /// Its center.
         center: DVec2,
         /// Length of a side.
         side_px: f64,
         /// Angle of its sides against the image axes.
         angle_rad: f64,
-        /// Its colour.
+        /// Its color.
         color: [f32; 3],
     },
     /// A line through the whole picture: `normal·p = offset_px`.
@@ -47,7 +47,7 @@ pub enum Shape {
         offset_px: f64,
         /// Full width.
         width_px: f64,
-        /// Its colour.
+        /// Its color.
         color: [f32; 3],
     },
 }
@@ -247,7 +247,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_middle_of_each_shape_has_its_colour() {
+    fn the_middle_of_each_shape_has_its_color() {
         let size = Size::new(300, 200).unwrap();
         for seed in 0..4 {
             let (image, truth) = shapes(size, Seed(seed));

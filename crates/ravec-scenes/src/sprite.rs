@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 /// The outline of the leaf: the intersection of two discs.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct SpriteTruth {
-    /// Centres of the two discs, image coordinates.
+    /// Centers of the two discs, image coordinates.
     pub centers: [DVec2; 2],
     /// Radius of both.
     pub radius_px: f64,
@@ -63,7 +63,7 @@ pub fn sprite(size: Size, seed: Seed) -> (Image<LinearRgba>, SpriteTruth) {
     (image, truth)
 }
 
-/// The leaf's colour; `q` along and across it, in units of the picture's smaller side.
+/// The leaf's color; `q` along and across it, in units of the picture's smaller side.
 fn leaf(q: DVec2, footprint: f64, seed: Seed) -> Vec3 {
     let cloud = fractal(q * 6.0, 6.0 * footprint, 5, seed.fork(1));
     let autumn = smoothstep(-0.4, 0.6, q.x + 0.4 * cloud);

@@ -3,7 +3,7 @@
 //! Like a theatre set, everything is a rectangle with a frame of its own: walls and ground, but also trees, lamps or a
 //! bicycle, which are cut out of their rectangle by their coverage. A ray meets the pieces from front to back; a ray to
 //! the sun is dimmed by the coverage of what it meets, with a footprint that grows with the distance, which makes
-//! penumbras. World: metres, x to the right, y up, the camera looks along −z.
+//! penumbras. World: meters, x to the right, y up, the camera looks along −z.
 
 use crate::facade::{Facade, Surface};
 use crate::props::Prop;
@@ -150,7 +150,7 @@ const SUN_LIGHT: Vec3 = Vec3::new(3.0, 2.36, 1.62);
 const SKY_LIGHT: Vec3 = Vec3::new(0.42, 0.56, 0.80);
 const BOUNCE_LIGHT: Vec3 = Vec3::new(0.36, 0.27, 0.18);
 const HAZE: Vec3 = Vec3::new(0.86, 0.78, 0.70);
-/// Distance in metres over which haze takes all but a third.
+/// Distance in meters over which haze takes all but a third.
 const HAZE_LENGTH: f64 = 260.0;
 /// Angle of the sun's disc, made larger than in nature (0.0093) for softer shadows.
 const SUN_ANGLE: f64 = 0.018;

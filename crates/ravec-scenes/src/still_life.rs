@@ -31,7 +31,7 @@ pub struct StillLifeTruth {
 pub struct ThingTruth {
     /// What it is.
     pub name: String,
-    /// Image of its centre.
+    /// Image of its center.
     pub center_in_image: DVec2,
     /// Its outline: the points with `(x, y, 1) C (x, y, 1)ᵀ = 0`, negative inside. Serialised column by column.
     pub outline_conic: DMat3,
@@ -284,7 +284,7 @@ impl Studio {
             normal = DVec3::new(slope.x, 1.0, slope.y).normalize();
             (color, 0.0)
         } else {
-            // planks of an old table run from left to right; the texture's metre is a third of ours
+            // planks of an old table run from left to right; the texture's meter is a third of ours
             let color = wood(q * 0.36, 0.36 * footprint, hex(0x8f5a30), self.seed.fork(2));
             let near_cloth = self.cloth(q + DVec2::new(-0.05, 0.03), footprint).is_some();
             (color * if near_cloth { 0.6 } else { 1.0 }, 0.32)
@@ -308,7 +308,7 @@ impl Studio {
         color
     }
 
-    /// Colour and slope of the cloth where it lies: a rectangle turned against the table, stripes along it, soft folds,
+    /// Color and slope of the cloth where it lies: a rectangle turned against the table, stripes along it, soft folds,
     /// fringes at its ends.
     fn cloth(&self, q: DVec2, footprint: f64) -> Option<(Vec3, DVec2)> {
         let turned = DVec2::from_angle(0.24).rotate(q - DVec2::new(0.25, 0.30));

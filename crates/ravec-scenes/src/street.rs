@@ -24,7 +24,7 @@ use serde::{Deserialize, Serialize};
 pub struct StreetTruth {
     /// Image of the street's direction: where its parallel lines meet.
     pub vanishing_point: DVec2,
-    /// Maps the ground to the image: x in metres to the right of the street's axis, y in metres away from the camera.
+    /// Maps the ground to the image: x in meters to the right of the street's axis, y in meters away from the camera.
     /// Valid where y is positive.
     pub image_from_ground: DMat3,
     /// The house fronts.
@@ -34,17 +34,17 @@ pub struct StreetTruth {
 /// Where a house front lies in the picture.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FacadeTruth {
-    /// Maps (metres to the right along the front, metres up from the ground, 1) to the image. Serialised column by
+    /// Maps (meters to the right along the front, meters up from the ground, 1) to the image. Serialised column by
     /// column, as are all matrices.
     pub image_from_plane: DMat3,
-    /// Width and height to the eaves, metres.
+    /// Width and height to the eaves, meters.
     pub size: DVec2,
     /// For each window of the upper floors its corners in the image (lower left, lower right, upper right, upper left
     /// as seen on the wall). Some lie outside the picture or behind other things.
     pub windows_in_image: Vec<[DVec2; 4]>,
 }
 
-/// Left and right house line, metres from the street's axis.
+/// Left and right house line, meters from the street's axis.
 const WALLS: [f64; 2] = [-5.0, 5.6];
 const KERBS: [f64; 2] = [-3.1, 3.7];
 /// How far the ground goes on behind the camera and to the sides, so that it fills the picture.
@@ -79,11 +79,11 @@ pub fn street(size: Size, seed: Seed) -> (Image<LinearRgb>, StreetTruth) {
     (image, truth)
 }
 
-/// Slightly cooler shadows and richer colours.
+/// Slightly cooler shadows and richer colors.
 fn graded(color: Vec3) -> Vec3 {
-    let grey = Vec3::splat(color.dot(Vec3::new(0.2126, 0.7152, 0.0722)));
-    let rich = grey + (color - grey) * 1.16;
-    let shade = (1.0 - grey.x * 2.5).clamp(0.0, 1.0);
+    let gray = Vec3::splat(color.dot(Vec3::new(0.2126, 0.7152, 0.0722)));
+    let rich = gray + (color - gray) * 1.16;
+    let shade = (1.0 - gray.x * 2.5).clamp(0.0, 1.0);
     (rich * Vec3::ONE.lerp(Vec3::new(0.93, 0.99, 1.10), shade)).clamp(Vec3::ZERO, Vec3::ONE)
 }
 
@@ -130,7 +130,7 @@ struct House {
     trim: u32,
     shutters: Option<u32>,
     bays: usize,
-    /// Colour of shop or door, and the shop's name.
+    /// Color of shop or door, and the shop's name.
     front: (u32, Option<&'static str>),
 }
 

@@ -37,7 +37,7 @@ const NAMES: [&str; 8] = [
     "leaves",
 ];
 
-/// The sheet: four columns and two rows of fields, each about as wide as 1.6 metres of its material.
+/// The sheet: four columns and two rows of fields, each about as wide as 1.6 meters of its material.
 pub fn swatches(size: Size, seed: Seed) -> (Image<LinearRgb>, SwatchesTruth) {
     let extent = DVec2::new(size.width() as f64, size.height() as f64);
     let cell = extent / DVec2::new(COLUMNS as f64, 2.0);
@@ -50,14 +50,14 @@ pub fn swatches(size: Size, seed: Seed) -> (Image<LinearRgb>, SwatchesTruth) {
     let truth = SwatchesTruth {
         fields: fields.collect(),
     };
-    let metre = 1.6 / cell.max_element();
+    let meter = 1.6 / cell.max_element();
     let image = paint(size, |p| {
         let field = (p / cell)
             .floor()
             .min(DVec2::new(COLUMNS as f64 - 1.0, 1.0));
         let index = field.x as usize + COLUMNS * field.y as usize;
-        let q = (p - corner(index)) * metre;
-        swatch(index, q, metre, seed).clamp(Vec3::ZERO, Vec3::ONE)
+        let q = (p - corner(index)) * meter;
+        swatch(index, q, meter, seed).clamp(Vec3::ZERO, Vec3::ONE)
     });
     (image, truth)
 }

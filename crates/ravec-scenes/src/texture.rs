@@ -3,7 +3,7 @@
 //! Each takes a `footprint`, the side of the square in texture units that one sample stands for. Noise fades out octave
 //! by octave as its period nears two footprints (Perlin's "clamping", after Norton, Rockwood, Skolmoski 1982), and
 //! regular patterns return the mean over the footprint, so a texture in perspective goes over into its average instead
-//! of aliasing. Positions are in metres where a material has a natural size.
+//! of aliasing. Positions are in meters where a material has a natural size.
 //!
 //! Sources: Perlin, "Improving noise", 2002; Worley, "A cellular texture basis function", 1996.
 //!
@@ -174,7 +174,7 @@ impl Masonry {
     }
 }
 
-/// A brick wall with mortar, bricks of 24 × 7.5 cm: the reflectance of the given brick colour.
+/// A brick wall with mortar, bricks of 24 × 7.5 cm: the reflectance of the given brick color.
 pub fn brick(p: DVec2, footprint: f64, color: Vec3, seed: Seed) -> Vec3 {
     const WALL: Masonry = Masonry {
         length: 0.24,
@@ -194,7 +194,7 @@ pub fn brick(p: DVec2, footprint: f64, color: Vec3, seed: Seed) -> Vec3 {
     mortar.lerp(color * warm * shade as f32, stone.face as f32)
 }
 
-/// Square tiles of a given side with joints, in two colours like a chessboard.
+/// Square tiles of a given side with joints, in two colors like a chessboard.
 pub fn tiles(p: DVec2, footprint: f64, side: f64, colors: [Vec3; 2], seed: Seed) -> Vec3 {
     let floor = Masonry {
         length: side,
@@ -405,7 +405,7 @@ mod tests {
                 brick(p, 4.0, Vec3::ONE, Seed(7)),
                 brick(p + 1.7, 4.0, Vec3::ONE, Seed(7)),
             );
-            // the wall goes over into one colour, up to what part of a brick the footprint's border cuts
+            // the wall goes over into one color, up to what part of a brick the footprint's border cuts
             assert!((a - b).abs().max_element() < 0.02, "{a} {b}");
         }
     }

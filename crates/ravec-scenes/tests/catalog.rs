@@ -16,7 +16,7 @@ fn every_scene_draws_at_any_small_size_with_finite_light_between_0_and_1() {
                 let scene = render(id, size(width, height), Seed(seed));
                 assert_eq!(scene.image.size(), size(width, height));
                 for LinearRgba(rgba) in scene.image.convert::<LinearRgba>().pixels() {
-                    // colours mixed by coverage may round past the end by a unit in the last place
+                    // colors mixed by coverage may round past the end by a unit in the last place
                     assert!(
                         rgba.iter().all(|v| (0.0..=1.000_001).contains(v)),
                         "{id:?} {rgba:?}"

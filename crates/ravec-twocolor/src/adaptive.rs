@@ -1,7 +1,7 @@
 //! Blocks of different sizes: large where two colors are enough, small where they are not.
 //!
 //! A quadtree from `max_block_px` down to `min_block_px`. A block is cut into four where its error exceeds a threshold;
-//! then blocks are cut further until neighbours across an edge differ by at most one level, as a deformation grid on top
+//! then blocks are cut further until neighbors across an edge differ by at most one level, as a deformation grid on top
 //! of them needs.
 //!
 //! Guarantees: the leaves tile the image; balanced (see [`AdaptiveField::validation_errors`]); a leaf's error is within the
@@ -186,7 +186,7 @@ impl AdaptiveField {
         if covered.iter().any(|&count| count != 1) {
             errors.push("the leaves do not tile the image".to_owned());
         }
-        for (x, y, right, below) in neighbours(cells) {
+        for (x, y, right, below) in neighbors(cells) {
             let side = |x: usize, y: usize| {
                 self.leaf_at(x * self.min_block_px, y * self.min_block_px)
                     .side_px
@@ -207,8 +207,8 @@ impl AdaptiveField {
 /// A cell of a grid.
 type Cell = (usize, usize);
 
-/// Every cell with its right and its lower neighbour.
-fn neighbours(cells: Size) -> impl Iterator<Item = (usize, usize, Option<Cell>, Option<Cell>)> {
+/// Every cell with its right and its lower neighbor.
+fn neighbors(cells: Size) -> impl Iterator<Item = (usize, usize, Option<Cell>, Option<Cell>)> {
     (0..cells.height()).flat_map(move |y| {
         (0..cells.width()).map(move |x| {
             let right = (x + 1 < cells.width()).then_some((x + 1, y));
@@ -269,13 +269,13 @@ impl Cells {
         }
     }
 
-    /// Cuts leaves until neighbours differ by at most one level. Each cut is forced, so the result is the smallest.
+    /// Cuts leaves until neighbors differ by at most one level. Each cut is forced, so the result is the smallest.
     /// Returns whether anything was cut.
     fn balance(&mut self) -> bool {
         let mut any = false;
         loop {
             let mut too_coarse = Vec::new();
-            for (x, y, right, below) in neighbours(self.size) {
+            for (x, y, right, below) in neighbors(self.size) {
                 let here = self.level[y * self.size.width() + x];
                 for (nx, ny) in right.into_iter().chain(below) {
                     let there = self.level[ny * self.size.width() + nx];

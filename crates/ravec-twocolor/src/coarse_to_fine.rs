@@ -9,7 +9,7 @@
 //! Source: dissertation, section 2.2 (hierarchical fit). We differ in keeping several starts: a coarse pixel off, the true
 //! line may lie in another basin, and a single start is up to five times worse on some blocks.
 //!
-//! Guarantees: never worse than one colour; deterministic. Does not guarantee: the optimum. On photos the error is 1.008
+//! Guarantees: never worse than one color; deterministic. Does not guarantee: the optimum. On photos the error is 1.008
 //! times the optimum's on average and 1.07 times in the 99th percentile at N = 32, 1.008 and 1.09 at N = 16, where the exact
 //! fit is as fast and therefore the default.
 //!
@@ -43,7 +43,7 @@ const GRID: [f32; 3] = [-1.1, 0.0, 1.1];
 const CLIMB_STEP: f32 = 0.5;
 const CLIMB_ROUNDS: usize = 3;
 
-/// Fits the blocks in the lanes of `batch`, whose pixels hold Oklab colours, and hands each to `put(lane, pixel)`.
+/// Fits the blocks in the lanes of `batch`, whose pixels hold Oklab colors, and hands each to `put(lane, pixel)`.
 #[inline(always)]
 pub(crate) fn fit_opaque<S: Simd>(
     simd: S,
@@ -276,7 +276,7 @@ fn finer_levels<'a, S: Simd, const C: usize>(
         .chain(std::iter::once((side, finest)))
 }
 
-/// A line `n·p = d` from the block's centre, in units of the block's side; `n` is nearly a unit vector.
+/// A line `n·p = d` from the block's center, in units of the block's side; `n` is nearly a unit vector.
 #[derive(Debug, Clone, Copy, Default)]
 struct Candidate {
     normal: [f32; 2],

@@ -1,7 +1,7 @@
 //! A two-color pixel at every pixel: the window around it, its split, and the side that it is on.
 //!
 //! This is the *two-color operator* of the source (dissertation, chapter 3), from which the brush is made. Windows of
-//! neighbouring pixels overlap almost wholly, so they lie in neighbouring lanes and load without any shuffling.
+//! neighboring pixels overlap almost wholly, so they lie in neighboring lanes and load without any shuffling.
 //!
 //! Cost: as the exact fit of one block a pixel; 9 × 9 windows take about a quarter of a microsecond each and core with
 //! 16 lanes. Memory: the result, and a few rows of the region.
@@ -38,7 +38,7 @@ impl Default for WindowParams {
     }
 }
 
-/// The two-color pixel of the window centred at one pixel.
+/// The two-color pixel of the window centered at one pixel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CenteredWindow {
     /// The window's fit. Where the image's border clips the window, only what lies inside counts.
@@ -48,12 +48,12 @@ pub struct CenteredWindow {
 }
 
 impl CenteredWindow {
-    /// The mean colour of the side that the central pixel is on.
+    /// The mean color of the side that the central pixel is on.
     pub fn own_color(&self) -> Oklab {
         self.fit.colors[self.own_side]
     }
 
-    /// The mean colour of the other side; the same colour in a flat window.
+    /// The mean color of the other side; the same color in a flat window.
     pub fn other_color(&self) -> Oklab {
         self.fit.colors[1 - self.own_side]
     }
@@ -233,7 +233,7 @@ impl Surroundings {
             && row + half < self.image.height
     }
 
-    /// Loads the windows whose centres begin at `(x, y)` of the strip, one a lane.
+    /// Loads the windows whose centers begin at `(x, y)` of the strip, one a lane.
     #[inline(always)]
     fn load<S: Simd, const CHANNELS: usize>(
         &self,
@@ -343,7 +343,7 @@ mod tests {
     }
 
     #[test]
-    fn the_own_side_of_an_edge_keeps_its_colour() {
+    fn the_own_side_of_an_edge_keeps_its_color() {
         let (dark, bright) = (
             LinearRgba([0.1, 0.1, 0.2, 1.0]),
             LinearRgba([0.9, 0.8, 0.7, 1.0]),

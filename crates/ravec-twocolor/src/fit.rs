@@ -8,15 +8,15 @@ use fearless_simd::prelude::*;
 use ravec_raster::color::oklab_from_linear;
 use ravec_raster::{Color, Image, Oklab};
 
-/// Below which contrast a block counts as one colour.
+/// Below which contrast a block counts as one color.
 ///
-/// A block is flat when its two colours lower the error by less than two colours with this Oklab distance would on an
+/// A block is flat when its two colors lower the error by less than two colors with this Oklab distance would on an
 /// evenly split block.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct FlatThreshold(pub f32);
 
 impl FlatThreshold {
-    /// Whether a block of `weight` pixels with the best split's `gain` has one colour only. So has a block with NaN.
+    /// Whether a block of `weight` pixels with the best split's `gain` has one color only. So has a block with NaN.
     pub(crate) fn is_flat(self, gain: f32, weight: f32) -> bool {
         // half the block on each side of the mean
         let least = 0.25 * self.0 * self.0 * weight;
@@ -184,7 +184,7 @@ fn to_oklab<S: Simd>(batch: &mut Batch<S, OPAQUE>) {
     }
 }
 
-/// Puts weighted Oklab colours into the lanes, each with the block at its `corner`; what lies outside the image has no
+/// Puts weighted Oklab colors into the lanes, each with the block at its `corner`; what lies outside the image has no
 /// weight.
 #[inline(always)]
 fn gather_weighted<S: Simd, P: Color>(
@@ -291,7 +291,7 @@ pub(crate) fn weighted_pixel(
             energy.max(0.0) / inside.max(1.0),
         );
     }
-    // a side without weight is invisible; it takes the mean colour
+    // a side without weight is invisible; it takes the mean color
     let scale = |weight: f32| if weight > 1e-6 { 1.0 / weight } else { 0.0 };
     TwoColorPixel {
         line: Some(table.lines[found.event[lane] as usize].into()),

@@ -1,6 +1,6 @@
 //! Lines, and the exact share of a pixel on each side of one.
 //!
-//! Notation: `n` unit normal, `d` offset, `u = d − n·p` signed distance of a pixel's centre `p` on side 0.
+//! Notation: `n` unit normal, `d` offset, `u = d − n·p` signed distance of a pixel's center `p` on side 0.
 
 use glam::DVec2;
 
@@ -50,13 +50,13 @@ impl Line {
         }
     }
 
-    /// The share of the unit pixel centred at `center` that lies on side 0: the exact area, 0 to 1.
+    /// The share of the unit pixel centered at `center` that lies on side 0: the exact area, 0 to 1.
     pub fn coverage(&self, center: DVec2) -> f64 {
         coverage(self.normal, -self.signed_distance(center))
     }
 }
 
-/// The area of side 0 within a unit pixel whose centre lies `u` pixels inside side 0.
+/// The area of side 0 within a unit pixel whose center lies `u` pixels inside side 0.
 ///
 /// The area under a box filter of an edge, integrated once along each axis: with `a = |n.x|`, `b = |n.y|` and
 /// `F(t) = max(0, t)²`,

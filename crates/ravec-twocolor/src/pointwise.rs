@@ -18,7 +18,7 @@ pub(crate) struct Sides {
     pub quality: f32,
     /// The mean squared distance of the window's pixels from the color of their side.
     pub variance: f32,
-    /// How far the line is from the pixel's centre, relative to where it leaves the window: 0 to about 1.
+    /// How far the line is from the pixel's center, relative to where it leaves the window: 0 to about 1.
     pub remoteness: f32,
 }
 
@@ -89,7 +89,7 @@ pub(crate) fn apply(mode: Mode, pixel: LinearRgba, sides: &Sides) -> LinearRgba 
             let mixture: [f32; 3] = std::array::from_fn(|c| {
                 sides.coverage * own[c] + (1.0 - sides.coverage) * other[c]
             });
-            // only where the line crosses the pixel or its neighbour, and two colors are the truth
+            // only where the line crosses the pixel or its neighbor, and two colors are the truth
             let share = if sides.coverage < 1.0 {
                 sides.quality
             } else {

@@ -226,7 +226,7 @@ impl Edge {
     ///
     /// The rectangle is stretched to a unit square, which stretches the normal; from there it is the area under a box
     /// filter of an edge, integrated once along each axis. With `a`, `b` the components of the stretched normal, `u`
-    /// how far the centre lies within side 0, and `F(t) = max(0, t)²`:
+    /// how far the center lies within side 0, and `F(t) = max(0, t)²`:
     /// `[F(u + (a+b)/2) − F(u + (a−b)/2) − F(u − (a−b)/2)] / 2ab` for `|u| < (a+b)/2`.
     #[inline]
     fn share_of(&self, center: DVec2, extent: DVec2) -> f64 {

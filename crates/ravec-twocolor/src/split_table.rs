@@ -1,7 +1,7 @@
 //! All ways in which a line can split a square block of pixels, in the order of a rotating sweep.
 //!
-//! Keep the block's pixel centres sorted along a direction that turns by half a circle. The first `k` pixels of the
-//! order are one side of a split. Only at *critical directions*, normal to the join of two centres, does the order
+//! Keep the block's pixel centers sorted along a direction that turns by half a circle. The first `k` pixels of the
+//! order are one side of a split. Only at *critical directions*, normal to the join of two centers, does the order
 //! change: every run of pixels with equal projection is reversed. Reversing a run `[i, j)` renews exactly the splits
 //! `k = i + 1 … j − 1`. Each renewal is an *event* `(k, pixel)`: the first `k` pixels are now the first `k − 1` and
 //! `pixel`. So one addition to a prefix sum and one gain per event visit every split once: the prefixes of the initial
@@ -46,12 +46,12 @@ pub(crate) struct SplitTable {
     pub gain_weights: Vec<f32>,
     /// The events of each eighth of the half turn.
     pub sectors: [Range<usize>; SECTORS],
-    /// For each event, a line with that split, relative to the block's centre: halfway, in angle and in offset, between
+    /// For each event, a line with that split, relative to the block's center: halfway, in angle and in offset, between
     /// the lines at which the split would change. Side 0 holds the event's prefix.
     pub lines: Vec<CentralLine>,
 }
 
-/// A line in the precision that sides of pixel centres need.
+/// A line in the precision that sides of pixel centers need.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct CentralLine {
     pub normal: [f32; 2],
@@ -60,7 +60,7 @@ pub(crate) struct CentralLine {
 
 #[cfg(test)]
 impl CentralLine {
-    /// Whether the pixel whose centre is at `(x, y)` from the block's centre lies on side 0.
+    /// Whether the pixel whose center is at `(x, y)` from the block's center lies on side 0.
     pub fn has_on_side_0(&self, x: f32, y: f32) -> bool {
         self.normal[0] * x + self.normal[1] * y < self.offset
     }
@@ -89,7 +89,7 @@ pub(crate) fn split_table(side: usize) -> &'static SplitTable {
     TABLES[side].get_or_init(|| SplitTable::sweep(side))
 }
 
-/// The number of ways in which a line splits the centres of `side` × `side` pixels into two parts that are not empty.
+/// The number of ways in which a line splits the centers of `side` × `side` pixels into two parts that are not empty.
 ///
 /// # Panics
 /// If `side` is not within 2 to 32.
@@ -97,7 +97,7 @@ pub fn split_count(side: usize) -> usize {
     split_table(side).events.len()
 }
 
-/// The position of a pixel's centre relative to the centre of its block.
+/// The position of a pixel's center relative to the center of its block.
 pub(crate) fn center_in_block(pixel: usize, side: usize) -> DVec2 {
     let half = 0.5 * (side as f64 - 1.0);
     DVec2::new((pixel % side) as f64 - half, (pixel / side) as f64 - half)
@@ -162,7 +162,7 @@ impl SplitTable {
     }
 }
 
-/// The primitive integer directions at which two centres of the block project onto the same point, by angle in (0, π].
+/// The primitive integer directions at which two centers of the block project onto the same point, by angle in (0, π].
 fn critical_directions(side: usize) -> Vec<[i32; 2]> {
     let reach = side as i32 - 1;
     let mut directions: Vec<[i32; 2]> = (-reach..=reach)

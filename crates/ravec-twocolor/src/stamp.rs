@@ -11,7 +11,7 @@ use ravec_progress::{Cancelled, Progress};
 use ravec_raster::{Color, Image, LinearRgba, PremulLinearRgba, Rect, Size};
 use rayon::prelude::*;
 
-/// Distance of neighbouring squares relative to their side: 0.7 covers every pixel whatever the jitter.
+/// Distance of neighboring squares relative to their side: 0.7 covers every pixel whatever the jitter.
 const SPACING: f64 = 0.7;
 
 /// How far a square is moved off its grid point, relative to the spacing, at most.

@@ -1,18 +1,18 @@
 //! The line of a block to a fraction of a pixel.
 //!
-//! All lines that make the same split are equally good for pixel centres. A picture tells more: the pixels that an edge
+//! All lines that make the same split are equally good for pixel centers. A picture tells more: the pixels that an edge
 //! crosses are mixtures, in linear light, by the area on each side. The line is moved until the mixtures fit:
 //!
-//! 1. For a line `(θ, d)`, the coverage of side 0 in each pixel is known in closed form, and the best two colours follow
-//!    by linear least squares (*variable projection*: the colours are not unknowns of their own).
-//! 2. A Gauss-Newton step on `(θ, d)`, slightly damped, with the part of the Jacobian that the colours can't explain.
+//! 1. For a line `(θ, d)`, the coverage of side 0 in each pixel is known in closed form, and the best two colors follow
+//!    by linear least squares (*variable projection*: the colors are not unknowns of their own).
+//! 2. A Gauss-Newton step on `(θ, d)`, slightly damped, with the part of the Jacobian that the colors can't explain.
 //! 3. Halve the step until the error falls. Two steps do.
 //!
 //! Source: Golub & Pereyra, "Separable nonlinear least squares", 2003, in Kaufman's form. In linear light, because that is
 //! where coverage mixes: fitted on encoded values the offset is biased by 0.05 px.
 //!
-//! Accuracy, on rendered edges with contrast 64/255 and noise of 4/255 in blocks of 8: median 0.4° and 0.02 px on grey,
-//! 0.25° and 0.01 px on colour, which is near the Cramér-Rao bound.
+//! Accuracy, on rendered edges with contrast 64/255 and noise of 4/255 in blocks of 8: median 0.4° and 0.02 px on gray,
+//! 0.25° and 0.01 px on color, which is near the Cramér-Rao bound.
 //!
 //! Cost: about 4 µs a block of 8.
 
@@ -38,7 +38,7 @@ const DAMPING: f64 = 1e-3;
 /// Side areas below this, in pixels, are noise: the line keeps at least as much of the block on each side.
 const MIN_SIDE_AREA: f64 = 0.75;
 
-/// A pixel of a block: where its centre lies from the block's centre, its linear light, and its weight.
+/// A pixel of a block: where its center lies from the block's center, its linear light, and its weight.
 #[derive(Debug, Clone, Copy)]
 struct Member {
     center: DVec2,
@@ -46,7 +46,7 @@ struct Member {
     weight: f64,
 }
 
-/// A line, its best colours in linear light, and its squared error.
+/// A line, its best colors in linear light, and its squared error.
 #[derive(Debug, Clone, Copy)]
 struct Model {
     line: Line,
@@ -55,7 +55,7 @@ struct Model {
 }
 
 impl Model {
-    /// The best colours of the two sides of `line`, unless one side is (almost) empty.
+    /// The best colors of the two sides of `line`, unless one side is (almost) empty.
     fn fit(line: Line, block: &[Member]) -> Option<Self> {
         // normal equations of y = c0 f + c1 (1 − f)
         let (mut s00, mut s01, mut s11) = (0.0, 0.0, 0.0);
@@ -112,12 +112,12 @@ impl Model {
                 basis[2] += member.weight * (1.0 - f) * (1.0 - f);
                 continue;
             }
-            // the distance changes with the angle as the centre's position along the line
+            // the distance changes with the angle as the center's position along the line
             let columns = [by_turn - by_u * along.dot(member.center), by_u];
             let residual: f64 = (0..3)
                 .map(|c| {
-                    let modelled = self.colors[0][c] * f + self.colors[1][c] * (1.0 - f);
-                    (member.color[c] - modelled) * contrast[c]
+                    let modeled = self.colors[0][c] * f + self.colors[1][c] * (1.0 - f);
+                    (member.color[c] - modeled) * contrast[c]
                 })
                 .sum();
             let w = member.weight;
@@ -134,7 +134,7 @@ impl Model {
                 right[k] += w * column * residual;
             }
         }
-        // take off what the colours explain
+        // take off what the colors explain
         let det = basis[0] * basis[2] - basis[1] * basis[1];
         if det < 1e-9 {
             return None;
@@ -168,7 +168,7 @@ impl Model {
     }
 }
 
-/// The best line near `line`, with its colours, unless the block can't tell.
+/// The best line near `line`, with its colors, unless the block can't tell.
 fn refine(line: Line, block: &[Member]) -> Option<Model> {
     let mut best = Model::fit(line, block)?;
     for _ in 0..STEPS {
@@ -192,7 +192,7 @@ fn refine(line: Line, block: &[Member]) -> Option<Model> {
 }
 
 /// `pixel` with its line moved to where the area that it covers in each pixel explains the block best, and with the
-/// colours that belong to it.
+/// colors that belong to it.
 ///
 /// `left` and `top` are the block's first column and row in `image`, `side` its pixels a side; what lies outside the image
 /// does not count. Flat blocks, and blocks with transparency on one side only, are returned as they are.
@@ -232,7 +232,7 @@ pub fn refine_line<P: Color>(
     let Some(model) = refine(line, &block) else {
         return *pixel;
     };
-    // a side seen only in mixtures may be extrapolated; it must not leave the block's colours
+    // a side seen only in mixtures may be extrapolated; it must not leave the block's colors
     let color = |side: usize| {
         let bounded: [f32; 3] =
             std::array::from_fn(|c| model.colors[side][c].clamp(low[c], high[c]) as f32);
@@ -246,7 +246,7 @@ pub fn refine_line<P: Color>(
 }
 
 impl TwoColorField {
-    /// Moves the line of every block to where it lies between pixel centres, by [`refine_line`]. `image` must be the one
+    /// Moves the line of every block to where it lies between pixel centers, by [`refine_line`]. `image` must be the one
     /// that was fitted.
     ///
     /// # Errors
@@ -354,21 +354,21 @@ mod tests {
     }
 
     #[test]
-    fn noisy_grey_edges_are_found_within_the_stated_medians() {
+    fn noisy_gray_edges_are_found_within_the_stated_medians() {
         let [angles, offsets] = errors_on_edges([[96.0; 3], [160.0; 3]], 4.0);
         assert!(angles[200] <= 0.45, "{}", angles[200]);
         assert!(offsets[200] <= 0.025, "{}", offsets[200]);
     }
 
     #[test]
-    fn noisy_coloured_edges_are_found_within_the_stated_medians() {
+    fn noisy_colored_edges_are_found_within_the_stated_medians() {
         let [angles, offsets] = errors_on_edges([[96.0, 160.0, 110.0], [160.0, 96.0, 174.0]], 4.0);
         assert!(angles[200] <= 0.3, "{}", angles[200]);
         assert!(offsets[200] <= 0.015, "{}", offsets[200]);
     }
 
     #[test]
-    fn refining_keeps_flat_blocks_and_never_leaves_the_blocks_colours() {
+    fn refining_keeps_flat_blocks_and_never_leaves_the_blocks_colors() {
         let image = Image::from_fn(Size::new(40, 24).unwrap(), |col, row| {
             Srgb([
                 (col * 13 + row * 29) as u8,

@@ -1,7 +1,7 @@
 //! Two-color images as vector graphics: SVG.
 //!
 //! Each block is a square in the color of its larger side, and over it a polygon in the color of the other. Equal-colored
-//! neighbours become one outline, so that a flat sky is a single path:
+//! neighbors become one outline, so that a flat sky is a single path:
 //!
 //! 1. Collect the faces of each color as directed edges on a grid of hundredths of a pixel.
 //! 2. Where several faces meet along a block's border, cut their edges at each other's corners.
@@ -28,7 +28,7 @@ use std::io::{self, Write};
 pub struct SvgParams {
     /// Title of the drawing (default none).
     pub title: Option<String>,
-    /// Levels of each color channel, 2 to 256 (default 256: colors as they are). Fewer merge more neighbours and make a
+    /// Levels of each color channel, 2 to 256 (default 256: colors as they are). Fewer merge more neighbors and make a
     /// smaller file of poster-like areas. Values outside the range are taken as the nearest end.
     pub color_levels: u16,
 }

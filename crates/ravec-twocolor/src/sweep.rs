@@ -13,14 +13,14 @@
 //! Departures: (1) every value is a vector over blocks; (2) blocks with transparency or clipped by the border carry their
 //! weights along as two more sums; (3) no fused multiply-add, so that every instruction set gives the same bits.
 //!
-//! Notation: `n` pixels of a block, `k` of them on side 0, `S` sum of mean-free colours over side 0.
+//! Notation: `n` pixels of a block, `k` of them on side 0, `S` sum of mean-free colors over side 0.
 //!
 //! Everything that holds vectors is inlined into the function that enables the instruction set, closures too (a closure that
 //! is not costs a factor of five), and arrays of vectors are walked by loops, since the library's `map` is not inlined.
 //!
 //! Cost: one load, add, store and gain per split; about 2 ns a split and pass whatever the width, because loads and
 //! stores are the limit. The running sums drift by about 1e-6 of the block's contrast over the half turn (1e-5 in the worst
-//! blocks), so they choose the split, but its gain and colours are added up afresh.
+//! blocks), so they choose the split, but its gain and colors are added up afresh.
 
 use crate::split_table::{SECTORS, SplitTable};
 use fearless_simd::prelude::*;
@@ -40,13 +40,13 @@ const NO_WEIGHT: f32 = 1.0 / 131_072.0;
 pub(crate) struct Found {
     /// Index into the table's events.
     pub event: [u32; MAX_LANES],
-    /// By how much the best split lowers the squared error below that of one colour. At least 0.
+    /// By how much the best split lowers the squared error below that of one color. At least 0.
     pub gain: [f32; MAX_LANES],
-    /// The squared error of one colour.
+    /// The squared error of one color.
     pub energy: [f32; MAX_LANES],
-    /// The mean colour of the block.
+    /// The mean color of the block.
     pub mean: [[f32; MAX_LANES]; 3],
-    /// The sum of the mean-free colours of side 0.
+    /// The sum of the mean-free colors of side 0.
     pub sum_0: [[f32; MAX_LANES]; 3],
 }
 
@@ -67,9 +67,9 @@ pub(crate) struct Batch<S: Simd, const CHANNELS: usize> {
     prefixes: Vec<[S::f32s; CHANNELS]>,
 }
 
-/// Channels of an opaque pixel: the colour.
+/// Channels of an opaque pixel: the color.
 pub(crate) const OPAQUE: usize = 3;
-/// Channels of a weighted pixel: the colour times its weight, the weight (alpha, or 0 outside the image), and 1 inside
+/// Channels of a weighted pixel: the color times its weight, the weight (alpha, or 0 outside the image), and 1 inside
 /// the image.
 pub(crate) const WEIGHTED: usize = 5;
 
@@ -288,7 +288,7 @@ impl<S: Simd> Batch<S, OPAQUE> {
 /// What the sweep over weighted pixels found.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct FoundWeighted {
-    /// The colours, as for opaque pixels, with weighted sums and means; gain and energy include those of alpha.
+    /// The colors, as for opaque pixels, with weighted sums and means; gain and energy include those of alpha.
     pub found: Found,
     /// The sum of the weights, and of those of side 0.
     pub weight: [[f32; MAX_LANES]; 2],
@@ -298,7 +298,7 @@ pub(crate) struct FoundWeighted {
 
 /// The sums of a batch of weighted blocks, and the gain that follows from them.
 pub(crate) struct WeightedSums<V> {
-    /// The weighted mean colour.
+    /// The weighted mean color.
     pub mean: [V; 3],
     /// The mean weight inside the image.
     pub mean_alpha: V,
@@ -306,7 +306,7 @@ pub(crate) struct WeightedSums<V> {
     pub weight: V,
     /// The number of pixels inside the image.
     pub inside: V,
-    /// The squared error of one colour and one alpha.
+    /// The squared error of one color and one alpha.
     pub energy: V,
 }
 
@@ -338,10 +338,10 @@ impl<V: Copy> WeightedSums<V> {
 }
 
 impl<S: Simd> Batch<S, WEIGHTED> {
-    /// The best split of each block where pixels have weights: the one that minimises
+    /// The best split of each block where pixels have weights: the one that minimizes
     /// `Σ α |c − c_i|² + Σ (α − α_i)²` over the pixels inside the image.
     ///
-    /// The colours of the pixels must be multiplied by their weight. Overwrites them.
+    /// The colors of the pixels must be multiplied by their weight. Overwrites them.
     #[inline(always)]
     pub fn best_split(&mut self, table: &SplitTable) -> FoundWeighted {
         let simd = self.simd;
@@ -387,7 +387,7 @@ impl<S: Simd> Batch<S, WEIGHTED> {
         starts
     }
 
-    /// Takes the weighted mean colour off the pixels.
+    /// Takes the weighted mean color off the pixels.
     #[inline(always)]
     pub fn center(&mut self) -> WeightedSums<S::f32s> {
         let simd = self.simd;

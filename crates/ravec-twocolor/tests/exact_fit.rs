@@ -15,7 +15,7 @@ fn center(pixel: usize, side: usize) -> DVec2 {
     DVec2::new((pixel % side) as f64 - half, (pixel / side) as f64 - half)
 }
 
-/// Every split of the block by a line, as a bit mask, found without the sweep: between two neighbouring critical
+/// Every split of the block by a line, as a bit mask, found without the sweep: between two neighboring critical
 /// directions the order of the projections is fixed, and every prefix of it is a split.
 fn all_splits(side: usize) -> &'static [u64] {
     static SPLITS: [OnceLock<Vec<u64>>; 9] = [const { OnceLock::new() }; 9];
@@ -50,10 +50,10 @@ fn all_splits(side: usize) -> &'static [u64] {
     })
 }
 
-/// Colour, colour weight and alpha of each pixel that lies inside the image.
+/// Color, color weight and alpha of each pixel that lies inside the image.
 type Block = Vec<Option<([f64; 3], f64)>>;
 
-/// The least error of any split, and of one colour.
+/// The least error of any split, and of one color.
 fn best_error_naive(block: &Block, side: usize) -> (f64, f64) {
     let error_of = |mask: u64| {
         let mut error = 0.0;
@@ -113,7 +113,7 @@ fn block_of(image: &Image<LinearRgba>, side: usize, col: usize, row: usize) -> B
         .collect()
 }
 
-/// The error of a two-color pixel, recomputed from its line and colours.
+/// The error of a two-color pixel, recomputed from its line and colors.
 fn error_of(pixel: &TwoColorPixel, block: &Block, side: usize) -> f64 {
     let mut error = 0.0;
     for (p, member) in block.iter().enumerate() {
@@ -135,7 +135,7 @@ fn error_of(pixel: &TwoColorPixel, block: &Block, side: usize) -> f64 {
     error
 }
 
-/// Every block of the image has the error of the best split, and its line and colours really give that error.
+/// Every block of the image has the error of the best split, and its line and colors really give that error.
 fn assert_exact(image: &Image<LinearRgba>, side: usize) {
     let field = fit(image, side);
     for row in 0..field.grid_size().height() {
@@ -274,7 +274,7 @@ fn all_instruction_sets_give_the_same_bits_on_any_number_of_threads() {
 }
 
 #[test]
-fn a_transparent_side_keeps_its_alpha_and_the_other_its_colour() {
+fn a_transparent_side_keeps_its_alpha_and_the_other_its_color() {
     let image = Image::from_fn(Size::new(8, 8).unwrap(), |col, _| {
         if col < 3 {
             LinearRgba([0.9, 0.1, 0.1, 1.0])

@@ -21,7 +21,7 @@
 //! # Images say what their pixels mean
 //!
 //! The pixel type carries color space, sample kind and alpha, so that a wrong mixture does not compile. Averaging belongs
-//! in linear light, and the difference is not small: the mean of black and white is a much lighter grey than the mean of
+//! in linear light, and the difference is not small: the mean of black and white is a much lighter gray than the mean of
 //! their encoded values.
 //!
 //! ```
@@ -30,8 +30,8 @@
 //! let stripes = Image::from_fn(Size::new(64, 64)?, |col, _| Srgb([255 * (col % 2) as u8; 3]));
 //! let linear = stripes.convert::<LinearRgb>();
 //! let mean = linear.pixels().iter().map(|pixel| pixel.0[0]).sum::<f32>() / 4096.0;
-//! let grey = Srgb::<u8>::from_linear(LinearRgb([mean; 3]).to_linear());
-//! assert_eq!(grey, Srgb([188; 3]));
+//! let gray = Srgb::<u8>::from_linear(LinearRgb([mean; 3]).to_linear());
+//! assert_eq!(gray, Srgb([188; 3]));
 //! # Ok::<(), ravec::raster::SizeError>(())
 //! ```
 //!
@@ -88,7 +88,7 @@
 //! # One picture, many formats
 //!
 //! A grid over the picture is deformed so that what matters keeps its shape and straight lines stay straight. The picture is
-//! analysed once; each further size takes milliseconds, and no cell of the grid ever folds.
+//! analyzed once; each further size takes milliseconds, and no cell of the grid ever folds.
 //!
 //! ```
 //! use ravec::progress::Progress;

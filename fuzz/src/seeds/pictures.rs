@@ -23,8 +23,8 @@ pub fn exif(orientation: u8) -> Vec<u8> {
 fn pictures() -> Vec<(&'static str, Picture)> {
     let size = Size::new(11, 7).expect("not empty");
     let at = |col: usize, row: usize| (col * 19 + row * 7) as u8;
-    let grey = |grey: bool, mut picture: Picture| {
-        picture.origin.grey = grey;
+    let gray = |gray: bool, mut picture: Picture| {
+        picture.origin.gray = gray;
         picture
     };
     let mut turned =
@@ -32,8 +32,8 @@ fn pictures() -> Vec<(&'static str, Picture)> {
     turned.origin.exif = Some(exif(6).into());
     vec![
         (
-            "grey",
-            grey(
+            "gray",
+            gray(
                 true,
                 Picture::from_image(Image::from_fn(size, |c, r| Srgb([at(c, r); 3]))),
             ),

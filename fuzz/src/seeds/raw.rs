@@ -152,7 +152,7 @@ fn tiffs() -> Vec<Seed> {
     let mut seeds = Vec::new();
     // name, photometric, bits, channels, planar
     for (name, kind, bits, channels, planar) in [
-        ("grey", 1_u32, 8_u32, 1_usize, false),
+        ("gray", 1_u32, 8_u32, 1_usize, false),
         ("bits", 0, 1, 1, false),
         ("rgb", 2, 8, 3, false),
         ("rgb-planar", 2, 8, 3, true),

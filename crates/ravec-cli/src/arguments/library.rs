@@ -8,10 +8,10 @@ use std::path::{Path, PathBuf};
 /// The operations on catalogues of photos.
 #[derive(Debug, Subcommand)]
 pub enum LibraryCommand {
-    /// Add photos and folders to a catalogue, which is made if it is missing
+    /// Add photos and folders to a catalogue, which is created if it is missing
     #[command(after_help = help::library::ADD)]
     Add {
-        /// Photos, and folders with all that is in them
+        /// Photos, and folders with everything below them
         #[arg(required = true)]
         paths: Vec<PathBuf>,
         #[command(flatten)]
@@ -19,10 +19,10 @@ pub enum LibraryCommand {
         #[command(flatten)]
         params: Plain,
     },
-    /// Forget photos and folders; the files stay
+    /// Remove photos and folders from a catalogue; the files stay
     #[command(after_help = help::library::REMOVE)]
     Remove {
-        /// Photos, and folders with all that is in them
+        /// Photos, and folders with everything below them
         #[arg(required = true)]
         paths: Vec<PathBuf>,
         #[command(flatten)]
@@ -38,7 +38,7 @@ pub enum LibraryCommand {
         #[command(flatten)]
         params: ListParams,
     },
-    /// Take photos out of use that are not worth a tile, and print them as JSON with the reason
+    /// Exclude photos that are not worth a tile, and print them as JSON with the reason
     #[command(after_help = help::library::CLEAN)]
     Clean {
         #[command(flatten)]
@@ -46,7 +46,7 @@ pub enum LibraryCommand {
         #[command(flatten)]
         params: CleanParams,
     },
-    /// Count what is in a catalogue
+    /// Print counts of a catalogue
     #[command(after_help = help::library::STATS)]
     Stats {
         #[command(flatten)]

@@ -10,18 +10,18 @@ use std::path::{Path, PathBuf};
 /// The operations on meshes.
 #[derive(Debug, Subcommand)]
 pub enum MeshCommand {
-    /// Say what is in a mesh file: counts, size, area, volume
+    /// Print counts, size, area and volume of a mesh
     #[command(after_help = help::mesh::INFO)]
     Info {
-        /// The mesh; `-` is standard input
+        /// Input mesh; `-` is standard input
         input: PathBuf,
         #[command(flatten)]
         params: info::Params,
     },
-    /// Look for defects and say where they are; the exit code is 1 if there are any
+    /// Check a mesh for defects and locate them; the exit code is 1 if there are any
     #[command(after_help = help::mesh::CHECK)]
     Check {
-        /// The mesh; `-` is standard input
+        /// Input mesh; `-` is standard input
         input: PathBuf,
         #[command(flatten)]
         params: check::Params,
@@ -29,30 +29,30 @@ pub enum MeshCommand {
     /// Write a mesh in another format, unit or precision
     #[command(after_help = help::mesh::CONVERT)]
     Convert {
-        /// The mesh; `-` is standard input
+        /// Input mesh; `-` is standard input
         input: PathBuf,
-        /// The mesh to write; its extension says the format, `-` is standard output in the input's format
+        /// Output mesh; its extension selects the format, `-` is standard output in the input's format
         #[arg(short, long, value_name = "FILE")]
         output: PathBuf,
         #[command(flatten)]
         params: convert::Params,
     },
-    /// Measure how far two surfaces are apart, both ways, with a proof
+    /// Measure the distance between two surfaces, both ways, with proved bounds
     #[command(after_help = help::mesh::COMPARE)]
     Compare {
-        /// The reference; `-` is standard input
+        /// Reference; `-` is standard input
         a: PathBuf,
-        /// The mesh that is judged; `-` is standard input
+        /// Mesh to compare with it; `-` is standard input
         b: PathBuf,
         #[command(flatten)]
         params: compare::Params,
     },
-    /// Draw a picture of a mesh
+    /// Render a mesh to a picture
     #[command(after_help = help::mesh::RENDER)]
     Render {
-        /// The mesh; `-` is standard input
+        /// Input mesh; `-` is standard input
         input: PathBuf,
-        /// The picture to write; its extension says the format, `-` is standard output as PNG
+        /// Output picture; its extension selects the format, `-` is standard output as PNG
         #[arg(short, long, value_name = "FILE")]
         output: PathBuf,
         /// Color each place by its distance to this mesh; `-` is standard input
@@ -61,15 +61,15 @@ pub enum MeshCommand {
         #[command(flatten)]
         params: render::Params,
     },
-    /// Remove triangles that are not needed, with edges kept and without new intersections
+    /// Simplify a mesh: feature edges are kept, and no new intersections appear
     #[command(
         after_help = help::mesh::SIMPLIFY,
         group = ArgGroup::new("goal").args(["triangles", "error"]).required(true).multiple(true)
     )]
     Simplify {
-        /// The mesh; `-` is standard input
+        /// Input mesh; `-` is standard input
         input: PathBuf,
-        /// The mesh to write; its extension says the format, `-` is standard output in the input's format
+        /// Output mesh; its extension selects the format, `-` is standard output in the input's format
         #[arg(short, long, value_name = "FILE")]
         output: PathBuf,
         #[command(flatten)]
@@ -108,11 +108,11 @@ impl MeshCommand {
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Limits")]
 pub struct MeshLimitFlags {
-    /// The most triangles that a mesh may have when read; `k`, `M` and `G` multiply by powers of 1000
+    /// Maximum number of triangles of an input mesh; `k`, `M` and `G` multiply by powers of 1000
     #[arg(long, global = true, value_name = "COUNT", value_parser = count,
         default_value_t = MeshLimits::default().max_triangles)]
     pub max_triangles: u64,
-    /// The most vertices that a mesh may have when read; `k`, `M` and `G` multiply by powers of 1000
+    /// Maximum number of vertices of an input mesh; `k`, `M` and `G` multiply by powers of 1000
     #[arg(long, global = true, value_name = "COUNT", value_parser = count,
         default_value_t = MeshLimits::default().max_vertices)]
     pub max_vertices: u64,

@@ -8,7 +8,7 @@ Examples:
   ravec rectify photo.jpg -o front.png --quad 36,26,130,7,136,97,52,85 --focal 28mm --whole
   ravec rectify photo.jpg -o front.png --quad 36,26,130,7,136,97,52,85 --aspect 4:3 --json f.json
 
-The corners of a rectangle on the plane are given in turn, from the upper left one clockwise, in pixels, x right, y down; the centre of \
+The corners of a rectangle on the plane are given in turn, from the upper left one clockwise, in pixels, x right, y down; the center of \
 the first pixel is (0.5, 0.5). Its proportions are those of --aspect; else they follow from the focal length, given or in the \
 EXIF data; else from its right angles, if neither pair of sides is parallel in the picture. For both, the picture should not \
 have been cropped.
@@ -28,7 +28,7 @@ Examples:
   ravec snap photo.jpg --quad 36,26,130,7,136,97,52,85 --grid 4x3
   ravec snap photo.jpg --quad 36,26,130,7,136,97,52,85 --grid 4x3 -o grid.png
 
-The corners of the grid are given in turn, from the upper left one clockwise, in pixels, x right, y down; the centre of the first pixel \
+The corners of the grid are given in turn, from the upper left one clockwise, in pixels, x right, y down; the center of the first pixel \
 is (0.5, 0.5). They should be within a few percent of the grid's diagonal of where they belong (--reach). Lines come to lie on \
 edges, or in the middle of joints.
 

@@ -24,7 +24,7 @@ fn noise(index: usize) -> u8 {
     ((index as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40) as u8
 }
 
-/// Writes a picture `in.png` of uneven greys, a mask `hole.png` of its middle hundredth or at least a pixel, and a stroke from
+/// Writes a picture `in.png` of uneven grays, a mask `hole.png` of its middle hundredth or at least a pixel, and a stroke from
 /// end to end.
 fn write_picture(folder: &Path, width: usize, height: usize) {
     let pixels = width * height;

@@ -102,7 +102,7 @@ fn standard_input_and_output_are_files_like_others() {
 }
 
 #[test]
-fn depth_grey_and_alpha_survive() {
+fn depth_gray_and_alpha_survive() {
     let folder = tempfile::tempdir().unwrap();
     let samples: Vec<u8> = (0..20 * 10 * 8).map(|i| (i * 7 % 251) as u8).collect();
     for (depth, color, bytes) in [

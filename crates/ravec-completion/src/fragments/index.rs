@@ -26,7 +26,7 @@ pub struct Sources<'a, P: Color> {
     pub image: &'a Image<P>,
     /// What is to be replaced in it. Nothing is copied from there, nor from 2 pixels around it.
     pub hole: &'a Mask,
-    /// Planes: quadrilaterals in the picture, corners in order around them, in pixels, x right, y down, pixel centres at
+    /// Planes: quadrilaterals in the picture, corners in order around them, in pixels, x right, y down, pixel centers at
     /// half-integers, that are pictures of rectangles. Each gives a rectified view.
     pub planes: &'a [[DVec2; 4]],
     /// Other photos, of any size.

@@ -31,7 +31,7 @@ impl Shape {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Target {
-    /// The middle, in pixels of the picture, x right, y down, pixel centres at half-integers. Without a plane the middle of
+    /// The middle, in pixels of the picture, x right, y down, pixel centers at half-integers. Without a plane the middle of
     /// the pixel that it lies in counts.
     pub at: DVec2,
     /// The plane in whose rectified view the fragment is cut out, from 0; none for the picture itself.
@@ -104,7 +104,7 @@ pub struct SourceFragment {
     /// The plane of the picture in whose rectified view it is cut out, from 0; none for the photo as it is.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub plane: Option<usize>,
-    /// What comes to lie on the target's middle, in pixels of the photo, x right, y down, pixel centres at half-integers.
+    /// What comes to lie on the target's middle, in pixels of the photo, x right, y down, pixel centers at half-integers.
     pub at: DVec2,
     /// How it is laid over the target (default: as it is).
     #[serde(default)]

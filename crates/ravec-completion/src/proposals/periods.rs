@@ -1,6 +1,6 @@
 //! Shifts at which a sheet looks like itself.
 //!
-//! The plain idea: the normalised correlation of the sheet with itself, of known pixels only; its peaks are the periods of
+//! The plain idea: the normalized correlation of the sheet with itself, of known pixels only; its peaks are the periods of
 //! what repeats. Light and shade are taken off first.
 //!
 //! Cost: seven transforms of half as much again as the reduced sheet in each direction.
@@ -22,7 +22,7 @@ const MIN_PERIOD_PX: i64 = 6;
 /// The standard deviation of the mean that is taken off first, so that light and shade do not count.
 const FLAT_SIGMA_PX: f64 = 12.0;
 
-/// Shifts at which the sheet looks like itself: the highest local maxima of its masked normalised autocorrelation.
+/// Shifts at which the sheet looks like itself: the highest local maxima of its masked normalized autocorrelation.
 pub(super) fn periods(sheet: &Sheet, prepared: &Prepared, count: usize) -> Vec<Proposal> {
     use ravec_raster::{Plane, gaussian_blur};
     let reduced = &prepared.reduced;

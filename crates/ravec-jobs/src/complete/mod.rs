@@ -41,10 +41,10 @@ pub struct Params {
     /// which more is in another light
     #[cfg_attr(feature = "cli", arg(long, value_name = "PX", default_value_t = Self::default().search))]
     pub search: u16,
-    /// Keep the tones of what is copied, instead of bending them to those around the hole
+    /// Keep the tones of copied pixels, instead of blending them into those around the hole
     #[cfg_attr(feature = "cli", arg(long))]
     pub unblended: bool,
-    /// How the hole is filled: by default with fragments where something is asked for that only they can do, else with offsets
+    /// Method: by default fragments where an option needs them, else offsets
     #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "ENGINE"))]
     pub engine: Option<Engine>,
     /// Radius of fragments in pixels, 2 to 124; without it chosen from the picture
@@ -57,16 +57,16 @@ pub struct Params {
         arg(long = "target", value_name = "X,Y", allow_hyphen_values = true)
     )]
     pub targets: Vec<Corners>,
-    /// Fragments may be mirrored
+    /// Also use mirrored fragments
     #[cfg_attr(feature = "cli", arg(long))]
     pub mirror: bool,
-    /// Fragments may be turned by so many degrees, clockwise. May be repeated
+    /// Also use fragments rotated by this angle in degrees, clockwise. May be repeated
     #[cfg_attr(
         feature = "cli",
         arg(long = "turn", value_name = "DEGREES", allow_hyphen_values = true)
     )]
     pub turns: Vec<f64>,
-    /// Fragments may be enlarged so many times, 0.25 to 4. May be repeated
+    /// Also use fragments scaled by this factor, 0.25 to 4. May be repeated
     #[cfg_attr(feature = "cli", arg(long = "scale", value_name = "FACTOR"))]
     pub scales: Vec<f64>,
     /// Leave out the last N of the steps that are replayed
@@ -110,7 +110,7 @@ pub enum Engine {
 /// The files beside the picture, all of them optional.
 #[derive(Debug, Clone, Default)]
 pub struct Files {
-    /// What is replaced: white replaces, black keeps, grey mixes.
+    /// What is replaced: white replaces, black keeps, gray mixes.
     pub mask: Option<Source>,
     /// Pixels on structure that should go on: white, in a picture of the same size.
     pub features: Option<Source>,
@@ -132,7 +132,7 @@ impl Files {
     }
 }
 
-/// Corners as they are given on the command line: x and y in turn, in pixels, x right, y down, pixel centres at
+/// Corners as they are given on the command line: x and y in turn, in pixels, x right, y down, pixel centers at
 /// half-integers. None at all for `none` or an empty text.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
@@ -250,7 +250,7 @@ impl Params {
     }
 }
 
-/// Replaces what the mask (white replaces, black keeps, grey mixes) and the polygons cover.
+/// Replaces what the mask (white replaces, black keeps, gray mixes) and the polygons cover.
 ///
 /// Figures: `hole_px`, pixels that were replaced, be it in part. With offsets: of these `thin_px`, interpolated because they
 /// were near known ones on both sides, and `plane_px`, filled along planes; `parts` that were filled one after another;

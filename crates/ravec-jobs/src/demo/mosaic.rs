@@ -184,8 +184,8 @@ fn drawn(number: u64) -> Image<Srgb<u8>> {
         (state >> 11) as f64 / (1u64 << 53) as f64
     };
     let mut color = |spread: f64| {
-        let grey = 255.0 * unit();
-        [0, 1, 2].map(|_| (grey + spread * (unit() - 0.5)).clamp(0.0, 255.0))
+        let gray = 255.0 * unit();
+        [0, 1, 2].map(|_| (gray + spread * (unit() - 0.5)).clamp(0.0, 255.0))
     };
     let (from, to, shape) = (color(130.0), color(130.0), color(200.0));
     let (turn, fade) = (std::f64::consts::TAU * unit(), unit() * unit());

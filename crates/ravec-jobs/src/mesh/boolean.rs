@@ -86,7 +86,7 @@ impl Default for Params {
 /// The files to write.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Targets {
-    /// The mesh; `-` is standard output.
+    /// Input mesh; `-` is standard output.
     pub mesh: PathBuf,
     /// Where each triangle comes from, as JSON or as CSV.
     pub origins: Option<PathBuf>,

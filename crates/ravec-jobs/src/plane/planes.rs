@@ -24,7 +24,7 @@ pub struct Params {
     /// angles is proposed then
     #[cfg_attr(feature = "cli", arg(long, value_name = "LENGTH"))]
     pub focal: Option<Focal>,
-    /// How many planes are proposed at most, 1 to 12
+    /// Maximum number of planes, 1 to 12
     #[cfg_attr(feature = "cli", arg(long, value_name = "COUNT", default_value_t = Self::default().most))]
     pub most: usize,
 }

@@ -107,7 +107,7 @@ impl fmt::Display for Grid {
 pub enum Focal {
     /// In pixels.
     Pixels(f64),
-    /// In millimetres, for 35 mm film.
+    /// In millimeters, for 35 mm film.
     Film(f64),
 }
 
@@ -116,7 +116,7 @@ impl Focal {
     pub fn in_pixels(self, size: Size) -> f64 {
         match self {
             Self::Pixels(pixels) => pixels,
-            Self::Film(millimetres) => focal_px_from_35mm(millimetres, size.width(), size.height()),
+            Self::Film(millimeters) => focal_px_from_35mm(millimeters, size.width(), size.height()),
         }
     }
 }
@@ -130,7 +130,7 @@ impl FromStr for Focal {
             None => (text.trim().trim_end_matches("px"), Self::Pixels),
         };
         positive(digits).map(kind).ok_or_else(|| {
-            "a focal length is a positive number of pixels, as in 1200px, or of millimetres on 35 mm film, as in 28mm".to_owned()
+            "a focal length is a positive number of pixels, as in 1200px, or of millimeters on 35 mm film, as in 28mm".to_owned()
         })
     }
 }
@@ -139,7 +139,7 @@ impl fmt::Display for Focal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Pixels(pixels) => write!(f, "{pixels}px"),
-            Self::Film(millimetres) => write!(f, "{millimetres}mm"),
+            Self::Film(millimeters) => write!(f, "{millimeters}mm"),
         }
     }
 }

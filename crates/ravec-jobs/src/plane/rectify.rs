@@ -277,7 +277,7 @@ mod tests {
     use super::*;
     use ravec::raster::{AnyImage, Srgb};
 
-    /// A picture of 200 × 150 with a red field in a quadrilateral that is a square on its plane, on grey.
+    /// A picture of 200 × 150 with a red field in a quadrilateral that is a square on its plane, on gray.
     fn photo(folder: &Path) -> Source {
         let quad = quad().0;
         let unit_from_image = ravec::planar::Homography::from_unit_square(quad)

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! fit two-color pixels twice, the second time shifted by half a block, so that an edge between two blocks is within one
-//! start at the line of most contrast; add neighbours that lie on it, and fit it again to all of them, until none is left
+//! start at the line of most contrast; add neighbors that lie on it, and fit it again to all of them, until none is left
 //! ```
 //!
 //! It stands here, above both crates, because those who fit lines and those who know planes do not know one another.
@@ -26,7 +26,7 @@ const MIN_CONTRAST: f32 = 0.03;
 /// How much of a block's difference may be left unexplained: more is texture rather than an edge.
 const MAX_ERROR: f32 = 0.08;
 
-/// How far a neighbour may lie off the line so far, in pixels, and how far its direction may turn, in radians.
+/// How far a neighbor may lie off the line so far, in pixels, and how far its direction may turn, in radians.
 const MAX_OFF_PX: f64 = 1.0;
 const MAX_TURN: f64 = 0.2;
 

@@ -164,7 +164,7 @@ fn straight(
     grid: &QuadGrid,
     progress: &Progress,
 ) -> Result<(), JobError> {
-    // bays of 2.4 by 3 metres
+    // bays of 2.4 by 3 meters
     let ratio = 3.0 * 2.4 / (2.0 * 3.0);
     let extent = dvec2(image.width() as f64, image.height() as f64);
     let ways = [

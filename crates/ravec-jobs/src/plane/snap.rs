@@ -182,7 +182,7 @@ mod tests {
                 );
             }
         }
-        // half of the border has the same grey on both sides
+        // half of the border has the same gray on both sides
         assert!(report.figures["support"] > 0.6);
         let drawn = ravec_media::read(&output, &ravec_media::Limits::default()).unwrap();
         let AnyImage::Srgb8(drawn) = drawn.image else {

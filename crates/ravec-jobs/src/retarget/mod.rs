@@ -49,7 +49,7 @@ impl From<Border> for Borders {
 #[serde(default, deny_unknown_fields)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct Params {
-    /// The new size, as in 1080x1080, 75%x100%, 1080x or 50%. May be repeated: the picture is analysed once
+    /// The new size, as in 1080x1080, 75%x100%, 1080x or 50%. May be repeated: the picture is analyzed once
     ///
     /// A side that is left out stays as it is.
     #[cfg_attr(
@@ -249,7 +249,7 @@ pub fn run(
     let failed = |cause| JobError::from_retargeting(&input.path, cause);
     let options = params.options();
     let retargeter = report
-        .time("analyse", || {
+        .time("analyze", || {
             with_image!(&picture.image, image => Retargeter::new(image, painted, &options, progress))
         })
         .map_err(failed)?;

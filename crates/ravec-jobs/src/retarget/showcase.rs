@@ -49,7 +49,7 @@ pub(crate) fn show(
     let params = RetargetParams::default();
     let retargeter =
         Retargeter::new(&image, Painted::default(), &params, progress).map_err(failed)?;
-    let analysed = start.elapsed();
+    let analyzed = start.elapsed();
     page.section(
         "Other formats",
         &format!(
@@ -57,7 +57,7 @@ pub(crate) fn show(
              gives way; no cell folds. The analysis took {:.0} ms, once for all sizes. Beside each: plain scaling, a crop from \
              the middle, and the removal or doubling of seams.",
             retargeter.summary().straight_runs,
-            1e3 * analysed.as_secs_f64(),
+            1e3 * analyzed.as_secs_f64(),
         ),
     );
     page.figures(&[Figure::picture(
@@ -157,7 +157,7 @@ fn cropped(image: &Image<Srgb<u8>>, new: Size) -> Image<Srgb<u8>> {
     )
 }
 
-/// The removal of seams, for comparison: the paths from top to bottom along which neighbours differ least go one by one, or are
+/// The removal of seams, for comparison: the paths from top to bottom along which neighbors differ least go one by one, or are
 /// doubled; then the same with columns for rows.
 ///
 /// Source: S. Avidan and A. Shamir, "Seam carving for content-aware image resizing", 2007.

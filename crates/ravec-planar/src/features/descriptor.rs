@@ -61,7 +61,7 @@ static VOTES: LazyLock<Vec<Vote>> = LazyLock::new(|| {
     for j in 0..GRADIENTS {
         for i in 0..GRADIENTS {
             let (x, y) = (i as f32 - middle, j as f32 - middle);
-            // in fields, with the centre of the first one (of the rim) at 0
+            // in fields, with the center of the first one (of the rim) at 0
             let place = |v: f32| v / per_field + (RIM - 1) as f32 / 2.0;
             let (fx, fy) = (place(x), place(y));
             let (tx, ty) = (fx.fract(), fy.fract());
@@ -128,7 +128,7 @@ fn rooted(entries: &mut [f32; 128]) -> [u8; 128] {
     entries.map(|entry| ((entry * scale).sqrt() * UNIT + 0.5) as u8)
 }
 
-/// Brightnesses on a grid around a place (whole at pixel centres), with the given steps to the right and down.
+/// Brightnesses on a grid around a place (whole at pixel centers), with the given steps to the right and down.
 fn sample_window(
     plane: &Plane,
     center: [f32; 2],

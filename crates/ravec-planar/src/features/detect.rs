@@ -9,7 +9,7 @@ use rayon::prelude::*;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Extremum {
     pub octave: usize,
-    /// Column and row with fractions: whole at pixel centres.
+    /// Column and row with fractions: whole at pixel centers.
     pub col: f32,
     pub row: f32,
     /// The blur's number with a fraction.
@@ -27,7 +27,7 @@ impl Extremum {
     pub(super) fn feature(&self, angle: f32) -> Feature {
         let step = (1u64 << self.octave) as f64;
         Feature {
-            // pixel 0 of each octave is pixel 0 of the picture, whose centre is at one half
+            // pixel 0 of each octave is pixel 0 of the picture, whose center is at one half
             at: dvec2(self.col as f64, self.row as f64) * step + 0.5,
             sigma_px: self.sigma() as f64 * step,
             angle_rad: angle as f64,
@@ -39,7 +39,7 @@ impl Extremum {
 /// Pixels next to the border in which the extended border, not the picture, makes extrema.
 pub(super) const MARGIN: usize = 5;
 
-/// Moves to a neighbour when the vertex of the parabola lies there.
+/// Moves to a neighbor when the vertex of the parabola lies there.
 const MAX_MOVES: usize = 5;
 
 /// All extrema, by octave, level, row and column.
@@ -71,7 +71,7 @@ pub(super) fn extrema(space: &ScaleSpace, params: &FeatureParams) -> Vec<Extremu
     found
 }
 
-/// Calls `found` with each column of a row that beats its 26 neighbours.
+/// Calls `found` with each column of a row that beats its 26 neighbors.
 fn candidates(octave: &Octave, level: usize, row: usize, least: f32, mut found: impl FnMut(usize)) {
     let planes: [_; 3] = std::array::from_fn(|k| &octave.differences[level - 1 + k]);
     let rows: [[&[f32]; 3]; 3] =
@@ -82,7 +82,7 @@ fn candidates(octave: &Octave, level: usize, row: usize, least: f32, mut found: 
         if value.abs() < least || value.is_nan() {
             continue;
         }
-        // the neighbours in the row decide most cases
+        // the neighbors in the row decide most cases
         let sign = value.signum();
         let height = sign * value;
         if sign * here[col - 1] >= height || sign * here[col + 1] > height {
@@ -98,7 +98,7 @@ fn candidates(octave: &Octave, level: usize, row: usize, least: f32, mut found: 
                 }
             })
         };
-        // of equal neighbours the last in the order of planes, rows and columns wins
+        // of equal neighbors the last in the order of planes, rows and columns wins
         let wins = beats(rows[1][0], true)
             && beats(rows[1][2], false)
             && rows[0].iter().all(|line| beats(line, true))
@@ -109,7 +109,7 @@ fn candidates(octave: &Octave, level: usize, row: usize, least: f32, mut found: 
     }
 }
 
-/// The vertex of the parabola through the neighbours of a pixel, if it is high enough and no edge.
+/// The vertex of the parabola through the neighbors of a pixel, if it is high enough and no edge.
 fn refine(
     octave: &Octave,
     [mut col, mut row, mut level]: [usize; 3],

@@ -1,13 +1,13 @@
 //! Points that are found again in another picture of the same thing, and what surrounds them.
 //!
 //! ```text
-//! blur the picture more and more; where the difference of two blurs is the largest or smallest among its 26 neighbours
+//! blur the picture more and more; where the difference of two blurs is the largest or smallest among its 26 neighbors
 //!     in place and scale, there is a point with a size
 //! turn a window of that size to the strongest direction of its gradients
 //! describe it by histograms of gradient directions in 4 × 4 fields
 //! ```
 //!
-//! Points are in pixels, x right, y down, pixel centres at half-integers.
+//! Points are in pixels, x right, y down, pixel centers at half-integers.
 //!
 //! Sources: Lowe, "Distinctive image features from scale-invariant keypoints", 2004; Arandjelović and Zisserman, "Three
 //! things everyone should know to improve object retrieval", 2012 (the square root of histograms). We differ in that the
@@ -45,7 +45,7 @@ pub(crate) const STEPS: u64 = 3;
 /// A point with a size and a direction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Feature {
-    /// Where, in pixels, x right, y down, pixel centres at half-integers.
+    /// Where, in pixels, x right, y down, pixel centers at half-integers.
     pub at: DVec2,
     /// The blur at which it stands out most, a standard deviation in pixels: about 0.7 of the radius of a blob.
     pub sigma_px: f64,

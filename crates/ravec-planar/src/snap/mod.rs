@@ -4,7 +4,7 @@
 //! for the lines between columns, then for those between rows, twice, the second time nearer:
 //!     read the picture across each line, everywhere along it; where its slope is steep there may be the edge
 //!     try all moves of the four corners along the rows (the columns), coarsely, and keep the best
-//!     halve the step and try the neighbours, until the step is below a pixel
+//!     halve the step and try the neighbors, until the step is below a pixel
 //! move all eight coordinates so that the lines lie on the nearest slopes, by least squares
 //! where lines lie on one edge of a joint, move them to its middle, and once more all coordinates
 //! where little of the lines lies on edges, do so from other good finds of the first round, and keep what has most
@@ -17,7 +17,7 @@
 //! moves, so that trying one is a sum over a table. That makes the search independent of where it starts, as long as the
 //! edges are within reach.
 //!
-//! Points are in pixels, x right, y down, pixel centres at half-integers.
+//! Points are in pixels, x right, y down, pixel centers at half-integers.
 //!
 //! Source: dissertation, section 6.2.1, whose blurred gradients are climbed from the start. We differ in that we search
 //! before we climb: windows have parallel edges on all sides, and from three per cent off the nearest one is often wrong.

@@ -47,7 +47,7 @@ pub(super) const FINE: [Round; 4] = [round(2, 1, 0.005); 4];
 /// Sites that are enough to look at: fewer are not thinned out.
 const ENOUGH_SITES: usize = 1000;
 
-/// The blur across lines, in pixels: enough against the pixel grid and noise, without mixing neighbouring edges.
+/// The blur across lines, in pixels: enough against the pixel grid and noise, without mixing neighboring edges.
 const SIGMA_PX: f64 = 1.0;
 
 /// Moves are held back by this share of the mean weight: a corner that no edge determines stays where it is.

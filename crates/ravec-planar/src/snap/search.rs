@@ -391,7 +391,7 @@ impl<'a> Level<'a> {
         found
     }
 
-    /// Takes the best neighbour until there is none better.
+    /// Takes the best neighbor until there is none better.
     fn climb(&self, start: [f32; MOVES]) -> Scored {
         const SIDE: usize = 2 * MAX_CLIMB as usize + 1;
         // in steps from the start, each from 0 to `SIDE` − 1

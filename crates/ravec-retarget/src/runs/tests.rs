@@ -10,7 +10,7 @@ use ravec_twocolor::Line;
 fn a_straight_edge_is_one_run_on_it() {
     let size = Size::new(320, 240).unwrap();
     for degrees in [0, 12, 37, 45, 90, 122, 171] {
-        let colors = TwoColors::grey_step(128.0, 64.0);
+        let colors = TwoColors::gray_step(128.0, 64.0);
         let through = dvec2(160.3, 120.7);
         let truth = EdgeTruth::from_angle(f64::from(degrees).to_radians(), through, colors);
         let runs = straight_runs(&edge(size, &truth));
@@ -36,7 +36,7 @@ fn small_discs_have_no_straight_runs() {
 #[test]
 fn an_edge_is_followed_behind_a_post() {
     let size = Size::new(320, 160).unwrap();
-    let truth = EdgeTruth::from_angle(1.4, dvec2(160.0, 80.0), TwoColors::grey_step(128.0, 64.0));
+    let truth = EdgeTruth::from_angle(1.4, dvec2(160.0, 80.0), TwoColors::gray_step(128.0, 64.0));
     let mut image = edge(size, &truth);
     for row in 0..160 {
         for col in 150..200 {
@@ -51,7 +51,7 @@ fn an_edge_is_followed_behind_a_post() {
 
 const ROUGH: [usize; 2] = [640, 420];
 
-/// Grey ground, two fifths lighter and darker by grains of four pixels, and a stroke of a colour on it.
+/// Gray ground, two fifths lighter and darker by grains of four pixels, and a stroke of a color on it.
 fn rough(seed: Seed, stroke: Option<(Line, f64, [f32; 3])>) -> Image<LinearRgb> {
     Image::from_fn(Size::new(ROUGH[0], ROUGH[1]).unwrap(), |col, row| {
         let p = dvec2(col as f64 + 0.5, row as f64 + 0.5);

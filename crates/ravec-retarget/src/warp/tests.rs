@@ -154,9 +154,9 @@ fn what_does_not_change_comes_back_bit_for_bit_and_constants_stay() {
     let (image, found) = deformed(size(96, 64), size(96, 64), false);
     assert_eq!(found.warp(&image, &Progress::none()).unwrap(), image);
     let (_, found) = deformed(size(96, 64), size(50, 90), true);
-    let grey = Image::new(size(96, 64), Srgb([201u16 * 257, 3000, 65535]));
-    let warped = found.warp(&grey, &Progress::none()).unwrap();
-    assert!(warped.pixels().iter().all(|&pixel| pixel == grey[(0, 0)]));
+    let gray = Image::new(size(96, 64), Srgb([201u16 * 257, 3000, 65535]));
+    let warped = found.warp(&gray, &Progress::none()).unwrap();
+    assert!(warped.pixels().iter().all(|&pixel| pixel == gray[(0, 0)]));
 }
 
 #[test]

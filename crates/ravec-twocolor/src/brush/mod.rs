@@ -12,7 +12,7 @@
 //! 3. the strength.
 //!
 //! Source: dissertation, chapter 3. We differ in deciding by the colors along the way instead of one window around the
-//! brush's centre: a window as large as the brush has more than two colors.
+//! brush's center: a window as large as the brush has more than two colors.
 //!
 //! Guarantees: only pixels within the radius of a stroke change, all others keep their bits; a stroke gives the same bits
 //! live ([`Brush`]) and replayed ([`replay`]), whole or cut, on any number of threads. Does not guarantee: that edges fainter

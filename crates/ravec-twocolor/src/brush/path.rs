@@ -6,7 +6,7 @@ use ravec_raster::Rect;
 
 /// A polyline without superfluous points.
 ///
-/// Repeated points, and points on the straight way between their neighbours, say nothing; without them the same way gives
+/// Repeated points, and points on the straight way between their neighbors, say nothing; without them the same way gives
 /// the same bits however it was cut into events.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Path {

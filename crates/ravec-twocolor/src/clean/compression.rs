@@ -5,7 +5,7 @@
 //! and where the undamaged coefficients must lie: within half a step of the decoded ones. So a cleaned picture may move
 //! each coefficient only so far, and detail that cleaning would take for noise stays.
 //!
-//! 1. Find the grid: the phase of columns, and of rows, at which neighbours differ most beyond their surroundings.
+//! 1. Find the grid: the phase of columns, and of rows, at which neighbors differ most beyond their surroundings.
 //! 2. For each low frequency, the step: the largest of whose multiples nearly all coefficients lie close to.
 //! 3. Unknown steps follow the standard's table, scaled as the known ones are.
 //! 4. After cleaning, each luma coefficient is drawn back to within [`FREEDOM`] of a step of the decoded one.
@@ -13,7 +13,7 @@
 //! Sources: ITU-T T.81, Annex K (the table); Yang, Galatsanos & Katsaggelos, 1993 (projection onto the quantisation
 //! constraint). We differ in the narrower bound, which is better on average than half a step.
 //!
-//! Non-guarantees: pictures scaled after compression are not recognised; chroma is cleaned but not bounded.
+//! Non-guarantees: pictures scaled after compression are not recognized; chroma is cleaned but not bounded.
 
 use super::dct::{Block, SIDE, forward, inverse};
 use crate::pixel::{countable, is_countable};

@@ -1,6 +1,6 @@
 //! Cleaning: noise and compression damage taken off, edges left where they are.
 //!
-//! Every window of the image is split by its best line; each side is modelled as a shrunken plane plus a shrunken
+//! Every window of the image is split by its best line; each side is modeled as a shrunken plane plus a shrunken
 //! residual (a Wiener filter whose support ends at the edge); and each pixel takes the weighted mean of what all windows
 //! over it estimate. The steps, under their names in [`window`]:
 //!
@@ -17,7 +17,7 @@
 //! two constants alone lose texture and gradients (31.3 dB against 32.8 on photos with noise of 15 steps).
 //!
 //! Guarantees: the same bits for any region, number of threads and instruction set; alpha is untouched, and so are the
-//! colours of fully transparent pixels. Does not guarantee: that texture below the noise survives.
+//! colors of fully transparent pixels. Does not guarantee: that texture below the noise survives.
 //!
 //! Cost: O(pixels / stride²) exact fits. Memory: the result, and a few rows of the region a thread.
 
@@ -47,7 +47,7 @@ pub struct CleanParams {
     /// Side of a window in pixels, 4 to 16 (default 8). Larger windows average more and adapt less; cost grows with the
     /// fourth power.
     pub window_px: usize,
-    /// Distance of neighbouring windows in pixels, 1 to `window_px` (default 2). Twice the stride costs a quarter, loses
+    /// Distance of neighboring windows in pixels, 1 to `window_px` (default 2). Twice the stride costs a quarter, loses
     /// 0.3 dB, and beyond half a window begins to show the grid.
     pub stride_px: usize,
 }
@@ -160,6 +160,6 @@ fn clean_region<P: Color>(
     Ok(result)
 }
 
-/// Rows cleaned by one task. Windows that reach over its border are fitted by both neighbours, so fewer rows cost more
+/// Rows cleaned by one task. Windows that reach over its border are fitted by both neighbors, so fewer rows cost more
 /// (an eighth at 48 rows and windows of 8), and more make a strip outgrow the cache and a cancellation wait.
 const STRIP_ROWS: usize = 48;

@@ -186,7 +186,7 @@ fn level_of(mut probes: Vec<Probe>) -> NoiseLevel {
             .chunks(per_class)
             .map(|class| flat_noise(class, c))
             .collect();
-        // texture only adds: a class far above its neighbours on both sides is texture, not noise
+        // texture only adds: a class far above its neighbors on both sides is texture, not noise
         let raw: Vec<f32> = points.iter().map(|point| point.1).collect();
         for (i, point) in points.iter_mut().enumerate() {
             let mut near: Vec<f32> = raw[i.saturating_sub(2)..(i + 3).min(raw.len())].to_vec();

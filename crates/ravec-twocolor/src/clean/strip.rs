@@ -1,4 +1,4 @@
-//! The pixels under a strip of windows, laid out so that neighbouring windows lie in neighbouring lanes.
+//! The pixels under a strip of windows, laid out so that neighboring windows lie in neighboring lanes.
 //!
 //! Windows stand at multiples of the stride `s`, over the image mirrored at its borders, so that every pixel is covered
 //! by equally many. Column `X = i·s + f` of a padded row is entry `i` of its *phase* `f`: pixel `dx` of the windows
@@ -17,7 +17,7 @@ const INV_SQRT_2: f32 = std::f32::consts::FRAC_1_SQRT_2;
 const INV_SQRT_3: f32 = 0.577_350_26;
 const INV_SQRT_6: f32 = 0.408_248_3;
 
-/// Orthonormal opponent colours of encoded values: (R + G + B)/√3, (R − B)/√2, (R − 2G + B)/√6.
+/// Orthonormal opponent colors of encoded values: (R + G + B)/√3, (R − B)/√2, (R − 2G + B)/√6.
 #[inline(always)]
 pub(super) fn opponent_from_rgb([r, g, b]: [f32; 3]) -> [f32; 3] {
     [
@@ -45,7 +45,7 @@ pub(super) struct Strip {
     lead: [usize; 2],
     /// Windows in a row of windows, and rows of windows.
     pub windows: [usize; 2],
-    /// Encoded opponent colours.
+    /// Encoded opponent colors.
     pub colors: [Vec<f32>; CHANNELS],
     /// Weighted sums of the estimates.
     pub sums: [Vec<f32>; CHANNELS],
@@ -150,7 +150,7 @@ impl Strip {
         (y * self.stride + phase) * self.phase_len + i
     }
 
-    /// Where pixel `(dx, dy)` of the window `(i, j)` and its right neighbours begins in each plane.
+    /// Where pixel `(dx, dy)` of the window `(i, j)` and its right neighbors begins in each plane.
     #[inline(always)]
     pub fn run(&self, [i, j]: [usize; 2], dx: usize, dy: usize) -> usize {
         self.entry(dx % self.stride, j * self.stride + dy, i + dx / self.stride)
@@ -184,8 +184,8 @@ impl Strip {
     }
 }
 
-/// Gives fully transparent pixels the colour of the last visible one in the row (the leading ones that of the first), so
-/// that their meaningless colours make no edges.
+/// Gives fully transparent pixels the color of the last visible one in the row (the leading ones that of the first), so
+/// that their meaningless colors make no edges.
 fn cover_transparent(row: &mut [[f32; 4]]) {
     let Some(first) = row.iter().find(|pixel| pixel[3] > 0.0) else {
         return;

@@ -55,7 +55,7 @@ struct Moments<V> {
     y: V,
     /// Σ y²
     yy: V,
-    /// Σ x y, with `(x, z)` the position from the window's centre
+    /// Σ x y, with `(x, z)` the position from the window's center
     xy: V,
     /// Σ z y
     zy: V,

@@ -219,7 +219,7 @@ impl Block {
         if self.count() <= SMALL_VOXELS { 2 } else { 1 }
     }
 
-    /// How far apart neighbours along each axis are stored.
+    /// How far apart neighbors along each axis are stored.
     pub fn strides(&self) -> [usize; 3] {
         [1, self.extents[0], self.extents[0] * self.extents[1]]
     }

@@ -45,8 +45,8 @@ impl Motion {
     }
 }
 
-/// How far a line search moves the plane at the block's border, in voxels. Twice the distance of neighbouring voxels
-/// passes a wrong neighbour or two; longer searches cost in proportion and win little (starts differ by more).
+/// How far a line search moves the plane at the block's border, in voxels. Twice the distance of neighboring voxels
+/// passes a wrong neighbor or two; longer searches cost in proportion and win little (starts differ by more).
 const REACH: f64 = 2.0;
 
 /// Bits of an event's time. The rest of a `u32` holds the change and the voxel of the largest block.
