@@ -24,7 +24,11 @@ fn main() -> Result<(), Box<dyn Error>> {
         rows: None,
         tile: Size::new(48, 48)?,
         crop: Crop::Center,
-        rules: Rules::default(),
+        // few photos repeat more often than the default of 5 tiles allows
+        rules: Rules {
+            min_repeat_distance: 2.0,
+            ..Rules::default()
+        },
         choose: ChooseParams::default(),
         adaptive: None,
         quality: 92,
