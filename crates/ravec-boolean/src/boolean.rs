@@ -35,7 +35,7 @@ enum Coarser {
 /// twice the number above.
 const FIRST_REACH: f64 = 8.0;
 
-/// What is tried one after the other. The last moves vertices by some billionths of the size, less than rounding to 32-bit floats does.
+/// Attempts, in this order. The last moves vertices by some billionths of the size, less than rounding to 32-bit floats does.
 const COARSER: [Coarser; 3] = [
     Coarser::MergeNear(64.0),
     Coarser::Grid(65536.0),

@@ -182,7 +182,7 @@ fn join_by_place(mesh: &TriMesh, group: &mut [u32], parts: &mut [Part]) {
     }
 }
 
-/// So many triangles of a part say whether it is in another: a few may lie on a border.
+/// Number of triangles of a part that decide whether it is in another: a few may lie on a border.
 const SAMPLES: usize = 5;
 
 fn root(group: &mut [u32], mut v: u32) -> u32 {
@@ -194,7 +194,7 @@ fn root(group: &mut [u32], mut v: u32) -> u32 {
     v
 }
 
-/// What was assumed, in sentences without a stop.
+/// Assumptions, as sentences without a stop.
 fn assumptions(
     closing: &Closing,
     degenerate: u64,

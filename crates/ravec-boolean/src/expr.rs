@@ -31,17 +31,17 @@ pub use parse::ParseExprError;
 pub enum Expr {
     /// A mesh.
     Mesh(usize),
-    /// What is in any of them.
+    /// Union.
     Union(Vec<Expr>),
-    /// What is in all of them.
+    /// Intersection.
     Intersection(Vec<Expr>),
-    /// What is in the first and in none of the others.
+    /// Difference: the first without the others.
     Difference(Vec<Expr>),
-    /// What is in an odd number of them.
+    /// Symmetric difference: the points inside an odd number of them.
     SymmetricDifference(Vec<Expr>),
 }
 
-/// What is known of a region, or of a mesh there.
+/// Knowledge about a region, or about a mesh there.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Known {
     /// All of it is inside.
@@ -68,7 +68,7 @@ impl Expr {
         }
     }
 
-    /// What is known of a region, given what is known of the meshes there.
+    /// Evaluates a region from the knowledge about the meshes there.
     ///
     /// Where it is [`Known::In`] or [`Known::Out`], that holds whatever the unknown meshes are. The reverse is not promised:
     /// terms are taken for independent, so that `a - a` is unknown where `a` is ([`Self::flattened`] makes nothing of it).
@@ -332,12 +332,12 @@ impl Expr {
 /// The box that holds all places.
 const EVERYWHERE: Aabb = Aabb::new(glam::DVec3::NEG_INFINITY, glam::DVec3::INFINITY);
 
-/// What two boxes share.
+/// Intersection of two boxes.
 fn common(a: Aabb, b: Aabb) -> Aabb {
     Aabb::new(a.min.max(b.min), a.max.min(b.max))
 }
 
-/// What is known of a union.
+/// Evaluates a union.
 fn any(terms: &[Expr], of: &impl Fn(usize) -> Known) -> Known {
     let mut sum = Known::Out;
     for term in terms {

@@ -40,7 +40,7 @@ pub struct Origin {
     pub whole: bool,
 }
 
-/// What was found out about one of the meshes.
+/// Findings about an input mesh.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct OperandReport {
     /// Triangles that came in.
@@ -57,11 +57,11 @@ pub struct OperandReport {
     pub closing_triangles: u64,
     /// Connected parts of it that are inside out and in no other part.
     pub reversed_parts: u64,
-    /// What was assumed about it, in sentences; empty for a clean solid.
+    /// Assumptions about it, as sentences; empty for a clean solid.
     pub assumptions: Vec<String>,
 }
 
-/// What was done, and what holds for the result.
+/// Report of a Boolean operation and of the properties of its result.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct BooleanReport {
     /// One entry for each mesh, in their order.
@@ -95,7 +95,7 @@ pub struct Boolean {
     pub origins: Vec<Origin>,
     /// Edges along which surfaces of the result were cut, as pairs of vertices.
     pub feature_edges: Vec<[u32; 2]>,
-    /// What holds for it.
+    /// Report on it.
     pub report: BooleanReport,
 }
 

@@ -6,7 +6,7 @@ use rustc_hash::{FxHashMap, FxHashSet};
 
 use crate::arrangement::{Cells, Pieces, Side};
 
-/// What a triangle of a draft is made of.
+/// Components of a triangle of a draft.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Parent {
     /// The triangle of the soup.
@@ -124,7 +124,7 @@ pub(crate) fn select(
     Ok(draft)
 }
 
-/// What is known of the pieces of a triangle.
+/// Knowledge about the pieces of a triangle.
 #[derive(Default)]
 struct Tally {
     /// Pieces that it covers.

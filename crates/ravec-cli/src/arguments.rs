@@ -28,10 +28,10 @@ pub use mesh::{MeshCommand, MeshLimitFlags};
     propagate_version = true
 )]
 pub struct Arguments {
-    /// What to do.
+    /// The operation.
     #[command(subcommand)]
     pub command: Command,
-    /// What all operations share.
+    /// Options common to all operations.
     #[command(flatten)]
     pub global: Global,
 }
@@ -195,10 +195,10 @@ pub enum Command {
         subcommand_required = true
     )]
     Mesh {
-        /// What to do.
+        /// The operation.
         #[command(subcommand)]
         command: MeshCommand,
-        /// What reading may cost.
+        /// Limits for reading.
         #[command(flatten)]
         limits: MeshLimitFlags,
     },
@@ -214,7 +214,7 @@ pub enum Command {
         output: PathBuf,
         #[command(flatten)]
         params: offset::Params,
-        /// What reading may cost.
+        /// Limits for reading.
         #[command(flatten)]
         limits: MeshLimitFlags,
     },
@@ -246,7 +246,7 @@ pub enum Command {
         report: Option<ReportFormat>,
         #[command(flatten)]
         params: boolean::Params,
-        /// What reading may cost.
+        /// Limits for reading.
         #[command(flatten)]
         limits: MeshLimitFlags,
     },
@@ -257,7 +257,7 @@ pub enum Command {
         subcommand_required = true
     )]
     Library {
-        /// What to do.
+        /// The operation.
         #[command(subcommand)]
         command: LibraryCommand,
     },

@@ -3,7 +3,7 @@
 //! The examples are run by the tests as they are written here, with `photo.jpg` and the like in the folder. Paragraphs are one
 //! line each, which is broken to the width of the terminal.
 
-/// What the program ends with.
+/// Exit codes of the program.
 macro_rules! exit_codes {
     () => {
         "\

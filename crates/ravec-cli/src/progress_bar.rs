@@ -4,7 +4,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use ravec::progress::{Progress, Update};
 use std::sync::{Mutex, PoisonError};
 
-/// What the bar shows: the phase, the bar, the share, and the time so far.
+/// Template of the bar: phase, bar, share and elapsed time.
 const STYLE: &str = "{msg:>12} [{bar:32}] {percent:>3} % {elapsed}";
 
 /// A progress whose updates are drawn, and the bar to clear when all is done.

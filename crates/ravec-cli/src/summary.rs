@@ -69,7 +69,7 @@ fn line(text: &mut String, verb: &str, file: &FileReport) {
     );
 }
 
-/// What was found, and where.
+/// Findings and their places.
 fn list(text: &mut String, finding: &Finding) {
     put(text, format_args!("{}: {}", finding.what, finding.count));
     for place in &finding.places {

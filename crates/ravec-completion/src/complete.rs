@@ -51,11 +51,11 @@ impl Default for CompleteParams {
 pub struct Completed<P> {
     /// The picture.
     pub image: Image<P>,
-    /// What was done.
+    /// Report.
     pub summary: CompleteSummary,
 }
 
-/// What was done to fill a hole.
+/// Report of filling a hole.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct CompleteSummary {
     /// Pixels of the hole, those covered in part included.

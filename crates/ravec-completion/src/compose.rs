@@ -84,7 +84,7 @@ impl Maps<'_> {
             .is_some_and(|index| sheet.is(index, KNOWN))
     }
 
-    /// What a piece shows at a pixel.
+    /// Value of a piece at a pixel.
     fn sample(&self, place: (usize, usize), label: u16) -> Ink {
         let at = self.on_sheet(place) + self.composition.offsets[usize::from(label)];
         let image_from_sheet = &self.composition.sheet.image_from_sheet;

@@ -27,11 +27,11 @@ const RIM_WEIGHT: f32 = 4.0;
 /// How much the pull towards the expected mean counts against a seam: without it bland sources win; much more, and seams
 /// are accepted for it.
 const GUIDANCE_WEIGHT: f32 = 0.03;
-/// What a seam costs for each pixel of its length, however little it shows: fewer, larger pieces.
+/// Cost of a seam for each pixel of its length, however little it shows: fewer, larger pieces.
 const SEAM_COST: f32 = 0.001;
 /// Known pixels around the hole that take part.
 const RIM_PX: i32 = 2;
-/// What it costs to compare with a pixel that is not known: as much as a plainly visible seam.
+/// Cost of a comparison with an unknown pixel: that of a plainly visible seam.
 const UNKNOWN: f32 = 0.3;
 /// Costs are whole numbers: a difference of one 8-bit step in one channel is about 15.
 const SCALE: f32 = 1e6;
@@ -114,7 +114,7 @@ impl Cells {
     }
 }
 
-/// What is to be labeled, and what that costs.
+/// A labeling problem and its costs.
 pub(crate) struct Cut<'a> {
     pub(crate) sheet: &'a Sheet,
     pub(crate) offsets: &'a [IVec2],
@@ -138,7 +138,7 @@ impl Cut<'_> {
         }
     }
 
-    /// What it costs to label a pixel, whatever its neighbors are.
+    /// Cost of a label at a pixel, independent of its neighbors.
     fn pixel_cost(&self, pixel: u32, source: u32) -> i32 {
         let (sheet, pixel) = (self.sheet, pixel as usize);
         let usable = source != NONE && sheet.is(source as usize, SOURCE);
@@ -159,7 +159,7 @@ impl Cut<'_> {
         cost(RIM_WEIGHT * difference)
     }
 
-    /// What it costs to label a cell.
+    /// Cost of a label at a cell.
     fn cell_cost(&self, pixels: &[u32], label: u16) -> i32 {
         let sum: i64 = pixels
             .iter()

@@ -49,7 +49,7 @@ pub enum CompleteError {
     /// A target, a source or a variant that makes no sense.
     #[error("{what}")]
     Fragment {
-        /// What is wrong with it.
+        /// Description of the defect.
         what: String,
     },
     /// The outline of a plane crosses itself.

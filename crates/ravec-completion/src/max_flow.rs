@@ -31,7 +31,7 @@ struct Node {
     stamp: u32,
     /// Arcs to the terminal.
     distance: u32,
-    /// What is left from the source (above 0) or to the sink (below 0).
+    /// Residual capacity from the source (above 0) or to the sink (below 0).
     terminal: i64,
     sink_side: bool,
     queued: bool,
@@ -136,7 +136,7 @@ impl FlowGraph {
         }
     }
 
-    /// What an arc can still carry from the side of the source to that of the sink, seen from its tail.
+    /// Residual capacity of an arc from the side of the source to that of the sink, seen from its tail.
     fn residual(&self, arc: u32, sink_side: bool) -> i32 {
         self.arcs[(arc ^ u32::from(sink_side)) as usize].left
     }

@@ -52,7 +52,7 @@ fn members(mask: &Mask) -> impl Iterator<Item = (usize, usize)> {
     covered.map(move |(index, _)| (index % width, index / width))
 }
 
-/// What hangs together in a hole, cut where it is long and sparse.
+/// Connected components of a hole, split where they are long and sparse.
 pub(crate) fn split(hole: &Mask) -> Vec<Part> {
     let Some((solid, window)) = solid_window(hole, NEAR_PX.ceil() as usize) else {
         return Vec::new();

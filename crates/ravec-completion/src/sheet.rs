@@ -10,7 +10,7 @@ use ravec_planar::Homography;
 use ravec_raster::Rect;
 use rayon::prelude::*;
 
-/// What pixels are compared by: the ink, and the gradient of its luminance.
+/// Features by which pixels are compared: the ink, and the gradient of its luminance.
 pub(crate) type Feature = [f32; 8];
 
 /// How much a gradient counts against a color. More follows edges, less follows tones.

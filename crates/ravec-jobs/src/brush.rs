@@ -16,7 +16,7 @@ use ravec_media::{Picture, WriteOptions};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// What the brush does.
+/// Effect of the brush.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
@@ -69,7 +69,7 @@ impl BrushMode {
 #[serde(default, deny_unknown_fields)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct Params {
-    /// What the brush does
+    /// Effect of the brush
     #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t = Params::default().mode))]
     pub mode: BrushMode,
     /// Strength of the effect, 0 to 1: the share of the way from the old color to the new one

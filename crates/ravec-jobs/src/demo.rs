@@ -25,7 +25,7 @@ use ravec_scenes::street::street;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// What the demonstration is made of.
+/// Settings of the demonstration.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
@@ -35,7 +35,7 @@ pub struct Params {
     /// Below 640, pictures of meshes are smaller and coarser, too.
     #[cfg_attr(feature = "cli", arg(long, value_name = "PX", default_value_t = Params::default().max_side))]
     pub max_side: usize,
-    /// What the built-in street and the added noise are drawn from
+    /// Seed of the built-in street and of the added noise
     #[cfg_attr(feature = "cli", arg(long, default_value_t = Params::default().seed))]
     pub seed: u64,
 }

@@ -23,9 +23,9 @@ pub enum JobError {
     Parameter {
         /// The parameter, as its flag is called.
         name: &'static str,
-        /// What was asked for.
+        /// Requested value.
         value: String,
-        /// What is possible.
+        /// Supported values.
         range: &'static str,
     },
     /// An input cannot be read or is no valid picture.
@@ -33,7 +33,7 @@ pub enum JobError {
     Read {
         /// The file; `-` is standard input.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Description of the defect.
         cause: DecodeError,
     },
     /// Two inputs must have the same size and have not.
@@ -57,7 +57,7 @@ pub enum JobError {
     Write {
         /// The file; `-` is standard output.
         path: PathBuf,
-        /// What is wrong.
+        /// Description of the defect.
         cause: EncodeError,
     },
     /// An output would take the place of an input.
@@ -80,7 +80,7 @@ pub enum JobError {
     ReadMesh {
         /// The file; `-` is standard input.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Description of the defect.
         cause: ReadMeshError,
     },
     /// A mesh has no triangles where some are needed.
@@ -94,7 +94,7 @@ pub enum JobError {
     WriteMesh {
         /// The file; `-` is standard output.
         path: PathBuf,
-        /// What is wrong.
+        /// Description of the defect.
         cause: WriteMeshError,
     },
     /// The extension of an output does not say which format a mesh is to have.
@@ -118,7 +118,7 @@ pub enum JobError {
     /// An expression over meshes cannot be read.
     #[error("cannot read the expression: {cause}\n{caret}")]
     Expression {
-        /// What is wrong.
+        /// Description of the defect.
         cause: ParseExprError,
         /// The expression, and a caret under the place.
         caret: String,
@@ -190,7 +190,7 @@ pub enum JobError {
     Strokes {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Description of the defect.
         reason: String,
     },
     /// Steps cannot be read or make no sense.
@@ -198,7 +198,7 @@ pub enum JobError {
     Steps {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Description of the defect.
         reason: String,
     },
     /// Something cannot be done with a catalogue of photos.
@@ -320,7 +320,7 @@ impl From<EnlargeError> for JobError {
 }
 
 impl JobError {
-    /// What is wrong with the strokes of a file.
+    /// Describes a defect in the strokes of a file.
     pub(crate) fn from_strokes(path: &Path, error: StrokeError) -> Self {
         match error {
             StrokeError::Cancelled(_) => Self::Cancelled,
@@ -358,7 +358,7 @@ impl JobError {
 }
 
 impl JobError {
-    /// What is wrong with a mesh file that was read.
+    /// Classifies an error of reading a mesh file.
     pub(crate) fn from_reading(path: &Path, cause: ReadMeshError) -> Self {
         match cause {
             ReadMeshError::Cancelled => Self::Cancelled,
@@ -369,7 +369,7 @@ impl JobError {
         }
     }
 
-    /// What is wrong with a mesh file that was written.
+    /// Classifies an error of writing a mesh file.
     pub(crate) fn from_writing(path: &Path, cause: WriteMeshError) -> Self {
         match cause {
             WriteMeshError::Cancelled => Self::Cancelled,

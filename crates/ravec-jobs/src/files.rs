@@ -19,7 +19,7 @@ use std::path::{Path, PathBuf};
 pub struct Source {
     /// Where it is; `-` is standard input.
     pub path: PathBuf,
-    /// What reading it may cost.
+    /// Limits for reading it.
     pub limits: Limits,
 }
 

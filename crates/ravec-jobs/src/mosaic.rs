@@ -419,7 +419,7 @@ fn checked(params: &Params) -> Result<MosaicParams, JobError> {
 }
 
 impl JobError {
-    /// What went wrong with a catalogue, or a mosaic from it.
+    /// Converts an error of a catalogue or of a mosaic.
     pub(crate) fn from_library(cause: LibraryError) -> Self {
         match cause {
             LibraryError::Cancelled(_) => Self::Cancelled,

@@ -39,7 +39,7 @@ pub enum LibraryError {
     Damaged {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Description of the defect.
         reason: String,
     },
     /// Another process has the catalogue.
@@ -109,7 +109,7 @@ pub enum LibraryError {
     Protected {
         /// The file or folder.
         path: PathBuf,
-        /// What it is.
+        /// Reason for the protection.
         reason: &'static str,
     },
     /// What should be added is not there.

@@ -50,7 +50,7 @@ pub enum Warning {
     /// The embedded color profile cannot be used.
     #[error("the color profile cannot be used ({reason}); the picture is taken as sRGB")]
     ProfileIgnored {
-        /// What is wrong with it.
+        /// Description of the defect.
         reason: String,
     },
     /// Ink amounts were turned into colors by the plain formula.

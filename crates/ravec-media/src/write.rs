@@ -76,7 +76,7 @@ pub enum EncodeError {
     /// Out of the range of JPEG qualities.
     #[error("JPEG quality is 1 to 100, not {quality}")]
     Quality {
-        /// What was asked for.
+        /// Requested value.
         quality: u8,
     },
     /// The encoder refuses the picture.

@@ -251,9 +251,9 @@ pub enum RenderError {
     /// Width or height out of range.
     #[error("a picture has 1 to 16384 pixels each way, not {width} by {height}")]
     Size {
-        /// What was asked for.
+        /// Requested value.
         width: u32,
-        /// What was asked for.
+        /// Requested value.
         height: u32,
     },
     /// A number of samples out of range.

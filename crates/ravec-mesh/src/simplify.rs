@@ -196,7 +196,7 @@ pub struct Simplified {
     pub features: Vec<[u32; 2]>,
     /// What the error was measured from, if it was limited and this was [asked for](Keep::reports_samples).
     pub samples: Vec<ErrorSample>,
-    /// What was done.
+    /// Report.
     pub report: SimplifyReport,
 }
 

@@ -33,7 +33,7 @@ const USED_SHARE: f64 = 0.75;
 /// Bytes without which no tile is worth its while, beside what the mesh itself takes.
 const LEAST_MEMORY: u64 = 64 << 20;
 
-/// What was done, and what holds for the result.
+/// Report of a Boolean operation and of the properties of its result.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct OffsetReport {
     /// Whether every facet is proved to keep the distance within the tolerance.
@@ -80,7 +80,7 @@ pub struct OffsetReport {
 pub struct Offset {
     /// The surface; triangles are counterclockwise seen from outside of the offset solid.
     pub mesh: TriMesh,
-    /// What holds for it.
+    /// Report on it.
     pub report: OffsetReport,
 }
 
@@ -89,7 +89,7 @@ pub struct Offset {
 pub struct StoredOffset {
     /// The surface; triangles are counterclockwise seen from outside of the offset solid.
     pub surface: OffsetSurface,
-    /// What holds for it.
+    /// Report on it.
     pub report: OffsetReport,
 }
 

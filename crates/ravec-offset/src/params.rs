@@ -20,7 +20,7 @@ pub enum Side {
     Shell,
 }
 
-/// What to do with a mesh that is not closed.
+/// Treatment of a mesh that is not closed.
 #[derive(
     Debug, Clone, Copy, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize,
 )]
@@ -118,19 +118,19 @@ pub enum OffsetError {
     /// A distance that is none.
     #[error("the distance is {got}, but must be a number above 0")]
     Distance {
-        /// What was asked for.
+        /// Requested value.
         got: f64,
     },
     /// A distance that is too small or too large to reckon with.
     #[error("the distance is {}, but only sizes from 1e-40 to 1e40 can be offset", Short(*got))]
     DistanceSize {
-        /// What was asked for.
+        /// Requested value.
         got: f64,
     },
     /// A distance that leaves no room for a tolerance that can be kept.
     #[error("the distance is {}, but for a mesh of this size and place must be above {}", Short(*got), Short(*least))]
     DistanceTooSmall {
-        /// What was asked for.
+        /// Requested value.
         got: f64,
         /// What is too small just so.
         least: f64,
@@ -143,7 +143,7 @@ pub enum OffsetError {
         Short(*most)
     )]
     Tolerance {
-        /// What was asked for.
+        /// Requested value.
         got: f64,
         /// The least for a mesh of this size.
         least: f64,
@@ -158,7 +158,7 @@ pub enum OffsetError {
         Short(*least)
     )]
     SinglePrecision {
-        /// What was asked for.
+        /// Requested value.
         got: f64,
         /// The least for a mesh of this size and place.
         least: f64,
@@ -172,7 +172,7 @@ pub enum OffsetError {
     /// A normal deviation that is none.
     #[error("the normal deviation is {got} degrees, but must be above 0 and at most 90")]
     NormalDeviation {
-        /// What was asked for.
+        /// Requested value.
         got: f64,
     },
     /// Less memory than the mesh itself takes.
@@ -197,7 +197,7 @@ pub enum OffsetError {
         Short(*tolerance)
     )]
     TooRough {
-        /// What was asked for.
+        /// Requested value.
         tolerance: f64,
     },
     /// A side that only solids have.
@@ -213,7 +213,7 @@ pub enum OffsetError {
         "a sheet is thickened on the side that its triangles face: side {side:?} does not go with it, choose both"
     )]
     SideOfSheet {
-        /// What was asked for.
+        /// Requested value.
         side: Side,
     },
     /// A sheet that turns into its own other side.
@@ -233,7 +233,7 @@ pub enum OffsetError {
     /// Nothing is that deep inside, or nothing at all was found.
     #[error("no point of that side is {} away from the mesh: choose a smaller distance", Short(*distance))]
     Empty {
-        /// What was asked for.
+        /// Requested value.
         distance: f64,
     },
     /// The caller gave up.

@@ -29,7 +29,7 @@ pub struct StillLifeTruth {
 /// One thing.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ThingTruth {
-    /// What it is.
+    /// Name of the object.
     pub name: String,
     /// Image of its center.
     pub center_in_image: DVec2,

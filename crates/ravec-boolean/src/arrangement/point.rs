@@ -16,7 +16,7 @@ use ravec_mesh::Sign;
 use super::exact::{self, Exact, Grid};
 use super::interval::Interval;
 
-/// What defines a point that has no coordinates of its own.
+/// Definition of a point without coordinates of its own.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Definition {
     /// A line goes through a plane.

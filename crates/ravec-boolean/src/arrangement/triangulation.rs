@@ -33,7 +33,7 @@ const FLIP_MARGIN: f64 = 1e-9;
 /// Passes over all edges when they are made round in the end. One does nearly all of it; the limit is for rounding.
 const PASSES: usize = 8;
 
-/// What a segment lies in, beside the plane.
+/// The surface, beside the plane, in which a segment lies.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Line {
     /// The line through two corners.

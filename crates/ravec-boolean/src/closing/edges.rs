@@ -49,7 +49,7 @@ impl Chain {
     }
 }
 
-/// What the edges of a mesh say about it.
+/// Properties of a mesh that its edges reveal.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Census {
     /// The boundary, with vertices at the same place as one: that with the lowest index.

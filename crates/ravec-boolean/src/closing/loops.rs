@@ -29,10 +29,10 @@ pub(super) struct Filled {
     pub loops: u32,
 }
 
-/// So many loops, the longest, are looked at for joining: all pairs of them are.
+/// Maximum number of loops, the longest ones, whose pairs are considered for joining.
 const JOIN_LOOPS: usize = 1000;
 
-/// So many corners are triangulated on trial: about half a second.
+/// Maximum number of corners that are triangulated on trial: about half a second.
 const JOIN_CORNERS: usize = 30_000;
 
 /// The share of the two loops' own surfaces that a common one must stay below to be taken.
@@ -239,7 +239,7 @@ fn neighbors(
     Ok(pairs)
 }
 
-/// So many vertices of each of two loops are compared at most.
+/// Maximum number of vertices of a loop that are compared with another loop.
 const COMPARED: usize = 1000;
 
 /// The distance of two loops' vertices, and which are nearest. Of long loops not every vertex is looked at.

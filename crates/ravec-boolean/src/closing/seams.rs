@@ -27,7 +27,7 @@ const WIDTHS_REL: [f64; 6] = [1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2];
 /// themselves, more would leave seams between short edges to the filling of loops.
 const LONGER: f64 = 4.0;
 
-/// What was closed.
+/// Result of closing.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Seams {
     /// Edges of the boundary with a strip along them.

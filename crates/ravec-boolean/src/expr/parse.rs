@@ -20,7 +20,7 @@ pub enum ParseExprError {
     NoOperand {
         /// Where.
         at: usize,
-        /// What stands there instead; nothing at the end.
+        /// Text found instead; empty at the end.
         found: Option<String>,
         /// The operator or parenthesis before it.
         after: Option<String>,
@@ -30,7 +30,7 @@ pub enum ParseExprError {
     NoOperator {
         /// Where.
         at: usize,
-        /// What stands there instead.
+        /// Text found instead.
         found: String,
     },
     /// A parenthesis opens and is not closed.

@@ -104,7 +104,7 @@ impl MeshCommand {
     }
 }
 
-/// What reading a mesh may cost.
+/// Limits for reading a mesh.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Limits")]
 pub struct MeshLimitFlags {

@@ -40,7 +40,7 @@ pub(super) struct Transform {
     columns_back: Arc<dyn Fft<f32>>,
 }
 
-/// What a thread works in.
+/// Scratch memory of a thread.
 pub(super) struct Scratch {
     real: Vec<f32>,
     wide: Vec<Complex32>,
@@ -192,7 +192,7 @@ impl Transform {
     }
 }
 
-/// What is correlated of a level: values, gradients, and the squares of colors, gradients and features.
+/// Channels of a level that are correlated: values, gradients, and the squares of colors, gradients and features.
 fn kept(channels: Channels) -> usize {
     channels.values() + 2 + 2 + usize::from(channels.features)
 }

@@ -112,7 +112,7 @@ impl Buffer {
         }))
     }
 
-    /// What searches of a level need; none for level 0, where they are rare.
+    /// Data for searches in a level; none for level 0, where they are rare.
     pub(super) fn blocks(&self, level: usize) -> Option<&Blocks> {
         level.checked_sub(1).map(|index| &self.blocks[index])
     }

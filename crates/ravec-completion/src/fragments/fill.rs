@@ -42,7 +42,7 @@ impl Default for FillOptions {
     }
 }
 
-/// What was done to fill a hole.
+/// Report of filling a hole.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct FillSummary {
     /// Steps that were taken and not taken back.

@@ -24,7 +24,7 @@ pub(super) const RADII: std::ops::RangeInclusive<u32> = 2..=124;
 pub struct Sources<'a, P: Color> {
     /// The picture itself.
     pub image: &'a Image<P>,
-    /// What is to be replaced in it. Nothing is copied from there, nor from 2 pixels around it.
+    /// Mask of the pixels to replace. Nothing is copied from there, nor from 2 pixels around it.
     pub hole: &'a Mask,
     /// Planes: quadrilaterals in the picture, corners in order around them, in pixels, x right, y down, pixel centers at
     /// half-integers, that are pictures of rectangles. Each gives a rectified view.
@@ -53,7 +53,7 @@ impl<'a, P: Color> Sources<'a, P> {
     }
 }
 
-/// What is searched for, and how.
+/// Parameters of a search.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SearchOptions {
     /// How many matches are wanted, 1 to 64 (default 8).
@@ -297,7 +297,7 @@ impl FragmentIndex {
         photos + self.buffers.iter().map(Buffer::bytes).sum::<usize>()
     }
 
-    /// What is to be replaced.
+    /// Mask of the pixels to replace.
     pub fn hole(&self) -> &Mask {
         &self.hole
     }

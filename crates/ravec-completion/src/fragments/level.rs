@@ -25,7 +25,7 @@ const FEATURE_WEIGHT: f32 = 0.5;
 /// Values of a pixel at most: luminance, two chromas, alpha, feature.
 pub(super) const MAX_VALUES: usize = 5;
 
-/// What is looked at besides colors.
+/// Features compared besides colors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Channels {
     /// Some pixel is not opaque.

@@ -99,7 +99,7 @@ impl<'a> Way<'a> {
         Some(self.step.target.shape.distance(at - self.target_in_view) / self.radius)
     }
 
-    /// What the source shows at a pixel; none where it is not known.
+    /// Value of the source at a pixel; none where it is unknown.
     pub(super) fn ink(&self, (col, row): (usize, usize)) -> Option<Ink> {
         let middle = dvec2(col as f64 + 0.5, row as f64 + 0.5);
         let in_view = self.view_from_picture.try_apply(middle)?;

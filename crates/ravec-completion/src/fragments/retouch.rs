@@ -89,7 +89,7 @@ impl<'a> Retouch<'a> {
         }
     }
 
-    /// What is copied from.
+    /// The source.
     pub fn index(&self) -> &'a FragmentIndex {
         self.index
     }
@@ -292,7 +292,7 @@ impl<'a> Retouch<'a> {
         Ok(settled(target))
     }
 
-    /// What is known of a target.
+    /// Known pixels of a target.
     fn template(
         &self,
         target: &Target,

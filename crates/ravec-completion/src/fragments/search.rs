@@ -49,7 +49,7 @@ pub(super) struct Place {
     pub(super) score: f32,
 }
 
-/// What is searched for.
+/// Query of a search.
 pub(super) struct Hunt<'a> {
     pub(super) buffers: &'a [Buffer],
     /// Templates for the levels, the finest first.

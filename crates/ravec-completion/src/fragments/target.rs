@@ -94,7 +94,7 @@ impl Variant {
     }
 }
 
-/// What is copied.
+/// The copied source.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SourceFragment {
@@ -115,7 +115,7 @@ pub struct SourceFragment {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Step {
-    /// What is replaced.
+    /// Mask of the replaced pixels.
     pub target: Target,
     /// By what.
     pub source: SourceFragment,

@@ -28,7 +28,7 @@ pub(crate) struct Proposal {
     pub(crate) score: f32,
 }
 
-/// What was found.
+/// Result of the search.
 #[derive(Debug, Default)]
 pub(crate) struct Proposals {
     pub(crate) ring: Vec<Proposal>,

@@ -80,7 +80,7 @@ pub(super) struct Prepared {
     pub(super) channels: [Spectrum; CHANNELS],
     /// Squared colors, squared gradients.
     pub(super) energies: [Spectrum; 2],
-    /// What is taken off each channel first, so that squares do not drown differences in rounding.
+    /// Offset subtracted from each channel first, so that squares do not drown differences in rounding.
     pub(super) means: [f32; CHANNELS],
 }
 

@@ -31,7 +31,7 @@ struct Log {
     steps: Vec<Step>,
 }
 
-/// What became of a picture.
+/// Result for a picture.
 struct Filled {
     image: AnyImage,
     steps: Vec<Step>,

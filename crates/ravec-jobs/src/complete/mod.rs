@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-/// What is filled, and from where.
+/// Holes and sources of a completion.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
@@ -110,7 +110,7 @@ pub enum Engine {
 /// The files beside the picture, all of them optional.
 #[derive(Debug, Clone, Default)]
 pub struct Files {
-    /// What is replaced: white replaces, black keeps, gray mixes.
+    /// Mask of the pixels to replace: white replaces, black keeps, gray mixes.
     pub mask: Option<Source>,
     /// Pixels on structure that should go on: white, in a picture of the same size.
     pub features: Option<Source>,
@@ -339,7 +339,7 @@ pub fn run(
     Ok(report)
 }
 
-/// What there is to do.
+/// Inputs of a completion.
 struct Job<'a> {
     input: &'a Source,
     picture: &'a AnyImage,

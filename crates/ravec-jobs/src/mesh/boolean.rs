@@ -49,7 +49,7 @@ impl From<Inside> for library::Inside {
     }
 }
 
-/// What is inside, and how the result is written.
+/// Parameters of a Boolean operation and of its output.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
@@ -246,7 +246,7 @@ pub fn run(
     Ok(report)
 }
 
-/// What was read.
+/// Input as read.
 struct Inputs {
     /// By index; those that are not used are empty.
     meshes: Vec<TriMesh>,

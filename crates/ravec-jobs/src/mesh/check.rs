@@ -10,7 +10,7 @@ use ravec::mesh::{CheckParams, Found, MeshCheck, TriMesh, TriTri, check, measure
 use ravec::progress::Progress;
 use serde::{Deserialize, Serialize};
 
-/// What counts as a defect, and how much to say.
+/// Definition of a defect, and number of reported places.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
@@ -117,7 +117,7 @@ fn count(found: &MeshCheck, report: &mut Report) {
     }
 }
 
-/// What was found, in the order in which one would repair it.
+/// Findings, in the order in which one would repair them.
 pub(super) fn findings(mesh: &TriMesh, found: &MeshCheck, params: &Params) -> Vec<Finding> {
     let vertex = |&v: &u32| Place {
         vertices: vec![v],

@@ -118,17 +118,17 @@ pub struct Output {
     pub precision: Precision,
 }
 
-/// What a run that turns one file into another begins with.
+/// Start of a run that converts one file into another.
 pub(super) struct Begun {
     /// With the input in it.
     pub report: Report,
-    /// What was read.
+    /// Input as read.
     pub file: MeshFile,
-    /// What is to be written, in the unit of the input.
+    /// Output, in the unit of the input.
     pub target: MeshTarget,
 }
 
-/// What of a file is carried over.
+/// Attributes of a file that are carried over.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Carries {
     /// Its triangles alone.
@@ -173,7 +173,7 @@ impl Output {
         Ok(())
     }
 
-    /// What to write to `path`, once the format of the input is known.
+    /// Target for `path`, once the format of the input is known.
     pub(super) fn target(&self, path: &Path, input: MeshFormat) -> Result<MeshTarget, JobError> {
         let mut target = match self.format {
             Some(format) => MeshTarget::new(format.into()),
@@ -201,7 +201,7 @@ impl Output {
     }
 }
 
-/// What becomes of the mesh on its way.
+/// Changes to the mesh between input and output.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
@@ -310,7 +310,7 @@ pub(super) fn rounds(target: &MeshTarget) -> bool {
         )
 }
 
-/// What coordinates are multiplied by when they are written: glTF is in meters.
+/// Scale factor of coordinates in the output: glTF is in meters.
 pub(super) fn unit_scale(target: MeshTarget) -> f64 {
     match target.format {
         MeshFormat::Glb | MeshFormat::Gltf => target.unit.map_or(1.0, LengthUnit::in_meters),

@@ -20,7 +20,7 @@ use std::path::{Component, Path, PathBuf};
 pub struct MeshSource {
     /// Where it is; `-` is standard input.
     pub path: PathBuf,
-    /// What reading it may cost.
+    /// Limits for reading it.
     pub limits: MeshLimits,
 }
 
@@ -381,7 +381,7 @@ fn write_recorded(
     Ok(())
 }
 
-/// What is said of a mesh that was written.
+/// Report entry of a mesh that was written.
 fn written(path: &Path, target: MeshTarget, mesh: &impl MeshRows) -> FileReport {
     let unit = match target.format {
         MeshFormat::ThreeMf => target.unit.or(Some(LengthUnit::Millimeter)),

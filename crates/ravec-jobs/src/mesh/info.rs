@@ -8,7 +8,7 @@ use ravec::mesh::{CheckParams, check, try_measure};
 use ravec::progress::Progress;
 use serde::{Deserialize, Serialize};
 
-/// What is said: there is nothing to choose yet.
+/// Parameters; there are none yet.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]

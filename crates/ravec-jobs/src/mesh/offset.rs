@@ -25,7 +25,7 @@ pub enum Side {
     /// All that is at the distance, whatever the triangles are
     #[default]
     Both,
-    /// What of it can be reached from far away: the mesh grows, and its cavities are filled
+    /// The part reachable from outside: the mesh grows, and its cavities are filled
     Outer,
     /// Inside a closed mesh: it shrinks
     Inner,
@@ -50,7 +50,7 @@ impl From<Side> for library::Side {
     }
 }
 
-/// What to do with a mesh that is not closed.
+/// Treatment of a mesh that is not closed.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
@@ -96,7 +96,7 @@ pub struct Params {
     /// Which part of what is at the distance
     #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "SIDE", default_value_t = Params::default().side))]
     pub side: Side,
-    /// What to do with a mesh that is not closed: thicken makes a solid of a sheet, with the sheet itself as one skin, its
+    /// Treatment of a mesh that is not closed: thicken makes a solid of a sheet, with the sheet itself as one skin, its
     /// offset as the other, and upright walls along its boundary
     #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "RULE", default_value_t = Params::default().open))]
     pub open: Open,

@@ -4,7 +4,7 @@ use ravec::mesh::TriMesh;
 use ravec::progress::{Cancelled, Progress};
 use std::collections::HashMap;
 
-/// So many triangles are cut between two looks at the cancellation.
+/// Batch size between cancellation checks, in triangles.
 const AT_ONCE: usize = 1 << 14;
 
 /// The mesh with edges halved until none is longer than `longest`, or until there would be more than `most` triangles.

@@ -7,11 +7,11 @@ use glam::DVec3;
 use ravec::mesh::{CheckParams, MeshCheck, TriMesh, check, weld};
 use ravec::progress::Progress;
 
-/// What rounding does to a mesh.
+/// Effect of rounding on a mesh.
 pub(super) struct Rounded {
     /// By how much a coordinate changes at most.
     pub moved: f64,
-    /// What holds for the rounded mesh, if it is another one.
+    /// Verdict on the rounded mesh, if it differs.
     pub check: Option<MeshCheck>,
 }
 

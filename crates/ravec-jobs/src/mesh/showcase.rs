@@ -42,14 +42,14 @@ pub(crate) struct Detail {
 }
 
 impl Detail {
-    /// What fits a page whose pictures have sides up to `max_side`. From 640 on nothing is spared.
+    /// Settings for a page whose pictures have sides up to `max_side`. From 640 on nothing is spared.
     pub fn of(max_side: usize) -> Self {
         Self {
             share: (max_side as f64 / 640.0).clamp(0.25, 1.0),
         }
     }
 
-    /// What the pictures have in common.
+    /// Settings common to all pictures.
     pub(super) fn picture(self) -> RenderParams {
         let side = |px: f64| (px * self.share) as u32;
         RenderParams {

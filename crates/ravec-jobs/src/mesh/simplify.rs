@@ -170,7 +170,7 @@ pub fn run(
     Ok(report)
 }
 
-/// What stood in the way, the most common first.
+/// Obstacles, the most common first.
 fn reasons(done: &SimplifyReport) -> String {
     let vetoes = &done.vetoes;
     let mut reasons = vec![

@@ -7,9 +7,9 @@ use ravec::raster::{Image, LinearRgba, Size};
 /// A color in linear light.
 pub(crate) type Color = [f32; 3];
 
-/// What a grid was.
+/// Color of the input grid.
 pub(crate) const BEFORE: Color = [1.0, 0.55, 0.0];
-/// What it is.
+/// Color of the result.
 pub(crate) const AFTER: Color = [0.0, 0.85, 0.25];
 
 /// A width that can be seen in a picture of this size: three pixels of two thousand, or a quarter of the shorter side of a

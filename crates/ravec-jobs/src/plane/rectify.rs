@@ -63,7 +63,7 @@ pub struct Params {
     #[cfg_attr(feature = "cli", arg(long))]
     #[serde(default)]
     pub whole: bool,
-    /// What lies beyond the picture: transparent, extended (its border pixels go on), or a color as #rrggbb
+    /// Content beyond the picture: transparent, extended (its border pixels go on), or a color as #rrggbb
     #[cfg_attr(
         feature = "cli",
         arg(long, value_name = "WHAT", default_value = "transparent")
@@ -91,7 +91,7 @@ impl Params {
     }
 }
 
-/// What lies beyond the picture.
+/// Content beyond the picture.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Outside {

@@ -57,7 +57,7 @@ pub enum ReadMeshError {
         format: MeshFormat,
         /// Where.
         place: Place,
-        /// What is wrong.
+        /// Description of the defect.
         what: String,
     },
     /// The file ends too early.

@@ -256,7 +256,7 @@ pub enum StrokeError {
     Stroke {
         /// Which one, counted from 1.
         number: usize,
-        /// What is wrong with it.
+        /// Description of the defect.
         problem: &'static str,
     },
     /// The list is of another version.

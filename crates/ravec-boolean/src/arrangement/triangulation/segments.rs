@@ -8,7 +8,7 @@ use ravec_mesh::Sign;
 use super::{Held, Line, NONE, Triangulation, key};
 use crate::arrangement::point::{Definition, Point};
 
-/// What is met on the way from a vertex towards another.
+/// Element met on the way from a vertex towards another.
 enum Step {
     /// An edge that leads the way.
     Along(u32),

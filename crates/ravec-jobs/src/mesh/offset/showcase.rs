@@ -190,7 +190,7 @@ impl Studio<'_> {
         ])
     }
 
-    /// What cells and errors are shown of.
+    /// The offset whose cells and errors are shown.
     fn grown(&self) -> OffsetParams {
         OffsetParams {
             distance: 0.1,
