@@ -3,8 +3,8 @@
 use super::{Outcome, limits};
 use ravec::progress::Progress;
 use ravec::raster::{Image, Size, Srgb};
+use ravec_catalogue::Catalogue;
 use ravec_jobs::{Source, library, mosaic};
-use ravec_library::Catalogue;
 use ravec_media::{Picture, WriteOptions, write};
 use rusqlite::types::Value;
 use rusqlite::{Connection, params_from_iter};

@@ -90,7 +90,7 @@ const CRATES: &[Crate] = &[
         uses: &["ravec-twocolor", "ravec-raster", "ravec-progress"],
     },
     Crate {
-        name: "ravec-library",
+        name: "ravec-catalogue",
         layer: "assembly",
         uses: &[
             "ravec-mosaic",
@@ -120,7 +120,7 @@ const CRATES: &[Crate] = &[
     Crate {
         name: "ravec-jobs",
         layer: "assembly",
-        uses: &["ravec", "ravec-library", "ravec-media", "ravec-scenes"],
+        uses: &["ravec", "ravec-catalogue", "ravec-media", "ravec-scenes"],
     },
     Crate {
         name: "ravec-cli",
@@ -164,7 +164,7 @@ const QUARANTINE: &[(&[&str], &[&str])] = &[
     // the memory of the machine
     (&["sysinfo"], &["ravec-memory"]),
     // the catalogue of photos
-    (&["blake3", "rusqlite", "walkdir"], &["ravec-library"]),
+    (&["blake3", "rusqlite", "walkdir"], &["ravec-catalogue"]),
     // errors that are only shown
     (&["anyhow"], &["ravec-cli", "ravec-scenes", "xtask"]),
     // the terminal

@@ -34,8 +34,8 @@ use clap::{CommandFactory as _, Parser as _};
 use exit::Failure;
 use ravec::progress::Progress;
 use ravec_jobs::{
-    JobError, Report, Source, brush, check_files, check_folder, compare, complete, demo,
-    escape_except, library, match_photos, mesh, mosaic, plane, retarget, scenes, twocolor,
+    JobError, Report, Source, brush, catalogue, check_files, check_folder, compare, complete, demo,
+    escape_except, match_photos, mesh, mosaic, plane, retarget, scenes, twocolor,
 };
 use std::ffi::OsString;
 use std::io::IsTerminal as _;
@@ -314,7 +314,7 @@ fn on_library(command: LibraryCommand, global: &Global) -> Result<(), Failure> {
             catalogue,
             params,
         } => job(global, |progress| {
-            library::add(
+            catalogue::add(
                 &paths,
                 &catalogue.catalogue,
                 report,
@@ -328,16 +328,16 @@ fn on_library(command: LibraryCommand, global: &Global) -> Result<(), Failure> {
             catalogue,
             params,
         } => job(global, |progress| {
-            library::remove(&paths, &catalogue.catalogue, report, &params, progress)
+            catalogue::remove(&paths, &catalogue.catalogue, report, &params, progress)
         }),
         LibraryCommand::List { catalogue, params } => answer(global, |progress| {
-            library::list(&catalogue.catalogue, report, &params, progress)
+            catalogue::list(&catalogue.catalogue, report, &params, progress)
         }),
         LibraryCommand::Clean { catalogue, params } => answer(global, |progress| {
-            library::clean(&catalogue.catalogue, report, &params, progress)
+            catalogue::clean(&catalogue.catalogue, report, &params, progress)
         }),
         LibraryCommand::Stats { catalogue, params } => job(global, |progress| {
-            library::stats(&catalogue.catalogue, report, &params, progress)
+            catalogue::stats(&catalogue.catalogue, report, &params, progress)
         }),
     }
 }

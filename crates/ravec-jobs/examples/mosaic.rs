@@ -3,7 +3,7 @@
 use ravec::mosaic::{ChooseParams, Crop, Rules};
 use ravec::progress::Progress;
 use ravec::raster::Size;
-use ravec_library::{Catalogue, MosaicParams, Outputs, add, mosaic};
+use ravec_catalogue::{Catalogue, MosaicParams, Outputs, add, mosaic};
 use ravec_media::{Limits, read};
 use std::error::Error;
 use std::path::{Path, PathBuf};

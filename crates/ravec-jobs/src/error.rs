@@ -10,7 +10,7 @@ use ravec::raster::Size;
 use ravec::retarget::RetargetError;
 use ravec::twocolor::brush::StrokeError;
 use ravec::twocolor::{EnlargeError, FitError, RenderError};
-use ravec_library::LibraryError;
+use ravec_catalogue::CatalogueError;
 use ravec_media::{DecodeError, EncodeError, ReadError, WriteError};
 use std::path::{Path, PathBuf};
 
@@ -203,7 +203,7 @@ pub enum JobError {
     },
     /// Something cannot be done with a catalogue of photos.
     #[error(transparent)]
-    Library(LibraryError),
+    Catalogue(CatalogueError),
     /// The fit refuses its input.
     #[error(transparent)]
     Fit(FitError),
@@ -284,7 +284,7 @@ impl JobError {
             | Self::Retarget { .. }
             | Self::Fit(_)
             | Self::Render(_) => 1,
-            Self::Library(cause) => Self::library_code(cause),
+            Self::Catalogue(cause) => Self::catalogue_code(cause),
             Self::Cancelled => 130,
         }
     }

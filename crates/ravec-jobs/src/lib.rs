@@ -26,6 +26,7 @@
 //! name.
 
 pub mod brush;
+pub mod catalogue;
 pub mod compare;
 pub mod complete;
 pub mod demo;
@@ -33,7 +34,6 @@ mod error;
 mod files;
 mod gallery;
 mod identity;
-pub mod library;
 pub mod match_photos;
 pub mod mesh;
 pub mod mosaic;

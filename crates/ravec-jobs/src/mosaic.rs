@@ -1,20 +1,20 @@
 //! `mosaic`: a picture made of whole, unchanged photos.
 
+use crate::catalogue::check_report;
 use crate::error::JobError;
 use crate::files::{self, Source};
-use crate::library::check_report;
 use crate::report::{FileReport, Report};
 use ravec::mosaic::{ChooseParams, Crop, Features, MAX_DEGREE, Rules, Weights};
 use ravec::progress::Progress;
 use ravec::raster::Size;
-use ravec_library::{Catalogue, LibraryError, MosaicParams, leads_into};
+use ravec_catalogue::{Catalogue, CatalogueError, MosaicParams, leads_into};
 use ravec_media::{EncodeError, Format};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::path::Path;
 use std::str::FromStr;
 
-pub use ravec_library::Outputs;
+pub use ravec_catalogue::Outputs;
 
 /// One number or two with an `x` between them, as in `80` or `80x60`; each 1 to 65535.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -206,7 +206,7 @@ const PREVIEW_PX: usize = 1600;
 /// width and height of each tile in pixels. Photos that are gone are warnings.
 ///
 /// # Errors
-/// [`JobError::Parameter`], [`JobError::Read`], [`JobError::Library`], [`JobError::Write`], [`JobError::Cancelled`].
+/// [`JobError::Parameter`], [`JobError::Read`], [`JobError::Catalogue`], [`JobError::Write`], [`JobError::Cancelled`].
 pub fn run(
     input: &Source,
     catalogue: &Path,
@@ -230,12 +230,13 @@ pub fn run(
     if let Some(folder) = outputs.deep_zoom {
         files::check_folder(folder)?;
     }
-    let catalogue = Catalogue::open_to_read(catalogue, progress).map_err(JobError::from_library)?;
-    check_outputs(&catalogue, outputs, report_file).map_err(JobError::from_library)?;
+    let catalogue =
+        Catalogue::open_to_read(catalogue, progress).map_err(JobError::from_catalogue)?;
+    check_outputs(&catalogue, outputs, report_file).map_err(JobError::from_catalogue)?;
     let mut report = Report::new("mosaic", params);
     let picture = files::read(input, &mut report, progress)?;
     let mosaic = report.time("mosaic", || {
-        ravec_library::mosaic(
+        ravec_catalogue::mosaic(
             &catalogue,
             &picture.image,
             outputs,
@@ -244,7 +245,7 @@ pub fn run(
             progress,
         )
     });
-    let mosaic = mosaic.map_err(JobError::from_library)?;
+    let mosaic = mosaic.map_err(JobError::from_catalogue)?;
     for warning in &mosaic.warnings {
         report.warn(warning.clone());
     }
@@ -307,7 +308,7 @@ fn check_outputs(
     catalogue: &Catalogue,
     outputs: &Outputs<'_>,
     report_file: Option<&Path>,
-) -> Result<(), LibraryError> {
+) -> Result<(), CatalogueError> {
     check_report(catalogue, report_file)?;
     if let Some(picture) = outputs.picture {
         catalogue.check_output(picture)?;
@@ -322,7 +323,7 @@ fn check_outputs(
         .flatten()
         .find(|path| !files::is_stream(path) && leads_into(path, folder));
     inside.map_or(Ok(()), |path| {
-        Err(LibraryError::Protected {
+        Err(CatalogueError::Protected {
             path: path.into(),
             reason: "it would lie in the folder of the page",
         })
@@ -420,24 +421,28 @@ fn checked(params: &Params) -> Result<MosaicParams, JobError> {
 
 impl JobError {
     /// Converts an error of a catalogue or of a mosaic.
-    pub(crate) fn from_library(cause: LibraryError) -> Self {
+    pub(crate) fn from_catalogue(cause: CatalogueError) -> Self {
         match cause {
-            LibraryError::Cancelled(_) => Self::Cancelled,
-            LibraryError::Write(error) => error.into(),
-            cause => Self::Library(cause),
+            CatalogueError::Cancelled(_) => Self::Cancelled,
+            CatalogueError::Write(error) => error.into(),
+            cause => Self::Catalogue(cause),
         }
     }
 
     /// The exit code for what went wrong with a catalogue.
-    pub(crate) fn library_code(cause: &LibraryError) -> u8 {
+    pub(crate) fn catalogue_code(cause: &CatalogueError) -> u8 {
         match cause {
-            LibraryError::TooLarge { .. }
-            | LibraryError::TooManyPixels { .. }
-            | LibraryError::NoThirds { .. }
-            | LibraryError::Protected { .. } => 2,
-            LibraryError::Change { .. } | LibraryError::Busy { writing: true, .. } => 4,
-            LibraryError::Choose(_) | LibraryError::Threads { .. } => 1,
-            LibraryError::Write(error) if matches!(error.cause, EncodeError::UnknownExtension) => 2,
+            CatalogueError::TooLarge { .. }
+            | CatalogueError::TooManyPixels { .. }
+            | CatalogueError::NoThirds { .. }
+            | CatalogueError::Protected { .. } => 2,
+            CatalogueError::Change { .. } | CatalogueError::Busy { writing: true, .. } => 4,
+            CatalogueError::Choose(_) | CatalogueError::Threads { .. } => 1,
+            CatalogueError::Write(error)
+                if matches!(error.cause, EncodeError::UnknownExtension) =>
+            {
+                2
+            }
             _ => 3,
         }
     }

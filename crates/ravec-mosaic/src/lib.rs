@@ -42,7 +42,7 @@
 //!
 //! # Current status
 //!
-//! There are no files here: see `ravec-library`.
+//! There are no files here: see `ravec-catalogue`.
 
 mod adaptive;
 mod basis;

@@ -2,7 +2,7 @@
 
 use super::Seed;
 use ravec::progress::Progress;
-use ravec_library::Catalogue;
+use ravec_catalogue::Catalogue;
 use ravec_media::Limits;
 
 pub fn seeds() -> Vec<Seed> {
@@ -27,7 +27,7 @@ pub fn seeds() -> Vec<Seed> {
         std::fs::write(photos.join(format!("{}.{target}", content.len())), content)
             .expect("the folder can be written to");
     }
-    ravec_library::add(
+    ravec_catalogue::add(
         &mut catalogue,
         &[photos],
         &Limits::default(),

@@ -2,7 +2,7 @@
 
 use crate::help;
 use clap::{Args, Subcommand};
-use ravec_jobs::library::{CleanParams, ListParams, Plain};
+use ravec_jobs::catalogue::{CleanParams, ListParams, Plain};
 use std::path::{Path, PathBuf};
 
 /// The operations on catalogues of photos.

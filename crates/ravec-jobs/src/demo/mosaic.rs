@@ -158,7 +158,7 @@ impl Demo<'_> {
         });
         let choice = choice.map_err(|cause| match cause {
             ChooseError::Cancelled(_) => JobError::Cancelled,
-            cause => JobError::from_library(ravec_library::LibraryError::Choose(cause)),
+            cause => JobError::from_catalogue(ravec_catalogue::CatalogueError::Choose(cause)),
         })?;
         let mut mosaic = Image::new(size, Srgb([0; 3]));
         for (tile, &photo) in tiling.tiles.iter().zip(&choice.photos) {

@@ -4,7 +4,7 @@
 //! and writes the mosaic row by row of tiles: as a picture, and as a folder with a page that zooms into its photos.
 //!
 //! ```
-//! use ravec_library::{Catalogue, add, stats};
+//! use ravec_catalogue::{Catalogue, add, stats};
 //! use ravec_media::{Limits, Picture, WriteOptions, write};
 //! use ravec_progress::Progress;
 //! use ravec_raster::{Image, Size, Srgb};
@@ -47,6 +47,6 @@ mod workers;
 
 pub use add::{Added, add, would_read};
 pub use catalogue::{Catalogue, Entry, belongs_to_catalogue, leads_into};
-pub use error::LibraryError;
+pub use error::CatalogueError;
 pub use manage::{Dropped, Stats, clean, remove, stats};
 pub use mosaic::{Mosaic, MosaicParams, Outputs, mosaic};

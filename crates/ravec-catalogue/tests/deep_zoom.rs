@@ -1,6 +1,6 @@
 //! The folder with a page that zooms from the mosaic into its photos: its pieces, and the page in a browser.
 
-use ravec_library::{Catalogue, LibraryError, Mosaic, MosaicParams, Outputs, add, mosaic};
+use ravec_catalogue::{Catalogue, CatalogueError, Mosaic, MosaicParams, Outputs, add, mosaic};
 use ravec_media::{Limits, Picture, WriteOptions, read, write};
 use ravec_mosaic::{ChooseParams, Crop, Rules};
 use ravec_progress::Progress;
@@ -51,7 +51,7 @@ fn make(
     picture: Option<&Path>,
     zoom: &Path,
     progress: &Progress,
-) -> Result<Mosaic, LibraryError> {
+) -> Result<Mosaic, CatalogueError> {
     let params = MosaicParams {
         columns: 11,
         rows: Some(9),
@@ -212,7 +212,9 @@ fn an_older_page_is_replaced_and_a_run_that_stops_leaves_it_as_it_was() {
     let before = content(folder.path());
     for look in (1..).step_by(97) {
         match make(&catalogue, None, &zoom, &Progress::cancelled_at(look)) {
-            Err(LibraryError::Cancelled(_)) => assert_eq!(content(folder.path()), before, "{look}"),
+            Err(CatalogueError::Cancelled(_)) => {
+                assert_eq!(content(folder.path()), before, "{look}")
+            }
             other => {
                 other.unwrap();
                 assert!(look > 300, "no look while pieces are written");
@@ -240,7 +242,7 @@ fn content(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
 
 fn refusal(catalogue: &Catalogue, zoom: &Path) -> String {
     let error = make(catalogue, None, zoom, &Progress::none()).unwrap_err();
-    assert!(matches!(error, LibraryError::Write(_)), "{error}");
+    assert!(matches!(error, CatalogueError::Write(_)), "{error}");
     error.to_string()
 }
 
@@ -447,7 +449,7 @@ fn what_a_killed_run_left_is_taken_back_or_completed() {
     // killed between two renames: the old page comes back, also if the next run goes no further
     std::fs::rename(&zoom, &aside).unwrap();
     let stopped = make(&catalogue, None, &zoom, &Progress::cancelled_at(2));
-    assert!(matches!(stopped, Err(LibraryError::Cancelled(_))));
+    assert!(matches!(stopped, Err(CatalogueError::Cancelled(_))));
     assert!(zoom.join("index.html").is_file() && !aside.exists());
 
     // killed while the old page was removed

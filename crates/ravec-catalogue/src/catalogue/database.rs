@@ -8,7 +8,7 @@
 //!
 //! Locks are polled here instead of by the database, so that whoever waits can be cancelled.
 
-use crate::error::LibraryError;
+use crate::error::CatalogueError;
 use ravec_progress::{Cancelled, Progress};
 use rusqlite::config::DbConfig;
 use rusqlite::ffi::SQLITE_READONLY_ROLLBACK;
@@ -83,7 +83,7 @@ pub(crate) enum Trouble {
     Damaged(String),
     Cancelled(Cancelled),
     /// Any other reason.
-    Other(Box<LibraryError>),
+    Other(Box<CatalogueError>),
 }
 
 impl From<rusqlite::Error> for Trouble {
@@ -98,22 +98,22 @@ impl From<Cancelled> for Trouble {
     }
 }
 
-impl From<LibraryError> for Trouble {
-    fn from(error: LibraryError) -> Self {
+impl From<CatalogueError> for Trouble {
+    fn from(error: CatalogueError) -> Self {
         Self::Other(Box::new(error))
     }
 }
 
 impl Database {
     /// Opens the file, and checks that it is a catalogue.
-    pub fn open(path: &Path, access: Access, progress: &Progress) -> Result<Self, LibraryError> {
+    pub fn open(path: &Path, access: Access, progress: &Progress) -> Result<Self, CatalogueError> {
         match path.metadata() {
             // a pipe would be waited for
             Ok(metadata) if !metadata.is_file() => {
-                return Err(LibraryError::NotACatalogue { path: path.into() });
+                return Err(CatalogueError::NotACatalogue { path: path.into() });
             }
             Err(_) if access != Access::Make => {
-                return Err(LibraryError::NoCatalogue { path: path.into() });
+                return Err(CatalogueError::NoCatalogue { path: path.into() });
             }
             _ => {}
         }
@@ -151,7 +151,7 @@ impl Database {
     pub fn read<T>(
         &self,
         mut work: impl FnMut(&Connection) -> Result<T, Trouble>,
-    ) -> Result<T, LibraryError> {
+    ) -> Result<T, CatalogueError> {
         let result = self
             .once_free(|| work(&self.connection))
             .or_else(|trouble| {
@@ -165,7 +165,7 @@ impl Database {
     pub fn change<T>(
         &self,
         work: impl FnOnce(&Connection) -> Result<T, Trouble>,
-    ) -> Result<T, LibraryError> {
+    ) -> Result<T, CatalogueError> {
         let execute = |sql: &str| self.once_free(|| Ok(self.connection.execute_batch(sql)?));
         let attempt = || {
             execute("BEGIN IMMEDIATE")?;
@@ -298,11 +298,11 @@ fn make(connection: &Connection) -> rusqlite::Result<()> {
 /// Refuses what is no catalogue, or one of another format or with other tables.
 fn check(connection: &Connection, path: &Path) -> Result<(), Trouble> {
     if number(connection, "application_id")? != APPLICATION {
-        return Err(LibraryError::NotACatalogue { path: path.into() }.into());
+        return Err(CatalogueError::NotACatalogue { path: path.into() }.into());
     }
     let format = number(connection, "user_version")?;
     if format > FORMAT {
-        return Err(LibraryError::Newer {
+        return Err(CatalogueError::Newer {
             path: path.into(),
             format,
             known: FORMAT,
@@ -335,33 +335,33 @@ fn schema(connection: &Connection) -> rusqlite::Result<Vec<SchemaRow>> {
     rows.collect()
 }
 
-fn failure(path: &Path, access: Access, trouble: Trouble) -> LibraryError {
+fn failure(path: &Path, access: Access, trouble: Trouble) -> CatalogueError {
     let path = path.to_path_buf();
     let code = trouble.code();
     let error = match trouble {
         Trouble::Other(error) => return *error,
         Trouble::Cancelled(cancelled) => return cancelled.into(),
-        Trouble::Damaged(reason) => return LibraryError::Damaged { path, reason },
+        Trouble::Damaged(reason) => return CatalogueError::Damaged { path, reason },
         Trouble::Sqlite(error) => error,
     };
     let writing = access != Access::Read;
     let reason = match (&error, code) {
-        (_, Some(ErrorCode::NotADatabase)) => return LibraryError::NotACatalogue { path },
+        (_, Some(ErrorCode::NotADatabase)) => return CatalogueError::NotACatalogue { path },
         (_, Some(ErrorCode::DatabaseBusy | ErrorCode::DatabaseLocked)) => {
-            return LibraryError::Busy { path, writing };
+            return CatalogueError::Busy { path, writing };
         }
         (_, Some(ErrorCode::DatabaseCorrupt)) => {
             let reason = "its database is corrupt".into();
-            return LibraryError::Damaged { path, reason };
+            return CatalogueError::Damaged { path, reason };
         }
         (_, Some(ErrorCode::TooBig | ErrorCode::OutOfMemory)) => {
             let reason = "it has a larger row or more tables than any catalogue".into();
-            return LibraryError::Damaged { path, reason };
+            return CatalogueError::Damaged { path, reason };
         }
         // rows of other types, and text that is not Unicode
         (error, None) => {
             let reason = error.to_string();
-            return LibraryError::Damaged { path, reason };
+            return CatalogueError::Damaged { path, reason };
         }
         (_, Some(ErrorCode::DiskFull)) => "the disk is full".to_owned(),
         (_, Some(ErrorCode::ReadOnly)) if writing => "it is write-protected".to_owned(),
@@ -372,8 +372,8 @@ fn failure(path: &Path, access: Access, trouble: Trouble) -> LibraryError {
         (error, _) => error.to_string(),
     };
     if writing {
-        LibraryError::Change { path, reason }
+        CatalogueError::Change { path, reason }
     } else {
-        LibraryError::Read { path, reason }
+        CatalogueError::Read { path, reason }
     }
 }

@@ -13,7 +13,7 @@ pub(crate) use protect::{FileNumber, place_of, protected};
 pub use protect::{belongs_to_catalogue, leads_into};
 pub(crate) use row::MAX_PATH_BYTES;
 
-use crate::error::LibraryError;
+use crate::error::CatalogueError;
 use database::{Access, Database, Trouble};
 use ravec_memory::{MemoryBudget, OverBudget, Reservation};
 use ravec_progress::Progress;
@@ -83,9 +83,9 @@ impl Catalogue {
     /// Opens a catalogue that is there, to change it.
     ///
     /// # Errors
-    /// [`LibraryError::NoCatalogue`], [`LibraryError::NotACatalogue`], [`LibraryError::Newer`], [`LibraryError::Damaged`],
-    /// [`LibraryError::Busy`], [`LibraryError::Read`], [`LibraryError::Cancelled`].
-    pub fn open(path: &Path, progress: &Progress) -> Result<Self, LibraryError> {
+    /// [`CatalogueError::NoCatalogue`], [`CatalogueError::NotACatalogue`], [`CatalogueError::Newer`], [`CatalogueError::Damaged`],
+    /// [`CatalogueError::Busy`], [`CatalogueError::Read`], [`CatalogueError::Cancelled`].
+    pub fn open(path: &Path, progress: &Progress) -> Result<Self, CatalogueError> {
         Self::opened(path, Access::Change, progress)
     }
 
@@ -93,19 +93,19 @@ impl Catalogue {
     ///
     /// # Errors
     /// As for [`open`](Self::open). A change is refused later.
-    pub fn open_to_read(path: &Path, progress: &Progress) -> Result<Self, LibraryError> {
+    pub fn open_to_read(path: &Path, progress: &Progress) -> Result<Self, CatalogueError> {
         Self::opened(path, Access::Read, progress)
     }
 
     /// Opens a catalogue to change it, and makes one if there is no file of that name.
     ///
     /// # Errors
-    /// As for [`open`](Self::open), and [`LibraryError::Change`] if it cannot be made.
-    pub fn open_or_make(path: &Path, progress: &Progress) -> Result<Self, LibraryError> {
+    /// As for [`open`](Self::open), and [`CatalogueError::Change`] if it cannot be made.
+    pub fn open_or_make(path: &Path, progress: &Progress) -> Result<Self, CatalogueError> {
         Self::opened(path, Access::Make, progress)
     }
 
-    fn opened(path: &Path, access: Access, progress: &Progress) -> Result<Self, LibraryError> {
+    fn opened(path: &Path, access: Access, progress: &Progress) -> Result<Self, CatalogueError> {
         Ok(Self {
             database: Database::open(path, access, progress)?,
         })
@@ -119,21 +119,21 @@ impl Catalogue {
     /// All photos by their paths, without those that were cleaned away unless `dropped` is set. Pixels are not read.
     ///
     /// # Errors
-    /// [`LibraryError::Damaged`], [`LibraryError::Memory`], [`LibraryError::Busy`], [`LibraryError::Read`],
-    /// [`LibraryError::Cancelled`].
-    pub fn entries(&self, dropped: bool) -> Result<Vec<Entry>, LibraryError> {
+    /// [`CatalogueError::Damaged`], [`CatalogueError::Memory`], [`CatalogueError::Busy`], [`CatalogueError::Read`],
+    /// [`CatalogueError::Cancelled`].
+    pub fn entries(&self, dropped: bool) -> Result<Vec<Entry>, CatalogueError> {
         let memory = MemoryBudget::default();
         let loaded = self.select(COLUMNS_WITHOUT_PIXELS, dropped, &memory, |_| true)?;
         Ok(loaded.entries)
     }
 
     /// All photos without pixels, also those that were cleaned away.
-    pub(crate) fn all(&self, memory: &MemoryBudget) -> Result<Loaded, LibraryError> {
+    pub(crate) fn all(&self, memory: &MemoryBudget) -> Result<Loaded, CatalogueError> {
         self.select(COLUMNS_WITHOUT_PIXELS, true, memory, |_| true)
     }
 
     /// The photos that can be used, with their small pictures.
-    pub(crate) fn usable(&self, memory: &MemoryBudget) -> Result<Loaded, LibraryError> {
+    pub(crate) fn usable(&self, memory: &MemoryBudget) -> Result<Loaded, CatalogueError> {
         self.select(COLUMNS, false, memory, |entry| entry.thumbnail.is_some())
     }
 
@@ -143,7 +143,7 @@ impl Catalogue {
         dropped: bool,
         memory: &MemoryBudget,
         wanted: impl Fn(&Entry) -> bool,
-    ) -> Result<Loaded, LibraryError> {
+    ) -> Result<Loaded, CatalogueError> {
         let condition = if dropped { "1" } else { "dropped IS NULL" };
         let query = format!("SELECT {columns} FROM photo WHERE {condition} ORDER BY path");
         self.database.read(|connection| {
@@ -170,7 +170,7 @@ impl Catalogue {
     }
 
     /// The photo that has this content, if there is one.
-    pub(crate) fn with_hash(&self, hash: &[u8]) -> Result<Option<Entry>, LibraryError> {
+    pub(crate) fn with_hash(&self, hash: &[u8]) -> Result<Option<Entry>, CatalogueError> {
         let query = format!("SELECT {COLUMNS_WITHOUT_PIXELS} FROM photo WHERE hash = ? LIMIT 1");
         self.database.read(|connection| {
             let mut statement = connection.prepare_cached(&query)?;
@@ -181,7 +181,7 @@ impl Catalogue {
     }
 
     /// Makes several changes as one. Returns the number of photos that were changed.
-    pub(crate) fn change(&mut self, changes: &[Change]) -> Result<usize, LibraryError> {
+    pub(crate) fn change(&mut self, changes: &[Change]) -> Result<usize, CatalogueError> {
         if changes.is_empty() {
             return Ok(0);
         }
@@ -232,7 +232,7 @@ impl<'a> Account<'a> {
             let memory = bytes + 2 * size_of::<Entry>() as u64;
             self.memory
                 .grow(memory)
-                .map_err(|over: OverBudget| LibraryError::Memory {
+                .map_err(|over: OverBudget| CatalogueError::Memory {
                     path: self.path.into(),
                     limit: over.limit,
                 })?;

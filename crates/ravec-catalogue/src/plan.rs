@@ -1,7 +1,7 @@
 //! How the memory of a run is divided among the parts of a mosaic.
 
 use crate::deep_zoom::bytes_of_page;
-use crate::error::LibraryError;
+use crate::error::CatalogueError;
 use crate::layout::Layout;
 use crate::mosaic::{MosaicParams, Outputs};
 use crate::painter::Room;
@@ -37,7 +37,7 @@ pub(crate) fn reserve_choice(
     params: &MosaicParams,
     photos: usize,
     memory: &MemoryBudget,
-) -> Result<Reservation, LibraryError> {
+) -> Result<Reservation, CatalogueError> {
     let tiles = layout.columns.saturating_mul(layout.rows) as u64;
     let of_tile = if params.adaptive.is_some() {
         ADAPTIVE_TILE_BYTES
@@ -55,10 +55,10 @@ pub(crate) fn reserve(
     memory: &MemoryBudget,
     bytes: u64,
     purpose: &'static str,
-) -> Result<Reservation, LibraryError> {
+) -> Result<Reservation, CatalogueError> {
     memory
         .reserve(bytes)
-        .map_err(|over| LibraryError::MosaicMemory {
+        .map_err(|over| CatalogueError::MosaicMemory {
             purpose,
             needed: over.needed,
             limit: over.limit,
@@ -73,7 +73,7 @@ impl Plan {
         outputs: &Outputs<'_>,
         params: &MosaicParams,
         limits: &Limits,
-    ) -> Result<Self, LibraryError> {
+    ) -> Result<Self, CatalogueError> {
         let memory = &limits.memory;
         let row = 3 * layout.size.width() as u64;
         let page = match outputs.deep_zoom {

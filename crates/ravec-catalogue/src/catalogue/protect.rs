@@ -5,7 +5,7 @@
 use super::database::Trouble;
 use super::row::absolute;
 use super::{Catalogue, PHOTOS_PER_CHECK};
-use crate::error::LibraryError;
+use crate::error::CatalogueError;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
@@ -33,15 +33,15 @@ impl Catalogue {
     ///
     /// # Errors
     /// As for [`entries`](Self::entries).
-    pub fn knows(&self, path: &Path) -> Result<bool, LibraryError> {
+    pub fn knows(&self, path: &Path) -> Result<bool, CatalogueError> {
         Ok(belongs_to_catalogue(self.path(), path) || self.has_photo(path)?)
     }
 
     /// Refuses an output that the catalogue [`knows`](Self::knows).
     ///
     /// # Errors
-    /// [`LibraryError::Protected`], and as for [`entries`](Self::entries).
-    pub fn check_output(&self, path: &Path) -> Result<(), LibraryError> {
+    /// [`CatalogueError::Protected`], and as for [`entries`](Self::entries).
+    pub fn check_output(&self, path: &Path) -> Result<(), CatalogueError> {
         let reason = if belongs_to_catalogue(self.path(), path) {
             "it belongs to the catalogue"
         } else if self.has_photo(path)? {
@@ -56,7 +56,7 @@ impl Catalogue {
     ///
     /// # Errors
     /// As for [`check_output`](Self::check_output).
-    pub fn check_output_folder(&self, folder: &Path) -> Result<(), LibraryError> {
+    pub fn check_output_folder(&self, folder: &Path) -> Result<(), CatalogueError> {
         let place = place_of(folder);
         if place_of(self.path()).starts_with(&place) {
             return Err(protected(folder, "the catalogue is in it"));
@@ -70,7 +70,7 @@ impl Catalogue {
         Ok(())
     }
 
-    fn has_photo(&self, path: &Path) -> Result<bool, LibraryError> {
+    fn has_photo(&self, path: &Path) -> Result<bool, CatalogueError> {
         let place = place_of(path);
         let number = FileNumber::of(&place);
         self.any_photo(|photo| {
@@ -78,7 +78,7 @@ impl Catalogue {
         })
     }
 
-    fn any_photo(&self, wanted: impl Fn(&Path) -> bool) -> Result<bool, LibraryError> {
+    fn any_photo(&self, wanted: impl Fn(&Path) -> bool) -> Result<bool, CatalogueError> {
         self.database.read(|connection| {
             let mut statement = connection.prepare("SELECT path FROM photo")?;
             let mut rows = statement.query([])?;
@@ -105,8 +105,8 @@ pub fn leads_into(path: &Path, folder: &Path) -> bool {
     place_of(path).starts_with(place_of(folder))
 }
 
-pub(crate) fn protected(path: &Path, reason: &'static str) -> LibraryError {
-    LibraryError::Protected {
+pub(crate) fn protected(path: &Path, reason: &'static str) -> CatalogueError {
+    CatalogueError::Protected {
         path: path.into(),
         reason,
     }

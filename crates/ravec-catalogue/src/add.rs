@@ -9,7 +9,7 @@
 
 use crate::catalogue::{Catalogue, Change, Entry, FileNumber, Loaded, MAX_PATH_BYTES};
 use crate::deep_zoom::{DESCRIPTION, PIECES};
-use crate::error::LibraryError;
+use crate::error::CatalogueError;
 use crate::thumbnail::thumbnail;
 use crate::workers::Workers;
 use ravec_media::{DecodeError, Format, Limits, Probe, decode_reduced, memory_to_decode};
@@ -54,14 +54,14 @@ pub struct Added {
 /// (`mosaic_files` beside `mosaic.dzi`) are passed by.
 ///
 /// # Errors
-/// [`LibraryError::Add`] if a path is not there, and as for [`Catalogue::entries`], and [`LibraryError::Change`]; what was
+/// [`CatalogueError::Add`] if a path is not there, and as for [`Catalogue::entries`], and [`CatalogueError::Change`]; what was
 /// committed before stays.
 pub fn add(
     catalogue: &mut Catalogue,
     paths: &[PathBuf],
     limits: &Limits,
     progress: &Progress,
-) -> Result<Added, LibraryError> {
+) -> Result<Added, CatalogueError> {
     let files = files_in(paths, progress)?;
     let Loaded {
         entries,
@@ -70,7 +70,7 @@ pub fn add(
     let of_files = files
         .iter()
         .map(|path| (path.as_os_str().len() + size_of::<PathBuf>()) as u64);
-    let too_much = |over: OverBudget| LibraryError::Memory {
+    let too_much = |over: OverBudget| CatalogueError::Memory {
         path: catalogue.path().into(),
         limit: over.limit,
     };
@@ -152,12 +152,12 @@ pub fn add(
 /// Whether [`add`] of `paths` would read a file, whatever link or spelling leads to it.
 ///
 /// # Errors
-/// [`LibraryError::Add`] if a path is not there, [`LibraryError::Cancelled`].
+/// [`CatalogueError::Add`] if a path is not there, [`CatalogueError::Cancelled`].
 pub fn would_read(
     paths: &[PathBuf],
     file: &Path,
     progress: &Progress,
-) -> Result<bool, LibraryError> {
+) -> Result<bool, CatalogueError> {
     // what is not there is not read
     let Some(number) = FileNumber::of(file) else {
         return Ok(false);
@@ -169,10 +169,10 @@ pub fn would_read(
 }
 
 /// All picture files, by absolute paths, in the order of their names.
-fn files_in(paths: &[PathBuf], progress: &Progress) -> Result<Vec<PathBuf>, LibraryError> {
+fn files_in(paths: &[PathBuf], progress: &Progress) -> Result<Vec<PathBuf>, CatalogueError> {
     let mut files = Vec::new();
     for path in paths {
-        let failed = |reason: String| LibraryError::Add {
+        let failed = |reason: String| CatalogueError::Add {
             path: path.clone(),
             reason,
         };

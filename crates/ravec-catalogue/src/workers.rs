@@ -4,7 +4,7 @@
 //! its thread must not take up the work of another photo, which could wait for the very memory that the first one holds, as
 //! threads of a common pool do. So there are plain threads, and each runs what is parallel within a photo in a pool of one.
 
-use crate::error::LibraryError;
+use crate::error::CatalogueError;
 use rayon::{ThreadPool, ThreadPoolBuilder, current_num_threads};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
@@ -14,13 +14,13 @@ pub(crate) struct Workers {
 }
 
 impl Workers {
-    pub fn new() -> Result<Self, LibraryError> {
+    pub fn new() -> Result<Self, CatalogueError> {
         let pool = |_| ThreadPoolBuilder::new().num_threads(1).build();
         let pools = (0..current_num_threads()).map(pool);
         let pools = pools.collect::<Result<_, _>>();
         pools
             .map(|pools| Self { pools })
-            .map_err(|error| LibraryError::Threads {
+            .map_err(|error| CatalogueError::Threads {
                 reason: error.to_string(),
             })
     }

@@ -38,7 +38,7 @@ fn tamper(path: &Path, sql: &str) {
     connection.execute_batch(sql).unwrap();
 }
 
-fn read_all(path: &Path) -> Result<usize, LibraryError> {
+fn read_all(path: &Path) -> Result<usize, CatalogueError> {
     let catalogue = Catalogue::open_to_read(path, &Progress::none())?;
     catalogue.entries(true)?;
     let loaded = catalogue.usable(&MemoryBudget::unlimited())?;
@@ -52,7 +52,7 @@ fn other_files_and_newer_catalogues_are_refused_and_stay_as_they_are() {
     let (path, progress) = (folder.path().join("photos.ravec"), Progress::none());
     for open in [Catalogue::open, Catalogue::open_to_read] {
         let error = open(&path, &progress).unwrap_err();
-        assert!(matches!(error, LibraryError::NoCatalogue { .. }));
+        assert!(matches!(error, CatalogueError::NoCatalogue { .. }));
     }
     assert!(!path.exists());
     drop(Catalogue::open_or_make(&path, &progress).unwrap());
@@ -82,14 +82,14 @@ fn other_files_and_newer_catalogues_are_refused_and_stay_as_they_are() {
         ] {
             let error = open(other, &progress).unwrap_err();
             assert!(
-                matches!(error, LibraryError::NotACatalogue { .. }),
+                matches!(error, CatalogueError::NotACatalogue { .. }),
                 "{error}"
             );
         }
     }
     assert_eq!(std::fs::read(&text).unwrap(), [b'a'; 4000]);
     let error = Catalogue::open_or_make(&folder.path().join("no/a"), &progress).unwrap_err();
-    assert!(matches!(error, LibraryError::Change { .. }), "{error}");
+    assert!(matches!(error, CatalogueError::Change { .. }), "{error}");
 }
 
 #[test]
@@ -110,7 +110,7 @@ fn what_was_put_is_read_back_by_a_connection_that_cannot_write() {
     assert!(memory.used() >= 3 * 36 * 27 * 3, "{}", memory.used());
     let small = MemoryBudget::new(4000);
     let error = catalogue.usable(&small).unwrap_err();
-    assert!(matches!(error, LibraryError::Memory { .. }), "{error}");
+    assert!(matches!(error, CatalogueError::Memory { .. }), "{error}");
 
     let error = catalogue.change(&[Change::Put(Box::new(photo("/d.jpg")))]);
     let text = error.unwrap_err().to_string();
@@ -160,7 +160,7 @@ fn rows_that_nobody_wrote_are_refused() {
         tamper(&path, &format!("UPDATE photo SET {wrong} WHERE id = 2"));
         let error = read_all(&path).expect_err(wrong);
         assert!(
-            matches!(error, LibraryError::Damaged { .. }),
+            matches!(error, CatalogueError::Damaged { .. }),
             "{wrong}: {error}"
         );
         std::fs::remove_file(path).unwrap();
@@ -188,7 +188,7 @@ fn other_tables_views_and_triggers_are_refused_and_not_run() {
         ] {
             let error = open(&path, &Progress::none()).expect_err(wrong);
             assert!(
-                matches!(error, LibraryError::Damaged { .. }),
+                matches!(error, CatalogueError::Damaged { .. }),
                 "{wrong}: {error}"
             );
         }
@@ -220,7 +220,7 @@ fn broken_pages_give_an_error_whichever_byte_is_wrong() {
         match read_all(&other) {
             // pages of an index that is not used
             Ok(photos) => assert_eq!(photos, 3),
-            Err(LibraryError::Damaged { .. } | LibraryError::NotACatalogue { .. }) => {}
+            Err(CatalogueError::Damaged { .. } | CatalogueError::NotACatalogue { .. }) => {}
             Err(error) => panic!("{length}: {error}"),
         }
     }
@@ -282,7 +282,7 @@ fn whoever_waits_for_another_process_can_be_cancelled() {
         Catalogue::open_or_make,
     ] {
         let error = open(&path, &Progress::cancelled_at(3)).unwrap_err();
-        assert!(matches!(error, LibraryError::Cancelled(_)), "{error}");
+        assert!(matches!(error, CatalogueError::Cancelled(_)), "{error}");
     }
     other.execute_batch("ROLLBACK").unwrap();
     assert_eq!(read_all(&path).unwrap(), 3);
@@ -361,7 +361,9 @@ fn a_photo_is_known_by_every_link_and_spelling() {
     ] {
         assert!(catalogue.knows(&root.join(name)).unwrap(), "{name}");
         match catalogue.check_output(&root.join(name)) {
-            Err(LibraryError::Protected { reason: said, .. }) => assert_eq!(said, reason, "{name}"),
+            Err(CatalogueError::Protected { reason: said, .. }) => {
+                assert_eq!(said, reason, "{name}")
+            }
             other => panic!("{name}: {other:?}"),
         }
     }

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 /// Why something could not be done with a catalogue.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum LibraryError {
+pub enum CatalogueError {
     /// There is no such catalogue.
     #[error("there is no catalogue {}: make one with ravec library add", .path.display())]
     NoCatalogue {
@@ -187,7 +187,7 @@ pub enum LibraryError {
     Cancelled(#[from] Cancelled),
 }
 
-impl From<ChooseError> for LibraryError {
+impl From<ChooseError> for CatalogueError {
     fn from(error: ChooseError) -> Self {
         match error {
             ChooseError::Cancelled(cancelled) => Self::Cancelled(cancelled),

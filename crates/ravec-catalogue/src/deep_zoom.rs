@@ -22,7 +22,7 @@ mod place;
 
 pub(crate) use manifest::{DESCRIPTION, PIECES};
 
-use crate::error::LibraryError;
+use crate::error::CatalogueError;
 use crate::painter::Unpainted;
 use crate::pyramid::{PIECE_PX, Piece, Pyramid};
 use manifest::{MANIFEST, MAX_FILES, Manifest, PAGE};
@@ -69,7 +69,7 @@ impl From<PageError> for Unpainted {
     }
 }
 
-impl From<PageError> for LibraryError {
+impl From<PageError> for CatalogueError {
     fn from(error: PageError) -> Self {
         match error {
             PageError::Cancelled(cancelled) => cancelled.into(),

@@ -6,7 +6,7 @@
 use crate::add::modified;
 use crate::catalogue::{Catalogue, Entry, Loaded, leads_into, protected};
 use crate::deep_zoom::{DeepZoom, check_place};
-use crate::error::LibraryError;
+use crate::error::CatalogueError;
 use crate::layout::Layout;
 use crate::painter::{Candidate, Painter, Source, Unpainted};
 use crate::plan::{Plan, reserve, reserve_choice};
@@ -94,7 +94,7 @@ pub struct Outputs<'a> {
 /// taken from the budget of `limits`, of which `picture` may hold a part; the mosaic has at most the pixels of `limits`.
 ///
 /// # Errors
-/// [`LibraryError`]; the outputs are then as they were.
+/// [`CatalogueError`]; the outputs are then as they were.
 pub fn mosaic(
     catalogue: &Catalogue,
     picture: &AnyImage,
@@ -102,10 +102,10 @@ pub fn mosaic(
     params: &MosaicParams,
     limits: &Limits,
     progress: &Progress,
-) -> Result<Mosaic, LibraryError> {
+) -> Result<Mosaic, CatalogueError> {
     let layout = Layout::new(picture.size(), params)?;
     if layout.size.pixels() as u64 > limits.max_pixels {
-        return Err(LibraryError::TooManyPixels {
+        return Err(CatalogueError::TooManyPixels {
             width: layout.size.width(),
             height: layout.size.height(),
             limit: limits.max_pixels,
@@ -205,7 +205,7 @@ pub fn mosaic(
                     warnings,
                 ));
             }
-            Err(Unpainted::Write(error)) => return Err(LibraryError::Write(error)),
+            Err(Unpainted::Write(error)) => return Err(CatalogueError::Write(error)),
             Err(Unpainted::Cancelled(cancelled)) => return Err(cancelled.into()),
             Err(Unpainted::Photos(broken)) => broken,
         };
@@ -227,7 +227,7 @@ pub fn mosaic(
         photos.retain(|_| of_photos.next() == Some(&true));
         looks.retain(|_| of_looks.next() == Some(&true));
         if photos.is_empty() {
-            return Err(LibraryError::Empty {
+            return Err(CatalogueError::Empty {
                 path: catalogue.path().into(),
             });
         }
@@ -281,10 +281,10 @@ fn candidates(
     params: &MosaicParams,
     memory: &MemoryBudget,
     warnings: &mut Vec<String>,
-) -> Result<(Vec<Candidate>, Reservation), LibraryError> {
+) -> Result<(Vec<Candidate>, Reservation), CatalogueError> {
     let Loaded { entries, memory } = there(catalogue, memory, warnings)?;
     if entries.is_empty() {
-        return Err(LibraryError::Empty {
+        return Err(CatalogueError::Empty {
             path: catalogue.path().into(),
         });
     }
@@ -299,7 +299,7 @@ fn candidates(
         })
         .collect();
     if fitting.is_empty() {
-        return Err(LibraryError::NoneFits {
+        return Err(CatalogueError::NoneFits {
             photos: total,
             width: params.tile.width(),
             height: params.tile.height(),
@@ -313,7 +313,7 @@ fn there(
     catalogue: &Catalogue,
     memory: &MemoryBudget,
     warnings: &mut Vec<String>,
-) -> Result<Loaded, LibraryError> {
+) -> Result<Loaded, CatalogueError> {
     let Loaded {
         mut entries,
         memory,

@@ -1,7 +1,7 @@
 //! Photos leave the catalogue, and what is in it.
 
 use crate::catalogue::{Catalogue, Change, Entry, Loaded};
-use crate::error::LibraryError;
+use crate::error::CatalogueError;
 use ravec_memory::MemoryBudget;
 use ravec_mosaic::{Frame, Look, MAX_DEGREE, NEAR_DUPLICATE, near_duplicates};
 use ravec_progress::Progress;
@@ -39,8 +39,8 @@ pub struct Stats {
 /// Forgets files, and all files in folders. Returns how many photos were in the catalogue and are no longer.
 ///
 /// # Errors
-/// As for [`Catalogue::entries`], and [`LibraryError::Change`].
-pub fn remove(catalogue: &mut Catalogue, paths: &[PathBuf]) -> Result<usize, LibraryError> {
+/// As for [`Catalogue::entries`], and [`CatalogueError::Change`].
+pub fn remove(catalogue: &mut Catalogue, paths: &[PathBuf]) -> Result<usize, CatalogueError> {
     let roots: Vec<PathBuf> = paths.iter().map(|path| absolute(path)).collect();
     let gone: Vec<Change> = catalogue
         .entries(true)?
@@ -65,12 +65,12 @@ fn absolute(path: &Path) -> PathBuf {
 /// one with the most pixels stays. Files that are no longer there are forgotten.
 ///
 /// # Errors
-/// As for [`Catalogue::entries`], and [`LibraryError::Change`].
+/// As for [`Catalogue::entries`], and [`CatalogueError::Change`].
 pub fn clean(
     catalogue: &mut Catalogue,
     dry_run: bool,
     progress: &Progress,
-) -> Result<Vec<Dropped>, LibraryError> {
+) -> Result<Vec<Dropped>, CatalogueError> {
     let mut found: Vec<(i64, Dropped, bool)> = Vec::new();
     let mut note = |entry: &Entry, reason: String, forget: bool| {
         let path = entry.path.clone();
@@ -140,8 +140,8 @@ fn whole_look(entry: &Entry) -> Option<Look> {
 /// Counts what is in a catalogue.
 ///
 /// # Errors
-/// As for [`Catalogue::entries`], and [`LibraryError::Change`].
-pub fn stats(catalogue: &Catalogue) -> Result<Stats, LibraryError> {
+/// As for [`Catalogue::entries`], and [`CatalogueError::Change`].
+pub fn stats(catalogue: &Catalogue) -> Result<Stats, CatalogueError> {
     let mut stats = Stats::default();
     for entry in catalogue.entries(true)? {
         stats.bytes = stats.bytes.saturating_add(entry.bytes);

@@ -2,7 +2,7 @@
 //! number of threads, and with the same result.
 
 use peak_alloc::PeakAlloc;
-use ravec_library::{Added, Catalogue, LibraryError, MosaicParams, Outputs, add, mosaic};
+use ravec_catalogue::{Added, Catalogue, CatalogueError, MosaicParams, Outputs, add, mosaic};
 use ravec_media::{Limits, Picture, WriteOptions, write};
 use ravec_memory::MemoryBudget;
 use ravec_mosaic::{ChooseParams, Crop, Rules};
@@ -174,7 +174,7 @@ fn made(
     folder: &Path,
     params: &MosaicParams,
     limits: &Limits,
-) -> Result<Vec<Vec<u8>>, LibraryError> {
+) -> Result<Vec<Vec<u8>>, CatalogueError> {
     let (path, zoom) = (folder.join("mosaic.png"), folder.join("zoom"));
     let outputs = Outputs {
         picture: Some(&path),

@@ -4,7 +4,7 @@ use crate::error::JobError;
 use crate::files;
 use crate::report::Report;
 use ravec::progress::Progress;
-use ravec_library::{Catalogue, Entry, LibraryError, belongs_to_catalogue, would_read};
+use ravec_catalogue::{Catalogue, CatalogueError, Entry, belongs_to_catalogue, would_read};
 use ravec_media::Limits;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -45,7 +45,7 @@ fn file_of(report: Option<&Path>) -> Option<&Path> {
 pub(crate) fn check_report(
     catalogue: &Catalogue,
     report_file: Option<&Path>,
-) -> Result<(), LibraryError> {
+) -> Result<(), CatalogueError> {
     file_of(report_file).map_or(Ok(()), |path| catalogue.check_output(path))
 }
 
@@ -56,7 +56,7 @@ pub(crate) fn check_report(
 /// cannot be read are warnings.
 ///
 /// # Errors
-/// [`JobError::Library`], also if `report_file` is the catalogue, one of the photos or one that the
+/// [`JobError::Catalogue`], also if `report_file` is the catalogue, one of the photos or one that the
 /// catalogue knows, [`JobError::Cancelled`]; photos that were added before stay.
 pub fn add(
     paths: &[PathBuf],
@@ -68,7 +68,7 @@ pub fn add(
 ) -> Result<Report, JobError> {
     for path in paths {
         if let Err(cause) = path.metadata() {
-            return Err(JobError::from_library(LibraryError::Add {
+            return Err(JobError::from_catalogue(CatalogueError::Add {
                 path: path.clone(),
                 reason: crate::error::plain(&cause),
             }));
@@ -78,7 +78,7 @@ pub fn add(
         files::check_files(&[], &[catalogue])?;
     }
     if let Some(path) = file_of(report_file) {
-        let photo = || would_read(paths, path, progress).map_err(JobError::from_library);
+        let photo = || would_read(paths, path, progress).map_err(JobError::from_catalogue);
         if belongs_to_catalogue(catalogue, path) || photo()? {
             return Err(JobError::OverwritesInput { path: path.into() });
         }
@@ -87,9 +87,9 @@ pub fn add(
     let added = report.time("add", || {
         let mut catalogue = Catalogue::open_or_make(catalogue, progress)?;
         check_report(&catalogue, report_file)?;
-        ravec_library::add(&mut catalogue, paths, limits, progress)
+        ravec_catalogue::add(&mut catalogue, paths, limits, progress)
     });
-    let added = added.map_err(JobError::from_library)?;
+    let added = added.map_err(JobError::from_catalogue)?;
     for (path, reason) in &added.unreadable {
         report.warn(format!("{}: {reason}", path.display()));
     }
@@ -109,7 +109,7 @@ pub fn add(
 /// Forgets photos, and all photos in folders; the files stay. Figure: `removed`.
 ///
 /// # Errors
-/// [`JobError::Library`], also if `report_file` is the catalogue or a photo that it knows.
+/// [`JobError::Catalogue`], also if `report_file` is the catalogue or a photo that it knows.
 pub fn remove(
     paths: &[PathBuf],
     catalogue: &Path,
@@ -118,9 +118,10 @@ pub fn remove(
     progress: &Progress,
 ) -> Result<Report, JobError> {
     let mut report = Report::new("library remove", params);
-    let mut catalogue = Catalogue::open(catalogue, progress).map_err(JobError::from_library)?;
-    check_report(&catalogue, report_file).map_err(JobError::from_library)?;
-    let removed = ravec_library::remove(&mut catalogue, paths).map_err(JobError::from_library)?;
+    let mut catalogue = Catalogue::open(catalogue, progress).map_err(JobError::from_catalogue)?;
+    check_report(&catalogue, report_file).map_err(JobError::from_catalogue)?;
+    let removed =
+        ravec_catalogue::remove(&mut catalogue, paths).map_err(JobError::from_catalogue)?;
     report.figures.insert("removed", removed as f64);
     Ok(report)
 }
@@ -129,7 +130,7 @@ pub fn remove(
 /// `orientation` (1 to 8 as in EXIF), `taken`, `unreadable`, `flaw` and `dropped` (a reason or null). Figure: `photos`.
 ///
 /// # Errors
-/// [`JobError::Library`], also if `report_file` is the catalogue or a photo that it knows.
+/// [`JobError::Catalogue`], also if `report_file` is the catalogue or a photo that it knows.
 pub fn list(
     catalogue: &Path,
     report_file: Option<&Path>,
@@ -137,11 +138,12 @@ pub fn list(
     progress: &Progress,
 ) -> Result<Report, JobError> {
     let mut report = Report::new("library list", params);
-    let catalogue = Catalogue::open_to_read(catalogue, progress).map_err(JobError::from_library)?;
-    check_report(&catalogue, report_file).map_err(JobError::from_library)?;
+    let catalogue =
+        Catalogue::open_to_read(catalogue, progress).map_err(JobError::from_catalogue)?;
+    check_report(&catalogue, report_file).map_err(JobError::from_catalogue)?;
     let entries = catalogue
         .entries(params.all)
-        .map_err(JobError::from_library)?;
+        .map_err(JobError::from_catalogue)?;
     report.figures.insert("photos", entries.len() as f64);
     let described = |entry: &Entry| {
         json!({
@@ -163,7 +165,7 @@ pub fn list(
 /// (unreadable, tiny, contentless, framed, near-duplicate or missing, and details). Figure: `dropped`.
 ///
 /// # Errors
-/// [`JobError::Library`], also if `report_file` is the catalogue or a photo that it knows, [`JobError::Cancelled`].
+/// [`JobError::Catalogue`], also if `report_file` is the catalogue or a photo that it knows, [`JobError::Cancelled`].
 pub fn clean(
     catalogue: &Path,
     report_file: Option<&Path>,
@@ -178,11 +180,11 @@ pub fn clean(
             Catalogue::open(catalogue, progress)?
         };
         check_report(&catalogue, report_file)?;
-        ravec_library::clean(&mut catalogue, params.dry_run, progress)
+        ravec_catalogue::clean(&mut catalogue, params.dry_run, progress)
     });
-    let dropped = dropped.map_err(JobError::from_library)?;
+    let dropped = dropped.map_err(JobError::from_catalogue)?;
     report.figures.insert("dropped", dropped.len() as f64);
-    let described = |dropped: &ravec_library::Dropped| json!({ "path": dropped.path.to_string_lossy(), "reason": dropped.reason });
+    let described = |dropped: &ravec_catalogue::Dropped| json!({ "path": dropped.path.to_string_lossy(), "reason": dropped.reason });
     report.result = Some(dropped.iter().map(described).collect());
     Ok(report)
 }
@@ -191,7 +193,7 @@ pub fn clean(
 /// report's `result` says how many were dropped for which reason.
 ///
 /// # Errors
-/// [`JobError::Library`], also if `report_file` is the catalogue or a photo that it knows.
+/// [`JobError::Catalogue`], also if `report_file` is the catalogue or a photo that it knows.
 pub fn stats(
     catalogue: &Path,
     report_file: Option<&Path>,
@@ -199,9 +201,10 @@ pub fn stats(
     progress: &Progress,
 ) -> Result<Report, JobError> {
     let mut report = Report::new("library stats", params);
-    let catalogue = Catalogue::open_to_read(catalogue, progress).map_err(JobError::from_library)?;
-    check_report(&catalogue, report_file).map_err(JobError::from_library)?;
-    let stats = ravec_library::stats(&catalogue).map_err(JobError::from_library)?;
+    let catalogue =
+        Catalogue::open_to_read(catalogue, progress).map_err(JobError::from_catalogue)?;
+    check_report(&catalogue, report_file).map_err(JobError::from_catalogue)?;
+    let stats = ravec_catalogue::stats(&catalogue).map_err(JobError::from_catalogue)?;
     for (name, count) in [
         ("usable", stats.usable),
         ("landscape", stats.landscape),

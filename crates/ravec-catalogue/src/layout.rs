@@ -1,6 +1,6 @@
 //! Where the tiles are on the picture and in the mosaic.
 
-use crate::error::LibraryError;
+use crate::error::CatalogueError;
 use crate::mosaic::MosaicParams;
 use crate::thumbnail::light;
 use ravec_mosaic::{
@@ -27,7 +27,7 @@ pub(crate) struct Layout {
 }
 
 impl Layout {
-    pub fn new(picture: Size, params: &MosaicParams) -> Result<Self, LibraryError> {
+    pub fn new(picture: Size, params: &MosaicParams) -> Result<Self, CatalogueError> {
         let (width, height) = (picture.width() as f64, picture.height() as f64);
         let tile = params.tile;
         let columns = params.columns;
@@ -37,7 +37,7 @@ impl Layout {
         });
         let whole_units = |side: usize| side.is_multiple_of(ADAPTIVE_UNITS);
         if params.adaptive.is_some() && !(whole_units(tile.width()) && whole_units(tile.height())) {
-            return Err(LibraryError::NoThirds {
+            return Err(CatalogueError::NoThirds {
                 width: tile.width(),
                 height: tile.height(),
             });
@@ -49,14 +49,14 @@ impl Layout {
         };
         let whole =
             |tile: Size| sides(tile).and_then(|(width, height)| Size::new(width, height).ok());
-        let size = whole(tile).ok_or(LibraryError::TooLarge {
+        let size = whole(tile).ok_or(CatalogueError::TooLarge {
             columns,
             rows,
             width: tile.width(),
             height: tile.height(),
         })?;
         if picture.width() < columns || picture.height() < rows {
-            return Err(LibraryError::PictureTooSmall {
+            return Err(CatalogueError::PictureTooSmall {
                 width: picture.width(),
                 height: picture.height(),
                 columns,

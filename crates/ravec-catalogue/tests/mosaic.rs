@@ -1,7 +1,7 @@
 //! Catalogues and mosaics of drawn photos, in temporary folders.
 
-use ravec_library::{
-    Catalogue, LibraryError, MosaicParams, Outputs, add, clean, mosaic, remove, stats,
+use ravec_catalogue::{
+    Catalogue, CatalogueError, MosaicParams, Outputs, add, clean, mosaic, remove, stats,
 };
 use ravec_media::{Limits, Picture, WriteOptions, read, write};
 use ravec_mosaic::{ChooseParams, Crop, Rules, scaled_photo, violations};
@@ -45,7 +45,7 @@ fn studio(photos: usize) -> (tempfile::TempDir, Catalogue) {
     (folder, catalogue)
 }
 
-fn put(catalogue: &mut Catalogue, folder: &Path) -> ravec_library::Added {
+fn put(catalogue: &mut Catalogue, folder: &Path) -> ravec_catalogue::Added {
     let paths = [folder.join("photos")];
     add(catalogue, &paths, &Limits::default(), &Progress::none()).unwrap()
 }
@@ -77,7 +77,7 @@ fn make(
     picture: &AnyImage,
     output: &Path,
     params: &MosaicParams,
-) -> Result<ravec_library::Mosaic, LibraryError> {
+) -> Result<ravec_catalogue::Mosaic, CatalogueError> {
     let outputs = Outputs {
         picture: Some(output),
         deep_zoom: None,
@@ -381,7 +381,7 @@ fn an_interrupted_run_keeps_what_was_committed_and_goes_on_there() {
             let mut catalogue = Catalogue::open_or_make(&path, &Progress::none()).unwrap();
             let progress = Progress::cancelled_at(400 + 100 * run);
             let stopped = add(&mut catalogue, &paths, &Limits::default(), &progress);
-            assert!(matches!(stopped, Err(LibraryError::Cancelled(_))));
+            assert!(matches!(stopped, Err(CatalogueError::Cancelled(_))));
             drop(catalogue);
             let catalogue = Catalogue::open(&path, &Progress::none()).unwrap();
             match catalogue.entries(true).unwrap().len() {
