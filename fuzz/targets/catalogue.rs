@@ -4,7 +4,7 @@ use super::{Outcome, limits};
 use ravec::progress::Progress;
 use ravec::raster::{Image, Size, Srgb};
 use ravec_catalogue::Catalogue;
-use ravec_jobs::{Source, library, mosaic};
+use ravec_jobs::{Source, catalogue, mosaic};
 use ravec_media::{Picture, WriteOptions, write};
 use rusqlite::types::Value;
 use rusqlite::{Connection, params_from_iter};
@@ -166,16 +166,16 @@ fn byte(value: &Json) -> u8 {
 /// Counts, lists, chooses from and cleans the catalogue.
 fn used(catalogue: &Path) -> Outcome {
     let progress = Progress::none();
-    let outcome = Outcome::of(&library::stats(
+    let outcome = Outcome::of(&catalogue::stats(
         catalogue,
         None,
-        &library::Plain::default(),
+        &catalogue::Plain::default(),
         &progress,
     ));
-    let _ = library::list(
+    let _ = catalogue::list(
         catalogue,
         None,
-        &library::ListParams { all: true },
+        &catalogue::ListParams { all: true },
         &progress,
     );
     let input = Source {
@@ -204,10 +204,10 @@ fn used(catalogue: &Path) -> Outcome {
         let _ = mosaic::run(&input, catalogue, &outputs, None, &params, &progress);
     }
     for dry_run in [true, false] {
-        let _ = library::clean(
+        let _ = catalogue::clean(
             catalogue,
             None,
-            &library::CleanParams { dry_run },
+            &catalogue::CleanParams { dry_run },
             &progress,
         );
     }

@@ -69,7 +69,7 @@ pub fn read(input: &[u8]) -> Outcome {
         stored::<brush::Params>(text),
         stored::<compare::Params>(text),
         stored::<complete::Params>(text),
-        stored::<library::CleanParams>(text),
+        stored::<catalogue::CleanParams>(text),
         stored::<match_photos::Params>(text),
         stored::<mesh::convert::Params>(text),
         stored::<mesh::offset::Params>(text),
