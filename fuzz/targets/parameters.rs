@@ -3,7 +3,7 @@
 use super::Outcome;
 use ravec::boolean::{Expr, Known};
 use ravec_jobs::{
-    brush, compare, complete, library, match_photos, mesh, mosaic, plane, retarget, scenes,
+    brush, catalogue, compare, complete, match_photos, mesh, mosaic, plane, retarget, scenes,
     twocolor,
 };
 use serde::Serialize;
