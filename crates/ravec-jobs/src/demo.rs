@@ -7,8 +7,9 @@ mod mosaic;
 mod tools;
 mod two_color;
 
+use crate::context::Context;
 use crate::error::JobError;
-use crate::files::{self, Source};
+use crate::files;
 use crate::gallery::{Figure, Gallery};
 use crate::mesh;
 use crate::plane;
@@ -73,14 +74,14 @@ const ZOOM: usize = 4;
 /// # Panics
 /// Never: the size of the built-in street follows from a side that was checked.
 pub fn run(
-    photo: Option<&Source>,
+    photo: Option<&Path>,
     out: &Path,
     params: &Params,
     progress: &Progress,
 ) -> Result<Report, JobError> {
     if !(64..=8192).contains(&params.max_side) {
         return Err(JobError::Parameter {
-            name: "--max-side",
+            field: "max_side",
             value: params.max_side.to_string(),
             range: "64 to 8192",
         });
@@ -89,7 +90,7 @@ pub fn run(
     let mut report = Report::new("demo", params);
     report.seed = Some(params.seed);
     let (image, origin) = if let Some(source) = photo {
-        let picture = files::read(source, &mut report, progress)?;
+        let picture = files::read(source, &mut report, &Context::new(progress))?;
         (reduced(&picture.image, params.max_side), "the photo")
     } else {
         // three to two; at least 64 pixels wide, as checked above
@@ -132,7 +133,13 @@ pub fn run(
     mesh::boolean::show(&mut page, &mut report, Seed(params.seed), detail, progress)?;
     let page = page.finish();
     files::make_folder(out)?;
-    files::write_output_text(&out.join("index.html"), "HTML", &page, &mut report)?;
+    files::write_output_text(
+        &out.join("index.html"),
+        "HTML",
+        &page,
+        &mut report,
+        &Context::new(progress),
+    )?;
     Ok(report)
 }
 

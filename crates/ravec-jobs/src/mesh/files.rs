@@ -1,7 +1,8 @@
 //! Mesh files by path: limits, streams, buffers beside glTF files, outputs that are whole or absent.
 
+use crate::context::{Context, Intermediate};
 use crate::error::JobError;
-use crate::files::{check_files, is_stream};
+use crate::files::{IN_MEMORY, check_files, is_stream};
 use crate::report::{FileReport, Report};
 use ravec::mesh::{
     Attributes, LengthUnit, MeshFile, MeshFormat, MeshLimits, MeshRows, Precision, ReadMeshError,
@@ -14,25 +15,7 @@ use std::cell::RefCell;
 use std::fs::File;
 use std::io::{self, Read, Write};
 use std::path::{Component, Path, PathBuf};
-
-/// A mesh file to be read.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct MeshSource {
-    /// Where it is; `-` is standard input.
-    pub path: PathBuf,
-    /// Limits for reading it.
-    pub limits: MeshLimits,
-}
-
-impl MeshSource {
-    /// A file with the default limits.
-    pub fn new(path: impl Into<PathBuf>) -> Self {
-        Self {
-            path: path.into(),
-            limits: MeshLimits::default(),
-        }
-    }
-}
+use std::sync::Arc;
 
 /// How a mesh file is to be written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -236,27 +219,27 @@ fn write_to(
 
 /// Reads a mesh and records it. Files that were read along with it must not be among `outputs`.
 pub(crate) fn read(
-    source: &MeshSource,
+    path: &Path,
     outputs: &[&Path],
     report: &mut Report,
-    progress: &Progress,
+    context: &Context,
 ) -> Result<MeshFile, JobError> {
-    read_recorded(source, outputs, ReadOptions::default(), report, progress)
+    read_recorded(path, outputs, ReadOptions::default(), report, context)
 }
 
 /// Reads a mesh as [`read`] does, with the colors of its vertices and with texture coordinates.
 pub(super) fn read_with_attributes(
-    source: &MeshSource,
+    path: &Path,
     outputs: &[&Path],
     report: &mut Report,
-    progress: &Progress,
+    context: &Context,
 ) -> Result<MeshFile, JobError> {
     let all = ReadOptions {
         colors: true,
         texture: true,
         ..ReadOptions::default()
     };
-    read_recorded(source, outputs, all, report, progress)
+    read_recorded(path, outputs, all, report, context)
 }
 
 /// Takes from a file what `target` does not hold, and says so.
@@ -264,7 +247,7 @@ pub(super) fn read_with_attributes(
     clippy::trivially_copy_pass_by_ref,
     reason = "taken like in the public function"
 )]
-pub(super) fn keep_held(
+pub(super) fn keep_supported(
     file: &mut MeshFile,
     path: &Path,
     target: &MeshTarget,
@@ -286,20 +269,31 @@ pub(super) fn keep_held(
 }
 
 fn read_recorded(
-    source: &MeshSource,
+    path: &Path,
     outputs: &[&Path],
     mut options: ReadOptions,
     report: &mut Report,
-    progress: &Progress,
+    context: &Context,
 ) -> Result<MeshFile, JobError> {
-    let path = &source.path;
+    if context.is_intermediate(path) {
+        let mut file = context.stored_mesh(path)?;
+        if !options.colors {
+            file.colors = Vec::new();
+        }
+        if !options.texture {
+            file.texture = Vec::new();
+        }
+        report.inputs.push(in_memory(path, file.unit, &file.mesh));
+        return Ok(file);
+    }
     tracing::info!("reading {}", path.display());
-    options.limits = source.limits.clone();
-    let (file, companions) =
-        report.time("read", || read_with_companions(path, options, progress))?;
+    options.limits = context.mesh_limits();
+    let (file, companions) = report.time("read", || {
+        read_with_companions(path, options, &context.progress)
+    })?;
     let companions: Vec<_> = companions.iter().map(PathBuf::as_path).collect();
     check_files(&companions, outputs)?;
-    for path in companions.into_iter().chain([path.as_path()]) {
+    for path in companions.into_iter().chain([path]) {
         report.protect(path);
     }
     for warning in &file.warnings {
@@ -310,7 +304,7 @@ fn read_recorded(
     Ok(file)
 }
 
-/// Writes a mesh, whole or not at all, and records it.
+/// Writes a mesh, whole or not at all, or keeps it in memory, and records it.
 #[expect(
     clippy::trivially_copy_pass_by_ref,
     reason = "taken like in the public function"
@@ -320,9 +314,9 @@ pub(crate) fn write(
     mesh: &TriMesh,
     target: &MeshTarget,
     report: &mut Report,
-    progress: &Progress,
+    context: &Context,
 ) -> Result<(), JobError> {
-    write_with(path, mesh, Attributes::default(), target, report, progress)
+    write_with(path, mesh, Attributes::default(), target, report, context)
 }
 
 /// Writes a mesh as [`write`] does, with those of its attributes that the format holds.
@@ -336,14 +330,22 @@ pub(super) fn write_with(
     attributes: Attributes<'_>,
     target: &MeshTarget,
     report: &mut Report,
-    progress: &Progress,
+    context: &Context,
 ) -> Result<(), JobError> {
+    if context.is_intermediate(path) {
+        let mut file = MeshFile::from_mesh(mesh.clone(), target.format);
+        file.unit = target.unit;
+        file.colors = attributes.colors.to_vec();
+        file.texture = attributes.texture.to_vec();
+        store(path, file, report, context);
+        return Ok(());
+    }
     write_recorded(path, mesh, target, report, || {
-        write_file(path, mesh, attributes, target, progress)
+        write_file(path, mesh, attributes, target, &context.progress)
     })
 }
 
-/// Writes a mesh as [`write`] does, wherever it is.
+/// Writes a mesh as [`write`] does, wherever its rows are.
 #[expect(
     clippy::trivially_copy_pass_by_ref,
     reason = "taken like in the public function"
@@ -353,16 +355,44 @@ pub(super) fn write_stored(
     mesh: &impl MeshRows,
     target: &MeshTarget,
     report: &mut Report,
-    progress: &Progress,
+    context: &Context,
 ) -> Result<(), JobError> {
+    if context.is_intermediate(path) {
+        let failed = |cause| JobError::from_writing(path, cause);
+        let mut file = MeshFile::from_mesh(collected(mesh).map_err(failed)?, target.format);
+        file.unit = target.unit;
+        store(path, file, report, context);
+        return Ok(());
+    }
     write_recorded(path, mesh, target, report, || {
-        write_to(path, target, progress, |writer, options| {
-            write_rows(mesh, target.format, options, writer, progress)
+        write_to(path, target, &context.progress, |writer, options| {
+            write_rows(mesh, target.format, options, writer, &context.progress)
         })
     })
 }
 
-/// Lets `write` write a mesh, and records it.
+/// The rows of a mesh in memory.
+fn collected(mesh: &impl MeshRows) -> Result<TriMesh, WriteMeshError> {
+    let mut positions = Vec::with_capacity(mesh.vertex_count());
+    mesh.for_each_vertex(&mut |position| {
+        positions.push(position);
+        Ok(())
+    })?;
+    let mut triangles = Vec::with_capacity(mesh.triangle_count());
+    mesh.for_each_triangle(&mut |triangle, _| {
+        triangles.push(triangle);
+        Ok(())
+    })?;
+    TriMesh::new(positions, triangles).map_err(|error| io::Error::other(error).into())
+}
+
+/// Keeps a mesh in memory and records it.
+fn store(path: &Path, file: MeshFile, report: &mut Report, context: &Context) {
+    report.outputs.push(in_memory(path, file.unit, &file.mesh));
+    context.store(path, Intermediate::Mesh(Arc::new(file)));
+}
+
+/// Writes a mesh by `write`, and records it.
 #[expect(
     clippy::trivially_copy_pass_by_ref,
     reason = "taken like in the public function"
@@ -379,6 +409,14 @@ fn write_recorded(
     report.time("write", write)?;
     report.outputs.push(written(path, *target, mesh));
     Ok(())
+}
+
+/// Report entry of an intermediate result.
+fn in_memory(path: &Path, unit: Option<LengthUnit>, mesh: &impl MeshRows) -> FileReport {
+    FileReport {
+        format: IN_MEMORY.to_owned(),
+        ..described(path, MeshFormat::PlyBinary, unit, mesh)
+    }
 }
 
 /// Report entry of a mesh that was written.
@@ -437,7 +475,7 @@ mod tests {
     fn a_mesh_that_is_written_and_read_leaves_its_trace_in_the_report() {
         let folder = tempfile::tempdir().unwrap();
         let mesh = icosphere(1.0, 1).mesh;
-        let (mut report, progress) = (Report::new("test", &()), Progress::none());
+        let (mut report, context) = (Report::new("test", &()), Context::default());
         for (name, format, unit) in [
             ("a.stl", "binary STL", None),
             ("a.ply", "binary PLY", None),
@@ -479,7 +517,7 @@ mod tests {
         let data = folder.path().join("data/corners.bin");
         put(&data, &corners());
         let source = MeshSource::new(triangle_at(folder.path(), "data/corners.bin"));
-        let (mut report, progress) = (Report::new("test", &()), Progress::none());
+        let (mut report, context) = (Report::new("test", &()), Context::default());
         let file = read(&source, &[], &mut report, &progress).unwrap();
         assert_eq!(file.mesh.triangles().len(), 1);
         let error = read(&source, &[&data], &mut report, &progress).unwrap_err();

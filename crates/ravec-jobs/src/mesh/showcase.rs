@@ -94,7 +94,7 @@ pub(super) fn drawn(
 /// The parameters of this page are constants.
 pub(super) fn bug(name: &'static str, error: &impl std::fmt::Display) -> JobError {
     JobError::Parameter {
-        name,
+        field: name,
         value: error.to_string(),
         range: "possible",
     }

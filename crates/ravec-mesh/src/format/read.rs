@@ -84,6 +84,21 @@ pub struct MeshFile {
     pub(super) memory: MeshMemory,
 }
 
+impl MeshFile {
+    /// A mesh as if it was read from a file of this format, without attributes. No memory is reserved for it.
+    pub fn from_mesh(mesh: TriMesh, format: MeshFormat) -> Self {
+        Self {
+            mesh,
+            format,
+            unit: None,
+            colors: Vec::new(),
+            texture: Vec::new(),
+            warnings: Vec::new(),
+            memory: MeshMemory::default(),
+        }
+    }
+}
+
 /// The reservation for what a [`MeshFile`] holds. It ends with the last clone of the file, and is no part of its value.
 #[derive(Debug, Clone, Default)]
 pub(super) struct MeshMemory {

@@ -1,5 +1,6 @@
 //! A picture of a result that shows what is old and what is new in it.
 
+use crate::context::Context;
 use crate::error::JobError;
 use crate::files;
 use crate::mesh::Viewpoint;
@@ -10,7 +11,6 @@ use ravec::mesh::TriMesh;
 use ravec::mesh::render::{
     Camera, FeatureLines, LineStyle, MarkedEdges, Paint, RenderParams, render,
 };
-use ravec::progress::Progress;
 use ravec_media::{Picture, WriteOptions};
 use std::path::Path;
 
@@ -64,7 +64,7 @@ pub(super) fn write(
     result: &Boolean,
     view: Viewpoint,
     report: &mut Report,
-    progress: &Progress,
+    context: &Context,
 ) -> Result<(), JobError> {
     let camera = Camera {
         view: view.0,
@@ -81,7 +81,7 @@ pub(super) fn write(
     let colors = colors(&result.origins);
     let paint = Paint::FaceColors(&colors);
     let mesh: &TriMesh = &result.mesh;
-    let rendering = report.time("render", || render(mesh, &paint, &look, progress));
+    let rendering = report.time("render", || render(mesh, &paint, &look, &context.progress));
     let picture = Picture::from_image(image_of(rendering.map_err(refused)?));
-    files::write(path, &picture, &WriteOptions::default(), report, progress)
+    files::write(path, &picture, &WriteOptions::default(), report, context)
 }
