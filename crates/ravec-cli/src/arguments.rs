@@ -11,7 +11,7 @@ use ravec::memory::MemoryBudget;
 use ravec_jobs::mesh::{NamedFile, boolean, offset};
 use ravec_jobs::plane::{planes, rectify, snap};
 use ravec_jobs::{
-    Limits, brush, compare, complete, demo, match_photos, mosaic, retarget, scenes, twocolor,
+    Limits, brush, compare, complete, match_photos, mosaic, retarget, scenes, twocolor,
 };
 use std::path::{Path, PathBuf};
 
@@ -293,7 +293,7 @@ pub enum Command {
         #[arg(short, long, value_name = "DIR", default_value = "ravec-demo")]
         out: PathBuf,
         #[command(flatten)]
-        params: demo::Params,
+        params: ravec_demo::Params,
     },
     /// Write procedural pictures with their ground truth
     #[command(after_help = help::SCENES)]
@@ -633,7 +633,7 @@ mod tests {
         let Command::Demo { params, .. } = parsed.command else {
             panic!("not demo");
         };
-        assert_eq!(params, demo::Params::default());
+        assert_eq!(params, ravec_demo::Params::default());
         assert_eq!(parsed.global.limits(), Limits::default());
     }
 

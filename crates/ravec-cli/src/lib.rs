@@ -34,7 +34,7 @@ use clap::{CommandFactory as _, Parser as _};
 use exit::Failure;
 use ravec::progress::Progress;
 use ravec_jobs::{
-    JobError, Report, Source, brush, catalogue, check_files, check_folder, compare, complete, demo,
+    JobError, Report, Source, brush, catalogue, check_files, check_folder, compare, complete,
     escape_except, match_photos, mesh, mosaic, plane, retarget, scenes, twocolor,
 };
 use std::ffi::OsString;
@@ -279,7 +279,7 @@ fn execute(
         Command::Demo { image, out, params } => {
             let photo = image.map(source);
             job(&global, |progress| {
-                demo::run(photo.as_ref(), &out, &params, progress)
+                ravec_demo::run(photo.as_ref(), &out, &params, progress)
             })
         }
         Command::Scenes { out, params } => {

@@ -33,8 +33,12 @@ impl Source {
     }
 }
 
-/// Reads a picture and records it.
-pub(crate) fn read(
+/// Reads a picture for an operation: records the file and its warnings in the report, and protects it from the outputs of
+/// the run.
+///
+/// # Errors
+/// [`JobError::Read`], [`JobError::Cancelled`].
+pub fn read(
     source: &Source,
     report: &mut Report,
     progress: &Progress,
@@ -242,8 +246,11 @@ pub fn write_text(path: &Path, text: &str) -> Result<(), JobError> {
     written.map_err(|cause| unwritable(path, cause))
 }
 
-/// Writes a text that is an output of the operation, and records it.
-pub(crate) fn write_output_text(
+/// Writes a text that is an output of the operation, whole or not at all, and records it as of the `format`.
+///
+/// # Errors
+/// [`JobError::Write`]; [`JobError::OverwritesInput`] or [`JobError::OutputTwice`] if the run has read or written the file.
+pub fn write_output_text(
     path: &Path,
     format: &str,
     text: &str,
@@ -261,7 +268,10 @@ pub(crate) fn write_output_text(
 }
 
 /// Makes a folder and those above it.
-pub(crate) fn make_folder(path: &Path) -> Result<(), JobError> {
+///
+/// # Errors
+/// [`JobError::Write`] if one cannot be made.
+pub fn make_folder(path: &Path) -> Result<(), JobError> {
     std::fs::create_dir_all(path).map_err(|cause| unwritable(path, cause))
 }
 

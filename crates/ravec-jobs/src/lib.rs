@@ -29,10 +29,8 @@ pub mod brush;
 pub mod catalogue;
 pub mod compare;
 pub mod complete;
-pub mod demo;
 mod error;
 mod files;
-mod gallery;
 mod identity;
 pub mod match_photos;
 pub mod mesh;
@@ -45,7 +43,10 @@ mod text;
 pub mod twocolor;
 
 pub use error::JobError;
-pub use files::{Source, check_files, check_folder, write_text};
+pub use files::{
+    Source, check_files, check_folder, make_folder, read as read_picture, write_output_text,
+    write_text,
+};
 pub use ravec_media::{Limits, abandon_outputs};
 pub use report::{FileReport, Finding, Place, Report, Timing};
 pub use text::{escape_controls, escape_except};

@@ -1,7 +1,5 @@
 //! `offset`: the surface at a distance from a mesh, closed and proved to be within a tolerance.
 
-mod showcase;
-
 use super::convert::{Begun, Carries, Output, Unit, rounds, scaled, unit_scale};
 use super::{Dimension, MeshSource};
 use crate::error::JobError;
@@ -14,8 +12,6 @@ use ravec::progress::Progress;
 use ravec_media::scratch_file;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
-
-pub(crate) use showcase::show;
 
 /// A side of the mesh.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]

@@ -1,25 +1,39 @@
-//! `demo`: one page that shows what two-color pixels, planes and meshes are good for, with pictures, timings and measured figures.
+//! The gallery: one page that shows what two-color pixels, planes and meshes are good for, with pictures, timings and measured
+//! figures.
 //!
-//! Everything is worked out while the page is made, from the built-in street or from a photo, and from solids with formulas.
+//! [`run`] computes everything while it makes the page, from the built-in street or from a photo, and from solids with formulas.
+//! It uses the libraries as any program would, and is the longest example of how they are called.
+//!
+//! ```
+//! use ravec::progress::Progress;
+//! use ravec_demo::{Params, run};
+//!
+//! let folder = tempfile::tempdir()?;
+//! let params = Params { max_side: 64, ..Params::default() };
+//! let report = run(None, folder.path(), &params, &Progress::none())?;
+//! assert!(report.figures["twocolor_psnr_db"] > report.figures["mosaic_psnr_db"]);
+//! assert!(folder.path().join("index.html").exists());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! Guarantees: the page is one file, which fetches nothing and needs no other; it is written whole or not at all; with equal
+//! parameters it differs only in measured times. Does not guarantee: that the page shows every operation.
 
-mod completion;
-mod mosaic;
-mod tools;
-mod two_color;
+mod error;
+mod formats;
+mod page;
+mod pictures;
+mod planes;
+mod solids;
 
-use crate::error::JobError;
-use crate::files::{self, Source};
-use crate::gallery::{Figure, Gallery};
-use crate::mesh;
-use crate::plane;
-use crate::report::Report;
-use crate::retarget;
+use page::Gallery;
 use ravec::progress::Progress;
 use ravec::raster::{
-    AnyImage, Comparison, Image, LinearRgba, PremulLinearRgba, Rect, ResizeFilter, Size, Srgb,
-    compare, resize,
+    AnyImage, Image, LinearRgba, PremulLinearRgba, ResizeFilter, Size, Srgb, resize,
 };
-use ravec::twocolor::{FitParams, TwoColorField};
+use ravec_jobs::{
+    JobError, Report, Source, check_folder, make_folder, read_picture, write_output_text,
+};
 use ravec_scenes::Seed;
 use ravec_scenes::street::street;
 use serde::{Deserialize, Serialize};
@@ -48,12 +62,6 @@ impl Default for Params {
         }
     }
 }
-
-/// Side of the part that is shown enlarged, in pixels.
-const CROP: [usize; 2] = [96, 72];
-
-/// How much parts are enlarged.
-const ZOOM: usize = 4;
 
 /// Makes the page `index.html` in the folder `out`, from a photo or from the built-in street.
 ///
@@ -85,11 +93,11 @@ pub fn run(
             range: "64 to 8192",
         });
     }
-    files::check_folder(out)?;
+    check_folder(out)?;
     let mut report = Report::new("demo", params);
     report.seed = Some(params.seed);
     let (image, origin) = if let Some(source) = photo {
-        let picture = files::read(source, &mut report, progress)?;
+        let picture = read_picture(source, &mut report, progress)?;
         (reduced(&picture.image, params.max_side), "the photo")
     } else {
         // three to two; at least 64 pixels wide, as checked above
@@ -100,39 +108,24 @@ pub fn run(
         phase.advance(1);
         (image.convert(), "a street drawn by formulas")
     };
-    let mut demo = Demo {
-        // eight bits, as a file would have
-        image: image.convert::<Srgb<u8>>().convert(),
-        page: Gallery::new(
-            "Ravec",
-            "Pictures whose blocks of pixels become lines with two colors, and solids made of triangles: what that is good \
-             for, worked out just now.",
-        ),
-        detail: Rect::default(),
-        report: &mut report,
-        progress,
-    };
-    demo.detail = demo.busiest_part()?;
-    demo.input(origin)?;
-    demo.two_color_pixels()?;
-    demo.any_scale()?;
-    demo.operator()?;
-    demo.paint()?;
-    demo.cleaning(Seed(params.seed))?;
-    demo.completion(params.max_side, Seed(params.seed))?;
-    demo.mosaic(Seed(params.seed))?;
-    demo.speed()?;
-    let mut page = demo.page;
+    let mut page = Gallery::new(
+        "Ravec",
+        "Pictures whose blocks of pixels become lines with two colors, and solids made of triangles: what that is good for, \
+         worked out just now.",
+    );
+    // eight bits, as a file would have
+    let image = image.convert::<Srgb<u8>>().convert();
+    pictures::show(&mut page, &mut report, image, origin, params, progress)?;
     let side = params.max_side;
-    retarget::show(&mut page, &mut report, Seed(params.seed), side, progress)?;
-    plane::show(&mut page, &mut report, Seed(params.seed), side, progress)?;
-    let detail = mesh::Detail::of(side);
-    mesh::show(&mut page, &mut report, Seed(params.seed), detail, progress)?;
-    mesh::offset::show(&mut page, &mut report, detail, progress)?;
-    mesh::boolean::show(&mut page, &mut report, Seed(params.seed), detail, progress)?;
+    formats::show(&mut page, &mut report, Seed(params.seed), side, progress)?;
+    planes::show(&mut page, &mut report, Seed(params.seed), side, progress)?;
+    let detail = solids::Detail::of(side);
+    solids::show(&mut page, &mut report, Seed(params.seed), detail, progress)?;
+    solids::offsets::show(&mut page, &mut report, detail, progress)?;
+    solids::booleans::show(&mut page, &mut report, Seed(params.seed), detail, progress)?;
     let page = page.finish();
-    files::make_folder(out)?;
-    files::write_output_text(&out.join("index.html"), "HTML", &page, &mut report)?;
+    make_folder(out)?;
+    write_output_text(&out.join("index.html"), "HTML", &page, &mut report)?;
     Ok(report)
 }
 
@@ -148,110 +141,6 @@ fn reduced(image: &AnyImage, max_side: usize) -> Image<LinearRgba> {
     match Size::new(side(width), side(height)) {
         Ok(size) => resize(&image, size, ResizeFilter::Lanczos3).convert(),
         Err(_) => image.convert(),
-    }
-}
-
-/// The page in the making.
-struct Demo<'a> {
-    image: Image<LinearRgba>,
-    page: Gallery,
-    /// The part that is shown enlarged.
-    detail: Rect,
-    report: &'a mut Report,
-    progress: &'a Progress,
-}
-
-impl Demo<'_> {
-    fn fit(&self, block_px: usize) -> Result<TwoColorField, JobError> {
-        let params = FitParams {
-            block_px,
-            ..FitParams::default()
-        };
-        let mut field = TwoColorField::fit(&self.image, &params, self.progress)?;
-        field.refine_lines(&self.image, self.progress)?;
-        Ok(field)
-    }
-
-    fn size(&self) -> Size {
-        self.image.size()
-    }
-
-    /// Where the contrast of two-color pixels is largest: edges, not noise.
-    fn busiest_part(&self) -> Result<Rect, JobError> {
-        let field = self.fit(8)?;
-        let (columns, rows) = (CROP[0] / 8, CROP[1] / 8);
-        let grid = field.grid_size();
-        let score = |col: usize, row: usize| {
-            let blocks = (row..(row + rows).min(grid.height()))
-                .flat_map(|r| (col..(col + columns).min(grid.width())).map(move |c| (c, r)));
-            blocks
-                .map(|(c, r)| {
-                    let block = field.block(c, r);
-                    // well explained edges
-                    block.contrast() - 4.0 * block.error.sqrt()
-                })
-                .sum::<f32>()
-        };
-        let last_col = grid.width().saturating_sub(columns);
-        let last_row = grid.height().saturating_sub(rows);
-        let places = (0..=last_row)
-            .step_by(4)
-            .flat_map(|row| (0..=last_col).step_by(4).map(move |col| (col, row)));
-        let best = places.max_by(|&a, &b| score(a.0, a.1).total_cmp(&score(b.0, b.1)));
-        let (col, row) = best.unwrap_or((0, 0));
-        Ok(Rect::new(8 * col, 8 * row, CROP[0], CROP[1]).intersection(Rect::of(self.size())))
-    }
-
-    /// An even place beside the part with edges, and a part of twice the size around it.
-    fn even_place(&self) -> Result<(Rect, [f64; 2]), JobError> {
-        let field = self.fit(8)?;
-        let grid = field.grid_size();
-        let span = |begin: usize, len: usize, limit: usize| {
-            begin / 8..((begin + len) / 8).clamp(begin / 8 + 1, limit)
-        };
-        let columns = span(self.detail.col, self.detail.width, grid.width());
-        let rows = span(self.detail.row, self.detail.height, grid.height());
-        let unevenness = |&(col, row): &(usize, usize)| {
-            let block = field.block(col, row);
-            block.contrast() + block.error.sqrt()
-        };
-        let places = rows.flat_map(|row| columns.clone().map(move |col| (col, row)));
-        let best = places
-            .min_by(|a, b| unevenness(a).total_cmp(&unevenness(b)))
-            .unwrap_or((0, 0));
-        let (x, y) = (8 * best.0 + 4, 8 * best.1 + 4);
-        let part = Rect::new(
-            x.saturating_sub(CROP[0]),
-            y.saturating_sub(CROP[1]),
-            2 * CROP[0],
-            2 * CROP[1],
-        );
-        Ok((
-            part.intersection(Rect::of(self.size())),
-            [x as f64, y as f64],
-        ))
-    }
-
-    fn crop(&self, image: &Image<LinearRgba>, caption: impl Into<String>) -> Figure {
-        Figure::crop(image, self.detail, ZOOM, caption)
-    }
-
-    fn compared(&self, image: &Image<LinearRgba>) -> Option<Comparison> {
-        compare(&self.image, image).ok()
-    }
-
-    fn input(&mut self, origin: &str) -> Result<(), JobError> {
-        let (width, height) = (self.size().width(), self.size().height());
-        let text = format!(
-            "{width} x {height} pixels: {origin}. The part on the right is shown enlarged below."
-        );
-        self.page.section("The picture", &text);
-        let figures = [
-            Figure::picture(&self.image, "the picture"),
-            self.crop(&self.image, "a part of it, 4 times"),
-        ];
-        self.page.figures(&figures);
-        Ok(self.progress.check()?)
     }
 }
 
