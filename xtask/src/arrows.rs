@@ -123,9 +123,14 @@ const CRATES: &[Crate] = &[
         uses: &["ravec", "ravec-catalogue", "ravec-media", "ravec-scenes"],
     },
     Crate {
+        name: "ravec-demo",
+        layer: "assembly",
+        uses: &["ravec", "ravec-jobs", "ravec-media", "ravec-scenes"],
+    },
+    Crate {
         name: "ravec-cli",
         layer: "fronts",
-        uses: &["ravec-jobs", "ravec"],
+        uses: &["ravec-demo", "ravec-jobs", "ravec"],
     },
     Crate {
         name: "ravec-scenes",
@@ -168,7 +173,10 @@ const QUARANTINE: &[(&[&str], &[&str])] = &[
     // errors that are only shown
     (&["anyhow"], &["ravec-cli", "ravec-scenes", "xtask"]),
     // the terminal
-    (&["clap"], &["ravec-cli", "ravec-jobs", "xtask"]),
+    (
+        &["clap"],
+        &["ravec-cli", "ravec-demo", "ravec-jobs", "xtask"],
+    ),
     (
         &[
             "clap_complete",

@@ -8,7 +8,7 @@ use clap::{ArgMatches, Args, CommandFactory as _, FromArgMatches, Parser, Subcom
 use clap_complete::Shell;
 use ravec::memory::MemoryBudget;
 use ravec::progress::Progress;
-use ravec_jobs::demo::Demo;
+use ravec_demo::Demo;
 use ravec_jobs::recipe::Run;
 use ravec_jobs::{AnyOperation, Context, Limits, Recipe, Step};
 use std::ffi::OsString;
@@ -111,7 +111,7 @@ impl Subcommand for Command {
 }
 
 /// The command of a group of operations.
-fn group(name: &str) -> clap::Command {
+fn group(name: &'static str) -> clap::Command {
     let (about, after_help) = match name {
         "mesh" => (
             "Describe, check, convert, compare, render and simplify triangle meshes",
@@ -120,7 +120,7 @@ fn group(name: &str) -> clap::Command {
         "library" => ("Manage a catalogue of photos for mosaics", help::LIBRARY),
         _ => ("", ""),
     };
-    clap::Command::new(name.to_owned())
+    clap::Command::new(name)
         .about(about)
         .after_help(after_help)
         .arg_required_else_help(true)
@@ -148,7 +148,8 @@ fn with_exit_codes(command: clap::Command) -> clap::Command {
 pub fn parse(arguments: impl IntoIterator<Item = OsString>) -> Result<Arguments, clap::Error> {
     let mut command = command();
     let matches = command.try_get_matches_from_mut(arguments)?;
-    let parsed = Arguments::from_arg_matches(&matches).map_err(|error| error.format(&mut command))?;
+    let parsed =
+        Arguments::from_arg_matches(&matches).map_err(|error| error.format(&mut command))?;
     if parsed.global.recipe.is_some() && parsed.command.recipe().is_none() {
         let text = "--recipe is for operations; this command is none that a recipe can have";
         return Err(command.error(ErrorKind::ArgumentConflict, text));
@@ -199,7 +200,14 @@ pub struct Global {
     #[arg(long, global = true, value_name = "FILE")]
     pub recipe: Option<PathBuf>,
     /// The former name of `--json -`.
-    #[arg(long, global = true, hide = true, value_enum, value_name = "FORMAT", conflicts_with = "json")]
+    #[arg(
+        long,
+        global = true,
+        hide = true,
+        value_enum,
+        value_name = "FORMAT",
+        conflicts_with = "json"
+    )]
     report: Option<ReportFormat>,
 }
 

@@ -67,15 +67,27 @@ mod tests {
     fn fields_become_flags_and_other_quotes_stay() {
         let flags = Flags::of("retarget");
         for (sentence, shown) in [
-            ("`grid` is 1, but must be 2 to 400", "--grid is 1, but must be 2 to 400"),
-            ("`sizes` is missing: `max_pixels`", "--size is missing: --max-pixels"),
-            ("see `ravec mesh check`, `grid", "see `ravec mesh check`, `grid"),
+            (
+                "`grid` is 1, but must be 2 to 400",
+                "--grid is 1, but must be 2 to 400",
+            ),
+            (
+                "`sizes` is missing: `max_pixels`",
+                "--size is missing: --max-pixels",
+            ),
+            (
+                "see `ravec mesh check`, `grid",
+                "see `ravec mesh check`, `grid",
+            ),
             ("nothing", "nothing"),
             ("", ""),
         ] {
             assert_eq!(flags.name_in(sentence), shown);
         }
-        assert_eq!(Flags::of("mesh simplify").name_in("`max_turn`"), "--max-turn");
+        assert_eq!(
+            Flags::of("mesh simplify").name_in("`max_turn`"),
+            "--max-turn"
+        );
         assert_eq!(Flags::of("no such command").name_in("`grid`"), "`grid`");
     }
 }

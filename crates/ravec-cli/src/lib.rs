@@ -177,8 +177,8 @@ fn show(
     let report_file = global.report_file();
     let to_stdout = |path: &Path| path.as_os_str() == "-";
     let mut others = report_file.iter().chain(&global.recipe);
-    let taken = others.any(|path| to_stdout(path))
-        || report.outputs.iter().any(|file| file.path == "-");
+    let taken =
+        others.any(|path| to_stdout(path)) || report.outputs.iter().any(|file| file.path == "-");
     if !taken {
         print_report(operation, global, report)?;
     }
@@ -204,7 +204,9 @@ fn print_report(
     report: &Report,
 ) -> Result<(), Failure> {
     let in_file = report.outputs.iter().any(|file| file.format == "JSON");
-    let result = report.result_json().filter(|_| operation.prints_result() && !in_file);
+    let result = report
+        .result_json()
+        .filter(|_| operation.prints_result() && !in_file);
     match result {
         Some(result) => summary::print(&result),
         None if global.quiet => Ok(()),
@@ -245,7 +247,7 @@ fn manual(out: Option<&Path>) -> Result<(), Failure> {
             .expect("a vector takes every write");
         return summary::print(&String::from_utf8_lossy(&page));
     };
-    check_folder(folder)?;
+    check_folder(folder).map_err(|error| Failure::of(error, &Flags::of("man")))?;
     std::fs::create_dir_all(folder)
         .and_then(|()| clap_mangen::generate_to(command_for_pages(), folder))
         .map_err(|error| {

@@ -14,12 +14,12 @@ use std::fs::File;
 use std::io::{self, Read as _, Write as _};
 use std::path::Path;
 
-/// Reads a picture, or takes it from memory, and records it.
-pub(crate) fn read(
-    path: &Path,
-    report: &mut Report,
-    context: &Context,
-) -> Result<Picture, JobError> {
+/// Reads a picture for an operation, or takes it from memory: records the file and its warnings in the report, and protects it
+/// from the outputs of the run.
+///
+/// # Errors
+/// [`JobError::Read`], [`JobError::NoIntermediate`], [`JobError::Cancelled`].
+pub fn read(path: &Path, report: &mut Report, context: &Context) -> Result<Picture, JobError> {
     context.progress.check()?;
     if context.is_intermediate(path) {
         let picture = context.stored_picture(path)?;
@@ -285,8 +285,11 @@ pub fn write_text(path: &Path, text: &str) -> Result<(), JobError> {
     written.map_err(|cause| unwritable(path, cause))
 }
 
-/// Writes a text that is an output of the operation, and records it.
-pub(crate) fn write_output_text(
+/// Writes a text that is an output of the operation, whole or not at all, and records it as of the `format`.
+///
+/// # Errors
+/// [`JobError::Write`]; [`JobError::OverwritesInput`] or [`JobError::OutputTwice`] if the run has read or written the file.
+pub fn write_output_text(
     path: &Path,
     format: &str,
     text: &str,
@@ -310,7 +313,10 @@ pub(crate) fn write_output_text(
 }
 
 /// Makes a folder and those above it.
-pub(crate) fn make_folder(path: &Path) -> Result<(), JobError> {
+///
+/// # Errors
+/// [`JobError::Write`] if one cannot be made.
+pub fn make_folder(path: &Path) -> Result<(), JobError> {
     std::fs::create_dir_all(path).map_err(|cause| unwritable(path, cause))
 }
 

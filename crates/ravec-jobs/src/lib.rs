@@ -32,10 +32,8 @@ pub mod catalogue;
 pub mod compare;
 pub mod complete;
 mod context;
-pub mod demo;
 mod error;
 mod files;
-mod gallery;
 mod identity;
 pub mod match_photos;
 pub mod mesh;
@@ -52,7 +50,9 @@ pub mod twocolor;
 
 pub use context::Context;
 pub use error::{ErrorKind, JobError};
-pub use files::{check_files, check_folder, write_text};
+pub use files::{
+    check_files, check_folder, make_folder, read as read_picture, write_output_text, write_text,
+};
 pub use operation::{AnyOperation, Operation};
 pub use ravec_media::{Limits, abandon_outputs};
 pub use recipe::Recipe;

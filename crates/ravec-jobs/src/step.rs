@@ -62,7 +62,7 @@ macro_rules! operations {
             /// `group` gives for its name.
             pub fn augment(
                 mut command: clap::Command,
-                group: impl Fn(&str) -> clap::Command,
+                group: impl Fn(&'static str) -> clap::Command,
             ) -> clap::Command {
                 use clap::Args as _;
                 $(command = add(command, <$operation as Operation>::NAME, <$operation>::augment_args, &group);)*
@@ -149,7 +149,7 @@ fn add(
     command: clap::Command,
     name: &'static str,
     augment: fn(clap::Command) -> clap::Command,
-    group: &dyn Fn(&str) -> clap::Command,
+    group: &dyn Fn(&'static str) -> clap::Command,
 ) -> clap::Command {
     let Some((first, second)) = name.split_once(' ') else {
         return command.subcommand(augment(clap::Command::new(name)));

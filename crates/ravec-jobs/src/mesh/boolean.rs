@@ -4,7 +4,6 @@ mod attributes;
 mod named;
 mod origins;
 mod picture;
-mod showcase;
 
 use super::convert::{Output, Unit, rounds, scaled};
 use super::rounded::rounded;
@@ -25,7 +24,7 @@ use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
 pub use named::NamedFile;
-pub(crate) use showcase::show;
+pub use picture::{origin_colors, with_seams};
 
 /// Which places a mesh stands for.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]

@@ -161,8 +161,10 @@ fn count(found: &MeshCheck, report: &mut Report) {
     }
 }
 
-/// Findings, in the order in which one would repair them.
-pub(super) fn findings(mesh: &TriMesh, found: &MeshCheck, params: &Params) -> Vec<Finding> {
+/// Lists the defects and remarks of a check of `mesh`, in the order in which one would repair them.
+///
+/// `params` decides which of them count as defects. The places are those that `found` lists.
+pub fn findings(mesh: &TriMesh, found: &MeshCheck, params: &Params) -> Vec<Finding> {
     let vertex = |&v: &u32| Place {
         vertices: vec![v],
         at: mesh.positions()[v as usize].to_array(),

@@ -1,7 +1,5 @@
 //! `offset`: the surface at a distance from a mesh, closed and proved to be within a tolerance.
 
-mod showcase;
-
 use super::Length;
 use super::convert::{Content, Output, Start, Unit, rounds, scaled, unit_scale};
 use crate::context::Context;
@@ -16,8 +14,6 @@ use ravec::progress::Progress;
 use ravec_media::scratch_file;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
-
-pub(crate) use showcase::show;
 
 /// A side of the mesh.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]

@@ -430,8 +430,11 @@ pub(super) fn refused(error: RenderError) -> JobError {
     }
 }
 
-/// The picture as an image: opaque where nothing shines through.
-pub(super) fn image_of(rendering: Rendering) -> AnyImage {
+/// Converts a rendering to an image: with an alpha channel only if a pixel is not opaque.
+///
+/// # Panics
+/// If the rendering has no pixels; [`render`] makes none of that kind.
+pub fn image_of(rendering: Rendering) -> AnyImage {
     let picture = rendering.picture;
     let (width, height) = (picture.width as usize, picture.height as usize);
     let size = Size::new(width, height).expect("the renderer refuses pictures without pixels");

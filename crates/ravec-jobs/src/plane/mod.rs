@@ -1,16 +1,14 @@
 //! Operations on planes in a picture: seen from straight on, with a grid that snaps, proposed from nothing.
 
-mod overlay;
+pub mod overlay;
 pub mod planes;
 mod quad;
 pub mod rectify;
-mod segments;
-mod showcase;
+pub mod segments;
 pub mod snap;
 
 pub(crate) use overlay::{draw_line, line_width};
 pub use quad::{Focal, Grid, Quad, Ratio};
-pub(crate) use showcase::show;
 
 use crate::context::Context;
 use crate::error::JobError;

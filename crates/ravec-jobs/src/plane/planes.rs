@@ -198,8 +198,13 @@ const PLANE_COLORS: [Color; 6] = [
     [0.9, 0.9, 0.9],
 ];
 
-/// Draws edges thin and planes as grids of three by three.
-pub(crate) fn draw(image: &mut Image<LinearRgba>, edges: &[Segment], found: &Proposals) {
+/// Draws the edges of each vanishing point as thin lines in a color of its own, and each plane as a grid of three by three.
+///
+/// `edges` are the segments from which `found` was proposed.
+///
+/// # Panics
+/// If `found` names a segment that `edges` lacks.
+pub fn draw(image: &mut Image<LinearRgba>, edges: &[Segment], found: &Proposals) {
     let width = line_width(image.size());
     for (point, color) in found.vanishing_points.iter().zip(POINT_COLORS) {
         for &edge in &point.segments {

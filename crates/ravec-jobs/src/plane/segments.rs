@@ -53,7 +53,7 @@ impl Chord {
 ///
 /// # Errors
 /// As [`TwoColorField::fit`].
-pub(crate) fn segments(
+pub fn segments(
     image: &Image<PremulLinearRgba>,
     progress: &Progress,
 ) -> Result<Vec<Segment>, FitError> {

@@ -1,9 +1,7 @@
 //! `retarget`: a picture in other formats, with objects in shape and lines straight.
 
-mod showcase;
 mod size;
 
-pub(crate) use showcase::show;
 pub use size::SizeSpec;
 
 use crate::context::Context;
@@ -396,8 +394,8 @@ fn show_grid(
     files::write(path, &picture, &WriteOptions::default(), report, context)
 }
 
-/// The new picture with the grid and the straight runs drawn over it.
-fn with_grid(deformation: &Deformation, mut image: Image<LinearRgba>) -> Image<LinearRgba> {
+/// Draws the deformed grid and the straight runs over `image`, the picture at its new size.
+pub fn with_grid(deformation: &Deformation, mut image: Image<LinearRgba>) -> Image<LinearRgba> {
     let width = line_width(image.size());
     for line in deformation.grid_lines() {
         draw_line(&mut image, line.ends, 0.4 * width, [0.9, 0.9, 0.9]);

@@ -1,16 +1,15 @@
 //! The part of the demonstration that is about other formats.
 
-use super::with_grid;
-use crate::error::JobError;
-use crate::gallery::{Figure, Gallery};
-use crate::report::Report;
+use crate::error::bug;
+use crate::page::{Figure, Gallery};
 use ravec::progress::Progress;
 use ravec::raster::{Image, LinearRgba, Rect, ResizeFilter, Size, Srgb, resize};
 use ravec::retarget::{Painted, RetargetError, RetargetParams, Retargeter};
+use ravec_jobs::retarget::with_grid;
+use ravec_jobs::{JobError, Report};
 use ravec_scenes::Seed;
 use ravec_scenes::portraits::portraits;
 use ravec_scenes::shapes::Shape;
-use std::path::Path;
 use std::time::Instant;
 
 /// The picture is no wider: more shows no more.
@@ -30,7 +29,7 @@ const FORMATS: [[usize; 2]; 6] = [
 /// seams.
 ///
 /// Figures: `retargeted_disc_aspect`, the mean of how much discs are squeezed at the half width, 1 if not at all.
-pub(crate) fn show(
+pub fn show(
     page: &mut Gallery,
     report: &mut Report,
     seed: Seed,
@@ -43,8 +42,10 @@ pub(crate) fn show(
     };
     let (scene, truth) = portraits(size, seed.fork(4));
     let image = scene.convert::<Srgb<u8>>();
-    let failed =
-        |cause: RetargetError| JobError::from_retargeting(Path::new("the built-in scene"), cause);
+    let failed = |cause: RetargetError| match cause {
+        RetargetError::Cancelled(_) => JobError::Cancelled,
+        other => bug("the format of a scene", &other),
+    };
     let start = Instant::now();
     let params = RetargetParams::default();
     let retargeter =

@@ -1,9 +1,8 @@
 //! The part of the demonstration that is about offsets: of solids drawn by formulas, and of a soup.
 
-use crate::error::JobError;
-use crate::gallery::{Figure, Gallery};
-use crate::mesh::showcase::{Detail, bug, drawn};
-use crate::report::Report;
+use super::{Detail, drawn};
+use crate::error::bug;
+use crate::page::{Figure, Gallery};
 use glam::DVec3;
 use ravec::mesh::render::{
     Camera, ColorMap, FeatureLines, LineStyle, Paint, RenderParams, Section, Values, View,
@@ -11,6 +10,8 @@ use ravec::mesh::render::{
 use ravec::mesh::{Bvh, TriMesh, vertex_distances};
 use ravec::offset::{Offset, OffsetCell, OffsetError, OffsetParams, Side, offset, offset_cells};
 use ravec::progress::Progress;
+use ravec_jobs::JobError;
+use ravec_jobs::Report;
 use ravec_scenes::solids::{comb, cone, crossing_plates, cuboid, torus};
 
 /// Puts the section about offsets on the page.
@@ -18,7 +19,7 @@ use ravec_scenes::solids::{comb, cone, crossing_plates, cuboid, torus};
 /// Figures: `offset_triangles` of the offset in colors, `offset_error_percent`, the largest error at the vertices of a fine
 /// subdivision of it in percent of its tolerance, `offset_cells`, from which its surface was taken, and `offset_proved` (0
 /// or 1), whether all results of the section are.
-pub(crate) fn show(
+pub fn show(
     page: &mut Gallery,
     report: &mut Report,
     detail: Detail,

@@ -1,15 +1,16 @@
 //! The part of the demonstration that is about expressions over meshes.
 
-use super::picture::{colors, look};
-use crate::error::JobError;
-use crate::gallery::{Figure, Gallery};
-use crate::mesh::showcase::{Detail, bug, drawn};
-use crate::report::Report;
+use super::{Detail, drawn};
+use crate::error::bug;
+use crate::page::{Figure, Gallery};
 use glam::DVec3;
 use ravec::boolean::{Boolean, BooleanError, BooleanParams, Expr, boolean};
 use ravec::mesh::TriMesh;
 use ravec::mesh::render::{Camera, Paint, RenderParams, View};
 use ravec::progress::Progress;
+use ravec_jobs::JobError;
+use ravec_jobs::Report;
+use ravec_jobs::mesh::boolean::{origin_colors, with_seams};
 use ravec_scenes::Seed;
 use ravec_scenes::solids::{boulder, cone, cuboid, cylinder, icosphere, with_holes};
 
@@ -17,7 +18,7 @@ use ravec_scenes::solids::{boulder, cone, cuboid, cylinder, icosphere, with_hole
 ///
 /// Figures: `boolean_solid` (0 or 1), whether all results of the section are closed, manifold and free of self-intersections,
 /// and `boolean_kept_percent`, of the triangles of a scan without a box, those that are as they were.
-pub(crate) fn show(
+pub fn show(
     page: &mut Gallery,
     report: &mut Report,
     seed: Seed,
@@ -119,8 +120,8 @@ impl Studio<'_> {
         view: &RenderParams,
         caption: &str,
     ) -> Result<Figure, JobError> {
-        let colors = colors(&result.origins);
-        let look = look(result, 1.5, view);
+        let colors = origin_colors(&result.origins);
+        let look = with_seams(result, 1.5, view);
         let paint = Paint::FaceColors(&colors);
         drawn(&result.mesh, &paint, &look, caption, self.progress)
     }

@@ -1,19 +1,19 @@
 //! What is done with two-color pixels: the operator, the brush, cleaning.
 
 use super::{Demo, ZOOM};
-use crate::error::JobError;
-use crate::gallery::Figure;
+use crate::error::bug;
+use crate::page::Figure;
 use ravec::raster::{Image, LinearRgb, LinearRgba, Rect, Srgb};
-use ravec::twocolor::brush::{Stroke, Strokes, Tool, replay};
+use ravec::twocolor::brush::{Stroke, StrokeError, Strokes, Tool, replay};
 use ravec::twocolor::{CleanParams, Mode, OperatorParams, clean_with, estimate_noise, operate};
+use ravec_jobs::JobError;
 use ravec_scenes::Seed;
 use ravec_scenes::damage::{SensorNoise, add_gaussian_noise, add_sensor_noise};
 use ravec_scenes::jpeg::{JpegParams, add_jpeg_damage};
-use std::path::Path;
 use std::time::Instant;
 
 impl Demo<'_> {
-    pub(super) fn operator(&mut self) -> Result<(), JobError> {
+    pub fn operator(&mut self) -> Result<(), JobError> {
         self.page.section(
             "The operator",
             "Each pixel looks at the window around it: on which side of the line it lies, and what that side's color is.",
@@ -55,7 +55,7 @@ impl Demo<'_> {
         Ok(())
     }
 
-    pub(super) fn paint(&mut self) -> Result<(), JobError> {
+    pub fn paint(&mut self) -> Result<(), JobError> {
         self.page.section(
             "The brush",
             "One dab of a brush that is wider than the place it is set on, with each tool. Paint stops where the color on the way \
@@ -81,7 +81,11 @@ impl Demo<'_> {
             let mut strokes = Strokes::new(self.size());
             let radius = 0.45 * part.height.max(3) as f64;
             strokes.strokes.push(Stroke::new(tool, vec![dab], radius));
-            let failed = |cause| JobError::from_strokes(Path::new("the demonstration"), cause);
+            let failed = |cause| match cause {
+                StrokeError::Cancelled(_) => JobError::Cancelled,
+                StrokeError::Fit(cause) => cause.into(),
+                other => bug("a stroke of the brush", &other),
+            };
             let painted = replay(self.image.clone(), &strokes, self.progress).map_err(failed)?;
             let shown = match painted.mask {
                 Some(mask) => mask.map(|v| LinearRgba([v, v, v, 1.0])),
@@ -93,7 +97,7 @@ impl Demo<'_> {
         Ok(())
     }
 
-    pub(super) fn cleaning(&mut self, seed: Seed) -> Result<(), JobError> {
+    pub fn cleaning(&mut self, seed: Seed) -> Result<(), JobError> {
         self.page.section(
             "Cleaning",
             "Noise and compression damage are added to the picture, and taken off without being told how strong they are.",

@@ -1,18 +1,20 @@
 //! Posts before a house front and a floor, taken away.
 
 use super::Demo;
-use crate::error::JobError;
-use crate::gallery::Figure;
+use crate::error::bug;
+use crate::page::Figure;
 use glam::DVec2;
-use ravec::completion::{CompleteParams, FillOptions, FragmentIndex, Retouch, Sources, complete};
+use ravec::completion::{
+    CompleteError, CompleteParams, FillOptions, FragmentIndex, Retouch, Sources, complete,
+};
 use ravec::raster::{Image, Mask, Size, Srgb};
+use ravec_jobs::JobError;
 use ravec_scenes::Seed;
 use ravec_scenes::occlusion::{Surface, occluded};
-use std::path::Path;
 
 impl Demo<'_> {
     /// Posts before a house front and a floor, taken away with and without the perspective.
-    pub(super) fn completion(&mut self, max_side: usize, seed: Seed) -> Result<(), JobError> {
+    pub fn completion(&mut self, max_side: usize, seed: Seed) -> Result<(), JobError> {
         self.page.section(
             "What is in the way goes",
             "A hole is filled from where the picture looks like its surroundings. On a plane that is anywhere on the plane, once \
@@ -30,7 +32,10 @@ impl Demo<'_> {
             let params = CompleteParams::default();
             let filled =
                 |planes: &[[DVec2; 4]]| complete(&picture, &hole, planes, &params, self.progress);
-            let failed = |cause| JobError::from_completing(Path::new("the built-in scene"), cause);
+            let failed = |cause| match cause {
+                CompleteError::Cancelled(_) => JobError::Cancelled,
+                other => bug("the hole in a scene", &other),
+            };
             let (flat, plane) = self.report.time("complete", || {
                 let flat = filled(&[]).map_err(failed)?.image;
                 let plane = filled(&[scene.corners_in_image]).map_err(failed)?.image;

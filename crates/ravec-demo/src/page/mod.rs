@@ -1,22 +1,22 @@
 //! A page of pictures, captions and tables in one HTML file that needs nothing else.
 
-use crate::text::escape_controls;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use ravec::raster::{Image, LinearRgba, Rect, Srgb, Srgba};
+use ravec_jobs::escape_controls;
 use ravec_media::{Format, Picture, WriteOptions, encode};
 use std::fmt::Write as _;
 use std::io::Cursor;
 
 /// The page so far.
 #[derive(Debug)]
-pub(crate) struct Gallery {
+pub struct Gallery {
     body: String,
 }
 
 /// A picture with its caption, encoded.
 #[derive(Debug)]
-pub(crate) struct Figure {
+pub struct Figure {
     source: String,
     caption: String,
     /// Width on the page in CSS pixels, if not that of the column; such pictures show their pixels.

@@ -1,11 +1,10 @@
-//! The part of the demonstration that is about meshes: solids drawn by formulas, checked, cut open and simplified.
+//! Sections about meshes: solids drawn by formulas, checked, cut open and simplified.
 
-use super::check::{Params as CheckList, findings};
-use super::refine::refined;
-use super::render::image_of;
-use crate::error::JobError;
-use crate::gallery::{Figure, Gallery};
-use crate::report::Report;
+pub mod booleans;
+pub mod offsets;
+
+use crate::error::bug;
+use crate::page::{Figure, Gallery};
 use glam::DVec3;
 use ravec::mesh::render::{
     Camera, ColorMap, LineStyle, Paint, RenderError, RenderParams, Section, Values, View, render,
@@ -15,6 +14,10 @@ use ravec::mesh::{
     TriMesh, check, hausdorff, simplify, vertex_distances,
 };
 use ravec::progress::Progress;
+use ravec_jobs::mesh::check::{Params as CheckList, findings};
+use ravec_jobs::mesh::refined;
+use ravec_jobs::mesh::render::image_of;
+use ravec_jobs::{JobError, Report};
 use ravec_scenes::Seed;
 use ravec_scenes::solids::{all, comb, torus};
 
@@ -22,7 +25,7 @@ use ravec_scenes::solids::{all, comb, torus};
 ///
 /// Figures: `simplified_triangles`, of a torus, and `simplified_distance_percent`, the proven largest distance between the
 /// two in percent of the diagonal.
-pub(crate) fn show(
+pub fn show(
     page: &mut Gallery,
     report: &mut Report,
     seed: Seed,
@@ -36,7 +39,7 @@ pub(crate) fn show(
 
 /// How large the pictures of meshes are, and how fine what they show.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Detail {
+pub struct Detail {
     /// The side of a picture as a share of that of a large page, 0.25 to 1.
     share: f64,
 }
@@ -50,7 +53,7 @@ impl Detail {
     }
 
     /// Settings common to all pictures.
-    pub(super) fn picture(self) -> RenderParams {
+    pub fn picture(self) -> RenderParams {
         let side = |px: f64| (px * self.share) as u32;
         RenderParams {
             width: side(420.0),
@@ -61,23 +64,23 @@ impl Detail {
     }
 
     /// A length below which nothing can be seen, given for large pictures.
-    pub(super) fn length(self, fine: f64) -> f64 {
+    pub fn length(self, fine: f64) -> f64 {
         fine / self.share
     }
 
     /// A number of edges around something round, given for large pictures.
-    pub(super) fn edges(self, fine: u32) -> u32 {
+    pub fn edges(self, fine: u32) -> u32 {
         (f64::from(fine) * self.share.sqrt()) as u32
     }
 
     /// A mesh with triangles so small that colors at their corners show what happens between them.
-    pub(super) fn refined(self, mesh: TriMesh, diagonal: f64) -> TriMesh {
+    pub fn refined(self, mesh: TriMesh, diagonal: f64) -> TriMesh {
         let longest = self.length(diagonal / 120.0);
         refined(mesh, longest, 200_000, &Progress::none()).expect("nobody can cancel it")
     }
 }
 
-pub(super) fn drawn(
+pub fn drawn(
     mesh: &TriMesh,
     paint: &Paint<'_>,
     params: &RenderParams,
@@ -89,15 +92,6 @@ pub(super) fn drawn(
         other => bug("the picture of a solid", &other),
     })?;
     Ok(Figure::picture(&image_of(rendering).convert(), caption))
-}
-
-/// The parameters of this page are constants.
-pub(super) fn bug(name: &'static str, error: &impl std::fmt::Display) -> JobError {
-    JobError::Parameter {
-        field: name,
-        value: error.to_string(),
-        range: "possible",
-    }
 }
 
 fn checks(

@@ -1,8 +1,7 @@
 //! What lines with two colors keep of a picture, at which resolution, and how fast.
 
 use super::Demo;
-use crate::error::JobError;
-use crate::gallery::Figure;
+use crate::page::Figure;
 use ravec::raster::{
     Comparison, Image, LinearRgba, PremulLinearRgba, Rect, ResizeFilter, Size, Srgb, resize,
 };
@@ -10,10 +9,11 @@ use ravec::twocolor::{
     AdaptiveField, AdaptiveParams, BlockField, FitParams, SvgParams, TwoColorField, WindowParams,
     enlarge, render_mosaic, render_to, write_svg,
 };
+use ravec_jobs::JobError;
 use std::time::Instant;
 
 impl Demo<'_> {
-    pub(super) fn two_color_pixels(&mut self) -> Result<(), JobError> {
+    pub fn two_color_pixels(&mut self) -> Result<(), JobError> {
         self.page.section(
             "Two-color pixels",
             "Each block of N x N pixels is replaced by the best of all lines and one color on each side. Beside it the mosaic \
@@ -94,7 +94,7 @@ impl Demo<'_> {
         ]
     }
 
-    pub(super) fn any_scale(&mut self) -> Result<(), JobError> {
+    pub fn any_scale(&mut self) -> Result<(), JobError> {
         self.page.section(
             "Any resolution",
             "A line has no pixels. The two-color image is drawn at 6 times the size, and as a vector graphic; enlarging the \
@@ -159,7 +159,7 @@ impl Demo<'_> {
         Ok(())
     }
 
-    pub(super) fn speed(&mut self) -> Result<(), JobError> {
+    pub fn speed(&mut self) -> Result<(), JobError> {
         self.page.section(
             "Speed",
             "Wall-clock time on this machine, the median of five runs, colors converted included.",

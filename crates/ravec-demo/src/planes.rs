@@ -1,11 +1,6 @@
 //! The part of the demonstration that is about planes: found in a picture, snapped to, and seen from straight on.
 
-use crate::error::JobError;
-use crate::gallery::{Figure, Gallery};
-use crate::plane::overlay::{AFTER, BEFORE, draw_grid, line_width};
-use crate::plane::planes::draw;
-use crate::plane::segments::segments;
-use crate::report::Report;
+use crate::page::{Figure, Gallery};
 use glam::{DVec2, dvec2};
 use ravec::planar::{
     Beyond, Homography, Known, QuadGrid, SnapError, SnapParams, encoded_luminance, proportions,
@@ -13,6 +8,10 @@ use ravec::planar::{
 };
 use ravec::progress::Progress;
 use ravec::raster::{Image, LinearRgb, LinearRgba, PremulLinearRgba, Size, Srgb};
+use ravec_jobs::plane::overlay::{AFTER, BEFORE, draw_grid, line_width};
+use ravec_jobs::plane::planes::draw;
+use ravec_jobs::plane::segments::segments;
+use ravec_jobs::{JobError, Report};
 use ravec_scenes::Seed;
 use ravec_scenes::building::{BuildingTruth, building};
 use ravec_scenes::damage::add_gaussian_noise;
@@ -30,7 +29,7 @@ const OFF: f64 = 0.02;
 /// Puts the sections about planes on the page, on a drawn building with noise.
 ///
 /// Figures: `snapped_px`, the root mean square distance of the corners of a snapped grid from where they belong.
-pub(crate) fn show(
+pub fn show(
     page: &mut Gallery,
     report: &mut Report,
     seed: Seed,

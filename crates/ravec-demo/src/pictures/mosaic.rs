@@ -2,8 +2,8 @@
 //! way, and off the grid.
 
 use super::Demo;
-use crate::error::JobError;
-use crate::gallery::Figure;
+use crate::error::bug;
+use crate::page::Figure;
 use ravec::mosaic::{
     ChooseError, ChooseParams, Crop, Features, Frame, Look, MAX_DEGREE, Photos, Rules, Tiling,
     adaptive_tiles, choose, grid_tiles, mark_features, near_duplicates, scaled_photo,
@@ -11,6 +11,7 @@ use ravec::mosaic::{
 use ravec::raster::{
     Image, LinearRgb, Oklab, ResizeFilter, Size, Srgb, compare, gaussian_blur, resize,
 };
+use ravec_jobs::JobError;
 use ravec_scenes::Seed;
 
 /// How many photos are drawn.
@@ -31,7 +32,7 @@ struct Library {
 
 impl Demo<'_> {
     /// Four mosaics from the same photos under the same rules.
-    pub(super) fn mosaic(&mut self, seed: Seed) -> Result<(), JobError> {
+    pub fn mosaic(&mut self, seed: Seed) -> Result<(), JobError> {
         self.page.section(
             "Made of photos",
             "Photos are only chosen, scaled and laid side by side; none is recolored, and none is seen twice within 5 tiles. \
@@ -158,7 +159,7 @@ impl Demo<'_> {
         });
         let choice = choice.map_err(|cause| match cause {
             ChooseError::Cancelled(_) => JobError::Cancelled,
-            cause => JobError::from_catalogue(ravec_catalogue::CatalogueError::Choose(cause)),
+            other => bug("the choice of photos", &other),
         })?;
         let mut mosaic = Image::new(size, Srgb([0; 3]));
         for (tile, &photo) in tiling.tiles.iter().zip(&choice.photos) {
