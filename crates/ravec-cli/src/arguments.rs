@@ -223,16 +223,15 @@ impl Global {
         let memory = self
             .max_bytes
             .map_or_else(MemoryBudget::default, MemoryBudget::new);
-        Context {
-            limits: Limits {
-                max_pixels: self.max_pixels,
-                memory,
-            },
-            max_triangles: self.max_triangles,
-            max_vertices: self.max_vertices,
-            report_file: self.report_file(),
-            ..Context::new(progress)
-        }
+        let mut context = Context::new(progress);
+        context.limits = Limits {
+            max_pixels: self.max_pixels,
+            memory,
+        };
+        context.max_triangles = self.max_triangles;
+        context.max_vertices = self.max_vertices;
+        context.report_file = self.report_file();
+        context
     }
 }
 
