@@ -4,7 +4,6 @@ mod overlay;
 pub mod planes;
 mod quad;
 pub mod rectify;
-mod segments;
 mod showcase;
 pub mod snap;
 

@@ -4,7 +4,6 @@ use crate::error::JobError;
 use crate::gallery::{Figure, Gallery};
 use crate::plane::overlay::{AFTER, BEFORE, draw_grid, line_width};
 use crate::plane::planes::draw;
-use crate::plane::segments::segments;
 use crate::report::Report;
 use glam::{DVec2, dvec2};
 use ravec::planar::{
@@ -13,6 +12,7 @@ use ravec::planar::{
 };
 use ravec::progress::Progress;
 use ravec::raster::{Image, LinearRgb, LinearRgba, PremulLinearRgba, Size, Srgb};
+use ravec::twocolor::line_segments;
 use ravec_scenes::Seed;
 use ravec_scenes::building::{BuildingTruth, building};
 use ravec_scenes::damage::add_gaussian_noise;
@@ -58,7 +58,7 @@ fn proposals(
     truth: &BuildingTruth,
     progress: &Progress,
 ) -> Result<(), JobError> {
-    let edges = segments(&image.convert(), progress)?;
+    let edges = line_segments(&image.convert::<PremulLinearRgba>(), progress)?;
     let extent = dvec2(image.width() as f64, image.height() as f64);
     let found = propose_planes(&edges, extent, None, progress)?;
     let focal = found.focal_px.map_or_else(
