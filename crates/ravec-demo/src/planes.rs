@@ -10,7 +10,7 @@ use ravec::progress::Progress;
 use ravec::raster::{Image, LinearRgb, LinearRgba, PremulLinearRgba, Size, Srgb};
 use ravec_jobs::plane::overlay::{AFTER, BEFORE, draw_grid, line_width};
 use ravec_jobs::plane::planes::draw;
-use ravec_jobs::plane::segments::segments;
+use ravec::twocolor::line_segments;
 use ravec_jobs::{JobError, Report};
 use ravec_scenes::Seed;
 use ravec_scenes::building::{BuildingTruth, building};
@@ -57,7 +57,7 @@ fn proposals(
     truth: &BuildingTruth,
     progress: &Progress,
 ) -> Result<(), JobError> {
-    let edges = segments(&image.convert(), progress)?;
+    let edges = line_segments(&image.convert::<PremulLinearRgba>(), progress)?;
     let extent = dvec2(image.width() as f64, image.height() as f64);
     let found = propose_planes(&edges, extent, None, progress)?;
     let focal = found.focal_px.map_or_else(

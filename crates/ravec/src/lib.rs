@@ -61,6 +61,27 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
+//! # From edges to planes
+//!
+//! Lines of neighboring blocks join to straight segments. Where segments of two directions cross there may be a plane, and two
+//! planes at right angles give the focal length.
+//!
+//! ```
+//! use ravec::planar::propose_planes;
+//! use ravec::progress::Progress;
+//! use ravec::raster::{Size, Srgb};
+//! use ravec::twocolor::line_segments;
+//! use ravec_scenes::{Seed, building::building};
+//!
+//! let (picture, truth) = building(Size::new(960, 720)?, 0.9, Seed(3));
+//! let edges = line_segments(&picture.convert::<Srgb<u8>>(), &Progress::none())?;
+//! let found = propose_planes(&edges, (960.0, 720.0).into(), None, &Progress::none())?;
+//! assert!(found.planes.len() >= 2, "both walls");
+//! let focal_px = found.focal_px.expect("the walls are at right angles");
+//! assert!((focal_px / truth.focal_px - 1.0).abs() < 0.05);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
 //! # Noise goes, edges stay
 //!
 //! Every window of a picture knows on which side of its line a pixel lies, so that averages need not cross edges.

@@ -4,7 +4,6 @@ pub mod overlay;
 pub mod planes;
 mod quad;
 pub mod rectify;
-pub mod segments;
 pub mod snap;
 
 pub(crate) use overlay::{draw_line, line_width};

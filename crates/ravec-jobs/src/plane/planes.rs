@@ -5,12 +5,12 @@ use crate::error::JobError;
 use crate::files;
 use crate::operation::Operation;
 use crate::plane::overlay::{Color, draw_line, line_width};
-use crate::plane::segments::segments;
 use crate::plane::{Focal, check_paths, is_json, write_result};
 use crate::report::Report;
 use glam::dvec2;
 use ravec::planar::{Proposals, Segment, propose_planes};
-use ravec::raster::{Image, LinearRgba};
+use ravec::raster::{Image, LinearRgba, PremulLinearRgba};
+use ravec::twocolor::line_segments;
 use ravec_media::{WriteOptions, focal_px_from_35mm};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -122,8 +122,8 @@ impl Operation for Planes {
             .focal
             .map(|focal| focal.in_pixels(size))
             .or_else(exif);
-        let image = picture.convert();
-        let edges = report.time("edges", || segments(&image, progress))?;
+        let image: Image<PremulLinearRgba> = picture.convert();
+        let edges = report.time("edges", || line_segments(&image, progress))?;
         let extent = dvec2(size.width() as f64, size.height() as f64);
         let mut found =
             report.time("planes", || propose_planes(&edges, extent, focal, progress))?;
