@@ -110,16 +110,18 @@ pub fn run(
     };
     let mut page = Gallery::new(
         "Ravec",
-        "Pictures whose blocks of pixels become lines with two colors, and solids made of triangles: what that is good for, \
-         worked out just now.",
+        "What the toolkit does, shown on examples that were computed while this page was made. Move the divider of a pair of \
+         pictures, and turn the solids with the mouse, a finger or the arrow keys.",
     );
     // eight bits, as a file would have
     let image = image.convert::<Srgb<u8>>().convert();
     pictures::show(&mut page, &mut report, image, origin, params, progress)?;
     let side = params.max_side;
     formats::show(&mut page, &mut report, Seed(params.seed), side, progress)?;
+    page.chapter("Planes");
     planes::show(&mut page, &mut report, Seed(params.seed), side, progress)?;
     let detail = solids::Detail::of(side);
+    page.chapter("Solids");
     solids::show(&mut page, &mut report, Seed(params.seed), detail, progress)?;
     solids::offsets::show(&mut page, &mut report, detail, progress)?;
     solids::booleans::show(&mut page, &mut report, Seed(params.seed), detail, progress)?;
@@ -159,7 +161,10 @@ mod tests {
         let report = run(None, folder.path(), &params, &Progress::none()).unwrap();
         let html = std::fs::read_to_string(folder.path().join("index.html")).unwrap();
         assert!(html.trim_end().ends_with("</html>"));
+        page::tests::assert_well_formed(&html);
         assert!(html.matches("<img").count() > 60);
+        assert!(html.matches("class=\"compare").count() > 15);
+        assert!(html.matches("class=\"stage").count() > 30);
         assert!(report.figures["twocolor_psnr_db"] > report.figures["mosaic_psnr_db"] + 2.0);
         assert!(report.figures["clean_psnr_db"] > report.figures["noisy_psnr_db"] + 3.0);
         assert!(report.figures["simplified_triangles"] <= 1000.0);
@@ -196,7 +201,7 @@ mod tests {
             )
             .unwrap();
             let page = std::fs::read_to_string(folder.path().join("index.html")).unwrap();
-            assert!(page.contains("</html>"), "{width} x {height}");
+            page::tests::assert_well_formed(&page);
         }
     }
 
