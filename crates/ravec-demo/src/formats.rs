@@ -52,18 +52,18 @@ pub fn show(
         Retargeter::new(&image, Painted::default(), &params, progress).map_err(failed)?;
     let analyzed = start.elapsed();
     page.section(
-        "Other formats",
+        "Many aspect ratios",
         &format!(
-            "The same picture at six formats. Cells that matter keep their shape, {} straight runs stay straight, and the ground \
-             gives way; no cell folds. The analysis took {:.0} ms, once for all sizes. Beside each: plain scaling, a crop from \
-             the middle, and the removal or doubling of seams.",
+            "The same picture as a square, for a phone, as a column, a banner, wide, and small. What matters keeps its shape, {} \
+             straight runs stay straight, and the ground gives way. The analysis took {:.0} ms, once for all sizes. Beside each: \
+             plain scaling, a crop from the middle, and the removal or doubling of seams.",
             retargeter.summary().straight_runs,
             1e3 * analyzed.as_secs_f64(),
         ),
     );
     page.figures(&[Figure::picture(
         &image.convert(),
-        "figures on rough ground, drawn by formulas",
+        "The picture: figures on rough ground, drawn by formulas",
     )]);
     let mut rows = Vec::new();
     for [across, down] in FORMATS {
@@ -76,20 +76,25 @@ pub fn show(
         let solved = start.elapsed();
         let warped = deformation.warp(&image, progress).map_err(failed)?;
         let light: Image<LinearRgba> = warped.convert();
+        let share = format!("{across} % of the width, {down} % of the height");
         let figures = [
-            Figure::picture(&light, format!("{across} % x {down} %")),
-            Figure::picture(
-                &with_grid(&deformation, light.clone()),
-                "its grid and straight runs",
-            ),
+            Figure::compared(
+                Figure::picture(&light, "retargeted"),
+                Figure::picture(&with_grid(&deformation, light.clone()), "its grid"),
+                "Retargeted: objects keep their shape. The grid shows where the ground gives way",
+            )
+            .with_note(share),
             Figure::picture(
                 &resize(&image, new, ResizeFilter::Lanczos3).convert(),
-                "scaled",
+                "Scaled: everything is squeezed",
             ),
-            Figure::picture(&cropped(&image, new).convert(), "cropped"),
+            Figure::picture(
+                &cropped(&image, new).convert(),
+                "Cropped: what stood at the borders is gone",
+            ),
             Figure::picture(
                 &seams(&image, new, progress)?.convert(),
-                "seams removed or doubled",
+                "Seams removed or doubled: straight lines break",
             ),
         ];
         page.figures(&figures);

@@ -153,16 +153,18 @@ impl Operation for Demo {
         };
         let mut page = Gallery::new(
             "Ravec",
-            "Pictures whose blocks of pixels become lines with two colors, and solids made of triangles: what that is good for, \
-         worked out just now.",
+            "What the toolkit does, shown on examples that were computed while this page was made. Move the divider of a pair of \
+             pictures, and turn the solids with the mouse, a finger or the arrow keys.",
         );
         // eight bits, as a file would have
         let image = image.convert::<Srgb<u8>>().convert();
         pictures::show(&mut page, &mut report, image, origin, params, progress)?;
         let side = params.max_side;
         formats::show(&mut page, &mut report, Seed(params.seed), side, progress)?;
+        page.chapter("Planes");
         planes::show(&mut page, &mut report, Seed(params.seed), side, progress)?;
         let detail = solids::Detail::of(side);
+        page.chapter("Solids");
         solids::show(&mut page, &mut report, Seed(params.seed), detail, progress)?;
         solids::offsets::show(&mut page, &mut report, detail, progress)?;
         solids::booleans::show(&mut page, &mut report, Seed(params.seed), detail, progress)?;
@@ -193,6 +195,15 @@ mod tests {
     use super::*;
     use ravec_media::{Picture, WriteOptions};
 
+    fn demo(image: Option<&Path>, out: &Path, params: Params) -> Result<Report, JobError> {
+        let demo = Demo {
+            image: image.map(Path::to_path_buf),
+            out: out.to_path_buf(),
+            params,
+        };
+        demo.run(&Context::default())
+    }
+
     #[test]
     fn the_page_is_whole_and_its_figures_hold() {
         let folder = tempfile::tempdir().unwrap();
@@ -200,10 +211,13 @@ mod tests {
             max_side: 240,
             ..Params::default()
         };
-        let report = run(None, folder.path(), &params, &Progress::none()).unwrap();
+        let report = demo(None, folder.path(), params).unwrap();
         let html = std::fs::read_to_string(folder.path().join("index.html")).unwrap();
         assert!(html.trim_end().ends_with("</html>"));
+        page::tests::assert_well_formed(&html);
         assert!(html.matches("<img").count() > 60);
+        assert!(html.matches("class=\"compare").count() > 15);
+        assert!(html.matches("class=\"stage").count() > 30);
         assert!(report.figures["twocolor_psnr_db"] > report.figures["mosaic_psnr_db"] + 2.0);
         assert!(report.figures["clean_psnr_db"] > report.figures["noisy_psnr_db"] + 3.0);
         assert!(report.figures["simplified_triangles"] <= 1000.0);
@@ -229,18 +243,13 @@ mod tests {
             );
             ravec_media::write(&path, &Picture::from_image(image), &WriteOptions::default())
                 .unwrap();
-            run(
-                Some(&Source::new(&path)),
-                folder.path(),
-                &Params {
-                    max_side: 64,
-                    ..Params::default()
-                },
-                &Progress::none(),
-            )
-            .unwrap();
+            let params = Params {
+                max_side: 64,
+                ..Params::default()
+            };
+            demo(Some(&path), folder.path(), params).unwrap();
             let page = std::fs::read_to_string(folder.path().join("index.html")).unwrap();
-            assert!(page.contains("</html>"), "{width} x {height}");
+            page::tests::assert_well_formed(&page);
         }
     }
 
@@ -252,9 +261,7 @@ mod tests {
             ..Params::default()
         };
         assert_eq!(
-            run(None, folder.path(), &params, &Progress::none())
-                .unwrap_err()
-                .exit_code(),
+            demo(None, folder.path(), params).unwrap_err().exit_code(),
             2
         );
     }

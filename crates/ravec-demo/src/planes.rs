@@ -8,9 +8,9 @@ use ravec::planar::{
 };
 use ravec::progress::Progress;
 use ravec::raster::{Image, LinearRgb, LinearRgba, PremulLinearRgba, Size, Srgb};
+use ravec::twocolor::line_segments;
 use ravec_jobs::plane::overlay::{AFTER, BEFORE, draw_grid, line_width};
 use ravec_jobs::plane::planes::draw;
-use ravec::twocolor::line_segments;
 use ravec_jobs::{JobError, Report};
 use ravec_scenes::Seed;
 use ravec_scenes::building::{BuildingTruth, building};
@@ -72,8 +72,9 @@ fn proposals(
     page.section(
         "Planes in a picture",
         &format!(
-            "Lines of two-color pixels, joined to {} straight edges, meet in {} vanishing points; each color below is one of them. \
-             Where two directions cross there is a plane: {} are proposed. From right angles alone the focal length {focal}.",
+            "Walls and floors are found without any help: {} straight edges, from lines of two-color pixels, meet in {} vanishing \
+             points, and where two directions cross there is a plane. {} are proposed. From right angles alone the focal length \
+             {focal}.",
             edges.len(),
             found.vanishing_points.len(),
             found.planes.len(),
@@ -82,8 +83,11 @@ fn proposals(
     let mut drawn: Image<LinearRgba> = image.convert();
     draw(&mut drawn, &edges, &found);
     page.figures(&[
-        Figure::picture(&image.convert(), "a building drawn by formulas, with noise"),
-        Figure::picture(&drawn, "its edges and the planes that they propose"),
+        Figure::compared(
+            Figure::picture(&image.convert(), "picture"),
+            Figure::picture(&drawn, "edges and planes"),
+            "A building drawn by formulas, with noise. Edges of one color lead to the same vanishing point; grids are planes",
+        ),
     ]);
     Ok(())
 }
@@ -138,7 +142,8 @@ fn snapping(
     page.section(
         "A grid that snaps",
         &format!(
-            "Four corners set roughly on windows, {:.1} pixels off (root mean square); after snapping {:.2} pixels.",
+            "Four corners are set roughly on windows, as by hand. Snapping moves the lines of the grid to the edges nearby, so that \
+             a few clicks measure a wall. The corners are {:.1} pixels off before and {:.2} pixels after (root mean square).",
             off(rough),
             off(&snapped)
         ),
@@ -149,10 +154,11 @@ fn snapping(
         draw_grid(&mut drawn, grid, width, color);
         drawn
     };
-    page.figures(&[
-        Figure::picture(&drawn(rough, BEFORE), "before"),
-        Figure::picture(&drawn(&snapped, AFTER), "after"),
-    ]);
+    page.figures(&[Figure::compared(
+        Figure::picture(&drawn(rough, BEFORE), "set by hand"),
+        Figure::picture(&drawn(&snapped, AFTER), "snapped"),
+        "A grid on three by two windows of the right wall",
+    )]);
     Ok(snapped)
 }
 
@@ -198,8 +204,8 @@ fn straight(
     page.section(
         "Seen from straight on",
         &format!(
-            "The plane of the snapped grid, each pixel filtered once along the ellipse that it sees. The true ratio of width to \
-             height is {ratio:.3}."
+            "The wall as if the camera stood in front of it: for measuring, for textures, and for editing without perspective. Each \
+             pixel is filtered once, along the ellipse that it sees. The true ratio of width to height is {ratio:.3}."
         ),
     );
     page.table(
@@ -213,7 +219,7 @@ fn straight(
     let shown: Image<LinearRgb> = straight.convert();
     page.figures(&[Figure::picture(
         &shown.convert(),
-        "the right wall from straight on",
+        "The right wall from straight on: right angles are right, and windows equally large",
     )]);
     Ok(())
 }

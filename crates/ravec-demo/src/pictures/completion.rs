@@ -16,9 +16,10 @@ impl Demo<'_> {
     /// Posts before a house front and a floor, taken away with and without the perspective.
     pub fn completion(&mut self, max_side: usize, seed: Seed) -> Result<(), JobError> {
         self.page.section(
-            "What is in the way goes",
-            "A hole is filled from where the picture looks like its surroundings. On a plane that is anywhere on the plane, once \
-             the perspective is taken out; without it, windows have the wrong size and courses the wrong slant.",
+            "Removing an object",
+            "The place of an object is filled with pieces from the rest of the picture. Where a plane is known, such as a front or a \
+             floor, pieces are copied in its perspective: windows get the right size and courses the right slant. In these drawn \
+             scenes the hidden ground is known, so that the error can be measured.",
         );
         let width = max_side.clamp(96, 420);
         let size = Size::new(width, width * 3 / 4).expect("both sides are positive");
@@ -58,20 +59,28 @@ impl Demo<'_> {
             let [with, without, pieced] =
                 [&plane, &flat, &by_fragments].map(|filled| error_steps(filled, &truth, &hole));
             self.report.figures.insert(figure, with);
+            let before = || Figure::picture(&picture.convert(), "before");
+            let after = |image: &Image<Srgb<u8>>| Figure::picture(&image.convert(), "after");
+            let off = |steps: f64| format!("{steps:.1} of 255 steps off (root mean square)");
             let figures = [
-                Figure::picture(&picture.convert(), "something in the way"),
-                Figure::picture(
-                    &flat.convert(),
-                    format!("filled as it lies: {without:.1} steps off"),
-                ),
-                Figure::picture(
-                    &plane.convert(),
-                    format!("in perspective: {with:.1} steps off"),
-                ),
-                Figure::picture(
-                    &by_fragments.convert(),
-                    format!("in perspective, {steps} fragments one by one: {pieced:.1} steps off"),
-                ),
+                Figure::compared(
+                    before(),
+                    after(&plane),
+                    "The post, removed in the perspective of the plane",
+                )
+                .with_note(off(with)),
+                Figure::compared(
+                    before(),
+                    after(&by_fragments),
+                    "The same, filled by larger fragments one by one, each of which can be exchanged",
+                )
+                .with_note(format!("{steps} fragments; {}", off(pieced))),
+                Figure::compared(
+                    before(),
+                    after(&flat),
+                    "For comparison: without the plane, pieces have the wrong size and slant",
+                )
+                .with_note(off(without)),
             ];
             self.page.figures(&figures);
         }

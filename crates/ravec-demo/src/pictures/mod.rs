@@ -39,15 +39,17 @@ pub fn show(
         progress,
     };
     demo.detail = demo.busiest_part()?;
+    demo.page.chapter("Two-color pixels");
     demo.input(origin)?;
     demo.two_color_pixels()?;
     demo.any_scale()?;
     demo.operator()?;
     demo.paint()?;
     demo.cleaning(seed)?;
+    demo.speed()?;
+    demo.page.chapter("Whole pictures");
     demo.completion(params.max_side, seed)?;
-    demo.mosaic(seed)?;
-    demo.speed()
+    demo.mosaic(seed)
 }
 
 /// The page in the making.
@@ -142,12 +144,13 @@ impl Demo<'_> {
     fn input(&mut self, origin: &str) -> Result<(), JobError> {
         let (width, height) = (self.size().width(), self.size().height());
         let text = format!(
-            "{width} x {height} pixels: {origin}. The part on the right is shown enlarged below."
+            "The next sections work on this picture, {origin} of {width} x {height} pixels. The part on the right, where edges are \
+             strongest, is shown enlarged in them."
         );
         self.page.section("The picture", &text);
         let figures = [
-            Figure::picture(&self.image, "the picture"),
-            self.crop(&self.image, "a part of it, 4 times"),
+            Figure::picture(&self.image, "The picture that everything below starts from"),
+            self.crop(&self.image, "A part of it, each pixel as a square of four"),
         ];
         self.page.figures(&figures);
         Ok(self.progress.check()?)

@@ -34,11 +34,10 @@ impl Demo<'_> {
     /// Four mosaics from the same photos under the same rules.
     pub fn mosaic(&mut self, seed: Seed) -> Result<(), JobError> {
         self.page.section(
-            "Made of photos",
-            "Photos are only chosen, scaled and laid side by side; none is recolored, and none is seen twice within 5 tiles. \
-             First, each tile takes the photo that is nearest; then neighbors make up for one another's errors, as they melt \
-             into one another from afar; then tiles with an edge are compared by their structure as well; last, as many tiles \
-             are larger where the picture is even and smaller where it is not, off any grid.",
+            "Photo mosaics",
+            "The picture made of other pictures: a thousand drawn photos are only chosen, scaled and laid side by side. None is \
+             recolored, and none is seen twice within 5 tiles. Step back to judge them: what counts is the view from afar, \
+             measured after a blur by half a tile.",
         );
         let (width, height) = (self.size().width(), self.size().height());
         let columns = (width / 20).clamp(1, 40);
@@ -93,34 +92,32 @@ impl Demo<'_> {
                 &grid,
                 plain,
                 "mosaic_plain_afar_psnr_db",
-                "each tile for itself",
+                "Each tile takes the photo that is nearest to it",
             ),
             (
                 &grid,
                 ChooseParams::default(),
                 "mosaic_afar_psnr_db",
-                "as seen from afar",
+                "Neighbors make up for one another's errors, as they melt into one another from afar",
             ),
             (
                 &grid,
                 features,
                 "mosaic_features_afar_psnr_db",
-                "with edges by their structure",
+                "Tiles with an edge are compared by their structure as well",
             ),
             (
                 &free,
                 ChooseParams::default(),
                 "mosaic_adaptive_afar_psnr_db",
-                "off the grid",
+                "As many tiles off the grid: larger where the picture is even, smaller where it is not",
             ),
         ] {
             let mosaic = self.painted(&library, tiling, &params, size)?;
             let psnr = compare(&truth, &afar(&mosaic.convert())).map_or(0.0, |found| found.psnr_db);
             self.report.figures.insert(figure, psnr);
-            figures.push(Figure::picture(
-                &mosaic.convert(),
-                format!("{caption}: {psnr:.1} dB after a blur by half a tile"),
-            ));
+            let shown = Figure::picture(&mosaic.convert(), caption);
+            figures.push(shown.with_note(format!("PSNR {psnr:.1} dB from afar")));
         }
         self.page.figures(&figures);
         Ok(())

@@ -16,7 +16,8 @@ impl Demo<'_> {
     pub fn operator(&mut self) -> Result<(), JobError> {
         self.page.section(
             "The operator",
-            "Each pixel looks at the window around it: on which side of the line it lies, and what that side's color is.",
+            "Each pixel takes the color of its side of the line in the window around it. Five ways to use that: for posters and drawings, \
+             against noise and blur, and against stairs at edges.",
         );
         let region = self.detail;
         // enough around the part for windows and iterations
@@ -26,12 +27,38 @@ impl Demo<'_> {
             region.width + 64,
             region.height + 64,
         );
-        for (mode, iterations, text) in [
-            (Mode::Abstract, 3, "abstract, 3 times"),
-            (Mode::Smooth, 1, "smooth"),
-            (Mode::Sharpen, 1, "sharpen"),
-            (Mode::Antialias, 1, "antialias"),
-            (Mode::Stamp, 1, "stamp"),
+        let mut figures = Vec::new();
+        for (mode, iterations, label, text) in [
+            (
+                Mode::Abstract,
+                3,
+                "abstract",
+                "Abstract, applied 3 times: flat areas with clear edges, as in a poster",
+            ),
+            (
+                Mode::Smooth,
+                1,
+                "smooth",
+                "Smooth: noise goes, edges stay where they are",
+            ),
+            (
+                Mode::Sharpen,
+                1,
+                "sharpen",
+                "Sharpen: blurred edges become steep, without halos",
+            ),
+            (
+                Mode::Antialias,
+                1,
+                "antialias",
+                "Antialias: stairs at edges become smooth",
+            ),
+            (
+                Mode::Stamp,
+                1,
+                "stamp",
+                "Stamp: light and dark only, for stencils and engraving",
+            ),
         ] {
             let params = OperatorParams {
                 mode,
@@ -46,20 +73,21 @@ impl Demo<'_> {
                 region.width,
                 region.height,
             );
-            let figures = [
+            figures.push(Figure::compared(
                 self.crop(&self.image, "input"),
-                Figure::crop(&result, inner, ZOOM, text),
-            ];
-            self.page.figures(&figures);
+                Figure::crop(&result, inner, ZOOM, label),
+                text,
+            ));
         }
+        self.page.figures(&figures);
         Ok(())
     }
 
     pub fn paint(&mut self) -> Result<(), JobError> {
         self.page.section(
             "The brush",
-            "One dab of a brush that is wider than the place it is set on, with each tool. Paint stops where the color on the way \
-             from its middle changes, so nothing has to be masked.",
+            "One dab with each tool, of a brush much wider than the place that it is set on. Paint stops where the color changes on \
+             the way from the middle of the brush, so that nothing has to be masked first.",
         );
         let (part, dab) = self.even_place()?;
         let smooth = |mode| Tool::Operator {
@@ -67,16 +95,40 @@ impl Demo<'_> {
             iterations: 1,
             noise_sigma: None,
         };
-        let mut figures = vec![Figure::crop(&self.image, part, 2, "input")];
-        for (tool, name) in [
-            (Tool::Color { rgb: [200, 40, 30] }, "color"),
-            (Tool::Recolor { rgb: [40, 90, 200] }, "recolor"),
-            (Tool::Dodge, "dodge"),
-            (Tool::Burn, "burn"),
-            (Tool::Saturation { amount: 1.5 }, "saturation"),
-            (smooth(Mode::Abstract), "abstract"),
-            (Tool::Clone { offset: [-24, 0] }, "clone"),
-            (Tool::Mask, "mask"),
+        let mut figures = Vec::new();
+        for (tool, name, text) in [
+            (
+                Tool::Color { rgb: [200, 40, 30] },
+                "color",
+                "Color: paints, but stops at the edges around",
+            ),
+            (
+                Tool::Recolor { rgb: [40, 90, 200] },
+                "recolor",
+                "Recolor: another hue, the same light and texture",
+            ),
+            (Tool::Dodge, "dodge", "Dodge: lighter"),
+            (Tool::Burn, "burn", "Burn: darker"),
+            (
+                Tool::Saturation { amount: 1.5 },
+                "saturation",
+                "Saturation: stronger colors",
+            ),
+            (
+                smooth(Mode::Abstract),
+                "abstract",
+                "Abstract: calms the texture",
+            ),
+            (
+                Tool::Clone { offset: [-24, 0] },
+                "clone",
+                "Clone: copies from 24 pixels to the left",
+            ),
+            (
+                Tool::Mask,
+                "mask",
+                "Mask: selects the same place, for other operations",
+            ),
         ] {
             let mut strokes = Strokes::new(self.size());
             let radius = 0.45 * part.height.max(3) as f64;
@@ -91,7 +143,11 @@ impl Demo<'_> {
                 Some(mask) => mask.map(|v| LinearRgba([v, v, v, 1.0])),
                 None => painted.image,
             };
-            figures.push(Figure::crop(&shown, part, 2, name));
+            figures.push(Figure::compared(
+                Figure::crop(&self.image, part, 2, "input"),
+                Figure::crop(&shown, part, 2, name),
+                text,
+            ));
         }
         self.page.figures(&figures);
         Ok(())
@@ -100,7 +156,8 @@ impl Demo<'_> {
     pub fn cleaning(&mut self, seed: Seed) -> Result<(), JobError> {
         self.page.section(
             "Cleaning",
-            "Noise and compression damage are added to the picture, and taken off without being told how strong they are.",
+            "Noise and compression damage are added to the picture and removed again. Cleaning measures their strength by itself, so that \
+             nothing needs to be set: for photos taken in poor light and for pictures that were saved too small.",
         );
         let original = self.image.convert::<Srgb<u8>>();
         let sensor = SensorNoise {
@@ -124,6 +181,8 @@ impl Demo<'_> {
             ("JPEG, quality 30", add_jpeg_damage(&original, &jpeg)),
         ];
         let mut rows = Vec::new();
+        let mut figures =
+            vec![self.crop(&self.image, "The original, which cleaning does not know")];
         for (name, image) in &damaged {
             let noise = estimate_noise(image, self.progress)?;
             let start = Instant::now();
@@ -147,13 +206,21 @@ impl Demo<'_> {
                 format!("{:.3}", b.ssim),
                 format!("{:.0} ms", 1e3 * seconds),
             ]);
-            let figures = [
-                self.crop(&self.image, "original"),
-                self.crop(&before, *name),
-                self.crop(&cleaned, "cleaned"),
-            ];
-            self.page.figures(&figures);
+            figures.push(
+                Figure::compared(
+                    self.crop(&before, "damaged"),
+                    self.crop(&cleaned, "cleaned"),
+                    format!("{}{}, removed", name[..1].to_uppercase(), &name[1..]),
+                )
+                .with_note(format!(
+                    "PSNR {:.2} dB before, {:.2} dB after; {:.0} ms",
+                    a.psnr_db,
+                    b.psnr_db,
+                    1e3 * seconds
+                )),
+            );
         }
+        self.page.figures(&figures);
         let head = [
             "damage",
             "strength found",

@@ -16,8 +16,8 @@ impl Demo<'_> {
     pub fn two_color_pixels(&mut self) -> Result<(), JobError> {
         self.page.section(
             "Two-color pixels",
-            "Each block of N x N pixels is replaced by the best of all lines and one color on each side. Beside it the mosaic \
-             of mean colors with blocks of the same size.",
+            "Each block of N x N pixels is replaced by the best of all lines with one color on each side. Edges stay sharp where \
+             blocks of one color, a plain mosaic, turn them into stairs: a good start for vector graphics, cleaning and search.",
         );
         let size = self.size();
         let mut rows = Vec::new();
@@ -27,21 +27,34 @@ impl Demo<'_> {
             let mosaic = render_mosaic(&field, size, self.progress)?;
             rows.push(self.row(&format!("N = {block_px}"), &field, &lines, Some(&mosaic)));
             if block_px == 8 {
-                let figures = [
-                    Figure::picture(&lines, "two-color pixels, N = 8"),
-                    Figure::picture(&mosaic, "mosaic, N = 8"),
-                ];
-                self.page.figures(&figures);
+                let mut whole = Figure::compared(
+                    Figure::picture(&mosaic, "one color"),
+                    Figure::picture(&lines, "two colors and a line"),
+                    "The picture from blocks of 8 x 8 pixels: with one color each, and with two",
+                );
                 if let (Some(two), Some(one)) = (self.compared(&lines), self.compared(&mosaic)) {
                     self.report.figures.insert("twocolor_psnr_db", two.psnr_db);
                     self.report.figures.insert("mosaic_psnr_db", one.psnr_db);
+                    whole = whole.with_note(format!(
+                        "PSNR {:.2} dB with one color, {:.2} dB with two",
+                        one.psnr_db, two.psnr_db
+                    ));
                 }
-                let crops = [
-                    self.crop(&self.image, "input"),
-                    self.crop(&lines, "two-color pixels"),
-                    self.crop(&mosaic, "mosaic"),
+                let crop = |image, label: &str| self.crop(image, label);
+                let figures = [
+                    whole,
+                    Figure::compared(
+                        crop(&mosaic, "one color"),
+                        crop(&lines, "two colors and a line"),
+                        "A part of it: edges keep their place and direction",
+                    ),
+                    Figure::compared(
+                        crop(&self.image, "input"),
+                        crop(&lines, "two colors and a line"),
+                        "The same part beside the input: texture goes, shapes stay",
+                    ),
                 ];
-                self.page.figures(&crops);
+                self.page.figures(&figures);
             }
         }
         let params = AdaptiveParams::default();
@@ -52,8 +65,15 @@ impl Demo<'_> {
         let text = "Adaptive blocks grow where two colors are enough; neighbors differ by at most one size.";
         self.page.paragraph(text);
         self.page.figures(&[
-            Figure::picture(&adaptive, "adaptive two-color pixels"),
-            self.crop(&adaptive, "a part of it"),
+            Figure::picture(
+                &adaptive,
+                "Blocks of 4 to 32 pixels: small ones only where there is detail",
+            ),
+            Figure::compared(
+                self.crop(&self.image, "input"),
+                self.crop(&adaptive, "adaptive blocks"),
+                "A part of it beside the input",
+            ),
         ]);
         self.page.table(
             &[
@@ -142,17 +162,28 @@ impl Demo<'_> {
             Figure::crop(image, Rect::of(image.size()), 1, caption)
         };
         let mut figures = vec![
-            Figure::crop(&image, Rect::of(image.size()), factor, "pixels"),
-            whole(&smooth, "Catmull-Rom"),
-            whole(&crisp, "enlarged with lines"),
-            whole(&blocks, "two-color pixels, N = 4"),
+            Figure::crop(
+                &image,
+                Rect::of(image.size()),
+                factor,
+                "The input, each pixel as a square of six",
+            ),
+            Figure::compared(
+                whole(&smooth, "Catmull-Rom"),
+                whole(&crisp, "enlarged with lines"),
+                "The usual enlargement, and the one that follows edges: for prints from small photos",
+            ),
+            whole(
+                &blocks,
+                "Two-color pixels of 4 x 4, drawn at six times the size",
+            ),
         ];
         if drawn {
             let text = String::from_utf8_lossy(&svg);
             figures.push(Figure::svg(
                 &text,
-                size.width(),
-                "the same as a vector graphic",
+                [size.width(), size.height()],
+                "The same as a vector graphic, sharp at any size",
             ));
         }
         self.page.figures(&figures);

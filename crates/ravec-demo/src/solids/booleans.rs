@@ -27,8 +27,9 @@ pub fn show(
 ) -> Result<(), JobError> {
     page.section(
         "Solids by expressions",
-        "Meshes combined by union, intersection and difference, exact where they meet. Blue triangles are as they were, orange \
-         ones are pieces of one, green ones close a hole; red lines are where surfaces meet.",
+        "Meshes combined by union, intersection and difference: parts from simple shapes, holes in scans. Surfaces meet exactly, \
+         without a gap. Blue triangles are as they were, orange ones are pieces of one, green ones close a hole; red lines are \
+         where surfaces meet.",
     );
     let mut studio = Studio {
         rows: Vec::new(),
@@ -157,10 +158,15 @@ impl Studio<'_> {
                 &together(&meshes),
                 &Paint::Plain,
                 &self.view(30.0, 30.0),
-                "ten primitives",
+                "Ten simple shapes that overlap",
                 self.progress,
             )?,
-            self.drawn(&result, &self.view(30.0, 30.0), text)?,
+            self.drawn(
+                &result,
+                &self.view(30.0, 30.0),
+                "The bracket that one expression makes of them",
+            )?
+            .with_note(text),
         ])
     }
 
@@ -184,7 +190,7 @@ impl Studio<'_> {
         Ok(vec![self.drawn(
             &result,
             &view,
-            "a plate without 70 drills",
+            "A plate without 70 drills, all at once",
         )?])
     }
 
@@ -223,15 +229,23 @@ impl Studio<'_> {
         let standing = self.combined("scan with holes | cone | foot", &expr, &meshes)?;
         let view = || self.view(20.0, 15.0);
         let figures = vec![
-            self.drawn(&bitten, &self.view(30.0, 30.0), "a scan without a box")?,
+            self.drawn(
+                &bitten,
+                &self.view(30.0, 30.0),
+                "A scan from which a box was taken: all other triangles are as they were",
+            )?,
             drawn(
                 &open,
                 &Paint::Plain,
                 &view(),
-                "a scan with holes",
+                "A scan with holes, which is no solid",
                 self.progress,
             )?,
-            self.drawn(&standing, &view(), "the same, united with a stand")?,
+            self.drawn(
+                &standing,
+                &view(),
+                "The same, closed and united with a stand",
+            )?,
         ];
         Ok((figures, standing.report.operands[0].assumptions.clone()))
     }
@@ -259,12 +273,12 @@ impl Studio<'_> {
             self.drawn(
                 &union,
                 &self.view(30.0, 30.0),
-                "the union of a hundred balls",
+                "The union of a hundred balls",
             )?,
             self.drawn(
                 &odd,
                 &self.view(10.0, 10.0),
-                "what is in an odd number of them, cut open by a box",
+                "The space in an odd number of them, cut open by a box",
             )?,
         ])
     }

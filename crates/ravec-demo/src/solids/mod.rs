@@ -4,7 +4,7 @@ pub mod booleans;
 pub mod offsets;
 
 use crate::error::bug;
-use crate::page::{Figure, Gallery};
+use crate::page::{Figure, Gallery, MAX_TRIANGLES, Solid};
 use glam::DVec3;
 use ravec::mesh::render::{
     Camera, ColorMap, LineStyle, Paint, RenderError, RenderParams, Section, Values, View, render,
@@ -75,12 +75,34 @@ impl Detail {
 
     /// A mesh with triangles so small that colors at their corners show what happens between them.
     pub fn refined(self, mesh: TriMesh, diagonal: f64) -> TriMesh {
+        self.refined_up_to(200_000, mesh, diagonal)
+    }
+
+    /// The same for the viewer of the page, which takes fewer triangles.
+    pub fn coarsely_refined(self, mesh: TriMesh, diagonal: f64) -> TriMesh {
+        self.refined_up_to(MAX_TRIANGLES, mesh, diagonal)
+    }
+
+    fn refined_up_to(self, most: usize, mesh: TriMesh, diagonal: f64) -> TriMesh {
         let longest = self.length(diagonal / 120.0);
-        refined(mesh, longest, 200_000, &Progress::none()).expect("nobody can cancel it")
+        refined(mesh, longest, most, &Progress::none()).expect("nobody can cancel it")
     }
 }
 
+/// Draws a mesh, for readers to turn.
 pub fn drawn(
+    mesh: &TriMesh,
+    paint: &Paint<'_>,
+    params: &RenderParams,
+    caption: impl Into<String>,
+    progress: &Progress,
+) -> Result<Figure, JobError> {
+    let solid = Solid::new(mesh, paint, params, progress)?;
+    Ok(pictured(mesh, paint, params, caption, progress)?.with_solid(solid))
+}
+
+/// Draws a mesh, as a picture alone.
+pub fn pictured(
     mesh: &TriMesh,
     paint: &Paint<'_>,
     params: &RenderParams,
@@ -101,9 +123,9 @@ fn checks(
     progress: &Progress,
 ) -> Result<(), JobError> {
     page.section(
-        "Meshes",
-        "Solids and sheets with closed formulas, checked by exact arithmetic. The back of a surface is red; so are triangles \
-         that intersect others.",
+        "Checked meshes",
+        "Solids and sheets drawn by formulas, each with or without a defect, as files for printing and simulation have them. \
+         Exact arithmetic finds what is wrong and where. The back of a surface is red; so are triangles that intersect others.",
     );
     let red = [210, 40, 40];
     let plain = RenderParams::default().front_color;
@@ -157,7 +179,9 @@ fn checks(
 }
 
 fn cuts(page: &mut Gallery, detail: Detail, progress: &Progress) -> Result<(), JobError> {
-    page.paragraph("Cut open, as a solid and as a shell, and with the edges of all triangles.");
+    page.paragraph(
+        "Cuts show the inside, as that of a solid or as that of a shell; edges show the triangles.",
+    );
     let ring = torus(2.0, 0.8, detail.edges(96), detail.edges(48)).mesh;
     let fins = comb(6, 0.06, 0.2, 1.0).mesh;
     let cut = |normal: DVec3, offset, capped| RenderParams {
@@ -184,24 +208,30 @@ fn cuts(page: &mut Gallery, detail: Detail, progress: &Progress) -> Result<(), J
             &ring,
             &Paint::Plain,
             &cut(-DVec3::Y, 0.0, true),
-            "a torus, cut as a solid",
+            "A torus, cut as a solid",
             progress,
         )?,
         drawn(
             &ring,
             &Paint::Plain,
             &cut(-DVec3::Y, 0.0, false),
-            "the same as a shell",
+            "The same as a shell: the inside is red",
             progress,
         )?,
         drawn(
             &fins,
             &Paint::Plain,
             &cut(DVec3::X, 0.3, true),
-            "a comb, cut through its fins",
+            "A comb, cut through its fins",
             progress,
         )?,
-        drawn(&ring, &Paint::Plain, &edges, "edges of triangles", progress)?,
+        drawn(
+            &ring,
+            &Paint::Plain,
+            &edges,
+            "The edges of all triangles of the torus",
+            progress,
+        )?,
     ];
     page.figures(&figures);
     Ok(())
@@ -215,9 +245,9 @@ fn simplification(
 ) -> Result<(), JobError> {
     page.section(
         "Fewer triangles",
-        "A torus is simplified while it stays closed and free of intersections. Colors show how far the result is from the \
-         original, from violet (nothing) to yellow (the distance in the table, which is proven for every point of both \
-         surfaces).",
+        "A torus is simplified, for faster drawing, sending and printing, while it stays closed and free of intersections. \
+         Colors show how far the result is from the original, from violet (nothing) to yellow (the largest distance in the \
+         table, which is proven for every point of both surfaces).",
     );
     let ring = torus(2.0, 0.8, detail.edges(128), detail.edges(72)).mesh;
     let bvh = Bvh::new(&ring);
@@ -269,22 +299,27 @@ fn simplification(
             ),
             format!("{:.4} %", percent(apart.forward.mean)),
         ]);
-        let caption = format!("{triangles} triangles");
+        let caption = format!("The torus with {triangles} triangles");
         figures.push(drawn(&mesh, &Paint::Plain, &edges, caption, progress)?);
+        let coarse = detail.coarsely_refined(mesh.clone(), diagonal);
         let fine = detail.refined(mesh, diagonal);
-        let values = vertex_distances(&fine, &bvh, progress)?;
-        let paint = Paint::VertexValues(Values {
-            values: &values,
-            map: ColorMap::Sequential,
-            range: Some([0.0, apart.upper()]),
+        let [picture, solid] = [&fine, &coarse].map(|mesh| vertex_distances(mesh, &bvh, progress));
+        let (picture, solid) = (picture?, solid?);
+        let [picture, solid] = [&picture, &solid].map(|values| {
+            Paint::VertexValues(Values {
+                values,
+                map: ColorMap::Sequential,
+                range: Some([0.0, apart.upper()]),
+            })
         });
-        figures.push(drawn(
-            &fine,
-            &paint,
-            &detail.picture(),
-            "its distance",
-            progress,
-        )?);
+        let look = detail.picture();
+        let caption = "Its distance from the original";
+        let figure = pictured(&fine, &picture, &look, caption, progress)?;
+        let solid = Solid::new(&coarse, &solid, &look, progress)?;
+        figures.push(figure.with_solid(solid).with_note(format!(
+            "at most {:.3} % of the diagonal",
+            percent(apart.upper())
+        )));
     }
     page.figures(&figures);
     page.table(

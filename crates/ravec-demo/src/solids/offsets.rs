@@ -1,8 +1,8 @@
 //! The part of the demonstration that is about offsets: of solids drawn by formulas, and of a soup.
 
-use super::{Detail, drawn};
+use super::{Detail, drawn, pictured};
 use crate::error::bug;
-use crate::page::{Figure, Gallery};
+use crate::page::{Figure, Gallery, Solid};
 use glam::DVec3;
 use ravec::mesh::render::{
     Camera, ColorMap, FeatureLines, LineStyle, Paint, RenderParams, Section, Values, View,
@@ -27,8 +27,9 @@ pub fn show(
 ) -> Result<(), JobError> {
     page.section(
         "Offsets",
-        "What lies at a distance from any triangles: closed, free of intersections, with sharp creases, and proved to be \
-         within the tolerance.",
+        "The surface at a distance from any triangles: for walls of a given thickness, for clearances, and to make a printable \
+         solid of a sheet. The result is closed and free of intersections, keeps sharp creases, and is proved to be within the \
+         tolerance.",
     );
     let mut studio = Studio {
         rows: Vec::new(),
@@ -46,8 +47,8 @@ pub fn show(
     let figures = studio.cells(report)?;
     page.figures(&figures);
     page.paragraph(
-        "The same surface before and after its triangles are merged. Colors show how far it is off, from blue (too near, by \
-         the whole tolerance) to red (too far).",
+        "The same surface before and after its triangles are merged. Colors show its error, from blue (too near, by the whole \
+         tolerance) to red (too far).",
     );
     let figures = studio.exactness(report)?;
     page.figures(&figures);
@@ -138,7 +139,7 @@ impl Studio<'_> {
 
     fn growth(&mut self) -> Result<Vec<Figure>, JobError> {
         let fins = fins();
-        let mut figures = vec![self.drawn(&fins, &self.look(), "a comb")?];
+        let mut figures = vec![self.drawn(&fins, &self.look(), "A comb")?];
         for distance in [0.05, 0.1, 0.4] {
             let params = OffsetParams {
                 distance,
@@ -148,7 +149,11 @@ impl Studio<'_> {
                 ..OffsetParams::default()
             };
             let grown = self.offset("comb, outer", &fins, &params)?;
-            figures.push(self.drawn(&grown, &self.look(), &format!("grown by {distance}"))?);
+            figures.push(self.drawn(
+                &grown,
+                &self.look(),
+                &format!("The comb, grown by {distance}"),
+            )?);
         }
         Ok(figures)
     }
@@ -171,9 +176,9 @@ impl Studio<'_> {
         let ring = torus(2.0, 0.8, detail.edges(96), detail.edges(48)).mesh;
         let tube = self.offset("torus, shell", &ring, &shell(0.15))?;
         Ok(vec![
-            self.drawn(&hollow, &self.cut(), "a cone, hollowed and cut open")?,
-            self.drawn(&tube, &self.cut(), "a torus, hollowed and cut open")?,
-            self.drawn(&shrunk, &self.look(), "the comb, shrunk by 0.025")?,
+            self.drawn(&hollow, &self.cut(), "A cone, hollowed and cut open")?,
+            self.drawn(&tube, &self.cut(), "A torus, hollowed and cut open")?,
+            self.drawn(&shrunk, &self.look(), "The comb, shrunk by 0.025")?,
         ])
     }
 
@@ -186,8 +191,12 @@ impl Studio<'_> {
         };
         let padded = self.offset("crossing plates, both", &plates, &params)?;
         Ok(vec![
-            self.drawn(&plates, &self.look(), "two plates, no solid")?,
-            self.drawn(&padded, &self.look(), "what is 0.25 away from them")?,
+            self.drawn(&plates, &self.look(), "Two plates that cross, no solid")?,
+            self.drawn(
+                &padded,
+                &self.look(),
+                "The solid whose surface is 0.25 away from them",
+            )?,
         ])
     }
 
@@ -237,10 +246,13 @@ impl Studio<'_> {
             (
                 &cells,
                 &lines,
-                format!("{} cells that hold it", cells.len()),
+                format!(
+                    "The {} cells of the octree that the surface passes",
+                    cells.len()
+                ),
             ),
-            (&open, &lines, "the same, cut open".to_owned()),
-            (&slice, &front, "those in the plane of the cut".to_owned()),
+            (&open, &lines, "The same, cut open".to_owned()),
+            (&slice, &front, "Those in the plane of the cut".to_owned()),
         ] {
             let (mesh, levels) = boxes(cells);
             let paint = Paint::VertexValues(Values {
@@ -277,28 +289,40 @@ impl Studio<'_> {
             self.drawn(
                 &raw,
                 &edges,
-                &format!("{} triangles", raw.triangles().len()),
+                &format!("As found: {} triangles", raw.triangles().len()),
             )?,
-            self.drawn(&mesh, &edges, &format!("{triangles} triangles"))?,
+            self.drawn(&mesh, &edges, &format!("Merged: {triangles} triangles"))?,
         ];
-        let fine = self.detail.refined(mesh, fins.bounds().diagonal());
-        let mut values = vertex_distances(&fine, &Bvh::new(&fins), self.progress)?;
-        for value in &mut values {
-            *value -= merged.distance;
-        }
+        let diagonal = fins.bounds().diagonal();
+        let coarse = self.detail.coarsely_refined(mesh.clone(), diagonal);
+        let fine = self.detail.refined(mesh, diagonal);
+        let bvh = Bvh::new(&fins);
+        let errors = |mesh: &TriMesh| {
+            let values = vertex_distances(mesh, &bvh, self.progress)?;
+            let errors = values.iter().map(|value| value - merged.distance);
+            Ok::<Vec<f64>, JobError>(errors.collect())
+        };
+        let (values, few) = (errors(&fine)?, errors(&coarse)?);
         let largest = values.iter().fold(0.0, |most: f64, v| most.max(v.abs()));
-        let paint = Paint::VertexValues(Values {
-            values: &values,
-            map: ColorMap::Diverging,
-            range: Some([-merged.tolerance, merged.tolerance]),
+        let [picture, solid] = [&values, &few].map(|values| {
+            Paint::VertexValues(Values {
+                values,
+                map: ColorMap::Diverging,
+                range: Some([-merged.tolerance, merged.tolerance]),
+            })
         });
-        figures.push(drawn(
+        let figure = pictured(
             &fine,
-            &paint,
+            &picture,
             &self.look(),
-            "its error",
+            "Its error, in colors",
             self.progress,
-        )?);
+        )?;
+        let solid = Solid::new(&coarse, &solid, &self.look(), self.progress)?;
+        figures.push(figure.with_solid(solid).with_note(format!(
+            "at most {:.0} % of the tolerance",
+            100.0 * largest / merged.tolerance
+        )));
         report.figures.extend([
             ("offset_triangles", triangles as f64),
             ("offset_error_percent", 100.0 * largest / merged.tolerance),
