@@ -2,7 +2,10 @@
 
 use ravec::boolean::{BooleanError, ParseExprError};
 use ravec::completion::CompleteError;
-use ravec::mesh::{ReadMeshError, WriteMeshError};
+use ravec::mesh_io::{
+    MeshFormat, ReadMeshError, ReadMeshFileError, UnknownMeshExtension, WriteMeshError,
+    WriteMeshFileError,
+};
 use ravec::offset::OffsetError;
 use ravec::planar::{HomographyError, MatchError, ProportionError, SnapError};
 use ravec::progress::Cancelled;
@@ -11,6 +14,7 @@ use ravec::retarget::RetargetError;
 use ravec::twocolor::brush::StrokeError;
 use ravec::twocolor::{EnlargeError, FitError, RenderError};
 use ravec_catalogue::CatalogueError;
+pub(crate) use ravec_files::message_without_code as plain;
 use ravec_media::{DecodeError, EncodeError, ReadError, WriteError};
 use std::path::{Path, PathBuf};
 
@@ -101,7 +105,7 @@ pub enum JobError {
     #[error(
         "cannot write {}: its extension does not name a mesh format; known are {}",
         output_name(.path),
-        crate::mesh::known_extensions()
+        MeshFormat::known_extensions()
     )]
     UnknownMeshFormat {
         /// The file.
@@ -357,27 +361,33 @@ impl JobError {
     }
 }
 
-impl JobError {
-    /// Classifies an error of reading a mesh file.
-    pub(crate) fn from_reading(path: &Path, cause: ReadMeshError) -> Self {
-        match cause {
-            ReadMeshError::Cancelled => Self::Cancelled,
-            cause => Self::ReadMesh {
-                path: path.to_path_buf(),
-                cause,
-            },
+impl From<ReadMeshFileError> for JobError {
+    fn from(error: ReadMeshFileError) -> Self {
+        match error {
+            ReadMeshFileError {
+                cause: ReadMeshError::Cancelled,
+                ..
+            } => Self::Cancelled,
+            ReadMeshFileError { path, cause } => Self::ReadMesh { path, cause },
         }
     }
+}
 
-    /// Classifies an error of writing a mesh file.
-    pub(crate) fn from_writing(path: &Path, cause: WriteMeshError) -> Self {
-        match cause {
-            WriteMeshError::Cancelled => Self::Cancelled,
-            cause => Self::WriteMesh {
-                path: path.to_path_buf(),
-                cause,
-            },
+impl From<WriteMeshFileError> for JobError {
+    fn from(error: WriteMeshFileError) -> Self {
+        match error {
+            WriteMeshFileError {
+                cause: WriteMeshError::Cancelled,
+                ..
+            } => Self::Cancelled,
+            WriteMeshFileError { path, cause } => Self::WriteMesh { path, cause },
         }
+    }
+}
+
+impl From<UnknownMeshExtension> for JobError {
+    fn from(UnknownMeshExtension { path }: UnknownMeshExtension) -> Self {
+        Self::UnknownMeshFormat { path }
     }
 }
 
@@ -448,15 +458,6 @@ fn name(path: &Path, stream: &str) -> String {
     }
 }
 
-/// The message of an error without the number that the system has for it.
-pub(crate) fn plain(cause: &impl std::fmt::Display) -> String {
-    let text = cause.to_string();
-    match text.rfind(" (os error ") {
-        Some(at) if text.ends_with(')') => text[..at].to_owned(),
-        _ => text,
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -470,6 +471,16 @@ mod tests {
     fn unwritable(path: &str, cause: EncodeError) -> JobError {
         let path = PathBuf::from(path);
         JobError::from(WriteError { path, cause })
+    }
+
+    fn unread_mesh(path: &str, cause: ReadMeshError) -> JobError {
+        let path = PathBuf::from(path);
+        JobError::from(ReadMeshFileError { path, cause })
+    }
+
+    fn unwritten_mesh(path: &str, cause: WriteMeshError) -> JobError {
+        let path = PathBuf::from(path);
+        JobError::from(WriteMeshFileError { path, cause })
     }
 
     #[test]
@@ -539,12 +550,12 @@ mod tests {
                 "standard input can be read only once: give a file for the other input",
             ),
             (
-                JobError::from_reading(Path::new("a.stl"), ReadMeshError::Empty),
+                unread_mesh("a.stl", ReadMeshError::Empty),
                 3,
                 "cannot read a.stl: the file is empty",
             ),
             (
-                JobError::from_reading(Path::new("a.stl"), io::Error::from_raw_os_error(2).into()),
+                unread_mesh("a.stl", io::Error::from_raw_os_error(2).into()),
                 3,
                 "cannot read a.stl: No such file or directory",
             ),
@@ -554,7 +565,7 @@ mod tests {
                 "cannot use standard input: the mesh has no triangles",
             ),
             (
-                JobError::from_writing(Path::new("-"), io::Error::other("disk full").into()),
+                unwritten_mesh("-", io::Error::other("disk full").into()),
                 4,
                 "cannot write standard output: disk full",
             ),
@@ -602,7 +613,7 @@ mod tests {
                 "interrupted; nothing half-written is left",
             ),
             (
-                JobError::from_reading(Path::new("a"), ReadMeshError::Cancelled),
+                unread_mesh("a", ReadMeshError::Cancelled),
                 130,
                 "interrupted; nothing half-written is left",
             ),

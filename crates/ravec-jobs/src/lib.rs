@@ -46,6 +46,7 @@ pub mod twocolor;
 
 pub use error::JobError;
 pub use files::{Source, check_files, check_folder, write_text};
-pub use ravec_media::{Limits, abandon_outputs};
+pub use ravec_files::abandon_outputs;
+pub use ravec_media::Limits;
 pub use report::{FileReport, Finding, Place, Report, Timing};
 pub use text::{escape_controls, escape_except};

@@ -1,7 +1,7 @@
 //! Lengths with a unit: as numbers of the file, in percent of its size, or in millimeters and the like.
 
 use super::convert::Unit;
-use ravec::mesh::LengthUnit;
+use ravec::mesh_io::LengthUnit;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;

@@ -80,7 +80,8 @@ pub fn run(source: &MeshSource, params: &Params, progress: &Progress) -> Result<
 mod tests {
     use super::*;
     use crate::mesh::{MeshTarget, write_mesh_file};
-    use ravec::mesh::{MeshFormat, TriMesh};
+    use ravec::mesh::TriMesh;
+    use ravec::mesh_io::MeshFormat;
     use ravec_scenes::solids::{cuboid, sheet};
 
     fn figures_of(mesh: &TriMesh) -> std::collections::BTreeMap<&'static str, f64> {

@@ -1,16 +1,20 @@
 //! `mesh render`: a picture of a mesh, plain, cut open or colored by its distance to another.
 
+mod colored;
+
+use self::colored::{Colored, summarize};
 use super::compare::read_surface;
 use super::refine::refined;
 use super::{Cut, Length, MeshSource, Viewpoint};
 use crate::error::JobError;
 use crate::files::{self, check_files};
 use crate::report::Report;
-use ravec::mesh::render::{
-    Camera, ColorMap, FeatureLines, LineStyle, Paint, Projection, RenderError, RenderParams,
-    Rendering, Section, UpAxis, Values, View, render,
+use ravec::mesh::{Bvh, TriMesh, vertex_distances};
+use ravec::mesh_io::MeshFile;
+use ravec::mesh_render::{
+    Camera, FeatureLines, LineStyle, Paint, Projection, RenderError, RenderParams, Rendering,
+    Section, UpAxis, View, render,
 };
-use ravec::mesh::{Bvh, MeshFile, TriMesh, vertex_distances};
 use ravec::progress::Progress;
 use ravec::raster::{AnyImage, Image, Size, Srgb, Srgba};
 use ravec_media::{Picture, WriteOptions};
@@ -312,58 +316,6 @@ pub fn run(
     Ok(report)
 }
 
-fn summarize(distances: &[f64], report: &mut Report) {
-    let fold = |start: f64, pick: fn(f64, f64) -> f64| distances.iter().copied().fold(start, pick);
-    report.figures.extend([
-        ("distance_min", fold(f64::INFINITY, f64::min)),
-        ("distance_max", fold(0.0, f64::max)),
-        (
-            "distance_mean",
-            distances.iter().sum::<f64>() / distances.len().max(1) as f64,
-        ),
-    ]);
-}
-
-/// Numbers at vertices and the scale on which they are shown.
-struct Colored {
-    values: Vec<f64>,
-    map: ColorMap,
-    range: Option<[f64; 2]>,
-}
-
-impl Colored {
-    /// Shares are of the `diagonal` of the mesh to which distances were measured: what is 2% away from it stays so, however
-    /// large the mesh is that lies there.
-    fn new(mut values: Vec<f64>, diagonal: f64, params: &Params) -> Self {
-        let end = params.range.map(|range| range.of(diagonal));
-        let Some(expected) = params.expected else {
-            let most = values.iter().copied().fold(0.0, f64::max);
-            return Self {
-                values,
-                map: ColorMap::Sequential,
-                range: Some([0.0, end.unwrap_or(most)]),
-            };
-        };
-        let expected = expected.of(diagonal);
-        for value in &mut values {
-            *value -= expected;
-        }
-        Self {
-            values,
-            map: ColorMap::Diverging,
-            range: end.map(|end| [-end, end]),
-        }
-    }
-
-    fn paint(&self) -> Paint<'_> {
-        Paint::VertexValues(Values {
-            values: &self.values,
-            map: self.map,
-            range: self.range,
-        })
-    }
-}
-
 /// What the renderer refuses that was not refused before: a plane beyond all numbers.
 pub(super) fn refused(error: RenderError) -> JobError {
     match error {
@@ -400,7 +352,7 @@ pub(super) fn image_of(rendering: Rendering) -> AnyImage {
 mod tests {
     use super::*;
     use crate::mesh::{MeshTarget, write_mesh_file};
-    use ravec::mesh::MeshFormat;
+    use ravec::mesh_io::MeshFormat;
     use ravec::raster::Srgba;
     use ravec_scenes::solids::{cuboid, icosphere};
     use std::path::PathBuf;

@@ -7,12 +7,12 @@ use crate::error::JobError;
 use crate::gallery::{Figure, Gallery};
 use crate::report::Report;
 use glam::DVec3;
-use ravec::mesh::render::{
-    Camera, ColorMap, LineStyle, Paint, RenderError, RenderParams, Section, Values, View, render,
-};
 use ravec::mesh::{
     Bvh, CheckParams, HausdorffError, HausdorffParams, Keep, SimplifyError, SimplifyParams,
     TriMesh, check, hausdorff, simplify, vertex_distances,
+};
+use ravec::mesh_render::{
+    Camera, ColorMap, LineStyle, Paint, RenderError, RenderParams, Section, Values, View, render,
 };
 use ravec::progress::Progress;
 use ravec_scenes::Seed;

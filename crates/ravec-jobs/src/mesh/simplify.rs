@@ -207,7 +207,8 @@ fn reasons(done: &SimplifyReport) -> String {
 mod tests {
     use super::*;
     use crate::mesh::{MeshTarget, read_mesh_file, write_mesh_file};
-    use ravec::mesh::{CheckParams, MeshFormat, MeshLimits, TriMesh, check};
+    use ravec::mesh::{CheckParams, TriMesh, check};
+    use ravec::mesh_io::{MeshFormat, MeshLimits};
     use ravec_scenes::solids::{cylinder, sheet, torus};
 
     fn simplified(mesh: &TriMesh, params: &Params) -> (TriMesh, Report) {

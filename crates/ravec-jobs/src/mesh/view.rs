@@ -3,7 +3,7 @@
 use super::Length;
 use glam::DVec3;
 use ravec::mesh::TriMesh;
-use ravec::mesh::render::View;
+use ravec::mesh_render::View;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;

@@ -8,7 +8,7 @@ use crate::report::Report;
 use glam::DVec3;
 use ravec::boolean::{Boolean, BooleanError, BooleanParams, Expr, boolean};
 use ravec::mesh::TriMesh;
-use ravec::mesh::render::{Camera, Paint, RenderParams, View};
+use ravec::mesh_render::{Camera, Paint, RenderParams, View};
 use ravec::progress::Progress;
 use ravec_scenes::Seed;
 use ravec_scenes::solids::{boulder, cone, cuboid, cylinder, icosphere, with_holes};

@@ -5,10 +5,10 @@ use crate::gallery::{Figure, Gallery};
 use crate::mesh::showcase::{Detail, bug, drawn};
 use crate::report::Report;
 use glam::DVec3;
-use ravec::mesh::render::{
+use ravec::mesh::{Bvh, TriMesh, vertex_distances};
+use ravec::mesh_render::{
     Camera, ColorMap, FeatureLines, LineStyle, Paint, RenderParams, Section, Values, View,
 };
-use ravec::mesh::{Bvh, TriMesh, vertex_distances};
 use ravec::offset::{Offset, OffsetCell, OffsetError, OffsetParams, Side, offset, offset_cells};
 use ravec::progress::Progress;
 use ravec_scenes::solids::{comb, cone, crossing_plates, cuboid, torus};
