@@ -2,7 +2,7 @@
 
 use crate::error::JobError;
 use crate::files;
-use ravec::mesh::{MeshFile, MeshLimits};
+use ravec::mesh_io::{MeshFile, MeshLimits};
 use ravec::progress::Progress;
 use ravec_media::{Limits, Picture};
 use std::collections::HashMap;

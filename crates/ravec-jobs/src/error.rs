@@ -8,7 +8,11 @@ pub use kind::ErrorKind;
 
 use ravec::boolean::{BooleanError, ParseExprError};
 use ravec::completion::CompleteError;
-use ravec::mesh::{ReadMeshError, SimplifyError, WriteMeshError};
+use ravec::mesh::SimplifyError;
+use ravec::mesh_io::{
+    MeshFormat, ReadMeshError, ReadMeshFileError, UnknownMeshExtension, WriteMeshError,
+    WriteMeshFileError,
+};
 use ravec::offset::OffsetError;
 use ravec::planar::{HomographyError, MatchError, ProportionError, SnapError};
 use ravec::progress::Cancelled;
@@ -17,6 +21,7 @@ use ravec::retarget::RetargetError;
 use ravec::twocolor::brush::StrokeError;
 use ravec::twocolor::{EnlargeError, FitError, RenderError};
 use ravec_catalogue::CatalogueError;
+pub(crate) use ravec_files::message_without_code as plain;
 use ravec_media::{DecodeError, EncodeError, ReadError, WriteError};
 use std::path::{Path, PathBuf};
 
@@ -166,7 +171,7 @@ pub enum JobError {
     #[error(
         "cannot write {}: its extension does not name a mesh format; known are {}",
         output_name(.path),
-        crate::mesh::known_extensions()
+        MeshFormat::known_extensions()
     )]
     UnknownMeshFormat {
         /// The file.
@@ -176,7 +181,7 @@ pub enum JobError {
     #[error("cannot render the mesh: {cause}")]
     RenderMesh {
         /// Why not.
-        cause: ravec::mesh::render::RenderError,
+        cause: ravec::mesh_render::RenderError,
     },
     /// A mesh cannot be simplified.
     #[error("cannot simplify {}: {cause}", input_name(.path))]
@@ -374,27 +379,33 @@ impl JobError {
     }
 }
 
-impl JobError {
-    /// Classifies an error of reading a mesh file.
-    pub(crate) fn from_reading(path: &Path, cause: ReadMeshError) -> Self {
-        match cause {
-            ReadMeshError::Cancelled => Self::Cancelled,
-            cause => Self::ReadMesh {
-                path: path.to_path_buf(),
-                cause,
-            },
+impl From<ReadMeshFileError> for JobError {
+    fn from(error: ReadMeshFileError) -> Self {
+        match error {
+            ReadMeshFileError {
+                cause: ReadMeshError::Cancelled,
+                ..
+            } => Self::Cancelled,
+            ReadMeshFileError { path, cause } => Self::ReadMesh { path, cause },
         }
     }
+}
 
-    /// Classifies an error of writing a mesh file.
-    pub(crate) fn from_writing(path: &Path, cause: WriteMeshError) -> Self {
-        match cause {
-            WriteMeshError::Cancelled => Self::Cancelled,
-            cause => Self::WriteMesh {
-                path: path.to_path_buf(),
-                cause,
-            },
+impl From<WriteMeshFileError> for JobError {
+    fn from(error: WriteMeshFileError) -> Self {
+        match error {
+            WriteMeshFileError {
+                cause: WriteMeshError::Cancelled,
+                ..
+            } => Self::Cancelled,
+            WriteMeshFileError { path, cause } => Self::WriteMesh { path, cause },
         }
+    }
+}
+
+impl From<UnknownMeshExtension> for JobError {
+    fn from(UnknownMeshExtension { path }: UnknownMeshExtension) -> Self {
+        Self::UnknownMeshFormat { path }
     }
 }
 
@@ -468,14 +479,5 @@ fn name(path: &Path, stream: &str) -> String {
         stream.to_owned()
     } else {
         path.display().to_string()
-    }
-}
-
-/// The message of an error without the number that the system has for it.
-pub(crate) fn plain(cause: &impl std::fmt::Display) -> String {
-    let text = cause.to_string();
-    match text.rfind(" (os error ") {
-        Some(at) if text.ends_with(')') => text[..at].to_owned(),
-        _ => text,
     }
 }

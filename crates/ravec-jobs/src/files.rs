@@ -5,10 +5,9 @@ use crate::error::JobError;
 use crate::identity::FileIdentity;
 use crate::report::{FileReport, Report};
 use ravec::raster::{Image, Mask, Plane, Size, Srgba};
-use ravec_media::{
-    EncodeError, Format, Picture, SampleKind, WriteOptions, check_writable, remove_stale_in,
-    write_atomically,
-};
+pub(crate) use ravec_files::is_stream;
+use ravec_files::{check_writable, remove_stale_in, write_atomically};
+use ravec_media::{EncodeError, Format, Picture, SampleKind, WriteOptions};
 use std::collections::HashSet;
 use std::fs::File;
 use std::io::{self, Read as _, Write as _};
@@ -186,10 +185,6 @@ pub fn check_folder(path: &Path) -> Result<(), JobError> {
         }
         _ => unwritable(path, cause),
     })
-}
-
-pub(crate) fn is_stream(path: &Path) -> bool {
-    path.as_os_str() == "-"
 }
 
 fn unwritable(path: &Path, cause: impl Into<EncodeError>) -> JobError {

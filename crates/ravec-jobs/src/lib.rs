@@ -54,7 +54,8 @@ pub use files::{
     check_files, check_folder, make_folder, read as read_picture, write_output_text, write_text,
 };
 pub use operation::{AnyOperation, Operation};
-pub use ravec_media::{Limits, abandon_outputs};
+pub use ravec_files::abandon_outputs;
+pub use ravec_media::Limits;
 pub use recipe::Recipe;
 pub use report::{FileReport, Finding, Place, Report, Timing};
 pub use step::Step;

@@ -10,13 +10,15 @@
 //! | [`planar`] | homographies, matching of photos, grids in perspective, rectification |
 //! | [`completion`] | holes filled from the rest of a picture, in perspective where planes are known |
 //! | [`retarget`] | one picture in many formats, with objects in shape and lines straight |
-//! | [`mesh`] | triangle meshes: formats, checks, distances, simplification, pictures |
+//! | [`mesh`] | triangle meshes: measures, checks, distances, simplification |
+//! | [`mesh_io`] | files of meshes: STL, PLY, OBJ, OFF, 3MF, glTF |
+//! | [`mesh_render`] | pictures of meshes |
 //! | [`offset`](mod@offset) | surfaces at a distance from any triangles, within a tolerance that is proved |
 //! | [`boolean`](mod@boolean) | expressions over any triangle meshes, exact where they meet |
 //! | [`progress`] | progress and cancellation of long work |
 //!
-//! Everything here works on pixels in memory. Files are read and written by the crate `ravec-media`, which is not part of
-//! this one, so that a program which has its pixels already does not compile codecs.
+//! Everything here but [`mesh_io`] works in memory. Picture files are read and written by the crate `ravec-media`, which is
+//! not part of this one, so that a program which has its pixels already does not compile their codecs.
 //!
 //! # Images say what their pixels mean
 //!
@@ -218,6 +220,8 @@ pub use ravec_boolean as boolean;
 pub use ravec_completion as completion;
 pub use ravec_memory as memory;
 pub use ravec_mesh as mesh;
+pub use ravec_mesh_io as mesh_io;
+pub use ravec_mesh_render as mesh_render;
 pub use ravec_mosaic as mosaic;
 pub use ravec_offset as offset;
 pub use ravec_planar as planar;

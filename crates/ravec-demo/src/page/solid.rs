@@ -19,8 +19,8 @@
 use crate::error::bug;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
-use ravec::mesh::render::{Paint, RenderParams, Values};
 use ravec::mesh::{Keep, SimplifyError, SimplifyParams, TriMesh, simplify};
+use ravec::mesh_render::{Paint, RenderParams, Values};
 use ravec::progress::Progress;
 use ravec_jobs::JobError;
 use std::collections::HashMap;
@@ -237,7 +237,7 @@ fn shorts(values: impl Iterator<Item = u16>) -> String {
 mod tests {
     use super::*;
     use glam::DVec3;
-    use ravec::mesh::render::{ColorMap, LineStyle, MarkedEdges, Section};
+    use ravec::mesh_render::{ColorMap, LineStyle, MarkedEdges, Section};
     use ravec_scenes::solids::{cuboid, icosphere};
 
     fn solid(mesh: &TriMesh, paint: &Paint<'_>, params: &RenderParams) -> serde_json::Value {

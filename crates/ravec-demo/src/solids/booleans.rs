@@ -6,7 +6,7 @@ use crate::page::{Figure, Gallery};
 use glam::DVec3;
 use ravec::boolean::{Boolean, BooleanError, BooleanParams, Expr, boolean};
 use ravec::mesh::TriMesh;
-use ravec::mesh::render::{Camera, Paint, RenderParams, View};
+use ravec::mesh_render::{Camera, Paint, RenderParams, View};
 use ravec::progress::Progress;
 use ravec_jobs::JobError;
 use ravec_jobs::Report;

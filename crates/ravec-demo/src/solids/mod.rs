@@ -6,12 +6,12 @@ pub mod offsets;
 use crate::error::bug;
 use crate::page::{Figure, Gallery, MAX_TRIANGLES, Solid};
 use glam::DVec3;
-use ravec::mesh::render::{
-    Camera, ColorMap, LineStyle, Paint, RenderError, RenderParams, Section, Values, View, render,
-};
 use ravec::mesh::{
     Bvh, CheckParams, HausdorffError, HausdorffParams, Keep, SimplifyError, SimplifyParams,
     TriMesh, check, hausdorff, simplify, vertex_distances,
+};
+use ravec::mesh_render::{
+    Camera, ColorMap, LineStyle, Paint, RenderError, RenderParams, Section, Values, View, render,
 };
 use ravec::progress::Progress;
 use ravec_jobs::mesh::check::{Params as CheckList, findings};

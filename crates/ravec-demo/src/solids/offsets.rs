@@ -4,10 +4,10 @@ use super::{Detail, drawn, pictured};
 use crate::error::bug;
 use crate::page::{Figure, Gallery, Solid};
 use glam::DVec3;
-use ravec::mesh::render::{
+use ravec::mesh::{Bvh, TriMesh, vertex_distances};
+use ravec::mesh_render::{
     Camera, ColorMap, FeatureLines, LineStyle, Paint, RenderParams, Section, Values, View,
 };
-use ravec::mesh::{Bvh, TriMesh, vertex_distances};
 use ravec::offset::{Offset, OffsetCell, OffsetError, OffsetParams, Side, offset, offset_cells};
 use ravec::progress::Progress;
 use ravec_jobs::JobError;

@@ -13,6 +13,16 @@ fn unwritable(path: &str, cause: EncodeError) -> JobError {
     JobError::from(WriteError { path, cause })
 }
 
+fn unread_mesh(path: &str, cause: ReadMeshError) -> JobError {
+    let path = PathBuf::from(path);
+    JobError::from(ReadMeshFileError { path, cause })
+}
+
+fn unwritten_mesh(path: &str, cause: WriteMeshError) -> JobError {
+    let path = PathBuf::from(path);
+    JobError::from(WriteMeshFileError { path, cause })
+}
+
 #[test]
 fn each_error_has_its_kind_and_one_sentence() {
     let size = |width| Size::new(width, 1).unwrap();
@@ -80,12 +90,12 @@ fn each_error_has_its_kind_and_one_sentence() {
             "standard input can be read only once: give a file for the other input",
         ),
         (
-            JobError::from_reading(Path::new("a.stl"), ReadMeshError::Empty),
+            unread_mesh("a.stl", ReadMeshError::Empty),
             ErrorKind::Input,
             "cannot read a.stl: the file is empty",
         ),
         (
-            JobError::from_reading(Path::new("a.stl"), io::Error::from_raw_os_error(2).into()),
+            unread_mesh("a.stl", io::Error::from_raw_os_error(2).into()),
             ErrorKind::Input,
             "cannot read a.stl: No such file or directory",
         ),
@@ -95,7 +105,7 @@ fn each_error_has_its_kind_and_one_sentence() {
             "cannot use standard input: the mesh has no triangles",
         ),
         (
-            JobError::from_writing(Path::new("-"), io::Error::other("disk full").into()),
+            unwritten_mesh("-", io::Error::other("disk full").into()),
             ErrorKind::Output,
             "cannot write standard output: disk full",
         ),
@@ -143,7 +153,7 @@ fn each_error_has_its_kind_and_one_sentence() {
             "interrupted; nothing half-written is left",
         ),
         (
-            JobError::from_reading(Path::new("a"), ReadMeshError::Cancelled),
+            unread_mesh("a", ReadMeshError::Cancelled),
             ErrorKind::Cancelled,
             "interrupted; nothing half-written is left",
         ),

@@ -260,7 +260,7 @@ fn manner(kind: TriTri) -> &'static str {
 mod tests {
     use super::*;
     use crate::mesh::{MeshTarget, write_mesh_file};
-    use ravec::mesh::MeshFormat;
+    use ravec::mesh_io::MeshFormat;
     use ravec_scenes::Seed;
     use ravec_scenes::solids::{crossing_plates, sheet, soup, torus};
 

@@ -5,9 +5,8 @@ use crate::context::Context;
 use crate::error::JobError;
 use crate::operation::Operation;
 use crate::report::{Finding, Place, Report};
-use ravec::mesh::{
-    Bvh, HausdorffError, HausdorffParams, MeshFile, OneSided, TriMesh, distances_to,
-};
+use ravec::mesh::{Bvh, HausdorffError, HausdorffParams, OneSided, TriMesh, distances_to};
+use ravec::mesh_io::MeshFile;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -268,7 +267,7 @@ fn farthest(what: &'static str, side: &OneSided) -> Finding {
 mod tests {
     use super::*;
     use crate::mesh::{MeshTarget, write_mesh_file};
-    use ravec::mesh::MeshFormat;
+    use ravec::mesh_io::MeshFormat;
     use ravec_scenes::solids::{cuboid, icosphere};
 
     fn compared(a: &TriMesh, b: &TriMesh, params: &Params) -> Result<Report, JobError> {

@@ -6,7 +6,8 @@ use crate::error::JobError;
 use crate::files::is_stream;
 use crate::operation::Operation;
 use crate::report::Report;
-use ravec::mesh::{self as library, LengthUnit, MeshFile, MeshFormat, TriMesh};
+use ravec::mesh::TriMesh;
+use ravec::mesh_io::{self as library, LengthUnit, MeshFile, MeshFormat};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -383,7 +384,7 @@ fn largest_rounding(mesh: &TriMesh, target: MeshTarget) -> f64 {
 mod tests {
     use super::*;
     use crate::mesh::{read_mesh_file, write_mesh_file};
-    use ravec::mesh::MeshLimits;
+    use ravec::mesh_io::MeshLimits;
     use ravec_scenes::solids::cuboid;
     use std::io::Write as _;
 
@@ -479,7 +480,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
         let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0.5 0.25\nvt 1 0\nf 1/1 2/2 3/1\n";
-        ravec_media::write_atomically(&at("a.obj"), |file| file.write_all(text.as_bytes()))
+        ravec_files::write_atomically(&at("a.obj"), |file| file.write_all(text.as_bytes()))
             .unwrap();
         let convert = |from: &str, to: &str, params: &Params| {
             let (source, progress) = (MeshSource::new(at(from)), Progress::none());

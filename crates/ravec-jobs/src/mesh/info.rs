@@ -118,7 +118,8 @@ impl Operation for Info {
 mod tests {
     use super::*;
     use crate::mesh::{MeshTarget, write_mesh_file};
-    use ravec::mesh::{MeshFormat, TriMesh};
+    use ravec::mesh::TriMesh;
+    use ravec::mesh_io::MeshFormat;
     use ravec_scenes::solids::{cuboid, sheet};
 
     fn figures_of(mesh: &TriMesh) -> std::collections::BTreeMap<&'static str, f64> {

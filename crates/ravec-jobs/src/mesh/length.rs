@@ -2,7 +2,7 @@
 
 use super::convert::Unit;
 use crate::error::JobError;
-use ravec::mesh::LengthUnit;
+use ravec::mesh_io::LengthUnit;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;

@@ -11,7 +11,7 @@
 //! | [`offset`] | makes the surface at a distance |
 //! | [`boolean`] | combines meshes by an expression |
 //!
-//! [`read_mesh_file`] and [`write_mesh_file`] are what they all read and write with.
+//! They all read and write with [`ravec::mesh_io`].
 
 pub mod boolean;
 pub mod check;
@@ -29,10 +29,9 @@ mod view;
 mod weld;
 
 pub use boolean::NamedFile;
-pub use files::{MeshTarget, read_mesh_file, write_mesh_file};
 use files::{keep_supported, read_with_attributes, write_stored, write_with};
-pub(crate) use files::{known_extensions, read, write};
+pub(crate) use files::{read, write};
 pub use length::{Length, LengthError};
-pub use ravec::mesh::MeshLimits;
+pub use ravec::mesh_io::{MeshLimits, MeshTarget, read_mesh_file, write_mesh_file};
 pub use refine::refined;
 pub use view::{Cut, CutError, Viewpoint, ViewpointError};

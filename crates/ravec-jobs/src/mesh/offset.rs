@@ -8,10 +8,11 @@ use crate::files::is_stream;
 use crate::operation::Operation;
 use crate::report::{Finding, Report};
 use bytesize::ByteSize;
-use ravec::mesh::{CheckParams, LengthUnit, MeshFile, TriMesh, check, measure};
+use ravec::mesh::{CheckParams, TriMesh, check, measure};
+use ravec::mesh_io::{LengthUnit, MeshFile};
 use ravec::offset as library;
 use ravec::progress::Progress;
-use ravec_media::scratch_file;
+use ravec_files::scratch_file;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 

@@ -1,5 +1,8 @@
 //! `mesh render`: a picture of a mesh, plain, cut open or colored by its distance to another.
 
+mod colored;
+
+use self::colored::{Colored, summarize};
 use super::compare::read_surface;
 use super::refine::refined;
 use super::{Cut, Length, Viewpoint};
@@ -8,11 +11,12 @@ use crate::error::JobError;
 use crate::files;
 use crate::operation::{Operation, paths};
 use crate::report::Report;
-use ravec::mesh::render::{
-    Camera, ColorMap, FeatureLines, LineStyle, Paint, Projection, RenderError, RenderParams,
-    Rendering, Section, UpAxis, Values, View, render,
+use ravec::mesh::{Bvh, TriMesh, vertex_distances};
+use ravec::mesh_io::{LengthUnit, MeshFile};
+use ravec::mesh_render::{
+    Camera, FeatureLines, LineStyle, Paint, Projection, RenderError, RenderParams, Rendering,
+    Section, UpAxis, View, render,
 };
-use ravec::mesh::{Bvh, LengthUnit, MeshFile, TriMesh, vertex_distances};
 use ravec::raster::{AnyImage, Image, Size, Srgb, Srgba};
 use ravec_media::{Picture, WriteOptions};
 use serde::{Deserialize, Serialize};
@@ -366,62 +370,6 @@ impl Operation for Render {
     }
 }
 
-fn summarize(distances: &[f64], report: &mut Report) {
-    let fold = |start: f64, pick: fn(f64, f64) -> f64| distances.iter().copied().fold(start, pick);
-    report.figures.extend([
-        ("distance_min", fold(f64::INFINITY, f64::min)),
-        ("distance_max", fold(0.0, f64::max)),
-        (
-            "distance_mean",
-            distances.iter().sum::<f64>() / distances.len().max(1) as f64,
-        ),
-    ]);
-}
-
-/// Numbers at vertices and the scale on which they are shown.
-struct Colored {
-    values: Vec<f64>,
-    map: ColorMap,
-    range: Option<[f64; 2]>,
-}
-
-impl Colored {
-    /// Shares are of the diagonal of the mesh to which distances were measured: what is 2% away from it stays so, however
-    /// large the mesh is that lies there.
-    fn new(mut values: Vec<f64>, reference: &MeshFile, params: &Params) -> Result<Self, JobError> {
-        let (diagonal, unit) = (reference.mesh.bounds().diagonal(), reference.unit);
-        let end = params
-            .range
-            .map(|range| range.resolve("range", diagonal, unit));
-        let end = end.transpose()?;
-        let Some(expected) = params.expected else {
-            let most = values.iter().copied().fold(0.0, f64::max);
-            return Ok(Self {
-                values,
-                map: ColorMap::Sequential,
-                range: Some([0.0, end.unwrap_or(most)]),
-            });
-        };
-        let expected = expected.resolve("expected", diagonal, unit)?;
-        for value in &mut values {
-            *value -= expected;
-        }
-        Ok(Self {
-            values,
-            map: ColorMap::Diverging,
-            range: end.map(|end| [-end, end]),
-        })
-    }
-
-    fn paint(&self) -> Paint<'_> {
-        Paint::VertexValues(Values {
-            values: &self.values,
-            map: self.map,
-            range: self.range,
-        })
-    }
-}
-
 /// What the renderer refuses that was not refused before: a plane beyond all numbers.
 pub(super) fn refused(error: RenderError) -> JobError {
     match error {
@@ -457,7 +405,7 @@ pub fn image_of(rendering: Rendering) -> AnyImage {
 mod tests {
     use super::*;
     use crate::mesh::{MeshTarget, write_mesh_file};
-    use ravec::mesh::MeshFormat;
+    use ravec::mesh_io::MeshFormat;
     use ravec::raster::Srgba;
     use ravec_scenes::solids::{cuboid, icosphere};
     use std::path::PathBuf;

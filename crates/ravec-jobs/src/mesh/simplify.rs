@@ -6,9 +6,8 @@ use crate::context::Context;
 use crate::error::JobError;
 use crate::operation::Operation;
 use crate::report::Report;
-use ravec::mesh::{
-    BoundaryRule, Keep, LengthUnit, SimplifyError, SimplifyParams, SimplifyReport, simplify,
-};
+use ravec::mesh::{BoundaryRule, Keep, SimplifyError, SimplifyParams, SimplifyReport, simplify};
+use ravec::mesh_io::LengthUnit;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -258,7 +257,8 @@ fn reasons(done: &SimplifyReport) -> String {
 mod tests {
     use super::*;
     use crate::mesh::{MeshTarget, read_mesh_file, write_mesh_file};
-    use ravec::mesh::{CheckParams, MeshFormat, MeshLimits, TriMesh, check};
+    use ravec::mesh::{CheckParams, TriMesh, check};
+    use ravec::mesh_io::{MeshFormat, MeshLimits};
     use ravec_scenes::solids::{cylinder, sheet, torus};
 
     fn simplified(mesh: &TriMesh, params: &Params) -> (TriMesh, Report) {

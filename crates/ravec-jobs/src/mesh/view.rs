@@ -3,8 +3,9 @@
 use super::Length;
 use crate::error::JobError;
 use glam::DVec3;
-use ravec::mesh::render::View;
-use ravec::mesh::{LengthUnit, TriMesh};
+use ravec::mesh::TriMesh;
+use ravec::mesh_io::LengthUnit;
+use ravec::mesh_render::View;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;

@@ -3,7 +3,8 @@
 use super::Length;
 use crate::error::JobError;
 use crate::report::Report;
-use ravec::mesh::{LengthUnit, TriMesh, try_weld};
+use ravec::mesh::{TriMesh, try_weld};
+use ravec::mesh_io::LengthUnit;
 use ravec::progress::Progress;
 
 /// Refuses a tolerance below 0.

@@ -8,7 +8,7 @@ use crate::mesh::render::{image_of, refused};
 use crate::report::Report;
 use ravec::boolean::{Boolean, Origin};
 use ravec::mesh::TriMesh;
-use ravec::mesh::render::{
+use ravec::mesh_render::{
     Camera, FeatureLines, LineStyle, MarkedEdges, Paint, RenderParams, render,
 };
 use ravec_media::{Picture, WriteOptions};
