@@ -62,7 +62,7 @@ impl Jpeg {
         }
     }
 
-    /// Whether no marker ends the picture. The decoder then fills the missing part with gray.
+    /// Returns `true` if no marker ends the picture. The decoder then fills the missing part with gray.
     pub(crate) fn is_truncated(&self) -> bool {
         !self.input.windows(2).rev().any(|pair| pair == [0xff, 0xd9])
     }

@@ -1,4 +1,4 @@
-//! What an EXIF block says about the lens.
+//! Lens data of an EXIF block.
 //!
 //! The focal length is needed where rays count, as when a wall is to be seen from straight on. Cameras write it as the one that
 //! a camera for 35 mm film would need for the same view, which with the size of the picture is all one has to know.

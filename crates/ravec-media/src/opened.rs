@@ -1,4 +1,4 @@
-//! A file between header and pixels: what its decoder is, what it says, and what decoding will cost.
+//! A file between header and pixels: its decoder, its metadata, and the cost of decoding it.
 
 use crate::format::Format;
 use crate::jpeg::Jpeg;
@@ -26,7 +26,7 @@ pub(crate) struct Opened<'a> {
     height: u32,
     channels: Channels,
     sample: SampleKind,
-    /// Whether colors are multiplied by alpha, as `OpenEXR` has it.
+    /// `true` if colors are multiplied by alpha, as `OpenEXR` has it.
     premultiplied: bool,
     orientation: Orientation,
     icc: Option<Vec<u8>>,
@@ -255,7 +255,7 @@ impl<'a> Opened<'a> {
     pub(crate) fn reduce(&mut self, least_side: u32) {
         if let Decoder::Jpeg(jpeg) = &mut self.decoder
             && let Some(plan) = jpeg.reduction(least_side)
-            // what exceeds the limit here does so when it is decoded whole, which is told then
+            // a plan above the limit here exceeds it when the picture is decoded whole, which is reported then
             && self.memory.grow(plan.bytes).is_ok()
         {
             let encoded = self.memory.bytes() - plan.bytes;

@@ -1,4 +1,5 @@
-//! What is written is what is read: every format, sample kind, gray, alpha; orientation, EXIF, standard sentences.
+//! Round trips: written pictures are read back, in every format and sample kind, gray, with alpha; orientation, EXIF,
+//! standard sentences.
 
 use image::{ExtendedColorType, ImageEncoder as _};
 use ravec_media::{

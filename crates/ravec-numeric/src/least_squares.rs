@@ -111,7 +111,7 @@ pub struct Minimum<const N: usize> {
     /// The sum there. Its matrix is, for residuals of variance 1, the inverse of the unknowns' covariance.
     /// `None` if the problem could not be evaluated where it started.
     pub sum: Option<NormalEquations<N>>,
-    /// Whether the fall went below [`Descent::min_fall_rel`] or the gradient vanished, rather than steps running out.
+    /// `true` if the fall went below [`Descent::min_fall_rel`] or the gradient vanished, rather than steps running out.
     pub converged: bool,
 }
 

@@ -26,7 +26,7 @@ struct Panel {
     values: usize,
 }
 
-/// What entries are kept as: numbers of either precision.
+/// Precision in which entries are stored.
 pub(crate) trait Entry:
     Copy + Default + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
 {

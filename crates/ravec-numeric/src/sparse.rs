@@ -204,7 +204,7 @@ impl EliminationPlan {
         })
     }
 
-    /// How many entries a factor has.
+    /// Number of entries of a factor.
     pub fn factor_entries(&self) -> usize {
         self.symbolic.l_pattern().nnz()
     }

@@ -37,10 +37,10 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 #[error("cancelled")]
 pub struct Cancelled;
 
-/// How far one phase of the work has come.
+/// Progress of one phase of the work.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Update {
-    /// What is being done, in one or two words.
+    /// Name of the phase, in one or two words.
     pub phase: &'static str,
     /// Units done.
     pub done: u64,
@@ -61,11 +61,12 @@ type Sink = dyn Fn(Update) + Send + Sync;
 struct Shared {
     cancelled: AtomicBool,
     sink: Option<Box<Sink>>,
-    /// How many looks at the cancellation are left until it comes by itself.
+    /// Number of checks left until the cancellation that a test has scheduled.
     looks_left: Option<AtomicU64>,
 }
 
-/// Where long work reports to, and where it learns that it is no longer wanted. Clones are handles of the same thing.
+/// Channel through which long work reports its progress and learns that it is cancelled. Clones are handles of the same
+/// thing.
 #[derive(Clone, Default)]
 pub struct Progress {
     shared: Arc<Shared>,
@@ -119,7 +120,7 @@ impl Progress {
         self.shared.cancelled.store(true, Ordering::Relaxed);
     }
 
-    /// Whether [`cancel`](Self::cancel) was called on this progress or a clone of it.
+    /// Returns `true` if [`cancel`](Self::cancel) was called on this progress or a clone of it.
     pub fn is_cancelled(&self) -> bool {
         if let Some(left) = &self.shared.looks_left
             && left.fetch_sub(1, Ordering::Relaxed) == 1
