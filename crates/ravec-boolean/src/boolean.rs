@@ -16,14 +16,15 @@ use crate::select::{Draft, Parent, select};
 /// The largest coordinate for which all products of the exact tests stay within doubles.
 const LARGEST: f64 = 1e30;
 
-/// How often edges are split that two sheets share. Once does; again only where mending makes new ones.
+/// Bound on the rounds in which edges that two sheets share are split. One round is enough unless repair makes new
+/// ones.
 const MOST_SPLITS: u32 = 8;
 
 /// The least extent that a mesh may have, far above the coordinates that are taken for zero.
 const LEAST: f64 = 1e-50;
 
-/// What is done with the input when a result cannot be rounded without meeting itself. Numbers are in units of the last place
-/// of the largest coordinate.
+/// Coarsening of the input after a result that cannot be rounded without self-intersections. Numbers are in units of
+/// the last place of the largest coordinate.
 enum Coarser {
     /// Merges what is nearer than that.
     MergeNear(f64),
@@ -31,8 +32,8 @@ enum Coarser {
     Grid(f64),
 }
 
-/// How near vertices are merged that make triangles meet, in the same units, while the input is as it was given. Afterwards it is
-/// twice the number above.
+/// Distance within which vertices are merged that make triangles meet, in the same units, while the input is as it was
+/// given. Afterwards it is twice the number above.
 const FIRST_REACH: f64 = 8.0;
 
 /// Attempts, in this order. The last moves vertices by some billionths of the size, less than rounding to 32-bit floats does.
@@ -183,8 +184,8 @@ fn count_contacts(pieces: &Pieces, report: &mut BooleanReport) {
     }
 }
 
-/// Rounds, mends and splits until vertices can hold all sheets apart. Gives the parents of the triangles of the finished mesh,
-/// too.
+/// Rounds, repairs and splits until vertices can hold all sheets apart. Gives the parents of the triangles of the
+/// finished mesh, too.
 fn round_off(
     mut draft: Draft,
     soup: &Soup,
@@ -289,7 +290,8 @@ fn check(meshes: &[TriMesh], expr: &Expr, params: &BooleanParams) -> Result<Chec
     Ok(Checked { named, pruned })
 }
 
-/// Whether so many triangles, of which so many pairs meet, can be combined within what is allowed.
+/// Returns `true` if this number of triangles, of which this number of pairs meet, can be combined within the memory
+/// limit.
 fn within_memory(triangles: u64, pairs: u64, params: &BooleanParams) -> Result<(), BooleanError> {
     let needed = triangles * BYTES_PER_TRIANGLE + pairs * BYTES_PER_PAIR;
     match params.memory_bytes {

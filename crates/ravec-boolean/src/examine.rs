@@ -1,4 +1,4 @@
-//! What is to be said about a mesh before it is combined with others.
+//! Findings about a mesh before it is combined with others.
 //!
 //! Cost: some tens of nanoseconds a triangle; a search structure over all triangles if a part is inside out.
 

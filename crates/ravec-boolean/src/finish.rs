@@ -22,7 +22,7 @@ pub(crate) struct Finished {
     pub positions: Vec<DVec3>,
     pub triangles: Vec<[u32; 3]>,
     pub features: Vec<[u32; 2]>,
-    /// Whether every edge has two triangles.
+    /// `true` if every edge has two triangles.
     pub closed: bool,
     /// Places of edges that two sheets share with both ends: vertices alone cannot hold these apart.
     pub pinched: Vec<[DVec3; 2]>,

@@ -1,4 +1,4 @@
-//! Rounding to doubles, and mending what it does.
+//! Rounding to doubles, and the repair of its self-intersections.
 //!
 //! Points of cuts fall between doubles. Rounded, triangles thinner than an ulp may turn over, meet others or vanish. New
 //! triangles are therefore compared with all around them, by exact tests of the rounded corners, and if any two meet
@@ -21,20 +21,20 @@ use crate::closing::Closing;
 use crate::near::merge_near;
 use crate::select::{Draft, Parent, select};
 
-/// Rounds after which mending is given up.
+/// Rounds after which repair gives up.
 const MOST_ROUNDS: u32 = 8;
 
 /// Where there are fewer contacts than one for so many new triangles, only vertices of triangles that meet are merged, else those
 /// of all new ones.
 const SPARSE: usize = 50;
 
-/// How much farther vertices may be from what they are merged with from round to round.
+/// Growth per round of the distance within which vertices are merged.
 const GROWTH: f64 = 4.0;
 
 /// The reach does not grow beyond this share of the largest coordinate, the precision of 32-bit floats.
 const FARTHEST: f64 = 6e-8;
 
-/// A mended surface.
+/// A repaired surface.
 pub(crate) struct Mended {
     pub draft: Draft,
     pub rounds: u32,

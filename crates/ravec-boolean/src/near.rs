@@ -15,8 +15,8 @@ use rustc_hash::FxHashMap;
 
 use crate::arrangement::Soup;
 
-/// How near to an edge or a triangle vertices are put into it, as a part of the reach: vertices are farther from each other,
-/// so that those in an edge follow one another in a clear order.
+/// Distance from an edge or a triangle at which vertices are put into it, as a part of the reach: vertices are farther
+/// from each other, so that those in an edge follow one another in a clear order.
 const INTO: f64 = 0.5;
 
 /// Vertices or triangles between two looks at the progress: some milliseconds.

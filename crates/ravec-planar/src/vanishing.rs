@@ -63,8 +63,8 @@ const MAX_POINTS: usize = 6;
 const MIN_SHARE: f64 = 0.06;
 const MIN_SEGMENTS: usize = 5;
 
-/// How far off an end of a segment is, in pixels, and how far off its direction, in radians (lenses bend lines): one standard
-/// deviation. Smaller loses real lines, larger gathers others.
+/// Standard deviation of the end of a segment, in pixels, and of its direction, in radians (lenses bend lines). Smaller
+/// loses real lines, larger gathers others.
 const SIGMA_PX: f64 = 0.5;
 const SIGMA_RAD: f64 = 3e-3;
 
@@ -90,7 +90,8 @@ struct Aim {
 }
 
 impl Aim {
-    /// How well the segment aims at a point, 0 to 1, and the factor that makes of `line · at` standard deviations.
+    /// Weight with which the segment aims at a point, 0 to 1, and the factor that makes of `line · at` standard
+    /// deviations.
     fn weight(&self, at: DVec3) -> (f64, f64) {
         let towards = at.truncate() - at.z * self.middle;
         let distance = towards.length();

@@ -9,7 +9,7 @@ use ravec_progress::{Cancelled, Progress};
 use ravec_raster::{Color, Image, Oklab, Size};
 use rayon::prelude::*;
 
-/// How the best line of a block is searched.
+/// Search method for the best line of a block.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FitMethod {
@@ -31,16 +31,16 @@ const MAX_SIDE: usize = 64;
 /// The smallest block whose reduction is worth fitting.
 const MIN_COARSE_SIDE: usize = 8;
 
-/// How an image is cut into blocks and fitted.
+/// Parameters of the division of an image into fitted blocks.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct FitParams {
     /// Side N of a block in pixels, 2 to 64 (default 8). Larger blocks store less and abstract more.
     pub block_px: usize,
-    /// How the best line is searched (default [`FitMethod::Auto`]).
+    /// Search method for the best line (default [`FitMethod::Auto`]).
     pub method: FitMethod,
-    /// Oklab contrast below which a block is flat, 0 to 1 (default 0.01, about half of what the eye can tell apart).
-    /// 0 gives every block a line that is not constant; more gives fewer lines.
+    /// Oklab contrast below which a block is flat, 0 to 1 (default 0.01, about half of what the eye can distinguish). 0
+    /// gives every block a line that is not constant; more gives fewer lines.
     pub flat_contrast: f32,
 }
 

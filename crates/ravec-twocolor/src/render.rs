@@ -105,7 +105,7 @@ const STRIP_ROWS: usize = 8;
 /// Blocks between two looks at the cancellation, well under a millisecond's worth.
 const BLOCKS_PER_CHECK: usize = 1024;
 
-/// How one block is drawn.
+/// Paint of one block.
 struct Paint {
     /// In pixels of the image, from its corner.
     line: Option<Line>,

@@ -61,7 +61,7 @@ impl Side {
 struct Patch {
     /// The cells in front and behind.
     cells: [u32; 2],
-    /// How the winding numbers of meshes grow from front to back.
+    /// Winding-number jump of each mesh from front to back.
     change: Vec<(u32, i32)>,
 }
 
@@ -75,7 +75,7 @@ pub(crate) struct Cells {
     winding: Vec<i32>,
 }
 
-/// How winding numbers grow from the front of a piece to its back, meshes ascending and none unchanged.
+/// Winding-number jump across the piece, from its front to its back, sorted by mesh; zeros omitted.
 fn change(pieces: &Pieces, piece: u32) -> Vec<(u32, i32)> {
     let mut list: Vec<(u32, i32)> = pieces
         .cover(piece)
@@ -205,7 +205,7 @@ impl Cells {
         }
     }
 
-    /// How many cells there are.
+    /// Number of cells.
     pub fn len(&self) -> usize {
         self.winding.len() / self.meshes.max(1)
     }

@@ -119,7 +119,7 @@ impl Pieces<'_> {
         first.expect("a piece is covered by something")
     }
 
-    /// Whether just one triangle covers a piece.
+    /// Returns `true` if just one triangle covers a piece.
     #[inline]
     pub fn has_one_cover(&self, piece: u32) -> bool {
         self.piece(piece)

@@ -71,7 +71,7 @@ impl Grid {
         }
     }
 
-    /// `x` in steps of the grid; rounded down if it is none of its numbers.
+    /// `x` in steps of the grid, rounded down if it lies between two of them.
     pub fn steps(self, x: f64) -> BigInt {
         let (mantissa, exponent) = parts(x);
         let shift = exponent + self.scale;
@@ -168,7 +168,7 @@ impl Exact {
         }
     }
 
-    /// Whether coordinate `axis` is less than, equal to or greater than that of `other`.
+    /// Compares coordinate `axis` with that of `other`.
     pub fn compare(&self, other: &Self, axis: usize) -> std::cmp::Ordering {
         (&self.xyz[axis] * &other.w).cmp(&(&other.xyz[axis] * &self.w))
     }

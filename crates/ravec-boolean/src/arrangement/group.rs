@@ -15,7 +15,7 @@ use super::soup::Soup;
 use super::triangulation::{Held, Line, Triangulation};
 use super::unions::Unions;
 
-/// How far beyond a group of triangles the corners of the triangle around it are, in sizes of the group. Anything that
+/// Distance of the corners of the enclosing triangle from a group of triangles, in sizes of the group. Anything that
 /// keeps them clear of the group will do.
 const AROUND: f64 = 8.0;
 
@@ -114,7 +114,7 @@ pub(crate) fn gather(
     Ok(groups)
 }
 
-/// Whether a triangle runs clockwise as seen against `axis`.
+/// Returns `true` if a triangle runs clockwise as seen against `axis`.
 fn is_turned(soup: &Soup, triangle: u32, axis: usize) -> bool {
     let [a, b, c] = soup.corners(triangle).map(|p| flat(p, axis));
     orient2d(a, b, c) == Sign::Negative

@@ -44,7 +44,7 @@ impl<'a> Places<'a> {
         }
     }
 
-    /// The widest interval that a point should have to be told from others at little cost.
+    /// The widest interval of a point that still distinguishes it from others at little cost.
     pub fn most_width(&self) -> f64 {
         0.01 * self.cell
     }

@@ -1,7 +1,7 @@
 //! Points that are given by coordinates, or by the lines and planes that meet in them.
 //!
-//! What a cut makes are points that doubles cannot name. They are kept as what defines them: the line and the plane, or
-//! the three planes, through corners of the input. Each has intervals around its coordinates, which decide nearly every
+//! Cuts make points that doubles cannot represent. They are kept as what defines them: the line and the plane, or the
+//! three planes, through corners of the input. Each has intervals around its coordinates, which decide nearly every
 //! question, and integers in reserve, which decide the rest.
 //!
 //! Source: Attene, "Indirect predicates for geometric constructions", 2020; we take intervals and integers of unlimited
@@ -134,7 +134,7 @@ impl Point {
         point
     }
 
-    /// Whether the point has coordinates.
+    /// Returns `true` if the point has coordinates.
     pub fn is_given(&self) -> bool {
         self.definition.is_none()
     }
@@ -169,7 +169,7 @@ impl Point {
         }
     }
 
-    /// Whether both are the same place, exactly.
+    /// Returns `true` if both are the same place, exactly.
     pub fn is_same(&self, other: &Self, grid: Grid) -> bool {
         (0..3).all(|k| self.near[k].meets(other.near[k]))
             && (0..3).all(|k| self.compare(other, k, grid).is_eq())

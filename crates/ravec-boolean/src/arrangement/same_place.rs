@@ -92,7 +92,7 @@ pub(crate) fn first_at_place(
     Ok(first)
 }
 
-/// Whether two places are the same, bit for bit.
+/// Returns `true` if two places are the same, bit for bit.
 fn are_one(places: [DVec3; 2]) -> bool {
     let [a, b] = places.map(|p| p.to_array().map(f64::to_bits));
     a == b

@@ -44,7 +44,7 @@ pub(crate) struct Soup {
     pub sources: Vec<Source>,
     /// Number of meshes.
     pub meshes: usize,
-    /// Whether positions are those of the meshes: none was so small that it was taken for zero, and none was moved.
+    /// `true` if positions are those of the meshes: none was so small that it was taken for zero, and none was moved.
     pub is_as_given: bool,
 }
 
@@ -130,7 +130,7 @@ impl Soup {
         }
     }
 
-    /// Whether a triangle with these corners has an area, exactly.
+    /// Returns `true` if a triangle with these corners has an area, exactly.
     pub fn has_area(&self, corners: [u32; 3]) -> bool {
         let [a, b, c] = corners.map(|v| self.positions[v as usize]);
         let distinct =

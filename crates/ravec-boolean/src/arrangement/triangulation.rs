@@ -26,8 +26,8 @@ use super::point::{Point, orient2d};
 /// No triangle.
 const NONE: u32 = u32::MAX;
 
-/// How far from the limit the sum of two angles must be for an edge to be flipped, as a sine. Smaller lets rounding flip
-/// an edge back and forth, larger leaves thinner triangles.
+/// Least distance of the sum of two angles from the limit at which an edge is flipped, as a sine. Smaller lets rounding
+/// flip an edge back and forth, larger leaves thinner triangles.
 const FLIP_MARGIN: f64 = 1e-9;
 
 /// Passes over all edges when they are made round in the end. One does nearly all of it; the limit is for rounding.
@@ -252,7 +252,7 @@ impl<'a> Triangulation<'a> {
         (self.points.len() - 1) as u32
     }
 
-    /// Sets a triangle and tells its neighbors and corners.
+    /// Sets a triangle and updates its neighbors and corners.
     fn set(&mut self, t: u32, corners: [u32; 3], beyond: [u32; 3]) {
         if t as usize == self.triangles.len() {
             self.triangles.push(Tri { corners, beyond });
@@ -370,7 +370,7 @@ impl<'a> Triangulation<'a> {
         })
     }
 
-    /// Whether the edge from `b` to `c` may be replaced by the one from `p` to `q`.
+    /// Returns `true` if the edge from `b` to `c` may be replaced by the one from `p` to `q`.
     fn is_convex(&self, p: u32, b: u32, q: u32, c: u32) -> bool {
         self.orient(p, b, q) == Sign::Positive && self.orient(q, c, p) == Sign::Positive
     }

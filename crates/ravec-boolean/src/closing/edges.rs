@@ -1,4 +1,4 @@
-//! How often each edge of a mesh is used in which direction.
+//! Signed use count of each edge of a mesh by its triangles.
 //!
 //! The uses of an edge in one direction minus those in the other are the boundary of the mesh as an integer chain: a closed,
 //! well oriented mesh has none, whatever else is wrong with it. Vertices at exactly the same place are one.

@@ -16,7 +16,7 @@ use glam::DVec3;
 /// smooth loop by a hundred chords leaves out a thousandth of its area.
 const MOST: usize = 100;
 
-/// What a unit of length of a side costs, as a share of the polygon's length: among equal areas, as in a plane, shorter
+/// Cost of a unit of length of a side, as a share of the polygon's length: among equal areas, as in a plane, shorter
 /// sides are chosen. More would avoid long thin triangles at the cost of area.
 const LENGTH_WEIGHT: f64 = 1e-7;
 

@@ -45,12 +45,13 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::ops::RangeInclusive;
 
-/// How far a grid may snap.
+/// Parameters of snapping.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct SnapParams {
-    /// How far a corner may be off, as a share of the grid's longer diagonal, 0 to 0.2 (default 0.04). Larger forgives rougher
-    /// quads, costs more, and finds other edges that fit; more than half a column or row is never needed.
+    /// Largest error of a corner that snapping corrects, as a share of the grid's longer diagonal, 0 to 0.2 (default
+    /// 0.04). Larger forgives rougher quads, costs more, and finds other edges that fit; more than half a column or row
+    /// is never needed.
     pub reach_rel: f64,
 }
 

@@ -37,7 +37,7 @@ use ravec_progress::Progress;
 use ravec_raster::{Image, LinearRgba, Plane, Rect};
 use tool::Painter;
 
-/// What strokes made of a picture.
+/// The result of applying strokes to a picture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Painted {
     /// The picture.

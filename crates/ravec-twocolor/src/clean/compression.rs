@@ -53,7 +53,8 @@ const PROBE_SIDE: usize = 768;
 /// Steps from the smallest that is worth cleaning to the coarsest of use.
 const STEPS: std::ops::RangeInclusive<usize> = 5..=120;
 
-/// How close to a multiple a coefficient must lie. Rounding pixels to integers moves coefficients by about 0.3.
+/// Largest distance of a coefficient from a multiple of its step. Rounding pixels to integers moves coefficients by
+/// about 0.3.
 const CLOSE: f32 = 1.25;
 
 /// Of the coefficients that do not lie close to multiples by mere chance, the share that must.
@@ -69,11 +70,11 @@ const MIN_STEPS_FOUND: usize = 3;
 /// On photos at qualities 30 and 60 the best is 0.6 within a fifth.
 const SIGMA_PER_STEP: f32 = 0.6;
 
-/// How far a coefficient may move, in steps. Half a step is what is certain; most errors are smaller, and on photos 0.15
+/// Largest move of a coefficient, in steps. Half a step is what is certain; most errors are smaller, and on photos 0.15
 /// to 0.2 is best in both PSNR and SSIM.
 const FREEDOM: f32 = 0.15;
 
-/// What is known of a picture's compression.
+/// Estimated compression of a picture.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Compression {
     /// First column and row of the grid of blocks.

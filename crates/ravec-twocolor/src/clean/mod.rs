@@ -37,7 +37,7 @@ use ravec_raster::{Color, Image, LinearRgba, Rect};
 use rayon::prelude::*;
 use strip::Strip;
 
-/// How an image is cleaned.
+/// Parameters of cleaning.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CleanParams {

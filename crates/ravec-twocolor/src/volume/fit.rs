@@ -6,7 +6,7 @@ use ravec_progress::{Cancelled, Phase, Progress};
 use ravec_raster::{Color, Image, Oklab, Size};
 use rayon::prelude::*;
 
-/// How a video is cut into blocks and fitted.
+/// Parameters of the division of a video into fitted blocks.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct VolumeParams {
@@ -18,8 +18,8 @@ pub struct VolumeParams {
     /// Oklab contrast below which a block is flat, 0 to 1 (default 0.01), as for two-color pixels. 0 gives every block
     /// a plane that is not constant, at the full cost of the search; more gives fewer planes and takes less time.
     pub flat_contrast: f32,
-    /// How many starts are improved at most, 1 to 16 (default 4). More come nearer to the optimum on textures and noise
-    /// and cost time in proportion; on plain edges one is enough.
+    /// Largest number of starts that are improved, 1 to 16 (default 4). More come nearer to the optimum on textures and
+    /// noise and cost time in proportion; on plain edges one is enough.
     pub starts: usize,
 }
 

@@ -55,7 +55,7 @@ impl Triangulation<'_> {
         }
     }
 
-    /// Whether `x`, which is on the line through `a` and `b`, is on the side of `a` where `b` is.
+    /// Returns `true` if `x`, which is on the line through `a` and `b`, is on the side of `a` where `b` is.
     fn is_ahead(&self, a: u32, b: u32, x: u32) -> bool {
         let axes = [(self.axis + 1) % 3, (self.axis + 2) % 3];
         axes.into_iter().any(|axis| {
