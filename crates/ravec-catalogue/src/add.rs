@@ -33,7 +33,7 @@ pub(crate) const HEADER_BYTES: u64 = 16 << 20;
 /// Photos that are committed together.
 const BATCH: usize = 256;
 
-/// What became of the files that were looked at.
+/// Counts and failures of the files that were examined.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Added {
     /// Photos that are new.
@@ -50,8 +50,8 @@ pub struct Added {
     pub unreadable: Vec<(PathBuf, String)>,
 }
 
-/// Adds files, and all picture files in folders and the folders in them, told by their extensions. Pieces of pages that zoom
-/// (`mosaic_files` beside `mosaic.dzi`) are passed by.
+/// Adds files, and all picture files in folders and the folders in them, recognized by their extensions. Pieces of
+/// pages that zoom (`mosaic_files` beside `mosaic.dzi`) are passed by.
 ///
 /// # Errors
 /// [`CatalogueError::Add`] if a path is not there, and as for [`Catalogue::entries`], and [`CatalogueError::Change`]; what was
@@ -149,7 +149,7 @@ pub fn add(
     Ok(added)
 }
 
-/// Whether [`add`] of `paths` would read a file, whatever link or spelling leads to it.
+/// Returns `true` if [`add`] of `paths` would read a file, whatever link or spelling leads to it.
 ///
 /// # Errors
 /// [`CatalogueError::Add`] if a path is not there, [`CatalogueError::Cancelled`].
@@ -205,12 +205,12 @@ fn files_in(paths: &[PathBuf], progress: &Progress) -> Result<Vec<PathBuf>, Cata
     Ok(files)
 }
 
-/// Whether a folder has the pieces of a page that zooms, which are no photos.
+/// Returns `true` if a folder has the pieces of a page that zooms, which are no photos.
 fn is_folder_of_pieces(path: &Path) -> bool {
     path.file_name() == Some(OsStr::new(PIECES)) && path.with_file_name(DESCRIPTION).is_file()
 }
 
-/// What the system says, without its number.
+/// The message of the system, without its number.
 fn reason_of(error: &std::io::Error) -> String {
     let text = error.to_string();
     match text.rfind(" (os error ") {

@@ -80,7 +80,7 @@ impl Layout {
         })
     }
 
-    /// How much of the picture is not in the mosaic, if that is more than a hundredth.
+    /// A warning with the share of the picture that is not in the mosaic, if it is more than a hundredth.
     pub fn warning(&self, picture: Size) -> Vec<String> {
         let shown = self.frame.width * self.frame.height / picture.pixels() as f64;
         let lost = 100.0 * (1.0 - shown);

@@ -17,7 +17,7 @@ pub struct Dropped {
     pub reason: String,
 }
 
-/// What is in a catalogue.
+/// Contents of a catalogue.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Stats {
     /// Photos that can be used.
@@ -131,7 +131,7 @@ pub fn clean(
     Ok(found.into_iter().map(|(_, dropped, _)| dropped).collect())
 }
 
-/// What all of a photo looks like.
+/// Descriptor of a whole photo.
 fn whole_look(entry: &Entry) -> Option<Look> {
     let image = entry.thumbnail.as_ref()?;
     Some(Look::of_srgb(image, Frame::of(image), MAX_DEGREE))

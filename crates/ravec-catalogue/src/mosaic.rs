@@ -24,7 +24,7 @@ use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// How a mosaic is made.
+/// Parameters of a mosaic.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MosaicParams {
     /// Tiles in a row.
@@ -33,11 +33,11 @@ pub struct MosaicParams {
     pub rows: Option<usize>,
     /// The size of a tile.
     pub tile: Size,
-    /// What is done with photos of other proportions.
+    /// Treatment of photos of other proportions.
     pub crop: Crop,
     /// Limits on repeats.
     pub rules: Rules,
-    /// How photos are compared.
+    /// Comparison of photos.
     pub choose: ChooseParams,
     /// Tiles of several sizes, off the grid, at most as many as there would be on it, with this seed; none for the grid.
     pub adaptive: Option<u64>,
@@ -341,7 +341,7 @@ fn there(
     Ok(Loaded { entries, memory })
 }
 
-/// What the part of a photo that a tile shows looks like.
+/// Descriptor of the part of a photo that a tile shows.
 fn look(Candidate { entry, frame }: &Candidate) -> Look {
     let Some(small) = &entry.thumbnail else {
         // only photos with a small picture come here

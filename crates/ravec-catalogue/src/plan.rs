@@ -1,4 +1,4 @@
-//! How the memory of a run is divided among the parts of a mosaic.
+//! Division of the memory of a run among the parts of a mosaic.
 
 use crate::deep_zoom::bytes_of_page;
 use crate::error::CatalogueError;

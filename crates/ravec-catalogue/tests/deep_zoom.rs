@@ -246,7 +246,7 @@ fn refusal(catalogue: &Catalogue, zoom: &Path) -> String {
     error.to_string()
 }
 
-/// What is put into a page: its name, a word of the refusal, and how.
+/// Intrusion into a page: its name, a word of the refusal, and the change.
 type Intrusion<'a> = (&'a str, &'a str, &'a dyn Fn());
 
 #[test]

@@ -1,4 +1,4 @@
-//! What cannot be completed, and the checks that say so.
+//! Errors of completion, and the checks that return them.
 
 use glam::DVec2;
 use ravec_planar::{Homography, HomographyError};

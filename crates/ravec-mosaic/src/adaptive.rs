@@ -9,10 +9,10 @@
 //! 2. *Search* (see the module `retile`): tiles give way to others as long as the energy of tiles and photos falls. Where the
 //!    picture is homogeneous and photos match well, a large tile has hardly more of it than the small ones in its place.
 //!
-//! Source: Pavić, v. Ceumern, Kobbelt, "`GIzMOs`: Genuine Image Mosaics with Adaptive Tiling", 2009. We differ in the order:
-//! placing the best tile anywhere leaves gaps all over, which took two thirds of the tiles and more error than the grid; and
-//! in the measure: how homogeneous the picture is and how near the nearest photo comes tell too little of what a tile costs
-//! among others that want the same photos.
+//! Source: Pavić, v. Ceumern, Kobbelt, "`GIzMOs`: Genuine Image Mosaics with Adaptive Tiling", 2009. We differ in the
+//! order: placing the best tile anywhere leaves gaps all over, which took two thirds of the tiles and more error than
+//! the grid; and in the measure: the homogeneity of the picture and the distance of the nearest photo predict too
+//! little of the cost of a tile among others that compete for the same photos.
 //!
 //! Guarantees: each unit is covered once; the same tiling for the same seed on any number of threads. Does not guarantee: the
 //! least error; where a picture is so small that no placement has few enough tiles, the tiles are those of the grid.
@@ -31,7 +31,7 @@ pub const ADAPTIVE_UNITS: usize = 3;
 /// Sides of the first tiles in units.
 const SIDES: [usize; 3] = [2, 3, 4];
 
-/// How much the seed changes the choice between the first tiles.
+/// Weight of the seed in the choice between the first tiles.
 const JITTER: f32 = 0.6;
 
 /// Steps of the bisection; the number of tiles hardly changes any more after these.

@@ -6,10 +6,10 @@
 //!    tile and photo first; if that leads into a dead end and the problem is small, by search (see the module `fill`).
 //! 3. *Improvement* (see the module `improve`): photos change, and tiles swap, as long as the energy falls.
 //!
-//! Guarantees: the rules hold; the same choice on any number of threads; of small problems (a few hundred tiles and a dozen
-//! photos, or the other way round) an answer if there is one, unless the search for it runs out of steps. Does not guarantee:
-//! the optimum under a repeat distance, which is a hard problem, as is to find any answer if photos hardly suffice; how far the
-//! cost is from a lower bound is told.
+//! Guarantees: the rules hold; the same choice on any number of threads; of small problems (a few hundred tiles and a
+//! dozen photos, or the other way round) an answer if there is one, unless the search for it runs out of steps. Does
+//! not guarantee: the optimum under a repeat distance, which is a hard problem, as is to find any answer if photos
+//! hardly suffice; the distance of the cost from a lower bound is reported.
 
 use crate::fill::fill;
 use crate::improve;
@@ -23,25 +23,25 @@ use rayon::prelude::*;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
-/// How tiles through which an edge runs are compared.
+/// Comparison of tiles through which an edge runs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Features {
     /// The highest total degree that counts, 0 to [`MAX_DEGREE`](crate::MAX_DEGREE); all degrees count as much as color.
     pub degree: usize,
-    /// How much such a tile counts against others, above 0. More keeps its structure where neighbors make up for one another,
+    /// Weight of such a tile against others, above 0. More keeps its structure where neighbors make up for one another,
     /// and gives it the photos that others want as well.
     pub weight: f64,
 }
 
-/// How photos are compared and chosen.
+/// Parameters of the comparison and choice of photos.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ChooseParams {
-    /// How much each degree counts.
+    /// Weight of each degree.
     pub weights: Weights,
-    /// How tiles with an edge are compared; none for as all others.
+    /// Comparison of tiles with an edge; `None` compares them as all others.
     pub features: Option<Features>,
-    /// How much neighboring tiles make up for one another when seen from afar, 0 to 1. More is nearer to the picture from a
-    /// distance, and less near in each single tile.
+    /// Strength with which neighboring tiles compensate one another when seen from afar, 0 to 1. More is nearer to the
+    /// picture from a distance, and less near in each single tile.
     pub blend: f64,
     /// Candidates of each tile, at least 1. More find better choices under strict rules and cost time.
     pub candidates: usize,

@@ -31,10 +31,10 @@ pub const LEAST_SIDE: usize = 48;
 /// noise of the sensor has 0.01, a blue sky from top to bottom 0.04.
 const CONTENT: f32 = 0.02;
 
-/// How far the pixels of a frame may be from its color.
+/// Largest distance of the pixels of a frame from its color.
 const FRAME_NOISE: f32 = 0.03;
 
-/// The share of a side that a frame must have at least, so that a dark border of one pixel is none.
+/// Least share of a side that a frame covers, so that a dark border of one pixel does not count.
 const FRAME_SHARE: f64 = 0.03;
 
 /// The flaw of a photo, if it has one. `image` is a reduced version, `short_side` is of the photo itself.
@@ -77,7 +77,7 @@ fn apart_sq(a: [f32; 3], b: [f32; 3]) -> f32 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
 }
 
-/// How many lines from the border on have one color.
+/// Number of lines of one color from the border on.
 fn uniform<L: Iterator<Item = [f32; 3]>>(lines: impl Iterator<Item = L>) -> usize {
     let mut color = None;
     let same = |mut line: L| {

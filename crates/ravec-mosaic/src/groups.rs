@@ -7,9 +7,9 @@ use crate::look::{Look, MAX_DEGREE, Weights};
 use crate::search::PhotoIndex;
 use ravec_progress::{Cancelled, Progress};
 
-/// How far near-duplicates may be apart: the root of the mean squared difference in Oklab. 0.012 is a third of what a change
-/// by one 4-bit step of gray makes; copies at other sizes and qualities of JPEG stay below, frames of a burst with a person
-/// that moves are above.
+/// Largest distance of near-duplicates: the root of the mean squared difference in Oklab. 0.012 is a third of what a
+/// change by one 4-bit step of gray makes; copies at other sizes and qualities of JPEG stay below, frames of a burst
+/// with a person that moves are above.
 pub const NEAR_DUPLICATE: f32 = 0.012;
 
 /// Neighbors that are looked at for each photo. Of larger clusters some members may become leaders of their own.

@@ -13,7 +13,7 @@ use crate::eye::{Eye, Pull, residual, tile_cost};
 use crate::rules::Placement;
 use ravec_progress::{Cancelled, Progress};
 
-/// How many photos that are in use elsewhere a tile tries to get in a round.
+/// Number of photos in use elsewhere that a tile tries to get in a round.
 const TRIES: usize = 6;
 
 /// Changes that lower the energy by less than this share of what a tile costs are not worth their while.

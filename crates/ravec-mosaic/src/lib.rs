@@ -1,7 +1,7 @@
 //! Genuine image mosaics: pictures made of whole, unchanged photos.
 //!
-//! Seen from afar, a mosaic is the picture; seen from near, it is photos that were scaled and, if asked for, cropped, but
-//! never recolored or overlaid. What makes it so is the choice of the photos alone.
+//! Seen from afar, a mosaic is the picture; seen from near, it is photos that were scaled and, if asked for, cropped,
+//! but never recolored or overlaid. The choice of the photos alone makes the likeness.
 //!
 //! ```
 //! use ravec_mosaic::{ChooseParams, Frame, Look, Photos, Rules, choose, grid_tiles};
@@ -34,8 +34,8 @@
 //! | which photo goes where | [`choose()`], [`Rules`], [`violations`] |
 //! | a photo as it stands in a tile | [`scaled_photo`], [`Crop`] |
 //!
-//! Guarantees: rules hold or an error says why they cannot; the same choice on any number of threads. Does not guarantee: the
-//! best mosaic under a repeat distance; how far its cost is from a lower bound is told.
+//! Guarantees: rules hold or an error says why they cannot; the same choice on any number of threads. Does not
+//! guarantee: the best mosaic under a repeat distance; the distance of its cost from a lower bound is reported.
 //!
 //! Words: the *look* of a tile is what the eye sees of it from afar. A *group* is photos that are near-duplicates. *Genuine* is
 //! a tile that is the scaled photo, bit for bit.

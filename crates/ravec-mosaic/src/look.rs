@@ -1,4 +1,4 @@
-//! What a tile looks like from afar: polynomial coefficients and the means of its quarters.
+//! Descriptors: the appearance of a tile from afar, as polynomial coefficients and the means of its quarters.
 //!
 //! Each channel of Oklab is approximated by a polynomial of bounded total degree in an orthonormal basis. The squared
 //! distance of two approximated tiles, averaged over the tile, is then the squared Euclidean distance of their
@@ -15,7 +15,7 @@ use ravec_raster::{Image, Oklab, Pixel, Srgb};
 /// The highest total degree of descriptors.
 pub const MAX_DEGREE: usize = 5;
 
-/// What a tile or a photo looks like from afar, in Oklab.
+/// Appearance of a tile or a photo from afar, in Oklab.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Look {
     /// For each product of polynomials, by total degree, the coefficients of the three channels. The first is the mean color.
@@ -209,7 +209,7 @@ fn project(image: &Image<Oklab>, across: &Axis, down: &Axis) -> Vec<[f32; 3]> {
     result
 }
 
-/// How much each degree counts when looks are compared.
+/// Weight of each degree in the comparison of descriptors.
 ///
 /// From afar the eye sees the mean color of a tile well, its slope less, and finer structure not at all; so weights fall
 /// with the degree.

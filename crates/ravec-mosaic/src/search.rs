@@ -144,7 +144,7 @@ impl PhotoIndex {
         self.photos.len()
     }
 
-    /// Whether there is no photo.
+    /// Returns `true` if there is no photo.
     pub fn is_empty(&self) -> bool {
         self.photos.is_empty()
     }
@@ -410,7 +410,7 @@ struct Found {
 }
 
 impl Found {
-    /// Whether something at this distance or a little more could be among the nearest.
+    /// Returns `true` if something at this distance or a little more could be among the nearest.
     fn wants(&self, distance_sq: f32) -> bool {
         distance_sq <= self.within_sq
             && (self.list.len() < self.count

@@ -3,7 +3,7 @@
 use crate::look::Frame;
 use ravec_raster::{Image, ResizeFilter, Size, Srgb, resize};
 
-/// What is done with photos whose proportions are not those of the tile.
+/// Treatment of photos whose proportions are not those of the tile.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Crop {
     /// They are not used: only photos of the tile's proportions are, which are neither cropped nor distorted.

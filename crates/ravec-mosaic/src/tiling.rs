@@ -12,7 +12,7 @@ use rayon::prelude::*;
 /// A tile that wants a photo.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tile {
-    /// What the picture looks like there.
+    /// Descriptor of the picture there.
     pub look: Look,
     /// The first unit across.
     pub col: usize,
@@ -20,7 +20,7 @@ pub struct Tile {
     pub row: usize,
     /// Units along a side, at least 1.
     pub side: usize,
-    /// Whether an edge runs through it (see [`mark_features`](crate::mark_features)).
+    /// `true` if an edge runs through it (see [`mark_features`](crate::mark_features)).
     pub feature: bool,
 }
 

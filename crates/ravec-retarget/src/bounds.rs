@@ -26,7 +26,8 @@ use crate::grid::Edge;
 use crate::system::Axis;
 use glam::{DVec2, Vec2Swizzles as _, dvec2};
 
-/// How much of its mean length an edge keeps at least: δ. More keeps more of what is unimportant, and less of what is not.
+/// Least share of its mean length that an edge keeps: δ. More keeps more of what is unimportant, and less of what is
+/// not.
 pub(crate) const LEAST_LENGTH: f64 = 0.1;
 
 /// The bound that is proved in the end. Between this and [`LEAST_LENGTH`] the steps may stop.
@@ -69,11 +70,11 @@ pub(crate) struct Format {
     pub(crate) size: DVec2,
     pub(crate) scale: f64,
     pub(crate) mean_unit: DVec2,
-    /// How far vertices of free borders may leave the frame.
+    /// Largest distance of vertices of free borders beyond the frame.
     pub(crate) overhang: DVec2,
 }
 
-/// How long each edge of the grid is, in units.
+/// Length of each edge of the grid, in units.
 pub(crate) struct Edges<'a> {
     pub(crate) edges: &'a [Edge],
     pub(crate) lengths: &'a [f64],

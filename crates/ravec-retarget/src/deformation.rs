@@ -9,7 +9,7 @@ use glam::{DVec2, dvec2};
 use ravec_raster::Size;
 use std::sync::Arc;
 
-/// How a size was solved for.
+/// Figures of a solution for one size.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct SolveSummary {
     /// The new width in pixels.
@@ -39,7 +39,7 @@ pub struct Deformation {
     pub(crate) vertices: Vec<DVec2>,
     pub(crate) weights: Arc<Vec<f64>>,
     pub(crate) runs: Arc<Vec<GridRun>>,
-    /// What a solution for a similar size starts from.
+    /// State from which a solution for a similar size starts.
     pub(crate) state: Option<State>,
     pub(crate) summary: SolveSummary,
 }
@@ -49,7 +49,7 @@ pub struct Deformation {
 pub struct GridLine {
     /// Where it begins and ends.
     pub ends: [DVec2; 2],
-    /// Whether it is part of the picture's border.
+    /// `true` if it is part of the picture's border.
     pub border: bool,
 }
 
@@ -64,7 +64,7 @@ impl Deformation {
         self.grid.image_size
     }
 
-    /// How it was solved for.
+    /// Figures of the solution.
     pub fn summary(&self) -> &SolveSummary {
         &self.summary
     }
@@ -78,7 +78,7 @@ impl Deformation {
             .sum()
     }
 
-    /// Whether the new picture is the old one, pixel by pixel.
+    /// Returns `true` if the new picture is the old one, pixel by pixel.
     pub fn is_identity(&self) -> bool {
         let moved =
             |vertex: u32| self.vertices[vertex as usize].distance(self.grid.position_px(vertex));

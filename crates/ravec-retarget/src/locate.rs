@@ -120,7 +120,7 @@ impl<'a> Locator<'a> {
         }
     }
 
-    /// How a cell is turned back.
+    /// Inverse of the map of a cell.
     pub(crate) fn inverse(&self, cell: u32, source_unit: DVec2) -> CellInverse {
         let grid = &self.deformation.grid;
         let cell = &grid.cells[cell as usize];
@@ -182,7 +182,7 @@ impl CellInverse {
         }
     }
 
-    /// How many pixels of the old picture, along x and along y, a pixel at a point of it sees.
+    /// Footprint of a pixel at a point of the old picture: its size along x and along y, in old pixels.
     pub(crate) fn footprint(&self, source: DVec2) -> DVec2 {
         let uv = (source - self.first) / self.extent;
         let (e, f) = (self.e + uv.y * self.g, self.f + uv.x * self.g);

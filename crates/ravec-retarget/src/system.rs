@@ -21,7 +21,7 @@ enum Held {
     Far,
 }
 
-/// How nodes follow from the unknowns of an axis.
+/// Linear map from the unknowns of an axis to its nodes.
 #[derive(Debug, Clone)]
 pub(crate) struct Unknowns {
     ends: Vec<usize>,
@@ -146,14 +146,14 @@ impl Unknowns {
 pub(crate) struct EdgeForms {
     ends: Vec<usize>,
     terms: Vec<(u32, f64)>,
-    /// What held unknowns add, times W.
+    /// Contribution of held unknowns, times W.
     far: Vec<f64>,
     /// After the edges, the unknowns on free borders along the axis, and whether it is the far one.
     pub(crate) borders: Vec<(u32, bool)>,
 }
 
 impl EdgeForms {
-    /// How many forms there are.
+    /// Number of forms.
     pub(crate) fn len(&self) -> usize {
         self.ends.len()
     }

@@ -26,7 +26,7 @@ use window::Window;
 mod cubic;
 mod window;
 
-/// How a picture is filtered.
+/// Filter of the resampling.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum WarpFilter {
     /// Bilinear between four pixels, whatever the size: for following a frame that is being dragged, from a picture that was
@@ -136,7 +136,8 @@ struct Looks {
     row: usize,
     first: usize,
     count: usize,
-    /// How many old pixels the first sees along x and along y, at least 1, and how that changes from one to the next.
+    /// Footprint of the first pixel along x and along y, in old pixels, at least 1, and its change from one pixel to
+    /// the next.
     width: DVec2,
     step: DVec2,
 }
@@ -150,7 +151,7 @@ struct Scratch {
     ys: Vec<f64>,
     window: Window,
     taps: Taps,
-    /// What each pixel sees.
+    /// Light of each pixel.
     light: Vec<[f32; 4]>,
 }
 

@@ -13,12 +13,12 @@ use ravec_raster::{Image, Plane, Size, Srgb};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// How a picture is compressed.
+/// Parameters of the compression.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct JpegParams {
     /// 1 (worst) to 100 (best; still not lossless), clamped. 30 shows blocks and ringing, 90 hardly anything.
     pub quality: u8,
-    /// Whether color is stored at half the resolution, as cameras do (4:2:0).
+    /// `true` if color is stored at half the resolution, as cameras do (4:2:0).
     pub subsampled: bool,
 }
 

@@ -11,7 +11,7 @@ use crate::random::Seed;
 use crate::sky::sky;
 use glam::{DMat3, DVec2, DVec3, Vec3};
 
-/// What a rectangle shows.
+/// Content of a rectangle.
 pub(crate) enum Show {
     Facade(Box<Facade>),
     Prop(Box<Prop>),
@@ -258,7 +258,7 @@ impl Stage {
         color
     }
 
-    /// How much of the sun is seen from a point.
+    /// Share of the sun that is seen from a point.
     fn sunlight(&self, at: DVec3) -> f32 {
         let mut light = 1.0f32;
         for (plate, piece) in self.plates.iter().zip(&self.pieces) {

@@ -47,7 +47,7 @@ pub struct FacadeTruth {
 /// Left and right house line, meters from the street's axis.
 const WALLS: [f64; 2] = [-5.0, 5.6];
 const KERBS: [f64; 2] = [-3.1, 3.7];
-/// How far the ground goes on behind the camera and to the sides, so that it fills the picture.
+/// Extent of the ground behind the camera and to the sides, so that it fills the picture.
 const GROUND_BEHIND: f64 = 2.0;
 const GROUND_ASIDE: f64 = 60.0;
 

@@ -16,7 +16,8 @@ use glam::IVec2;
 pub(super) enum Rows {
     /// All, the even ones first.
     All,
-    /// The even ones, and twice their sum: half of the work, which tells places of large fragments nearly as well apart.
+    /// The even ones, and twice their sum: half of the work, which distinguishes places of large fragments nearly as
+    /// well.
     EvenTwice,
 }
 

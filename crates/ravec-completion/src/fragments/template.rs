@@ -1,4 +1,4 @@
-//! What is looked for: the known pixels of a target fragment, weighted.
+//! Templates of the search: the known pixels of a target fragment, weighted.
 //!
 //! The measure is `Σ w |T − S|² + Σ g |∇T − ∇S|² + Σ f (F − E)²` over the fragment: colors with the weight `w` of known
 //! pixels, which falls off towards the rim; gradients of the luminance with `g`, which is 0 where a neighbor is unknown;
@@ -208,7 +208,7 @@ impl Template {
         }
     }
 
-    /// Whether a source with the window's corner at `corner` is known as far as the fragment reaches.
+    /// Returns `true` if a source with the window's corner at `corner` is known as far as the fragment reaches.
     pub(super) fn valid(&self, level: &Level, corner: IVec2) -> bool {
         let (width, height) = (level.width as i32, level.height as i32);
         self.rows.iter().enumerate().all(|(row, &(from, to))| {
@@ -221,7 +221,7 @@ impl Template {
             }
             let mut at = y as usize * level.width + x as usize;
             let mut left = to - from;
-            // runs beyond 255 pixels are told in pieces
+            // runs beyond 255 pixels are coded in pieces
             loop {
                 let run = usize::from(level.runs[at]);
                 if run >= left {

@@ -8,8 +8,8 @@
 //!         add that by the weights of the columns
 //! ```
 //!
-//! What is found first is found for many pixels together; weights of columns are computed once for each of the four numbers of
-//! an old pixel, so that nothing need be moved between lanes.
+//! Lookups are done for many pixels together; weights of columns are computed once for each of the four numbers of an
+//! old pixel, so that nothing need be moved between lanes.
 //!
 //! Guarantees: nothing is fused and every sum has its order, so the bits are the same at any width of vectors.
 //! Cost: a multiplication and an addition for each sixteen numbers seen.
@@ -46,7 +46,7 @@ struct AxisTaps {
     sums: Vec<f32>,
 }
 
-/// What each pixel of `looks` sees of the window, at the places `xs` and `ys` in the old picture.
+/// Light of each pixel of `views` in the window, at the places `xs` and `ys` in the old picture.
 #[inline(always)]
 pub(super) fn cubic<S: Simd>(
     simd: S,
@@ -114,7 +114,7 @@ fn filter<S: Simd>(
     }
 }
 
-/// What a pixel sees.
+/// View of a pixel.
 struct Sight<'a> {
     /// The window from the first old pixel on.
     numbers: &'a [f32],
