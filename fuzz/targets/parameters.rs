@@ -89,7 +89,7 @@ pub fn read(input: &[u8]) -> Outcome {
     }
 }
 
-/// Whether a text is a value, which must then be shown so that it can be read again.
+/// Returns `true` if a text is a value, which must then be shown so that it can be read again.
 fn shown<T: FromStr + Display>(text: &str) -> bool {
     let Ok(value) = text.parse::<T>() else {
         return false;
@@ -102,7 +102,7 @@ fn shown<T: FromStr + Display>(text: &str) -> bool {
     true
 }
 
-/// Whether a text is parameters as JSON, which must then be stored so that they can be read again.
+/// Returns `true` if a text is parameters as JSON, which must then be stored so that they can be read again.
 fn stored<T: DeserializeOwned + Serialize>(text: &str) -> bool {
     let Ok(value) = serde_json::from_str::<T>(text) else {
         return false;

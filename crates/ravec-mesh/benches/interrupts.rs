@@ -1,6 +1,6 @@
 //! Time from a cancellation until work has stopped, at many moments of each reader, writer and operation.
 //!
-//! The last column is the longest of these times, the place of it in the work before it. What is above 50 ms on an idle
+//! The last column is the longest of these times, the place of it in the work before it. A time above 50 ms on an idle
 //! machine fails.
 
 use std::process::ExitCode;
@@ -194,7 +194,7 @@ fn sheet(triangles: usize) -> TriMesh {
     TriMesh::new(positions.collect(), triangles.collect()).expect("the indices are in range")
 }
 
-/// So many tetrahedra, apart from one another.
+/// A mesh of `count` tetrahedra, apart from one another.
 fn parts(count: u32) -> TriMesh {
     let mut positions = Vec::new();
     let mut triangles = Vec::new();

@@ -12,7 +12,7 @@ use ravec_progress::{Cancelled, Progress};
 use crate::TriMesh;
 use crate::gathered::gathered;
 
-/// So many triangles or vertices are dealt with between two looks at the cancellation: some milliseconds.
+/// Number of triangles or vertices that are processed between two checks for cancellation: some milliseconds.
 const AT_ONCE: usize = 1 << 16;
 
 /// Stands for "no edge" in the table of the triangles' sides.
@@ -25,8 +25,8 @@ pub struct EdgeUse {
     pub triangle: u32,
     /// Which of its sides the edge is: from corner 0, 1 or 2 to the next one.
     pub side: u8,
-    /// Whether that side runs from the lower to the higher vertex of the edge. Of two well oriented neighbors one does
-    /// and the other does not.
+    /// `true` if that side runs from the lower to the higher vertex of the edge. Of two well oriented neighbors one
+    /// does and the other does not.
     pub forward: bool,
 }
 
@@ -45,7 +45,7 @@ pub struct Adjacency {
     triangles: Vec<u32>,
 }
 
-/// The parts of a mesh that hang together.
+/// The connected components of a mesh.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Components {
     /// The number of parts.
@@ -62,7 +62,7 @@ fn counts_to_starts(counts: &mut [u32]) {
     }
 }
 
-/// Whether a triangle names three vertices.
+/// Returns `true` if a triangle names three vertices.
 #[inline]
 pub(crate) fn is_proper([a, b, c]: [u32; 3]) -> bool {
     a != b && b != c && c != a

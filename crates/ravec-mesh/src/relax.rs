@@ -1,10 +1,10 @@
 //! Better facets for the same surface: vertices move, edges flip and are divided until facets lie as somebody wants them to.
 //!
-//! Simplification leaves facets that lie badly: across a crease that was too shallow to be noticed, or between vertices that
-//! had to stay. What lies badly only the caller can say, as a number for each facet, its *fault*. Then, from the worst facet
-//! on: of all flips of its edges and moves of its corners the one is taken that lowers the faults around it most; if none
-//! does, an edge is divided, if the caller has a place for a new vertex. As every step lowers the sum of all faults, the
-//! process ends.
+//! Simplification leaves facets that lie badly: across a crease that was too shallow to be noticed, or between vertices
+//! that had to stay. Only the caller can say which facets lie badly, by a number for each, its *fault*. Then, from the
+//! worst facet on: of all flips of its edges and moves of its corners the one is taken that lowers the faults around it
+//! most; if none does, an edge is divided, if the caller has a place for a new vertex. As every step lowers the sum of
+//! all faults, the process ends.
 //!
 //! Facets are looked at side by side, in batches of some of the worst whose surroundings lie apart, so that no step changes
 //! what another one was chosen by. A step whose facets come near those of another one in the batch waits.
@@ -36,13 +36,14 @@ const LEAST_GAIN: f64 = 0.02;
 /// The share of the faults of two facets that dividing them must remove: what costs two triangles must be worth it.
 const LEAST_GAIN_OF_SPLIT: f64 = 0.1;
 
-/// How many steps there may be for each facet that has a fault at first. Far fewer are taken where they are of use.
+/// Bound on the number of steps for each facet that has a fault at first. Far fewer are taken where they are of use.
 const MOST_STEPS: usize = 8;
 
-/// How many facets are looked at side by side. More keep more threads busy, but are farther from the order of the worst first.
+/// Number of facets that are examined side by side. More keep more threads busy, but are farther from the order of the
+/// worst first.
 const BATCH: usize = 64;
 
-/// How many facets are passed over for each batch because they are too close to others of it.
+/// Bound on the facets that are passed over for each batch because they are too close to others of it.
 const MOST_PASSED_OVER: usize = 4 * BATCH;
 
 /// The name of a vertex that does not exist yet, in the facets that have it.
@@ -55,7 +56,7 @@ pub struct Facet<L> {
     pub names: [u32; 3],
     /// Where these are.
     pub corners: [DVec3; 3],
-    /// What the judge sees in it.
+    /// The judge's description of it.
     pub look: L,
 }
 
@@ -69,13 +70,13 @@ impl<L> Facet<L> {
 
 /// Who says what is wanted.
 pub trait RelaxJudge: Sync {
-    /// What a judge has to find out about a facet to judge it.
+    /// Description of a facet from which a judge computes its fault.
     type Look: Copy + Send + Sync;
 
     /// Looks at a facet with these corners; `like` is the look of one that was there, or nearby, if there was any.
     fn look(&self, corners: [DVec3; 3], like: Option<&Self::Look>) -> Self::Look;
 
-    /// How badly a facet lies that looks like this: 0 if it may stay, else more than that, finite.
+    /// Fault of a facet with this description: 0 if it may stay, else positive and finite.
     fn fault(&self, look: &Self::Look) -> f64;
 
     /// Where the vertex `of` would better be; `around` are the facets that have it as a corner. `None` if it may stay. It may come
@@ -93,11 +94,12 @@ pub trait RelaxJudge: Sync {
         place
     }
 
-    /// Whether a step may be taken that lowers faults and lets no triangles meet; `after` are the facets that it makes.
+    /// Returns `true` if a step may be taken that lowers faults and lets no triangles meet; `after` are the facets that
+    /// it makes.
     fn admits(&self, after: &[Facet<Self::Look>]) -> bool;
 }
 
-/// What became of a mesh.
+/// The result of relaxing a mesh.
 #[derive(Debug, Clone)]
 pub struct Relaxed {
     /// The mesh: what was there before, in the same order, then what was added.
@@ -207,9 +209,9 @@ pub fn relax<J: RelaxJudge>(
     Ok(relaxed)
 }
 
-/// What is at fault.
+/// The facets at fault.
 struct Queue {
-    /// Of each triangle.
+    /// Fault of each triangle.
     faults: Vec<f64>,
     waiting: BinaryHeap<Waiting>,
 }

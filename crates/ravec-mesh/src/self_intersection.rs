@@ -26,11 +26,11 @@ pub struct IntersectingPair {
     pub first: u32,
     /// The one with the higher index.
     pub second: u32,
-    /// How they meet: anything but [`TriTri::Disjoint`] and [`TriTri::Neighbors`].
+    /// Kind of contact: anything but [`TriTri::Disjoint`] and [`TriTri::Neighbors`].
     pub kind: TriTri,
 }
 
-/// How often and where a mesh intersects itself.
+/// Number and places of the self-intersections of a mesh.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SelfIntersections {
     /// All pairs of triangles that meet where they should not: the sum of the four numbers that follow.
@@ -104,7 +104,7 @@ impl Smallest {
     }
 }
 
-/// How triangles `a` and `b` meet, if they meet where they should not.
+/// The contact of triangles `a` and `b`, if they meet where they should not.
 #[inline]
 fn improper(tree: &BoxTree, a: u32, b: u32) -> Option<IntersectingPair> {
     let (first, second) = (a.min(b), a.max(b));

@@ -22,7 +22,7 @@ const ALL: [MeshFormat; 9] = [
     MeshFormat::Gltf,
 ];
 
-/// So many tetrahedra, apart from one another, as parts of a machine are.
+/// A mesh of `count` tetrahedra, apart from one another, as parts of a machine are.
 fn parts(count: u32) -> TriMesh {
     let mut positions = Vec::new();
     let mut triangles = Vec::new();

@@ -96,9 +96,9 @@ impl RelaxJudge for Tent {
 
 /// Wants what [`Roofer`] wants.
 struct Like {
-    /// How far a vertex is to go, as a share of the way, to numbers that single precision has.
+    /// Share of the way that a vertex is to go, to numbers that single precision has.
     share: f64,
-    /// Whether any step is admitted.
+    /// `true` if any step is admitted.
     admits: bool,
 }
 

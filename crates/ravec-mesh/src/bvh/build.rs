@@ -36,7 +36,7 @@ const FEW_BINS: usize = 8;
 /// Ranges from this size on are built in parallel.
 const PARALLEL: usize = 8192;
 
-/// How much is done for good boxes.
+/// Effort spent on good boxes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Effort {
     /// Cuts are looked for along all axes.

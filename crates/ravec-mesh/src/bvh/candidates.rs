@@ -72,7 +72,7 @@ impl CandidateTree {
         self.prims.len()
     }
 
-    /// Whether there are no triangles.
+    /// Returns `true` if there are no triangles.
     pub fn is_empty(&self) -> bool {
         self.prims.is_empty()
     }
@@ -112,7 +112,8 @@ impl CandidateTree {
         );
     }
 
-    /// What `keep` makes of the pairs of slots whose triangles' boxes touch, and of few others, in the caller's thread pool.
+    /// Applies `keep` to the pairs of slots whose triangles' boxes touch, and to few others, in the caller's thread
+    /// pool, and returns the results that it keeps.
     ///
     /// # Errors
     /// [`Cancelled`] soon after `progress` is cancelled.

@@ -1,4 +1,4 @@
-//! The mesh while facets are mended, and what may be done to it.
+//! The mesh while facets are repaired, and the steps that may change it.
 
 use glam::DVec3;
 use ravec_progress::{Cancelled, Progress};
@@ -8,8 +8,8 @@ use crate::loose_octree::LooseOctree;
 use crate::tri_intersect::{TriTri, intersection};
 use crate::{Aabb, Adjacency, TriMesh};
 
-/// How much of the way to where it would better be a vertex is tried to go: what suits all facets around it together may be too
-/// far for some of them.
+/// Shares of the way to its better place that a vertex tries to go: the full way may be too far for some of the facets
+/// around it.
 const SHARES: [f64; 2] = [1.0, 0.5];
 
 /// A change of few facets.
@@ -53,7 +53,7 @@ type Change = (Vec<u32>, Vec<([u32; 3], [DVec3; 3], usize)>);
 
 pub(super) struct Steps<'a, J: RelaxJudge> {
     pub judge: &'a J,
-    /// How the facets look.
+    /// Description of each facet.
     looks: Vec<J::Look>,
     positions: Vec<DVec3>,
     triangles: Vec<[u32; 3]>,
@@ -177,8 +177,8 @@ impl<'a, J: RelaxJudge> Steps<'a, J> {
         steps
     }
 
-    /// What a step makes; `None` if topology or the shape of facets forbids it, or if it does not lessen their `faults` by more
-    /// than a share of what they are.
+    /// The result of a step; `None` if topology or the shape of facets forbids it, or if it does not lessen their
+    /// `faults` by more than a share of them.
     pub fn fan(&self, step: Step, faults: &[f64], least_gain: f64) -> Option<Fan<J::Look>> {
         let (triangles, after) = match step {
             Step::Flip { triangles } => self.flipped(triangles)?,
@@ -299,7 +299,7 @@ impl<'a, J: RelaxJudge> Steps<'a, J> {
         Some((star.clone(), after.collect()))
     }
 
-    /// Whether the facets that a step makes meet one another, and all others, only in what they share.
+    /// Returns `true` if the facets that a step makes meet one another, and all others, only in what they share.
     pub fn stay_apart(&self, fan: &Fan<J::Look>, scratch: &mut Scratch) -> bool {
         let bad = |kind: TriTri| kind.is_improper() || kind == TriTri::Same;
         for (i, t) in fan.after.iter().enumerate() {

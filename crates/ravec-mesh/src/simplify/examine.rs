@@ -1,4 +1,4 @@
-//! Whether a collapse is allowed.
+//! Examination: the conditions that allow a collapse.
 
 use glam::DVec3;
 
@@ -197,7 +197,7 @@ impl Marks {
         self.last
     }
 
-    /// Whether `v` did not carry `mark` yet, which it does from now on.
+    /// Returns `true` if `v` did not carry `mark` yet, which it does from now on.
     #[inline]
     pub fn is_new(&mut self, v: u32, mark: u32) -> bool {
         std::mem::replace(&mut self.of[v as usize], mark) != mark
@@ -361,8 +361,8 @@ pub(super) enum Freedom {
     Between([u32; 2]),
 }
 
-/// What the classes of the ends allow: what is on a curve leaves it never, and what is on two meets only along an edge
-/// of theirs.
+/// Freedom that the classes of the ends allow: a vertex on a curve never leaves it, and vertices on two curves meet
+/// only along an edge of theirs.
 #[inline]
 pub(super) fn freedom(surface: &Surface, a: u32, b: u32) -> Option<Freedom> {
     let (class_a, class_b) = (surface.class(a), surface.class(b));

@@ -1,4 +1,4 @@
-//! What the caller of simplification has a say in.
+//! Decisions of the caller of simplification.
 
 use glam::DVec3;
 
@@ -37,7 +37,7 @@ pub struct CollapseCandidate<'a> {
 /// once its neighborhood has changed. So answers may depend only on the candidate and on the collapses around it that
 /// [happened](Self::happens).
 pub trait CollapseJudge: Sync {
-    /// What is found out while a collapse is judged, for the next question about it and for when it happens.
+    /// Findings of a judgment, for the next question about the collapse and for its execution.
     type Findings: Default + Send;
 
     /// Where a merged vertex is put that would best be at `lowest` (default there): for vertices that may be in some places
@@ -46,9 +46,9 @@ pub trait CollapseJudge: Sync {
         lowest
     }
 
-    /// Whether to refuse a collapse whose new triangles have a good shape, while the distance from the original and
-    /// intersections are not examined yet: for questions that are cheaper than these. The findings are those of another
-    /// collapse, or new.
+    /// Returns `true` if to refuse a collapse whose new triangles have a good shape, while the distance from the
+    /// original and intersections are not examined yet: for questions that are cheaper than these. The findings are
+    /// those of another collapse, or new.
     fn refuses_early(
         &self,
         candidate: &CollapseCandidate<'_>,
@@ -58,7 +58,7 @@ pub trait CollapseJudge: Sync {
         false
     }
 
-    /// Whether to refuse a collapse that all other conditions allow.
+    /// Returns `true` if to refuse a collapse that all other conditions allow.
     fn refuses(&self, candidate: &CollapseCandidate<'_>, findings: &mut Self::Findings) -> bool;
 
     /// A collapse that was not refused happens.
@@ -75,17 +75,17 @@ impl<F: Fn(&CollapseCandidate<'_>) -> bool + Sync> CollapseJudge for F {
     }
 }
 
-/// How far a judge may go on trust.
+/// Trust in the decisions of a judge.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Trust {
     /// All triangles that changed are examined afterwards, by [`Overseer::faults`], and what is at fault is undone: a judge may admit
     /// what is most probably right.
     Examined,
-    /// What it admits is final.
+    /// Its admissions are final.
     Final,
 }
 
-/// What the caller of [`simplify_patches`](super::simplify_patches) has a say in.
+/// Decisions of the caller of [`simplify_patches`](super::simplify_patches).
 pub trait Overseer: Sync {
     /// The kind of judges.
     type Judge: CollapseJudge;
@@ -94,9 +94,9 @@ pub trait Overseer: Sync {
     /// then.
     fn judge(&self, part: &TriMesh, trust: Trust) -> Self::Judge;
 
-    /// Whether what the judges admit will hardly ever make triangles meet (default no). Then a judge that is
-    /// [examined](Trust::Examined) is believed in that, too: what meets in the end is undone with what is at fault. That is
-    /// cheaper than a search at each collapse, unless sheets do come close.
+    /// Returns `true` if what the judges admit will hardly ever make triangles meet (default no). Then a judge that is
+    /// [examined](Trust::Examined) is believed in that, too: what meets in the end is undone with what is at fault.
+    /// That is cheaper than a search at each collapse, unless sheets do come close.
     fn keeps_apart(&self) -> bool {
         false
     }

@@ -14,10 +14,10 @@ const FEWEST: usize = 4096;
 /// Patches have at most about as many triangles: little is gained from fewer seams than that.
 const MOST: usize = 16_384;
 
-/// So many patches are made between these limits: enough for as many threads.
+/// Number of patches that are made between these limits: enough for as many threads.
 const PATCHES: usize = 8;
 
-/// What is around seams is cut into pieces of about so many triangles at least.
+/// Least number of triangles, roughly, of the pieces into which the surroundings of seams are cut.
 const FEWEST_OF_SEAMS: usize = 512;
 
 /// Between which shares of its triangles a piece of seams is cut, and in how many places that is tried.
@@ -100,7 +100,7 @@ impl Part {
         at.map(|(t, _)| t).collect()
     }
 
-    /// What became of features of the original, by their names here.
+    /// The features of the original that remain, by their names here.
     pub fn features(&self, features: &[[u32; 2]], merged_into: &[u32]) -> Vec<[u32; 2]> {
         if features.is_empty() {
             return Vec::new();
@@ -212,7 +212,7 @@ pub(super) fn borders(mesh: &TriMesh, groups: &[Vec<u32>]) -> (Vec<u32>, Vec<boo
     (group_of, shared)
 }
 
-/// Takes the samples of each of so many groups out, of which `group_of` tells by the triangle; those of none stay.
+/// Takes out the samples of each group, where `group_of` gives the group of a triangle; those of no group stay.
 pub(super) fn by_group(
     samples: &mut Vec<Sample>,
     groups: usize,

@@ -1,9 +1,10 @@
-//! What is at fault after a step of simplification is undone.
+//! Undoing of the collapses that left faults after a step of simplification.
 //!
-//! Clusters are restored: vertices that were merged are there again, where they were. That is easy, since a triangle is there if and
-//! only if its corners were not merged with each other. Of what is at fault only as much is restored as may be enough: what changed
-//! since the checkpoint, or else the smallest cluster. For restored triangles have others beside them at fault, and what is restored
-//! from farther back spreads farther. What is restored is examined again, until nothing is at fault.
+//! Clusters are restored: vertices that were merged are there again, where they were. That is easy, since a triangle is
+//! there if and only if its corners were not merged with each other. Of what is at fault only as much is restored as
+//! may be enough: what changed since the checkpoint, or else the smallest cluster. For restored triangles have others
+//! beside them at fault, and what is restored from farther back spreads farther. The restored surface is examined
+//! again, until nothing is at fault.
 
 use std::sync::Mutex;
 
@@ -19,7 +20,7 @@ use super::patches::{Assembly, Task};
 use crate::adjacency::is_proper;
 use crate::{Aabb, Adjacency, BoxTree, CandidateTree, TriMesh, for_each_self_intersection};
 
-/// What vertices may go back to.
+/// Earlier places and merges to which vertices may be restored.
 pub(super) struct Checkpoint {
     positions: Vec<DVec3>,
     merged_into: Vec<u32>,
@@ -37,14 +38,14 @@ impl Checkpoint {
 /// Vertices whose triangles have to be examined.
 struct Suspects {
     vertices: Vec<bool>,
-    /// Whether other triangles may meet each other, too.
+    /// `true` if other triangles may meet each other, too.
     may_all_meet: bool,
 }
 
 /// Vertices, by their names in the original, whose triangles must not stay, or not together.
 type Fault = Vec<u32>;
 
-/// What became of each vertex.
+/// History of each vertex.
 struct History<'a> {
     /// The one that stood for it before anything was undone.
     merged: &'a [u32],
@@ -55,7 +56,7 @@ struct History<'a> {
     /// For how many it stood at the checkpoint.
     size: Vec<u32>,
     restored: Vec<bool>,
-    /// Whether it is restored to what it was in the beginning.
+    /// `true` if it is restored to its original state.
     is_original: Vec<bool>,
 }
 
@@ -84,7 +85,7 @@ impl<'a> History<'a> {
         }
     }
 
-    /// Whether a vertex can go back to what it was at the checkpoint.
+    /// Returns `true` if a vertex can go back to what it was at the checkpoint.
     fn is_recent(&self, v: u32) -> bool {
         self.is_new[self.merged[v as usize] as usize] && !self.restored[v as usize]
     }
@@ -104,7 +105,7 @@ struct Orders {
 }
 
 impl Orders {
-    /// What is to be undone to mend faults.
+    /// The vertices to restore in order to repair faults.
     fn new(faults: &[Fault], history: &History<'_>) -> Self {
         let vertices = history.merged.len();
         let mut orders = Self {
@@ -210,7 +211,7 @@ impl<O: Overseer> Task<'_, O> {
         fresh
     }
 
-    /// What is at fault; of all triangles, or of those at `suspects`.
+    /// The faults of all triangles, or of those at `suspects`.
     fn faults(
         &self,
         part: &Part,
@@ -305,7 +306,8 @@ impl<O: Overseer> Task<'_, O> {
 mod tests {
     use super::*;
 
-    /// What is undone for a fault, where vertices 0 to 5 stand for clusters and 1 and 2 were merged since the checkpoint.
+    /// The vertices restored for a fault, where vertices 0 to 5 stand for clusters and 1 and 2 were merged since the
+    /// checkpoint.
     fn undone(fault: &[u32], restored: &[usize]) -> (Vec<usize>, Vec<usize>) {
         let checkpoint = Checkpoint {
             positions: vec![DVec3::ZERO; 10],
