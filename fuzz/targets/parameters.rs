@@ -32,11 +32,11 @@ pub fn read_expression(input: &[u8]) -> Outcome {
                     "flattening changes {text:?}"
                 );
                 let known = |mesh: usize| if inside(mesh) { Known::In } else { Known::Out };
-                let told = expr.known(&known);
+                let answer = expr.known(&known);
                 assert_eq!(
-                    told == Known::In,
+                    answer == Known::In,
                     expr.eval(&inside),
-                    "{text:?} is {told:?}"
+                    "{text:?} is {answer:?}"
                 );
             }
         }

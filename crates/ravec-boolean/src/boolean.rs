@@ -8,20 +8,20 @@ use crate::closing::{Closing, close};
 use crate::examine::examine;
 use crate::expr::Expr;
 use crate::finish::{Finished, finish, split_edges};
-use crate::mend::mend;
 use crate::near::{coarsened, merge_near};
 use crate::params::{Boolean, BooleanError, BooleanParams, BooleanReport, Inside, Origin};
+use crate::repair::repair;
 use crate::select::{Draft, Parent, select};
 
 /// The largest coordinate for which all products of the exact tests stay within doubles.
-const LARGEST: f64 = 1e30;
+const MAX_COORDINATE: f64 = 1e30;
 
 /// Bound on the rounds in which edges that two sheets share are split. One round is enough unless repair makes new
 /// ones.
-const MOST_SPLITS: u32 = 8;
+const MAX_SPLITS: u32 = 8;
 
 /// The least extent that a mesh may have, far above the coordinates that are taken for zero.
-const LEAST: f64 = 1e-50;
+const MIN_EXTENT: f64 = 1e-50;
 
 /// Coarsening of the input after a result that cannot be rounded without self-intersections. Numbers are in units of
 /// the last place of the largest coordinate.
@@ -201,12 +201,12 @@ fn round_off(
             Some(tree) => tree,
             None => soup.tree(progress)?,
         };
-        let mended = mend(draft, &around, reach, progress)?;
+        let repaired = repair(draft, &around, reach, progress)?;
         drop(around);
-        report.mending_rounds += mended.rounds;
-        report.moved += mended.moved;
-        report.self_intersections = mended.contacts;
-        let (flat, parents) = flattened(mended.draft, progress)?;
+        report.repair_rounds += repaired.rounds;
+        report.moved += repaired.moved;
+        report.self_intersections = repaired.contacts;
+        let (flat, parents) = flattened(repaired.draft, progress)?;
         let pieces = uncut(&flat);
         let edges = Edges::of(&pieces, |_| true, progress)?;
         let side = |piece: u32| {
@@ -216,8 +216,8 @@ fn round_off(
         };
         let differ = |one, other| side(one) != side(other);
         let mut finished = finish(&pieces, edges, differ, progress)?;
-        let is_hopeless = mended.contacts > 0;
-        if finished.pinched.is_empty() || is_hopeless || attempt == MOST_SPLITS {
+        let is_hopeless = repaired.contacts > 0;
+        if finished.pinched.is_empty() || is_hopeless || attempt == MAX_SPLITS {
             finished.closed &= finished.pinched.is_empty();
             return Ok((parents, finished));
         }
@@ -279,7 +279,7 @@ fn check(meshes: &[TriMesh], expr: &Expr, params: &BooleanParams) -> Result<Chec
     let bounds: Vec<Aabb> = meshes.iter().map(TriMesh::bounds).collect();
     for (mesh, bounds) in bounds.iter().enumerate() {
         let largest = bounds.min.abs().max(bounds.max.abs()).max_element();
-        let in_range = largest == 0.0 || (LEAST..=LARGEST).contains(&largest);
+        let in_range = largest == 0.0 || (MIN_EXTENT..=MAX_COORDINATE).contains(&largest);
         if !bounds.is_empty() && !in_range {
             return Err(BooleanError::OutOfRange { mesh, largest });
         }

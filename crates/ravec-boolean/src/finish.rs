@@ -14,7 +14,7 @@ use crate::select::{Draft, Parent};
 
 const NONE: u32 = u32::MAX;
 
-/// Triangles between two looks at the progress: some milliseconds.
+/// Triangles between two checks for cancellation: some milliseconds.
 const STRIDE: usize = 1 << 16;
 
 /// A mesh with the triangles of an uncut soup in their order, and the edges where `differ` says so about two neighbors.

@@ -19,7 +19,7 @@ use crate::arrangement::Soup;
 /// from each other, so that those in an edge follow one another in a clear order.
 const INTO: f64 = 0.5;
 
-/// Vertices or triangles between two looks at the progress: some milliseconds.
+/// Vertices or triangles between two checks for cancellation: some milliseconds.
 const STRIDE: usize = 1 << 12;
 
 /// Merges vertices that are not farther than `reach` from each other along each axis, and puts vertices into the edges and

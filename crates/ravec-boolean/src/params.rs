@@ -3,11 +3,11 @@
 use ravec_mesh::TriMesh;
 use serde::{Deserialize, Serialize};
 
-/// Which places a mesh stands for.
+/// The places that count as inside a mesh.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Inside {
-    /// Those with a generalised winding number above one half, which is a positive one wherever the mesh is closed.
+    /// Those with a generalized winding number above one half, which is a positive one wherever the mesh is closed.
     #[default]
     Positive,
     /// Those that are wound around in either direction: for meshes with parts that are inside out.
@@ -20,14 +20,14 @@ pub enum Inside {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct BooleanParams {
-    /// Which places each mesh stands for.
+    /// The places that count as inside each mesh.
     pub inside: Inside,
     /// The most memory to use, in bytes; no limit if not given. The need is estimated from the number of triangles, and
     /// once more when it is known how many of them meet; an estimate may be too low where very many meet in one place.
     pub memory_bytes: Option<u64>,
 }
 
-/// Where a triangle of the result comes from.
+/// Origin of a triangle of the result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Origin {
     /// Index of the mesh.
@@ -75,7 +75,7 @@ pub struct BooleanReport {
     /// Pairs of triangles that cross or overlap.
     pub intersecting_pairs: u64,
     /// Rounds of repair after rounding to double precision; 0 if the rounded result was sound at once.
-    pub mending_rounds: u32,
+    pub repair_rounds: u32,
     /// The farthest that repair may have moved a vertex along an axis, beyond rounding to double precision.
     pub moved: f64,
     /// Pairs of triangles of the result that meet where they should not: 0 unless repair failed.
@@ -104,7 +104,7 @@ pub struct Boolean {
 #[non_exhaustive]
 pub enum BooleanError {
     /// The expression names a mesh that is not there.
-    #[error("the expression speaks of mesh {mesh}, but there are only {meshes}")]
+    #[error("the expression names mesh {mesh}, but only {meshes} are given")]
     NoSuchMesh {
         /// The index that it names.
         mesh: usize,
@@ -113,7 +113,7 @@ pub enum BooleanError {
     },
     /// Coordinates are too large or too small for exact arithmetic.
     #[error(
-        "mesh {mesh} has coordinates of up to {largest:e}: exact arithmetic takes 1e-50 to 1e30; scale the meshes first"
+        "mesh {mesh} has coordinates of up to {largest:e}, but exact arithmetic takes 1e-50 to 1e30: scale the meshes first"
     )]
     OutOfRange {
         /// Index of the mesh.

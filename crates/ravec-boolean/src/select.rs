@@ -25,7 +25,7 @@ pub(crate) struct Draft {
     pub parents: Vec<Parent>,
 }
 
-/// Pieces between two looks at the progress: some milliseconds.
+/// Pieces between two checks for cancellation: some milliseconds.
 const STRIDE: usize = 1 << 16;
 
 /// A piece that bounds the result.

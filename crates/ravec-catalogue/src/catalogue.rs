@@ -25,7 +25,7 @@ use std::path::{Path, PathBuf};
 /// Photos in a catalogue, at most. Their numbers have 32 bits in a mosaic; so many take 16 GiB there.
 const MAX_PHOTOS: usize = 4_000_000;
 
-/// Photos between looks at the cancellation.
+/// Photos between checks for cancellation.
 const PHOTOS_PER_CHECK: usize = 1000;
 
 /// A catalogue of photos in a file.
@@ -47,7 +47,7 @@ pub struct Catalogue {
 pub struct Entry {
     /// The number of the photo in the catalogue.
     pub id: i64,
-    /// Where its file is.
+    /// Path of its file.
     pub path: PathBuf,
     /// Columns of the upright photo.
     pub width: usize,

@@ -23,7 +23,7 @@ pub enum CatalogueError {
     },
     /// The catalogue has a format that is not known yet.
     #[error(
-        "the catalogue {} has format {format}, which a newer version made; this one knows formats up to {known}",
+        "the catalogue {} has format {format} of a newer version, but this one reads formats up to {known}: update the program",
         .path.display()
     )]
     Newer {
@@ -154,7 +154,9 @@ pub enum CatalogueError {
         rows: usize,
     },
     /// The mosaic would be too large.
-    #[error("{columns} x {rows} tiles of {width} x {height} pixels make too large a picture")]
+    #[error(
+        "{columns} x {rows} tiles of {width} x {height} pixels make a picture too large to hold: ask for fewer or smaller tiles"
+    )]
     TooLarge {
         /// Of tiles.
         columns: usize,

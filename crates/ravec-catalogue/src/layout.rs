@@ -1,4 +1,4 @@
-//! Where the tiles are on the picture and in the mosaic.
+//! Layout of the tiles on the picture and in the mosaic.
 
 use crate::error::CatalogueError;
 use crate::mosaic::MosaicParams;
@@ -13,7 +13,7 @@ use ravec_raster::{AnyImage, Image, Oklab, Rect, ResizeFilter, Size, resize};
 /// Pixels of the picture in a tile beyond which more say nothing about its look.
 const PICTURE_PX: usize = 16;
 
-/// Where the tiles are on the picture and in the mosaic.
+/// Layout of the tiles on the picture and in the mosaic.
 pub(crate) struct Layout {
     /// Tiles of common size across, and down.
     pub columns: usize,

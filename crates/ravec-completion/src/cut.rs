@@ -1,4 +1,4 @@
-//! Which offset each pixel of a hole is copied from: one graph cut over all proposals.
+//! Choice of the offset from which each pixel of a hole is copied: one graph cut over all proposals.
 //!
 //! The plain idea: give each pixel a label, an offset at which there is a source pixel, so that the sum over neighbors with
 //! different labels of how much the seam between them shows is least. A seam shows by as much as the two copies differ on

@@ -27,7 +27,7 @@ struct Node {
     first: u32,
     /// The arc to the parent, or one of the marks below.
     parent: u32,
-    /// When `distance` was known to be right.
+    /// Time at which `distance` was known to be right.
     stamp: u32,
     /// Arcs to the terminal.
     distance: u32,

@@ -573,7 +573,7 @@ mod tests {
                     cause: MatchError::TooFewMatches { matches: 2 },
                 },
                 1,
-                "cannot match a with b: only 2 features of the photos look alike, which is too few to trust",
+                "cannot match a with b: only 2 features of the photos match, too few to trust",
             ),
             (
                 JobError::from_offset(Path::new("a"), OffsetError::NoTriangles),

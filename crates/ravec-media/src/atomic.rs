@@ -82,7 +82,7 @@ pub fn scratch_file(beside: Option<&Path>) -> io::Result<File> {
     tempfile::tempfile_in(&folder).map_err(named)
 }
 
-/// Where the content goes in the end.
+/// Final destination of the content.
 enum Target {
     /// A plain file, old or to be made.
     File {

@@ -84,7 +84,7 @@ mod tests {
     }
 
     #[test]
-    fn a_full_frame_picture_has_as_many_pixels_as_millimetres() {
+    fn a_full_frame_picture_has_as_many_pixels_as_millimeters() {
         assert!((focal_px_from_35mm(36.0, 3600, 2400) - 3600.0).abs() < 1e-6);
     }
 }

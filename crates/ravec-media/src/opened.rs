@@ -251,10 +251,10 @@ impl<'a> Opened<'a> {
         self.memory.absorb(kept);
     }
 
-    /// Decodes a JPEG file at a fraction of its size, if its shorter side has then still `least_side` pixels.
-    pub(crate) fn reduce(&mut self, least_side: u32) {
+    /// Decodes a JPEG file at a fraction of its size, if its shorter side has then still `min_side` pixels.
+    pub(crate) fn reduce(&mut self, min_side: u32) {
         if let Decoder::Jpeg(jpeg) = &mut self.decoder
-            && let Some(plan) = jpeg.reduction(least_side)
+            && let Some(plan) = jpeg.reduction(min_side)
             // a plan above the limit here exceeds it when the picture is decoded whole, which is reported then
             && self.memory.grow(plan.bytes).is_ok()
         {
@@ -265,12 +265,12 @@ impl<'a> Opened<'a> {
         }
     }
 
-    /// Bytes that will be reserved at the peak, if the picture is decoded at a fraction of its size down to `least_side`
+    /// Bytes that will be reserved at the peak, if the picture is decoded at a fraction of its size down to `min_side`
     /// where that is possible.
-    pub(crate) fn need(mut self, least_side: Option<u32>) -> u64 {
+    pub(crate) fn need(mut self, min_side: Option<u32>) -> u64 {
         let (mut reducing, mut held) = (0, self.memory.bytes());
-        if let (Some(least_side), Decoder::Jpeg(jpeg)) = (least_side, &mut self.decoder)
-            && let Some(plan) = jpeg.reduction(least_side)
+        if let (Some(min_side), Decoder::Jpeg(jpeg)) = (min_side, &mut self.decoder)
+            && let Some(plan) = jpeg.reduction(min_side)
         {
             reducing = held + plan.bytes;
             held += plan.samples;

@@ -57,7 +57,7 @@ pub enum Warning {
     #[error("the picture is CMYK without a usable color profile; its colors are approximate")]
     CmykWithoutProfile,
     /// Numbers that are not finite were replaced.
-    #[error("{nan} not-a-number samples were set to 0 and {infinite} infinite ones to 1e30")]
+    #[error("{nan} NaN samples were set to 0 and {infinite} infinite samples to 1e30")]
     NotFinite {
         /// Samples that were NaN and became 0.
         nan: u64,

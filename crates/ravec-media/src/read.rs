@@ -164,24 +164,24 @@ pub fn decode(input: impl BufRead + Seek, limits: &Limits) -> Result<Picture, De
 }
 
 /// Like [`decode`], for when the picture is wanted small: JPEG files are decoded at a half, a quarter or an eighth of their
-/// size, as long as the shorter side has at least `least_side` pixels, which takes half the time and less memory. Other
+/// size, as long as the shorter side has at least `min_side` pixels, which takes half the time and less memory. Other
 /// formats are decoded whole. Returns what the header says as well, with the size of the whole picture.
 ///
 /// # Errors
 /// As for [`decode`].
 pub fn decode_reduced(
     input: impl BufRead + Seek,
-    least_side: u32,
+    min_side: u32,
     limits: &Limits,
 ) -> Result<(Probe, Picture), DecodeError> {
     contain_panics(input, limits, |mut opened| {
         let probe = opened.probe()?;
-        opened.reduce(least_side.max(1));
+        opened.reduce(min_side.max(1));
         Ok((probe, opened.decode()?))
     })
 }
 
-/// Bytes that [`decode`], or [`decode_reduced`] with `least_side`, reserves at its peak for this data, by its header. The
+/// Bytes that [`decode`], or [`decode_reduced`] with `min_side`, reserves at its peak for this data, by its header. The
 /// encoded data of the caller are not among them.
 ///
 /// Whoever decodes several pictures at once reserves this first (see
@@ -192,11 +192,11 @@ pub fn decode_reduced(
 /// As for [`probe_data`].
 pub fn memory_to_decode(
     input: impl BufRead + Seek,
-    least_side: Option<u32>,
+    min_side: Option<u32>,
     limits: &Limits,
 ) -> Result<u64, DecodeError> {
     contain_panics(input, limits, |opened| {
-        Ok(opened.need(least_side.map(|side| side.max(1))))
+        Ok(opened.need(min_side.map(|side| side.max(1))))
     })
 }
 

@@ -191,7 +191,7 @@ impl TemporaryFolder {
         ))
     }
 
-    /// Where the folder is now.
+    /// Current path of the folder.
     pub fn path(&self) -> &Path {
         &self.path
     }

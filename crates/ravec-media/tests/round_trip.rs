@@ -185,7 +185,7 @@ fn jpeg_is_near_and_keeps_gray() {
     let back = decoded(&encoded(&picture, Format::Jpeg));
     let back = back.convert::<Srgb<u8>>();
     let worst = largest_difference(&back, &ramp);
-    // quality 92 quantises by up to 18 of 2040; smooth ramps stay well within
+    // quality 92 quantizes by up to 18 of 2040; smooth ramps stay well within
     assert!(worst <= 8, "{worst}");
 
     let mut gray = Picture::from_image(ramp.map(|p| Srgb([p.0[0]; 3])));

@@ -156,14 +156,14 @@ fn show(name: &str, work: &dyn Fn(&Progress)) -> bool {
         let progress = Progress::none();
         let after = std::thread::scope(|scope| {
             let handle = progress.clone();
-            let canceller = scope.spawn(move || {
+            let canceler = scope.spawn(move || {
                 std::thread::sleep(whole.mul_f64(at));
                 handle.cancel();
                 Instant::now()
             });
             work(&progress);
             let end = Instant::now();
-            let cancelled = canceller.join().expect("sleeping does not panic");
+            let cancelled = canceler.join().expect("sleeping does not panic");
             end.saturating_duration_since(cancelled)
         });
         if after > longest.0 {

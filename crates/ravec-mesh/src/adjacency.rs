@@ -1,4 +1,4 @@
-//! Which triangles meet at which edges and vertices.
+//! Adjacency: the triangles that meet at each edge and vertex.
 //!
 //! Works on indices alone: vertices are the same if they have the same index, wherever they are. Any soup will do; an
 //! edge may have any number of triangles. A triangle that names a vertex twice has no place here: it has no edges, and
@@ -23,7 +23,7 @@ const NONE: u32 = u32::MAX;
 pub struct EdgeUse {
     /// The triangle.
     pub triangle: u32,
-    /// Which of its sides the edge is: from corner 0, 1 or 2 to the next one.
+    /// Side of the triangle that the edge is: from corner 0, 1 or 2 to the next one.
     pub side: u8,
     /// `true` if that side runs from the lower to the higher vertex of the edge. Of two well oriented neighbors one
     /// does and the other does not.

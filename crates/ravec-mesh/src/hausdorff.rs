@@ -94,10 +94,10 @@ impl Hausdorff {
 #[non_exhaustive]
 pub enum HausdorffError {
     /// A mesh has no triangles.
-    #[error("a mesh without triangles has no distance to another one")]
+    #[error("a mesh without triangles has no distance to another mesh")]
     Empty,
     /// The tolerance is no length.
-    #[error("the tolerance of a distance must be a positive length, not {0}")]
+    #[error("the tolerance is {0}, but must be a positive length")]
     Tolerance(f64),
     /// The work was cancelled.
     #[error(transparent)]
@@ -182,7 +182,7 @@ struct Near {
     distance: f64,
 }
 
-/// Queries between two looks at the cancellation: some milliseconds of work.
+/// Queries between two checks for cancellation: some milliseconds of work.
 const CHUNK: usize = 1024;
 
 /// The point closest to `p`; the other surface is not empty and `p` finite.
@@ -333,7 +333,7 @@ struct Piece {
     middle: Option<Near>,
     /// No point of the piece is farther from the other surface.
     upper: f64,
-    /// When it was made; the older of two equal ones goes first.
+    /// Order of creation; the older of two equal ones goes first.
     order: u64,
 }
 

@@ -103,7 +103,7 @@ impl Rounded {
     }
 }
 
-/// Where a box lives.
+/// Cell of a box.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Address {
     level: u32,

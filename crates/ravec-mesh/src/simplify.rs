@@ -44,7 +44,7 @@ use std::sync::atomic::AtomicUsize;
 
 use crate::{Bvh, TriMesh};
 
-pub use judge::{CollapseCandidate, CollapseJudge, Overseer, Trust};
+pub use judge::{CollapseCandidate, CollapseJudge, JudgeFactory, Trust};
 pub use parts::add_rings;
 pub use patches::simplify_patches;
 
@@ -232,7 +232,7 @@ pub enum SimplifyError {
         triangles: usize,
     },
     /// Two vertices without an edge between them are to be kept as a feature.
-    #[error("a feature runs from vertex {} to vertex {}, but no edge does", ends[0], ends[1])]
+    #[error("a feature joins vertices {} and {}, but no edge does", ends[0], ends[1])]
     NoSuchEdge {
         /// The vertices.
         ends: [u32; 2],
@@ -343,7 +343,7 @@ pub fn simplify(
         waiting: &AtomicUsize::new(0),
     };
     let mut engine = Engine::new(start, veto, progress)?;
-    let phase = progress.phase("simplify", engine.most_to_do());
+    let phase = progress.phase("simplify", engine.max_to_do());
     engine.run(&phase, progress)?;
     Ok(engine.take_apart().into_simplified(keep.reports_samples))
 }

@@ -57,7 +57,7 @@ impl TriTri {
     }
 }
 
-/// Which corners of two triangles are at the same place.
+/// Corners of two triangles at the same place.
 #[derive(Clone, Copy)]
 struct Common {
     /// `true` for each corner of the first triangle that is a corner of the second.

@@ -22,7 +22,7 @@ pub struct TriMesh {
 #[non_exhaustive]
 pub enum MeshError {
     /// A coordinate is infinite or not a number.
-    #[error("vertex {vertex} is at ({}, {}, {}), which is not a place", at.x, at.y, at.z)]
+    #[error("vertex {vertex} has the invalid position ({}, {}, {}): coordinates must be finite", at.x, at.y, at.z)]
     NotFinite {
         /// Index of the first such vertex.
         vertex: usize,
@@ -31,7 +31,7 @@ pub enum MeshError {
     },
     /// A triangle names a vertex that does not exist.
     #[error(
-        "triangle {triangle} has vertex {vertex} for a corner, but there are only {vertices} vertices"
+        "triangle {triangle} refers to vertex {vertex}, but there are only {vertices} vertices"
     )]
     NoSuchVertex {
         /// Index of the first such triangle.

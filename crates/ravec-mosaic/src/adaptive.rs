@@ -18,7 +18,7 @@
 //! least error; where a picture is so small that no placement has few enough tiles, the tiles are those of the grid.
 
 use crate::choose::{ChooseParams, Photos};
-use crate::look::Frame;
+use crate::descriptor::Frame;
 use crate::retile::{Place, Source, Tiled, retile};
 use crate::rules::Rules;
 use crate::tiling::Tiling;
@@ -190,20 +190,20 @@ fn jitter(seed: u64, numbers: [usize; 3]) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::look::Look;
+    use crate::descriptor::Descriptor;
     use proptest::prelude::*;
     use ravec_raster::Size;
 
     fn photos(count: usize) -> Photos {
-        let looks: Vec<Look> = (0..count)
+        let descriptors: Vec<Descriptor> = (0..count)
             .map(|number| {
                 let gray = number as f32 / count as f32;
                 let photo = Image::new(Size::new(4, 4).unwrap(), Oklab([gray, 0.0, 0.0]));
-                Look::of(&photo, Frame::of(&photo), 3)
+                Descriptor::of(&photo, Frame::of(&photo), 3)
             })
             .collect();
         Photos::new(
-            &looks,
+            &descriptors,
             (0..count as u32).collect(),
             &ChooseParams::default(),
         )

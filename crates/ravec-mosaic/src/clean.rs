@@ -5,7 +5,7 @@ use ravec_raster::{Image, Oklab};
 /// Why a photo is left out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Flaw {
-    /// Its shorter side has fewer than [`LEAST_SIDE`] pixels.
+    /// Its shorter side has fewer than [`MIN_SIDE`] pixels.
     Tiny,
     /// It is nearly one color all over.
     Contentless,
@@ -25,7 +25,7 @@ impl Flaw {
 }
 
 /// The shorter side below which a photo is tiny, in pixels.
-pub const LEAST_SIDE: usize = 48;
+pub const MIN_SIDE: usize = 48;
 
 /// The root mean square difference from the mean color, in Oklab, below which a photo has no content. A blank scan with the
 /// noise of the sensor has 0.01, a blue sky from top to bottom 0.04.
@@ -39,7 +39,7 @@ const FRAME_SHARE: f64 = 0.03;
 
 /// The flaw of a photo, if it has one. `image` is a reduced version, `short_side` is of the photo itself.
 pub fn flaw(image: &Image<Oklab>, short_side: usize) -> Option<Flaw> {
-    if short_side < LEAST_SIDE {
+    if short_side < MIN_SIDE {
         return Some(Flaw::Tiny);
     }
     let count = image.size().pixels() as f32;

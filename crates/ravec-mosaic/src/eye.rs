@@ -10,7 +10,7 @@
 //!
 //! Source: the model of the eye is that of direct binary search in halftoning (Analoui, Allebach, 1992).
 
-use crate::look::Look;
+use crate::descriptor::Descriptor;
 use crate::tiling::Tile;
 
 /// Half the width of the kernel in halves of a tile of common size. Beyond it the wider Gaussian has fallen below 2 % of its
@@ -219,7 +219,7 @@ pub(crate) fn tile_cost(tile: &Tile, units: usize, distance_sq: f32) -> f32 {
 }
 
 /// The quarters of a photo less those of its tile.
-pub(crate) fn residual(photo: &[[f32; 3]; 4], tile: &Look) -> Residual {
+pub(crate) fn residual(photo: &[[f32; 3]; 4], tile: &Descriptor) -> Residual {
     let mut result = *photo;
     for (result, tile) in result.iter_mut().zip(&tile.quarters) {
         for (result, tile) in result.iter_mut().zip(tile) {

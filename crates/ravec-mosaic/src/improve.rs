@@ -72,14 +72,14 @@ struct Round<'a> {
 impl Round<'_> {
     fn show(&mut self, tile: usize, photo: u32) {
         let tile = &self.problem.tiles[tile];
-        let residual = residual(self.problem.photos.quarters(photo), &tile.look);
+        let residual = residual(self.problem.photos.quarters(photo), &tile.descriptor);
         self.eye.put(tile.footprint(self.cells), &residual);
     }
 
     /// The part of the energy that depends on the photo of a tile.
     fn energy(&self, tile: usize, photo: u32, cost: f32, pull: &Pull) -> f32 {
         let tile = &self.problem.tiles[tile];
-        let residual = residual(self.problem.photos.quarters(photo), &tile.look);
+        let residual = residual(self.problem.photos.quarters(photo), &tile.descriptor);
         tile_cost(tile, self.problem.tiling.units, cost) + pull.energy(&residual)
     }
 

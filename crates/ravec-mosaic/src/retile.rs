@@ -17,8 +17,8 @@
 //! time takes a few thousand products, and the photos near to it, which are remembered.
 
 use crate::choose::{ChooseParams, Photos};
+use crate::descriptor::Frame;
 use crate::eye::{Eye, Pull, residual, tile_cost};
-use crate::look::Frame;
 use crate::search::Near;
 use crate::tiling::{Tile, Tiling};
 use ravec_progress::{Cancelled, Progress};
@@ -38,7 +38,7 @@ const TRIES: usize = 24;
 const SIDES: [usize; 10] = [2, 2, 3, 3, 3, 3, 4, 4, 5, 6];
 
 /// Units along a side of the largest tile.
-const LARGEST: usize = 6;
+const MAX_SIDE: usize = 6;
 
 /// Photos that a new tile chooses from.
 const CANDIDATES: usize = 128;
@@ -205,7 +205,7 @@ impl<'a> Mosaic<'a> {
                 2 * columns,
                 2 * rows,
                 units,
-                LARGEST,
+                MAX_SIDE,
                 STRENGTH * params.blend,
             ),
         }
@@ -349,12 +349,12 @@ impl<'a> Mosaic<'a> {
     }
 
     fn energy(&self, tile: &Tile, photo: u32, distance_sq: f32, pull: &Pull) -> f32 {
-        let residual = residual(self.source.photos.quarters(photo), &tile.look);
+        let residual = residual(self.source.photos.quarters(photo), &tile.descriptor);
         tile_cost(tile, self.empty.units, distance_sq) + pull.energy(&residual)
     }
 
     fn insert(&mut self, tile: Tile, photo: u32) {
-        let residual = residual(self.source.photos.quarters(photo), &tile.look);
+        let residual = residual(self.source.photos.quarters(photo), &tile.descriptor);
         self.eye.put(tile.footprint(1), &residual);
         self.own(&tile, self.next);
         self.shown[self.source.photos.group(photo)].push(self.empty.center(&tile));

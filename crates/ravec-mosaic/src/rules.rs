@@ -67,7 +67,7 @@ pub enum ChooseError {
     Cancelled(#[from] ravec_progress::Cancelled),
 }
 
-/// Which photo is where, and where each group of photos is.
+/// The photo in each tile, and the tiles of each group of photos.
 #[derive(Debug, Clone)]
 pub(crate) struct Placement<'a> {
     pub rules: Rules,

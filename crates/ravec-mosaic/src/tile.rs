@@ -1,6 +1,6 @@
 //! A photo as it stands in a tile: scaled, cropped if that was asked for, and nothing else.
 
-use crate::look::Frame;
+use crate::descriptor::Frame;
 use ravec_raster::{Image, ResizeFilter, Size, Srgb, resize};
 
 /// Treatment of photos whose proportions are not those of the tile.

@@ -25,7 +25,7 @@
 //!
 //! # Current status
 //!
-//! Numerics for `ravec-planar` and `ravec-retarget`. The factorisations are those of `nalgebra` and `nalgebra-sparse`.
+//! Numerics for `ravec-planar` and `ravec-retarget`. The factorizations are those of `nalgebra` and `nalgebra-sparse`.
 //! Sparse systems ([`SquareSum`], [`EliminationPlan`], [`SparseCholesky`]) come with the order in which few entries
 //! appear; [`SingleCholesky`] is for corrections by half the digits.
 

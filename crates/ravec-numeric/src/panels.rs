@@ -20,7 +20,7 @@ struct Panel {
     columns: usize,
     /// Entries of the first column, with that on the diagonal. Each further column has one less.
     height: usize,
-    /// Where the rows below its columns begin.
+    /// Start of the rows below its columns.
     rows: usize,
     /// Where its entries begin, column by column.
     values: usize,

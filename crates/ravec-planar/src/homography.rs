@@ -62,11 +62,11 @@ pub enum HomographyError {
     NonFinite,
     /// The horizon runs through the region, so that no picture shows all of it.
     #[error(
-        "the horizon crosses the region: its corners do not make a convex quadrilateral seen by one camera"
+        "the horizon crosses the region: its corners are not a convex quadrilateral seen by one camera"
     )]
     HorizonCrosses,
     /// Contaminated pairs agree on nothing.
-    #[error("no homography explains more than {inliers} of {pairs} pairs, and {needed} are needed")]
+    #[error("the best homography fits {inliers} of {pairs} pairs, but {needed} are needed")]
     NoConsensus {
         /// Pairs that the best homography explains.
         inliers: usize,

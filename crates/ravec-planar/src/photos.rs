@@ -77,13 +77,13 @@ pub struct PhotoMatch {
 #[non_exhaustive]
 pub enum MatchError {
     /// Too little in the photos looks alike.
-    #[error("only {matches} features of the photos look alike, which is too few to trust")]
+    #[error("only {matches} features of the photos match, too few to trust")]
     TooFewMatches {
         /// Number of similar features.
         matches: usize,
     },
-    /// The features that look alike fit no plane.
-    #[error("the features that look alike do not lie on one plane: {0}")]
+    /// The matching features do not lie on one plane.
+    #[error("the matching features do not lie on one plane: {0}")]
     NoPlane(#[from] HomographyError),
     /// The work was cancelled.
     #[error("cancelled")]

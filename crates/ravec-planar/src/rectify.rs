@@ -74,7 +74,7 @@ pub enum ProportionError {
     ParallelSides,
     /// No focal length makes right angles.
     #[error(
-        "no camera whose axis goes through the given point sees right angles there: the picture may be cropped or the corners \
+        "no camera with its axis through the given point sees right angles there: the picture may be cropped or the corners \
          be off; give the focal length or the ratio of width and height"
     )]
     NotRectangular,

@@ -41,7 +41,7 @@ impl Segment {
     }
 }
 
-/// Where many segments meet.
+/// Point in which many segments meet.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VanishingPoint {
     /// The point (x, y, w): at (x / w, y / w) in pixels, x right, y down, pixel centers at half-integers; (x, y, 0) for the
@@ -191,7 +191,7 @@ fn length_of(aim: Option<&Aim>) -> f64 {
     aim.map_or(0.0, |aim| aim.length)
 }
 
-/// Where two of the longest segments meet and most length aims at.
+/// The point in which two of the longest segments meet and at which most length aims.
 fn best_point(aims: &[&Aim]) -> Option<DVec3> {
     let longest = aims.len().min(LONGEST);
     let score = |at: DVec3| -> f64 { aims.iter().map(|aim| aim.length * aim.weight(at).0).sum() };

@@ -175,7 +175,7 @@ impl Footprint {
         })
     }
 
-    /// Which share of the ellipse's bounding box lies in the image.
+    /// Share of the ellipse's bounding box that lies in the image.
     fn share_inside(&self, size: Size) -> f32 {
         let share = |at: f64, extent: f64, length: usize| {
             let below = |edge: f64| ((at - edge) / extent + 0.5).clamp(0.0, 1.0);

@@ -62,7 +62,7 @@ struct Shared {
     cancelled: AtomicBool,
     sink: Option<Box<Sink>>,
     /// Number of checks left until the cancellation that a test has scheduled.
-    looks_left: Option<AtomicU64>,
+    checks_left: Option<AtomicU64>,
 }
 
 /// Channel through which long work reports its progress and learns that it is cancelled. Clones are handles of the same
@@ -97,7 +97,7 @@ impl Progress {
         }
     }
 
-    /// A progress that cancels itself when it is asked for the `look`-th time (from 1) whether it is cancelled: to test that
+    /// A progress that cancels itself at the `check`-th check for cancellation (from 1): to test that
     /// work stops wherever it is interrupted, without a clock.
     ///
     /// ```
@@ -106,10 +106,10 @@ impl Progress {
     /// assert_eq!(progress.check(), Ok(()));
     /// assert_eq!(progress.check(), Err(Cancelled));
     /// ```
-    pub fn cancelled_at(look: u64) -> Self {
+    pub fn cancelled_at(check: u64) -> Self {
         Self {
             shared: Arc::new(Shared {
-                looks_left: Some(AtomicU64::new(look)),
+                checks_left: Some(AtomicU64::new(check)),
                 ..Shared::default()
             }),
         }
@@ -122,7 +122,7 @@ impl Progress {
 
     /// Returns `true` if [`cancel`](Self::cancel) was called on this progress or a clone of it.
     pub fn is_cancelled(&self) -> bool {
-        if let Some(left) = &self.shared.looks_left
+        if let Some(left) = &self.shared.checks_left
             && left.fetch_sub(1, Ordering::Relaxed) == 1
         {
             self.cancel();

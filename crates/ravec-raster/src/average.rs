@@ -1,4 +1,4 @@
-//! Which pixels may be averaged.
+//! Pixels that may be averaged.
 
 use crate::pixel::{LinearRgb, Oklab, Pixel, PremulLinearRgba};
 

@@ -26,7 +26,7 @@ struct Edge {
 }
 
 impl Edge {
-    /// Where the edge is at height `y` within its range.
+    /// The x of the edge at height `y` within its range.
     fn x_at(&self, y: f64) -> f64 {
         let t = (y - self.top.y) / (self.bottom.y - self.top.y);
         // between the ends also after rounding, so that vertices of the neighbors are met

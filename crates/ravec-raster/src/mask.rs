@@ -48,7 +48,7 @@ pub enum MaskError {
     },
     /// A coordinate or radius is NaN, infinite, or so large that areas in pixels would be lost in rounding.
     #[error(
-        "({x}, {y}) is no usable position: coordinates and radii must be numbers between -1e9 and 1e9"
+        "({x}, {y}) is an invalid position: coordinates and radii must be numbers between -1e9 and 1e9"
     )]
     OutOfRange {
         /// Horizontal coordinate, or the radius.

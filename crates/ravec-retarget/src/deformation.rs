@@ -1,4 +1,4 @@
-//! Where every point of a picture goes.
+//! The map from every point of a picture to its place in the new one.
 //!
 //! Cell by cell, bilinear in the four corners: continuous, and invertible because no cell folds.
 
@@ -35,7 +35,8 @@ pub struct SolveSummary {
 pub struct Deformation {
     pub(crate) size: Size,
     pub(crate) grid: Arc<Grid>,
-    /// Where each vertex of the grid is in the new picture. The frame is `0..width` × `0..height`; what is outside is cut off.
+    /// Position of each vertex of the grid in the new picture. The frame is `0..width` × `0..height`; what is outside
+    /// is cut off.
     pub(crate) vertices: Vec<DVec2>,
     pub(crate) weights: Arc<Vec<f64>>,
     pub(crate) runs: Arc<Vec<GridRun>>,
@@ -47,7 +48,7 @@ pub struct Deformation {
 /// A side of a cell in the new picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GridLine {
-    /// Where it begins and ends.
+    /// Its two ends.
     pub ends: [DVec2; 2],
     /// `true` if it is part of the picture's border.
     pub border: bool,

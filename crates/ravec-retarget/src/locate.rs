@@ -1,4 +1,4 @@
-//! Which cell each pixel of the new picture lies in, and where in it.
+//! Location of each pixel of the new picture: its cell, and its position in the cell.
 //!
 //! A cell of the new picture is a convex quadrilateral. A row of pixel centers crosses it in one stretch, which begins and ends
 //! on two of its sides; where a stretch ends is computed from the two ends of the side alone, so that the neighbor begins at

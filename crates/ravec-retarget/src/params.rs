@@ -88,7 +88,7 @@ pub enum RetargetError {
     /// A parameter is out of range.
     #[error("{name}: {value} is out of range, choose {low} to {high}")]
     Parameter {
-        /// Which one.
+        /// Name of the parameter.
         name: &'static str,
         /// The invalid value.
         value: f64,
@@ -121,7 +121,7 @@ pub enum RetargetError {
     },
     /// The picture to be warped has another shape than the analyzed one.
     #[error(
-        "the picture to warp has {got} pixels, which is not the shape of the analyzed one with {analyzed}"
+        "the picture to warp has {got} pixels, but the analyzed one {analyzed}: both need the same proportions"
     )]
     OtherShape {
         /// The size of the picture to warp.
@@ -130,7 +130,7 @@ pub enum RetargetError {
         analyzed: Size,
     },
     /// The system could not be factored, which only numbers out of all proportion can cause.
-    #[error("the deformation could not be computed: lower the strengths")]
+    #[error("the deformation cannot be computed: lower the strengths")]
     Singular,
     /// The caller cancelled.
     #[error(transparent)]

@@ -293,7 +293,7 @@ impl Retargeter {
         }
         let energy = |whole: DVec2| {
             let scale = self.format(whole).scale;
-            self.axes[0].least_energy(whole.x, scale) + self.axes[1].least_energy(whole.y, scale)
+            self.axes[0].min_energy(whole.x, scale) + self.axes[1].min_energy(whole.y, scale)
         };
         let mut best = (energy(new), none);
         for trial in 1..=CROP_TRIALS {

@@ -145,9 +145,9 @@ impl Frame {
 /// A line that crosses a strip.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Candidate {
-    /// Where the strip begins.
+    /// Start of the strip.
     pub(crate) first: usize,
-    /// Where the line is there.
+    /// Position of the line there.
     pub(crate) from: f64,
     /// Slope: its displacement across for each pixel along.
     pub(crate) slope: f64,

@@ -59,7 +59,7 @@ const REACH: usize = 6;
 /// The edge in a chunk.
 #[derive(Debug, Clone, Copy)]
 struct Edge {
-    /// Where the chunk begins.
+    /// Start of the chunk.
     first: usize,
     /// Where its middle is, along and across.
     at: f64,
@@ -70,7 +70,7 @@ struct Edge {
 /// A straight line of the frame.
 #[derive(Debug, Clone, Copy)]
 struct Level {
-    /// Where it is at the frame's border.
+    /// Its position at the frame's border.
     from: f64,
     slope: f64,
     /// Mean distance across of the edges that it was fitted to.

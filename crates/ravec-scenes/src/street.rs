@@ -19,7 +19,7 @@ use glam::{DMat3, DVec2, DVec3, Vec3};
 use ravec_raster::{Image, LinearRgb, Size};
 use serde::{Deserialize, Serialize};
 
-/// Where the planes of the street lie in the picture.
+/// Places of the planes of the street in the picture.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct StreetTruth {
     /// Image of the street's direction: where its parallel lines meet.
@@ -31,10 +31,10 @@ pub struct StreetTruth {
     pub facades: Vec<FacadeTruth>,
 }
 
-/// Where a house front lies in the picture.
+/// Place of a house front in the picture.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FacadeTruth {
-    /// Maps (meters to the right along the front, meters up from the ground, 1) to the image. Serialised column by
+    /// Maps (meters to the right along the front, meters up from the ground, 1) to the image. Serialized column by
     /// column, as are all matrices.
     pub image_from_plane: DMat3,
     /// Width and height to the eaves, meters.

@@ -227,13 +227,13 @@ pub fn wood(p: DVec2, footprint: f64, color: Vec3, seed: Seed) -> Vec3 {
     let rings = (local.y / 0.011 + 5.0 * bend + 40.0 * plank) * std::f64::consts::TAU * 0.5;
     let visible = (1.6 - 260.0 * footprint).clamp(0.0, 1.0);
     let line = visible * (0.5 + 0.5 * rings.sin()).powi(3);
-    let fibre = fractal(
+    let fiber = fractal(
         local * DVec2::new(14.0, 420.0),
         footprint * 420.0,
         2,
         seed.fork(4),
     );
-    let shade = 0.92 + 0.24 * (plank - 0.5) - 0.30 * line + 0.10 * fibre + 0.12 * bend;
+    let shade = 0.92 + 0.24 * (plank - 0.5) - 0.30 * line + 0.10 * fiber + 0.12 * bend;
     let gap = 1.0 - 0.75 * (1.0 - pulse(p.y / PLANK, 0.97, footprint / PLANK));
     let ruddy = Vec3::new(1.0, 1.0 - 0.12 * line as f32, 1.0 - 0.22 * line as f32);
     color * ruddy * (shade * gap).max(0.05) as f32

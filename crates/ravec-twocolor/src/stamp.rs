@@ -17,7 +17,7 @@ const SPACING: f64 = 0.7;
 /// Largest displacement of a square from its grid point, relative to the spacing.
 const JITTER: f64 = 0.2;
 
-/// Where a square lies.
+/// Place of a square.
 struct Place {
     left: i64,
     top: i64,

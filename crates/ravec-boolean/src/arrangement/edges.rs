@@ -1,4 +1,4 @@
-//! Which pieces meet in which edges, and in which order around them.
+//! Edges in which pieces meet, and the order of the pieces around them.
 
 use std::cmp::Ordering;
 
@@ -11,7 +11,7 @@ use super::cut::Pieces;
 use super::exact::{self, Grid};
 use super::point::{self, Point};
 
-/// Pieces or vertices between two looks at the progress: some milliseconds.
+/// Pieces or vertices between two checks for cancellation: some milliseconds.
 const STRIDE: usize = 1 << 16;
 
 /// A piece at an edge.

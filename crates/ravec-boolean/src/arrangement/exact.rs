@@ -135,7 +135,7 @@ impl Exact {
         }
     }
 
-    /// Where a line goes through a plane; `None` if it does not go through in one point.
+    /// The point in which a line meets a plane; `None` if they do not meet in one point.
     pub fn of_line_and_plane(grid: Grid, line: &[DVec3; 2], through: &[DVec3; 3]) -> Option<Self> {
         let (normal, a) = plane(grid, through);
         let p = vector(grid, line[0]);
@@ -145,7 +145,7 @@ impl Exact {
         Self::normalized(std::array::from_fn(|k| &p[k] * &w + &d[k] * &t), w)
     }
 
-    /// Where three planes meet; `None` if they do not meet in one point.
+    /// The point in which three planes meet; `None` if they do not meet in one point.
     pub fn of_planes(grid: Grid, planes: &[[DVec3; 3]; 3]) -> Option<Self> {
         let [(n0, a0), (n1, a1), (n2, a2)] = planes.each_ref().map(|p| plane(grid, p));
         let (c0, c1, c2) = (cross(&n1, &n2), cross(&n2, &n0), cross(&n0, &n1));

@@ -119,16 +119,16 @@ impl Point {
         }
     }
 
-    /// The point that lines and planes define, which must meet in one point. Intervals wider than `most_width` are
+    /// The point that lines and planes define, which must meet in one point. Intervals wider than `max_width` are
     /// made as narrow as doubles allow.
-    pub fn defined(definition: Definition, most_width: f64, grid: Grid) -> Self {
+    pub fn defined(definition: Definition, max_width: f64, grid: Grid) -> Self {
         let mut point = Self {
             near: definition.near(),
             definition: Some(definition),
             exact: OnceLock::new(),
         };
         // written so that what is not a number counts as wide
-        if !point.near.iter().all(|i| i.width() <= most_width) {
+        if !point.near.iter().all(|i| i.width() <= max_width) {
             point.near = std::array::from_fn(|k| point.exact(grid).rounded(grid, k));
         }
         point

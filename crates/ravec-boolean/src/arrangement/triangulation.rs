@@ -44,12 +44,12 @@ pub(crate) enum Line {
 
 /// A point of others or of our own.
 #[derive(Debug)]
-pub(crate) enum Held<'a> {
+pub(crate) enum PointRef<'a> {
     Shared(&'a Point),
     Own(Box<Point>),
 }
 
-impl Deref for Held<'_> {
+impl Deref for PointRef<'_> {
     type Target = Point;
 
     fn deref(&self) -> &Point {
@@ -84,7 +84,7 @@ impl Tri {
     }
 }
 
-/// Where a point is.
+/// Location of a point.
 enum Place {
     Vertex(u32),
     Side(u32, usize),
@@ -96,8 +96,8 @@ pub(crate) struct Triangulation<'a> {
     plane: [DVec3; 3],
     axis: usize,
     grid: Grid,
-    most_width: f64,
-    points: Vec<Held<'a>>,
+    max_width: f64,
+    points: Vec<PointRef<'a>>,
     triangles: Vec<Tri>,
     triangle_at: Vec<u32>,
     lines: Vec<Line>,
@@ -113,19 +113,19 @@ fn key(a: u32, b: u32) -> [u32; 2] {
 
 impl<'a> Triangulation<'a> {
     /// Begins with one triangle, which must run counter-clockwise as seen against `axis` and hold everything that
-    /// follows. `plane` is the plane of it all, `most_width` the widest interval that a new point may have.
+    /// follows. `plane` is the plane of it all, `max_width` the widest interval that a new point may have.
     pub fn new(
-        corners: [Held<'a>; 3],
+        corners: [PointRef<'a>; 3],
         plane: [DVec3; 3],
         axis: usize,
         grid: Grid,
-        most_width: f64,
+        max_width: f64,
     ) -> Self {
         Self {
             plane,
             axis,
             grid,
-            most_width,
+            max_width,
             points: corners.into(),
             triangles: vec![Tri {
                 corners: [0, 1, 2],
@@ -163,7 +163,7 @@ impl<'a> Triangulation<'a> {
     }
 
     /// The vertex at a point, which is made if there is none. Second, whether it is new.
-    pub fn insert(&mut self, point: Held<'a>) -> (u32, bool) {
+    pub fn insert(&mut self, point: PointRef<'a>) -> (u32, bool) {
         match self.locate(&point) {
             Place::Vertex(vertex) => (vertex, false),
             Place::Side(triangle, side) => (self.split_side(triangle, side, point), true),
@@ -173,7 +173,7 @@ impl<'a> Triangulation<'a> {
 
     /// The vertex at a point that is known to be on a straight chain of edges, which is given by its vertices and grows
     /// by the new one. Nothing is asked but the order along the chain.
-    pub fn insert_on(&mut self, chain: &mut Vec<u32>, point: Held<'a>) -> (u32, bool) {
+    pub fn insert_on(&mut self, chain: &mut Vec<u32>, point: PointRef<'a>) -> (u32, bool) {
         let (first, last) = (self.point(chain[0]), self.point(chain[chain.len() - 1]));
         let (from, to) = (first.rounded(), last.rounded());
         let along = (to - from).abs();
@@ -246,7 +246,7 @@ impl<'a> Triangulation<'a> {
         }
     }
 
-    fn push_point(&mut self, point: Held<'a>) -> u32 {
+    fn push_point(&mut self, point: PointRef<'a>) -> u32 {
         self.points.push(point);
         self.triangle_at.push(NONE);
         (self.points.len() - 1) as u32
@@ -273,7 +273,7 @@ impl<'a> Triangulation<'a> {
         self.last = t;
     }
 
-    fn split_triangle(&mut self, t: u32, point: Held<'a>) -> u32 {
+    fn split_triangle(&mut self, t: u32, point: PointRef<'a>) -> u32 {
         let p = self.push_point(point);
         let Tri {
             corners: [a, b, c],
@@ -287,7 +287,7 @@ impl<'a> Triangulation<'a> {
         p
     }
 
-    fn split_side(&mut self, t: u32, side: usize, point: Held<'a>) -> u32 {
+    fn split_side(&mut self, t: u32, side: usize, point: PointRef<'a>) -> u32 {
         let p = self.push_point(point);
         let tri = self.triangles[t as usize];
         let [a, b, c] = std::array::from_fn(|k| tri.corners[(side + k) % 3]);

@@ -93,7 +93,7 @@ fn first_at_place(chain: &Chain, positions: &[DVec3]) -> FxHashMap<u32, u32> {
     first
 }
 
-/// Triangles between two looks at the progress: some milliseconds.
+/// Triangles between two checks for cancellation: some milliseconds.
 const STRIDE: usize = 1 << 16;
 
 fn count(

@@ -176,7 +176,7 @@ fn distance_to(p: DVec3, [u, v]: [DVec3; 2]) -> f64 {
     p.distance(u + along(p, [u, v]).clamp(0.0, 1.0) * (v - u))
 }
 
-/// Where on an edge a place is: 0 at its start and 1 at its end.
+/// Position of a place along an edge: 0 at its start and 1 at its end.
 fn along(p: DVec3, [u, v]: [DVec3; 2]) -> f64 {
     let side = v - u;
     let share = (p - u).dot(side) / side.length_squared();
@@ -217,7 +217,7 @@ fn near(
     Ok(near)
 }
 
-/// Which vertices are taken for another.
+/// The vertex for which each vertex is taken.
 fn merged(
     edges: &[([u32; 2], i64)],
     near: &[Near],

@@ -11,7 +11,7 @@ use super::template::{LANES, Template};
 use fearless_simd::{Level as Vectors, Simd, dispatch};
 use glam::IVec2;
 
-/// Which rows are summed.
+/// Rows that are summed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Rows {
     /// All, the even ones first.

@@ -26,7 +26,7 @@ pub struct FillOptions {
     /// The radius of fragments in pixels, 2 to 124; none (the default) to choose it from the structure around each of them,
     /// and from the size of the hole.
     pub radius_px: Option<u32>,
-    /// Which pixels fragments have (default [`Shape::Circle`]).
+    /// Shape of fragments (default [`Shape::Circle`]).
     pub shape: Shape,
     /// Bend the tones of what is copied to those around it (default true).
     pub blend: bool,

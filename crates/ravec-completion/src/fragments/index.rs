@@ -19,7 +19,7 @@ use std::sync::OnceLock;
 /// Radii of fragments that can be searched, in pixels.
 pub(super) const RADII: std::ops::RangeInclusive<u32> = 2..=124;
 
-/// Where fragments may come from.
+/// Allowed sources of fragments.
 #[derive(Debug, Clone)]
 pub struct Sources<'a, P: Color> {
     /// The picture itself.

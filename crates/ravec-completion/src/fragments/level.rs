@@ -178,7 +178,7 @@ impl Level {
         Ok(half)
     }
 
-    /// Where the luminance of a pixel is.
+    /// Index of the luminance of a pixel.
     #[inline]
     pub(super) fn luma_index(&self, col: usize, row: usize) -> usize {
         (row + 1) * (self.width + 2) + col + 1

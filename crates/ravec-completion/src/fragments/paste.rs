@@ -247,7 +247,7 @@ pub(super) fn neighbors(
     .filter(move |&(x, y)| x < size.width() && y < size.height())
 }
 
-/// Which candidates become new.
+/// Selects the candidates that become new.
 fn cut(
     way: &Way,
     canvas: &Canvas,

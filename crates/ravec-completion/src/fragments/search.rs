@@ -289,7 +289,7 @@ impl Hunt<'_> {
     fn spread(&self, places: &[Place], level: usize) -> Vec<Place> {
         let apart_px = self.apart_px / f64::from(1 << level);
         // the order of groups may change on the next level
-        let most_groups = self.count + self.count / 2;
+        let max_groups = self.count + self.count / 2;
         let mut groups: Vec<(Place, usize)> = Vec::new();
         let mut chosen = Vec::new();
         for (rank, place) in places.iter().enumerate() {
@@ -301,7 +301,7 @@ impl Hunt<'_> {
             if let Some((_, members)) = groups.iter_mut().find(near) {
                 *members += 1;
                 is_followed |= *members <= BEST_OF_GROUP;
-            } else if groups.len() < most_groups {
+            } else if groups.len() < max_groups {
                 groups.push((*place, 1));
                 is_followed = true;
             }

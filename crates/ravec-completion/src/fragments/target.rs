@@ -6,7 +6,7 @@
 use glam::{DMat2, DVec2};
 use serde::{Deserialize, Serialize};
 
-/// Which pixels around its middle a fragment has.
+/// Shape of a fragment: the pixels around its middle that it has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Shape {
@@ -41,7 +41,7 @@ pub struct Target {
     /// From the middle to the rim, 2 to 124: in pixels of the picture, on a plane in pixels of its view, which are about as
     /// large at the hole. Larger follows more structure, smaller finds more that fits.
     pub radius_px: u32,
-    /// Which pixels it has (default [`Shape::Circle`]).
+    /// Shape of the target (default [`Shape::Circle`]).
     #[serde(default)]
     pub shape: Shape,
 }

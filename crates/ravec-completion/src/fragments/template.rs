@@ -40,7 +40,7 @@ pub(super) struct Template {
     pub(super) values: Vec<Vec<f32>>,
     /// Weights of colors, gradients, features.
     pub(super) weights: [Vec<f32>; 3],
-    /// Which pixels are known.
+    /// `true` for each known pixel.
     known: Vec<bool>,
     /// For each row the part of it that a source must cover, from and to; empty if none.
     pub(super) rows: Vec<(usize, usize)>,
@@ -126,7 +126,7 @@ impl Template {
         }
     }
 
-    /// Where the weights are. Gradients have none where colors have none.
+    /// Finds the pixels with weight. Gradients have none where colors have none.
     fn find_weighted(&mut self) {
         for (row, weighted) in self.weighted.iter_mut().enumerate() {
             let at = row * self.stride;
@@ -197,7 +197,7 @@ impl Template {
         self.weights[0].iter().map(|&w| f64::from(w)).sum()
     }
 
-    /// Which weights a plane has: 0 for colors, 1 for gradients, 2 for features.
+    /// Kind of weights of a plane: 0 for colors, 1 for gradients, 2 for features.
     pub(super) fn weight_of(&self, plane: usize) -> usize {
         if plane < self.channels.colors() {
             0

@@ -10,7 +10,7 @@ pub(super) const WIDTH: usize = 8;
 pub(super) const STACK: usize = 192;
 
 /// Bound on the number of nodes, so that the place of a box, its node times eight and its lane, is a `u32`.
-pub(super) const MOST_NODES: usize = 1 << 29;
+pub(super) const MAX_NODES: usize = 1 << 29;
 
 /// Up to eight boxes with what they hold.
 #[derive(Debug, Clone, Copy)]

@@ -261,7 +261,8 @@ impl Slab {
     }
 }
 
-/// Which boxes a ray in the local frame meets, when they are grown by `slack`. The largest component of `along` is 1.
+/// The boxes that a ray in the local frame meets, when they are grown by `slack`. The largest component of `along` is
+/// 1.
 #[inline]
 fn meeting(boxes: &Boxes, from: DVec3, along: DVec3, slack: f64) -> u32 {
     let mut enter = [0.0_f64; WIDTH];

@@ -41,7 +41,7 @@ const IN_VAIN: [f64; 2] = [1.0 / 32.0, 1.0 / 8.0];
 const PAUSE: usize = 256;
 
 /// In so many parts at most they are examined, since each needs an examiner, which has a number for each vertex.
-const MOST_PARTS: usize = 8;
+const MAX_PARTS: usize = 8;
 
 /// Initial state of an engine.
 pub(super) struct Start<'a> {
@@ -223,12 +223,12 @@ impl<'a, J: CollapseJudge> Engine<'a, J> {
         for _ in 0..ROUNDS {
             let before = self.report.collapses;
             while !self.is_done() {
-                let many = self.most_ahead();
+                let many = self.max_ahead();
                 let batch = self.next(many);
                 match batch.as_slice() {
                     [] => break,
                     [entry] => self.try_collapse(*entry, phase, progress)?,
-                    _ => self.look_ahead(&batch, phase, progress)?,
+                    _ => self.examine_ahead(&batch, phase, progress)?,
                 }
             }
             if self.is_done() || self.report.collapses == before {
@@ -274,7 +274,7 @@ impl<'a, J: CollapseJudge> Engine<'a, J> {
     }
 
     /// Number of edges to examine at once: one if all threads have work.
-    fn most_ahead(&mut self) -> usize {
+    fn max_ahead(&mut self) -> usize {
         let is_last = self.waiting.load(Ordering::Relaxed) == 0;
         if self.pause > 0 || !is_last || rayon::current_num_threads() == 1 {
             self.pause = self.pause.saturating_sub(1);
@@ -312,7 +312,7 @@ impl<'a, J: CollapseJudge> Engine<'a, J> {
     /// Examines all of a batch at once, as if each were next, and lets those collapse that may. The result is that of
     /// examining them one after the other: edges that come to be meanwhile have their turn, and where something has
     /// changed since around an edge, it is examined again.
-    fn look_ahead(
+    fn examine_ahead(
         &mut self,
         batch: &[Entry],
         phase: &Phase,
@@ -370,7 +370,7 @@ impl<'a, J: CollapseJudge> Engine<'a, J> {
         // not locked during the examination: a judge with parallel work of its own may make this thread take up another part
         let (state, examiners, vertices) = (&self.state, &self.examiners, self.stamps.len());
         let idle = || examiners.lock().unwrap_or_else(PoisonError::into_inner);
-        let part = batch.len().div_ceil(MOST_PARTS);
+        let part = batch.len().div_ceil(MAX_PARTS);
         let parts = batch.par_chunks(part).zip(ahead.par_chunks_mut(part));
         parts.try_for_each(|(entries, collapses)| {
             let examiner = idle().pop();
@@ -445,7 +445,7 @@ impl<'a, J: CollapseJudge> Engine<'a, J> {
     }
 
     /// Number of triangles that may still go.
-    pub fn most_to_do(&self) -> u64 {
+    pub fn max_to_do(&self) -> u64 {
         self.state.surface.alive.saturating_sub(self.target)
     }
 
@@ -483,7 +483,7 @@ impl<'a, J: CollapseJudge> Engine<'a, J> {
 
 /// The result of an engine, in the names of the mesh it was given.
 pub(super) struct Leftover {
-    /// Where the vertices are that are still there.
+    /// Positions of the vertices that are still there.
     pub positions: Vec<DVec3>,
     /// The corners of the triangles that are still there.
     pub triangles: Vec<[u32; 3]>,

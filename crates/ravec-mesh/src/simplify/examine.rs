@@ -126,8 +126,8 @@ impl Change {
             new_worst_sq = new_worst_sq.min(new_sq);
             if old_sq > NO_NORMAL * NO_NORMAL {
                 let along = old.dot(new);
-                let least_sq = limits.turn_cos_sq * old.length_squared() * new.length_squared();
-                if along <= 0.0 || along * along < least_sq {
+                let min_sq = limits.turn_cos_sq * old.length_squared() * new.length_squared();
+                if along <= 0.0 || along * along < min_sq {
                     return Err(Veto::Turns);
                 }
             }
@@ -145,8 +145,8 @@ impl Change {
             self.vanishing_at.push(at);
             worst_sq = worst_sq.min(quality_sq(&at, normal(&at)));
         }
-        let least_sq = limits.min_quality * limits.min_quality;
-        if new_worst_sq <= 0.0 || new_worst_sq < least_sq.min(worst_sq) {
+        let min_sq = limits.min_quality * limits.min_quality;
+        if new_worst_sq <= 0.0 || new_worst_sq < min_sq.min(worst_sq) {
             return Err(Veto::Quality);
         }
         Ok(())

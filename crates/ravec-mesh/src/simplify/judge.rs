@@ -9,13 +9,13 @@ use crate::TriMesh;
 pub struct CollapseCandidate<'a> {
     /// The vertices that are merged, by their index in the original mesh; the first one keeps its name.
     pub vertices: [u32; 2],
-    /// Where these two are.
+    /// Positions of these two.
     pub from: [DVec3; 2],
-    /// Where the merged vertex will be.
+    /// Position of the merged vertex.
     pub position: DVec3,
     /// The triangles that will change, by their index in the original mesh.
     pub triangles: &'a [u32],
-    /// Where the corners of `triangles` are.
+    /// Positions of the corners of `triangles`.
     pub before: &'a [[DVec3; 3]],
     /// The names of these corners, by their index in the original mesh.
     pub corners_before: &'a [[u32; 3]],
@@ -27,21 +27,21 @@ pub struct CollapseCandidate<'a> {
     pub vanishing: &'a [u32],
     /// The names of their corners, by their index in the original mesh.
     pub vanishing_corners: &'a [[u32; 3]],
-    /// Where these are.
+    /// Positions of these corners.
     pub vanishing_at: &'a [[DVec3; 3]],
 }
 
-/// Who may refuse collapses. A closure that answers whether to refuse is one that is asked last.
+/// Judge that may refuse collapses. A closure that answers whether to refuse is one that is asked last.
 ///
 /// Several collapses may be judged at the same time, and what is judged may not happen for other reasons, or be judged again
 /// once its neighborhood has changed. So answers may depend only on the candidate and on the collapses around it that
-/// [happened](Self::happens).
+/// [happened](Self::on_collapse).
 pub trait CollapseJudge: Sync {
     /// Findings of a judgment, for the next question about the collapse and for its execution.
     type Findings: Default + Send;
 
-    /// Where a merged vertex is put that would best be at `lowest` (default there): for vertices that may be in some places
-    /// only. It is asked before all else, and not about a vertex that stays where it is.
+    /// The allowed place of a merged vertex that would best be at `lowest` (default there): for vertices that may be in
+    /// some places only. It is asked before all else, and not about a vertex that stays where it is.
     fn place(&self, lowest: DVec3) -> DVec3 {
         lowest
     }
@@ -62,7 +62,7 @@ pub trait CollapseJudge: Sync {
     fn refuses(&self, candidate: &CollapseCandidate<'_>, findings: &mut Self::Findings) -> bool;
 
     /// A collapse that was not refused happens.
-    fn happens(&mut self, candidate: &CollapseCandidate<'_>, findings: &mut Self::Findings) {
+    fn on_collapse(&mut self, candidate: &CollapseCandidate<'_>, findings: &mut Self::Findings) {
         let _ = (candidate, findings);
     }
 }
@@ -78,7 +78,7 @@ impl<F: Fn(&CollapseCandidate<'_>) -> bool + Sync> CollapseJudge for F {
 /// Trust in the decisions of a judge.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Trust {
-    /// All triangles that changed are examined afterwards, by [`Overseer::faults`], and what is at fault is undone: a judge may admit
+    /// All triangles that changed are examined afterwards, by [`JudgeFactory::faults`], and what is at fault is undone: a judge may admit
     /// what is most probably right.
     Examined,
     /// Its admissions are final.
@@ -86,7 +86,7 @@ pub enum Trust {
 }
 
 /// Decisions of the caller of [`simplify_patches`](super::simplify_patches).
-pub trait Overseer: Sync {
+pub trait JudgeFactory: Sync {
     /// The kind of judges.
     type Judge: CollapseJudge;
 

@@ -9,16 +9,16 @@ use crate::keyed::{KeyedMap, KeyedSet};
 use crate::{Aabb, TriMesh};
 
 /// Patches have at least about half as many triangles: of smaller ones much is seam.
-const FEWEST: usize = 4096;
+const MIN_TRIANGLES: usize = 4096;
 
 /// Patches have at most about as many triangles: little is gained from fewer seams than that.
-const MOST: usize = 16_384;
+const MAX_TRIANGLES: usize = 16_384;
 
 /// Number of patches that are made between these limits: enough for as many threads.
 const PATCHES: usize = 8;
 
 /// Least number of triangles, roughly, of the pieces into which the surroundings of seams are cut.
-const FEWEST_OF_SEAMS: usize = 512;
+const MIN_SEAM_TRIANGLES: usize = 512;
 
 /// Between which shares of its triangles a piece of seams is cut, and in how many places that is tried.
 const CUT_SHARES: [f64; 2] = [0.25, 0.75];
@@ -130,7 +130,7 @@ pub(super) fn cut(mesh: &TriMesh) -> Vec<Vec<u32>> {
     let middles: Vec<DVec3> = (0..mesh.triangles().len() as u32)
         .map(|t| mesh.corners(t).into_iter().sum())
         .collect();
-    let most = (all.len() / PATCHES).clamp(FEWEST, MOST);
+    let most = (all.len() / PATCHES).clamp(MIN_TRIANGLES, MAX_TRIANGLES);
     let mut patches = Vec::new();
     let mut to_cut = vec![all];
     while let Some(mut triangles) = to_cut.pop() {
@@ -158,7 +158,7 @@ pub(super) fn cut(mesh: &TriMesh) -> Vec<Vec<u32>> {
 /// Around seams they are dense along the planes of seams, so that they are cut across these.
 pub(super) fn cut_sparsely(mesh: &TriMesh, triangles: Vec<u32>) -> Vec<Vec<u32>> {
     let middle = |t: u32| mesh.corners(t).into_iter().sum::<DVec3>();
-    let most = (triangles.len() / PATCHES).clamp(FEWEST_OF_SEAMS, MOST);
+    let most = (triangles.len() / PATCHES).clamp(MIN_SEAM_TRIANGLES, MAX_TRIANGLES);
     let mut pieces = Vec::new();
     let mut to_cut = vec![triangles];
     while let Some(mut triangles) = to_cut.pop() {

@@ -2,7 +2,7 @@
 //!
 //! 1. The triangles are cut into patches, by halving them again and again across the longest side of the box of their
 //!    middles. Patches are simplified side by side, with the vertices they share held fast.
-//! 2. Each is examined: triangles may meet if the [`Overseer`] says that its judges keep them apart; and the caller may find
+//! 2. Each is examined: triangles may meet if the [`JudgeFactory`] says that its judges keep them apart; and the caller may find
 //!    triangles at fault. These are [undone](super::undo), and then what is there again is simplified with care.
 //! 3. Patches are put together, and what is around the vertices that they share is simplified, so that no seam remains. This
 //!    is cut into pieces, too, where it is sparse and so across seams; they are simplified side by side, and then what is
@@ -20,7 +20,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::deviation::{Sample, known_samples, samples};
 use super::engine::{Engine, Leftover, Start};
-use super::judge::{Overseer, Trust};
+use super::judge::{JudgeFactory, Trust};
 use super::parts::{Part, borders, by_group, cut, cut_sparsely};
 use super::surface::{GONE, creases};
 use super::undo::Checkpoint;
@@ -41,7 +41,7 @@ pub fn simplify_patches(
     mesh: &TriMesh,
     params: &SimplifyParams,
     mut keep: Keep<'_>,
-    overseer: &impl Overseer,
+    judges: &impl JudgeFactory,
     progress: &Progress,
 ) -> Result<Simplified, SimplifyError> {
     progress.check()?;
@@ -90,7 +90,7 @@ pub fn simplify_patches(
         fixed,
         sealed: keep.sealed,
         reports_samples: keep.reports_samples,
-        overseer,
+        judges,
         waiting: &AtomicUsize::new(0),
         phase: &progress.phase("simplify", mesh.triangles().len() as u64),
         progress,
@@ -121,7 +121,7 @@ pub(super) struct Task<'a, O> {
     /// `true` if what is fixed is that of other meshes, too.
     sealed: bool,
     reports_samples: bool,
-    pub overseer: &'a O,
+    pub judges: &'a O,
     /// Number of patches or pieces that wait for a thread.
     waiting: &'a AtomicUsize,
     phase: &'a Phase,
@@ -154,7 +154,7 @@ pub(super) struct Assembly {
     report: SimplifyReport,
 }
 
-impl<O: Overseer> Task<'_, O> {
+impl<O: JudgeFactory> Task<'_, O> {
     /// Simplifies all of the mesh, and undoes what is at fault.
     fn simplify_examined(&self, samples: Vec<Sample>) -> Result<Assembly, SimplifyError> {
         let mut assembly = Assembly::new(self.mesh, samples);
@@ -305,7 +305,7 @@ impl<O: Overseer> Task<'_, O> {
         }
         drop(names);
         self.progress.check()?;
-        let is_believed = work.trust == Trust::Examined && self.overseer.keeps_apart();
+        let is_believed = work.trust == Trust::Examined && self.judges.keeps_apart();
         let params = SimplifyParams {
             avoid_intersections: self.params.avoid_intersections && !is_believed,
             ..self.params
@@ -319,7 +319,7 @@ impl<O: Overseer> Task<'_, O> {
             original: self.original,
             waiting: self.waiting,
         };
-        let judge = self.overseer.judge(&part.mesh, work.trust);
+        let judge = self.judges.judge(&part.mesh, work.trust);
         self.progress.check()?;
         let mut engine = Engine::new(start, judge, self.progress)?;
         engine.run(self.phase, self.progress)?;
@@ -432,7 +432,7 @@ impl Assembly {
         self.report.add(&of_patch.report);
     }
 
-    /// Which vertices stand for which, and where they are.
+    /// The vertex that stands for each vertex, and the positions.
     pub fn now(&self) -> (&[u32], &[DVec3]) {
         (&self.merged_into, &self.positions)
     }

@@ -150,7 +150,7 @@ impl<J: CollapseJudge> State<'_, J> {
         let (plan, change) = (collapse.plan, &collapse.change);
         let [kept, removed] = [plan.kept, plan.removed];
         let candidate = change.candidate(&self.surface, &plan);
-        self.judge.happens(&candidate, &mut collapse.findings);
+        self.judge.on_collapse(&candidate, &mut collapse.findings);
         if let Some(deviation) = &mut self.deviation {
             deviation.accept(&change.old(), &change.changed, &collapse.moves);
         }

@@ -14,7 +14,7 @@ use rayon::prelude::*;
 
 use super::SimplifyError;
 use super::deviation::Sample;
-use super::judge::Overseer;
+use super::judge::JudgeFactory;
 use super::parts::Part;
 use super::patches::{Assembly, Task};
 use crate::adjacency::is_proper;
@@ -115,26 +115,26 @@ impl Orders {
         };
         for fault in faults {
             let recent = fault.iter().filter(|&&v| history.is_recent(v));
-            let mut is_mended = false;
+            let mut is_repaired = false;
             for &v in recent {
                 orders.to_checkpoint[history.merged[v as usize] as usize] = true;
-                is_mended = true;
+                is_repaired = true;
             }
             // what was there at the checkpoint is to blame only if nothing else is
-            if !is_mended {
+            if !is_repaired {
                 let parts = fault.iter().filter_map(|&v| Some((history.parts(v)?, v)));
                 if let Some((_, v)) = parts.min() {
                     orders.to_original[history.before[v as usize] as usize] = true;
-                    is_mended = true;
+                    is_repaired = true;
                 }
             }
-            orders.are_any |= is_mended;
+            orders.are_any |= is_repaired;
         }
         orders
     }
 }
 
-impl<O: Overseer> Task<'_, O> {
+impl<O: JudgeFactory> Task<'_, O> {
     /// Undoes what is at fault, if there was a checkpoint back to that, and says of which vertices something was undone.
     pub(super) fn restore(
         &self,
@@ -231,7 +231,7 @@ impl<O: Overseer> Task<'_, O> {
         let is_changed =
             |&t: &u32| part.mesh.corners(t) != self.mesh.corners(part.triangles[t as usize]);
         let changed: Vec<u32> = suspicious.iter().copied().filter(is_changed).collect();
-        let bad = self.overseer.faults(&part.mesh, &changed);
+        let bad = self.judges.faults(&part.mesh, &changed);
         let of = |triangles: &[u32]| -> Fault {
             let corners = triangles.iter().flat_map(|&t| corners(t));
             corners.map(name).collect()

@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::{Common, TriTri};
 use crate::predicates::{Projection, Sign};
 
-/// Where a point lies relative to a convex polygon or a segment.
+/// Location of a point relative to a convex polygon or a segment.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Place {
     Outside,

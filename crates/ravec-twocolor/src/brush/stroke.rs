@@ -11,7 +11,7 @@ use ravec_raster::Size;
 pub enum Tool {
     /// One of the modes of the operator.
     Operator {
-        /// Which one.
+        /// Mode of the operator.
         mode: Mode,
         /// Number of applications, 1 to 16.
         #[serde(default = "once")]
@@ -43,7 +43,7 @@ pub enum Tool {
     Mask,
     /// Copies from another place of the picture as it was before the stroke.
     Clone {
-        /// From where, relative to each pixel: columns and rows. Pixels outside the picture are not copied.
+        /// Offset of the source, relative to each pixel: columns and rows. Pixels outside the picture are not copied.
         offset: [i32; 2],
     },
 }
@@ -122,7 +122,7 @@ impl Stroke {
         }
     }
 
-    /// Refuses what makes no sense.
+    /// Refuses invalid strokes.
     pub(crate) fn check(&self) -> Result<(), Problem> {
         let finite = self
             .points
@@ -251,10 +251,10 @@ pub struct Strokes {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum StrokeError {
-    /// A stroke makes no sense.
+    /// A stroke is invalid.
     #[error("stroke {number} {problem}")]
     Stroke {
-        /// Which one, counted from 1.
+        /// Number of the stroke, counted from 1.
         number: usize,
         /// Description of the defect.
         problem: &'static str,
@@ -276,7 +276,7 @@ pub enum StrokeError {
         height: usize,
     },
     /// There are too many strokes.
-    #[error("{got} strokes are too many: at most 100 000 can be applied")]
+    #[error("{got} strokes are too many: apply at most 100 000 at a time")]
     TooMany {
         /// Number of strokes.
         got: usize,

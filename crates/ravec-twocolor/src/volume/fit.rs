@@ -63,7 +63,7 @@ pub enum VolumeError {
     #[error("the video has no frames")]
     NoFrames,
     /// Frames differ in size.
-    #[error("frame {frame} has {got} pixels where the first has {expected}")]
+    #[error("frame {frame} has {got} pixels, but the first has {expected}")]
     FrameSize {
         /// The number of the first frame that differs, from 0.
         frame: usize,
@@ -73,19 +73,19 @@ pub enum VolumeError {
         expected: Size,
     },
     /// The block's side is out of range.
-    #[error("a block of {got} pixels a side cannot be fitted: choose 2 to 16")]
+    #[error("the block size is {got} pixels a side: choose 2 to 16")]
     BlockSize {
         /// The side that was asked for.
         got: usize,
     },
     /// The block's number of frames is out of range.
-    #[error("a block of {got} frames cannot be fitted: choose 1 to 16")]
+    #[error("the block length is {got} frames: choose 1 to 16")]
     BlockFrames {
         /// The frames that were asked for.
         got: usize,
     },
     /// The number of starts is out of range.
-    #[error("a search from {got} starts is not possible: choose 1 to 16")]
+    #[error("the number of starts is {got}: choose 1 to 16")]
     Starts {
         /// The starts that were asked for.
         got: usize,

@@ -74,7 +74,7 @@ const FASTEST_PX: f64 = 64.0;
 /// block. A block without a plane is *flat*: both colors are the same.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TwoColorVoxel {
-    /// Where the colors meet; nothing for a flat block.
+    /// The plane in which the colors meet; `None` for a flat block.
     pub plane: Option<VoxelPlane>,
     /// The colors of side 0 and side 1.
     pub colors: [Oklab; 2],

@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use glam::DVec3;
 use ravec_mesh::Sign;
 
-use super::{Held, Line, NONE, Triangulation, key};
+use super::{Line, NONE, PointRef, Triangulation, key};
 use crate::arrangement::point::{Definition, Point};
 
 /// Element met on the way from a vertex towards another.
@@ -156,9 +156,9 @@ impl Triangulation<'_> {
             }
             (Line::Plane(one), Line::Plane(two)) => Definition::Planes([self.plane, one, two]),
         };
-        let point = Point::defined(definition, self.most_width, self.grid);
+        let point = Point::defined(definition, self.max_width, self.grid);
         let (t, side) = self.find(a, b);
-        self.split_side(t, side, Held::Own(Box::new(point)))
+        self.split_side(t, side, PointRef::Own(Box::new(point)))
     }
 
     /// The triangles that are enclosed by segments, given by name, to the left of the first edge from `a` to `b`.
