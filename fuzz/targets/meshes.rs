@@ -55,7 +55,7 @@ pub fn read(input: &[u8]) -> Outcome {
     Outcome::of(&read)
 }
 
-/// What is promised of every mesh that is read.
+/// Guarantees for every mesh that is read.
 pub fn judge(file: &MeshFile) {
     judge_mesh(&file.mesh);
     let (vertices, triangles) = (file.mesh.positions().len(), file.mesh.triangles().len());

@@ -115,7 +115,7 @@ pub const TARGETS: &[Target] = &[
 
 /// Runs a target on an input, and says which promise was broken.
 ///
-/// Installs a panic hook, so that panics can be told apart: those of our own code break a promise wherever they are
+/// Installs a panic hook, so that panics can be distinguished: those of our own code break a promise wherever they are
 /// caught, those of foreign decoders only if the reader did not contain them.
 ///
 /// # Errors

@@ -1,11 +1,11 @@
-//! The model inside a 3MF package: the input is its XML, which is packed here, so that no checksum stands in the way.
+//! The model inside a 3MF package: the input is its XML, which is packed here, so that no checksum rejects it.
 
 use super::{Outcome, meshes};
 use std::io::{Cursor, Write as _};
 use zip::CompressionMethod;
 use zip::write::{SimpleFileOptions, ZipWriter};
 
-/// What separates the parts of a package in an input; the first is the root model.
+/// Separator of the parts of a package in an input; the first is the root model.
 pub const SEPARATOR: &[u8] = b"\n====\n";
 
 /// Names of the parts, in the order of the input.

@@ -1,4 +1,5 @@
-//! Panics told apart: ours are bugs wherever they are caught, those of foreign decoders are contained by the readers.
+//! Panics distinguished: ours are bugs wherever they are caught, those of foreign decoders are contained by the
+//! readers.
 
 use super::memory;
 use std::backtrace::Backtrace;
@@ -39,8 +40,8 @@ fn record(panic: &PanicHookInfo<'_>) {
     }
 }
 
-/// Whether a panic in this source file is one of our code. Of the standard library's, which do not name their callers, the
-/// caller is looked for on the stack.
+/// Returns `true` if a panic in this source file is one of our code. Of the standard library's, which do not name their
+/// callers, the caller is looked for on the stack.
 fn is_ours(file: &str) -> bool {
     if file.contains("/registry/src/") || file.contains("/git/checkouts/") {
         return false;
@@ -52,7 +53,7 @@ fn is_ours(file: &str) -> bool {
     is_ours_by_stack(&stack)
 }
 
-/// Whether the first function below the panic that is not of the standard library is one of ours.
+/// Returns `true` if the first function below the panic that is not of the standard library is one of ours.
 fn is_ours_by_stack(stack: &str) -> bool {
     let functions = stack.lines().filter_map(|line| {
         let (number, name) = line.trim().split_once(": ")?;

@@ -32,11 +32,11 @@ pub fn read_expression(input: &[u8]) -> Outcome {
                     "flattening changes {text:?}"
                 );
                 let known = |mesh: usize| if inside(mesh) { Known::In } else { Known::Out };
-                let told = expr.known(&known);
+                let answer = expr.known(&known);
                 assert_eq!(
-                    told == Known::In,
+                    answer == Known::In,
                     expr.eval(&inside),
-                    "{text:?} is {told:?}"
+                    "{text:?} is {answer:?}"
                 );
             }
         }
@@ -89,7 +89,7 @@ pub fn read(input: &[u8]) -> Outcome {
     }
 }
 
-/// Whether a text is a value, which must then be shown so that it can be read again.
+/// Returns `true` if a text is a value, which must then be shown so that it can be read again.
 fn shown<T: FromStr + Display>(text: &str) -> bool {
     let Ok(value) = text.parse::<T>() else {
         return false;
@@ -102,7 +102,7 @@ fn shown<T: FromStr + Display>(text: &str) -> bool {
     true
 }
 
-/// Whether a text is parameters as JSON, which must then be stored so that they can be read again.
+/// Returns `true` if a text is parameters as JSON, which must then be stored so that they can be read again.
 fn stored<T: DeserializeOwned + Serialize>(text: &str) -> bool {
     let Ok(value) = serde_json::from_str::<T>(text) else {
         return false;

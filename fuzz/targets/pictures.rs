@@ -8,7 +8,7 @@ use ravec_media::{
 use std::io::Cursor;
 
 /// The shorter side below which the reduced picture may not fall.
-const LEAST_SIDE: u32 = 8;
+const MIN_SIDE: u32 = 8;
 
 /// Pictures up to this many pixels are also written and read again.
 const MAX_REWRITTEN_PX: usize = 1 << 12;
@@ -18,7 +18,7 @@ pub fn read(input: &[u8]) -> Outcome {
     let limits = limits::pictures();
     let probe = probe_data(Cursor::new(input), &limits);
     let decoded = decode(Cursor::new(input), &limits);
-    let reduced = decode_reduced(Cursor::new(input), LEAST_SIDE, &limits);
+    let reduced = decode_reduced(Cursor::new(input), MIN_SIDE, &limits);
     if let Err(DecodeError::Io(error)) = &decoded {
         panic!("bytes in memory cannot fail to be read: {error}");
     }

@@ -100,8 +100,9 @@ pub fn check(skip_tests: bool) -> anyhow::Result<()> {
             failed.push(step.name);
         }
     }
-    let chores: [(&'static str, Chore); 2] = [
+    let chores: [(&'static str, Chore); 3] = [
         ("arrows", crate::check_arrows),
+        ("spelling", crate::spelling::spelling),
         ("dependencies", crate::deny::deny),
     ];
     for (name, chore) in chores {

@@ -1,9 +1,9 @@
 //! Fuzzing: builds the fuzzer in its own workspace and runs it for each target.
 //!
-//! libFuzzer works with stable Rust if the compiler is told to count covered edges, for which it needs no nightly flag; a
+//! libFuzzer works with stable Rust if the compiler is set to count covered edges, for which it needs no nightly flag; a
 //! C++ compiler must be there to build it. `fuzz/corpus/TARGET` has the inputs that are kept in the repository,
 //! `fuzz/work/TARGET` what libFuzzer finds worth keeping on this machine, and `fuzz/finds/TARGET` inputs that break a
-//! promise. A find is mended, then moved into the corpus as `find-…`; the test `corpus` of `ravec-jobs` replays both.
+//! promise. A find is fixed, then moved into the corpus as `find-…`; the test `corpus` of `ravec-jobs` replays both.
 
 use anyhow::{Context as _, bail};
 use std::collections::BTreeSet;

@@ -3,10 +3,11 @@
 //! | chore | what it does |
 //! | --- | --- |
 //! | `arrows` | checks who depends on whom, and what sources may not mention |
-//! | `check` | everything that must hold before a change is taken: format, lints, tests, docs, dependencies, arrows |
+//! | `check` | everything that must hold before a change is taken: format, lints, tests, docs, arrows, spelling, dependencies |
 //! | `crash` | kills the program at random moments and looks at what it left |
 //! | `deny` | checks licenses, sources and advisories of dependencies, where `cargo-deny` is installed |
 //! | `fuzz` | runs the fuzz targets of all readers, or replays their inputs |
+//! | `spelling` | checks the spelling of code and documents, where `typos` is installed |
 
 mod arrows;
 mod check;
@@ -14,6 +15,8 @@ mod crash;
 mod deny;
 mod fuzz;
 mod sources;
+mod spelling;
+mod tool;
 
 use anyhow::{Context as _, bail};
 use cargo_metadata::{Metadata, MetadataCommand};
@@ -31,7 +34,7 @@ struct Arguments {
 enum Chore {
     /// Check the crates' arrows and what their sources may not mention
     Arrows,
-    /// Check format, lints, tests, docs and arrows
+    /// Check format, lints, tests, docs, arrows, spelling and dependencies
     Check {
         /// Leave the tests out, because they ran already
         #[arg(long)]
@@ -63,6 +66,8 @@ enum Chore {
         #[arg(long, conflicts_with_all = ["minutes", "target"])]
         replay: bool,
     },
+    /// Check the spelling of code and documents
+    Spelling,
 }
 
 fn main() -> anyhow::Result<()> {
@@ -79,6 +84,7 @@ fn main() -> anyhow::Result<()> {
         Chore::Fuzz {
             minutes, target, ..
         } => fuzz::fuzz(minutes, &target),
+        Chore::Spelling => spelling::spelling(),
     }
 }
 

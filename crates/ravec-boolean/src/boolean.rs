@@ -8,22 +8,23 @@ use crate::closing::{Closing, close};
 use crate::examine::examine;
 use crate::expr::Expr;
 use crate::finish::{Finished, finish, split_edges};
-use crate::mend::mend;
 use crate::near::{coarsened, merge_near};
 use crate::params::{Boolean, BooleanError, BooleanParams, BooleanReport, Inside, Origin};
+use crate::repair::repair;
 use crate::select::{Draft, Parent, select};
 
 /// The largest coordinate for which all products of the exact tests stay within doubles.
-const LARGEST: f64 = 1e30;
+const MAX_COORDINATE: f64 = 1e30;
 
-/// How often edges are split that two sheets share. Once does; again only where mending makes new ones.
-const MOST_SPLITS: u32 = 8;
+/// Bound on the rounds in which edges that two sheets share are split. One round is enough unless repair makes new
+/// ones.
+const MAX_SPLITS: u32 = 8;
 
 /// The least extent that a mesh may have, far above the coordinates that are taken for zero.
-const LEAST: f64 = 1e-50;
+const MIN_EXTENT: f64 = 1e-50;
 
-/// What is done with the input when a result cannot be rounded without meeting itself. Numbers are in units of the last place
-/// of the largest coordinate.
+/// Coarsening of the input after a result that cannot be rounded without self-intersections. Numbers are in units of
+/// the last place of the largest coordinate.
 enum Coarser {
     /// Merges what is nearer than that.
     MergeNear(f64),
@@ -31,8 +32,8 @@ enum Coarser {
     Grid(f64),
 }
 
-/// How near vertices are merged that make triangles meet, in the same units, while the input is as it was given. Afterwards it is
-/// twice the number above.
+/// Distance within which vertices are merged that make triangles meet, in the same units, while the input is as it was
+/// given. Afterwards it is twice the number above.
 const FIRST_REACH: f64 = 8.0;
 
 /// Attempts, in this order. The last moves vertices by some billionths of the size, less than rounding to 32-bit floats does.
@@ -183,8 +184,8 @@ fn count_contacts(pieces: &Pieces, report: &mut BooleanReport) {
     }
 }
 
-/// Rounds, mends and splits until vertices can hold all sheets apart. Gives the parents of the triangles of the finished mesh,
-/// too.
+/// Rounds, repairs and splits until vertices can hold all sheets apart. Gives the parents of the triangles of the
+/// finished mesh, too.
 fn round_off(
     mut draft: Draft,
     soup: &Soup,
@@ -200,12 +201,12 @@ fn round_off(
             Some(tree) => tree,
             None => soup.tree(progress)?,
         };
-        let mended = mend(draft, &around, reach, progress)?;
+        let repaired = repair(draft, &around, reach, progress)?;
         drop(around);
-        report.mending_rounds += mended.rounds;
-        report.moved += mended.moved;
-        report.self_intersections = mended.contacts;
-        let (flat, parents) = flattened(mended.draft, progress)?;
+        report.repair_rounds += repaired.rounds;
+        report.moved += repaired.moved;
+        report.self_intersections = repaired.contacts;
+        let (flat, parents) = flattened(repaired.draft, progress)?;
         let pieces = uncut(&flat);
         let edges = Edges::of(&pieces, |_| true, progress)?;
         let side = |piece: u32| {
@@ -215,8 +216,8 @@ fn round_off(
         };
         let differ = |one, other| side(one) != side(other);
         let mut finished = finish(&pieces, edges, differ, progress)?;
-        let is_hopeless = mended.contacts > 0;
-        if finished.pinched.is_empty() || is_hopeless || attempt == MOST_SPLITS {
+        let is_hopeless = repaired.contacts > 0;
+        if finished.pinched.is_empty() || is_hopeless || attempt == MAX_SPLITS {
             finished.closed &= finished.pinched.is_empty();
             return Ok((parents, finished));
         }
@@ -278,7 +279,7 @@ fn check(meshes: &[TriMesh], expr: &Expr, params: &BooleanParams) -> Result<Chec
     let bounds: Vec<Aabb> = meshes.iter().map(TriMesh::bounds).collect();
     for (mesh, bounds) in bounds.iter().enumerate() {
         let largest = bounds.min.abs().max(bounds.max.abs()).max_element();
-        let in_range = largest == 0.0 || (LEAST..=LARGEST).contains(&largest);
+        let in_range = largest == 0.0 || (MIN_EXTENT..=MAX_COORDINATE).contains(&largest);
         if !bounds.is_empty() && !in_range {
             return Err(BooleanError::OutOfRange { mesh, largest });
         }
@@ -289,7 +290,8 @@ fn check(meshes: &[TriMesh], expr: &Expr, params: &BooleanParams) -> Result<Chec
     Ok(Checked { named, pruned })
 }
 
-/// Whether so many triangles, of which so many pairs meet, can be combined within what is allowed.
+/// Returns `true` if this number of triangles, of which this number of pairs meet, can be combined within the memory
+/// limit.
 fn within_memory(triangles: u64, pairs: u64, params: &BooleanParams) -> Result<(), BooleanError> {
     let needed = triangles * BYTES_PER_TRIANGLE + pairs * BYTES_PER_PAIR;
     match params.memory_bytes {

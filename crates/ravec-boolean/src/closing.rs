@@ -7,8 +7,8 @@
 //! 1. The boundary as a chain: each edge with the uses in one direction minus those in the other, after vertices at exactly
 //!    the same place were taken for one. A mesh may have any number of triangles at an edge and still have none (`edges`).
 //! 2. Seams, where parts nearly meet, are closed by strips (`seams`).
-//! 3. What is left is taken apart into loops, which are filled by surfaces of least area, several in common where that takes
-//!    less (`loops`, `patch`).
+//! 3. The rest is taken apart into loops, which are filled by surfaces of least area, several in common where that
+//!    takes less (`loops`, `patch`).
 //!
 //! Guarantees: mesh and closing together have no boundary; no place of the mesh moves and none is added; a mesh
 //! without boundary gets no triangles. Does not guarantee: that the triangles meet neither one another nor the mesh.
@@ -33,7 +33,7 @@ use seams::{Seams, close_seams};
 pub(crate) struct Closing {
     /// Triangles over the positions of the mesh; together with those of the mesh they have no boundary.
     pub triangles: Vec<[u32; 3]>,
-    /// Whether the mesh has no boundary itself.
+    /// `true` if the mesh has no boundary itself.
     pub closed: bool,
     /// Edges of two triangles that use it in the same direction.
     pub clashing_edges: u64,
@@ -56,7 +56,7 @@ pub(crate) struct Hole {
     pub center: DVec3,
     /// The diagonal of that box.
     pub width: f64,
-    /// How many loops of the boundary it has: 1 for a lid, 2 for a band.
+    /// Number of loops of the boundary: 1 for a lid, 2 for a band.
     pub loops: u32,
 }
 

@@ -1,4 +1,4 @@
-//! What is to be said about a mesh before it is combined with others.
+//! Findings about a mesh before it is combined with others.
 //!
 //! Cost: some tens of nanoseconds a triangle; a search structure over all triangles if a part is inside out.
 
@@ -10,7 +10,7 @@ use rustc_hash::FxHashMap;
 use crate::closing::Closing;
 use crate::params::OperandReport;
 
-/// Triangles between two looks at the progress: some milliseconds.
+/// Triangles between two checks for cancellation: some milliseconds.
 const STRIDE: usize = 1 << 16;
 
 /// A part with less volume than this share of a cube with its area is a sheet, of which nobody can say what is inside.
@@ -201,9 +201,9 @@ fn assumptions(
     cancelled: u64,
     reversed: &[Reversed],
 ) -> Vec<String> {
-    let mut told = Vec::new();
+    let mut notes = Vec::new();
     if closing.seam_edges > 0 {
-        told.push(format!(
+        notes.push(format!(
             "{} whose sides meet only within {} were joined",
             counted(closing.seam_edges, "edge", "edges"),
             short(closing.seam_width)
@@ -227,7 +227,7 @@ fn assumptions(
         let widest = of_kind().max_by(|a, b| a.width.total_cmp(&b.width));
         if let Some(widest) = widest {
             let count = of_kind().count() as u64;
-            told.push(format!(
+            notes.push(format!(
                 "{} {} {how}, {}{} across at {}",
                 counted(count, one, many),
                 if count == 1 { "was" } else { "were" },
@@ -238,13 +238,13 @@ fn assumptions(
         }
     }
     if closing.multiple_edges > 0 {
-        told.push(format!(
+        notes.push(format!(
             "{} more than two triangles: a place counts as often as the triangles go around it",
             having(closing.multiple_edges, "edge", "edges")
         ));
     }
     if cancelled > 0 {
-        told.push(format!(
+        notes.push(format!(
             "{cancelled} triangles lie on another one that faces the opposite way: what only these enclose counts as outside, \
              except with \"outer-hull\""
         ));
@@ -255,7 +255,7 @@ fn assumptions(
         } else {
             ("face", "them and were")
         };
-        told.push(format!(
+        notes.push(format!(
             "{} {verb} the other way than all around {them} taken as turned",
             counted(
                 closing.turned_patches,
@@ -264,13 +264,13 @@ fn assumptions(
             )
         ));
     } else if closing.clashing_edges > 0 {
-        told.push(format!(
+        notes.push(format!(
             "{} two triangles that face opposite ways",
             having(closing.clashing_edges, "edge", "edges")
         ));
     }
     if degenerate > 0 {
-        told.push(format!(
+        notes.push(format!(
             "{} without area {} left out",
             counted(degenerate, "triangle", "triangles"),
             if degenerate == 1 { "was" } else { "were" }
@@ -283,7 +283,7 @@ fn assumptions(
         } else {
             ("are", "the largest ")
         };
-        told.push(format!(
+        notes.push(format!(
             "{} {verb} inside out ({largest_is}with a volume of {} near {}): only \"nonzero\" and \"outer-hull\" take \
              such parts for solid",
             counted(count, "part", "parts"),
@@ -291,7 +291,7 @@ fn assumptions(
             place(largest.at)
         ));
     }
-    told
+    notes
 }
 
 fn counted(count: u64, one: &str, many: &str) -> String {

@@ -53,7 +53,7 @@ pub enum Known {
 }
 
 impl Expr {
-    /// Whether a place is inside, given in which meshes it is.
+    /// Returns `true` if a place is inside, given in which meshes it is.
     pub fn eval(&self, inside: &impl Fn(usize) -> bool) -> bool {
         match self {
             Self::Mesh(mesh) => inside(*mesh),
@@ -134,7 +134,7 @@ impl Expr {
         }
     }
 
-    /// Whether it is nothing: a union of no terms.
+    /// Returns `true` if it is nothing: a union of no terms.
     pub fn is_nothing(&self) -> bool {
         matches!(self, Self::Union(terms) if terms.is_empty())
     }
@@ -147,7 +147,7 @@ impl Expr {
     /// The same with as few levels as can be: a union in a union becomes part of it, operators of one term go, terms that
     /// are there twice are there once or cancel.
     ///
-    /// What is nothing becomes a union of no terms, and is left out of others.
+    /// An empty expression becomes a union of no terms, and is left out of others.
     #[must_use]
     pub fn flattened(self) -> Self {
         match self {
@@ -234,7 +234,7 @@ impl Expr {
         pruned.flattened()
     }
 
-    /// What has the same value as this within `region`, and a box that holds all of it.
+    /// An expression with the same value as this one within `region`, and a box that holds all of it.
     ///
     /// Outside of `region` it may be too large, but never leaves the box that this would have had: so a value that is wrong
     /// there is never seen, since a term is pruned to a region only where the others are nothing outside of it.

@@ -14,7 +14,7 @@ use crate::select::{Draft, Parent};
 
 const NONE: u32 = u32::MAX;
 
-/// Triangles between two looks at the progress: some milliseconds.
+/// Triangles between two checks for cancellation: some milliseconds.
 const STRIDE: usize = 1 << 16;
 
 /// A mesh with the triangles of an uncut soup in their order, and the edges where `differ` says so about two neighbors.
@@ -22,7 +22,7 @@ pub(crate) struct Finished {
     pub positions: Vec<DVec3>,
     pub triangles: Vec<[u32; 3]>,
     pub features: Vec<[u32; 2]>,
-    /// Whether every edge has two triangles.
+    /// `true` if every edge has two triangles.
     pub closed: bool,
     /// Places of edges that two sheets share with both ends: vertices alone cannot hold these apart.
     pub pinched: Vec<[DVec3; 2]>,

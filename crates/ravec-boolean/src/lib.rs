@@ -11,9 +11,9 @@ mod closing;
 mod examine;
 mod expr;
 mod finish;
-mod mend;
 mod near;
 mod params;
+mod repair;
 mod select;
 
 pub use boolean::boolean;

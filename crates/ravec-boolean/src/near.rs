@@ -15,11 +15,11 @@ use rustc_hash::FxHashMap;
 
 use crate::arrangement::Soup;
 
-/// How near to an edge or a triangle vertices are put into it, as a part of the reach: vertices are farther from each other,
-/// so that those in an edge follow one another in a clear order.
+/// Distance from an edge or a triangle at which vertices are put into it, as a part of the reach: vertices are farther
+/// from each other, so that those in an edge follow one another in a clear order.
 const INTO: f64 = 0.5;
 
-/// Vertices or triangles between two looks at the progress: some milliseconds.
+/// Vertices or triangles between two checks for cancellation: some milliseconds.
 const STRIDE: usize = 1 << 12;
 
 /// Merges vertices that are not farther than `reach` from each other along each axis, and puts vertices into the edges and

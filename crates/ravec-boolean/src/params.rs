@@ -1,13 +1,13 @@
-//! What is asked for and what comes back.
+//! Parameters, report and errors of Booleans.
 
 use ravec_mesh::TriMesh;
 use serde::{Deserialize, Serialize};
 
-/// Which places a mesh stands for.
+/// The places that count as inside a mesh.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Inside {
-    /// Those with a generalised winding number above one half, which is a positive one wherever the mesh is closed.
+    /// Those with a generalized winding number above one half, which is a positive one wherever the mesh is closed.
     #[default]
     Positive,
     /// Those that are wound around in either direction: for meshes with parts that are inside out.
@@ -16,27 +16,27 @@ pub enum Inside {
     OuterHull,
 }
 
-/// How meshes are combined.
+/// Parameters of a Boolean.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct BooleanParams {
-    /// Which places each mesh stands for.
+    /// The places that count as inside each mesh.
     pub inside: Inside,
-    /// The most memory to use, in bytes; no limit if not given. What is needed is estimated from the number of triangles, and
+    /// The most memory to use, in bytes; no limit if not given. The need is estimated from the number of triangles, and
     /// once more when it is known how many of them meet; an estimate may be too low where very many meet in one place.
     pub memory_bytes: Option<u64>,
 }
 
-/// Where a triangle of the result comes from.
+/// Origin of a triangle of the result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Origin {
     /// Index of the mesh.
     pub mesh: u32,
     /// Index of the triangle in that mesh; none for a triangle that closes a hole of it.
     pub triangle: Option<u32>,
-    /// Whether it is seen from its other side in the result.
+    /// `true` if it is seen from its other side in the result.
     pub reversed: bool,
-    /// Whether it is that triangle, whole and unchanged, and not a piece of it.
+    /// `true` if it is that triangle, whole and unchanged, and not a piece of it.
     pub whole: bool,
 }
 
@@ -45,9 +45,9 @@ pub struct Origin {
 pub struct OperandReport {
     /// Triangles that came in.
     pub triangles: u64,
-    /// Whether each edge is used as often in one direction as in the other, at the exact places of the vertices.
+    /// `true` if each edge is used as often in one direction as in the other, at the exact places of the vertices.
     pub closed: bool,
-    /// Whether no edge is used twice in one direction by two triangles that could be turned to agree.
+    /// `true` if no edge is used twice in one direction by two triangles that could be turned to agree.
     pub oriented: bool,
     /// Pairs of its triangles that meet where they should not.
     pub self_intersections: u64,
@@ -74,13 +74,13 @@ pub struct BooleanReport {
     pub kept_triangles: u64,
     /// Pairs of triangles that cross or overlap.
     pub intersecting_pairs: u64,
-    /// Rounds of mending after rounding to double precision; 0 if the rounded result was sound at once.
-    pub mending_rounds: u32,
-    /// The farthest that mending may have moved a vertex along an axis, beyond rounding to double precision.
+    /// Rounds of repair after rounding to double precision; 0 if the rounded result was sound at once.
+    pub repair_rounds: u32,
+    /// The farthest that repair may have moved a vertex along an axis, beyond rounding to double precision.
     pub moved: f64,
-    /// Pairs of triangles of the result that meet where they should not: 0 unless mending failed.
+    /// Pairs of triangles of the result that meet where they should not: 0 unless repair failed.
     pub self_intersections: u64,
-    /// Whether the result is closed, manifold and consistently oriented.
+    /// `true` if the result is closed, manifold and consistently oriented.
     pub solid: bool,
     /// Volume inside the result.
     pub volume: f64,
@@ -104,16 +104,16 @@ pub struct Boolean {
 #[non_exhaustive]
 pub enum BooleanError {
     /// The expression names a mesh that is not there.
-    #[error("the expression speaks of mesh {mesh}, but there are only {meshes}")]
+    #[error("the expression names mesh {mesh}, but only {meshes} are given")]
     NoSuchMesh {
         /// The index that it names.
         mesh: usize,
-        /// How many there are.
+        /// Number of meshes.
         meshes: usize,
     },
     /// Coordinates are too large or too small for exact arithmetic.
     #[error(
-        "mesh {mesh} has coordinates of up to {largest:e}: exact arithmetic takes 1e-50 to 1e30; scale the meshes first"
+        "mesh {mesh} has coordinates of up to {largest:e}, but exact arithmetic takes 1e-50 to 1e30: scale the meshes first"
     )]
     OutOfRange {
         /// Index of the mesh.

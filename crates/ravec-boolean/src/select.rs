@@ -11,9 +11,9 @@ use crate::arrangement::{Cells, Pieces, Side};
 pub(crate) struct Parent {
     /// The triangle of the soup.
     pub triangle: u32,
-    /// Whether it is turned around.
+    /// `true` if it is turned around.
     pub reversed: bool,
-    /// Whether it is all of that triangle.
+    /// `true` if it is all of that triangle.
     pub whole: bool,
 }
 
@@ -25,7 +25,7 @@ pub(crate) struct Draft {
     pub parents: Vec<Parent>,
 }
 
-/// Pieces between two looks at the progress: some milliseconds.
+/// Pieces between two checks for cancellation: some milliseconds.
 const STRIDE: usize = 1 << 16;
 
 /// A piece that bounds the result.
@@ -134,7 +134,7 @@ struct Tally {
 }
 
 impl Tally {
-    /// Whether the triangle is in several pieces, all kept and all facing the same way.
+    /// Returns `true` if the triangle is in several pieces, all kept and all facing the same way.
     fn is_all_kept(&self) -> bool {
         self.covered > 1 && self.kept.contains(&self.covered)
     }

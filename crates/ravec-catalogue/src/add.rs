@@ -25,7 +25,7 @@ use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
 
 /// The shorter side below which a photo is not reduced while it is decoded.
-const LEAST_DECODED: u32 = 40;
+const MIN_DECODED: u32 = 40;
 
 /// Memory for headers: profiles, and tables of where things are in the file.
 pub(crate) const HEADER_BYTES: u64 = 16 << 20;
@@ -33,7 +33,7 @@ pub(crate) const HEADER_BYTES: u64 = 16 << 20;
 /// Photos that are committed together.
 const BATCH: usize = 256;
 
-/// What became of the files that were looked at.
+/// Counts and failures of the files that were examined.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Added {
     /// Photos that are new.
@@ -50,8 +50,8 @@ pub struct Added {
     pub unreadable: Vec<(PathBuf, String)>,
 }
 
-/// Adds files, and all picture files in folders and the folders in them, told by their extensions. Pieces of pages that zoom
-/// (`mosaic_files` beside `mosaic.dzi`) are passed by.
+/// Adds files, and all picture files in folders and the folders in them, recognized by their extensions. Pieces of
+/// pages that zoom (`mosaic_files` beside `mosaic.dzi`) are passed by.
 ///
 /// # Errors
 /// [`CatalogueError::Add`] if a path is not there, and as for [`Catalogue::entries`], and [`CatalogueError::Change`]; what was
@@ -90,28 +90,28 @@ pub fn add(
     let phase = progress.phase("photos", files.len() as u64);
     let workers = Workers::new()?;
     for batch in files.chunks(BATCH) {
-        let looked: Vec<Looked> = workers.map(batch, |path| {
-            let looked = look(path, known.get(path), &limits, progress)?;
+        let examined: Vec<Examined> = workers.map(batch, |path| {
+            let examined = examine(path, known.get(path), &limits, progress)?;
             phase.advance(1);
-            Ok::<_, Cancelled>(looked)
+            Ok::<_, Cancelled>(examined)
         })?;
         let mut changes = Vec::new();
-        for looked in looked {
-            let (entry, old) = match looked {
-                Looked::Unchanged => {
+        for examined in examined {
+            let (entry, old) = match examined {
+                Examined::Unchanged => {
                     added.unchanged += 1;
                     continue;
                 }
-                Looked::Touched(change) => {
+                Examined::Touched(change) => {
                     added.unchanged += 1;
                     changes.push(change);
                     continue;
                 }
-                Looked::Failed(path, reason) => {
+                Examined::Failed(path, reason) => {
                     added.unreadable.push((path, reason));
                     continue;
                 }
-                Looked::Read(entry, old) => (entry, old),
+                Examined::Read(entry, old) => (entry, old),
             };
             if let Some(reason) = &entry.unreadable {
                 added.unreadable.push((entry.path.clone(), reason.clone()));
@@ -149,7 +149,7 @@ pub fn add(
     Ok(added)
 }
 
-/// Whether [`add`] of `paths` would read a file, whatever link or spelling leads to it.
+/// Returns `true` if [`add`] of `paths` would read a file, whatever link or spelling leads to it.
 ///
 /// # Errors
 /// [`CatalogueError::Add`] if a path is not there, [`CatalogueError::Cancelled`].
@@ -205,12 +205,12 @@ fn files_in(paths: &[PathBuf], progress: &Progress) -> Result<Vec<PathBuf>, Cata
     Ok(files)
 }
 
-/// Whether a folder has the pieces of a page that zooms, which are no photos.
+/// Returns `true` if a folder has the pieces of a page that zooms, which are no photos.
 fn is_folder_of_pieces(path: &Path) -> bool {
     path.file_name() == Some(OsStr::new(PIECES)) && path.with_file_name(DESCRIPTION).is_file()
 }
 
-/// What the system says, without its number.
+/// The message of the system, without its number.
 fn reason_of(error: &std::io::Error) -> String {
     let text = error.to_string();
     match text.rfind(" (os error ") {
@@ -219,7 +219,7 @@ fn reason_of(error: &std::io::Error) -> String {
     }
 }
 
-enum Looked {
+enum Examined {
     /// Size and time are as they were.
     Unchanged,
     /// Only the time has changed.
@@ -237,14 +237,14 @@ pub(crate) fn modified(metadata: &Metadata) -> i64 {
 }
 
 /// Looks at a file, waiting for the memory that this takes. `limits` have only what photos share.
-fn look(
+fn examine(
     path: &Path,
     known: Option<&Entry>,
     limits: &Limits,
     progress: &Progress,
-) -> Result<Looked, Cancelled> {
+) -> Result<Examined, Cancelled> {
     progress.check()?;
-    let failed = |reason: String| Ok(Looked::Failed(path.into(), reason));
+    let failed = |reason: String| Ok(Examined::Failed(path.into(), reason));
     if path.to_str().is_none() {
         return failed("its name is not Unicode".into());
     }
@@ -259,7 +259,7 @@ fn look(
     };
     let (bytes, modified) = (metadata.len(), modified(&metadata));
     if known.is_some_and(|known| known.bytes == bytes && known.modified == modified) {
-        return Ok(Looked::Unchanged);
+        return Ok(Examined::Unchanged);
     }
     let (hash, decoded) = match decoded(path, bytes, known, limits, progress) {
         Ok(found) => found,
@@ -285,7 +285,7 @@ fn look(
     match decoded {
         Decoded::Known => {
             let known = known.unwrap_or(&entry);
-            return Ok(Looked::Touched(Change::Move {
+            return Ok(Examined::Touched(Change::Move {
                 id: known.id,
                 from: known.path.clone(),
                 to: known.path.clone(),
@@ -307,7 +307,7 @@ fn look(
         }
         Decoded::Unreadable(error) => entry.unreadable = Some(bounded(error.to_string())),
     }
-    Ok(Looked::Read(Box::new(entry), known.map(|known| known.id)))
+    Ok(Examined::Read(Box::new(entry), known.map(|known| known.id)))
 }
 
 /// The content of a file.
@@ -371,7 +371,7 @@ fn decoded(
         return Ok((hash, Decoded::Known));
     }
     let header = within(share.bytes() - bytes);
-    let need = memory_to_decode(Cursor::new(&data), Some(LEAST_DECODED), &header);
+    let need = memory_to_decode(Cursor::new(&data), Some(MIN_DECODED), &header);
     let need = match need {
         Ok(need) => bytes.saturating_add(need),
         Err(error) => return Ok((hash, unreadable(error)?)),
@@ -385,7 +385,7 @@ fn decoded(
         }
     }
     let share_of_picture = within(share.bytes() - bytes);
-    let decoded = match decode_reduced(Cursor::new(&data), LEAST_DECODED, &share_of_picture) {
+    let decoded = match decode_reduced(Cursor::new(&data), MIN_DECODED, &share_of_picture) {
         Ok((probe, picture)) => Decoded::Photo {
             probe,
             taken: picture.origin.taken_at(),

@@ -25,7 +25,7 @@ use std::path::{Path, PathBuf};
 /// Photos in a catalogue, at most. Their numbers have 32 bits in a mosaic; so many take 16 GiB there.
 const MAX_PHOTOS: usize = 4_000_000;
 
-/// Photos between looks at the cancellation.
+/// Photos between checks for cancellation.
 const PHOTOS_PER_CHECK: usize = 1000;
 
 /// A catalogue of photos in a file.
@@ -47,19 +47,19 @@ pub struct Catalogue {
 pub struct Entry {
     /// The number of the photo in the catalogue.
     pub id: i64,
-    /// Where its file is.
+    /// Path of its file.
     pub path: PathBuf,
     /// Columns of the upright photo.
     pub width: usize,
     /// Rows of the upright photo.
     pub height: usize,
-    /// How it lay in the file, 1 to 8 as in EXIF.
+    /// Orientation in the file, 1 to 8 as in EXIF.
     pub orientation: u8,
     /// When it was taken, in local time, if the file says so.
     pub taken: Option<String>,
     /// Why it could not be read, if so.
     pub unreadable: Option<String>,
-    /// What is wrong with it, if anything: tiny, contentless, framed.
+    /// Flaw of the photo, if any: tiny, contentless, framed.
     pub flaw: Option<String>,
     /// Why it was cleaned away, if it was.
     pub dropped: Option<String>,
@@ -97,7 +97,7 @@ impl Catalogue {
         Self::opened(path, Access::Read, progress)
     }
 
-    /// Opens a catalogue to change it, and makes one if there is no file of that name.
+    /// Opens a catalogue to change it, and creates one if there is no file of that name.
     ///
     /// # Errors
     /// As for [`open`](Self::open), and [`CatalogueError::Change`] if it cannot be made.

@@ -23,7 +23,7 @@ pub enum CatalogueError {
     },
     /// The catalogue has a format that is not known yet.
     #[error(
-        "the catalogue {} has format {format}, which a newer version made; this one knows formats up to {known}",
+        "the catalogue {} has format {format} of a newer version, but this one reads formats up to {known}: update the program",
         .path.display()
     )]
     Newer {
@@ -47,7 +47,7 @@ pub enum CatalogueError {
     Busy {
         /// The file.
         path: PathBuf,
-        /// Whether it was to be changed.
+        /// `true` if it was to be changed.
         writing: bool,
     },
     /// The catalogue cannot be read.
@@ -55,7 +55,7 @@ pub enum CatalogueError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the database says.
+        /// Message of the database.
         reason: String,
     },
     /// The catalogue cannot be changed or made.
@@ -63,7 +63,7 @@ pub enum CatalogueError {
     Change {
         /// The file.
         path: PathBuf,
-        /// What the database says.
+        /// Message of the database.
         reason: String,
     },
     /// The photos of the catalogue need more memory than allowed.
@@ -77,7 +77,7 @@ pub enum CatalogueError {
     /// The threads for the work cannot be started.
     #[error("cannot start the threads for the photos: {reason}; ask for fewer with --threads")]
     Threads {
-        /// What the system says.
+        /// Message of the system.
         reason: String,
     },
     /// The mosaic would have more pixels than allowed.
@@ -97,7 +97,7 @@ pub enum CatalogueError {
         "the mosaic needs {needed} bytes of memory for {purpose}, more than the limit of {limit} leaves (raise it with --max-bytes)"
     )]
     MosaicMemory {
-        /// What for.
+        /// Use of the memory.
         purpose: &'static str,
         /// Bytes.
         needed: u64,
@@ -112,12 +112,12 @@ pub enum CatalogueError {
         /// Reason for the protection.
         reason: &'static str,
     },
-    /// What should be added is not there.
+    /// A file to add does not exist.
     #[error("cannot add {}: {reason}", .path.display())]
     Add {
         /// The file or folder.
         path: PathBuf,
-        /// What the system says.
+        /// Message of the system.
         reason: String,
     },
     /// There is no photo to choose from.
@@ -154,7 +154,9 @@ pub enum CatalogueError {
         rows: usize,
     },
     /// The mosaic would be too large.
-    #[error("{columns} x {rows} tiles of {width} x {height} pixels make too large a picture")]
+    #[error(
+        "{columns} x {rows} tiles of {width} x {height} pixels make a picture too large to hold: ask for fewer or smaller tiles"
+    )]
     TooLarge {
         /// Of tiles.
         columns: usize,

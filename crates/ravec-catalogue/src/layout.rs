@@ -1,4 +1,4 @@
-//! Where the tiles are on the picture and in the mosaic.
+//! Layout of the tiles on the picture and in the mosaic.
 
 use crate::error::CatalogueError;
 use crate::mosaic::MosaicParams;
@@ -13,7 +13,7 @@ use ravec_raster::{AnyImage, Image, Oklab, Rect, ResizeFilter, Size, resize};
 /// Pixels of the picture in a tile beyond which more say nothing about its look.
 const PICTURE_PX: usize = 16;
 
-/// Where the tiles are on the picture and in the mosaic.
+/// Layout of the tiles on the picture and in the mosaic.
 pub(crate) struct Layout {
     /// Tiles of common size across, and down.
     pub columns: usize,
@@ -80,7 +80,7 @@ impl Layout {
         })
     }
 
-    /// How much of the picture is not in the mosaic, if that is more than a hundredth.
+    /// A warning with the share of the picture that is not in the mosaic, if it is more than a hundredth.
     pub fn warning(&self, picture: Size) -> Vec<String> {
         let shown = self.frame.width * self.frame.height / picture.pixels() as f64;
         let lost = 100.0 * (1.0 - shown);

@@ -3,7 +3,7 @@
 use crate::catalogue::{Catalogue, Change, Entry, Loaded};
 use crate::error::CatalogueError;
 use ravec_memory::MemoryBudget;
-use ravec_mosaic::{Frame, Look, MAX_DEGREE, NEAR_DUPLICATE, near_duplicates};
+use ravec_mosaic::{Descriptor, Frame, MAX_DEGREE, NEAR_DUPLICATE, near_duplicates};
 use ravec_progress::Progress;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -17,7 +17,7 @@ pub struct Dropped {
     pub reason: String,
 }
 
-/// What is in a catalogue.
+/// Contents of a catalogue.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Stats {
     /// Photos that can be used.
@@ -97,8 +97,8 @@ pub fn clean(
     photos.retain(|entry| entry.flaw.is_none());
     // the first of a group leads it
     photos.sort_by_key(|entry| std::cmp::Reverse(entry.width.saturating_mul(entry.height)));
-    let looks: Vec<Look> = photos.iter().filter_map(whole_look).collect();
-    let groups = near_duplicates(&looks, NEAR_DUPLICATE, progress)?;
+    let descriptors: Vec<Descriptor> = photos.iter().filter_map(whole_descriptor).collect();
+    let groups = near_duplicates(&descriptors, NEAR_DUPLICATE, progress)?;
     let mut leaders: Vec<&Entry> = Vec::new();
     for (entry, &group) in photos.iter().zip(&groups) {
         match leaders.get(group as usize) {
@@ -131,10 +131,10 @@ pub fn clean(
     Ok(found.into_iter().map(|(_, dropped, _)| dropped).collect())
 }
 
-/// What all of a photo looks like.
-fn whole_look(entry: &Entry) -> Option<Look> {
+/// Descriptor of a whole photo.
+fn whole_descriptor(entry: &Entry) -> Option<Descriptor> {
     let image = entry.thumbnail.as_ref()?;
-    Some(Look::of_srgb(image, Frame::of(image), MAX_DEGREE))
+    Some(Descriptor::of_srgb(image, Frame::of(image), MAX_DEGREE))
 }
 
 /// Counts what is in a catalogue.

@@ -14,8 +14,8 @@ use crate::workers::Workers;
 use ravec_media::{Limits, RowsError, write_rows};
 use ravec_memory::{MemoryBudget, Reservation};
 use ravec_mosaic::{
-    Choice, ChooseParams, Crop, Frame, Look, MAX_DEGREE, NEAR_DUPLICATE, Photos, Rules, Tiling,
-    choose, near_duplicates,
+    Choice, ChooseParams, Crop, Descriptor, Frame, MAX_DEGREE, NEAR_DUPLICATE, Photos, Rules,
+    Tiling, choose, near_duplicates,
 };
 use ravec_progress::{Cancelled, Progress};
 use ravec_raster::{AnyImage, Rect, Size, Srgb};
@@ -24,7 +24,7 @@ use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// How a mosaic is made.
+/// Parameters of a mosaic.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MosaicParams {
     /// Tiles in a row.
@@ -33,11 +33,11 @@ pub struct MosaicParams {
     pub rows: Option<usize>,
     /// The size of a tile.
     pub tile: Size,
-    /// What is done with photos of other proportions.
+    /// Treatment of photos of other proportions.
     pub crop: Crop,
     /// Limits on repeats.
     pub rules: Rules,
-    /// How photos are compared.
+    /// Comparison of photos.
     pub choose: ChooseParams,
     /// Tiles of several sizes, off the grid, at most as many as there would be on it, with this seed; none for the grid.
     pub adaptive: Option<u64>,
@@ -72,14 +72,14 @@ pub struct Mosaic {
     /// Different photos in the mosaic.
     pub used: usize,
     /// The most uses of a photo.
-    pub most_uses: usize,
+    pub max_uses: usize,
     /// The least distance of two tiles with the same photo, in tiles; none if no photo is there twice.
     pub nearest_repeat: Option<f64>,
     /// Photos that are gone, changed or cannot be read, and what was done about it.
     pub warnings: Vec<String>,
 }
 
-/// Where a mosaic goes.
+/// Outputs of a mosaic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Outputs<'a> {
     /// A picture: PNG, JPEG or TIFF.
@@ -137,12 +137,12 @@ pub fn mosaic(
     let plan = Plan::new(&layout, outputs, params, limits)?;
     let workers = Workers::new()?;
     let phase = progress.phase("photos", photos.len() as u64);
-    let mut looks: Vec<Look> = photos
+    let mut descriptors: Vec<Descriptor> = photos
         .par_iter()
         .map(|photo| {
             progress.check()?;
             phase.advance(1);
-            Ok(look(photo))
+            Ok(describe(photo))
         })
         .collect::<Result<_, Cancelled>>()?;
     if params.preview_px.is_none() {
@@ -153,8 +153,8 @@ pub fn mosaic(
     }
     let mut cut = None;
     loop {
-        let groups = near_duplicates(&looks, NEAR_DUPLICATE, progress)?;
-        let library = Photos::new(&looks, groups.clone(), &params.choose);
+        let groups = near_duplicates(&descriptors, NEAR_DUPLICATE, progress)?;
+        let library = Photos::new(&descriptors, groups.clone(), &params.choose);
         // the tiles stay when photos are replaced
         let tiling = match &mut cut {
             Some(tiling) => &*tiling,
@@ -219,13 +219,13 @@ pub fn mosaic(
         let stays: Vec<bool> = (0..photos.len() as u32)
             .map(|photo| !gone.contains(&photo))
             .collect();
-        let (mut of_photos, mut of_looks) = (stays.iter(), stays.iter());
+        let (mut of_photos, mut has_descriptor) = (stays.iter(), stays.iter());
         if let Some(tiling) = &mut cut {
             // photos get other numbers
             tiling.start.clear();
         }
         photos.retain(|_| of_photos.next() == Some(&true));
-        looks.retain(|_| of_looks.next() == Some(&true));
+        descriptors.retain(|_| has_descriptor.next() == Some(&true));
         if photos.is_empty() {
             return Err(CatalogueError::Empty {
                 path: catalogue.path().into(),
@@ -341,11 +341,11 @@ fn there(
     Ok(Loaded { entries, memory })
 }
 
-/// What the part of a photo that a tile shows looks like.
-fn look(Candidate { entry, frame }: &Candidate) -> Look {
+/// Descriptor of the part of a photo that a tile shows.
+fn describe(Candidate { entry, frame }: &Candidate) -> Descriptor {
     let Some(small) = &entry.thumbnail else {
         // only photos with a small picture come here
-        return Look {
+        return Descriptor {
             coefficients: Vec::new(),
             quarters: [[0.0; 3]; 4],
         };
@@ -360,10 +360,10 @@ fn look(Candidate { entry, frame }: &Candidate) -> Look {
         width: frame.width * x,
         height: frame.height * y,
     };
-    Look::of_srgb(small, frame, MAX_DEGREE)
+    Descriptor::of_srgb(small, frame, MAX_DEGREE)
 }
 
-#[expect(clippy::too_many_arguments, reason = "what a mosaic is told by")]
+#[expect(clippy::too_many_arguments, reason = "the parameters of a mosaic")]
 fn described(
     layout: &Layout,
     photos: &[Candidate],
@@ -404,7 +404,7 @@ fn described(
         fitting: photos.len(),
         different,
         used: centers.len(),
-        most_uses: centers.values().map(Vec::len).max().unwrap_or(0),
+        max_uses: centers.values().map(Vec::len).max().unwrap_or(0),
         // thirds of tiles are not exact
         nearest_repeat: nearest_sq.map(|sq| (1e9 * sq.sqrt()).round() / 1e9),
         choice,

@@ -41,7 +41,7 @@ pub(crate) struct Candidate {
     pub frame: Frame,
 }
 
-/// Where pixels come from.
+/// Source of pixels.
 #[derive(Clone, Copy)]
 pub(crate) enum Source<'a> {
     /// The photos, scaled once.
@@ -243,7 +243,7 @@ fn scaled_from_file(
         memory: share.into_budget(),
         ..limits.clone()
     };
-    let looked = || -> Result<(u64, Probe), DecodeError> {
+    let probed = || -> Result<(u64, Probe), DecodeError> {
         let file = File::open(&entry.path)?;
         let header = file.metadata()?.len().saturating_add(HEADER_BYTES);
         let share = match budget.reserve_when_free(header.min(budget.limit()), progress) {
@@ -256,10 +256,10 @@ fn scaled_from_file(
         file.rewind()?;
         Ok((memory_to_decode(&mut file, None, &limits)?, probe))
     };
-    let looked = looked();
+    let probed = probed();
     progress.check()?;
-    let (decoding, probe) = match looked {
-        Ok(looked) => looked,
+    let (decoding, probe) = match probed {
+        Ok(probed) => probed,
         Err(error) => return Ok(Err(error.to_string())),
     };
     let needed = need(decoding, &probe, size);

@@ -1,4 +1,4 @@
-//! How the memory of a run is divided among the parts of a mosaic.
+//! Division of the memory of a run among the parts of a mosaic.
 
 use crate::deep_zoom::bytes_of_page;
 use crate::error::CatalogueError;
@@ -83,8 +83,8 @@ impl Plan {
         // the strip, and what an encoder has of it
         let left = memory.available().saturating_sub(page);
         let tile_px = layout.tile_px() as u64;
-        let least_px = tile_px.div_ceil(MAX_STRIPS_PER_TILE);
-        let strip_px = (left / 2 / (2 * row)).clamp(least_px, tile_px);
+        let min_px = tile_px.div_ceil(MAX_STRIPS_PER_TILE);
+        let strip_px = (left / 2 / (2 * row)).clamp(min_px, tile_px);
         let purpose = "the rows that are painted at once";
         let mut fixed = reserve(memory, page.saturating_add(2 * row * strip_px), purpose)?;
 

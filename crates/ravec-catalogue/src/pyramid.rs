@@ -67,7 +67,7 @@ impl Pyramid {
         pieces.sum()
     }
 
-    /// How many levels there are.
+    /// Number of levels.
     pub fn levels(&self) -> usize {
         self.levels.len()
     }

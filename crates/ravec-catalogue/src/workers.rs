@@ -8,7 +8,7 @@ use crate::error::CatalogueError;
 use rayon::{ThreadPool, ThreadPoolBuilder, current_num_threads};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-/// As many threads as the pool has in which this is made.
+/// A pool with as many threads as the pool in which it is made.
 pub(crate) struct Workers {
     pools: Vec<ThreadPool>,
 }

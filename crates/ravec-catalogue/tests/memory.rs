@@ -14,10 +14,10 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 #[global_allocator]
 static MEMORY: PeakAlloc = PeakAlloc;
 
-/// What is counted is that of all threads.
+/// The count covers all threads.
 static ALONE: Mutex<()> = Mutex::new(());
 
-/// What may be taken beside the budget: queues of threads, buffers of files, names.
+/// Memory allowed beside the budget: queues of threads, buffers of files, names.
 const BESIDE: u64 = 3_000_000;
 
 fn alone() -> MutexGuard<'static, ()> {

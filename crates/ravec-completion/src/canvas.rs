@@ -22,7 +22,7 @@ pub(crate) const STEADY: u8 = 8;
 
 /// Sources keep this distance from a hole, whose rim is often a little of both.
 const CLEAR_PX: f64 = 2.0;
-/// So far does the kernel reach with which sources are sampled. What was in the hole must not show there.
+/// So far does the kernel reach with which sources are sampled. The old content of the hole must not show there.
 const KERNEL_PX: usize = 2;
 
 /// A picture with what is known about each pixel: bits of [`KNOWN`], [`SOURCE`], [`HOLE`].
@@ -112,15 +112,16 @@ fn forget(inks: &mut Image<Ink>, states: &Image<u8>, bounds: Rect) {
     }
 }
 
-/// The covered pixels of a mask within a window around all of them, `margin_px` wide, and that window; none if there are no
-/// such pixels. What looks no farther than the margin sees no difference, and a large picture costs no more than its hole.
+/// The covered pixels of a mask within a window around all of them, `margin_px` wide, and that window; none if there
+/// are no such pixels. A filter that reads no farther than the margin sees no difference, and a large picture costs no
+/// more than its hole.
 pub(crate) fn solid_window(mask: &Mask, margin_px: usize) -> Option<(Mask, Rect)> {
     let window = mask.bounding_box()?.grown(margin_px).clipped(mask.size());
     let covered = |col: usize, row: usize| mask.at(window.col + col, window.row + row) > 0.0;
     Some((Mask::from_fn(window.size()?, covered), window))
 }
 
-/// The ink of a pixel. What is not a number becomes 0, what is infinite the nearest finite value.
+/// The ink of a pixel. NaN becomes 0, an infinite value the nearest finite one.
 pub(crate) fn ink_of<P: Color>(pixel: P) -> Ink {
     let linear = pixel.to_linear();
     let alpha = if linear.alpha() > 0.0 {

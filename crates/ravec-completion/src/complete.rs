@@ -1,9 +1,10 @@
 //! Filling a hole without further questions.
 //!
-//! The plain idea: whatever was behind the hole goes on like its surroundings, and somewhere in the picture it looks alike.
-//! So: propose offsets at which it does ([`crate::proposals`]), let one graph cut decide which pixel takes which offset
-//! ([`crate::cut`]), find the offsets to a fraction of a pixel ([`crate::subpixel`]), and compose ([`crate::compose`]). On
-//! planes all of that happens in the rectified view. What is too thin to need a copy is bent over ([`crate::thin`]).
+//! The plain idea: whatever was behind the hole goes on like its surroundings, and somewhere in the picture it looks
+//! alike. So: propose offsets at which it does ([`crate::proposals`]), let one graph cut decide which pixel takes which
+//! offset ([`crate::cut`]), find the offsets to a fraction of a pixel ([`crate::subpixel`]), and compose
+//! ([`crate::compose`]). On planes all of that happens in the rectified view. A part too thin to need a copy is bent
+//! over ([`crate::thin`]).
 //!
 //! Sources: Pavić, Schönefeld and Kobbelt, "Interactive image completion with perspective correction", 2006, for planes
 //! and the search; He and Sun, "Statistics of patch offsets for image completion", 2012, for the cut over offsets.
@@ -25,12 +26,12 @@ use ravec_progress::{Cancelled, Progress};
 use ravec_raster::{Color, Image, Mask, Rect};
 use serde::{Deserialize, Serialize};
 
-/// How a hole is filled.
+/// Parameters of completion.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CompleteParams {
-    /// How far from the hole sources are looked for without a plane, in pixels, 16 and more (default 200). Farther finds
-    /// more, of which more is in another light or at another distance.
+    /// Radius around the hole within which sources without a plane are searched, in pixels, 16 and more (default 200).
+    /// Farther finds more, of which more is in another light or at another distance.
     pub search_px: usize,
     /// Bend the tones of what is copied to those of the rim (default true). Without it seams show where light changes, but
     /// colors are exactly those of the source.

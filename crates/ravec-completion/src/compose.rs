@@ -75,7 +75,7 @@ impl Maps<'_> {
         index.map_or(UNLABELED, |index| self.composition.labels[index])
     }
 
-    /// Whether a piece goes on as far as this pixel.
+    /// Returns `true` if a piece goes on as far as this pixel.
     fn reaches(&self, place: (usize, usize), label: u16) -> bool {
         let at = self.on_sheet(place) + self.composition.offsets[usize::from(label)];
         let sheet = self.composition.sheet;
@@ -92,7 +92,7 @@ impl Maps<'_> {
         let j =
             image_from_sheet.jacobian(at) * self.sheet_from_image.jacobian(center(place_of(place)));
         let finer = j.x_axis.length().max(j.y_axis.length());
-        // a little finer is still within what the kernel tells apart
+        // a little finer is still within what the kernel distinguishes
         let taps = (finer - 0.25).ceil().clamp(1.0, MAX_TAPS);
         mean_ink(self.canvas, taps as usize, |step| from + j * step)
     }
@@ -250,8 +250,8 @@ fn pieces(maps: &Maps, bounds: Rect, progress: &Progress) -> Result<Vec<Piece>, 
         .collect()
 }
 
-/// What the values should obey: with `blend` the gradients of the pieces, else the pieces themselves. Pixels without a
-/// piece go on smoothly in any case.
+/// The system of equations for the values: with `blend` their gradients are those of the pieces, else they equal the
+/// pieces. Pixels without a piece go on smoothly in any case.
 fn system(
     maps: &Maps,
     pieces: &[Piece],

@@ -1,4 +1,4 @@
-//! Which offset each pixel of a hole is copied from: one graph cut over all proposals.
+//! Choice of the offset from which each pixel of a hole is copied: one graph cut over all proposals.
 //!
 //! The plain idea: give each pixel a label, an offset at which there is a source pixel, so that the sum over neighbors with
 //! different labels of how much the seam between them shows is least. A seam shows by as much as the two copies differ on
@@ -22,10 +22,10 @@ use ravec_progress::{Cancelled, Progress};
 
 /// No label.
 pub(crate) const UNLABELED: u16 = u16::MAX;
-/// How much a change of a known pixel at the rim counts against a seam.
+/// Weight of a change of a known pixel at the rim against a seam.
 const RIM_WEIGHT: f32 = 4.0;
-/// How much the pull towards the expected mean counts against a seam: without it bland sources win; much more, and seams
-/// are accepted for it.
+/// Weight of the pull towards the expected mean against a seam: without it bland sources win; much more, and seams are
+/// accepted for it.
 const GUIDANCE_WEIGHT: f32 = 0.03;
 /// Cost of a seam for each pixel of its length, however little it shows: fewer, larger pieces.
 const SEAM_COST: f32 = 0.001;
@@ -168,7 +168,7 @@ impl Cut<'_> {
         sum.min(i64::from(IMPOSSIBLE)) as i32
     }
 
-    /// How much two copies of a cell differ, for each pixel of a seam beside it.
+    /// Difference of two copies of a cell, for each pixel of a seam beside it.
     fn difference(&self, pixels: &[u32], a: u16, b: u16) -> f32 {
         if a == b {
             return 0.0;

@@ -1,4 +1,4 @@
-//! What cannot be completed, and the checks that say so.
+//! Errors of completion, and the checks that return them.
 
 use glam::DVec2;
 use ravec_planar::{Homography, HomographyError};
@@ -10,7 +10,7 @@ use ravec_raster::{Mask, Size, distance_to};
 #[non_exhaustive]
 pub enum CompleteError {
     /// Picture and mask must be of one size.
-    #[error("the picture has {image} pixels and the mask {mask}: they must be of the same size")]
+    #[error("the mask has {mask} pixels, but the picture {image}: make both the same size")]
     MaskSize {
         /// Size of the picture.
         image: Size,
@@ -28,7 +28,7 @@ pub enum CompleteError {
     },
     /// Another mask, such as that of features, must be of the picture's size as well.
     #[error(
-        "the picture has {image} pixels and the mask of features {mask}: they must be of the same size"
+        "the mask of features has {mask} pixels, but the picture {image}: make both the same size"
     )]
     FeatureSize {
         /// Size of the picture.
@@ -46,7 +46,7 @@ pub enum CompleteError {
         /// The largest for which there is a source; 0 if there is none at all.
         largest_radius_px: u32,
     },
-    /// A target, a source or a variant that makes no sense.
+    /// A target, a source or a variant is invalid.
     #[error("{what}")]
     Fragment {
         /// Description of the defect.
@@ -55,21 +55,21 @@ pub enum CompleteError {
     /// The outline of a plane crosses itself.
     #[error("the outline of plane {plane} crosses itself: give its corners in order around it")]
     QuadCrosses {
-        /// Which of the planes, from 1.
+        /// Number of the plane, from 1.
         plane: usize,
     },
     /// A plane cannot be seen like that.
     #[error("plane {plane} cannot be used: {cause}")]
     Plane {
-        /// Which of the planes, from 1.
+        /// Number of the plane, from 1.
         plane: usize,
         /// Why not.
         cause: HomographyError,
     },
     /// A plane that is not in the picture.
-    #[error("plane {plane} lies outside the picture")]
+    #[error("plane {plane} lies outside the picture: move its corners into it")]
     PlaneOutside {
-        /// Which of the planes, from 1.
+        /// Number of the plane, from 1.
         plane: usize,
     },
     /// The caller cancelled the work.

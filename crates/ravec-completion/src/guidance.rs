@@ -1,4 +1,4 @@
-//! What a hole probably looks like in the mean: tones and contrast of its surroundings, continued inwards.
+//! Expected mean appearance of a hole: tones and contrast of its surroundings, continued inwards.
 //!
 //! Seams are cheapest where nothing happens, so that a cut on its own prefers bland sources. A weak pull towards the local
 //! mean and contrast that the rim suggests cures that.
@@ -12,15 +12,15 @@ use ravec_raster::{Image, gaussian_blur};
 
 /// The standard deviation of the window in which means and contrasts are taken.
 const WINDOW_SIGMA_PX: f64 = 6.0;
-/// How much a difference of contrast counts against one of tone.
+/// Weight of a difference of contrast against one of tone.
 const CONTRAST: f32 = 1.0;
 
-/// Rows of a large sheet that are looked at between two looks at the cancellation, and rows beyond them that their blur sees:
+/// Rows of a large sheet that are looked at between two checks for cancellation, and rows beyond them that their blur sees:
 /// with fewer than its kernel has, there would be steps.
 const BAND_ROWS: usize = 128;
 const BAND_OVERLAP: usize = 32;
 
-/// What pixels look like in the mean: ink without alpha, and contrast.
+/// Mean appearance of pixels: ink without alpha, and contrast.
 pub(crate) struct Guidance {
     /// For each pixel of the sheet what it should be like if it is in the hole.
     pub(crate) expected: Vec<[f32; 4]>,

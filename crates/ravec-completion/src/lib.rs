@@ -1,7 +1,7 @@
 //! Image completion: holes filled from the rest of a picture, in perspective where planes are known.
 //!
-//! A lamp post goes, and the wall behind it comes back. What was behind it is in no pixel; but walls, floors, grass and
-//! water look alike elsewhere, and on a plane they do so once the perspective is taken out.
+//! A lamp post goes, and the wall behind it comes back. The scene behind it is in no pixel; but walls, floors, grass
+//! and water look alike elsewhere, and on a plane they do so once the perspective is taken out.
 //!
 //! ```
 //! use glam::dvec2;
@@ -33,8 +33,8 @@
 //!
 //! # How
 //!
-//! 1. What is thinner than a few pixels is interpolated.
-//! 2. What lies on a plane is worked on in the rectified view, the rest in the picture itself.
+//! 1. Parts thinner than a few pixels are interpolated.
+//! 2. Parts on a plane are filled in the rectified view, the rest in the picture itself.
 //! 3. A few searches by Fourier transform propose offsets at which the surroundings look alike.
 //! 4. One graph cut gives each pixel the offset that it is copied from.
 //! 5. Offsets are refined to a fraction of a pixel, coordinates composed, and the original is sampled once.
@@ -53,7 +53,7 @@
 //! - Pixels that the mask does not cover come back bit for bit.
 //! - The same steps on the same pictures give the same bytes, and an undone step leaves no trace.
 //! - A match is known as a whole, and its mismatch is what direct sums say.
-//! - What is copied is sampled once, from the original.
+//! - Copied pixels are sampled once, from the original.
 //! - The same bytes on any number of threads.
 //!
 //! # Not guaranteed

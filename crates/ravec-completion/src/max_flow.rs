@@ -27,7 +27,7 @@ struct Node {
     first: u32,
     /// The arc to the parent, or one of the marks below.
     parent: u32,
-    /// When `distance` was known to be right.
+    /// Time at which `distance` was known to be right.
     stamp: u32,
     /// Arcs to the terminal.
     distance: u32,
@@ -93,8 +93,8 @@ impl FlowGraph {
         }
     }
 
-    /// Whether the node is on the sink's side of the cut that [`FlowGraph::solve`] found. Nodes that may be on either side
-    /// are on the source's.
+    /// Returns `true` if the node is on the sink's side of the cut that [`FlowGraph::solve`] found. Nodes that may be
+    /// on either side are on the source's.
     pub(crate) fn on_sink_side(&self, node: u32) -> bool {
         let node = &self.nodes[node as usize];
         node.parent != NONE && node.sink_side
@@ -275,7 +275,7 @@ impl FlowGraph {
         }
     }
 
-    /// How many arcs lead from a node to its terminal; none if an orphan is in between.
+    /// Number of arcs from a node to its terminal; `None` if an orphan is in between.
     fn distance_to_root(&self, index: u32) -> Option<u32> {
         let (mut index, mut steps) = (index, 0);
         loop {

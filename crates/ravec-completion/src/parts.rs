@@ -1,7 +1,7 @@
-//! How a hole is cut into parts that are filled one after another.
+//! Division of a hole into parts that are filled one after another.
 //!
-//! What lies on a plane is filled along that plane; the rest falls into what hangs together, and what hangs together but
-//! is spread out, as a net of wires is, into tiles.
+//! Pixels on a plane are filled along that plane; the rest is divided into connected components, and components that
+//! are spread out, as a net of wires is, into tiles.
 
 use crate::canvas::solid_window;
 use glam::DVec2;
@@ -17,7 +17,7 @@ const SPARSE: f64 = 0.25;
 /// The pixels of a part, in the order of rows.
 pub(crate) type Part = Vec<(usize, usize)>;
 
-/// Whether a convex quadrilateral contains a position, whichever way round its corners are given.
+/// Returns `true` if a convex quadrilateral contains a position, whichever way round its corners are given.
 pub(crate) fn in_quad(quad: &[DVec2; 4], at: DVec2) -> bool {
     let (mut left, mut right) = (false, false);
     for i in 0..4 {

@@ -18,7 +18,7 @@ pub(crate) struct Blend {
     pub(crate) pairs: Vec<(u32, u32, [f32; 4])>,
     /// Unknowns with what they should be because of a known neighbor: its value plus the wanted difference.
     pub(crate) anchors: Vec<(u32, [f32; 4], f32)>,
-    /// How strongly values are held to their first guess, against one neighbor.
+    /// Weight that holds values to their first guess, against one neighbor.
     pub(crate) hold: f32,
 }
 

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 /// Features by which pixels are compared: the ink, and the gradient of its luminance.
 pub(crate) type Feature = [f32; 8];
 
-/// How much a gradient counts against a color. More follows edges, less follows tones.
+/// Weight of a gradient against a color. More follows edges, less follows tones.
 pub(crate) const GRADIENT_WEIGHT: f32 = 0.35;
 
 /// A flat view of the surroundings of a hole.
@@ -72,7 +72,7 @@ impl Sheet {
         self.index(self.position(index) + offset)
     }
 
-    /// Whether all bits are set.
+    /// Returns `true` if all bits are set.
     #[inline]
     pub(crate) fn is(&self, index: usize, bits: u8) -> bool {
         self.states[index] & bits == bits

@@ -5,13 +5,13 @@ use std::fs::{File, Permissions};
 use std::io::{self, BufWriter, Seek as _, SeekFrom, Write as _};
 use std::path::{Path, PathBuf};
 
-/// What the content of a file that is being made is written to.
+/// Writer for the content of a file that is being made.
 pub type AtomicWriter<'a> = BufWriter<&'a File>;
 
 /// Writes a file so that others see either its old content or the whole new one.
 ///
 /// `write` fills a temporary file in the target's folder, which then takes the target's place. If `write` fails, or the
-/// process is told to stop inside it and it returns an error, the target is as it was and no temporary file is left.
+/// process is asked to stop inside it and it returns an error, the target is as it was and no temporary file is left.
 /// Symbolic links are written through; a replaced file hands on its permissions; a new one gets those of any new file.
 /// Targets that are no plain file (a pipe, `/dev/null`) get the finished content at the end.
 ///
@@ -21,7 +21,8 @@ pub type AtomicWriter<'a> = BufWriter<&'a File>;
 /// Does not guarantee: that hard links and owner of a replaced file survive.
 ///
 /// # Errors
-/// Whatever `write` returns, or an error of the file system, such as a missing folder or a write-protected target.
+/// Any error that `write` returns, or an error of the file system, such as a missing folder or a write-protected
+/// target.
 pub fn write_atomically<T, E: From<io::Error>>(
     path: &Path,
     write: impl FnOnce(&mut AtomicWriter<'_>) -> Result<T, E>,
@@ -68,7 +69,7 @@ pub fn check_writable(path: &Path) -> io::Result<()> {
 /// file, or else where the system keeps temporary files. It is gone when it is closed, or the program ends.
 ///
 /// # Errors
-/// What the file system says, with the folder.
+/// The error of the file system, with the folder.
 pub fn scratch_file(beside: Option<&Path>) -> io::Result<File> {
     let folder = match beside.map(Target::of).transpose()? {
         Some(Target::File { path, .. }) => folder_of(&path).to_owned(),
@@ -81,7 +82,7 @@ pub fn scratch_file(beside: Option<&Path>) -> io::Result<File> {
     tempfile::tempfile_in(&folder).map_err(named)
 }
 
-/// Where the content goes in the end.
+/// Final destination of the content.
 enum Target {
     /// A plain file, old or to be made.
     File {

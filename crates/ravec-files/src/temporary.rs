@@ -61,7 +61,7 @@ impl Registry {
 }
 
 /// Removes all temporaries of this process, and lets no further output begin or take its place: for a program that ends
-/// at once and not by returning from its work. What was finished before stays.
+/// at once and not by returning from its work. Finished files stay.
 pub fn abandon_outputs() {
     let start = Instant::now();
     let mut registry = loop {
@@ -191,7 +191,7 @@ impl TemporaryFolder {
         ))
     }
 
-    /// Where the folder is now.
+    /// Current path of the folder.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -223,7 +223,8 @@ impl Drop for TemporaryFolder {
     }
 }
 
-/// Removes temporaries that killed processes left beside `target`, which they were to replace. What cannot be removed stays.
+/// Removes temporaries that killed processes left beside `target`, which they were to replace. Files that cannot be
+/// removed stay.
 pub(crate) fn remove_stale(target: &Path) {
     let start = format!("{PREFIX}{}-", name_of(target));
     remove_unlocked(folder_of(target), |name| {
@@ -233,7 +234,8 @@ pub(crate) fn remove_stale(target: &Path) {
     });
 }
 
-/// Removes temporaries that killed processes left in `folder`, whatever they were to replace. What cannot be removed stays.
+/// Removes temporaries that killed processes left in `folder`, whatever they were to replace. Files that cannot be
+/// removed stay.
 pub fn remove_stale_in(folder: &Path) {
     remove_unlocked(folder, |name| {
         name.strip_prefix(PREFIX)

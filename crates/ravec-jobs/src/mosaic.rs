@@ -382,7 +382,7 @@ fn record(mosaic: &ravec_catalogue::Mosaic, report: &mut Report) {
         ("photos", mosaic.fitting as f64),
         ("different", mosaic.different as f64),
         ("used", mosaic.used as f64),
-        ("most_uses", mosaic.most_uses as f64),
+        ("most_uses", mosaic.max_uses as f64),
         (
             "nearest_repeat",
             mosaic.nearest_repeat.unwrap_or(f64::INFINITY),

@@ -46,7 +46,7 @@ impl Curve {
         linear.copysign(encoded)
     }
 
-    /// Whether the curve does nothing, within the precision of a profile.
+    /// Returns `true` if the curve does nothing, within the precision of a profile.
     pub(crate) fn is_identity(&self) -> bool {
         (0..=64).all(|i| {
             let x = f64::from(i) / 64.0;
@@ -54,7 +54,7 @@ impl Curve {
         })
     }
 
-    /// Whether the curve is that of sRGB: seen as encoded values it is off by less than half an 8-bit step.
+    /// Returns `true` if the curve is that of sRGB: seen as encoded values it is off by less than half an 8-bit step.
     pub(crate) fn is_srgb(&self) -> bool {
         (0..=255).all(|i| {
             let x = i as f32 / 255.0;
@@ -71,7 +71,7 @@ impl Curve {
     }
 }
 
-/// The five forms of a parametric curve, told apart by the number of their parameters.
+/// The five forms of a parametric curve, distinguished by the number of their parameters.
 fn formula(parameters: &[f32], x: f64) -> f64 {
     let p = |i: usize| f64::from(parameters[i]);
     let power = |a: f64, b: f64| (a * x + b).max(0.0).powf(p(0));
@@ -91,7 +91,7 @@ fn formula(parameters: &[f32], x: f64) -> f64 {
 
 /// Samples as they lie in files.
 pub(crate) trait Stored: Sample {
-    /// How many different numbers there are, if they can be listed.
+    /// Number of distinct values, if they can be listed.
     const CODES: Option<usize>;
     /// The place of the number in such a list.
     fn code(self) -> usize;

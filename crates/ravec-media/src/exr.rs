@@ -5,7 +5,7 @@
 
 use std::io::{self, BufRead, Read as _, Seek, SeekFrom};
 
-/// What the headers of a file claim of the largest of its parts.
+/// The size of the largest part of a file, as its headers declare it.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub(crate) struct Claims {
     /// Columns of the data window.
@@ -39,7 +39,7 @@ pub(crate) fn claims<R: BufRead + Seek>(input: &mut R) -> io::Result<Claims> {
     Ok(claims)
 }
 
-/// One header; none if there is no attribute, or what is there is none.
+/// One header; `None` if the attribute is missing or its value is invalid.
 fn header<R: BufRead + Seek>(input: &mut R) -> io::Result<Option<Claims>> {
     let mut part = Claims::default();
     let (mut pixel_bytes, mut tile) = (4, 0);

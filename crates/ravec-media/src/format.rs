@@ -1,4 +1,4 @@
-//! The file formats, told apart by what a file holds and, for writing, by the target's extension.
+//! The file formats, distinguished by what a file holds and, for writing, by the target's extension.
 
 use crate::picture::SampleKind;
 use std::path::Path;
@@ -94,25 +94,25 @@ impl Format {
         }
     }
 
-    /// How many bytes of a file [`from_content`](Self::from_content) looks at.
+    /// Number of bytes of a file that [`from_content`](Self::from_content) inspects.
     pub const SNIFFED_BYTES: usize = 32;
 
-    /// Whether the format stores alpha.
+    /// Returns `true` if the format stores alpha.
     pub fn has_alpha(self) -> bool {
         !matches!(self, Self::Jpeg | Self::Hdr)
     }
 
-    /// Whether files of the format that we write say their color space by an embedded profile.
+    /// Returns `true` if files of the format that we write say their color space by an embedded profile.
     pub fn has_profile(self) -> bool {
         matches!(self, Self::Png | Self::Jpeg | Self::WebP | Self::Tiff)
     }
 
-    /// Whether an EXIF block is written.
+    /// Returns `true` if an EXIF block is written.
     pub(crate) fn has_exif(self) -> bool {
         matches!(self, Self::Png | Self::Jpeg | Self::WebP)
     }
 
-    /// Whether one channel is enough for a gray picture, without and with alpha.
+    /// Returns `true` if one channel is enough for a gray picture, without and with alpha.
     pub(crate) fn has_gray(self, alpha: bool) -> bool {
         match self {
             Self::Png | Self::WebP => true,
@@ -141,7 +141,7 @@ impl Format {
     }
 }
 
-/// Sizes of the second header of a bitmap, by which its versions are told apart.
+/// Sizes of the second header of a bitmap, by which its versions are distinguished.
 const BMP_HEADERS: [u8; 8] = [12, 16, 40, 52, 56, 64, 108, 124];
 
 impl std::fmt::Display for Format {
@@ -150,7 +150,7 @@ impl std::fmt::Display for Format {
     }
 }
 
-/// What a file is that is none of ours, for the error message.
+/// The common name of an unsupported kind of file, for the error message.
 pub(crate) fn name_of_stranger(start: &[u8]) -> Option<&'static str> {
     let brand = start.get(4..12).unwrap_or_default();
     if start.starts_with(b"GIF8") {

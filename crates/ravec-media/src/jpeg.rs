@@ -62,18 +62,18 @@ impl Jpeg {
         }
     }
 
-    /// Whether no marker ends the picture. The decoder then fills the missing part with gray.
+    /// Returns `true` if no marker ends the picture. The decoder then fills the missing part with gray.
     pub(crate) fn is_truncated(&self) -> bool {
         !self.input.windows(2).rev().any(|pair| pair == [0xff, 0xd9])
     }
 
-    /// A plan to decode at the least size whose shorter side has still `least_side` pixels, if there is such a size below
+    /// A plan to decode at the least size whose shorter side has still `min_side` pixels, if there is such a size below
     /// the whole one.
-    pub(crate) fn reduction(&self, least_side: u32) -> Option<Reduction> {
+    pub(crate) fn reduction(&self, min_side: u32) -> Option<Reduction> {
         let shorter = self.width.min(self.height);
         let factor = [8, 4, 2]
             .into_iter()
-            .find(|factor| shorter / factor >= least_side)?;
+            .find(|factor| shorter / factor >= min_side)?;
         let wanted = match self.channels() {
             Channels::Gray => jpeg_decoder::PixelFormat::L8,
             Channels::Rgb => jpeg_decoder::PixelFormat::RGB24,

@@ -1,4 +1,4 @@
-//! What an EXIF block says about the lens.
+//! Lens data of an EXIF block.
 //!
 //! The focal length is needed where rays count, as when a wall is to be seen from straight on. Cameras write it as the one that
 //! a camera for 35 mm film would need for the same view, which with the size of the picture is all one has to know.
@@ -84,7 +84,7 @@ mod tests {
     }
 
     #[test]
-    fn a_full_frame_picture_has_as_many_pixels_as_millimetres() {
+    fn a_full_frame_picture_has_as_many_pixels_as_millimeters() {
         assert!((focal_px_from_35mm(36.0, 3600, 2400) - 3600.0).abs() < 1e-6);
     }
 }

@@ -1,4 +1,4 @@
-//! A file between header and pixels: what its decoder is, what it says, and what decoding will cost.
+//! A file between header and pixels: its decoder, its metadata, and the cost of decoding it.
 
 use crate::format::Format;
 use crate::jpeg::Jpeg;
@@ -26,7 +26,7 @@ pub(crate) struct Opened<'a> {
     height: u32,
     channels: Channels,
     sample: SampleKind,
-    /// Whether colors are multiplied by alpha, as `OpenEXR` has it.
+    /// `true` if colors are multiplied by alpha, as `OpenEXR` has it.
     premultiplied: bool,
     orientation: Orientation,
     icc: Option<Vec<u8>>,
@@ -251,11 +251,11 @@ impl<'a> Opened<'a> {
         self.memory.absorb(kept);
     }
 
-    /// Decodes a JPEG file at a fraction of its size, if its shorter side has then still `least_side` pixels.
-    pub(crate) fn reduce(&mut self, least_side: u32) {
+    /// Decodes a JPEG file at a fraction of its size, if its shorter side has then still `min_side` pixels.
+    pub(crate) fn reduce(&mut self, min_side: u32) {
         if let Decoder::Jpeg(jpeg) = &mut self.decoder
-            && let Some(plan) = jpeg.reduction(least_side)
-            // what exceeds the limit here does so when it is decoded whole, which is told then
+            && let Some(plan) = jpeg.reduction(min_side)
+            // a plan above the limit here exceeds it when the picture is decoded whole, which is reported then
             && self.memory.grow(plan.bytes).is_ok()
         {
             let encoded = self.memory.bytes() - plan.bytes;
@@ -265,12 +265,12 @@ impl<'a> Opened<'a> {
         }
     }
 
-    /// Bytes that will be reserved at the peak, if the picture is decoded at a fraction of its size down to `least_side`
+    /// Bytes that will be reserved at the peak, if the picture is decoded at a fraction of its size down to `min_side`
     /// where that is possible.
-    pub(crate) fn need(mut self, least_side: Option<u32>) -> u64 {
+    pub(crate) fn need(mut self, min_side: Option<u32>) -> u64 {
         let (mut reducing, mut held) = (0, self.memory.bytes());
-        if let (Some(least_side), Decoder::Jpeg(jpeg)) = (least_side, &mut self.decoder)
-            && let Some(plan) = jpeg.reduction(least_side)
+        if let (Some(min_side), Decoder::Jpeg(jpeg)) = (min_side, &mut self.decoder)
+            && let Some(plan) = jpeg.reduction(min_side)
         {
             reducing = held + plan.bytes;
             held += plan.samples;

@@ -8,7 +8,7 @@ pub(crate) fn upright(image: AnyImage, orientation: Orientation) -> AnyImage {
     with_image!(image, image => turned(image, orientation).into())
 }
 
-/// Whether width and height change places.
+/// Returns `true` if width and height change places.
 pub(crate) fn transposes(orientation: Orientation) -> bool {
     orientation.to_exif() >= 5
 }

@@ -5,7 +5,7 @@ use ravec_memory::Reservation;
 use ravec_raster::{AnyImage, Color, Image, LinearRgb, LinearRgba, Srgb, Srgba};
 use std::sync::Arc;
 
-/// How a file stores its numbers.
+/// Kind of number in which a file stores samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum SampleKind {
     /// 8-bit integers.
@@ -27,15 +27,15 @@ impl SampleKind {
     }
 }
 
-/// What a source file was like, so that a result can be written like it.
+/// Properties of a source file, from which a result can be written alike.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Origin {
     /// The source's format; none for a picture that was made, not read.
     pub format: Option<Format>,
-    /// How the source stored its numbers. May differ from the image's pixel type: 8-bit pixels in another color space
-    /// than sRGB are held as floats.
+    /// Sample kind of the source. May differ from the image's pixel type: 8-bit pixels in another color space than sRGB
+    /// are held as floats.
     pub sample: SampleKind,
-    /// Whether the source had one color channel.
+    /// `true` if the source had one color channel.
     pub gray: bool,
     /// The color profile that the source embedded, if it could be understood.
     pub icc: Option<Arc<[u8]>>,
@@ -57,7 +57,7 @@ pub enum Warning {
     #[error("the picture is CMYK without a usable color profile; its colors are approximate")]
     CmykWithoutProfile,
     /// Numbers that are not finite were replaced.
-    #[error("{nan} not-a-number samples were set to 0 and {infinite} infinite ones to 1e30")]
+    #[error("{nan} NaN samples were set to 0 and {infinite} infinite samples to 1e30")]
     NotFinite {
         /// Samples that were NaN and became 0.
         nan: u64,
@@ -67,7 +67,7 @@ pub enum Warning {
     /// Pixels of an `OpenEXR` file that shine without covering have no straight color.
     #[error("{pixels} fully transparent pixels with light of their own became empty")]
     GlowLost {
-        /// How many pixels.
+        /// Number of pixels.
         pixels: u64,
     },
     /// The file has several frames.
@@ -96,15 +96,16 @@ pub enum Warning {
 pub struct Picture {
     /// The pixels.
     pub image: AnyImage,
-    /// What the source was like.
+    /// Properties of the source.
     pub origin: Origin,
-    /// What was lost or guessed on reading.
+    /// Losses and guesses of reading.
     pub warnings: Vec<Warning>,
     /// The share of the memory budget that the pixels take, given back with the picture and its clones.
     pub(crate) charge: Charge,
 }
 
-/// Memory that is given back with the last clone. All charges are equal: they are no part of what a picture is.
+/// Memory that is given back with the last clone. All charges compare equal: the memory that a picture holds is not a
+/// part of its value.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Charge {
     _memory: Option<Arc<Reservation>>,

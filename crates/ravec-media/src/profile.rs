@@ -24,7 +24,7 @@ use ravec_raster::color::linear_from_srgb;
 use ravec_raster::{AnyImage, Image, LinearRgb, LinearRgba, Size, SizeError};
 use rayon::prelude::*;
 
-/// What an embedded profile means for us.
+/// Conversion that an embedded profile asks for.
 #[derive(Debug)]
 pub(crate) enum Profile {
     /// sRGB by another name: numbers are taken as they are.
@@ -87,7 +87,7 @@ impl Profile {
         transform(&profile, layout).map(|_| Self::Table(profile))
     }
 
-    /// How many color channels a file with this profile may have.
+    /// Returns `true` if a file with this profile may have this number of color channels.
     pub(crate) fn suits(&self, color_channels: usize) -> bool {
         match self {
             Self::Srgb | Self::Shaper(_) => matches!(color_channels, 1 | 3),
@@ -182,7 +182,7 @@ impl Profile {
         }
     }
 
-    /// Whether floats of this profile are what our floats are.
+    /// Returns `true` if floats of this profile are what our floats are.
     pub(crate) fn is_linear_srgb(&self) -> bool {
         match self {
             Self::Shaper(shaper) => shaper.has_srgb_primaries() && self.linear_space().is_some(),
@@ -209,7 +209,7 @@ fn light<T: Stored>(table: Option<&[f64]>, curve: &Curve, sample: T) -> f64 {
     }
 }
 
-/// How the samples of a pixel lie.
+/// Layout of the samples of a pixel.
 #[derive(Clone, Copy)]
 struct Stride {
     channels: usize,
@@ -330,7 +330,7 @@ impl Shaper {
     }
 }
 
-/// Whether a matrix is the identity, within the spread of the sRGB profiles in circulation.
+/// Returns `true` if a matrix is the identity, within the spread of the sRGB profiles in circulation.
 fn is_identity(matrix: &[[f64; 3]; 3]) -> bool {
     let expected = |row: usize, col: usize| f64::from(u8::from(row == col));
     (0..9).all(|i| (matrix[i / 3][i % 3] - expected(i / 3, i % 3)).abs() < 2e-3)
@@ -347,7 +347,7 @@ pub(crate) fn product(matrix: &[[f64; 3]; 3], [x, y, z]: [f64; 3]) -> [f64; 3] {
     matrix.map(|[a, b, c]| a * x + b * y + c * z)
 }
 
-/// What a profile calls itself, in one line.
+/// The description that a profile holds, in one line.
 pub(crate) fn description(bytes: &[u8]) -> Option<String> {
     let text = match ColorProfile::new_from_slice(bytes).ok()?.description? {
         ProfileText::PlainString(text) => text,
@@ -359,7 +359,7 @@ pub(crate) fn description(bytes: &[u8]) -> Option<String> {
     (!text.is_empty()).then(|| text.to_owned())
 }
 
-/// Whether a profile is one for gray pictures.
+/// Returns `true` if a profile is one for gray pictures.
 pub(crate) fn is_gray(bytes: &[u8]) -> bool {
     bytes.get(16..20) == Some(b"GRAY")
 }

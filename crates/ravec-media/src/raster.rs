@@ -72,9 +72,9 @@ impl<'a> Raster<'a> {
 struct Job<'a> {
     size: Size,
     alpha: bool,
-    /// Whether one channel is to be used if every pixel allows it.
+    /// `true` if one channel is to be used if every pixel allows it.
     gray: bool,
-    /// Whether the format says its color space.
+    /// `true` if the format says its color space.
     embeds: bool,
     /// The source's profile.
     kept: Option<(Profile, &'a [u8])>,

@@ -22,7 +22,7 @@ pub enum DecodeError {
     /// There is no data.
     #[error("the file is empty")]
     Empty,
-    /// The content is no picture of a format that is read.
+    /// The content is not a picture in a supported format.
     #[error("not a picture in a known format{}; known are {}", .looks_like.map(|name| format!(" (it looks like {name})")).unwrap_or_default(), format::known_names())]
     UnknownFormat {
         /// The name of the format, if it is known but not read.
@@ -61,7 +61,7 @@ pub enum DecodeError {
     Damaged {
         /// The format by its first bytes.
         format: Format,
-        /// What the decoder says.
+        /// Message of the decoder.
         reason: String,
     },
     /// A variant of the format that is not read.
@@ -69,7 +69,7 @@ pub enum DecodeError {
     Unsupported {
         /// The format by its first bytes.
         format: Format,
-        /// What the decoder says.
+        /// Message of the decoder.
         reason: String,
     },
     /// A size that no image can have.
@@ -91,7 +91,7 @@ fn in_use(bytes: u64) -> String {
 pub struct ReadError {
     /// The file; `-` is standard input.
     pub path: PathBuf,
-    /// What went wrong.
+    /// Cause of the failure.
     pub cause: DecodeError,
 }
 
@@ -103,22 +103,22 @@ pub(crate) fn display_path(path: &Path) -> String {
     }
 }
 
-/// What a file's header says about its picture.
+/// Picture properties declared by the header of a file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Probe {
     /// The format, by content.
     pub format: Format,
     /// Columns and rows of the upright picture.
     pub size: Size,
-    /// How numbers are stored.
+    /// Sample kind.
     pub sample: SampleKind,
-    /// Whether there is one color channel.
+    /// `true` if there is one color channel.
     pub gray: bool,
-    /// Whether there is an alpha channel.
+    /// `true` if there is an alpha channel.
     pub alpha: bool,
-    /// How the stored picture must be turned, 1 to 8 as in EXIF; 1 is upright.
+    /// Orientation of the stored picture, 1 to 8 as in EXIF; 1 is upright.
     pub orientation: u8,
-    /// What the embedded color profile calls itself; empty if it does not say.
+    /// The description of the embedded color profile; empty if it has none.
     pub profile: Option<String>,
 }
 
@@ -138,7 +138,7 @@ pub fn read(path: impl AsRef<Path>, limits: &Limits) -> Result<Picture, ReadErro
     })
 }
 
-/// What the header of a file says, without decoding the picture. `-` is standard input.
+/// Reads the header of a file without decoding the picture. `-` is standard input.
 ///
 /// # Errors
 /// As for [`read`], except for damage in the part that is not looked at.
@@ -165,24 +165,24 @@ pub fn decode(input: impl BufRead + Seek, limits: &Limits) -> Result<Picture, De
 }
 
 /// Like [`decode`], for when the picture is wanted small: JPEG files are decoded at a half, a quarter or an eighth of their
-/// size, as long as the shorter side has at least `least_side` pixels, which takes half the time and less memory. Other
+/// size, as long as the shorter side has at least `min_side` pixels, which takes half the time and less memory. Other
 /// formats are decoded whole. Returns what the header says as well, with the size of the whole picture.
 ///
 /// # Errors
 /// As for [`decode`].
 pub fn decode_reduced(
     input: impl BufRead + Seek,
-    least_side: u32,
+    min_side: u32,
     limits: &Limits,
 ) -> Result<(Probe, Picture), DecodeError> {
     contain_panics(input, limits, |mut opened| {
         let probe = opened.probe()?;
-        opened.reduce(least_side.max(1));
+        opened.reduce(min_side.max(1));
         Ok((probe, opened.decode()?))
     })
 }
 
-/// Bytes that [`decode`], or [`decode_reduced`] with `least_side`, reserves at its peak for this data, by its header. The
+/// Bytes that [`decode`], or [`decode_reduced`] with `min_side`, reserves at its peak for this data, by its header. The
 /// encoded data of the caller are not among them.
 ///
 /// Whoever decodes several pictures at once reserves this first (see
@@ -193,15 +193,15 @@ pub fn decode_reduced(
 /// As for [`probe_data`].
 pub fn memory_to_decode(
     input: impl BufRead + Seek,
-    least_side: Option<u32>,
+    min_side: Option<u32>,
     limits: &Limits,
 ) -> Result<u64, DecodeError> {
     contain_panics(input, limits, |opened| {
-        Ok(opened.need(least_side.map(|side| side.max(1))))
+        Ok(opened.need(min_side.map(|side| side.max(1))))
     })
 }
 
-/// What the header of encoded data says, without decoding the picture.
+/// Reads the header of encoded data without decoding the picture.
 ///
 /// # Errors
 /// As for [`decode`], except for damage in the part that is not looked at.

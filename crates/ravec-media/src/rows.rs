@@ -74,7 +74,7 @@ fn refused(format: Format, reason: &dyn std::fmt::Display) -> EncodeError {
 }
 
 /// Bytes of pixels beyond which a TIFF file gets 64-bit offsets: what 32 bits can say, less room for the tables.
-const MOST_CLASSIC_TIFF: u64 = (1 << 32) - (1 << 24);
+const MAX_CLASSIC_TIFF: u64 = (1 << 32) - (1 << 24);
 
 /// Writes a picture of `size` as PNG, JPEG or TIFF, by the extension of `path`, whole or not at all. TIFF files of more than
 /// 4 GiB become `BigTIFF`.
@@ -115,7 +115,7 @@ pub fn write_rows<E>(
         write_atomically(path, |writer| match format {
             Format::Png => as_png(writer, rows),
             Format::Jpeg => as_jpeg(writer, rows, quality),
-            Format::Tiff if size.pixels() as u64 * 3 > MOST_CLASSIC_TIFF => {
+            Format::Tiff if size.pixels() as u64 * 3 > MAX_CLASSIC_TIFF => {
                 as_tiff(TiffEncoder::new_big(writer)?, rows)
             }
             Format::Tiff => as_tiff(TiffEncoder::new(writer)?, rows),

@@ -6,10 +6,10 @@ use crate::profile::Profile;
 use ravec_raster::{AnyImage, Image, LinearRgb, LinearRgba, Pixel, Size, SizeError, Srgb, Srgba};
 use rayon::prelude::*;
 
-/// What stands for an infinite sample: far beyond any light, and its square and sums of many still are numbers.
+/// Replacement for an infinite sample: far beyond any light, and its square and sums of many still are numbers.
 const INFINITE: f32 = 1e30;
 
-/// What the samples of a pixel mean.
+/// Meaning of the samples of a pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Channels {
     Gray,
@@ -75,7 +75,7 @@ impl Samples {
         }
     }
 
-    /// Makes floats finite, and tells how many were not.
+    /// Makes floats finite, and reports the number that were not.
     pub(crate) fn make_finite(&mut self) -> Option<Warning> {
         let Self::F32(samples) = self else {
             return None;
@@ -288,7 +288,7 @@ pub(crate) fn bound(image: &mut AnyImage) {
     }
 }
 
-/// The number, or what stands for one that is none.
+/// The number, or its replacement if it is NaN or infinite.
 fn finite(value: f32) -> f32 {
     if value.is_nan() {
         0.0

@@ -24,10 +24,10 @@ pub(crate) static GREY_SRGB: LazyLock<Vec<u8>> = LazyLock::new(|| {
     encoded(profile, "Gray with sRGB curve")
 });
 
-/// Where the header of a profile has its size.
+/// Range of the size in the header of a profile.
 const SIZE_IN_HEADER: std::ops::Range<usize> = 0..4;
 
-/// Where the header of a profile has the illuminant of its connection space.
+/// Range of the illuminant of the connection space in the header of a profile.
 const ILLUMINANT_IN_HEADER: std::ops::Range<usize> = 68..80;
 
 /// D50 as the standard rounds it (ICC.1:2022, 7.2.16).

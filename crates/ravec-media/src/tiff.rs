@@ -9,7 +9,7 @@ use tiff::decoder::{Decoder, Limits};
 use tiff::tags::{SampleFormat, Tag};
 use tiff::{ColorType, TiffError, TiffUnsupportedError};
 
-/// What a decoder can be made of, whatever it is.
+/// Source of any type from which a decoder can be made.
 pub(crate) trait Source: BufRead + Seek {}
 impl<T: BufRead + Seek> Source for T {}
 
@@ -22,7 +22,7 @@ pub(crate) struct Tiff<'a> {
     pub(crate) sample: SampleKind,
     pub(crate) icc: Option<Vec<u8>>,
     pub(crate) orientation: Orientation,
-    /// Whether colors are multiplied by alpha.
+    /// `true` if colors are multiplied by alpha.
     pub(crate) premultiplied: bool,
     /// Bits of one stored sample: 1, 2 and 4 are spread to 8.
     bits: u8,
@@ -103,7 +103,7 @@ impl<'a> Tiff<'a> {
         })
     }
 
-    /// Whether samples lie in the file as they do in memory.
+    /// Returns `true` if samples lie in the file as they do in memory.
     fn is_plain(&self) -> bool {
         self.planes == 1 && self.bits >= 8
     }

@@ -1,20 +1,20 @@
-//! WebP: what its chunks claim, checked before the decoder takes memory for it.
+//! WebP: the sizes that its chunks declare, checked before the decoder allocates memory for them.
 //!
 //! The decoder takes memory for profiles and EXIF blocks by the length in their headers, and for a lossy frame by the size
 //! in the frame's header, before it compares them with the file and with the picture.
 
 use std::io::{self, Read, Seek, SeekFrom};
 
-/// What the chunks of a file claim.
+/// Properties that the chunks of a file declare.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) struct Claims {
-    /// Whether each chunk of metadata ends within the file.
+    /// `true` if each chunk of metadata ends within the file.
     pub(crate) metadata_is_whole: bool,
-    /// Whether each lossy frame is as large as the picture or smaller.
+    /// `true` if each lossy frame is as large as the picture or smaller.
     pub(crate) frames_fit: bool,
 }
 
-/// More chunks than this are no picture: each is looked at.
+/// Bound on the number of chunks, each of which is inspected; a file with more is refused.
 const MAX_CHUNKS: usize = 1 << 16;
 
 /// Reads the headers of all chunks of a file of `length` bytes, and goes back to its start.

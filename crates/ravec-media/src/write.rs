@@ -11,19 +11,19 @@ use ravec_raster::{Size, Srgb};
 use std::io::{self, Cursor, Seek, Write};
 use std::path::{Path, PathBuf};
 
-/// How a picture is written.
+/// Options for writing a picture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WriteOptions {
     /// The format (default: by the target's extension; for standard output the source's format, else PNG).
     pub format: Option<Format>,
-    /// How numbers are stored (default: as the source did). The format's nearest kind is taken; without a choice,
-    /// float pictures go into integer formats with 16 bit where there are 16 bit.
+    /// Sample kind (default: that of the source). The format's nearest kind is taken; without a choice, float pictures
+    /// go into integer formats with 16 bit where there are 16 bit.
     pub sample: Option<SampleKind>,
     /// Quality of JPEG, 1 to 100 (default 92). Higher is larger and closer to the picture.
     pub quality: u8,
     /// The color space of the file (default: the source's).
     pub profile: ProfileChoice,
-    /// What transparent parts are put on in formats without alpha (default white).
+    /// Background under transparent parts in formats without alpha (default white).
     pub background: Srgb<u8>,
 }
 
@@ -84,7 +84,7 @@ pub enum EncodeError {
     Refused {
         /// The format.
         format: Format,
-        /// What the encoder says.
+        /// Message of the encoder.
         reason: String,
     },
 }
@@ -95,7 +95,7 @@ pub enum EncodeError {
 pub struct WriteError {
     /// The file; `-` is standard output.
     pub path: PathBuf,
-    /// What went wrong.
+    /// Cause of the failure.
     pub cause: EncodeError,
 }
 

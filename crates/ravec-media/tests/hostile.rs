@@ -334,8 +334,8 @@ fn photos_that_are_decoded_small_reserve_what_they_hold() {
         memory: MemoryBudget::new(64 << 20),
     };
     let whole = memory_to_decode(Cursor::new(&data), None, &limits).unwrap();
-    for least_side in [40, 200, 700] {
-        let need = memory_to_decode(Cursor::new(&data), Some(least_side), &limits).unwrap();
+    for min_side in [40, 200, 700] {
+        let need = memory_to_decode(Cursor::new(&data), Some(min_side), &limits).unwrap();
         assert!(need <= whole, "{need} of {whole}");
         let share = limits.memory.reserve(need).unwrap().into_budget();
         let within = Limits {
@@ -344,7 +344,7 @@ fn photos_that_are_decoded_small_reserve_what_they_hold() {
         };
         let before = HELD.load(Relaxed);
         PEAK.store(before, Relaxed);
-        decode_reduced(Cursor::new(&data), least_side, &within).unwrap();
+        decode_reduced(Cursor::new(&data), min_side, &within).unwrap();
         let measured = (PEAK.load(Relaxed) - before) as u64;
         assert!(measured <= need + (1 << 20), "{measured} > {need}");
     }

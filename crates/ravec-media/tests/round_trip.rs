@@ -1,4 +1,5 @@
-//! What is written is what is read: every format, sample kind, gray, alpha; orientation, EXIF, standard sentences.
+//! Round trips: written pictures are read back, in every format and sample kind, gray, with alpha; orientation, EXIF,
+//! standard sentences.
 
 use image::{ExtendedColorType, ImageEncoder as _};
 use ravec_files::write_atomically;
@@ -185,7 +186,7 @@ fn jpeg_is_near_and_keeps_gray() {
     let back = decoded(&encoded(&picture, Format::Jpeg));
     let back = back.convert::<Srgb<u8>>();
     let worst = largest_difference(&back, &ramp);
-    // quality 92 quantises by up to 18 of 2040; smooth ramps stay well within
+    // quality 92 quantizes by up to 18 of 2040; smooth ramps stay well within
     assert!(worst <= 8, "{worst}");
 
     let mut gray = Picture::from_image(ramp.map(|p| Srgb([p.0[0]; 3])));

@@ -36,7 +36,7 @@ use ravec_progress::{Cancelled, Progress};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-/// Pause between looks at the cancellation while a reservation waits.
+/// Pause between checks for cancellation while a reservation waits.
 const CANCEL_POLL: Duration = Duration::from_millis(10);
 
 /// A limit on memory and the account of what is in use. Clones share the account.

@@ -1,7 +1,7 @@
 //! Growth of the time of each reader with the file: a table of files of one, two, four and eight times a size.
 //!
-//! Twice the file should take about twice the time. The last column is the mean factor from one size to the next, of the
-//! times that are long enough to tell; what is above 2.2 fails.
+//! Twice the file should take about twice the time. The last column is the mean factor from one size to the next, of
+//! the times that are long enough to compare; a factor above 2.2 fails.
 
 #![allow(clippy::format_push_string, reason = "texts are made once")]
 
@@ -95,7 +95,7 @@ fn sheet(triangles: usize) -> TriMesh {
     TriMesh::new(positions.collect(), triangles.collect()).expect("the indices are in range")
 }
 
-/// So many tetrahedra, apart from one another.
+/// A mesh of `count` tetrahedra, apart from one another.
 fn parts(count: usize) -> TriMesh {
     let mut positions = Vec::new();
     let mut triangles = Vec::new();

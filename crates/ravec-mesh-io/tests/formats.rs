@@ -1,4 +1,4 @@
-//! What is written is what is read, in every format.
+//! Round trips: written meshes are read back, in every format.
 
 use proptest::prelude::*;
 use ravec_mesh::{TriMesh, weld};

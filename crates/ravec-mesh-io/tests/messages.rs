@@ -1,4 +1,4 @@
-//! Quotes of a file in messages are short and harmless, and a stream that is no mesh is given up at once.
+//! Quotes of a file in messages are short and harmless, and a stream that is not a mesh is given up at once.
 
 use std::io::{self, Cursor, Read, Write as _};
 

@@ -28,7 +28,7 @@ impl Aabb {
         points.into_iter().fold(Self::EMPTY, Self::with_point)
     }
 
-    /// Whether the box holds no point.
+    /// Returns `true` if the box holds no point.
     pub fn is_empty(&self) -> bool {
         !self.min.cmple(self.max).all()
     }
@@ -69,13 +69,13 @@ impl Aabb {
         }
     }
 
-    /// Whether `point` lies in the box or on its border.
+    /// Returns `true` if `point` lies in the box or on its border.
     #[inline]
     pub fn contains(&self, point: DVec3) -> bool {
         self.min.cmple(point).all() && point.cmple(self.max).all()
     }
 
-    /// Whether the boxes share a point.
+    /// Returns `true` if the boxes share a point.
     #[inline]
     pub fn touches(&self, other: &Self) -> bool {
         self.min.cmple(other.max).all() && other.min.cmple(self.max).all()

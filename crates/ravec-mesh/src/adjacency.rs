@@ -1,4 +1,4 @@
-//! Which triangles meet at which edges and vertices.
+//! Adjacency: the triangles that meet at each edge and vertex.
 //!
 //! Works on indices alone: vertices are the same if they have the same index, wherever they are. Any soup will do; an
 //! edge may have any number of triangles. A triangle that names a vertex twice has no place here: it has no edges, and
@@ -12,7 +12,7 @@ use ravec_progress::{Cancelled, Progress};
 use crate::TriMesh;
 use crate::par_collect::par_collect;
 
-/// So many triangles or vertices are dealt with between two looks at the cancellation: some milliseconds.
+/// Number of triangles or vertices that are processed between two checks for cancellation: some milliseconds.
 const AT_ONCE: usize = 1 << 16;
 
 /// Stands for "no edge" in the table of the triangles' sides.
@@ -23,10 +23,10 @@ const NONE: u32 = u32::MAX;
 pub struct EdgeUse {
     /// The triangle.
     pub triangle: u32,
-    /// Which of its sides the edge is: from corner 0, 1 or 2 to the next one.
+    /// Side of the triangle that the edge is: from corner 0, 1 or 2 to the next one.
     pub side: u8,
-    /// Whether that side runs from the lower to the higher vertex of the edge. Of two well oriented neighbors one does
-    /// and the other does not.
+    /// `true` if that side runs from the lower to the higher vertex of the edge. Of two well oriented neighbors one
+    /// does and the other does not.
     pub forward: bool,
 }
 
@@ -45,7 +45,7 @@ pub struct Adjacency {
     triangles: Vec<u32>,
 }
 
-/// The parts of a mesh that hang together.
+/// The connected components of a mesh.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Components {
     /// The number of parts.
@@ -62,7 +62,7 @@ fn counts_to_starts(counts: &mut [u32]) {
     }
 }
 
-/// Whether a triangle names three vertices.
+/// Returns `true` if a triangle names three vertices.
 #[inline]
 pub(crate) fn is_proper([a, b, c]: [u32; 3]) -> bool {
     a != b && b != c && c != a

@@ -157,7 +157,7 @@ impl BoxTree {
         self.corners.len()
     }
 
-    /// Whether there are no triangles.
+    /// Returns `true` if there are no triangles.
     pub fn is_empty(&self) -> bool {
         self.corners.is_empty()
     }

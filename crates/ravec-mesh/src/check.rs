@@ -1,4 +1,4 @@
-//! What is wrong with a mesh, and what it is a mesh of.
+//! Defects of a mesh, and its topology.
 //!
 //! A mesh is *closed* if no edge has just one triangle, *manifold* if no edge has more than two and the triangles at each
 //! vertex form one fan, and *oriented* if neighbors run along their common edge in opposite directions. A mesh that is all
@@ -23,13 +23,13 @@ use crate::{Adjacency, BoxTree, SelfIntersections, TriMesh, on_one_line, self_in
 
 pub use boundary::BoundaryLoop;
 
-/// What to check, and how much to tell.
+/// Parameters of the check and of its report.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct CheckParams {
-    /// Whether to search for intersections (default true). It takes half of the time.
+    /// `true` if to search for intersections (default true). It takes half of the time.
     pub self_intersections: bool,
-    /// How many of each defect to list (default 20). All are counted in any case.
+    /// Number of defects of each kind to list (default 20). All are counted in any case.
     pub list_limit: usize,
 }
 
@@ -42,10 +42,10 @@ impl Default for CheckParams {
     }
 }
 
-/// How many there are, and the first of them.
+/// Number of defects of one kind, and the first of them.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Found<T> {
-    /// How many there are.
+    /// Number of them.
     pub count: u64,
     /// The first of them, in ascending order.
     pub listed: Vec<T>,
@@ -61,7 +61,7 @@ impl<T> Default for Found<T> {
 }
 
 impl<T: Copy> Found<T> {
-    /// Whether there are none.
+    /// Returns `true` if there are none.
     pub fn is_empty(&self) -> bool {
         self.count == 0
     }
@@ -90,13 +90,13 @@ pub struct MeshCheck {
     pub vertices: u64,
     /// The number of edges.
     pub edges: u64,
-    /// The number of parts; what shares a vertex hangs together.
+    /// The number of connected components; triangles that share a vertex are connected.
     pub components: u32,
-    /// Whether there are triangles, and no edge has just one.
+    /// `true` if there are triangles, and no edge has just one.
     pub closed: bool,
-    /// Whether no edge has more than two triangles and no vertex more than one fan.
+    /// `true` if no edge has more than two triangles and no vertex more than one fan.
     pub manifold: bool,
-    /// Whether neighbors run along their common edges in opposite directions; where more than two triangles meet,
+    /// `true` if neighbors run along their common edges in opposite directions; where more than two triangles meet,
     /// whether as many run in either direction.
     pub oriented: bool,
     /// Vertices minus edges plus triangles, of what is used.
@@ -124,7 +124,8 @@ pub struct MeshCheck {
 }
 
 impl MeshCheck {
-    /// Whether the mesh is the surface of a solid: closed, manifold, oriented, and known not to intersect itself.
+    /// Returns `true` if the mesh is the surface of a solid: closed, manifold, oriented, and known not to intersect
+    /// itself.
     pub fn is_solid(&self) -> bool {
         let apart = self.self_intersections.as_ref();
         self.closed && self.manifold && self.oriented && apart.is_some_and(|found| found.count == 0)
@@ -252,7 +253,7 @@ pub fn check(
     })
 }
 
-/// So many edges take about a millisecond.
+/// Number of edges between two checks for cancellation: about a millisecond.
 const AT_ONCE: u32 = 1 << 16;
 
 /// The triangles that name the same three vertices as one before them, ascending. Those that name a vertex twice are

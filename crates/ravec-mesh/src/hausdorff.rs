@@ -1,4 +1,4 @@
-//! How far two surfaces are apart: the Hausdorff distance with a proof, mean and root of the mean square.
+//! Distance of two surfaces: the Hausdorff distance with a proof, mean and root of the mean square.
 //!
 //! The largest distance from one surface to the other is enclosed. From below: every place that was looked at is a
 //! witness. From above: the distance to a single triangle is convex, so that over a piece it is largest at a corner, and
@@ -27,7 +27,7 @@ use rayon::prelude::*;
 use crate::closest::distance_sq_to_triangle;
 use crate::{Bvh, TriMesh};
 
-/// How closely and by how much work distances are enclosed.
+/// Precision of the bounds on distances, and the work allowed for them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HausdorffParams {
     /// Largest difference between `upper` and `lower`, in units of the mesh, above 0 (default 1e-3). Work grows about
@@ -94,10 +94,10 @@ impl Hausdorff {
 #[non_exhaustive]
 pub enum HausdorffError {
     /// A mesh has no triangles.
-    #[error("a mesh without triangles has no distance to another one")]
+    #[error("a mesh without triangles has no distance to another mesh")]
     Empty,
     /// The tolerance is no length.
-    #[error("the tolerance of a distance must be a positive length, not {0}")]
+    #[error("the tolerance is {0}, but must be a positive length")]
     Tolerance(f64),
     /// The work was cancelled.
     #[error(transparent)]
@@ -182,10 +182,10 @@ struct Near {
     distance: f64,
 }
 
-/// Queries between two looks at the cancellation: some milliseconds of work.
+/// Queries between two checks for cancellation: some milliseconds of work.
 const CHUNK: usize = 1024;
 
-/// What is closest to `p`; the other surface is not empty and `p` finite.
+/// The point closest to `p`; the other surface is not empty and `p` finite.
 #[inline]
 fn near(other: &Bvh, p: DVec3, hint: u32) -> Near {
     match other.closest_with_hint(p, hint) {
@@ -329,11 +329,11 @@ fn sampled(
 struct Piece {
     corners: [DVec3; 3],
     near: [Near; 3],
-    /// What is closest to its middle, if that was looked at.
+    /// The point closest to its middle, if that was searched.
     middle: Option<Near>,
     /// No point of the piece is farther from the other surface.
     upper: f64,
-    /// When it was made; the older of two equal ones goes first.
+    /// Order of creation; the older of two equal ones goes first.
     order: u64,
 }
 
@@ -504,7 +504,7 @@ fn enclosed(
         let enough = farthest.near.distance + params.tolerance;
         for (parent, pieces) in round.iter().zip(cut) {
             for piece in pieces {
-                // What holds for the whole holds for its parts.
+                // A bound of the whole holds for its parts.
                 let piece = Piece {
                     upper: piece.upper.min(parent.upper),
                     order,

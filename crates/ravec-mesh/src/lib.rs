@@ -112,7 +112,7 @@ pub use self_intersection::{
     self_intersections,
 };
 pub use simplify::{
-    BoundaryRule, CollapseCandidate, CollapseJudge, ErrorSample, Keep, Overseer, Simplified,
+    BoundaryRule, CollapseCandidate, CollapseJudge, ErrorSample, JudgeFactory, Keep, Simplified,
     SimplifyError, SimplifyParams, SimplifyReport, Trust, Vetoes, add_rings, simplify,
     simplify_patches,
 };

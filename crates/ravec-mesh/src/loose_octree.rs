@@ -17,7 +17,7 @@ const NONE: u32 = u32::MAX;
 /// is not expected.
 const DEPTH: u32 = 20;
 
-/// How far a box may stick out of its cell, relative to the cell: half, and the rounding of centers and cells.
+/// Largest overhang of a box beyond its cell, relative to the cell: half, and the rounding of centers and cells.
 const LOOSE: f64 = 0.5 + 1e-6;
 
 #[derive(Debug, Clone, Copy)]
@@ -103,7 +103,7 @@ impl Rounded {
     }
 }
 
-/// Where a box lives.
+/// Cell of a box.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Address {
     level: u32,

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::TriMesh;
 
-/// What can be measured on a mesh.
+/// Measures of a mesh.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Measures {
     /// The smallest coordinates of the triangles; zero if there are none.

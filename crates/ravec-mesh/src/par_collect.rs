@@ -3,7 +3,8 @@
 use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
 
-/// So many things are dealt with between two looks at the cancellation: a few milliseconds, if one takes a microsecond.
+/// Number of things that are processed between two checks for cancellation: a few milliseconds, if one takes a
+/// microsecond.
 const AT_ONCE: u32 = 1 << 12;
 
 /// Collects the items that `found` returns for each of `0..count`, in that order, on all threads of the caller's pool.

@@ -114,7 +114,7 @@ impl OrientedPlane {
         }
     }
 
-    /// Whether the three points are on one line.
+    /// Returns `true` if the three points are on one line.
     #[inline]
     pub fn is_degenerate(&self) -> bool {
         // a component of the cross product has two products with four roundings each: 1/6 of the bound above
@@ -157,7 +157,7 @@ pub fn orient2d(a: DVec2, b: DVec2, c: DVec2) -> Sign {
     Sign::of(robust::orient2d(coord(a), coord(b), coord(c)))
 }
 
-/// Whether the three points are on one line, exactly.
+/// Returns `true` if the three points are on one line, exactly.
 pub fn on_one_line(a: DVec3, b: DVec3, c: DVec3) -> bool {
     Projection::ALL
         .iter()

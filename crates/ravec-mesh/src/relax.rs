@@ -1,10 +1,10 @@
 //! Better facets for the same surface: vertices move, edges flip and are divided until facets lie as somebody wants them to.
 //!
-//! Simplification leaves facets that lie badly: across a crease that was too shallow to be noticed, or between vertices that
-//! had to stay. What lies badly only the caller can say, as a number for each facet, its *fault*. Then, from the worst facet
-//! on: of all flips of its edges and moves of its corners the one is taken that lowers the faults around it most; if none
-//! does, an edge is divided, if the caller has a place for a new vertex. As every step lowers the sum of all faults, the
-//! process ends.
+//! Simplification leaves facets that lie badly: across a crease that was too shallow to be noticed, or between vertices
+//! that had to stay. Only the caller can say which facets lie badly, by a number for each, its *fault*. Then, from the
+//! worst facet on: of all flips of its edges and moves of its corners the one is taken that lowers the faults around it
+//! most; if none does, an edge is divided, if the caller has a place for a new vertex. As every step lowers the sum of
+//! all faults, the process ends.
 //!
 //! Facets are looked at side by side, in batches of some of the worst whose surroundings lie apart, so that no step changes
 //! what another one was chosen by. A step whose facets come near those of another one in the batch waits.
@@ -13,7 +13,7 @@
 //! are; edges with one triangle, or with more than two, and their vertices stay as they are; facets turn by less than a right
 //! angle at a time; triangles that did not meet do not meet, exactly; the same result on any number of threads. Does not
 //! guarantee: the least possible sum of faults; a distance to what was there before, unless the caller refuses steps.
-//! Cost: one look at each facet; then for each facet with a fault nine candidates, each of which costs a look at the facets
+//! Cost: one description of each facet; then for each facet with a fault nine candidates, each of which costs a description of the facets
 //! that it changes, until it is seen to be of no use, and a search for intersections for the best of them.
 //!
 //! Source: local steps as in Hoppe et al., "Mesh Optimization", 1993, without its collapses.
@@ -31,19 +31,20 @@ use crate::{Aabb, TriMesh};
 use steps::{Fan, Scratch, Step, Steps};
 
 /// The share of the faults around it that a step must remove.
-const LEAST_GAIN: f64 = 0.02;
+const MIN_GAIN: f64 = 0.02;
 
 /// The share of the faults of two facets that dividing them must remove: what costs two triangles must be worth it.
-const LEAST_GAIN_OF_SPLIT: f64 = 0.1;
+const MIN_GAIN_OF_SPLIT: f64 = 0.1;
 
-/// How many steps there may be for each facet that has a fault at first. Far fewer are taken where they are of use.
-const MOST_STEPS: usize = 8;
+/// Bound on the number of steps for each facet that has a fault at first. Far fewer are taken where they are of use.
+const MAX_STEPS: usize = 8;
 
-/// How many facets are looked at side by side. More keep more threads busy, but are farther from the order of the worst first.
+/// Number of facets that are examined side by side. More keep more threads busy, but are farther from the order of the
+/// worst first.
 const BATCH: usize = 64;
 
-/// How many facets are passed over for each batch because they are too close to others of it.
-const MOST_PASSED_OVER: usize = 4 * BATCH;
+/// Bound on the facets that are passed over for each batch because they are too close to others of it.
+const MAX_PASSED_OVER: usize = 4 * BATCH;
 
 /// The name of a vertex that does not exist yet, in the facets that have it.
 pub const NEW_VERTEX: u32 = u32::MAX;
@@ -53,10 +54,10 @@ pub const NEW_VERTEX: u32 = u32::MAX;
 pub struct Facet<L> {
     /// The names of its corners, by their index in the mesh, or [`NEW_VERTEX`].
     pub names: [u32; 3],
-    /// Where these are.
+    /// Positions of its corners.
     pub corners: [DVec3; 3],
-    /// What the judge sees in it.
-    pub look: L,
+    /// The judge's description of it.
+    pub descriptor: L,
 }
 
 impl<L> Facet<L> {
@@ -67,24 +68,24 @@ impl<L> Facet<L> {
     }
 }
 
-/// Who says what is wanted.
+/// The judge of facets and of steps.
 pub trait RelaxJudge: Sync {
-    /// What a judge has to find out about a facet to judge it.
-    type Look: Copy + Send + Sync;
+    /// Description of a facet from which a judge computes its fault.
+    type Descriptor: Copy + Send + Sync;
 
-    /// Looks at a facet with these corners; `like` is the look of one that was there, or nearby, if there was any.
-    fn look(&self, corners: [DVec3; 3], like: Option<&Self::Look>) -> Self::Look;
+    /// Describes a facet with these corners; `like` describes one that was there, or nearby, if there was any.
+    fn describe(&self, corners: [DVec3; 3], like: Option<&Self::Descriptor>) -> Self::Descriptor;
 
-    /// How badly a facet lies that looks like this: 0 if it may stay, else more than that, finite.
-    fn fault(&self, look: &Self::Look) -> f64;
+    /// Fault of a facet with this description: 0 if it may stay, else positive and finite.
+    fn fault(&self, descriptor: &Self::Descriptor) -> f64;
 
-    /// Where the vertex `of` would better be; `around` are the facets that have it as a corner. `None` if it may stay. It may come
-    /// to be there, or on the way there.
-    fn place(&self, of: u32, around: &[Facet<Self::Look>]) -> Option<DVec3>;
+    /// The better place of the vertex `of`; `around` are the facets that have it as a corner. `None` if it may stay. It
+    /// may come to be there, or on the way there.
+    fn place(&self, of: u32, around: &[Facet<Self::Descriptor>]) -> Option<DVec3>;
 
     /// Where a new vertex should be that divides the edge between two vertices, and both facets beside it in two; the first of
     /// these is the one at fault. `None` (always, unless the judge says otherwise) if they should stay whole.
-    fn between(&self, _ends: [u32; 2], _facets: &[Facet<Self::Look>; 2]) -> Option<DVec3> {
+    fn between(&self, _ends: [u32; 2], _facets: &[Facet<Self::Descriptor>; 2]) -> Option<DVec3> {
         None
     }
 
@@ -93,11 +94,12 @@ pub trait RelaxJudge: Sync {
         place
     }
 
-    /// Whether a step may be taken that lowers faults and lets no triangles meet; `after` are the facets that it makes.
-    fn admits(&self, after: &[Facet<Self::Look>]) -> bool;
+    /// Returns `true` if a step may be taken that lowers faults and lets no triangles meet; `after` are the facets that
+    /// it makes.
+    fn admits(&self, after: &[Facet<Self::Descriptor>]) -> bool;
 }
 
-/// What became of a mesh.
+/// The result of relaxing a mesh.
 #[derive(Debug, Clone)]
 pub struct Relaxed {
     /// The mesh: what was there before, in the same order, then what was added.
@@ -144,14 +146,17 @@ pub fn relax<J: RelaxJudge>(
     progress: &Progress,
 ) -> Result<Relaxed, Cancelled> {
     progress.check()?;
-    let looks: Vec<J::Look> = (0..mesh.triangles().len() as u32)
+    let descriptors: Vec<J::Descriptor> = (0..mesh.triangles().len() as u32)
         .into_par_iter()
         .map(|t| {
             progress.check()?;
-            Ok(judge.look(mesh.corners(t), None))
+            Ok(judge.describe(mesh.corners(t), None))
         })
         .collect::<Result<_, Cancelled>>()?;
-    let faults: Vec<f64> = looks.iter().map(|look| judge.fault(look)).collect();
+    let faults: Vec<f64> = descriptors
+        .iter()
+        .map(|descriptor| judge.fault(descriptor))
+        .collect();
     let before = faults.iter().sum();
     let mut relaxed = Relaxed {
         mesh: TriMesh::default(),
@@ -161,19 +166,19 @@ pub fn relax<J: RelaxJudge>(
         faults: [before, before],
     };
     let mut queue = Queue::new(faults);
-    let mut left = MOST_STEPS * queue.waiting.len();
+    let mut left = MAX_STEPS * queue.waiting.len();
     if left == 0 {
         relaxed.mesh = mesh.clone();
         return Ok(relaxed);
     }
-    let mut steps = Steps::new(mesh, looks, judge, progress)?;
+    let mut steps = Steps::new(mesh, descriptors, judge, progress)?;
     while left > 0 {
         let batch = queue.next_batch(&steps);
         if batch.is_empty() {
             break;
         }
         progress.check()?;
-        let found: Vec<Option<(Step, Fan<J::Look>)>> = batch
+        let found: Vec<Option<(Step, Fan<J::Descriptor>)>> = batch
             .par_iter()
             .map_init(Scratch::default, |scratch, waiting| {
                 best(&steps, &queue.faults, waiting.triangle, scratch)
@@ -197,7 +202,7 @@ pub fn relax<J: RelaxJudge>(
             }
             let triangles = steps.take(step, &fan);
             for (t, facet) in triangles.into_iter().zip(&fan.after) {
-                queue.put(t, judge.fault(&facet.look));
+                queue.put(t, judge.fault(&facet.descriptor));
             }
             left -= 1;
         }
@@ -207,9 +212,9 @@ pub fn relax<J: RelaxJudge>(
     Ok(relaxed)
 }
 
-/// What is at fault.
+/// The facets at fault.
 struct Queue {
-    /// Of each triangle.
+    /// Fault of each triangle.
     faults: Vec<f64>,
     waiting: BinaryHeap<Waiting>,
 }
@@ -239,7 +244,7 @@ impl Queue {
         let mut batch = Vec::with_capacity(BATCH);
         let mut boxes: Vec<Aabb> = Vec::with_capacity(BATCH);
         let mut passed_over = Vec::new();
-        while batch.len() < BATCH && passed_over.len() < MOST_PASSED_OVER {
+        while batch.len() < BATCH && passed_over.len() < MAX_PASSED_OVER {
             let Some(waiting) = self.waiting.pop() else {
                 break;
             };
@@ -267,16 +272,16 @@ fn best<J: RelaxJudge>(
     faults: &[f64],
     triangle: u32,
     scratch: &mut Scratch,
-) -> Option<(Step, Fan<J::Look>)> {
-    let mut of = |candidates: Vec<Step>, least_gain: f64| {
-        let mut candidates: Vec<(Step, Fan<J::Look>)> = (candidates.into_iter())
-            .filter_map(|step| Some((step, steps.fan(step, faults, least_gain)?)))
+) -> Option<(Step, Fan<J::Descriptor>)> {
+    let mut of = |candidates: Vec<Step>, min_gain: f64| {
+        let mut candidates: Vec<(Step, Fan<J::Descriptor>)> = (candidates.into_iter())
+            .filter_map(|step| Some((step, steps.fan(step, faults, min_gain)?)))
             .collect();
         // the sort is stable: of equal gains the first candidate wins
         candidates.sort_by(|a, b| b.1.gain.total_cmp(&a.1.gain));
         (candidates.into_iter())
             .find(|(_, fan)| steps.stay_apart(fan, scratch) && steps.judge.admits(&fan.after))
     };
-    of(steps.of_triangle(triangle), LEAST_GAIN)
-        .or_else(|| of(steps.splits_of(triangle), LEAST_GAIN_OF_SPLIT))
+    of(steps.of_triangle(triangle), MIN_GAIN)
+        .or_else(|| of(steps.splits_of(triangle), MIN_GAIN_OF_SPLIT))
 }

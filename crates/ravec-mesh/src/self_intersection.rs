@@ -1,4 +1,4 @@
-//! Where a mesh intersects itself.
+//! Self-intersections of a mesh.
 //!
 //! Pairs of triangles whose boxes touch are decided by [`intersection`](crate::intersection). Neighbors that share just
 //! a corner or an edge are as they should be and are not counted; what counts is any contact beyond that, including
@@ -26,11 +26,11 @@ pub struct IntersectingPair {
     pub first: u32,
     /// The one with the higher index.
     pub second: u32,
-    /// How they meet: anything but [`TriTri::Disjoint`] and [`TriTri::Neighbors`].
+    /// Kind of contact: anything but [`TriTri::Disjoint`] and [`TriTri::Neighbors`].
     pub kind: TriTri,
 }
 
-/// How often and where a mesh intersects itself.
+/// Number and places of the self-intersections of a mesh.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SelfIntersections {
     /// All pairs of triangles that meet where they should not: the sum of the four numbers that follow.
@@ -104,7 +104,7 @@ impl Smallest {
     }
 }
 
-/// How triangles `a` and `b` meet, if they meet where they should not.
+/// The contact of triangles `a` and `b`, if they meet where they should not.
 #[inline]
 fn improper(tree: &BoxTree, a: u32, b: u32) -> Option<IntersectingPair> {
     let (first, second) = (a.min(b), a.max(b));
@@ -186,17 +186,17 @@ pub fn intersections_with(
     triangles: &[u32],
     progress: &Progress,
 ) -> Result<Vec<IntersectingPair>, Cancelled> {
-    let mut asked = triangles.to_vec();
-    asked.sort_unstable();
-    asked.dedup();
-    let found: Vec<Vec<IntersectingPair>> = asked
+    let mut queried = triangles.to_vec();
+    queried.sort_unstable();
+    queried.dedup();
+    let found: Vec<Vec<IntersectingPair>> = queried
         .par_iter()
         .map(|&triangle| {
             progress.check()?;
             let mut found = Vec::new();
             tree.for_each_touching(&Aabb::around(*tree.corners(triangle)), |other| {
-                // a pair of two that are asked for is left to the lower one
-                let twice = other < triangle && asked.binary_search(&other).is_ok();
+                // a pair of two that are queried for is left to the lower one
+                let twice = other < triangle && queried.binary_search(&other).is_ok();
                 if other != triangle && !twice {
                     found.extend(improper(tree, triangle, other));
                 }
@@ -256,7 +256,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(200))]
         #[test]
-        fn the_search_finds_what_all_pairs_show(mesh in soup(), limit in 0_usize..20, asked in prop::collection::vec(any::<prop::sample::Index>(), 0..8)) {
+        fn the_search_finds_what_all_pairs_show(mesh in soup(), limit in 0_usize..20, queried in prop::collection::vec(any::<prop::sample::Index>(), 0..8)) {
             let expected = pairs_naive(&mesh);
             let bvh = Bvh::new(&mesh);
             let found = self_intersections(&bvh, limit, &Progress::none()).unwrap();
@@ -268,10 +268,10 @@ mod tests {
             prop_assert_eq!(found.coincident, of(TriTri::Same));
             prop_assert_eq!(found.touching, of(TriTri::Touch));
             if !bvh.is_empty() {
-                let asked: Vec<u32> = asked.iter().map(|i| i.index(bvh.len()) as u32).collect();
-                let local = intersections_with(&bvh, &asked, &Progress::none()).unwrap();
+                let queried: Vec<u32> = queried.iter().map(|i| i.index(bvh.len()) as u32).collect();
+                let local = intersections_with(&bvh, &queried, &Progress::none()).unwrap();
                 let mut among = expected;
-                among.retain(|pair| asked.contains(&pair.first) || asked.contains(&pair.second));
+                among.retain(|pair| queried.contains(&pair.first) || queried.contains(&pair.second));
                 prop_assert_eq!(local, among);
             }
         }

@@ -8,7 +8,7 @@
 //!    flatten a triangle, exceed the error, make triangles intersect, or the caller does not like it.
 //! 2. Where planes do not determine the best point it is the one closest to the middle of the edge.
 //! 3. Boundary and feature edges add planes of their own, across the surface, and collapse only along themselves.
-//! 4. What was vetoed is tried again when the queue is empty, since its neighborhood may have changed.
+//! 4. Vetoed collapses are tried again when the queue is empty, since their neighborhood may have changed.
 //!
 //! Source: Garland and Heckbert, "Surface Simplification Using Quadric Error Metrics", 1997; Lindstrom and Turk, "Fast and
 //! Memory Efficient Polygonal Simplification", 1998 (weights by area, boundary planes, placement where the system is
@@ -44,11 +44,11 @@ use std::sync::atomic::AtomicUsize;
 
 use crate::{Bvh, TriMesh};
 
-pub use judge::{CollapseCandidate, CollapseJudge, Overseer, Trust};
+pub use judge::{CollapseCandidate, CollapseJudge, JudgeFactory, Trust};
 pub use parts::add_rings;
 pub use patches::simplify_patches;
 
-/// What may happen to the edges with one triangle.
+/// Treatment of the edges with one triangle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum BoundaryRule {
@@ -59,7 +59,7 @@ pub enum BoundaryRule {
     Lock,
 }
 
-/// How far to simplify, and what to preserve.
+/// Parameters of simplification: its targets, and the properties to preserve.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct SimplifyParams {
@@ -72,14 +72,14 @@ pub struct SimplifyParams {
     /// vertices and the middles of edges and triangles of the simplified surface. The distance is thus nearly, but not
     /// provably, kept below. Larger gives fewer triangles.
     pub max_error: f64,
-    /// Whether to measure the error in both directions (default true), and not only from the original. Without, it takes
-    /// less time, and parts of the simplified surface may be farther away, such as between two sheets.
+    /// `true` if to measure the error in both directions (default true), and not only from the original. Without, it
+    /// takes less time, and parts of the simplified surface may be farther away, such as between two sheets.
     pub both_ways: bool,
     /// Edges at which triangles meet at a larger angle between their normals than this, in radians, are features (default
     /// π: none). Quadrics keep creases quite well by themselves; with this they are kept as chains of edges. Smaller
     /// makes more features and keeps more triangles; below the noise of a scan it freezes everything.
     pub feature_angle_rad: f64,
-    /// What may happen to boundaries (default [`BoundaryRule::Follow`]).
+    /// Treatment of boundaries (default [`BoundaryRule::Follow`]).
     pub boundary: BoundaryRule,
     /// Largest angle by which one collapse may turn the normal of a triangle, in radians, at most π/2 (default 1.2).
     /// Smaller is more careful at creases; larger admits folds.
@@ -88,8 +88,8 @@ pub struct SimplifyParams {
     /// sides; 1 if equilateral. A worse one is admitted only where it replaces one that is worse still. Larger avoids
     /// slivers and keeps more triangles.
     pub min_quality: f64,
-    /// Whether to veto collapses that make triangles meet where they should not (default true). It takes some
-    /// 10 µs for each collapse.
+    /// `true` if to veto collapses that make triangles meet where they should not (default true). It takes some 10 µs
+    /// for each collapse.
     pub avoid_intersections: bool,
 }
 
@@ -108,7 +108,7 @@ impl Default for SimplifyParams {
     }
 }
 
-/// What must be kept, by index into the mesh.
+/// Elements that must be kept, by index into the mesh.
 #[derive(Debug, Clone, Default)]
 pub struct Keep<'a> {
     /// Edges that are features, in either direction: they collapse only along themselves, and where one ends or more than
@@ -116,13 +116,13 @@ pub struct Keep<'a> {
     pub features: &'a [[u32; 2]],
     /// Vertices that stay. Others may be merged into them.
     pub vertices: &'a [u32],
-    /// Whether other meshes have these vertices, too (default false): then no edge between two of them comes to be, since there
-    /// might be one elsewhere.
+    /// `true` if other meshes have these vertices, too (default false): then no edge between two of them comes to be,
+    /// since there might be one elsewhere.
     pub sealed: bool,
-    /// What the error is measured from, if not from the mesh itself: the [`samples`](Simplified::samples) of a simplification
-    /// that it came from, so that the errors of both do not add up.
+    /// Samples from which the error is measured, if not from the mesh itself: the [`samples`](Simplified::samples) of a
+    /// simplification that it came from, so that the errors of both do not add up.
     pub samples: Option<Vec<ErrorSample>>,
-    /// Whether the [`samples`](Simplified::samples) of the result are wanted, to go on from (default false).
+    /// `true` if the [`samples`](Simplified::samples) of the result are wanted, to go on from (default false).
     pub reports_samples: bool,
 }
 
@@ -135,7 +135,7 @@ pub struct ErrorSample {
     pub triangle: u32,
 }
 
-/// How many collapses were vetoed, and by what. One edge may be counted several times.
+/// Number of vetoed collapses, by reason. One edge may be counted several times.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Vetoes {
     /// The topology would have changed.
@@ -166,7 +166,7 @@ impl std::ops::AddAssign for Vetoes {
     }
 }
 
-/// What [`simplify`] did.
+/// Figures of a simplification by [`simplify`].
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct SimplifyReport {
     /// Triangles of the mesh that was given.
@@ -179,7 +179,7 @@ pub struct SimplifyReport {
     pub vetoes: Vetoes,
     /// The largest error at any time, if it was limited: see [`SimplifyParams::max_error`].
     pub largest_error: Option<f64>,
-    /// Whether there are as few triangles as asked for.
+    /// `true` if there are as few triangles as asked for.
     pub target_reached: bool,
 }
 
@@ -188,13 +188,14 @@ pub struct SimplifyReport {
 pub struct Simplified {
     /// The mesh, with vertices and triangles in the order of the original.
     pub mesh: TriMesh,
-    /// Of each vertex, the original one whose name it kept.
+    /// The original vertex whose name each vertex kept.
     pub vertex_origin: Vec<u32>,
-    /// Of each triangle, the original one whose name it kept.
+    /// The original triangle whose name each triangle kept.
     pub triangle_origin: Vec<u32>,
     /// The feature edges that were left, each with its lower vertex first, ascending; boundary edges are not listed.
     pub features: Vec<[u32; 2]>,
-    /// What the error was measured from, if it was limited and this was [asked for](Keep::reports_samples).
+    /// The samples from which the error was measured, if it was limited and they were
+    /// [requested](Keep::reports_samples).
     pub samples: Vec<ErrorSample>,
     /// Report.
     pub report: SimplifyReport,
@@ -211,7 +212,7 @@ pub enum SimplifyError {
         name: &'static str,
         /// Its value.
         value: f64,
-        /// What is allowed.
+        /// The allowed range.
         range: &'static str,
     },
     /// A vertex that does not exist is to be kept.
@@ -219,7 +220,7 @@ pub enum SimplifyError {
     NoSuchVertex {
         /// The vertex.
         vertex: u32,
-        /// How many there are.
+        /// Number of vertices.
         vertices: usize,
     },
     /// A sample is near a triangle that does not exist.
@@ -227,11 +228,11 @@ pub enum SimplifyError {
     NoSuchTriangle {
         /// The triangle.
         triangle: u32,
-        /// How many there are.
+        /// Number of triangles.
         triangles: usize,
     },
     /// Two vertices without an edge between them are to be kept as a feature.
-    #[error("a feature runs from vertex {} to vertex {}, but no edge does", ends[0], ends[1])]
+    #[error("a feature joins vertices {} and {}, but no edge does", ends[0], ends[1])]
     NoSuchEdge {
         /// The vertices.
         ends: [u32; 2],
@@ -239,7 +240,7 @@ pub enum SimplifyError {
     /// There are more triangles than can be handled.
     #[error("{triangles} triangles are more than the {} that can be simplified at once", u32::MAX / 3)]
     TooMany {
-        /// How many.
+        /// Number of triangles.
         triangles: usize,
     },
     /// The work was cancelled.
@@ -342,7 +343,7 @@ pub fn simplify(
         waiting: &AtomicUsize::new(0),
     };
     let mut engine = Engine::new(start, veto, progress)?;
-    let phase = progress.phase("simplify", engine.most_to_do());
+    let phase = progress.phase("simplify", engine.max_to_do());
     engine.run(&phase, progress)?;
     Ok(engine.take_apart().into_simplified(keep.reports_samples))
 }

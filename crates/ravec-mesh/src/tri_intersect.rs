@@ -1,4 +1,4 @@
-//! How two triangles in space meet, decided exactly.
+//! Contact of two triangles in space, decided exactly.
 //!
 //! In a mesh neighbors share a corner or an edge, and that is as it should be; what matters is whether they meet
 //! anywhere else. Corners are the same if they are at the same place, whatever their indices.
@@ -8,8 +8,8 @@
 //! the four corners of the two edges: no point is ever computed. Triangles of one plane are looked at along an axis.
 //!
 //! Source: Guigue and Devillers, "Fast and Robust Triangle-Triangle Overlap Test Using Orientation Predicates", 2003.
-//! We differ in: corners in common are known beforehand, so that contact beyond them can be told from contact at them;
-//! touching is told from crossing; triangles without area are segments or points.
+//! We differ in: corners in common are known beforehand, so that contact beyond them is distinguished from contact at
+//! them; touching is distinguished from crossing; triangles without area are segments or points.
 //!
 //! Guarantees: the exact answer for the coordinates as they are stored, within the range of
 //! [`orient3d`](crate::orient3d); symmetric, independent of the order and orientation of corners.
@@ -23,7 +23,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::predicates::{OrientedPlane, Sign, orient3d};
 
-/// How two triangles meet.
+/// Contact of two triangles.
 ///
 /// The *interior* of a triangle is the triangle without its edges, that of a triangle without area the segment without
 /// its ends, that of a point the point.
@@ -47,8 +47,8 @@ pub enum TriTri {
 }
 
 impl TriTri {
-    /// Whether the triangles meet anywhere but between corners that they have in common: [`Touch`](Self::Touch),
-    /// [`Crossing`](Self::Crossing) or [`CoplanarOverlap`](Self::CoplanarOverlap).
+    /// Returns `true` if the triangles meet anywhere but between corners that they have in common:
+    /// [`Touch`](Self::Touch), [`Crossing`](Self::Crossing) or [`CoplanarOverlap`](Self::CoplanarOverlap).
     ///
     /// [`Same`](Self::Same) is not among them: a repeated triangle is a defect of its own.
     #[inline]
@@ -57,12 +57,12 @@ impl TriTri {
     }
 }
 
-/// Which corners of two triangles are at the same place.
+/// Corners of two triangles at the same place.
 #[derive(Clone, Copy)]
 struct Common {
-    /// Of each corner of the first triangle, whether it is a corner of the second.
+    /// `true` for each corner of the first triangle that is a corner of the second.
     first: [bool; 3],
-    /// Of each corner of the second triangle, whether it is a corner of the first.
+    /// `true` for each corner of the second triangle that is a corner of the first.
     second: [bool; 3],
 }
 
@@ -101,7 +101,7 @@ impl Common {
     }
 }
 
-/// How the triangles `a` and `b` meet.
+/// The contact of the triangles `a` and `b`.
 ///
 /// ```
 /// use glam::DVec3;
@@ -164,7 +164,8 @@ fn one_side(heights: [Sign; 3]) -> bool {
     heights[0] != Sign::Zero && heights[0] == heights[1] && heights[0] == heights[2]
 }
 
-/// Whether a triangle meets a plane at a common corner and nowhere else, since its other corners are on one side.
+/// Returns `true` if a triangle meets a plane at a common corner and nowhere else, since its other corners are on one
+/// side.
 #[inline]
 fn stands_on_corner(heights: [Sign; 3], common: [bool; 3]) -> bool {
     match (common, heights) {

@@ -8,7 +8,7 @@ use crate::Aabb;
 /// A triangle soup: positions and, for each triangle, the indices of its three corners.
 ///
 /// Nothing is promised but that indices are in range and coordinates finite: triangles may be degenerate, repeated,
-/// flipped, may intersect and may leave holes. Whether more holds is asked of `check`.
+/// flipped, may intersect and may leave holes. `check` finds whether more holds.
 ///
 /// Right-handed; corners run counter-clockwise as seen from outside. Lengths are in the units of the file.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -22,7 +22,7 @@ pub struct TriMesh {
 #[non_exhaustive]
 pub enum MeshError {
     /// A coordinate is infinite or not a number.
-    #[error("vertex {vertex} is at ({}, {}, {}), which is not a place", at.x, at.y, at.z)]
+    #[error("vertex {vertex} has the invalid position ({}, {}, {}): coordinates must be finite", at.x, at.y, at.z)]
     NotFinite {
         /// Index of the first such vertex.
         vertex: usize,
@@ -31,27 +31,27 @@ pub enum MeshError {
     },
     /// A triangle names a vertex that does not exist.
     #[error(
-        "triangle {triangle} has vertex {vertex} for a corner, but there are only {vertices} vertices"
+        "triangle {triangle} refers to vertex {vertex}, but there are only {vertices} vertices"
     )]
     NoSuchVertex {
         /// Index of the first such triangle.
         triangle: usize,
         /// The index it names.
         vertex: u32,
-        /// How many vertices there are.
+        /// Number of vertices of the mesh.
         vertices: usize,
     },
     /// More vertices or triangles than 32-bit indices can name.
     #[error("{count} {what} are more than the 4 294 967 295 that a mesh can hold")]
     TooMany {
-        /// What there are too many of.
+        /// Kind of the elements: vertices or triangles.
         what: &'static str,
-        /// How many.
+        /// Number of them.
         count: usize,
     },
 }
 
-/// So many vertices or triangles are looked at between two looks at the cancellation: some milliseconds.
+/// Number of vertices or triangles that are processed between two checks for cancellation: some milliseconds.
 const AT_ONCE: usize = 1 << 20;
 
 impl TriMesh {

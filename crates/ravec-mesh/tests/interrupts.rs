@@ -1,4 +1,4 @@
-//! Work that is cancelled at any look stops, and looks come as often as the mesh is large.
+//! Work that is cancelled at any check stops, and checks come as often as the mesh is large.
 
 use glam::DVec3;
 use ravec_mesh::{
@@ -6,7 +6,7 @@ use ravec_mesh::{
 };
 use ravec_progress::Progress;
 
-/// So many tetrahedra, apart from one another, as parts of a machine are.
+/// A mesh of `count` tetrahedra, apart from one another, as parts of a machine are.
 fn parts(count: u32) -> TriMesh {
     let mut positions = Vec::new();
     let mut triangles = Vec::new();
@@ -19,25 +19,25 @@ fn parts(count: u32) -> TriMesh {
     TriMesh::new(positions, triangles).unwrap()
 }
 
-/// About how many looks at the cancellation `work` takes: the lowest power of 2 at which it is not stopped any more. `work` says
+/// Approximate number of checks for cancellation in `work`: the lowest power of 2 at which it is not stopped any more. `work` says
 /// whether it was stopped.
-fn looks(work: impl Fn(&Progress) -> bool) -> u64 {
+fn checks(work: impl Fn(&Progress) -> bool) -> u64 {
     let powers = (0..40).map(|power| 1 << power);
-    let mut powers = powers.skip_while(|&look| work(&Progress::cancelled_at(look)));
+    let mut powers = powers.skip_while(|&check| work(&Progress::cancelled_at(check)));
     powers.next().expect("the work has an end")
 }
 
 /// A name, and work that says whether it was stopped.
 type Work<'a> = (&'a str, &'a dyn Fn(&Progress) -> bool);
 
-/// Between two looks there are at most so many triangles, times the passes that work makes over them.
+/// Between two checks there are at most so many triangles, times the passes that work makes over them.
 const BETWEEN: u64 = 1 << 15;
 
 #[track_caller]
-fn assert_looks(what: &str, mesh: &TriMesh, work: impl Fn(&Progress) -> bool) {
-    let looks = looks(work);
+fn assert_checks(what: &str, mesh: &TriMesh, work: impl Fn(&Progress) -> bool) {
+    let checks = checks(work);
     let least = mesh.triangles().len() as u64 / BETWEEN;
-    assert!(looks > least, "{what}: {looks} looks, not {least}");
+    assert!(checks > least, "{what}: {checks} checks, not {least}");
 }
 
 #[test]
@@ -64,13 +64,13 @@ fn operations_stop_wherever_they_are_cancelled() {
         }),
     ];
     for (what, work) in works {
-        assert_looks(what, &mesh, work);
+        assert_checks(what, &mesh, work);
     }
     let adjacency = Adjacency::new(&mesh);
-    assert_looks("components", &mesh, |progress| {
+    assert_checks("components", &mesh, |progress| {
         adjacency.try_components(&mesh, progress).is_err()
     });
-    assert_looks("pinched vertices", &mesh, |progress| {
+    assert_checks("pinched vertices", &mesh, |progress| {
         adjacency.try_pinched_vertices(&mesh, progress).is_err()
     });
 }

@@ -8,7 +8,7 @@ use ravec_mesh::{Facet, NEW_VERTEX, RelaxJudge, TriMesh, relax};
 use ravec_progress::Progress;
 use shapes::{checked, sheet, torus};
 
-/// Where the roof of the tests has its ridge: between the vertices of its grid.
+/// Place of the ridge of the tests' roof: between the vertices of its grid.
 const RIDGE: f64 = 0.47;
 const SLOPE: f64 = 0.2;
 
@@ -39,9 +39,9 @@ impl Roofer {
 }
 
 impl RelaxJudge for Roofer {
-    type Look = f64;
+    type Descriptor = f64;
 
-    fn look(&self, corners: [DVec3; 3], _: Option<&f64>) -> f64 {
+    fn describe(&self, corners: [DVec3; 3], _: Option<&f64>) -> f64 {
         let normal = normal(corners);
         let off = normal.angle_between(Self::truth(middle(corners).x));
         if off > 1e-6 {
@@ -51,11 +51,11 @@ impl RelaxJudge for Roofer {
         }
     }
 
-    fn fault(&self, look: &f64) -> f64 {
-        *look
+    fn fault(&self, descriptor: &f64) -> f64 {
+        *descriptor
     }
 
-    fn place(&self, of: u32, around: &[Facet<Self::Look>]) -> Option<DVec3> {
+    fn place(&self, of: u32, around: &[Facet<Self::Descriptor>]) -> Option<DVec3> {
         let v = around[0].corner(of).unwrap();
         let (mut matrix, mut right) = (DMat3::from_diagonal(DVec3::splat(1e-6)), DVec3::ZERO);
         for &Facet { corners, .. } in around {
@@ -68,7 +68,7 @@ impl RelaxJudge for Roofer {
         Some(v + matrix.inverse() * right)
     }
 
-    fn admits(&self, _: &[Facet<Self::Look>]) -> bool {
+    fn admits(&self, _: &[Facet<Self::Descriptor>]) -> bool {
         true
     }
 }
@@ -77,49 +77,49 @@ impl RelaxJudge for Roofer {
 struct Tent;
 
 impl RelaxJudge for Tent {
-    type Look = f64;
+    type Descriptor = f64;
 
-    fn look(&self, corners: [DVec3; 3], _: Option<&f64>) -> f64 {
+    fn describe(&self, corners: [DVec3; 3], _: Option<&f64>) -> f64 {
         normal(corners).normalize().x.abs()
     }
-    fn fault(&self, look: &f64) -> f64 {
-        *look
+    fn fault(&self, descriptor: &f64) -> f64 {
+        *descriptor
     }
 
-    fn place(&self, _: u32, _: &[Facet<Self::Look>]) -> Option<DVec3> {
+    fn place(&self, _: u32, _: &[Facet<Self::Descriptor>]) -> Option<DVec3> {
         None
     }
-    fn admits(&self, _: &[Facet<Self::Look>]) -> bool {
+    fn admits(&self, _: &[Facet<Self::Descriptor>]) -> bool {
         true
     }
 }
 
 /// Wants what [`Roofer`] wants.
 struct Like {
-    /// How far a vertex is to go, as a share of the way, to numbers that single precision has.
+    /// Share of the way that a vertex is to go, to numbers that single precision has.
     share: f64,
-    /// Whether any step is admitted.
+    /// `true` if any step is admitted.
     admits: bool,
 }
 
 impl RelaxJudge for Like {
-    type Look = f64;
+    type Descriptor = f64;
 
-    fn look(&self, corners: [DVec3; 3], like: Option<&f64>) -> f64 {
-        Roofer.look(corners, like)
+    fn describe(&self, corners: [DVec3; 3], like: Option<&f64>) -> f64 {
+        Roofer.describe(corners, like)
     }
-    fn fault(&self, look: &f64) -> f64 {
-        *look
+    fn fault(&self, descriptor: &f64) -> f64 {
+        *descriptor
     }
 
-    fn place(&self, of: u32, around: &[Facet<Self::Look>]) -> Option<DVec3> {
+    fn place(&self, of: u32, around: &[Facet<Self::Descriptor>]) -> Option<DVec3> {
         let v = around[0].corner(of)?;
         Some(v + self.share * (Roofer.place(of, around)? - v))
     }
     fn rounded(&self, place: DVec3) -> DVec3 {
         place.as_vec3().as_dvec3()
     }
-    fn admits(&self, _: &[Facet<Self::Look>]) -> bool {
+    fn admits(&self, _: &[Facet<Self::Descriptor>]) -> bool {
         self.admits
     }
 }
@@ -128,20 +128,20 @@ impl RelaxJudge for Like {
 struct Divider;
 
 impl RelaxJudge for Divider {
-    type Look = f64;
+    type Descriptor = f64;
 
-    fn look(&self, corners: [DVec3; 3], like: Option<&f64>) -> f64 {
-        Roofer.look(corners, like)
+    fn describe(&self, corners: [DVec3; 3], like: Option<&f64>) -> f64 {
+        Roofer.describe(corners, like)
     }
-    fn fault(&self, look: &f64) -> f64 {
-        *look
+    fn fault(&self, descriptor: &f64) -> f64 {
+        *descriptor
     }
 
-    fn place(&self, _: u32, _: &[Facet<Self::Look>]) -> Option<DVec3> {
+    fn place(&self, _: u32, _: &[Facet<Self::Descriptor>]) -> Option<DVec3> {
         None
     }
-    fn between(&self, ends: [u32; 2], facets: &[Facet<Self::Look>; 2]) -> Option<DVec3> {
-        assert!(facets[0].look > 0.0, "the first facet is at fault");
+    fn between(&self, ends: [u32; 2], facets: &[Facet<Self::Descriptor>; 2]) -> Option<DVec3> {
+        assert!(facets[0].descriptor > 0.0, "the first facet is at fault");
         let [p, q] = ends.map(|v| {
             let [one, other] = [0, 1].map(|i| facets[i].corner(v).unwrap());
             assert_eq!(one, other);
@@ -151,7 +151,7 @@ impl RelaxJudge for Divider {
         let on_ridge = DVec3::new(RIDGE, p.y + share * (q.y - p.y), 0.0);
         (0.0..1.0).contains(&share).then_some(on_ridge)
     }
-    fn admits(&self, after: &[Facet<Self::Look>]) -> bool {
+    fn admits(&self, after: &[Facet<Self::Descriptor>]) -> bool {
         let new = after.iter().filter(|f| f.names.contains(&NEW_VERTEX));
         [0, 4].contains(&new.count())
     }
@@ -167,22 +167,22 @@ impl Crossing {
 }
 
 impl RelaxJudge for Crossing {
-    type Look = f64;
+    type Descriptor = f64;
 
-    fn look(&self, corners: [DVec3; 3], _: Option<&f64>) -> f64 {
+    fn describe(&self, corners: [DVec3; 3], _: Option<&f64>) -> f64 {
         let rim = corners.iter().find(|p| p.x != 0.0).unwrap();
         let apex = corners.iter().find(|p| p.x == 0.0).unwrap();
         (Self::wanted(rim.z) - apex.z).abs()
     }
-    fn fault(&self, look: &f64) -> f64 {
-        *look
+    fn fault(&self, descriptor: &f64) -> f64 {
+        *descriptor
     }
 
-    fn place(&self, of: u32, around: &[Facet<Self::Look>]) -> Option<DVec3> {
+    fn place(&self, of: u32, around: &[Facet<Self::Descriptor>]) -> Option<DVec3> {
         let v = around[0].corner(of).unwrap();
         Some(DVec3::new(0.0, 0.0, Self::wanted(v.z)))
     }
-    fn admits(&self, _: &[Facet<Self::Look>]) -> bool {
+    fn admits(&self, _: &[Facet<Self::Descriptor>]) -> bool {
         true
     }
 }
@@ -191,19 +191,19 @@ impl RelaxJudge for Crossing {
 struct Content;
 
 impl RelaxJudge for Content {
-    type Look = f64;
+    type Descriptor = f64;
 
-    fn look(&self, _: [DVec3; 3], _: Option<&f64>) -> f64 {
+    fn describe(&self, _: [DVec3; 3], _: Option<&f64>) -> f64 {
         0.0
     }
-    fn fault(&self, look: &f64) -> f64 {
-        *look
+    fn fault(&self, descriptor: &f64) -> f64 {
+        *descriptor
     }
 
-    fn place(&self, _: u32, _: &[Facet<Self::Look>]) -> Option<DVec3> {
+    fn place(&self, _: u32, _: &[Facet<Self::Descriptor>]) -> Option<DVec3> {
         unreachable!("nothing is wrong")
     }
-    fn admits(&self, _: &[Facet<Self::Look>]) -> bool {
+    fn admits(&self, _: &[Facet<Self::Descriptor>]) -> bool {
         unreachable!("nothing is wrong")
     }
 }
@@ -350,27 +350,27 @@ proptest! {
             }
         }
         impl RelaxJudge for Whim {
-            type Look = f64;
+            type Descriptor = f64;
 
-            fn look(&self, [a, b, c]: [DVec3; 3], _: Option<&f64>) -> f64 {
+            fn describe(&self, [a, b, c]: [DVec3; 3], _: Option<&f64>) -> f64 {
                 self.number(&[a.x + b.x + c.x, a.y + b.y + c.y, a.z + b.z + c.z])
             }
-            fn fault(&self, look: &f64) -> f64 {
-                *look
+            fn fault(&self, descriptor: &f64) -> f64 {
+                *descriptor
             }
 
-            fn place(&self, of: u32, around: &[Facet<Self::Look>]) -> Option<DVec3> {
+            fn place(&self, of: u32, around: &[Facet<Self::Descriptor>]) -> Option<DVec3> {
                 let v = around[0].corner(of).unwrap();
                 let shift = [0.0, 1.0, 2.0].map(|k| self.number(&[v.x, v.y, v.z, k]) - 0.5);
                 Some(v + self.reach * DVec3::from_array(shift))
             }
-            fn between(&self, ends: [u32; 2], facets: &[Facet<Self::Look>; 2]) -> Option<DVec3> {
+            fn between(&self, ends: [u32; 2], facets: &[Facet<Self::Descriptor>; 2]) -> Option<DVec3> {
                 let [p, q] = ends.map(|v| facets[0].corner(v).unwrap());
                 let middle = 0.5 * (p + q);
                 let shift = [3.0, 4.0, 5.0].map(|k| self.number(&[middle.x, middle.y, middle.z, k]) - 0.5);
                 Some(middle + self.reach * p.distance(q) * DVec3::from_array(shift))
             }
-            fn admits(&self, _: &[Facet<Self::Look>]) -> bool {
+            fn admits(&self, _: &[Facet<Self::Descriptor>]) -> bool {
                 true
             }
         }

@@ -4,8 +4,8 @@ mod shapes;
 
 use glam::DVec3;
 use ravec_mesh::{
-    CollapseCandidate, Keep, Overseer, Simplified, SimplifyError, SimplifyParams, TriMesh, Trust,
-    simplify_patches,
+    CollapseCandidate, JudgeFactory, Keep, Simplified, SimplifyError, SimplifyParams, TriMesh,
+    Trust, simplify_patches,
 };
 use ravec_progress::Progress;
 use shapes::{checked, grid_box};
@@ -16,7 +16,7 @@ struct Easygoing {
     keeps_apart: bool,
 }
 
-impl Overseer for Easygoing {
+impl JudgeFactory for Easygoing {
     type Judge = fn(&CollapseCandidate<'_>) -> bool;
 
     fn judge(&self, _: &TriMesh, _: Trust) -> Self::Judge {
@@ -29,8 +29,8 @@ impl Overseer for Easygoing {
 }
 
 fn run(mesh: &TriMesh, params: &SimplifyParams, keep: &Keep<'_>) -> Simplified {
-    let overseer = Easygoing::default();
-    simplify_patches(mesh, params, keep.clone(), &overseer, &Progress::none()).unwrap()
+    let judges = Easygoing::default();
+    simplify_patches(mesh, params, keep.clone(), &judges, &Progress::none()).unwrap()
 }
 
 /// A shell of two wavy spheres, close to one another, of 37 632 triangles: eight patches.
@@ -98,10 +98,10 @@ fn what_meets_is_undone_where_the_judges_were_believed_to_keep_walls_apart() {
         max_error: 0.003,
         ..SimplifyParams::default()
     };
-    let overseer = Easygoing { keeps_apart: true };
+    let judges = Easygoing { keeps_apart: true };
     let keep = Keep::default();
     let simple =
-        simplify_patches(&mesh, &params, keep.clone(), &overseer, &Progress::none()).unwrap();
+        simplify_patches(&mesh, &params, keep.clone(), &judges, &Progress::none()).unwrap();
     assert!(checked(&simple.mesh).is_solid());
     let careful = run(&mesh, &params, &keep);
     // without a judge walls do meet, so that it is another mesh
@@ -150,7 +150,7 @@ impl Strict {
     }
 }
 
-impl Overseer for Strict {
+impl JudgeFactory for Strict {
     type Judge = Box<dyn Fn(&CollapseCandidate<'_>) -> bool + Sync>;
 
     fn judge(&self, _: &TriMesh, trust: Trust) -> Self::Judge {

@@ -1,4 +1,4 @@
-//! How two triangles meet, against plain rational arithmetic on lattices small enough to be exhausted.
+//! Contact of two triangles, against plain rational arithmetic on lattices small enough to be exhausted.
 
 use glam::DVec3;
 use proptest::prelude::*;
@@ -58,7 +58,7 @@ fn normal(t: &Tri) -> Int3 {
     cross(sub(t[1], t[0]), sub(t[2], t[0]))
 }
 
-/// Whether `p` is in the convex hull of `corners`, or with `strictly` in its relative interior.
+/// Returns `true` if `p` is in the convex hull of `corners`, or with `strictly` in its relative interior.
 fn holds(corners: &[Int3], p: &Point, strictly: bool) -> bool {
     let mut corners = corners.to_vec();
     corners.sort_unstable();

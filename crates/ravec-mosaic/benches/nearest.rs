@@ -1,6 +1,6 @@
 //! The 32 nearest of each of 10 000 tiles among 1 000 000 photos, with coefficients drawn so that their spectrum falls.
 //!
-//! Prints seconds by the clock; for CPU seconds and memory, run it under `time -v`. Ten tiles are compared with a look at
+//! Prints seconds by the clock; for CPU seconds and memory, run it under `time -v`. Ten tiles are compared with a search of
 //! everything.
 
 use ravec_mosaic::PhotoIndex;

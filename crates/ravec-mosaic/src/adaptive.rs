@@ -9,16 +9,16 @@
 //! 2. *Search* (see the module `retile`): tiles give way to others as long as the energy of tiles and photos falls. Where the
 //!    picture is homogeneous and photos match well, a large tile has hardly more of it than the small ones in its place.
 //!
-//! Source: Pavić, v. Ceumern, Kobbelt, "`GIzMOs`: Genuine Image Mosaics with Adaptive Tiling", 2009. We differ in the order:
-//! placing the best tile anywhere leaves gaps all over, which took two thirds of the tiles and more error than the grid; and
-//! in the measure: how homogeneous the picture is and how near the nearest photo comes tell too little of what a tile costs
-//! among others that want the same photos.
+//! Source: Pavić, v. Ceumern, Kobbelt, "`GIzMOs`: Genuine Image Mosaics with Adaptive Tiling", 2009. We differ in the
+//! order: placing the best tile anywhere leaves gaps all over, which took two thirds of the tiles and more error than
+//! the grid; and in the measure: the homogeneity of the picture and the distance of the nearest photo predict too
+//! little of the cost of a tile among others that compete for the same photos.
 //!
 //! Guarantees: each unit is covered once; the same tiling for the same seed on any number of threads. Does not guarantee: the
 //! least error; where a picture is so small that no placement has few enough tiles, the tiles are those of the grid.
 
 use crate::choose::{ChooseParams, Photos};
-use crate::look::Frame;
+use crate::descriptor::Frame;
 use crate::retile::{Place, Source, Tiled, retile};
 use crate::rules::Rules;
 use crate::tiling::Tiling;
@@ -31,7 +31,7 @@ pub const ADAPTIVE_UNITS: usize = 3;
 /// Sides of the first tiles in units.
 const SIDES: [usize; 3] = [2, 3, 4];
 
-/// How much the seed changes the choice between the first tiles.
+/// Weight of the seed in the choice between the first tiles.
 const JITTER: f32 = 0.6;
 
 /// Steps of the bisection; the number of tiles hardly changes any more after these.
@@ -190,20 +190,20 @@ fn jitter(seed: u64, numbers: [usize; 3]) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::look::Look;
+    use crate::descriptor::Descriptor;
     use proptest::prelude::*;
     use ravec_raster::Size;
 
     fn photos(count: usize) -> Photos {
-        let looks: Vec<Look> = (0..count)
+        let descriptors: Vec<Descriptor> = (0..count)
             .map(|number| {
                 let gray = number as f32 / count as f32;
                 let photo = Image::new(Size::new(4, 4).unwrap(), Oklab([gray, 0.0, 0.0]));
-                Look::of(&photo, Frame::of(&photo), 3)
+                Descriptor::of(&photo, Frame::of(&photo), 3)
             })
             .collect();
         Photos::new(
-            &looks,
+            &descriptors,
             (0..count as u32).collect(),
             &ChooseParams::default(),
         )

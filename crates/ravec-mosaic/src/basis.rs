@@ -114,7 +114,7 @@ fn integrals(t: f64, into: &mut [f64]) {
     }
 }
 
-/// How many products of two polynomials have a total degree of at most `degree`.
+/// Number of products of two polynomials with a total degree of at most `degree`.
 pub(crate) fn products(degree: usize) -> usize {
     (degree + 1) * (degree + 2) / 2
 }

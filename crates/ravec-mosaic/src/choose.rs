@@ -1,4 +1,4 @@
-//! Which photo goes into which tile.
+//! Assignment of photos to tiles.
 //!
 //! 1. *Candidates*: the nearest photos of each tile, one of each group of near-duplicates.
 //! 2. *Start*: the photos that the tiling brings along, where the rules allow them. Where there are none, under limits on
@@ -6,14 +6,14 @@
 //!    tile and photo first; if that leads into a dead end and the problem is small, by search (see the module `fill`).
 //! 3. *Improvement* (see the module `improve`): photos change, and tiles swap, as long as the energy falls.
 //!
-//! Guarantees: the rules hold; the same choice on any number of threads; of small problems (a few hundred tiles and a dozen
-//! photos, or the other way round) an answer if there is one, unless the search for it runs out of steps. Does not guarantee:
-//! the optimum under a repeat distance, which is a hard problem, as is to find any answer if photos hardly suffice; how far the
-//! cost is from a lower bound is told.
+//! Guarantees: the rules hold; the same choice on any number of threads; of small problems (a few hundred tiles and a
+//! dozen photos, or the other way round) an answer if there is one, unless the search for it runs out of steps. Does
+//! not guarantee: the optimum under a repeat distance, which is a hard problem, as is to find any answer if photos
+//! hardly suffice; the distance of the cost from a lower bound is reported.
 
+use crate::descriptor::{Descriptor, Weights};
 use crate::fill::fill;
 use crate::improve;
-use crate::look::{Look, Weights};
 use crate::optimal::cheapest;
 use crate::rules::{ChooseError, Placement, Rules};
 use crate::search::{Near, PhotoIndex};
@@ -23,25 +23,25 @@ use rayon::prelude::*;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
-/// How tiles through which an edge runs are compared.
+/// Comparison of tiles through which an edge runs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Features {
     /// The highest total degree that counts, 0 to [`MAX_DEGREE`](crate::MAX_DEGREE); all degrees count as much as color.
     pub degree: usize,
-    /// How much such a tile counts against others, above 0. More keeps its structure where neighbors make up for one another,
+    /// Weight of such a tile against others, above 0. More keeps its structure where neighbors make up for one another,
     /// and gives it the photos that others want as well.
     pub weight: f64,
 }
 
-/// How photos are compared and chosen.
+/// Parameters of the comparison and choice of photos.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ChooseParams {
-    /// How much each degree counts.
+    /// Weight of each degree.
     pub weights: Weights,
-    /// How tiles with an edge are compared; none for as all others.
+    /// Comparison of tiles with an edge; `None` compares them as all others.
     pub features: Option<Features>,
-    /// How much neighboring tiles make up for one another when seen from afar, 0 to 1. More is nearer to the picture from a
-    /// distance, and less near in each single tile.
+    /// Strength with which neighboring tiles compensate one another when seen from afar, 0 to 1. More is nearer to the
+    /// picture from a distance, and less near in each single tile.
     pub blend: f64,
     /// Candidates of each tile, at least 1. More find better choices under strict rules and cost time.
     pub candidates: usize,
@@ -88,20 +88,23 @@ pub(crate) struct Class {
 }
 
 impl Class {
-    fn new(looks: &[Look], weights: Weights, weight: f64) -> Self {
+    fn new(descriptors: &[Descriptor], weights: Weights, weight: f64) -> Self {
         let mut class = Self {
             weights,
             factor: weight.sqrt() as f32,
             index: PhotoIndex::new(&[], 1),
         };
-        let vectors: Vec<f32> = looks.iter().flat_map(|look| class.vector(look)).collect();
-        let dimensions = (vectors.len() / looks.len().max(1)).max(1);
+        let vectors: Vec<f32> = descriptors
+            .iter()
+            .flat_map(|descriptor| class.vector(descriptor))
+            .collect();
+        let dimensions = (vectors.len() / descriptors.len().max(1)).max(1);
         class.index = PhotoIndex::new(&vectors, dimensions);
         class
     }
 
-    pub fn vector(&self, look: &Look) -> Vec<f32> {
-        let mut vector = self.weights.vector(look);
+    pub fn vector(&self, descriptor: &Descriptor) -> Vec<f32> {
+        let mut vector = self.weights.vector(descriptor);
         for value in &mut vector {
             *value *= self.factor;
         }
@@ -110,25 +113,28 @@ impl Class {
 }
 
 impl Photos {
-    /// Photos by their looks, with the group of near-duplicates of each, from 0 without gaps. Of `params`, the weights and the
+    /// Photos by their descriptors, with the group of near-duplicates of each, from 0 without gaps. Of `params`, the weights and the
     /// features matter.
     ///
     /// # Panics
-    /// If there are not as many groups as looks.
-    pub fn new(looks: &[Look], groups: Vec<u32>, params: &ChooseParams) -> Self {
-        assert_eq!(looks.len(), groups.len(), "each photo has a group");
+    /// If there are not as many groups as descriptors.
+    pub fn new(descriptors: &[Descriptor], groups: Vec<u32>, params: &ChooseParams) -> Self {
+        assert_eq!(descriptors.len(), groups.len(), "each photo has a group");
         let features = params.features.map(|features| {
             let weights = Weights {
                 degree: features.degree,
                 detail: 1.0,
             };
-            Class::new(looks, weights, features.weight)
+            Class::new(descriptors, weights, features.weight)
         });
         Self {
-            classes: std::iter::once(Class::new(looks, params.weights, 1.0))
+            classes: std::iter::once(Class::new(descriptors, params.weights, 1.0))
                 .chain(features)
                 .collect(),
-            quarters: looks.iter().map(|look| look.quarters).collect(),
+            quarters: descriptors
+                .iter()
+                .map(|descriptor| descriptor.quarters)
+                .collect(),
             different: groups.iter().max().map_or(0, |&group| group as usize + 1),
             groups,
         }
@@ -162,13 +168,15 @@ impl Photos {
     /// The squared distance of a photo from a tile.
     pub(crate) fn cost(&self, tile: &Tile, photo: u32) -> f32 {
         let class = self.class(tile);
-        class.index.distance_sq(&class.vector(&tile.look), photo)
+        class
+            .index
+            .distance_sq(&class.vector(&tile.descriptor), photo)
     }
 
     /// The `count` photos nearest to a tile, one of each group.
     pub(crate) fn candidates(&self, tile: &Tile, count: usize) -> Vec<Near> {
         let class = self.class(tile);
-        self.one_of_each_group(class.index.nearest(&class.vector(&tile.look), count))
+        self.one_of_each_group(class.index.nearest(&class.vector(&tile.descriptor), count))
     }
 
     /// Photos in the order of their distance, the nearest of each group only.
@@ -248,7 +256,7 @@ fn candidates(
         .collect()
 }
 
-/// Which photo is where, and what that costs.
+/// Assignment of photos to tiles, and its cost.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Choice {
     /// The photo of each tile.
@@ -262,7 +270,7 @@ pub struct Choice {
 }
 
 /// The most costs that are held at once for the cheapest assignment: 64 MB.
-const MOST_COSTS: usize = 16_000_000;
+const MAX_COSTS: usize = 16_000_000;
 
 /// Chooses a photo for each tile.
 ///
@@ -305,7 +313,7 @@ pub fn choose(
     }
     let queries: Vec<Vec<f32>> = tiles
         .iter()
-        .map(|tile| photos.class(tile).vector(&tile.look))
+        .map(|tile| photos.class(tile).vector(&tile.descriptor))
         .collect();
     let candidates = candidates(tiles, &queries, photos, params.candidates.max(1), progress)?;
     let mut problem = Problem {
@@ -326,7 +334,7 @@ pub fn choose(
     let counted = rules.max_uses.is_some() || rules.use_all;
     let spread = rules.min_repeat_distance > 1.0;
     let mut bound = nearest_sum;
-    if counted && tiles.len().saturating_mul(different) <= MOST_COSTS {
+    if counted && tiles.len().saturating_mul(different) <= MAX_COSTS {
         let best = cheapest_of_groups(&problem, rules, progress)?;
         bound = best
             .iter()

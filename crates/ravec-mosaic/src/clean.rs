@@ -5,7 +5,7 @@ use ravec_raster::{Image, Oklab};
 /// Why a photo is left out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Flaw {
-    /// Its shorter side has fewer than [`LEAST_SIDE`] pixels.
+    /// Its shorter side has fewer than [`MIN_SIDE`] pixels.
     Tiny,
     /// It is nearly one color all over.
     Contentless,
@@ -25,21 +25,21 @@ impl Flaw {
 }
 
 /// The shorter side below which a photo is tiny, in pixels.
-pub const LEAST_SIDE: usize = 48;
+pub const MIN_SIDE: usize = 48;
 
 /// The root mean square difference from the mean color, in Oklab, below which a photo has no content. A blank scan with the
 /// noise of the sensor has 0.01, a blue sky from top to bottom 0.04.
 const CONTENT: f32 = 0.02;
 
-/// How far the pixels of a frame may be from its color.
+/// Largest distance of the pixels of a frame from its color.
 const FRAME_NOISE: f32 = 0.03;
 
-/// The share of a side that a frame must have at least, so that a dark border of one pixel is none.
+/// Least share of a side that a frame covers, so that a dark border of one pixel does not count.
 const FRAME_SHARE: f64 = 0.03;
 
 /// The flaw of a photo, if it has one. `image` is a reduced version, `short_side` is of the photo itself.
 pub fn flaw(image: &Image<Oklab>, short_side: usize) -> Option<Flaw> {
-    if short_side < LEAST_SIDE {
+    if short_side < MIN_SIDE {
         return Some(Flaw::Tiny);
     }
     let count = image.size().pixels() as f32;
@@ -77,7 +77,7 @@ fn apart_sq(a: [f32; 3], b: [f32; 3]) -> f32 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
 }
 
-/// How many lines from the border on have one color.
+/// Number of lines of one color from the border on.
 fn uniform<L: Iterator<Item = [f32; 3]>>(lines: impl Iterator<Item = L>) -> usize {
     let mut color = None;
     let same = |mut line: L| {

@@ -1,4 +1,4 @@
-//! What is left of the difference between mosaic and picture when one steps back.
+//! Difference between mosaic and picture as seen from afar.
 //!
 //! From afar neighboring tiles melt into one another: what one tile is too dark may be made up for by its neighbors being
 //! too bright. The energy of a mosaic therefore has, beside the sum over tiles of how far each photo is from its tile, the
@@ -10,7 +10,7 @@
 //!
 //! Source: the model of the eye is that of direct binary search in halftoning (Analoui, Allebach, 1992).
 
-use crate::look::Look;
+use crate::descriptor::Descriptor;
 use crate::tiling::Tile;
 
 /// Half the width of the kernel in halves of a tile of common size. Beyond it the wider Gaussian has fallen below 2 % of its
@@ -21,7 +21,7 @@ const REACH: usize = 4;
 /// quarter of a tile, times the square root of 2.
 const SIGMAS: [f64; 2] = [std::f64::consts::SQRT_2, std::f64::consts::FRAC_1_SQRT_2];
 
-/// How much a blurred difference counts against that of a single tile, for each blur, at the strength 1.
+/// Weight of a blurred difference against that of a single tile, for each blur, at the strength 1.
 const WEIGHT: f64 = 32.0;
 
 /// A tile on the grid of cells: where it begins, and how many cells a quarter of it has in each direction.
@@ -69,7 +69,7 @@ struct Quarter {
     between: [[f32; 4]; 4],
 }
 
-/// How the energy depends on the residual of one tile, all others held.
+/// Dependence of the energy on the residual of one tile, all others fixed.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Pull {
     linear: [[f32; 3]; 4],
@@ -122,7 +122,7 @@ impl Eye {
         }
     }
 
-    /// How the energy depends on the residual of a tile, which is set to 0.
+    /// Dependence of the energy on the residual of a tile, which is set to 0.
     pub fn lift(&mut self, tile: Footprint) -> Pull {
         self.put(tile, &[[0.0; 3]; 4]);
         let quarter = &self.quarters[tile.quarter - 1];
@@ -212,14 +212,14 @@ impl Quarter {
     }
 }
 
-/// How much the squared distance of a photo from its tile counts: tiles by their area, in that of a tile of common size; and as
-/// the errors of larger tiles are coarser and stay when one steps back, by the third power of their side beside.
+/// Weighted squared distance of a photo from its tile: tiles count by their area, in that of a tile of common size; and
+/// as the errors of larger tiles are coarser and stay when one steps back, by the third power of their side beside.
 pub(crate) fn tile_cost(tile: &Tile, units: usize, distance_sq: f32) -> f32 {
     (tile.side as f32 / units as f32).powi(5) * distance_sq
 }
 
 /// The quarters of a photo less those of its tile.
-pub(crate) fn residual(photo: &[[f32; 3]; 4], tile: &Look) -> Residual {
+pub(crate) fn residual(photo: &[[f32; 3]; 4], tile: &Descriptor) -> Residual {
     let mut result = *photo;
     for (result, tile) in result.iter_mut().zip(&tile.quarters) {
         for (result, tile) in result.iter_mut().zip(tile) {

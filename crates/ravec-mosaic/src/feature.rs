@@ -6,7 +6,7 @@
 //!
 //! Source: Pavić, v. Ceumern, Kobbelt, "`GIzMOs`: Genuine Image Mosaics with Adaptive Tiling", 2009.
 
-use crate::look::{Frame, parts};
+use crate::descriptor::{Frame, parts};
 use crate::tiling::Tiling;
 use ravec_progress::{Cancelled, Progress};
 use ravec_raster::{Image, Oklab, Size};

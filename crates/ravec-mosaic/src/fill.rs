@@ -14,11 +14,11 @@ use crate::search::Near;
 use ravec_progress::{Cancelled, Progress};
 
 /// Tiles times photos up to which it is tried: the costs of a step grow with both.
-const MOST_PAIRS: usize = 4096;
+const MAX_PAIRS: usize = 4096;
 
 /// Photos that are put into a tile before the search is given up. Ten tiles that are all too near for ten photos are settled
 /// in a hundredth of that.
-const MOST_STEPS: usize = 20_000;
+const MAX_STEPS: usize = 20_000;
 
 /// Fills all tiles anew. Returns whether that was possible; if not, tiles are empty.
 pub(crate) fn fill(
@@ -31,7 +31,7 @@ pub(crate) fn fill(
         placement.put(tile, None);
     }
     let different = problem.photos.different();
-    if tiles.saturating_mul(different) > MOST_PAIRS {
+    if tiles.saturating_mul(different) > MAX_PAIRS {
         return Ok(false);
     }
     let mut search = Search {
@@ -80,7 +80,7 @@ impl Search<'_> {
                 continue;
             }
             tried_new |= new;
-            if self.steps == MOST_STEPS {
+            if self.steps == MAX_STEPS {
                 return Ok(false);
             }
             self.steps += 1;

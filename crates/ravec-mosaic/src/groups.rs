@@ -3,13 +3,13 @@
 //! Photos are taken in order. Each joins the nearest of the leaders that came before if that is near enough, or becomes a
 //! leader. So all members are near their leader, and no chain of small steps makes one group of a sunset.
 
-use crate::look::{Look, MAX_DEGREE, Weights};
+use crate::descriptor::{Descriptor, MAX_DEGREE, Weights};
 use crate::search::PhotoIndex;
 use ravec_progress::{Cancelled, Progress};
 
-/// How far near-duplicates may be apart: the root of the mean squared difference in Oklab. 0.012 is a third of what a change
-/// by one 4-bit step of gray makes; copies at other sizes and qualities of JPEG stay below, frames of a burst with a person
-/// that moves are above.
+/// Largest distance of near-duplicates: the root of the mean squared difference in Oklab. 0.012 is a third of what a
+/// change by one 4-bit step of gray makes; copies at other sizes and qualities of JPEG stay below, frames of a burst
+/// with a person that moves are above.
 pub const NEAR_DUPLICATE: f32 = 0.012;
 
 /// Neighbors that are looked at for each photo. Of larger clusters some members may become leaders of their own.
@@ -21,7 +21,7 @@ const NEIGHBORS: usize = 24;
 /// # Errors
 /// [`Cancelled`] soon after `progress` is cancelled.
 pub fn near_duplicates(
-    looks: &[Look],
+    descriptors: &[Descriptor],
     apart: f32,
     progress: &Progress,
 ) -> Result<Vec<u32>, Cancelled> {
@@ -29,14 +29,17 @@ pub fn near_duplicates(
         degree: MAX_DEGREE,
         detail: 1.0,
     };
-    let vectors: Vec<f32> = looks.iter().flat_map(|look| weights.vector(look)).collect();
-    if looks.is_empty() {
+    let vectors: Vec<f32> = descriptors
+        .iter()
+        .flat_map(|descriptor| weights.vector(descriptor))
+        .collect();
+    if descriptors.is_empty() {
         return Ok(Vec::new());
     }
-    let dimensions = vectors.len() / looks.len();
+    let dimensions = vectors.len() / descriptors.len();
     let index = PhotoIndex::new(&vectors, dimensions);
     let near = index.nearest_of_all(&vectors, NEIGHBORS, apart * apart, progress)?;
-    let mut groups: Vec<u32> = Vec::with_capacity(looks.len());
+    let mut groups: Vec<u32> = Vec::with_capacity(descriptors.len());
     let mut leaders: Vec<u32> = Vec::new();
     for (photo, near) in near.iter().enumerate() {
         let leader = near.iter().find(|near| {
@@ -58,8 +61,8 @@ pub fn near_duplicates(
 mod tests {
     use super::*;
 
-    fn look(lightness: f32) -> Look {
-        Look {
+    fn descriptor(lightness: f32) -> Descriptor {
+        Descriptor {
             coefficients: vec![[lightness, 0.0, 0.0]; 21],
             quarters: [[lightness, 0.0, 0.0]; 4],
         }
@@ -69,13 +72,13 @@ mod tests {
     fn photos_join_a_leader_and_no_chain() {
         // 21 equal coefficients: the distance is sqrt(21) times that of one
         let step = 0.9 * NEAR_DUPLICATE / 21.0f32.sqrt();
-        let looks = [
-            look(0.5),
-            look(0.5 + step),
-            look(0.5 + 2.0 * step),
-            look(0.1),
+        let descriptors = [
+            descriptor(0.5),
+            descriptor(0.5 + step),
+            descriptor(0.5 + 2.0 * step),
+            descriptor(0.1),
         ];
-        let groups = near_duplicates(&looks, NEAR_DUPLICATE, &Progress::none()).unwrap();
+        let groups = near_duplicates(&descriptors, NEAR_DUPLICATE, &Progress::none()).unwrap();
         assert_eq!(groups, [0, 0, 1, 2]);
         assert_eq!(
             near_duplicates(&[], NEAR_DUPLICATE, &Progress::none()),

@@ -13,7 +13,7 @@ use crate::eye::{Eye, Pull, residual, tile_cost};
 use crate::rules::Placement;
 use ravec_progress::{Cancelled, Progress};
 
-/// How many photos that are in use elsewhere a tile tries to get in a round.
+/// Number of photos in use elsewhere that a tile tries to get in a round.
 const TRIES: usize = 6;
 
 /// Changes that lower the energy by less than this share of what a tile costs are not worth their while.
@@ -72,14 +72,14 @@ struct Round<'a> {
 impl Round<'_> {
     fn show(&mut self, tile: usize, photo: u32) {
         let tile = &self.problem.tiles[tile];
-        let residual = residual(self.problem.photos.quarters(photo), &tile.look);
+        let residual = residual(self.problem.photos.quarters(photo), &tile.descriptor);
         self.eye.put(tile.footprint(self.cells), &residual);
     }
 
     /// The part of the energy that depends on the photo of a tile.
     fn energy(&self, tile: usize, photo: u32, cost: f32, pull: &Pull) -> f32 {
         let tile = &self.problem.tiles[tile];
-        let residual = residual(self.problem.photos.quarters(photo), &tile.look);
+        let residual = residual(self.problem.photos.quarters(photo), &tile.descriptor);
         tile_cost(tile, self.problem.tiling.units, cost) + pull.energy(&residual)
     }
 

@@ -1,8 +1,8 @@
 //! A tiling gets better: tiles of a part of the picture give way to others, if that lowers the energy.
 //!
-//! The energy is that of the choice of photos (see the module `improve`), with a price for each tile. What a tile costs
-//! depends on the photos that its neighbors have taken, and on how they make up for one another from afar. So it is not
-//! estimated: new tiles get photos, and tiles and photos are kept together or not at all.
+//! The energy is that of the choice of photos (see the module `improve`), with a price for each tile. The cost of a
+//! tile depends on the photos that its neighbors have taken, and on how they make up for one another from afar. So it
+//! is not estimated: new tiles get photos, and tiles and photos are kept together or not at all.
 //!
 //! 1. *Window*: the tiles that lie within a square are taken out; their energy and price are to be beaten.
 //! 2. *Plan*: the free units are covered by tiles of random sides, always from the first free one in the order of reading. A
@@ -17,8 +17,8 @@
 //! time takes a few thousand products, and the photos near to it, which are remembered.
 
 use crate::choose::{ChooseParams, Photos};
+use crate::descriptor::Frame;
 use crate::eye::{Eye, Pull, residual, tile_cost};
-use crate::look::Frame;
 use crate::search::Near;
 use crate::tiling::{Tile, Tiling};
 use ravec_progress::{Cancelled, Progress};
@@ -38,7 +38,7 @@ const TRIES: usize = 24;
 const SIDES: [usize; 10] = [2, 2, 3, 3, 3, 3, 4, 4, 5, 6];
 
 /// Units along a side of the largest tile.
-const LARGEST: usize = 6;
+const MAX_SIDE: usize = 6;
 
 /// Photos that a new tile chooses from.
 const CANDIDATES: usize = 128;
@@ -49,11 +49,11 @@ const PRICE: f32 = 1.0;
 /// The factor by which the price changes from window to window.
 const PRICE_STEP: f32 = 1.0005;
 
-/// How much more the view from afar counts here than in the choice of photos after it. On three photos 3 is 0.1 dB better than
-/// 1 after a blur by half a tile.
+/// Strength of the view from afar, relative to the choice of photos after it. On three photos 3 is 0.1 dB better than 1
+/// after a blur by half a tile.
 const STRENGTH: f64 = 3.0;
 
-/// How far a refill may be behind the best, as a share, for its tiles to look again.
+/// Largest gap of a refill to the best, as a share, at which its tiles search again.
 const HOPE: f32 = 0.2;
 
 /// The share of its energy that a window must gain.
@@ -71,7 +71,7 @@ pub(crate) struct Tiled {
     pub photos: Vec<u32>,
 }
 
-/// What tiles are made of.
+/// Inputs from which tiles are made.
 #[derive(Clone, Copy)]
 pub(crate) struct Source<'a> {
     pub picture: &'a Image<Oklab>,
@@ -171,7 +171,7 @@ struct Mosaic<'a> {
     source: Source<'a>,
     empty: &'a Tiling,
     repeat_distance: f64,
-    /// What a tile would be, and the photos near to it.
+    /// A tile for each place, and the photos near to it.
     known: HashMap<Place, (Tile, Vec<Near>)>,
     /// By their numbers.
     tiles: HashMap<u32, (Tile, u32)>,
@@ -205,7 +205,7 @@ impl<'a> Mosaic<'a> {
                 2 * columns,
                 2 * rows,
                 units,
-                LARGEST,
+                MAX_SIDE,
                 STRENGTH * params.blend,
             ),
         }
@@ -349,12 +349,12 @@ impl<'a> Mosaic<'a> {
     }
 
     fn energy(&self, tile: &Tile, photo: u32, distance_sq: f32, pull: &Pull) -> f32 {
-        let residual = residual(self.source.photos.quarters(photo), &tile.look);
+        let residual = residual(self.source.photos.quarters(photo), &tile.descriptor);
         tile_cost(tile, self.empty.units, distance_sq) + pull.energy(&residual)
     }
 
     fn insert(&mut self, tile: Tile, photo: u32) {
-        let residual = residual(self.source.photos.quarters(photo), &tile.look);
+        let residual = residual(self.source.photos.quarters(photo), &tile.descriptor);
         self.eye.put(tile.footprint(1), &residual);
         self.own(&tile, self.next);
         self.shown[self.source.photos.group(photo)].push(self.empty.center(&tile));

@@ -1,8 +1,8 @@
-//! What a mosaic must keep to, and who keeps to it.
+//! Rules of a mosaic, and the record of the photos in use that enforces them.
 
 /// Limits on how often and how near to each other a photo may be used.
 ///
-/// They hold for groups of near-duplicates: two photos that cannot be told apart are one photo to the eye.
+/// They hold for groups of near-duplicates: two photos that cannot be distinguished are one photo to the eye.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rules {
     /// The most uses of a photo, at least 1; none for any number.
@@ -67,7 +67,7 @@ pub enum ChooseError {
     Cancelled(#[from] ravec_progress::Cancelled),
 }
 
-/// Which photo is where, and where each group of photos is.
+/// The photo in each tile, and the tiles of each group of photos.
 #[derive(Debug, Clone)]
 pub(crate) struct Placement<'a> {
     pub rules: Rules,
@@ -121,7 +121,7 @@ impl<'a> Placement<'a> {
         (p[0] - q[0]).powi(2) + (p[1] - q[1]).powi(2) < limit * limit * (1.0 - 1e-9)
     }
 
-    /// Whether a photo may be put into a tile, in place of what is there.
+    /// Returns `true` if a photo may be put into a tile, in place of what is there.
     pub fn allows(&self, tile: usize, photo: u32) -> bool {
         let group = self.group(photo);
         let others = || {
@@ -135,7 +135,7 @@ impl<'a> Placement<'a> {
             && others().all(|&other| !self.too_near(tile, other as usize))
     }
 
-    /// Whether the photo of a tile may be taken away.
+    /// Returns `true` if the photo of a tile may be taken away.
     pub fn releases(&self, tile: usize) -> bool {
         !self.rules.use_all
             || self.photos[tile].is_none_or(|photo| self.tiles[self.group(photo)].len() > 1)

@@ -1,4 +1,4 @@
-//! The nearest photos of a look, exactly.
+//! The photos nearest to a descriptor, exactly.
 //!
 //! The plain idea: compare with every photo, keep the k nearest. Departures from it:
 //! 1. Photos that are alike lie together in leaves of 64, leaves in groups of 64, and so on, each with its bounding box over
@@ -7,7 +7,7 @@
 //! 2. Within a leaf, distances are first summed over a few coefficients for all photos at once; the others follow only while
 //!    photos are still near enough.
 //!
-//! Both leave out only what a look at everything would leave out: distances are sums of squares in one fixed order, and
+//! Both leave out only photos that a search of everything would leave out: distances are sums of squares in one fixed order, and
 //! rounding keeps a sum of more squares from being smaller. So the result is that of the plain idea bit for bit, with any
 //! vector width. Products of matrices would save additions, but differences of large numbers that nearly cancel could not keep
 //! this promise.
@@ -57,7 +57,7 @@ pub struct PhotoIndex {
     simd: Level,
     /// The numbers of the photos in the order of the leaves, which are full but for the last.
     photos: Vec<u32>,
-    /// Where each photo is in that order.
+    /// Place of each photo in that order.
     places: Vec<u32>,
     /// For each leaf, all photos' first coefficients, then all second ones, and so on; there is room for [`FAN`] photos.
     values: Vec<f32>,
@@ -144,7 +144,7 @@ impl PhotoIndex {
         self.photos.len()
     }
 
-    /// Whether there is no photo.
+    /// Returns `true` if there is no photo.
     pub fn is_empty(&self) -> bool {
         self.photos.is_empty()
     }
@@ -410,7 +410,7 @@ struct Found {
 }
 
 impl Found {
-    /// Whether something at this distance or a little more could be among the nearest.
+    /// Returns `true` if something at this distance or a little more could be among the nearest.
     fn wants(&self, distance_sq: f32) -> bool {
         distance_sq <= self.within_sq
             && (self.list.len() < self.count
@@ -485,7 +485,7 @@ mod tests {
                 prop_assert!((f64::from(found.distance_sq) - truth.0).abs() <= 32.0 * f64::from(f32::EPSILON) * truth.0 + 1e-12);
                 prop_assert_eq!(found.distance_sq, index.distance_sq(&query, found.photo));
             }
-            // and exactly those of a look at everything in single precision
+            // and exactly those of a search of everything in single precision
             let mut all: Vec<_> = index.all(&query).into_iter().zip(0u32..).collect();
             all.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
             for (found, all) in found.iter().zip(&all) {

@@ -1,9 +1,9 @@
 //! A photo as it stands in a tile: scaled, cropped if that was asked for, and nothing else.
 
-use crate::look::Frame;
+use crate::descriptor::Frame;
 use ravec_raster::{Image, ResizeFilter, Size, Srgb, resize};
 
-/// What is done with photos whose proportions are not those of the tile.
+/// Treatment of photos whose proportions are not those of the tile.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Crop {
     /// They are not used: only photos of the tile's proportions are, which are neither cropped nor distorted.

@@ -3,8 +3,8 @@
 //! Tiles are squares of whole units, where a square has the proportions of a photo: a tile of common size has one unit on a
 //! grid, and more in an adaptive tiling (see the module `adaptive`).
 
+use crate::descriptor::{Descriptor, Frame};
 use crate::eye::Footprint;
-use crate::look::{Frame, Look};
 use ravec_progress::{Cancelled, Progress};
 use ravec_raster::{Image, Oklab};
 use rayon::prelude::*;
@@ -12,15 +12,15 @@ use rayon::prelude::*;
 /// A tile that wants a photo.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tile {
-    /// What the picture looks like there.
-    pub look: Look,
+    /// Descriptor of the picture there.
+    pub descriptor: Descriptor,
     /// The first unit across.
     pub col: usize,
     /// The first unit down.
     pub row: usize,
     /// Units along a side, at least 1.
     pub side: usize,
-    /// Whether an edge runs through it (see [`mark_features`](crate::mark_features)).
+    /// `true` if an edge runs through it (see [`mark_features`](crate::mark_features)).
     pub feature: bool,
 }
 
@@ -34,13 +34,13 @@ impl Tile {
         degree: usize,
     ) -> Self {
         let mut tile = Self {
-            look: Look::default(),
+            descriptor: Descriptor::default(),
             col,
             row,
             side,
             feature: false,
         };
-        tile.look = Look::of(picture, tiling.part(frame, &tile), degree);
+        tile.descriptor = Descriptor::of(picture, tiling.part(frame, &tile), degree);
         tile
     }
 
@@ -122,7 +122,7 @@ pub fn grid_tiles(
     degree: usize,
     progress: &Progress,
 ) -> Result<Tiling, Cancelled> {
-    let phase = progress.phase("look", (columns * rows) as u64);
+    let phase = progress.phase("describe", (columns * rows) as u64);
     let side = (frame.width / columns as f64, frame.height / rows as f64);
     let tiles = (0..columns * rows)
         .into_par_iter()
@@ -137,7 +137,7 @@ pub fn grid_tiles(
             };
             phase.advance(1);
             Ok(Tile {
-                look: Look::of(picture, part, degree),
+                descriptor: Descriptor::of(picture, part, degree),
                 col,
                 row,
                 side: 1,
@@ -172,7 +172,7 @@ mod tests {
         for channel in 0..2 {
             let mean: f32 = tiles
                 .iter()
-                .map(|tile| tile.look.coefficients[0][channel])
+                .map(|tile| tile.descriptor.coefficients[0][channel])
                 .sum();
             let truth: f32 = picture.pixels().iter().map(|pixel| pixel.0[channel]).sum();
             assert!((mean / 12.0 - truth / (31.0 * 17.0)).abs() < 1e-5);

@@ -9,7 +9,7 @@
 //! Nielsen, "Damping parameter in Marquardt's method", 1999: it falls by how well the quadratic predicted the cost.
 //!
 //! Guarantees: the cost never rises; ends after [`Descent::max_steps`] evaluations. Does not guarantee: the global minimum.
-//! Cost: one pass over the measurements and one factorisation of N × N a step.
+//! Cost: one pass over the measurements and one factorization of N × N a step.
 
 use crate::dense::solve_positive;
 
@@ -84,7 +84,7 @@ impl<const N: usize> NormalEquations<N> {
     }
 }
 
-/// When to stop.
+/// Stopping criteria.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Descent {
     /// Evaluations after the first, at least 0 (default 50). Fewer may stop short of the minimum.
@@ -103,7 +103,7 @@ impl Default for Descent {
     }
 }
 
-/// Where a descent ended.
+/// The point at which a descent ended.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Minimum<const N: usize> {
     /// The unknowns.
@@ -111,7 +111,7 @@ pub struct Minimum<const N: usize> {
     /// The sum there. Its matrix is, for residuals of variance 1, the inverse of the unknowns' covariance.
     /// `None` if the problem could not be evaluated where it started.
     pub sum: Option<NormalEquations<N>>,
-    /// Whether the fall went below [`Descent::min_fall_rel`] or the gradient vanished, rather than steps running out.
+    /// `true` if the fall went below [`Descent::min_fall_rel`] or the gradient vanished, rather than steps running out.
     pub converged: bool,
 }
 

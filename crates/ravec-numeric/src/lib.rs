@@ -25,9 +25,9 @@
 //!
 //! # Current status
 //!
-//! What `ravec-planar` and `ravec-retarget` need. The factorisations are those of `nalgebra` and `nalgebra-sparse`.
-//! Sparse systems ([`SquareSum`], [`EliminationPlan`], [`SparseCholesky`]) come with the order in which few entries appear; [`SingleCholesky`] is for corrections by half the
-//! digits.
+//! Numerics for `ravec-planar` and `ravec-retarget`. The factorizations are those of `nalgebra` and `nalgebra-sparse`.
+//! Sparse systems ([`SquareSum`], [`EliminationPlan`], [`SparseCholesky`]) come with the order in which few entries
+//! appear; [`SingleCholesky`] is for corrections by half the digits.
 
 mod dense;
 mod least_squares;

@@ -20,13 +20,13 @@ struct Panel {
     columns: usize,
     /// Entries of the first column, with that on the diagonal. Each further column has one less.
     height: usize,
-    /// Where the rows below its columns begin.
+    /// Start of the rows below its columns.
     rows: usize,
     /// Where its entries begin, column by column.
     values: usize,
 }
 
-/// What entries are kept as: numbers of either precision.
+/// Precision in which entries are stored.
 pub(crate) trait Entry:
     Copy + Default + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
 {

@@ -141,7 +141,7 @@ pub struct EliminationPlan {
     place: Vec<usize>,
     offsets: Vec<usize>,
     rows: Vec<usize>,
-    /// Where in the permuted matrix each entry goes.
+    /// Position of each entry in the permuted matrix.
     slots: Vec<usize>,
     symbolic: CscSymbolicCholesky,
 }
@@ -204,7 +204,7 @@ impl EliminationPlan {
         })
     }
 
-    /// How many entries a factor has.
+    /// Number of entries of a factor.
     pub fn factor_entries(&self) -> usize {
         self.symbolic.l_pattern().nnz()
     }
@@ -233,7 +233,7 @@ impl EliminationPlan {
     }
 }
 
-/// Which unknowns belong to the part that is looked at: those with the current number.
+/// Marks of the unknowns in the part under examination: those with the current number.
 struct Marks(Vec<u32>, u32);
 
 /// Appends `part` to `order`: one half, the other half, and what separates them.

@@ -21,7 +21,7 @@ use crate::params::{COARSE, Coordinates, OffsetParams};
 use crate::smooth::{Facets, least_divided, smooth};
 use glam::DVec3;
 use ravec_mesh::{
-    Adjacency, Bvh, CollapseCandidate, CollapseJudge, Keep, Overseer, Simplified as Merged,
+    Adjacency, Bvh, CollapseCandidate, CollapseJudge, JudgeFactory, Keep, Simplified as Merged,
     SimplifyError, SimplifyParams, TriMesh, Trust, simplify_patches,
 };
 use ravec_progress::{Cancelled, Progress};
@@ -337,7 +337,7 @@ impl Proofs<'_> {
     }
 }
 
-impl<'a> Overseer for Proofs<'a> {
+impl<'a> JudgeFactory for Proofs<'a> {
     type Judge = Judge<'a>;
 
     fn judge(&self, part: &TriMesh, trust: Trust) -> Judge<'a> {
@@ -517,7 +517,7 @@ impl CollapseJudge for Judge<'_> {
         })
     }
 
-    fn happens(&mut self, candidate: &CollapseCandidate<'_>, findings: &mut Findings) {
+    fn on_collapse(&mut self, candidate: &CollapseCandidate<'_>, findings: &mut Findings) {
         for (&t, &lie) in candidate.triangles.iter().zip(&findings.lies) {
             self.lies[t as usize] = OnceLock::from(lie);
         }

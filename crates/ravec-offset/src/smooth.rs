@@ -99,9 +99,9 @@ fn meeting(from: DVec3, planes: impl Iterator<Item = Lie>) -> Option<DVec3> {
 }
 
 impl RelaxJudge for Facets<'_> {
-    type Look = Lie;
+    type Descriptor = Lie;
 
-    fn look(&self, corners: [DVec3; 3], like: Option<&Lie>) -> Lie {
+    fn describe(&self, corners: [DVec3; 3], like: Option<&Lie>) -> Lie {
         let [a, b, c] = corners;
         let normal = (b - a).cross(c - a);
         let middle = (a + b + c) / 3.0;
@@ -126,19 +126,19 @@ impl RelaxJudge for Facets<'_> {
         }
     }
 
-    fn fault(&self, look: &Lie) -> f64 {
-        look.fault
+    fn fault(&self, descriptor: &Lie) -> f64 {
+        descriptor.fault
     }
 
     /// Where the planes meet that touch the surface at the middles of the facets around.
     fn place(&self, of: u32, around: &[Facet<Lie>]) -> Option<DVec3> {
         let v = around.first()?.corner(of)?;
-        meeting(v, around.iter().map(|facet| facet.look))
+        meeting(v, around.iter().map(|facet| facet.descriptor))
     }
 
     /// Where the planes meet that touch the surface at the middles of what the facets would be divided into.
     fn between(&self, ends: [u32; 2], facets: &[Facet<Lie>; 2]) -> Option<DVec3> {
-        let worst = facets[0].look;
+        let worst = facets[0].descriptor;
         let tolerated = (TOLERATED - AIM) * self.most_deviation * worst.area;
         if worst.area < self.least_divided || worst.fault <= tolerated {
             return None;
@@ -151,7 +151,9 @@ impl RelaxJudge for Facets<'_> {
         let halves = facets.iter().flat_map(|facet| {
             let apex = facet.names.iter().position(|v| !ends.contains(v));
             apex.into_iter().flat_map(move |apex| {
-                [p, q].map(|end| self.look([facet.corners[apex], end, middle], Some(&facet.look)))
+                [p, q].map(|end| {
+                    self.describe([facet.corners[apex], end, middle], Some(&facet.descriptor))
+                })
             })
         });
         meeting(middle, halves)
@@ -172,7 +174,7 @@ impl RelaxJudge for Facets<'_> {
                 if let Some(&(_, near)) = known.iter().find(|(v, _)| *v == name) {
                     return near;
                 }
-                let near = (self.field).near(facet.corners[i], facet.look.near.triangle);
+                let near = (self.field).near(facet.corners[i], facet.descriptor.near.triangle);
                 known.push((name, near));
                 near
             });

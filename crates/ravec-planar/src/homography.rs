@@ -43,7 +43,7 @@ pub enum HomographyError {
     /// Too few pairs of points.
     #[error("a homography needs at least 4 pairs of points, got {got}")]
     TooFew {
-        /// How many there were.
+        /// Number of pairs.
         got: usize,
     },
     /// The points leave the map open, or would make it singular.
@@ -51,7 +51,7 @@ pub enum HomographyError {
         "the points are (nearly) collinear or coincide: their spread is {ratio:.1e} of what it should be"
     )]
     Degenerate {
-        /// How far from degenerate they are, from 0 to 1.
+        /// Distance of the pairs from degeneracy, from 0 to 1.
         ratio: f64,
     },
     /// The matrix cannot be inverted.
@@ -62,11 +62,11 @@ pub enum HomographyError {
     NonFinite,
     /// The horizon runs through the region, so that no picture shows all of it.
     #[error(
-        "the horizon crosses the region: its corners do not make a convex quadrilateral seen by one camera"
+        "the horizon crosses the region: its corners are not a convex quadrilateral seen by one camera"
     )]
     HorizonCrosses,
     /// Contaminated pairs agree on nothing.
-    #[error("no homography explains more than {inliers} of {pairs} pairs, and {needed} are needed")]
+    #[error("the best homography fits {inliers} of {pairs} pairs, but {needed} are needed")]
     NoConsensus {
         /// Pairs that the best homography explains.
         inliers: usize,
@@ -238,8 +238,8 @@ impl Homography {
         }
     }
 
-    /// Whether all `points` (in pixels, x right, y down, pixel centers at half-integers) lie in front of the horizon. Then
-    /// so does everything between them.
+    /// Returns `true` if all `points` (in pixels, x right, y down, pixel centers at half-integers) lie in front of the
+    /// horizon. Then so does everything between them.
     pub fn is_in_front(&self, points: &[DVec2]) -> bool {
         points.iter().all(|&point| self.try_apply(point).is_some())
     }

@@ -1,4 +1,4 @@
-//! How much a pair of points speaks for a model when nobody knows the noise.
+//! Weights of point pairs for a model when the noise level is unknown.
 //!
 //! A threshold asks for the noise's σ. Here σ is anything up to a maximum, all equally likely, and the weight of a residual
 //! is its mean over them: it falls smoothly from the middle to nothing at k · s. The loss is the integral that makes
@@ -73,12 +73,12 @@ impl Kernel {
         ENTRIES as f64 / self.entries_per_px_sq
     }
 
-    /// How much a squared residual counts in weighted least squares: 1 at 0, 0 beyond the cutoff and for NaN.
+    /// Weight of a squared residual in weighted least squares: 1 at 0, 0 beyond the cutoff and for NaN.
     pub(crate) fn weight(&self, residual_sq: f64) -> f64 {
         self.interpolate(&self.tables.weight, residual_sq)
     }
 
-    /// How much a squared residual speaks for the model: 1 at 0, 0 beyond the cutoff and for NaN.
+    /// Evidence of a squared residual for the model: 1 at 0, 0 beyond the cutoff and for NaN.
     #[inline]
     pub(crate) fn gain(&self, residual_sq: f64) -> f64 {
         self.interpolate(&self.tables.gain, residual_sq)

@@ -81,7 +81,7 @@ impl Entry {
         }
     }
 
-    /// Whether both are the same thing: one point with two directions, or seen from two sides.
+    /// Returns `true` if both are the same thing: one point with two directions, or seen from two sides.
     fn is_near(&self, other: &Self) -> bool {
         self.at.distance_squared(other.at) < self.near_sq.max(other.near_sq)
     }

@@ -25,20 +25,21 @@ use ravec_progress::{Cancelled, Progress};
 use ravec_raster::Plane;
 use serde::{Deserialize, Serialize};
 
-/// How photos are matched.
+/// Parameters of photo matching.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct MatchParams {
-    /// How features are found.
+    /// Parameters of feature detection.
     pub features: FeatureParams,
     /// The ratio of distances below which two features match, 0 to 1 (default 0.8). Larger finds more matches and more
     /// wrong ones.
     pub max_ratio: f64,
-    /// How wrong matches are told from right ones.
+    /// Parameters of the separation of wrong matches from right ones.
     pub robust: RobustParams,
-    /// Whether photos that do not match are tried as seen from other sides (default true). It takes about five times as long.
+    /// `true` if photos that do not match are tried as seen from other sides (default true). It takes about five times
+    /// as long.
     pub try_tilts: bool,
-    /// Whether the homography is refined by the pixels around the features (default true).
+    /// `true` if the homography is refined by the pixels around the features (default true).
     pub refine: bool,
 }
 
@@ -54,7 +55,7 @@ impl Default for MatchParams {
     }
 }
 
-/// How two photos of a plane lie on each other.
+/// The match of two photos of a plane.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PhotoMatch {
     /// The homography.
@@ -67,7 +68,7 @@ pub struct PhotoMatch {
     pub patches: usize,
     /// The standard deviation of the points' noise, in pixels.
     pub sigma_px: f64,
-    /// Whether it took views from other sides.
+    /// `true` if it took views from other sides.
     pub tilted: bool,
 }
 
@@ -76,13 +77,13 @@ pub struct PhotoMatch {
 #[non_exhaustive]
 pub enum MatchError {
     /// Too little in the photos looks alike.
-    #[error("only {matches} features of the photos look alike, which is too few to trust")]
+    #[error("only {matches} features of the photos match, too few to trust")]
     TooFewMatches {
-        /// How many do.
+        /// Number of similar features.
         matches: usize,
     },
-    /// The features that look alike fit no plane.
-    #[error("the features that look alike do not lie on one plane: {0}")]
+    /// The matching features do not lie on one plane.
+    #[error("the matching features do not lie on one plane: {0}")]
     NoPlane(#[from] HomographyError),
     /// The work was cancelled.
     #[error("cancelled")]
@@ -102,7 +103,7 @@ const SURE_INLIERS: usize = 20;
 const CELL_PX: f64 = 32.0;
 const PATCHES_PER_CELL: usize = 2;
 
-/// How far patches may move, in pixels of the coarser picture, in the first and in the second round of refinement.
+/// Largest move of a patch, in pixels of the coarser picture, in the first and in the second round of refinement.
 const REACH_PX: [f64; 2] = [4.0, 1.5];
 
 /// Lays one photo on another, both as planes of encoded luminance from 0 to 1 (see [`crate::encoded_luminance`]).

@@ -32,11 +32,12 @@ pub struct PlaneProposal {
     pub vanishing: [usize; 2],
     /// The length in pixels of the segments in it that go along the sides, of the direction that has less.
     pub support_px: f64,
-    /// Whether its sides are at right angles for the focal length that is known or was found; none if there is no focal length.
+    /// `Some(true)` if its sides are at right angles for the focal length that is known or was found; `None` if there
+    /// is no focal length.
     pub right_angles: Option<bool>,
 }
 
-/// What a picture's segments say about planes.
+/// Planes and vanishing points found in a picture's segments.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Proposals {
     /// Vanishing points, those of most length first.
@@ -50,10 +51,10 @@ pub struct Proposals {
 /// The side of a cell, as a share of the picture's diagonal. Smaller follows outlines and loses walls with few windows.
 const CELL: f64 = 1.0 / 48.0;
 
-/// How far segments count, in cells to each side: the distance of windows.
+/// Radius of a segment's influence, in cells: the distance of windows.
 const SPREAD: usize = 3;
 
-/// How much of either direction there must be around a cell, in cells' sides: a window has two of each.
+/// Least density of either direction around a cell, in cells' sides: a window has two of each.
 const MIN_DENSITY: f64 = 1.5;
 
 /// The fewest cells of a plane.

@@ -37,7 +37,7 @@ pub struct QuadGrid {
     image_from_grid: Homography,
 }
 
-/// What is written to files.
+/// The form that is written to files.
 #[derive(Serialize, Deserialize)]
 struct Plain {
     corners: [DVec2; 4],

@@ -1,9 +1,9 @@
 //! Planes seen from straight on, with their true proportions.
 //!
-//! A quadrilateral in a picture is a rectangle on a plane, but of which proportions? With the focal length the rays through its
-//! corners are known, and with them the ratio of its sides. Without it, the sides themselves tell: the points where opposite
-//! sides meet are the pictures of two directions, and if these are at right angles there is one focal length for which they
-//! are. Or somebody knows the ratio.
+//! A quadrilateral in a picture is a rectangle on a plane, but of which proportions? With the focal length the rays
+//! through its corners are known, and with them the ratio of its sides. Without it, the sides themselves determine it:
+//! the points where opposite sides meet are the pictures of two directions, and if these are at right angles there is
+//! one focal length for which they are. Or somebody knows the ratio.
 //!
 //! ```text
 //! image_from_unit = [h₁ h₂ h₃], the principal point in the origin
@@ -24,7 +24,7 @@ use crate::homography::{Homography, HomographyError};
 use glam::{DMat3, DVec2, DVec3, dvec2};
 use serde::{Deserialize, Serialize};
 
-/// What is known beforehand.
+/// Prior knowledge of the view.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Known {
@@ -58,10 +58,10 @@ pub enum ProportionError {
     /// The corners make no quadrilateral that a camera sees.
     #[error(transparent)]
     NoPlane(#[from] HomographyError),
-    /// What was given is no positive number.
+    /// A given value is not a positive number.
     #[error("the {what} is {value}, but must be a positive number")]
     Value {
-        /// What.
+        /// Name of the value.
         what: &'static str,
         /// Its value.
         value: f64,
@@ -74,7 +74,7 @@ pub enum ProportionError {
     ParallelSides,
     /// No focal length makes right angles.
     #[error(
-        "no camera whose axis goes through the given point sees right angles there: the picture may be cropped or the corners \
+        "no camera with its axis through the given point sees right angles there: the picture may be cropped or the corners \
          be off; give the focal length or the ratio of width and height"
     )]
     NotRectangular,
@@ -212,8 +212,8 @@ pub struct Straight {
     pub size: DVec2,
 }
 
-/// How much of the plane is looked at beyond the quadrilateral, as a multiple of its sides to each side, 0 to 100 (default 0).
-/// Only as much as the picture shows is taken.
+/// Margin of the plane beyond the quadrilateral that is shown, as a multiple of its sides to each side, 0 to 100
+/// (default 0). Only as much as the picture shows is taken.
 pub type Margin = f64;
 
 /// The quadrilateral as a rectangle of the given `ratio` (width / height), with as many pixels as it has in the picture; or

@@ -29,15 +29,15 @@ use glam::{DMat2, DMat3, DVec2};
 use ravec_numeric::NormalEquations;
 use serde::{Deserialize, Serialize};
 
-/// How contaminated pairs are searched.
+/// Parameters of the fit to contaminated pairs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct RobustParams {
-    /// The largest standard deviation of the noise of a coordinate that is thought possible, in pixels, above 0 (default
-    /// 2.5). Pairs off by more than three times as much have no say. Larger forgives a plane that is not quite one; smaller
-    /// tells close outliers apart.
+    /// The largest standard deviation of the noise of a coordinate that is thought possible, in pixels, above 0
+    /// (default 2.5). Pairs off by more than three times as much have no say. Larger forgives a plane that is not quite
+    /// one; smaller distinguishes close outliers.
     pub max_sigma_px: f64,
-    /// How sure one wants to be that a sample without outliers was drawn, below 1 (default 0.9999). More draws more.
+    /// Probability with which a sample without outliers is drawn, below 1 (default 0.9999). More draws more.
     pub confidence: f64,
     /// Samples after which the search ends in any case, at least 1 (default 20 000). With a tenth of inliers among the
     /// pairs, that is how many it takes for a confidence of 0.86.
@@ -60,18 +60,18 @@ impl Default for RobustParams {
     }
 }
 
-/// What contaminated pairs agree on.
+/// The model that most of the contaminated pairs agree on.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RobustFit {
     /// The homography.
     pub dst_from_src: Homography,
     /// For each pair whether it fits: within three standard deviations of the noise that was found.
     pub inliers: Vec<bool>,
-    /// How many do.
+    /// Number of inliers.
     pub inlier_count: usize,
     /// The standard deviation of the noise of a coordinate, estimated from the inliers, in pixels.
     pub sigma_px: f64,
-    /// How many samples were drawn.
+    /// Number of samples drawn.
     pub samples: usize,
 }
 
@@ -194,7 +194,7 @@ struct Sampler {
     drawn: usize,
     head: usize,
     head_ends: usize,
-    /// How many of [`RobustParams::max_samples`] uniform samples would fall into the head.
+    /// Expected number of [`RobustParams::max_samples`] uniform samples that fall into the head.
     expected: f64,
 }
 
@@ -244,8 +244,8 @@ impl Sampler {
     }
 }
 
-/// Whether all triangles of the four points turn the same way on both sides, or all the other way (a mirror), and none
-/// is a sliver, whose height noise would decide.
+/// Returns `true` if all triangles of the four points turn the same way on both sides, or all the other way (a mirror),
+/// and none is a sliver, whose height noise would decide.
 fn same_turns(src: &[DVec2; 4], dst: &[DVec2; 4]) -> bool {
     const TRIANGLES: [[usize; 3]; 4] = [[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]];
     // a height of 1.5 % of the longer sides

@@ -22,7 +22,7 @@ use ravec_progress::{Cancelled, Progress};
 use ravec_raster::Segment;
 use rayon::prelude::*;
 
-/// Where many segments meet.
+/// Point in which many segments meet.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VanishingPoint {
     /// The point (x, y, w): at (x / w, y / w) in pixels, x right, y down, pixel centers at half-integers; (x, y, 0) for the
@@ -44,8 +44,8 @@ const MAX_POINTS: usize = 6;
 const MIN_SHARE: f64 = 0.06;
 const MIN_SEGMENTS: usize = 5;
 
-/// How far off an end of a segment is, in pixels, and how far off its direction, in radians (lenses bend lines): one standard
-/// deviation. Smaller loses real lines, larger gathers others.
+/// Standard deviation of the end of a segment, in pixels, and of its direction, in radians (lenses bend lines). Smaller
+/// loses real lines, larger gathers others.
 const SIGMA_PX: f64 = 0.5;
 const SIGMA_RAD: f64 = 3e-3;
 
@@ -71,7 +71,8 @@ struct Aim {
 }
 
 impl Aim {
-    /// How well the segment aims at a point, 0 to 1, and the factor that makes of `line · at` standard deviations.
+    /// Weight with which the segment aims at a point, 0 to 1, and the factor that makes of `line · at` standard
+    /// deviations.
     fn weight(&self, at: DVec3) -> (f64, f64) {
         let towards = at.truncate() - at.z * self.middle;
         let distance = towards.length();
@@ -171,7 +172,7 @@ fn length_of(aim: Option<&Aim>) -> f64 {
     aim.map_or(0.0, |aim| aim.length)
 }
 
-/// Where two of the longest segments meet and most length aims at.
+/// The point in which two of the longest segments meet and at which most length aims.
 fn best_point(aims: &[&Aim]) -> Option<DVec3> {
     let longest = aims.len().min(LONGEST);
     let score = |at: DVec3| -> f64 { aims.iter().map(|aim| aim.length * aim.weight(at).0).sum() };

@@ -30,7 +30,7 @@ use ravec_progress::{Cancelled, Progress};
 use ravec_raster::{Average, Image, Reduction, Size, for_each_strip, halved};
 use std::sync::LazyLock;
 
-/// What lies beyond the image.
+/// Values beyond the border of the image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Beyond<P> {
     /// The image goes on with its border pixels. Behind the horizon there is [`Average::ZERO`].
@@ -39,7 +39,7 @@ pub enum Beyond<P> {
     Pixel(P),
 }
 
-/// How many times longer than wide an ellipse is at most. Longer ones, near the horizon, become wider: that blurs what is
+/// Largest ratio of length to width of an ellipse. Longer ones, near the horizon, become wider: that blurs what is
 /// flattened to nothing anyway, and bounds the cost.
 const MAX_ANISOTROPY: f64 = 24.0;
 
@@ -126,7 +126,7 @@ pub fn warp<P: Average>(
     Ok(output)
 }
 
-/// What a pixel of the output sees of the image, if the map is taken as linear there.
+/// Footprint of an output pixel in the image, if the map is taken as linear there.
 struct Footprint {
     at: DVec2,
     /// The lengths of the ellipse's bounding box, before its axes were made a pixel long.
@@ -175,7 +175,7 @@ impl Footprint {
         })
     }
 
-    /// Which share of the ellipse's bounding box lies in the image.
+    /// Share of the ellipse's bounding box that lies in the image.
     fn share_inside(&self, size: Size) -> f32 {
         let share = |at: f64, extent: f64, length: usize| {
             let below = |edge: f64| ((at - edge) / extent + 0.5).clamp(0.0, 1.0);
@@ -186,7 +186,7 @@ impl Footprint {
         share as f32
     }
 
-    /// How often the image may be halved before the ellipse is filtered.
+    /// Number of times that the image may be halved before the ellipse is filtered.
     fn level(&self) -> usize {
         let widths = self.axes_sq[1].sqrt() / MIN_MINOR_PX;
         widths.log2().max(0.0) as usize

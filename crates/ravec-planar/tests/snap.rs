@@ -1,4 +1,4 @@
-//! Panelled walls whose grid is an input, and grids that start beside it.
+//! Paneled walls whose grid is an input, and grids that start beside it.
 
 use glam::{DVec2, dvec2};
 use ravec_planar::{

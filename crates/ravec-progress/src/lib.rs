@@ -37,10 +37,10 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 #[error("cancelled")]
 pub struct Cancelled;
 
-/// How far one phase of the work has come.
+/// Progress of one phase of the work.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Update {
-    /// What is being done, in one or two words.
+    /// Name of the phase, in one or two words.
     pub phase: &'static str,
     /// Units done.
     pub done: u64,
@@ -61,11 +61,12 @@ type Sink = dyn Fn(Update) + Send + Sync;
 struct Shared {
     cancelled: AtomicBool,
     sink: Option<Box<Sink>>,
-    /// How many looks at the cancellation are left until it comes by itself.
-    looks_left: Option<AtomicU64>,
+    /// Number of checks left until the cancellation that a test has scheduled.
+    checks_left: Option<AtomicU64>,
 }
 
-/// Where long work reports to, and where it learns that it is no longer wanted. Clones are handles of the same thing.
+/// Channel through which long work reports its progress and learns that it is cancelled. Clones are handles of the same
+/// thing.
 #[derive(Clone, Default)]
 pub struct Progress {
     shared: Arc<Shared>,
@@ -96,7 +97,7 @@ impl Progress {
         }
     }
 
-    /// A progress that cancels itself when it is asked for the `look`-th time (from 1) whether it is cancelled: to test that
+    /// A progress that cancels itself at the `check`-th check for cancellation (from 1): to test that
     /// work stops wherever it is interrupted, without a clock.
     ///
     /// ```
@@ -105,10 +106,10 @@ impl Progress {
     /// assert_eq!(progress.check(), Ok(()));
     /// assert_eq!(progress.check(), Err(Cancelled));
     /// ```
-    pub fn cancelled_at(look: u64) -> Self {
+    pub fn cancelled_at(check: u64) -> Self {
         Self {
             shared: Arc::new(Shared {
-                looks_left: Some(AtomicU64::new(look)),
+                checks_left: Some(AtomicU64::new(check)),
                 ..Shared::default()
             }),
         }
@@ -119,9 +120,9 @@ impl Progress {
         self.shared.cancelled.store(true, Ordering::Relaxed);
     }
 
-    /// Whether [`cancel`](Self::cancel) was called on this progress or a clone of it.
+    /// Returns `true` if [`cancel`](Self::cancel) was called on this progress or a clone of it.
     pub fn is_cancelled(&self) -> bool {
-        if let Some(left) = &self.shared.looks_left
+        if let Some(left) = &self.shared.checks_left
             && left.fetch_sub(1, Ordering::Relaxed) == 1
         {
             self.cancel();

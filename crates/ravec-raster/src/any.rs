@@ -1,4 +1,4 @@
-//! An image whose pixel type is known only at run time: what a file holds.
+//! An image whose pixel type is known only at run time, as one read from a file.
 
 use crate::image::Image;
 use crate::pixel::{Color, LinearRgb, LinearRgba, Srgb, Srgba};
@@ -42,7 +42,7 @@ impl AnyImage {
         with_image!(self, image => image.size())
     }
 
-    /// Whether the pixel type stores alpha (it may still be 1 everywhere).
+    /// Returns `true` if the pixel type stores alpha (it may still be 1 everywhere).
     pub fn has_alpha(&self) -> bool {
         matches!(
             self,
@@ -55,8 +55,8 @@ impl AnyImage {
         with_image!(self, image => image.convert())
     }
 
-    /// Another picture in the pixel type of this one: what an edited picture should be stored as. Integer types clip to
-    /// their range.
+    /// Converts another picture to the pixel type of this one, in which an edited picture should be stored. Integer
+    /// types clip to their range.
     ///
     /// If this one has no alpha and the picture is not opaque, the type with alpha of the same kind is taken, so that
     /// transparency is never lost.

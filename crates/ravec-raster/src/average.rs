@@ -1,4 +1,4 @@
-//! Which pixels may be averaged.
+//! Pixels that may be averaged.
 
 use crate::pixel::{LinearRgb, Oklab, Pixel, PremulLinearRgba};
 
@@ -10,7 +10,7 @@ use crate::pixel::{LinearRgb, Oklab, Pixel, PremulLinearRgba};
 ///
 /// A type of your own may implement it if it consists of `CHANNELS` values of type `f32` and nothing else.
 pub trait Average: Pixel {
-    /// How many floats make up a pixel.
+    /// Number of floats of a pixel.
     const CHANNELS: usize;
     /// The pixel whose floats are all 0.
     const ZERO: Self;

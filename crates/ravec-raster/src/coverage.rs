@@ -26,7 +26,7 @@ struct Edge {
 }
 
 impl Edge {
-    /// Where the edge is at height `y` within its range.
+    /// The x of the edge at height `y` within its range.
     fn x_at(&self, y: f64) -> f64 {
         let t = (y - self.top.y) / (self.bottom.y - self.top.y);
         // between the ends also after rounding, so that vertices of the neighbors are met
@@ -224,7 +224,7 @@ pub(crate) fn of_disc(size: Size, center: DVec2, radius_px: f64) -> Plane {
     result
 }
 
-/// How far 0 lies outside the interval.
+/// The distance of 0 from the interval; 0 inside.
 fn beyond(low: f64, high: f64) -> f64 {
     low.max(-high).max(0.0)
 }
@@ -257,7 +257,7 @@ mod tests {
         Size::new(SIZE.0, SIZE.1).unwrap()
     }
 
-    /// Whether a point lies in the polygon: a ray to the right meets its edges an odd number of times.
+    /// Returns `true` if a point lies in the polygon: a ray to the right meets its edges an odd number of times.
     fn inside(ring: &[DVec2], p: DVec2) -> bool {
         let next = ring.iter().cycle().skip(1);
         let hits = ring.iter().zip(next).filter(|(a, b)| {

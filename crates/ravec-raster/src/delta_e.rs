@@ -66,8 +66,8 @@ pub fn ciede2000([l1, a1, b1]: [f64; 3], [l2, a2, b2]: [f64; 3]) -> f64 {
     (dl * dl + dc * dc + dh * dh + rt * dc * dh).max(0.0).sqrt()
 }
 
-/// Hues exactly opposite must not be told apart by the rounding of two arc tangents: the formula jumps there, and the
-/// published pairs 10 and 14 lie on the jump.
+/// Hues exactly opposite must not be distinguished by the rounding of two arc tangents: the formula jumps there, and
+/// the published pairs 10 and 14 lie on the jump.
 const HALF_TURN_SLACK_DEG: f64 = 1e-9;
 
 /// √(C⁷ / (C⁷ + 25⁷)).

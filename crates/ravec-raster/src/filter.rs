@@ -26,7 +26,7 @@ const STRIP_ROWS: usize = 64;
 const LANES: usize = 32;
 
 /// The largest standard deviation, beyond which a blur is computed as if it were this. With it the kernel has 80 001
-/// taps, more than any picture that fits into memory has columns to tell apart.
+/// taps, more than any picture that fits into memory has columns to distinguish.
 const MAX_SIGMA_PX: f64 = 10_000.0;
 
 /// The image blurred by a gaussian of standard deviation `sigma_px` in pixels.

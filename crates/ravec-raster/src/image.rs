@@ -182,7 +182,7 @@ impl<P: Color> Image<P> {
         self.map(|pixel| Q::from_linear(pixel.to_linear()))
     }
 
-    /// Whether every pixel is fully opaque.
+    /// Returns `true` if every pixel is fully opaque.
     pub fn is_opaque(&self) -> bool {
         !P::HAS_ALPHA
             || self

@@ -1,9 +1,9 @@
-//! How much of each pixel belongs to something.
+//! Masks: the coverage of each pixel, from 0 to 1.
 //!
-//! A mask holds a coverage of 0 to 1 a pixel, never anything else and never NaN. Set operations are those of fuzzy sets:
-//! union is the larger coverage, intersection the smaller, the complement `1 − c`. So a mask united or intersected with
-//! itself stays itself, bit for bit, and hard masks behave as sets do. Where two edges share a pixel this is an estimate,
-//! for coverage alone does not tell where in the pixel each of them lies.
+//! A mask holds a coverage of 0 to 1 a pixel, never anything else and never NaN. Set operations are those of fuzzy
+//! sets: union is the larger coverage, intersection the smaller, the complement `1 − c`. So a mask united or
+//! intersected with itself stays itself, bit for bit, and hard masks behave as sets do. Where two edges share a pixel
+//! this is an estimate, for coverage alone does not determine where in the pixel each of them lies.
 //!
 //! Growing and shrinking are exact Euclidean: they look at the pixels covered by at least a half and at distances
 //! between pixel centers.
@@ -48,7 +48,7 @@ pub enum MaskError {
     },
     /// A coordinate or radius is NaN, infinite, or so large that areas in pixels would be lost in rounding.
     #[error(
-        "({x}, {y}) is no usable position: coordinates and radii must be numbers between -1e9 and 1e9"
+        "({x}, {y}) is an invalid position: coordinates and radii must be numbers between -1e9 and 1e9"
     )]
     OutOfRange {
         /// Horizontal coordinate, or the radius.
@@ -150,7 +150,7 @@ impl Mask {
         self.0.get(col, row).unwrap_or(0.0)
     }
 
-    /// Whether nothing is covered, not even in part.
+    /// Returns `true` if nothing is covered, not even in part.
     pub fn is_empty(&self) -> bool {
         self.0.pixels().par_iter().all(|&coverage| coverage == 0.0)
     }
@@ -186,13 +186,13 @@ impl Mask {
         (!found.is_empty()).then_some(found)
     }
 
-    /// What this one does not cover.
+    /// The complement of the mask.
     #[must_use]
     pub fn invert(&self) -> Self {
         Self(self.0.map(|coverage| 1.0 - coverage))
     }
 
-    /// What either covers.
+    /// The union of two masks.
     ///
     /// # Errors
     /// [`MaskError::Sizes`] if the sizes differ.
@@ -200,7 +200,7 @@ impl Mask {
         self.combine(other, f32::max)
     }
 
-    /// What both cover.
+    /// The intersection of two masks.
     ///
     /// # Errors
     /// [`MaskError::Sizes`] if the sizes differ.
@@ -208,7 +208,7 @@ impl Mask {
         self.combine(other, f32::min)
     }
 
-    /// What this one covers and the other does not.
+    /// The difference of two masks: the part of this one that the other does not cover.
     ///
     /// # Errors
     /// [`MaskError::Sizes`] if the sizes differ.

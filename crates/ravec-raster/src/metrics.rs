@@ -1,7 +1,7 @@
-//! How much two pictures differ, as people look at them.
+//! Metrics of the visible difference between two pictures.
 //!
 //! Pictures are compared as shown: alpha is laid over middle gray (encoded 0.5) in linear light, colors are cut off at
-//! black and white, NaN reads as black. Opaque pictures are not touched by the first. What gets lost that way is
+//! black and white, NaN reads as black. Opaque pictures are not touched by the first. The loss that this hides is
 //! reported beside it: [`Comparison::alpha_max_abs`] and [`Comparison::identical`].
 //!
 //! Sums are kept in `f64` over fixed strips that are added in order, so figures are the same on any number of threads.
@@ -39,8 +39,8 @@ pub struct Comparison {
     pub max_abs: f64,
     /// The largest difference of alpha, 0 to 1.
     pub alpha_max_abs: f64,
-    /// Whether all pixels are equal in linear light with straight alpha, also where they are transparent, beyond white
-    /// or not a number.
+    /// `true` if all pixels are equal in linear light with straight alpha, also where they are transparent, beyond
+    /// white or not a number.
     pub identical: bool,
 }
 
@@ -300,7 +300,7 @@ fn delta_e(a: [f32; 3], b: [f32; 3]) -> f64 {
     )
 }
 
-/// What is summed over the rows of a strip.
+/// Sums over the rows of a strip.
 #[derive(Default)]
 struct Sums {
     squares: f64,
@@ -314,7 +314,7 @@ struct Sums {
 }
 
 impl Sums {
-    /// Adds what can be told only from the stored pixels.
+    /// Adds the figures that need the stored pixels.
     fn add_stored<A: Color, B: Color>(&mut self, a: &[A], b: &[B]) {
         for (&a, &b) in a.iter().zip(b) {
             let (a, b) = (a.to_linear(), b.to_linear());

@@ -193,7 +193,7 @@ impl LinearRgba {
 
 /// A pixel that is a color.
 pub trait Color: Pixel {
-    /// Whether the type stores alpha.
+    /// `true` if the type stores alpha.
     const HAS_ALPHA: bool;
     /// The color in linear light with straight alpha.
     fn to_linear(self) -> LinearRgba;

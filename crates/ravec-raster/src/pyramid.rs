@@ -15,7 +15,7 @@ use crate::image::Image;
 use crate::size::Size;
 use rayon::prelude::*;
 
-/// How a level is made from the finer one.
+/// Filter that makes a level from the finer one.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub enum Reduction {
     /// The mean of 2 × 2 pixels. Exact means over areas, a little aliasing.

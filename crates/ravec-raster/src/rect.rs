@@ -41,7 +41,7 @@ impl Rect {
         self.row.saturating_add(self.height)
     }
 
-    /// Whether there is no pixel in it.
+    /// Returns `true` if there is no pixel in it.
     pub fn is_empty(self) -> bool {
         self.width == 0 || self.height == 0
     }
@@ -56,7 +56,7 @@ impl Rect {
         Size::new(self.width, self.height).ok()
     }
 
-    /// Whether the pixel `(col, row)` lies in it.
+    /// Returns `true` if the pixel `(col, row)` lies in it.
     pub fn contains(self, col: usize, row: usize) -> bool {
         (self.col..self.right()).contains(&col) && (self.row..self.bottom()).contains(&row)
     }

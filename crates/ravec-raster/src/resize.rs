@@ -200,8 +200,8 @@ fn resize_strip<P: Resample>(
     }
 }
 
-/// One pass from pixels of one width to those of another. The number of channels is told at run time, so that the kernels
-/// are compiled once, and not for each type of pixel in each crate that resizes.
+/// One pass from pixels of one width to those of another. The number of channels is an argument at run time, so that
+/// the kernels are compiled once, and not for each type of pixel in each crate that resizes.
 fn convolve(
     resizer: &mut fir::Resizer,
     channels: usize,

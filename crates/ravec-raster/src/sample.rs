@@ -17,7 +17,7 @@ use crate::image::Image;
 use crate::pixel::Pixel;
 use glam::DVec2;
 
-/// How a value between pixel centers comes about.
+/// Interpolation between pixel centers.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub enum Interpolation {
     /// The pixel in which the position lies. Blocky, and never a new value.

@@ -68,7 +68,8 @@ impl Size {
         }
     }
 
-    /// How many cells of `cell_px` × `cell_px` pixels cover the size, the last column and row possibly in part.
+    /// Number of cells of `cell_px` × `cell_px` pixels, per axis, that cover the size; the last column and row may be
+    /// partial.
     ///
     /// # Panics
     /// If `cell_px` is 0.

@@ -13,7 +13,7 @@
 
 use crate::filter::{pad, weigh};
 
-/// How far the window reaches from its pixel.
+/// Distance from a pixel to the border of its window.
 pub(crate) const REACH: usize = 5;
 
 const C1: f32 = 0.01 * 0.01;

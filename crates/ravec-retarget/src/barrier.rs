@@ -18,8 +18,8 @@ use ravec_raster::Plane;
 /// Scans over the picture, alternately from the upper left and from the lower right. After three little changes.
 const SCANS: usize = 4;
 
-/// How wide the border is. In one of a single pixel a frame around the picture, as scans have them, would enclose all of it, and
-/// then ground that differs from the frame is what stands out. Wider ones take from objects near the border.
+/// Width of the border. In one of a single pixel a frame around the picture, as scans have them, would enclose all of
+/// it, and then ground that differs from the frame is what stands out. Wider ones take from objects near the border.
 const BORDER: usize = 2;
 
 /// The distance of each pixel to the border of the picture.
@@ -71,7 +71,7 @@ pub(crate) fn barrier_distance(values: &Plane) -> Plane {
     distance
 }
 
-/// What a square of side `2 · radius + 1` fits under: thin and small peaks go, the rest keeps its outline.
+/// The opening by a square of side `2 · radius + 1`: thin and small peaks go, the rest keeps its outline.
 pub(crate) fn opened(values: &Plane, radius: usize) -> Plane {
     let eroded = extreme(values, radius, f32::min);
     extreme(&eroded, radius, f32::max)

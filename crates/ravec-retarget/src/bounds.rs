@@ -26,10 +26,11 @@ use crate::grid::Edge;
 use crate::system::Axis;
 use glam::{DVec2, Vec2Swizzles as _, dvec2};
 
-/// How much of its mean length an edge keeps at least: δ. More keeps more of what is unimportant, and less of what is not.
-pub(crate) const LEAST_LENGTH: f64 = 0.1;
+/// Least share of its mean length that an edge keeps: δ. More keeps more of what is unimportant, and less of what is
+/// not.
+pub(crate) const MIN_LENGTH: f64 = 0.1;
 
-/// The bound that is proved in the end. Between this and [`LEAST_LENGTH`] the steps may stop.
+/// The bound that is proved in the end. Between this and [`MIN_LENGTH`] the steps may stop.
 pub(crate) const PROVED_LENGTH: f64 = 0.05;
 
 /// Over-relaxation, 1 to 2. The usual value; less is slower, 2 may not converge.
@@ -69,11 +70,11 @@ pub(crate) struct Format {
     pub(crate) size: DVec2,
     pub(crate) scale: f64,
     pub(crate) mean_unit: DVec2,
-    /// How far vertices of free borders may leave the frame.
+    /// Largest distance of vertices of free borders beyond the frame.
     pub(crate) overhang: DVec2,
 }
 
-/// How long each edge of the grid is, in units.
+/// Length of each edge of the grid, in units.
 pub(crate) struct Edges<'a> {
     pub(crate) edges: &'a [Edge],
     pub(crate) lengths: &'a [f64],
@@ -91,14 +92,14 @@ impl Edges<'_> {
         slack / self.lengths[index]
     }
 
-    fn least_slack(&self, components: &[Vec<f64>; 2], mean: DVec2) -> f64 {
+    fn min_slack(&self, components: &[Vec<f64>; 2], mean: DVec2) -> f64 {
         (0..self.edges.len())
             .map(|k| self.slack(k, components[0][k], components[1][k], mean))
             .fold(f64::INFINITY, f64::min)
     }
 }
 
-/// Minimises the energy of both axes within the bounds, starting from `warm` if there is such.
+/// Minimizes the energy of both axes within the bounds, starting from `warm` if there is such.
 pub(crate) fn minimize(
     axes: &[Axis; 2],
     edges: &Edges<'_>,
@@ -125,7 +126,7 @@ pub(crate) fn minimize(
     let mut z = both(&|a| axes[a].unbounded(size[a], scale));
     let mut now = components(&z);
     let active = (0..edges.edges.len())
-        .filter(|&k| edges.slack(k, now[0][k], now[1][k], mean_unit) < LEAST_LENGTH)
+        .filter(|&k| edges.slack(k, now[0][k], now[1][k], mean_unit) < MIN_LENGTH)
         .count();
     let outside = (0..2).any(|a| {
         let positions = now[a][edges.edges.len()..]
@@ -180,7 +181,7 @@ pub(crate) fn minimize(
         follow(&state, &mut z);
         now = components(&z);
         steps += 1;
-        if steps >= least && edges.least_slack(&now, mean_unit) >= PROVED_LENGTH {
+        if steps >= least && edges.min_slack(&now, mean_unit) >= PROVED_LENGTH {
             break;
         }
     }
@@ -193,7 +194,7 @@ pub(crate) fn minimize(
     }
     now = components(&z);
     // with q the slack and 1 that of plain scaling, (1 − t) q + t ≥ least; where the difference is tiny, rounding decides
-    let slack = edges.least_slack(&now, mean_unit);
+    let slack = edges.min_slack(&now, mean_unit);
     let blend = if slack >= PROVED_LENGTH {
         0.0
     } else {
@@ -208,7 +209,7 @@ pub(crate) fn minimize(
     }
 }
 
-/// Where a vertex on a free border may be.
+/// Range of a vertex on a free border.
 fn frame(far: bool, length: f64, overhang: f64) -> [f64; 2] {
     if far {
         [length, length + overhang]
@@ -276,13 +277,13 @@ impl State {
 
 /// The point nearest to `at` with x − |y| ≥ δ, where differences along x and y are weighed by `weights`.
 fn nearest_bounded(at: DVec2, weights: DVec2) -> DVec2 {
-    if at.x - at.y.abs() >= LEAST_LENGTH {
+    if at.x - at.y.abs() >= MIN_LENGTH {
         return at;
     }
     // on the line x = |y| + δ, or at its corner
-    let y = (weights.x * (at.x - LEAST_LENGTH) + weights.y * at.y.abs()) / (weights.x + weights.y);
+    let y = (weights.x * (at.x - MIN_LENGTH) + weights.y * at.y.abs()) / (weights.x + weights.y);
     let y = y.max(0.0);
-    dvec2(y + LEAST_LENGTH, y.copysign(at.y))
+    dvec2(y + MIN_LENGTH, y.copysign(at.y))
 }
 
 #[cfg(test)]
@@ -299,8 +300,8 @@ mod tests {
             let (at, weights) = (dvec2(x, y), dvec2(wx, wy));
             let distance = |to: DVec2| (weights * (to - at) * (to - at)).element_sum();
             let found = nearest_bounded(at, weights);
-            prop_assert!(found.x - found.y.abs() >= LEAST_LENGTH - 1e-12);
-            let other = dvec2(other_y.abs() + LEAST_LENGTH + beyond, other_y);
+            prop_assert!(found.x - found.y.abs() >= MIN_LENGTH - 1e-12);
+            let other = dvec2(other_y.abs() + MIN_LENGTH + beyond, other_y);
             prop_assert!(distance(found) <= distance(other) + 1e-12);
         }
     }

@@ -1,4 +1,4 @@
-//! Where every point of a picture goes.
+//! The map from every point of a picture to its place in the new one.
 //!
 //! Cell by cell, bilinear in the four corners: continuous, and invertible because no cell folds.
 
@@ -9,7 +9,7 @@ use glam::{DVec2, dvec2};
 use ravec_raster::Size;
 use std::sync::Arc;
 
-/// How a size was solved for.
+/// Figures of a solution for one size.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct SolveSummary {
     /// The new width in pixels.
@@ -35,11 +35,12 @@ pub struct SolveSummary {
 pub struct Deformation {
     pub(crate) size: Size,
     pub(crate) grid: Arc<Grid>,
-    /// Where each vertex of the grid is in the new picture. The frame is `0..width` × `0..height`; what is outside is cut off.
+    /// Position of each vertex of the grid in the new picture. The frame is `0..width` × `0..height`; what is outside
+    /// is cut off.
     pub(crate) vertices: Vec<DVec2>,
     pub(crate) weights: Arc<Vec<f64>>,
     pub(crate) runs: Arc<Vec<GridRun>>,
-    /// What a solution for a similar size starts from.
+    /// State from which a solution for a similar size starts.
     pub(crate) state: Option<State>,
     pub(crate) summary: SolveSummary,
 }
@@ -47,9 +48,9 @@ pub struct Deformation {
 /// A side of a cell in the new picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GridLine {
-    /// Where it begins and ends.
+    /// Its two ends.
     pub ends: [DVec2; 2],
-    /// Whether it is part of the picture's border.
+    /// `true` if it is part of the picture's border.
     pub border: bool,
 }
 
@@ -64,7 +65,7 @@ impl Deformation {
         self.grid.image_size
     }
 
-    /// How it was solved for.
+    /// Figures of the solution.
     pub fn summary(&self) -> &SolveSummary {
         &self.summary
     }
@@ -78,7 +79,7 @@ impl Deformation {
             .sum()
     }
 
-    /// Whether the new picture is the old one, pixel by pixel.
+    /// Returns `true` if the new picture is the old one, pixel by pixel.
     pub fn is_identity(&self) -> bool {
         let moved =
             |vertex: u32| self.vertices[vertex as usize].distance(self.grid.position_px(vertex));

@@ -42,7 +42,7 @@ const PULL: f64 = 0.1;
 /// A run that deviates by less than this from an axis keeps its direction.
 const ALONG_AXIS_RAD: f64 = 0.035;
 
-/// What a form is summed from.
+/// Term of a form.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Kind {
     Deformation,
@@ -85,7 +85,7 @@ pub(crate) struct GridRun {
     pub(crate) ends: [DVec2; 2],
 }
 
-/// How far runs go on beyond their ends, in units: strokes have round ends, and the last block is seldom whole.
+/// Overshoot of runs beyond their ends, in units: strokes have round ends, and the last block is seldom whole.
 const OVERSHOOT: f64 = 1.0;
 
 impl GridRun {
@@ -123,7 +123,7 @@ impl GridRun {
     }
 }
 
-/// What the forms are made from.
+/// Content from which the forms are made.
 pub(crate) struct Content<'a> {
     pub(crate) grid: &'a Grid,
     /// The weight of each cell.

@@ -23,7 +23,7 @@ pub(crate) struct Cell {
 pub(crate) struct Edge {
     /// Its left or upper end, and the other one.
     pub(crate) ends: [u32; 2],
-    /// Whether it runs along x.
+    /// `true` if it runs along x.
     pub(crate) across: bool,
 }
 
@@ -144,7 +144,7 @@ impl Grid {
         self.edges = edges;
     }
 
-    /// Whether a side is part of a longer side of another cell.
+    /// Returns `true` if a side is part of a longer side of another cell.
     fn lies_on_longer(&self, side: [u32; 2]) -> bool {
         let [a, b] = side;
         let on = |vertex: u32| self.hangs_on[vertex as usize];
@@ -180,7 +180,7 @@ impl Grid {
         [last[0] - first[0], last[1] - first[1]]
     }
 
-    /// How the corners of the cell around a position in units are weighed to give it.
+    /// Weights of the corners of the cell around a position in units, whose weighted sum is the position.
     pub(crate) fn weights_at(&self, at: DVec2) -> [(u32, f64); 4] {
         let cell = self.cell_at(at);
         let [width, height] = self.extent(cell);

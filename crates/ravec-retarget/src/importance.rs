@@ -1,4 +1,4 @@
-//! What must keep its shape: a weight for each unit of the grid.
+//! Importance: the weight with which each unit of the grid keeps its shape.
 //!
 //! ```text
 //! barrier  = minimum barrier distance to the border on a small reduction, opened, above its median, 0 to 1
@@ -28,10 +28,10 @@ const FULL_BARRIER: f32 = 0.6;
 /// The Oklab contrast that counts as full.
 const FULL_CONTRAST: f32 = 0.25;
 
-/// How much of contrast along a straight run counts: lines are held by themselves, and need no stiff cells.
+/// Share of contrast along a straight run that counts: lines are held by themselves, and need no stiff cells.
 const RUN_SHARE: f32 = 0.2;
 
-/// How much contrast counts against the barrier. More keeps thin figures that the barrier loses, and textured ground.
+/// Weight of contrast against the barrier. More keeps thin figures that the barrier loses, and textured ground.
 const CONTRAST_SHARE: f64 = 0.25;
 
 /// The importance of each unit, 0 to 1.

@@ -1,4 +1,4 @@
-//! Which cell each pixel of the new picture lies in, and where in it.
+//! Location of each pixel of the new picture: its cell, and its position in the cell.
 //!
 //! A cell of the new picture is a convex quadrilateral. A row of pixel centers crosses it in one stretch, which begins and ends
 //! on two of its sides; where a stretch ends is computed from the two ends of the side alone, so that the neighbor begins at
@@ -120,7 +120,7 @@ impl<'a> Locator<'a> {
         }
     }
 
-    /// How a cell is turned back.
+    /// Inverse of the map of a cell.
     pub(crate) fn inverse(&self, cell: u32, source_unit: DVec2) -> CellInverse {
         let grid = &self.deformation.grid;
         let cell = &grid.cells[cell as usize];
@@ -182,7 +182,7 @@ impl CellInverse {
         }
     }
 
-    /// How many pixels of the old picture, along x and along y, a pixel at a point of it sees.
+    /// Footprint of a pixel at a point of the old picture: its size along x and along y, in old pixels.
     pub(crate) fn footprint(&self, source: DVec2) -> DVec2 {
         let uv = (source - self.first) / self.extent;
         let (e, f) = (self.e + uv.y * self.g, self.f + uv.x * self.g);

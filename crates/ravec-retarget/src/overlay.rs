@@ -10,7 +10,7 @@ impl Deformation {
     /// `backdrop` is the address of a picture to be drawn below, such as a file beside the drawing or a `data:` address.
     ///
     /// # Errors
-    /// What the writer fails with.
+    /// Any error of the writer.
     pub fn write_grid_svg(&self, backdrop: Option<&str>, out: &mut impl Write) -> io::Result<()> {
         let (width, height) = (self.size().width(), self.size().height());
         writeln!(

@@ -1,10 +1,10 @@
-//! What can be chosen, and what can go wrong.
+//! Parameters and errors of retargeting.
 
 use ravec_progress::Cancelled;
 use ravec_raster::Size;
 use serde::{Deserialize, Serialize};
 
-/// How the vertices on the border of a picture may move.
+/// Freedom of the vertices on the border of a picture.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Borders {
@@ -18,7 +18,7 @@ pub enum Borders {
     Free,
 }
 
-/// How a picture is analyzed and deformed.
+/// Parameters of analysis and deformation.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RetargetParams {
@@ -27,15 +27,15 @@ pub struct RetargetParams {
     pub grid_cells: usize,
     /// Large cells where the picture is even (default no): a fraction of the unknowns, for large grids.
     pub adaptive: bool,
-    /// How much closed regions count that stand out from the picture's border, 0 to 1 (default 1). With 0 only contrast counts
-    /// and what is painted.
+    /// Weight of closed regions that stand out from the picture's border, 0 to 1 (default 1). With 0 only contrast
+    /// counts and what is painted.
     pub saliency: f64,
-    /// How firmly straight lines are held, 0 to 10 (default 1). 0 lets them bend.
+    /// Weight of straight lines, 0 to 10 (default 1). 0 lets them bend.
     pub line_strength: f64,
     /// The size that important content gets, 0.25 to 4 (default 1: its own), within what the new format allows. Less keeps
     /// shapes better at strong reductions, with smaller objects.
     pub object_scale: f64,
-    /// How the vertices on the border may move (default along it).
+    /// Freedom of the vertices on the border (default along it).
     pub borders: Borders,
     /// The share of the width or of the height that may be cut off if that lowers the energy, 0 to 0.5 (default 0).
     pub max_crop: f64,
@@ -88,9 +88,9 @@ pub enum RetargetError {
     /// A parameter is out of range.
     #[error("{name}: {value} is out of range, choose {low} to {high}")]
     Parameter {
-        /// Which one.
+        /// Name of the parameter.
         name: &'static str,
-        /// What it was.
+        /// The invalid value.
         value: f64,
         /// The least allowed.
         low: f64,
@@ -102,7 +102,7 @@ pub enum RetargetError {
         "the {which} mask has {got} pixels, the picture {image}: paint the mask on a copy of the picture"
     )]
     MaskSize {
-        /// What the mask is for.
+        /// Name of the mask.
         which: &'static str,
         /// The size of the mask.
         got: Size,
@@ -121,7 +121,7 @@ pub enum RetargetError {
     },
     /// The picture to be warped has another shape than the analyzed one.
     #[error(
-        "the picture to warp has {got} pixels, which is not the shape of the analyzed one with {analyzed}"
+        "the picture to warp has {got} pixels, but the analyzed one {analyzed}: both need the same proportions"
     )]
     OtherShape {
         /// The size of the picture to warp.
@@ -130,7 +130,7 @@ pub enum RetargetError {
         analyzed: Size,
     },
     /// The system could not be factored, which only numbers out of all proportion can cause.
-    #[error("the deformation could not be computed: lower the strengths")]
+    #[error("the deformation cannot be computed: lower the strengths")]
     Singular,
     /// The caller cancelled.
     #[error(transparent)]

@@ -30,25 +30,25 @@ const PROTECTED: f64 = 100.0;
 /// The weight of a cell that may give way: a tenth of what is unimportant by itself.
 const GIVEN_WAY: f64 = 0.1 * GIVING;
 
-/// How much of a cell must be painted to count as touched: a stray pixel of a soft brush does not.
+/// Share of a cell that must be painted to count as touched: a stray pixel of a soft brush does not.
 const TOUCHED: f32 = 0.05;
 
 /// The factor by which a side may change at most, either way.
 const MAX_FACTOR: f64 = 20.0;
 
-/// How far borders may overhang if no share is given.
+/// Overhang of free borders if no share is given.
 const FREE_SHARE: f64 = 0.1;
 
-/// What is painted on the picture, if anything: masks of its size.
+/// Masks painted on the picture, of its size.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Painted<'a> {
-    /// What must keep its shape.
+    /// Pixels that keep their shape.
     pub protect: Option<&'a Mask>,
-    /// What may be squeezed or stretched first. Where both are painted, protection counts.
+    /// Pixels that may be squeezed or stretched first. Where both are painted, protection counts.
     pub give_way: Option<&'a Mask>,
 }
 
-/// What the analysis found.
+/// Figures of the analysis.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct AnalysisSummary {
     /// Cells of the grid.
@@ -160,7 +160,7 @@ impl Retargeter {
         })
     }
 
-    /// What the analysis found.
+    /// Figures of the analysis.
     pub fn summary(&self) -> &AnalysisSummary {
         &self.summary
     }
@@ -263,17 +263,17 @@ impl Retargeter {
     }
 }
 
-/// What is cut off: the picture becomes `whole`, of which the part from `first` on is shown.
+/// Crop of the result: the picture becomes `whole`, of which the part from `first` on is shown.
 struct Crop {
     whole: DVec2,
     first: DVec2,
 }
 
-/// How many sizes between no crop and the greatest are tried, and places for each.
+/// Number of trial sizes between no crop and the greatest, and of trial places for each.
 const CROP_TRIALS: usize = 8;
 
-/// What a lost cell costs against what it costs to squeeze it to nothing. At 1 nothing would ever be cut off that is as important
-/// as the rest, however strongly all of it is squeezed; at 0 as much as possible would.
+/// Cost of a lost cell relative to the cost of squeezing it to nothing. At 1 nothing would ever be cut off that is as
+/// important as the rest, however strongly all of it is squeezed; at 0 as much as possible would.
 const LOST: f64 = 0.25;
 
 impl Retargeter {
@@ -293,7 +293,7 @@ impl Retargeter {
         }
         let energy = |whole: DVec2| {
             let scale = self.format(whole).scale;
-            self.axes[0].least_energy(whole.x, scale) + self.axes[1].least_energy(whole.y, scale)
+            self.axes[0].min_energy(whole.x, scale) + self.axes[1].min_energy(whole.y, scale)
         };
         let mut best = (energy(new), none);
         for trial in 1..=CROP_TRIALS {

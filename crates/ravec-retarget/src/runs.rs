@@ -8,8 +8,9 @@
 //! drop those that repeat a longer one
 //! ```
 //!
-//! Single two-color pixels do not tell lines from texture that is as strong as they are, and what is narrower than a block has
-//! two edges in it, of which the block shows one or the other. Strips of 64 pixels have neither difficulty.
+//! Single two-color pixels do not distinguish lines from texture that is as strong as they are, and a line narrower
+//! than a block has two edges in it, of which the block shows one or the other. Strips of 64 pixels have neither
+//! difficulty.
 //!
 //! Guarantees: the edge of a run is within [`MAX_AWAY_PX`] of it where it was found, or the ends of what was joined are. Does not
 //! guarantee: that a long line is one run; where more of it is covered than to be seen on either side, there are two.
@@ -43,7 +44,7 @@ impl Run {
     }
 }
 
-/// How far the ends of chains that are joined may lie from their common line.
+/// Largest distance of the ends of joined chains from their common line.
 const MAX_AWAY_PX: f64 = 1.0;
 
 /// A run that lies within this distance of a longer one repeats it: the other side of the same stroke.
@@ -52,17 +53,18 @@ const REPEATED_PX: f64 = 3.5;
 /// So far it may go on beyond the longer one.
 const REPEATED_BEYOND_PX: f64 = 28.0;
 
-/// How many runs are kept, those with the most contrast along the most length. Each couples two unknowns with all cells along
-/// it; photos of buildings have hundreds.
+/// Largest number of runs that are kept, those with the most contrast along the most length. Each couples two unknowns
+/// with all cells along it; photos of buildings have hundreds.
 const MAX_RUNS: usize = 96;
 
 /// A candidate that lies within this distance of a run is the same line.
 const KNOWN_PX: f64 = 4.0;
 
-/// How many candidates are followed along each axis. Photos have some hundreds, pictures of fine print more.
+/// Largest number of candidates that are followed along each axis. Photos have some hundreds, pictures of fine print
+/// more.
 const MAX_CANDIDATES: usize = 1000;
 
-/// How many chains are looked at for joining.
+/// Largest number of chains that are considered for joining.
 const MAX_CHAINS: usize = 4 * MAX_RUNS;
 
 /// The runs of a picture, the strongest first.
@@ -107,7 +109,7 @@ fn chains(lab: &Image<Oklab>, upright: bool) -> Vec<Chain> {
 pub(crate) struct Chain {
     pub(crate) run: Run,
     pub(crate) fit: LineFit,
-    /// How colors change across it, from left to right as seen along the run.
+    /// Change of color across it, from left to right as seen along the run.
     pub(crate) step: [f32; 3],
 }
 
@@ -212,7 +214,7 @@ impl LineFit {
     }
 }
 
-/// Whether a run lies along a longer one.
+/// Returns `true` if a run lies along a longer one.
 fn repeats(run: &Run, longer: &Run) -> bool {
     let direction = longer.direction();
     run.ends.iter().all(|&end| {

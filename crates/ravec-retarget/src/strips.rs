@@ -1,9 +1,9 @@
 //! Where long straight edges may be: the contrast across every straight line of a strip, all of them at once.
 //!
-//! A strip is 64 pixels long and as wide as the picture. A line enters it at one place and leaves it up to 63 pixels to the
-//! side; along each such line the difference between the three pixels on one side and the three on the other is averaged: a
-//! two-color pixel of 64 × 6, turned as the line is. What is rough averages out over such a length and what is straight does
-//! not.
+//! A strip is 64 pixels long and as wide as the picture. A line enters it at one place and leaves it up to 63 pixels to
+//! the side; along each such line the difference between the three pixels on one side and the three on the other is
+//! averaged: a two-color pixel of 64 × 6, turned as the line is. Roughness averages out over such a length and a
+//! straight edge does not.
 //!
 //! ```text
 //! difference across, for each pixel
@@ -32,7 +32,7 @@ const HALF: usize = 32;
 /// The length of a strip. Longer ones find fainter lines and lose those that are shorter than most of it.
 pub(crate) const STRIP: usize = 2 * HALF;
 
-/// How many pixels on each side of a line are compared.
+/// Number of pixels on each side of a line that are compared.
 pub(crate) const SIDE: usize = 3;
 
 /// The Oklab contrast along a whole strip from which on a line counts. Fainter ones an observer hardly sees.
@@ -121,7 +121,7 @@ impl Frame {
         out
     }
 
-    /// What may be a straight edge, in the order of the strips.
+    /// Candidates for straight edges, in the order of the strips.
     pub(crate) fn candidates(&self) -> Vec<Candidate> {
         if self.along < STRIP || self.across < 2 * SIDE {
             return Vec::new();
@@ -145,13 +145,13 @@ impl Frame {
 /// A line that crosses a strip.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Candidate {
-    /// Where the strip begins.
+    /// Start of the strip.
     pub(crate) first: usize,
-    /// Where the line is there.
+    /// Position of the line there.
     pub(crate) from: f64,
-    /// How far it moves across for each pixel along.
+    /// Slope: its displacement across for each pixel along.
     pub(crate) slope: f64,
-    /// What comes after it across the strip, less what comes before.
+    /// Color after it across the strip, less the color before.
     pub(crate) step: [f32; 3],
     /// The contrast that roughness has on most lines of this length.
     pub(crate) noise: f32,
@@ -230,7 +230,7 @@ impl Sums {
             .step_by(BAND)
             .map(|first| {
                 let mut values = Vec::with_capacity(STRIP * BAND / 6);
-                // a sixth of them tells it as well
+                // a sixth of them gives the same estimate
                 for rise in (0..STRIP).step_by(2) {
                     let within = across.saturating_sub(rise).min(first + BAND);
                     let places = (first..within).step_by(3);
@@ -314,7 +314,7 @@ fn half_sums(differences: &[f32], across: usize, falling: bool) -> Vec<f32> {
     sums
 }
 
-/// Whether a value is the largest around; of equal ones the last is.
+/// Returns `true` if a value is the largest around; of equal ones the last is.
 fn is_peak(squares: &[f32], across: usize, rise: usize, from: usize) -> bool {
     let value = squares[rise * across + from];
     let rises = rise.saturating_sub(PEAK)..=(rise + PEAK).min(STRIP - 1);
@@ -334,7 +334,7 @@ mod tests {
     use ravec_raster::{LinearRgb, Size};
     use ravec_scenes::edge::{EdgeTruth, TwoColors, edge};
 
-    /// How far a line of the sums has moved across where it has come `at` along.
+    /// Displacement across of a line of the sums at position `at` along.
     fn moved(rise: usize, at: usize, length: usize) -> usize {
         let half = length / 2;
         if length == 1 {

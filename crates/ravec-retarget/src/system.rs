@@ -11,9 +11,9 @@ use crate::forms::{Content, Forms};
 use crate::params::{Borders, RetargetError};
 use ravec_numeric::{EliminationPlan, SingleCholesky, SquareSum};
 
-/// Where an unknown is held.
+/// Position at which an unknown is fixed, if it is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Held {
+enum Anchor {
     Free,
     /// At 0.
     Near,
@@ -21,12 +21,12 @@ enum Held {
     Far,
 }
 
-/// How nodes follow from the unknowns of an axis.
+/// Linear map from the unknowns of an axis to its nodes.
 #[derive(Debug, Clone)]
 pub(crate) struct Unknowns {
     ends: Vec<usize>,
     parts: Vec<(u32, f64)>,
-    held: Vec<Held>,
+    anchors: Vec<Anchor>,
     /// For unknowns on a free border along the axis: whether it is the far one.
     border: Vec<Option<bool>>,
     positions: Vec<Option<[f64; 2]>>,
@@ -36,7 +36,7 @@ impl Unknowns {
     fn new(content: &Content<'_>, axis: usize, borders: Borders) -> Self {
         let grid = content.grid;
         let mut number = vec![u32::MAX; grid.vertices.len()];
-        let (mut held, mut positions, mut border) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut anchors, mut positions, mut border) = (Vec::new(), Vec::new(), Vec::new());
         // with symmetric borders a vertex on the far border across the axis is the one opposite
         let mut by_place = std::collections::BTreeMap::new();
         for (index, &at) in grid.vertices.iter().enumerate() {
@@ -46,21 +46,21 @@ impl Unknowns {
             let across = 1 - axis;
             let on_border = at[across] == 0 || at[across] == grid.units[across];
             let opposite = (borders == Borders::Symmetric && on_border)
-                .then(|| *by_place.entry(at[axis]).or_insert(held.len() as u32));
-            number[index] = opposite.unwrap_or(held.len() as u32);
-            if number[index] as usize != held.len() {
+                .then(|| *by_place.entry(at[axis]).or_insert(anchors.len() as u32));
+            number[index] = opposite.unwrap_or(anchors.len() as u32);
+            if number[index] as usize != anchors.len() {
                 continue;
             }
             let place = match at[axis] {
-                0 => Held::Near,
-                last if last == grid.units[axis] => Held::Far,
-                _ => Held::Free,
+                0 => Anchor::Near,
+                last if last == grid.units[axis] => Anchor::Far,
+                _ => Anchor::Free,
             };
             if borders == Borders::Free {
-                held.push(Held::Free);
-                border.push((place != Held::Free).then_some(place == Held::Far));
+                anchors.push(Anchor::Free);
+                border.push((place != Anchor::Free).then_some(place == Anchor::Far));
             } else {
-                held.push(place);
+                anchors.push(place);
                 border.push(None);
             }
             positions.push(Some([at[0] as f64, at[1] as f64]));
@@ -76,23 +76,23 @@ impl Unknowns {
             ends.push(parts.len());
         }
         for _ in 0..2 * content.runs.len() {
-            parts.push((held.len() as u32, 1.0));
+            parts.push((anchors.len() as u32, 1.0));
             ends.push(parts.len());
-            held.push(Held::Free);
+            anchors.push(Anchor::Free);
             border.push(None);
             positions.push(None);
         }
         Self {
             ends,
             parts,
-            held,
+            anchors,
             border,
             positions,
         }
     }
 
     pub(crate) fn count(&self) -> usize {
-        self.held.len()
+        self.anchors.len()
     }
 
     fn parts(&self, node: u32) -> &[(u32, f64)] {
@@ -126,14 +126,14 @@ impl Unknowns {
         }
     }
 
-    /// Splits off what is held: the form has 0 there afterwards, and what is returned times W is its value.
-    fn take_held(&self, form: &mut [(usize, f64)]) -> f64 {
+    /// Splits off the fixed unknowns: the form has 0 there afterwards, and the returned number times W is its value.
+    fn take_fixed(&self, form: &mut [(usize, f64)]) -> f64 {
         let mut far = 0.0;
         for (unknown, coefficient) in form {
-            if self.held[*unknown] == Held::Far {
+            if self.anchors[*unknown] == Anchor::Far {
                 far += *coefficient;
             }
-            if self.held[*unknown] != Held::Free {
+            if self.anchors[*unknown] != Anchor::Free {
                 *coefficient = 0.0;
             }
         }
@@ -146,14 +146,14 @@ impl Unknowns {
 pub(crate) struct EdgeForms {
     ends: Vec<usize>,
     terms: Vec<(u32, f64)>,
-    /// What held unknowns add, times W.
+    /// Contribution of fixed unknowns, times W.
     far: Vec<f64>,
     /// After the edges, the unknowns on free borders along the axis, and whether it is the far one.
     pub(crate) borders: Vec<(u32, bool)>,
 }
 
 impl EdgeForms {
-    /// How many forms there are.
+    /// Number of forms.
     pub(crate) fn len(&self) -> usize {
         self.ends.len()
     }
@@ -227,7 +227,7 @@ impl Axis {
     }
 
     /// The least energy.
-    pub(crate) fn least_energy(&self, length: f64, scale: f64) -> f64 {
+    pub(crate) fn min_energy(&self, length: f64, scale: f64) -> f64 {
         let [ll, ls, ss] = self.energy;
         ll * length * length + 2.0 * ls * length * scale + ss * scale * scale
     }
@@ -242,7 +242,7 @@ impl Axis {
             .add_transposed(change, self.stiffness, &mut right);
         let mut step: Vec<f32> = right.into_iter().map(|value| value as f32).collect();
         self.factor.solve_in_place(&mut step);
-        // held unknowns have rows of their own, with nothing on the right
+        // fixed unknowns have rows of their own, with nothing on the right
         for (z, step) in z.iter_mut().zip(step) {
             *z += f64::from(step);
         }
@@ -271,7 +271,7 @@ impl Assembly {
         let mut form = Vec::new();
         for view in forms.iter() {
             unknowns.expand(view.terms, &mut form);
-            let far = view.far - unknowns.take_held(&mut form);
+            let far = view.far - unknowns.take_fixed(&mut form);
             energy.add(&form, view.weight);
             for &(unknown, coefficient) in &form {
                 right[0][unknown] += view.weight * coefficient * far;
@@ -280,11 +280,11 @@ impl Assembly {
         }
         // of the size of the other rows
         let own = content.grid.unit_px()[axis].powi(-2);
-        for (unknown, &held) in unknowns.held.iter().enumerate() {
-            if held != Held::Free {
+        for (unknown, &anchor) in unknowns.anchors.iter().enumerate() {
+            if anchor != Anchor::Free {
                 energy.add(&[(unknown, 1.0)], own);
             }
-            if held == Held::Far {
+            if anchor == Anchor::Far {
                 right[0][unknown] = own;
             }
         }
@@ -296,7 +296,7 @@ impl Assembly {
         };
         for edge in &content.grid.edges {
             unknowns.expand(&[(edge.ends[1], 1.0), (edge.ends[0], -1.0)], &mut form);
-            edges.far.push(unknowns.take_held(&mut form));
+            edges.far.push(unknowns.take_fixed(&mut form));
             edges
                 .terms
                 .extend(form.iter().map(|&(unknown, c)| (unknown as u32, c)));

@@ -7,8 +7,8 @@
 //! keep the line if it is long, covered, straight, and more than roughness makes
 //! ```
 //!
-//! A chunk is a two-color pixel of 8 × 6 that is turned as the line is, 16 × 6 where 8 do not tell it from roughness. What it
-//! is asked for is the contrast in the colors of the candidate.
+//! A chunk is a two-color pixel of 8 × 6 that is turned as the line is, 16 × 6 where 8 do not distinguish it from
+//! roughness. Its score is the contrast in the colors of the candidate.
 //!
 //! Guarantees: where the edge was found is within a pixel of the run, and 0.3 in the mean. Does not guarantee: that all of an
 //! edge is followed; see [`crate::runs`] for the joining of what is left.
@@ -16,24 +16,25 @@
 use crate::runs::{Chain, LineFit, Run};
 use crate::strips::{Candidate, Frame, SIDE, STRIP};
 
-/// How far from the line so far a chunk may have its edge. Larger follows curves, smaller loses rough edges.
+/// Largest distance of a chunk's edge from the line so far. Larger follows curves, smaller loses rough edges.
 const MAX_AWAY_PX: f64 = 1.0;
 
-/// How far from a candidate: the sums have their lines at whole pixels, and only nearly straight.
+/// Largest distance of the first edge from a candidate: the sums have their lines at whole pixels, and only nearly
+/// straight.
 const SEED_AWAY_PX: f64 = 2.0;
 
-/// How far a further chunk may be from a line that all others meet exactly; three times as much as those scatter is added. More
-/// goes on around a disc where its tangent ends.
+/// Largest distance of a further chunk from a line that all others meet exactly; three times as much as those scatter
+/// is added. More goes on around a disc where its tangent ends.
 const NEXT_AWAY_PX: f64 = 0.3;
 
-/// How far from the line its edge may lie in the mean (root of squares). An edge anywhere within a pixel has 0.6, long ones on
-/// strong texture up to 0.25.
+/// Largest distance of its edge from the line in the mean (root of squares). An edge anywhere within a pixel has 0.6,
+/// long ones on strong texture up to 0.25.
 const MAX_SCATTER_PX: f64 = 0.3;
 
 /// The share of the line's contrast that a chunk must have.
 const MIN_SHARE: f32 = 0.5;
 
-/// How far the walk goes on without a chunk that continues the line.
+/// Largest gap without a chunk that continues the line.
 const MAX_GAP_PX: usize = 28;
 
 /// The least length of a run. Shorter ones are found on curves.
@@ -52,13 +53,13 @@ const CHUNK: usize = 8;
 /// By what factor the contrast must exceed that of roughness in such a chunk, or those of twice the length are taken.
 const MIN_SIGNAL: f32 = 4.0;
 
-/// How many pixels on each side of the line are looked at.
+/// Number of pixels on each side of the line that are read.
 const REACH: usize = 6;
 
 /// The edge in a chunk.
 #[derive(Debug, Clone, Copy)]
 struct Edge {
-    /// Where the chunk begins.
+    /// Start of the chunk.
     first: usize,
     /// Where its middle is, along and across.
     at: f64,
@@ -69,10 +70,10 @@ struct Edge {
 /// A straight line of the frame.
 #[derive(Debug, Clone, Copy)]
 struct Level {
-    /// Where it is at the frame's border.
+    /// Its position at the frame's border.
     from: f64,
     slope: f64,
-    /// How far the edges that it was fitted to are from it across, in the mean.
+    /// Mean distance across of the edges that it was fitted to.
     scatter: f64,
 }
 

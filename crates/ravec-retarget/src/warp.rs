@@ -26,7 +26,7 @@ use window::Window;
 mod cubic;
 mod window;
 
-/// How a picture is filtered.
+/// Filter of the resampling.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum WarpFilter {
     /// Bilinear between four pixels, whatever the size: for following a frame that is being dragged, from a picture that was
@@ -129,14 +129,15 @@ struct Strip {
     rows: Vec<Vec<Stretch>>,
 }
 
-/// Pixels of a row that lie in one cell, as they look at the old picture.
+/// Span of pixels of a row that lie in one cell, with their footprints in the old picture.
 #[derive(Debug, Clone, Copy)]
-struct Looks {
+struct Span {
     /// The row in the strip, and the column.
     row: usize,
     first: usize,
     count: usize,
-    /// How many old pixels the first sees along x and along y, at least 1, and how that changes from one to the next.
+    /// Footprint of the first pixel along x and along y, in old pixels, at least 1, and its change from one pixel to
+    /// the next.
     width: DVec2,
     step: DVec2,
 }
@@ -144,13 +145,13 @@ struct Looks {
 /// Memory that is used again from tile to tile.
 #[derive(Default)]
 struct Scratch {
-    looks: Vec<Looks>,
-    /// Where each pixel of them looks.
+    spans: Vec<Span>,
+    /// Position of each of their pixels in the old picture.
     xs: Vec<f64>,
     ys: Vec<f64>,
     window: Window,
     taps: Taps,
-    /// What each pixel sees.
+    /// Light of each pixel.
     light: Vec<[f32; 4]>,
 }
 
@@ -197,23 +198,23 @@ impl<P: Color> Warp<'_, P> {
     fn tile(&self, strip: &Strip, columns: [usize; 2], scratch: &mut Scratch, pixels: &mut [P]) {
         let locator = &self.locator;
         let unit = self.source_unit;
-        dispatch!(self.simd, simd => look(simd, locator, unit, strip, columns, scratch));
+        dispatch!(self.simd, simd => locate_columns(simd, locator, unit, strip, columns, scratch));
         let Scratch {
-            looks,
+            spans,
             xs,
             ys,
             window,
             taps,
             light,
         } = scratch;
-        let Some(seen) = seen(looks, xs, ys) else {
+        let Some(seen) = seen(spans, xs, ys) else {
             return;
         };
         window.fill(self.image, seen);
         light.resize(xs.len(), [0.0; 4]);
         match self.filter {
             WarpFilter::Full => {
-                dispatch!(self.simd, simd => cubic(simd, window, looks, [xs, ys], taps, light));
+                dispatch!(self.simd, simd => cubic(simd, window, spans, [xs, ys], taps, light));
             }
             WarpFilter::Preview => {
                 for ((light, &x), &y) in light.iter_mut().zip(xs.iter()).zip(ys.iter()) {
@@ -222,21 +223,18 @@ impl<P: Color> Warp<'_, P> {
             }
         }
         let mut light = light.iter();
-        for looks in looks.iter() {
-            let first = looks.row * self.size.width() + looks.first;
-            for (pixel, &light) in pixels[first..first + looks.count]
-                .iter_mut()
-                .zip(&mut light)
-            {
+        for span in spans.iter() {
+            let first = span.row * self.size.width() + span.first;
+            for (pixel, &light) in pixels[first..first + span.count].iter_mut().zip(&mut light) {
                 *pixel = P::from_linear(straight::<P>(light));
             }
         }
     }
 }
 
-/// Where the pixels of the columns `first..end` of a strip look.
+/// Locates the pixels of the columns `first..end` of a strip in the old picture.
 #[inline(always)]
-fn look<S: Simd>(
+fn locate_columns<S: Simd>(
     simd: S,
     locator: &Locator<'_>,
     source_unit: DVec2,
@@ -244,8 +242,8 @@ fn look<S: Simd>(
     [first, end]: [usize; 2],
     scratch: &mut Scratch,
 ) {
-    let Scratch { looks, xs, ys, .. } = scratch;
-    looks.clear();
+    let Scratch { spans, xs, ys, .. } = scratch;
+    spans.clear();
     xs.clear();
     ys.clear();
     for (row, stretches) in strip.rows.iter().enumerate() {
@@ -267,7 +265,7 @@ fn look<S: Simd>(
             // what is seen changes little within a cell: along the row it is interpolated
             let [width, last] = [start, start + count - 1]
                 .map(|at| inverse.footprint(dvec2(xs[at], ys[at])).max(DVec2::ONE));
-            looks.push(Looks {
+            spans.push(Span {
                 row,
                 first: from,
                 count,
@@ -278,19 +276,19 @@ fn look<S: Simd>(
     }
 }
 
-/// From where to where the pixels see, if there are any.
-fn seen(looks: &[Looks], xs: &[f64], ys: &[f64]) -> Option<[DVec2; 2]> {
+/// Range of the positions that the pixels read, if there are any.
+fn seen(spans: &[Span], xs: &[f64], ys: &[f64]) -> Option<[DVec2; 2]> {
     let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
     let (mut widest, mut start) = (DVec2::ONE, 0);
-    for looks in looks {
+    for span in spans {
         // places go up or down all along a stretch
-        for at in [start, start + looks.count - 1] {
+        for at in [start, start + span.count - 1] {
             low = low.min(dvec2(xs[at], ys[at]));
             high = high.max(dvec2(xs[at], ys[at]));
         }
-        let last = looks.width + looks.step * looks.count as f64;
-        widest = widest.max(looks.width).max(last);
-        start += looks.count;
+        let last = span.width + span.step * span.count as f64;
+        widest = widest.max(span.width).max(last);
+        start += span.count;
     }
     // all pixels of a stretch take as many old ones as that which sees the most, from the first on that they see
     let reach = REACH * widest;

@@ -1,4 +1,4 @@
-//! How round discs and how straight lines stay, on scenes whose shapes are known from formulas.
+//! Roundness of discs and straightness of lines, on scenes whose shapes are known from formulas.
 //!
 //! The points of the shapes are sent through the deformation, so that nothing but the deformation is measured.
 

@@ -58,7 +58,7 @@ pub enum SceneId {
     Gradient,
 }
 
-/// What is known about a scene, from the formulas that drew it.
+/// Truth about a scene, from the formulas that drew it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum Truth {
@@ -101,7 +101,7 @@ pub struct Scene {
     pub seed: Seed,
     /// The picture in linear light, 0 to 1; with alpha for [`SceneId::Sprite`].
     pub image: AnyImage,
-    /// What is known about it.
+    /// Its truth.
     pub truth: Truth,
 }
 

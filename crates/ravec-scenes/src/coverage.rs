@@ -1,4 +1,4 @@
-//! How much of a pixel a shape covers: exact areas.
+//! Coverage of a pixel by a shape: exact areas.
 //!
 //! A pixel is a square of side 1; what a camera with a perfect sensor would see of a shape is the mean over that square,
 //! so the pixel's value is the colors mixed in linear light by the covered area. Everything else that a scene draws

@@ -1,4 +1,4 @@
-//! What cameras and transmission do to a picture: noise with a known law.
+//! Damage by cameras and transmission: noise with a known law.
 //!
 //! All noise is a function of the seed and the position of a sample, so a damaged picture can be made again, in any
 //! number of threads.

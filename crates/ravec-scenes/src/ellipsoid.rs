@@ -89,7 +89,7 @@ impl Ellipsoid {
         smoothstep(1.0 - penumbra, 1.0 + penumbra, miss)
     }
 
-    /// How much of the light from all around the thing takes away at a point with a normal.
+    /// Share of the light from all around that the thing blocks at a point with a normal.
     pub(crate) fn occlusion(&self, at: DVec3, normal: DVec3) -> f64 {
         let mean = self.mean_radius;
         let d = self.center - at;

@@ -11,23 +11,23 @@ use crate::shopfront::GroundFloor;
 use crate::texture::{brick, fractal, smoothstep, wood};
 use glam::{DVec2, DVec3, Vec3};
 
-/// How far windows and doors are set back, in meters.
+/// Recess of windows and doors, in meters.
 pub(crate) const RECESS: f64 = 0.16;
 /// Height of the ground floor, where shops and doors are.
 pub(crate) const GROUND_FLOOR: f64 = 3.35;
 /// Height of the other floors.
 pub(crate) const FLOOR: f64 = 2.85;
 
-/// What light finds at a point of a surface.
+/// Optical properties of a surface at a point.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Surface {
-    /// How much of the footprint the surface covers.
+    /// Share of the footprint that the surface covers.
     pub alpha: f32,
     /// Diffuse reflectance.
     pub albedo: Vec3,
-    /// How much of the sun the relief of the surface itself lets through.
+    /// Share of the sun that the relief of the surface itself lets through.
     pub sun: f32,
-    /// How much of the sky's light reaches it.
+    /// Share of the sky's light that reaches it.
     pub ambient: f32,
     /// Mirroring part of the light.
     pub mirror: f32,
@@ -61,7 +61,7 @@ impl Surface {
     };
 }
 
-/// What a wall is made of.
+/// Material of a wall.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Wall {
     /// Painted plaster.

@@ -1,7 +1,7 @@
 //! The damage that JPEG compression does, without the file.
 //!
 //! Entropy coding is lossless, so only the lossy steps are done: YCbCr (rounded to 8 bit), optional 4:2:0 subsampling,
-//! the 8×8 discrete cosine transform, quantisation by the example tables of the standard scaled by quality as libjpeg
+//! the 8×8 discrete cosine transform, quantization by the example tables of the standard scaled by quality as libjpeg
 //! does, and all of it back.
 //!
 //! Source: ITU-T T.81, annexes A and K; JFIF 1.02. Differs from a given decoder by its rounding in the transforms (ours
@@ -13,12 +13,12 @@ use ravec_raster::{Image, Plane, Size, Srgb};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// How a picture is compressed.
+/// Parameters of the compression.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct JpegParams {
     /// 1 (worst) to 100 (best; still not lossless), clamped. 30 shows blocks and ringing, 90 hardly anything.
     pub quality: u8,
-    /// Whether color is stored at half the resolution, as cameras do (4:2:0).
+    /// `true` if color is stored at half the resolution, as cameras do (4:2:0).
     pub subsampled: bool,
 }
 
@@ -45,13 +45,13 @@ const CHROMA: [u16; 64] = [
 /// The picture after compression and decompression.
 pub fn add_jpeg_damage(image: &Image<Srgb<u8>>, params: &JpegParams) -> Image<Srgb<u8>> {
     let [y, cb, cr] = [0, 1, 2].map(|channel| image.map(|Srgb(rgb)| ycc_from_rgb(rgb)[channel]));
-    let luma = quantised(&y, &scaled(&LUMA, params.quality));
+    let luma = quantized(&y, &scaled(&LUMA, params.quality));
     let table = scaled(&CHROMA, params.quality);
     let chroma = |plane: &Plane| {
         if params.subsampled {
-            doubled(&quantised(&halved(plane), &table), plane.size())
+            doubled(&quantized(&halved(plane), &table), plane.size())
         } else {
-            quantised(plane, &table)
+            quantized(plane, &table)
         }
     };
     let (cb, cr) = (chroma(&cb), chroma(&cr));
@@ -68,7 +68,7 @@ pub fn add_jpeg_damage(image: &Image<Srgb<u8>>, params: &JpegParams) -> Image<Sr
     decoded
 }
 
-/// The table of quantisation steps for a quality, as libjpeg scales it.
+/// The table of quantization steps for a quality, as libjpeg scales it.
 fn scaled(table: &[u16; 64], quality: u8) -> [f32; 64] {
     let quality = i32::from(quality.clamp(1, 100));
     let percent = if quality < 50 {
@@ -142,7 +142,7 @@ fn inverse(coefficients: &Block, basis: &Block) -> Block {
 }
 
 /// A plane with each block's coefficients rounded to multiples of the table's steps; values rounded to 0 to 255.
-fn quantised(plane: &Plane, table: &[f32; 64]) -> Plane {
+fn quantized(plane: &Plane, table: &[f32; 64]) -> Plane {
     let basis = basis();
     let width = plane.width();
     let mut result = plane.clone();
@@ -297,7 +297,7 @@ mod tests {
                             subsampled,
                         },
                     );
-                    // the mean of a block is quantised in steps of table/8; half of that, in each of three planes
+                    // the mean of a block is quantized in steps of table/8; half of that, in each of three planes
                     let step = f64::from(scaled(&LUMA, quality)[0]) / 16.0
                         + 1.8 * f64::from(scaled(&CHROMA, quality)[0]) / 16.0;
                     assert!(f64::from(largest_difference(&image, &decoded)) <= step + 3.0);

@@ -11,7 +11,7 @@ use glam::{DVec2, Vec3};
 use ravec_raster::{Image, LinearRgb, Size};
 use serde::{Deserialize, Serialize};
 
-/// What a line drawing consists of.
+/// Contents of a line drawing.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LineArtTruth {
     /// All strokes in image coordinates, widths in pixels.

@@ -12,7 +12,7 @@ use crate::texture::{brick, fractal, tiles, wood};
 use glam::{DMat3, DVec2, Vec3};
 use ravec_raster::{Image, LinearRgb, Mask, Size};
 
-/// What the plane is made of.
+/// Material of the plane.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Surface {
     /// A wall of bricks, each of its own color.
@@ -68,7 +68,7 @@ impl Surface {
 /// A plane with a post before it, and what the post hides.
 #[derive(Debug, Clone)]
 pub struct Occlusion {
-    /// What a camera sees.
+    /// The picture that the camera takes.
     pub picture: Image<LinearRgb>,
     /// The same without the post.
     pub background: Image<LinearRgb>,

@@ -108,7 +108,7 @@ mod tests {
     fn smooth_parts_keep_one_sample() {
         let size = Size::new(9, 9).unwrap();
         let sides = paint_adaptive(size, 4, |p, side| {
-            // a faint ramp, and a disc; the second channel tells which samples were taken
+            // a faint ramp, and a disc; the second channel marks the samples that were taken
             let inside = disc_coverage(DVec2::new(2.0, 2.0), 1.5, p) as f32;
             Vec3::new(0.5 + 0.001 * p.x as f32, 0.0, inside + 0.001 * side as f32)
         });

@@ -17,7 +17,7 @@ use glam::{DMat3, DVec2, DVec3, Vec3};
 use ravec_raster::{Image, LinearRgb, Size};
 use serde::{Deserialize, Serialize};
 
-/// Where a plane and what is on it lie in the picture.
+/// Place of a plane, and of the things on it, in the picture.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PlaneTruth {
     /// Maps (x, y, 1) on the plane to the image; serialized column by column.
@@ -216,7 +216,7 @@ pub fn floor(size: Size, seed: Seed) -> (Image<LinearRgb>, PlaneTruth) {
                 )
             }
             _ => {
-                // a panelled wall behind
+                // a paneled wall behind
                 let q = (p - far) / scale;
                 let skirting = q.y > -0.035;
                 let panel = ((q.x / 0.14).rem_euclid(1.0) - 0.5).abs() < 0.4

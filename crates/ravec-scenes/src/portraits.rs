@@ -1,7 +1,7 @@
 //! Portraits of rigid shapes on strong texture, and long straight lines: what must survive a change of format.
 //!
-//! A portrait is a disc above a square. Nothing covers anything but the square its line; ground is everywhere as rough as
-//! shapes are distinct from it, so that contrast alone does not tell what matters.
+//! A portrait is a disc above a square. Nothing covers anything but the square its line; ground is everywhere as rough
+//! as shapes are distinct from it, so that contrast alone does not mark what matters.
 
 use crate::coverage::HalfPlane;
 use crate::paint::{center, hex};

@@ -1,4 +1,4 @@
-//! What stands and hangs in a street: paving, plants, awnings, flags, and things drawn with strokes and fills.
+//! Props of a street: paving, plants, awnings, flags, and things drawn with strokes and fills.
 
 use crate::coverage::{above, bar, pulse};
 use crate::facade::Surface;
@@ -193,7 +193,7 @@ impl Prop {
         }
     }
 
-    /// What part of a soft ray of width `footprint` is stopped at `q`.
+    /// Part of a soft ray of width `footprint` that is stopped at `q`.
     pub(crate) fn opacity(&self, q: DVec2, footprint: f64) -> f32 {
         match self {
             Self::Panel(_) | Self::Ground { .. } | Self::Bricks(..) => 1.0,

@@ -8,7 +8,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// What a picture is drawn from: equal seeds give equal bytes.
+/// Seed of a picture: equal seeds give equal bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct Seed(pub u64);
 

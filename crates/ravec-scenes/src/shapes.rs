@@ -108,7 +108,7 @@ impl Shape {
     }
 }
 
-/// What lies on the landscape, the first at the back.
+/// Shapes on the landscape, the first at the back.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ShapesTruth {
     /// All shapes.

@@ -7,7 +7,7 @@ use crate::stroke::{Stroke, Strokes};
 use crate::texture::{fractal, smoothstep};
 use glam::{DVec2, DVec3, Vec3};
 
-/// What is at street level.
+/// Kind of the ground floor.
 #[derive(Debug, Clone)]
 pub(crate) enum GroundFloor {
     /// A shop window with this paint and this lettering above it.

@@ -37,7 +37,7 @@ pub use soup::{Planted, soup};
 /// A mesh and the truth about it.
 #[derive(Debug, Clone)]
 pub struct Solid {
-    /// What it is, in one or two words.
+    /// Name of the solid, in one or two words.
     pub name: &'static str,
     /// The triangles.
     pub mesh: TriMesh,
@@ -78,7 +78,7 @@ impl Solid {
         }
     }
 
-    /// Whether distances have a sign.
+    /// Returns `true` if distances have a sign.
     pub fn is_closed(&self) -> bool {
         self.volume.is_some()
     }
@@ -141,7 +141,7 @@ mod tests {
             .fold(f64::INFINITY, f64::min)
     }
 
-    /// How often the mesh winds around `p`: the sum of the solid angles of its triangles (van Oosterom and Strackee).
+    /// Winding number of the mesh around `p`: the sum of the solid angles of its triangles (van Oosterom and Strackee).
     fn winding(solid: &Solid, p: DVec3) -> f64 {
         let angle = |t: u32| {
             let [a, b, c] = solid.mesh.corners(t).map(|q| q - p);
@@ -180,7 +180,7 @@ mod tests {
         }
     }
 
-    /// Whether triangles meet at edges in pairs, in opposite directions, and form one fan at each vertex.
+    /// Returns `true` if triangles meet at edges in pairs, in opposite directions, and form one fan at each vertex.
     fn is_closed_surface(solid: &Solid, adjacency: &Adjacency) -> bool {
         let pairs = (0..adjacency.edges().len() as u32).all(|edge| {
             let uses = adjacency.uses(edge);

@@ -1,6 +1,6 @@
 //! A stage of flat pieces in space: traced rays, a sun with soft shadows, sky light, mirrors and haze.
 //!
-//! Like a theatre set, everything is a rectangle with a frame of its own: walls and ground, but also trees, lamps or a
+//! Like a theater set, everything is a rectangle with a frame of its own: walls and ground, but also trees, lamps or a
 //! bicycle, which are cut out of their rectangle by their coverage. A ray meets the pieces from front to back; a ray to
 //! the sun is dimmed by the coverage of what it meets, with a footprint that grows with the distance, which makes
 //! penumbras. World: meters, x to the right, y up, the camera looks along −z.
@@ -11,7 +11,7 @@ use crate::random::Seed;
 use crate::sky::sky;
 use glam::{DMat3, DVec2, DVec3, Vec3};
 
-/// What a rectangle shows.
+/// Content of a rectangle.
 pub(crate) enum Show {
     Facade(Box<Facade>),
     Prop(Box<Prop>),
@@ -172,12 +172,12 @@ impl Stage {
 
     fn trace(&self, from: DVec3, direction: DVec3, spread: f64, bounces: u32) -> Vec3 {
         // most rays meet few pieces: an insertion sort into a short list
-        const MOST: usize = 24;
-        let mut hits = [(f64::INFINITY, 0usize, DVec2::ZERO); MOST];
+        const MAX_HITS: usize = 24;
+        let mut hits = [(f64::INFINITY, 0usize, DVec2::ZERO); MAX_HITS];
         let mut count = 0;
         for (index, plate) in self.plates.iter().enumerate() {
             if let Some((t, q)) = plate.hit(from, direction)
-                && count < MOST
+                && count < MAX_HITS
             {
                 let mut slot = count;
                 while slot > 0 && hits[slot - 1].0 > t {
@@ -258,7 +258,7 @@ impl Stage {
         color
     }
 
-    /// How much of the sun is seen from a point.
+    /// Share of the sun that is seen from a point.
     fn sunlight(&self, at: DVec3) -> f32 {
         let mut light = 1.0f32;
         for (plate, piece) in self.plates.iter().zip(&self.pieces) {

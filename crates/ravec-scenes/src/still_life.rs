@@ -17,7 +17,7 @@ use glam::{DMat3, DVec2, DVec3, Vec3};
 use ravec_raster::{Image, LinearRgb, Size};
 use serde::{Deserialize, Serialize};
 
-/// Where the things of the still life are in the picture.
+/// Places of the things of the still life in the picture.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct StillLifeTruth {
     /// The things, in no order of depth: one may hide a part of another.
@@ -33,7 +33,7 @@ pub struct ThingTruth {
     pub name: String,
     /// Image of its center.
     pub center_in_image: DVec2,
-    /// Its outline: the points with `(x, y, 1) C (x, y, 1)ᵀ = 0`, negative inside. Serialised column by column.
+    /// Its outline: the points with `(x, y, 1) C (x, y, 1)ᵀ = 0`, negative inside. Serialized column by column.
     pub outline_conic: DMat3,
 }
 

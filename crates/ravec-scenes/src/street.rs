@@ -19,7 +19,7 @@ use glam::{DMat3, DVec2, DVec3, Vec3};
 use ravec_raster::{Image, LinearRgb, Size};
 use serde::{Deserialize, Serialize};
 
-/// Where the planes of the street lie in the picture.
+/// Places of the planes of the street in the picture.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct StreetTruth {
     /// Image of the street's direction: where its parallel lines meet.
@@ -31,10 +31,10 @@ pub struct StreetTruth {
     pub facades: Vec<FacadeTruth>,
 }
 
-/// Where a house front lies in the picture.
+/// Place of a house front in the picture.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FacadeTruth {
-    /// Maps (meters to the right along the front, meters up from the ground, 1) to the image. Serialised column by
+    /// Maps (meters to the right along the front, meters up from the ground, 1) to the image. Serialized column by
     /// column, as are all matrices.
     pub image_from_plane: DMat3,
     /// Width and height to the eaves, meters.
@@ -47,7 +47,7 @@ pub struct FacadeTruth {
 /// Left and right house line, meters from the street's axis.
 const WALLS: [f64; 2] = [-5.0, 5.6];
 const KERBS: [f64; 2] = [-3.1, 3.7];
-/// How far the ground goes on behind the camera and to the sides, so that it fills the picture.
+/// Extent of the ground behind the camera and to the sides, so that it fills the picture.
 const GROUND_BEHIND: f64 = 2.0;
 const GROUND_ASIDE: f64 = 60.0;
 

@@ -77,7 +77,7 @@ impl Stroke {
         self.nearest(p).distance
     }
 
-    /// How much of the square of side `side` around `p` the stroke covers, 0 to 1.
+    /// Coverage by the stroke of the square of side `side` around `p`, 0 to 1.
     pub fn coverage(&self, p: DVec2, side: f64) -> f64 {
         let near = self.nearest(p);
         let half = 0.5 * self.width;

@@ -80,7 +80,7 @@ pub fn fractal(p: DVec2, footprint: f64, octaves: u32, seed: Seed) -> f64 {
     sum
 }
 
-/// What cellular noise knows about a position.
+/// Cellular noise at a position.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cell {
     /// Distance to the nearest feature point.
@@ -135,10 +135,10 @@ pub struct Masonry {
     pub shift: f64,
 }
 
-/// What masonry is at a position.
+/// Masonry at a position.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stone {
-    /// How much of the footprint is stone and not joint, 0 to 1.
+    /// Share of the footprint that is stone and not joint, 0 to 1.
     pub face: f64,
     /// The stone's own deviation, −1 to 1, faded to 0 where stones are smaller than the footprint.
     pub tint: f64,
@@ -227,13 +227,13 @@ pub fn wood(p: DVec2, footprint: f64, color: Vec3, seed: Seed) -> Vec3 {
     let rings = (local.y / 0.011 + 5.0 * bend + 40.0 * plank) * std::f64::consts::TAU * 0.5;
     let visible = (1.6 - 260.0 * footprint).clamp(0.0, 1.0);
     let line = visible * (0.5 + 0.5 * rings.sin()).powi(3);
-    let fibre = fractal(
+    let fiber = fractal(
         local * DVec2::new(14.0, 420.0),
         footprint * 420.0,
         2,
         seed.fork(4),
     );
-    let shade = 0.92 + 0.24 * (plank - 0.5) - 0.30 * line + 0.10 * fibre + 0.12 * bend;
+    let shade = 0.92 + 0.24 * (plank - 0.5) - 0.30 * line + 0.10 * fiber + 0.12 * bend;
     let gap = 1.0 - 0.75 * (1.0 - pulse(p.y / PLANK, 0.97, footprint / PLANK));
     let ruddy = Vec3::new(1.0, 1.0 - 0.12 * line as f32, 1.0 - 0.22 * line as f32);
     color * ruddy * (shade * gap).max(0.05) as f32
@@ -284,9 +284,9 @@ pub fn grass(p: DVec2, footprint: f64, seed: Seed) -> Vec3 {
 /// Foliage as painted leaf over leaf.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Leaves {
-    /// How much is covered, 0 to 1.
+    /// Share that is covered, 0 to 1.
     pub cover: f64,
-    /// How far out the visible leaf lies: 0 deep in the shade, 1 on top in the light.
+    /// Depth of the visible leaf: 0 deep in the shade, 1 on top in the light.
     pub height: f64,
     /// A number of the leaf itself, 0 to 1.
     pub tint: f64,

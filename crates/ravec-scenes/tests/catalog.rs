@@ -1,4 +1,4 @@
-//! What holds for every scene of the catalogue.
+//! Properties of every scene of the catalogue.
 
 use ravec_raster::{LinearRgba, Size};
 use ravec_scenes::Seed;

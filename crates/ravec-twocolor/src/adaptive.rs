@@ -17,7 +17,7 @@ use ravec_raster::{Color, Image, Size};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// How an image is cut into blocks of different sizes.
+/// Parameters of the division of an image into blocks of different sizes.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct AdaptiveParams {
@@ -52,7 +52,7 @@ pub struct Leaf {
     pub row_px: usize,
     /// Pixels a side; the image's border may clip it.
     pub side_px: usize,
-    /// What is in it.
+    /// The two-color pixel of the leaf.
     pub pixel: TwoColorPixel,
 }
 
@@ -160,7 +160,7 @@ impl AdaptiveField {
         &self.leaves[self.leaf_of_cell[cell] as usize]
     }
 
-    /// What is wrong with the tree: nothing, unless there is a bug. For tests.
+    /// Violated invariants of the tree; empty unless there is a bug. For tests.
     pub fn validation_errors(&self) -> Vec<String> {
         let mut errors = Vec::new();
         let cells = self.image_size.cells(self.min_block_px);

@@ -224,7 +224,7 @@ impl Surroundings {
         }
     }
 
-    /// Whether the windows around `count` pixels from `(col, row)` on lie wholly inside the image.
+    /// Returns `true` if the windows around `count` pixels from `(col, row)` on lie wholly inside the image.
     fn whole(&self, col: usize, row: usize, count: usize) -> bool {
         let half = self.half;
         col >= half

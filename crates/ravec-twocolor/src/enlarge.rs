@@ -38,8 +38,8 @@ pub enum EnlargeError {
 /// A window as plain numbers: normal, offset, colors of side 0 and side 1 in linear light, quality.
 type Packed = [f32; 10];
 
-/// How far from its line, in source pixels, a window draws: full within the first, nothing beyond the second. The smooth
-/// kernel blurs an edge over about two pixels to each side.
+/// Distances from its line, in source pixels, within which a window draws: fully within the first, nothing beyond the
+/// second. The smooth kernel blurs an edge over about two pixels to each side.
 const REACH_PX: [f64; 2] = [1.0, 2.5];
 
 /// The image enlarged (or reduced) by `factor`, with crisp edges. Alpha is enlarged smoothly.

@@ -9,7 +9,7 @@ use ravec_progress::{Cancelled, Progress};
 use ravec_raster::{Color, Image, Oklab, Size};
 use rayon::prelude::*;
 
-/// How the best line of a block is searched.
+/// Search method for the best line of a block.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FitMethod {
@@ -31,16 +31,16 @@ const MAX_SIDE: usize = 64;
 /// The smallest block whose reduction is worth fitting.
 const MIN_COARSE_SIDE: usize = 8;
 
-/// How an image is cut into blocks and fitted.
+/// Parameters of the division of an image into fitted blocks.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct FitParams {
     /// Side N of a block in pixels, 2 to 64 (default 8). Larger blocks store less and abstract more.
     pub block_px: usize,
-    /// How the best line is searched (default [`FitMethod::Auto`]).
+    /// Search method for the best line (default [`FitMethod::Auto`]).
     pub method: FitMethod,
-    /// Oklab contrast below which a block is flat, 0 to 1 (default 0.01, about half of what the eye can tell apart).
-    /// 0 gives every block a line that is not constant; more gives fewer lines.
+    /// Oklab contrast below which a block is flat, 0 to 1 (default 0.01, about half of what the eye can distinguish). 0
+    /// gives every block a line that is not constant; more gives fewer lines.
     pub flat_contrast: f32,
 }
 
@@ -60,7 +60,7 @@ impl Default for FitParams {
 pub enum FitError {
     /// The block's side is out of range.
     #[error(
-        "a block of {got} pixels a side cannot be fitted so: choose 2 to 64 (exactly 2 to 32, coarse to fine 8 to 64)"
+        "the block size is {got} pixels a side: choose 2 to 64 (exact search 2 to 32, coarse to fine 8 to 64)"
     )]
     BlockSize {
         /// The side that was asked for.
@@ -68,7 +68,7 @@ pub enum FitError {
     },
     /// The smallest and the largest block do not fit each other.
     #[error(
-        "blocks from {min} to {max} pixels cannot be nested: choose a smallest of 2 to 32, times a power of two up to 64"
+        "the block sizes are {min} to {max} pixels: choose a smallest of 2 to 32, and a largest that is this times a power of two, up to 64"
     )]
     Sizes {
         /// The smallest side that was asked for.
@@ -77,13 +77,13 @@ pub enum FitError {
         max: usize,
     },
     /// A strength is out of range.
-    #[error("a strength of {got} makes no sense: choose 0 to 1")]
+    #[error("the strength is {got}: choose 0 to 1")]
     Strength {
         /// The strength that was asked for.
         got: f32,
     },
     /// A number of iterations is out of range.
-    #[error("the operator cannot be applied {got} times: choose 1 to 16")]
+    #[error("the number of iterations is {got}: choose 1 to 16")]
     Iterations {
         /// The number that was asked for.
         got: u32,
@@ -92,15 +92,15 @@ pub enum FitError {
     #[error("the region lies outside the image")]
     EmptyRegion,
     /// The windows' distance does not fit their side.
-    #[error("windows of {side} pixels cannot stand {got} pixels apart: choose 1 to {side}")]
+    #[error("the spacing of windows of {side} pixels is {got}: choose 1 to {side}")]
     Stride {
         /// The distance that was asked for.
         got: usize,
         /// The window's side.
         side: usize,
     },
-    /// The noise level makes no sense.
-    #[error("noise of {got} steps cannot be cleaned: choose 0 to 255")]
+    /// The noise level is out of range.
+    #[error("the noise level is {got}: choose 0 to 255")]
     Noise {
         /// The noise that was asked for.
         got: f32,

@@ -16,7 +16,8 @@ use ravec_raster::{Color, Image, Oklab};
 pub(crate) struct FlatThreshold(pub f32);
 
 impl FlatThreshold {
-    /// Whether a block of `weight` pixels with the best split's `gain` has one color only. So has a block with NaN.
+    /// Returns `true` if a block of `weight` pixels with the best split's `gain` has one color only. So has a block
+    /// with NaN.
     pub(crate) fn is_flat(self, gain: f32, weight: f32) -> bool {
         // half the block on each side of the mean
         let least = 0.25 * self.0 * self.0 * weight;
@@ -24,7 +25,7 @@ impl FlatThreshold {
     }
 }
 
-/// How the best line is searched.
+/// Search method for the best line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Search {
     /// Over all splits.

@@ -29,7 +29,7 @@ impl Line {
         self.normal.to_angle()
     }
 
-    /// How far `point` lies on side 1, in pixels; negative on side 0.
+    /// Signed distance of `point` from the line, in pixels; positive on side 1, negative on side 0.
     pub fn signed_distance(&self, point: DVec2) -> f64 {
         self.normal.dot(point) - self.offset_px
     }

@@ -22,7 +22,7 @@ use crate::stamp::stamp;
 use ravec_progress::Progress;
 use ravec_raster::{Color, Image, LinearRgba, Rect};
 
-/// What the operator does.
+/// Modes of the operator.
 #[derive(
     Debug, Clone, Copy, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize,
 )]
@@ -43,18 +43,18 @@ pub enum Mode {
     Stamp,
 }
 
-/// How the operator is applied.
+/// Parameters of the operator.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct OperatorParams {
-    /// What to do (default smooth).
+    /// Effect (default smooth).
     pub mode: Mode,
     /// Side of the windows in pixels, odd, 3 to 31 (default 9). Larger windows act more broadly. Cleaning has windows of its
     /// own and does not use it.
     pub window_px: usize,
-    /// How far a pixel goes towards its new color, 0 to 1 (default 1).
+    /// Share of the way that a pixel moves to its new color, 0 to 1 (default 1).
     pub strength: f32,
-    /// How often the operator is applied, 1 to 16 (default 1). More gives a stronger look. Stamping happens once.
+    /// Number of applications, 1 to 16 (default 1). More gives a stronger look. Stamping happens once.
     pub iterations: u32,
     /// For cleaning: the noise in steps of 8-bit values, estimated when not given.
     pub noise_sigma: Option<f32>,
@@ -194,7 +194,8 @@ fn on_clean_grid(region: Rect, rounds: usize) -> Rect {
 /// Pixels of the grid that the windows (2) and the blocks of compression (8) of cleaning have in common.
 const CLEAN_GRID: usize = 8;
 
-/// How far a cleaned pixel may depend on others: windows of 8 pixels over every pixel of its block of compression.
+/// Largest distance between a cleaned pixel and the pixels it depends on: windows of 8 pixels over every pixel of its
+/// block of compression.
 const CLEAN_REACH: usize = 16;
 
 /// A rectangle with `margin` more pixels on each side, as far as coordinates go.

@@ -17,7 +17,7 @@ pub(crate) fn countable(pixel: LinearRgba) -> LinearRgba {
     }
 }
 
-/// Whether all four values are numbers that can be reckoned with.
+/// Returns `true` if all four values are small enough to compute with.
 #[inline(always)]
 pub(crate) fn is_countable(pixel: LinearRgba) -> bool {
     pixel.0.iter().all(|v| v.abs() <= MAX_LIGHT)
@@ -50,7 +50,7 @@ impl TwoColorPixel {
         }
     }
 
-    /// Whether the block has a single color.
+    /// Returns `true` if the block has a single color.
     pub fn is_flat(&self) -> bool {
         self.line.is_none()
     }

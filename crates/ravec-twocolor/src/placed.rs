@@ -33,7 +33,7 @@ impl PlacedBlock<'_> {
         self.pixel.line.map(|line| line.relative_to(-center))
     }
 
-    /// How many of the block's pixels have their center on side 0 and on side 1; all count for side 0 in a flat block.
+    /// Number of the block's pixels with their center on side 0 and on side 1; all count for side 0 in a flat block.
     pub fn pixels_per_side(&self, image_size: Size) -> [usize; 2] {
         let rect = self.rect(image_size);
         let Some(line) = self.line_in_image() else {

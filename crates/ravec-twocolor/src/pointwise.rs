@@ -5,7 +5,7 @@ use crate::operator::Mode;
 use ravec_raster::LinearRgba;
 use ravec_raster::color::{linear_from_oklab, oklab_from_linear};
 
-/// What the pointwise modes need to know of a window.
+/// Properties of a window that the pointwise modes need.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Sides {
     /// Oklab color of the pixel's own side.
@@ -14,11 +14,12 @@ pub(crate) struct Sides {
     pub other: [f32; 3],
     /// The share of the pixel's area on its own side of the line.
     pub coverage: f32,
-    /// How well two colors explain the window, 0 to 1.
+    /// Share of the window that two colors explain, 0 to 1.
     pub quality: f32,
     /// The mean squared distance of the window's pixels from the color of their side.
     pub variance: f32,
-    /// How far the line is from the pixel's center, relative to where it leaves the window: 0 to about 1.
+    /// Distance of the line from the pixel's center, relative to the distance at which it leaves the window: 0 to about
+    /// 1.
     pub remoteness: f32,
 }
 
@@ -45,8 +46,8 @@ impl Sides {
     }
 }
 
-/// How well two colors explain a window: 1 if wholly, 0 if what they leave is a quarter of what an edge of their contrast
-/// makes.
+/// Quality of the explanation of a window by two colors: 1 if complete, 0 if the rest is a quarter of the energy of an
+/// edge of their contrast.
 pub(crate) fn quality(error: f32, contrast: f32) -> f32 {
     if contrast <= 0.0 {
         return 0.0;
@@ -103,8 +104,8 @@ pub(crate) fn apply(mode: Mode, pixel: LinearRgba, sides: &Sides) -> LinearRgba 
     LinearRgba::from_rgb_alpha(linear_from_oklab(color), pixel.alpha())
 }
 
-/// How many standard deviations of its side a pixel may stand out before it moves only half of the way: at 1 and 2 it
-/// moves nine tenths and seven tenths. Smaller leaves noise, larger takes small details away.
+/// Deviation of a pixel from its side, in standard deviations, at which it moves half of the way: at 1 and 2 it moves
+/// nine tenths and seven tenths. Smaller leaves noise, larger takes small details away.
 const DETAIL_SIGMAS: f32 = 3.0;
 
 /// A pixel of a soft edge moves along the axis between the two colors to where an ideal edge has it: by the share of its

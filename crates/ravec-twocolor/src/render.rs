@@ -25,7 +25,7 @@ use rayon::prelude::*;
 #[non_exhaustive]
 pub enum RenderError {
     /// The scale is no positive number.
-    #[error("a picture cannot be scaled by {got}: choose a number above 0")]
+    #[error("the scale is {got}: choose a number above 0")]
     Scale {
         /// The scale that was asked for.
         got: f64,
@@ -102,10 +102,10 @@ pub fn render_mosaic(
 /// Rows of the result that one task works on: few, so that their sums stay in the cache.
 const STRIP_ROWS: usize = 8;
 
-/// Blocks between two looks at the cancellation, well under a millisecond's worth.
+/// Blocks between two checks for cancellation, well under a millisecond's worth.
 const BLOCKS_PER_CHECK: usize = 1024;
 
-/// How one block is drawn.
+/// Paint of one block.
 struct Paint {
     /// In pixels of the image, from its corner.
     line: Option<Line>,

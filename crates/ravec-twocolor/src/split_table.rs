@@ -60,7 +60,7 @@ pub(crate) struct CentralLine {
 
 #[cfg(test)]
 impl CentralLine {
-    /// Whether the pixel whose center is at `(x, y)` from the block's center lies on side 0.
+    /// Returns `true` if the pixel whose center is at `(x, y)` from the block's center lies on side 0.
     pub fn has_on_side_0(&self, x: f32, y: f32) -> bool {
         self.normal[0] * x + self.normal[1] * y < self.offset
     }

@@ -14,10 +14,10 @@ use rayon::prelude::*;
 /// Distance of neighboring squares relative to their side: 0.7 covers every pixel whatever the jitter.
 const SPACING: f64 = 0.7;
 
-/// How far a square is moved off its grid point, relative to the spacing, at most.
+/// Largest displacement of a square from its grid point, relative to the spacing.
 const JITTER: f64 = 0.2;
 
-/// Where a square lies.
+/// Place of a square.
 struct Place {
     left: i64,
     top: i64,

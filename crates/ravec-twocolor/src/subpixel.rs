@@ -1,7 +1,8 @@
 //! The line of a block to a fraction of a pixel.
 //!
-//! All lines that make the same split are equally good for pixel centers. A picture tells more: the pixels that an edge
-//! crosses are mixtures, in linear light, by the area on each side. The line is moved until the mixtures fit:
+//! All lines that make the same split are equally good for pixel centers. A picture holds more information: the pixels
+//! that an edge crosses are mixtures, in linear light, by the area on each side. The line is moved until the mixtures
+//! fit:
 //!
 //! 1. For a line `(θ, d)`, the coverage of side 0 in each pixel is known in closed form, and the best two colors follow
 //!    by linear least squares (*variable projection*: the colors are not unknowns of their own).
@@ -168,7 +169,7 @@ impl Model {
     }
 }
 
-/// The best line near `line`, with its colors, unless the block can't tell.
+/// The best line near `line`, with its colors, unless the block cannot determine it.
 fn refine(line: Line, block: &[Member]) -> Option<Model> {
     let mut best = Model::fit(line, block)?;
     for _ in 0..STEPS {

@@ -22,7 +22,7 @@ use ravec_raster::{Color, LinearRgba, Size, Srgb};
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::io::{self, Write};
 
-/// How a drawing is written.
+/// Parameters of a drawing.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SvgParams {

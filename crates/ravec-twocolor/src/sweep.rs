@@ -29,13 +29,13 @@ use std::ops::Range;
 /// The most lanes of any instruction set.
 pub(crate) const MAX_LANES: usize = 16;
 
-/// How much a difference of 1 in alpha counts against a difference of 1 in lightness.
+/// Weight of a difference of 1 in alpha against a difference of 1 in lightness.
 pub(crate) const ALPHA_WEIGHT: f32 = 1.0;
 
 /// Weights below this count as nothing: less than half a step of 16-bit alpha.
 const NO_WEIGHT: f32 = 1.0 / 131_072.0;
 
-/// What the sweep found, one entry a lane.
+/// Results of the sweep, one entry per lane.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Found {
     /// Index into the table's events.
@@ -285,7 +285,7 @@ impl<S: Simd> Batch<S, OPAQUE> {
     }
 }
 
-/// What the sweep over weighted pixels found.
+/// Results of the sweep over weighted pixels.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct FoundWeighted {
     /// The colors, as for opaque pixels, with weighted sums and means; gain and energy include those of alpha.

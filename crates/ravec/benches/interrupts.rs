@@ -1,6 +1,6 @@
 //! Time from a cancellation until work on meshes has stopped, at many moments of each reader, writer and operation.
 //!
-//! The last column is the longest of these times, the place of it in the work before it. What is above 50 ms on an idle
+//! The last column is the longest of these times, the place of it in the work before it. A time above 50 ms on an idle
 //! machine fails.
 
 use std::process::ExitCode;
@@ -157,14 +157,14 @@ fn show(name: &str, work: &dyn Fn(&Progress)) -> bool {
         let progress = Progress::none();
         let after = std::thread::scope(|scope| {
             let handle = progress.clone();
-            let canceller = scope.spawn(move || {
+            let canceler = scope.spawn(move || {
                 std::thread::sleep(whole.mul_f64(at));
                 handle.cancel();
                 Instant::now()
             });
             work(&progress);
             let end = Instant::now();
-            let cancelled = canceller.join().expect("sleeping does not panic");
+            let cancelled = canceler.join().expect("sleeping does not panic");
             end.saturating_duration_since(cancelled)
         });
         if after > longest.0 {
@@ -195,7 +195,7 @@ fn sheet(triangles: usize) -> TriMesh {
     TriMesh::new(positions.collect(), triangles.collect()).expect("the indices are in range")
 }
 
-/// So many tetrahedra, apart from one another.
+/// A mesh of `count` tetrahedra, apart from one another.
 fn parts(count: u32) -> TriMesh {
     let mut positions = Vec::new();
     let mut triangles = Vec::new();

@@ -20,7 +20,7 @@ fn segments(input: &[u8]) -> Option<Vec<Segment>> {
             end += usize::from(u16::from_be_bytes([length[0], length[1]]));
         }
         if marker == 0xda {
-            // to the next marker that is none of the data's own
+            // to the next marker that does not belong to the data
             while end + 1 < input.len()
                 && !(input[end] == 0xff && !matches!(input[end + 1], 0 | 0xd0..=0xd7))
             {

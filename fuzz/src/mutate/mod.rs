@@ -40,7 +40,7 @@ impl Dice {
     }
 }
 
-/// What a structured mutation works with.
+/// Inputs of a structured mutation.
 pub struct Hand {
     pub dice: Dice,
     plain: Plain,

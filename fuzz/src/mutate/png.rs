@@ -48,7 +48,7 @@ fn file(chunks: &[Chunk]) -> Vec<u8> {
     file
 }
 
-/// The same bytes with right checksums, as far as chunks can be told.
+/// The same bytes with right checksums, as far as chunks can be recognized.
 pub fn repaired(input: &[u8]) -> Option<Vec<u8>> {
     input.strip_prefix(SIGNATURE)?;
     let mut made = input.to_vec();

@@ -34,15 +34,15 @@ const WEIGHTS: [[f64; 3]; 6] = [
 ];
 
 /// Of so many pieces of a connected part the largest is the one from which a ray is tried first.
-const LARGEST_OF: u32 = 1000;
+const MAX_TRIALS: u32 = 1000;
 
-/// Pieces between two looks at the progress: some milliseconds.
+/// Pieces between two checks for cancellation: some milliseconds.
 const STRIDE: usize = 1 << 16;
 
 /// A side of a piece.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Side {
-    /// Where its corners are seen counter-clockwise.
+    /// The side from which its corners are seen counter-clockwise.
     Front,
     /// The other.
     Back,
@@ -61,7 +61,7 @@ impl Side {
 struct Patch {
     /// The cells in front and behind.
     cells: [u32; 2],
-    /// How the winding numbers of meshes grow from front to back.
+    /// Winding-number jump of each mesh from front to back.
     change: Vec<(u32, i32)>,
 }
 
@@ -75,7 +75,7 @@ pub(crate) struct Cells {
     winding: Vec<i32>,
 }
 
-/// How winding numbers grow from the front of a piece to its back, meshes ascending and none unchanged.
+/// Winding-number jump across the piece, from its front to its back, sorted by mesh; zeros omitted.
 fn change(pieces: &Pieces, piece: u32) -> Vec<(u32, i32)> {
     let mut list: Vec<(u32, i32)> = pieces
         .cover(piece)
@@ -205,7 +205,7 @@ impl Cells {
         }
     }
 
-    /// How many cells there are.
+    /// Number of cells.
     pub fn len(&self) -> usize {
         self.winding.len() / self.meshes.max(1)
     }
@@ -324,7 +324,7 @@ impl Rays<'_> {
                 continue;
             };
             let part = parts.root(patch) as usize;
-            if tried[part] < LARGEST_OF {
+            if tried[part] < MAX_TRIALS {
                 tried[part] += 1;
                 let [a, b, c] = self.rounded(piece as u32);
                 let area = (b - a).cross(c - a).length_squared();
@@ -392,7 +392,7 @@ impl Rays<'_> {
         };
         let height = |piece: u32| {
             let definition = Definition::LinePlane(line, self.plane(piece));
-            Point::defined(definition, places.most_width(), grid)
+            Point::defined(definition, places.max_width(), grid)
         };
         let start = height(piece);
         let mut hits = vec![(start, piece, up)];
@@ -441,16 +441,16 @@ impl Rays<'_> {
         let (i, j) = ((axis + 1) % 3, (axis + 2) % 3);
         let places = &self.pieces.places;
         let corners = self.pieces.corners(piece);
-        let held = corners.map(|name| match places.made(name) {
+        let points = corners.map(|name| match places.made(name) {
             Some(point) => point.clone(),
             None => Point::at(places.given()[name as usize]),
         });
         let clear = |k: usize| {
-            let lo = held
+            let lo = points
                 .iter()
                 .map(|p| p.near[k].lo)
                 .fold(f64::INFINITY, f64::min);
-            let hi = held
+            let hi = points
                 .iter()
                 .map(|p| p.near[k].hi)
                 .fold(f64::NEG_INFINITY, f64::max);
@@ -461,7 +461,7 @@ impl Rays<'_> {
         }
         let grid = places.grid();
         let signs: [Sign; 3] =
-            std::array::from_fn(|k| orient2d(&held[k], &held[(k + 1) % 3], foot, axis, grid));
+            std::array::from_fn(|k| orient2d(&points[k], &points[(k + 1) % 3], foot, axis, grid));
         if signs.contains(&Sign::Positive) && signs.contains(&Sign::Negative) {
             Some(None)
         } else if signs.contains(&Sign::Zero) {

@@ -1,4 +1,4 @@
-//! How two triangles meet, exactly, and in which points.
+//! Exact contact of two triangles, and its points.
 //!
 //! Two triangles in different planes meet in nothing, a point or a segment. Its ends are corners of one that lie in the
 //! other, or places where an edge of one goes through the other; which of these they are is decided by the signs of
@@ -21,7 +21,7 @@ pub(crate) enum Crossing {
     EdgeTriangle([u32; 2], u32),
 }
 
-/// How two triangles meet beyond the corners and edges that they share.
+/// Contact of two triangles beyond the corners and edges that they share.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Contact {
     /// They lie in one plane and meet there.
@@ -59,7 +59,7 @@ fn edge(a: u32, b: u32) -> [u32; 2] {
     [a.min(b), a.max(b)]
 }
 
-/// Whether all signs of corners that are not shared are the same and not zero.
+/// Returns `true` if all signs of corners that are not shared are the same and not zero.
 fn strictly_apart(signs: [Sign; 3], shared: [bool; 3]) -> bool {
     let mut own = signs
         .iter()
@@ -79,8 +79,8 @@ const VERTEX_FILTER: f64 = 2e-15;
 /// Products below this may have lost digits to underflow.
 const TINY: f64 = 1e-290;
 
-/// Whether two triangles that share one or two corners are seen at once to meet in nothing else. That holds for nearly all
-/// neighbors, whether they lie in one plane or not.
+/// Returns `true` if two triangles that share one or two corners are seen at once to meet in nothing else. That holds
+/// for nearly all neighbors, whether they lie in one plane or not.
 fn are_clearly_apart(
     shared: usize,
     (p, shared_p): ([DVec3; 3], [bool; 3]),
@@ -114,8 +114,8 @@ fn are_clearly_apart(
     }
 }
 
-/// Whether a side of `p` at its shared corners parts two triangles as they are seen along the normal of `p`. That holds for
-/// nearly all neighbors, and without asking how far they are from lying in one plane.
+/// Returns `true` if a side of `p` at its shared corners parts two triangles as they are seen along the normal of `p`.
+/// That holds for nearly all neighbors, and without asking how far they are from lying in one plane.
 fn are_side_by_side(
     normal: DVec3,
     shared: usize,
@@ -140,7 +140,7 @@ fn are_side_by_side(
         })
 }
 
-/// How two triangles meet; `None` if they share at most corners and an edge.
+/// The contact of two triangles; `None` if they share at most corners and an edge.
 pub(crate) fn contact(a: &Facet, b: &Facet) -> Option<Contact> {
     let (s, t) = (a.vertices, b.vertices);
     let shared_s = s.map(|v| t.contains(&v));
@@ -241,7 +241,7 @@ pub(crate) fn flat(p: DVec3, axis: usize) -> DVec2 {
     DVec2::new(p[(axis + 1) % 3], p[(axis + 2) % 3])
 }
 
-/// Whether a point of the plane of a triangle is in the triangle or on its border.
+/// Returns `true` if a point of the plane of a triangle is in the triangle or on its border.
 fn holds(triangle: [DVec3; 3], point: DVec3) -> bool {
     let axis = view(triangle);
     let [a, b, c] = triangle.map(|p| flat(p, axis));
@@ -250,7 +250,7 @@ fn holds(triangle: [DVec3; 3], point: DVec3) -> bool {
     !(signs.contains(&Sign::Positive) && signs.contains(&Sign::Negative))
 }
 
-/// Whether two triangles in one plane meet in more than the corners and the edge that they share.
+/// Returns `true` if two triangles in one plane meet in more than the corners and the edge that they share.
 fn overlap(a: &Facet, b: &Facet) -> bool {
     let (mut s, mut t) = (a.vertices, b.vertices);
     let axis = view(a.corners);
@@ -264,8 +264,8 @@ fn overlap(a: &Facet, b: &Facet) -> bool {
             corners.swap(1, 2);
         }
     }
-    // Convex shapes are apart where an edge of one has all of the other on its outside. What touches that edge must
-    // then be shared: the other's corners on the edge's line.
+    // Convex shapes are apart where an edge of one has all of the other on its outside. Points of contact on that edge
+    // must then be shared: the other's corners on the edge's line.
     for (s, t) in [(s, t), (t, s)] {
         for i in 0..3 {
             let (u, v) = (s[i], s[(i + 1) % 3]);
@@ -296,13 +296,13 @@ fn overlap(a: &Facet, b: &Facet) -> bool {
     true
 }
 
-/// Whether `w`, which is on the line through `u` and `v`, is between them.
+/// Returns `true` if `w`, which is on the line through `u` and `v`, is between them.
 fn between(u: DVec2, v: DVec2, w: DVec2) -> bool {
     let (low, high) = (u.min(v), u.max(v));
     w.cmpge(low).all() && w.cmple(high).all()
 }
 
-/// Whether two segments on one line that are not the same meet in more than an end that they share.
+/// Returns `true` if two segments on one line that are not the same meet in more than an end that they share.
 fn segments_touch_beyond(at: &impl Fn(u32) -> DVec2, [u, v]: [u32; 2], [w, x]: [u32; 2]) -> bool {
     let strange = |p: u32, [q, r]: [u32; 2]| p != q && p != r && between(at(q), at(r), at(p));
     strange(w, [u, v]) || strange(x, [u, v]) || strange(u, [w, x]) || strange(v, [w, x])
@@ -325,7 +325,7 @@ mod tests {
         Soup::of(&[&mesh], &[Closing::default()], &[], &Progress::none()).unwrap()
     }
 
-    /// How triangles `a` and `b` of a soup meet.
+    /// The contact of triangles `a` and `b` of a soup.
     fn met(soup: &Soup, a: u32, b: u32) -> Option<Contact> {
         let [a, b] = [a, b].map(|triangle| Facet {
             triangle,

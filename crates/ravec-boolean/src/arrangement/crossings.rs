@@ -33,13 +33,13 @@ pub(crate) fn name_crossings(
         .collect();
     crossings.par_sort_unstable();
     crossings.dedup_by_key(|c| c.0);
-    let (grid, most_width) = (places.grid(), places.most_width());
+    let (grid, max_width) = (places.grid(), places.max_width());
     let made: Vec<Option<Point>> = crossings
         .par_iter()
         .map(|&(crossing, between)| {
             progress.check()?;
             let definition = define(soup, crossing, between);
-            Ok(definition.map(|definition| Point::defined(definition, most_width, grid)))
+            Ok(definition.map(|definition| Point::defined(definition, max_width, grid)))
         })
         .collect::<Result<_, Cancelled>>()?;
     let mut names = FxHashMap::default();

@@ -1,6 +1,6 @@
 //! Cuts all triangles along all others.
 //!
-//! 1. Pairs of triangles whose boxes touch are asked how they meet.
+//! 1. Pairs of triangles whose boxes touch are tested for contact.
 //! 2. The points of these contacts get names, one for each place.
 //! 3. Triangles that overlap within a plane are put together; each such group, and each other triangle that meets
 //!    anything, is triangulated with its points and segments.
@@ -119,7 +119,7 @@ impl Pieces<'_> {
         first.expect("a piece is covered by something")
     }
 
-    /// Whether just one triangle covers a piece.
+    /// Returns `true` if just one triangle covers a piece.
     #[inline]
     pub fn has_one_cover(&self, piece: u32) -> bool {
         self.piece(piece)
@@ -239,9 +239,9 @@ pub(crate) fn contacts(
         } else {
             (other, one)
         };
-        let is_asked = |f: &Facet| only.is_none_or(|only| only[f.triangle as usize]);
-        let asked = is_asked(&a) || is_asked(&b);
-        let found = asked.then(|| contact(&a, &b)).flatten();
+        let is_selected = |f: &Facet| only.is_none_or(|only| only[f.triangle as usize]);
+        let selected = is_selected(&a) || is_selected(&b);
+        let found = selected.then(|| contact(&a, &b)).flatten();
         found.map(|contact| (a.triangle, b.triangle, contact))
     })?;
     progress.check()?;

@@ -1,4 +1,4 @@
-//! Which pieces meet in which edges, and in which order around them.
+//! Edges in which pieces meet, and the order of the pieces around them.
 
 use std::cmp::Ordering;
 
@@ -11,14 +11,14 @@ use super::cut::Pieces;
 use super::exact::{self, Grid};
 use super::point::{self, Point};
 
-/// Pieces or vertices between two looks at the progress: some milliseconds.
+/// Pieces or vertices between two checks for cancellation: some milliseconds.
 const STRIDE: usize = 1 << 16;
 
 /// A piece at an edge.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Use {
     pub piece: u32,
-    /// Whether the piece runs from the lower to the higher end of the edge.
+    /// `true` if the piece runs from the lower to the higher end of the edge.
     pub forward: bool,
 }
 
@@ -40,7 +40,7 @@ impl Turned {
         (self != Self::NONE).then_some(self.0 >> 1)
     }
 
-    /// Whether it is turned.
+    /// Returns `true` if it is turned.
     #[inline]
     pub fn is_turned(self) -> bool {
         self.0 & 1 == 1
@@ -161,7 +161,7 @@ struct Around<'a> {
 struct HalfPlane {
     /// The triangle of the soup whose plane it is in.
     triangle: u32,
-    /// Whether the normal of that triangle is the half-plane turned by a quarter; else the opposite is.
+    /// `true` if the normal of that triangle is the half-plane turned by a quarter; else the opposite is.
     with: bool,
     /// Points of the plane, turned accordingly.
     plane: [DVec3; 3],
@@ -242,7 +242,7 @@ impl<'a> Around<'a> {
         if self.rises { sign } else { -sign }
     }
 
-    /// Whether two half-planes of one plane are the same.
+    /// Returns `true` if two half-planes of one plane are the same.
     fn agree(&self, one: &HalfPlane, other: &HalfPlane) -> bool {
         if one.triangle == other.triangle {
             return one.with == other.with;

@@ -71,7 +71,7 @@ impl Grid {
         }
     }
 
-    /// `x` in steps of the grid; rounded down if it is none of its numbers.
+    /// `x` in steps of the grid, rounded down if it lies between two of them.
     pub fn steps(self, x: f64) -> BigInt {
         let (mantissa, exponent) = parts(x);
         let shift = exponent + self.scale;
@@ -135,7 +135,7 @@ impl Exact {
         }
     }
 
-    /// Where a line goes through a plane; `None` if it does not go through in one point.
+    /// The point in which a line meets a plane; `None` if they do not meet in one point.
     pub fn of_line_and_plane(grid: Grid, line: &[DVec3; 2], through: &[DVec3; 3]) -> Option<Self> {
         let (normal, a) = plane(grid, through);
         let p = vector(grid, line[0]);
@@ -145,7 +145,7 @@ impl Exact {
         Self::normalized(std::array::from_fn(|k| &p[k] * &w + &d[k] * &t), w)
     }
 
-    /// Where three planes meet; `None` if they do not meet in one point.
+    /// The point in which three planes meet; `None` if they do not meet in one point.
     pub fn of_planes(grid: Grid, planes: &[[DVec3; 3]; 3]) -> Option<Self> {
         let [(n0, a0), (n1, a1), (n2, a2)] = planes.each_ref().map(|p| plane(grid, p));
         let (c0, c1, c2) = (cross(&n1, &n2), cross(&n2, &n0), cross(&n0, &n1));
@@ -168,7 +168,7 @@ impl Exact {
         }
     }
 
-    /// Whether coordinate `axis` is less than, equal to or greater than that of `other`.
+    /// Compares coordinate `axis` with that of `other`.
     pub fn compare(&self, other: &Self, axis: usize) -> std::cmp::Ordering {
         (&self.xyz[axis] * &other.w).cmp(&(&other.xyz[axis] * &self.w))
     }

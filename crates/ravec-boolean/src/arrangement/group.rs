@@ -12,10 +12,10 @@ use super::exact::Grid;
 use super::places::Places;
 use super::point::Point;
 use super::soup::Soup;
-use super::triangulation::{Held, Line, Triangulation};
+use super::triangulation::{Line, PointRef, Triangulation};
 use super::unions::Unions;
 
-/// How far beyond a group of triangles the corners of the triangle around it are, in sizes of the group. Anything that
+/// Distance of the corners of the enclosing triangle from a group of triangles, in sizes of the group. Anything that
 /// keeps them clear of the group will do.
 const AROUND: f64 = 8.0;
 
@@ -43,7 +43,7 @@ pub(crate) struct CutGroup {
     pub pieces: Vec<([u32; 3], Cover)>,
 }
 
-/// Contacts between two looks at the progress: some milliseconds.
+/// Contacts between two checks for cancellation: some milliseconds.
 const STRIDE: usize = 1 << 14;
 
 /// Puts triangles that overlap in a plane together, with all that cuts them.
@@ -114,7 +114,7 @@ pub(crate) fn gather(
     Ok(groups)
 }
 
-/// Whether a triangle runs clockwise as seen against `axis`.
+/// Returns `true` if a triangle runs clockwise as seen against `axis`.
 fn is_turned(soup: &Soup, triangle: u32, axis: usize) -> bool {
     let [a, b, c] = soup.corners(triangle).map(|p| flat(p, axis));
     orient2d(a, b, c) == Sign::Negative
@@ -140,10 +140,10 @@ struct Drawing<'a> {
 }
 
 impl<'a> Drawing<'a> {
-    fn held(places: &'a Places<'a>, name: u32) -> Held<'a> {
+    fn point_ref(places: &'a Places<'a>, name: u32) -> PointRef<'a> {
         match places.made(name) {
-            Some(point) => Held::Shared(point),
-            None => Held::Own(Box::new(Point::at(places.given()[name as usize]))),
+            Some(point) => PointRef::Shared(point),
+            None => PointRef::Own(Box::new(Point::at(places.given()[name as usize]))),
         }
     }
 
@@ -152,10 +152,10 @@ impl<'a> Drawing<'a> {
         if let Some(&vertex) = self.vertex_of.get(&name) {
             return vertex;
         }
-        let held = Self::held(self.places, name);
+        let point = Self::point_ref(self.places, name);
         let (vertex, is_new) = match border {
-            Some(border) => self.triangulation.insert_on(border, held),
-            None => self.triangulation.insert(held),
+            Some(border) => self.triangulation.insert_on(border, point),
+            None => self.triangulation.insert(point),
         };
         if is_new {
             self.names.push(Some(name));
@@ -197,9 +197,9 @@ fn cut_one<'a>(
     (plane, axis): ([DVec3; 3], usize),
 ) -> CutGroup {
     let corners = upright(soup, triangle, axis);
-    let start = corners.map(|name| Drawing::held(places, name));
+    let start = corners.map(|name| Drawing::point_ref(places, name));
     let mut drawing = Drawing {
-        triangulation: Triangulation::new(start, plane, axis, places.grid(), places.most_width()),
+        triangulation: Triangulation::new(start, plane, axis, places.grid(), places.max_width()),
         places,
         names: corners.map(Some).into(),
         vertex_of: corners.into_iter().zip(0..).collect(),
@@ -252,9 +252,10 @@ fn cut_several<'a>(
 ) -> CutGroup {
     let grid = places.grid();
     let all = group.members.iter().flat_map(|&t| soup.corners(t));
-    let start = around(&Aabb::around(all), axis, grid).map(|p| Held::Own(Box::new(Point::at(p))));
+    let start =
+        around(&Aabb::around(all), axis, grid).map(|p| PointRef::Own(Box::new(Point::at(p))));
     let mut drawing = Drawing {
-        triangulation: Triangulation::new(start, plane, axis, grid, places.most_width()),
+        triangulation: Triangulation::new(start, plane, axis, grid, places.max_width()),
         places,
         names: vec![None; 3],
         vertex_of: FxHashMap::default(),

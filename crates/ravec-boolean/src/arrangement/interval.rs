@@ -53,13 +53,13 @@ impl Interval {
         0.5 * self.lo + 0.5 * self.hi
     }
 
-    /// How far apart the ends are.
+    /// The distance between the ends.
     #[inline]
     pub fn width(self) -> f64 {
         self.hi - self.lo
     }
 
-    /// Whether there may be a number in both.
+    /// Returns `true` if there may be a number in both.
     #[inline]
     pub fn meets(self, other: Self) -> bool {
         self.lo <= other.hi && other.lo <= self.hi

@@ -13,7 +13,7 @@ const CELL: f64 = 1e-10;
 
 /// The size of a cell relative to the largest coordinate: some thousand neighboring doubles, for what is far away from
 /// the origin.
-const LEAST_CELL: f64 = 1e-12;
+const MIN_CELL: f64 = 1e-12;
 
 /// All points: those with coordinates first, then those that cuts have made.
 pub(crate) struct Places<'a> {
@@ -38,14 +38,14 @@ impl<'a> Places<'a> {
             given,
             made: Vec::new(),
             grid,
-            cell: (bounds.diagonal() * CELL).max(farthest * LEAST_CELL),
+            cell: (bounds.diagonal() * CELL).max(farthest * MIN_CELL),
             in_cell: FxHashMap::default(),
             entries: Vec::new(),
         }
     }
 
-    /// The widest interval that a point should have to be told from others at little cost.
-    pub fn most_width(&self) -> f64 {
+    /// The widest interval of a point that still distinguishes it from others at little cost.
+    pub fn max_width(&self) -> f64 {
         0.01 * self.cell
     }
 

@@ -1,7 +1,7 @@
 //! Points that are given by coordinates, or by the lines and planes that meet in them.
 //!
-//! What a cut makes are points that doubles cannot name. They are kept as what defines them: the line and the plane, or
-//! the three planes, through corners of the input. Each has intervals around its coordinates, which decide nearly every
+//! Cuts make points that doubles cannot represent. They are kept as what defines them: the line and the plane, or the
+//! three planes, through corners of the input. Each has intervals around its coordinates, which decide nearly every
 //! question, and integers in reserve, which decide the rest.
 //!
 //! Source: Attene, "Indirect predicates for geometric constructions", 2020; we take intervals and integers of unlimited
@@ -119,22 +119,22 @@ impl Point {
         }
     }
 
-    /// The point that lines and planes define, which must meet in one point. Intervals wider than `most_width` are
+    /// The point that lines and planes define, which must meet in one point. Intervals wider than `max_width` are
     /// made as narrow as doubles allow.
-    pub fn defined(definition: Definition, most_width: f64, grid: Grid) -> Self {
+    pub fn defined(definition: Definition, max_width: f64, grid: Grid) -> Self {
         let mut point = Self {
             near: definition.near(),
             definition: Some(definition),
             exact: OnceLock::new(),
         };
         // written so that what is not a number counts as wide
-        if !point.near.iter().all(|i| i.width() <= most_width) {
+        if !point.near.iter().all(|i| i.width() <= max_width) {
             point.near = std::array::from_fn(|k| point.exact(grid).rounded(grid, k));
         }
         point
     }
 
-    /// Whether the point has coordinates.
+    /// Returns `true` if the point has coordinates.
     pub fn is_given(&self) -> bool {
         self.definition.is_none()
     }
@@ -169,7 +169,7 @@ impl Point {
         }
     }
 
-    /// Whether both are the same place, exactly.
+    /// Returns `true` if both are the same place, exactly.
     pub fn is_same(&self, other: &Self, grid: Grid) -> bool {
         (0..3).all(|k| self.near[k].meets(other.near[k]))
             && (0..3).all(|k| self.compare(other, k, grid).is_eq())

@@ -1,4 +1,4 @@
-//! Which positions are at one place.
+//! Groups of positions at the same place.
 //!
 //! The plain idea is a table of all places. For a million of them it is read from memory at every step; so positions are first
 //! dealt out by a hash into parts of which each has a table that stays in the cache.
@@ -11,7 +11,7 @@ use ravec_progress::{Cancelled, Progress};
 /// Positions of a part, about: its table and its list are some hundred kilobytes.
 const PART: usize = 1 << 13;
 
-/// Positions between two looks at the progress: some milliseconds.
+/// Positions between two checks for cancellation: some milliseconds.
 const STRIDE: usize = 1 << 16;
 
 /// No entry.
@@ -92,7 +92,7 @@ pub(crate) fn first_at_place(
     Ok(first)
 }
 
-/// Whether two places are the same, bit for bit.
+/// Returns `true` if two places are the same, bit for bit.
 fn are_one(places: [DVec3; 2]) -> bool {
     let [a, b] = places.map(|p| p.to_array().map(f64::to_bits));
     a == b

@@ -7,13 +7,13 @@ use ravec_progress::{Cancelled, Progress};
 use super::same_place::first_at_place;
 use crate::closing::Closing;
 
-/// Vertices or triangles between two looks at the progress: some milliseconds.
+/// Vertices or triangles between two checks for cancellation: some milliseconds.
 const STRIDE: usize = 1 << 16;
 
 /// Coordinates smaller than this are taken for zero: exact tests multiply the differences of three, which must not vanish.
-const SMALLEST: f64 = 1e-70;
+const MIN_COORDINATE: f64 = 1e-70;
 
-/// Where a triangle of the soup comes from.
+/// Origin of a triangle of the soup.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Source {
     /// Index of the mesh.
@@ -33,7 +33,7 @@ pub(crate) struct Facet {
 /// A place as exact tests take it.
 pub(crate) fn testable(p: DVec3) -> DVec3 {
     // adding zero makes the two zeros one
-    DVec3::select(p.abs().cmplt(DVec3::splat(SMALLEST)), DVec3::ZERO, p) + DVec3::ZERO
+    DVec3::select(p.abs().cmplt(DVec3::splat(MIN_COORDINATE)), DVec3::ZERO, p) + DVec3::ZERO
 }
 
 /// All triangles that have an area, over vertices of which no two are at one place.
@@ -44,7 +44,7 @@ pub(crate) struct Soup {
     pub sources: Vec<Source>,
     /// Number of meshes.
     pub meshes: usize,
-    /// Whether positions are those of the meshes: none was so small that it was taken for zero, and none was moved.
+    /// `true` if positions are those of the meshes: none was so small that it was taken for zero, and none was moved.
     pub is_as_given: bool,
 }
 
@@ -130,7 +130,7 @@ impl Soup {
         }
     }
 
-    /// Whether a triangle with these corners has an area, exactly.
+    /// Returns `true` if a triangle with these corners has an area, exactly.
     pub fn has_area(&self, corners: [u32; 3]) -> bool {
         let [a, b, c] = corners.map(|v| self.positions[v as usize]);
         let distinct =

@@ -26,8 +26,8 @@ use super::point::{Point, orient2d};
 /// No triangle.
 const NONE: u32 = u32::MAX;
 
-/// How far from the limit the sum of two angles must be for an edge to be flipped, as a sine. Smaller lets rounding flip
-/// an edge back and forth, larger leaves thinner triangles.
+/// Least distance of the sum of two angles from the limit at which an edge is flipped, as a sine. Smaller lets rounding
+/// flip an edge back and forth, larger leaves thinner triangles.
 const FLIP_MARGIN: f64 = 1e-9;
 
 /// Passes over all edges when they are made round in the end. One does nearly all of it; the limit is for rounding.
@@ -44,12 +44,12 @@ pub(crate) enum Line {
 
 /// A point of others or of our own.
 #[derive(Debug)]
-pub(crate) enum Held<'a> {
+pub(crate) enum PointRef<'a> {
     Shared(&'a Point),
     Own(Box<Point>),
 }
 
-impl Deref for Held<'_> {
+impl Deref for PointRef<'_> {
     type Target = Point;
 
     fn deref(&self) -> &Point {
@@ -84,7 +84,7 @@ impl Tri {
     }
 }
 
-/// Where a point is.
+/// Location of a point.
 enum Place {
     Vertex(u32),
     Side(u32, usize),
@@ -96,8 +96,8 @@ pub(crate) struct Triangulation<'a> {
     plane: [DVec3; 3],
     axis: usize,
     grid: Grid,
-    most_width: f64,
-    points: Vec<Held<'a>>,
+    max_width: f64,
+    points: Vec<PointRef<'a>>,
     triangles: Vec<Tri>,
     triangle_at: Vec<u32>,
     lines: Vec<Line>,
@@ -113,19 +113,19 @@ fn key(a: u32, b: u32) -> [u32; 2] {
 
 impl<'a> Triangulation<'a> {
     /// Begins with one triangle, which must run counter-clockwise as seen against `axis` and hold everything that
-    /// follows. `plane` is the plane of it all, `most_width` the widest interval that a new point may have.
+    /// follows. `plane` is the plane of it all, `max_width` the widest interval that a new point may have.
     pub fn new(
-        corners: [Held<'a>; 3],
+        corners: [PointRef<'a>; 3],
         plane: [DVec3; 3],
         axis: usize,
         grid: Grid,
-        most_width: f64,
+        max_width: f64,
     ) -> Self {
         Self {
             plane,
             axis,
             grid,
-            most_width,
+            max_width,
             points: corners.into(),
             triangles: vec![Tri {
                 corners: [0, 1, 2],
@@ -163,7 +163,7 @@ impl<'a> Triangulation<'a> {
     }
 
     /// The vertex at a point, which is made if there is none. Second, whether it is new.
-    pub fn insert(&mut self, point: Held<'a>) -> (u32, bool) {
+    pub fn insert(&mut self, point: PointRef<'a>) -> (u32, bool) {
         match self.locate(&point) {
             Place::Vertex(vertex) => (vertex, false),
             Place::Side(triangle, side) => (self.split_side(triangle, side, point), true),
@@ -173,7 +173,7 @@ impl<'a> Triangulation<'a> {
 
     /// The vertex at a point that is known to be on a straight chain of edges, which is given by its vertices and grows
     /// by the new one. Nothing is asked but the order along the chain.
-    pub fn insert_on(&mut self, chain: &mut Vec<u32>, point: Held<'a>) -> (u32, bool) {
+    pub fn insert_on(&mut self, chain: &mut Vec<u32>, point: PointRef<'a>) -> (u32, bool) {
         let (first, last) = (self.point(chain[0]), self.point(chain[chain.len() - 1]));
         let (from, to) = (first.rounded(), last.rounded());
         let along = (to - from).abs();
@@ -246,13 +246,13 @@ impl<'a> Triangulation<'a> {
         }
     }
 
-    fn push_point(&mut self, point: Held<'a>) -> u32 {
+    fn push_point(&mut self, point: PointRef<'a>) -> u32 {
         self.points.push(point);
         self.triangle_at.push(NONE);
         (self.points.len() - 1) as u32
     }
 
-    /// Sets a triangle and tells its neighbors and corners.
+    /// Sets a triangle and updates its neighbors and corners.
     fn set(&mut self, t: u32, corners: [u32; 3], beyond: [u32; 3]) {
         if t as usize == self.triangles.len() {
             self.triangles.push(Tri { corners, beyond });
@@ -273,7 +273,7 @@ impl<'a> Triangulation<'a> {
         self.last = t;
     }
 
-    fn split_triangle(&mut self, t: u32, point: Held<'a>) -> u32 {
+    fn split_triangle(&mut self, t: u32, point: PointRef<'a>) -> u32 {
         let p = self.push_point(point);
         let Tri {
             corners: [a, b, c],
@@ -287,7 +287,7 @@ impl<'a> Triangulation<'a> {
         p
     }
 
-    fn split_side(&mut self, t: u32, side: usize, point: Held<'a>) -> u32 {
+    fn split_side(&mut self, t: u32, side: usize, point: PointRef<'a>) -> u32 {
         let p = self.push_point(point);
         let tri = self.triangles[t as usize];
         let [a, b, c] = std::array::from_fn(|k| tri.corners[(side + k) % 3]);
@@ -370,7 +370,7 @@ impl<'a> Triangulation<'a> {
         })
     }
 
-    /// Whether the edge from `b` to `c` may be replaced by the one from `p` to `q`.
+    /// Returns `true` if the edge from `b` to `c` may be replaced by the one from `p` to `q`.
     fn is_convex(&self, p: u32, b: u32, q: u32, c: u32) -> bool {
         self.orient(p, b, q) == Sign::Positive && self.orient(q, c, p) == Sign::Positive
     }

@@ -9,7 +9,7 @@ impl Unions {
         Self((0..count as u32).collect())
     }
 
-    /// How many numbers there are.
+    /// The number of elements.
     pub fn len(&self) -> usize {
         self.0.len()
     }

@@ -1,4 +1,4 @@
-//! How often each edge of a mesh is used in which direction.
+//! Signed use count of each edge of a mesh by its triangles.
 //!
 //! The uses of an edge in one direction minus those in the other are the boundary of the mesh as an integer chain: a closed,
 //! well oriented mesh has none, whatever else is wrong with it. Vertices at exactly the same place are one.
@@ -93,7 +93,7 @@ fn first_at_place(chain: &Chain, positions: &[DVec3]) -> FxHashMap<u32, u32> {
     first
 }
 
-/// Triangles between two looks at the progress: some milliseconds.
+/// Triangles between two checks for cancellation: some milliseconds.
 const STRIDE: usize = 1 << 16;
 
 fn count(

@@ -151,7 +151,7 @@ struct Neighbors {
     /// Their distance as a share of the smaller one's size.
     gap_rel: f64,
     loops: [usize; 2],
-    /// Where they are nearest.
+    /// The vertices at which they are nearest.
     bridge: [u32; 2],
 }
 

@@ -14,9 +14,9 @@ use glam::DVec3;
 
 /// The most corners of which all triangulations are compared. The cost of a corner grows with the square, and drawing a
 /// smooth loop by a hundred chords leaves out a thousandth of its area.
-const MOST: usize = 100;
+const MAX_CORNERS: usize = 100;
 
-/// What a unit of length of a side costs, as a share of the polygon's length: among equal areas, as in a plane, shorter
+/// Cost of a unit of length of a side, as a share of the polygon's length: among equal areas, as in a plane, shorter
 /// sides are chosen. More would avoid long thin triangles at the cost of area.
 const LENGTH_WEIGHT: f64 = 1e-7;
 
@@ -39,11 +39,11 @@ pub(super) fn fill(polygon: &[DVec3]) -> Patch {
 
 fn fill_part(polygon: &[DVec3], corners: &[u32], patch: &mut Patch) {
     let n = corners.len();
-    if n <= MOST {
-        least_area(polygon, corners, patch);
+    if n <= MAX_CORNERS {
+        triangulate_min_area(polygon, corners, patch);
         return;
     }
-    let drawn: Vec<usize> = (0..MOST).map(|i| i * n / MOST).collect();
+    let drawn: Vec<usize> = (0..MAX_CORNERS).map(|i| i * n / MAX_CORNERS).collect();
     for (i, &begin) in drawn.iter().enumerate() {
         let end = drawn.get(i + 1).copied().unwrap_or(n);
         // from one corner that is drawn to the next, both included, and back along the chord
@@ -52,10 +52,10 @@ fn fill_part(polygon: &[DVec3], corners: &[u32], patch: &mut Patch) {
         fill_part(polygon, &part, patch);
     }
     let drawn: Vec<u32> = drawn.into_iter().map(|i| corners[i]).collect();
-    least_area(polygon, &drawn, patch);
+    triangulate_min_area(polygon, &drawn, patch);
 }
 
-fn least_area(polygon: &[DVec3], corners: &[u32], patch: &mut Patch) {
+fn triangulate_min_area(polygon: &[DVec3], corners: &[u32], patch: &mut Patch) {
     let n = corners.len();
     if n < 3 {
         return;
@@ -102,7 +102,7 @@ mod tests {
     use std::f64::consts::TAU;
 
     /// All triangulations, one after the other: the judge.
-    fn least_area_naive(polygon: &[DVec3]) -> f64 {
+    fn triangulate_min_area_naive(polygon: &[DVec3]) -> f64 {
         let n = polygon.len();
         if n < 3 {
             return 0.0;
@@ -112,7 +112,9 @@ mod tests {
                 * (polygon[n - 1] - polygon[0])
                     .cross(polygon[k] - polygon[0])
                     .length();
-            triangle + least_area_naive(&polygon[..=k]) + least_area_naive(&polygon[k..])
+            triangle
+                + triangulate_min_area_naive(&polygon[..=k])
+                + triangulate_min_area_naive(&polygon[k..])
         });
         parts.fold(f64::INFINITY, f64::min)
     }
@@ -140,7 +142,7 @@ mod tests {
             prop_assert_eq!(patch.triangles.len(), polygon.len() - 2);
             // the weight of lengths may cost that much: at most 5 chords of 2·√3 in 8 sides of that
             let allowed = LENGTH_WEIGHT * 5.0 * 8.0 * 12.0;
-            prop_assert!(patch.area <= least_area_naive(&polygon) + allowed);
+            prop_assert!(patch.area <= triangulate_min_area_naive(&polygon) + allowed);
         }
     }
 

@@ -9,7 +9,7 @@
 //! 3. Edges that are thereby used as often in one direction as in the other are closed: the triangles between the true edge
 //!    and the one that it was taken for are added, and the boundary moves there, where it cancels.
 //!
-//! What is left of a seam at its ends are small loops. No place moves: triangles only lead from one to another.
+//! The remains of a seam at its ends are small loops. No place moves: triangles only lead from one to another.
 //!
 //! Guarantees: the boundary stays a chain without boundary. Cost: some microseconds an edge of the boundary.
 
@@ -23,7 +23,7 @@ use std::collections::{BTreeMap, BTreeSet};
 /// The widths, as shares of the mesh's diagonal: from the rounding of single precision to what is still a small gap.
 const WIDTHS_REL: [f64; 6] = [1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2];
 
-/// How many times longer an edge must be than the width of the strip along it. Less would fold fine boundaries onto
+/// Least ratio of the length of an edge to the width of the strip along it. Less would fold fine boundaries onto
 /// themselves, more would leave seams between short edges to the filling of loops.
 const LONGER: f64 = 4.0;
 
@@ -75,9 +75,9 @@ pub(super) fn close_seams(
 struct Snapped {
     /// The edge backward, and then the way that it was taken for.
     loop_: Vec<u32>,
-    /// How often.
+    /// Number of uses.
     count: i64,
-    /// How far the way is from the edge.
+    /// Distance of the way from the edge.
     apart: f64,
 }
 
@@ -176,7 +176,7 @@ fn distance_to(p: DVec3, [u, v]: [DVec3; 2]) -> f64 {
     p.distance(u + along(p, [u, v]).clamp(0.0, 1.0) * (v - u))
 }
 
-/// Where on an edge a place is: 0 at its start and 1 at its end.
+/// Position of a place along an edge: 0 at its start and 1 at its end.
 fn along(p: DVec3, [u, v]: [DVec3; 2]) -> f64 {
     let side = v - u;
     let share = (p - u).dot(side) / side.length_squared();
@@ -217,7 +217,7 @@ fn near(
     Ok(near)
 }
 
-/// Which vertices are taken for another.
+/// The vertex for which each vertex is taken.
 fn merged(
     edges: &[([u32; 2], i64)],
     near: &[Near],

@@ -75,17 +75,17 @@ fn a_turned_triangle_and_one_without_area_are_told() {
     assert!(!report.closed && !report.oriented);
     assert_eq!(report.degenerate_triangles, 1);
     assert_eq!(report.closing_triangles, 2);
-    let told = report.assumptions.join("\n");
+    let notes = report.assumptions.join("\n");
     assert!(
-        told.contains(
+        notes.contains(
             "1 group of triangles faces the other way than all around it and was taken as turned"
         ),
-        "{told}"
+        "{notes}"
     );
-    assert!(!told.contains("hole"), "{told}");
+    assert!(!notes.contains("hole"), "{notes}");
     assert!(
-        told.contains("1 triangle without area was left out"),
-        "{told}"
+        notes.contains("1 triangle without area was left out"),
+        "{notes}"
     );
 }
 
@@ -96,8 +96,8 @@ fn triangles_that_cancel_are_told() {
     let backward: Vec<_> = triangles.iter().map(|&[a, b, c]| [b, a, c]).collect();
     triangles.extend(&backward[..11]);
     let report = examined(&TriMesh::new(positions, triangles).unwrap());
-    let told = report.assumptions.join("\n");
-    assert!(told.contains("22 triangles lie on another one"), "{told}");
+    let notes = report.assumptions.join("\n");
+    assert!(notes.contains("22 triangles lie on another one"), "{notes}");
 }
 
 #[test]
@@ -106,10 +106,10 @@ fn a_hole_is_told_with_its_width_and_place() {
     triangles.pop();
     let report = examined(&TriMesh::new(positions, triangles).unwrap());
     assert_eq!(report.assumptions.len(), 1);
-    let told = &report.assumptions[0];
+    let notes = &report.assumptions[0];
     assert!(
-        told.starts_with("1 hole was closed by a surface of least area, 1.414 across at ("),
-        "{told}"
+        notes.starts_with("1 hole was closed by a surface of least area, 1.414 across at ("),
+        "{notes}"
     );
 }
 

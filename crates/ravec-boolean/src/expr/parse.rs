@@ -9,7 +9,7 @@
 use super::Expr;
 
 /// More levels than this are refused: nobody writes them, and recursion over them would need ever more stack.
-const DEEPEST: usize = 200;
+const MAX_DEPTH: usize = 200;
 
 /// Why a text is no expression. Places are bytes from its beginning.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -18,7 +18,7 @@ pub enum ParseExprError {
     /// A mesh should stand there.
     #[error("expected the name of a mesh or an opening parenthesis{}, {}", after.as_deref().map_or(String::new(), |after| format!(" after `{after}`")), found.as_ref().map_or_else(|| "but the expression ends".to_owned(), |found| format!("found `{found}`")))]
     NoOperand {
-        /// Where.
+        /// Position in bytes.
         at: usize,
         /// Text found instead; empty at the end.
         found: Option<String>,
@@ -28,7 +28,7 @@ pub enum ParseExprError {
     /// Two meshes stand side by side.
     #[error("expected one of the operators | & - ^ before `{found}`")]
     NoOperator {
-        /// Where.
+        /// Position in bytes.
         at: usize,
         /// Text found instead.
         found: String,
@@ -36,21 +36,19 @@ pub enum ParseExprError {
     /// A parenthesis opens and is not closed.
     #[error("this parenthesis is not closed")]
     NotClosed {
-        /// Where it opens.
+        /// Position in bytes of the opening.
         at: usize,
     },
     /// A parenthesis closes that was not opened.
-    #[error("this parenthesis closes none")]
+    #[error("this closing parenthesis has no opening one")]
     NotOpened {
-        /// Where.
+        /// Position in bytes.
         at: usize,
     },
     /// A character that is no part of any expression.
-    #[error(
-        "`{found}` is no part of an expression: names are letters, digits and underscores, operators | & - ^"
-    )]
+    #[error("unexpected `{found}`: names are letters, digits and underscores, operators | & - ^")]
     Stray {
-        /// Where.
+        /// Position in bytes.
         at: usize,
         /// The character.
         found: char,
@@ -58,7 +56,7 @@ pub enum ParseExprError {
     /// A name that is not among those that were given.
     #[error("there is no mesh named `{name}`{}", if known.is_empty() { String::new() } else { format!(" (there {} {})", if known.len() == 1 { "is" } else { "are" }, known.join(", ")) })]
     UnknownName {
-        /// Where.
+        /// Position in bytes.
         at: usize,
         /// The name.
         name: String,
@@ -66,9 +64,11 @@ pub enum ParseExprError {
         known: Vec<String>,
     },
     /// Parentheses, or operators that take turns, go too deep.
-    #[error("the expression is nested more than {DEEPEST} levels deep")]
+    #[error(
+        "the expression is nested more than {MAX_DEPTH} levels deep: simplify it, or combine the meshes in steps"
+    )]
     TooDeep {
-        /// Where.
+        /// Position in bytes.
         at: usize,
     },
 }
@@ -216,7 +216,7 @@ impl Parser<'_, '_> {
         match self.peek() {
             Some('(') => {
                 let at = self.at;
-                if open == DEEPEST {
+                if open == MAX_DEPTH {
                     return Err(ParseExprError::TooDeep { at });
                 }
                 self.take('(');
@@ -308,7 +308,7 @@ fn joined(
     };
     terms.push(right);
     let depth = left_depth.max(right_depth) + 1;
-    if depth > DEEPEST {
+    if depth > MAX_DEPTH {
         return Err(ParseExprError::TooDeep { at });
     }
     let expr = match operator {

@@ -94,7 +94,7 @@ fn errors_say_where_and_what() {
         ("a (b)", 2, "before `(`"),
         ("(a | b", 0, "not closed"),
         ("(a b)", 3, "before `b`"),
-        ("a)", 1, "closes none"),
+        ("a)", 1, "has no opening one"),
         ("()", 1, "after `(`, found `)`"),
         ("a + b", 2, "`+` is no part"),
         ("a | 'x", 4, "`'` is no part"),

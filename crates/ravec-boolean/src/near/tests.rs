@@ -17,7 +17,7 @@ fn soup_of(meshes: &[&TriMesh]) -> Soup {
     Soup::of(meshes, &closings, &[], &Progress::none()).unwrap()
 }
 
-/// How often each edge is used forward more than backward, where that is not zero.
+/// Number of uses of each edge forward less those backward, where that is not zero.
 fn open_edges(soup: &Soup) -> BTreeMap<[u32; 2], i32> {
     let mut uses: BTreeMap<[u32; 2], i32> = BTreeMap::new();
     for &[a, b, c] in &soup.triangles {

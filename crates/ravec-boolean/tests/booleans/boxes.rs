@@ -20,7 +20,7 @@ fn cubes(lo: [i32; 3], hi: [i32; 3]) -> Vec<bool> {
     inside
 }
 
-/// What an operator does to members.
+/// The rule of an operator for members.
 type Rule = fn(bool, bool) -> bool;
 
 fn check(lo: [i32; 3], hi: [i32; 3]) {

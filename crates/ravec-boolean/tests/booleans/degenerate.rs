@@ -125,7 +125,7 @@ proptest! {
 
     /// Faces that are a few ulps off each other, and slightly turned: cuts run along slivers that doubles cannot hold.
     #[test]
-    fn boxes_a_few_ulps_apart_are_mended_where_rounding_makes_them_cross(
+    fn boxes_a_few_ulps_apart_are_repaired_where_rounding_makes_them_cross(
         shifts in prop::collection::vec(prop::array::uniform8([-3_i32..4, -3_i32..4, -3_i32..4]), 2..5),
         expr in expr(),
     ) {

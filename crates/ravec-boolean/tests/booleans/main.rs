@@ -1,4 +1,4 @@
-//! What Booleans promise, judged without their own code.
+//! Guarantees of Booleans, judged without their own code.
 
 mod boxes;
 mod degenerate;

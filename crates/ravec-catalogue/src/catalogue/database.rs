@@ -278,7 +278,7 @@ fn number(connection: &Connection, pragma: &str) -> rusqlite::Result<i64> {
     connection.pragma_query_value(None, pragma, |row| row.get(0))
 }
 
-/// Whether nothing was ever put into the file.
+/// Returns `true` if nothing was ever put into the file.
 fn is_blank(connection: &Connection) -> Result<bool, Trouble> {
     let tables: bool =
         connection.query_row("SELECT EXISTS (SELECT 1 FROM sqlite_master)", [], |row| {

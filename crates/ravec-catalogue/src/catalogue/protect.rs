@@ -15,8 +15,8 @@ const SIDE_FILES: [&str; 4] = ["", "-journal", "-wal", "-shm"];
 /// Links that are followed one after another, as many as Linux follows.
 const MAX_LINKS: usize = 40;
 
-/// Whether `path` leads to the catalogue or to one of the files that the database keeps beside it, also if these are not there
-/// yet.
+/// Returns `true` if `path` leads to the catalogue or to one of the files that the database keeps beside it, also if
+/// these are not there yet.
 pub fn belongs_to_catalogue(catalogue: &Path, path: &Path) -> bool {
     let (catalogue, place) = (place_of(catalogue), place_of(path));
     SIDE_FILES.iter().any(|suffix| {
@@ -28,8 +28,8 @@ pub fn belongs_to_catalogue(catalogue: &Path, path: &Path) -> bool {
 }
 
 impl Catalogue {
-    /// Whether a file is the catalogue, a file of its database, or a photo that it knows, whatever link or spelling leads to
-    /// it. A file that is not there counts if a photo is known by its path.
+    /// Returns `true` if a file is the catalogue, a file of its database, or a photo that it knows, whatever link or
+    /// spelling leads to it. A file that is not there counts if a photo is known by its path.
     ///
     /// # Errors
     /// As for [`entries`](Self::entries).
@@ -100,7 +100,7 @@ impl Catalogue {
     }
 }
 
-/// Whether `path` leads to a place in `folder`, or to the folder, also if either is not there yet.
+/// Returns `true` if `path` leads to a place in `folder`, or to the folder, also if either is not there yet.
 pub fn leads_into(path: &Path, folder: &Path) -> bool {
     place_of(path).starts_with(place_of(folder))
 }
@@ -112,7 +112,7 @@ pub(crate) fn protected(path: &Path, reason: &'static str) -> CatalogueError {
     }
 }
 
-/// What a file is known by to the system.
+/// Identity of a file in the system.
 #[derive(PartialEq, Eq)]
 pub(crate) struct FileNumber {
     #[cfg(unix)]
@@ -139,7 +139,7 @@ impl FileNumber {
     }
 }
 
-/// The path from the root behind any symbolic links. What it leads to need not exist.
+/// The path from the root behind any symbolic links. The target of the link need not exist.
 pub(crate) fn place_of(path: &Path) -> PathBuf {
     let mut path = std::path::absolute(path).unwrap_or_else(|_| path.into());
     for _ in 0..MAX_LINKS {

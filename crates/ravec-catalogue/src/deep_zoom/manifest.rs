@@ -240,7 +240,7 @@ impl Manifest {
     }
 }
 
-/// Whether a page has files of this name.
+/// Returns `true` if a page has files of this name.
 fn is_page_file(name: &str) -> bool {
     let number = |text: &str| {
         let number = text.parse::<u32>().ok()?;

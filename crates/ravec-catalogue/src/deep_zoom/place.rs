@@ -25,7 +25,7 @@ const PART: &str = ".part";
 /// Bytes of names that passing names may have only the beginning of.
 const LONG_NAME_BYTES: usize = 190;
 
-/// What to do about a folder that is not replaced.
+/// Advice about a folder that is not replaced.
 const ADVICE: &str = "name a new folder";
 
 /// The place of a page.
@@ -37,7 +37,7 @@ pub(super) struct Place {
     path: PathBuf,
 }
 
-/// What is at the place of a page.
+/// Content at the place of a page.
 enum Old {
     Nothing,
     /// A page, or an empty folder.
@@ -153,8 +153,8 @@ impl Place {
         Ok(self.path.with_file_name(format!("{stem}{OLD}")))
     }
 
-    /// Finds old pages that killed processes left beside the place: moves one back if the place is empty, else removes the files
-    /// of their manifests. What cannot be repaired stays as it is.
+    /// Finds old pages that killed processes left beside the place: moves one back if the place is empty, else removes
+    /// the files of their manifests. Damage that cannot be repaired stays as it is.
     fn repair(&self) {
         let Some(name) = self.path.file_name() else {
             return;
@@ -235,7 +235,7 @@ fn exchange(_: &Path, _: &Path) -> bool {
     false
 }
 
-/// Whether a folder is on another device than the folder that it is in, so that it cannot be renamed.
+/// Returns `true` if a folder is on another device than the folder that it is in, so that it cannot be renamed.
 fn is_mount_point(folder: &Path) -> bool {
     #[cfg(unix)]
     {

@@ -135,7 +135,8 @@ impl Buffer {
         at.clamp(DVec2::ZERO, end).floor().as_ivec2()
     }
 
-    /// Whether its pixels are those of the photo. They are copied as they are, and anything else is resampled anyway.
+    /// Returns `true` if its pixels are those of the photo. They are copied as they are, and anything else is resampled
+    /// anyway.
     pub(super) fn as_it_is(&self) -> bool {
         self.plane.is_none() && self.transform == Variant::default()
     }
@@ -166,7 +167,8 @@ const MAX_GROWTH: f64 = 16.0;
 /// Pixels that a variant may always have: so many cost little.
 const ALWAYS_PX: f64 = 1e6;
 
-/// Whether a variant of a base has pixels in proportion to the base, which it has not if that is long, narrow, and lies aslant.
+/// Returns `true` if a variant of a base has pixels in proportion to the base, which it has not if that is long,
+/// narrow, and lies aslant.
 pub(super) fn in_proportion(base: [usize; 2], transform: Variant) -> bool {
     let pixels = variant_size(dvec2(base[0] as f64, base[1] as f64), transform).element_product();
     let share = (base[0] * base[1]) as f64 * transform.scale.powi(2);

@@ -11,12 +11,13 @@ use super::template::{LANES, Template};
 use fearless_simd::{Level as Vectors, Simd, dispatch};
 use glam::IVec2;
 
-/// Which rows are summed.
+/// Rows that are summed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Rows {
     /// All, the even ones first.
     All,
-    /// The even ones, and twice their sum: half of the work, which tells places of large fragments nearly as well apart.
+    /// The even ones, and twice their sum: half of the work, which distinguishes places of large fragments nearly as
+    /// well.
     EvenTwice,
 }
 

@@ -1,4 +1,4 @@
-//! How much the seams of a retouched picture show.
+//! Visibility of the seams of a retouched picture.
 //!
 //! For two neighbors from different sources: what the one source shows against what the other shows, at both of them. It is
 //! what the cut of a step keeps small, summed over a rectangle.

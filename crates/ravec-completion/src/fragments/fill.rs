@@ -1,9 +1,9 @@
 //! The steps that the program takes by itself.
 //!
-//! Large holes are filled at half the size first, and so on; what was copied there is copied again, from where it fits best
-//! within two pixels. What is still open is filled from the rim inwards, the surest and most structured place first (see
-//! [`super::rim`]). Then every fragment is looked for once more, now that all of its surroundings are known, and another one
-//! takes its place if the seams show less with it.
+//! Large holes are filled at half the size first, and so on; what was copied there is copied again, from where it fits
+//! best within two pixels. The open rest is filled from the rim inwards, the surest and most structured place first
+//! (see [`super::rim`]). Then every fragment is looked for once more, now that all of its surroundings are known, and
+//! another one takes its place if the seams show less with it.
 //!
 //! Cost: a search for each fragment and pass; a fragment gives several hundred pixels.
 
@@ -19,14 +19,14 @@ use ravec_progress::Progress;
 use ravec_raster::{Image, Rect, distance_to};
 use serde::{Deserialize, Serialize};
 
-/// How a hole is filled by fragments.
+/// Options of a fill by fragments.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct FillOptions {
     /// The radius of fragments in pixels, 2 to 124; none (the default) to choose it from the structure around each of them,
     /// and from the size of the hole.
     pub radius_px: Option<u32>,
-    /// Which pixels fragments have (default [`Shape::Circle`]).
+    /// Shape of fragments (default [`Shape::Circle`]).
     pub shape: Shape,
     /// Bend the tones of what is copied to those around it (default true).
     pub blend: bool,
@@ -60,7 +60,7 @@ const RADIUS: u32 = 20;
 const DEEP_PX: f32 = 64.0;
 /// Pictures are halved as long as their shorter side has this many pixels.
 const MIN_SIDE: usize = 96;
-/// How far a source may move when a step is taken to the next size.
+/// Largest move of a source at the step to the next size.
 const MOVE_PX: i32 = 2;
 /// Smaller fragments say too little to be worth a try.
 const MIN_RADIUS: u32 = 4;

@@ -19,7 +19,7 @@ use std::sync::OnceLock;
 /// Radii of fragments that can be searched, in pixels.
 pub(super) const RADII: std::ops::RangeInclusive<u32> = 2..=124;
 
-/// Where fragments may come from.
+/// Allowed sources of fragments.
 #[derive(Debug, Clone)]
 pub struct Sources<'a, P: Color> {
     /// The picture itself.
@@ -56,10 +56,10 @@ impl<'a, P: Color> Sources<'a, P> {
 /// Parameters of a search.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SearchOptions {
-    /// How many matches are wanted, 1 to 64 (default 8).
+    /// Number of matches, 1 to 64 (default 8).
     pub count: usize,
-    /// How far apart two matches in one buffer must be, as a share of the radius, 0 to 2 (default 0.5). Less gives many that
-    /// are nearly the same, more leaves out good ones.
+    /// Least distance of two matches in one buffer, as a share of the radius, 0 to 2 (default 0.5). Less gives many
+    /// that are nearly the same, more leaves out good ones.
     pub apart: f64,
     /// Only sources from the rectified view of a plane, or with `Some(None)` only those that are on none (default: all). A
     /// copy from elsewhere has another perspective.
@@ -104,7 +104,7 @@ pub(super) struct View {
 ///
 /// See [`Retouch`](super::Retouch) for how it is used.
 pub struct FragmentIndex {
-    /// The picture first. What is in the hole is marked as such.
+    /// The picture first. Pixels of the hole are marked as such.
     pub(super) photos: Vec<Canvas>,
     pub(super) hole: Mask,
     pub(super) features: Option<Mask>,
@@ -277,7 +277,7 @@ impl FragmentIndex {
         })
     }
 
-    /// How many buffers there are.
+    /// Number of buffers.
     pub fn buffers(&self) -> usize {
         self.buffers.len()
     }
@@ -404,7 +404,7 @@ impl FragmentIndex {
     }
 }
 
-/// The level on which all positions are looked at. Larger fragments can be told apart on coarser levels.
+/// The level on which all positions are looked at. Larger fragments can be distinguished on coarser levels.
 fn coarse_level(radius_px: u32) -> usize {
     if radius_px <= 60 { 1 } else { 2 }
 }

@@ -4,10 +4,10 @@
 //! `(r − 2g + b) / √6`. Squared differences stay what they were, and gradients need no channel of their own. Luminance has
 //! a frame of one pixel, so that gradients at the border need no exception.
 //!
-//! Whether a whole fragment is known is asked of runs: each pixel knows how many known ones follow it in its row, and a
-//! fragment is a few dozen rows. That is exact for every shape whose rows hang together, also for one that is cut by the
-//! border of the picture, and needs one byte a pixel; a correlation with the unknown pixels would cost a transform for each
-//! new shape.
+//! Runs decide whether a whole fragment is known: each pixel stores the number of known ones that follow it in its row,
+//! and a fragment is a few dozen rows. That is exact for every shape whose rows are connected, also for one that is cut
+//! by the border of the picture, and needs one byte a pixel; a correlation with the unknown pixels would cost a
+//! transform for each new shape.
 //!
 //! Cost: 13 bytes a pixel, 4 more with alpha and with features each.
 
@@ -17,10 +17,10 @@ use rayon::prelude::*;
 
 /// Rows are read in whole vectors: so much may be read beyond the last pixel.
 pub(super) const TAIL: usize = 16;
-/// How much a gradient (the difference over two pixels, of a luminance that is √3 times the mean) counts against a color.
+/// Weight of a gradient (the difference over two pixels, of a luminance that is √3 times the mean) against a color.
 /// More follows edges, less follows tones. The automatic engine uses the same.
 pub(super) const GRADIENT_WEIGHT: f32 = 0.2;
-/// How much a feature pixel counts: half as much as the step from black to white in one channel.
+/// Weight of a feature pixel: half as much as the step from black to white in one channel.
 const FEATURE_WEIGHT: f32 = 0.5;
 /// Values of a pixel at most: luminance, two chromas, alpha, feature.
 pub(super) const MAX_VALUES: usize = 5;
@@ -178,7 +178,7 @@ impl Level {
         Ok(half)
     }
 
-    /// Where the luminance of a pixel is.
+    /// Index of the luminance of a pixel.
     #[inline]
     pub(super) fn luma_index(&self, col: usize, row: usize) -> usize {
         (row + 1) * (self.width + 2) + col + 1

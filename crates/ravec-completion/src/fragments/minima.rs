@@ -177,8 +177,8 @@ fn lowest(values: &mut Vec<(f32, u32)>, count: usize) {
     }
 }
 
-/// How much lower than its middle value a parabola through three values goes, and where. Farther than half a pixel away
-/// there is no bottom.
+/// Depth of a parabola through three values below its middle value, and the place of its minimum. Farther than half a
+/// pixel away there is no bottom.
 pub(super) fn bottom(before: f32, value: f32, after: f32) -> (f32, f64) {
     let (bend, slope) = (before + after - 2.0 * value, before - after);
     if !bend.is_finite() || bend <= 0.0 || slope.abs() > bend {

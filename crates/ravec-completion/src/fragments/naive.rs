@@ -111,7 +111,7 @@ impl Scene {
         all.filter(move |step| shape.distance(step.as_dvec2()) <= reach)
     }
 
-    /// Whether all that a source around a position must cover is there.
+    /// Returns `true` if all that a source around a position must cover is there.
     fn valid(&self, middle: IVec2) -> bool {
         self.steps().all(|step| {
             let at = middle + step;

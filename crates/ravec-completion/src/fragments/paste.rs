@@ -33,7 +33,7 @@ const FORCED: i32 = 1 << 28;
 /// Where the rim and the source differ by more than this, the rim has an edge that the source has not, and tones should not
 /// follow.
 const TRUSTED_STEP: f32 = 0.6;
-/// How strongly tones are held to those of the source, against one neighbor: light may change from one end of a fragment to
+/// Weight that holds tones to those of the source, against one neighbor: light may change from one end of a fragment to
 /// the other, but does not run away over many of them.
 const HOLD: f32 = 1e-2;
 
@@ -91,7 +91,7 @@ impl<'a> Way<'a> {
         })
     }
 
-    /// How far a pixel is from the middle of the target, as a share of its radius; none behind the horizon.
+    /// Distance of a pixel from the middle of the target, as a share of its radius; `None` behind the horizon.
     pub(super) fn share(&self, (col, row): (usize, usize)) -> Option<f64> {
         let at = self
             .view_from_picture
@@ -117,7 +117,7 @@ impl<'a> Way<'a> {
             * self.linear
             * self.view_from_picture.jacobian(middle);
         let finer = j.x_axis.length().max(j.y_axis.length());
-        // a little finer is still within what the kernel tells apart
+        // a little finer is still within what the kernel distinguishes
         let taps = (finer - 0.25).ceil().clamp(1.0, MAX_TAPS);
         Some(mean_ink(self.photo, taps as usize, |step| from + j * step))
     }
@@ -247,7 +247,7 @@ pub(super) fn neighbors(
     .filter(move |&(x, y)| x < size.width() && y < size.height())
 }
 
-/// Which candidates become new.
+/// Selects the candidates that become new.
 fn cut(
     way: &Way,
     canvas: &Canvas,
@@ -281,7 +281,7 @@ fn cut(
             if let Some(j) = find(place) {
                 if (j as usize) < i {
                     let other = &candidates[j as usize];
-                    // between what was open and what was not, only one of them tells
+                    // where one pixel was open, only the other has a known value, which counts twice
                     let factor = if candidate.open || other.open {
                         2.0
                     } else {

@@ -55,7 +55,7 @@ impl Retouch<'_> {
     }
 }
 
-/// Means of what is known of 2 × 2 pixels. What is open in part is open.
+/// Means of what is known of 2 × 2 pixels. A pixel that is open in part is open.
 fn halved(canvas: &Canvas) -> Option<Canvas> {
     let (width, height) = (canvas.inks.width(), canvas.inks.height());
     let size = Size::new(width / 2, height / 2).ok()?;

@@ -12,7 +12,7 @@ use crate::canvas::{HOLE, KNOWN};
 use glam::DVec2;
 use ravec_raster::{Image, Rect};
 
-/// How far around a rim pixel structure is looked for.
+/// Radius around a rim pixel within which structure is measured.
 const REACH_PX: usize = 4;
 /// The priority of a place without any structure, against one with a step from black to white.
 const PLAIN: f64 = 0.02;

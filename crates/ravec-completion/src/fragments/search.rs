@@ -2,12 +2,13 @@
 //!
 //! The plain idea: the mismatch at all positions of all buffers, and its lowest values that keep apart.
 //!
-//! Departures: 1. All positions are looked at on a reduced level only, where a transform is small. 2. The few hundred best
-//! minima there, and as many of the lowest positions that are none (in a valley along an edge the minimum of the finer level
-//! may lie anywhere), are followed down the levels by direct sums around each of them. 3. Sums end as soon as they exceed
-//! the worst match that is wanted. 4. On levels between, every other row is summed, and of what is found there some are
-//! followed for each of the matches that are wanted. 5. Of buffers larger than some 150 megapixels only what is nearest to the
-//! target is looked at. The full search does the first step on the finest level itself, and everywhere.
+//! Departures: 1. All positions are looked at on a reduced level only, where a transform is small. 2. The few hundred
+//! best minima there, and as many of the lowest positions that are not minima (in a valley along an edge the minimum of
+//! the finer level may lie anywhere), are followed down the levels by direct sums around each of them. 3. Sums end as
+//! soon as they exceed the worst match that is wanted. 4. On levels between, every other row is summed, and of what is
+//! found there some are followed for each of the matches that are wanted. 5. Of buffers larger than some 150 megapixels
+//! only what is nearest to the target is looked at. The full search does the first step on the finest level itself, and
+//! everywhere.
 //!
 //! Guarantees: what is returned is valid, and its mismatch is the direct sum. The same on any number of threads. Does not
 //! guarantee: that coarse to fine finds what the full search finds; on photos it nearly always does (see the measurements).
@@ -25,8 +26,8 @@ use rustc_hash::FxHashSet;
 
 /// Minima that are followed from one level to the next.
 const MINIMA: usize = 200;
-/// Positions besides minima: this number divided by the radius, within limits. Small fragments need more, as there is less
-/// in them that could tell places apart; with a quarter of it one query in a hundred ends elsewhere.
+/// Positions besides minima: this number divided by the radius, within limits. Small fragments need more, as there is
+/// less in them that distinguishes places; with a quarter of it one query in a hundred ends elsewhere.
 const SLOPES: usize = 16_000;
 const SLOPE_LIMITS: [usize; 2] = [250, 1000];
 /// Places that are followed from a level between, on which large fragments are known well, and how many of each group of
@@ -56,7 +57,7 @@ pub(super) struct Hunt<'a> {
     pub(super) templates: &'a [Template],
     /// The transforms for kept spectra.
     pub(super) kept: &'a Transform,
-    /// How many places are wanted, and how far apart.
+    /// Number of places, and their least distance.
     pub(super) count: usize,
     pub(super) apart_px: f64,
     /// Where in the picture the target is, around which large buffers are searched; none for searches of all blocks.
@@ -93,7 +94,7 @@ impl Hunt<'_> {
         Ok(self.apart(found))
     }
 
-    /// How many positions are followed that are no minima.
+    /// Number of positions followed that are not minima.
     fn slopes(&self) -> usize {
         let radius = self.templates[0].middle.x.max(1) as usize;
         (SLOPES / radius).clamp(SLOPE_LIMITS[0], SLOPE_LIMITS[1])
@@ -288,7 +289,7 @@ impl Hunt<'_> {
     fn spread(&self, places: &[Place], level: usize) -> Vec<Place> {
         let apart_px = self.apart_px / f64::from(1 << level);
         // the order of groups may change on the next level
-        let most_groups = self.count + self.count / 2;
+        let max_groups = self.count + self.count / 2;
         let mut groups: Vec<(Place, usize)> = Vec::new();
         let mut chosen = Vec::new();
         for (rank, place) in places.iter().enumerate() {
@@ -300,7 +301,7 @@ impl Hunt<'_> {
             if let Some((_, members)) = groups.iter_mut().find(near) {
                 *members += 1;
                 is_followed |= *members <= BEST_OF_GROUP;
-            } else if groups.len() < most_groups {
+            } else if groups.len() < max_groups {
                 groups.push((*place, 1));
                 is_followed = true;
             }

@@ -6,7 +6,7 @@
 use glam::{DMat2, DVec2};
 use serde::{Deserialize, Serialize};
 
-/// Which pixels around its middle a fragment has.
+/// Shape of a fragment: the pixels around its middle that it has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Shape {
@@ -27,7 +27,8 @@ impl Shape {
     }
 }
 
-/// What is to be replaced, as far as it lies in the hole, and what a source should look like, as far as it is known.
+/// The pixels to replace, as far as they lie in the hole, and the desired appearance of a source, as far as it is
+/// known.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Target {
@@ -40,7 +41,7 @@ pub struct Target {
     /// From the middle to the rim, 2 to 124: in pixels of the picture, on a plane in pixels of its view, which are about as
     /// large at the hole. Larger follows more structure, smaller finds more that fits.
     pub radius_px: u32,
-    /// Which pixels it has (default [`Shape::Circle`]).
+    /// Shape of the target (default [`Shape::Circle`]).
     #[serde(default)]
     pub shape: Shape,
 }
@@ -57,15 +58,15 @@ impl Target {
     }
 }
 
-/// How a source is laid over its target.
+/// Transform that lays a source over its target.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Variant {
-    /// How far the source is turned to become the copy, in radians, clockwise as seen (default 0).
+    /// Rotation of the source, in radians, clockwise as seen (default 0).
     pub turn_rad: f64,
     /// Left and right of the source are exchanged, before it is turned (default false).
     pub mirrored: bool,
-    /// How many times larger the copy is than its source, 0.25 to 4 (default 1). Above 1 it becomes less sharp.
+    /// Scale of the copy relative to its source, 0.25 to 4 (default 1). Above 1 it becomes less sharp.
     pub scale: f64,
 }
 
@@ -80,7 +81,7 @@ impl Default for Variant {
 }
 
 impl Variant {
-    /// Whether it can be done: numbers, and a scale in range.
+    /// Returns `true` if it can be done: numbers, and a scale in range.
     pub fn is_usable(&self) -> bool {
         self.turn_rad.is_finite() && (0.25..=4.0).contains(&self.scale)
     }
@@ -104,9 +105,10 @@ pub struct SourceFragment {
     /// The plane of the picture in whose rectified view it is cut out, from 0; none for the photo as it is.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub plane: Option<usize>,
-    /// What comes to lie on the target's middle, in pixels of the photo, x right, y down, pixel centers at half-integers.
+    /// The point of the photo that is laid on the target's middle, in pixels, x right, y down, pixel centers at
+    /// half-integers.
     pub at: DVec2,
-    /// How it is laid over the target (default: as it is).
+    /// Transform that lays it over the target (default: the identity).
     #[serde(default)]
     pub transform: Variant,
 }

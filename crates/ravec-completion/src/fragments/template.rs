@@ -1,4 +1,4 @@
-//! What is looked for: the known pixels of a target fragment, weighted.
+//! Templates of the search: the known pixels of a target fragment, weighted.
 //!
 //! The measure is `Σ w |T − S|² + Σ g |∇T − ∇S|² + Σ f (F − E)²` over the fragment: colors with the weight `w` of known
 //! pixels, which falls off towards the rim; gradients of the luminance with `g`, which is 0 where a neighbor is unknown;
@@ -40,7 +40,7 @@ pub(super) struct Template {
     pub(super) values: Vec<Vec<f32>>,
     /// Weights of colors, gradients, features.
     pub(super) weights: [Vec<f32>; 3],
-    /// Which pixels are known.
+    /// `true` for each known pixel.
     known: Vec<bool>,
     /// For each row the part of it that a source must cover, from and to; empty if none.
     pub(super) rows: Vec<(usize, usize)>,
@@ -126,7 +126,7 @@ impl Template {
         }
     }
 
-    /// Where the weights are. Gradients have none where colors have none.
+    /// Finds the pixels with weight. Gradients have none where colors have none.
     fn find_weighted(&mut self) {
         for (row, weighted) in self.weighted.iter_mut().enumerate() {
             let at = row * self.stride;
@@ -197,7 +197,7 @@ impl Template {
         self.weights[0].iter().map(|&w| f64::from(w)).sum()
     }
 
-    /// Which weights a plane has: 0 for colors, 1 for gradients, 2 for features.
+    /// Kind of weights of a plane: 0 for colors, 1 for gradients, 2 for features.
     pub(super) fn weight_of(&self, plane: usize) -> usize {
         if plane < self.channels.colors() {
             0
@@ -208,7 +208,7 @@ impl Template {
         }
     }
 
-    /// Whether a source with the window's corner at `corner` is known as far as the fragment reaches.
+    /// Returns `true` if a source with the window's corner at `corner` is known as far as the fragment reaches.
     pub(super) fn valid(&self, level: &Level, corner: IVec2) -> bool {
         let (width, height) = (level.width as i32, level.height as i32);
         self.rows.iter().enumerate().all(|(row, &(from, to))| {
@@ -221,7 +221,7 @@ impl Template {
             }
             let mut at = y as usize * level.width + x as usize;
             let mut left = to - from;
-            // runs beyond 255 pixels are told in pieces
+            // runs beyond 255 pixels are coded in pieces
             loop {
                 let run = usize::from(level.runs[at]);
                 if run >= left {

@@ -59,7 +59,7 @@ const DISC_SHARE: f32 = 0.98;
 /// it about 4 in the worst case.
 const MAX_GROWTH: usize = 8;
 
-/// Whether a disc can be covered by sources anywhere on a sheet, which it cannot if the sheet is too narrow.
+/// Returns `true` if a disc can be covered by sources anywhere on a sheet, which it cannot if the sheet is too narrow.
 fn disc_fits(radius: i32, limit: IVec2) -> bool {
     let steps =
         || (-radius..=radius).flat_map(|y| (-radius..=radius).map(move |x| IVec2::new(x, y)));
@@ -74,8 +74,8 @@ fn disc_fits(radius: i32, limit: IVec2) -> bool {
     covered as f32 >= DISC_SHARE * all as f32
 }
 
-/// How much wider and higher than the sheet transforms must be, so that windows at all shifts are not wrapped onto the other
-/// side: as much as the largest window.
+/// Margins by which transforms must be wider and higher than the sheet, so that windows at all shifts are not wrapped
+/// onto the other side: as much as the largest window.
 fn margins(sheet: IVec2, ring: IVec2, disc_radius: Option<i32>) -> [usize; 2] {
     let [width, height] = [sheet.x as usize, sheet.y as usize];
     let disc = disc_radius.map_or(0, |r| 2 * r + 1);

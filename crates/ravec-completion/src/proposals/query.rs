@@ -1,4 +1,4 @@
-//! What a reduced sheet answers: how well a weighted window fits at all shifts.
+//! Queries to a reduced sheet: the fit of a weighted window at all shifts.
 //!
 //! Cost: a dozen transforms of the reduced sheet to prepare it, ten for each query.
 

@@ -5,8 +5,8 @@ use super::Demo;
 use crate::error::bug;
 use crate::page::Figure;
 use ravec::mosaic::{
-    ChooseError, ChooseParams, Crop, Features, Frame, Look, MAX_DEGREE, Photos, Rules, Tiling,
-    adaptive_tiles, choose, grid_tiles, mark_features, near_duplicates, scaled_photo,
+    ChooseError, ChooseParams, Crop, Descriptor, Features, Frame, MAX_DEGREE, Photos, Rules,
+    Tiling, adaptive_tiles, choose, grid_tiles, mark_features, near_duplicates, scaled_photo,
 };
 use ravec::raster::{
     Image, LinearRgb, Oklab, ResizeFilter, Size, Srgb, compare, gaussian_blur, resize,
@@ -26,7 +26,7 @@ const TILE_PX: usize = 12;
 /// Photos and what they look like.
 struct Library {
     photos: Vec<Image<Srgb<u8>>>,
-    looks: Vec<Look>,
+    descriptors: Vec<Descriptor>,
     groups: Vec<u32>,
 }
 
@@ -49,7 +49,7 @@ impl Demo<'_> {
         let picture: Image<Oklab> = self.image.convert();
         let frame = Frame::of(&picture);
         let whole = Photos::new(
-            &library.looks,
+            &library.descriptors,
             library.groups.clone(),
             &ChooseParams::default(),
         );
@@ -127,17 +127,17 @@ impl Demo<'_> {
         let photos: Vec<Image<Srgb<u8>>> = (0..PHOTOS)
             .map(|number| drawn(number ^ (seed.0 << 32)))
             .collect();
-        let looks: Vec<Look> = photos
+        let descriptors: Vec<Descriptor> = photos
             .iter()
             .map(|photo| {
                 let photo: Image<Oklab> = photo.convert();
-                Look::of(&photo, Frame::of(&photo), MAX_DEGREE)
+                Descriptor::of(&photo, Frame::of(&photo), MAX_DEGREE)
             })
             .collect();
-        let groups = near_duplicates(&looks, 0.0, self.progress)?;
+        let groups = near_duplicates(&descriptors, 0.0, self.progress)?;
         Ok(Library {
             photos,
-            looks,
+            descriptors,
             groups,
         })
     }
@@ -151,7 +151,7 @@ impl Demo<'_> {
         size: Size,
     ) -> Result<Image<Srgb<u8>>, JobError> {
         let choice = self.report.time("mosaic", || {
-            let photos = Photos::new(&library.looks, library.groups.clone(), params);
+            let photos = Photos::new(&library.descriptors, library.groups.clone(), params);
             choose(tiling, &photos, &Rules::default(), params, self.progress)
         });
         let choice = choice.map_err(|cause| match cause {

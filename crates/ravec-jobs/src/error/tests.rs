@@ -124,7 +124,7 @@ fn each_error_has_its_kind_and_one_sentence() {
                 cause: MatchError::TooFewMatches { matches: 2 },
             },
             ErrorKind::Failure,
-            "cannot match a with b: only 2 features of the photos look alike, which is too few to trust",
+            "cannot match a with b: only 2 features of the photos match, too few to trust",
         ),
         (
             JobError::from_offset(Path::new("a"), OffsetError::NoTriangles),

@@ -258,7 +258,7 @@ impl Operation for Boolean {
             ("kept_triangles", done.kept_triangles as f64),
             ("seam_edges", result.feature_edges.len() as f64),
             ("intersecting_pairs", done.intersecting_pairs as f64),
-            ("mending_rounds", f64::from(done.mending_rounds)),
+            ("mending_rounds", f64::from(done.repair_rounds)),
             ("self_intersections", done.self_intersections as f64),
             ("solid", yes(done.solid)),
             ("volume", done.volume),

@@ -11,7 +11,7 @@ use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
 
 use super::frame::{Frame, LocalBox};
-use super::node::{Child, MOST_NODES, Node, WIDTH};
+use super::node::{Child, MAX_NODES, Node, WIDTH};
 
 /// Most triangles in a leaf.
 const LEAF: usize = 4;
@@ -36,7 +36,7 @@ const FEW_BINS: usize = 8;
 /// Ranges from this size on are built in parallel.
 const PARALLEL: usize = 8192;
 
-/// How much is done for good boxes.
+/// Effort spent on good boxes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Effort {
     /// Cuts are looked for along all axes.
@@ -108,7 +108,7 @@ impl LocalBox {
 /// [`Cancelled`] soon after `progress` is cancelled.
 ///
 /// # Panics
-/// If there are more than [`MOST_NODES`].
+/// If there are more than [`MAX_NODES`].
 pub(super) fn nodes(
     prims: &mut [Prim],
     effort: Effort,
@@ -118,7 +118,7 @@ pub(super) fn nodes(
     if !prims.is_empty() {
         build(Part::of(prims), 0, 0, &mut nodes, effort, progress)?;
     }
-    assert!(nodes.len() <= MOST_NODES, "too many triangles");
+    assert!(nodes.len() <= MAX_NODES, "too many triangles");
     Ok(nodes)
 }
 

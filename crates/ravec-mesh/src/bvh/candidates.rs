@@ -1,4 +1,4 @@
-//! Which triangles may meet, without a copy of them.
+//! Pairs of triangles that may meet, without a copy of the triangles.
 //!
 //! As [`super::BoxTree`], but the corners stay where they are: what is answered are candidates, whose boxes touch in single
 //! precision, rounded outward. Those that would not touch in double precision are few.
@@ -17,7 +17,7 @@ use super::pairs::Pairing;
 use super::range;
 use crate::Aabb;
 
-/// Triangles between two looks at the progress: some milliseconds.
+/// Triangles between two checks for cancellation: some milliseconds.
 const STRIDE: usize = 1 << 14;
 
 /// Boxes over triangles that are kept elsewhere. Triangles have slots, one after the other in the order of the leaves, so that
@@ -72,7 +72,7 @@ impl CandidateTree {
         self.prims.len()
     }
 
-    /// Whether there are no triangles.
+    /// Returns `true` if there are no triangles.
     pub fn is_empty(&self) -> bool {
         self.prims.is_empty()
     }
@@ -112,7 +112,8 @@ impl CandidateTree {
         );
     }
 
-    /// What `keep` makes of the pairs of slots whose triangles' boxes touch, and of few others, in the caller's thread pool.
+    /// Applies `keep` to the pairs of slots whose triangles' boxes touch, and to few others, in the caller's thread
+    /// pool, and returns the results that it keeps.
     ///
     /// # Errors
     /// [`Cancelled`] soon after `progress` is cancelled.

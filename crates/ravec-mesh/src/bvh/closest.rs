@@ -43,14 +43,14 @@ impl Best {
     }
 }
 
-/// The half space beyond the best point so far, as seen from the point of the search. What lies in it is farther than the best,
-/// and whether a triangle does is known sooner than its distance.
+/// The half space beyond the best point so far, as seen from the point of the search. Triangles in it are farther than
+/// the best, and the test for it is cheaper than their distance.
 #[derive(Debug, Clone, Copy)]
 struct Beyond {
     from: DVec3,
     /// The unit vector to the best point; zero as long as there is none.
     toward: DVec3,
-    /// How far it begins; more than the distance of the best by what numbers may be off.
+    /// Distance at which it begins; more than the distance of the best, by the rounding error.
     reach: f64,
     margin: f64,
 }

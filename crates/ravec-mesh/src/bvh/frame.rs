@@ -54,7 +54,7 @@ impl LocalBox {
         }
     }
 
-    /// Whether both share a point.
+    /// Returns `true` if both share a point.
     #[inline]
     pub fn touches(&self, other: &Self) -> bool {
         // without branches, of which nobody could foretell the outcome
@@ -125,7 +125,7 @@ impl Frame {
         self.widened_sq(distance_sq.sqrt(), point.slack)
     }
 
-    /// What corners of something of the given size may be off once they are turned: see [`GROWTH`].
+    /// Rounding error of the corners of something of the given size once they are turned: see [`GROWTH`].
     #[inline]
     pub fn turned_slack(self, size: f64) -> f64 {
         GROWTH * size * self.scale

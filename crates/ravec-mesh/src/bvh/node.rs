@@ -9,8 +9,8 @@ pub(super) const WIDTH: usize = 8;
 /// More than the largest number of entries a traversal ever holds: see [`super::build::MAX_DEPTH`].
 pub(super) const STACK: usize = 192;
 
-/// So many that the place of a box, its node times eight and its lane, is a `u32`.
-pub(super) const MOST_NODES: usize = 1 << 29;
+/// Bound on the number of nodes, so that the place of a box, its node times eight and its lane, is a `u32`.
+pub(super) const MAX_NODES: usize = 1 << 29;
 
 /// Up to eight boxes with what they hold.
 #[derive(Debug, Clone, Copy)]
@@ -27,7 +27,7 @@ pub(super) struct Boxes {
     pub max: [[f32; WIDTH]; 3],
 }
 
-/// What the boxes of a node hold.
+/// Contents of the boxes of a node.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Children {
     index: [u32; WIDTH],
@@ -36,7 +36,7 @@ pub(super) struct Children {
     len: u8,
 }
 
-/// What a box holds: a node, or a run of triangles.
+/// Content of a box: a node, or a run of triangles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Child {
     Node(u32),

@@ -44,8 +44,8 @@ impl BoxTree {
         }
     }
 
-    /// What `keep` makes of the pairs of triangles whose boxes touch, in the caller's thread pool. The lower index is
-    /// handed over first.
+    /// Applies `keep` to the pairs of triangles whose boxes touch, in the caller's thread pool, and returns the results
+    /// that it keeps. The lower index is handed over first.
     ///
     /// # Errors
     /// [`Cancelled`] soon after `progress` is cancelled.
@@ -76,7 +76,8 @@ impl BoxTree {
 pub(super) struct Pairing<'a>(pub &'a [Node]);
 
 impl Pairing<'_> {
-    /// What `keep` puts into a list, in parallel, of a slot and a run of others: all pairs of slots whose leaves touch.
+    /// Runs `keep` in parallel on each slot and a run of others, for all pairs of slots whose leaves touch, and
+    /// collects the results that it puts into a list.
     ///
     /// # Errors
     /// [`Cancelled`] soon after `progress` is cancelled.
@@ -183,7 +184,7 @@ impl Pairing<'_> {
 }
 
 impl Task {
-    /// Whether only leaves are left.
+    /// Returns `true` if only leaves are left.
     fn is_elementary(&self) -> bool {
         let is_leaf = |child: &Child| matches!(child, Child::Leaf { .. });
         match self {

@@ -16,14 +16,15 @@ use crate::{Aabb, Sign, orient2d, triangle_distance_sq};
 pub struct RayHit {
     /// The triangle that is met.
     pub triangle: u32,
-    /// How far along: the place is `origin + t * direction`, with a relative error of a few roundings unless the ray is
-    /// nearly parallel to the triangle.
+    /// Parameter along the ray: the place is `origin + t * direction`, with a relative error of a few roundings unless
+    /// the ray is nearly parallel to the triangle.
     pub t: f64,
-    /// Whether the ray goes through from the back to the front: the way the normal points.
+    /// `true` if the ray goes through from the back to the front: the way the normal points.
     pub outward: bool,
 }
 
-/// How many slabs are tried between two triangles before their distance is worked out, which costs more than all of them.
+/// Number of slabs that are tried between two triangles before their distance is computed, which costs more than all of
+/// them.
 const SLABS: usize = 3;
 
 impl BoxTree {
@@ -119,7 +120,7 @@ impl Bvh {
         ));
     }
 
-    /// Whether any triangle comes closer to the given one than `distance`, by its exact distance.
+    /// Returns `true` if any triangle comes closer to the given one than `distance`, by its exact distance.
     ///
     /// Fast where the answer is no and the given triangle is small, or parallel to what is near.
     pub fn comes_within(&self, facet: [DVec3; 3], distance: f64) -> bool {
@@ -188,9 +189,10 @@ impl Bvh {
         hits
     }
 
-    /// How often the triangles go around `origin`, counted along a ray from there, whose `direction` does not matter for closed
-    /// and oriented meshes: how many triangles it leaves through, less those it enters through. Of these meshes it is the winding
-    /// number, and exact; of others it says nothing. 0 where [`Self::ray_hits`] meets none.
+    /// Winding number of the triangles around `origin`, counted along a ray from there, whose `direction` does not
+    /// matter for closed and oriented meshes: the number of triangles it leaves through, less those it enters through.
+    /// Of these meshes it is the winding number, and exact; of others it says nothing. 0 where [`Self::ray_hits`] meets
+    /// none.
     pub fn ray_turns(&self, origin: DVec3, direction: DVec3) -> i32 {
         let mut turns = 0;
         self.for_each_hit(origin, direction, |hit| {
@@ -251,7 +253,7 @@ impl Slab {
         }
     }
 
-    /// Whether this is enough to see that another triangle is no nearer than a distance above zero.
+    /// Returns `true` if this is enough to see that another triangle is no nearer than a distance above zero.
     #[inline]
     fn is_beside(&self, other: &[DVec3; 3], distance: f64) -> bool {
         let [a, b, c] = other.map(|corner| self.across.dot(corner - self.origin));
@@ -259,7 +261,8 @@ impl Slab {
     }
 }
 
-/// Which boxes a ray in the local frame meets, when they are grown by `slack`. The largest component of `along` is 1.
+/// The boxes that a ray in the local frame meets, when they are grown by `slack`. The largest component of `along` is
+/// 1.
 #[inline]
 fn meeting(boxes: &Boxes, from: DVec3, along: DVec3, slack: f64) -> u32 {
     let mut enter = [0.0_f64; WIDTH];
@@ -288,15 +291,15 @@ fn meeting(boxes: &Boxes, from: DVec3, along: DVec3, slack: f64) -> u32 {
 
 /// A ray, and the projection along it.
 ///
-/// Source: Woop, Benthin and Wald, *Watertight Ray/Triangle Intersection*, 2013. Corners are sheared so that the ray is the
-/// third axis, and the triangle is met if the origin is inside its projection. What a corner is projected to depends on
-/// nothing but its place, so that neighbors agree on their common edge. We differ in: signs in the projection are exact,
-/// and an origin on the border counts as moved by less than anything to the right, and by less than that upward.
+/// Source: Woop, Benthin and Wald, *Watertight Ray/Triangle Intersection*, 2013. Corners are sheared so that the ray is
+/// the third axis, and the triangle is met if the origin is inside its projection. The projection of a corner depends
+/// on nothing but its place, so that neighbors agree on their common edge. We differ in: signs in the projection are
+/// exact, and an origin on the border counts as moved by less than anything to the right, and by less than that upward.
 struct Ray {
     origin: DVec3,
     /// The axes in the order of the sheared coordinates; the last one is the longest of the direction.
     axes: [usize; 3],
-    /// What is taken off the first two coordinates for each unit of the third.
+    /// Shear of the first two coordinates for each unit of the third.
     shear: DVec2,
     /// The direction along the third axis.
     length: f64,
@@ -419,7 +422,7 @@ mod tests {
             prop_assert!(hits.is_sorted_by(|a, b| a.t <= b.t));
             for (t, [a, b, c]) in triangles(&mesh) {
                 let hit = hits.iter().find(|hit| hit.triangle == t);
-                // How far inside the ray passes, as the least of three volumes, in units of the triangle's size.
+                // Depth at which the ray passes inside, as the least of three volumes, in units of the triangle's size.
                 let volume = |from: DVec3, to: DVec3| direction.dot((from - p).cross(to - p));
                 let volumes = [volume(a, b), volume(b, c), volume(c, a)];
                 let normal = (b - a).cross(c - a);

@@ -43,7 +43,7 @@ const SAMPLE: usize = 32;
 /// farther by its size: [`Frame::turned_slack`].
 pub(super) const GROWTH: f64 = 1e-6;
 
-/// What double precision is off, at a size of about 1: some 1e-16.
+/// Error bound of double precision at a size of about 1: some 1e-16.
 const EXACT: f64 = 1e-14;
 
 /// The extent of the local frame.

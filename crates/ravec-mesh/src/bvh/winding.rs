@@ -94,7 +94,7 @@ impl<'a> WindingNumbers<'a> {
         self.at_with_beta(p, Self::BETA)
     }
 
-    /// Whether `p` is more inside than outside: the winding number is above ½.
+    /// Returns `true` if `p` is more inside than outside: the winding number is above ½.
     #[inline]
     pub fn is_inside(&self, p: DVec3) -> bool {
         self.at(p) > 0.5
@@ -147,7 +147,7 @@ impl<'a> WindingNumbers<'a> {
     }
 }
 
-/// So many triangles take about a millisecond.
+/// Number of triangles between two checks for cancellation: about a millisecond.
 const AT_ONCE: usize = 1 << 14;
 
 /// The moments of triangles about their middle: of the normal n and the offset d, integrated over the area.

@@ -17,7 +17,7 @@ pub struct BoundaryLoop {
     pub edges: u32,
     /// The length.
     pub length: f64,
-    /// Whether the chain has no ends; it may have some where more than two triangles meet at an edge.
+    /// `true` if the chain has no ends; it may have some where more than two triangles meet at an edge.
     pub closed: bool,
     /// The lowest of its vertices.
     pub vertex: u32,

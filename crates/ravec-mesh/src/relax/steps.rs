@@ -1,4 +1,4 @@
-//! The mesh while facets are mended, and what may be done to it.
+//! The mesh while facets are repaired, and the steps that may change it.
 
 use glam::DVec3;
 use ravec_progress::{Cancelled, Progress};
@@ -8,8 +8,8 @@ use crate::loose_octree::LooseOctree;
 use crate::tri_intersect::{TriTri, intersection};
 use crate::{Aabb, Adjacency, TriMesh};
 
-/// How much of the way to where it would better be a vertex is tried to go: what suits all facets around it together may be too
-/// far for some of them.
+/// Shares of the way to its better place that a vertex tries to go: the full way may be too far for some of the facets
+/// around it.
 const SHARES: [f64; 2] = [1.0, 0.5];
 
 /// A change of few facets.
@@ -53,8 +53,8 @@ type Change = (Vec<u32>, Vec<([u32; 3], [DVec3; 3], usize)>);
 
 pub(super) struct Steps<'a, J: RelaxJudge> {
     pub judge: &'a J,
-    /// How the facets look.
-    looks: Vec<J::Look>,
+    /// Description of each facet.
+    descriptors: Vec<J::Descriptor>,
     positions: Vec<DVec3>,
     triangles: Vec<[u32; 3]>,
     /// The triangles at each vertex.
@@ -67,7 +67,7 @@ pub(super) struct Steps<'a, J: RelaxJudge> {
 impl<'a, J: RelaxJudge> Steps<'a, J> {
     pub fn new(
         mesh: &TriMesh,
-        looks: Vec<J::Look>,
+        descriptors: Vec<J::Descriptor>,
         judge: &'a J,
         progress: &Progress,
     ) -> Result<Self, Cancelled> {
@@ -100,7 +100,7 @@ impl<'a, J: RelaxJudge> Steps<'a, J> {
         progress.check()?;
         Ok(Self {
             judge,
-            looks,
+            descriptors,
             positions: mesh.positions().to_vec(),
             triangles: mesh.triangles().to_vec(),
             stars,
@@ -113,11 +113,11 @@ impl<'a, J: RelaxJudge> Steps<'a, J> {
         self.triangles[triangle as usize].map(|v| self.positions[v as usize])
     }
 
-    fn facet(&self, triangle: u32) -> Facet<J::Look> {
+    fn facet(&self, triangle: u32) -> Facet<J::Descriptor> {
         Facet {
             names: self.triangles[triangle as usize],
             corners: self.corners(triangle),
-            look: self.looks[triangle as usize],
+            descriptor: self.descriptors[triangle as usize],
         }
     }
 
@@ -177,9 +177,9 @@ impl<'a, J: RelaxJudge> Steps<'a, J> {
         steps
     }
 
-    /// What a step makes; `None` if topology or the shape of facets forbids it, or if it does not lessen their `faults` by more
-    /// than a share of what they are.
-    pub fn fan(&self, step: Step, faults: &[f64], least_gain: f64) -> Option<Fan<J::Look>> {
+    /// The result of a step; `None` if topology or the shape of facets forbids it, or if it does not lessen their
+    /// `faults` by more than a share of them.
+    pub fn fan(&self, step: Step, faults: &[f64], min_gain: f64) -> Option<Fan<J::Descriptor>> {
         let (triangles, after) = match step {
             Step::Flip { triangles } => self.flipped(triangles)?,
             Step::Move { vertex, to } => self.moved(vertex, to)?,
@@ -206,17 +206,17 @@ impl<'a, J: RelaxJudge> Steps<'a, J> {
         let mut sum = 0.0;
         let mut facets = Vec::with_capacity(after.len());
         for (names, corners, part_of) in after {
-            let like = &self.looks[triangles[part_of] as usize];
-            let look = self.judge.look(corners, Some(like));
-            sum += self.judge.fault(&look);
+            let like = &self.descriptors[triangles[part_of] as usize];
+            let descriptor = self.judge.describe(corners, Some(like));
+            sum += self.judge.fault(&descriptor);
             // what is still to come only adds to it
-            if before - sum <= least_gain * before {
+            if before - sum <= min_gain * before {
                 return None;
             }
             facets.push(Facet {
                 names,
                 corners,
-                look,
+                descriptor,
             });
         }
         Some(Fan {
@@ -299,8 +299,8 @@ impl<'a, J: RelaxJudge> Steps<'a, J> {
         Some((star.clone(), after.collect()))
     }
 
-    /// Whether the facets that a step makes meet one another, and all others, only in what they share.
-    pub fn stay_apart(&self, fan: &Fan<J::Look>, scratch: &mut Scratch) -> bool {
+    /// Returns `true` if the facets that a step makes meet one another, and all others, only in what they share.
+    pub fn stay_apart(&self, fan: &Fan<J::Descriptor>, scratch: &mut Scratch) -> bool {
         let bad = |kind: TriTri| kind.is_improper() || kind == TriTri::Same;
         for (i, t) in fan.after.iter().enumerate() {
             let mut others = fan.after[..i].iter();
@@ -330,7 +330,7 @@ impl<'a, J: RelaxJudge> Steps<'a, J> {
     }
 
     /// Does what was found possible, and says which triangles the facets are now.
-    pub fn take(&mut self, step: Step, fan: &Fan<J::Look>) -> Vec<u32> {
+    pub fn take(&mut self, step: Step, fan: &Fan<J::Descriptor>) -> Vec<u32> {
         let mut new_vertex = NEW_VERTEX;
         match step {
             Step::Flip { .. } => {}
@@ -347,7 +347,7 @@ impl<'a, J: RelaxJudge> Steps<'a, J> {
             triangles.push(self.triangles.len() as u32);
             // without corners so far
             self.triangles.push([NEW_VERTEX; 3]);
-            self.looks.push(facet.look);
+            self.descriptors.push(facet.descriptor);
             self.tree.add(&Aabb::around(facet.corners));
         }
         for (&t, facet) in triangles.iter().zip(&fan.after) {
@@ -364,7 +364,7 @@ impl<'a, J: RelaxJudge> Steps<'a, J> {
                 self.stars[v as usize].push(t);
             }
             self.triangles[t as usize] = names;
-            self.looks[t as usize] = facet.look;
+            self.descriptors[t as usize] = facet.descriptor;
             self.tree.update(t, &Aabb::around(facet.corners));
         }
         triangles

@@ -1,4 +1,4 @@
-//! How far the simplified surface is from the original one.
+//! Deviation of the simplified surface from the original one.
 //!
 //! From the original, by samples: its vertices and the middles of its edges are handed from triangle to triangle, and
 //! after each collapse each is known to be within a distance of the triangle that has it. From the simplified surface, by
@@ -17,7 +17,7 @@ const NONE: u32 = u32::MAX;
 /// distance to another might be less still, but that is not worth the search.
 const NEAR_SHARE: f64 = 1.0 / 16.0;
 
-/// So many samples are moved before memory is given back.
+/// Number of samples that are moved before memory is given back.
 const AT_ONCE: usize = 1 << 16;
 
 /// A place of the original.
@@ -76,7 +76,7 @@ pub(super) fn samples(mesh: &TriMesh, adjacency: &Adjacency) -> Vec<Sample> {
     vertices.chain(edges).collect()
 }
 
-/// What is known about the deviation.
+/// Bookkeeping of the deviation.
 pub(super) struct Deviation<'a> {
     samples: Vec<Sample>,
     /// The next sample of the same triangle.
@@ -88,7 +88,7 @@ pub(super) struct Deviation<'a> {
     pub largest: f64,
 }
 
-/// What becomes of the samples around a collapse. The list is kept for the next one.
+/// Moves of the samples around a collapse. The list is kept for the next one.
 #[derive(Default)]
 pub(super) struct Moves {
     /// The samples, each with the place of its triangle among the new ones.
@@ -113,8 +113,9 @@ impl<'a> Deviation<'a> {
         }
     }
 
-    /// Whether the deviation stays within `limit` if the triangles `old` are replaced by those with corners at `new`, all
-    /// of which have one at `merged`. The first of `old` are those that change into `new`, in the same order.
+    /// Returns `true` if the deviation stays within `limit` if the triangles `old` are replaced by those with corners
+    /// at `new`, all of which have one at `merged`. The first of `old` are those that change into `new`, in the same
+    /// order.
     pub fn stays_within(
         &self,
         limit: f64,
@@ -177,7 +178,7 @@ impl<'a> Deviation<'a> {
         true
     }
 
-    /// How far a place is from the original at most, unless that is more than the limit.
+    /// Largest distance of a place from the original, unless that is more than the limit.
     fn distance_to(&self, original: &Bvh, place: DVec3, limit: f64, moves: &Moves) -> Option<f64> {
         let near = (moves.samples.iter())
             .map(|&(i, _)| &self.samples[i as usize])

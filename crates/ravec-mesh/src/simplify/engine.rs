@@ -26,11 +26,11 @@ use crate::{Aabb, Adjacency, Bvh, TriMesh};
 /// shrink where they bend, larger freezes their bends.
 const CURVE_WEIGHT: f64 = 3.0;
 
-/// How often what was vetoed may be tried again. Later rounds find next to nothing.
+/// Number of rounds in which vetoed collapses are tried again. Later rounds find next to nothing.
 const ROUNDS: u32 = 3;
 
-/// How many edges are examined at once where threads are idle, at least and at most. The more, the rarer threads wait for one
-/// another, and the more examinations are in vain, since something changed meanwhile.
+/// Number of edges that are examined at once where threads are idle: the least and the most. The more, the rarer
+/// threads wait for one another, and the more examinations are in vain, since something changed meanwhile.
 const AHEAD: [usize; 2] = [16, 256];
 
 /// If of the edges that were examined at once a larger share than the second was examined in vain, there are half as many the
@@ -41,9 +41,9 @@ const IN_VAIN: [f64; 2] = [1.0 / 32.0, 1.0 / 8.0];
 const PAUSE: usize = 256;
 
 /// In so many parts at most they are examined, since each needs an examiner, which has a number for each vertex.
-const MOST_PARTS: usize = 8;
+const MAX_PARTS: usize = 8;
 
-/// What an engine starts from.
+/// Initial state of an engine.
 pub(super) struct Start<'a> {
     pub mesh: &'a TriMesh,
     pub params: &'a SimplifyParams,
@@ -51,15 +51,15 @@ pub(super) struct Start<'a> {
     /// The vertices to keep that are also those of other triangles, elsewhere: no edge between two of them may come to be,
     /// since there might be one elsewhere.
     pub sealed: &'a [u32],
-    /// What is known of the original, if this is not the first engine at work.
+    /// Samples of the original, if this is not the first engine at work.
     pub samples: Option<Vec<Sample>>,
     /// The original, if the distance from it is limited.
     pub original: Option<&'a Bvh>,
-    /// How many other engines wait for a thread: while there are any, this one looks at one edge after the other.
+    /// Number of other engines that wait for a thread: while there are any, this one examines one edge after the other.
     pub waiting: &'a AtomicUsize,
 }
 
-/// So many edges or triangles are dealt with between two looks at the cancellation while the work begins.
+/// Number of edges or triangles that are processed between two checks for cancellation while the work begins.
 const AT_ONCE: u32 = 1 << 14;
 
 /// The same of edges that were vetoed, around each of which one has to look for changes.
@@ -67,28 +67,28 @@ const VETOED_AT_ONCE: usize = 1 << 10;
 
 pub(super) struct Engine<'a, J: CollapseJudge> {
     state: State<'a, J>,
-    /// How many other engines wait for a thread.
+    /// Number of other engines that wait for a thread.
     waiting: &'a AtomicUsize,
     /// Grows with each change of a vertex.
     stamps: Vec<u32>,
-    /// Of each vertex that is gone, the one it was merged into.
+    /// The vertex into which each vertex that is gone was merged.
     merged_into: Vec<u32>,
     /// When the triangles at a vertex last changed, as a number of collapses.
     touched: Vec<u32>,
     target: u64,
     queue: Queue,
-    /// What was vetoed, and after how many collapses.
+    /// Vetoed collapses, each with the number of collapses before it.
     vetoed: Vec<(Entry, u32)>,
     marks: Marks,
     examiner: Examiner,
     /// Those of other threads, while they are not at work.
     examiners: Mutex<Vec<Examiner>>,
-    /// What was examined last, and what was examined ahead; kept for their lists.
+    /// The last examination, and those made ahead; kept for their lists.
     last: Collapse<J::Findings>,
     ahead: Vec<Collapse<J::Findings>>,
     /// Where triangles have changed since a batch was examined, if there is one and triangles must not meet.
     changed_boxes: Option<Vec<Aabb>>,
-    /// How many edges are examined at once the next time, and how many one after the other before that.
+    /// Number of edges that are examined at once the next time, and number examined one after the other before that.
     reach: usize,
     pause: usize,
     report: SimplifyReport,
@@ -223,12 +223,12 @@ impl<'a, J: CollapseJudge> Engine<'a, J> {
         for _ in 0..ROUNDS {
             let before = self.report.collapses;
             while !self.is_done() {
-                let many = self.most_ahead();
+                let many = self.max_ahead();
                 let batch = self.next(many);
                 match batch.as_slice() {
                     [] => break,
                     [entry] => self.try_collapse(*entry, phase, progress)?,
-                    _ => self.look_ahead(&batch, phase, progress)?,
+                    _ => self.examine_ahead(&batch, phase, progress)?,
                 }
             }
             if self.is_done() || self.report.collapses == before {
@@ -260,21 +260,21 @@ impl<'a, J: CollapseJudge> Engine<'a, J> {
         self.stamps[a as usize].wrapping_add(self.stamps[b as usize])
     }
 
-    /// Whether neither end was merged since the edge was put into the queue.
+    /// Returns `true` if neither end was merged since the edge was put into the queue.
     #[inline]
     fn is_current(&self, entry: &Entry) -> bool {
         self.stamp(entry.ends) == entry.stamp
     }
 
-    /// Whether triangles at either end have changed since so many collapses had happened.
+    /// Returns `true` if triangles at either end have changed since so many collapses had happened.
     #[inline]
     fn has_changed(&self, entry: &Entry, when: u32) -> bool {
         let mut touched = entry.ends.into_iter().map(|v| self.touched[v as usize]);
         touched.any(|touched| touched > when)
     }
 
-    /// How many edges to examine at once: one if all threads have work.
-    fn most_ahead(&mut self) -> usize {
+    /// Number of edges to examine at once: one if all threads have work.
+    fn max_ahead(&mut self) -> usize {
         let is_last = self.waiting.load(Ordering::Relaxed) == 0;
         if self.pause > 0 || !is_last || rayon::current_num_threads() == 1 {
             self.pause = self.pause.saturating_sub(1);
@@ -309,10 +309,10 @@ impl<'a, J: CollapseJudge> Engine<'a, J> {
         batch
     }
 
-    /// Examines all of a batch at once, as if each were next, and lets those collapse that may. What happens is what would happen
-    /// one after the other: edges that come to be meanwhile have their turn, and where something has changed since around an
-    /// edge, it is examined again.
-    fn look_ahead(
+    /// Examines all of a batch at once, as if each were next, and lets those collapse that may. The result is that of
+    /// examining them one after the other: edges that come to be meanwhile have their turn, and where something has
+    /// changed since around an edge, it is examined again.
+    fn examine_ahead(
         &mut self,
         batch: &[Entry],
         phase: &Phase,
@@ -370,7 +370,7 @@ impl<'a, J: CollapseJudge> Engine<'a, J> {
         // not locked during the examination: a judge with parallel work of its own may make this thread take up another part
         let (state, examiners, vertices) = (&self.state, &self.examiners, self.stamps.len());
         let idle = || examiners.lock().unwrap_or_else(PoisonError::into_inner);
-        let part = batch.len().div_ceil(MOST_PARTS);
+        let part = batch.len().div_ceil(MAX_PARTS);
         let parts = batch.par_chunks(part).zip(ahead.par_chunks_mut(part));
         parts.try_for_each(|(entries, collapses)| {
             let examiner = idle().pop();
@@ -444,8 +444,8 @@ impl<'a, J: CollapseJudge> Engine<'a, J> {
         }
     }
 
-    /// How many triangles may go.
-    pub fn most_to_do(&self) -> u64 {
+    /// Number of triangles that may still go.
+    pub fn max_to_do(&self) -> u64 {
         self.state.surface.alive.saturating_sub(self.target)
     }
 
@@ -481,13 +481,13 @@ impl<'a, J: CollapseJudge> Engine<'a, J> {
     }
 }
 
-/// What an engine leaves, in the names of the mesh it was given.
+/// The result of an engine, in the names of the mesh it was given.
 pub(super) struct Leftover {
-    /// Where the vertices are that are still there.
+    /// Positions of the vertices that are still there.
     pub positions: Vec<DVec3>,
     /// The corners of the triangles that are still there.
     pub triangles: Vec<[u32; 3]>,
-    /// Of each vertex, the one that stands for it.
+    /// The vertex that stands for each vertex.
     pub merged_into: Vec<u32>,
     pub features: Vec<[u32; 2]>,
     pub samples: Vec<Sample>,

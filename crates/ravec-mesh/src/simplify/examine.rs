@@ -1,4 +1,4 @@
-//! Whether a collapse is allowed.
+//! Examination: the conditions that allow a collapse.
 
 use glam::DVec3;
 
@@ -126,8 +126,8 @@ impl Change {
             new_worst_sq = new_worst_sq.min(new_sq);
             if old_sq > NO_NORMAL * NO_NORMAL {
                 let along = old.dot(new);
-                let least_sq = limits.turn_cos_sq * old.length_squared() * new.length_squared();
-                if along <= 0.0 || along * along < least_sq {
+                let min_sq = limits.turn_cos_sq * old.length_squared() * new.length_squared();
+                if along <= 0.0 || along * along < min_sq {
                     return Err(Veto::Turns);
                 }
             }
@@ -145,8 +145,8 @@ impl Change {
             self.vanishing_at.push(at);
             worst_sq = worst_sq.min(quality_sq(&at, normal(&at)));
         }
-        let least_sq = limits.min_quality * limits.min_quality;
-        if new_worst_sq <= 0.0 || new_worst_sq < least_sq.min(worst_sq) {
+        let min_sq = limits.min_quality * limits.min_quality;
+        if new_worst_sq <= 0.0 || new_worst_sq < min_sq.min(worst_sq) {
             return Err(Veto::Quality);
         }
         Ok(())
@@ -197,7 +197,7 @@ impl Marks {
         self.last
     }
 
-    /// Whether `v` did not carry `mark` yet, which it does from now on.
+    /// Returns `true` if `v` did not carry `mark` yet, which it does from now on.
     #[inline]
     pub fn is_new(&mut self, v: u32, mark: u32) -> bool {
         std::mem::replace(&mut self.of[v as usize], mark) != mark
@@ -361,8 +361,8 @@ pub(super) enum Freedom {
     Between([u32; 2]),
 }
 
-/// What the classes of the ends allow: what is on a curve leaves it never, and what is on two meets only along an edge
-/// of theirs.
+/// Freedom that the classes of the ends allow: a vertex on a curve never leaves it, and vertices on two curves meet
+/// only along an edge of theirs.
 #[inline]
 pub(super) fn freedom(surface: &Surface, a: u32, b: u32) -> Option<Freedom> {
     let (class_a, class_b) = (surface.class(a), surface.class(b));

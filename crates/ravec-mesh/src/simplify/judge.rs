@@ -1,4 +1,4 @@
-//! What the caller of simplification has a say in.
+//! Decisions of the caller of simplification.
 
 use glam::DVec3;
 
@@ -9,13 +9,13 @@ use crate::TriMesh;
 pub struct CollapseCandidate<'a> {
     /// The vertices that are merged, by their index in the original mesh; the first one keeps its name.
     pub vertices: [u32; 2],
-    /// Where these two are.
+    /// Positions of these two.
     pub from: [DVec3; 2],
-    /// Where the merged vertex will be.
+    /// Position of the merged vertex.
     pub position: DVec3,
     /// The triangles that will change, by their index in the original mesh.
     pub triangles: &'a [u32],
-    /// Where the corners of `triangles` are.
+    /// Positions of the corners of `triangles`.
     pub before: &'a [[DVec3; 3]],
     /// The names of these corners, by their index in the original mesh.
     pub corners_before: &'a [[u32; 3]],
@@ -27,28 +27,28 @@ pub struct CollapseCandidate<'a> {
     pub vanishing: &'a [u32],
     /// The names of their corners, by their index in the original mesh.
     pub vanishing_corners: &'a [[u32; 3]],
-    /// Where these are.
+    /// Positions of these corners.
     pub vanishing_at: &'a [[DVec3; 3]],
 }
 
-/// Who may refuse collapses. A closure that answers whether to refuse is one that is asked last.
+/// Judge that may refuse collapses. A closure that answers whether to refuse is one that is asked last.
 ///
 /// Several collapses may be judged at the same time, and what is judged may not happen for other reasons, or be judged again
 /// once its neighborhood has changed. So answers may depend only on the candidate and on the collapses around it that
-/// [happened](Self::happens).
+/// [happened](Self::on_collapse).
 pub trait CollapseJudge: Sync {
-    /// What is found out while a collapse is judged, for the next question about it and for when it happens.
+    /// Findings of a judgment, for the next question about the collapse and for its execution.
     type Findings: Default + Send;
 
-    /// Where a merged vertex is put that would best be at `lowest` (default there): for vertices that may be in some places
-    /// only. It is asked before all else, and not about a vertex that stays where it is.
+    /// The allowed place of a merged vertex that would best be at `lowest` (default there): for vertices that may be in
+    /// some places only. It is asked before all else, and not about a vertex that stays where it is.
     fn place(&self, lowest: DVec3) -> DVec3 {
         lowest
     }
 
-    /// Whether to refuse a collapse whose new triangles have a good shape, while the distance from the original and
-    /// intersections are not examined yet: for questions that are cheaper than these. The findings are those of another
-    /// collapse, or new.
+    /// Returns `true` if to refuse a collapse whose new triangles have a good shape, while the distance from the
+    /// original and intersections are not examined yet: for questions that are cheaper than these. The findings are
+    /// those of another collapse, or new.
     fn refuses_early(
         &self,
         candidate: &CollapseCandidate<'_>,
@@ -58,11 +58,11 @@ pub trait CollapseJudge: Sync {
         false
     }
 
-    /// Whether to refuse a collapse that all other conditions allow.
+    /// Returns `true` if to refuse a collapse that all other conditions allow.
     fn refuses(&self, candidate: &CollapseCandidate<'_>, findings: &mut Self::Findings) -> bool;
 
     /// A collapse that was not refused happens.
-    fn happens(&mut self, candidate: &CollapseCandidate<'_>, findings: &mut Self::Findings) {
+    fn on_collapse(&mut self, candidate: &CollapseCandidate<'_>, findings: &mut Self::Findings) {
         let _ = (candidate, findings);
     }
 }
@@ -75,18 +75,18 @@ impl<F: Fn(&CollapseCandidate<'_>) -> bool + Sync> CollapseJudge for F {
     }
 }
 
-/// How far a judge may go on trust.
+/// Trust in the decisions of a judge.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Trust {
-    /// All triangles that changed are examined afterwards, by [`Overseer::faults`], and what is at fault is undone: a judge may admit
+    /// All triangles that changed are examined afterwards, by [`JudgeFactory::faults`], and what is at fault is undone: a judge may admit
     /// what is most probably right.
     Examined,
-    /// What it admits is final.
+    /// Its admissions are final.
     Final,
 }
 
-/// What the caller of [`simplify_patches`](super::simplify_patches) has a say in.
-pub trait Overseer: Sync {
+/// Decisions of the caller of [`simplify_patches`](super::simplify_patches).
+pub trait JudgeFactory: Sync {
     /// The kind of judges.
     type Judge: CollapseJudge;
 
@@ -94,9 +94,9 @@ pub trait Overseer: Sync {
     /// then.
     fn judge(&self, part: &TriMesh, trust: Trust) -> Self::Judge;
 
-    /// Whether what the judges admit will hardly ever make triangles meet (default no). Then a judge that is
-    /// [examined](Trust::Examined) is believed in that, too: what meets in the end is undone with what is at fault. That is
-    /// cheaper than a search at each collapse, unless sheets do come close.
+    /// Returns `true` if what the judges admit will hardly ever make triangles meet (default no). Then a judge that is
+    /// [examined](Trust::Examined) is believed in that, too: what meets in the end is undone with what is at fault.
+    /// That is cheaper than a search at each collapse, unless sheets do come close.
     fn keeps_apart(&self) -> bool {
         false
     }

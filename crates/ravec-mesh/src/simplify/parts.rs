@@ -9,16 +9,16 @@ use crate::keyed::{KeyedMap, KeyedSet};
 use crate::{Aabb, TriMesh};
 
 /// Patches have at least about half as many triangles: of smaller ones much is seam.
-const FEWEST: usize = 4096;
+const MIN_TRIANGLES: usize = 4096;
 
 /// Patches have at most about as many triangles: little is gained from fewer seams than that.
-const MOST: usize = 16_384;
+const MAX_TRIANGLES: usize = 16_384;
 
-/// So many patches are made between these limits: enough for as many threads.
+/// Number of patches that are made between these limits: enough for as many threads.
 const PATCHES: usize = 8;
 
-/// What is around seams is cut into pieces of about so many triangles at least.
-const FEWEST_OF_SEAMS: usize = 512;
+/// Least number of triangles, roughly, of the pieces into which the surroundings of seams are cut.
+const MIN_SEAM_TRIANGLES: usize = 512;
 
 /// Between which shares of its triangles a piece of seams is cut, and in how many places that is tried.
 const CUT_SHARES: [f64; 2] = [0.25, 0.75];
@@ -100,7 +100,7 @@ impl Part {
         at.map(|(t, _)| t).collect()
     }
 
-    /// What became of features of the original, by their names here.
+    /// The features of the original that remain, by their names here.
     pub fn features(&self, features: &[[u32; 2]], merged_into: &[u32]) -> Vec<[u32; 2]> {
         if features.is_empty() {
             return Vec::new();
@@ -130,7 +130,7 @@ pub(super) fn cut(mesh: &TriMesh) -> Vec<Vec<u32>> {
     let middles: Vec<DVec3> = (0..mesh.triangles().len() as u32)
         .map(|t| mesh.corners(t).into_iter().sum())
         .collect();
-    let most = (all.len() / PATCHES).clamp(FEWEST, MOST);
+    let most = (all.len() / PATCHES).clamp(MIN_TRIANGLES, MAX_TRIANGLES);
     let mut patches = Vec::new();
     let mut to_cut = vec![all];
     while let Some(mut triangles) = to_cut.pop() {
@@ -158,7 +158,7 @@ pub(super) fn cut(mesh: &TriMesh) -> Vec<Vec<u32>> {
 /// Around seams they are dense along the planes of seams, so that they are cut across these.
 pub(super) fn cut_sparsely(mesh: &TriMesh, triangles: Vec<u32>) -> Vec<Vec<u32>> {
     let middle = |t: u32| mesh.corners(t).into_iter().sum::<DVec3>();
-    let most = (triangles.len() / PATCHES).clamp(FEWEST_OF_SEAMS, MOST);
+    let most = (triangles.len() / PATCHES).clamp(MIN_SEAM_TRIANGLES, MAX_TRIANGLES);
     let mut pieces = Vec::new();
     let mut to_cut = vec![triangles];
     while let Some(mut triangles) = to_cut.pop() {
@@ -212,7 +212,7 @@ pub(super) fn borders(mesh: &TriMesh, groups: &[Vec<u32>]) -> (Vec<u32>, Vec<boo
     (group_of, shared)
 }
 
-/// Takes the samples of each of so many groups out, of which `group_of` tells by the triangle; those of none stay.
+/// Takes out the samples of each group, where `group_of` gives the group of a triangle; those of no group stay.
 pub(super) fn by_group(
     samples: &mut Vec<Sample>,
     groups: usize,

@@ -2,13 +2,13 @@
 //!
 //! 1. The triangles are cut into patches, by halving them again and again across the longest side of the box of their
 //!    middles. Patches are simplified side by side, with the vertices they share held fast.
-//! 2. Each is examined: triangles may meet if the [`Overseer`] says that its judges keep them apart; and the caller may find
+//! 2. Each is examined: triangles may meet if the [`JudgeFactory`] says that its judges keep them apart; and the caller may find
 //!    triangles at fault. These are [undone](super::undo), and then what is there again is simplified with care.
 //! 3. Patches are put together, and what is around the vertices that they share is simplified, so that no seam remains. This
 //!    is cut into pieces, too, where it is sparse and so across seams; they are simplified side by side, and then what is
 //!    around the few vertices that they share.
-//! 4. All of that is examined. What is at fault now is what it was when patches were put together, and only if that was not
-//!    enough, since triangles of two patches meet, what it was in the beginning.
+//! 4. All of that is examined. Triangles at fault now are restored as they were when patches were put together, and
+//!    only if that was not enough, since triangles of two patches meet, as they were in the beginning.
 //!
 //! Guarantees: as for [`simplify`](super::simplify); patches depend on the mesh alone. Does not guarantee: that the result
 //! is the one of [`simplify`](super::simplify), since collapses happen in another order.
@@ -20,7 +20,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::deviation::{Sample, known_samples, samples};
 use super::engine::{Engine, Leftover, Start};
-use super::judge::{Overseer, Trust};
+use super::judge::{JudgeFactory, Trust};
 use super::parts::{Part, borders, by_group, cut, cut_sparsely};
 use super::surface::{GONE, creases};
 use super::undo::Checkpoint;
@@ -29,7 +29,7 @@ use crate::adjacency::is_proper;
 use crate::keyed::KeyedMap;
 use crate::{Adjacency, Bvh, TriMesh};
 
-/// How many rings of triangles around what was held or restored are simplified in the end.
+/// Number of rings of triangles around held or restored vertices that are simplified in the end.
 const RINGS: usize = 2;
 
 /// Simplifies `mesh` in the caller's thread pool, by patches and then along their seams.
@@ -41,7 +41,7 @@ pub fn simplify_patches(
     mesh: &TriMesh,
     params: &SimplifyParams,
     mut keep: Keep<'_>,
-    overseer: &impl Overseer,
+    judges: &impl JudgeFactory,
     progress: &Progress,
 ) -> Result<Simplified, SimplifyError> {
     progress.check()?;
@@ -90,7 +90,7 @@ pub fn simplify_patches(
         fixed,
         sealed: keep.sealed,
         reports_samples: keep.reports_samples,
-        overseer,
+        judges,
         waiting: &AtomicUsize::new(0),
         phase: &progress.phase("simplify", mesh.triangles().len() as u64),
         progress,
@@ -110,7 +110,7 @@ pub fn simplify_patches(
     Ok(task.finish(assembly))
 }
 
-/// What all steps have in common.
+/// Data common to all steps.
 pub(super) struct Task<'a, O> {
     pub mesh: &'a TriMesh,
     pub params: SimplifyParams,
@@ -118,17 +118,17 @@ pub(super) struct Task<'a, O> {
     /// All edges that are features.
     features: Vec<[u32; 2]>,
     fixed: Vec<bool>,
-    /// Whether what is fixed is that of other meshes, too.
+    /// `true` if what is fixed is that of other meshes, too.
     sealed: bool,
     reports_samples: bool,
-    pub overseer: &'a O,
-    /// How many patches or pieces wait for a thread.
+    pub judges: &'a O,
+    /// Number of patches or pieces that wait for a thread.
     waiting: &'a AtomicUsize,
     phase: &'a Phase,
     pub progress: &'a Progress,
 }
 
-/// What an engine is to do.
+/// The work of an engine.
 struct Work<'a> {
     keep: Keep<'a>,
     trust: Trust,
@@ -136,7 +136,7 @@ struct Work<'a> {
     sealed: &'a [u32],
 }
 
-/// What bounds pieces that are simplified side by side: a bit for each vertex of the original.
+/// Bounds of pieces that are simplified side by side: a bit for each vertex of the original.
 struct Bounds {
     kept: Vec<bool>,
     /// Those that other triangles have, too.
@@ -148,13 +148,13 @@ struct Bounds {
 /// The mesh between the steps, in the names of the original.
 pub(super) struct Assembly {
     pub positions: Vec<DVec3>,
-    /// Of each vertex, the one that stands for it.
+    /// The vertex that stands for each vertex.
     pub merged_into: Vec<u32>,
     pub samples: Vec<Sample>,
     report: SimplifyReport,
 }
 
-impl<O: Overseer> Task<'_, O> {
+impl<O: JudgeFactory> Task<'_, O> {
     /// Simplifies all of the mesh, and undoes what is at fault.
     fn simplify_examined(&self, samples: Vec<Sample>) -> Result<Assembly, SimplifyError> {
         let mut assembly = Assembly::new(self.mesh, samples);
@@ -276,7 +276,7 @@ impl<O: Overseer> Task<'_, O> {
         Ok(bounds.left)
     }
 
-    /// What bounds the pieces of a `whole`, of whose vertices some are `free`, and some `shared` by pieces.
+    /// Bounds of the pieces of a `whole`, of whose vertices some are `free`, and some `shared` by pieces.
     fn bounds(&self, whole: &Part, free: &[bool], shared: &[bool]) -> Bounds {
         let mut bounds = Bounds {
             kept: self.fixed.clone(),
@@ -305,7 +305,7 @@ impl<O: Overseer> Task<'_, O> {
         }
         drop(names);
         self.progress.check()?;
-        let is_believed = work.trust == Trust::Examined && self.overseer.keeps_apart();
+        let is_believed = work.trust == Trust::Examined && self.judges.keeps_apart();
         let params = SimplifyParams {
             avoid_intersections: self.params.avoid_intersections && !is_believed,
             ..self.params
@@ -319,7 +319,7 @@ impl<O: Overseer> Task<'_, O> {
             original: self.original,
             waiting: self.waiting,
         };
-        let judge = self.overseer.judge(&part.mesh, work.trust);
+        let judge = self.judges.judge(&part.mesh, work.trust);
         self.progress.check()?;
         let mut engine = Engine::new(start, judge, self.progress)?;
         engine.run(self.phase, self.progress)?;
@@ -432,7 +432,7 @@ impl Assembly {
         self.report.add(&of_patch.report);
     }
 
-    /// Which vertices stand for which, and where they are.
+    /// The vertex that stands for each vertex, and the positions.
     pub fn now(&self) -> (&[u32], &[DVec3]) {
         (&self.merged_into, &self.positions)
     }

@@ -38,14 +38,14 @@ impl Add for Quadric {
     }
 }
 
-/// What is added to A for the placement, relative to its mean eigenvalue.
+/// Ridge that is added to A for the placement, relative to its mean eigenvalue.
 ///
 /// Directions in which A is weaker than this are left to the middle of the edge. It corresponds to creases of a tenth of a
 /// degree; smaller lets rounding decide, larger pulls vertices off shallow creases.
 const RIDGE: f64 = 1e-6;
 
-/// How often the placement is refined. Each time shrinks the pull of the ridge on a direction with relative eigenvalue s
-/// by 1e-6 / s: after three, a crease of 6 degrees is met to 1e-11 of the edge.
+/// Number of refinements of the placement. Each time shrinks the pull of the ridge on a direction with relative
+/// eigenvalue s by 1e-6 / s: after three, a crease of 6 degrees is met to 1e-11 of the edge.
 const REFINEMENTS: usize = 3;
 
 impl Quadric {

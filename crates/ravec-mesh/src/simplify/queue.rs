@@ -13,7 +13,7 @@ pub(super) struct Entry {
     pub bucket: u32,
     /// The two ends.
     pub ends: [u32; 2],
-    /// What the caller knows the entry's age by.
+    /// Stamp by which the caller recognizes outdated entries.
     pub stamp: u32,
 }
 
@@ -79,7 +79,7 @@ impl Queue {
         None
     }
 
-    /// How many are in a bucket.
+    /// Number of entries in a bucket.
     pub fn count_in(&self, bucket: u32) -> usize {
         self.buckets[bucket as usize].len()
     }

@@ -1,4 +1,4 @@
-//! What the examination of a collapse looks at, and what a collapse changes.
+//! State of a simplification: read by the examination of a collapse, changed by the collapse.
 
 use glam::DVec3;
 
@@ -32,7 +32,7 @@ impl Frame {
 
 /// A collapse that was examined, for when it happens. It is kept for the next one.
 pub(super) struct Collapse<F> {
-    /// Whether it may happen. If not, what else is here may be of an earlier one.
+    /// The permission, or the veto. If not, what else is here may be of an earlier one.
     pub verdict: Result<(), Veto>,
     pub plan: Plan,
     pub change: Change,
@@ -67,7 +67,7 @@ pub(super) struct State<'a, J> {
     pub limits: Limits,
     /// Only if triangles must not meet.
     pub tree: Option<LooseOctree>,
-    /// Of each vertex, whether other triangles have it; empty if there are none.
+    /// `true` for each vertex that other triangles have; empty if there are none.
     pub sealed: Vec<bool>,
     pub judge: J,
 }
@@ -150,7 +150,7 @@ impl<J: CollapseJudge> State<'_, J> {
         let (plan, change) = (collapse.plan, &collapse.change);
         let [kept, removed] = [plan.kept, plan.removed];
         let candidate = change.candidate(&self.surface, &plan);
-        self.judge.happens(&candidate, &mut collapse.findings);
+        self.judge.on_collapse(&candidate, &mut collapse.findings);
         if let Some(deviation) = &mut self.deviation {
             deviation.accept(&change.old(), &change.changed, &collapse.moves);
         }

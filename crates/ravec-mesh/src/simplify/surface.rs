@@ -11,7 +11,7 @@ use crate::{Adjacency, TriMesh};
 /// The corners of a triangle that is gone.
 pub(super) const GONE: [u32; 3] = [u32::MAX; 3];
 
-/// How free a vertex is. The order matters: of two that merge, the larger one decides.
+/// Freedom of a vertex. The order matters: of two that merge, the larger one decides.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Class {
     /// On the smooth surface.
@@ -55,7 +55,7 @@ pub(super) fn creases(mesh: &TriMesh, adjacency: &Adjacency, angle_rad: f64) -> 
 pub(super) struct Surface {
     pub positions: Vec<DVec3>,
     pub triangles: Vec<[u32; 3]>,
-    /// Of each vertex, where its triangles are in `pool`, and how many. Some of them may be gone.
+    /// Start of the triangles of each vertex in `pool`, and their number. Some of them may be gone.
     stars: Vec<(usize, u32)>,
     /// Lists of triangles. A merged vertex gets a new list at the end.
     pool: Vec<u32>,
@@ -64,7 +64,7 @@ pub(super) struct Surface {
     special: KeyedSet<u64>,
     /// Those of them that are features.
     features: KeyedSet<u64>,
-    /// How many special edges a vertex has.
+    /// Number of special edges of each vertex.
     special_count: Vec<u32>,
     fixed: Vec<bool>,
 }

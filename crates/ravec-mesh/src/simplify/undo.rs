@@ -1,9 +1,10 @@
-//! What is at fault after a step of simplification is undone.
+//! Undoing of the collapses that left faults after a step of simplification.
 //!
-//! Clusters are restored: vertices that were merged are there again, where they were. That is easy, since a triangle is there if and
-//! only if its corners were not merged with each other. Of what is at fault only as much is restored as may be enough: what changed
-//! since the checkpoint, or else the smallest cluster. For restored triangles have others beside them at fault, and what is restored
-//! from farther back spreads farther. What is restored is examined again, until nothing is at fault.
+//! Clusters are restored: vertices that were merged are there again, where they were. That is easy, since a triangle is
+//! there if and only if its corners were not merged with each other. Of what is at fault only as much is restored as
+//! may be enough: what changed since the checkpoint, or else the smallest cluster. For restored triangles have others
+//! beside them at fault, and what is restored from farther back spreads farther. The restored surface is examined
+//! again, until nothing is at fault.
 
 use std::sync::Mutex;
 
@@ -13,13 +14,13 @@ use rayon::prelude::*;
 
 use super::SimplifyError;
 use super::deviation::Sample;
-use super::judge::Overseer;
+use super::judge::JudgeFactory;
 use super::parts::Part;
 use super::patches::{Assembly, Task};
 use crate::adjacency::is_proper;
 use crate::{Aabb, Adjacency, BoxTree, CandidateTree, TriMesh, for_each_self_intersection};
 
-/// What vertices may go back to.
+/// Earlier places and merges to which vertices may be restored.
 pub(super) struct Checkpoint {
     positions: Vec<DVec3>,
     merged_into: Vec<u32>,
@@ -37,14 +38,14 @@ impl Checkpoint {
 /// Vertices whose triangles have to be examined.
 struct Suspects {
     vertices: Vec<bool>,
-    /// Whether other triangles may meet each other, too.
+    /// `true` if other triangles may meet each other, too.
     may_all_meet: bool,
 }
 
 /// Vertices, by their names in the original, whose triangles must not stay, or not together.
 type Fault = Vec<u32>;
 
-/// What became of each vertex.
+/// History of each vertex.
 struct History<'a> {
     /// The one that stood for it before anything was undone.
     merged: &'a [u32],
@@ -55,7 +56,7 @@ struct History<'a> {
     /// For how many it stood at the checkpoint.
     size: Vec<u32>,
     restored: Vec<bool>,
-    /// Whether it is restored to what it was in the beginning.
+    /// `true` if it is restored to its original state.
     is_original: Vec<bool>,
 }
 
@@ -84,7 +85,7 @@ impl<'a> History<'a> {
         }
     }
 
-    /// Whether a vertex can go back to what it was at the checkpoint.
+    /// Returns `true` if a vertex can go back to what it was at the checkpoint.
     fn is_recent(&self, v: u32) -> bool {
         self.is_new[self.merged[v as usize] as usize] && !self.restored[v as usize]
     }
@@ -104,7 +105,7 @@ struct Orders {
 }
 
 impl Orders {
-    /// What is to be undone to mend faults.
+    /// The vertices to restore in order to repair faults.
     fn new(faults: &[Fault], history: &History<'_>) -> Self {
         let vertices = history.merged.len();
         let mut orders = Self {
@@ -114,26 +115,26 @@ impl Orders {
         };
         for fault in faults {
             let recent = fault.iter().filter(|&&v| history.is_recent(v));
-            let mut is_mended = false;
+            let mut is_repaired = false;
             for &v in recent {
                 orders.to_checkpoint[history.merged[v as usize] as usize] = true;
-                is_mended = true;
+                is_repaired = true;
             }
             // what was there at the checkpoint is to blame only if nothing else is
-            if !is_mended {
+            if !is_repaired {
                 let parts = fault.iter().filter_map(|&v| Some((history.parts(v)?, v)));
                 if let Some((_, v)) = parts.min() {
                     orders.to_original[history.before[v as usize] as usize] = true;
-                    is_mended = true;
+                    is_repaired = true;
                 }
             }
-            orders.are_any |= is_mended;
+            orders.are_any |= is_repaired;
         }
         orders
     }
 }
 
-impl<O: Overseer> Task<'_, O> {
+impl<O: JudgeFactory> Task<'_, O> {
     /// Undoes what is at fault, if there was a checkpoint back to that, and says of which vertices something was undone.
     pub(super) fn restore(
         &self,
@@ -210,7 +211,7 @@ impl<O: Overseer> Task<'_, O> {
         fresh
     }
 
-    /// What is at fault; of all triangles, or of those at `suspects`.
+    /// The faults of all triangles, or of those at `suspects`.
     fn faults(
         &self,
         part: &Part,
@@ -230,7 +231,7 @@ impl<O: Overseer> Task<'_, O> {
         let is_changed =
             |&t: &u32| part.mesh.corners(t) != self.mesh.corners(part.triangles[t as usize]);
         let changed: Vec<u32> = suspicious.iter().copied().filter(is_changed).collect();
-        let bad = self.overseer.faults(&part.mesh, &changed);
+        let bad = self.judges.faults(&part.mesh, &changed);
         let of = |triangles: &[u32]| -> Fault {
             let corners = triangles.iter().flat_map(|&t| corners(t));
             corners.map(name).collect()
@@ -305,7 +306,8 @@ impl<O: Overseer> Task<'_, O> {
 mod tests {
     use super::*;
 
-    /// What is undone for a fault, where vertices 0 to 5 stand for clusters and 1 and 2 were merged since the checkpoint.
+    /// The vertices restored for a fault, where vertices 0 to 5 stand for clusters and 1 and 2 were merged since the
+    /// checkpoint.
     fn undone(fault: &[u32], restored: &[usize]) -> (Vec<usize>, Vec<usize>) {
         let checkpoint = Checkpoint {
             positions: vec![DVec3::ZERO; 10],

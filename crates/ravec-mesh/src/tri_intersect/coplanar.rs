@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::{Common, TriTri};
 use crate::predicates::{Projection, Sign};
 
-/// Where a point lies relative to a convex polygon or a segment.
+/// Location of a point relative to a convex polygon or a segment.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Place {
     Outside,
@@ -29,7 +29,7 @@ pub(super) fn view(t: &[DVec3; 3], normal: DVec3) -> (Projection, Sign) {
     best
 }
 
-/// Of each edge of `t`, from corner `i` to the next one, the sides of `points`; positive is inside.
+/// The sides of `points` of each edge of `t`, from corner `i` to the next one; positive is inside.
 fn sides<const N: usize>(
     t: &[DVec3; 3],
     (on, turn): (Projection, Sign),
@@ -61,7 +61,7 @@ fn place_by<const N: usize>(sides: &[[Sign; N]; 3], k: usize) -> Place {
     }
 }
 
-/// How far two convex figures are kept apart by a line along one of their edges: the larger, the farther.
+/// Separation of two convex figures by a line along one of their edges: the larger, the farther.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Apart {
     Overlapping,
@@ -69,7 +69,7 @@ enum Apart {
     Separate,
 }
 
-/// What the line of an edge, which has its own figure on the positive side, says about points on `sides`.
+/// Separation, by the line of an edge with its own figure on the positive side, of that figure from points on `sides`.
 fn apart_by(sides: &[Sign]) -> Apart {
     match sides.iter().max() {
         Some(Sign::Negative) => Apart::Separate,

@@ -1,7 +1,7 @@
 //! Triangles without area: segments and points.
 //!
-//! What two convex figures share is convex, and its extreme points are corners of either or points where edges cross.
-//! They meet beyond the corners in common if one of those extreme points is not such a corner.
+//! The intersection of two convex figures is convex, and its extreme points are corners of either or points where edges
+//! cross. They meet beyond the corners in common if one of those extreme points is not such a corner.
 
 use glam::DVec3;
 

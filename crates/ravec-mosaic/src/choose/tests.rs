@@ -2,7 +2,7 @@ use super::*;
 use crate::rules::violations;
 use proptest::prelude::*;
 
-fn looks(count: usize, seed: u64) -> Vec<Look> {
+fn descriptors(count: usize, seed: u64) -> Vec<Descriptor> {
     let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
     let mut number = move || {
         state ^= state << 13;
@@ -14,7 +14,7 @@ fn looks(count: usize, seed: u64) -> Vec<Look> {
         .map(|_| {
             let mean = [number(), 0.3 * number(), 0.3 * number()];
             let slope = [0.3 * number(), 0.1 * number(), 0.1 * number()];
-            Look {
+            Descriptor {
                 coefficients: vec![mean, slope, [0.0; 3]],
                 quarters: [mean; 4],
             }
@@ -23,11 +23,11 @@ fn looks(count: usize, seed: u64) -> Vec<Look> {
 }
 
 fn grid(columns: usize, rows: usize, seed: u64) -> Tiling {
-    let tiles = looks(columns * rows, seed)
+    let tiles = descriptors(columns * rows, seed)
         .into_iter()
         .enumerate()
-        .map(|(at, look)| Tile {
-            look,
+        .map(|(at, descriptor)| Tile {
+            descriptor,
             col: at % columns,
             row: at / columns,
             side: 1,
@@ -71,7 +71,7 @@ fn brute_force(tiling: &Tiling, photos: &Photos, rules: &Rules) -> Option<f64> {
             continue;
         }
         let cost = chosen.iter().zip(tiles).map(|(&photo, tile)| {
-            let query = photos.class(tile).vector(&tile.look);
+            let query = photos.class(tile).vector(&tile.descriptor);
             f64::from(photos.class(tile).index.distance_sq(&query, photo))
         });
         let cost: f64 = cost.sum();
@@ -92,7 +92,7 @@ proptest! {
         if twins && count > 1 {
             groups[count - 1] = 0;
         }
-        let photos = Photos::new(&looks(count, seed + 1), groups, &params(0.0));
+        let photos = Photos::new(&descriptors(count, seed + 1), groups, &params(0.0));
         let rules = Rules { max_uses, min_repeat_distance: if spread { 1.3 + 0.2 * columns as f64 } else { 0.0 }, use_all };
         let best = brute_force(&tiles, &photos, &rules);
         if let Ok(choice) = choose(&tiles, &photos, &rules, &params(0.0), &Progress::none()) {
@@ -123,7 +123,7 @@ proptest! {
             .iter()
             .map(|group| order.iter().position(|other| other == group).unwrap() as u32)
             .collect();
-        let photos = Photos::new(&looks(60, seed + 1), groups, &params(blend));
+        let photos = Photos::new(&descriptors(60, seed + 1), groups, &params(blend));
         let rules = Rules { max_uses, min_repeat_distance: distance, use_all };
         let centers = tiles.centers();
         match choose(&tiles, &photos, &rules, &params(blend), &Progress::none()) {
@@ -142,8 +142,8 @@ proptest! {
 #[test]
 fn a_planted_photo_gets_its_tile() {
     let tiles = grid(4, 3, 5);
-    let mut library = looks(300, 6);
-    library[211] = tiles.tiles[7].look.clone();
+    let mut library = descriptors(300, 6);
+    library[211] = tiles.tiles[7].descriptor.clone();
     let photos = Photos::new(&library, (0..300).collect(), &params(0.0));
     let choice = choose(
         &tiles,
@@ -159,8 +159,13 @@ fn a_planted_photo_gets_its_tile() {
 #[test]
 fn what_cannot_be_is_said() {
     let tiles = grid(3, 3, 1);
-    let photos =
-        |count: usize| Photos::new(&looks(count, 2), (0..count as u32).collect(), &params(0.0));
+    let photos = |count: usize| {
+        Photos::new(
+            &descriptors(count, 2),
+            (0..count as u32).collect(),
+            &params(0.0),
+        )
+    };
     let run = |photos: &Photos, rules: Rules| {
         choose(&tiles, photos, &rules, &params(0.0), &Progress::none())
             .unwrap_err()

@@ -1,7 +1,7 @@
 //! The search on small pictures.
 
 use super::*;
-use crate::look::Look;
+use crate::descriptor::Descriptor;
 use proptest::prelude::*;
 use ravec_raster::Size;
 
@@ -32,17 +32,17 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
     #[test]
     fn the_energy_falls_and_no_tiles_are_added(waves in 1.0f32..9.0, seed: u64) {
-        let looks: Vec<Look> = (0..60)
+        let descriptors: Vec<Descriptor> = (0..60)
             .map(|number| {
                 let photo = Image::from_fn(Size::new(8, 8).unwrap(), |col, row| {
                     let slope = (number % 5) as f32 * 0.02 * (col as f32 - row as f32);
                     Oklab([number as f32 / 60.0 + slope, 0.01 * (number % 7) as f32, 0.0])
                 });
-                Look::of(&photo, Frame::of(&photo), 3)
+                Descriptor::of(&photo, Frame::of(&photo), 3)
             })
             .collect();
         let params = ChooseParams::default();
-        let photos = Photos::new(&looks, (0..60).collect(), &params);
+        let photos = Photos::new(&descriptors, (0..60).collect(), &params);
         let picture = Image::from_fn(Size::new(16 * COLUMNS, 16 * ROWS).unwrap(), |col, row| {
             Oklab([0.5 + 0.4 * (waves * (col * row) as f32 / 900.0).sin(), 0.03, 0.0])
         });
@@ -100,7 +100,7 @@ fn plans_cover_what_is_free_in_a_window() {
         plans += 1;
         let mut times = vec![0; 15 * 12];
         for (side, col, row) in plan {
-            assert!((2..=LARGEST).contains(&side));
+            assert!((2..=MAX_SIDE).contains(&side));
             for row in row..row + side {
                 for times in &mut times[row * 15 + col..][..side] {
                     *times += 1;

@@ -1,4 +1,4 @@
-//! What surrounds a feature, as 128 numbers.
+//! Descriptors: the surroundings of a feature as 128 numbers.
 //!
 //! The window is sampled in the feature's own frame: 22 × 22 brightnesses make 20 × 20 gradients, which vote for 8
 //! directions in the nearest of 4 × 4 fields. A field is three blurs wide. Where a vote goes and how much it counts
@@ -23,7 +23,7 @@ const STEP: f32 = 0.75;
 /// Fields with a rim that takes the votes which fall outside.
 const RIM: usize = FIELDS + 2;
 
-/// What one entry is multiplied by before it is rounded. The squares of the true entries sum to 1; few exceed ½.
+/// Factor of an entry before it is rounded. The squares of the true entries sum to 1; few exceed ½.
 const UNIT: f32 = 512.0;
 
 /// Gradient directions around a feature. Two are the more alike, the larger their product.

@@ -55,7 +55,7 @@ pub struct Feature {
     pub response: f64,
 }
 
-/// How features are found.
+/// Parameters of feature detection.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct FeatureParams {
@@ -67,8 +67,8 @@ pub struct FeatureParams {
     pub contrast: f64,
     /// The largest ratio of the two curvatures, at least 1 (default 10). Larger keeps points that may slip along edges.
     pub edge_ratio: f64,
-    /// Whether all features point to the right instead of along their gradients (default false). Pictures that are known
-    /// not to be turned match better so.
+    /// `true` if all features point to the right instead of along their gradients (default false). Pictures that are
+    /// known not to be turned match better so.
     pub upright: bool,
 }
 
@@ -88,7 +88,7 @@ impl Default for FeatureParams {
 pub struct Features {
     /// The points.
     pub points: Vec<Feature>,
-    /// What surrounds them, in the same order.
+    /// Descriptors of the keypoints, in the same order.
     pub descriptors: Vec<Descriptor>,
 }
 

@@ -1,8 +1,8 @@
 //! Lines that are joints: narrow stripes with an edge on each side.
 //!
 //! A grid laid on tiles or bricks is meant to run along the middle of the joints, but the steepest slopes are at their
-//! edges. A joint is told by its two edges, which rise and fall by much the same: where all lines of a family have such a
-//! partner at the same distance, counted in columns or rows, the middle is taken.
+//! edges. Two edges mark a joint, which rise and fall by much the same: where all lines of a family have such a partner
+//! at the same distance, counted in columns or rows, the middle is taken.
 
 use crate::quad_grid::QuadGrid;
 use crate::snap::SnapError;
@@ -15,15 +15,15 @@ use rayon::prelude::*;
 /// The width of joints at most, in columns or rows. Windows have two edges, too, but farther apart.
 const MAX_WIDTH: f64 = 0.15;
 
-/// Widths that are told apart, to each side.
+/// Widths that are distinguished, to each side.
 const WIDTHS: usize = 75;
 
 /// The correlation of both edges from which they are a joint. The edges of a row of windows and of what stands beside them
 /// reach one third by chance, those of joints two thirds on rough bricks.
 const MIN_CORRELATION: f64 = 0.45;
 
-/// How much weaker the weaker edge may be: joints lie in the shade of what is above, but frames of windows have an edge that
-/// matters and one that does not.
+/// Largest ratio of the stronger edge to the weaker one: joints lie in the shade of what is above, but frames of
+/// windows have an edge that matters and one that does not.
 const MAX_IMBALANCE: f64 = 3.0;
 
 /// The blur across lines, in pixels.
@@ -44,8 +44,8 @@ impl Joint {
         0.5 * self.width * cell_px.abs()
     }
 
-    /// How much like the middle of a joint each place is, from the slopes across the line: the rise on one side and the fall
-    /// on the other. As many as there are `responses`, around the middle of the slopes.
+    /// Similarity of each place to the middle of a joint, from the slopes across the line: the rise on one side and the
+    /// fall on the other. The `responses` are as many as the places around the middle of the slopes.
     pub(super) fn respond(&self, site: &Site, slopes: &[f32], responses: &mut [f32]) {
         let half = self.half_px(site.cell_px);
         let first = (slopes.len() as f64 - responses.len() as f64) / 2.0;
@@ -76,7 +76,7 @@ fn between(slopes: &[f32], at: f64) -> f64 {
     (1.0 - share) * value(after.checked_sub(1)) + share * value(Some(after))
 }
 
-/// What the edges below a family say about their partners.
+/// Partners of the edges below a family.
 #[derive(Clone)]
 struct Partners {
     /// −Σ of the slope on the line times the one at each distance.

@@ -45,12 +45,13 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::ops::RangeInclusive;
 
-/// How far a grid may snap.
+/// Parameters of snapping.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct SnapParams {
-    /// How far a corner may be off, as a share of the grid's longer diagonal, 0 to 0.2 (default 0.04). Larger forgives rougher
-    /// quads, costs more, and finds other edges that fit; more than half a column or row is never needed.
+    /// Largest error of a corner that snapping corrects, as a share of the grid's longer diagonal, 0 to 0.2 (default
+    /// 0.04). Larger forgives rougher quads, costs more, and finds other edges that fit; more than half a column or row
+    /// is never needed.
     pub reach_rel: f64,
 }
 
@@ -77,10 +78,12 @@ pub enum SnapError {
     #[error("the grid lies outside the picture")]
     Outside,
     /// There are no edges near the lines.
-    #[error("there are no edges near the lines of the grid")]
+    #[error(
+        "there are no edges near the lines of the grid: place it closer to the lines of the picture"
+    )]
     NoEdges,
     /// The edges would turn the grid inside out.
-    #[error("the edges near the lines make no grid: {0}")]
+    #[error("the edges near the lines do not form a grid: {0}")]
     NoGrid(#[from] HomographyError),
     /// The work was cancelled.
     #[error("cancelled")]
@@ -98,7 +101,7 @@ impl From<Cancelled> for SnapError {
 const SECOND_REACH: f64 = 0.25;
 
 /// Grids that are followed to the end, if the first is not clear.
-const MOST_STARTS: usize = 3;
+const MAX_STARTS: usize = 3;
 
 /// The support from which a grid is taken without a look at others.
 const CLEAR_SUPPORT: f64 = 0.9;
@@ -138,7 +141,7 @@ pub fn snap(
     progress: &Progress,
 ) -> Result<Snapped, SnapError> {
     let reach = reach_px(grid, params);
-    let phase = progress.phase("snap", 1 + MOST_STARTS as u64);
+    let phase = progress.phase("snap", 1 + MAX_STARTS as u64);
     let starts = starts(plane, grid, reach, progress)?;
     phase.advance(1);
     let follow = |start: QuadGrid| nearer(plane, start, second_reach(reach), progress);
@@ -195,7 +198,7 @@ fn starts(
         .collect();
     pairs.sort_by_key(|&(column, row)| column + row);
     let mut starts = Vec::new();
-    for (column, row) in pairs.into_iter().take(MOST_STARTS) {
+    for (column, row) in pairs.into_iter().take(MAX_STARTS) {
         // rows were sought with the best columns; their moves are much the same with the others
         let (to, by) = (columns[column].grid.corners(), rows[row].grid.corners());
         let corners = std::array::from_fn(|k| to[k] + by[k] - moved.corners()[k]);

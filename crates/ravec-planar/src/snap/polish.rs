@@ -13,7 +13,7 @@ use rayon::prelude::*;
 /// A step of the last fraction of a pixel.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Round {
-    /// How far edges are looked for, in pixels: the search leaves about one pixel.
+    /// Search radius for edges, in pixels: the search leaves about one pixel.
     reach: usize,
     /// One of so many sites is looked at, if there are plenty: far from the end the others say the same.
     every: usize,

@@ -5,8 +5,8 @@ use crate::snap::sites::{Profile, Site, Sites};
 use ravec_raster::Plane;
 use rayon::prelude::*;
 
-/// Pieces of a line that are told apart. The ends of a line move differently; within a piece the difference is a fraction
-/// of the coarsest step.
+/// Pieces of a line that are distinguished. The ends of a line move differently; within a piece the difference is a
+/// fraction of the coarsest step.
 const PIECES: usize = 16;
 
 /// The blur across lines, in pixels. Edges must be wide enough to meet along a piece that is not yet parallel to them, which
@@ -21,7 +21,7 @@ const MOVES: usize = 5;
 /// lie within one step.
 const HALF_MOVES: i32 = 4;
 
-/// Shifts of an end of a line that are told apart in the coarsest search, in half steps: up to twice the reach.
+/// Shifts of an end of a line that are distinguished in the coarsest search, in half steps: up to twice the reach.
 const CELLS: usize = 8 * HALF_MOVES as usize + 1;
 
 /// A cell in the fixed-point numbers that the coarsest search counts in: they are added and cut faster than floats.
@@ -40,15 +40,15 @@ const FINDS_WORTH: f32 = 0.9;
 /// Steps uphill at one step size.
 const MAX_CLIMB: u8 = 4;
 
-/// How much of the evidence the largest moves must bring more than none, to be preferred: a tie goes to the nearer one.
+/// Share of the evidence by which the largest moves must exceed no move, to be preferred: a tie goes to the nearer one.
 const NEARNESS: f32 = 0.02;
 
-/// How likely there is an edge at each distance from each piece of each line.
+/// Likelihood of an edge at each distance from each piece of each line.
 pub(super) struct Evidence {
     pieces: Vec<Piece>,
     ends: Vec<[[f64; 8]; 2]>,
     reach: usize,
-    /// What a line at any place finds.
+    /// Evidence of a line at any place.
     mean: f64,
 }
 
@@ -129,7 +129,8 @@ impl Evidence {
     }
 }
 
-/// How surely a slope is an edge, 0 to 1: one half at `scale`. It saturates, so that strong edges do not outvote many.
+/// Certainty that a slope is an edge, 0 to 1: one half at `scale`. It saturates, so that strong edges do not outvote
+/// many.
 #[inline]
 pub(super) fn edgeness(slope: f32, scale: f32) -> f32 {
     let square = slope * slope;
@@ -160,7 +161,7 @@ pub(super) fn edge_scale(usual: impl Iterator<Item = f32>, steepest: f32) -> f32
 
 /// The best moves.
 pub(super) struct Moves {
-    /// Of each corner along its direction, in pixels.
+    /// Moves of the corners along their directions, in pixels.
     pub by_px: [f64; 4],
     /// The evidence of all lines above what lines at any place find, less a share of the best line's for each.
     pub excess: f64,
@@ -280,7 +281,7 @@ impl<'a> Level<'a> {
         self.pieces.iter().zip(self.values.chunks_exact(self.width))
     }
 
-    /// What a piece with these values finds when the ends of its line shift.
+    /// Evidence of a piece with these values when the ends of its line shift.
     #[inline]
     fn find(&self, along: f32, values: &[f32], [start, end]: [f32; 2]) -> f32 {
         let shift = start + along * (end - start);
@@ -314,7 +315,7 @@ impl<'a> Level<'a> {
         })
     }
 
-    /// What each line finds for each pair of shifts of its ends, in half steps: `CELLS` × `CELLS` values a line.
+    /// Evidence of each line for each pair of shifts of its ends, in half steps: `CELLS` × `CELLS` values a line.
     fn tables(&self) -> Vec<f32> {
         let shift = |cell: usize| (cell as f32 - (CELLS / 2) as f32) * 0.5 * self.step;
         (0..self.ends.len())

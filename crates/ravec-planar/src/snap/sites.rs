@@ -25,7 +25,7 @@ impl Family {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Site {
     pub line: usize,
-    /// How far along the line, 0 to 1.
+    /// Position along the line, 0 to 1.
     pub along: f64,
     pub at: DVec2,
     /// Across the line, of length 1.
@@ -103,8 +103,9 @@ impl Sites {
         all
     }
 
-    /// As much of a reach as makes sense in a picture: beyond the picture there are no edges, so no line need be sought
-    /// farther away than the picture is wide across it; and what is looked at stays in proportion to the picture.
+    /// The part of a reach that is useful in a picture: beyond the picture there are no edges, so no line need be
+    /// sought farther away than the picture is wide across it; and the area that is inspected stays in proportion to
+    /// the picture.
     pub(super) fn reach_within(&self, size: Size, reach_px: f64) -> f64 {
         let extent = dvec2(size.width() as f64, size.height() as f64);
         let across = self.sites.iter().map(|site| site.normal.abs().dot(extent));
@@ -144,7 +145,7 @@ impl Moved {
         }
     }
 
-    /// How a place in the picture moves when it moves on by a column or row.
+    /// Displacement of a place in the picture for a step of one column or row.
     fn step(&self, at: DVec2, family: Family) -> DVec2 {
         let grid_from_here = self.grid_from_image.jacobian(at);
         let here_from_grid = grid_from_here.inverse();

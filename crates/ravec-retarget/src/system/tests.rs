@@ -123,10 +123,10 @@ fn the_minimum_is_that_of_a_dense_solution_of_the_definition() {
                 let forms = content.forms(axis);
                 // the dense system over the unknowns, from values of the definition alone
                 let n = system.unknowns.count();
-                let fixed = |k: usize| match system.unknowns.held[k] {
-                    Held::Free => None,
-                    Held::Near => Some(0.0),
-                    Held::Far => Some(length),
+                let fixed = |k: usize| match system.unknowns.anchors[k] {
+                    Anchor::Free => None,
+                    Anchor::Near => Some(0.0),
+                    Anchor::Far => Some(length),
                 };
                 let free: Vec<usize> = (0..n).filter(|&k| fixed(k).is_none()).collect();
                 let rows: Vec<_> = forms.iter().collect();
@@ -166,7 +166,7 @@ fn the_minimum_is_that_of_a_dense_solution_of_the_definition() {
                     .map(|node| system.unknowns.value(&z, node))
                     .collect();
                 let least = energy(&forms, &nodes, length, scale, None);
-                assert!((system.least_energy(length, scale) - least).abs() < 1e-9 * (1.0 + least));
+                assert!((system.min_energy(length, scale) - least).abs() < 1e-9 * (1.0 + least));
             }
         });
     }
@@ -184,7 +184,7 @@ fn one_factor_for_both_sides_is_plain_scaling_with_energy_0() {
                         let expected = 0.6 * content.grid.position_px(vertex)[axis];
                         assert!((axes[axis].unknowns.value(&z, vertex) - expected).abs() < 1e-6);
                     }
-                    assert!(axes[axis].least_energy(length, 0.6) < 1e-12);
+                    assert!(axes[axis].min_energy(length, 0.6) < 1e-12);
                 }
             });
         }
@@ -258,7 +258,7 @@ fn following_the_edges_leads_to_the_minimum_with_them() {
                 system.edges.apply(&z, length, &mut target);
                 // twice, as steps follow each other
                 let slope = |z: &[f64], target: &[f64]| {
-                    let free = (0..z.len()).filter(|&k| system.unknowns.held[k] == Held::Free);
+                    let free = (0..z.len()).filter(|&k| system.unknowns.anchors[k] == Anchor::Free);
                     free.map(|k| {
                         let at = |by: f64| {
                             let mut moved = z.to_vec();

@@ -8,14 +8,14 @@
 //!         add that by the weights of the columns
 //! ```
 //!
-//! What is found first is found for many pixels together; weights of columns are computed once for each of the four numbers of
-//! an old pixel, so that nothing need be moved between lanes.
+//! Lookups are done for many pixels together; weights of columns are computed once for each of the four numbers of an
+//! old pixel, so that nothing need be moved between lanes.
 //!
 //! Guarantees: nothing is fused and every sum has its order, so the bits are the same at any width of vectors.
 //! Cost: a multiplication and an addition for each sixteen numbers seen.
 
 use super::window::Window;
-use super::{Looks, REACH};
+use super::{REACH, Span};
 use fearless_simd::{f32x4, f32x16, prelude::*};
 use glam::DVec2;
 use std::ops::Range;
@@ -46,27 +46,27 @@ struct AxisTaps {
     sums: Vec<f32>,
 }
 
-/// What each pixel of `looks` sees of the window, at the places `xs` and `ys` in the old picture.
+/// Light of each pixel of `spans` in the window, at the places `xs` and `ys` in the old picture.
 #[inline(always)]
 pub(super) fn cubic<S: Simd>(
     simd: S,
     window: &Window,
-    looks: &[Looks],
+    spans: &[Span],
     [xs, ys]: [&[f64]; 2],
     taps: &mut Taps,
     light: &mut [[f32; 4]],
 ) {
     let origin = window.origin();
     let mut done = 0;
-    for row in looks.chunk_by(|a, b| a.row == b.row) {
-        let count: usize = row.iter().map(|looks| looks.count).sum();
+    for row in spans.chunk_by(|a, b| a.row == b.row) {
+        let count: usize = row.iter().map(|span| span.count).sum();
         let here = done..done + count;
         taps.find(row, [&xs[here.clone()], &ys[here.clone()]], origin);
         let light = &mut light[here];
         let mut first = 0;
-        for looks in row {
-            let pixels = first..first + looks.count;
-            filter(simd, window, taps, looks.most(), pixels.clone(), light);
+        for span in row {
+            let pixels = first..first + span.count;
+            filter(simd, window, taps, span.most(), pixels.clone(), light);
             first = pixels.end;
         }
         done += count;
@@ -114,7 +114,7 @@ fn filter<S: Simd>(
     }
 }
 
-/// What a pixel sees.
+/// View of a pixel.
 struct Sight<'a> {
     /// The window from the first old pixel on.
     numbers: &'a [f32],
@@ -164,7 +164,7 @@ impl Sight<'_> {
     }
 }
 
-impl Looks {
+impl Span {
     /// The most old pixels that one of them sees along x and along y.
     #[inline(always)]
     fn most(&self) -> [usize; 2] {
@@ -179,8 +179,8 @@ impl Looks {
 impl Taps {
     /// For the pixels of a row, which look at `places` of the old picture.
     #[inline(always)]
-    fn find(&mut self, row: &[Looks], places: [&[f64]; 2], origin: DVec2) {
-        let most = row.iter().map(Looks::most);
+    fn find(&mut self, row: &[Span], places: [&[f64]; 2], origin: DVec2) {
+        let most = row.iter().map(Span::most);
         let [columns, rows] = most.fold([0, 0], |a, b| [a[0].max(b[0]), a[1].max(b[1])]);
         self.x.find(row, places[0], origin.x, |width| width.x);
         self.y.find(row, places[1], origin.y, |width| width.y);
@@ -194,12 +194,12 @@ impl Taps {
 
 impl AxisTaps {
     #[inline(always)]
-    fn find(&mut self, row: &[Looks], places: &[f64], origin: f64, along: impl Fn(DVec2) -> f64) {
+    fn find(&mut self, row: &[Span], places: &[f64], origin: f64, along: impl Fn(DVec2) -> f64) {
         let count = places.len();
         self.reaches.clear();
-        for looks in row {
-            let (width, step) = (along(looks.width), along(looks.step));
-            let reaches = (0..looks.count as u32).map(|k| REACH * (width + step * f64::from(k)));
+        for span in row {
+            let (width, step) = (along(span.width), along(span.step));
+            let reaches = (0..span.count as u32).map(|k| REACH * (width + step * f64::from(k)));
             self.reaches.extend(reaches);
         }
         self.first.resize(count, 0);

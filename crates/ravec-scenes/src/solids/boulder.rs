@@ -6,7 +6,7 @@ use ravec_mesh::TriMesh;
 use super::icosphere;
 use crate::Seed;
 
-/// How many waves are laid over a ball.
+/// Number of waves that are laid over a ball.
 const WAVES: i64 = 12;
 
 /// A bumpy ball with a radius of about 1 around the origin, seen from which each direction meets it once.

@@ -212,7 +212,7 @@ pub fn torus(major: f64, minor: f64, around: u32, across: u32) -> Solid {
     }
 }
 
-/// How far the sides of a regular polygon are from its circle.
+/// Distance of the sides of a regular polygon from its circle.
 fn sagitta(radius: f64, sides: u32) -> f64 {
     radius * (1.0 - (PI / f64::from(sides)).cos())
 }

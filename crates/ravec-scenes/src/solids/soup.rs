@@ -6,7 +6,7 @@ use super::Solid;
 use super::shape::Shape;
 use crate::Seed;
 
-/// What is wrong with a soup, by index of triangle.
+/// Planted defects of a soup, by index of triangle.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Planted {
     /// Triangles that repeat another one, with the same orientation.

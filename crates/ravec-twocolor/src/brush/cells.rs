@@ -1,4 +1,4 @@
-//! What the tools need to know of the picture under a stroke, worked out cell by cell as strokes reach them.
+//! Properties of the picture under a stroke that the tools need, computed cell by cell as strokes reach them.
 
 use super::canvas::Canvas;
 use super::path::Path;
@@ -38,7 +38,7 @@ pub(crate) struct Cells {
     windows: WindowParams,
     /// The operator whose result is not a function of one window.
     regional: Option<OperatorParams>,
-    /// What a cleaning operator works against, once known.
+    /// The noise that a cleaning operator removes, once known.
     noise: Option<NoiseLevel>,
 }
 
@@ -123,7 +123,7 @@ impl Cells {
             .collect()
     }
 
-    /// What the operator makes of each of some cells side by side.
+    /// The operator's results for several cells, computed side by side.
     fn targets_of(
         &self,
         image: &Image<LinearRgba>,
@@ -216,14 +216,14 @@ impl Cells {
         })
     }
 
-    /// What a pixel becomes, if the tool works on regions.
+    /// The new value of a pixel, if the tool works on regions.
     pub fn target(&self, col: usize, row: usize) -> Option<LinearRgba> {
         let (cell, [x, y]) = self.at(col, row)?;
         cell.target.as_ref().map(|target| target[(x, y)])
     }
 }
 
-/// Whether the path comes within its radius of a rectangle of pixels.
+/// Returns `true` if the path comes within its radius of a rectangle of pixels.
 fn reaches(path: &Path, rect: Rect) -> bool {
     let near = path.near(rect);
     if near.is_empty() {

@@ -38,7 +38,7 @@ impl Brush {
     /// Puts the brush down: `stroke` holds its settings and the first point or points.
     ///
     /// # Errors
-    /// [`StrokeError::Stroke`] (number 1) if the stroke makes no sense, [`StrokeError::Cancelled`] soon after `progress` is.
+    /// [`StrokeError::Stroke`] (number 1) if the stroke is invalid, [`StrokeError::Cancelled`] soon after `progress` is.
     pub fn begin(
         image: Image<LinearRgba>,
         stroke: Stroke,
@@ -61,7 +61,7 @@ impl Brush {
     /// stroke is to be fetched before.
     ///
     /// # Errors
-    /// As [`begin`](Self::begin). If `stroke` makes no sense, the one before goes on; if cancelled, it has ended and the new
+    /// As [`begin`](Self::begin). If `stroke` is invalid, the one before goes on; if cancelled, it has ended and the new
     /// one has begun without having painted.
     pub fn next_stroke(
         &mut self,

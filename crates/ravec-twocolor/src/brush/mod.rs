@@ -37,7 +37,7 @@ use ravec_progress::Progress;
 use ravec_raster::{Image, LinearRgba, Plane, Rect};
 use tool::Painter;
 
-/// What strokes made of a picture.
+/// The result of applying strokes to a picture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Painted {
     /// The picture.
@@ -52,7 +52,7 @@ pub struct Painted {
 /// on. Undo is a replay without the last stroke.
 ///
 /// # Errors
-/// [`StrokeError`] for a stroke that makes no sense, naming it; [`StrokeError::Cancelled`] soon after `progress` is.
+/// [`StrokeError`] for an invalid stroke, naming it; [`StrokeError::Cancelled`] soon after `progress` is.
 pub fn replay(
     image: Image<LinearRgba>,
     strokes: &Strokes,

@@ -18,8 +18,8 @@ pub(crate) struct Path {
     dabs: Option<Vec<DVec2>>,
 }
 
-/// How close to the straight way a point may lie to be superfluous: above the rounding of positions of a million pixels,
-/// far below anything visible.
+/// Largest distance from the straight segment at which a point is superfluous: above the rounding of positions of a
+/// million pixels, far below anything visible.
 const STRAIGHT_PX: f64 = 1e-7;
 
 /// The nearest point of a path.
@@ -121,7 +121,7 @@ impl Path {
         best
     }
 
-    /// Whether no part of the path is near.
+    /// Returns `true` if no part of the path is near.
     pub fn is_empty(&self) -> bool {
         self.points.is_empty()
     }

@@ -5,15 +5,15 @@ use crate::operator::{Mode, OperatorParams};
 use ravec_progress::Cancelled;
 use ravec_raster::Size;
 
-/// What a stroke does to the pixels under it.
+/// Effect of a stroke on the pixels under it.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Tool {
     /// One of the modes of the operator.
     Operator {
-        /// Which one.
+        /// Mode of the operator.
         mode: Mode,
-        /// How often it is applied, 1 to 16.
+        /// Number of applications, 1 to 16.
         #[serde(default = "once")]
         iterations: u32,
         /// For cleaning: the noise in steps of 8-bit values, estimated when not given.
@@ -43,7 +43,7 @@ pub enum Tool {
     Mask,
     /// Copies from another place of the picture as it was before the stroke.
     Clone {
-        /// From where, relative to each pixel: columns and rows. What lies outside the picture is not copied.
+        /// Offset of the source, relative to each pixel: columns and rows. Pixels outside the picture are not copied.
         offset: [i32; 2],
     },
 }
@@ -56,7 +56,7 @@ fn once() -> u32 {
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Stroke {
-    /// What it does.
+    /// Effect on the pixels under the stroke.
     pub tool: Tool,
     /// The way of the brush: positions `[x, y]` in pixels, y down. A single point is a dab.
     pub points: Vec<[f64; 2]>,
@@ -68,17 +68,17 @@ pub struct Stroke {
     /// Full effect, 0 to 1; default 1.
     #[serde(default = "full")]
     pub strength: f64,
-    /// Whether paint stops at edges; default yes.
+    /// `true` if paint stops at edges; default yes.
     #[serde(default = "yes")]
     pub edge_aware: bool,
-    /// How different, as an Oklab distance, the color on the way must become to stop the paint, 0.005 to 1; default 0.08.
-    /// Less stops at fainter edges and at texture.
+    /// Largest difference of colors on the way that paint passes, as an Oklab distance, 0.005 to 1; default 0.08. Less
+    /// stops at fainter edges and at texture.
     #[serde(default = "tolerance")]
     pub edge_tolerance: f32,
     /// Side of the windows that find the edges, odd, 3 to 31; default 9.
     #[serde(default = "window")]
     pub window_px: usize,
-    /// Whether the effect adds up where the brush passes again; default no.
+    /// `true` if the effect adds up where the brush passes again; default no.
     #[serde(default)]
     pub accumulate: bool,
     /// For strokes that accumulate: the distance of dabs relative to the radius, 0.05 to 2; default 0.25.
@@ -122,7 +122,7 @@ impl Stroke {
         }
     }
 
-    /// Refuses what makes no sense.
+    /// Refuses invalid strokes.
     pub(crate) fn check(&self) -> Result<(), Problem> {
         let finite = self
             .points
@@ -229,7 +229,7 @@ const MAX_POINTS: usize = 1_000_000;
 /// The most strokes of a list.
 const MAX_STROKES: usize = 100_000;
 
-/// What is wrong with a stroke.
+/// An invalid property of a stroke.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Problem(pub &'static str);
 
@@ -251,10 +251,10 @@ pub struct Strokes {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum StrokeError {
-    /// A stroke makes no sense.
+    /// A stroke is invalid.
     #[error("stroke {number} {problem}")]
     Stroke {
-        /// Which one, counted from 1.
+        /// Number of the stroke, counted from 1.
         number: usize,
         /// Description of the defect.
         problem: &'static str,
@@ -276,9 +276,9 @@ pub enum StrokeError {
         height: usize,
     },
     /// There are too many strokes.
-    #[error("{got} strokes are too many: at most 100 000 can be applied")]
+    #[error("{got} strokes are too many: apply at most 100 000 at a time")]
     TooMany {
-        /// How many there are.
+        /// Number of strokes.
         got: usize,
     },
     /// The operator failed.

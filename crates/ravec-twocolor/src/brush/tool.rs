@@ -1,4 +1,4 @@
-//! What a stroke makes of each pixel.
+//! The effect of a stroke on each pixel.
 
 use super::cells::Cells;
 use super::path::{Nearest, Path};
@@ -9,7 +9,7 @@ use ravec_raster::color::{linear_from_oklab, oklab_from_linear};
 use ravec_raster::{Color, Image, LinearRgba, Plane, Rect, Srgb};
 use rayon::prelude::*;
 
-/// How much lighter or darker full strength makes: half the way to white or black.
+/// Share of the way to white or black that full strength moves a tone: half.
 const TONE_SHARE: f32 = 0.5;
 
 /// Rows painted by one task.

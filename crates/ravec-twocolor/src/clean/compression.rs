@@ -10,7 +10,7 @@
 //! 3. Unknown steps follow the standard's table, scaled as the known ones are.
 //! 4. After cleaning, each luma coefficient is drawn back to within [`FREEDOM`] of a step of the decoded one.
 //!
-//! Sources: ITU-T T.81, Annex K (the table); Yang, Galatsanos & Katsaggelos, 1993 (projection onto the quantisation
+//! Sources: ITU-T T.81, Annex K (the table); Yang, Galatsanos & Katsaggelos, 1993 (projection onto the quantization
 //! constraint). We differ in the narrower bound, which is better on average than half a step.
 //!
 //! Non-guarantees: pictures scaled after compression are not recognized; chroma is cleaned but not bounded.
@@ -22,7 +22,7 @@ use ravec_raster::color::{linear_from_srgb, srgb_from_linear};
 use ravec_raster::{Color, Image, LinearRgba, Plane, Rect, Size};
 use rayon::prelude::*;
 
-/// Luma quantisation of quality 50 (T.81, table K.1), `[vertical][horizontal]`.
+/// Luma quantization of quality 50 (T.81, table K.1), `[vertical][horizontal]`.
 const STANDARD_STEPS: Block = [
     [16.0, 11.0, 10.0, 16.0, 24.0, 40.0, 51.0, 61.0],
     [12.0, 12.0, 14.0, 19.0, 26.0, 58.0, 60.0, 55.0],
@@ -53,7 +53,8 @@ const PROBE_SIDE: usize = 768;
 /// Steps from the smallest that is worth cleaning to the coarsest of use.
 const STEPS: std::ops::RangeInclusive<usize> = 5..=120;
 
-/// How close to a multiple a coefficient must lie. Rounding pixels to integers moves coefficients by about 0.3.
+/// Largest distance of a coefficient from a multiple of its step. Rounding pixels to integers moves coefficients by
+/// about 0.3.
 const CLOSE: f32 = 1.25;
 
 /// Of the coefficients that do not lie close to multiples by mere chance, the share that must.
@@ -69,16 +70,16 @@ const MIN_STEPS_FOUND: usize = 3;
 /// On photos at qualities 30 and 60 the best is 0.6 within a fifth.
 const SIGMA_PER_STEP: f32 = 0.6;
 
-/// How far a coefficient may move, in steps. Half a step is what is certain; most errors are smaller, and on photos 0.15
+/// Largest move of a coefficient, in steps. Half a step is what is certain; most errors are smaller, and on photos 0.15
 /// to 0.2 is best in both PSNR and SSIM.
 const FREEDOM: f32 = 0.15;
 
-/// What is known of a picture's compression.
+/// Estimated compression of a picture.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Compression {
     /// First column and row of the grid of blocks.
     phase: [usize; 2],
-    /// The quantisation steps of luma, in 8-bit units, `[vertical][horizontal]`.
+    /// The quantization steps of luma, in 8-bit units, `[vertical][horizontal]`.
     steps: Block,
 }
 
@@ -101,7 +102,7 @@ impl Compression {
             grid_phase(&part, |x, y| [x, y]),
             grid_phase(&part, |x, y| [y, x]),
         ];
-        let steps = quantisation_steps(&part, phase)?;
+        let steps = quantization_steps(&part, phase)?;
         Some(Self {
             phase: [(left + phase[0]) % SIDE, (top + phase[1]) % SIDE],
             steps,
@@ -217,7 +218,7 @@ fn grid_phase(luma: &Plane, at: fn(usize, usize) -> [usize; 2]) -> usize {
 }
 
 /// The steps of all frequencies, if enough of the low ones show theirs.
-fn quantisation_steps(luma: &Plane, [left, top]: [usize; 2]) -> Option<Block> {
+fn quantization_steps(luma: &Plane, [left, top]: [usize; 2]) -> Option<Block> {
     let tops = (top..luma.height().saturating_sub(SIDE - 1)).step_by(SIDE);
     let corners: Vec<[usize; 2]> = tops
         .flat_map(|y| {
@@ -238,7 +239,7 @@ fn quantisation_steps(luma: &Plane, [left, top]: [usize; 2]) -> Option<Block> {
         .iter()
         .filter_map(|&[v, u]| {
             let values: Vec<f32> = blocks.iter().map(|block| block[v][u].abs()).collect();
-            quantisation_step(&values).map(|step| step / STANDARD_STEPS[v][u])
+            quantization_step(&values).map(|step| step / STANDARD_STEPS[v][u])
         })
         .collect();
     if scales.len() < MIN_STEPS_FOUND {
@@ -250,7 +251,7 @@ fn quantisation_steps(luma: &Plane, [left, top]: [usize; 2]) -> Option<Block> {
 }
 
 /// The largest step of whose multiples nearly all values lie close to.
-fn quantisation_step(values: &[f32]) -> Option<f32> {
+fn quantization_step(values: &[f32]) -> Option<f32> {
     STEPS.rev().map(|step| step as f32).find(|&step| {
         let mut large = 0;
         let mut close = 0;

@@ -10,7 +10,7 @@
 //! 4. per side and channel: how much of the residual stands out of the noise,
 //! 5. estimate, weighted by the inverse of its expected variance.
 //!
-//! Where the picture was compressed in blocks, the strength follows from the quantisation steps that it still shows, and the
+//! Where the picture was compressed in blocks, the strength follows from the quantization steps that it still shows, and the
 //! result keeps to what they allow (see [`compression`]).
 //!
 //! Source: dissertation, chapter 3 (averaging overlapping windows, weighted by fit). We differ in the model of a side:
@@ -37,7 +37,7 @@ use ravec_raster::{Color, Image, LinearRgba, Rect};
 use rayon::prelude::*;
 use strip::Strip;
 
-/// How an image is cleaned.
+/// Parameters of cleaning.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CleanParams {

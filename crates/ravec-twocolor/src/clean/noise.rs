@@ -1,4 +1,4 @@
-//! How strong the noise of an image is, at each brightness.
+//! Noise level of an image at each brightness.
 //!
 //! Noise fills all frequencies of a block alike, structure mostly the low ones. In each class of brightness, the blocks
 //! with the least energy at low frequencies are the flattest, and since white noise is independent across frequencies,
@@ -37,7 +37,7 @@ const LUMA_RANGE: f32 = 1.732_050_8;
 pub struct NoiseLevel {
     /// At `CLASSES` brightnesses, evenly spaced from black to white.
     sigma: [[f32; CLASSES]; CHANNELS],
-    /// How the picture was compressed, if it was.
+    /// Compression of the picture, if it was compressed.
     pub(super) compression: Option<Compression>,
 }
 
@@ -57,7 +57,7 @@ impl NoiseLevel {
         255.0 * all[all.len() / 2]
     }
 
-    /// Whether the picture shows the traces of block compression.
+    /// Returns `true` if the picture shows the traces of block compression.
     pub fn is_compressed(&self) -> bool {
         self.compression.is_some()
     }

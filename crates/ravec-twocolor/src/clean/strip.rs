@@ -63,7 +63,7 @@ fn mirrored(position: isize, len: usize) -> usize {
     folded.min(period - folded) as usize
 }
 
-/// How far before `begin` the first window starts that reaches it, on the grid of multiples of `stride`.
+/// Distance before `begin` of the first window that reaches it, on the grid of multiples of `stride`.
 fn lead(begin: usize, side: usize, stride: usize) -> usize {
     // the first multiple of the stride above begin − side, possibly negative
     let first = (begin as isize - side as isize).div_euclid(stride as isize) + 1;

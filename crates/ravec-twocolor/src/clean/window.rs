@@ -1,4 +1,4 @@
-//! What a window estimates of its pixels.
+//! Estimates of a window for its pixels.
 //!
 //! Notation, per side of a window and channel: `n` pixels, centroid `p̄`, mean `m`, slope `g = M⁻¹ Σ (p − p̄)(y − m)` with
 //! the scatter `M`, energy of the plane `E = gᵀMg`; `r` and `a` are the shares of the slope and of the residual that
@@ -22,8 +22,8 @@ const SCATTER_FLOOR: f32 = 0.1;
 /// The multiple of the noise variance that a plane must have to keep any slope: two parameters' worth of noise, twice.
 const SLOPE_SHRINK: f32 = 4.0;
 
-/// How much of the noise variance is taken off the residual of luma and of chroma. Below 1 keeps fine texture; chroma has
-/// less of it, and its noise is what the eye minds.
+/// Share of the noise variance that is taken off the residual of luma and of chroma. Below 1 keeps fine texture; chroma
+/// has less of it, and its noise is what the eye minds.
 const RESIDUAL_SHRINK: [f32; CHANNELS] = [0.9, 1.26, 1.26];
 
 /// The least noise variance, in units where white is 1: a hundredth of an 8-bit step. Keeps the weights finite.

@@ -19,7 +19,7 @@ pub(super) struct Heights {
     pub axis: usize,
     /// The height over the middle of the block.
     pub center: f64,
-    /// How much the height grows with each of the two other coordinates, in order.
+    /// Slope of the height along each of the two other coordinates, in order.
     pub slopes: [f64; 2],
 }
 
@@ -214,12 +214,12 @@ impl Block {
         self.extents.iter().product()
     }
 
-    /// How many of the [`directions`] to try.
+    /// Fineness of the [`directions`] to try.
     pub fn fineness(&self) -> i32 {
         if self.count() <= SMALL_VOXELS { 2 } else { 1 }
     }
 
-    /// How far apart neighbors along each axis are stored.
+    /// Strides between neighbors along each axis.
     pub fn strides(&self) -> [usize; 3] {
         [1, self.extents[0], self.extents[0] * self.extents[1]]
     }
@@ -229,7 +229,7 @@ impl Block {
         self.extents.map(|extent| 0.5 * (extent as f64 - 1.0))
     }
 
-    /// What remains of the energy when nothing is gained but rounding: below this, splits cannot be told apart.
+    /// Energy that remains from rounding alone: below this, splits cannot be distinguished.
     pub fn rounding(&self) -> f64 {
         3e-6 * self.energy
     }
@@ -258,7 +258,7 @@ impl Block {
         &self.charts[axis].prefixes[row * (self.extents[axis] + 1) + cut]
     }
 
-    /// How many voxels of a row of `extent` lie below a height.
+    /// Number of voxels of a row of `extent` that lie below a height.
     #[inline(always)]
     pub fn cut(height: f64, extent: usize) -> usize {
         // the conversion saturates: negative heights and NaN give 0

@@ -25,7 +25,7 @@ use ravec_raster::{Color, Image};
 pub struct VolumeBuilder<P> {
     params: VolumeParams,
     pending: Vec<Image<P>>,
-    /// What is fitted so far; nothing before the first frame.
+    /// The volume fitted so far; `None` before the first frame.
     volume: Option<TwoColorVolume>,
 }
 

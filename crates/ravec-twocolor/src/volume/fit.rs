@@ -6,7 +6,7 @@ use ravec_progress::{Cancelled, Phase, Progress};
 use ravec_raster::{Color, Image, Oklab, Size};
 use rayon::prelude::*;
 
-/// How a video is cut into blocks and fitted.
+/// Parameters of the division of a video into fitted blocks.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct VolumeParams {
@@ -18,8 +18,8 @@ pub struct VolumeParams {
     /// Oklab contrast below which a block is flat, 0 to 1 (default 0.01), as for two-color pixels. 0 gives every block
     /// a plane that is not constant, at the full cost of the search; more gives fewer planes and takes less time.
     pub flat_contrast: f32,
-    /// How many starts are improved at most, 1 to 16 (default 4). More come nearer to the optimum on textures and noise
-    /// and cost time in proportion; on plain edges one is enough.
+    /// Largest number of starts that are improved, 1 to 16 (default 4). More come nearer to the optimum on textures and
+    /// noise and cost time in proportion; on plain edges one is enough.
     pub starts: usize,
 }
 
@@ -63,7 +63,7 @@ pub enum VolumeError {
     #[error("the video has no frames")]
     NoFrames,
     /// Frames differ in size.
-    #[error("frame {frame} has {got} pixels where the first has {expected}")]
+    #[error("frame {frame} has {got} pixels, but the first has {expected}")]
     FrameSize {
         /// The number of the first frame that differs, from 0.
         frame: usize,
@@ -73,19 +73,19 @@ pub enum VolumeError {
         expected: Size,
     },
     /// The block's side is out of range.
-    #[error("a block of {got} pixels a side cannot be fitted: choose 2 to 16")]
+    #[error("the block size is {got} pixels a side: choose 2 to 16")]
     BlockSize {
         /// The side that was asked for.
         got: usize,
     },
     /// The block's number of frames is out of range.
-    #[error("a block of {got} frames cannot be fitted: choose 1 to 16")]
+    #[error("the block length is {got} frames: choose 1 to 16")]
     BlockFrames {
         /// The frames that were asked for.
         got: usize,
     },
     /// The number of starts is out of range.
-    #[error("a search from {got} starts is not possible: choose 1 to 16")]
+    #[error("the number of starts is {got}: choose 1 to 16")]
     Starts {
         /// The starts that were asked for.
         got: usize,

@@ -45,8 +45,8 @@ impl Motion {
     }
 }
 
-/// How far a line search moves the plane at the block's border, in voxels. Twice the distance of neighboring voxels
-/// passes a wrong neighbor or two; longer searches cost in proportion and win little (starts differ by more).
+/// Distance that a line search moves the plane at the block's border, in voxels. Twice the distance of neighboring
+/// voxels passes a wrong neighbor or two; longer searches cost in proportion and win little (starts differ by more).
 const REACH: f64 = 2.0;
 
 /// Bits of an event's time. The rest of a `u32` holds the change and the voxel of the largest block.
@@ -67,8 +67,8 @@ pub(super) struct Searcher {
 impl Searcher {
     /// Improves a plane until no motion does.
     ///
-    /// A start may pass through voxels, so that rounding alone has told their sides; it is centered first, and what it
-    /// then splits is where the search begins.
+    /// A start may pass through voxels, so that rounding alone has decided their sides; it is centered first, and the
+    /// search begins at the split that it makes then.
     pub fn improve(&mut self, block: &Block, start: &Heights) -> Scored {
         let middle = block.middle();
         let plane = centered(block, start);

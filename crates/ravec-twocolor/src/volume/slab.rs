@@ -121,11 +121,11 @@ impl<'a> BlockFitter<'a> {
         let count = block.count() as f64;
         let contrast = f64::from(self.params.flat_contrast);
         // the same threshold as for two-color pixels; no split gains more than there is
-        let least_gain = 0.25 * contrast * contrast * count;
+        let min_gain = 0.25 * contrast * contrast * count;
         let (color, alpha) = block.one_color();
         let flat = TwoColorVoxel::flat(color, alpha, (block.energy / count) as f32);
         // a block with a voxel that is not finite is flat
-        if !block.energy.is_finite() || block.energy <= least_gain {
+        if !block.energy.is_finite() || block.energy <= min_gain {
             return flat;
         }
         block.prepare();
@@ -145,7 +145,7 @@ impl<'a> BlockFitter<'a> {
         let still = still.line.map(in_indices);
         let most = self.params.starts;
         let starts = self.starts.collect(block, &self.traces, still, most);
-        let unseen = (block.energy - least_gain).min(block.energy - block.rounding());
+        let unseen = (block.energy - min_gain).min(block.energy - block.rounding());
         let mut best: Option<Scored> = None;
         for start in starts {
             let found = self.searcher.improve(block, &start.plane);
@@ -174,7 +174,7 @@ impl<'a> BlockFitter<'a> {
             let position = DVec3::from_array(index.map(|i| i as f64)) - origin;
             plane.signed_distance(position) < 0.0
         });
-        if sides.gain <= least_gain {
+        if sides.gain <= min_gain {
             return flat;
         }
         let voxel = TwoColorVoxel {

@@ -12,7 +12,7 @@ pub(super) struct Trace {
     pub line: Line,
     /// The frame, as an index.
     pub frame: f64,
-    /// How much the line counts among others: its squared contrast.
+    /// Weight of the line among others: its squared contrast.
     pub weight: f64,
 }
 
@@ -142,7 +142,7 @@ impl Starts {
     }
 }
 
-/// Whether two starts are so near that the search would take both to the same plane.
+/// Returns `true` if two starts are so near that the search would take both to the same plane.
 fn alike(a: &Scored, b: &Scored) -> bool {
     let near = |x: f64, y: f64, by: f64| (x - y).abs() < by;
     a.gain == b.gain

@@ -18,15 +18,15 @@ pub struct VoxelPlane {
 }
 
 impl VoxelPlane {
-    /// How far `point` lies on side 1, in pixels; negative on side 0.
+    /// Signed distance of `point` from the plane, in pixels; positive on side 1, negative on side 0.
     pub fn signed_distance(&self, point: DVec3) -> f64 {
         self.normal.dot(point) - self.offset_px
     }
 
-    /// How fast the plane's trace in a frame moves along its own normal, in pixels a frame; positive towards side 1.
+    /// Speed of the plane's trace in a frame along its own normal, in pixels a frame; positive towards side 1.
     ///
-    /// Nothing for a plane across time, whose trace passes more than 64 pixels in a frame: no block is wide enough to
-    /// tell such a speed from a cut.
+    /// `None` for a plane across time, whose trace passes more than 64 pixels in a frame: no block is wide enough to
+    /// distinguish such a speed from a cut.
     pub fn velocity_px(&self) -> Option<f64> {
         let spatial = self.normal.truncate().length();
         (spatial * FASTEST_PX > self.normal.z.abs()).then(|| -self.normal.z / spatial)
@@ -74,7 +74,7 @@ const FASTEST_PX: f64 = 64.0;
 /// block. A block without a plane is *flat*: both colors are the same.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TwoColorVoxel {
-    /// Where the colors meet; nothing for a flat block.
+    /// The plane in which the colors meet; `None` for a flat block.
     pub plane: Option<VoxelPlane>,
     /// The colors of side 0 and side 1.
     pub colors: [Oklab; 2],
@@ -96,19 +96,19 @@ impl TwoColorVoxel {
         }
     }
 
-    /// Whether the block has a single color.
+    /// Returns `true` if the block has a single color.
     pub fn is_flat(&self) -> bool {
         self.plane.is_none()
     }
 
-    /// How fast the edge moves along its normal, in pixels a frame; positive towards side 1, thus to the right or down.
+    /// Speed of the edge along its normal, in pixels a frame; positive towards side 1, thus to the right or down.
     /// Nothing for flat blocks and for cuts in time.
     pub fn velocity_px(&self) -> Option<f64> {
         self.plane?.velocity_px()
     }
 
-    /// What the block shows at a time, in frames from its center: a two-color pixel, flat where the plane lies across
-    /// time. Its error is that of the whole block.
+    /// The block at a time, in frames from its center: a two-color pixel, flat where the plane lies across time. Its
+    /// error is that of the whole block.
     pub fn pixel_at(&self, time_frames: f64) -> TwoColorPixel {
         let Some(plane) = self.plane else {
             return TwoColorPixel::flat(self.colors[0], self.alphas[0], self.error);

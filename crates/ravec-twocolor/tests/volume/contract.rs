@@ -1,4 +1,4 @@
-//! What holds for every volume: parameters, errors, cancellation, threads, frame by frame, drawing.
+//! The contract of every volume: parameters, errors, cancellation, threads, frame by frame, drawing.
 
 use crate::{DARK, EXACT, LIGHT, fit, moving, noise_video, params, planted, size};
 use ravec_progress::Progress;

@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use glam::DVec3;
 use ravec_mesh::Sign;
 
-use super::{Held, Line, NONE, Triangulation, key};
+use super::{Line, NONE, PointRef, Triangulation, key};
 use crate::arrangement::point::{Definition, Point};
 
 /// Element met on the way from a vertex towards another.
@@ -55,7 +55,7 @@ impl Triangulation<'_> {
         }
     }
 
-    /// Whether `x`, which is on the line through `a` and `b`, is on the side of `a` where `b` is.
+    /// Returns `true` if `x`, which is on the line through `a` and `b`, is on the side of `a` where `b` is.
     fn is_ahead(&self, a: u32, b: u32, x: u32) -> bool {
         let axes = [(self.axis + 1) % 3, (self.axis + 2) % 3];
         axes.into_iter().any(|axis| {
@@ -156,9 +156,9 @@ impl Triangulation<'_> {
             }
             (Line::Plane(one), Line::Plane(two)) => Definition::Planes([self.plane, one, two]),
         };
-        let point = Point::defined(definition, self.most_width, self.grid);
+        let point = Point::defined(definition, self.max_width, self.grid);
         let (t, side) = self.find(a, b);
-        self.split_side(t, side, Held::Own(Box::new(point)))
+        self.split_side(t, side, PointRef::Own(Box::new(point)))
     }
 
     /// The triangles that are enclosed by segments, given by name, to the left of the first edge from `a` to `b`.

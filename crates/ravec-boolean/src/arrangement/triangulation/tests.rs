@@ -10,15 +10,15 @@ fn at(x: i32, y: i32) -> DVec3 {
     DVec3::new(f64::from(x), f64::from(y), 0.0)
 }
 
-fn held(p: DVec3) -> Held<'static> {
-    Held::Own(Box::new(Point::at(p)))
+fn point_ref(p: DVec3) -> PointRef<'static> {
+    PointRef::Own(Box::new(Point::at(p)))
 }
 
 /// A triangle that holds the square from 0 to 8.
-fn begun() -> Triangulation<'static> {
+fn started() -> Triangulation<'static> {
     let corners = [at(-1, -1), at(20, -1), at(-1, 20)];
     let grid = Grid::holding(&corners);
-    Triangulation::new(corners.map(held), corners, AXIS, grid, 1e-12)
+    Triangulation::new(corners.map(point_ref), corners, AXIS, grid, 1e-12)
 }
 
 /// No triangle is turned over or flat, neighbors agree, and together they have the area of the first.
@@ -45,12 +45,12 @@ proptest! {
     fn points_become_vertices_and_segments_chains_of_edges(
         segments in prop::collection::vec([0_i32..9, 0_i32..9, 0_i32..9, 0_i32..9], 1..12),
     ) {
-        let mut triangulation = begun();
+        let mut triangulation = started();
         let mut laid = Vec::new();
         for &[x, y, z, w] in &segments {
             let (p, q) = (at(x, y), at(z, w));
-            let (a, _) = triangulation.insert(held(p));
-            let (b, _) = triangulation.insert(held(q));
+            let (a, _) = triangulation.insert(point_ref(p));
+            let (b, _) = triangulation.insert(point_ref(q));
             assert_sound(&triangulation);
             if a != b {
                 laid.push((a, b, triangulation.insert_segment(a, b, Line::Edge([p, q]))));
@@ -87,10 +87,10 @@ proptest! {
 
     #[test]
     fn points_of_a_chain_are_put_in_by_their_order(mut places in prop::collection::vec(0_i32..20, 1..12)) {
-        let mut triangulation = begun();
+        let mut triangulation = started();
         let mut chain = vec![0, 1];
         for &x in &places {
-            let (vertex, _) = triangulation.insert_on(&mut chain, held(at(x, -1)));
+            let (vertex, _) = triangulation.insert_on(&mut chain, point_ref(at(x, -1)));
             prop_assert_eq!(triangulation.point(vertex).rounded(), at(x, -1));
             assert_sound(&triangulation);
         }
@@ -105,7 +105,7 @@ proptest! {
 #[test]
 fn a_crossing_is_made_from_the_lines_and_planes_that_meet_there() {
     // a segment of the plane itself, and two in planes that stand upright on it: all through (3, 3)
-    let mut triangulation = begun();
+    let mut triangulation = started();
     let upright = |p: DVec3, q: DVec3| Line::Plane([p, q, p + DVec3::Z]);
     let lines: [(DVec3, DVec3); 3] = [
         (at(1, 1), at(7, 7)),
@@ -113,8 +113,8 @@ fn a_crossing_is_made_from_the_lines_and_planes_that_meet_there() {
         (at(0, 6), at(6, 0)),
     ];
     for (i, (p, q)) in lines.into_iter().enumerate() {
-        let (a, _) = triangulation.insert(held(p));
-        let (b, _) = triangulation.insert(held(q));
+        let (a, _) = triangulation.insert(point_ref(p));
+        let (b, _) = triangulation.insert(point_ref(q));
         let line = if i == 0 {
             Line::Edge([p, q])
         } else {
@@ -133,12 +133,12 @@ fn a_crossing_is_made_from_the_lines_and_planes_that_meet_there() {
 
 #[test]
 fn what_a_border_encloses_is_found() {
-    let mut triangulation = begun();
+    let mut triangulation = started();
     let corners = [at(1, 1), at(6, 1), at(1, 6)];
-    let vertices = corners.map(|p| triangulation.insert(held(p)).0);
+    let vertices = corners.map(|p| triangulation.insert(point_ref(p)).0);
     // points inside and outside, and a segment across
     for p in [at(2, 2), at(5, 5), at(2, 3)] {
-        triangulation.insert(held(p));
+        triangulation.insert(point_ref(p));
     }
     let border: Vec<u32> = (0..3)
         .map(|i| {
@@ -146,8 +146,8 @@ fn what_a_border_encloses_is_found() {
             triangulation.insert_segment(vertices[i], vertices[(i + 1) % 3], line)
         })
         .collect();
-    let (a, _) = triangulation.insert(held(at(0, 2)));
-    let (b, _) = triangulation.insert(held(at(7, 3)));
+    let (a, _) = triangulation.insert(point_ref(at(0, 2)));
+    let (b, _) = triangulation.insert(point_ref(at(7, 3)));
     triangulation.insert_segment(a, b, Line::Edge([at(0, 2), at(7, 3)]));
     let area: f64 = triangulation
         .enclosed(vertices[0], vertices[1], &border)

@@ -1,4 +1,4 @@
-//! What a tile looks like from afar: polynomial coefficients and the means of its quarters.
+//! Descriptors: the appearance of a tile from afar, as polynomial coefficients and the means of its quarters.
 //!
 //! Each channel of Oklab is approximated by a polynomial of bounded total degree in an orthonormal basis. The squared
 //! distance of two approximated tiles, averaged over the tile, is then the squared Euclidean distance of their
@@ -15,9 +15,9 @@ use ravec_raster::{Image, Oklab, Pixel, Srgb};
 /// The highest total degree of descriptors.
 pub const MAX_DEGREE: usize = 5;
 
-/// What a tile or a photo looks like from afar, in Oklab.
+/// Appearance of a tile or a photo from afar, in Oklab.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Look {
+pub struct Descriptor {
     /// For each product of polynomials, by total degree, the coefficients of the three channels. The first is the mean color.
     pub coefficients: Vec<[f32; 3]>,
     /// The mean colors of the quarters: upper left, upper right, lower left, lower right.
@@ -67,8 +67,8 @@ impl Frame {
 /// Functions on each side of a tile: polynomials, and the means of both halves.
 const FUNCTIONS: usize = MAX_DEGREE + 3;
 
-impl Look {
-    /// The look of a part of an image, with polynomials up to a total degree of `degree` (0 to [`MAX_DEGREE`]; more is
+impl Descriptor {
+    /// Descriptor of a part of an image, with polynomials up to a total degree of `degree` (0 to [`MAX_DEGREE`]; more is
     /// taken as that).
     pub fn of(image: &Image<Oklab>, frame: Frame, degree: usize) -> Self {
         let split = |pixels: &[Oklab], planes: &mut [Vec<f32>; 3]| {
@@ -95,7 +95,7 @@ impl Look {
         Self::of_rows(image, frame, degree, convert)
     }
 
-    /// The look of an image by a function that puts pixels of a row into one plane for each channel of Oklab.
+    /// Descriptor of an image by a function that puts pixels of a row into one plane for each channel of Oklab.
     fn of_rows<P: Pixel>(
         image: &Image<P>,
         frame: Frame,
@@ -209,7 +209,7 @@ fn project(image: &Image<Oklab>, across: &Axis, down: &Axis) -> Vec<[f32; 3]> {
     result
 }
 
-/// How much each degree counts when looks are compared.
+/// Weight of each degree in the comparison of descriptors.
 ///
 /// From afar the eye sees the mean color of a tile well, its slope less, and finer structure not at all; so weights fall
 /// with the degree.
@@ -227,13 +227,13 @@ impl Weights {
         self.detail.clamp(0.0, 1.0).powf(total as f64 / 2.0) as f32
     }
 
-    /// The coefficients of a look as one vector whose Euclidean distance is the weighted one.
-    pub fn vector(&self, look: &Look) -> Vec<f32> {
+    /// The coefficients of a descriptor as one vector whose Euclidean distance is the weighted one.
+    pub fn vector(&self, descriptor: &Descriptor) -> Vec<f32> {
         let mut vector = Vec::with_capacity(3 * products(self.degree));
         for total in 0..=self.degree.min(MAX_DEGREE) {
             let factor = self.factor(total);
             let range = products(total) - total - 1..products(total);
-            for coefficient in look.coefficients.get(range).unwrap_or_default() {
+            for coefficient in descriptor.coefficients.get(range).unwrap_or_default() {
                 vector.extend(coefficient.map(|value| factor * value));
             }
         }
@@ -257,12 +257,12 @@ mod tests {
     fn the_squared_length_is_the_mean_square_of_a_polynomial() {
         // a ramp from 0 to 1 has the mean 1/2 and the mean square 1/3; steps of a hundredth take off 1e-5
         let image = ramp(100, 100);
-        let look = Look::of(&image, Frame::of(&image), 3);
-        let length: f32 = look.coefficients.iter().map(|c| c[0] * c[0]).sum();
+        let descriptor = Descriptor::of(&image, Frame::of(&image), 3);
+        let length: f32 = descriptor.coefficients.iter().map(|c| c[0] * c[0]).sum();
         assert!((length - 1.0 / 3.0).abs() < 1e-4, "{length}");
         let close = |a: [f32; 3], b: [f32; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-4);
-        assert!(close(look.coefficients[0], [0.5, 0.5, 0.25]));
-        assert!(close(look.quarters[1], [0.75, 0.25, 0.25]));
+        assert!(close(descriptor.coefficients[0], [0.5, 0.5, 0.25]));
+        assert!(close(descriptor.quarters[1], [0.75, 0.25, 0.25]));
     }
 
     #[test]
@@ -276,8 +276,8 @@ mod tests {
             height: 16.0,
         };
         let (a, b) = (
-            Look::of(&image, frame, 5),
-            Look::of(&crop, Frame::of(&crop), 5),
+            Descriptor::of(&image, frame, 5),
+            Descriptor::of(&crop, Frame::of(&crop), 5),
         );
         for (a, b) in a
             .coefficients
@@ -301,21 +301,24 @@ mod tests {
             height: 20.5,
         };
         let oklab = image.convert();
-        assert_eq!(Look::of_srgb(&image, frame, 4), Look::of(&oklab, frame, 4));
+        assert_eq!(
+            Descriptor::of_srgb(&image, frame, 4),
+            Descriptor::of(&oklab, frame, 4)
+        );
         let quarters = parts(&oklab, frame, 2);
-        assert_eq!(Look::of(&oklab, frame, 4).quarters, quarters[..]);
+        assert_eq!(Descriptor::of(&oklab, frame, 4).quarters, quarters[..]);
     }
 
     #[test]
     fn lower_degrees_are_a_prefix() {
         let image = ramp(30, 30);
-        let look = Look::of(&image, Frame::of(&image), 5);
+        let descriptor = Descriptor::of(&image, Frame::of(&image), 5);
         let vector = |degree| {
             Weights {
                 degree,
                 detail: 0.5,
             }
-            .vector(&look)
+            .vector(&descriptor)
         };
         let long = vector(5);
         for degree in 0..5 {

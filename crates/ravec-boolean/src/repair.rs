@@ -1,4 +1,4 @@
-//! Rounding to doubles, and mending what it does.
+//! Rounding to doubles, and the repair of its self-intersections.
 //!
 //! Points of cuts fall between doubles. Rounded, triangles thinner than an ulp may turn over, meet others or vanish. New
 //! triangles are therefore compared with all around them, by exact tests of the rounded corners, and if any two meet
@@ -21,21 +21,21 @@ use crate::closing::Closing;
 use crate::near::merge_near;
 use crate::select::{Draft, Parent, select};
 
-/// Rounds after which mending is given up.
-const MOST_ROUNDS: u32 = 8;
+/// Rounds after which repair gives up.
+const MAX_ROUNDS: u32 = 8;
 
 /// Where there are fewer contacts than one for so many new triangles, only vertices of triangles that meet are merged, else those
 /// of all new ones.
 const SPARSE: usize = 50;
 
-/// How much farther vertices may be from what they are merged with from round to round.
+/// Growth per round of the distance within which vertices are merged.
 const GROWTH: f64 = 4.0;
 
 /// The reach does not grow beyond this share of the largest coordinate, the precision of 32-bit floats.
 const FARTHEST: f64 = 6e-8;
 
-/// A mended surface.
-pub(crate) struct Mended {
+/// A repaired surface.
+pub(crate) struct Repaired {
     pub draft: Draft,
     pub rounds: u32,
     /// Pairs of triangles that still meet.
@@ -49,18 +49,18 @@ pub(crate) struct Mended {
 ///
 /// # Errors
 /// [`Cancelled`] soon after `progress` is.
-pub(crate) fn mend(
+pub(crate) fn repair(
     mut draft: Draft,
     input: &CandidateTree,
     mut reach: f64,
     progress: &Progress,
-) -> Result<Mended, Cancelled> {
+) -> Result<Repaired, Cancelled> {
     let mut found = conflicts(&draft, input, progress)?;
     let largest = input.bounds().min.abs().max(input.bounds().max.abs());
     let most = FARTHEST * largest.max_element();
     let (mut rounds, mut moved) = (0, 0.0);
     let mut contacts = usize::MAX;
-    while !found.is_empty() && rounds < MOST_ROUNDS && found.len() <= contacts {
+    while !found.is_empty() && rounds < MAX_ROUNDS && found.len() <= contacts {
         progress.check()?;
         contacts = found.len();
         rounds += 1;
@@ -111,7 +111,7 @@ pub(crate) fn mend(
         progress.check()?;
         found = conflicts(&draft, input, progress)?;
     }
-    Ok(Mended {
+    Ok(Repaired {
         draft,
         rounds,
         contacts: found.len() as u64,
