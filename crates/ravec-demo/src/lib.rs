@@ -261,8 +261,8 @@ mod tests {
             ..Params::default()
         };
         assert_eq!(
-            demo(None, folder.path(), params).unwrap_err().exit_code(),
-            2
+            demo(None, folder.path(), params).unwrap_err().kind(),
+            ravec_jobs::ErrorKind::Request
         );
     }
 }

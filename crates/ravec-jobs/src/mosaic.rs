@@ -541,6 +541,7 @@ impl JobError {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ErrorKind;
 
     #[test]
     fn sides_are_one_number_or_two() {
@@ -602,7 +603,7 @@ mod tests {
                 ..Params::default()
             },
         ] {
-            assert_eq!(checked(&params).unwrap_err().exit_code(), 2);
+            assert_eq!(checked(&params).unwrap_err().kind(), ErrorKind::Request);
         }
     }
 }

@@ -385,10 +385,37 @@ pub(crate) fn psnr_db(a: &AnyImage, b: &Image<LinearRgba>) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ErrorKind;
     use ravec::raster::Srgb;
     use ravec_media::Picture;
 
-    fn folder_with_picture(width: usize, height: usize) -> (tempfile::TempDir, Source) {
+    /// Outputs of [`run`].
+    #[derive(Default)]
+    struct Targets {
+        picture: Option<PathBuf>,
+        svg: Option<PathBuf>,
+    }
+
+    fn run(input: &Path, targets: &Targets, params: &Params) -> Result<Report, JobError> {
+        run_in(&Context::default(), input, targets, params)
+    }
+
+    fn run_in(
+        context: &Context,
+        input: &Path,
+        targets: &Targets,
+        params: &Params,
+    ) -> Result<Report, JobError> {
+        let operation = TwoColor {
+            input: input.to_path_buf(),
+            output: targets.picture.clone(),
+            svg: targets.svg.clone(),
+            params: params.clone(),
+        };
+        operation.run(context)
+    }
+
+    fn folder_with_picture(width: usize, height: usize) -> (tempfile::TempDir, PathBuf) {
         let folder = tempfile::tempdir().unwrap();
         let image = Image::from_fn(Size::new(width, height).unwrap(), |col, row| {
             if col * 2 > row {
@@ -399,7 +426,7 @@ mod tests {
         });
         let path = folder.path().join("in.png");
         ravec_media::write(&path, &Picture::from_image(image), &WriteOptions::default()).unwrap();
-        (folder, Source::new(path))
+        (folder, path)
     }
 
     #[test]
@@ -415,7 +442,7 @@ mod tests {
                 scale: 2.5,
                 ..Params::default()
             };
-            let report = run(&source, &targets, &params, &Progress::none()).unwrap();
+            let report = run(&source, &targets, &params).unwrap();
             assert_eq!(
                 (report.outputs[0].width, report.outputs[0].height),
                 (Some(125), Some(100))
@@ -437,16 +464,14 @@ mod tests {
                 mosaic,
                 ..Params::default()
             };
-            run(&source, &targets, &params, &Progress::none())
-                .unwrap()
-                .figures["psnr_db"]
+            run(&source, &targets, &params).unwrap().figures["psnr_db"]
         };
         assert!(psnr(false) > psnr(true) + 3.5);
     }
 
     #[test]
     fn parameters_out_of_range_and_missing_targets_are_refused_before_reading() {
-        let nowhere = Source::new("does/not/exist.png");
+        let nowhere = PathBuf::from("does/not/exist.png");
         let targets = Targets {
             picture: Some("out.png".into()),
             svg: None,
@@ -491,39 +516,34 @@ mod tests {
                 ..Params::default()
             },
         ] {
-            let error = run(&nowhere, &targets, &wrong, &Progress::none()).unwrap_err();
-            assert_eq!(error.exit_code(), 2, "{error}");
+            let error = run(&nowhere, &targets, &wrong).unwrap_err();
+            assert_eq!(error.kind(), ErrorKind::Request, "{error}");
         }
-        let error = run(
-            &nowhere,
-            &Targets::default(),
-            &Params::default(),
-            &Progress::none(),
-        )
-        .unwrap_err();
-        assert_eq!(error.exit_code(), 2);
+        let error = run(&nowhere, &Targets::default(), &Params::default()).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::Request);
         let unknown = Targets {
             picture: Some("out.xyz".into()),
             svg: None,
         };
         assert_eq!(
-            run(&nowhere, &unknown, &Params::default(), &Progress::none())
+            run(&nowhere, &unknown, &Params::default())
                 .unwrap_err()
-                .exit_code(),
-            2
+                .kind(),
+            ErrorKind::Request
         );
         assert_eq!(
-            run(&nowhere, &targets, &Params::default(), &Progress::none())
+            run(&nowhere, &targets, &Params::default())
                 .unwrap_err()
-                .exit_code(),
-            3
+                .kind(),
+            ErrorKind::Input
         );
     }
 
     #[test]
     fn a_scale_beyond_the_limit_is_refused() {
-        let (folder, mut source) = folder_with_picture(50, 40);
-        source.limits.max_pixels = 3000;
+        let (folder, source) = folder_with_picture(50, 40);
+        let mut context = Context::default();
+        context.limits.max_pixels = 3000;
         let targets = Targets {
             picture: Some(folder.path().join("out.png")),
             svg: None,
@@ -533,10 +553,10 @@ mod tests {
             ..Params::default()
         };
         assert_eq!(
-            run(&source, &targets, &params, &Progress::none())
+            run_in(&context, &source, &targets, &params)
                 .unwrap_err()
-                .exit_code(),
-            2
+                .kind(),
+            ErrorKind::Request
         );
         assert!(!folder.path().join("out.png").exists());
     }

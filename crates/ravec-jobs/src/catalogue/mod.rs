@@ -452,6 +452,7 @@ impl Operation for Stats {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ErrorKind;
     use ravec::raster::{Image, Size, Srgb};
     use ravec_media::{Picture, WriteOptions};
 
@@ -469,47 +470,48 @@ mod tests {
                 .unwrap();
         }
         let catalogue = folder.path().join("photos.ravec");
-        let progress = Progress::none();
-        let missing = list(&catalogue, None, &ListParams::default(), &progress).unwrap_err();
-        assert_eq!(missing.exit_code(), 3);
-        let paths = [photos.clone()];
-        let limits = Limits::default();
-        let added = add(
-            &paths,
-            &catalogue,
-            None,
-            &limits,
-            &Plain::default(),
-            &progress,
-        )
-        .unwrap();
+        let context = Context::default();
+        let add = |path: PathBuf| {
+            let paths = vec![path];
+            let catalogue = catalogue.clone();
+            let params = Plain::default();
+            Add {
+                paths,
+                catalogue,
+                params,
+            }
+            .run(&context)
+        };
+        let list = || {
+            let catalogue = catalogue.clone();
+            let params = ListParams::default();
+            List { catalogue, params }.run(&context)
+        };
+        assert_eq!(list().unwrap_err().kind(), ErrorKind::Input);
+        let added = add(photos.clone()).unwrap();
         assert_eq!(added.figures["new"], 3.0);
-        let listed = list(&catalogue, None, &ListParams::default(), &progress).unwrap();
-        assert_eq!(listed.result.unwrap()[2]["width"], 80);
+        assert_eq!(list().unwrap().result.unwrap()[2]["width"], 80);
         std::fs::remove_file(photos.join("1.png")).unwrap();
-        let dry = CleanParams { dry_run: true };
-        let cleaned = clean(&catalogue, None, &dry, &progress).unwrap();
+        let clean = Clean {
+            catalogue: catalogue.clone(),
+            params: CleanParams { dry_run: true },
+        };
+        let cleaned = clean.run(&context).unwrap();
         assert_eq!(cleaned.result.unwrap()[0]["reason"], "missing");
-        let removed = remove(
-            &[photos.join("0.png")],
-            &catalogue,
-            None,
-            &Plain::default(),
-            &progress,
-        );
-        assert_eq!(removed.unwrap().figures["removed"], 1.0);
-        let counted = stats(&catalogue, None, &Plain::default(), &progress).unwrap();
+        let remove = Remove {
+            paths: vec![photos.join("0.png")],
+            catalogue: catalogue.clone(),
+            params: Plain::default(),
+        };
+        let removed = remove.run(&context).unwrap();
+        assert_eq!(removed.figures["removed"], 1.0);
+        let stats = Stats {
+            catalogue: catalogue.clone(),
+            params: Plain::default(),
+        };
+        let counted = stats.run(&context).unwrap();
         assert_eq!(counted.figures["landscape"], 2.0);
-        let nowhere = [folder.path().join("no")];
-        let error = add(
-            &nowhere,
-            &catalogue,
-            None,
-            &limits,
-            &Plain::default(),
-            &progress,
-        )
-        .unwrap_err();
-        assert_eq!(error.exit_code(), 3);
+        let error = add(folder.path().join("no")).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::Input);
     }
 }
