@@ -145,7 +145,8 @@ fn write_entries<W: Write + Seek>(
         phase,
     };
     write_model(mesh, options, &mut model)?;
-    model.flush()
+    model.flush()?;
+    Ok(())
 }
 
 fn write_model(
