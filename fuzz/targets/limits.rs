@@ -1,7 +1,7 @@
 //! The limits that all targets read with, in one place.
 
 use ravec::memory::MemoryBudget;
-use ravec::mesh::MeshLimits;
+use ravec::mesh_io::MeshLimits;
 use ravec_media::Limits;
 
 /// The memory of a picture reader: enough for each seed, and little enough that a file which takes more is found.

@@ -1,8 +1,9 @@
 //! Readers of meshes.
 
 use super::{Outcome, limits};
-use ravec::mesh::{
-    MeshFile, MeshFormat, ReadMeshError, ReadOptions, TriMesh, WriteOptions, read_mesh,
+use ravec::mesh::TriMesh;
+use ravec::mesh_io::{
+    MeshFile, MeshFormat, ReadMeshError, ReadOptions, WriteOptions, read_mesh,
     read_mesh_with_buffers, write_mesh,
 };
 use ravec::progress::Progress;

@@ -25,6 +25,11 @@ const CRATES: &[Crate] = &[
         uses: &["ravec-progress"],
     },
     Crate {
+        name: "ravec-files",
+        layer: "floor",
+        uses: &[],
+    },
+    Crate {
         name: "ravec-numeric",
         layer: "floor",
         uses: &[],
@@ -37,12 +42,33 @@ const CRATES: &[Crate] = &[
     Crate {
         name: "ravec-media",
         layer: "vocabulary",
-        uses: &["ravec-raster", "ravec-memory", "ravec-progress"],
+        uses: &[
+            "ravec-raster",
+            "ravec-files",
+            "ravec-memory",
+            "ravec-progress",
+        ],
     },
     Crate {
         name: "ravec-mesh",
         layer: "vocabulary",
         uses: &["ravec-memory", "ravec-progress"],
+    },
+    // offsets and Booleans use meshes, and compile no codec
+    Crate {
+        name: "ravec-mesh-io",
+        layer: "vocabulary",
+        uses: &[
+            "ravec-mesh",
+            "ravec-files",
+            "ravec-memory",
+            "ravec-progress",
+        ],
+    },
+    Crate {
+        name: "ravec-mesh-render",
+        layer: "vocabulary",
+        uses: &["ravec-mesh", "ravec-progress"],
     },
     Crate {
         name: "ravec-twocolor",
@@ -96,6 +122,7 @@ const CRATES: &[Crate] = &[
             "ravec-mosaic",
             "ravec-media",
             "ravec-raster",
+            "ravec-files",
             "ravec-memory",
             "ravec-progress",
         ],
@@ -112,6 +139,8 @@ const CRATES: &[Crate] = &[
             "ravec-offset",
             "ravec-boolean",
             "ravec-mesh",
+            "ravec-mesh-io",
+            "ravec-mesh-render",
             "ravec-raster",
             "ravec-memory",
             "ravec-progress",
@@ -120,12 +149,23 @@ const CRATES: &[Crate] = &[
     Crate {
         name: "ravec-jobs",
         layer: "assembly",
-        uses: &["ravec", "ravec-catalogue", "ravec-media", "ravec-scenes"],
+        uses: &[
+            "ravec",
+            "ravec-catalogue",
+            "ravec-media",
+            "ravec-files",
+            "ravec-scenes",
+        ],
+    },
+    Crate {
+        name: "ravec-demo",
+        layer: "assembly",
+        uses: &["ravec", "ravec-jobs", "ravec-media", "ravec-scenes"],
     },
     Crate {
         name: "ravec-cli",
         layer: "fronts",
-        uses: &["ravec-jobs", "ravec"],
+        uses: &["ravec-demo", "ravec-jobs", "ravec"],
     },
     Crate {
         name: "ravec-scenes",
@@ -139,12 +179,13 @@ const CRATES: &[Crate] = &[
     },
 ];
 
-/// What any crate may use in its tests, examples and benchmarks.
-const DEVELOPMENT: &[&str] = &["ravec-scenes"];
+/// Crates that any crate may use in its tests, examples and benchmarks: scenes whose truth is known, and files as others get
+/// them.
+const DEVELOPMENT: &[&str] = &["ravec-scenes", "ravec-mesh-io"];
 
 /// Foreign crates that are kept in one place, and the crates that may use them.
 const QUARANTINE: &[(&[&str], &[&str])] = &[
-    // files and codecs
+    // codecs of pictures
     (
         &[
             "exr",
@@ -155,12 +196,15 @@ const QUARANTINE: &[(&[&str], &[&str])] = &[
             "kamadak-exif",
             "moxcms",
             "png",
-            "tempfile",
             "tiff",
             "zune-jpeg",
         ],
         &["ravec-media"],
     ),
+    // temporary files
+    (&["tempfile"], &["ravec-files"]),
+    // codecs of meshes
+    (&["quick-xml", "zip", "flate2"], &["ravec-mesh-io"]),
     // the memory of the machine
     (&["sysinfo"], &["ravec-memory"]),
     // the catalogue of photos
@@ -168,7 +212,10 @@ const QUARANTINE: &[(&[&str], &[&str])] = &[
     // errors that are only shown
     (&["anyhow"], &["ravec-cli", "ravec-scenes", "xtask"]),
     // the terminal
-    (&["clap"], &["ravec-cli", "ravec-jobs", "xtask"]),
+    (
+        &["clap"],
+        &["ravec-cli", "ravec-demo", "ravec-jobs", "xtask"],
+    ),
     (
         &[
             "clap_complete",
@@ -289,7 +336,13 @@ mod tests {
     #[test]
     fn a_system_may_not_use_a_front_nor_files() {
         let here = Some("/x");
-        for to in ["ravec-cli", "ravec-media", "ravec-scenes", "ravec-unknown"] {
+        for to in [
+            "ravec-cli",
+            "ravec-media",
+            "ravec-files",
+            "ravec-scenes",
+            "ravec-unknown",
+        ] {
             let arrow = dependency(to, "null", here);
             assert!(judge("ravec-twocolor", &arrow).is_err(), "{to}");
         }
@@ -316,6 +369,9 @@ mod tests {
             ("ravec-cli", "anyhow", true),
             ("ravec-jobs", "anyhow", false),
             ("ravec-jobs", "serde", true),
+            ("ravec-mesh-io", "zip", true),
+            ("ravec-mesh", "zip", false),
+            ("ravec-media", "tempfile", false),
             ("ravec-twocolor", "clap", false),
         ] {
             for kind in ["null", r#""build""#] {

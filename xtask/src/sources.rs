@@ -11,6 +11,8 @@ use std::path::{Path, PathBuf};
 /// The crates whose readers and writers take `impl Read` and `impl Write`.
 const WITHOUT_FILES: &[&str] = &[
     "ravec",
+    "ravec-mesh",
+    "ravec-mesh-render",
     "ravec-mosaic",
     "ravec-progress",
     "ravec-raster",

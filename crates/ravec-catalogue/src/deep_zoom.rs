@@ -27,9 +27,8 @@ use crate::painter::Unpainted;
 use crate::pyramid::{PIECE_PX, Piece, Pyramid};
 use manifest::{MANIFEST, MAX_FILES, Manifest, PAGE};
 use place::Place;
-use ravec_media::{
-    EncodeError, Format, Picture, TemporaryFolder, WriteError, WriteOptions, encode,
-};
+use ravec_files::TemporaryFolder;
+use ravec_media::{EncodeError, Format, Picture, WriteError, WriteOptions, encode};
 use ravec_progress::{Cancelled, Progress};
 use ravec_raster::{Rect, Size, Srgb};
 use std::fs::{self, File};

@@ -562,7 +562,7 @@ fn in_a_browser_pointer_and_keys_lead_to_single_photos() {
     assert_eq!(text.matches(closed).count(), 1);
     std::fs::write(&page, text.replace(closed, open)).unwrap();
     let visitor = folder.path().join("visitor.html");
-    ravec_media::write_atomically(&visitor, |writer| {
+    ravec_files::write_atomically(&visitor, |writer| {
         std::io::Write::write_all(writer, VISITOR.as_bytes())
     })
     .unwrap();

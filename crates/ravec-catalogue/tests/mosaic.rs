@@ -205,7 +205,7 @@ fn a_second_run_knows_what_was_added_moved_and_changed() {
     std::fs::rename(photos.join("000.png"), photos.join("moved.png")).unwrap();
     std::fs::copy(photos.join("002.png"), photos.join("copy.png")).unwrap();
     save(&photos.join("004.png"), &photo(50, 120, 90));
-    ravec_media::write_atomically(&photos.join("bad.jpg"), |writer| {
+    ravec_files::write_atomically(&photos.join("bad.jpg"), |writer| {
         std::io::Write::write_all(writer, b"\xff\xd8\xff no picture")
     })
     .unwrap();
@@ -310,7 +310,7 @@ fn a_photo_that_disappears_is_named_and_others_take_its_place() {
     let broken = second.photos[3].clone();
     let time = std::fs::metadata(&broken).unwrap().modified().unwrap();
     let length = std::fs::metadata(&broken).unwrap().len() as usize;
-    ravec_media::write_atomically(&broken, |writer| {
+    ravec_files::write_atomically(&broken, |writer| {
         std::io::Write::write_all(writer, &vec![b'x'; length])
     })
     .unwrap();

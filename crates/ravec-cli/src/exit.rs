@@ -1,7 +1,8 @@
 //! How the program ends: exit codes and the sentence of an error.
 
+use crate::flags::Flags;
 use crate::interrupt;
-use ravec_jobs::{JobError, escape_except};
+use ravec_jobs::{ErrorKind, JobError, escape_except};
 use std::backtrace::Backtrace;
 use std::io::Write as _;
 use std::panic::{self, AssertUnwindSafe};
@@ -12,6 +13,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 pub const FAILED: u8 = 1;
 /// The command line was wrong: an unknown flag, a value out of range.
 pub const USAGE: u8 = 2;
+/// An input could not be read, or is invalid.
+pub const INPUT: u8 = 3;
 /// An output could not be written.
 pub const OUTPUT: u8 = 4;
 /// An output was written, but the verdict on it is no.
@@ -37,7 +40,7 @@ pub fn say(kind: &str, sentence: &str) {
 pub struct Failure {
     /// The exit code.
     pub code: u8,
-    /// What, where, and what to do. Empty if there is nobody left to tell, or all was said.
+    /// What, where, and what to do. Empty if it was reported before.
     pub sentence: String,
     /// Lines below the sentence, such as an expression with a mark below its mistake.
     pub lines: String,
@@ -53,7 +56,7 @@ impl Failure {
         }
     }
 
-    /// Tells the user and gives the exit code.
+    /// Reports the failure to the user and gives the exit code.
     pub fn report(&self) -> ExitCode {
         let reported = self.code == INTERRUPTED && !interrupt::report_once();
         if !self.sentence.is_empty() && !reported {
@@ -64,9 +67,21 @@ impl Failure {
     }
 }
 
-impl From<JobError> for Failure {
-    fn from(error: JobError) -> Self {
-        let mut failure = Self::new(error.exit_code(), &error);
+/// The exit code for an error of this kind.
+pub fn code(kind: ErrorKind) -> u8 {
+    match kind {
+        ErrorKind::Failure => FAILED,
+        ErrorKind::Request => USAGE,
+        ErrorKind::Input => INPUT,
+        ErrorKind::Output => OUTPUT,
+        ErrorKind::Cancelled => INTERRUPTED,
+    }
+}
+
+impl Failure {
+    /// The failure for an error of an operation with these flags.
+    pub fn of(error: JobError, flags: &Flags) -> Self {
+        let mut failure = Self::new(code(error.kind()), flags.name_in(&error.to_string()));
         if let JobError::Expression { .. } = error
             && let Some((sentence, lines)) = failure.sentence.split_once('\n')
         {

@@ -23,19 +23,19 @@
 
 mod arguments;
 mod exit;
+mod flags;
 mod help;
 mod interrupt;
 mod log;
 mod progress_bar;
 mod summary;
 
-use arguments::{Arguments, Command, Global, LibraryCommand, MeshCommand, ReportFormat};
-use clap::{CommandFactory as _, Parser as _};
+use arguments::{Arguments, Command, Global, Other};
 use exit::Failure;
+use flags::Flags;
 use ravec::progress::Progress;
 use ravec_jobs::{
-    JobError, Report, Source, brush, catalogue, check_files, check_folder, compare, complete, demo,
-    escape_except, match_photos, mesh, mosaic, plane, retarget, scenes, twocolor,
+    AnyOperation, JobError, Recipe, Report, check_files, check_folder, escape_except, write_text,
 };
 use std::ffi::OsString;
 use std::io::IsTerminal as _;
@@ -43,14 +43,11 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use tracing_subscriber::EnvFilter;
 
-/// The definition of the command line, from which the help, the completions and the manual are made.
-pub fn command() -> clap::Command {
-    Arguments::command()
-}
+pub use arguments::command;
 
 /// Runs the program with its arguments, the first of which is its name.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
-    let arguments = match Arguments::try_parse_from(arguments) {
+    let arguments = match arguments::parse(arguments) {
         Ok(arguments) => arguments,
         Err(answer) => return usage(&answer),
     };
@@ -83,339 +80,57 @@ fn usage(answer: &clap::Error) -> ExitCode {
     }
 }
 
-fn execute(
-    Arguments {
-        command,
-        mut global,
-    }: Arguments,
-) -> Result<(), Failure> {
+fn execute(Arguments { command, global }: Arguments) -> Result<(), Failure> {
     listen(&global);
-    if let Command::Boolean {
-        report: Some(ReportFormat::Json),
-        ..
-    } = command
-    {
-        global.json = Some("-".into());
+    if let Some(operation) = command.operation() {
+        return run_operation(operation, command.recipe(), &global);
     }
-    // the operations look at their own files; only here is the report known, too
-    let outputs: Vec<_> = command
-        .outputs()
-        .into_iter()
-        .chain(global.json.as_deref())
-        .collect();
-    let side_files = command.catalogue().map(journals).unwrap_or_default();
-    let side_files = side_files.iter().map(PathBuf::as_path);
-    let inputs: Vec<_> = command.inputs().into_iter().chain(side_files).collect();
-    check_files(&inputs, &outputs)?;
-    let limits = global.limits();
-    let memory = limits.memory.clone();
-    let source = |path| Source {
-        path,
-        limits: limits.clone(),
-    };
     match command {
-        Command::Compare { a, b, params } => job(&global, |progress| {
-            compare::run(&source(a), &source(b), &params, progress)
-        }),
-        Command::Match {
-            first,
-            second,
-            output,
-            params,
-        } => job(&global, |progress| {
-            match_photos::run(&source(first), &source(second), &output, &params, progress)
-        }),
-        Command::Rectify {
-            input,
-            output,
-            params,
-        } => job(&global, |progress| {
-            plane::rectify::run(&source(input), &output, &params, progress)
-        }),
-        Command::Snap {
-            input,
-            output,
-            params,
-        } => answer(&global, |progress| {
-            plane::snap::run(&source(input), output.as_deref(), &params, progress)
-        }),
-        Command::Planes {
-            input,
-            output,
-            params,
-        } => answer(&global, |progress| {
-            plane::planes::run(&source(input), output.as_deref(), &params, progress)
-        }),
-        Command::Complete {
-            input,
-            mask,
-            features,
-            sources,
-            replay,
-            steps,
-            output,
-            params,
-        } => job(&global, |progress| {
-            let files = complete::Files {
-                mask: mask.map(source),
-                features: features.map(source),
-                photos: sources.into_iter().map(source).collect(),
-                replay,
-                steps,
-            };
-            complete::run(&source(input), &files, &output, &params, progress)
-        }),
-        Command::Retarget {
-            input,
-            output,
-            protect,
-            give_way,
-            show_grid,
-            params,
-        } => {
-            let extras = retarget::Extras {
-                protect: protect.map(source),
-                give_way: give_way.map(source),
-                show_grid,
-            };
-            job(&global, |progress| {
-                retarget::run(&source(input), &output, &extras, &params, progress)
-            })
-        }
-        Command::Twocolor {
-            input,
-            output,
-            svg,
-            params,
-        } => {
-            let targets = twocolor::Targets {
-                picture: output,
-                svg,
-            };
-            job(&global, |progress| {
-                twocolor::run(&source(input), &targets, &params, progress)
-            })
-        }
-        Command::Brush {
-            input,
-            output,
-            everywhere: _,
-            stroke,
-            mask,
-            params,
-        } => {
-            let targets = brush::Targets {
-                picture: output,
-                mask,
-                strokes: stroke,
-            };
-            job(&global, |progress| {
-                brush::run(&source(input), &targets, &params, progress)
-            })
-        }
-        Command::Mesh { command, limits } => {
-            let limits = limits.limits(memory);
-            job(&global, |progress| on_mesh(command, &limits, progress))
-        }
-        Command::Offset {
-            input,
-            output,
-            params,
-            limits,
-        } => {
-            let limits = limits.limits(memory);
-            let input = mesh::MeshSource {
-                path: input,
-                limits,
-            };
-            job(&global, |progress| {
-                mesh::offset::run(&input, &output, &params, progress)
-            })
-        }
-        Command::Boolean {
-            expression,
-            files,
-            output,
-            origins,
-            picture,
-            report: _,
-            params,
-            limits,
-        } => {
-            let limits = limits.limits(memory);
-            let targets = mesh::boolean::Targets {
-                mesh: output,
-                origins,
-                picture,
-            };
-            job(&global, |progress| {
-                mesh::boolean::run(&expression, &files, &limits, &targets, &params, progress)
-            })
-        }
-        Command::Library { command } => on_library(command, &global),
-        Command::Mosaic {
-            input,
-            catalogue,
-            output,
-            deep_zoom,
-            params,
-        } => {
-            let outputs = mosaic::Outputs {
-                picture: output.as_deref(),
-                deep_zoom: deep_zoom.as_deref(),
-            };
-            job(&global, |progress| {
-                let report = global.json.as_deref();
-                mosaic::run(
-                    &source(input),
-                    &catalogue,
-                    &outputs,
-                    report,
-                    &params,
-                    progress,
-                )
-            })
-        }
-        Command::Demo { image, out, params } => {
-            let photo = image.map(source);
-            job(&global, |progress| {
-                demo::run(photo.as_ref(), &out, &params, progress)
-            })
-        }
-        Command::Scenes { out, params } => {
-            job(&global, |progress| scenes::run(&out, &params, progress))
-        }
-        Command::Completions { shell } => {
+        Command::Other(Other::Completions { shell }) => {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut command_for_pages(), "ravec", &mut script);
             summary::print(&String::from_utf8_lossy(&script))
         }
-        Command::Man { out } => manual(out.as_deref()),
+        Command::Other(Other::Man { out }) => manual(out.as_deref()),
+        Command::Other(Other::Run(_) | Other::Demo(_)) | Command::Step(_) => Ok(()),
     }
 }
 
-/// The files that a database keeps beside itself while it is changed, or after it was killed.
-fn journals(database: &Path) -> Vec<PathBuf> {
-    let beside = |ending: &str| {
-        let mut name = database.as_os_str().to_owned();
-        name.push(ending);
-        name.into()
-    };
-    ["-journal", "-wal", "-shm"].map(beside).to_vec()
-}
-
-/// Runs an operation on a catalogue of photos.
-fn on_library(command: LibraryCommand, global: &Global) -> Result<(), Failure> {
-    let limits = global.limits();
-    let report = global.json.as_deref();
-    match command {
-        LibraryCommand::Add {
-            paths,
-            catalogue,
-            params,
-        } => job(global, |progress| {
-            catalogue::add(
-                &paths,
-                &catalogue.catalogue,
-                report,
-                &limits,
-                &params,
-                progress,
-            )
-        }),
-        LibraryCommand::Remove {
-            paths,
-            catalogue,
-            params,
-        } => job(global, |progress| {
-            catalogue::remove(&paths, &catalogue.catalogue, report, &params, progress)
-        }),
-        LibraryCommand::List { catalogue, params } => answer(global, |progress| {
-            catalogue::list(&catalogue.catalogue, report, &params, progress)
-        }),
-        LibraryCommand::Clean { catalogue, params } => answer(global, |progress| {
-            catalogue::clean(&catalogue.catalogue, report, &params, progress)
-        }),
-        LibraryCommand::Stats { catalogue, params } => job(global, |progress| {
-            catalogue::stats(&catalogue.catalogue, report, &params, progress)
-        }),
-    }
-}
-
-/// Runs an operation on meshes.
-fn on_mesh(
-    command: MeshCommand,
-    limits: &mesh::MeshLimits,
-    progress: &Progress,
-) -> Result<Report, JobError> {
-    let source = |path| mesh::MeshSource {
-        path,
-        limits: limits.clone(),
-    };
-    match command {
-        MeshCommand::Info { input, params } => mesh::info::run(&source(input), &params, progress),
-        MeshCommand::Check { input, params } => mesh::check::run(&source(input), &params, progress),
-        MeshCommand::Convert {
-            input,
-            output,
-            params,
-        } => mesh::convert::run(&source(input), &output, &params, progress),
-        MeshCommand::Compare { a, b, params } => {
-            mesh::compare::run(&source(a), &source(b), &params, progress)
-        }
-        MeshCommand::Render {
-            input,
-            output,
-            compare,
-            params,
-        } => {
-            let other = compare.map(source);
-            let input = source(input);
-            mesh::render::run(&input, other.as_ref(), &output, &params, progress)
-        }
-        MeshCommand::Simplify {
-            input,
-            output,
-            params,
-        } => mesh::simplify::run(&source(input), &output, &params, progress),
-    }
-}
-
-/// Runs an operation and shows its report.
-fn job(
+/// Checks the files of an operation, runs it, and shows and writes its report.
+fn run_operation(
+    operation: &dyn AnyOperation,
+    recipe: Option<Recipe>,
     global: &Global,
-    operation: impl FnOnce(&Progress) -> Result<Report, JobError> + Send,
 ) -> Result<(), Failure> {
-    let report = perform(global, operation)?;
-    show(global, &report, |report| summarize(global, report))
-}
-
-fn summarize(global: &Global, report: &Report) -> Result<(), Failure> {
-    if global.quiet {
-        return Ok(());
+    let flags = Flags::of(operation.name());
+    let failed = |error: JobError| Failure::of(error, &flags);
+    // operations check their own files; only here are the report and the recipe known as well
+    let side_files = operation.side_files();
+    let side_files = side_files.iter().map(PathBuf::as_path);
+    let inputs: Vec<_> = operation.inputs().into_iter().chain(side_files).collect();
+    let report_file = global.report_file();
+    let mut outputs = operation.outputs();
+    outputs.extend(report_file.as_deref());
+    outputs.extend(global.recipe.as_deref());
+    check_files(&inputs, &outputs).map_err(failed)?;
+    let report = perform(global, &flags, |progress| {
+        operation.run(&global.context(progress))
+    })?;
+    if let (Some(path), Some(recipe)) = (&global.recipe, recipe) {
+        let text = recipe.to_json().map_err(|error| {
+            let text = format!("cannot write the recipe {}: {error}", path.display());
+            Failure::new(exit::OUTPUT, text)
+        })?;
+        report.check_output(path).map_err(failed)?;
+        write_text(path, &text).map_err(failed)?;
     }
-    summary::print(&summary::summary(report))
-}
-
-/// Runs an operation whose result is no file, and prints the result, unless it is in a file of JSON or standard output has
-/// something else to carry.
-fn answer(
-    global: &Global,
-    operation: impl FnOnce(&Progress) -> Result<Report, JobError> + Send,
-) -> Result<(), Failure> {
-    let report = perform(global, operation)?;
-    show(global, &report, |report| {
-        if report.outputs.iter().any(|file| file.format == "JSON") {
-            return summarize(global, report);
-        }
-        let result = report.result_json();
-        result.map_or(Ok(()), |result| summary::print(&result))
-    })
+    show(operation, global, &flags, &report)
 }
 
 /// Runs an operation with progress, cancellation and the chosen threads.
 fn perform(
     global: &Global,
+    flags: &Flags,
     operation: impl FnOnce(&Progress) -> Result<Report, JobError> + Send,
 ) -> Result<Report, Failure> {
     let silent = global.quiet || global.verbose > 0 || !std::io::stderr().is_terminal();
@@ -444,28 +159,31 @@ fn perform(
     if let Some(bar) = bar {
         bar.finish_and_clear();
     }
-    Ok(result?)
+    result.map_err(|error| Failure::of(error, flags))
 }
 
-/// Shows warnings, lets `tell` print unless standard output is taken, writes the report and gives the verdict.
+/// Shows warnings, prints the summary or the result unless standard output is an output, writes the report and gives the verdict.
 fn show(
+    operation: &dyn AnyOperation,
     global: &Global,
+    flags: &Flags,
     report: &Report,
-    tell: impl FnOnce(&Report) -> Result<(), Failure>,
 ) -> Result<(), Failure> {
     if !global.quiet && global.verbose == 0 {
         for warning in &report.warnings {
-            exit::say("warning", warning);
+            exit::say("warning", &flags.name_in(warning));
         }
     }
+    let report_file = global.report_file();
     let to_stdout = |path: &Path| path.as_os_str() == "-";
-    let taken = global.json.as_deref().is_some_and(to_stdout)
-        || report.outputs.iter().any(|file| file.path == "-");
+    let mut others = report_file.iter().chain(&global.recipe);
+    let taken =
+        others.any(|path| to_stdout(path)) || report.outputs.iter().any(|file| file.path == "-");
     if !taken {
-        tell(report)?;
+        print_report(operation, global, report)?;
     }
-    if let Some(path) = &global.json {
-        summary::write_json(report, path)?;
+    if let Some(path) = &report_file {
+        summary::write_json(report, path, flags)?;
     }
     if report.passed == Some(false) {
         // what was found is in the summary and in the report
@@ -477,6 +195,23 @@ fn show(
         return Err(Failure::new(code, ""));
     }
     Ok(())
+}
+
+/// Prints the result of an operation whose result is data, unless it is in a file; else a summary, unless `--quiet`.
+fn print_report(
+    operation: &dyn AnyOperation,
+    global: &Global,
+    report: &Report,
+) -> Result<(), Failure> {
+    let in_file = report.outputs.iter().any(|file| file.format == "JSON");
+    let result = report
+        .result_json()
+        .filter(|_| operation.prints_result() && !in_file);
+    match result {
+        Some(result) => summary::print(&result),
+        None if global.quiet => Ok(()),
+        None => summary::print(&summary::summary(report)),
+    }
 }
 
 /// Lets `-v` (or the variable `RAVEC_LOG`, in the syntax of `tracing-subscriber`) decide what is said on standard error.
@@ -512,7 +247,7 @@ fn manual(out: Option<&Path>) -> Result<(), Failure> {
             .expect("a vector takes every write");
         return summary::print(&String::from_utf8_lossy(&page));
     };
-    check_folder(folder)?;
+    check_folder(folder).map_err(|error| Failure::of(error, &Flags::of("man")))?;
     std::fs::create_dir_all(folder)
         .and_then(|()| clap_mangen::generate_to(command_for_pages(), folder))
         .map_err(|error| {

@@ -1,6 +1,7 @@
 //! What the user sees of a report: lines on standard output, or JSON in a file.
 
 use crate::exit::{self, Failure};
+use crate::flags::Flags;
 use ravec_jobs::{FileReport, Finding, Place, Report, escape_controls, write_text};
 use std::fmt::Write as _;
 use std::io::{self, Write};
@@ -128,13 +129,14 @@ fn number(figure: f64) -> String {
 ///
 /// # Errors
 /// With the code for outputs, if it cannot be written.
-pub fn write_json(report: &Report, path: &Path) -> Result<(), Failure> {
+pub fn write_json(report: &Report, path: &Path, flags: &Flags) -> Result<(), Failure> {
     if path.as_os_str() == "-" {
-        print(&report.to_json())
-    } else {
-        report.check_output(path)?;
-        write_text(path, &report.to_json()).map_err(Failure::from)
+        return print(&report.to_json());
     }
+    report
+        .check_output(path)
+        .and_then(|()| write_text(path, &report.to_json()))
+        .map_err(|error| Failure::of(error, flags))
 }
 
 /// Prints to standard output. A reader that has gone away (`ravec ... | head`) ends the program without a word.

@@ -1,9 +1,10 @@
 //! Combines meshes: `cargo run --release -p ravec-jobs --example combine -- 'a - b' part.stl drill.stl out.stl`
 
 use ravec::boolean::{BooleanParams, Expr, boolean};
-use ravec::mesh::{MeshFormat, ReadOptions, TriMesh, WriteOptions, read_mesh, write_mesh};
+use ravec::mesh::TriMesh;
+use ravec::mesh_io::{MeshFormat, ReadOptions, WriteOptions, read_mesh, write_mesh};
 use ravec::progress::Progress;
-use ravec_media::write_atomically;
+use ravec_files::write_atomically;
 use std::error::Error;
 use std::fs::File;
 use std::path::Path;

@@ -1,9 +1,9 @@
 //! Hollows a closed mesh: `cargo run --release -p ravec-jobs --example hollow -- part.stl hollow.stl 1.5`
 
-use ravec::mesh::{MeshFormat, ReadOptions, WriteOptions, read_mesh, write_mesh};
+use ravec::mesh_io::{MeshFormat, ReadOptions, WriteOptions, read_mesh, write_mesh};
 use ravec::offset::{OffsetParams, Side, offset};
 use ravec::progress::Progress;
-use ravec_media::write_atomically;
+use ravec_files::write_atomically;
 use std::error::Error;
 use std::fs::File;
 use std::path::Path;

@@ -3,7 +3,8 @@
 use ravec::progress::Progress;
 use ravec::raster::Srgb;
 use ravec::twocolor::{AdaptiveField, AdaptiveParams, SvgParams, write_svg};
-use ravec_media::{Limits, read, write_atomically};
+use ravec_files::write_atomically;
+use ravec_media::{Limits, read};
 use std::error::Error;
 use std::path::Path;
 

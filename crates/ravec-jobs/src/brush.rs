@@ -3,8 +3,10 @@
 //! Guarantees: pixels that no stroke reaches keep their samples; equal parameters give equal files on any number of
 //! threads; outputs are whole or absent.
 
+use crate::context::Context;
 use crate::error::{JobError, plain};
-use crate::files::{self, Source};
+use crate::files;
+use crate::operation::{Operation, paths};
 use crate::report::Report;
 use ravec::progress::Progress;
 use ravec::raster::{Image, LinearRgba, Rect, Size, Srgb, with_image};
@@ -64,7 +66,81 @@ impl BrushMode {
     }
 }
 
-/// How the picture is worked on.
+/// Filter or paint a picture, as a whole or with a brush that stops at edges
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "cli", derive(clap::Args), command(after_help = HELP))]
+pub struct Brush {
+    /// Input picture; `-` is standard input
+    pub input: PathBuf,
+    /// Output picture; its extension selects the format, `-` is standard output in the input's format
+    #[cfg_attr(feature = "cli", arg(short, long, value_name = "FILE"))]
+    pub output: PathBuf,
+    /// Apply the mode to the whole picture
+    #[cfg_attr(
+        feature = "cli",
+        arg(long, required_unless_present = "stroke", conflicts_with = "stroke")
+    )]
+    #[serde(default)]
+    pub everywhere: bool,
+    /// Strokes as JSON, or the points [[x, y], ...] of one stroke with the settings of the flags: see below; `-` is
+    /// standard input
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
+    #[serde(default)]
+    pub stroke: Option<PathBuf>,
+    /// Write the selection that mask strokes painted as a gray picture
+    #[cfg_attr(
+        feature = "cli",
+        arg(
+            long,
+            value_name = "FILE",
+            requires = "stroke",
+            conflicts_with = "everywhere"
+        )
+    )]
+    #[serde(default)]
+    pub mask: Option<PathBuf>,
+    /// Parameters.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    #[serde(default)]
+    pub params: Params,
+}
+
+#[cfg(feature = "cli")]
+const HELP: &str = "\
+Examples:
+  ravec brush noisy.jpg -o clean.png --mode clean --everywhere
+  ravec brush noisy.jpg -o clean.png --mode clean --everywhere --noise-sigma 15
+  ravec brush photo.jpg -o large.png --mode antialias --scale 3 --everywhere
+  ravec brush photo.jpg -o look.jpg --mode abstract --iterations 3 --everywhere
+  ravec brush photo.jpg -o red.png --mode color --color '#c03020' --radius 80 --stroke points.json
+  ravec brush photo.jpg -o all.png --stroke strokes.json --mask mask.png
+  echo '[[40, 30], [90, 50]]' | ravec brush photo.jpg -o light.png --mode dodge --stroke -
+
+Strokes: points, in pixels from the upper left corner, are one stroke with the settings of the flags:
+  [[40, 30], [90, 50]]
+Strokes with settings of their own fit a picture of any size, because they say on which size they were drawn:
+  {\"version\": 1, \"width\": 800, \"height\": 600, \"strokes\": [
+    {\"tool\": {\"operator\": {\"mode\": \"smooth\"}}, \"points\": [[40, 30], [90, 50]], \"radius_px\": 20},
+    {\"tool\": {\"color\": {\"rgb\": [192, 48, 32]}}, \"points\": [[200, 150]], \"radius_px\": 60},
+    {\"tool\": \"mask\", \"points\": [[200, 150]], \"radius_px\": 60}]}
+Tools:
+  {\"operator\": {\"mode\": \"smooth\", \"iterations\": 1, \"noise_sigma\": null}}
+  {\"color\": {\"rgb\": [192, 48, 32]}}
+  {\"recolor\": {\"rgb\": [192, 48, 32]}}
+  {\"saturation\": {\"amount\": 0.5}}
+  {\"clone\": {\"offset\": [-40, 12]}}
+  \"dodge\"
+  \"burn\"
+  \"mask\"
+Settings of a stroke that may be left out, as they are then:
+  \"hardness\": 0.5, \"strength\": 1, \"edge_aware\": true, \"edge_tolerance\": 0.08,
+  \"window_px\": 9, \"accumulate\": false, \"spacing\": 0.25
+A list [...] of such strokes is taken as drawn on the picture as it is.
+
+Figures: strokes and touched_pixels with --stroke; noise_sigma_steps and compressed (0 or 1) with --mode clean.";
+
+/// Parameters of [`Brush`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
@@ -160,64 +236,58 @@ fn offset(text: &str) -> Result<[i32; 2], String> {
     }
 }
 
-/// Where the brush goes, and where results go.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Targets {
-    /// The picture; its extension says the format, `-` is standard output.
-    pub picture: PathBuf,
-    /// The selection that mask strokes painted, as a gray picture.
-    pub mask: Option<PathBuf>,
-    /// Strokes as JSON: strokes with the size that they were drawn on, a plain list of strokes on this picture, or plain
-    /// points `[[x, y], …]` of one stroke; `-` is standard input, nothing means the whole picture.
-    pub strokes: Option<PathBuf>,
-}
-
 /// The largest file of strokes that is read.
 const MAX_STROKES_BYTES: u64 = 256 << 20;
 
 impl Params {
     fn check(&self, everywhere: bool) -> Result<(), JobError> {
-        let wrong = |name, value: String, range| Err(JobError::Parameter { name, value, range });
+        let wrong = |field, value: String, range| {
+            Err(JobError::Parameter {
+                field,
+                value,
+                range,
+            })
+        };
         if !(0.0..=1.0).contains(&self.strength) {
-            return wrong("--strength", self.strength.to_string(), "0 to 1");
+            return wrong("strength", self.strength.to_string(), "0 to 1");
         }
         if !(1..=16).contains(&self.iterations) {
-            return wrong("--iterations", self.iterations.to_string(), "1 to 16");
+            return wrong("iterations", self.iterations.to_string(), "1 to 16");
         }
         if !(3..=31).contains(&self.window) || self.window.is_multiple_of(2) {
-            return wrong("--window", self.window.to_string(), "odd, 3 to 31");
+            return wrong("window", self.window.to_string(), "odd, 3 to 31");
         }
         if let Some(sigma) = self.noise_sigma.filter(|s| !(0.0..=255.0).contains(s)) {
-            return wrong("--noise-sigma", sigma.to_string(), "0 to 255");
+            return wrong("noise_sigma", sigma.to_string(), "0 to 255");
         }
         if !(self.radius > 0.0 && self.radius <= 4096.0) {
-            return wrong("--radius", self.radius.to_string(), "above 0, up to 4096");
+            return wrong("radius", self.radius.to_string(), "above 0, up to 4096");
         }
         if !(0.0..=1.0).contains(&self.hardness) {
-            return wrong("--hardness", self.hardness.to_string(), "0 to 1");
+            return wrong("hardness", self.hardness.to_string(), "0 to 1");
         }
         if !(-1.0..=4.0).contains(&self.amount) {
-            return wrong("--amount", self.amount.to_string(), "-1 to 4");
+            return wrong("amount", self.amount.to_string(), "-1 to 4");
         }
         if !(1..=100).contains(&self.quality) {
-            return wrong("--quality", self.quality.to_string(), "1 to 100");
+            return wrong("quality", self.quality.to_string(), "1 to 100");
         }
         if !(self.scale > 0.0 && self.scale <= 64.0) {
-            return wrong("--scale", self.scale.to_string(), "above 0, up to 64");
+            return wrong("scale", self.scale.to_string(), "above 0, up to 64");
         }
         if self.scale != 1.0 && !(everywhere && self.mode == BrushMode::Antialias) {
             return wrong(
-                "--scale",
+                "scale",
                 self.scale.to_string(),
-                "1, unless with --mode antialias --everywhere",
+                "1, unless with `mode` antialias and `everywhere`",
             );
         }
         if everywhere && self.mode.operator().is_none() {
             let mode = format!("{:?}", self.mode).to_lowercase();
             return wrong(
-                "--mode",
+                "mode",
                 mode,
-                "abstract, smooth, sharpen, clean, antialias or stamp with --everywhere",
+                "abstract, smooth, sharpen, clean, antialias or stamp with `everywhere`",
             );
         }
         Ok(())
@@ -226,7 +296,7 @@ impl Params {
     /// The size of the output, if it stays within the most pixels that a picture may have.
     fn output_size(&self, input: Size, max_pixels: u64) -> Result<Size, JobError> {
         let wrong = |range| JobError::Parameter {
-            name: "--scale",
+            field: "scale",
             value: self.scale.to_string(),
             range,
         };
@@ -234,7 +304,7 @@ impl Params {
             return Ok(input);
         }
         if input.pixels() as f64 * self.scale * self.scale > max_pixels as f64 {
-            return Err(wrong("small enough to keep the output within --max-pixels"));
+            return Err(wrong("small enough to keep the output within `max_pixels`"));
         }
         let side = |pixels: usize| (pixels as f64 * self.scale).round().max(1.0) as usize;
         Size::new(side(input.width()), side(input.height()))
@@ -271,90 +341,110 @@ impl Params {
     }
 }
 
-/// Works on the picture `source` and writes `targets`.
-///
-/// Figures: `strokes` and `touched_pixels`; for cleaning the `noise_sigma_steps` that were assumed, and `compressed` (1 or
-/// 0) where they were estimated.
-///
-/// # Errors
-/// [`JobError::Parameter`] for a parameter out of range, [`JobError::Strokes`] for strokes that cannot be read or make no
-/// sense, [`JobError::Read`], [`JobError::Write`], what [`check_files`](crate::check_files) refuses,
-/// [`JobError::Cancelled`].
-pub fn run(
-    source: &Source,
-    targets: &Targets,
-    params: &Params,
-    progress: &Progress,
-) -> Result<Report, JobError> {
-    params.check(targets.strokes.is_none())?;
-    files::check_target(&targets.picture)?;
-    if let Some(path) = &targets.mask {
-        files::check_target(path)?;
+impl Operation for Brush {
+    const NAME: &'static str = "brush";
+
+    fn inputs(&self) -> Vec<&Path> {
+        paths(&self.input, [&self.stroke])
     }
-    let inputs = [Some(&source.path), targets.strokes.as_ref()];
-    let outputs = [Some(&targets.picture), targets.mask.as_ref()];
-    files::check_files(&paths(inputs), &paths(outputs))?;
-    let mut report = Report::new("brush", params);
-    if params.mode == BrushMode::Stamp {
-        report.seed = Some(params.seed);
+
+    fn outputs(&self) -> Vec<&Path> {
+        paths(&self.output, [&self.mask])
     }
-    let picture = files::read(source, &mut report, progress)?;
-    let size = params.output_size(picture.image.size(), source.limits.max_pixels)?;
-    files::check_size(&targets.picture, size, &picture)?;
-    let result = match &targets.strokes {
-        None => everywhere(&picture, params, &mut report, progress)?,
-        Some(path) => {
-            let mut strokes = read_strokes(path, picture.image.size(), params)?;
-            strokes
-                .strokes
-                .truncate(strokes.strokes.len().saturating_sub(params.undo));
-            let failed = |cause| JobError::from_strokes(path, cause);
-            let Painted {
-                image,
-                mask,
-                touched,
-            } = report.time("paint", || {
-                replay(picture.convert(), &strokes, progress).map_err(failed)
-            })?;
-            report.figures.insert("strokes", touched.len() as f64);
-            report
-                .figures
-                .insert("touched_pixels", touched.iter().sum::<u64>() as f64);
-            for (i, _) in touched
-                .iter()
-                .enumerate()
-                .filter(|(_, pixels)| **pixels == 0)
-            {
-                report.warn(format!(
-                    "stroke {} lies outside the picture or has no effect",
-                    i + 1
-                ));
-            }
-            if mask.is_some() && targets.mask.is_none() {
-                report.warn("the selection is not kept: name a file for it with --mask");
-            }
-            if let Some(path) = &targets.mask {
-                write_mask(path, mask, picture.image.size(), &mut report, progress)?;
-            }
-            image
+
+    /// Applies the mode to the whole picture, or the strokes: strokes with the size that they were drawn on, a plain list of
+    /// strokes on this picture, or plain points `[[x, y], …]` of one stroke.
+    ///
+    /// Figures: `strokes` and `touched_pixels`; for cleaning the `noise_sigma_steps` that were assumed, and `compressed` (1 or
+    /// 0) where they were estimated.
+    ///
+    /// # Errors
+    /// [`JobError::Parameter`] for a parameter out of range, [`JobError::Missing`] unless either `stroke` or `everywhere` is given, [`JobError::Strokes`] for strokes that cannot be read or make no
+    /// sense, [`JobError::Read`], [`JobError::Write`], what [`check_files`](crate::check_files) refuses,
+    /// [`JobError::Cancelled`].
+    fn run(&self, context: &Context) -> Result<Report, JobError> {
+        let Self {
+            input,
+            output,
+            stroke,
+            params,
+            ..
+        } = self;
+        if self.everywhere == stroke.is_some() {
+            return Err(JobError::Missing {
+                fields: &["stroke", "everywhere"],
+                expected: "give one of the two",
+            });
         }
-    };
-    let options = WriteOptions {
-        quality: params.quality,
-        ..WriteOptions::default()
-    };
-    files::write(
-        &targets.picture,
-        &picture.with_image(&result),
-        &options,
-        &mut report,
-        progress,
-    )?;
-    Ok(report)
+        params.check(self.everywhere)?;
+        for path in self.outputs() {
+            files::check_target(path, context)?;
+        }
+        context.check_files(&self.inputs(), &self.outputs())?;
+        let mut report = Report::of(self, params);
+        if params.mode == BrushMode::Stamp {
+            report.seed = Some(params.seed);
+        }
+        let picture = files::read(input, &mut report, context)?;
+        let size = params.output_size(picture.image.size(), context.limits.max_pixels)?;
+        files::check_size(output, size, &picture, context)?;
+        let result = match stroke {
+            None => everywhere(&picture, params, &mut report, &context.progress)?,
+            Some(path) => self.paint(path, &picture, &mut report, context)?,
+        };
+        let options = WriteOptions {
+            quality: params.quality,
+            ..WriteOptions::default()
+        };
+        let picture = picture.with_image(&result);
+        files::write(output, &picture, &options, &mut report, context)?;
+        Ok(report)
+    }
 }
 
-fn paths(files: [Option<&PathBuf>; 2]) -> Vec<&Path> {
-    files.into_iter().flatten().map(PathBuf::as_path).collect()
+impl Brush {
+    /// Applies the strokes of the file `path`.
+    fn paint(
+        &self,
+        path: &Path,
+        picture: &Picture,
+        report: &mut Report,
+        context: &Context,
+    ) -> Result<Image<LinearRgba>, JobError> {
+        let size = picture.image.size();
+        let mut strokes = read_strokes(path, size, &self.params, context)?;
+        strokes
+            .strokes
+            .truncate(strokes.strokes.len().saturating_sub(self.params.undo));
+        let failed = |cause| JobError::from_strokes(path, cause);
+        let Painted {
+            image,
+            mask,
+            touched,
+        } = report.time("paint", || {
+            replay(picture.convert(), &strokes, &context.progress).map_err(failed)
+        })?;
+        let pixels: u64 = touched.iter().sum();
+        report.figures.insert("strokes", touched.len() as f64);
+        report.figures.insert("touched_pixels", pixels as f64);
+        for (i, _) in touched
+            .iter()
+            .enumerate()
+            .filter(|(_, pixels)| **pixels == 0)
+        {
+            report.warn(format!(
+                "stroke {} lies outside the picture or has no effect",
+                i + 1
+            ));
+        }
+        if mask.is_some() && self.mask.is_none() {
+            report.warn("the selection is not kept: name a file for it with `mask`");
+        }
+        if let Some(path) = &self.mask {
+            write_mask(path, mask, size, report, context)?;
+        }
+        Ok(image)
+    }
 }
 
 /// The operator over the whole picture.
@@ -408,13 +498,18 @@ fn everywhere(
     })
 }
 
-fn read_strokes(path: &Path, size: Size, params: &Params) -> Result<Strokes, JobError> {
+fn read_strokes(
+    path: &Path,
+    size: Size,
+    params: &Params,
+    context: &Context,
+) -> Result<Strokes, JobError> {
     let unreadable = |reason: String| JobError::Strokes {
         path: path.to_path_buf(),
         reason,
     };
-    let text =
-        files::read_text(path, MAX_STROKES_BYTES).map_err(|error| unreadable(plain(&error)))?;
+    let text = files::read_text_in(path, MAX_STROKES_BYTES, context)
+        .map_err(|error| unreadable(plain(&error)))?;
     let list = text.trim_start().strip_prefix('[');
     if list.is_some_and(|rest| rest.trim_start().starts_with('{')) {
         let list: Vec<Stroke> = serde_json::from_str(&text)
@@ -441,7 +536,7 @@ fn write_mask(
     mask: Option<ravec::raster::Plane>,
     size: Size,
     report: &mut Report,
-    progress: &Progress,
+    context: &Context,
 ) -> Result<(), JobError> {
     let gray = if let Some(mask) = mask {
         mask.map(|v| Srgb([(v * 255.0).round() as u8; 3]))
@@ -451,7 +546,7 @@ fn write_mask(
     };
     let mut picture = Picture::from_image(gray);
     picture.origin.gray = true;
-    files::write(path, &picture, &WriteOptions::default(), report, progress)
+    files::write(path, &picture, &WriteOptions::default(), report, context)
 }
 
 #[cfg(test)]

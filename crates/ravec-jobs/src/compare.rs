@@ -1,71 +1,105 @@
 //! `compare`: how far two pictures of the same size are apart.
 
+use crate::context::Context;
 use crate::error::JobError;
-use crate::files::{self, Source};
+use crate::files;
+use crate::operation::Operation;
 use crate::report::Report;
-use ravec::progress::Progress;
 use ravec::raster::{LinearRgba, MetricError, compare_with_progress, with_image};
 use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
 
-/// How the pictures are compared: there is nothing to choose yet.
+/// Compare two pictures of the same size: PSNR, SSIM, color difference
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "cli", derive(clap::Args), command(after_help = HELP))]
+pub struct Compare {
+    /// Reference; `-` is standard input
+    pub a: PathBuf,
+    /// Picture to compare with it; `-` is standard input
+    pub b: PathBuf,
+    /// Parameters.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    #[serde(default)]
+    pub params: Params,
+}
+
+#[cfg(feature = "cli")]
+const HELP: &str = "\
+Examples:
+  ravec compare photo.jpg noisy.jpg
+  ravec compare photo.jpg noisy.jpg -q --json figures.json
+
+Figures: psnr_db (infinite, or null in JSON, for equal pictures), ssim (1 for equal pictures), delta_e_mean, delta_e_p95 and \
+delta_e_max (CIEDE2000; 1 is just noticeable), max_difference_steps (of 255), max_alpha_difference, identical (0 or 1).";
+
+/// Parameters of [`Compare`]; there are none yet.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct Params {}
 
-/// Compares `b` with the reference `a`, as they are shown: alpha over a middle gray.
-///
-/// Figures: `psnr_db`, the peak signal-to-noise ratio of the encoded colors, infinite for equal pictures; `ssim`, the mean
-/// structural similarity of luma, 1 for equal pictures; `delta_e_mean`, `delta_e_p95` and `delta_e_max`, CIEDE2000 color
-/// differences, of which 1 is just noticeable; `max_difference_steps`, the largest difference of a sample in 8-bit steps;
-/// `max_alpha_difference`, 0 to 1; `identical`, 1 if no pixel differs at all.
-///
-/// # Errors
-/// [`JobError::Read`] for an input that is no picture, [`JobError::SizesDiffer`], [`JobError::InputTwice`] if both are
-/// standard input, [`JobError::Cancelled`].
-pub fn run(
-    a: &Source,
-    b: &Source,
-    params: &Params,
-    progress: &Progress,
-) -> Result<Report, JobError> {
-    files::check_files(&[&a.path, &b.path], &[])?;
-    let mut report = Report::new("compare", params);
-    // pictures keep their shares of the memory budget
-    let picture_a = files::read(a, &mut report, progress)?;
-    let picture_b = files::read(b, &mut report, progress)?;
-    let (image_a, image_b) = (&picture_a.image, &picture_b.image);
-    let differ = JobError::SizesDiffer {
-        a: a.path.clone(),
-        a_size: image_a.size(),
-        b: b.path.clone(),
-        b_size: image_b.size(),
-    };
-    if image_a.size() != image_b.size() {
-        return Err(differ);
+impl Operation for Compare {
+    const NAME: &'static str = "compare";
+
+    fn inputs(&self) -> Vec<&Path> {
+        vec![&self.a, &self.b]
     }
-    let image_b = image_b.convert::<LinearRgba>();
-    let compared = report.time(
+
+    fn outputs(&self) -> Vec<&Path> {
+        Vec::new()
+    }
+
+    /// Compares `b` with the reference `a`, as they are shown: alpha over a middle gray.
+    ///
+    /// Figures: `psnr_db`, the peak signal-to-noise ratio of the encoded colors, infinite for equal pictures; `ssim`, the mean
+    /// structural similarity of luma, 1 for equal pictures; `delta_e_mean`, `delta_e_p95` and `delta_e_max`, CIEDE2000 color
+    /// differences, of which 1 is just noticeable; `max_difference_steps`, the largest difference of a sample in 8-bit steps;
+    /// `max_alpha_difference`, 0 to 1; `identical`, 1 if no pixel differs at all.
+    ///
+    /// # Errors
+    /// [`JobError::Read`] for an input that is no picture, [`JobError::SizesDiffer`], [`JobError::InputTwice`] if both are
+    /// standard input, [`JobError::Cancelled`].
+    fn run(&self, context: &Context) -> Result<Report, JobError> {
+        let Self { a, b, params } = self;
+        context.check_files(&self.inputs(), &self.outputs())?;
+        let mut report = Report::of(self, params);
+        // pictures keep their shares of the memory budget
+        let picture_a = files::read(a, &mut report, context)?;
+        let picture_b = files::read(b, &mut report, context)?;
+        let (image_a, image_b) = (&picture_a.image, &picture_b.image);
+        let differ = JobError::SizesDiffer {
+            a: a.clone(),
+            a_size: image_a.size(),
+            b: b.clone(),
+            b_size: image_b.size(),
+        };
+        if image_a.size() != image_b.size() {
+            return Err(differ);
+        }
+        let image_b = image_b.convert::<LinearRgba>();
+        let compared = report.time(
         "compare",
-        || with_image!(image_a, image_a => compare_with_progress(image_a, &image_b, progress)),
+        || with_image!(image_a, image_a => compare_with_progress(image_a, &image_b, &context.progress)),
     );
-    let found = compared.map_err(|error| match error {
-        MetricError::Cancelled(_) => JobError::Cancelled,
-        _ => differ,
-    })?;
-    for (name, figure) in [
-        ("psnr_db", found.psnr_db),
-        ("ssim", found.ssim),
-        ("delta_e_mean", found.delta_e_mean),
-        ("delta_e_p95", found.delta_e_p95),
-        ("delta_e_max", found.delta_e_max),
-        ("max_difference_steps", 255.0 * found.max_abs),
-        ("max_alpha_difference", found.alpha_max_abs),
-        ("identical", f64::from(u8::from(found.identical))),
-    ] {
-        report.figures.insert(name, figure);
+        let found = compared.map_err(|error| match error {
+            MetricError::Cancelled(_) => JobError::Cancelled,
+            _ => differ,
+        })?;
+        for (name, figure) in [
+            ("psnr_db", found.psnr_db),
+            ("ssim", found.ssim),
+            ("delta_e_mean", found.delta_e_mean),
+            ("delta_e_p95", found.delta_e_p95),
+            ("delta_e_max", found.delta_e_max),
+            ("max_difference_steps", 255.0 * found.max_abs),
+            ("max_alpha_difference", found.alpha_max_abs),
+            ("identical", f64::from(u8::from(found.identical))),
+        ] {
+            report.figures.insert(name, figure);
+        }
+        Ok(report)
     }
-    Ok(report)
 }
 
 #[cfg(test)]
@@ -73,7 +107,11 @@ mod tests {
     use super::*;
     use ravec::raster::{AnyImage, Image, Size, Srgb, Srgba};
     use ravec_media::{Picture, WriteOptions};
-    use std::path::Path;
+
+    fn compare(a: PathBuf, b: PathBuf) -> Result<Report, JobError> {
+        let params = Params::default();
+        Compare { a, b, params }.run(&Context::default())
+    }
 
     fn compared(a: AnyImage, b: AnyImage) -> Report {
         let folder = tempfile::tempdir().unwrap();
@@ -81,10 +119,10 @@ mod tests {
             let path = folder.path().join(name);
             ravec_media::write(&path, &Picture::from_image(image), &WriteOptions::default())
                 .unwrap();
-            Source::new(path)
+            path
         };
         let (a, b) = (source("a.png", a), source("b.png", b));
-        run(&a, &b, &Params::default(), &Progress::none()).unwrap()
+        compare(a, b).unwrap()
     }
 
     #[test]
@@ -126,13 +164,13 @@ mod tests {
             let image = Image::new(Size::new(width, 3).unwrap(), Srgb([0u8; 3]));
             ravec_media::write(&path, &Picture::from_image(image), &WriteOptions::default())
                 .unwrap();
-            Source::new(path)
+            path
         };
         let (a, b) = (source("a.png", 3), source("b.png", 4));
-        let error = run(&a, &b, &Params::default(), &Progress::none()).unwrap_err();
+        let error = compare(a.clone(), b).unwrap_err();
         assert!(matches!(error, JobError::SizesDiffer { .. }), "{error}");
-        let missing = Source::new(Path::new("no such file"));
-        let error = run(&a, &missing, &Params::default(), &Progress::none()).unwrap_err();
+        let missing = PathBuf::from("no such file");
+        let error = compare(a, missing).unwrap_err();
         assert!(matches!(error, JobError::Read { .. }), "{error}");
     }
 }

@@ -1,8 +1,18 @@
-//! Why an operation did not succeed, and the exit code that says so.
+//! Why an operation did not succeed.
+
+mod kind;
+#[cfg(test)]
+mod tests;
+
+pub use kind::ErrorKind;
 
 use ravec::boolean::{BooleanError, ParseExprError};
 use ravec::completion::CompleteError;
-use ravec::mesh::{ReadMeshError, WriteMeshError};
+use ravec::mesh::SimplifyError;
+use ravec::mesh_io::{
+    MeshFormat, ReadMeshError, ReadMeshFileError, UnknownMeshExtension, WriteMeshError,
+    WriteMeshFileError,
+};
 use ravec::offset::OffsetError;
 use ravec::planar::{HomographyError, MatchError, ProportionError, SnapError};
 use ravec::progress::Cancelled;
@@ -11,22 +21,52 @@ use ravec::retarget::RetargetError;
 use ravec::twocolor::brush::StrokeError;
 use ravec::twocolor::{EnlargeError, FitError, RenderError};
 use ravec_catalogue::CatalogueError;
+pub(crate) use ravec_files::message_without_code as plain;
 use ravec_media::{DecodeError, EncodeError, ReadError, WriteError};
 use std::path::{Path, PathBuf};
 
 /// Why an operation did not succeed. The message says what, where, and what to do.
+///
+/// Messages name fields of an operation, of its parameters and of the [`Context`](crate::Context) in backquotes, as in
+/// `` `size` is 65, but must be 2 to 64 ``, so that a program can show the names of its own flags or widgets instead.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum JobError {
     /// A parameter is out of its range.
-    #[error("{name} is {value}, but must be {range}")]
+    #[error("`{field}` is {value}, but must be {range}")]
     Parameter {
-        /// The parameter, as its flag is called.
-        name: &'static str,
+        /// The field of the operation or of its parameters.
+        field: &'static str,
         /// Requested value.
         value: String,
         /// Supported values.
         range: &'static str,
+    },
+    /// A field, or one of several, must be given and is not.
+    #[error("{} is missing: {expected}", alternatives(.fields))]
+    Missing {
+        /// The fields, of which at least one must be given.
+        fields: &'static [&'static str],
+        /// Description of the value.
+        expected: &'static str,
+    },
+    /// A result would have too many pixels.
+    #[error(
+        "the result would have {width:.0} x {height:.0} pixels, which is beyond `max_pixels`: {remedy}"
+    )]
+    ResultSize {
+        /// Columns.
+        width: f64,
+        /// Rows.
+        height: f64,
+        /// Parameters to change.
+        remedy: &'static str,
+    },
+    /// Two meshes of an expression have the same name.
+    #[error("two meshes are named {name}: give each its own name")]
+    NameTwice {
+        /// The name.
+        name: String,
     },
     /// An input cannot be read or is no valid picture.
     #[error("cannot read {}: {}", input_name(.path), plain(.cause))]
@@ -75,6 +115,36 @@ pub enum JobError {
     /// Two inputs would come from standard input.
     #[error("standard input can be read only once: give a file for the other input")]
     InputTwice,
+    /// A recipe cannot be read or is invalid.
+    #[error("cannot use the recipe in {}: {reason}", input_name(.path))]
+    Recipe {
+        /// The file; `-` is standard input.
+        path: PathBuf,
+        /// Description of the defect.
+        reason: String,
+    },
+    /// A step of a recipe failed.
+    #[error("step {step}: {cause}")]
+    Step {
+        /// The number of the step, from 1.
+        step: usize,
+        /// Error of the step.
+        cause: Box<JobError>,
+    },
+    /// An intermediate result is not there, or is of another kind.
+    #[error("{} is not {expected}", .path.display())]
+    NoIntermediate {
+        /// The name, such as `@wide`.
+        path: PathBuf,
+        /// Description of the expected value.
+        expected: &'static str,
+    },
+    /// An output cannot stay in memory.
+    #[error("{} cannot stay in memory: this operation writes it piece by piece; give a file", .path.display())]
+    NotInMemory {
+        /// The name, such as `@wide`.
+        path: PathBuf,
+    },
     /// An input cannot be read or is no valid mesh.
     #[error("cannot read {}: {}", input_name(.path), read_reason(.cause))]
     ReadMesh {
@@ -101,11 +171,25 @@ pub enum JobError {
     #[error(
         "cannot write {}: its extension does not name a mesh format; known are {}",
         output_name(.path),
-        crate::mesh::known_extensions()
+        MeshFormat::known_extensions()
     )]
     UnknownMeshFormat {
         /// The file.
         path: PathBuf,
+    },
+    /// A mesh cannot be rendered with the parameters.
+    #[error("cannot render the mesh: {cause}")]
+    RenderMesh {
+        /// Why not.
+        cause: ravec::mesh_render::RenderError,
+    },
+    /// A mesh cannot be simplified.
+    #[error("cannot simplify {}: {cause}", input_name(.path))]
+    Simplify {
+        /// The file; `-` is standard input.
+        path: PathBuf,
+        /// Why not.
+        cause: SimplifyError,
     },
     /// There is no such offset of a mesh.
     #[error("cannot offset {}: {cause}", input_name(.path))]
@@ -141,14 +225,14 @@ pub enum JobError {
     },
     /// Four corners are no rectangle in perspective.
     #[error(
-        "the corners of --quad are no rectangle in perspective: {cause}; give them in turn, around a convex shape"
+        "the corners of `quad` are no rectangle in perspective: {cause}; give them in turn, around a convex shape"
     )]
     Quad {
         /// Why not.
         cause: HomographyError,
     },
     /// Four corners lie beside the picture.
-    #[error("--quad is {quad}, which lies outside the picture of {size} pixels")]
+    #[error("`quad` is {quad}, which lies outside the picture of {size} pixels")]
     Outside {
         /// The corners.
         quad: String,
@@ -156,7 +240,7 @@ pub enum JobError {
         size: Size,
     },
     /// The proportions of a rectangle are not known.
-    #[error("cannot find the proportions of --quad: {cause} (--focal or --aspect)")]
+    #[error("cannot find the proportions of `quad`: {cause} (`focal` or `aspect`)")]
     Proportions {
         /// Why not.
         cause: ProportionError,
@@ -216,76 +300,14 @@ pub enum JobError {
 }
 
 impl JobError {
-    /// The exit code of a program that ends with this error: 2 for a parameter, the extension of an output or files that
-    /// get in each other's way, 3 for an input, 4 for an output, 130 for a cancellation, 1 for anything else.
-    pub fn exit_code(&self) -> u8 {
+    /// The error of a step of a recipe. A cancellation is one wherever it comes from.
+    pub(crate) fn in_step(self, step: usize) -> Self {
         match self {
-            Self::Parameter { .. }
-            | Self::OverwritesInput { .. }
-            | Self::OutputTwice { .. }
-            | Self::InputTwice
-            | Self::UnknownMeshFormat { .. }
-            | Self::Expression { .. }
-            | Self::Quad { .. }
-            | Self::Outside { .. }
-            | Self::Offset {
-                cause:
-                    OffsetError::Distance { .. }
-                    | OffsetError::DistanceSize { .. }
-                    | OffsetError::DistanceTooSmall { .. }
-                    | OffsetError::Tolerance { .. }
-                    | OffsetError::SinglePrecision { .. }
-                    | OffsetError::BeyondSinglePrecision
-                    | OffsetError::NormalDeviation { .. },
-                ..
-            }
-            | Self::Complete {
-                cause:
-                    CompleteError::QuadCrosses { .. }
-                    | CompleteError::Plane { .. }
-                    | CompleteError::PlaneOutside { .. }
-                    | CompleteError::Radius { .. }
-                    | CompleteError::Fragment { .. },
-                ..
-            }
-            | Self::Retarget {
-                cause: RetargetError::Parameter { .. } | RetargetError::Factor { .. },
-                ..
-            }
-            | Self::Write {
-                cause: EncodeError::UnknownExtension | EncodeError::Quality { .. },
-                ..
-            } => 2,
-            Self::Read { .. }
-            | Self::ReadMesh { .. }
-            | Self::NoTriangles { .. }
-            | Self::Offset {
-                cause: OffsetError::NotClosed { .. },
-                ..
-            }
-            | Self::Boolean {
-                cause: BooleanError::OutOfRange { .. },
-            }
-            | Self::SizesDiffer { .. }
-            | Self::Complete { .. }
-            | Self::Strokes { .. }
-            | Self::Steps { .. } => 3,
-            Self::Write { .. }
-            | Self::WriteMesh { .. }
-            | Self::Offset {
-                cause: OffsetError::Storage { .. },
-                ..
-            } => 4,
-            Self::Offset { .. }
-            | Self::Boolean { .. }
-            | Self::NoMatch { .. }
-            | Self::Proportions { .. }
-            | Self::NoSnap { .. }
-            | Self::Retarget { .. }
-            | Self::Fit(_)
-            | Self::Render(_) => 1,
-            Self::Catalogue(cause) => Self::catalogue_code(cause),
-            Self::Cancelled => 130,
+            Self::Cancelled => Self::Cancelled,
+            cause => Self::Step {
+                step,
+                cause: Box::new(cause),
+            },
         }
     }
 }
@@ -311,7 +333,7 @@ impl From<EnlargeError> for JobError {
             EnlargeError::Scale(error) => error.into(),
             EnlargeError::Fit(error) => error.into(),
             other => Self::Parameter {
-                name: "--scale",
+                field: "scale",
                 value: other.to_string(),
                 range: "smaller",
             },
@@ -357,27 +379,33 @@ impl JobError {
     }
 }
 
-impl JobError {
-    /// Classifies an error of reading a mesh file.
-    pub(crate) fn from_reading(path: &Path, cause: ReadMeshError) -> Self {
-        match cause {
-            ReadMeshError::Cancelled => Self::Cancelled,
-            cause => Self::ReadMesh {
-                path: path.to_path_buf(),
-                cause,
-            },
+impl From<ReadMeshFileError> for JobError {
+    fn from(error: ReadMeshFileError) -> Self {
+        match error {
+            ReadMeshFileError {
+                cause: ReadMeshError::Cancelled,
+                ..
+            } => Self::Cancelled,
+            ReadMeshFileError { path, cause } => Self::ReadMesh { path, cause },
         }
     }
+}
 
-    /// Classifies an error of writing a mesh file.
-    pub(crate) fn from_writing(path: &Path, cause: WriteMeshError) -> Self {
-        match cause {
-            WriteMeshError::Cancelled => Self::Cancelled,
-            cause => Self::WriteMesh {
-                path: path.to_path_buf(),
-                cause,
-            },
+impl From<WriteMeshFileError> for JobError {
+    fn from(error: WriteMeshFileError) -> Self {
+        match error {
+            WriteMeshFileError {
+                cause: WriteMeshError::Cancelled,
+                ..
+            } => Self::Cancelled,
+            WriteMeshFileError { path, cause } => Self::WriteMesh { path, cause },
         }
+    }
+}
+
+impl From<UnknownMeshExtension> for JobError {
+    fn from(UnknownMeshExtension { path }: UnknownMeshExtension) -> Self {
+        Self::UnknownMeshFormat { path }
     }
 }
 
@@ -430,6 +458,12 @@ fn write_reason(cause: &WriteMeshError) -> String {
     }
 }
 
+/// Fields in backquotes, as alternatives.
+fn alternatives(fields: &[&str]) -> String {
+    let quoted: Vec<_> = fields.iter().map(|field| format!("`{field}`")).collect();
+    quoted.join(" or ")
+}
+
 /// A path that is read, for a message.
 fn input_name(path: &Path) -> String {
     name(path, "standard input")
@@ -445,176 +479,5 @@ fn name(path: &Path, stream: &str) -> String {
         stream.to_owned()
     } else {
         path.display().to_string()
-    }
-}
-
-/// The message of an error without the number that the system has for it.
-pub(crate) fn plain(cause: &impl std::fmt::Display) -> String {
-    let text = cause.to_string();
-    match text.rfind(" (os error ") {
-        Some(at) if text.ends_with(')') => text[..at].to_owned(),
-        _ => text,
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use std::io;
-
-    fn unreadable(cause: DecodeError) -> JobError {
-        let path = PathBuf::from("a.png");
-        JobError::from(ReadError { path, cause })
-    }
-
-    fn unwritable(path: &str, cause: EncodeError) -> JobError {
-        let path = PathBuf::from(path);
-        JobError::from(WriteError { path, cause })
-    }
-
-    #[test]
-    fn each_error_has_its_code_and_one_sentence() {
-        let size = |width| Size::new(width, 1).unwrap();
-        let no_file = io::Error::from_raw_os_error(2);
-        let cases = [
-            (
-                JobError::Parameter {
-                    name: "--width",
-                    value: "0".to_owned(),
-                    range: "1 to 65535",
-                },
-                2,
-                "--width is 0, but must be 1 to 65535",
-            ),
-            (
-                unreadable(DecodeError::Empty),
-                3,
-                "cannot read a.png: the file is empty",
-            ),
-            (
-                unreadable(no_file.into()),
-                3,
-                "cannot read a.png: No such file or directory",
-            ),
-            (
-                JobError::SizesDiffer {
-                    a: "a".into(),
-                    a_size: size(1),
-                    b: "-".into(),
-                    b_size: size(2),
-                },
-                3,
-                "a has 1 x 1 pixels and standard input has 2 x 1: give two pictures of the same size",
-            ),
-            (
-                unwritable("a.png", io::Error::other("disk full").into()),
-                4,
-                "cannot write a.png: disk full",
-            ),
-            (
-                unwritable("a.jpg", EncodeError::Quality { quality: 0 }),
-                2,
-                "cannot write a.jpg: JPEG quality is 1 to 100, not 0",
-            ),
-            (
-                unwritable("-", io::Error::other("no reader").into()),
-                4,
-                "cannot write standard output: no reader",
-            ),
-            (
-                JobError::OverwritesInput {
-                    path: "a.png".into(),
-                },
-                2,
-                "cannot write a.png: it is an input, which stays as it is; choose another name",
-            ),
-            (
-                JobError::OutputTwice { path: "-".into() },
-                2,
-                "standard output cannot take two outputs: give each its own file",
-            ),
-            (
-                JobError::InputTwice,
-                2,
-                "standard input can be read only once: give a file for the other input",
-            ),
-            (
-                JobError::from_reading(Path::new("a.stl"), ReadMeshError::Empty),
-                3,
-                "cannot read a.stl: the file is empty",
-            ),
-            (
-                JobError::from_reading(Path::new("a.stl"), io::Error::from_raw_os_error(2).into()),
-                3,
-                "cannot read a.stl: No such file or directory",
-            ),
-            (
-                JobError::NoTriangles { path: "-".into() },
-                3,
-                "cannot use standard input: the mesh has no triangles",
-            ),
-            (
-                JobError::from_writing(Path::new("-"), io::Error::other("disk full").into()),
-                4,
-                "cannot write standard output: disk full",
-            ),
-            (
-                JobError::UnknownMeshFormat {
-                    path: "a.png".into(),
-                },
-                2,
-                "cannot write a.png: its extension does not name a mesh format; known are .stl, .ply, .obj, .off, .3mf, \
-                 .glb, .gltf",
-            ),
-            (
-                JobError::NoMatch {
-                    first: "a".into(),
-                    second: "b".into(),
-                    cause: MatchError::TooFewMatches { matches: 2 },
-                },
-                1,
-                "cannot match a with b: only 2 features of the photos match, too few to trust",
-            ),
-            (
-                JobError::from_offset(Path::new("a"), OffsetError::NoTriangles),
-                3,
-                "cannot use a: the mesh has no triangles",
-            ),
-            (
-                JobError::from_offset(Path::new("a"), OffsetError::Distance { got: -1.0 }),
-                2,
-                "cannot offset a: the distance is -1, but must be a number above 0",
-            ),
-            (
-                JobError::from_offset(Path::new("a"), OffsetError::NotClosed { boundary_edges: 4 }),
-                3,
-                "cannot offset a: the mesh is not closed (4 boundary edges), so it has no inside: choose side both or \
-                 outer, or close it first",
-            ),
-            (
-                JobError::from_offset(Path::new("a"), OffsetError::Empty { distance: 9.0 }),
-                1,
-                "cannot offset a: no point of that side is 9 away from the mesh: choose a smaller distance",
-            ),
-            (
-                JobError::from_offset(Path::new("a"), OffsetError::Cancelled(Cancelled)),
-                130,
-                "interrupted; nothing half-written is left",
-            ),
-            (
-                JobError::from_reading(Path::new("a"), ReadMeshError::Cancelled),
-                130,
-                "interrupted; nothing half-written is left",
-            ),
-            (
-                Cancelled.into(),
-                130,
-                "interrupted; nothing half-written is left",
-            ),
-        ];
-        for (error, code, sentence) in cases {
-            assert_eq!(error.to_string(), sentence);
-            assert_eq!(error.exit_code(), code, "{sentence}");
-        }
     }
 }

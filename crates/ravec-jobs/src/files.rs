@@ -1,49 +1,34 @@
 //! Reading and writing for all operations: each file leaves its trace in the report.
 
+use crate::context::{Context, Intermediate};
 use crate::error::JobError;
 use crate::identity::FileIdentity;
 use crate::report::{FileReport, Report};
-use ravec::progress::Progress;
-use ravec::raster::Size;
-use ravec_media::{
-    EncodeError, Format, Limits, Picture, SampleKind, WriteOptions, check_writable,
-    remove_stale_in, write_atomically,
-};
+use ravec::raster::{Image, Mask, Plane, Size, Srgba};
+pub(crate) use ravec_files::is_stream;
+use ravec_files::{check_writable, remove_stale_in, write_atomically};
+use ravec_media::{EncodeError, Format, Picture, SampleKind, WriteOptions};
 use std::collections::HashSet;
 use std::fs::File;
 use std::io::{self, Read as _, Write as _};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-/// A picture file to be read.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Source {
-    /// Where it is; `-` is standard input.
-    pub path: PathBuf,
-    /// Limits for reading it.
-    pub limits: Limits,
-}
-
-impl Source {
-    /// A file with the default limits.
-    pub fn new(path: impl Into<PathBuf>) -> Self {
-        Self {
-            path: path.into(),
-            limits: Limits::default(),
-        }
+/// Reads a picture for an operation, or takes it from memory: records the file and its warnings in the report, and protects it
+/// from the outputs of the run.
+///
+/// # Errors
+/// [`JobError::Read`], [`JobError::NoIntermediate`], [`JobError::Cancelled`].
+pub fn read(path: &Path, report: &mut Report, context: &Context) -> Result<Picture, JobError> {
+    context.progress.check()?;
+    if context.is_intermediate(path) {
+        let picture = context.stored_picture(path)?;
+        let file = described(path, IN_MEMORY, picture.origin.sample, &picture);
+        report.inputs.push(file);
+        return Ok(picture);
     }
-}
-
-/// Reads a picture and records it.
-pub(crate) fn read(
-    source: &Source,
-    report: &mut Report,
-    progress: &Progress,
-) -> Result<Picture, JobError> {
-    let path = &source.path;
-    progress.check()?;
     tracing::info!("reading {}", path.display());
-    let phase = progress.phase("read", 1);
-    let picture = report.time("read", || ravec_media::read(path, &source.limits))?;
+    let phase = context.progress.phase("read", 1);
+    let picture = report.time("read", || ravec_media::read(path, &context.limits))?;
     phase.advance(1);
     for warning in &picture.warnings {
         report.warn(format!("{}: {warning}", path.display()));
@@ -55,9 +40,43 @@ pub(crate) fn read(
     Ok(picture)
 }
 
+/// Reads a mask of the picture in `picture`: white is inside, black is outside, gray is partly inside. Alpha is multiplied in.
+///
+/// # Errors
+/// [`JobError::SizesDiffer`] if it does not have the size of the picture; those of [`read`].
+pub(crate) fn read_mask(
+    path: &Path,
+    picture: &Path,
+    size: Size,
+    report: &mut Report,
+    context: &Context,
+) -> Result<Mask, JobError> {
+    let mask = read(path, report, context)?.image;
+    if mask.size() != size {
+        return Err(JobError::SizesDiffer {
+            a: picture.to_path_buf(),
+            a_size: size,
+            b: path.to_path_buf(),
+            b_size: mask.size(),
+        });
+    }
+    // encoded values, as one sees them
+    let values: Image<Srgba<f32>> = mask.convert();
+    let plane: Plane =
+        values.map(|Srgba([r, g, b, alpha])| alpha * (0.299 * r + 0.587 * g + 0.114 * b));
+    // white is white in spite of rounding, and black black
+    Ok(Mask::from_coverage(
+        &plane.map(|value| (value * 65535.0).round() / 65535.0),
+    ))
+}
+
+/// The format of an intermediate result, as the report names it.
+pub(crate) const IN_MEMORY: &str = "in memory";
+
 /// Refuses a target whose extension says no format, before any work is done for it.
-pub(crate) fn check_target(path: &Path) -> Result<(), JobError> {
-    if is_stream(path) || Format::from_extension(path).is_some() {
+pub(crate) fn check_target(path: &Path, context: &Context) -> Result<(), JobError> {
+    let needs_none = is_stream(path) || context.is_intermediate(path);
+    if needs_none || Format::from_extension(path).is_some() {
         return Ok(());
     }
     Err(unwritable(path, EncodeError::UnknownExtension))
@@ -65,7 +84,15 @@ pub(crate) fn check_target(path: &Path) -> Result<(), JobError> {
 
 /// Refuses a picture that the target's format cannot hold, before any work is done for it. `source` is what the picture
 /// is made from.
-pub(crate) fn check_size(path: &Path, size: Size, source: &Picture) -> Result<(), JobError> {
+pub(crate) fn check_size(
+    path: &Path,
+    size: Size,
+    source: &Picture,
+    context: &Context,
+) -> Result<(), JobError> {
+    if context.is_intermediate(path) {
+        return Ok(());
+    }
     let format = format_of(path, source, &WriteOptions::default());
     let (limit, longest) = (format.max_side(), size.width().max(size.height()));
     if longest as u64 <= limit {
@@ -160,10 +187,6 @@ pub fn check_folder(path: &Path) -> Result<(), JobError> {
     })
 }
 
-pub(crate) fn is_stream(path: &Path) -> bool {
-    path.as_os_str() == "-"
-}
-
 fn unwritable(path: &Path, cause: impl Into<EncodeError>) -> JobError {
     JobError::Write {
         path: path.to_path_buf(),
@@ -176,6 +199,15 @@ fn format_of(path: &Path, picture: &Picture, options: &WriteOptions) -> Format {
     let by_name = Format::from_extension(path).filter(|_| !is_stream(path));
     let format = options.format.or(by_name).or(picture.origin.format);
     format.unwrap_or(Format::Png)
+}
+
+/// Takes a text from memory, or reads one of at most `max_bytes` as [`read_text`] does.
+pub(crate) fn read_text_in(path: &Path, max_bytes: u64, context: &Context) -> io::Result<String> {
+    if context.is_intermediate(path) {
+        let text = context.stored_text(path);
+        return text.map_err(|error| io::Error::other(error.to_string()));
+    }
+    read_text(path, max_bytes)
 }
 
 /// Reads a text of at most `max_bytes`, without the byte order mark that some editors put first; `-` is standard input.
@@ -203,15 +235,21 @@ pub(crate) fn read_text(path: &Path, max_bytes: u64) -> io::Result<String> {
     })
 }
 
-/// Writes a picture, whole or not at all, and records it.
+/// Writes a picture, whole or not at all, or keeps it in memory, and records it.
 pub(crate) fn write(
     path: &Path,
     picture: &Picture,
     options: &WriteOptions,
     report: &mut Report,
-    progress: &Progress,
+    context: &Context,
 ) -> Result<(), JobError> {
-    progress.check()?;
+    context.progress.check()?;
+    if context.is_intermediate(path) {
+        let file = described(path, IN_MEMORY, picture.origin.sample, picture);
+        report.outputs.push(file);
+        context.store(path, Intermediate::Picture(picture.clone()));
+        return Ok(());
+    }
     report.check_output(path)?;
     tracing::info!("writing {}", path.display());
     let warnings = report.time("write", || ravec_media::write(path, picture, options))?;
@@ -242,26 +280,38 @@ pub fn write_text(path: &Path, text: &str) -> Result<(), JobError> {
     written.map_err(|cause| unwritable(path, cause))
 }
 
-/// Writes a text that is an output of the operation, and records it.
-pub(crate) fn write_output_text(
+/// Writes a text that is an output of the operation, whole or not at all, and records it as of the `format`.
+///
+/// # Errors
+/// [`JobError::Write`]; [`JobError::OverwritesInput`] or [`JobError::OutputTwice`] if the run has read or written the file.
+pub fn write_output_text(
     path: &Path,
     format: &str,
     text: &str,
     report: &mut Report,
+    context: &Context,
 ) -> Result<(), JobError> {
-    report.check_output(path)?;
-    tracing::info!("writing {}", path.display());
-    report.time("write", || write_text(path, text))?;
+    let stays = context.is_intermediate(path);
+    if stays {
+        context.store(path, Intermediate::Text(text.to_owned()));
+    } else {
+        report.check_output(path)?;
+        tracing::info!("writing {}", path.display());
+        report.time("write", || write_text(path, text))?;
+    }
     report.outputs.push(FileReport {
         path: path.display().to_string(),
-        format: format.to_owned(),
+        format: if stays { IN_MEMORY } else { format }.to_owned(),
         ..FileReport::default()
     });
     Ok(())
 }
 
 /// Makes a folder and those above it.
-pub(crate) fn make_folder(path: &Path) -> Result<(), JobError> {
+///
+/// # Errors
+/// [`JobError::Write`] if one cannot be made.
+pub fn make_folder(path: &Path) -> Result<(), JobError> {
     std::fs::create_dir_all(path).map_err(|cause| unwritable(path, cause))
 }
 
@@ -291,7 +341,9 @@ fn pixels(sample: SampleKind, alpha: bool) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::error::ErrorKind;
     use ravec::raster::{Image, LinearRgba, Srgba};
+    use std::path::PathBuf;
 
     #[test]
     fn a_picture_that_is_written_and_read_leaves_its_trace_in_the_report() {
@@ -300,16 +352,16 @@ mod tests {
         let size = Size::new(5, 3).unwrap();
         let picture = Picture::from_image(Image::new(size, Srgba([9u8, 8, 7, 6])));
         let mut report = Report::new("test", &());
-        let progress = Progress::none();
+        let context = Context::default();
         write(
             &path,
             &picture,
             &WriteOptions::default(),
             &mut report,
-            &progress,
+            &context,
         )
         .unwrap();
-        let again = read(&Source::new(&path), &mut report, &progress).unwrap();
+        let again = read(&path, &mut report, &context).unwrap();
         assert_eq!(again.image, picture.image);
         assert_eq!(report.inputs, report.outputs);
         assert_eq!(report.inputs[0].format, "PNG");
@@ -337,7 +389,7 @@ mod tests {
         ] {
             let path = folder.path().join(name);
             let options = WriteOptions::default();
-            write(&path, &picture, &options, &mut report, &Progress::none()).unwrap();
+            write(&path, &picture, &options, &mut report, &Context::default()).unwrap();
             let file = report.outputs.last().unwrap();
             assert_eq!(file.pixels, Some(pixels), "{name}");
         }
@@ -363,7 +415,7 @@ mod tests {
         let error = check_files(&[&stream, &stream], &[]).unwrap_err();
         assert!(matches!(error, JobError::InputTwice), "{error}");
         let error = check_files(&[], &[&new, &at("no/file")]).unwrap_err();
-        assert_eq!(error.exit_code(), 4);
+        assert_eq!(error.kind(), ErrorKind::Output);
         assert!(!new.exists());
     }
 
@@ -389,7 +441,7 @@ mod tests {
         check_folder(&folder.path().join("a/b")).unwrap();
         assert!(!folder.path().join("a").exists());
         for path in [&file, &file.join("below")] {
-            assert_eq!(check_folder(path).unwrap_err().exit_code(), 4);
+            assert_eq!(check_folder(path).unwrap_err().kind(), ErrorKind::Output);
         }
     }
 
@@ -417,17 +469,17 @@ mod tests {
         let path = folder.path().join("a.png");
         let picture = Picture::from_image(Image::new(Size::new(1, 1).unwrap(), Srgba([0u8; 4])));
         let mut report = Report::new("test", &());
-        let progress = Progress::none();
-        progress.cancel();
+        let context = Context::default();
+        context.progress.cancel();
         let error = write(
             &path,
             &picture,
             &WriteOptions::default(),
             &mut report,
-            &progress,
+            &context,
         );
         assert!(matches!(error, Err(JobError::Cancelled)));
-        let error = read(&Source::new(&path), &mut report, &progress);
+        let error = read(&path, &mut report, &context);
         assert!(matches!(error, Err(JobError::Cancelled)));
         assert!(!path.exists() && report.timings.is_empty());
     }
@@ -436,9 +488,9 @@ mod tests {
     fn a_text_in_a_missing_folder_is_an_output_error() {
         let folder = tempfile::tempdir().unwrap();
         let error = write_text(&folder.path().join("no/a.txt"), "x").unwrap_err();
-        assert_eq!(error.exit_code(), 4);
+        assert_eq!(error.kind(), ErrorKind::Output);
         let file = folder.path().join("file");
         write_text(&file, "x").unwrap();
-        assert_eq!(make_folder(&file).unwrap_err().exit_code(), 4);
+        assert_eq!(make_folder(&file).unwrap_err().kind(), ErrorKind::Output);
     }
 }

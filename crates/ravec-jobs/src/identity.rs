@@ -1,7 +1,7 @@
 //! Files told apart by what they are, not by how their paths are spelled.
 
 use crate::files::is_stream;
-use ravec_media::follow_links;
+use ravec_files::follow_links;
 use std::path::{Path, PathBuf};
 
 /// A plain file that is there, or a place where one can be made.

@@ -1,20 +1,19 @@
 //! `mosaic`: a picture made of whole, unchanged photos.
 
-use crate::catalogue::check_report;
+use crate::catalogue::{check_report, journals};
+use crate::context::Context;
 use crate::error::JobError;
-use crate::files::{self, Source};
+use crate::files;
+use crate::operation::Operation;
 use crate::report::{FileReport, Report};
 use ravec::mosaic::{ChooseParams, Crop, Features, MAX_DEGREE, Rules, Weights};
-use ravec::progress::Progress;
 use ravec::raster::Size;
-use ravec_catalogue::{Catalogue, CatalogueError, MosaicParams, leads_into};
-use ravec_media::{EncodeError, Format};
+use ravec_catalogue::{Catalogue, CatalogueError, MosaicParams, Outputs, leads_into};
+use ravec_media::Format;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
-
-pub use ravec_catalogue::Outputs;
 
 /// One number or two with an `x` between them, as in `80` or `80x60`; each 1 to 65535.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -94,7 +93,68 @@ pub enum CropChoice {
     Center,
 }
 
-/// How a mosaic is made.
+/// Compose a picture from whole, unchanged photos of a catalogue
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "cli", derive(clap::Args), command(after_help = HELP))]
+pub struct Mosaic {
+    /// Input picture; `-` is standard input
+    pub input: PathBuf,
+    /// The catalogue of photos
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
+    pub catalogue: PathBuf,
+    /// Output mosaic, .png, .jpg or .tif
+    #[cfg_attr(
+        feature = "cli",
+        arg(
+            short,
+            long,
+            value_name = "FILE",
+            required_unless_present = "deep_zoom"
+        )
+    )]
+    #[serde(default)]
+    pub output: Option<PathBuf>,
+    /// Output folder with a page that zooms from the mosaic into its photos
+    #[cfg_attr(feature = "cli", arg(long, value_name = "DIR"))]
+    #[serde(default)]
+    pub deep_zoom: Option<PathBuf>,
+    /// Parameters.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    #[serde(default)]
+    pub params: Params,
+}
+
+#[cfg(feature = "cli")]
+const HELP: &str = "\
+Examples:
+  ravec mosaic photo.jpg --catalogue photos.ravec -o mosaic.png --tiles 4x3 --crop center
+  ravec mosaic photo.jpg --catalogue photos.ravec -o mosaic.jpg --tiles 3 --tile-size 32x24
+  ravec mosaic photo.jpg --catalogue photos.ravec --deep-zoom zoom --tiles 4 --tile-size 256x192
+  ravec mosaic photo.jpg --catalogue photos.ravec -o look.png --tiles 4x3 --crop center --preview
+  ravec mosaic photo.jpg --catalogue photos.ravec -o f.png --tiles 4 --tile-size 36x27 --adaptive
+
+Photos are scaled, and with --crop center cut to the proportions of a tile; they are never recolored or overlaid. Near-duplicates \
+count as one photo. The mosaic is written row by row and may be much larger than the memory, up to --max-pixels; TIFF files beyond \
+4 GiB become BigTIFF.
+
+--deep-zoom makes a folder whose index.html shows the mosaic in a browser, without a network: wheel, drag and click, or the keys \
++ - arrows Enter Esc, lead into single photos, whose names are shown. mosaic.dzi there is for other viewers of Deep Zoom images. A \
+larger --tile-size gives larger photos. The folder may be new, empty, or an older page, which is replaced; ravec-manifest.json there \
+lists the files of a page, and a folder with anything else in it, or with a changed file, is refused.
+
+--adaptive takes larger tiles where the picture is homogeneous and smaller ones where it has detail, off the grid, at most as many as \
+there would be on it. --tile-size must be a multiple of 3. --feature-degree compares tiles through which an edge runs by their \
+structure, and the others by --degree.
+
+--preview takes the small pictures in the catalogue in place of the photos, for trying out the other options.
+
+Figures: columns, rows, tiles, features (tiles with an edge), photos (that fit the tiles), different (of these, to the eye), used, most_uses, nearest_repeat (in tiles; \
+infinite, or null in JSON, if no photo is there twice), cost (weighted squared differences in Oklab), cost_bound (below which no \
+choice can be), cost_gap_percent, changes (of the improvement). In JSON, result has photos, the path of each tile's photo, \
+and places, the left and upper border, width and height of each tile.";
+
+/// Parameters of [`Mosaic`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
@@ -194,75 +254,120 @@ const PREVIEW_TILING_ROUNDS: usize = 1;
 /// The longer side of a preview: what a screen shows at once.
 const PREVIEW_PX: usize = 1600;
 
-/// Makes a mosaic of a picture from the photos of a catalogue, each scaled and, if asked for, cropped, and nothing else. The
-/// caller writes the report to `report_file`.
-///
-/// No output may be the catalogue or a photo that it knows.
-///
-/// Figures: `columns`, `rows`, `tiles`, `features` (tiles with an edge, if compared in their own way), `photos` (that fit the tiles), `different` (of these, to the eye), `used`, `most_uses`,
-/// `nearest_repeat` (in tiles; infinite if no photo is there twice), `cost` (the sum over tiles of the mean squared
-/// difference in Oklab, weighted), `cost_bound` (below which no choice can be), `cost_gap_percent`, `changes` (of the
-/// improvement). The report's `result` has `photos`, the path of each tile's photo, and `places`, the left and upper border,
-/// width and height of each tile in pixels. Photos that are gone are warnings.
-///
-/// # Errors
-/// [`JobError::Parameter`], [`JobError::Read`], [`JobError::Catalogue`], [`JobError::Write`], [`JobError::Cancelled`].
-pub fn run(
-    input: &Source,
-    catalogue: &Path,
-    outputs: &Outputs<'_>,
-    report_file: Option<&Path>,
-    params: &Params,
-    progress: &Progress,
-) -> Result<Report, JobError> {
-    let made = checked(params)?;
-    let format = outputs.picture.and_then(Format::from_extension);
-    if let Some(output) = outputs.picture {
-        if !matches!(format, Some(Format::Png | Format::Jpeg | Format::Tiff)) {
-            return Err(JobError::Parameter {
-                name: "--output",
-                value: output.display().to_string(),
-                range: "a file with the extension .png, .jpg, .jpeg, .tif or .tiff",
+impl Operation for Mosaic {
+    const NAME: &'static str = "mosaic";
+
+    fn inputs(&self) -> Vec<&Path> {
+        vec![&self.input, &self.catalogue]
+    }
+
+    fn outputs(&self) -> Vec<&Path> {
+        self.output.as_deref().into_iter().collect()
+    }
+
+    fn folders(&self) -> Vec<&Path> {
+        self.deep_zoom.as_deref().into_iter().collect()
+    }
+
+    fn side_files(&self) -> Vec<PathBuf> {
+        journals(&self.catalogue)
+    }
+
+    /// Composes the picture from the photos of the catalogue, each scaled and, on request, cropped, and nothing else.
+    ///
+    /// No output may be the catalogue or a photo that it knows.
+    ///
+    /// Figures: `columns`, `rows`, `tiles`, `features` (tiles with an edge, if compared in their own way), `photos` (that fit the tiles), `different` (of these, to the eye), `used`, `most_uses`,
+    /// `nearest_repeat` (in tiles; infinite if no photo is there twice), `cost` (the sum over tiles of the mean squared
+    /// difference in Oklab, weighted), `cost_bound` (below which no choice can be), `cost_gap_percent`, `changes` (of the
+    /// improvement). The report's `result` has `photos`, the path of each tile's photo, and `places`, the left and upper border,
+    /// width and height of each tile in pixels. Photos that are gone are warnings.
+    ///
+    /// # Errors
+    /// [`JobError::Parameter`], [`JobError::Missing`], [`JobError::Read`], [`JobError::Catalogue`], [`JobError::Write`],
+    /// [`JobError::NotInMemory`], [`JobError::Cancelled`].
+    fn run(&self, context: &Context) -> Result<Report, JobError> {
+        let Self {
+            input,
+            catalogue,
+            params,
+            ..
+        } = self;
+        let progress = &context.progress;
+        let outputs = &Outputs {
+            picture: self.output.as_deref(),
+            deep_zoom: self.deep_zoom.as_deref(),
+        };
+        let settings = checked(params)?;
+        if outputs.picture.is_none() && outputs.deep_zoom.is_none() {
+            return Err(JobError::Missing {
+                fields: &["output", "deep_zoom"],
+                expected: "give a file or a folder to write",
             });
         }
-        files::check_files(&[&input.path, catalogue], &[output])?;
+        for path in self
+            .outputs()
+            .into_iter()
+            .chain(self.folders())
+            .chain([&**catalogue])
+        {
+            context.check_is_file(path)?;
+        }
+        let format = outputs.picture.and_then(Format::from_extension);
+        if let Some(output) = outputs.picture {
+            if !matches!(format, Some(Format::Png | Format::Jpeg | Format::Tiff)) {
+                return Err(JobError::Parameter {
+                    field: "output",
+                    value: output.display().to_string(),
+                    range: "a file with the extension .png, .jpg, .jpeg, .tif or .tiff",
+                });
+            }
+            context.check_files(&self.inputs(), &[output])?;
+        }
+        if let Some(folder) = outputs.deep_zoom {
+            files::check_folder(folder)?;
+        }
+        let catalogue =
+            Catalogue::open_to_read(catalogue, progress).map_err(JobError::from_catalogue)?;
+        check_outputs(&catalogue, outputs, context.report_file.as_deref())
+            .map_err(JobError::from_catalogue)?;
+        let mut report = Report::of(self, params);
+        let picture = files::read(input, &mut report, context)?;
+        let mosaic = report.time("mosaic", || {
+            ravec_catalogue::mosaic(
+                &catalogue,
+                &picture.image,
+                outputs,
+                &settings,
+                &context.limits,
+                progress,
+            )
+        });
+        let mosaic = mosaic.map_err(JobError::from_catalogue)?;
+        for warning in &mosaic.warnings {
+            report.warn(warning.clone());
+        }
+        let written = [
+            (outputs.picture, format.map_or("", Format::name)),
+            (outputs.deep_zoom, "Deep Zoom"),
+        ];
+        for (path, format) in written {
+            report.outputs.extend(path.map(|path| FileReport {
+                path: path.display().to_string(),
+                format: format.to_owned(),
+                width: Some(mosaic.size.width()),
+                height: Some(mosaic.size.height()),
+                pixels: Some("8 bit"),
+                ..FileReport::default()
+            }));
+        }
+        record(&mosaic, &mut report);
+        Ok(report)
     }
-    if let Some(folder) = outputs.deep_zoom {
-        files::check_folder(folder)?;
-    }
-    let catalogue =
-        Catalogue::open_to_read(catalogue, progress).map_err(JobError::from_catalogue)?;
-    check_outputs(&catalogue, outputs, report_file).map_err(JobError::from_catalogue)?;
-    let mut report = Report::new("mosaic", params);
-    let picture = files::read(input, &mut report, progress)?;
-    let mosaic = report.time("mosaic", || {
-        ravec_catalogue::mosaic(
-            &catalogue,
-            &picture.image,
-            outputs,
-            &made,
-            &input.limits,
-            progress,
-        )
-    });
-    let mosaic = mosaic.map_err(JobError::from_catalogue)?;
-    for warning in &mosaic.warnings {
-        report.warn(warning.clone());
-    }
-    let written = [
-        (outputs.picture, format.map_or("", Format::name)),
-        (outputs.deep_zoom, "Deep Zoom"),
-    ];
-    for (path, format) in written {
-        report.outputs.extend(path.map(|path| FileReport {
-            path: path.display().to_string(),
-            format: format.to_owned(),
-            width: Some(mosaic.size.width()),
-            height: Some(mosaic.size.height()),
-            pixels: Some("8 bit"),
-            ..FileReport::default()
-        }));
-    }
+}
+
+/// Enters the figures and the places of the tiles into the report.
+fn record(mosaic: &ravec_catalogue::Mosaic, report: &mut Report) {
     let (cost, bound) = (mosaic.choice.cost, mosaic.choice.bound);
     let gap = if cost > bound {
         100.0 * (cost - bound) / bound
@@ -300,7 +405,6 @@ pub fn run(
         .map(|place| [place.col, place.row, place.width, place.height])
         .collect();
     report.result = Some(json!({ "photos": photos, "places": places }));
-    Ok(report)
 }
 
 /// Refuses outputs in the way of the catalogue, of photos that it knows or of one another, before the picture is read.
@@ -331,41 +435,45 @@ fn check_outputs(
 }
 
 fn checked(params: &Params) -> Result<MosaicParams, JobError> {
-    let wrong = |name: &'static str, value: String, range: &'static str| {
-        Err(JobError::Parameter { name, value, range })
+    let wrong = |field: &'static str, value: String, range: &'static str| {
+        Err(JobError::Parameter {
+            field,
+            value,
+            range,
+        })
     };
     if !(0.0..=1000.0).contains(&params.min_repeat_distance) {
         let value = params.min_repeat_distance.to_string();
-        return wrong("--min-repeat-distance", value, "0 to 1000");
+        return wrong("min_repeat_distance", value, "0 to 1000");
     }
     if params.max_uses == Some(0) {
-        return wrong("--max-uses", "0".into(), "1 or more");
+        return wrong("max_uses", "0".into(), "1 or more");
     }
     if params.degree > MAX_DEGREE {
-        return wrong("--degree", params.degree.to_string(), "0 to 5");
+        return wrong("degree", params.degree.to_string(), "0 to 5");
     }
     if let Some(degree) = params.feature_degree.filter(|&degree| degree > MAX_DEGREE) {
-        return wrong("--feature-degree", degree.to_string(), "0 to 5");
+        return wrong("feature_degree", degree.to_string(), "0 to 5");
     }
     if !(0.1..=10.0).contains(&params.feature_weight) {
         let value = params.feature_weight.to_string();
-        return wrong("--feature-weight", value, "0.1 to 10");
+        return wrong("feature_weight", value, "0.1 to 10");
     }
-    for (name, value) in [("--detail", params.detail), ("--blend", params.blend)] {
+    for (name, value) in [("detail", params.detail), ("blend", params.blend)] {
         if !(0.0..=1.0).contains(&value) {
             return wrong(name, value.to_string(), "0 to 1");
         }
     }
     for (name, rounds) in [
-        ("--rounds", Some(params.rounds)),
-        ("--tiling-rounds", params.tiling_rounds),
+        ("rounds", Some(params.rounds)),
+        ("tiling_rounds", params.tiling_rounds),
     ] {
         if let Some(rounds) = rounds.filter(|&rounds| rounds > 100) {
             return wrong(name, rounds.to_string(), "0 to 100");
         }
     }
     if !(1..=100).contains(&params.quality) {
-        return wrong("--quality", params.quality.to_string(), "1 to 100");
+        return wrong("quality", params.quality.to_string(), "1 to 100");
     }
     let side = params
         .tile_size
@@ -376,7 +484,7 @@ fn checked(params: &Params) -> Result<MosaicParams, JobError> {
         }));
     let tile = Size::new(side.across, side.down.unwrap_or(side.across));
     let tile = tile.map_err(|_| JobError::Parameter {
-        name: "--tile-size",
+        field: "tile_size",
         value: side.to_string(),
         range: "1 to 65535 pixels each way",
     })?;
@@ -426,24 +534,6 @@ impl JobError {
             CatalogueError::Cancelled(_) => Self::Cancelled,
             CatalogueError::Write(error) => error.into(),
             cause => Self::Catalogue(cause),
-        }
-    }
-
-    /// The exit code for what went wrong with a catalogue.
-    pub(crate) fn catalogue_code(cause: &CatalogueError) -> u8 {
-        match cause {
-            CatalogueError::TooLarge { .. }
-            | CatalogueError::TooManyPixels { .. }
-            | CatalogueError::NoThirds { .. }
-            | CatalogueError::Protected { .. } => 2,
-            CatalogueError::Change { .. } | CatalogueError::Busy { writing: true, .. } => 4,
-            CatalogueError::Choose(_) | CatalogueError::Threads { .. } => 1,
-            CatalogueError::Write(error)
-                if matches!(error.cause, EncodeError::UnknownExtension) =>
-            {
-                2
-            }
-            _ => 3,
         }
     }
 }

@@ -2,8 +2,11 @@
 
 use crate::error::JobError;
 use crate::identity::FileIdentity;
+use crate::operation::Operation;
+use crate::step::tagged;
 use crate::text::escape_json;
 use serde::Serialize;
+use serde_json::json;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Instant;
@@ -35,6 +38,11 @@ pub struct Report {
     pub result: Option<serde_json::Value>,
     /// What the user should know although the run succeeded.
     pub warnings: Vec<String>,
+    /// The recipe that repeats the run with [`Run`](crate::recipe::Run); `None` if a path is not Unicode.
+    pub recipe: Option<serde_json::Value>,
+    /// The reports of the steps of a recipe.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub steps: Vec<Report>,
     /// Files that no output of this run may replace.
     #[serde(skip)]
     protected: Vec<FileIdentity>,
@@ -116,8 +124,37 @@ impl Report {
             passed: None,
             result: None,
             warnings: Vec::new(),
+            recipe: None,
+            steps: Vec::new(),
             protected: Vec::new(),
         }
+    }
+
+    /// The report of a run of `operation` that has done nothing yet.
+    pub fn of<O: Operation>(operation: &O, parameters: &impl Serialize) -> Self {
+        let step = tagged(operation).ok();
+        Self {
+            recipe: step.map(|step| json!({ "version": 1, "steps": [step] })),
+            ..Self::new(O::NAME, parameters)
+        }
+    }
+
+    /// Adds the report of a step: its files, except those that `is_intermediate`, its time, verdict and warnings.
+    pub(crate) fn absorb(&mut self, step: Self, is_intermediate: impl Fn(&str) -> bool) {
+        let files = |files: &[FileReport]| -> Vec<FileReport> {
+            let files = files.iter().filter(|file| !is_intermediate(&file.path));
+            files.cloned().collect()
+        };
+        self.inputs.extend(files(&step.inputs));
+        self.outputs.extend(files(&step.outputs));
+        self.timings.push(Timing {
+            phase: step.operation,
+            duration_secs: step.timings.iter().map(|timing| timing.duration_secs).sum(),
+        });
+        let passed = [self.passed, step.passed].into_iter().flatten();
+        self.passed = passed.reduce(|all, passed| all && passed);
+        self.warnings.extend(step.warnings.iter().cloned());
+        self.steps.push(step);
     }
 
     /// Protects a file that was read from every output of this run.

@@ -6,19 +6,43 @@
 //! Guarantees: equal parameters give equal files on any number of threads; each file is whole. Does not guarantee: that a
 //! cancellation takes effect before the scene at hand is drawn, nor that it removes finished files.
 
+use crate::context::Context;
 use crate::error::JobError;
 use crate::files;
+use crate::operation::Operation;
 use crate::report::Report;
-use ravec::progress::Progress;
 use ravec::raster::{AnyImage, Size, Srgb, Srgba};
 use ravec_media::{Picture, WriteOptions};
 use ravec_scenes::Seed;
 use ravec_scenes::catalog::{Scene, SceneId, render};
 use ravec_scenes::damage::add_gaussian_noise;
 use serde::{Deserialize, Serialize};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-/// What the pictures are like.
+/// Write procedural pictures with their ground truth
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "cli", derive(clap::Args), command(after_help = HELP))]
+pub struct Scenes {
+    /// Output folder; created if it is missing
+    #[cfg_attr(feature = "cli", arg(short, long, value_name = "DIR"))]
+    pub out: PathBuf,
+    /// Parameters.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    #[serde(default)]
+    pub params: Params,
+}
+
+#[cfg(feature = "cli")]
+const HELP: &str = "\
+Examples:
+  ravec scenes --out scenes --width 96 --height 64
+  ravec scenes --out noisy --scene disc --scene wedge --noise-sigma 10
+  ravec scenes --out damaged --scene line-art --width 320 --height 240 --jpeg 30
+
+Each scene is a picture NAME.png (or NAME.jpg) and NAME.json, which says what it was drawn from.";
+
+/// Parameters of [`Scenes`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
@@ -72,22 +96,26 @@ const MIN_SIDE_PX: u32 = 16;
 
 impl Params {
     fn check(&self) -> Result<(), JobError> {
-        let wrong = |name, value: String, range| JobError::Parameter { name, value, range };
-        for (name, side) in [("--width", self.width), ("--height", self.height)] {
+        let wrong = |field, value: String, range| JobError::Parameter {
+            field,
+            value,
+            range,
+        };
+        for (name, side) in [("width", self.width), ("height", self.height)] {
             if let Some(side) = side.filter(|side| !(MIN_SIDE_PX..=MAX_SIDE_PX).contains(side)) {
                 return Err(wrong(name, side.to_string(), "16 to 8192"));
             }
         }
         if !(0.0..=255.0).contains(&self.noise_sigma) {
             return Err(wrong(
-                "--noise-sigma",
+                "noise_sigma",
                 self.noise_sigma.to_string(),
                 "0 to 255",
             ));
         }
         match self.jpeg {
             Some(quality) if !(1..=100).contains(&quality) => {
-                Err(wrong("--jpeg", quality.to_string(), "1 to 100"))
+                Err(wrong("jpeg", quality.to_string(), "1 to 100"))
             }
             _ => Ok(()),
         }
@@ -104,56 +132,75 @@ impl Params {
     }
 }
 
-/// Draws the scenes into the folder `out`, which is made if it is missing.
-///
-/// # Errors
-/// [`JobError::Parameter`] for a parameter out of range, [`JobError::Write`] if a file cannot be written,
-/// [`JobError::Cancelled`] between two scenes.
-pub fn run(out: &Path, params: &Params, progress: &Progress) -> Result<Report, JobError> {
-    params.check()?;
-    files::check_folder(out)?;
-    let all = params.scenes.is_empty();
-    let ids = if all {
-        &SceneId::ALL[..]
-    } else {
-        &params.scenes
-    };
-    let extension = if params.jpeg.is_some() { "jpg" } else { "png" };
-    let options = WriteOptions {
-        quality: params.jpeg.unwrap_or(WriteOptions::default().quality),
-        ..WriteOptions::default()
-    };
-    let mut report = Report::new("scenes", params);
-    report.seed = Some(params.seed);
-    progress.check()?;
-    files::make_folder(out)?;
-    let phase = progress.phase("draw", ids.len() as u64);
-    for &id in ids {
-        progress.check()?;
-        tracing::info!("drawing {}", id.name());
-        let size = params.size_of(id);
-        let scene = report.time("draw", || render(id, size, Seed(params.seed)));
-        let image = as_stored(&scene, params.noise_sigma);
-        let path = out.join(scene.name).with_extension(extension);
-        files::write(
-            &path,
-            &Picture::from_image(image),
-            &options,
-            &mut report,
-            progress,
-        )?;
-        let truth = serde_json::json!({
-            "scene": scene.name,
-            "width": size.width(),
-            "height": size.height(),
-            "seed": params.seed,
-            "truth": scene.truth,
-        });
-        let path = out.join(scene.name).with_extension("json");
-        files::write_output_text(&path, "JSON", &format!("{truth:#}\n"), &mut report)?;
-        phase.advance(1);
+impl Operation for Scenes {
+    const NAME: &'static str = "scenes";
+
+    fn inputs(&self) -> Vec<&Path> {
+        Vec::new()
     }
-    Ok(report)
+
+    fn outputs(&self) -> Vec<&Path> {
+        Vec::new()
+    }
+
+    fn folders(&self) -> Vec<&Path> {
+        vec![&self.out]
+    }
+
+    /// Draws the scenes into the folder `out`.
+    ///
+    /// # Errors
+    /// [`JobError::Parameter`] for a parameter out of range, [`JobError::Write`] if a file cannot be written,
+    /// [`JobError::Cancelled`] between two scenes.
+    fn run(&self, context: &Context) -> Result<Report, JobError> {
+        let Self { out, params } = self;
+        let progress = &context.progress;
+        params.check()?;
+        context.check_is_file(out)?;
+        files::check_folder(out)?;
+        let all = params.scenes.is_empty();
+        let ids = if all {
+            &SceneId::ALL[..]
+        } else {
+            &params.scenes
+        };
+        let extension = if params.jpeg.is_some() { "jpg" } else { "png" };
+        let options = WriteOptions {
+            quality: params.jpeg.unwrap_or(WriteOptions::default().quality),
+            ..WriteOptions::default()
+        };
+        let mut report = Report::of(self, params);
+        report.seed = Some(params.seed);
+        progress.check()?;
+        files::make_folder(out)?;
+        let phase = progress.phase("draw", ids.len() as u64);
+        for &id in ids {
+            progress.check()?;
+            tracing::info!("drawing {}", id.name());
+            let size = params.size_of(id);
+            let scene = report.time("draw", || render(id, size, Seed(params.seed)));
+            let image = as_stored(&scene, params.noise_sigma);
+            let path = out.join(scene.name).with_extension(extension);
+            files::write(
+                &path,
+                &Picture::from_image(image),
+                &options,
+                &mut report,
+                context,
+            )?;
+            let truth = serde_json::json!({
+                "scene": scene.name,
+                "width": size.width(),
+                "height": size.height(),
+                "seed": params.seed,
+                "truth": scene.truth,
+            });
+            let path = out.join(scene.name).with_extension("json");
+            files::write_output_text(&path, "JSON", &format!("{truth:#}\n"), &mut report, context)?;
+            phase.advance(1);
+        }
+        Ok(report)
+    }
 }
 
 /// The scene in 8 bit, with noise if it is opaque.

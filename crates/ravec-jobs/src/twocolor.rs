@@ -3,8 +3,10 @@
 //! Guarantees: equal parameters give equal files on any number of threads; outputs are whole or absent. The two-color
 //! picture is written with the sample kind, profile and EXIF block of its source.
 
+use crate::context::Context;
 use crate::error::JobError;
-use crate::files::{self, Source};
+use crate::files;
+use crate::operation::Operation;
 use crate::report::Report;
 use ravec::progress::Progress;
 use ravec::raster::{AnyImage, Color, Image, LinearRgba, Size};
@@ -16,7 +18,38 @@ use ravec_media::WriteOptions;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// How the image is cut, fitted and drawn.
+/// Convert a picture to two-color pixels: blocks of one line and two colors, sharp at any scale
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "cli", derive(clap::Args), command(after_help = HELP, group = clap::ArgGroup::new("result").args(["output", "svg"]).required(true).multiple(true)))]
+pub struct TwoColor {
+    /// Input picture; `-` is standard input
+    pub input: PathBuf,
+    /// Output picture; its extension selects the format, `-` is standard output in the input's format
+    #[cfg_attr(feature = "cli", arg(short, long, value_name = "FILE"))]
+    #[serde(default)]
+    pub output: Option<PathBuf>,
+    /// Output drawing as SVG, with neighbors of equal color merged; `-` is standard output
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
+    #[serde(default)]
+    pub svg: Option<PathBuf>,
+    /// Parameters.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    #[serde(default)]
+    pub params: Params,
+}
+
+#[cfg(feature = "cli")]
+const HELP: &str = "\
+Examples:
+  ravec twocolor photo.jpg -o blocks.png --size 8
+  ravec twocolor photo.jpg -o large.png --size 4 --scale 4
+  ravec twocolor photo.jpg --svg photo.svg --adaptive
+  ravec twocolor - -o - --size 16 <photo.jpg >blocks.jpg
+
+Figures: blocks, flat_blocks (of one color), values (stored numbers), psnr_db (at scale 1), svg_bytes.";
+
+/// Parameters of [`TwoColor`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
@@ -76,49 +109,46 @@ impl Default for Params {
     }
 }
 
-/// Where the result goes: at least one of both.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Targets {
-    /// The picture; its extension says the format, `-` is standard output.
-    pub picture: Option<PathBuf>,
-    /// The drawing as SVG, in the input's size whatever the scale; `-` is standard output.
-    pub svg: Option<PathBuf>,
-}
-
 impl Params {
     fn check(&self) -> Result<(), JobError> {
-        let wrong = |name, value: String, range| Err(JobError::Parameter { name, value, range });
+        let wrong = |field, value: String, range| {
+            Err(JobError::Parameter {
+                field,
+                value,
+                range,
+            })
+        };
         if !self.adaptive && !(2..=64).contains(&self.size) {
-            return wrong("--size", self.size.to_string(), "2 to 64");
+            return wrong("size", self.size.to_string(), "2 to 64");
         }
         if self.adaptive && !(2..=32).contains(&self.size) {
-            return wrong("--size", self.size.to_string(), "2 to 32 with --adaptive");
+            return wrong("size", self.size.to_string(), "2 to 32 with `adaptive`");
         }
         let ratio = self.max_size / self.size;
         let nested = ratio.is_power_of_two() && ratio * self.size == self.max_size;
         if self.adaptive && !(nested && self.max_size <= 64) {
             return wrong(
-                "--max-size",
+                "max_size",
                 self.max_size.to_string(),
-                "--size times a power of two, at most 64",
+                "`size` times a power of two, at most 64",
             );
         }
         for (name, value) in [
-            ("--max-error", self.max_error),
-            ("--flat-contrast", self.flat_contrast),
+            ("max_error", self.max_error),
+            ("flat_contrast", self.flat_contrast),
         ] {
             if !(0.0..=1.0).contains(&value) {
                 return wrong(name, value.to_string(), "0 to 1");
             }
         }
         if !(self.scale > 0.0 && self.scale <= 1024.0) {
-            return wrong("--scale", self.scale.to_string(), "above 0, up to 1024");
+            return wrong("scale", self.scale.to_string(), "above 0, up to 1024");
         }
         if !(2..=256).contains(&self.color_levels) {
-            return wrong("--color-levels", self.color_levels.to_string(), "2 to 256");
+            return wrong("color_levels", self.color_levels.to_string(), "2 to 256");
         }
         if !(1..=100).contains(&self.quality) {
-            return wrong("--quality", self.quality.to_string(), "1 to 100");
+            return wrong("quality", self.quality.to_string(), "1 to 100");
         }
         Ok(())
     }
@@ -128,90 +158,102 @@ impl Params {
         let pixels = input.pixels() as f64 * self.scale * self.scale;
         if pixels > max_pixels as f64 {
             return Err(JobError::Parameter {
-                name: "--scale",
+                field: "scale",
                 value: self.scale.to_string(),
-                range: "small enough to keep the output within --max-pixels",
+                range: "small enough to keep the output within `max_pixels`",
             });
         }
         let side = |pixels: usize| (pixels as f64 * self.scale).round().max(1.0) as usize;
         Size::new(side(input.width()), side(input.height())).map_err(|_| JobError::Parameter {
-            name: "--scale",
+            field: "scale",
             value: self.scale.to_string(),
             range: "small enough for a picture",
         })
     }
 }
 
-/// Fits the picture `source` and writes it to `targets`.
-///
-/// Figures: `blocks` and `flat_blocks`; `values` stored (a line has 2, a color 3); and, at the input's scale, `psnr_db` of
-/// the encoded colors against the input.
-///
-/// # Errors
-/// [`JobError::Parameter`] for a parameter out of range or no target at all, [`JobError::Read`], [`JobError::Write`],
-/// what [`check_files`](crate::check_files) refuses, [`JobError::Cancelled`].
-pub fn run(
-    source: &Source,
-    targets: &Targets,
-    params: &Params,
-    progress: &Progress,
-) -> Result<Report, JobError> {
-    params.check()?;
-    if targets.picture.is_none() && targets.svg.is_none() {
-        return Err(JobError::Parameter {
-            name: "--output or --svg",
-            value: "missing".to_owned(),
-            range: "a file to write",
-        });
+impl Operation for TwoColor {
+    const NAME: &'static str = "twocolor";
+
+    fn inputs(&self) -> Vec<&Path> {
+        vec![&self.input]
     }
-    if let Some(path) = &targets.picture {
-        files::check_target(path)?;
+
+    fn outputs(&self) -> Vec<&Path> {
+        let outputs = self.output.iter().chain(&self.svg);
+        outputs.map(PathBuf::as_path).collect()
     }
-    let outputs = targets.picture.iter().chain(&targets.svg);
-    let outputs: Vec<&Path> = outputs.map(PathBuf::as_path).collect();
-    files::check_files(&[&source.path], &outputs)?;
-    let mut report = Report::new("twocolor", params);
-    let picture = files::read(source, &mut report, progress)?;
-    let size = params.output_size(picture.image.size(), source.limits.max_pixels)?;
-    if let Some(path) = &targets.picture {
-        files::check_size(path, size, &picture)?;
-    }
-    if let Some(path) = &targets.svg {
-        check_drawing(path, picture.image.size())?;
-    }
-    if params.adaptive {
-        let fit = AdaptiveParams {
-            min_block_px: params.size,
-            max_block_px: params.max_size,
-            max_error: params.max_error,
-            flat_contrast: params.flat_contrast,
-        };
-        let mut field = report.time("fit", || {
+
+    /// Fits the picture and writes it, in the input's size whatever the scale for the drawing.
+    ///
+    /// Figures: `blocks` and `flat_blocks`; `values` stored (a line has 2, a color 3); and, at the input's scale, `psnr_db` of
+    /// the encoded colors against the input.
+    ///
+    /// # Errors
+    /// [`JobError::Parameter`] for a parameter out of range, [`JobError::Missing`] without an output, [`JobError::Read`], [`JobError::Write`],
+    /// what [`check_files`](crate::check_files) refuses, [`JobError::Cancelled`].
+    fn run(&self, context: &Context) -> Result<Report, JobError> {
+        let Self {
+            input,
+            output,
+            svg,
+            params,
+        } = self;
+        let progress = &context.progress;
+        params.check()?;
+        if output.is_none() && svg.is_none() {
+            return Err(JobError::Missing {
+                fields: &["output", "svg"],
+                expected: "give a file to write",
+            });
+        }
+        if let Some(path) = output {
+            files::check_target(path, context)?;
+        }
+        context.check_files(&self.inputs(), &self.outputs())?;
+        let mut report = Report::of(self, params);
+        let picture = files::read(input, &mut report, context)?;
+        let size = params.output_size(picture.image.size(), context.limits.max_pixels)?;
+        if let Some(path) = output {
+            files::check_size(path, size, &picture, context)?;
+        }
+        if let Some(path) = svg {
+            check_drawing(path, picture.image.size())?;
+        }
+        if params.adaptive {
+            let fit = AdaptiveParams {
+                min_block_px: params.size,
+                max_block_px: params.max_size,
+                max_error: params.max_error,
+                flat_contrast: params.flat_contrast,
+            };
+            let mut field = report.time("fit", || {
             ravec::raster::with_image!(&picture.image, image => AdaptiveField::fit(image, &fit, progress))
         })?;
-        if !params.whole_pixels {
-            report.time("refine", || {
+            if !params.whole_pixels {
+                report.time("refine", || {
                 ravec::raster::with_image!(&picture.image, image => field.refine_lines(image, progress))
             })?;
-        }
-        deliver(&field, &picture, targets, params, &mut report, progress)?;
-    } else {
-        let fit = FitParams {
-            block_px: params.size,
-            method: FitMethod::Auto,
-            flat_contrast: params.flat_contrast,
-        };
-        let mut field = report.time("fit", || {
+            }
+            self.deliver(&field, &picture, &mut report, context)?;
+        } else {
+            let fit = FitParams {
+                block_px: params.size,
+                method: FitMethod::Auto,
+                flat_contrast: params.flat_contrast,
+            };
+            let mut field = report.time("fit", || {
             ravec::raster::with_image!(&picture.image, image => TwoColorField::fit(image, &fit, progress))
         })?;
-        if !params.whole_pixels {
-            report.time("refine", || {
+            if !params.whole_pixels {
+                report.time("refine", || {
                 ravec::raster::with_image!(&picture.image, image => field.refine_lines(image, progress))
             })?;
+            }
+            self.deliver(&field, &picture, &mut report, context)?;
         }
-        deliver(&field, &picture, targets, params, &mut report, progress)?;
+        Ok(report)
     }
-    Ok(report)
 }
 
 /// Refuses a picture that is too long for a drawing, before any work is done for it.
@@ -228,43 +270,45 @@ fn check_drawing(path: &Path, size: Size) -> Result<(), JobError> {
     })
 }
 
-/// Draws, writes and measures.
-fn deliver(
-    field: &impl BlockField,
-    picture: &ravec_media::Picture,
-    targets: &Targets,
-    params: &Params,
-    report: &mut Report,
-    progress: &Progress,
-) -> Result<(), JobError> {
-    let (mut blocks, mut flat) = (0u32, 0u32);
-    for block in field.placed_blocks() {
-        blocks += 1;
-        flat += u32::from(block.pixel.is_flat());
-    }
-    report.figures.insert("blocks", f64::from(blocks));
-    report.figures.insert("flat_blocks", f64::from(flat));
-    report
-        .figures
-        .insert("values", f64::from(8 * (blocks - flat) + 3 * flat));
-    if let Some(path) = &targets.picture {
-        let image = report.time("render", || draw(field, params, progress))?;
-        if image.size() == picture.image.size() {
-            report
-                .figures
-                .insert("psnr_db", psnr_db(&picture.image, &image));
+impl TwoColor {
+    /// Draws, writes and measures.
+    fn deliver(
+        &self,
+        field: &impl BlockField,
+        picture: &ravec_media::Picture,
+        report: &mut Report,
+        context: &Context,
+    ) -> Result<(), JobError> {
+        let params = &self.params;
+        let (mut blocks, mut flat) = (0u32, 0u32);
+        for block in field.placed_blocks() {
+            blocks += 1;
+            flat += u32::from(block.pixel.is_flat());
         }
-        let options = WriteOptions {
-            quality: params.quality,
-            ..WriteOptions::default()
-        };
-        let picture = picture.with_image(&image);
-        files::write(path, &picture, &options, report, progress)?;
+        report.figures.insert("blocks", f64::from(blocks));
+        report.figures.insert("flat_blocks", f64::from(flat));
+        report
+            .figures
+            .insert("values", f64::from(8 * (blocks - flat) + 3 * flat));
+        if let Some(path) = &self.output {
+            let image = report.time("render", || draw(field, params, &context.progress))?;
+            if image.size() == picture.image.size() {
+                report
+                    .figures
+                    .insert("psnr_db", psnr_db(&picture.image, &image));
+            }
+            let options = WriteOptions {
+                quality: params.quality,
+                ..WriteOptions::default()
+            };
+            let picture = picture.with_image(&image);
+            files::write(path, &picture, &options, report, context)?;
+        }
+        if let Some(path) = &self.svg {
+            write_drawing(field, path, params, report, context)?;
+        }
+        Ok(())
     }
-    if let Some(path) = &targets.svg {
-        write_drawing(field, path, params, report, progress)?;
-    }
-    Ok(())
 }
 
 fn draw(
@@ -277,7 +321,7 @@ fn draw(
         let side = |pixels: usize| (pixels as f64 * params.scale).round().max(1.0) as usize;
         let size = Size::new(side(size.width()), side(size.height())).map_err(|_| {
             JobError::Parameter {
-                name: "--scale",
+                field: "scale",
                 value: params.scale.to_string(),
                 range: "small enough for a picture",
             }
@@ -295,9 +339,9 @@ fn write_drawing(
     path: &Path,
     params: &Params,
     report: &mut Report,
-    progress: &Progress,
+    context: &Context,
 ) -> Result<(), JobError> {
-    progress.check()?;
+    context.progress.check()?;
     let svg = SvgParams {
         title: None,
         color_levels: params.color_levels,
@@ -311,7 +355,7 @@ fn write_drawing(
         })?;
     report.figures.insert("svg_bytes", text.len() as f64);
     let text = String::from_utf8_lossy(&text);
-    files::write_output_text(path, "SVG", &text, report)
+    files::write_output_text(path, "SVG", &text, report, context)
 }
 
 /// The peak signal-to-noise ratio of encoded colors, weighted by alpha.

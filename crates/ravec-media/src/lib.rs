@@ -37,7 +37,6 @@
 //! [`Limits`]. Does not guarantee: metadata other than the profile and EXIF; frames after the first; colors outside sRGB
 //! from profiles made of tables.
 
-mod atomic;
 mod curve;
 mod exr;
 mod format;
@@ -54,12 +53,10 @@ mod rows;
 mod samples;
 mod standard;
 mod taken;
-mod temporary;
 mod tiff;
 mod webp;
 mod write;
 
-pub use atomic::{AtomicWriter, check_writable, follow_links, scratch_file, write_atomically};
 pub use format::Format;
 pub use lens::focal_px_from_35mm;
 pub use limits::Limits;
@@ -69,5 +66,4 @@ pub use read::{
     read,
 };
 pub use rows::{RowsError, write_rows};
-pub use temporary::{TemporaryFolder, abandon_outputs, remove_stale_in};
 pub use write::{EncodeError, ProfileChoice, WriteError, WriteOptions, encode, write};

@@ -5,6 +5,7 @@ use crate::limits::{Limits, display_bytes, over_budget};
 use crate::opened::Opened;
 use crate::picture::{Picture, SampleKind};
 use crate::tiff::Source;
+use ravec_files::is_stream;
 use ravec_memory::Reservation;
 use ravec_raster::{Size, SizeError};
 use std::fs::File;
@@ -95,7 +96,7 @@ pub struct ReadError {
 }
 
 pub(crate) fn display_path(path: &Path) -> String {
-    if path == Path::new("-") {
+    if is_stream(path) {
         "standard input or output".into()
     } else {
         path.display().to_string()
@@ -214,7 +215,7 @@ fn with_file<T>(
     work: impl FnOnce(&mut dyn Source, Reservation) -> Result<T, DecodeError>,
 ) -> Result<T, ReadError> {
     let open = || -> Result<(Box<dyn Source>, Reservation), DecodeError> {
-        if path == Path::new("-") {
+        if is_stream(path) {
             let (data, kept) = read_all(io::stdin().lock(), limits)?;
             return Ok((Box::new(Cursor::new(data)), kept));
         }

@@ -2,7 +2,6 @@
 //!
 //! Guarantees: the file is whole or absent; memory is a few strips. Does not guarantee: anything but 8 bits in sRGB.
 
-use crate::atomic::write_atomically;
 use crate::format::Format;
 use crate::standard::SRGB;
 use crate::write::{EncodeError, WriteError};
@@ -11,6 +10,7 @@ use ::tiff::encoder::{TiffEncoder, TiffKind};
 use ::tiff::tags::Tag;
 use ::tiff::{TiffError, TiffResult};
 use jpeg_encoder::{EncodingError, ImageBuffer, JpegColorType};
+use ravec_files::write_atomically;
 use ravec_raster::{Size, Srgb};
 use std::cell::RefCell;
 use std::io::{self, Seek, Write};

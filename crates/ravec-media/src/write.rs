@@ -1,12 +1,12 @@
 //! Writing pictures.
 
-use crate::atomic::write_atomically;
 use crate::format::{self, Format};
 use crate::picture::{Picture, SampleKind, Warning};
 use crate::raster::Raster;
 use crate::read::display_path;
 use image::codecs::{bmp, hdr, jpeg, openexr, png, tiff, webp};
 use image::{ImageEncoder, ImageError};
+use ravec_files::{is_stream, write_atomically};
 use ravec_raster::{Size, Srgb};
 use std::io::{self, Cursor, Seek, Write};
 use std::path::{Path, PathBuf};
@@ -113,7 +113,7 @@ pub fn write(
 ) -> Result<Vec<Warning>, WriteError> {
     let path = path.as_ref();
     let attempt = || {
-        if path == Path::new("-") {
+        if is_stream(path) {
             let format = options.format.or(picture.origin.format);
             let format = format.unwrap_or(Format::Png);
             // some encoders go back in what they wrote

@@ -2,9 +2,10 @@
 //! standard sentences.
 
 use image::{ExtendedColorType, ImageEncoder as _};
+use ravec_files::write_atomically;
 use ravec_media::{
     DecodeError, EncodeError, Format, Limits, Picture, ProfileChoice, SampleKind, Warning,
-    WriteOptions, decode, encode, probe_data, read, write, write_atomically,
+    WriteOptions, decode, encode, probe_data, read, write,
 };
 use ravec_raster::{AnyImage, Image, LinearRgb, LinearRgba, Size, Srgb, Srgba};
 use std::io::{Cursor, Write as _};

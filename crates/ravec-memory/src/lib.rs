@@ -19,14 +19,18 @@
 //! # Ok::<(), ravec_memory::OverBudget>(())
 //! ```
 //!
+//! A [`ReservedVec`] is a list that reserves before it grows.
+//!
 //! Guarantees: the reservations of a budget never exceed its limit together; a reservation is given back when it is dropped,
 //! also by a panic. Does not guarantee: that the system has the memory; anything about memory that nobody reserves.
 //!
 //! Words: a *budget* is a limit with an account of what is in use; a *reservation* is a part of it that somebody holds.
 
 mod machine;
+mod reserved_vec;
 
 pub use machine::machine_bytes;
+pub use reserved_vec::{ReservedVec, bytes_of, with_room};
 
 use ravec_progress::{Cancelled, Progress};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};

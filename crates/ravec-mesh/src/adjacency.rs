@@ -10,7 +10,7 @@
 use ravec_progress::{Cancelled, Progress};
 
 use crate::TriMesh;
-use crate::gathered::gathered;
+use crate::par_collect::par_collect;
 
 /// Number of triangles or vertices that are processed between two checks for cancellation: some milliseconds.
 const AT_ONCE: usize = 1 << 16;
@@ -310,7 +310,7 @@ impl Adjacency {
         mesh: &TriMesh,
         progress: &Progress,
     ) -> Result<Vec<u32>, Cancelled> {
-        gathered(mesh.positions().len(), progress, |v| {
+        par_collect(mesh.positions().len(), progress, |v| {
             (self.fans(v, mesh).count > 1).then_some(v)
         })
     }

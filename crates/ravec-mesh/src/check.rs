@@ -18,7 +18,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::adjacency::is_proper;
-use crate::gathered::gathered;
+use crate::par_collect::par_collect;
 use crate::{Adjacency, BoxTree, SelfIntersections, TriMesh, on_one_line, self_intersections};
 
 pub use boundary::BoundaryLoop;
@@ -191,7 +191,7 @@ pub fn check(
         .collect();
     let boundary_loops = boundary::loops(mesh, &adjacency, &boundary, progress)?;
     let pinched = adjacency.try_pinched_vertices(mesh, progress)?;
-    let degenerate = gathered(mesh.triangles().len(), progress, |t| {
+    let degenerate = par_collect(mesh.triangles().len(), progress, |t| {
         let [a, b, c] = mesh.corners(t);
         on_one_line(a, b, c).then_some(t)
     })?;
@@ -268,7 +268,7 @@ fn duplicate_triangles(
         corners.sort_unstable();
         corners
     };
-    let mut repeated = gathered(mesh.positions().len(), progress, |v| {
+    let mut repeated = par_collect(mesh.positions().len(), progress, |v| {
         // those whose lowest vertex this is
         let mut here: Vec<([u32; 3], u32)> = adjacency
             .triangles_at(v)

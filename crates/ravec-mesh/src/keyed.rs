@@ -4,8 +4,10 @@
 
 use foldhash::fast::RandomState;
 
-pub(crate) type KeyedMap<K, V> = std::collections::HashMap<K, V, RandomState>;
-pub(crate) type KeyedSet<K> = std::collections::HashSet<K, RandomState>;
+/// A `HashMap` whose hash has a random key.
+pub type KeyedMap<K, V> = std::collections::HashMap<K, V, RandomState>;
+/// A `HashSet` whose hash has a random key.
+pub type KeyedSet<K> = std::collections::HashSet<K, RandomState>;
 
 #[cfg(test)]
 mod tests {

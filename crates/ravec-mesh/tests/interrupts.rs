@@ -1,26 +1,10 @@
 //! Work that is cancelled at any check stops, and checks come as often as the mesh is large.
 
-mod bombs;
-
 use glam::DVec3;
-use ravec_mesh::render::{Paint, RenderParams, render};
 use ravec_mesh::{
-    Adjacency, Bvh, CheckParams, MeshFormat, ReadMeshError, ReadOptions, TriMesh, WriteMeshError,
-    WriteOptions, check, read_mesh, try_measure, try_weld, vertex_distances, write_mesh,
+    Adjacency, Bvh, CheckParams, TriMesh, check, try_measure, try_weld, vertex_distances,
 };
 use ravec_progress::Progress;
-
-const ALL: [MeshFormat; 9] = [
-    MeshFormat::StlBinary,
-    MeshFormat::StlAscii,
-    MeshFormat::PlyBinary,
-    MeshFormat::PlyAscii,
-    MeshFormat::Obj,
-    MeshFormat::Off,
-    MeshFormat::ThreeMf,
-    MeshFormat::Glb,
-    MeshFormat::Gltf,
-];
 
 /// A mesh of `count` tetrahedra, apart from one another, as parts of a machine are.
 fn parts(count: u32) -> TriMesh {
@@ -57,58 +41,10 @@ fn assert_checks(what: &str, mesh: &TriMesh, work: impl Fn(&Progress) -> bool) {
 }
 
 #[test]
-fn readers_and_writers_stop_wherever_they_are_cancelled() {
-    let mesh = parts(20_000);
-    for format in ALL {
-        let options = WriteOptions::default();
-        assert_checks(
-            &format!("write {format}"),
-            &mesh,
-            |progress| match write_mesh(&mesh, format, &options, std::io::sink(), progress) {
-                Ok(()) => false,
-                Err(WriteMeshError::Cancelled) => true,
-                Err(other) => panic!("{format}: {other}"),
-            },
-        );
-        let mut file = Vec::new();
-        write_mesh(&mesh, format, &options, &mut file, &Progress::none()).unwrap();
-        for weld_tolerance in [None, Some(0.1)] {
-            let options = ReadOptions {
-                weld_tolerance,
-                ..ReadOptions::default()
-            };
-            assert_checks(
-                &format!("read {format}"),
-                &mesh,
-                |progress| match read_mesh(&file[..], &options, progress) {
-                    Ok(_) => false,
-                    Err(ReadMeshError::Cancelled) => true,
-                    Err(other) => panic!("{format}: {other}"),
-                },
-            );
-        }
-    }
-}
-
-#[test]
-fn an_archive_of_many_parts_is_given_up_between_any_two_of_them() {
-    let file = bombs::many_parts(3_000);
-    let options = ReadOptions::default();
-    let checks = checks(|progress| {
-        matches!(
-            read_mesh(&file[..], &options, progress),
-            Err(ReadMeshError::Cancelled)
-        )
-    });
-    assert!(checks > 6_000, "{checks}");
-}
-
-#[test]
 fn operations_stop_wherever_they_are_cancelled() {
     let mesh = parts(35_000);
     let bvh = Bvh::new(&mesh);
-    let look = RenderParams::default();
-    let works: [Work<'_>; 8] = [
+    let works: [Work<'_>; 7] = [
         ("adjacency", &|progress| {
             Adjacency::try_new(&mesh, progress).is_err()
         }),
@@ -125,9 +61,6 @@ fn operations_stop_wherever_they_are_cancelled() {
         }),
         ("distances", &|progress| {
             vertex_distances(&mesh, &bvh, progress).is_err()
-        }),
-        ("render", &|progress| {
-            render(&mesh, &Paint::Plain, &look, progress).is_err()
         }),
     ];
     for (what, work) in works {

@@ -4,11 +4,11 @@ use crate::params::OffsetError;
 use crate::pieces::Pieces;
 use crate::tile::{Patch, VertexName, border};
 use glam::DVec3;
-use ravec_mesh::{MeshRows, TriMesh, WriteMeshError};
+use ravec_mesh::{MeshRows, RowsError, TriMesh};
 use ravec_progress::Progress;
 use rustc_hash::FxHashMap;
 
-/// A surface that need not be in memory. [`write_rows`](ravec_mesh::write_rows) writes it.
+/// A surface that need not be in memory. `write_rows` of `ravec-mesh-io` writes it.
 #[derive(Debug)]
 pub struct OffsetSurface(Kind);
 
@@ -76,15 +76,15 @@ impl MeshRows for OffsetSurface {
 
     fn for_each_vertex(
         &self,
-        visit: &mut dyn FnMut(DVec3) -> Result<(), WriteMeshError>,
-    ) -> Result<(), WriteMeshError> {
+        visit: &mut dyn FnMut(DVec3) -> Result<(), RowsError>,
+    ) -> Result<(), RowsError> {
         self.rows().for_each_vertex(visit)
     }
 
     fn for_each_triangle(
         &self,
-        visit: &mut dyn FnMut([u32; 3], [DVec3; 3]) -> Result<(), WriteMeshError>,
-    ) -> Result<(), WriteMeshError> {
+        visit: &mut dyn FnMut([u32; 3], [DVec3; 3]) -> Result<(), RowsError>,
+    ) -> Result<(), RowsError> {
         self.rows().for_each_triangle(visit)
     }
 }
@@ -129,8 +129,8 @@ impl StoredSurface {
     fn walk(
         &self,
         block: usize,
-        mut visit: impl FnMut(Step) -> Result<(), WriteMeshError>,
-    ) -> Result<(), WriteMeshError> {
+        mut visit: impl FnMut(Step) -> Result<(), RowsError>,
+    ) -> Result<(), RowsError> {
         let (patch, numbers) = self.pieces.part(block).map_err(unread)?;
         let triangles: Vec<u32> = numbers.collect();
         let border = border_of(&patch, &triangles);
@@ -159,10 +159,10 @@ impl StoredSurface {
     }
 }
 
-fn unread(error: OffsetError) -> WriteMeshError {
+fn unread(error: OffsetError) -> RowsError {
     match error {
-        OffsetError::Cancelled(_) => WriteMeshError::Cancelled,
-        other => WriteMeshError::Io(std::io::Error::other(other.to_string())),
+        OffsetError::Cancelled(_) => RowsError::Cancelled,
+        other => RowsError::Io(std::io::Error::other(other.to_string())),
     }
 }
 
@@ -188,8 +188,8 @@ impl MeshRows for StoredSurface {
 
     fn for_each_vertex(
         &self,
-        visit: &mut dyn FnMut(DVec3) -> Result<(), WriteMeshError>,
-    ) -> Result<(), WriteMeshError> {
+        visit: &mut dyn FnMut(DVec3) -> Result<(), RowsError>,
+    ) -> Result<(), RowsError> {
         for block in 0..self.pieces.blocks().len() {
             self.walk(block, |step| match step {
                 Step::Vertex(at) => visit(at),
@@ -201,8 +201,8 @@ impl MeshRows for StoredSurface {
 
     fn for_each_triangle(
         &self,
-        visit: &mut dyn FnMut([u32; 3], [DVec3; 3]) -> Result<(), WriteMeshError>,
-    ) -> Result<(), WriteMeshError> {
+        visit: &mut dyn FnMut([u32; 3], [DVec3; 3]) -> Result<(), RowsError>,
+    ) -> Result<(), RowsError> {
         for block in 0..self.pieces.blocks().len() {
             self.walk(block, |step| match step {
                 Step::Vertex(_) => Ok(()),

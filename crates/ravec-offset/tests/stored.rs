@@ -3,9 +3,8 @@
 mod support;
 
 use glam::DVec3;
-use ravec_mesh::{
-    CheckParams, MeshFormat, MeshRows, TriMesh, WriteOptions, check, write_mesh, write_rows,
-};
+use ravec_mesh::{CheckParams, MeshRows, TriMesh, check};
+use ravec_mesh_io::{MeshFormat, WriteOptions, write_mesh, write_rows};
 use ravec_offset::{
     Coordinates, OffsetError, OffsetParams, OpenRule, Side, Storage, offset, offset_stored,
 };

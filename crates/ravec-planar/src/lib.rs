@@ -55,7 +55,7 @@
 //! # Current status
 //!
 //! Still pictures: homographies, robust estimation, matching of photos, grids and snapping, proposals, rectification, warping.
-//! It fits no lines itself.
+//! It finds no edges itself: segments for [`propose_planes`] come, for instance, from `line_segments` of `ravec-twocolor`.
 
 mod align;
 mod estimate;
@@ -88,5 +88,7 @@ pub use rectify::{
 };
 pub use robust::{RobustFit, RobustParams, estimate_robust};
 pub use snap::{SnapError, SnapParams, Snapped, snap, snap_counting};
-pub use vanishing::{Segment, VanishingPoint, focal_from_right_angles, vanishing_points};
+pub use vanishing::{VanishingPoint, focal_from_right_angles, vanishing_points};
 pub use warp::{Beyond, warp};
+
+pub use ravec_raster::Segment;

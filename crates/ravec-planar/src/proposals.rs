@@ -17,11 +17,10 @@
 //! Cost: that of vanishing points, and some milliseconds.
 
 use crate::homography::Homography;
-use crate::vanishing::{
-    Segment, VanishingPoint, cosine, focal_from_right_angles, vanishing_points,
-};
+use crate::vanishing::{VanishingPoint, cosine, focal_from_right_angles, vanishing_points};
 use glam::{DMat3, DVec2, DVec3, dvec2};
 use ravec_progress::{Cancelled, Progress};
+use ravec_raster::Segment;
 
 /// A quadrilateral that may be a rectangle on a plane.
 #[derive(Debug, Clone, PartialEq)]
@@ -77,6 +76,9 @@ const MAX_PLANES: usize = 12;
 ///
 /// Without a focal length every pair of directions may be a plane. With one, pairs that are not at right angles are left out,
 /// as no rectangle lies along them.
+///
+/// Segments may come from any detector; `line_segments` of `ravec-twocolor` is one. The tour of the crate `ravec` leads from a
+/// picture to its planes.
 ///
 /// # Errors
 /// [`Cancelled`] soon after `progress` is cancelled.

@@ -19,27 +19,8 @@
 use glam::{DMat3, DVec2, DVec3};
 use ravec_numeric::smallest_eigenvector;
 use ravec_progress::{Cancelled, Progress};
+use ravec_raster::Segment;
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
-
-/// A straight stretch of an edge, in pixels, x right, y down, pixel centers at half-integers.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Segment {
-    /// Its ends, in any order.
-    pub ends: [DVec2; 2],
-}
-
-impl Segment {
-    /// The middle, in pixels, x right, y down, pixel centers at half-integers.
-    pub fn middle(&self) -> DVec2 {
-        0.5 * (self.ends[0] + self.ends[1])
-    }
-
-    /// The length in pixels.
-    pub fn length_px(&self) -> f64 {
-        self.ends[0].distance(self.ends[1])
-    }
-}
 
 /// Point in which many segments meet.
 #[derive(Debug, Clone, PartialEq)]

@@ -54,6 +54,7 @@
 //! | other sizes | [`resize()`], [`Pyramid`], [`halved`] |
 //! | neighborhoods | [`gaussian_blur`], [`Gradient`], [`Integral`], [`distance_to`] |
 //! | regions | [`Mask`] |
+//! | edges | [`Segment`] |
 //! | differences | [`compare`], [`ssim_map`], [`delta_e_map`], [`ciede2000`] |
 //! | long work | [`for_each_strip`], [`map_strips`], [`tiles`] |
 //!
@@ -97,6 +98,7 @@ mod pyramid;
 mod rect;
 mod resize;
 mod sample;
+mod segment;
 mod size;
 mod ssim;
 mod strips;
@@ -117,5 +119,6 @@ pub use pyramid::{Pyramid, Reduction, halved};
 pub use rect::{Rect, tiles};
 pub use resize::{Resample, ResizeFilter, resize};
 pub use sample::Interpolation;
+pub use segment::Segment;
 pub use size::{Size, SizeError};
 pub use strips::{for_each_strip, map_strips};

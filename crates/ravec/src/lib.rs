@@ -10,13 +10,15 @@
 //! | [`planar`] | homographies, matching of photos, grids in perspective, rectification |
 //! | [`completion`] | holes filled from the rest of a picture, in perspective where planes are known |
 //! | [`retarget`] | one picture in many formats, with objects in shape and lines straight |
-//! | [`mesh`] | triangle meshes: formats, checks, distances, simplification, pictures |
+//! | [`mesh`] | triangle meshes: measures, checks, distances, simplification |
+//! | [`mesh_io`] | files of meshes: STL, PLY, OBJ, OFF, 3MF, glTF |
+//! | [`mesh_render`] | pictures of meshes |
 //! | [`offset`](mod@offset) | surfaces at a distance from any triangles, within a tolerance that is proved |
 //! | [`boolean`](mod@boolean) | expressions over any triangle meshes, exact where they meet |
 //! | [`progress`] | progress and cancellation of long work |
 //!
-//! Everything here works on pixels in memory. Files are read and written by the crate `ravec-media`, which is not part of
-//! this one, so that a program which has its pixels already does not compile codecs.
+//! Everything here but [`mesh_io`] works in memory. Picture files are read and written by the crate `ravec-media`, which is
+//! not part of this one, so that a program which has its pixels already does not compile their codecs.
 //!
 //! # Images say what their pixels mean
 //!
@@ -58,6 +60,27 @@
 //! assert!(field.block(0, 0).is_flat());
 //! let line = field.block(4, 4).line.expect("the edge crosses this block");
 //! assert!((line.normal.dot(truth.normal).abs() - 1.0).abs() < 1e-4, "parallel to the edge");
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! # From edges to planes
+//!
+//! Lines of neighboring blocks join to straight segments. Where segments of two directions cross there may be a plane, and two
+//! planes at right angles give the focal length.
+//!
+//! ```
+//! use ravec::planar::propose_planes;
+//! use ravec::progress::Progress;
+//! use ravec::raster::{Size, Srgb};
+//! use ravec::twocolor::line_segments;
+//! use ravec_scenes::{Seed, building::building};
+//!
+//! let (picture, truth) = building(Size::new(960, 720)?, 0.9, Seed(3));
+//! let edges = line_segments(&picture.convert::<Srgb<u8>>(), &Progress::none())?;
+//! let found = propose_planes(&edges, (960.0, 720.0).into(), None, &Progress::none())?;
+//! assert!(found.planes.len() >= 2, "both walls");
+//! let focal_px = found.focal_px.expect("the walls are at right angles");
+//! assert!((focal_px / truth.focal_px - 1.0).abs() < 0.05);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
@@ -197,6 +220,8 @@ pub use ravec_boolean as boolean;
 pub use ravec_completion as completion;
 pub use ravec_memory as memory;
 pub use ravec_mesh as mesh;
+pub use ravec_mesh_io as mesh_io;
+pub use ravec_mesh_render as mesh_render;
 pub use ravec_mosaic as mosaic;
 pub use ravec_offset as offset;
 pub use ravec_planar as planar;

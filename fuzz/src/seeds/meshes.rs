@@ -2,7 +2,8 @@
 
 use super::Seed;
 use glam::{DVec2, DVec3};
-use ravec::mesh::{Attributes, MeshFormat, TriMesh, WriteOptions, write_mesh_with};
+use ravec::mesh::TriMesh;
+use ravec::mesh_io::{Attributes, MeshFormat, WriteOptions, write_mesh_with};
 use ravec::progress::Progress;
 use std::io::{Cursor, Write as _};
 use zip::ZipWriter;

@@ -70,7 +70,7 @@ fn other_files_and_newer_catalogues_are_refused_and_stay_as_they_are() {
     let database = folder.path().join("other.db");
     tamper(&database, "CREATE TABLE a (b);");
     let text = folder.path().join("text");
-    ravec_media::write_atomically(&text, |writer| {
+    ravec_files::write_atomically(&text, |writer| {
         std::io::Write::write_all(writer, &[b'a'; 4000])
     })
     .unwrap();

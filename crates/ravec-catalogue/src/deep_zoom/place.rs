@@ -10,7 +10,8 @@
 use super::PageError;
 use super::manifest::{DESCRIPTION, Manifest, Mismatch};
 use crate::catalogue::place_of;
-use ravec_media::{TemporaryFolder, WriteError};
+use ravec_files::TemporaryFolder;
+use ravec_media::WriteError;
 use ravec_progress::Progress;
 use std::ffi::OsStr;
 use std::fs::{self, File};

@@ -1,22 +1,22 @@
 //! `library`: a catalogue of photos, from which mosaics are made.
 
+use crate::context::Context;
 use crate::error::JobError;
 use crate::files;
+use crate::operation::Operation;
 use crate::report::Report;
-use ravec::progress::Progress;
 use ravec_catalogue::{Catalogue, CatalogueError, Entry, belongs_to_catalogue, would_read};
-use ravec_media::Limits;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
-/// Nothing to choose: the parameters of [`add`], [`remove`] and [`stats`].
+/// Parameters of [`Add`], [`Remove`] and [`Stats`]; there are none yet.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct Plain {}
 
-/// Filter of a list.
+/// Parameters of [`List`].
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
@@ -26,7 +26,7 @@ pub struct ListParams {
     pub all: bool,
 }
 
-/// How a catalogue is cleaned.
+/// Parameters of [`Clean`].
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
@@ -34,6 +34,16 @@ pub struct CleanParams {
     /// Only say what would be cleaned away
     #[cfg_attr(feature = "cli", arg(long))]
     pub dry_run: bool,
+}
+
+/// The files that the database keeps beside a catalogue while it is changed, or after it was killed.
+pub(crate) fn journals(catalogue: &Path) -> Vec<PathBuf> {
+    let beside = |ending: &str| {
+        let mut name = catalogue.as_os_str().to_owned();
+        name.push(ending);
+        name.into()
+    };
+    ["-journal", "-wal", "-shm"].map(beside).to_vec()
 }
 
 /// The file of a report, if it is one.
@@ -49,175 +59,394 @@ pub(crate) fn check_report(
     file_of(report_file).map_or(Ok(()), |path| catalogue.check_output(path))
 }
 
-/// Adds photos, and folders with all that is in them, to a catalogue, which is made if it is missing. The caller writes the
-/// report to `report_file`.
-///
-/// Figures: `new`, `changed`, `moved`, `unchanged`, `copies` (files with the content of another one), `unreadable`. Files that
-/// cannot be read are warnings.
-///
-/// # Errors
-/// [`JobError::Catalogue`], also if `report_file` is the catalogue, one of the photos or one that the
-/// catalogue knows, [`JobError::Cancelled`]; photos that were added before stay.
-pub fn add(
-    paths: &[PathBuf],
-    catalogue: &Path,
-    report_file: Option<&Path>,
-    limits: &Limits,
-    params: &Plain,
-    progress: &Progress,
-) -> Result<Report, JobError> {
-    for path in paths {
-        if let Err(cause) = path.metadata() {
-            return Err(JobError::from_catalogue(CatalogueError::Add {
-                path: path.clone(),
-                reason: crate::error::plain(&cause),
-            }));
+/// Add photos and folders to a catalogue, which is created if it is missing
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "cli", derive(clap::Args), command(after_help = HELP_ADD))]
+pub struct Add {
+    /// Photos, and folders with everything below them
+    #[cfg_attr(feature = "cli", arg(required = true))]
+    pub paths: Vec<PathBuf>,
+    /// The catalogue, one file
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
+    pub catalogue: PathBuf,
+    /// Parameters.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    #[serde(default)]
+    pub params: Plain,
+}
+
+#[cfg(feature = "cli")]
+const HELP_ADD: &str = "\
+Examples:
+  ravec library add photos --catalogue photos.ravec
+  ravec library add photo.jpg noisy.jpg --catalogue photos.ravec
+
+What is known is not looked at again, so that an interrupted run goes on where it was. Files that moved are recognized by their \
+content. Photos wait for memory, and one that alone needs more than --max-bytes is left out with a warning. Pieces of pages that \
+zoom are passed by.
+
+Figures: new, changed, moved, unchanged, copies (of other files), unreadable.";
+
+impl Operation for Add {
+    const NAME: &'static str = "library add";
+
+    fn inputs(&self) -> Vec<&Path> {
+        let photos = self.paths.iter().map(PathBuf::as_path);
+        std::iter::once(&*self.catalogue).chain(photos).collect()
+    }
+
+    fn outputs(&self) -> Vec<&Path> {
+        Vec::new()
+    }
+
+    fn side_files(&self) -> Vec<PathBuf> {
+        journals(&self.catalogue)
+    }
+
+    /// Adds photos, and folders with all that is in them.
+    ///
+    /// Figures: `new`, `changed`, `moved`, `unchanged`, `copies` (files with the content of another one), `unreadable`. Files that
+    /// cannot be read are warnings.
+    ///
+    /// # Errors
+    /// [`JobError::Catalogue`], also if the file of the report is the catalogue, one of the photos or one that the
+    /// catalogue knows, [`JobError::Cancelled`]; photos that were added before stay.
+    fn run(&self, context: &Context) -> Result<Report, JobError> {
+        let Self {
+            paths,
+            catalogue,
+            params,
+        } = self;
+        let progress = &context.progress;
+        let report_file = context.report_file.as_deref();
+        for path in self.inputs() {
+            context.check_is_file(path)?;
         }
-    }
-    if !catalogue.exists() {
-        files::check_files(&[], &[catalogue])?;
-    }
-    if let Some(path) = file_of(report_file) {
-        let photo = || would_read(paths, path, progress).map_err(JobError::from_catalogue);
-        if belongs_to_catalogue(catalogue, path) || photo()? {
-            return Err(JobError::OverwritesInput { path: path.into() });
+        for path in paths {
+            if let Err(cause) = path.metadata() {
+                return Err(JobError::from_catalogue(CatalogueError::Add {
+                    path: path.clone(),
+                    reason: crate::error::plain(&cause),
+                }));
+            }
         }
+        if !catalogue.exists() {
+            files::check_files(&[], &[catalogue])?;
+        }
+        if let Some(path) = file_of(report_file) {
+            let photo = || would_read(paths, path, progress).map_err(JobError::from_catalogue);
+            if belongs_to_catalogue(catalogue, path) || photo()? {
+                return Err(JobError::OverwritesInput { path: path.into() });
+            }
+        }
+        let mut report = Report::of(self, params);
+        let added = report.time("add", || {
+            let mut catalogue = Catalogue::open_or_make(catalogue, progress)?;
+            check_report(&catalogue, report_file)?;
+            ravec_catalogue::add(&mut catalogue, paths, &context.limits, progress)
+        });
+        let added = added.map_err(JobError::from_catalogue)?;
+        for (path, reason) in &added.unreadable {
+            report.warn(format!("{}: {reason}", path.display()));
+        }
+        for (name, count) in [
+            ("new", added.new),
+            ("changed", added.changed),
+            ("moved", added.moved),
+            ("unchanged", added.unchanged),
+            ("copies", added.copies),
+            ("unreadable", added.unreadable.len()),
+        ] {
+            report.figures.insert(name, count as f64);
+        }
+        Ok(report)
     }
-    let mut report = Report::new("library add", params);
-    let added = report.time("add", || {
-        let mut catalogue = Catalogue::open_or_make(catalogue, progress)?;
-        check_report(&catalogue, report_file)?;
-        ravec_catalogue::add(&mut catalogue, paths, limits, progress)
-    });
-    let added = added.map_err(JobError::from_catalogue)?;
-    for (path, reason) in &added.unreadable {
-        report.warn(format!("{}: {reason}", path.display()));
-    }
-    for (name, count) in [
-        ("new", added.new),
-        ("changed", added.changed),
-        ("moved", added.moved),
-        ("unchanged", added.unchanged),
-        ("copies", added.copies),
-        ("unreadable", added.unreadable.len()),
-    ] {
-        report.figures.insert(name, count as f64);
-    }
-    Ok(report)
 }
 
-/// Forgets photos, and all photos in folders; the files stay. Figure: `removed`.
-///
-/// # Errors
-/// [`JobError::Catalogue`], also if `report_file` is the catalogue or a photo that it knows.
-pub fn remove(
-    paths: &[PathBuf],
-    catalogue: &Path,
-    report_file: Option<&Path>,
-    params: &Plain,
-    progress: &Progress,
-) -> Result<Report, JobError> {
-    let mut report = Report::new("library remove", params);
-    let mut catalogue = Catalogue::open(catalogue, progress).map_err(JobError::from_catalogue)?;
-    check_report(&catalogue, report_file).map_err(JobError::from_catalogue)?;
-    let removed =
-        ravec_catalogue::remove(&mut catalogue, paths).map_err(JobError::from_catalogue)?;
-    report.figures.insert("removed", removed as f64);
-    Ok(report)
+/// Remove photos and folders from a catalogue; the files stay
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "cli", derive(clap::Args), command(after_help = HELP_REMOVE))]
+pub struct Remove {
+    /// Photos, and folders with everything below them
+    #[cfg_attr(feature = "cli", arg(required = true))]
+    pub paths: Vec<PathBuf>,
+    /// The catalogue, one file
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
+    pub catalogue: PathBuf,
+    /// Parameters.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    #[serde(default)]
+    pub params: Plain,
 }
 
-/// Lists the photos of a catalogue. The report's `result` is a list of objects with `path`, `width`, `height`,
-/// `orientation` (1 to 8 as in EXIF), `taken`, `unreadable`, `flaw` and `dropped` (a reason or null). Figure: `photos`.
-///
-/// # Errors
-/// [`JobError::Catalogue`], also if `report_file` is the catalogue or a photo that it knows.
-pub fn list(
-    catalogue: &Path,
-    report_file: Option<&Path>,
-    params: &ListParams,
-    progress: &Progress,
-) -> Result<Report, JobError> {
-    let mut report = Report::new("library list", params);
-    let catalogue =
-        Catalogue::open_to_read(catalogue, progress).map_err(JobError::from_catalogue)?;
-    check_report(&catalogue, report_file).map_err(JobError::from_catalogue)?;
-    let entries = catalogue
-        .entries(params.all)
-        .map_err(JobError::from_catalogue)?;
-    report.figures.insert("photos", entries.len() as f64);
-    let described = |entry: &Entry| {
-        json!({
-            "path": entry.path.to_string_lossy(),
-            "width": entry.width,
-            "height": entry.height,
-            "orientation": entry.orientation,
-            "taken": entry.taken,
-            "unreadable": entry.unreadable,
-            "flaw": entry.flaw,
-            "dropped": entry.dropped,
-        })
-    };
-    report.result = Some(entries.iter().map(described).collect());
-    Ok(report)
+#[cfg(feature = "cli")]
+const HELP_REMOVE: &str = "\
+Examples:
+  ravec library remove photo.jpg --catalogue photos.ravec
+
+Figures: removed.";
+
+impl Operation for Remove {
+    const NAME: &'static str = "library remove";
+
+    fn inputs(&self) -> Vec<&Path> {
+        // removed photos are not read
+        vec![&self.catalogue]
+    }
+
+    fn outputs(&self) -> Vec<&Path> {
+        Vec::new()
+    }
+
+    fn side_files(&self) -> Vec<PathBuf> {
+        journals(&self.catalogue)
+    }
+
+    /// Removes photos, and all photos in folders. Figure: `removed`.
+    ///
+    /// # Errors
+    /// [`JobError::Catalogue`], also if the file of the report is the catalogue or a photo that it knows.
+    fn run(&self, context: &Context) -> Result<Report, JobError> {
+        let Self {
+            paths,
+            catalogue,
+            params,
+        } = self;
+        let progress = &context.progress;
+        let report_file = context.report_file.as_deref();
+        for path in self.inputs() {
+            context.check_is_file(path)?;
+        }
+        let mut report = Report::of(self, params);
+        let mut catalogue =
+            Catalogue::open(catalogue, progress).map_err(JobError::from_catalogue)?;
+        check_report(&catalogue, report_file).map_err(JobError::from_catalogue)?;
+        let removed =
+            ravec_catalogue::remove(&mut catalogue, paths).map_err(JobError::from_catalogue)?;
+        report.figures.insert("removed", removed as f64);
+        Ok(report)
+    }
 }
 
-/// Takes photos that are not worth a tile out of use. The report's `result` is a list of objects with `path` and `reason`
-/// (unreadable, tiny, contentless, framed, near-duplicate or missing, and details). Figure: `dropped`.
-///
-/// # Errors
-/// [`JobError::Catalogue`], also if `report_file` is the catalogue or a photo that it knows, [`JobError::Cancelled`].
-pub fn clean(
-    catalogue: &Path,
-    report_file: Option<&Path>,
-    params: &CleanParams,
-    progress: &Progress,
-) -> Result<Report, JobError> {
-    let mut report = Report::new("library clean", params);
-    let dropped = report.time("clean", || {
-        let mut catalogue = if params.dry_run {
-            Catalogue::open_to_read(catalogue, progress)?
-        } else {
-            Catalogue::open(catalogue, progress)?
+/// Print the photos as JSON
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "cli", derive(clap::Args), command(after_help = HELP_LIST))]
+pub struct List {
+    /// The catalogue, one file
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
+    pub catalogue: PathBuf,
+    /// Parameters.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    #[serde(default)]
+    pub params: ListParams,
+}
+
+#[cfg(feature = "cli")]
+const HELP_LIST: &str = "\
+Examples:
+  ravec library list --catalogue photos.ravec
+
+Standard output gets a list in JSON of objects with path, width, height, orientation (1 to 8 as in EXIF), taken (when), unreadable, \
+flaw and dropped (reasons, or null). With --json, it is result in the report.
+
+Figures: photos.";
+
+impl Operation for List {
+    const NAME: &'static str = "library list";
+
+    const PRINTS_RESULT: bool = true;
+
+    fn inputs(&self) -> Vec<&Path> {
+        vec![&self.catalogue]
+    }
+
+    fn outputs(&self) -> Vec<&Path> {
+        Vec::new()
+    }
+
+    fn side_files(&self) -> Vec<PathBuf> {
+        journals(&self.catalogue)
+    }
+
+    /// Lists the photos. The report's `result` is a list of objects with `path`, `width`, `height`,
+    /// `orientation` (1 to 8 as in EXIF), `taken`, `unreadable`, `flaw` and `dropped` (a reason or null). Figure: `photos`.
+    ///
+    /// # Errors
+    /// [`JobError::Catalogue`], also if the file of the report is the catalogue or a photo that it knows.
+    fn run(&self, context: &Context) -> Result<Report, JobError> {
+        let Self { catalogue, params } = self;
+        let progress = &context.progress;
+        let report_file = context.report_file.as_deref();
+        for path in self.inputs() {
+            context.check_is_file(path)?;
+        }
+        let mut report = Report::of(self, params);
+        let catalogue =
+            Catalogue::open_to_read(catalogue, progress).map_err(JobError::from_catalogue)?;
+        check_report(&catalogue, report_file).map_err(JobError::from_catalogue)?;
+        let entries = catalogue
+            .entries(params.all)
+            .map_err(JobError::from_catalogue)?;
+        report.figures.insert("photos", entries.len() as f64);
+        let described = |entry: &Entry| {
+            json!({
+                "path": entry.path.to_string_lossy(),
+                "width": entry.width,
+                "height": entry.height,
+                "orientation": entry.orientation,
+                "taken": entry.taken,
+                "unreadable": entry.unreadable,
+                "flaw": entry.flaw,
+                "dropped": entry.dropped,
+            })
         };
-        check_report(&catalogue, report_file)?;
-        ravec_catalogue::clean(&mut catalogue, params.dry_run, progress)
-    });
-    let dropped = dropped.map_err(JobError::from_catalogue)?;
-    report.figures.insert("dropped", dropped.len() as f64);
-    let described = |dropped: &ravec_catalogue::Dropped| json!({ "path": dropped.path.to_string_lossy(), "reason": dropped.reason });
-    report.result = Some(dropped.iter().map(described).collect());
-    Ok(report)
+        report.result = Some(entries.iter().map(described).collect());
+        Ok(report)
+    }
 }
 
-/// Counts what is in a catalogue. Figures: `usable`, `landscape`, `portrait`, `square`, `unreadable`, `dropped`, `bytes`; the
-/// report's `result` says how many were dropped for which reason.
-///
-/// # Errors
-/// [`JobError::Catalogue`], also if `report_file` is the catalogue or a photo that it knows.
-pub fn stats(
-    catalogue: &Path,
-    report_file: Option<&Path>,
-    params: &Plain,
-    progress: &Progress,
-) -> Result<Report, JobError> {
-    let mut report = Report::new("library stats", params);
-    let catalogue =
-        Catalogue::open_to_read(catalogue, progress).map_err(JobError::from_catalogue)?;
-    check_report(&catalogue, report_file).map_err(JobError::from_catalogue)?;
-    let stats = ravec_catalogue::stats(&catalogue).map_err(JobError::from_catalogue)?;
-    for (name, count) in [
-        ("usable", stats.usable),
-        ("landscape", stats.landscape),
-        ("portrait", stats.portrait),
-        ("square", stats.square),
-        ("unreadable", stats.unreadable),
-        ("dropped", stats.dropped.values().sum()),
-    ] {
-        report.figures.insert(name, count as f64);
+/// Exclude photos that are not worth a tile, and print them as JSON with the reason
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "cli", derive(clap::Args), command(after_help = HELP_CLEAN))]
+pub struct Clean {
+    /// The catalogue, one file
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
+    pub catalogue: PathBuf,
+    /// Parameters.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    #[serde(default)]
+    pub params: CleanParams,
+}
+
+#[cfg(feature = "cli")]
+const HELP_CLEAN: &str = "\
+Examples:
+  ravec library clean --catalogue photos.ravec --dry-run
+  ravec library clean --catalogue photos.ravec
+
+Standard output gets a list in JSON of objects with path and reason: unreadable, tiny, contentless, framed, near-duplicate or missing, \
+and details. With --json, it is result in the report. Photos that were taken out of use are not added again.
+
+Figures: dropped.";
+
+impl Operation for Clean {
+    const NAME: &'static str = "library clean";
+
+    const PRINTS_RESULT: bool = true;
+
+    fn inputs(&self) -> Vec<&Path> {
+        vec![&self.catalogue]
     }
-    report.figures.insert("bytes", stats.bytes as f64);
-    report.result = Some(json!({ "dropped": stats.dropped }));
-    Ok(report)
+
+    fn outputs(&self) -> Vec<&Path> {
+        Vec::new()
+    }
+
+    fn side_files(&self) -> Vec<PathBuf> {
+        journals(&self.catalogue)
+    }
+
+    /// Excludes photos that are not worth a tile. The report's `result` is a list of objects with `path` and `reason`
+    /// (unreadable, tiny, contentless, framed, near-duplicate or missing, and details). Figure: `dropped`.
+    ///
+    /// # Errors
+    /// [`JobError::Catalogue`], also if the file of the report is the catalogue or a photo that it knows, [`JobError::Cancelled`].
+    fn run(&self, context: &Context) -> Result<Report, JobError> {
+        let Self { catalogue, params } = self;
+        let progress = &context.progress;
+        let report_file = context.report_file.as_deref();
+        for path in self.inputs() {
+            context.check_is_file(path)?;
+        }
+        let mut report = Report::of(self, params);
+        let dropped = report.time("clean", || {
+            let mut catalogue = if params.dry_run {
+                Catalogue::open_to_read(catalogue, progress)?
+            } else {
+                Catalogue::open(catalogue, progress)?
+            };
+            check_report(&catalogue, report_file)?;
+            ravec_catalogue::clean(&mut catalogue, params.dry_run, progress)
+        });
+        let dropped = dropped.map_err(JobError::from_catalogue)?;
+        report.figures.insert("dropped", dropped.len() as f64);
+        let described = |dropped: &ravec_catalogue::Dropped| json!({ "path": dropped.path.to_string_lossy(), "reason": dropped.reason });
+        report.result = Some(dropped.iter().map(described).collect());
+        Ok(report)
+    }
+}
+
+/// Print counts of a catalogue
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "cli", derive(clap::Args), command(after_help = HELP_STATS))]
+pub struct Stats {
+    /// The catalogue, one file
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
+    pub catalogue: PathBuf,
+    /// Parameters.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    #[serde(default)]
+    pub params: Plain,
+}
+
+#[cfg(feature = "cli")]
+const HELP_STATS: &str = "\
+Examples:
+  ravec library stats --catalogue photos.ravec
+
+Figures: usable, landscape, portrait, square, unreadable, dropped, bytes (of all files).";
+
+impl Operation for Stats {
+    const NAME: &'static str = "library stats";
+
+    fn inputs(&self) -> Vec<&Path> {
+        vec![&self.catalogue]
+    }
+
+    fn outputs(&self) -> Vec<&Path> {
+        Vec::new()
+    }
+
+    fn side_files(&self) -> Vec<PathBuf> {
+        journals(&self.catalogue)
+    }
+
+    /// Counts the photos of a catalogue. Figures: `usable`, `landscape`, `portrait`, `square`, `unreadable`, `dropped`, `bytes`; the
+    /// report's `result` says how many were dropped for which reason.
+    ///
+    /// # Errors
+    /// [`JobError::Catalogue`], also if the file of the report is the catalogue or a photo that it knows.
+    fn run(&self, context: &Context) -> Result<Report, JobError> {
+        let Self { catalogue, params } = self;
+        let progress = &context.progress;
+        let report_file = context.report_file.as_deref();
+        for path in self.inputs() {
+            context.check_is_file(path)?;
+        }
+        let mut report = Report::of(self, params);
+        let catalogue =
+            Catalogue::open_to_read(catalogue, progress).map_err(JobError::from_catalogue)?;
+        check_report(&catalogue, report_file).map_err(JobError::from_catalogue)?;
+        let stats = ravec_catalogue::stats(&catalogue).map_err(JobError::from_catalogue)?;
+        for (name, count) in [
+            ("usable", stats.usable),
+            ("landscape", stats.landscape),
+            ("portrait", stats.portrait),
+            ("square", stats.square),
+            ("unreadable", stats.unreadable),
+            ("dropped", stats.dropped.values().sum()),
+        ] {
+            report.figures.insert(name, count as f64);
+        }
+        report.figures.insert("bytes", stats.bytes as f64);
+        report.result = Some(json!({ "dropped": stats.dropped }));
+        Ok(report)
+    }
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@
 //! whether tones are bent. All positions are in pixels of the pictures, so that a step can be changed by hand.
 
 use super::{Job, Params};
+use crate::context::Context;
 use crate::error::{JobError, plain};
 use crate::files;
 use crate::report::Report;
@@ -44,12 +45,12 @@ struct Filled {
 /// Fills the hole by fragments.
 pub(super) fn fill(job: &Job, report: &mut Report) -> Result<AnyImage, JobError> {
     let mut photos = Vec::new();
-    for source in &job.files.photos {
-        photos.push(files::read(source, report, job.progress)?);
+    for source in &job.operation.sources {
+        photos.push(files::read(source, report, job.context)?);
     }
     let size = job.picture.size();
-    let replayed = match &job.files.replay {
-        Some(path) => Some(read_steps(path, size, job.params)?),
+    let replayed = match &job.operation.replay {
+        Some(path) => Some(read_steps(path, size, &job.operation.params, job.context)?),
         None => None,
     };
     let filled = report.time(
@@ -76,14 +77,14 @@ pub(super) fn fill(job: &Job, report: &mut Report) -> Result<AnyImage, JobError>
     ] {
         report.figures.insert(name, value);
     }
-    if let Some(path) = &job.files.steps {
+    if let Some(path) = &job.operation.steps {
         let steps = Log {
             width: size.width(),
             height: size.height(),
             steps: filled.steps,
         };
         let text = serde_json::to_string_pretty(&steps).expect("steps are plain numbers and words");
-        files::write_output_text(path, "JSON", &(text + "\n"), report)?;
+        files::write_output_text(path, "JSON", &(text + "\n"), report, job.context)?;
     }
     Ok(filled.image)
 }
@@ -97,8 +98,8 @@ fn filled<P: Color>(
 where
     Image<P>: Into<AnyImage>,
 {
-    let failed = |cause| JobError::from_completing(&job.input.path, cause);
-    let params = job.params;
+    let failed = |cause| JobError::from_completing(&job.operation.input, cause);
+    let params = &job.operation.params;
     let nothing = Filled {
         image: image.clone().into(),
         steps: Vec::new(),
@@ -118,12 +119,12 @@ where
         variants: &variants(params),
         ..Sources::new(image, job.hole)
     };
-    let index = FragmentIndex::new(&sources, job.progress).map_err(failed)?;
+    let index = FragmentIndex::new(&sources, &job.context.progress).map_err(failed)?;
     let mut retouch = Retouch::new(&index);
     let mut replaced = 0;
-    if let (Some(steps), Some(path)) = (replayed, &job.files.replay) {
+    if let (Some(steps), Some(path)) = (replayed, &job.operation.replay) {
         retouch
-            .replay(steps, job.progress)
+            .replay(steps, &job.context.progress)
             .map_err(|cause| match cause {
                 CompleteError::Fragment { what } => JobError::Steps {
                     path: path.clone(),
@@ -142,7 +143,7 @@ where
             ..FillOptions::default()
         };
         replaced = retouch
-            .fill(&options, job.progress)
+            .fill(&options, &job.context.progress)
             .map_err(failed)?
             .replaced;
     }
@@ -161,19 +162,19 @@ fn take_best(retouch: &mut Retouch, at: glam::DVec2, job: &Job) -> Result<(), Co
     let plane = retouch.index().plane_at(at);
     let target = Target {
         plane,
-        ..Target::new(at, job.params.radius.unwrap_or(TARGET_RADIUS_PX))
+        ..Target::new(at, job.operation.params.radius.unwrap_or(TARGET_RADIUS_PX))
     };
     let search = SearchOptions {
         count: 1,
         along_plane: plane.map(Some),
         ..SearchOptions::default()
     };
-    let found = retouch.best(&target, &search, job.progress)?;
+    let found = retouch.best(&target, &search, &job.context.progress)?;
     let step = Step {
-        blend: !job.params.unblended,
+        blend: !job.operation.params.unblended,
         ..retouch.step(&target, &found[0])
     };
-    retouch.apply(&step, job.progress)?;
+    retouch.apply(&step, &job.context.progress)?;
     Ok(())
 }
 
@@ -194,12 +195,18 @@ fn variants(params: &Params) -> Vec<Variant> {
 }
 
 /// The steps of a file, without those that are undone.
-fn read_steps(path: &Path, size: Size, params: &Params) -> Result<Vec<Step>, JobError> {
+fn read_steps(
+    path: &Path,
+    size: Size,
+    params: &Params,
+    context: &Context,
+) -> Result<Vec<Step>, JobError> {
     let wrong = |reason: String| JobError::Steps {
         path: path.to_path_buf(),
         reason,
     };
-    let text = files::read_text(path, MAX_BYTES).map_err(|error| wrong(plain(&error)))?;
+    let text =
+        files::read_text_in(path, MAX_BYTES, context).map_err(|error| wrong(plain(&error)))?;
     let mut found: Log = serde_json::from_str(&text)
         .map_err(|error| wrong(format!("they are not in the form of steps: {error}")))?;
     if (found.width, found.height) != (size.width(), size.height()) {

@@ -5,19 +5,75 @@
 
 mod fragments;
 
+use crate::context::Context;
 use crate::error::JobError;
-use crate::files::{self, Source};
+use crate::files;
+use crate::operation::{Operation, paths};
 use crate::report::Report;
 use glam::DVec2;
 use ravec::completion::{CompleteError, CompleteParams, CompleteSummary, complete};
 use ravec::progress::Progress;
-use ravec::raster::{AnyImage, Color, Image, Mask, Plane, Size, Srgba, with_image};
+use ravec::raster::{AnyImage, Color, Image, Mask, Size, with_image};
 use ravec_media::WriteOptions;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-/// Holes and sources of a completion.
+/// Fill holes in a picture from the rest of it, in perspective where planes are given
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "cli", derive(clap::Args), command(after_help = HELP, group = clap::ArgGroup::new("hole").args(["mask", "polygons"]).required(true).multiple(true)))]
+pub struct Complete {
+    /// Input picture; `-` is standard input
+    pub input: PathBuf,
+    /// Mask of the pixels to replace, of the same size: white replaces, black keeps, gray mixes; `-` is standard input
+    #[cfg_attr(feature = "cli", arg(short, long, value_name = "FILE"))]
+    #[serde(default)]
+    pub mask: Option<PathBuf>,
+    /// Mask of the structure to continue, of the same size: white on it, inside and outside the hole
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
+    #[serde(default)]
+    pub features: Option<PathBuf>,
+    /// Another photo that fragments may come from. May be repeated
+    #[cfg_attr(feature = "cli", arg(long = "source", value_name = "FILE"))]
+    #[serde(default)]
+    pub sources: Vec<PathBuf>,
+    /// Replay the steps of this file, which `--steps` wrote, instead of searching
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
+    #[serde(default)]
+    pub replay: Option<PathBuf>,
+    /// Write the steps as JSON; `-` is standard output
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
+    #[serde(default)]
+    pub steps: Option<PathBuf>,
+    /// Output picture; its extension selects the format, `-` is standard output in the input's format
+    #[cfg_attr(feature = "cli", arg(short, long, value_name = "FILE"))]
+    pub output: PathBuf,
+    /// Parameters.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    #[serde(default)]
+    pub params: Params,
+}
+
+#[cfg(feature = "cli")]
+const HELP: &str = "\
+Examples:
+  ravec complete photo.jpg --polygon 40,30,70,28,72,60,41,58 -o without.png
+  ravec complete photo.jpg --mask mask.png -o without.png --plane 10,8,110,20,108,70,12,80
+  ravec complete photo.jpg --mask mask.png -o without.png --engine fragments --steps steps.json
+  ravec complete photo.jpg --mask mask.png -o without.png --replay steps.json
+  ravec complete photo.jpg --mask mask.png -o without.png --target 70,50 --source noisy.jpg
+
+Points are in pixels, x right, y down; the center of the first pixel is (0.5, 0.5). Pixels that are not masked stay as they are, \
+bit for bit.
+
+With --radius, --target, --mirror, --turn, --scale, --features, --source, --replay or --steps the hole is filled by fragments, \
+which are copied one by one; without them as a whole.
+
+Figures: hole_px; with offsets thin_px, plane_px, parts, proposals, offsets, sourceless_px; with fragments steps, replaced, \
+buffers, index_bytes_per_px, open_px.";
+
+/// Parameters of [`Complete`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
@@ -107,31 +163,6 @@ pub enum Engine {
     Fragments,
 }
 
-/// The files beside the picture, all of them optional.
-#[derive(Debug, Clone, Default)]
-pub struct Files {
-    /// Mask of the pixels to replace: white replaces, black keeps, gray mixes.
-    pub mask: Option<Source>,
-    /// Pixels on structure that should go on: white, in a picture of the same size.
-    pub features: Option<Source>,
-    /// Other photos that fragments may come from.
-    pub photos: Vec<Source>,
-    /// Steps to be taken instead of others.
-    pub replay: Option<PathBuf>,
-    /// Where the steps that were taken are written.
-    pub steps: Option<PathBuf>,
-}
-
-impl Files {
-    /// The files that are read.
-    pub fn inputs(&self) -> impl Iterator<Item = &Path> {
-        let sources = self.mask.iter().chain(&self.features).chain(&self.photos);
-        sources
-            .map(|source| source.path.as_path())
-            .chain(self.replay.as_deref())
-    }
-}
-
 /// Corners as they are given on the command line: x and y in turn, in pixels, x right, y down, pixel centers at
 /// half-integers. None at all for `none` or an empty text.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -166,39 +197,61 @@ impl FromStr for Corners {
     }
 }
 
-impl Params {
-    /// The first of what only fragments can do.
-    fn needs_fragments(&self, files: &Files) -> Option<&'static str> {
+impl Complete {
+    /// The first field that only fragments can honor.
+    fn needs_fragments(&self) -> Option<&'static str> {
+        let params = &self.params;
         let needs = [
-            (self.radius.is_some(), "--radius"),
-            (!self.targets.is_empty(), "--target"),
-            (self.mirror, "--mirror"),
-            (!self.turns.is_empty(), "--turn"),
-            (!self.scales.is_empty(), "--scale"),
-            (files.features.is_some(), "--features"),
-            (!files.photos.is_empty(), "--source"),
-            (files.replay.is_some(), "--replay"),
-            (files.steps.is_some(), "--steps"),
+            (params.radius.is_some(), "radius"),
+            (!params.targets.is_empty(), "targets"),
+            (params.mirror, "mirror"),
+            (!params.turns.is_empty(), "turns"),
+            (!params.scales.is_empty(), "scales"),
+            (self.features.is_some(), "features"),
+            (!self.sources.is_empty(), "sources"),
+            (self.replay.is_some(), "replay"),
+            (self.steps.is_some(), "steps"),
         ];
         needs.into_iter().find(|need| need.0).map(|need| need.1)
     }
 
-    fn check(&self, files: &Files) -> Result<(), JobError> {
-        let wrong = |name, value: String, range| Err(JobError::Parameter { name, value, range });
-        if files.mask.is_none() && self.polygons.iter().all(|polygon| polygon.0.is_empty()) {
-            return wrong(
-                "--mask or --polygon",
-                "missing".to_owned(),
-                "what is to be replaced",
-            );
+    fn check(&self) -> Result<(), JobError> {
+        let params = &self.params;
+        let no_polygon = params.polygons.iter().all(|polygon| polygon.0.is_empty());
+        if self.mask.is_none() && no_polygon {
+            return Err(JobError::Missing {
+                fields: &["mask", "polygons"],
+                expected: "give the pixels to replace",
+            });
         }
+        params.check()?;
+        match self.needs_fragments() {
+            Some(field) if params.engine == Some(Engine::Offsets) => Err(JobError::Parameter {
+                field,
+                value: "given".to_owned(),
+                range: "left out with `engine` offsets",
+            }),
+            _ => Ok(()),
+        }
+    }
+}
+
+impl Params {
+    fn check(&self) -> Result<(), JobError> {
+        let wrong = |field, value: String, range| {
+            Err(JobError::Parameter {
+                field,
+                value,
+                range,
+            })
+        };
         if let Some(plane) = self
             .planes
             .iter()
             .find(|plane| !matches!(plane.0.len(), 0 | 4))
         {
             return wrong(
-                "--plane",
+                "planes",
                 format!("{} corners", plane.0.len()),
                 "4 corners, that is 8 numbers",
             );
@@ -209,159 +262,143 @@ impl Params {
             .find(|polygon| matches!(polygon.0.len(), 1 | 2))
         {
             return wrong(
-                "--polygon",
+                "polygons",
                 format!("{} corners", polygon.0.len()),
                 "3 corners or more",
             );
         }
         if let Some(target) = self.targets.iter().find(|target| target.0.len() != 1) {
             let given = format!("{} positions", target.0.len());
-            return wrong("--target", given, "one position X,Y");
+            return wrong("targets", given, "one position X,Y");
         }
         if self
             .radius
             .is_some_and(|radius| !(2..=124).contains(&radius))
         {
             let radius = self.radius.unwrap_or_default().to_string();
-            return wrong("--radius", radius, "2 to 124");
+            return wrong("radius", radius, "2 to 124");
         }
         if let Some(scale) = self
             .scales
             .iter()
             .find(|scale| !(0.25..=4.0).contains(*scale))
         {
-            return wrong("--scale", scale.to_string(), "0.25 to 4");
+            return wrong("scales", scale.to_string(), "0.25 to 4");
         }
         if let Some(turn) = self.turns.iter().find(|turn| !turn.is_finite()) {
-            return wrong("--turn", turn.to_string(), "a number of degrees");
-        }
-        if self.engine == Some(Engine::Offsets)
-            && let Some(name) = self.needs_fragments(files)
-        {
-            return wrong(name, "given".to_owned(), "left out with --engine offsets");
+            return wrong("turns", turn.to_string(), "a number of degrees");
         }
         if self.search < 16 {
-            return wrong("--search", self.search.to_string(), "16 to 65535");
+            return wrong("search", self.search.to_string(), "16 to 65535");
         }
         if !(1..=100).contains(&self.quality) {
-            return wrong("--quality", self.quality.to_string(), "1 to 100");
+            return wrong("quality", self.quality.to_string(), "1 to 100");
         }
         Ok(())
     }
 }
 
-/// Replaces what the mask (white replaces, black keeps, gray mixes) and the polygons cover.
-///
-/// Figures: `hole_px`, pixels that were replaced, be it in part. With offsets: of these `thin_px`, interpolated because they
-/// were near known ones on both sides, and `plane_px`, filled along planes; `parts` that were filled one after another;
-/// `proposals` and `offsets`, places that were thought of and that were copied from; `sourceless_px`, pixels without any
-/// source. With fragments: `steps` that were taken, of these `replaced`, whose fragment took the place of another one;
-/// `buffers` that were searched, `index_bytes_per_px` for each of their pixels, `open_px` that are still to be filled.
-///
-/// # Errors
-/// [`JobError::Parameter`], [`JobError::Read`], [`JobError::SizesDiffer`], [`JobError::Complete`], [`JobError::Steps`],
-/// [`JobError::Write`], what [`check_files`](crate::check_files) refuses, [`JobError::Cancelled`].
-pub fn run(
-    input: &Source,
-    files: &Files,
-    output: &Path,
-    params: &Params,
-    progress: &Progress,
-) -> Result<Report, JobError> {
-    params.check(files)?;
-    files::check_target(output)?;
-    let inputs: Vec<&Path> = std::iter::once(input.path.as_path())
-        .chain(files.inputs())
-        .collect();
-    let outputs: Vec<&Path> = std::iter::once(output)
-        .chain(files.steps.as_deref())
-        .collect();
-    files::check_files(&inputs, &outputs)?;
-    let mut report = Report::new("complete", params);
-    let picture = files::read(input, &mut report, progress)?;
-    let size = picture.image.size();
-    files::check_size(output, size, &picture)?;
-    let mut read_mask = |source: &Source| -> Result<Mask, JobError> {
-        let mask = files::read(source, &mut report, progress)?.image;
-        if mask.size() != size {
-            return Err(JobError::SizesDiffer {
-                a: input.path.clone(),
-                a_size: size,
-                b: source.path.clone(),
-                b_size: mask.size(),
-            });
-        }
-        Ok(coverage(&mask))
-    };
-    let mut hole = files
-        .mask
-        .as_ref()
-        .map_or_else(|| Ok(Mask::empty(size)), &mut read_mask)?;
-    let features = files.features.as_ref().map(&mut read_mask).transpose()?;
-    add_polygons(&mut hole, size, params)?;
-    let job = Job {
-        input,
-        picture: &picture.image,
-        hole: &hole,
-        features: features.as_ref(),
-        files,
-        planes: params
-            .planes
-            .iter()
-            .filter_map(|plane| plane.0.as_slice().try_into().ok())
-            .collect(),
-        params,
-        progress,
-    };
-    let fragments = match params.engine {
-        Some(engine) => engine == Engine::Fragments,
-        None => params.needs_fragments(files).is_some(),
-    };
-    let image = if fragments {
-        fragments::fill(&job, &mut report)?
-    } else {
-        offsets(&job, &mut report)?
-    };
-    if hole.is_empty() {
-        report.warn("the mask is empty: the picture is as it was");
+impl Operation for Complete {
+    const NAME: &'static str = "complete";
+
+    fn inputs(&self) -> Vec<&Path> {
+        let mut inputs = paths(&self.input, [&self.mask, &self.features]);
+        inputs.extend(self.sources.iter().map(PathBuf::as_path));
+        inputs.extend(self.replay.as_deref());
+        inputs
     }
-    let options = WriteOptions {
-        quality: params.quality,
-        ..WriteOptions::default()
-    };
-    files::write(
-        output,
-        &picture.with_pixels(image),
-        &options,
-        &mut report,
-        progress,
-    )?;
-    Ok(report)
+
+    fn outputs(&self) -> Vec<&Path> {
+        paths(&self.output, [&self.steps])
+    }
+
+    /// Replaces what the mask (white replaces, black keeps, gray mixes) and the polygons cover.
+    ///
+    /// Figures: `hole_px`, pixels that were replaced, be it in part. With offsets: of these `thin_px`, interpolated because they
+    /// were near known ones on both sides, and `plane_px`, filled along planes; `parts` that were filled one after another;
+    /// `proposals` and `offsets`, places that were thought of and that were copied from; `sourceless_px`, pixels without any
+    /// source. With fragments: `steps` that were taken, of these `replaced`, whose fragment took the place of another one;
+    /// `buffers` that were searched, `index_bytes_per_px` for each of their pixels, `open_px` that are still to be filled.
+    ///
+    /// # Errors
+    /// [`JobError::Parameter`], [`JobError::Missing`], [`JobError::Read`], [`JobError::SizesDiffer`], [`JobError::Complete`], [`JobError::Steps`],
+    /// [`JobError::Write`], what [`check_files`](crate::check_files) refuses, [`JobError::Cancelled`].
+    fn run(&self, context: &Context) -> Result<Report, JobError> {
+        let Self {
+            input,
+            output,
+            params,
+            ..
+        } = self;
+        self.check()?;
+        files::check_target(output, context)?;
+        context.check_files(&self.inputs(), &self.outputs())?;
+        let mut report = Report::of(self, params);
+        let picture = files::read(input, &mut report, context)?;
+        let size = picture.image.size();
+        files::check_size(output, size, &picture, context)?;
+        let mut read_mask =
+            |path: &PathBuf| files::read_mask(path, input, size, &mut report, context);
+        let mask = self.mask.as_ref().map(&mut read_mask).transpose()?;
+        let features = self.features.as_ref().map(&mut read_mask).transpose()?;
+        let mut hole = mask.unwrap_or_else(|| Mask::empty(size));
+        add_polygons(&mut hole, size, params)?;
+        let job = Job {
+            operation: self,
+            picture: &picture.image,
+            hole: &hole,
+            features: features.as_ref(),
+            planes: params
+                .planes
+                .iter()
+                .filter_map(|plane| plane.0.as_slice().try_into().ok())
+                .collect(),
+            context,
+        };
+        let fragments = match params.engine {
+            Some(engine) => engine == Engine::Fragments,
+            None => self.needs_fragments().is_some(),
+        };
+        let image = if fragments {
+            fragments::fill(&job, &mut report)?
+        } else {
+            offsets(&job, &mut report)?
+        };
+        if hole.is_empty() {
+            report.warn("the mask is empty: the picture is as it was");
+        }
+        let options = WriteOptions {
+            quality: params.quality,
+            ..WriteOptions::default()
+        };
+        let picture = picture.with_pixels(image);
+        files::write(output, &picture, &options, &mut report, context)?;
+        Ok(report)
+    }
 }
 
 /// Inputs of a completion.
 struct Job<'a> {
-    input: &'a Source,
+    operation: &'a Complete,
     picture: &'a AnyImage,
     hole: &'a Mask,
     features: Option<&'a Mask>,
-    files: &'a Files,
     planes: Vec<[DVec2; 4]>,
-    params: &'a Params,
-    progress: &'a Progress,
+    context: &'a Context,
 }
 
 /// Fills the hole as a whole.
 fn offsets(job: &Job, report: &mut Report) -> Result<AnyImage, JobError> {
+    let params = &job.operation.params;
     let options = CompleteParams {
-        search_px: usize::from(job.params.search),
-        blend: !job.params.unblended,
+        search_px: usize::from(params.search),
+        blend: !params.unblended,
     };
     let filled = report.time("complete", || {
-        with_image!(job.picture, image => filled(image, job.hole, &job.planes, &options, job.progress))
+        with_image!(job.picture, image => filled(image, job.hole, &job.planes, &options, &job.context.progress))
     });
     let (image, summary) =
-        filled.map_err(|cause| JobError::from_completing(&job.input.path, cause))?;
+        filled.map_err(|cause| JobError::from_completing(&job.operation.input, cause))?;
     for (index, _) in summary
         .plane_px
         .iter()
@@ -404,15 +441,6 @@ where
     Ok((completed.image.into(), completed.summary))
 }
 
-/// How white a mask is: encoded values, as one sees them, times alpha.
-fn coverage(mask: &AnyImage) -> Mask {
-    let values: Image<Srgba<f32>> = mask.convert();
-    let plane: Plane =
-        values.map(|Srgba([r, g, b, alpha])| alpha * (0.299 * r + 0.587 * g + 0.114 * b));
-    // white is white in spite of rounding, and black black
-    Mask::from_coverage(&plane.map(|value| (value * 65535.0).round() / 65535.0))
-}
-
 fn add_polygons(hole: &mut Mask, size: Size, params: &Params) -> Result<(), JobError> {
     for polygon in params
         .polygons
@@ -420,7 +448,7 @@ fn add_polygons(hole: &mut Mask, size: Size, params: &Params) -> Result<(), JobE
         .filter(|polygon| !polygon.0.is_empty())
     {
         let wrong = |_| JobError::Parameter {
-            name: "--polygon",
+            field: "polygons",
             value: "too large".to_owned(),
             range: "coordinates between -1e9 and 1e9",
         };

@@ -4,26 +4,28 @@ mod attributes;
 mod named;
 mod origins;
 mod picture;
-mod showcase;
 
 use super::convert::{Output, Unit, rounds, scaled};
 use super::rounded::rounded;
-use super::{MeshSource, MeshTarget, Viewpoint};
+use super::{MeshTarget, Viewpoint};
+use crate::context::Context;
 use crate::error::JobError;
-use crate::files::{check_files, check_target};
+use crate::files::check_target;
+use crate::operation::{Operation, paths};
 use crate::report::{Finding, Report};
 use bytesize::ByteSize;
 use glam::DVec2;
 use ravec::boolean as library;
 use ravec::boolean::{BooleanError, BooleanReport, Expr, ParseExprError};
-use ravec::mesh::render::View;
-use ravec::mesh::{Attributes, LengthUnit, MeshFile, MeshFormat, MeshLimits, TriMesh};
+use ravec::mesh::TriMesh;
+use ravec::mesh_io::{Attributes, LengthUnit, MeshFile, MeshFormat};
+use ravec::mesh_render::View;
 use ravec::progress::Progress;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
 pub use named::NamedFile;
-pub(crate) use showcase::show;
+pub use picture::{origin_colors, with_seams};
 
 /// Which places a mesh stands for.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -49,7 +51,64 @@ impl From<Inside> for library::Inside {
     }
 }
 
-/// Parameters of a Boolean operation and of its output.
+/// Combine meshes by a Boolean expression, exactly; triangles away from the cuts stay unchanged
+///
+/// The exit code is 5 if the result was written but is not solid.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "cli", derive(clap::Args), command(after_help = HELP))]
+pub struct Boolean {
+    /// Boolean expression, as in '(a | b) - c & d': | is union, & intersection, - difference, ^ symmetric difference; & comes
+    /// before the others, which go from left to right. Or union, intersection, difference or symmetric-difference of
+    /// all files
+    pub expression: String,
+    /// Input meshes, each with its name in the expression; without names they are a, b, c and so on. `-` is standard input
+    #[cfg_attr(feature = "cli", arg(required = true, value_name = "[NAME=]FILE", value_parser = NamedFile::parser()))]
+    pub files: Vec<NamedFile>,
+    /// Output mesh; its extension selects the format, `-` is standard output in the first input's format
+    #[cfg_attr(feature = "cli", arg(short, long, value_name = "FILE"))]
+    pub output: PathBuf,
+    /// Write the origin of each triangle, as .csv or .json: its mesh, its index there, whether it was flipped, and whether
+    /// it is whole
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
+    #[serde(default)]
+    pub origins: Option<PathBuf>,
+    /// Render the result: whole triangles blue, pieces orange, closed holes green, seams red
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
+    #[serde(default)]
+    pub picture: Option<PathBuf>,
+    /// Parameters.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    #[serde(default)]
+    pub params: Params,
+}
+
+#[cfg(feature = "cli")]
+const HELP: &str = "\
+Examples:
+  ravec boolean union part.stl other.ply -o all.stl
+  ravec boolean difference part.stl other.ply -o cut.ply --origins cut.csv
+  ravec boolean '(a | b) - a & b' part.stl other.ply -o both.ply --picture both.png
+  ravec boolean 'part - drill' part=part.stl drill=other.ply -o drilled.3mf
+  ravec boolean union part.stl other.ply -o hull.ply --inside outer-hull --json -
+
+Names are letters, digits and underscores. & comes before the other operators, which go from left to right: a | b - c & d is \
+(a | b) - (c & d). A file that the expression does not name is not read.
+
+Meshes may be any triangles. A mesh stands for the places where its winding number is above one half (--inside positive); an open \
+one is closed first: edges that nearly meet are joined, holes filled by surfaces of least area. What was assumed about a mesh \
+is a warning and stands in the report. Triangles that no other mesh touches come out as they went in. The result is solid if it \
+is closed, manifold and does not meet itself; if it is not, it is written all the same, a warning says what is wrong, and the exit code \
+is 5. An empty result is an empty mesh, and no error. Binary STL and glTF round its vertices to 32-bit floats; a warning says if that does harm.
+
+Colors of the vertices of PLY files follow into a PLY file, texture coordinates of OBJ and glTF files into one of these. --origins has a row for each triangle: mesh, triangle (none for one that \
+closes a hole), whether it was turned, and whether it is whole.
+
+Figures: triangles, kept_triangles, seam_edges, intersecting_pairs, mending_rounds, self_intersections, solid (0 or 1), volume; \
+largest_rounding, where coordinates become 32-bit floats. In JSON, result is what was found out about each mesh, and passed the \
+verdict.";
+
+/// Parameters of [`Boolean`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
@@ -83,26 +142,6 @@ impl Default for Params {
     }
 }
 
-/// The files to write.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Targets {
-    /// Input mesh; `-` is standard output.
-    pub mesh: PathBuf,
-    /// Where each triangle comes from, as JSON or as CSV.
-    pub origins: Option<PathBuf>,
-    /// A picture with whole triangles, pieces and seams in different colors.
-    pub picture: Option<PathBuf>,
-}
-
-impl Targets {
-    /// The paths of all of them.
-    fn paths(&self) -> Vec<&Path> {
-        let more = [&self.origins, &self.picture];
-        let more = more.into_iter().filter_map(Option::as_deref);
-        std::iter::once(self.mesh.as_path()).chain(more).collect()
-    }
-}
-
 /// Puts an operator over expressions.
 type Operator = fn(Vec<Expr>) -> Expr;
 
@@ -129,121 +168,126 @@ fn parsed(text: &str, names: &[String]) -> Result<Expr, JobError> {
     })
 }
 
-/// Writes what `expression` says is inside, over the meshes in `files`.
-///
-/// `expression` is one as [`Expr::parse`] reads it, or one of the words `union`, `intersection`, `difference` (the first without
-/// all others) and `symmetric-difference`, over all files in their order. Files without a name are called a, b, c and so on. A
-/// file that the expression does not name is not read; a warning says so.
-///
-/// Where files name different units, meshes are scaled to that of the first. Colors of the vertices of PLY files follow into a
-/// PLY file: between the corners of a triangle they are mixed, and vertices where meshes meet take that of one of them. Texture
-/// coordinates of OBJ and glTF files follow into one of these: each piece of a triangle shows what was there.
-///
-/// [`Report::passed`] says whether the result is closed, manifold and free of self-intersections; an empty one is. If not, it is
-/// written all the same. Rounding to 32-bit floats happens after that; a warning says if it does harm.
-///
-/// Figures: `triangles`, `kept_triangles` (those of an input, whole and unchanged), `seam_edges` (along which surfaces were
-/// cut), `intersecting_pairs` of triangles, `mending_rounds` after rounding to double precision, `self_intersections`, `solid` (0
-/// or 1), `volume` in cubic units of the files; `largest_rounding` if the output holds 32-bit floats. The result, in JSON, is
-/// what was found out about each input: `name`, `path`, `triangles`, `closed`, `oriented`, `self_intersections`,
-/// `degenerate_triangles`, `closing_triangles`, `reversed_parts`, and `assumptions` in sentences, which are warnings, too.
-///
-/// # Errors
-/// [`JobError::Expression`], [`JobError::Parameter`], [`JobError::UnknownMeshFormat`], [`JobError::ReadMesh`],
-/// [`JobError::NoTriangles`], [`JobError::Boolean`], [`JobError::WriteMesh`], [`JobError::Write`], what
-/// [`check_files`] refuses, [`JobError::Cancelled`].
-pub fn run(
-    expression: &str,
-    files: &[NamedFile],
-    limits: &MeshLimits,
-    targets: &Targets,
-    params: &Params,
-    progress: &Progress,
-) -> Result<Report, JobError> {
-    let names = named::names(files)?;
-    let expr = parsed(expression, &names)?;
-    let used = expr.meshes();
-    params.output.check(&targets.mesh)?;
-    if let Some(path) = &targets.picture {
-        check_target(path)?;
+impl Operation for Boolean {
+    const NAME: &'static str = "boolean";
+
+    fn inputs(&self) -> Vec<&Path> {
+        self.files.iter().map(|file| file.path.as_path()).collect()
     }
-    if let Some(path) = &targets.origins {
-        origins::check(path)?;
+
+    fn outputs(&self) -> Vec<&Path> {
+        paths(&self.output, [&self.origins, &self.picture])
     }
-    let inputs: Vec<&Path> = used.iter().map(|&i| files[i].path.as_path()).collect();
-    check_files(&inputs, &targets.paths())?;
-    let mut report = Report::new("boolean", params);
-    for (i, name) in names.iter().enumerate() {
-        if !used.contains(&i) {
-            report.warn(format!(
-                "{} is {name}, which the expression does not name: it was not read",
-                files[i].path.display()
-            ));
+
+    /// Combines the meshes in `files` by `expression`.
+    ///
+    /// `expression` is one as [`Expr::parse`] reads it, or one of the words `union`, `intersection`, `difference` (the first without
+    /// all others) and `symmetric-difference`, over all files in their order. Files without a name are called a, b, c and so on. A
+    /// file that the expression does not name is not read; a warning says so.
+    ///
+    /// Where files name different units, meshes are scaled to that of the first. Colors of the vertices of PLY files follow into a
+    /// PLY file: between the corners of a triangle they are mixed, and vertices where meshes meet take that of one of them. Texture
+    /// coordinates of OBJ and glTF files follow into one of these: each piece of a triangle shows what was there.
+    ///
+    /// [`Report::passed`] says whether the result is closed, manifold and free of self-intersections; an empty one is. If not, it is
+    /// written all the same. Rounding to 32-bit floats happens after that; a warning says if it does harm.
+    ///
+    /// Figures: `triangles`, `kept_triangles` (those of an input, whole and unchanged), `seam_edges` (along which surfaces were
+    /// cut), `intersecting_pairs` of triangles, `mending_rounds` after rounding to double precision, `self_intersections`, `solid` (0
+    /// or 1), `volume` in cubic units of the files; `largest_rounding` if the output holds 32-bit floats. The result, in JSON, is
+    /// what was found out about each input: `name`, `path`, `triangles`, `closed`, `oriented`, `self_intersections`,
+    /// `degenerate_triangles`, `closing_triangles`, `reversed_parts`, and `assumptions` in sentences, which are warnings, too.
+    ///
+    /// # Errors
+    /// [`JobError::Expression`], [`JobError::Parameter`], [`JobError::UnknownMeshFormat`], [`JobError::ReadMesh`],
+    /// [`JobError::NoTriangles`], [`JobError::Boolean`], [`JobError::WriteMesh`], [`JobError::Write`], what
+    /// [`check_files`](crate::check_files) refuses, [`JobError::Cancelled`].
+    fn run(&self, context: &Context) -> Result<Report, JobError> {
+        let Self {
+            files,
+            output,
+            params,
+            ..
+        } = self;
+        let progress = &context.progress;
+        let names = named::names(files)?;
+        let expr = parsed(&self.expression, &names)?;
+        let used = expr.meshes();
+        params.output.check(output, context)?;
+        if let Some(path) = &self.picture {
+            check_target(path, context)?;
         }
-    }
-    let read = read_all(files, &used, limits, targets, params, &mut report, progress)?;
-    let Inputs {
-        meshes,
-        colors,
-        textures,
-        _files,
-        target,
-    } = read;
-    let asked = library::BooleanParams {
-        inside: params.inside.into(),
-        memory_bytes: params.memory.map(|size| size.as_u64()),
-    };
-    let result = report.time("boolean", || {
-        library::boolean(&meshes, &expr, &asked, progress)
-    });
-    let result = result.map_err(|cause| match cause {
-        BooleanError::Cancelled => JobError::Cancelled,
-        cause => JobError::Boolean { cause },
-    })?;
-    tell(&result.report, &used, &names, files, &mut report);
-    let yes = |fact: bool| f64::from(u8::from(fact));
-    let done = &result.report;
-    report.figures.extend([
-        ("triangles", done.triangles as f64),
-        ("kept_triangles", done.kept_triangles as f64),
-        ("seam_edges", result.feature_edges.len() as f64),
-        ("intersecting_pairs", done.intersecting_pairs as f64),
-        ("mending_rounds", f64::from(done.repair_rounds)),
-        ("self_intersections", done.self_intersections as f64),
-        ("solid", yes(done.solid)),
-        ("volume", done.volume),
-    ]);
-    if done.moved > 0.0 {
-        report.warn(format!(
+        if let Some(path) = &self.origins {
+            origins::check(path)?;
+        }
+        let inputs: Vec<&Path> = used.iter().map(|&i| files[i].path.as_path()).collect();
+        context.check_files(&inputs, &self.outputs())?;
+        let mut report = Report::of(self, params);
+        for (i, name) in names.iter().enumerate() {
+            if !used.contains(&i) {
+                report.warn(format!(
+                    "{} is {name}, which the expression does not name: it was not read",
+                    files[i].path.display()
+                ));
+            }
+        }
+        let read = self.read_all(&used, &mut report, context)?;
+        let Inputs {
+            meshes,
+            colors,
+            textures,
+            _files,
+            target,
+        } = read;
+        let asked = library::BooleanParams {
+            inside: params.inside.into(),
+            memory_bytes: params.memory.map(|size| size.as_u64()),
+        };
+        let result = report.time("boolean", || {
+            library::boolean(&meshes, &expr, &asked, progress)
+        });
+        let result = result.map_err(|cause| match cause {
+            BooleanError::Cancelled => JobError::Cancelled,
+            cause => JobError::Boolean { cause },
+        })?;
+        record(&result.report, &used, &names, files, &mut report);
+        let yes = |fact: bool| f64::from(u8::from(fact));
+        let done = &result.report;
+        report.figures.extend([
+            ("triangles", done.triangles as f64),
+            ("kept_triangles", done.kept_triangles as f64),
+            ("seam_edges", result.feature_edges.len() as f64),
+            ("intersecting_pairs", done.intersecting_pairs as f64),
+            ("mending_rounds", f64::from(done.repair_rounds)),
+            ("self_intersections", done.self_intersections as f64),
+            ("solid", yes(done.solid)),
+            ("volume", done.volume),
+        ]);
+        if done.moved > 0.0 {
+            report.warn(format!(
             "surfaces nearly lie on one another: vertices there were moved by up to {:.1e} to keep the result free of intersections",
             done.moved
         ));
+        }
+        if result.mesh.triangles().is_empty() {
+            report.warn("nothing is inside: the result is empty");
+        } else if rounds(&target) {
+            report_rounding(&result.mesh, target, &mut report, progress)?;
+        }
+        let carried = Attributes {
+            colors: &attributes::colors_of(&result, &meshes, &colors),
+            texture: &attributes::texture_of(&result, &meshes, &textures),
+        };
+        super::write_with(output, &result.mesh, carried, &target, &mut report, context)?;
+        if let Some(path) = &self.origins {
+            let inputs: Vec<_> = names.iter().zip(files).collect();
+            origins::write(path, &inputs, &result.origins, &mut report, context)?;
+        }
+        if let Some(path) = &self.picture {
+            picture::write(path, &result, params.view, &mut report, context)?;
+        }
+        Ok(report)
     }
-    if result.mesh.triangles().is_empty() {
-        report.warn("nothing is inside: the result is empty");
-    } else if rounds(&target) {
-        report_rounding(&result.mesh, target, &mut report, progress)?;
-    }
-    let carried = Attributes {
-        colors: &attributes::colors_of(&result, &meshes, &colors),
-        texture: &attributes::texture_of(&result, &meshes, &textures),
-    };
-    super::write_with(
-        &targets.mesh,
-        &result.mesh,
-        carried,
-        &target,
-        &mut report,
-        progress,
-    )?;
-    if let Some(path) = &targets.origins {
-        let inputs: Vec<_> = names.iter().zip(files).collect();
-        origins::write(path, &inputs, &result.origins, &mut report)?;
-    }
-    if let Some(path) = &targets.picture {
-        picture::write(path, &result, params.view, &mut report, progress)?;
-    }
-    Ok(report)
 }
 
 /// Input as read.
@@ -259,70 +303,70 @@ struct Inputs {
     target: MeshTarget,
 }
 
-fn read_all(
-    files: &[NamedFile],
-    used: &[usize],
-    limits: &MeshLimits,
-    targets: &Targets,
-    params: &Params,
-    report: &mut Report,
-    progress: &Progress,
-) -> Result<Inputs, JobError> {
-    // what standard output takes is known once the first mesh is
-    let output = params.output.target(&targets.mesh, MeshFormat::PlyBinary)?;
-    let mut target: Option<MeshTarget> = None;
-    let mut meshes = vec![TriMesh::default(); files.len()];
-    let mut colors = vec![Vec::new(); files.len()];
-    let mut textures = vec![Vec::new(); files.len()];
-    let mut read = Vec::new();
-    for &i in used {
-        let source = MeshSource {
-            path: files[i].path.clone(),
-            limits: limits.clone(),
-        };
-        let outputs = targets.paths();
-        let mut file = super::read_with_attributes(&source, &outputs, report, progress)?;
-        if file.mesh.triangles().is_empty() {
-            return Err(JobError::NoTriangles { path: source.path });
-        }
-        let unit = params.unit.map(LengthUnit::from).or(file.unit);
-        let target = match &mut target {
-            Some(target) => target,
-            none => {
-                let mut first = params.output.target(&targets.mesh, file.format)?;
-                first.unit = unit;
-                none.insert(first)
+impl Boolean {
+    /// Reads the meshes that are used, and scales them to the unit of the first.
+    fn read_all(
+        &self,
+        used: &[usize],
+        report: &mut Report,
+        context: &Context,
+    ) -> Result<Inputs, JobError> {
+        let Self { files, params, .. } = self;
+        let outputs = self.outputs();
+        // what standard output takes is known once the first mesh is
+        let output = params
+            .output
+            .target(&self.output, MeshFormat::PlyBinary, context)?;
+        let mut target: Option<MeshTarget> = None;
+        let mut meshes = vec![TriMesh::default(); files.len()];
+        let mut colors = vec![Vec::new(); files.len()];
+        let mut textures = vec![Vec::new(); files.len()];
+        let mut read = Vec::new();
+        for &i in used {
+            let path = &files[i].path;
+            let mut file = super::read_with_attributes(path, &outputs, report, context)?;
+            if file.mesh.triangles().is_empty() {
+                return Err(JobError::NoTriangles { path: path.clone() });
             }
-        };
-        if let (Some(from), Some(to)) = (unit, target.unit)
-            && from != to
-        {
-            let scale = from.in_meters() / to.in_meters();
-            report.warn(format!(
+            let unit = params.unit.map(LengthUnit::from).or(file.unit);
+            let target = match &mut target {
+                Some(target) => target,
+                none => {
+                    let mut first = params.output.target(&self.output, file.format, context)?;
+                    first.unit = unit;
+                    none.insert(first)
+                }
+            };
+            if let (Some(from), Some(to)) = (unit, target.unit)
+                && from != to
+            {
+                let scale = from.in_meters() / to.in_meters();
+                report.warn(format!(
                 "{} is in units of one {from}: it was scaled by {scale} to the {to} of the first mesh",
-                source.path.display()
+                path.display()
             ));
-            file.mesh = scaled(file.mesh, scale, &source)?;
+                file.mesh = scaled(file.mesh, scale, path)?;
+            }
+            super::keep_supported(&mut file, path, target, report);
+            meshes[i] = std::mem::take(&mut file.mesh);
+            colors[i] = std::mem::take(&mut file.colors);
+            textures[i] = std::mem::take(&mut file.texture);
+            read.push(file);
         }
-        super::keep_held(&mut file, &source.path, target, report);
-        meshes[i] = std::mem::take(&mut file.mesh);
-        colors[i] = std::mem::take(&mut file.colors);
-        textures[i] = std::mem::take(&mut file.texture);
-        read.push(file);
+        // an expression always names a mesh
+        let target = target.unwrap_or(output);
+        Ok(Inputs {
+            meshes,
+            colors,
+            textures,
+            _files: read,
+            target,
+        })
     }
-    // an expression always names a mesh
-    let target = target.unwrap_or(output);
-    Ok(Inputs {
-        meshes,
-        colors,
-        textures,
-        _files: read,
-        target,
-    })
 }
 
-/// Puts what was found out and what was assumed into the report.
-fn tell(
+/// Enters the verdict, and what was assumed about the inputs, into the report.
+fn record(
     done: &BooleanReport,
     used: &[usize],
     names: &[String],

@@ -1,16 +1,46 @@
 //! `mesh check`: the defects of a mesh, and where they are.
 
 use super::compare::short;
-use super::{Length, MeshSource, weld};
+use super::{Length, weld};
+use crate::context::Context;
 use crate::error::JobError;
-use crate::files::check_files;
+use crate::operation::Operation;
 use crate::report::{Finding, Place, Report};
 use glam::DVec3;
 use ravec::mesh::{CheckParams, Found, MeshCheck, TriMesh, TriTri, check, measure};
-use ravec::progress::Progress;
 use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
 
-/// Definition of a defect, and number of reported places.
+/// Check a mesh for defects and locate them; the exit code is 1 if there are any
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "cli", derive(clap::Args), command(after_help = HELP))]
+pub struct Check {
+    /// Input mesh; `-` is standard input
+    pub input: PathBuf,
+    /// Parameters.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    #[serde(default)]
+    pub params: Params,
+}
+
+#[cfg(feature = "cli")]
+const HELP: &str = "\
+Examples:
+  ravec mesh check part.stl
+  ravec mesh check part.stl --no-intersections --list 3
+  ravec mesh check sheet.obj --open --weld 0.001%
+
+Defects, each with its first places: degenerate triangles (without area), duplicate triangles, non-manifold edges (of more \
+than two triangles), pinched vertices (whose triangles form more than one fan), orientation clashes (neighbors that face \
+opposite sides), boundary loops and edges (but with --open), self-intersections, a surface that is inside out, a mesh without \
+triangles. Unused vertices are listed but no defect. Vertices and triangles are counted from 0. All is decided by exact \
+arithmetic.
+
+Figures: those of info that are counts, euler, and the number of each defect; self_intersections is the sum of pairs that are \
+crossing, overlapping within a plane, coincident or touching. In JSON, findings hold all places, and passed the verdict.";
+
+/// Parameters of [`Check`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
@@ -42,36 +72,50 @@ impl Default for Params {
     }
 }
 
-/// Looks for what keeps the mesh `source` from being the surface of a solid.
-///
-/// Defects: no triangles at all, boundary edges (unless [`Params::open`]), non-manifold edges, pinched vertices,
-/// orientation clashes, degenerate and duplicate triangles, self-intersections, and a surface that is inside out. Unused
-/// vertices are listed, but are no defect. [`Report::passed`] is true if there is none.
-///
-/// Figures: `triangles`, `vertices`, `edges`, `parts`, `closed`, `manifold`, `oriented`, `euler`, `genus` where there is one,
-/// and the count of each defect; `self_intersections` is the sum of pairs that are `crossing`, `overlapping` within a plane,
-/// `coincident` or `touching`.
-///
-/// # Errors
-/// [`JobError::Parameter`], [`JobError::ReadMesh`], [`JobError::Cancelled`].
-pub fn run(source: &MeshSource, params: &Params, progress: &Progress) -> Result<Report, JobError> {
-    weld::check(params.weld)?;
-    check_files(&[&source.path], &[])?;
-    let mut report = Report::new("mesh check", params);
-    let file = super::read(source, &[], &mut report, progress)?;
-    let mesh = weld::welded(file.mesh, params.weld, &mut report, progress)?;
-    let asked = CheckParams {
-        self_intersections: !params.no_intersections,
-        list_limit: params.list,
-    };
-    let phase = progress.phase("check", 1);
-    let found = report.time("check", || check(&mesh, &asked, progress))?;
-    phase.advance(1);
-    count(&found, &mut report);
-    progress.check()?;
-    report.findings = findings(&mesh, &found, params);
-    report.passed = Some(report.findings.iter().all(|finding| !finding.defect));
-    Ok(report)
+impl Operation for Check {
+    const NAME: &'static str = "mesh check";
+
+    fn inputs(&self) -> Vec<&Path> {
+        vec![&self.input]
+    }
+
+    fn outputs(&self) -> Vec<&Path> {
+        Vec::new()
+    }
+
+    /// Searches for the defects that keep the mesh from being the surface of a solid.
+    ///
+    /// Defects: no triangles at all, boundary edges (unless [`Params::open`]), non-manifold edges, pinched vertices,
+    /// orientation clashes, degenerate and duplicate triangles, self-intersections, and a surface that is inside out. Unused
+    /// vertices are listed, but are no defect. [`Report::passed`] is true if there is none.
+    ///
+    /// Figures: `triangles`, `vertices`, `edges`, `parts`, `closed`, `manifold`, `oriented`, `euler`, `genus` where there is one,
+    /// and the count of each defect; `self_intersections` is the sum of pairs that are `crossing`, `overlapping` within a plane,
+    /// `coincident` or `touching`.
+    ///
+    /// # Errors
+    /// [`JobError::Parameter`], [`JobError::ReadMesh`], [`JobError::Cancelled`].
+    fn run(&self, context: &Context) -> Result<Report, JobError> {
+        let Self { input, params } = self;
+        let progress = &context.progress;
+        weld::check(params.weld)?;
+        context.check_files(&self.inputs(), &[])?;
+        let mut report = Report::of(self, params);
+        let file = super::read(input, &[], &mut report, context)?;
+        let mesh = weld::welded(file.mesh, params.weld, file.unit, &mut report, progress)?;
+        let asked = CheckParams {
+            self_intersections: !params.no_intersections,
+            list_limit: params.list,
+        };
+        let phase = progress.phase("check", 1);
+        let found = report.time("check", || check(&mesh, &asked, progress))?;
+        phase.advance(1);
+        count(&found, &mut report);
+        progress.check()?;
+        report.findings = findings(&mesh, &found, params);
+        report.passed = Some(report.findings.iter().all(|finding| !finding.defect));
+        Ok(report)
+    }
 }
 
 fn count(found: &MeshCheck, report: &mut Report) {
@@ -117,8 +161,10 @@ fn count(found: &MeshCheck, report: &mut Report) {
     }
 }
 
-/// Findings, in the order in which one would repair them.
-pub(super) fn findings(mesh: &TriMesh, found: &MeshCheck, params: &Params) -> Vec<Finding> {
+/// Lists the defects and remarks of a check of `mesh`, in the order in which one would repair them.
+///
+/// `params` decides which of them count as defects. The places are those that `found` lists.
+pub fn findings(mesh: &TriMesh, found: &MeshCheck, params: &Params) -> Vec<Finding> {
     let vertex = |&v: &u32| Place {
         vertices: vec![v],
         at: mesh.positions()[v as usize].to_array(),
@@ -214,7 +260,7 @@ fn manner(kind: TriTri) -> &'static str {
 mod tests {
     use super::*;
     use crate::mesh::{MeshTarget, write_mesh_file};
-    use ravec::mesh::MeshFormat;
+    use ravec::mesh_io::MeshFormat;
     use ravec_scenes::Seed;
     use ravec_scenes::solids::{crossing_plates, sheet, soup, torus};
 

@@ -1,16 +1,43 @@
 //! `mesh compare`: how far two surfaces are apart, with a proof.
 
-use super::{Length, MeshSource};
+use super::Length;
+use crate::context::Context;
 use crate::error::JobError;
-use crate::files::check_files;
+use crate::operation::Operation;
 use crate::report::{Finding, Place, Report};
-use ravec::mesh::{
-    Bvh, HausdorffError, HausdorffParams, MeshFile, OneSided, TriMesh, distances_to,
-};
-use ravec::progress::Progress;
+use ravec::mesh::{Bvh, HausdorffError, HausdorffParams, OneSided, TriMesh, distances_to};
+use ravec::mesh_io::MeshFile;
 use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
 
-/// How closely the distance is enclosed, and how large it may be.
+/// Measure the distance between two surfaces, both ways, with proved bounds
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "cli", derive(clap::Args), command(after_help = HELP))]
+pub struct Compare {
+    /// Reference; `-` is standard input
+    pub a: PathBuf,
+    /// Mesh to compare with it; `-` is standard input
+    pub b: PathBuf,
+    /// Parameters.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    #[serde(default)]
+    pub params: Params,
+}
+
+#[cfg(feature = "cli")]
+const HELP: &str = "\
+Examples:
+  ravec mesh compare part.stl other.ply
+  ravec mesh compare part.stl other.ply --tolerance 0.01% --within 5%
+  ravec mesh compare part.stl other.ply -q --json distance.json
+
+Figures: distance_lower and distance_upper, which enclose the largest distance of a point of one surface to the other surface; \
+distance_percent, the upper bound in percent of diagonal, that of the bounding box of A; a_to_b_lower, a_to_b_upper, a_to_b_mean \
+and a_to_b_rms (root mean square) for the points of A, and b_to_a_... for those of B. The bounds hold for all points; means \
+are taken from evenly spread samples. With --within, passed is the verdict.";
+
+/// Parameters of [`Compare`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
@@ -48,141 +75,158 @@ const ROUNDINGS: f64 = 32.0 * f64::EPSILON;
 
 impl Params {
     fn check(&self) -> Result<(), JobError> {
-        let wrong = |name, value: String, range| Err(JobError::Parameter { name, value, range });
+        let wrong = |field, value: String, range| {
+            Err(JobError::Parameter {
+                field,
+                value,
+                range,
+            })
+        };
         if !self.tolerance.is_positive() {
-            return wrong("--tolerance", self.tolerance.to_string(), "above 0");
+            return wrong("tolerance", self.tolerance.to_string(), "above 0");
         }
         if self.samples > 100_000_000 {
             let samples = self.samples.to_string();
-            return wrong("--samples", samples, "0 to 100000000");
+            return wrong("samples", samples, "0 to 100000000");
         }
         match self.within {
             Some(within) if within.is_negative() => {
-                wrong("--within", within.to_string(), "at least 0")
+                wrong("within", within.to_string(), "at least 0")
             }
             _ => Ok(()),
         }
     }
 }
 
-/// Compares the surface `b` with the reference `a`, both ways.
-///
-/// Figures, in units of the files: `distance_lower` and `distance_upper`, between which the two-sided Hausdorff distance
-/// lies, and `distance_percent`, the upper one in percent of `diagonal`, the diagonal of the bounding box of `a`;
-/// `a_to_b_lower`, `a_to_b_upper`, `a_to_b_mean` and `a_to_b_rms` for the points of `a`, and the same for `b`. Means are
-/// taken from evenly spread samples. Findings are the farthest places. With [`Params::within`], [`Report::passed`] says
-/// whether the upper bound is no more than that.
-///
-/// # Errors
-/// [`JobError::Parameter`], [`JobError::ReadMesh`], [`JobError::NoTriangles`], [`JobError::InputTwice`] if both are standard
-/// input, [`JobError::Cancelled`].
-pub fn run(
-    a: &MeshSource,
-    b: &MeshSource,
-    params: &Params,
-    progress: &Progress,
-) -> Result<Report, JobError> {
-    params.check()?;
-    check_files(&[&a.path, &b.path], &[])?;
-    let mut report = Report::new("mesh compare", params);
-    let (file_a, file_b) = (
-        read_surface(a, &mut report, progress)?,
-        read_surface(b, &mut report, progress)?,
-    );
-    let (mesh_a, mesh_b) = (&file_a.mesh, &file_b.mesh);
-    let diagonal = mesh_a.bounds().diagonal();
-    let tolerance = params.tolerance.of(diagonal);
-    let size = diagonal.max(mesh_b.bounds().diagonal());
-    if tolerance < LEAST_TOLERANCE * size {
-        return Err(JobError::Parameter {
-            name: "--tolerance",
-            value: params.tolerance.to_string(),
-            range: "at least 0.0000001% of the larger diagonal",
-        });
+impl Operation for Compare {
+    const NAME: &'static str = "mesh compare";
+
+    fn inputs(&self) -> Vec<&Path> {
+        vec![&self.a, &self.b]
     }
-    let asked = HausdorffParams {
-        // of a single point, any length will do
-        tolerance: tolerance.max(f64::MIN_POSITIVE),
-        samples: params.samples,
-        ..HausdorffParams::default()
-    };
-    let failed = |error: HausdorffError| match error {
-        HausdorffError::Cancelled(_) => JobError::Cancelled,
-        other => JobError::Parameter {
-            name: "--tolerance",
-            value: params.tolerance.to_string(),
-            range: match other {
-                HausdorffError::Empty => "given for meshes with triangles",
-                _ => "a positive length",
-            },
-        },
-    };
-    let a_to_b = report
-        .time("a to b", || {
-            distances_to(mesh_a, &Bvh::try_new(mesh_b, progress)?, &asked, progress)
-        })
-        .map_err(failed)?;
-    let b_to_a = report
-        .time("b to a", || {
-            distances_to(mesh_b, &Bvh::try_new(mesh_a, progress)?, &asked, progress)
-        })
-        .map_err(failed)?;
-    let (lower, upper) = (
-        a_to_b.lower.max(b_to_a.lower),
-        a_to_b.upper.max(b_to_a.upper),
-    );
-    report.figures.extend([
-        ("distance_lower", lower),
-        ("distance_upper", upper),
-        ("diagonal", diagonal),
-        ("a_to_b_lower", a_to_b.lower),
-        ("a_to_b_upper", a_to_b.upper),
-        ("b_to_a_lower", b_to_a.lower),
-        ("b_to_a_upper", b_to_a.upper),
-    ]);
-    if diagonal > 0.0 {
-        let percent = 100.0 * upper / diagonal;
-        report.figures.insert("distance_percent", percent);
+
+    fn outputs(&self) -> Vec<&Path> {
+        Vec::new()
     }
-    if params.samples > 0 {
-        report.figures.extend([
-            ("a_to_b_mean", a_to_b.mean),
-            ("a_to_b_rms", a_to_b.rms),
-            ("b_to_a_mean", b_to_a.mean),
-            ("b_to_a_rms", b_to_a.rms),
-        ]);
-    }
-    report.findings = vec![
-        farthest("farthest place of A from B", &a_to_b),
-        farthest("farthest place of B from A", &b_to_a),
-    ];
-    if upper - lower > 1.01 * tolerance {
-        report.warn(
-            "the distance could not be enclosed as closely as asked for within the most memory that is taken; give a \
-             larger --tolerance",
+
+    /// Compares the surface `b` with the reference `a`, both ways.
+    ///
+    /// Figures, in units of the files: `distance_lower` and `distance_upper`, between which the two-sided Hausdorff distance
+    /// lies, and `distance_percent`, the upper one in percent of `diagonal`, the diagonal of the bounding box of `a`;
+    /// `a_to_b_lower`, `a_to_b_upper`, `a_to_b_mean` and `a_to_b_rms` for the points of `a`, and the same for `b`. Means are
+    /// taken from evenly spread samples. Findings are the farthest places. With [`Params::within`], [`Report::passed`] says
+    /// whether the upper bound is no more than that.
+    ///
+    /// # Errors
+    /// [`JobError::Parameter`], [`JobError::ReadMesh`], [`JobError::NoTriangles`], [`JobError::InputTwice`] if both are standard
+    /// input, [`JobError::Cancelled`].
+    fn run(&self, context: &Context) -> Result<Report, JobError> {
+        let Self { a, b, params } = self;
+        let progress = &context.progress;
+        params.check()?;
+        context.check_files(&self.inputs(), &[])?;
+        let mut report = Report::of(self, params);
+        let (file_a, file_b) = (
+            read_surface(a, &mut report, context)?,
+            read_surface(b, &mut report, context)?,
         );
-    }
-    if let Some(within) = params.within {
-        let within = within.of(diagonal);
-        let within = within + ROUNDINGS * farthest_coordinate(&[mesh_a, mesh_b]);
-        report.passed = Some(upper <= within);
-        if lower <= within && within < upper {
-            report.warn("the bounds do not decide about --within; give a smaller --tolerance");
+        let (mesh_a, mesh_b) = (&file_a.mesh, &file_b.mesh);
+        let diagonal = mesh_a.bounds().diagonal();
+        let tolerance = params
+            .tolerance
+            .resolve("tolerance", diagonal, file_a.unit)?;
+        let size = diagonal.max(mesh_b.bounds().diagonal());
+        if tolerance < LEAST_TOLERANCE * size {
+            return Err(JobError::Parameter {
+                field: "tolerance",
+                value: params.tolerance.to_string(),
+                range: "at least 0.0000001% of the larger diagonal",
+            });
         }
+        let asked = HausdorffParams {
+            // of a single point, any length will do
+            tolerance: tolerance.max(f64::MIN_POSITIVE),
+            samples: params.samples,
+            ..HausdorffParams::default()
+        };
+        let failed = |error: HausdorffError| match error {
+            HausdorffError::Cancelled(_) => JobError::Cancelled,
+            other => JobError::Parameter {
+                field: "tolerance",
+                value: params.tolerance.to_string(),
+                range: match other {
+                    HausdorffError::Empty => "given for meshes with triangles",
+                    _ => "a positive length",
+                },
+            },
+        };
+        let a_to_b = report
+            .time("a to b", || {
+                distances_to(mesh_a, &Bvh::try_new(mesh_b, progress)?, &asked, progress)
+            })
+            .map_err(failed)?;
+        let b_to_a = report
+            .time("b to a", || {
+                distances_to(mesh_b, &Bvh::try_new(mesh_a, progress)?, &asked, progress)
+            })
+            .map_err(failed)?;
+        let (lower, upper) = (
+            a_to_b.lower.max(b_to_a.lower),
+            a_to_b.upper.max(b_to_a.upper),
+        );
+        report.figures.extend([
+            ("distance_lower", lower),
+            ("distance_upper", upper),
+            ("diagonal", diagonal),
+            ("a_to_b_lower", a_to_b.lower),
+            ("a_to_b_upper", a_to_b.upper),
+            ("b_to_a_lower", b_to_a.lower),
+            ("b_to_a_upper", b_to_a.upper),
+        ]);
+        if diagonal > 0.0 {
+            let percent = 100.0 * upper / diagonal;
+            report.figures.insert("distance_percent", percent);
+        }
+        if params.samples > 0 {
+            report.figures.extend([
+                ("a_to_b_mean", a_to_b.mean),
+                ("a_to_b_rms", a_to_b.rms),
+                ("b_to_a_mean", b_to_a.mean),
+                ("b_to_a_rms", b_to_a.rms),
+            ]);
+        }
+        report.findings = vec![
+            farthest("farthest place of A from B", &a_to_b),
+            farthest("farthest place of B from A", &b_to_a),
+        ];
+        if upper - lower > 1.01 * tolerance {
+            report.warn(
+            "the distance could not be enclosed as closely as asked for within the most memory that is taken; give a \
+             larger `tolerance`",
+        );
+        }
+        if let Some(within) = params.within {
+            let within = within.resolve("within", diagonal, file_a.unit)?;
+            let within = within + ROUNDINGS * farthest_coordinate(&[mesh_a, mesh_b]);
+            report.passed = Some(upper <= within);
+            if lower <= within && within < upper {
+                report.warn("the bounds do not decide about `within`; give a smaller `tolerance`");
+            }
+        }
+        Ok(report)
     }
-    Ok(report)
 }
 
 /// Reads a mesh that must have triangles.
 pub(super) fn read_surface(
-    source: &MeshSource,
+    path: &Path,
     report: &mut Report,
-    progress: &Progress,
+    context: &Context,
 ) -> Result<MeshFile, JobError> {
-    let file = super::read(source, &[], report, progress)?;
+    let file = super::read(path, &[], report, context)?;
     if file.mesh.triangles().is_empty() {
         return Err(JobError::NoTriangles {
-            path: source.path.clone(),
+            path: path.to_path_buf(),
         });
     }
     Ok(file)
@@ -223,7 +267,7 @@ fn farthest(what: &'static str, side: &OneSided) -> Finding {
 mod tests {
     use super::*;
     use crate::mesh::{MeshTarget, write_mesh_file};
-    use ravec::mesh::MeshFormat;
+    use ravec::mesh_io::MeshFormat;
     use ravec_scenes::solids::{cuboid, icosphere};
 
     fn compared(a: &TriMesh, b: &TriMesh, params: &Params) -> Result<Report, JobError> {

@@ -1,13 +1,15 @@
 //! `mesh convert`: a mesh in another format, unit or precision.
 
-use super::{Length, MeshSource, MeshTarget, weld};
+use super::{Length, MeshTarget, weld};
+use crate::context::Context;
 use crate::error::JobError;
-use crate::files::{check_files, is_stream};
+use crate::files::is_stream;
+use crate::operation::Operation;
 use crate::report::Report;
-use ravec::mesh::{self as library, LengthUnit, MeshFile, MeshFormat, TriMesh};
-use ravec::progress::Progress;
+use ravec::mesh::TriMesh;
+use ravec::mesh_io::{self as library, LengthUnit, MeshFile, MeshFormat};
 use serde::{Deserialize, Serialize};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// A format to write.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -119,7 +121,7 @@ pub struct Output {
 }
 
 /// Start of a run that converts one file into another.
-pub(super) struct Begun {
+pub(super) struct Start {
     /// With the input in it.
     pub report: Report,
     /// Input as read.
@@ -128,37 +130,38 @@ pub(super) struct Begun {
     pub target: MeshTarget,
 }
 
-/// Attributes of a file that are carried over.
+/// Parts of a file that are read and written again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Carries {
-    /// Its triangles alone.
+pub(super) enum Content {
+    /// Triangles alone.
     Shape,
-    /// Colors and texture coordinates, too, where the output has room for them.
-    All,
+    /// Triangles, colors and texture coordinates, where the format of the output has them.
+    ShapeAndAttributes,
 }
 
 impl Output {
     /// Checks the paths, reads the input and finds out how to write; whatever can be refused is refused before it is read.
-    pub(super) fn begin(
+    pub(super) fn start(
         &self,
-        operation: &'static str,
-        params: &impl Serialize,
-        source: &MeshSource,
-        path: &Path,
-        carries: Carries,
-        progress: &Progress,
-    ) -> Result<Begun, JobError> {
-        self.check(path)?;
-        check_files(&[&source.path], &[path])?;
-        let mut report = Report::new(operation, params);
-        let mut file = match carries {
-            Carries::Shape => super::read(source, &[path], &mut report, progress)?,
-            Carries::All => super::read_with_attributes(source, &[path], &mut report, progress)?,
+        mut report: Report,
+        input: &Path,
+        output: &Path,
+        content: Content,
+        context: &Context,
+    ) -> Result<Start, JobError> {
+        self.check(output, context)?;
+        context.check_files(&[input], &[output])?;
+        let read = match content {
+            Content::Shape => super::read,
+            Content::ShapeAndAttributes => super::read_with_attributes,
         };
-        let mut target = self.target(path, file.format)?;
-        super::keep_held(&mut file, &source.path, &target, &mut report);
+        let mut file = read(input, &[output], &mut report, context)?;
+        let mut target = self.target(output, file.format, context)?;
+        if !context.is_intermediate(output) {
+            super::keep_supported(&mut file, input, &target, &mut report);
+        }
         target.unit = file.unit;
-        Ok(Begun {
+        Ok(Start {
             report,
             file,
             target,
@@ -166,17 +169,24 @@ impl Output {
     }
 
     /// Refuses what can be refused before the input is read.
-    pub(super) fn check(&self, path: &Path) -> Result<(), JobError> {
+    pub(super) fn check(&self, path: &Path, context: &Context) -> Result<(), JobError> {
         if !is_stream(path) || self.format.is_some() {
-            self.target(path, MeshFormat::Off)?;
+            self.target(path, MeshFormat::Off, context)?;
         }
         Ok(())
     }
 
     /// Target for `path`, once the format of the input is known.
-    pub(super) fn target(&self, path: &Path, input: MeshFormat) -> Result<MeshTarget, JobError> {
+    pub(super) fn target(
+        &self,
+        path: &Path,
+        input: MeshFormat,
+        context: &Context,
+    ) -> Result<MeshTarget, JobError> {
         let mut target = match self.format {
             Some(format) => MeshTarget::new(format.into()),
+            // holds all coordinates and attributes as they are
+            None if context.is_intermediate(path) => MeshTarget::new(MeshFormat::PlyBinary),
             None => MeshTarget::of(path, input)?,
         };
         if self.ascii {
@@ -186,7 +196,7 @@ impl Output {
                 text @ (MeshFormat::Obj | MeshFormat::Off | MeshFormat::Gltf) => text,
                 other => {
                     return Err(JobError::Parameter {
-                        name: "--ascii",
+                        field: "ascii",
                         value: format!("given for {other}"),
                         range: "left out: this format has no text form (STL, PLY, OBJ, OFF and glTF have)",
                     });
@@ -201,7 +211,38 @@ impl Output {
     }
 }
 
-/// Changes to the mesh between input and output.
+/// Write a mesh in another format, unit or precision
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "cli", derive(clap::Args), command(after_help = HELP))]
+pub struct Convert {
+    /// Input mesh; `-` is standard input
+    pub input: PathBuf,
+    /// Output mesh; its extension selects the format, `-` is standard output in the input's format
+    #[cfg_attr(feature = "cli", arg(short, long, value_name = "FILE"))]
+    pub output: PathBuf,
+    /// Parameters.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    #[serde(default)]
+    pub params: Params,
+}
+
+#[cfg(feature = "cli")]
+const HELP: &str = "\
+Examples:
+  ravec mesh convert part.stl -o part.ply
+  ravec mesh convert part.stl -o part.3mf --from-unit inch --unit millimeter
+  ravec mesh convert part.stl -o text.stl --ascii --precision single
+  ravec mesh convert sheet.obj -o welded.off --weld 0.001%
+  ravec mesh convert - -o - --format obj <part.stl >part.obj
+
+Colors of the vertices of PLY files and texture coordinates of OBJ and glTF files go along where the output has room for them, unless \
+vertices are welded.
+
+Figures: scale of the coordinates, if units differ; largest_rounding of a coordinate, if the output holds 32-bit floats; \
+welded_vertices and collapsed_triangles, with --weld.";
+
+/// Parameters of [`Convert`].
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
@@ -222,77 +263,88 @@ pub struct Params {
     pub from_unit: Option<Unit>,
 }
 
-/// Writes the mesh `source` to `path`, with the colors of the vertices of a PLY file and the texture coordinates of an OBJ or glTF
-/// file if the output has room for them and nothing is welded.
-///
-/// Figures: `scale` of the coordinates if units differ; `largest_rounding` of a coordinate, if the output holds 32-bit
-/// floats; `welded_vertices` and `collapsed_triangles` if welding was asked for.
-///
-/// # Errors
-/// [`JobError::Parameter`], [`JobError::UnknownMeshFormat`], [`JobError::ReadMesh`], [`JobError::WriteMesh`], what
-/// [`check_files`] refuses, [`JobError::Cancelled`].
-pub fn run(
-    source: &MeshSource,
-    path: &Path,
-    params: &Params,
-    progress: &Progress,
-) -> Result<Report, JobError> {
-    weld::check(params.weld)?;
-    // welding makes one of vertices with several colors
-    let carries = match params.weld {
-        None => Carries::All,
-        Some(_) => Carries::Shape,
-    };
-    let begun = params
-        .output
-        .begin("mesh convert", params, source, path, carries, progress)?;
-    let Begun {
-        mut report,
-        file,
-        mut target,
-    } = begun;
-    let from = params.from_unit.map(LengthUnit::from).or(file.unit);
-    target.unit = params.unit.map(LengthUnit::from).or(from);
-    let MeshFile {
-        mesh,
-        colors,
-        texture,
-        ..
-    } = file;
-    let mesh = weld::welded(mesh, params.weld, &mut report, progress)?;
-    progress.check()?;
-    let mesh = match (from, target.unit) {
-        (Some(from), Some(to)) if from != to => {
-            let scale = from.in_meters() / to.in_meters();
-            report.figures.insert("scale", scale);
-            scaled(mesh, scale, source)?
-        }
-        _ => mesh,
-    };
-    if rounds(&target) {
-        report
-            .figures
-            .insert("largest_rounding", largest_rounding(&mesh, target));
+impl Operation for Convert {
+    const NAME: &'static str = "mesh convert";
+
+    fn inputs(&self) -> Vec<&Path> {
+        vec![&self.input]
     }
-    let attributes = library::Attributes {
-        colors: &colors,
-        texture: &texture,
-    };
-    super::write_with(path, &mesh, attributes, &target, &mut report, progress)?;
-    Ok(report)
+
+    fn outputs(&self) -> Vec<&Path> {
+        vec![&self.output]
+    }
+
+    /// Writes the mesh with the colors of the vertices of a PLY file and the texture coordinates of an OBJ or glTF
+    /// file if the output has room for them and nothing is welded.
+    ///
+    /// Figures: `scale` of the coordinates if units differ; `largest_rounding` of a coordinate, if the output holds 32-bit
+    /// floats; `welded_vertices` and `collapsed_triangles` if welding was asked for.
+    ///
+    /// # Errors
+    /// [`JobError::Parameter`], [`JobError::UnknownMeshFormat`], [`JobError::ReadMesh`], [`JobError::WriteMesh`], what
+    /// [`check_files`](crate::check_files) refuses, [`JobError::Cancelled`].
+    fn run(&self, context: &Context) -> Result<Report, JobError> {
+        let Self {
+            input,
+            output,
+            params,
+        } = self;
+        let progress = &context.progress;
+        weld::check(params.weld)?;
+        // welding merges vertices of several colors
+        let content = match params.weld {
+            None => Content::ShapeAndAttributes,
+            Some(_) => Content::Shape,
+        };
+        let report = Report::of(self, params);
+        let start = params
+            .output
+            .start(report, input, output, content, context)?;
+        let Start {
+            mut report,
+            file,
+            mut target,
+        } = start;
+        let from = params.from_unit.map(LengthUnit::from).or(file.unit);
+        target.unit = params.unit.map(LengthUnit::from).or(from);
+        let MeshFile {
+            mesh,
+            colors,
+            texture,
+            ..
+        } = file;
+        let mesh = weld::welded(mesh, params.weld, from, &mut report, progress)?;
+        progress.check()?;
+        let mesh = match (from, target.unit) {
+            (Some(from), Some(to)) if from != to => {
+                let scale = from.in_meters() / to.in_meters();
+                report.figures.insert("scale", scale);
+                scaled(mesh, scale, input)?
+            }
+            _ => mesh,
+        };
+        if rounds(&target) {
+            report
+                .figures
+                .insert("largest_rounding", largest_rounding(&mesh, target));
+        }
+        let attributes = library::Attributes {
+            colors: &colors,
+            texture: &texture,
+        };
+        super::write_with(output, &mesh, attributes, &target, &mut report, context)?;
+        Ok(report)
+    }
 }
 
-pub(super) fn scaled(mesh: TriMesh, scale: f64, source: &MeshSource) -> Result<TriMesh, JobError> {
+pub(super) fn scaled(mesh: TriMesh, scale: f64, path: &Path) -> Result<TriMesh, JobError> {
     let (mut positions, triangles) = mesh.into_parts();
     for position in &mut positions {
         *position *= scale;
     }
     TriMesh::new(positions, triangles).map_err(|_| JobError::Parameter {
-        name: "--unit",
-        value: format!(
-            "{scale} times smaller than that of {}",
-            source.path.display()
-        ),
+        field: "unit",
+        value: format!("{scale} times smaller than that of {}", path.display()),
         range: "large enough for coordinates to stay finite",
     })
 }
@@ -332,7 +384,7 @@ fn largest_rounding(mesh: &TriMesh, target: MeshTarget) -> f64 {
 mod tests {
     use super::*;
     use crate::mesh::{read_mesh_file, write_mesh_file};
-    use ravec::mesh::MeshLimits;
+    use ravec::mesh_io::MeshLimits;
     use ravec_scenes::solids::cuboid;
     use std::io::Write as _;
 
@@ -428,7 +480,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
         let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0.5 0.25\nvt 1 0\nf 1/1 2/2 3/1\n";
-        ravec_media::write_atomically(&at("a.obj"), |file| file.write_all(text.as_bytes()))
+        ravec_files::write_atomically(&at("a.obj"), |file| file.write_all(text.as_bytes()))
             .unwrap();
         let convert = |from: &str, to: &str, params: &Params| {
             let (source, progress) = (MeshSource::new(at(from)), Progress::none());

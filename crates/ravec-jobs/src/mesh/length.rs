@@ -1,46 +1,93 @@
-//! Lengths as people give them: in units of the mesh, or in percent of its size.
+//! Lengths as people give them: in units of the mesh, in percent of its size, or in millimeters and the like.
 
+use super::convert::Unit;
+use crate::error::JobError;
+use ravec::mesh_io::LengthUnit;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
 
-/// A length that belongs to a mesh.
+/// A length that belongs to a mesh and may have a unit.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub enum Length {
-    /// In units of the file's coordinates, as in `0.2`.
+    /// In units of the file's coordinates, as in `0.5`.
     Units(f64),
-    /// In percent of the diagonal of the mesh's bounding box, as in `0.1%`.
+    /// In percent of the diagonal of the mesh's bounding box, as in `2%`.
     Percent(f64),
+    /// In a unit of length, as in `2mm`.
+    Physical(f64, Unit),
 }
 
 /// The text is no length.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "a length is a number in units of the file, as in 0.2, or a share of the diagonal, as in 0.1%"
+    "a length is a number in units of the file, as in 0.5, a share of the diagonal, as in 2%, or has a unit, as in 2mm: um, \
+     mm, cm, m, in or ft"
 )]
 pub struct LengthError;
 
+/// Units as they are written after a number. What ends in another one comes first.
+const SUFFIXES: [(&str, Unit); 7] = [
+    ("um", Unit::Micron),
+    ("µm", Unit::Micron),
+    ("mm", Unit::Millimeter),
+    ("cm", Unit::Centimeter),
+    ("in", Unit::Inch),
+    ("ft", Unit::Foot),
+    ("m", Unit::Meter),
+];
+
 impl Length {
-    /// The length in units of a mesh whose bounding box has this diagonal.
-    pub fn of(self, diagonal: f64) -> f64 {
-        match self {
-            Self::Units(length) => length,
-            Self::Percent(percent) => percent / 100.0 * diagonal,
+    /// The length in units of a mesh whose bounding box has this diagonal and whose coordinates have this unit.
+    ///
+    /// # Errors
+    /// [`JobError::Parameter`], of `field`, if the length has a unit and that of the mesh is unknown.
+    pub(crate) fn resolve(
+        self,
+        field: &'static str,
+        diagonal: f64,
+        unit: Option<LengthUnit>,
+    ) -> Result<f64, JobError> {
+        match (self, unit) {
+            (Self::Units(length), _) => Ok(length),
+            (Self::Percent(percent), _) => Ok(percent / 100.0 * diagonal),
+            // exact where no conversion is needed
+            (Self::Physical(number, of), Some(unit)) if LengthUnit::from(of) == unit => Ok(number),
+            (Self::Physical(number, of), Some(unit)) => {
+                Ok(number * LengthUnit::from(of).in_meters() / unit.in_meters())
+            }
+            (Self::Physical(..), None) => Err(JobError::Parameter {
+                field,
+                value: self.to_string(),
+                range: "a plain number or a percentage: the file does not name its unit",
+            }),
         }
     }
 
-    /// Whether it is more than nothing.
+    /// True for a length above 0.
     pub fn is_positive(self) -> bool {
+        self.number() > 0.0
+    }
+
+    /// True for a length below 0.
+    pub fn is_negative(self) -> bool {
+        self.number() < 0.0
+    }
+
+    /// The number before the unit.
+    pub fn number(self) -> f64 {
         match self {
-            Self::Units(number) | Self::Percent(number) => number > 0.0,
+            Self::Units(number) | Self::Percent(number) | Self::Physical(number, _) => number,
         }
     }
 
-    /// Whether it is less than nothing.
-    pub fn is_negative(self) -> bool {
+    /// The same length without its sign.
+    pub fn abs(self) -> Self {
         match self {
-            Self::Units(number) | Self::Percent(number) => number < 0.0,
+            Self::Units(number) => Self::Units(number.abs()),
+            Self::Percent(number) => Self::Percent(number.abs()),
+            Self::Physical(number, unit) => Self::Physical(number.abs(), unit),
         }
     }
 }
@@ -50,16 +97,19 @@ impl FromStr for Length {
 
     fn from_str(text: &str) -> Result<Self, LengthError> {
         let text = text.trim();
-        let (digits, kind): (_, fn(f64) -> Self) = match text.strip_suffix('%') {
-            Some(digits) => (digits.trim_end(), Self::Percent),
-            None => (text, Self::Units),
+        let finite = |digits: &str| -> Result<f64, LengthError> {
+            let number: f64 = digits.trim_end().parse().map_err(|_| LengthError)?;
+            number.is_finite().then_some(number).ok_or(LengthError)
         };
-        let number: f64 = digits.parse().map_err(|_| LengthError)?;
-        if number.is_finite() {
-            Ok(kind(number))
-        } else {
-            Err(LengthError)
+        if let Some(digits) = text.strip_suffix('%') {
+            return Ok(Self::Percent(finite(digits)?));
         }
+        for (suffix, unit) in SUFFIXES {
+            if let Some(digits) = text.strip_suffix(suffix) {
+                return Ok(Self::Physical(finite(digits)?, unit));
+            }
+        }
+        Ok(Self::Units(finite(text)?))
     }
 }
 
@@ -68,6 +118,10 @@ impl fmt::Display for Length {
         match self {
             Self::Units(length) => write!(f, "{length}"),
             Self::Percent(percent) => write!(f, "{percent}%"),
+            Self::Physical(number, unit) => {
+                let suffix = SUFFIXES.iter().find(|(_, known)| known == unit);
+                write!(f, "{number}{}", suffix.map_or("", |(suffix, _)| suffix))
+            }
         }
     }
 }
@@ -91,19 +145,42 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_length_is_a_number_or_a_share_and_reads_as_it_was_written() {
-        for (text, length, of_200) in [
+    fn a_length_reads_as_it_was_written_and_knows_its_length() {
+        let inches = Some(LengthUnit::Inch);
+        for (text, length, in_inches) in [
             ("0.5", Length::Units(0.5), 0.5),
-            ("0.1%", Length::Percent(0.1), 0.2),
-            ("-3e-2", Length::Units(-0.03), -0.03),
-            (" 50 % ", Length::Percent(50.0), 100.0),
+            ("-2e-1", Length::Units(-0.2), -0.2),
+            (" 2 % ", Length::Percent(2.0), 4.0),
+            ("25.4mm", Length::Physical(25.4, Unit::Millimeter), 1.0),
+            ("25400 µm", Length::Physical(25_400.0, Unit::Micron), 1.0),
+            ("1e-1m", Length::Physical(0.1, Unit::Meter), 3.937_007_874),
+            (
+                "1 cm",
+                Length::Physical(1.0, Unit::Centimeter),
+                0.393_700_787,
+            ),
+            ("0.1in", Length::Physical(0.1, Unit::Inch), 0.1),
+            ("-1ft", Length::Physical(-1.0, Unit::Foot), -12.0),
         ] {
-            assert_eq!(text.parse(), Ok(length));
-            assert!((length.of(200.0) - of_200).abs() < 1e-15);
+            assert_eq!(text.parse(), Ok(length), "{text}");
+            let resolved = length.resolve("distance", 200.0, inches).unwrap();
+            assert!((resolved - in_inches).abs() < 1e-8, "{text} is {resolved}");
             assert_eq!(length.to_string().parse(), Ok(length));
+            assert!(length.abs().number() > 0.0);
         }
-        for wrong in ["", "%", "2 mm", "inf", "nan%", "1,5", "0.1%%"] {
+        for wrong in [
+            "", "%", "mm", "2 miles", "inf", "nanmm", "1,5mm", "2mm%", "2%mm",
+        ] {
             assert_eq!(wrong.parse::<Length>(), Err(LengthError), "{wrong}");
         }
+    }
+
+    #[test]
+    fn a_unit_needs_that_of_the_mesh() {
+        let unknown = |length: Length| length.resolve("distance", 1.0, None);
+        let error = unknown(Length::Physical(2.0, Unit::Inch)).unwrap_err();
+        assert!(error.to_string().contains("`distance` is 2in"), "{error}");
+        assert_eq!(unknown(Length::Units(2.0)).unwrap(), 2.0);
+        assert_eq!(unknown(Length::Percent(2.0)).unwrap(), 0.02);
     }
 }

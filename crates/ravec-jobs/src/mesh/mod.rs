@@ -11,13 +11,12 @@
 //! | [`offset`] | makes the surface at a distance |
 //! | [`boolean`] | combines meshes by an expression |
 //!
-//! [`read_mesh_file`] and [`write_mesh_file`] are what they all read and write with.
+//! They all read and write with [`ravec::mesh_io`].
 
 pub mod boolean;
 pub mod check;
 pub mod compare;
 pub mod convert;
-mod dimension;
 mod files;
 pub mod info;
 mod length;
@@ -25,17 +24,14 @@ pub mod offset;
 mod refine;
 pub mod render;
 mod rounded;
-mod showcase;
 pub mod simplify;
 mod view;
 mod weld;
 
 pub use boolean::NamedFile;
-pub use dimension::{Dimension, DimensionError};
-pub use files::{MeshSource, MeshTarget, read_mesh_file, write_mesh_file};
-use files::{keep_held, read_with_attributes, write_stored, write_with};
-pub(crate) use files::{known_extensions, read, write};
+use files::{keep_supported, read_with_attributes, write_stored, write_with};
+pub(crate) use files::{read, write};
 pub use length::{Length, LengthError};
-pub use ravec::mesh::MeshLimits;
-pub(crate) use showcase::{Detail, show};
+pub use ravec::mesh_io::{MeshLimits, MeshTarget, read_mesh_file, write_mesh_file};
+pub use refine::refined;
 pub use view::{Cut, CutError, Viewpoint, ViewpointError};

@@ -1,21 +1,20 @@
 //! `offset`: the surface at a distance from a mesh, closed and proved to be within a tolerance.
 
-mod showcase;
-
-use super::convert::{Begun, Carries, Output, Unit, rounds, scaled, unit_scale};
-use super::{Dimension, MeshSource};
+use super::Length;
+use super::convert::{Content, Output, Start, Unit, rounds, scaled, unit_scale};
+use crate::context::Context;
 use crate::error::JobError;
 use crate::files::is_stream;
+use crate::operation::Operation;
 use crate::report::{Finding, Report};
 use bytesize::ByteSize;
-use ravec::mesh::{CheckParams, LengthUnit, MeshFile, TriMesh, check, measure};
+use ravec::mesh::{CheckParams, TriMesh, check, measure};
+use ravec::mesh_io::{LengthUnit, MeshFile};
 use ravec::offset as library;
 use ravec::progress::Progress;
-use ravec_media::scratch_file;
+use ravec_files::scratch_file;
 use serde::{Deserialize, Serialize};
-use std::path::Path;
-
-pub(crate) use showcase::show;
+use std::path::{Path, PathBuf};
 
 /// A side of the mesh.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -71,7 +70,46 @@ impl From<Open> for library::OpenRule {
     }
 }
 
-/// How far, how exactly, and where.
+/// Compute the surface at a distance from any triangles, closed and proved to lie within a tolerance
+///
+/// The exit code is 5 if the result was written but the proof failed.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "cli", derive(clap::Args), command(after_help = HELP))]
+pub struct Offset {
+    /// Input mesh; `-` is standard input
+    pub input: PathBuf,
+    /// Output mesh; its extension selects the format, `-` is standard output in the input's format
+    #[cfg_attr(feature = "cli", arg(short, long, value_name = "FILE"))]
+    pub output: PathBuf,
+    /// Parameters.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub params: Params,
+}
+
+#[cfg(feature = "cli")]
+const HELP: &str = "\
+Examples:
+  ravec offset part.stl -o grown.stl --distance 2% --side outer
+  ravec offset part.stl -o hollow.3mf --distance 0.2mm --unit mm --side shell
+  ravec offset other.ply -o around.ply --distance 5% --tolerance 0.5% --no-simplify
+  ravec offset part.stl -o smaller.ply --distance=-1% --side inner -q --json smaller.json
+
+The mesh may be any triangles: open, crossing, flipped, doubled. Only inner and shell need a closed one. Edges and corners that \
+the offset has are sharp in the result. A triangle is proved if none of its points is nearer to the mesh than the distance less \
+the tolerance, nor farther than their sum; the result is solid if it is closed, manifold and does not meet itself. If any of \
+that fails, the result is written all the same, a warning says what is wrong, and the exit code is 5. Where coordinates become \
+32-bit floats (STL, glTF), all this holds for the mesh in the file.
+
+A length with a unit, as in 2mm, needs a file that names its own (3MF, glTF) or --unit.
+
+Figures: distance, tolerance and diagonal (that of the bounding box), in units of the file that is written; certified and solid (0 or 1), \
+uncertified_triangles, self_intersections; distance_least and distance_most, which are proved for every point of the surface, and \
+distance_most_found, the most at corners and middles of its triangles; triangles, extracted_triangles (before they were merged), \
+feature_edges (where the surface turns by more than 20 degrees); cells and deepest_level of the octree, the tiles it was grown in, mending_rounds, \
+split_cells and filled_corners (repairs done in it). In JSON, passed is the verdict.";
+
+/// Parameters of [`Offset`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
@@ -83,7 +121,7 @@ pub struct Params {
         feature = "cli",
         arg(short, long, value_name = "LENGTH", allow_hyphen_values = true)
     )]
-    pub distance: Dimension,
+    pub distance: Length,
     /// How far any place may be off, a length like that, below half of it
     /// [default: a twentieth of the distance, at most 0.1% of the diagonal or of the distance, whichever is larger]
     ///
@@ -92,7 +130,7 @@ pub struct Params {
         feature = "cli",
         arg(short, long, value_name = "LENGTH", allow_hyphen_values = true)
     )]
-    pub tolerance: Option<Dimension>,
+    pub tolerance: Option<Length>,
     /// Which part of what is at the distance
     #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "SIDE", default_value_t = Params::default().side))]
     pub side: Side,
@@ -128,7 +166,7 @@ pub struct Params {
 impl Default for Params {
     fn default() -> Self {
         Self {
-            distance: Dimension::Percent(2.0),
+            distance: Length::Percent(2.0),
             tolerance: None,
             side: Side::default(),
             open: Open::default(),
@@ -149,29 +187,33 @@ const DEFAULT_TOLERANCE: [f64; 2] = [0.05, 1e-3];
 
 impl Params {
     fn check(&self) -> Result<(), JobError> {
-        let wrong = |name, value: Dimension, range| {
+        let wrong = |field, value: Length, range| {
             let value = value.to_string();
-            Err(JobError::Parameter { name, value, range })
+            Err(JobError::Parameter {
+                field,
+                value,
+                range,
+            })
         };
         let distance = self.distance.number();
         let thickens = self.open == Open::Thicken;
         if distance == 0.0 || distance < 0.0 && !self.side.is_inward() && !thickens {
-            let range = "above 0: --side both offsets an open mesh to both sides, and --side inner or shell a closed \
-                         one inward (only there and with --open thicken it may be below 0)";
-            return wrong("--distance", self.distance, range);
+            let range = "above 0: `side` both offsets an open mesh to both sides, and `side` inner or shell a closed \
+                         one inward (only there and with `open` thicken it may be below 0)";
+            return wrong("distance", self.distance, range);
         }
         if let Some(deviation) = self.max_normal_deviation
             && !(deviation > 0.0 && deviation <= 90.0)
         {
             return Err(JobError::Parameter {
-                name: "--max-normal-deviation",
+                field: "max_normal_deviation",
                 value: deviation.to_string(),
                 range: "above 0, up to 90",
             });
         }
         match self.tolerance {
             Some(tolerance) if tolerance.number() <= 0.0 => {
-                wrong("--tolerance", tolerance, "above 0")
+                wrong("tolerance", tolerance, "above 0")
             }
             _ => Ok(()),
         }
@@ -179,146 +221,153 @@ impl Params {
 
     /// Distance and tolerance in units of a mesh.
     fn of(&self, diagonal: f64, unit: Option<LengthUnit>) -> Result<[f64; 2], JobError> {
-        let length = |name, dimension: Dimension| {
-            let length = dimension.of(diagonal, unit);
-            length.ok_or_else(|| JobError::Parameter {
-                name,
-                value: dimension.to_string(),
-                range: "a plain number or a percentage: the file does not name its unit (unless --unit does)",
-            })
-        };
-        let distance = length("--distance", self.distance.abs())?;
+        let distance = self.distance.abs().resolve("distance", diagonal, unit)?;
         let [of_distance, of_diagonal] = DEFAULT_TOLERANCE;
         let tolerance = match self.tolerance {
-            Some(tolerance) => length("--tolerance", tolerance)?,
+            Some(tolerance) => tolerance.resolve("tolerance", diagonal, unit)?,
             None => (of_distance * distance).min(of_diagonal * diagonal.max(distance)),
         };
         Ok([distance, tolerance])
     }
 }
 
-/// Writes the surface at a distance from the mesh `source` to `path`.
-///
-/// The mesh may be any triangles; [`Side::Inner`] and [`Side::Shell`] need a closed one. If a closed mesh is inside out it is
-/// turned. If the output holds 32-bit floats, vertices are put on such numbers before anything is decided about their
-/// triangles: all that is said holds for the mesh in the file.
-///
-/// [`Report::passed`] says whether the result is what was promised: each triangle is proved to keep the distance within the
-/// tolerance, and all of them are the surface of a solid, closed, manifold and without self-intersections. If not, it is
-/// written all the same; a warning and findings say what is wrong with it.
-///
-/// Figures: `distance`, `tolerance`, `diagonal` (units of the file that is written), `certified` and `solid` (0 or 1),
-/// `uncertified_triangles`, `self_intersections`, `triangles`, `extracted_triangles` (before they were merged); `cells` and
-/// `deepest_level` of the octree, and how it was mended: `mending_rounds`, `split_cells`, `filled_corners`; `feature_edges`,
-/// where the surface turns by more than 20°; `distance_least` and `distance_most`, proved for every point of the surface, and
-/// `distance_most_found`, the most that a corner or a middle of a triangle has; `sheet_kept` (0 or 1) of a sheet that was
-/// thickened.
-///
-/// # Errors
-/// [`JobError::Parameter`], [`JobError::UnknownMeshFormat`], [`JobError::ReadMesh`], [`JobError::NoTriangles`],
-/// [`JobError::Offset`], [`JobError::WriteMesh`], what [`check_files`](crate::check_files) refuses, [`JobError::Cancelled`].
-pub fn run(
-    source: &MeshSource,
-    path: &Path,
-    params: &Params,
-    progress: &Progress,
-) -> Result<Report, JobError> {
-    params.check()?;
-    let begun = params
-        .output
-        .begin("offset", params, source, path, Carries::Shape, progress)?;
-    let Begun {
-        mut report,
-        file,
-        mut target,
-    } = begun;
-    if file.mesh.triangles().is_empty() {
-        return Err(JobError::NoTriangles {
-            path: source.path.clone(),
+impl Operation for Offset {
+    const NAME: &'static str = "offset";
+
+    fn inputs(&self) -> Vec<&Path> {
+        vec![&self.input]
+    }
+
+    fn outputs(&self) -> Vec<&Path> {
+        vec![&self.output]
+    }
+
+    /// Writes the surface at a distance from the mesh.
+    ///
+    /// The mesh may be any triangles; [`Side::Inner`] and [`Side::Shell`] need a closed one. If a closed mesh is inside out it is
+    /// turned. If the output holds 32-bit floats, vertices are put on such numbers before anything is decided about their
+    /// triangles: all that is said holds for the mesh in the file.
+    ///
+    /// [`Report::passed`] says whether the result is what was promised: each triangle is proved to keep the distance within the
+    /// tolerance, and all of them are the surface of a solid, closed, manifold and without self-intersections. If not, it is
+    /// written all the same; a warning and findings say what is wrong with it.
+    ///
+    /// Figures: `distance`, `tolerance`, `diagonal` (units of the file that is written), `certified` and `solid` (0 or 1),
+    /// `uncertified_triangles`, `self_intersections`, `triangles`, `extracted_triangles` (before they were merged); `cells` and
+    /// `deepest_level` of the octree, and how it was mended: `mending_rounds`, `split_cells`, `filled_corners`; `feature_edges`,
+    /// where the surface turns by more than 20°; `distance_least` and `distance_most`, proved for every point of the surface, and
+    /// `distance_most_found`, the most that a corner or a middle of a triangle has; `sheet_kept` (0 or 1) of a sheet that was
+    /// thickened.
+    ///
+    /// # Errors
+    /// [`JobError::Parameter`], [`JobError::UnknownMeshFormat`], [`JobError::ReadMesh`], [`JobError::NoTriangles`],
+    /// [`JobError::Offset`], [`JobError::WriteMesh`], what [`check_files`](crate::check_files) refuses, [`JobError::Cancelled`].
+    fn run(&self, context: &Context) -> Result<Report, JobError> {
+        let Self {
+            input,
+            output,
+            params,
+        } = self;
+        let progress = &context.progress;
+        params.check()?;
+        let report = Report::of(self, params);
+        let start = params
+            .output
+            .start(report, input, output, Content::Shape, context)?;
+        let Start {
+            mut report,
+            file,
+            mut target,
+        } = start;
+        if file.mesh.triangles().is_empty() {
+            return Err(JobError::NoTriangles {
+                path: input.clone(),
+            });
+        }
+        if let Some(unit) = params.unit {
+            target.unit = Some(unit.into());
+        }
+        let MeshFile { mut mesh, .. } = file;
+        let diagonal = mesh.bounds().diagonal();
+        let lengths = params.of(diagonal, target.unit)?;
+        // rounding depends on the unit: what is judged has to be what is written
+        let scale = unit_scale(target);
+        if scale != 1.0 {
+            mesh = scaled(mesh, scale, input)?;
+            target.unit = Some(LengthUnit::Meter);
+        }
+        let [distance, tolerance] = lengths.map(|length| scale * length);
+        report.figures.extend([
+            ("diagonal", scale * diagonal),
+            ("distance", distance),
+            ("tolerance", tolerance),
+        ]);
+        let turns = params.open == Open::Thicken && params.distance.number() < 0.0;
+        let asked = library::OffsetParams {
+            distance: if turns { -distance } else { distance },
+            tolerance,
+            side: params.side.into(),
+            open: params.open.into(),
+            simplify: !params.no_simplify,
+            max_normal_deviation_deg: params.max_normal_deviation,
+            coordinates: if rounds(&target) {
+                library::Coordinates::Single
+            } else {
+                library::Coordinates::Double
+            },
+            memory_bytes: params.memory.map(|size| size.as_u64()),
+        };
+        if params.side != Side::Both
+            && let Some(turned) = turned(&mesh, progress)?
+        {
+            mesh = turned;
+            report.warn(format!(
+                "{}: the mesh is inside out and was turned",
+                input.display()
+            ));
+        }
+        let beside = Some(output.as_path())
+            .filter(|path| !is_stream(path) && !context.is_intermediate(path));
+        let storage = || Ok(Box::new(scratch_file(beside)?) as Box<dyn library::Storage>);
+        let offset = report.time("offset", || {
+            library::offset_stored(&mesh, &asked, &storage, progress)
         });
-    }
-    if let Some(unit) = params.unit {
-        target.unit = Some(unit.into());
-    }
-    let MeshFile { mut mesh, .. } = file;
-    let diagonal = mesh.bounds().diagonal();
-    let lengths = params.of(diagonal, target.unit)?;
-    // rounding depends on the unit: what is judged has to be what is written
-    let scale = unit_scale(target);
-    if scale != 1.0 {
-        mesh = scaled(mesh, scale, source)?;
-        target.unit = Some(LengthUnit::Meter);
-    }
-    let [distance, tolerance] = lengths.map(|length| scale * length);
-    report.figures.extend([
-        ("diagonal", scale * diagonal),
-        ("distance", distance),
-        ("tolerance", tolerance),
-    ]);
-    let turns = params.open == Open::Thicken && params.distance.number() < 0.0;
-    let asked = library::OffsetParams {
-        distance: if turns { -distance } else { distance },
-        tolerance,
-        side: params.side.into(),
-        open: params.open.into(),
-        simplify: !params.no_simplify,
-        max_normal_deviation_deg: params.max_normal_deviation,
-        coordinates: if rounds(&target) {
-            library::Coordinates::Single
-        } else {
-            library::Coordinates::Double
-        },
-        memory_bytes: params.memory.map(|size| size.as_u64()),
-    };
-    if params.side != Side::Both
-        && let Some(turned) = turned(&mesh, progress)?
-    {
-        mesh = turned;
-        report.warn(format!(
-            "{}: the mesh is inside out and was turned",
-            source.path.display()
-        ));
-    }
-    let beside = Some(path).filter(|path| !is_stream(path));
-    let storage = || Ok(Box::new(scratch_file(beside)?) as Box<dyn library::Storage>);
-    let offset = report.time("offset", || {
-        library::offset_stored(&mesh, &asked, &storage, progress)
-    });
-    let library::StoredOffset {
-        surface,
-        report: done,
-    } = offset.map_err(|cause| JobError::from_offset(&source.path, cause))?;
-    drop(mesh);
-    tell(&done, params.side, &mut report);
-    if let Some(kept) = done.sheet_kept {
-        report
-            .figures
-            .insert("sheet_kept", f64::from(u8::from(kept)));
-        if !kept {
-            report.warn(
+        let library::StoredOffset {
+            surface,
+            report: done,
+        } = offset.map_err(|cause| JobError::from_offset(input, cause))?;
+        drop(mesh);
+        record(&done, params.side, &mut report);
+        if let Some(kept) = done.sheet_kept {
+            report
+                .figures
+                .insert("sheet_kept", f64::from(u8::from(kept)));
+            if !kept {
+                report.warn(
                 "the sheet itself could not be one of the skins, triangle for triangle: that skin follows it within the \
                  tolerance (where the sheet meets itself, is not manifold, faces both ways or lies within the distance of \
                  itself, see `ravec mesh check`)"
                     .to_owned(),
             );
+            }
         }
+        report.figures.extend([
+            ("triangles", done.triangles as f64),
+            ("extracted_triangles", done.extracted_triangles as f64),
+            ("cells", done.cells as f64),
+            ("deepest_level", f64::from(done.deepest_level)),
+            ("tiles", done.tiles as f64),
+            ("mending_rounds", f64::from(done.rounds)),
+            ("split_cells", done.split_cells as f64),
+            ("filled_corners", done.filled_corners as f64),
+            ("feature_edges", done.feature_edges as f64),
+            ("distance_least", done.least_distance),
+            ("distance_most", done.most_distance),
+            ("distance_most_found", done.most_distance_found),
+        ]);
+        super::write_stored(output, &surface, &target, &mut report, context)?;
+        Ok(report)
     }
-    report.figures.extend([
-        ("triangles", done.triangles as f64),
-        ("extracted_triangles", done.extracted_triangles as f64),
-        ("cells", done.cells as f64),
-        ("deepest_level", f64::from(done.deepest_level)),
-        ("tiles", done.tiles as f64),
-        ("mending_rounds", f64::from(done.rounds)),
-        ("split_cells", done.split_cells as f64),
-        ("filled_corners", done.filled_corners as f64),
-        ("feature_edges", done.feature_edges as f64),
-        ("distance_least", done.least_distance),
-        ("distance_most", done.most_distance),
-        ("distance_most_found", done.most_distance_found),
-    ]);
-    super::write_stored(path, &surface, &target, &mut report, progress)?;
-    Ok(report)
 }
 
 /// A closed mesh that is inside out, turned.
@@ -338,8 +387,8 @@ fn turned(mesh: &TriMesh, progress: &Progress) -> Result<Option<TriMesh>, JobErr
     Ok(Some(turned.expect("only the order of corners is another")))
 }
 
-/// Says what is known about a result.
-fn tell(done: &library::OffsetReport, side: Side, report: &mut Report) {
+/// Enters the verdict into the report.
+fn record(done: &library::OffsetReport, side: Side, report: &mut Report) {
     let yes = |fact: bool| f64::from(u8::from(fact));
     report.figures.extend([
         ("certified", yes(done.certified)),

@@ -13,7 +13,7 @@ const AT_ONCE: usize = 1 << 14;
 ///
 /// # Errors
 /// [`Cancelled`] soon after `progress` is cancelled.
-pub(super) fn refined(
+pub fn refined(
     mesh: TriMesh,
     longest: f64,
     most: usize,

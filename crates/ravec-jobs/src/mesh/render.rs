@@ -1,21 +1,26 @@
 //! `mesh render`: a picture of a mesh, plain, cut open or colored by its distance to another.
 
+mod colored;
+
+use self::colored::{Colored, summarize};
 use super::compare::read_surface;
 use super::refine::refined;
-use super::{Cut, Length, MeshSource, Viewpoint};
+use super::{Cut, Length, Viewpoint};
+use crate::context::Context;
 use crate::error::JobError;
-use crate::files::{self, check_files};
+use crate::files;
+use crate::operation::{Operation, paths};
 use crate::report::Report;
-use ravec::mesh::render::{
-    Camera, ColorMap, FeatureLines, LineStyle, Paint, Projection, RenderError, RenderParams,
-    Rendering, Section, UpAxis, Values, View, render,
+use ravec::mesh::{Bvh, TriMesh, vertex_distances};
+use ravec::mesh_io::{LengthUnit, MeshFile};
+use ravec::mesh_render::{
+    Camera, FeatureLines, LineStyle, Paint, Projection, RenderError, RenderParams, Rendering,
+    Section, UpAxis, View, render,
 };
-use ravec::mesh::{Bvh, MeshFile, TriMesh, vertex_distances};
-use ravec::progress::Progress;
 use ravec::raster::{AnyImage, Image, Size, Srgb, Srgba};
 use ravec_media::{Picture, WriteOptions};
 use serde::{Deserialize, Serialize};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// The axis that points upward in the picture.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -29,7 +34,42 @@ pub enum Up {
     Z,
 }
 
-/// Size, view and look of the picture.
+/// Render a mesh to a picture
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "cli", derive(clap::Args), command(after_help = HELP))]
+pub struct Render {
+    /// Input mesh; `-` is standard input
+    pub input: PathBuf,
+    /// Output picture; its extension selects the format, `-` is standard output as PNG
+    #[cfg_attr(feature = "cli", arg(short, long, value_name = "FILE"))]
+    pub output: PathBuf,
+    /// Color each place by its distance to this mesh; `-` is standard input
+    #[cfg_attr(feature = "cli", arg(long, value_name = "MESH"))]
+    #[serde(default)]
+    pub compare: Option<PathBuf>,
+    /// Parameters.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    #[serde(default)]
+    pub params: Params,
+}
+
+#[cfg(feature = "cli")]
+const HELP: &str = "\
+Examples:
+  ravec mesh render part.stl -o part.png
+  ravec mesh render part.stl -o part.png --view 30,20 --perspective --edges --width 640 --height 480
+  ravec mesh render part.stl -o cut.png --section=-y=40% --transparent
+  ravec mesh render other.ply -o distance.png --compare part.stl --range 2%
+  ravec mesh render part.stl -o - --view front --up y >front.png
+
+Colors of distances go from violet (nothing) over green to yellow; with --expected from blue (too near) over gray to red (too \
+far).
+
+Figures, with --compare: distance_min, distance_mean and distance_max at vertices, and color_low and color_high, the values \
+at the ends of the scale of colors.";
+
+/// Parameters of [`Render`].
 #[expect(
     clippy::struct_excessive_bools,
     reason = "each is a flag of its own, which may be combined with all others"
@@ -162,26 +202,32 @@ const FINE_TRIANGLES: usize = 1_500_000;
 
 impl Params {
     fn check(&self, compares: bool) -> Result<(), JobError> {
-        let wrong = |name, value: String, range| Err(JobError::Parameter { name, value, range });
-        for (name, side) in [("--width", self.width), ("--height", self.height)] {
+        let wrong = |field, value: String, range| {
+            Err(JobError::Parameter {
+                field,
+                value,
+                range,
+            })
+        };
+        for (name, side) in [("width", self.width), ("height", self.height)] {
             if !(1..=16_384).contains(&side) {
                 return wrong(name, side.to_string(), "1 to 16384");
             }
         }
         if u64::from(self.width) * u64::from(self.height) > MAX_PIXELS {
-            let size = format!("{} x {}", self.width, self.height);
-            let range = "100 million pixels at most";
-            return wrong("--width x --height", size, range);
+            let size = format!("{} with `height` {}", self.width, self.height);
+            let range = "such that both give at most 100 million pixels";
+            return wrong("width", size, range);
         }
         if let Some(angle) = self.perspective.filter(|a| !(1.0..=150.0).contains(a)) {
-            return wrong("--perspective", angle.to_string(), "1 to 150");
+            return wrong("perspective", angle.to_string(), "1 to 150");
         }
         if !(self.zoom > 0.0 && self.zoom <= 1e6) {
-            return wrong("--zoom", self.zoom.to_string(), "above 0, up to 1000000");
+            return wrong("zoom", self.zoom.to_string(), "above 0, up to 1000000");
         }
         for (name, angle) in [
-            ("--feature-angle", self.feature_angle),
-            ("--smooth-angle", self.smooth_angle),
+            ("feature_angle", self.feature_angle),
+            ("smooth_angle", self.smooth_angle),
         ] {
             if !(0.0..=180.0).contains(&angle) {
                 return wrong(name, angle.to_string(), "0 to 180");
@@ -189,26 +235,26 @@ impl Params {
         }
         if !(self.line_width > 0.0 && self.line_width <= 64.0) {
             let width = self.line_width.to_string();
-            return wrong("--line-width", width, "above 0, up to 64");
+            return wrong("line_width", width, "above 0, up to 64");
         }
         if !(1..=8).contains(&self.samples) {
-            return wrong("--samples", self.samples.to_string(), "1 to 8");
+            return wrong("samples", self.samples.to_string(), "1 to 8");
         }
         if !(1..=100).contains(&self.quality) {
-            return wrong("--quality", self.quality.to_string(), "1 to 100");
+            return wrong("quality", self.quality.to_string(), "1 to 100");
         }
         if let Some(range) = self.range.filter(|range| !range.is_positive()) {
-            return wrong("--range", range.to_string(), "above 0");
+            return wrong("range", range.to_string(), "above 0");
         }
-        for (name, length) in [("--range", self.range), ("--expected", self.expected)] {
+        for (name, length) in [("range", self.range), ("expected", self.expected)] {
             if let Some(length) = length.filter(|_| !compares) {
-                return wrong(name, length.to_string(), "left out without --compare");
+                return wrong(name, length.to_string(), "left out without `compare`");
             }
         }
         Ok(())
     }
 
-    fn look(&self, mesh: &TriMesh) -> RenderParams {
+    fn look(&self, mesh: &TriMesh, unit: Option<LengthUnit>) -> Result<RenderParams, JobError> {
         let style = LineStyle {
             color: self.line_color,
             width_px: self.line_width,
@@ -218,8 +264,9 @@ impl Params {
             silhouettes: !self.no_outlines,
             style,
         };
-        let plane = self.section.and_then(|section| section.plane(mesh));
-        RenderParams {
+        let plane = self.section.map(|section| section.plane(mesh, unit));
+        let plane = plane.transpose()?.flatten();
+        Ok(RenderParams {
             width: self.width,
             height: self.height,
             samples_per_side: self.samples,
@@ -252,115 +299,74 @@ impl Params {
                 offset,
                 capped: !self.hollow,
             }),
-        }
-    }
-}
-
-/// Draws the mesh `source` and writes the picture to `path`, whose extension says the format; standard output is PNG.
-///
-/// With `other`, colors show how far each place is from that surface. Triangles are cut for it until they are small, unless
-/// edges are drawn.
-///
-/// Figures, with `other` only, of the places drawn: `distance_min`, `distance_mean` (over vertices) and `distance_max`,
-/// `color_low` and `color_high` (the values at the ends of the scale).
-///
-/// # Errors
-/// [`JobError::Parameter`], [`JobError::ReadMesh`], [`JobError::NoTriangles`], [`JobError::Write`], what [`check_files`]
-/// refuses, [`JobError::Cancelled`].
-pub fn run(
-    source: &MeshSource,
-    other: Option<&MeshSource>,
-    path: &Path,
-    params: &Params,
-    progress: &Progress,
-) -> Result<Report, JobError> {
-    params.check(other.is_some())?;
-    files::check_target(path)?;
-    let inputs = std::iter::once(source).chain(other);
-    let inputs: Vec<_> = inputs.map(|source| source.path.as_path()).collect();
-    check_files(&inputs, &[path])?;
-    let mut report = Report::new("mesh render", params);
-    let file = read_surface(source, &mut report, progress)?;
-    let MeshFile { mut mesh, .. } = file;
-    let look = params.look(&mesh);
-    let rendering = if let Some(other) = other {
-        let reference = &read_surface(other, &mut report, progress)?.mesh;
-        if !params.edges {
-            let edge = FINE_EDGE * mesh.bounds().diagonal();
-            mesh = report.time("refine", || refined(mesh, edge, FINE_TRIANGLES, progress))?;
-        }
-        let values = report.time("compare", || {
-            vertex_distances(&mesh, &Bvh::try_new(reference, progress)?, progress)
-        })?;
-        summarize(&values, &mut report);
-        let values = Colored::new(values, reference.bounds().diagonal(), params);
-        report.time("render", || render(&mesh, &values.paint(), &look, progress))
-    } else {
-        report.time("render", || render(&mesh, &Paint::Plain, &look, progress))
-    };
-    let rendering = rendering.map_err(refused)?;
-    if let Some(legend) = rendering.legend {
-        report.figures.insert("color_low", legend.low);
-        report.figures.insert("color_high", legend.high);
-    }
-    let picture = Picture::from_image(image_of(rendering));
-    let options = WriteOptions {
-        quality: params.quality,
-        ..WriteOptions::default()
-    };
-    files::write(path, &picture, &options, &mut report, progress)?;
-    Ok(report)
-}
-
-fn summarize(distances: &[f64], report: &mut Report) {
-    let fold = |start: f64, pick: fn(f64, f64) -> f64| distances.iter().copied().fold(start, pick);
-    report.figures.extend([
-        ("distance_min", fold(f64::INFINITY, f64::min)),
-        ("distance_max", fold(0.0, f64::max)),
-        (
-            "distance_mean",
-            distances.iter().sum::<f64>() / distances.len().max(1) as f64,
-        ),
-    ]);
-}
-
-/// Numbers at vertices and the scale on which they are shown.
-struct Colored {
-    values: Vec<f64>,
-    map: ColorMap,
-    range: Option<[f64; 2]>,
-}
-
-impl Colored {
-    /// Shares are of the `diagonal` of the mesh to which distances were measured: what is 2% away from it stays so, however
-    /// large the mesh is that lies there.
-    fn new(mut values: Vec<f64>, diagonal: f64, params: &Params) -> Self {
-        let end = params.range.map(|range| range.of(diagonal));
-        let Some(expected) = params.expected else {
-            let most = values.iter().copied().fold(0.0, f64::max);
-            return Self {
-                values,
-                map: ColorMap::Sequential,
-                range: Some([0.0, end.unwrap_or(most)]),
-            };
-        };
-        let expected = expected.of(diagonal);
-        for value in &mut values {
-            *value -= expected;
-        }
-        Self {
-            values,
-            map: ColorMap::Diverging,
-            range: end.map(|end| [-end, end]),
-        }
-    }
-
-    fn paint(&self) -> Paint<'_> {
-        Paint::VertexValues(Values {
-            values: &self.values,
-            map: self.map,
-            range: self.range,
         })
+    }
+}
+
+impl Operation for Render {
+    const NAME: &'static str = "mesh render";
+
+    fn inputs(&self) -> Vec<&Path> {
+        paths(&self.input, [&self.compare])
+    }
+
+    fn outputs(&self) -> Vec<&Path> {
+        vec![&self.output]
+    }
+
+    /// Renders the mesh.
+    ///
+    /// With a mesh to compare, colors show how far each place is from that surface. Triangles are cut for it until they are small, unless
+    /// edges are drawn.
+    ///
+    /// Figures, with a mesh to compare only, of the places drawn: `distance_min`, `distance_mean` (over vertices) and `distance_max`,
+    /// `color_low` and `color_high` (the values at the ends of the scale).
+    ///
+    /// # Errors
+    /// [`JobError::Parameter`], [`JobError::ReadMesh`], [`JobError::NoTriangles`], [`JobError::Write`], [`JobError::RenderMesh`], what
+    /// [`check_files`](crate::check_files) refuses, [`JobError::Cancelled`].
+    fn run(&self, context: &Context) -> Result<Report, JobError> {
+        let Self {
+            input,
+            output,
+            compare,
+            params,
+        } = self;
+        let progress = &context.progress;
+        params.check(compare.is_some())?;
+        files::check_target(output, context)?;
+        context.check_files(&self.inputs(), &self.outputs())?;
+        let mut report = Report::of(self, params);
+        let file = read_surface(input, &mut report, context)?;
+        let MeshFile { mut mesh, unit, .. } = file;
+        let look = params.look(&mesh, unit)?;
+        let rendering = if let Some(other) = compare {
+            let reference = read_surface(other, &mut report, context)?;
+            if !params.edges {
+                let edge = FINE_EDGE * mesh.bounds().diagonal();
+                mesh = report.time("refine", || refined(mesh, edge, FINE_TRIANGLES, progress))?;
+            }
+            let values = report.time("compare", || {
+                vertex_distances(&mesh, &Bvh::try_new(&reference.mesh, progress)?, progress)
+            })?;
+            summarize(&values, &mut report);
+            let values = Colored::new(values, &reference, params)?;
+            report.time("render", || render(&mesh, &values.paint(), &look, progress))
+        } else {
+            report.time("render", || render(&mesh, &Paint::Plain, &look, progress))
+        };
+        let rendering = rendering.map_err(refused)?;
+        if let Some(legend) = rendering.legend {
+            report.figures.insert("color_low", legend.low);
+            report.figures.insert("color_high", legend.high);
+        }
+        let picture = Picture::from_image(image_of(rendering));
+        let options = WriteOptions {
+            quality: params.quality,
+            ..WriteOptions::default()
+        };
+        files::write(output, &picture, &options, &mut report, context)?;
+        Ok(report)
     }
 }
 
@@ -368,16 +374,15 @@ impl Colored {
 pub(super) fn refused(error: RenderError) -> JobError {
     match error {
         RenderError::Cancelled(_) => JobError::Cancelled,
-        other => JobError::Parameter {
-            name: "a parameter",
-            value: other.to_string(),
-            range: "such that a picture can be drawn",
-        },
+        cause => JobError::RenderMesh { cause },
     }
 }
 
-/// The picture as an image: opaque where nothing shines through.
-pub(super) fn image_of(rendering: Rendering) -> AnyImage {
+/// Converts a rendering to an image: with an alpha channel only if a pixel is not opaque.
+///
+/// # Panics
+/// If the rendering has no pixels; [`render`] makes none of that kind.
+pub fn image_of(rendering: Rendering) -> AnyImage {
     let picture = rendering.picture;
     let (width, height) = (picture.width as usize, picture.height as usize);
     let size = Size::new(width, height).expect("the renderer refuses pictures without pixels");
@@ -400,7 +405,7 @@ pub(super) fn image_of(rendering: Rendering) -> AnyImage {
 mod tests {
     use super::*;
     use crate::mesh::{MeshTarget, write_mesh_file};
-    use ravec::mesh::MeshFormat;
+    use ravec::mesh_io::MeshFormat;
     use ravec::raster::Srgba;
     use ravec_scenes::solids::{cuboid, icosphere};
     use std::path::PathBuf;

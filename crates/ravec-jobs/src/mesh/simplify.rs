@@ -1,15 +1,46 @@
 //! `mesh simplify`: fewer triangles for nearly the same surface.
 
-use super::convert::{Begun, Carries, Output};
-use super::{Length, MeshSource, weld};
+use super::convert::{Content, Output, Start};
+use super::{Length, weld};
+use crate::context::Context;
 use crate::error::JobError;
+use crate::operation::Operation;
 use crate::report::Report;
 use ravec::mesh::{BoundaryRule, Keep, SimplifyError, SimplifyParams, SimplifyReport, simplify};
-use ravec::progress::Progress;
+use ravec::mesh_io::LengthUnit;
 use serde::{Deserialize, Serialize};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-/// How far to go, and what to keep.
+/// Simplify a mesh: feature edges are kept, and no new intersections appear
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "cli", derive(clap::Args), command(after_help = HELP, group = clap::ArgGroup::new("goal").args(["triangles", "error"]).required(true).multiple(true)))]
+pub struct Simplify {
+    /// Input mesh; `-` is standard input
+    pub input: PathBuf,
+    /// Output mesh; its extension selects the format, `-` is standard output in the input's format
+    #[cfg_attr(feature = "cli", arg(short, long, value_name = "FILE"))]
+    pub output: PathBuf,
+    /// Parameters.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    #[serde(default)]
+    pub params: Params,
+}
+
+#[cfg(feature = "cli")]
+const HELP: &str = "\
+Examples:
+  ravec mesh simplify part.stl -o small.stl --triangles 200
+  ravec mesh simplify part.stl -o close.3mf --error 0.1%
+  ravec mesh simplify part.stl -o both.ply --triangles 100 --error 2% --feature-angle 30
+
+A closed surface stays closed, and one without intersections stays without them. `ravec mesh compare` proves how far the \
+result is from the original.
+
+Figures: triangles_before, triangles_after, vertices_after, feature_edges (kept as such), collapses; largest_error, with \
+--error; target_reached (0 or 1), with --triangles.";
+
+/// Parameters of [`Simplify`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
@@ -65,18 +96,26 @@ impl Default for Params {
 
 impl Params {
     fn check(&self) -> Result<(), JobError> {
-        let wrong = |name, value: String, range| Err(JobError::Parameter { name, value, range });
+        let wrong = |field, value: String, range| {
+            Err(JobError::Parameter {
+                field,
+                value,
+                range,
+            })
+        };
         if self.triangles.is_none() && self.error.is_none() {
-            let range = "given, at least one of both";
-            return wrong("--triangles or --error", "missing".to_owned(), range);
+            return Err(JobError::Missing {
+                fields: &["triangles", "error"],
+                expected: "give at least one of the two",
+            });
         }
         if let Some(error) = self.error.filter(|error| error.is_negative()) {
-            return wrong("--error", error.to_string(), "at least 0");
+            return wrong("error", error.to_string(), "at least 0");
         }
         for (name, value, most, range) in [
-            ("--feature-angle", self.feature_angle, 180.0, "0 to 180"),
-            ("--max-turn", self.max_turn, 90.0, "0 to 90"),
-            ("--min-quality", self.min_quality, 1.0, "0 to 1"),
+            ("feature_angle", self.feature_angle, 180.0, "0 to 180"),
+            ("max_turn", self.max_turn, 90.0, "0 to 90"),
+            ("min_quality", self.min_quality, 1.0, "0 to 1"),
         ] {
             if !(0.0..=most).contains(&value) {
                 return wrong(name, value.to_string(), range);
@@ -85,10 +124,13 @@ impl Params {
         weld::check(self.weld)
     }
 
-    fn of(&self, diagonal: f64) -> SimplifyParams {
-        SimplifyParams {
+    fn resolve(&self, diagonal: f64, unit: Option<LengthUnit>) -> Result<SimplifyParams, JobError> {
+        let error = self
+            .error
+            .map(|error| error.resolve("error", diagonal, unit));
+        Ok(SimplifyParams {
             target_triangles: self.triangles.unwrap_or(0),
-            max_error: self.error.map_or(f64::INFINITY, |error| error.of(diagonal)),
+            max_error: error.transpose()?.unwrap_or(f64::INFINITY),
             feature_angle_rad: self.feature_angle.to_radians(),
             boundary: if self.lock_boundary {
                 BoundaryRule::Lock
@@ -99,75 +141,83 @@ impl Params {
             min_quality: self.min_quality,
             both_ways: true,
             avoid_intersections: !self.allow_intersections,
-        }
+        })
     }
 }
 
-/// Writes the mesh `source` with fewer triangles to `path`.
-///
-/// Figures: `triangles_before`, `triangles_after`, `vertices_after`, `feature_edges` (those that were left), `collapses`;
-/// `largest_error` with [`Params::error`]; `target_reached` (0 or 1) with [`Params::triangles`].
-///
-/// # Errors
-/// [`JobError::Parameter`], [`JobError::UnknownMeshFormat`], [`JobError::ReadMesh`], [`JobError::WriteMesh`], what
-/// [`check_files`](crate::check_files) refuses, [`JobError::Cancelled`].
-pub fn run(
-    source: &MeshSource,
-    path: &Path,
-    params: &Params,
-    progress: &Progress,
-) -> Result<Report, JobError> {
-    params.check()?;
-    let begun = params.output.begin(
-        "mesh simplify",
-        params,
-        source,
-        path,
-        Carries::Shape,
-        progress,
-    )?;
-    let Begun {
-        mut report,
-        file,
-        target,
-    } = begun;
-    let mesh = weld::welded(file.mesh, params.weld, &mut report, progress)?;
-    let asked = params.of(mesh.bounds().diagonal());
-    let simple = report.time("simplify", || {
-        simplify(&mesh, &asked, &Keep::default(), |_| false, progress)
-    });
-    let simple = simple.map_err(|error| match error {
-        SimplifyError::Cancelled(_) => JobError::Cancelled,
-        other => JobError::Parameter {
-            name: "the mesh or a parameter",
-            value: other.to_string(),
-            range: "such that it can be simplified",
-        },
-    })?;
-    let done = simple.report;
-    report.figures.extend([
-        ("triangles_before", done.triangles_before as f64),
-        ("triangles_after", done.triangles_after as f64),
-        ("vertices_after", simple.mesh.positions().len() as f64),
-        ("feature_edges", simple.features.len() as f64),
-        ("collapses", done.collapses as f64),
-    ]);
-    if let Some(error) = done.largest_error {
-        report.figures.insert("largest_error", error);
+impl Operation for Simplify {
+    const NAME: &'static str = "mesh simplify";
+
+    fn inputs(&self) -> Vec<&Path> {
+        vec![&self.input]
     }
-    if let Some(wanted) = params.triangles {
-        let reached = f64::from(u8::from(done.target_reached));
-        report.figures.insert("target_reached", reached);
-        if !done.target_reached {
-            let why = reasons(&done);
-            let left = done.triangles_after;
-            report.warn(format!(
-                "{left} triangles are left instead of {wanted}: {why}"
-            ));
+
+    fn outputs(&self) -> Vec<&Path> {
+        vec![&self.output]
+    }
+
+    /// Writes the mesh with fewer triangles.
+    ///
+    /// Figures: `triangles_before`, `triangles_after`, `vertices_after`, `feature_edges` (those that were left), `collapses`;
+    /// `largest_error` with [`Params::error`]; `target_reached` (0 or 1) with [`Params::triangles`].
+    ///
+    /// # Errors
+    /// [`JobError::Parameter`], [`JobError::Missing`], [`JobError::Simplify`], [`JobError::UnknownMeshFormat`], [`JobError::ReadMesh`], [`JobError::WriteMesh`], what
+    /// [`check_files`](crate::check_files) refuses, [`JobError::Cancelled`].
+    fn run(&self, context: &Context) -> Result<Report, JobError> {
+        let Self {
+            input,
+            output,
+            params,
+        } = self;
+        let progress = &context.progress;
+        params.check()?;
+        let report = Report::of(self, params);
+        let start = params
+            .output
+            .start(report, input, output, Content::Shape, context)?;
+        let Start {
+            mut report,
+            file,
+            target,
+        } = start;
+        let mesh = weld::welded(file.mesh, params.weld, file.unit, &mut report, progress)?;
+        let settings = params.resolve(mesh.bounds().diagonal(), file.unit)?;
+        let simple = report.time("simplify", || {
+            simplify(&mesh, &settings, &Keep::default(), |_| false, progress)
+        });
+        let simple = simple.map_err(|error| match error {
+            SimplifyError::Cancelled(_) => JobError::Cancelled,
+            cause => JobError::Simplify {
+                path: input.clone(),
+                cause,
+            },
+        })?;
+        let done = simple.report;
+        report.figures.extend([
+            ("triangles_before", done.triangles_before as f64),
+            ("triangles_after", done.triangles_after as f64),
+            ("vertices_after", simple.mesh.positions().len() as f64),
+            ("feature_edges", simple.features.len() as f64),
+            ("collapses", done.collapses as f64),
+        ]);
+        if let Some(error) = done.largest_error {
+            report.figures.insert("largest_error", error);
         }
+        if let Some(wanted) = params.triangles {
+            let reached = f64::from(u8::from(done.target_reached));
+            report.figures.insert("target_reached", reached);
+            if !done.target_reached {
+                let why = reasons(&done);
+                let left = done.triangles_after;
+                report.warn(format!(
+                    "{left} triangles are left instead of {wanted}: {why}"
+                ));
+            }
+        }
+        super::write(output, &simple.mesh, &target, &mut report, context)?;
+        Ok(report)
     }
-    super::write(path, &simple.mesh, &target, &mut report, progress)?;
-    Ok(report)
 }
 
 /// Obstacles, the most common first.
@@ -177,20 +227,20 @@ fn reasons(done: &SimplifyReport) -> String {
         (vetoes.topology, "the topology would have changed"),
         (
             vetoes.features,
-            "features and borders are kept (--feature-angle)",
+            "features and borders are kept (`feature_angle`)",
         ),
         (
             vetoes.turns,
-            "triangles would have turned over (--max-turn)",
+            "triangles would have turned over (`max_turn`)",
         ),
         (
             vetoes.quality,
-            "triangles would be too thin (--min-quality)",
+            "triangles would be too thin (`min_quality`)",
         ),
-        (vetoes.error, "the error would be too large (--error)"),
+        (vetoes.error, "the error would be too large (`error`)"),
         (
             vetoes.intersections,
-            "triangles would intersect (--allow-intersections)",
+            "triangles would intersect (`allow_intersections`)",
         ),
     ];
     reasons.retain(|(count, _)| *count > 0);
@@ -207,7 +257,8 @@ fn reasons(done: &SimplifyReport) -> String {
 mod tests {
     use super::*;
     use crate::mesh::{MeshTarget, read_mesh_file, write_mesh_file};
-    use ravec::mesh::{CheckParams, MeshFormat, MeshLimits, TriMesh, check};
+    use ravec::mesh::{CheckParams, TriMesh, check};
+    use ravec::mesh_io::{MeshFormat, MeshLimits};
     use ravec_scenes::solids::{cylinder, sheet, torus};
 
     fn simplified(mesh: &TriMesh, params: &Params) -> (TriMesh, Report) {

@@ -1,9 +1,11 @@
 //! Viewpoints and planes of cuts as people give them.
 
 use super::Length;
+use crate::error::JobError;
 use glam::DVec3;
 use ravec::mesh::TriMesh;
-use ravec::mesh::render::View;
+use ravec::mesh_io::LengthUnit;
+use ravec::mesh_render::View;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
@@ -88,10 +90,18 @@ impl Cut {
     /// The unit normal toward the side that is taken away, and how far along it the plane is.
     ///
     /// `None` if the plane is nowhere: the direction is 0, or the mesh is empty and the place a share.
-    pub fn plane(&self, mesh: &TriMesh) -> Option<(DVec3, f64)> {
-        let along = DVec3::from_array(self.along).try_normalize()?;
+    ///
+    /// # Errors
+    /// [`JobError::Parameter`] if the place has a unit and that of the mesh is unknown.
+    pub fn plane(
+        &self,
+        mesh: &TriMesh,
+        unit: Option<LengthUnit>,
+    ) -> Result<Option<(DVec3, f64)>, JobError> {
+        let Some(along) = DVec3::from_array(self.along).try_normalize() else {
+            return Ok(None);
+        };
         let at = match self.at {
-            Length::Units(at) => at,
             Length::Percent(percent) => {
                 let corners = mesh.triangles().iter().flatten();
                 let places = corners.map(|&v| along.dot(mesh.positions()[v as usize]));
@@ -99,13 +109,15 @@ impl Cut {
                 let (low, high) = places.fold(none, |(low, high), at| (low.min(at), high.max(at)));
                 low + percent / 100.0 * (high - low)
             }
+            // independent of the diagonal
+            length => length.resolve("section", 0.0, unit)?,
         };
         let (normal, offset) = if self.before {
             (-along, -at)
         } else {
             (along, at)
         };
-        offset.is_finite().then_some((normal, offset))
+        Ok(offset.is_finite().then_some((normal, offset)))
     }
 }
 

@@ -4,13 +4,14 @@ use super::Length;
 use crate::error::JobError;
 use crate::report::Report;
 use ravec::mesh::{TriMesh, try_weld};
+use ravec::mesh_io::LengthUnit;
 use ravec::progress::Progress;
 
 /// Refuses a tolerance below 0.
 pub(super) fn check(tolerance: Option<Length>) -> Result<(), JobError> {
     match tolerance.filter(|length| length.is_negative()) {
         Some(length) => Err(JobError::Parameter {
-            name: "--weld",
+            field: "weld",
             value: length.to_string(),
             range: "at least 0",
         }),
@@ -24,13 +25,14 @@ pub(super) fn check(tolerance: Option<Length>) -> Result<(), JobError> {
 pub(super) fn welded(
     mesh: TriMesh,
     tolerance: Option<Length>,
+    unit: Option<LengthUnit>,
     report: &mut Report,
     progress: &Progress,
 ) -> Result<TriMesh, JobError> {
     let Some(tolerance) = tolerance else {
         return Ok(mesh);
     };
-    let tolerance = tolerance.of(mesh.bounds().diagonal());
+    let tolerance = tolerance.resolve("weld", mesh.bounds().diagonal(), unit)?;
     let welded = report.time("weld", || try_weld(&mesh, tolerance, progress))?;
     let (positions, mut triangles) = welded.mesh.into_parts();
     let before = triangles.len();

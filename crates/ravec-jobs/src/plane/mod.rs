@@ -1,28 +1,26 @@
 //! Operations on planes in a picture: seen from straight on, with a grid that snaps, proposed from nothing.
 
-mod overlay;
+pub mod overlay;
 pub mod planes;
 mod quad;
 pub mod rectify;
-mod segments;
-mod showcase;
 pub mod snap;
 
 pub(crate) use overlay::{draw_line, line_width};
 pub use quad::{Focal, Grid, Quad, Ratio};
-pub(crate) use showcase::show;
 
+use crate::context::Context;
 use crate::error::JobError;
-use crate::files::{self, Source};
+use crate::files;
 use crate::report::Report;
 use std::path::Path;
 
 /// Whether one picture can be read and another, if any, be written: said before anything is worked out.
-fn check_paths(input: &Source, output: Option<&Path>) -> Result<(), JobError> {
+fn check_paths(input: &Path, output: Option<&Path>, context: &Context) -> Result<(), JobError> {
     let outputs: Vec<&Path> = output.into_iter().collect();
-    files::check_files(&[&input.path], &outputs)?;
+    context.check_files(&[input], &outputs)?;
     let mut pictures = outputs.into_iter().filter(|path| !is_json(path));
-    pictures.try_for_each(files::check_target)
+    pictures.try_for_each(|path| files::check_target(path, context))
 }
 
 /// True for an output that gets the result as JSON, not as a picture.
@@ -32,7 +30,7 @@ fn is_json(path: &Path) -> bool {
 }
 
 /// Writes the result of the report as JSON.
-fn write_result(path: &Path, report: &mut Report) -> Result<(), JobError> {
+fn write_result(path: &Path, report: &mut Report, context: &Context) -> Result<(), JobError> {
     let text = report.result_json().unwrap_or_default();
-    files::write_output_text(path, "JSON", &text, report)
+    files::write_output_text(path, "JSON", &text, report, context)
 }

@@ -5,28 +5,23 @@ use ravec::planar::QuadGrid;
 use ravec::raster::{Image, LinearRgba, Size};
 
 /// A color in linear light.
-pub(crate) type Color = [f32; 3];
+pub type Color = [f32; 3];
 
 /// Color of the input grid.
-pub(crate) const BEFORE: Color = [1.0, 0.55, 0.0];
+pub const BEFORE: Color = [1.0, 0.55, 0.0];
 /// Color of the result.
-pub(crate) const AFTER: Color = [0.0, 0.85, 0.25];
+pub const AFTER: Color = [0.0, 0.85, 0.25];
 
 /// A width that can be seen in a picture of this size: three pixels of two thousand, or a quarter of the shorter side of a
 /// strip, which a line would else fill.
-pub(crate) fn line_width(size: Size) -> f64 {
+pub fn line_width(size: Size) -> f64 {
     let (width, height) = (size.width() as f64, size.height() as f64);
     let share = 1.5e-3 * width.hypot(height);
     share.min(0.25 * width.min(height)).max(1.2)
 }
 
 /// Draws the stretch from `a` to `b`, `width_px` wide, with smooth borders. What is not finite, or far outside, is not drawn.
-pub(crate) fn draw_line(
-    image: &mut Image<LinearRgba>,
-    [a, b]: [DVec2; 2],
-    width_px: f64,
-    color: Color,
-) {
+pub fn draw_line(image: &mut Image<LinearRgba>, [a, b]: [DVec2; 2], width_px: f64, color: Color) {
     let extent = DVec2::new(image.width() as f64, image.height() as f64);
     let (low, high) = (a.min(b) - width_px, a.max(b) + width_px);
     if !(a.is_finite() && b.is_finite()) {
@@ -66,12 +61,7 @@ pub(crate) fn draw_line(
 }
 
 /// Draws all lines of a grid, its border twice as wide.
-pub(crate) fn draw_grid(
-    image: &mut Image<LinearRgba>,
-    grid: &QuadGrid,
-    width_px: f64,
-    color: Color,
-) {
+pub fn draw_grid(image: &mut Image<LinearRgba>, grid: &QuadGrid, width_px: f64, color: Color) {
     let columns =
         (0..=grid.columns()).map(|k| (grid.column_line(k), k == 0 || k == grid.columns()));
     let rows = (0..=grid.rows()).map(|k| (grid.row_line(k), k == 0 || k == grid.rows()));

@@ -1,21 +1,55 @@
 //! `planes`: quadrilaterals that may be rectangles on planes, from the edges of a picture.
 
+use crate::context::Context;
 use crate::error::JobError;
-use crate::files::{self, Source};
+use crate::files;
+use crate::operation::Operation;
 use crate::plane::overlay::{Color, draw_line, line_width};
-use crate::plane::segments::segments;
 use crate::plane::{Focal, check_paths, is_json, write_result};
 use crate::report::Report;
 use glam::dvec2;
 use ravec::planar::{Proposals, Segment, propose_planes};
-use ravec::progress::Progress;
-use ravec::raster::{Image, LinearRgba};
+use ravec::raster::{Image, LinearRgba, PremulLinearRgba};
+use ravec::twocolor::line_segments;
 use ravec_media::{WriteOptions, focal_px_from_35mm};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-/// How planes are proposed.
+/// Propose planes from the edges of a picture, and print them as JSON
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "cli", derive(clap::Args), command(after_help = HELP))]
+pub struct Planes {
+    /// Input picture; `-` is standard input
+    pub input: PathBuf,
+    /// Output picture of the planes and the edges that support them, or the planes if the name ends in .json
+    #[cfg_attr(feature = "cli", arg(short, long, value_name = "FILE"))]
+    #[serde(default)]
+    pub output: Option<PathBuf>,
+    /// Parameters.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    #[serde(default)]
+    pub params: Params,
+}
+
+#[cfg(feature = "cli")]
+const HELP: &str = "\
+Examples:
+  ravec planes photo.jpg
+  ravec planes photo.jpg -o planes.png --focal 28mm
+  ravec planes photo.jpg --most 1 -o planes.json
+
+Proposals are there to be chosen from: give the corners of one to ravec snap or ravec rectify.
+
+Standard output gets one object in JSON: planes, the best first, each with quad (four corners [x, y] in pixels, clockwise from the upper \
+left one), vanishing (the numbers of the points where its sides meet), support_px (the length of the edges along its sides) and \
+right_angles (true, false, or null without a focal length); vanishing_points, each with at (homogeneous coordinates x, y, w) and \
+length_px; focal_px, given or found, or null. With --json, it is result in the report.
+
+Figures: planes, segments, vanishing_points, focal_px.";
+
+/// Parameters of [`Planes`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
@@ -38,72 +72,89 @@ impl Default for Params {
     }
 }
 
-/// Proposes planes, the best first. An `output` that ends in `.json` gets the result; any other is a picture that shows the
-/// planes in strong colors, with the edges that led to them: those that meet in one point in one color.
-///
-/// The report's `result` has `planes` (each with `quad`, four corners [x, y] clockwise from the upper left one, `vanishing`,
-/// the numbers of its two vanishing points, `support_px` and `right_angles`), `vanishing_points` (each with `at`, three
-/// homogeneous coordinates, and `length_px`) and `focal_px` (null if nothing is known). Figures: `planes`, `segments`,
-/// `vanishing_points`, `focal_px`.
-///
-/// # Errors
-/// [`JobError::Parameter`], [`JobError::Read`], [`JobError::Write`], [`JobError::Cancelled`].
-pub fn run(
-    input: &Source,
-    output: Option<&Path>,
-    params: &Params,
-    progress: &Progress,
-) -> Result<Report, JobError> {
-    if !(1..=12).contains(&params.most) {
-        return Err(JobError::Parameter {
-            name: "--most",
-            value: params.most.to_string(),
-            range: "1 to 12",
-        });
+impl Operation for Planes {
+    const NAME: &'static str = "planes";
+
+    const PRINTS_RESULT: bool = true;
+
+    fn inputs(&self) -> Vec<&Path> {
+        vec![&self.input]
     }
-    check_paths(input, output)?;
-    let mut report = Report::new("planes", params);
-    let picture = files::read(input, &mut report, progress)?;
-    let size = picture.image.size();
-    let exif = || {
-        let film = picture.origin.focal_35mm()?;
-        Some(focal_px_from_35mm(film, size.width(), size.height()))
-    };
-    let focal = params
-        .focal
-        .map(|focal| focal.in_pixels(size))
-        .or_else(exif);
-    let image = picture.convert();
-    let edges = report.time("edges", || segments(&image, progress))?;
-    let extent = dvec2(size.width() as f64, size.height() as f64);
-    let mut found = report.time("planes", || propose_planes(&edges, extent, focal, progress))?;
-    found.planes.truncate(params.most);
-    for (name, count) in [
-        ("planes", found.planes.len()),
-        ("segments", edges.len()),
-        ("vanishing_points", found.vanishing_points.len()),
-    ] {
-        report.figures.insert(name, count as f64);
+
+    fn outputs(&self) -> Vec<&Path> {
+        self.output.as_deref().into_iter().collect()
     }
-    if let Some(focal) = found.focal_px {
-        report.figures.insert("focal_px", focal);
-    }
-    report.result = Some(described(&found));
-    if let Some(output) = output.filter(|path| is_json(path)) {
-        write_result(output, &mut report)?;
-    } else if let Some(output) = output {
-        let mut image: Image<LinearRgba> = picture.convert();
-        draw(&mut image, &edges, &found);
-        let drawn = picture.with_image(&image);
-        files::write(
+
+    /// Proposes planes, the best first. An `output` that ends in `.json` gets the result; any other is a picture that shows the
+    /// planes in strong colors, with the edges that led to them: those that meet in one point in one color.
+    ///
+    /// The report's `result` has `planes` (each with `quad`, four corners [x, y] clockwise from the upper left one, `vanishing`,
+    /// the numbers of its two vanishing points, `support_px` and `right_angles`), `vanishing_points` (each with `at`, three
+    /// homogeneous coordinates, and `length_px`) and `focal_px` (null if nothing is known). Figures: `planes`, `segments`,
+    /// `vanishing_points`, `focal_px`.
+    ///
+    /// # Errors
+    /// [`JobError::Parameter`], [`JobError::Read`], [`JobError::Write`], [`JobError::Cancelled`].
+    fn run(&self, context: &Context) -> Result<Report, JobError> {
+        let Self {
+            input,
             output,
-            &drawn,
-            &WriteOptions::default(),
-            &mut report,
-            progress,
-        )?;
+            params,
+        } = self;
+        let progress = &context.progress;
+        let output = output.as_deref();
+        if !(1..=12).contains(&params.most) {
+            return Err(JobError::Parameter {
+                field: "most",
+                value: params.most.to_string(),
+                range: "1 to 12",
+            });
+        }
+        check_paths(input, output, context)?;
+        let mut report = Report::of(self, params);
+        let picture = files::read(input, &mut report, context)?;
+        let size = picture.image.size();
+        let exif = || {
+            let film = picture.origin.focal_35mm()?;
+            Some(focal_px_from_35mm(film, size.width(), size.height()))
+        };
+        let focal = params
+            .focal
+            .map(|focal| focal.in_pixels(size))
+            .or_else(exif);
+        let image: Image<PremulLinearRgba> = picture.convert();
+        let edges = report.time("edges", || line_segments(&image, progress))?;
+        let extent = dvec2(size.width() as f64, size.height() as f64);
+        let mut found =
+            report.time("planes", || propose_planes(&edges, extent, focal, progress))?;
+        found.planes.truncate(params.most);
+        for (name, count) in [
+            ("planes", found.planes.len()),
+            ("segments", edges.len()),
+            ("vanishing_points", found.vanishing_points.len()),
+        ] {
+            report.figures.insert(name, count as f64);
+        }
+        if let Some(focal) = found.focal_px {
+            report.figures.insert("focal_px", focal);
+        }
+        report.result = Some(described(&found));
+        if let Some(output) = output.filter(|path| is_json(path)) {
+            write_result(output, &mut report, context)?;
+        } else if let Some(output) = output {
+            let mut image: Image<LinearRgba> = picture.convert();
+            draw(&mut image, &edges, &found);
+            let drawn = picture.with_image(&image);
+            files::write(
+                output,
+                &drawn,
+                &WriteOptions::default(),
+                &mut report,
+                context,
+            )?;
+        }
+        Ok(report)
     }
-    Ok(report)
 }
 
 fn described(found: &Proposals) -> Value {
@@ -147,8 +198,13 @@ const PLANE_COLORS: [Color; 6] = [
     [0.9, 0.9, 0.9],
 ];
 
-/// Draws edges thin and planes as grids of three by three.
-pub(crate) fn draw(image: &mut Image<LinearRgba>, edges: &[Segment], found: &Proposals) {
+/// Draws the edges of each vanishing point as thin lines in a color of its own, and each plane as a grid of three by three.
+///
+/// `edges` are the segments from which `found` was proposed.
+///
+/// # Panics
+/// If `found` names a segment that `edges` lacks.
+pub fn draw(image: &mut Image<LinearRgba>, edges: &[Segment], found: &Proposals) {
     let width = line_width(image.size());
     for (point, color) in found.vanishing_points.iter().zip(POINT_COLORS) {
         for &edge in &point.segments {

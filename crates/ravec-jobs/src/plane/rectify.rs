@@ -1,20 +1,52 @@
 //! `rectify`: a plane of a picture, seen from straight on.
 
+use crate::context::Context;
 use crate::error::JobError;
-use crate::files::{self, Source};
+use crate::files;
+use crate::operation::Operation;
 use crate::plane::{Focal, Quad, Ratio, check_paths};
 use crate::report::Report;
 use glam::dvec2;
 use ravec::planar::{Beyond, Known, Straight, proportions, straight_view, warp};
-use ravec::progress::Progress;
 use ravec::raster::{Color as _, Image, LinearRgba, PremulLinearRgba, Size};
 use ravec_media::{Picture, WriteOptions, focal_px_from_35mm};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-/// How a plane is seen from straight on.
+/// Rectify a plane of a picture: show it from the front, with its true proportions
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "cli", derive(clap::Args), command(after_help = HELP))]
+pub struct Rectify {
+    /// Input picture; `-` is standard input
+    pub input: PathBuf,
+    /// Output picture; its extension selects the format, `-` is standard output in the input's format
+    #[cfg_attr(feature = "cli", arg(short, long, value_name = "FILE"))]
+    pub output: PathBuf,
+    /// Parameters.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub params: Params,
+}
+
+#[cfg(feature = "cli")]
+const HELP: &str = "\
+Examples:
+  ravec rectify photo.jpg -o front.png --quad 36,26,130,7,136,97,52,85 --aspect 4:3
+  ravec rectify photo.jpg -o front.png --quad 36,26,130,7,136,97,52,85 --focal 28mm --whole
+  ravec rectify photo.jpg -o front.png --quad 36,26,130,7,136,97,52,85 --aspect 4:3 --json f.json
+
+The corners of a rectangle on the plane are given in turn, from the upper left one clockwise, in pixels, x right, y down; the center of \
+the first pixel is (0.5, 0.5). Its proportions are those of --aspect; else they follow from the focal length, given or in the \
+EXIF data; else from its right angles, if neither pair of sides is parallel in the picture. For both, the picture should not \
+have been cropped.
+
+Figures: aspect (width by height), aspect_sigma_percent (its standard deviation if each corner is a pixel off), angle_deg (between the \
+sides, 90 for a rectangle), focal_px. In JSON, result has these, aspect_from (hand, focal, exif or right-angles), quad, size, and \
+image_from_straight and straight_from_image, nine numbers each, row by row.";
+
+/// Parameters of [`Rectify`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
@@ -119,79 +151,92 @@ impl FromStr for Outside {
     }
 }
 
-/// Writes the plane of a rectangle in the picture as if it was seen from straight on, with its true proportions and each pixel
-/// filtered once.
-///
-/// The proportions are the ones given, or follow from the focal length (given, or in the EXIF data), or from the rectangle's
-/// right angles; the middle of the picture is taken for where the axis of the lens goes through.
-///
-/// The report's `result` has `quad`, `size` in pixels, `image_from_straight` and `straight_from_image` (nine numbers each, row
-/// by row), `aspect`, `aspect_from` (`hand`, `focal`, `exif` or `right-angles`), `aspect_sigma_percent` (its standard deviation
-/// if the corners are a pixel off), `focal_px` and `angle_deg` (between the sides; 90 for a rectangle). The same numbers, where
-/// they are single, are figures.
-///
-/// # Errors
-/// [`JobError::Parameter`], [`JobError::Quad`], [`JobError::Outside`], [`JobError::Proportions`], [`JobError::Read`],
-/// [`JobError::Write`], [`JobError::Cancelled`].
-pub fn run(
-    input: &Source,
-    output: &Path,
-    params: &Params,
-    progress: &Progress,
-) -> Result<Report, JobError> {
-    for (name, side) in [("--width", params.width), ("--height", params.height)] {
-        if let Some(side) = side.filter(|side| !(1..=65535).contains(side)) {
+impl Operation for Rectify {
+    const NAME: &'static str = "rectify";
+
+    fn inputs(&self) -> Vec<&Path> {
+        vec![&self.input]
+    }
+
+    fn outputs(&self) -> Vec<&Path> {
+        vec![&self.output]
+    }
+
+    /// Writes the plane of a rectangle in the picture as if it was seen from straight on, with its true proportions and each pixel
+    /// filtered once.
+    ///
+    /// The proportions are the ones given, or follow from the focal length (given, or in the EXIF data), or from the rectangle's
+    /// right angles; the middle of the picture is taken for where the axis of the lens goes through.
+    ///
+    /// The report's `result` has `quad`, `size` in pixels, `image_from_straight` and `straight_from_image` (nine numbers each, row
+    /// by row), `aspect`, `aspect_from` (`hand`, `focal`, `exif` or `right-angles`), `aspect_sigma_percent` (its standard deviation
+    /// if the corners are a pixel off), `focal_px` and `angle_deg` (between the sides; 90 for a rectangle). The same numbers, where
+    /// they are single, are figures.
+    ///
+    /// # Errors
+    /// [`JobError::Parameter`], [`JobError::Quad`], [`JobError::Outside`], [`JobError::Proportions`], [`JobError::Read`],
+    /// [`JobError::Write`], [`JobError::Cancelled`].
+    fn run(&self, context: &Context) -> Result<Report, JobError> {
+        let Self {
+            input,
+            output,
+            params,
+        } = self;
+        let progress = &context.progress;
+        for (name, side) in [("width", params.width), ("height", params.height)] {
+            if let Some(side) = side.filter(|side| !(1..=65535).contains(side)) {
+                return Err(JobError::Parameter {
+                    field: name,
+                    value: side.to_string(),
+                    range: "1 to 65535",
+                });
+            }
+        }
+        if !(0.0..=100.0).contains(&params.margin) {
             return Err(JobError::Parameter {
-                name,
-                value: side.to_string(),
-                range: "1 to 65535",
+                field: "margin",
+                value: params.margin.to_string(),
+                range: "0 to 100",
             });
         }
-    }
-    if !(0.0..=100.0).contains(&params.margin) {
-        return Err(JobError::Parameter {
-            name: "--margin",
-            value: params.margin.to_string(),
-            range: "0 to 100",
-        });
-    }
-    check_paths(input, Some(output))?;
-    let mut report = Report::new("rectify", params);
-    let picture = files::read(input, &mut report, progress)?;
-    let size = picture.image.size();
-    params.quad.check(size)?;
-    let view = view(params, &picture, &mut report)?;
-    let area = view.size.x * view.size.y;
-    let straight_size = Size::new(view.size.x as usize, view.size.y as usize)
-        .ok()
-        .filter(|_| area <= input.limits.max_pixels as f64)
-        .ok_or_else(|| JobError::Parameter {
-            name: "the size of the result",
-            value: format!("{:.0} x {:.0} pixels", view.size.x, view.size.y),
-            range: "within --max-pixels: give a smaller --width or --margin",
+        check_paths(input, Some(output), context)?;
+        let mut report = Report::of(self, params);
+        let picture = files::read(input, &mut report, context)?;
+        let size = picture.image.size();
+        params.quad.check(size)?;
+        let view = view(params, &picture, &mut report)?;
+        let area = view.size.x * view.size.y;
+        let straight_size = Size::new(view.size.x as usize, view.size.y as usize)
+            .ok()
+            .filter(|_| area <= context.limits.max_pixels as f64)
+            .ok_or(JobError::ResultSize {
+                width: view.size.x,
+                height: view.size.y,
+                remedy: "give a smaller `width` or `margin`",
+            })?;
+        files::check_size(output, straight_size, &picture, context)?;
+        let map = &view.image_from_straight;
+        let straight: Image<LinearRgba> = report.time("warp", || {
+            let source = picture.convert::<PremulLinearRgba>();
+            let beyond = match params.beyond {
+                Outside::Transparent => Beyond::Pixel(PremulLinearRgba([0.0; 4])),
+                Outside::Extended => Beyond::Border,
+                Outside::Color(rgb) => Beyond::Pixel(PremulLinearRgba::from_linear(
+                    ravec::raster::Srgb(rgb).to_linear(),
+                )),
+            };
+            warp(&source, map, straight_size, beyond, progress).map(|image| settled(&image))
         })?;
-    files::check_size(output, straight_size, &picture)?;
-    let map = &view.image_from_straight;
-    let straight: Image<LinearRgba> = report.time("warp", || {
-        let source = picture.convert::<PremulLinearRgba>();
-        let beyond = match params.beyond {
-            Outside::Transparent => Beyond::Pixel(PremulLinearRgba([0.0; 4])),
-            Outside::Extended => Beyond::Border,
-            Outside::Color(rgb) => Beyond::Pixel(PremulLinearRgba::from_linear(
-                ravec::raster::Srgb(rgb).to_linear(),
-            )),
-        };
-        warp(&source, map, straight_size, beyond, progress).map(|image| settled(&image))
-    })?;
-    let result = picture.with_image(&straight);
-    files::write(
-        output,
-        &result,
-        &WriteOptions::default(),
-        &mut report,
-        progress,
-    )?;
-    Ok(report)
+        let result = picture.with_image(&straight);
+        files::write(
+            output,
+            &result,
+            &WriteOptions::default(),
+            &mut report,
+            context,
+        )?;
+        Ok(report)
+    }
 }
 
 /// The view and its place in the report.
@@ -240,7 +285,7 @@ fn view(params: &Params, picture: &Picture, report: &mut Report) -> Result<Strai
     }
     if found.ratio_sigma_rel > 0.1 {
         report.warn(
-            "the proportions hang on fractions of a pixel of the corners: give --aspect or --focal if you know them",
+            "the proportions hang on fractions of a pixel of the corners: give `aspect` or `focal` if you know them",
         );
     }
     report.result = Some(json!({

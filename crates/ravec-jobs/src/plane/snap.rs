@@ -1,19 +1,51 @@
 //! `snap`: a rough grid on a plane, moved onto the edges below it.
 
+use crate::context::Context;
 use crate::error::JobError;
-use crate::files::{self, Source};
+use crate::files;
+use crate::operation::Operation;
 use crate::plane::overlay::{AFTER, BEFORE, draw_grid, line_width};
 use crate::plane::{Grid, Quad, check_paths, is_json, write_result};
 use crate::report::Report;
 use ravec::planar::{QuadGrid, SnapError, SnapParams, encoded_luminance, snap, snap_counting};
-use ravec::progress::Progress;
 use ravec::raster::{Image, LinearRgba, with_image};
 use ravec_media::WriteOptions;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-/// How a grid snaps.
+/// Snap a rough grid to the edges below it, and print its corners as JSON
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "cli", derive(clap::Args), command(after_help = HELP))]
+pub struct Snap {
+    /// Input picture; `-` is standard input
+    pub input: PathBuf,
+    /// Output picture of the grid before (orange) and after (green), or the result if the name ends in .json
+    #[cfg_attr(feature = "cli", arg(short, long, value_name = "FILE"))]
+    #[serde(default)]
+    pub output: Option<PathBuf>,
+    /// Parameters.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub params: Params,
+}
+
+#[cfg(feature = "cli")]
+const HELP: &str = "\
+Examples:
+  ravec snap photo.jpg --quad 36,26,130,7,136,97,52,85 --grid 4x3
+  ravec snap photo.jpg --quad 36,26,130,7,136,97,52,85 --grid 4x3 -o grid.png
+
+The corners of the grid are given in turn, from the upper left one clockwise, in pixels, x right, y down; the center of the first pixel \
+is (0.5, 0.5). They should be within a few percent of the grid's diagonal of where they belong (--reach). Lines come to lie on \
+edges, or in the middle of joints.
+
+Standard output gets one object in JSON: quad (four corners [x, y]), columns, rows, support (the share of the lines that lies on an edge, \
+0 to 1), moved_px (of each corner). With --json, it is result in the report.
+
+Figures: support, moved_most_px.";
+
+/// Parameters of [`Snap`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
@@ -54,93 +86,109 @@ impl Params {
     }
 }
 
-/// Moves the corners of a grid so that its lines fall on edges, and says where they are. The picture that may be written shows
-/// the grid before in orange and after in green.
-///
-/// The report's `result` has `quad` (four corners [x, y]), `columns`, `rows`, `support` (the share of the lines' length that
-/// lies on an edge, 0 to 1) and `moved_px` (how far each corner moved). Figures: `support`, `moved_most_px`.
-///
-/// # Errors
-/// [`JobError::Parameter`], [`JobError::Quad`], [`JobError::Outside`], [`JobError::NoSnap`], [`JobError::Read`],
-/// [`JobError::Write`], [`JobError::Cancelled`].
-pub fn run(
-    input: &Source,
-    output: Option<&Path>,
-    params: &Params,
-    progress: &Progress,
-) -> Result<Report, JobError> {
-    if !(0.0..=20.0).contains(&params.reach) {
-        return Err(JobError::Parameter {
-            name: "--reach",
-            value: params.reach.to_string(),
-            range: "0 to 20",
-        });
+impl Operation for Snap {
+    const NAME: &'static str = "snap";
+
+    const PRINTS_RESULT: bool = true;
+
+    fn inputs(&self) -> Vec<&Path> {
+        vec![&self.input]
     }
-    check_paths(input, output)?;
-    let mut report = Report::new("snap", params);
-    let picture = files::read(input, &mut report, progress)?;
-    params.quad.check(picture.image.size())?;
-    let grid = params.grid.unwrap_or(Grid {
-        columns: 1,
-        rows: 1,
-    });
-    let rough = QuadGrid::new(params.quad.0, grid.columns, grid.rows)
-        .map_err(|cause| JobError::Quad { cause })?;
-    let options = SnapParams {
-        reach_rel: params.reach / 100.0,
-    };
-    let found = report.time("snap", || {
-        let plane = with_image!(&picture.image, image => encoded_luminance(image));
-        if params.grid.is_some() {
-            snap(&plane, &rough, &options, progress)
-        } else {
-            let counts = 1..=MAX_COUNT;
-            snap_counting(&plane, &rough, counts.clone(), counts, &options, progress)
-        }
-    });
-    let found = found.map_err(|cause| match cause {
-        SnapError::Cancelled => JobError::Cancelled,
-        cause => JobError::NoSnap {
-            path: input.path.clone(),
-            cause,
-        },
-    })?;
-    let corners = found.grid.corners();
-    let moved: Vec<f64> = (0..4)
-        .map(|k| corners[k].distance(params.quad.0[k]))
-        .collect();
-    report.figures.insert("support", found.support);
-    report.figures.insert(
-        "moved_most_px",
-        moved.iter().fold(0.0, |a: f64, &b| a.max(b)),
-    );
-    report.result = Some(json!({
-        "quad": corners.map(|corner| corner.to_array()),
-        "columns": found.grid.columns(),
-        "rows": found.grid.rows(),
-        "support": found.support,
-        "moved_px": moved,
-    }));
-    if let Some(output) = output.filter(|path| is_json(path)) {
-        write_result(output, &mut report)?;
-    } else if let Some(output) = output {
-        let mut image: Image<LinearRgba> = picture.convert();
-        let width = line_width(image.size());
-        let before = rough
-            .divided(found.grid.columns(), found.grid.rows())
-            .map_err(|cause| JobError::Quad { cause })?;
-        draw_grid(&mut image, &before, 0.6 * width, BEFORE);
-        draw_grid(&mut image, &found.grid, width, AFTER);
-        let drawn = picture.with_image(&image);
-        files::write(
+
+    fn outputs(&self) -> Vec<&Path> {
+        self.output.as_deref().into_iter().collect()
+    }
+
+    /// Moves the corners of a grid so that its lines fall on edges, and says where they are. The picture that may be written shows
+    /// the grid before in orange and after in green.
+    ///
+    /// The report's `result` has `quad` (four corners [x, y]), `columns`, `rows`, `support` (the share of the lines' length that
+    /// lies on an edge, 0 to 1) and `moved_px` (how far each corner moved). Figures: `support`, `moved_most_px`.
+    ///
+    /// # Errors
+    /// [`JobError::Parameter`], [`JobError::Quad`], [`JobError::Outside`], [`JobError::NoSnap`], [`JobError::Read`],
+    /// [`JobError::Write`], [`JobError::Cancelled`].
+    fn run(&self, context: &Context) -> Result<Report, JobError> {
+        let Self {
+            input,
             output,
-            &drawn,
-            &WriteOptions::default(),
-            &mut report,
-            progress,
-        )?;
+            params,
+        } = self;
+        let progress = &context.progress;
+        let output = output.as_deref();
+        if !(0.0..=20.0).contains(&params.reach) {
+            return Err(JobError::Parameter {
+                field: "reach",
+                value: params.reach.to_string(),
+                range: "0 to 20",
+            });
+        }
+        check_paths(input, output, context)?;
+        let mut report = Report::of(self, params);
+        let picture = files::read(input, &mut report, context)?;
+        params.quad.check(picture.image.size())?;
+        let grid = params.grid.unwrap_or(Grid {
+            columns: 1,
+            rows: 1,
+        });
+        let rough = QuadGrid::new(params.quad.0, grid.columns, grid.rows)
+            .map_err(|cause| JobError::Quad { cause })?;
+        let options = SnapParams {
+            reach_rel: params.reach / 100.0,
+        };
+        let found = report.time("snap", || {
+            let plane = with_image!(&picture.image, image => encoded_luminance(image));
+            if params.grid.is_some() {
+                snap(&plane, &rough, &options, progress)
+            } else {
+                let counts = 1..=MAX_COUNT;
+                snap_counting(&plane, &rough, counts.clone(), counts, &options, progress)
+            }
+        });
+        let found = found.map_err(|cause| match cause {
+            SnapError::Cancelled => JobError::Cancelled,
+            cause => JobError::NoSnap {
+                path: input.clone(),
+                cause,
+            },
+        })?;
+        let corners = found.grid.corners();
+        let moved: Vec<f64> = (0..4)
+            .map(|k| corners[k].distance(params.quad.0[k]))
+            .collect();
+        report.figures.insert("support", found.support);
+        report.figures.insert(
+            "moved_most_px",
+            moved.iter().fold(0.0, |a: f64, &b| a.max(b)),
+        );
+        report.result = Some(json!({
+            "quad": corners.map(|corner| corner.to_array()),
+            "columns": found.grid.columns(),
+            "rows": found.grid.rows(),
+            "support": found.support,
+            "moved_px": moved,
+        }));
+        if let Some(output) = output.filter(|path| is_json(path)) {
+            write_result(output, &mut report, context)?;
+        } else if let Some(output) = output {
+            let mut image: Image<LinearRgba> = picture.convert();
+            let width = line_width(image.size());
+            let before = rough
+                .divided(found.grid.columns(), found.grid.rows())
+                .map_err(|cause| JobError::Quad { cause })?;
+            draw_grid(&mut image, &before, 0.6 * width, BEFORE);
+            draw_grid(&mut image, &found.grid, width, AFTER);
+            let drawn = picture.with_image(&image);
+            files::write(
+                output,
+                &drawn,
+                &WriteOptions::default(),
+                &mut report,
+                context,
+            )?;
+        }
+        Ok(report)
     }
-    Ok(report)
 }
 
 #[cfg(test)]

@@ -1,22 +1,22 @@
 //! `retarget`: a picture in other formats, with objects in shape and lines straight.
 
-mod showcase;
 mod size;
 
-pub(crate) use showcase::show;
 pub use size::SizeSpec;
 
+use crate::context::Context;
 use crate::error::JobError;
-use crate::files::{self, Source};
+use crate::files;
+use crate::operation::{Operation, paths};
 use crate::plane::{draw_line, line_width};
 use crate::report::Report;
 use ravec::progress::Progress;
-use ravec::raster::{AnyImage, Color, Image, LinearRgba, Mask, Plane, Size, Srgba, with_image};
+use ravec::raster::{AnyImage, Color, Image, LinearRgba, Size, Srgba, with_image};
 use ravec::retarget::{
     AnalysisSummary, Borders, Deformation, Painted, RetargetError, RetargetParams, Retargeter,
     SolveSummary,
 };
-use ravec_media::WriteOptions;
+use ravec_media::{Picture, WriteOptions};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -44,7 +44,49 @@ impl From<Border> for Borders {
     }
 }
 
-/// Which sizes are made, and how.
+/// Change the aspect ratio of a picture: objects keep their shape, straight lines stay straight
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "cli", derive(clap::Args), command(after_help = HELP))]
+pub struct Retarget {
+    /// Input picture; `-` is standard input
+    pub input: PathBuf,
+    /// Output picture; its extension selects the format, `-` is standard output in the input's format. With several
+    /// sizes `{size}` in the name stands for each
+    #[cfg_attr(feature = "cli", arg(short, long, value_name = "FILE"))]
+    pub output: PathBuf,
+    /// Mask of the objects that keep their shape, of the same size, white on black; `-` is standard input
+    #[cfg_attr(feature = "cli", arg(long, value_name = "MASK"))]
+    #[serde(default)]
+    pub protect: Option<PathBuf>,
+    /// Mask of the areas that may be squeezed or stretched first, likewise
+    #[cfg_attr(feature = "cli", arg(long, value_name = "MASK"))]
+    #[serde(default)]
+    pub give_way: Option<PathBuf>,
+    /// Write the deformed grid and the straight lines as well, over the result or, if the name ends in .svg, as a drawing
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
+    #[serde(default)]
+    pub show_grid: Option<PathBuf>,
+    /// Parameters.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    #[serde(default)]
+    pub params: Params,
+}
+
+#[cfg(feature = "cli")]
+const HELP: &str = "\
+Examples:
+  ravec retarget photo.jpg -o square.png --size 100x100
+  ravec retarget photo.jpg -o narrow.jpg --size 75%x100% --protect mask.png --show-grid grid.svg
+  ravec retarget photo.jpg -o 'out-{size}.png' --size 60x120 --size 160x60 --size 50% --crop 0.2
+
+If both sides change by the same factor, the result is plain scaling. A side may change to between 1/20 and 20 times its length.
+
+Figures: cells, unknowns and straight_runs of the analysis, mean_importance (0 to 1); of all sizes the most bounded_edges (kept \
+from folding), plain_share (plain scaling mixed in to prove that nothing folds) and cropped (share of a side), and the least_area \
+of a cell against plain scaling. With --json the result lists these for each size.";
+
+/// Parameters of [`Retarget`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
@@ -118,13 +160,19 @@ impl Params {
     }
 
     fn check(&self) -> Result<(), JobError> {
-        let wrong = |name, value: String, range| Err(JobError::Parameter { name, value, range });
+        let wrong = |field, value: String, range| {
+            Err(JobError::Parameter {
+                field,
+                value,
+                range,
+            })
+        };
         let flags: [(&'static str, f64, f64, f64, &'static str); 5] = [
-            ("--grid", self.grid as f64, 2.0, 400.0, "2 to 400"),
-            ("--saliency", self.saliency, 0.0, 1.0, "0 to 1"),
-            ("--lines", self.lines, 0.0, 10.0, "0 to 10"),
-            ("--object-scale", self.object_scale, 0.25, 4.0, "0.25 to 4"),
-            ("--crop", self.crop, 0.0, 0.5, "0 to 0.5"),
+            ("grid", self.grid as f64, 2.0, 400.0, "2 to 400"),
+            ("saliency", self.saliency, 0.0, 1.0, "0 to 1"),
+            ("lines", self.lines, 0.0, 10.0, "0 to 10"),
+            ("object_scale", self.object_scale, 0.25, 4.0, "0.25 to 4"),
+            ("crop", self.crop, 0.0, 0.5, "0 to 0.5"),
         ];
         for (name, value, low, high, range) in flags {
             if !(low..=high).contains(&value) {
@@ -132,35 +180,27 @@ impl Params {
             }
         }
         if self.sizes.is_empty() {
-            return wrong("--size", "missing".to_owned(), "given at least once");
+            return Err(JobError::Missing {
+                fields: &["sizes"],
+                expected: "give at least one",
+            });
         }
         if !(1..=100).contains(&self.quality) {
-            return wrong("--quality", self.quality.to_string(), "1 to 100");
+            return wrong("quality", self.quality.to_string(), "1 to 100");
         }
         Ok(())
     }
 }
 
-/// What the operation reads besides the picture, and what it writes besides its outputs.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Extras {
-    /// What must keep its shape: white on black.
-    pub protect: Option<Source>,
-    /// What may give way.
-    pub give_way: Option<Source>,
-    /// The grid over the result: SVG if the name says so, else a picture.
-    pub show_grid: Option<PathBuf>,
-}
-
-/// What stands for the size in the name of an output.
-const PLACE: &str = "{size}";
+/// Placeholder of the size in the name of an output.
+const PLACEHOLDER: &str = "{size}";
 
 /// The name of an output for a size.
 fn named(path: &Path, size: Size) -> PathBuf {
     let text = format!("{}x{}", size.width(), size.height());
     path.to_str().map_or_else(
         || path.to_path_buf(),
-        |name| PathBuf::from(name.replace(PLACE, &text)),
+        |name| PathBuf::from(name.replace(PLACEHOLDER, &text)),
     )
 }
 
@@ -169,126 +209,136 @@ fn is_svg(path: &Path) -> bool {
         .is_some_and(|extension| extension.eq_ignore_ascii_case("svg"))
 }
 
-/// Makes the picture in every size. With several sizes, `{size}` in the name of an output becomes the size, as in `1080x1080`.
-///
-/// Figures: `cells`, `unknowns` and `straight_runs` of the analysis, `mean_importance`, 0 to 1; of all sizes the most
-/// `bounded_edges` (that would have folded), `plain_share` (of plain scaling mixed in) and `cropped` (share of a side), and the
-/// `least_area` of a cell against plain scaling. The result lists what was solved, size by size.
-///
-/// # Errors
-/// [`JobError::Parameter`], [`JobError::Read`], [`JobError::SizesDiffer`], [`JobError::Retarget`], [`JobError::Write`], what
-/// [`check_files`](crate::check_files) refuses, [`JobError::Cancelled`].
-pub fn run(
-    input: &Source,
-    output: &Path,
-    extras: &Extras,
-    params: &Params,
-    progress: &Progress,
-) -> Result<Report, JobError> {
-    params.check()?;
-    let targets: Vec<&Path> = std::iter::once(output)
-        .chain(extras.show_grid.as_deref())
-        .collect();
-    for &target in &targets {
-        if !is_svg(target) || target == output {
-            files::check_target(target)?;
-        }
-        if params.sizes.len() > 1 && !target.to_string_lossy().contains(PLACE) {
-            return Err(JobError::Parameter {
-                name: "--output",
-                value: target.display().to_string(),
-                range: "a name with {size} in it, where there are several sizes",
-            });
-        }
+impl Operation for Retarget {
+    const NAME: &'static str = "retarget";
+
+    fn inputs(&self) -> Vec<&Path> {
+        paths(&self.input, [&self.protect, &self.give_way])
     }
-    let masks = [&extras.protect, &extras.give_way].map(Option::as_ref);
-    let inputs: Vec<&Path> = std::iter::once(input)
-        .chain(masks.into_iter().flatten())
-        .map(|source| source.path.as_path())
-        .collect();
-    files::check_files(&inputs, &targets)?;
-    let mut report = Report::new("retarget", params);
-    let picture = files::read(input, &mut report, progress)?;
-    let size = picture.image.size();
-    let mut sizes = Vec::new();
-    for spec in &params.sizes {
-        let new = spec.of(size, params.keep_aspect, input.limits.max_pixels)?;
-        files::check_size(output, new, &picture)?;
-        if !sizes.contains(&new) {
-            sizes.push(new);
-        }
+
+    fn outputs(&self) -> Vec<&Path> {
+        paths(&self.output, [&self.show_grid])
     }
-    let outputs: Vec<PathBuf> = targets
-        .iter()
-        .flat_map(|target| sizes.iter().map(|&size| named(target, size)))
-        .collect();
-    files::check_files(
-        &inputs,
-        &outputs.iter().map(PathBuf::as_path).collect::<Vec<_>>(),
-    )?;
-    let mut read = |source: Option<&Source>| match source {
-        None => Ok(None),
-        Some(source) => {
-            let mask = files::read(source, &mut report, progress)?.image;
-            if mask.size() == size {
-                return Ok(Some(coverage(&mask)));
-            }
-            Err(JobError::SizesDiffer {
-                a: input.path.clone(),
-                a_size: size,
-                b: source.path.clone(),
-                b_size: mask.size(),
+
+    /// Writes the picture in every size. With several sizes, `{size}` in the name of an output becomes the size, as in `1080x1080`.
+    ///
+    /// Figures: `cells`, `unknowns` and `straight_runs` of the analysis, `mean_importance`, 0 to 1; of all sizes the most
+    /// `bounded_edges` (that would have folded), `plain_share` (of plain scaling mixed in) and `cropped` (share of a side), and the
+    /// `least_area` of a cell against plain scaling. The result lists what was solved, size by size.
+    ///
+    /// # Errors
+    /// [`JobError::Parameter`], [`JobError::Missing`], [`JobError::Read`], [`JobError::SizesDiffer`], [`JobError::Retarget`],
+    /// [`JobError::Write`], what [`check_files`](crate::check_files) refuses, [`JobError::Cancelled`].
+    fn run(&self, context: &Context) -> Result<Report, JobError> {
+        let Self { input, params, .. } = self;
+        let progress = &context.progress;
+        params.check()?;
+        self.check_names(context)?;
+        context.check_files(&self.inputs(), &self.outputs())?;
+        let mut report = Report::of(self, params);
+        let picture = files::read(input, &mut report, context)?;
+        let size = picture.image.size();
+        let sizes = self.sizes(&picture, context)?;
+        let mut read = |path: Option<&PathBuf>| {
+            path.map(|path| files::read_mask(path, input, size, &mut report, context))
+                .transpose()
+        };
+        let (protect, give_way) = (read(self.protect.as_ref())?, read(self.give_way.as_ref())?);
+        let painted = Painted {
+            protect: protect.as_ref(),
+            give_way: give_way.as_ref(),
+        };
+        let failed = |cause| JobError::from_retargeting(input, cause);
+        let options = params.options();
+        let retargeter = report
+            .time("analyze", || {
+                with_image!(&picture.image, image => Retargeter::new(image, painted, &options, progress))
             })
-        }
-    };
-    let (protect, give_way) = (read(masks[0])?, read(masks[1])?);
-    let painted = Painted {
-        protect: protect.as_ref(),
-        give_way: give_way.as_ref(),
-    };
-    let failed = |cause| JobError::from_retargeting(&input.path, cause);
-    let options = params.options();
-    let retargeter = report
-        .time("analyze", || {
-            with_image!(&picture.image, image => Retargeter::new(image, painted, &options, progress))
-        })
-        .map_err(failed)?;
-    let mut solved = Vec::new();
-    for &new in &sizes {
-        let deformation = report
-            .time("solve", || retargeter.solve(new))
             .map_err(failed)?;
+        let mut solved = Vec::new();
+        for &new in &sizes {
+            let deformation = report
+                .time("solve", || retargeter.solve(new))
+                .map_err(failed)?;
+            self.deliver(&deformation, new, &picture, &mut report, context)?;
+            solved.push(deformation.summary().clone());
+        }
+        record(&mut report, retargeter.summary(), &solved);
+        Ok(report)
+    }
+}
+
+impl Retarget {
+    /// Refuses names of outputs that do not name a format, or do not distinguish several sizes.
+    fn check_names(&self, context: &Context) -> Result<(), JobError> {
+        for target in self.outputs() {
+            if !is_svg(target) || target == self.output {
+                files::check_target(target, context)?;
+            }
+            let several = self.params.sizes.len() > 1;
+            if several && !target.to_string_lossy().contains(PLACEHOLDER) {
+                return Err(JobError::Parameter {
+                    field: "output",
+                    value: target.display().to_string(),
+                    range: "a name with {size} in it, where there are several sizes",
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// The sizes in pixels, each once. Outputs of these sizes are checked.
+    fn sizes(&self, picture: &Picture, context: &Context) -> Result<Vec<Size>, JobError> {
+        let mut sizes = Vec::new();
+        for spec in &self.params.sizes {
+            let keep_aspect = self.params.keep_aspect;
+            let size = spec.of(picture.image.size(), keep_aspect, context.limits.max_pixels)?;
+            files::check_size(&self.output, size, picture, context)?;
+            if !sizes.contains(&size) {
+                sizes.push(size);
+            }
+        }
+        let targets = self.outputs();
+        let outputs = targets
+            .iter()
+            .flat_map(|target| sizes.iter().map(|&size| named(target, size)));
+        let outputs: Vec<PathBuf> = outputs.collect();
+        let outputs: Vec<&Path> = outputs.iter().map(PathBuf::as_path).collect();
+        context.check_files(&self.inputs(), &outputs)?;
+        Ok(sizes)
+    }
+
+    /// Warps the picture to one size, and writes it and its grid.
+    fn deliver(
+        &self,
+        deformation: &Deformation,
+        size: Size,
+        picture: &Picture,
+        report: &mut Report,
+        context: &Context,
+    ) -> Result<(), JobError> {
         let image: AnyImage = report
             .time(
                 "warp",
-                || with_image!(&picture.image, image => warped(&deformation, image, progress)),
+                || with_image!(&picture.image, image => warped(deformation, image, &context.progress)),
             )
-            .map_err(failed)?;
-        if let Some(path) = &extras.show_grid {
-            show_grid(
-                &named(path, new),
-                &deformation,
-                &image,
-                &mut report,
-                progress,
-            )?;
+            .map_err(|cause| JobError::from_retargeting(&self.input, cause))?;
+        if let Some(path) = &self.show_grid {
+            show_grid(&named(path, size), deformation, &image, report, context)?;
         }
         let options = WriteOptions {
-            quality: params.quality,
+            quality: self.params.quality,
             ..WriteOptions::default()
         };
-        let path = named(output, new);
+        let path = named(&self.output, size);
         files::write(
             &path,
             &picture.with_pixels(image),
             &options,
-            &mut report,
-            progress,
-        )?;
-        solved.push(deformation.summary().clone());
+            report,
+            context,
+        )
     }
-    record(&mut report, retargeter.summary(), &solved);
-    Ok(report)
 }
 
 fn record(report: &mut Report, analysis: &AnalysisSummary, solved: &[SolveSummary]) {
@@ -329,7 +379,7 @@ fn show_grid(
     deformation: &Deformation,
     image: &AnyImage,
     report: &mut Report,
-    progress: &Progress,
+    context: &Context,
 ) -> Result<(), JobError> {
     if is_svg(path) {
         let mut drawing = Vec::new();
@@ -337,15 +387,15 @@ fn show_grid(
             .write_grid_svg(None, &mut drawing)
             .expect("a vector takes every write");
         let text = String::from_utf8_lossy(&drawing);
-        return files::write_output_text(path, "SVG", &text, report);
+        return files::write_output_text(path, "SVG", &text, report, context);
     }
     let drawn = with_grid(deformation, image.convert());
-    let picture = ravec_media::Picture::from_image(drawn.convert::<Srgba<u8>>());
-    files::write(path, &picture, &WriteOptions::default(), report, progress)
+    let picture = Picture::from_image(drawn.convert::<Srgba<u8>>());
+    files::write(path, &picture, &WriteOptions::default(), report, context)
 }
 
-/// The new picture with the grid and the straight runs drawn over it.
-fn with_grid(deformation: &Deformation, mut image: Image<LinearRgba>) -> Image<LinearRgba> {
+/// Draws the deformed grid and the straight runs over `image`, the picture at its new size.
+pub fn with_grid(deformation: &Deformation, mut image: Image<LinearRgba>) -> Image<LinearRgba> {
     let width = line_width(image.size());
     for line in deformation.grid_lines() {
         draw_line(&mut image, line.ends, 0.4 * width, [0.9, 0.9, 0.9]);
@@ -356,15 +406,6 @@ fn with_grid(deformation: &Deformation, mut image: Image<LinearRgba>) -> Image<L
         }
     }
     image
-}
-
-/// How white a mask is: encoded values, as one sees them, times alpha.
-fn coverage(mask: &AnyImage) -> Mask {
-    let values: Image<Srgba<f32>> = mask.convert();
-    let plane: Plane =
-        values.map(|Srgba([r, g, b, alpha])| alpha * (0.299 * r + 0.587 * g + 0.114 * b));
-    // black is black in spite of rounding
-    Mask::from_coverage(&plane.map(|value| (value * 65535.0).round() / 65535.0))
 }
 
 #[cfg(test)]

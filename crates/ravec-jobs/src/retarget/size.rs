@@ -103,9 +103,9 @@ impl SizeSpec {
             [0, 1].map(|a: usize| asked[a].unwrap_or(old[a]))
         };
         let wrong = || JobError::Parameter {
-            name: "--size",
+            field: "sizes",
             value: self.to_string(),
-            range: "small enough to keep the output within --max-pixels",
+            range: "small enough to keep the output within `max_pixels`",
         };
         let sides = new.map(|side| side.round().max(1.0));
         if sides[0] * sides[1] > max_pixels as f64 {

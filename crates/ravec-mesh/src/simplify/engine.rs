@@ -18,8 +18,8 @@ use super::queue::{Entry, Queue};
 use super::state::{Collapse, Frame, State, planned};
 use super::surface::{GONE, Surface};
 use super::{ErrorSample, Keep, Simplified, SimplifyError, SimplifyParams, SimplifyReport};
-use crate::gathered::gathered;
 use crate::loose_octree::LooseOctree;
+use crate::par_collect::par_collect;
 use crate::{Aabb, Adjacency, Bvh, TriMesh};
 
 /// The weight of the planes across boundaries and features, relative to the square of the edge. Smaller lets curves
@@ -119,7 +119,7 @@ impl<'a, J: CollapseJudge> Engine<'a, J> {
         };
         let vertices = mesh.positions().len();
         let local = |v: u32| frame.to_local(mesh.positions()[v as usize]);
-        let mut quadrics = gathered(vertices, progress, |v| {
+        let mut quadrics = par_collect(vertices, progress, |v| {
             let corners = surface.star(v).map(|(_, t)| Quadric::corner(t.map(local)));
             [corners.fold(Quadric::default(), |sum, corner| sum + corner)]
         })?;
@@ -149,7 +149,7 @@ impl<'a, J: CollapseJudge> Engine<'a, J> {
         }
         let limits = Limits::new(params);
         let planned: Vec<Result<Entry, Veto>> =
-            gathered(adjacency.edges().len(), progress, |edge| {
+            par_collect(adjacency.edges().len(), progress, |edge| {
                 let ends = adjacency.edges()[edge as usize];
                 let planned = planned(&surface, &quadrics, frame, ends, limits.max_error);
                 [planned.map(|(_, cost)| Entry::new(cost, ends, 0))]

@@ -3,10 +3,8 @@
 use super::coverage::{Coverage, Part, Truth, coverage};
 use super::oracle::Oracle;
 use glam::DVec3;
-use ravec_mesh::{
-    CheckParams, MeshCheck, MeshFormat, ReadOptions, TriMesh, WriteOptions, check, read_mesh, weld,
-    write_mesh,
-};
+use ravec_mesh::{CheckParams, MeshCheck, TriMesh, check, weld};
+use ravec_mesh_io::{MeshFormat, ReadOptions, WriteOptions, read_mesh, write_mesh};
 use ravec_offset::{Coordinates, Offset, OffsetParams, Side, offset};
 use ravec_progress::Progress;
 

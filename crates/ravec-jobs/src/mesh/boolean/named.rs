@@ -1,11 +1,14 @@
 //! Mesh files with names by which expressions speak of them.
 
 use crate::error::JobError;
+use serde::{Deserialize, Serialize};
 use std::ffi::OsString;
+use std::fmt;
 use std::path::PathBuf;
 
 /// A mesh file and its name in the expression, as in `drill=parts/drill.ply`.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(from = "String", into = "String")]
 pub struct NamedFile {
     /// Letters, digits and underscores; without one the file is called by a letter.
     pub name: Option<String>,
@@ -30,6 +33,41 @@ impl From<OsString> for NamedFile {
     }
 }
 
+impl NamedFile {
+    /// The parser of the command line. Paths need not be Unicode.
+    #[cfg(feature = "cli")]
+    pub(super) fn parser() -> impl clap::builder::TypedValueParser<Value = Self> {
+        use clap::builder::{OsStringValueParser, TypedValueParser as _};
+        OsStringValueParser::new().map(Self::from)
+    }
+}
+
+impl From<String> for NamedFile {
+    fn from(text: String) -> Self {
+        OsString::from(text).into()
+    }
+}
+
+impl fmt::Display for NamedFile {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let path = self.path.display();
+        match &self.name {
+            Some(name) => write!(f, "{name}={path}"),
+            // not to be taken for one with a name
+            None if Self::from(self.path.clone().into_os_string()) != *self => {
+                write!(f, "./{path}")
+            }
+            None => write!(f, "{path}"),
+        }
+    }
+}
+
+impl From<NamedFile> for String {
+    fn from(file: NamedFile) -> Self {
+        file.to_string()
+    }
+}
+
 fn is_name(text: &str) -> bool {
     !text.is_empty() && text.chars().all(|c| c.is_alphanumeric() || c == '_')
 }
@@ -39,10 +77,8 @@ pub(super) fn names(files: &[NamedFile]) -> Result<Vec<String>, JobError> {
     let mut given: Vec<&str> = Vec::new();
     for name in files.iter().filter_map(|file| file.name.as_deref()) {
         if given.contains(&name) {
-            return Err(JobError::Parameter {
-                name: "a mesh",
-                value: format!("named {name} twice"),
-                range: "the only one of its name",
+            return Err(JobError::NameTwice {
+                name: name.to_owned(),
             });
         }
         given.push(name);
@@ -109,7 +145,10 @@ mod tests {
         assert_eq!(letters(701), "zz");
         assert_eq!(letters(702), "aaa");
         let error = names(&["a=x", "a=y"].map(file)).unwrap_err();
-        assert_eq!(error.exit_code(), 2);
-        assert!(error.to_string().contains("named a twice"), "{error}");
+        assert_eq!(error.kind(), crate::ErrorKind::Request);
+        assert!(
+            error.to_string().contains("two meshes are named a"),
+            "{error}"
+        );
     }
 }

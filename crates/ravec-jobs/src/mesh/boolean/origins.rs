@@ -1,6 +1,7 @@
 //! Where each triangle of a result comes from, as a file.
 
 use super::NamedFile;
+use crate::context::Context;
 use crate::error::JobError;
 use crate::files::{is_stream, write_output_text};
 use crate::report::Report;
@@ -26,7 +27,7 @@ fn kind(path: &Path) -> Result<Kind, JobError> {
         Some("csv") => Ok(Kind::Csv),
         _ if is_stream(path) => Ok(Kind::Csv),
         _ => Err(JobError::Parameter {
-            name: "--origins",
+            field: "origins",
             value: path.display().to_string(),
             range: "a file that ends in .json or .csv",
         }),
@@ -39,12 +40,13 @@ pub(super) fn write(
     inputs: &[(&String, &NamedFile)],
     origins: &[Origin],
     report: &mut Report,
+    context: &Context,
 ) -> Result<(), JobError> {
     let (text, format) = match kind(path)? {
         Kind::Json => (json(inputs, origins), "JSON"),
         Kind::Csv => (csv(inputs, origins), "CSV"),
     };
-    write_output_text(path, format, &text, report)
+    write_output_text(path, format, &text, report, context)
 }
 
 /// One object with the meshes and, for each triangle, `[mesh, triangle, reversed, whole]`.

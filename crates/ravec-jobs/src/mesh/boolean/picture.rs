@@ -1,5 +1,6 @@
 //! A picture of a result that shows what is old and what is new in it.
 
+use crate::context::Context;
 use crate::error::JobError;
 use crate::files;
 use crate::mesh::Viewpoint;
@@ -7,10 +8,9 @@ use crate::mesh::render::{image_of, refused};
 use crate::report::Report;
 use ravec::boolean::{Boolean, Origin};
 use ravec::mesh::TriMesh;
-use ravec::mesh::render::{
+use ravec::mesh_render::{
     Camera, FeatureLines, LineStyle, MarkedEdges, Paint, RenderParams, render,
 };
-use ravec::progress::Progress;
 use ravec_media::{Picture, WriteOptions};
 use std::path::Path;
 
@@ -26,8 +26,8 @@ const CLOSING: [u8; 3] = [120, 186, 118];
 /// The color of edges along which surfaces were cut.
 const SEAM: [u8; 3] = [196, 30, 58];
 
-/// The colors of the triangles of a result.
-pub(super) fn colors(origins: &[Origin]) -> Vec<[u8; 3]> {
+/// Colors the triangles of a result by their origin: gray-blue as they were, orange if cut, green if they close a hole.
+pub fn origin_colors(origins: &[Origin]) -> Vec<[u8; 3]> {
     let color = |origin: &Origin| match (origin.triangle, origin.whole) {
         (None, _) => CLOSING,
         (Some(_), true) => WHOLE,
@@ -36,8 +36,8 @@ pub(super) fn colors(origins: &[Origin]) -> Vec<[u8; 3]> {
     origins.iter().map(color).collect()
 }
 
-/// A look with the seams of a result marked.
-pub(super) fn look(result: &Boolean, width_px: f64, look: &RenderParams) -> RenderParams {
+/// Adds to `params` red lines `width_px` wide along the edges where the surfaces of a result meet.
+pub fn with_seams(result: &Boolean, width_px: f64, params: &RenderParams) -> RenderParams {
     RenderParams {
         smooth_angle_deg: 0.0,
         features: Some(FeatureLines {
@@ -54,7 +54,7 @@ pub(super) fn look(result: &Boolean, width_px: f64, look: &RenderParams) -> Rend
                 width_px,
             },
         }),
-        ..look.clone()
+        ..params.clone()
     }
 }
 
@@ -64,13 +64,13 @@ pub(super) fn write(
     result: &Boolean,
     view: Viewpoint,
     report: &mut Report,
-    progress: &Progress,
+    context: &Context,
 ) -> Result<(), JobError> {
     let camera = Camera {
         view: view.0,
         ..Camera::default()
     };
-    let look = look(
+    let params = with_seams(
         result,
         2.0,
         &RenderParams {
@@ -78,10 +78,12 @@ pub(super) fn write(
             ..RenderParams::default()
         },
     );
-    let colors = colors(&result.origins);
+    let colors = origin_colors(&result.origins);
     let paint = Paint::FaceColors(&colors);
     let mesh: &TriMesh = &result.mesh;
-    let rendering = report.time("render", || render(mesh, &paint, &look, progress));
+    let rendering = report.time("render", || {
+        render(mesh, &paint, &params, &context.progress)
+    });
     let picture = Picture::from_image(image_of(rendering.map_err(refused)?));
-    files::write(path, &picture, &WriteOptions::default(), report, progress)
+    files::write(path, &picture, &WriteOptions::default(), report, context)
 }

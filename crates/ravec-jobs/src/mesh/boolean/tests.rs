@@ -1,8 +1,9 @@
 use super::*;
 use crate::mesh::{read_mesh_file, write_mesh_file};
 use glam::{DVec2, DVec3};
-use ravec::mesh::{
-    Attributes, Precision, ReadOptions, TriMesh, WriteOptions, measure, read_mesh, write_mesh_with,
+use ravec::mesh::{TriMesh, measure};
+use ravec::mesh_io::{
+    Attributes, Precision, ReadOptions, WriteOptions, read_mesh, write_mesh_with,
 };
 use ravec_scenes::solids::{cuboid, icosphere};
 use std::ffi::OsString;
@@ -244,7 +245,7 @@ fn colors_follow_into_ply_and_are_left_out_elsewhere() {
             &Progress::none(),
         )
         .unwrap();
-        ravec_media::write_atomically(&studio.at(name), |file| file.write_all(&bytes)).unwrap();
+        ravec_files::write_atomically(&studio.at(name), |file| file.write_all(&bytes)).unwrap();
     }
     let report = studio.run("union", "red.ply blue.ply", "out.ply").unwrap();
     assert_eq!(report.warnings, [""; 0]);
@@ -291,7 +292,7 @@ fn texture_coordinates_follow_into_obj_and_gltf() {
         let format = MeshFormat::from_extension(&name[4..]).unwrap();
         let (options, progress) = (WriteOptions::default(), Progress::none());
         write_mesh_with(&mesh, attributes, format, &options, &mut bytes, &progress).unwrap();
-        ravec_media::write_atomically(&studio.at(name), |file| file.write_all(&bytes)).unwrap();
+        ravec_files::write_atomically(&studio.at(name), |file| file.write_all(&bytes)).unwrap();
     }
     for (output, tolerance) in [("out.obj", 1e-12), ("out.gltf", 1e-6)] {
         let report = studio.run("union", "one.obj two.glb", output).unwrap();

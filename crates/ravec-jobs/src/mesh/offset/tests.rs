@@ -1,8 +1,9 @@
 use super::*;
 use crate::mesh::{MeshSource, MeshTarget, read_mesh_file, write_mesh_file};
 use glam::DVec3;
-use ravec::mesh::MeshFormat;
-use ravec::mesh::{Bvh, MeshLimits, vertex_distances, weld};
+use ravec::mesh::{Bvh, vertex_distances, weld};
+use ravec::mesh_io::MeshFormat;
+use ravec::mesh_io::MeshLimits;
 use ravec_scenes::solids::{cuboid, icosphere, sheet};
 use std::path::PathBuf;
 

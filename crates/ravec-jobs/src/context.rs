@@ -1,0 +1,170 @@
+//! Surroundings of a run: progress, limits, and intermediate results in memory.
+
+use crate::error::JobError;
+use crate::files;
+use ravec::mesh_io::{MeshFile, MeshLimits};
+use ravec::progress::Progress;
+use ravec_media::{Limits, Picture};
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Surroundings of a run. Clones share the progress, the memory budget and the intermediate results.
+#[derive(Clone)]
+pub struct Context {
+    /// Receives the progress, and cancels the run.
+    pub progress: Progress,
+    /// Limits for pictures, with the memory budget of all inputs, meshes included.
+    pub limits: Limits,
+    /// Maximum number of triangles of an input mesh (default 200 million).
+    pub max_triangles: u64,
+    /// Maximum number of vertices of an input mesh (default 200 million).
+    pub max_vertices: u64,
+    /// The file into which the caller will write the report. Operations on catalogues refuse to have a photo replaced by it.
+    pub report_file: Option<PathBuf>,
+    /// Intermediate results by name, in a recipe.
+    intermediates: Option<Arc<Intermediates>>,
+}
+
+impl Default for Context {
+    /// No progress and the default limits.
+    fn default() -> Self {
+        Self::new(&Progress::none())
+    }
+}
+
+impl Context {
+    /// Default limits.
+    pub fn new(progress: &Progress) -> Self {
+        let meshes = MeshLimits::default();
+        Self {
+            progress: progress.clone(),
+            limits: Limits::default(),
+            max_triangles: meshes.max_triangles,
+            max_vertices: meshes.max_vertices,
+            report_file: None,
+            intermediates: None,
+        }
+    }
+
+    /// The limits for meshes, with the memory budget of all inputs.
+    pub fn mesh_limits(&self) -> MeshLimits {
+        MeshLimits {
+            memory: self.limits.memory.clone(),
+            max_triangles: self.max_triangles,
+            max_vertices: self.max_vertices,
+        }
+    }
+
+    /// The same surroundings, in which paths such as `@name` are intermediate results.
+    #[must_use]
+    pub(crate) fn with_intermediates(&self) -> Self {
+        Self {
+            intermediates: Some(Arc::default()),
+            ..self.clone()
+        }
+    }
+
+    /// True for a path that is an intermediate result here, not a file.
+    pub(crate) fn is_intermediate(&self, path: &Path) -> bool {
+        self.intermediates.is_some() && is_intermediate(path)
+    }
+
+    /// Refuses what [`files::check_files`] refuses, and intermediate results that are written twice.
+    pub(crate) fn check_files(&self, inputs: &[&Path], outputs: &[&Path]) -> Result<(), JobError> {
+        let files = |paths: &[&Path]| -> Vec<PathBuf> {
+            let files = paths.iter().filter(|path| !self.is_intermediate(path));
+            files.map(|path| path.to_path_buf()).collect()
+        };
+        let (read, written) = (files(inputs), files(outputs));
+        let read: Vec<&Path> = read.iter().map(PathBuf::as_path).collect();
+        let written: Vec<&Path> = written.iter().map(PathBuf::as_path).collect();
+        files::check_files(&read, &written)
+    }
+
+    /// Refuses an intermediate result where only a file will do.
+    pub(crate) fn check_is_file(&self, path: &Path) -> Result<(), JobError> {
+        if self.is_intermediate(path) {
+            return Err(JobError::NotInMemory {
+                path: path.to_path_buf(),
+            });
+        }
+        Ok(())
+    }
+
+    /// Keeps an intermediate result. An earlier one of that name is dropped.
+    pub(crate) fn store(&self, path: &Path, value: Intermediate) {
+        if let Some(intermediates) = &self.intermediates {
+            let mut values = intermediates
+                .0
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner);
+            values.insert(path.to_path_buf(), value);
+        }
+    }
+
+    /// The intermediate result of that name.
+    fn stored(&self, path: &Path) -> Result<Intermediate, JobError> {
+        let missing = || JobError::NoIntermediate {
+            path: path.to_path_buf(),
+            expected: "an output of an earlier step",
+        };
+        let intermediates = self.intermediates.as_ref().ok_or_else(missing)?;
+        let values = intermediates
+            .0
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
+        values.get(path).cloned().ok_or_else(missing)
+    }
+
+    /// The picture of that name.
+    pub(crate) fn stored_picture(&self, path: &Path) -> Result<Picture, JobError> {
+        match self.stored(path)? {
+            Intermediate::Picture(picture) => Ok(picture),
+            _ => Err(wrong_kind(path, "a picture")),
+        }
+    }
+
+    /// The mesh of that name.
+    pub(crate) fn stored_mesh(&self, path: &Path) -> Result<MeshFile, JobError> {
+        match self.stored(path)? {
+            Intermediate::Mesh(mesh) => Ok(MeshFile::clone(&mesh)),
+            _ => Err(wrong_kind(path, "a mesh")),
+        }
+    }
+
+    /// The text of that name.
+    pub(crate) fn stored_text(&self, path: &Path) -> Result<String, JobError> {
+        match self.stored(path)? {
+            Intermediate::Text(text) => Ok(text),
+            _ => Err(wrong_kind(path, "a text")),
+        }
+    }
+}
+
+fn wrong_kind(path: &Path, expected: &'static str) -> JobError {
+    JobError::NoIntermediate {
+        path: path.to_path_buf(),
+        expected,
+    }
+}
+
+/// True for a path that names an intermediate result in a recipe, such as `@wide`. A file of such a name is `./@wide`.
+pub(crate) fn is_intermediate(path: &Path) -> bool {
+    path.to_str().is_some_and(|path| path.starts_with('@'))
+}
+
+/// An intermediate result.
+#[derive(Clone)]
+pub(crate) enum Intermediate {
+    /// Samples as they were computed, not rounded to those of a file.
+    Picture(Picture),
+    /// Coordinates as they were computed, with attributes.
+    Mesh(Arc<MeshFile>),
+    /// JSON, or numbers.
+    Text(String),
+}
+
+/// Intermediate results by name.
+#[derive(Default)]
+struct Intermediates(Mutex<HashMap<PathBuf, Intermediate>>);

@@ -1,0 +1,124 @@
+//! The kinds of errors, by which a program chooses its exit code or a language its exception.
+
+use super::JobError;
+use ravec::boolean::BooleanError;
+use ravec::completion::CompleteError;
+use ravec::offset::OffsetError;
+use ravec::retarget::RetargetError;
+use ravec_catalogue::CatalogueError;
+use ravec_media::EncodeError;
+
+/// The part of a run that an error is about.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum ErrorKind {
+    /// The request: a parameter, the extension of an output, or files that get in each other's way.
+    Request,
+    /// An input: it cannot be read, is invalid, or exceeds a limit.
+    Input,
+    /// An output: it cannot be written.
+    Output,
+    /// The operation: no result for valid inputs.
+    Failure,
+    /// The caller cancelled the run.
+    Cancelled,
+}
+
+impl JobError {
+    /// The kind of the error.
+    pub fn kind(&self) -> ErrorKind {
+        match self {
+            Self::Parameter { .. }
+            | Self::Missing { .. }
+            | Self::ResultSize { .. }
+            | Self::NameTwice { .. }
+            | Self::NotInMemory { .. }
+            | Self::Simplify { .. }
+            | Self::RenderMesh { .. }
+            | Self::OverwritesInput { .. }
+            | Self::OutputTwice { .. }
+            | Self::InputTwice
+            | Self::UnknownMeshFormat { .. }
+            | Self::Expression { .. }
+            | Self::Quad { .. }
+            | Self::Outside { .. }
+            | Self::Offset {
+                cause:
+                    OffsetError::Distance { .. }
+                    | OffsetError::DistanceSize { .. }
+                    | OffsetError::DistanceTooSmall { .. }
+                    | OffsetError::Tolerance { .. }
+                    | OffsetError::SinglePrecision { .. }
+                    | OffsetError::BeyondSinglePrecision
+                    | OffsetError::NormalDeviation { .. },
+                ..
+            }
+            | Self::Complete {
+                cause:
+                    CompleteError::QuadCrosses { .. }
+                    | CompleteError::Plane { .. }
+                    | CompleteError::PlaneOutside { .. }
+                    | CompleteError::Radius { .. }
+                    | CompleteError::Fragment { .. },
+                ..
+            }
+            | Self::Retarget {
+                cause: RetargetError::Parameter { .. } | RetargetError::Factor { .. },
+                ..
+            }
+            | Self::Write {
+                cause: EncodeError::UnknownExtension | EncodeError::Quality { .. },
+                ..
+            } => ErrorKind::Request,
+            Self::Read { .. }
+            | Self::ReadMesh { .. }
+            | Self::NoTriangles { .. }
+            | Self::Offset {
+                cause: OffsetError::NotClosed { .. },
+                ..
+            }
+            | Self::Boolean {
+                cause: BooleanError::OutOfRange { .. },
+            }
+            | Self::SizesDiffer { .. }
+            | Self::Complete { .. }
+            | Self::Strokes { .. }
+            | Self::Steps { .. }
+            | Self::Recipe { .. }
+            | Self::NoIntermediate { .. } => ErrorKind::Input,
+            Self::Write { .. }
+            | Self::WriteMesh { .. }
+            | Self::Offset {
+                cause: OffsetError::Storage { .. },
+                ..
+            } => ErrorKind::Output,
+            Self::Offset { .. }
+            | Self::Boolean { .. }
+            | Self::NoMatch { .. }
+            | Self::Proportions { .. }
+            | Self::NoSnap { .. }
+            | Self::Retarget { .. }
+            | Self::Fit(_)
+            | Self::Render(_) => ErrorKind::Failure,
+            Self::Catalogue(cause) => catalogue_kind(cause),
+            Self::Step { cause, .. } => cause.kind(),
+            Self::Cancelled => ErrorKind::Cancelled,
+        }
+    }
+}
+
+fn catalogue_kind(cause: &CatalogueError) -> ErrorKind {
+    match cause {
+        CatalogueError::TooLarge { .. }
+        | CatalogueError::TooManyPixels { .. }
+        | CatalogueError::NoThirds { .. }
+        | CatalogueError::Protected { .. } => ErrorKind::Request,
+        CatalogueError::Change { .. } | CatalogueError::Busy { writing: true, .. } => {
+            ErrorKind::Output
+        }
+        CatalogueError::Choose(_) | CatalogueError::Threads { .. } => ErrorKind::Failure,
+        CatalogueError::Write(error) if matches!(error.cause, EncodeError::UnknownExtension) => {
+            ErrorKind::Request
+        }
+        _ => ErrorKind::Input,
+    }
+}

@@ -1,0 +1,100 @@
+//! Work that is cancelled at any look stops, and looks come as often as the mesh is large.
+
+mod bombs;
+
+use glam::DVec3;
+use ravec_mesh::TriMesh;
+use ravec_mesh_io::{
+    MeshFormat, ReadMeshError, ReadOptions, WriteMeshError, WriteOptions, read_mesh, write_mesh,
+};
+use ravec_progress::Progress;
+
+const ALL: [MeshFormat; 9] = [
+    MeshFormat::StlBinary,
+    MeshFormat::StlAscii,
+    MeshFormat::PlyBinary,
+    MeshFormat::PlyAscii,
+    MeshFormat::Obj,
+    MeshFormat::Off,
+    MeshFormat::ThreeMf,
+    MeshFormat::Glb,
+    MeshFormat::Gltf,
+];
+
+/// So many tetrahedra, apart from one another, as parts of a machine are.
+fn parts(count: u32) -> TriMesh {
+    let mut positions = Vec::new();
+    let mut triangles = Vec::new();
+    for i in 0..count {
+        let at = 2.1 * DVec3::from_array([i % 40, i / 40 % 40, i / 1600].map(f64::from));
+        positions.extend([DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z].map(|p| at + p));
+        let corners = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
+        triangles.extend(corners.map(|t| t.map(|v| 4 * i + v)));
+    }
+    TriMesh::new(positions, triangles).unwrap()
+}
+
+/// About how many looks at the cancellation `work` takes: the lowest power of 2 at which it is not stopped any more. `work` says
+/// whether it was stopped.
+fn looks(work: impl Fn(&Progress) -> bool) -> u64 {
+    let powers = (0..40).map(|power| 1 << power);
+    let mut powers = powers.skip_while(|&look| work(&Progress::cancelled_at(look)));
+    powers.next().expect("the work has an end")
+}
+
+/// Between two looks there are at most so many triangles, times the passes that work makes over them.
+const BETWEEN: u64 = 1 << 15;
+
+#[track_caller]
+fn assert_looks(what: &str, mesh: &TriMesh, work: impl Fn(&Progress) -> bool) {
+    let looks = looks(work);
+    let least = mesh.triangles().len() as u64 / BETWEEN;
+    assert!(looks > least, "{what}: {looks} looks, not {least}");
+}
+
+#[test]
+fn readers_and_writers_stop_wherever_they_are_cancelled() {
+    let mesh = parts(20_000);
+    for format in ALL {
+        let options = WriteOptions::default();
+        assert_looks(
+            &format!("write {format}"),
+            &mesh,
+            |progress| match write_mesh(&mesh, format, &options, std::io::sink(), progress) {
+                Ok(()) => false,
+                Err(WriteMeshError::Cancelled) => true,
+                Err(other) => panic!("{format}: {other}"),
+            },
+        );
+        let mut file = Vec::new();
+        write_mesh(&mesh, format, &options, &mut file, &Progress::none()).unwrap();
+        for weld_tolerance in [None, Some(0.1)] {
+            let options = ReadOptions {
+                weld_tolerance,
+                ..ReadOptions::default()
+            };
+            assert_looks(
+                &format!("read {format}"),
+                &mesh,
+                |progress| match read_mesh(&file[..], &options, progress) {
+                    Ok(_) => false,
+                    Err(ReadMeshError::Cancelled) => true,
+                    Err(other) => panic!("{format}: {other}"),
+                },
+            );
+        }
+    }
+}
+
+#[test]
+fn an_archive_of_many_parts_is_given_up_between_any_two_of_them() {
+    let file = bombs::many_parts(3_000);
+    let options = ReadOptions::default();
+    let looks = looks(|progress| {
+        matches!(
+            read_mesh(&file[..], &options, progress),
+            Err(ReadMeshError::Cancelled)
+        )
+    });
+    assert!(looks > 6_000, "{looks}");
+}

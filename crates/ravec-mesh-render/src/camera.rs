@@ -1,0 +1,481 @@
+//! Where the mesh is looked at from, and where its points come to lie in the picture.
+
+use glam::DVec3;
+
+use ravec_mesh::Aabb;
+
+/// The axis that points upward.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum UpAxis {
+    /// As in most construction and printing programs; the front is at the lower end of y.
+    #[default]
+    Z,
+    /// As in most scans and games; the front is at the upper end of z.
+    Y,
+}
+
+/// A direction to look from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct View {
+    /// Degrees around the upward axis, counter-clockwise as seen from above: 0 is the front, 90 the right side.
+    pub azimuth_deg: f64,
+    /// Degrees above the horizon, -90 to 90.
+    pub elevation_deg: f64,
+}
+
+impl View {
+    /// From the front.
+    pub const FRONT: Self = Self::new(0.0, 0.0);
+    /// From the right.
+    pub const RIGHT: Self = Self::new(90.0, 0.0);
+    /// From the back.
+    pub const BACK: Self = Self::new(180.0, 0.0);
+    /// From the left.
+    pub const LEFT: Self = Self::new(270.0, 0.0);
+    /// From above, the front below.
+    pub const TOP: Self = Self::new(0.0, 90.0);
+    /// From below, the front above.
+    pub const BOTTOM: Self = Self::new(0.0, -90.0);
+    /// From the corner of front, right and top, all three axes equally long.
+    pub const ISO: Self = Self::new(45.0, 35.264_389_682_754_654);
+
+    /// The named views.
+    pub const NAMED: [(&'static str, Self); 7] = [
+        ("front", Self::FRONT),
+        ("right", Self::RIGHT),
+        ("back", Self::BACK),
+        ("left", Self::LEFT),
+        ("top", Self::TOP),
+        ("bottom", Self::BOTTOM),
+        ("iso", Self::ISO),
+    ];
+
+    /// From `azimuth_deg` around and `elevation_deg` up.
+    pub const fn new(azimuth_deg: f64, elevation_deg: f64) -> Self {
+        Self {
+            azimuth_deg,
+            elevation_deg,
+        }
+    }
+
+    /// The view with this name in [`Self::NAMED`].
+    pub fn from_name(name: &str) -> Option<Self> {
+        let mut named = Self::NAMED.into_iter();
+        named
+            .find(|(known, _)| *known == name)
+            .map(|(_, view)| view)
+    }
+
+    /// To the right, upward, and toward the eye.
+    fn axes(self, up: UpAxis) -> [DVec3; 3] {
+        let (sin_a, cos_a) = self.azimuth_deg.to_radians().sin_cos();
+        let (sin_e, cos_e) = self.elevation_deg.clamp(-90.0, 90.0).to_radians().sin_cos();
+        let axes = [
+            DVec3::new(cos_a, sin_a, 0.0),
+            DVec3::new(-sin_a * sin_e, cos_a * sin_e, cos_e),
+            DVec3::new(sin_a * cos_e, -cos_a * cos_e, sin_e),
+        ];
+        match up {
+            UpAxis::Z => axes,
+            UpAxis::Y => axes.map(|axis| DVec3::new(axis.x, axis.z, -axis.y)),
+        }
+    }
+}
+
+/// How depth is shown.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Projection {
+    /// Parallel lines stay parallel, and lengths can be compared.
+    Orthographic,
+    /// As seen by an eye or a camera from a distance at which the mesh fills the angle.
+    Perspective {
+        /// The larger of the angles that width and height of the picture take, 1 to 150 degrees. Larger shows more depth.
+        field_of_view_deg: f64,
+    },
+}
+
+/// How the mesh is looked at. It is always framed whole, unless something else is asked for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Camera {
+    /// Where from (default [`View::ISO`]).
+    pub view: View,
+    /// The axis that points upward (default z).
+    pub up: UpAxis,
+    /// How depth is shown (default orthographic).
+    pub projection: Projection,
+    /// What is framed: all of the mesh if not given (default). The same box frames different meshes alike.
+    pub frame: Option<Aabb>,
+    /// How many times larger than that it is shown, about the middle of the frame, above 0 (default 1).
+    pub zoom: f64,
+}
+
+impl Default for Camera {
+    fn default() -> Self {
+        Self {
+            view: View::ISO,
+            up: UpAxis::Z,
+            projection: Projection::Orthographic,
+            frame: None,
+            zoom: 1.0,
+        }
+    }
+}
+
+impl Camera {
+    /// Whether all numbers make sense.
+    pub(super) fn is_valid(&self) -> bool {
+        let angle = match self.projection {
+            Projection::Orthographic => true,
+            Projection::Perspective { field_of_view_deg } => {
+                (1.0..=150.0).contains(&field_of_view_deg)
+            }
+        };
+        let frame = self.frame.is_none_or(|frame| {
+            frame.min.is_finite() && frame.max.is_finite() && !frame.is_empty()
+        });
+        let view = self.view.azimuth_deg.is_finite() && self.view.elevation_deg.is_finite();
+        angle && frame && view && self.zoom > 0.0 && self.zoom.is_finite()
+    }
+}
+
+/// A point as it is projected.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Projected {
+    /// In samples from the left.
+    pub x: f64,
+    /// In samples from the top.
+    pub y: f64,
+    /// From 0 at the farthest to 1 at the nearest; linear along lines in the picture.
+    pub key: f64,
+    /// One over the distance along the axis of sight; 1 if orthographic.
+    pub inverse_w: f64,
+}
+
+/// The share of the picture that the frame fills.
+const FILL: f64 = 0.92;
+
+/// From space to samples.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Projector {
+    /// To the right, upward, and toward the eye.
+    axes: [DVec3; 3],
+    /// The origin of the coordinates of the view, so that few digits are lost.
+    origin: DVec3,
+    /// The eye in those; `None` if infinitely far.
+    eye: Option<DVec3>,
+    /// Samples per unit of the image plane, and the samples of its origin.
+    scale: f64,
+    shift: [f64; 2],
+    /// What is taken off from the depth, and what it is then multiplied by.
+    depth: [f64; 2],
+}
+
+impl Projector {
+    /// The projection of a mesh with vertices `points` to a picture of `size` samples.
+    pub fn new(camera: &Camera, points: &[DVec3], bounds: Aabb, size: [f64; 2]) -> Self {
+        let corners = |bounds: Aabb| {
+            (0..8).map(move |i| {
+                let pick = |bit: u32, axis: usize| {
+                    if i >> bit & 1 == 0 {
+                        bounds.min[axis]
+                    } else {
+                        bounds.max[axis]
+                    }
+                };
+                DVec3::new(pick(0, 0), pick(1, 1), pick(2, 2))
+            })
+        };
+        let framed: Vec<DVec3> = match camera.frame {
+            Some(frame) => corners(frame).collect(),
+            None => points.to_vec(),
+        };
+        let bounds = if bounds.is_empty() {
+            Aabb::new(DVec3::ZERO, DVec3::ZERO)
+        } else {
+            bounds
+        };
+        let mut projector = Self {
+            axes: camera.view.axes(camera.up),
+            origin: camera.frame.unwrap_or(bounds).center(),
+            eye: None,
+            scale: 1.0,
+            shift: [0.0; 2],
+            depth: [0.0, 1.0],
+        };
+        if let Projection::Perspective { field_of_view_deg } = camera.projection {
+            projector.place_eye(&framed, field_of_view_deg, size);
+            projector.step_back(corners(bounds), bounds.diagonal());
+        }
+        projector.frame(&framed, size, camera.zoom);
+        projector.scale_depth(points);
+        projector
+    }
+
+    /// Moves the eye to where all of `points` fit into the angle.
+    fn place_eye(&mut self, points: &[DVec3], field_of_view_deg: f64, size: [f64; 2]) {
+        let tangent = (0.5 * field_of_view_deg).to_radians().tan();
+        let larger = size[0].max(size[1]);
+        let mut eye = DVec3::new(0.0, 0.0, f64::NEG_INFINITY);
+        for axis in 0..2 {
+            // Points are within if their offset is at most slope times their distance, on either side.
+            let slope = tangent * size[axis] / larger;
+            let reach = |side: f64| {
+                let over = points.iter().map(|&p| {
+                    let local = self.local(p);
+                    side * local[axis] + slope * local.z
+                });
+                over.fold(f64::NEG_INFINITY, f64::max)
+            };
+            let (above, below) = (reach(1.0), reach(-1.0));
+            if above.is_finite() {
+                eye[axis] = 0.5 * (above - below);
+                eye.z = eye.z.max(0.5 * (above + below) / slope);
+            }
+        }
+        if !eye.z.is_finite() {
+            eye.z = 1.0;
+        }
+        self.eye = Some(eye);
+    }
+
+    /// Moves the eye back to where nothing is beside or behind it.
+    fn step_back(&mut self, corners: impl Iterator<Item = DVec3>, size: f64) {
+        let nearest = corners
+            .map(|p| self.local(p).z)
+            .fold(f64::NEG_INFINITY, f64::max);
+        if let Some(eye) = &mut self.eye {
+            eye.z = eye
+                .z
+                .max(nearest + 1e-3 * size)
+                .max(nearest + f64::MIN_POSITIVE);
+        }
+    }
+
+    /// Scales and shifts the image plane so that `points` fill the picture.
+    fn frame(&mut self, points: &[DVec3], size: [f64; 2], zoom: f64) {
+        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        for &point in points {
+            let (at, _) = self.on_plane(point);
+            for axis in 0..2 {
+                low[axis] = low[axis].min(at[axis]);
+                high[axis] = high[axis].max(at[axis]);
+            }
+        }
+        if low[0] > high[0] {
+            (low, high) = ([0.0; 2], [0.0; 2]);
+        }
+        let fits = [0, 1].map(|axis| FILL * size[axis] / (high[axis] - low[axis]));
+        // A single point is shown at any scale.
+        let scale = fits[0].min(fits[1]);
+        self.scale = zoom * if scale.is_finite() { scale } else { 1.0 };
+        self.shift = [0, 1].map(|axis| {
+            let sign = if axis == 0 { 1.0 } else { -1.0 };
+            0.5 * size[axis] - sign * self.scale * 0.5 * (low[axis] + high[axis])
+        });
+    }
+
+    fn scale_depth(&mut self, points: &[DVec3]) {
+        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+        for &point in points {
+            let depth = self.raw_depth(point);
+            (low, high) = (low.min(depth), high.max(depth));
+        }
+        if low < high {
+            self.depth = [low, 1.0 / (high - low)];
+        }
+    }
+
+    /// In the coordinates of the view.
+    fn local(&self, p: DVec3) -> DVec3 {
+        self.turned(p - self.origin)
+    }
+
+    /// A direction in the coordinates of the view.
+    #[inline]
+    pub fn turned(&self, direction: DVec3) -> DVec3 {
+        DVec3::from_array(self.axes.map(|axis| axis.dot(direction)))
+    }
+
+    /// The place in the image plane at unit distance, and one over the distance.
+    #[inline]
+    fn on_plane(&self, p: DVec3) -> ([f64; 2], f64) {
+        let local = self.local(p);
+        match self.eye {
+            None => ([local.x, local.y], 1.0),
+            Some(eye) => {
+                let inverse = 1.0 / (eye.z - local.z).max(f64::MIN_POSITIVE);
+                (
+                    [(local.x - eye.x) * inverse, (local.y - eye.y) * inverse],
+                    inverse,
+                )
+            }
+        }
+    }
+
+    #[inline]
+    fn raw_depth(&self, p: DVec3) -> f64 {
+        if self.eye.is_none() {
+            self.local(p).z
+        } else {
+            self.on_plane(p).1
+        }
+    }
+
+    /// Where `p` comes to lie.
+    #[inline]
+    pub fn project(&self, p: DVec3) -> Projected {
+        let (at, inverse_w) = self.on_plane(p);
+        Projected {
+            x: self.shift[0] + self.scale * at[0],
+            y: self.shift[1] - self.scale * at[1],
+            key: (self.raw_depth(p) - self.depth[0]) * self.depth[1],
+            inverse_w,
+        }
+    }
+
+    /// The direction toward the eye as seen from a place at `sample`, of unit length, in the coordinates of the view.
+    #[inline]
+    pub fn toward_eye(&self, sample: [f64; 2]) -> DVec3 {
+        if self.eye.is_none() {
+            return DVec3::Z;
+        }
+        let x = (sample[0] - self.shift[0]) / self.scale;
+        let y = (self.shift[1] - sample[1]) / self.scale;
+        DVec3::new(-x, -y, 1.0).normalize()
+    }
+
+    /// Samples per unit of length where the frame's middle is; everywhere if orthographic.
+    #[cfg(test)]
+    pub fn samples_per_unit(&self) -> f64 {
+        self.scale * self.eye.map_or(1.0, |eye| 1.0 / eye.z)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cube_corners() -> Vec<DVec3> {
+        (0..8)
+            .map(|i| DVec3::new(f64::from(i & 1), f64::from(i >> 1 & 1), f64::from(i >> 2)) * 4.0)
+            .collect()
+    }
+
+    fn projector(camera: &Camera) -> Projector {
+        let corners = cube_corners();
+        let bounds = Aabb::around(corners.iter().copied());
+        Projector::new(camera, &corners, bounds, [200.0, 100.0])
+    }
+
+    #[test]
+    fn axes_point_where_the_names_of_the_views_say() {
+        for (view, right, up, toward) in [
+            (View::FRONT, DVec3::X, DVec3::Z, -DVec3::Y),
+            (View::RIGHT, DVec3::Y, DVec3::Z, DVec3::X),
+            (View::BACK, -DVec3::X, DVec3::Z, DVec3::Y),
+            (View::LEFT, -DVec3::Y, DVec3::Z, -DVec3::X),
+            (View::TOP, DVec3::X, DVec3::Y, DVec3::Z),
+            (View::BOTTOM, DVec3::X, -DVec3::Y, -DVec3::Z),
+        ] {
+            for (found, expected) in view.axes(UpAxis::Z).into_iter().zip([right, up, toward]) {
+                assert!(found.distance(expected) < 1e-15, "{view:?}: {found}");
+            }
+        }
+        let [right, up, toward] = View::FRONT.axes(UpAxis::Y);
+        assert_eq!([right, up, toward], [DVec3::X, DVec3::Y, DVec3::Z]);
+        let [_, _, toward] = View::ISO.axes(UpAxis::Z);
+        assert!(toward.distance(DVec3::new(1.0, -1.0, 1.0).normalize()) < 1e-15);
+        assert_eq!(View::from_name("top"), Some(View::TOP));
+        assert_eq!(View::from_name("inside"), None);
+    }
+
+    #[test]
+    fn everything_fits_and_touches_the_margin_in_every_view() {
+        for (_, view) in View::NAMED {
+            for projection in [
+                Projection::Orthographic,
+                Projection::Perspective {
+                    field_of_view_deg: 60.0,
+                },
+            ] {
+                let camera = Camera {
+                    view,
+                    projection,
+                    ..Default::default()
+                };
+                let projector = projector(&camera);
+                let at: Vec<Projected> = cube_corners()
+                    .iter()
+                    .map(|&p| projector.project(p))
+                    .collect();
+                let most = |f: &dyn Fn(&Projected) -> f64| {
+                    at.iter().map(f).fold(f64::NEG_INFINITY, f64::max)
+                };
+                let width = most(&|p| (p.x - 100.0).abs()) / 100.0;
+                let height = most(&|p| (p.y - 50.0).abs()) / 50.0;
+                assert!(
+                    (width.max(height) - FILL).abs() < 1e-9,
+                    "{view:?} {width} {height}"
+                );
+                assert!((most(&|p| p.key) - 1.0).abs() < 1e-9 && most(&|p| -p.key).abs() < 1e-9);
+            }
+        }
+    }
+
+    #[test]
+    fn nearer_things_are_larger_in_perspective_only() {
+        let width = |projection, y: f64| {
+            let camera = Camera {
+                view: View::FRONT,
+                projection,
+                ..Default::default()
+            };
+            let projector = projector(&camera);
+            projector.project(DVec3::new(4.0, y, 0.0)).x
+                - projector.project(DVec3::new(0.0, y, 0.0)).x
+        };
+        let wide = Projection::Perspective {
+            field_of_view_deg: 90.0,
+        };
+        assert_eq!(
+            width(Projection::Orthographic, 0.0),
+            width(Projection::Orthographic, 4.0)
+        );
+        // The height is the smaller angle: its tangent is ½, so that the front is 4 from the eye and the back 8.
+        assert!((width(wide, 0.0) / width(wide, 4.0) - 2.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn nothing_is_behind_the_eye_even_if_only_a_part_is_framed() {
+        let camera = Camera {
+            projection: Projection::Perspective {
+                field_of_view_deg: 30.0,
+            },
+            frame: Some(Aabb::new(DVec3::splat(1.9), DVec3::splat(2.1))),
+            ..Default::default()
+        };
+        let projector = projector(&camera);
+        for corner in cube_corners() {
+            let at = projector.project(corner);
+            assert!(at.inverse_w.is_finite() && at.inverse_w > 0.0);
+        }
+    }
+
+    #[test]
+    fn cameras_that_make_no_sense_are_told() {
+        let bad = |change: fn(&mut Camera)| {
+            let mut camera = Camera::default();
+            change(&mut camera);
+            assert!(!camera.is_valid(), "{camera:?}");
+        };
+        assert!(Camera::default().is_valid());
+        bad(|camera| camera.zoom = 0.0);
+        bad(|camera| camera.view.azimuth_deg = f64::NAN);
+        bad(|camera| camera.frame = Some(Aabb::EMPTY));
+        bad(|camera| {
+            camera.projection = Projection::Perspective {
+                field_of_view_deg: 180.0,
+            };
+        });
+    }
+}
