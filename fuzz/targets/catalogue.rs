@@ -110,7 +110,7 @@ fn fill(path: &Path, rows: &[Map<String, Json>]) -> rusqlite::Result<()> {
             "INSERT OR REPLACE INTO photo ({}) VALUES ({marks})",
             names.join(", ")
         );
-        // what the schema refuses is no row that a catalogue can have
+        // a row that the schema refuses cannot occur in a catalogue
         let _ = transaction.execute(
             &insert,
             params_from_iter(values.into_iter().map(|(_, value)| value)),

@@ -41,7 +41,7 @@ fn record(panic: &PanicHookInfo<'_>) {
 }
 
 /// Returns `true` if a panic in this source file is one of our code. Of the standard library's, which do not name their
-/// callers, the caller is looked for on the stack.
+/// callers, the caller is found on the stack.
 fn is_ours(file: &str) -> bool {
     if file.contains("/registry/src/") || file.contains("/git/checkouts/") {
         return false;

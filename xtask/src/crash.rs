@@ -1,4 +1,4 @@
-//! Crash tests: the tests `crash` of `ravec-cli` with more rounds, and with another program if asked for.
+//! Crash tests: the tests `crash` of `ravec-cli` with more rounds, and with another program on request.
 
 use anyhow::{Context as _, bail};
 use std::path::Path;

@@ -4,7 +4,7 @@
 //! | --- | --- |
 //! | `arrows` | checks who depends on whom, and what sources may not mention |
 //! | `check` | everything that must hold before a change is taken: format, lints, tests, docs, arrows, spelling, dependencies |
-//! | `crash` | kills the program at random moments and looks at what it left |
+//! | `crash` | kills the program at random moments and checks the files it left |
 //! | `deny` | checks licenses, sources and advisories of dependencies, where `cargo-deny` is installed |
 //! | `fuzz` | runs the fuzz targets of all readers, or replays their inputs |
 //! | `spelling` | checks the spelling of code and documents, where `typos` is installed |
@@ -40,7 +40,7 @@ enum Chore {
         #[arg(long)]
         skip_tests: bool,
     },
-    /// Kill the program at random moments and look at what it left
+    /// Kill the program at random moments and check the files it left
     Crash {
         /// Kills of each operation
         #[arg(long, default_value_t = 50)]

@@ -1,7 +1,7 @@
 //! Photos come into the catalogue.
 //!
 //! Files are known by their size and time of change, else by a hash of their content: what is known is not decoded again, a
-//! file that moved keeps its row, and one that changed is looked at anew. Decoding runs in parallel, at reduced scale; what is
+//! file that moved keeps its row, and one that changed is examined anew. Decoding runs in parallel, at reduced scale; what is
 //! done is committed every few seconds' worth of photos, so that an interrupted run goes on where it was.
 //!
 //! All photos share one memory budget. A photo waits for its share and is refused only if it needs more than all of them have
@@ -205,7 +205,7 @@ fn files_in(paths: &[PathBuf], progress: &Progress) -> Result<Vec<PathBuf>, Cata
     Ok(files)
 }
 
-/// Returns `true` if a folder has the pieces of a page that zooms, which are no photos.
+/// Returns `true` if a folder has the pieces of a page that zooms, which are not photos.
 fn is_folder_of_pieces(path: &Path) -> bool {
     path.file_name() == Some(OsStr::new(PIECES)) && path.with_file_name(DESCRIPTION).is_file()
 }
@@ -338,7 +338,7 @@ impl From<io::Error> for Undecoded {
 
 /// The hash of a file of `bytes`, and what is in it.
 ///
-/// The memory is reserved in two steps, the second of which is known only after a look at the header. If it is not free, the
+/// The memory is reserved in two steps, the second of which is known only after reading the header. If it is not free, the
 /// first is given back before it is waited for, and the file is read again: two photos that keep what they have and wait for
 /// more wait forever.
 fn decoded(

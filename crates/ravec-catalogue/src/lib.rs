@@ -17,7 +17,7 @@
 //! let mut catalogue = Catalogue::open_or_make(&folder.path().join("photos.ravec"), &progress)?;
 //! let paths = [folder.path().to_path_buf()];
 //! assert_eq!(add(&mut catalogue, &paths, &Limits::default(), &progress)?.new, 1);
-//! // what is known is not looked at again
+//! // what is known is not examined again
 //! assert_eq!(add(&mut catalogue, &paths, &Limits::default(), &progress)?.unchanged, 1);
 //! assert_eq!(stats(&catalogue)?.landscape, 1);
 //! # Ok::<(), Box<dyn std::error::Error>>(())

@@ -45,7 +45,7 @@ pub struct MosaicParams {
     pub quality: u8,
     /// Bytes of scaled photos that are kept for later rows.
     pub kept_bytes: usize,
-    /// For a quick look: the mosaic has at most so many pixels on its longer side, and is made of the small pictures in the
+    /// For a preview: the mosaic has at most this many pixels on its longer side, and is made of the small pictures in the
     /// catalogue; none for the mosaic itself.
     pub preview_px: Option<usize>,
 }

@@ -229,7 +229,7 @@ fn scaled(
     }
 }
 
-/// A photo of a file, scaled, once the memory for it is free. The need is known only after a look at the header, for which
+/// A photo of a file, scaled, once the memory for it is free. The need is known only after reading the header, for which
 /// memory is taken, and given back, before: a photo that keeps what it has and waits for more could wait forever.
 fn scaled_from_file(
     entry: &Entry,

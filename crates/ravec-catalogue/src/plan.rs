@@ -14,7 +14,7 @@ const PHOTO_BYTES: u64 = 1500;
 /// Bytes of a tile while photos are chosen: its look and its candidates.
 const TILE_BYTES: u64 = 3000;
 
-/// The same for tiles off the grid, of which more are looked at than are used.
+/// The same for tiles off the grid, of which more are examined than are used.
 const ADAPTIVE_TILE_BYTES: u64 = 30_000;
 
 /// Strips in which a tile is painted, at most: its photo may be decoded again for each.

@@ -189,7 +189,7 @@ impl Cut<'_> {
     /// Finds labels for all pixels of the hole and its rim.
     ///
     /// `start` are labels to begin with, one for each pixel of the sheet. Cells are squares of `side` pixels. If `near` is
-    /// given, only cells at most so many cells away from a seam of the start may change. Labels of pixels that no offset
+    /// given, only cells at most this many cells away from a seam of the start may change. Labels of pixels that no offset
     /// can fill are [`UNLABELED`], as are those of all other pixels.
     pub(crate) fn assign(
         &self,

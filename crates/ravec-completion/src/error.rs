@@ -41,7 +41,7 @@ pub enum CompleteError {
         "no source has a radius of {radius_px} pixels: the largest usable radius is {largest_radius_px}"
     )]
     Radius {
-        /// The radius that was asked for.
+        /// The requested radius.
         radius_px: u32,
         /// The largest for which there is a source; 0 if there is none at all.
         largest_radius_px: u32,

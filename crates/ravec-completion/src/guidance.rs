@@ -15,7 +15,7 @@ const WINDOW_SIGMA_PX: f64 = 6.0;
 /// Weight of a difference of contrast against one of tone.
 const CONTRAST: f32 = 1.0;
 
-/// Rows of a large sheet that are looked at between two checks for cancellation, and rows beyond them that their blur sees:
+/// Rows of a large sheet that are examined between two checks for cancellation, and rows beyond them that their blur sees:
 /// with fewer than its kernel has, there would be steps.
 const BAND_ROWS: usize = 128;
 const BAND_OVERLAP: usize = 32;

@@ -43,7 +43,7 @@
 //! # By hand
 //!
 //! The other engine copies fragments one by one. A [`FragmentIndex`] holds what may be copied from: the picture, rectified
-//! views of planes, other photos, each also turned, mirrored and scaled if that is asked for. A [`Retouch`] finds the best
+//! views of planes, other photos, each also turned, mirrored and scaled on request. A [`Retouch`] finds the best
 //! sources for a target, lays one of them over it, and keeps a log of such steps, which can be changed, done again and
 //! undone. Structure that should go on may be marked. [`Retouch::fill`] takes the steps by itself; for a hole that nobody
 //! looks after, [`complete()`] is the better engine, because it weighs the whole hole at once.
@@ -67,7 +67,7 @@
 //!
 //! *Hole*: the pixels to be replaced. *Rim*: the known pixels around it. *Offset*: the shift from a pixel of the hole to
 //! its source. *Fragment*: a disc or square of pixels, copied at once. *Buffer*: a view of a photo in which sources are looked
-//! for. *Variant*: a way of turning, mirroring and scaling a copy. *Feature*: a pixel on structure that should go on. *Sheet*: the flat view in which offsets are looked for. *Seam*: where pixels with different offsets meet.
+//! for. *Variant*: a way of turning, mirroring and scaling a copy. *Feature*: a pixel on structure that should go on. *Sheet*: the flat view in which offsets are searched. *Seam*: where pixels with different offsets meet.
 //!
 //! # Current status
 //!

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 /// Sheet pixels per picture pixel at the hole. Less blurs what repeats, more costs and gains nothing.
 pub(crate) const SCALE: f64 = 0.9;
-/// Places whose resolution is below this share of the hole's are no sources: they would show as a blur.
+/// Places whose resolution is below this share of the hole's do not serve as sources: they would show as a blur.
 pub(crate) const MIN_RESOLUTION: f64 = 0.7;
 /// The sheet goes on a little beyond, so that gradients are known where sources end.
 const MARGIN: f64 = 0.9;

@@ -1,6 +1,6 @@
 //! Offsets to a fraction of a pixel.
 //!
-//! A period is no whole number of pixels, and a seam that is half a pixel off shows. So each offset takes one robust
+//! A period is seldom a whole number of pixels, and a seam that is half a pixel off shows. So each offset takes one robust
 //! Gauss-Newton step on known pixels around the hole, and keeps it only if they then match clearly better: pixels that
 //! are copied as they are stay sharp.
 

@@ -13,7 +13,7 @@ pub type AtomicWriter<'a> = BufWriter<&'a File>;
 /// `write` fills a temporary file in the target's folder, which then takes the target's place. If `write` fails, or the
 /// process is asked to stop inside it and it returns an error, the target is as it was and no temporary file is left.
 /// Symbolic links are written through; a replaced file hands on its permissions; a new one gets those of any new file.
-/// Targets that are no plain file (a pipe, `/dev/null`) get the finished content at the end.
+/// Targets that are not plain files (a pipe, `/dev/null`) get the finished content at the end.
 ///
 /// The content reaches the disk before the name does: after a loss of power the target is old or new, never half there, as
 /// far as the disk keeps what it confirmed.

@@ -335,7 +335,7 @@ fn new_folder(name: &str, folder: &Path) -> io::Result<PathBuf> {
     })
 }
 
-/// The error without the name of the temporary, which nobody asked for.
+/// The error without the name of the temporary, which the caller does not know.
 fn in_plain_words(error: io::Error) -> io::Error {
     match error.kind() {
         kind @ io::ErrorKind::NotFound => io::Error::new(kind, "its folder does not exist"),

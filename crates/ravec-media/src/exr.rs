@@ -22,7 +22,7 @@ const MAX_LINES: u64 = 256;
 /// Names and types of attributes have at most this many bytes.
 const MAX_NAME: u64 = 255;
 
-/// Lists of channels that are looked at have at most this many bytes; longer ones count as this long.
+/// Lists of channels that are examined have at most this many bytes; longer ones count as this long.
 const MAX_CHANNELS: u64 = 1 << 16;
 
 /// Reads all headers, as far as they can be understood, and goes back to the start.

@@ -151,7 +151,7 @@ impl Picture {
     /// A result of work on this picture: its pixels are `image`, and it is written like this one.
     ///
     /// Pixels get the type that this picture's have, with alpha only if some pixel is not opaque. A gray source stays
-    /// gray as long as every pixel is gray, which is looked at when writing. Warnings are not inherited.
+    /// gray as long as every pixel is gray, which is checked when writing. Warnings are not inherited.
     pub fn with_image(&self, image: &Image<LinearRgba>) -> Self {
         let opaque = image.is_opaque();
         let image: AnyImage = match (&self.image, opaque) {

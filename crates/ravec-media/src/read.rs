@@ -125,7 +125,7 @@ pub struct Probe {
 /// Reads a picture from a file, or from standard input if the path is `-`.
 ///
 /// See [`decode`] for what is done to it. Files of any length are read; standard input and pipes as far as half of
-/// [`Limits::memory`] holds them, after a look at their first bytes.
+/// [`Limits::memory`] holds them, after reading their first bytes.
 ///
 /// # Errors
 /// [`ReadError`] with the path and a [`DecodeError`].
@@ -141,7 +141,7 @@ pub fn read(path: impl AsRef<Path>, limits: &Limits) -> Result<Picture, ReadErro
 /// Reads the header of a file without decoding the picture. `-` is standard input.
 ///
 /// # Errors
-/// As for [`read`], except for damage in the part that is not looked at.
+/// As for [`read`], except for damage in the part that is not examined.
 pub fn probe(path: impl AsRef<Path>, limits: &Limits) -> Result<Probe, ReadError> {
     with_file(path.as_ref(), limits, |input, _kept| {
         probe_data(input, limits)
@@ -204,7 +204,7 @@ pub fn memory_to_decode(
 /// Reads the header of encoded data without decoding the picture.
 ///
 /// # Errors
-/// As for [`decode`], except for damage in the part that is not looked at.
+/// As for [`decode`], except for damage in the part that is not examined.
 pub fn probe_data(input: impl BufRead + Seek, limits: &Limits) -> Result<Probe, DecodeError> {
     contain_panics(input, limits, |opened| opened.probe())
 }

@@ -198,7 +198,7 @@ fn pixels<T: Stored, P: Pixel, const N: usize>(
         .collect()
 }
 
-/// The same memory as pixels. Falls back to a copy if the allocator gave more than was asked for.
+/// The same memory as pixels. Falls back to a copy if the allocator gave more than requested.
 fn moved<T: Stored, P: Pixel>(samples: Vec<T>) -> Vec<P> {
     bytemuck::allocation::try_cast_vec(samples)
         .unwrap_or_else(|(_, samples)| bytemuck::allocation::pod_collect_to_vec(&samples))

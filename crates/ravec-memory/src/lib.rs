@@ -65,7 +65,7 @@ struct Account {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("{needed} bytes are needed, {used} of {limit} bytes are in use")]
 pub struct OverBudget {
-    /// Bytes that were asked for.
+    /// Requested bytes.
     pub needed: u64,
     /// Bytes that others held at that moment.
     pub used: u64,

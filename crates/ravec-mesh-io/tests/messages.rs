@@ -27,7 +27,7 @@ fn packed(name: &str, text: &str) -> Vec<u8> {
 #[test]
 fn control_characters_of_a_file_are_escaped_and_long_words_cut_in_every_message() {
     let long = format!("{EVIL}{}", "w".repeat(5000));
-    // in front of it a file is looked at more closely
+    // in front of it a file is examined more closely
     let blank = " ".repeat(2000);
     let model = |text: &str| packed("3D/3dmodel.model", text);
     let ply = "ply\nformat ascii 1.0\n";

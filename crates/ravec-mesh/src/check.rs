@@ -119,7 +119,7 @@ pub struct MeshCheck {
     pub duplicate_triangles: Found<u32>,
     /// Vertices that no triangle names.
     pub unused_vertices: Found<u32>,
-    /// Where the mesh intersects itself, if that was asked for.
+    /// The self-intersections of the mesh, if they were requested.
     pub self_intersections: Option<SelfIntersections>,
 }
 

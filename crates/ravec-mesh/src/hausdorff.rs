@@ -1,6 +1,6 @@
 //! Distance of two surfaces: the Hausdorff distance with a proof, mean and root of the mean square.
 //!
-//! The largest distance from one surface to the other is enclosed. From below: every place that was looked at is a
+//! The largest distance from one surface to the other is enclosed. From below: every place that was examined is a
 //! witness. From above: the distance to a single triangle is convex, so that over a piece it is largest at a corner, and
 //!
 //! > max over the piece of the distance <= min over triangles of max over the corners of the distance to that triangle,
@@ -36,7 +36,7 @@ pub struct HausdorffParams {
     /// Samples for mean and root mean square, in each direction (default 100 000, 0 for none). More is more accurate:
     /// the error is about the spread of the distances over the root of their number.
     pub samples: u32,
-    /// Most pieces to be looked at in each direction (default 20 million), which bounds work and memory (150 bytes each)
+    /// Most pieces to be examined in each direction (default 20 million), which bounds work and memory (150 bytes each)
     /// should the tolerance be out of reach.
     pub max_pieces: u64,
 }
@@ -96,7 +96,7 @@ pub enum HausdorffError {
     /// A mesh has no triangles.
     #[error("a mesh without triangles has no distance to another mesh")]
     Empty,
-    /// The tolerance is no length.
+    /// The tolerance is not a positive length.
     #[error("the tolerance is {0}, but must be a positive length")]
     Tolerance(f64),
     /// The work was cancelled.
@@ -399,7 +399,7 @@ impl Piece {
         ]
     }
 
-    /// The places of a piece that was looked at.
+    /// The places of a piece that was examined.
     fn offer_to(&self, farthest: &mut Farthest) {
         for (&at, &near) in self.corners.iter().zip(&self.near) {
             farthest.offer(at, near);

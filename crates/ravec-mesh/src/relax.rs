@@ -6,7 +6,7 @@
 //! most; if none does, an edge is divided, if the caller has a place for a new vertex. As every step lowers the sum of
 //! all faults, the process ends.
 //!
-//! Facets are looked at side by side, in batches of some of the worst whose surroundings lie apart, so that no step changes
+//! Facets are examined side by side, in batches of some of the worst whose surroundings lie apart, so that no step changes
 //! what another one was chosen by. A step whose facets come near those of another one in the batch waits.
 //!
 //! Guarantees: vertices and triangles keep their numbers, new ones come behind them; topology and orientation stay what they
@@ -139,7 +139,7 @@ impl PartialOrd for Waiting {
 /// Moves vertices, flips and divides edges of `mesh` where `judge` finds fault.
 ///
 /// # Errors
-/// [`Cancelled`] if `progress` says so.
+/// [`Cancelled`] soon after `progress` is cancelled.
 pub fn relax<J: RelaxJudge>(
     mesh: &TriMesh,
     judge: &J,

@@ -179,7 +179,7 @@ pub struct SimplifyReport {
     pub vetoes: Vetoes,
     /// The largest error at any time, if it was limited: see [`SimplifyParams::max_error`].
     pub largest_error: Option<f64>,
-    /// `true` if there are as few triangles as asked for.
+    /// `true` if there are as few triangles as requested.
     pub target_reached: bool,
 }
 

@@ -5,7 +5,7 @@
 //!
 //! Two triangles whose planes differ meet within the line of both planes. Each cuts that line in an interval whose ends
 //! lie on two of its edges, and the order of an end of one and an end of the other is the sign of the determinant of
-//! the four corners of the two edges: no point is ever computed. Triangles of one plane are looked at along an axis.
+//! the four corners of the two edges: no point is ever computed. Triangles of one plane are examined along an axis.
 //!
 //! Source: Guigue and Devillers, "Fast and Robust Triangle-Triangle Overlap Test Using Orientation Predicates", 2003.
 //! We differ in: corners in common are known beforehand, so that contact beyond them is distinguished from contact at

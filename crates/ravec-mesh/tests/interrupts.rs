@@ -30,7 +30,7 @@ fn checks(work: impl Fn(&Progress) -> bool) -> u64 {
 /// A name, and work that says whether it was stopped.
 type Work<'a> = (&'a str, &'a dyn Fn(&Progress) -> bool);
 
-/// Between two checks there are at most so many triangles, times the passes that work makes over them.
+/// Between two checks there are at most this many triangles, times the passes that work makes over them.
 const BETWEEN: u64 = 1 << 15;
 
 #[track_caller]

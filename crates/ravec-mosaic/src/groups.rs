@@ -12,7 +12,7 @@ use ravec_progress::{Cancelled, Progress};
 /// with a person that moves are above.
 pub const NEAR_DUPLICATE: f32 = 0.012;
 
-/// Neighbors that are looked at for each photo. Of larger clusters some members may become leaders of their own.
+/// Neighbors that are examined for each photo. Of larger clusters some members may become leaders of their own.
 const NEIGHBORS: usize = 24;
 
 /// The group of each photo, numbered from 0 in the order of their leaders; `apart` is how far members may be from their

@@ -1,6 +1,6 @@
 //! Genuine image mosaics: pictures made of whole, unchanged photos.
 //!
-//! Seen from afar, a mosaic is the picture; seen from near, it is photos that were scaled and, if asked for, cropped,
+//! Seen from afar, a mosaic is the picture; seen from near, it is photos that were scaled and, on request, cropped,
 //! but never recolored or overlaid. The choice of the photos alone makes the likeness.
 //!
 //! ```

@@ -2,7 +2,7 @@
 //!
 //! Each tile gets one photo, each photo at most as many tiles as it has capacity. Tiles that can have their cheapest photo
 //! get it; each further one is put in along a shortest path of exchanges, found by Dijkstra's algorithm on costs that are
-//! reduced by prices. That every photo is used is asked for by a bonus on its first use that outweighs all costs.
+//! reduced by prices. The rule that every photo is used is enforced by a bonus on its first use that outweighs all costs.
 //!
 //! Source: Jonker, Volgenant, "A Shortest Augmenting Path Algorithm for Dense and Sparse Linear Assignment Problems", 1987,
 //! with capacities. Guarantees: an optimum up to rounding of doubles. Cost: tiles² × photos at worst, far less as a rule;

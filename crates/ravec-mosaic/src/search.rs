@@ -189,7 +189,7 @@ impl PhotoIndex {
     }
 
     /// The `count` nearest photos of those within a squared distance, the nearest first; all, if there are fewer. The nearer
-    /// the limit, the less is looked at.
+    /// the limit, the less is examined.
     ///
     /// # Panics
     /// If `query` has another length than the vectors of the index.

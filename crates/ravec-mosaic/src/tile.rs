@@ -1,4 +1,4 @@
-//! A photo as it stands in a tile: scaled, cropped if that was asked for, and nothing else.
+//! A photo as it stands in a tile: scaled, cropped on request, and nothing else.
 
 use crate::descriptor::Frame;
 use ravec_raster::{Image, ResizeFilter, Size, Srgb, resize};

@@ -339,7 +339,7 @@ fn plane(
     ];
     let quad = in_turn(quad, middle);
     Homography::from_unit_square(quad).ok()?;
-    // two lines that cross are no plane
+    // two crossing lines alone are not evidence of a plane
     let area = 0.5 * (quad[2] - quad[0]).perp_dot(quad[3] - quad[1]).abs();
     if area < MIN_FILL * region.count as f64 * cells.side.powi(2) {
         return None;

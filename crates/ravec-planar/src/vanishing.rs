@@ -34,7 +34,7 @@ pub struct VanishingPoint {
     pub length_px: f64,
 }
 
-/// Pairs are made of so many of the longest segments: a direction that has none of them is not worth a plane.
+/// Number of the longest segments of which pairs are made: a direction that has none of them is not worth a plane.
 const LONGEST: usize = 72;
 
 /// Points at most: three directions of a building, a second building, a roof.
@@ -76,7 +76,7 @@ impl Aim {
     fn weight(&self, at: DVec3) -> (f64, f64) {
         let towards = at.truncate() - at.z * self.middle;
         let distance = towards.length();
-        // a point on the segment itself is no vanishing point of it
+        // a point on the segment itself is not a vanishing point of it
         if distance <= 1.2 * self.half * at.z.abs() {
             return (0.0, 0.0);
         }

@@ -201,7 +201,7 @@ struct Source<'a, P> {
 
 impl<'a, P: Average> Source<'a, P> {
     fn new(image: &'a Image<P>, image_from_output: &Homography, size: Size) -> Self {
-        // places between those that are looked at here have ellipses of like size; if not, they cost more
+        // places between those that are examined here have ellipses of like size; if not, they cost more
         const PLACES: usize = 32;
         let place = |k: usize, length: usize| k as f64 / PLACES as f64 * length as f64;
         let footprints = (0..=PLACES * (PLACES + 2)).filter_map(|k| {

@@ -13,9 +13,9 @@ pub struct Size {
     "an image of {width} x {height} pixels cannot be held: each side must be at least 1 and their product below 2^40"
 )]
 pub struct SizeError {
-    /// The width that was asked for.
+    /// The requested width.
     pub width: u64,
-    /// The height that was asked for.
+    /// The requested height.
     pub height: u64,
 }
 

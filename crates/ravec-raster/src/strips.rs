@@ -3,7 +3,7 @@
 //! The strips are cut by the picture and the caller's number of rows alone, never by the number of threads; results
 //! come back in the order of the strips. So a sum over strips has the same rounding on every machine pool.
 //!
-//! Guarantees: cancellation is looked at before each strip; after [`Cancelled`] the image holds a mixture of finished
+//! Guarantees: cancellation is checked before each strip; after [`Cancelled`] the image holds a mixture of finished
 //! and untouched strips and should be dropped. Does not guarantee: any order in which strips are worked on.
 
 use crate::image::Image;

@@ -116,7 +116,7 @@ pub enum RetargetError {
     Factor {
         /// The size of the picture.
         image: Size,
-        /// The size that was asked for.
+        /// The requested size.
         target: Size,
     },
     /// The picture to be warped has another shape than the analyzed one.

@@ -3,7 +3,7 @@
 //! A block of units stays whole if the adaptive two-color field fits it with one pixel, all its units matter about the same,
 //! and no straight run ends in it. Blocks that meet differ by a factor of two at most.
 //!
-//! Cost: one look at each unit a level.
+//! Cost: one visit of each unit per level.
 
 use crate::analysis::{Analysis, cancelled};
 use crate::forms::GridRun;

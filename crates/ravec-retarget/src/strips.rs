@@ -42,10 +42,10 @@ const MIN_CONTRAST: f32 = 0.025;
 /// normal, one line of a million does so by chance.
 const MIN_ABOVE_MEDIAN: f32 = 50.0;
 
-/// The neighborhood: so many places along the border of a strip.
+/// The neighborhood: this many places along the border of a strip.
 const BAND: usize = 64;
 
-/// Peaks are the largest within so many rises and places.
+/// Peaks are the largest within this many rises and places.
 const PEAK: usize = 3;
 
 /// The picture with one of its axes along the strips, by channels, so that what is across a strip lies together.

@@ -213,7 +213,7 @@ impl SceneId {
         }
     }
 
-    /// The name under which the scene is asked for.
+    /// The name that selects the scene.
     pub fn name(self) -> &'static str {
         self.entry().0
     }

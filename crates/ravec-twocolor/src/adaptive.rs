@@ -93,7 +93,7 @@ impl AdaptiveField {
             })
             .collect::<Result<_, _>>()?;
         let mut cells = Cells::new(image.size(), min, levels.len() - 1);
-        // a quarter of a good block may be worse than the whole, so what balancing cuts is looked at again
+        // a quarter of a good block may be worse than the whole, so what balancing cuts is examined again
         loop {
             cells.cut(&levels, params.max_error);
             if !cells.balance() {

@@ -63,7 +63,7 @@ pub enum FitError {
         "the block size is {got} pixels a side: choose 2 to 64 (exact search 2 to 32, coarse to fine 8 to 64)"
     )]
     BlockSize {
-        /// The side that was asked for.
+        /// The requested side.
         got: usize,
     },
     /// The smallest and the largest block do not fit each other.
@@ -71,7 +71,7 @@ pub enum FitError {
         "the block sizes are {min} to {max} pixels: choose a smallest of 2 to 32, and a largest that is this times a power of two, up to 64"
     )]
     Sizes {
-        /// The smallest side that was asked for.
+        /// The requested smallest side.
         min: usize,
         /// The largest side.
         max: usize,
@@ -79,13 +79,13 @@ pub enum FitError {
     /// A strength is out of range.
     #[error("the strength is {got}: choose 0 to 1")]
     Strength {
-        /// The strength that was asked for.
+        /// The requested strength.
         got: f32,
     },
     /// A number of iterations is out of range.
     #[error("the number of iterations is {got}: choose 1 to 16")]
     Iterations {
-        /// The number that was asked for.
+        /// The requested number.
         got: u32,
     },
     /// The region holds no pixel of the image.
@@ -94,7 +94,7 @@ pub enum FitError {
     /// The windows' distance does not fit their side.
     #[error("the spacing of windows of {side} pixels is {got}: choose 1 to {side}")]
     Stride {
-        /// The distance that was asked for.
+        /// The requested distance.
         got: usize,
         /// The window's side.
         side: usize,
@@ -102,7 +102,7 @@ pub enum FitError {
     /// The noise level is out of range.
     #[error("the noise level is {got}: choose 0 to 255")]
     Noise {
-        /// The noise that was asked for.
+        /// The requested noise level.
         got: f32,
     },
     /// The caller cancelled.

@@ -162,7 +162,7 @@ fn gather_opaque<S: Simd, P: Color>(
             }
         }
     }
-    // in whole vectors, after the fact: cheaper than a look at each pixel
+    // in whole vectors, after the fact: cheaper than a test of each pixel
     let mut countable = true;
     for pixel in &batch.pixels {
         for channel in pixel {

@@ -24,10 +24,10 @@ use rayon::prelude::*;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RenderError {
-    /// The scale is no positive number.
+    /// The scale is not a positive number.
     #[error("the scale is {got}: choose a number above 0")]
     Scale {
-        /// The scale that was asked for.
+        /// The requested scale.
         got: f64,
     },
     /// The scaled picture is too large.

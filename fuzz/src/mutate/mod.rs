@@ -72,7 +72,7 @@ pub fn mutate(
         plain,
     };
     let input = &data[..size];
-    // a share stays with libFuzzer, which also crosses inputs; PNG without right checksums is hardly looked at
+    // a share stays with libFuzzer, which also crosses inputs; PNG without right checksums is hardly examined
     let structured = hand.dice.below(8) > 1;
     let made = match target {
         _ if !structured => None,

@@ -33,7 +33,7 @@ const WEIGHTS: [[f64; 3]; 6] = [
     [0.117, 0.443, 0.440],
 ];
 
-/// Of so many pieces of a connected part the largest is the one from which a ray is tried first.
+/// Number of pieces of a connected part that are compared for the largest, from which a ray is tried first.
 const MAX_TRIALS: u32 = 1000;
 
 /// Pieces between two checks for cancellation: some milliseconds.

@@ -53,7 +53,7 @@ impl Turned {
     }
 }
 
-/// The edges of all pieces that were asked for.
+/// The edges of all selected pieces.
 pub(crate) struct Edges {
     /// For each piece the one over each side, if just two meet there; it is turned if both run through the edge in one
     /// direction. Sides begin at the corner of the same index.

@@ -2,7 +2,7 @@
 //!
 //! All coordinates that occur are whole multiples of one power of two, so that they become integers of unlimited size;
 //! points that are defined by lines and planes become homogeneous coordinates of such integers. They are slow, a
-//! microsecond an operation, and asked for only where intervals do not decide.
+//! microsecond an operation, and computed only where intervals do not decide.
 
 use glam::DVec3;
 use num_bigint::{BigInt, Sign as BigSign};

@@ -25,7 +25,7 @@ pub(crate) enum Definition {
     Planes([[DVec3; 3]; 3]),
 }
 
-/// A point with intervals around its coordinates, and exact ones when they are asked for.
+/// A point with intervals around its coordinates, and exact ones when they are needed.
 #[derive(Debug, Clone)]
 pub(crate) struct Point {
     pub near: [Interval; 3],

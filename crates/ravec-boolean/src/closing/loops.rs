@@ -242,7 +242,7 @@ fn neighbors(
 /// Maximum number of vertices of a loop that are compared with another loop.
 const COMPARED: usize = 1000;
 
-/// The distance of two loops' vertices, and which are nearest. Of long loops not every vertex is looked at.
+/// The distance of two loops' vertices, and which are nearest. Of long loops not every vertex is examined.
 fn nearest(a: &[u32], b: &[u32], at: &impl Fn(u32) -> DVec3) -> (f64, [u32; 2]) {
     let stride = |n: usize| n.div_ceil(COMPARED);
     let of_b: Vec<_> = b

@@ -11,7 +11,7 @@ use super::Expr;
 /// More levels than this are refused: nobody writes them, and recursion over them would need ever more stack.
 const MAX_DEPTH: usize = 200;
 
-/// Why a text is no expression. Places are bytes from its beginning.
+/// Why a text is not an expression. Places are bytes from its beginning.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ParseExprError {
@@ -45,7 +45,7 @@ pub enum ParseExprError {
         /// Position in bytes.
         at: usize,
     },
-    /// A character that is no part of any expression.
+    /// A character that no expression contains.
     #[error("unexpected `{found}`: names are letters, digits and underscores, operators | & - ^")]
     Stray {
         /// Position in bytes.

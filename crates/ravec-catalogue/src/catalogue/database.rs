@@ -295,7 +295,7 @@ fn make(connection: &Connection) -> rusqlite::Result<()> {
     connection.pragma_update(None, "user_version", FORMAT)
 }
 
-/// Refuses what is no catalogue, or one of another format or with other tables.
+/// Refuses a file that is not a catalogue, or a catalogue of another format or with other tables.
 fn check(connection: &Connection, path: &Path) -> Result<(), Trouble> {
     if number(connection, "application_id")? != APPLICATION {
         return Err(CatalogueError::NotACatalogue { path: path.into() }.into());

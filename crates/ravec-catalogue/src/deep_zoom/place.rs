@@ -108,7 +108,7 @@ impl Place {
         }
     }
 
-    /// Moves a complete page here, after another look at what is here. Returns a folder in which something stays that was put
+    /// Moves a complete page here, after checking again what is here. Returns a folder in which something stays that was put
     /// into the old page in the meantime.
     pub fn take(
         &self,

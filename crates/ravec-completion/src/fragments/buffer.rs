@@ -19,7 +19,7 @@ use ravec_raster::Mask;
 
 /// Levels that are built at most: fragments of the largest radius fit into a block on the last one.
 pub(super) const MAX_LEVEL: usize = 3;
-/// Spectra are kept if blocks have at most so many times the pixels of a level: small levels fill their blocks badly, but are
+/// Spectra are kept if blocks have at most this many times the pixels of a level: small levels fill their blocks badly, but are
 /// soon transformed anew. So the index stays below 60 bytes a pixel.
 const WASTE: [f64; MAX_LEVEL] = [2.7, 3.2, 3.2];
 /// Levels have at least this many pixels on their shorter side.
@@ -81,7 +81,7 @@ impl Buffer {
             let Some((ink, state)) = sampled(canvas, &photo_from_buffer, at) else {
                 return ([0.0; MAX_VALUES], false);
             };
-            // too coarse is what is coarser than the hole, not what is enlarged because someone asked for it
+            // too coarse is what is coarser than the hole, not what is enlarged on request
             let j = photo_from_buffer.jacobian(at).determinant().abs().sqrt();
             let sharp = base.plane.is_none() || SCALE * j * transform.scale >= MIN_RESOLUTION;
             (
@@ -164,7 +164,7 @@ impl Buffer {
 /// Pixels of a variant for each pixel of its base and of its scale, at most, beside [`ALWAYS_PX`]. A base with sides of a : 1
 /// that is turned by 45 degrees has (a + 1)² / 2a: 2 for a square, 6 for 10 : 1, 16 for 30 : 1. Less would refuse panoramas.
 const MAX_GROWTH: f64 = 16.0;
-/// Pixels that a variant may always have: so many cost little.
+/// Pixels that a variant may always have: this many cost little.
 const ALWAYS_PX: f64 = 1e6;
 
 /// Returns `true` if a variant of a base has pixels in proportion to the base, which it has not if that is long,

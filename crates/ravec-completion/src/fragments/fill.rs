@@ -2,7 +2,7 @@
 //!
 //! Large holes are filled at half the size first, and so on; what was copied there is copied again, from where it fits
 //! best within two pixels. The open rest is filled from the rim inwards, the surest and most structured place first
-//! (see [`super::rim`]). Then every fragment is looked for once more, now that all of its surroundings are known, and
+//! (see [`super::rim`]). Then every fragment is matched once more, now that all of its surroundings are known, and
 //! another one takes its place if the seams show less with it.
 //!
 //! Cost: a search for each fragment and pass; a fragment gives several hundred pixels.
@@ -69,7 +69,7 @@ impl Retouch<'_> {
     /// Fills what is open. Every step is logged like those that were taken by hand.
     ///
     /// # Errors
-    /// [`CompleteError::Radius`] if a radius is asked for of which there is no source, [`CompleteError::Fragment`] if it is
+    /// [`CompleteError::Radius`] if there is no source of a requested radius, [`CompleteError::Fragment`] if it is
     /// out of range, [`CompleteError::Cancelled`]; the steps that were taken by then remain.
     pub fn fill(
         &mut self,

@@ -114,7 +114,7 @@ pub struct FragmentIndex {
     variants: Vec<Variant>,
     buffers: Vec<Buffer>,
     fourier: Transform,
-    /// Found when it is asked for: it takes as long as a look at all pixels, and targets without a source may be many.
+    /// Computed on demand: it takes as long as a pass over all pixels, and targets without a source may be many.
     largest_radius: OnceLock<u32>,
 }
 
@@ -202,7 +202,7 @@ impl FragmentIndex {
                 }
             }
         }
-        // in a hole there is no ink, so only what is known is asked
+        // in a hole there is no ink, so only known pixels are read
         let translucent = |canvas: &Canvas| {
             let (inks, states) = (canvas.inks.pixels(), canvas.states.pixels());
             let pairs = inks.par_iter().with_min_len(4096).zip(states);
@@ -364,7 +364,7 @@ impl FragmentIndex {
         }
     }
 
-    /// The best match of a template at most so many pixels from a source; none if that is in no buffer.
+    /// The best match of a template at most this many pixels from a source; none if that is in no buffer.
     pub(super) fn near(
         &self,
         template: Template,
@@ -404,7 +404,7 @@ impl FragmentIndex {
     }
 }
 
-/// The level on which all positions are looked at. Larger fragments can be distinguished on coarser levels.
+/// The level on which all positions are examined. Larger fragments can be distinguished on coarser levels.
 fn coarse_level(radius_px: u32) -> usize {
     if radius_px <= 60 { 1 } else { 2 }
 }

@@ -1,7 +1,7 @@
 //! Completion by hand: fragments that are found by their surroundings and laid over the hole one by one.
 //!
-//! For a target the best sources are looked for in all buffers ([`FragmentIndex`]): the picture, rectified views of planes,
-//! other photos, each as it is and in the variants that were asked for. One of them is laid over the target
+//! For a target the best sources are searched in all buffers ([`FragmentIndex`]): the picture, rectified views of planes,
+//! other photos, each as it is and in the requested variants. One of them is laid over the target
 //! ([`Retouch::apply`]), which makes the known part larger for the next one. Every step is logged and can be undone, changed
 //! and done again; [`Retouch::fill`] takes the steps by itself.
 //!

@@ -104,7 +104,7 @@ impl<'a> Retouch<'a> {
         self.log.iter().map(|logged| &logged.step)
     }
 
-    /// The sources that fit best what is known of a target by now, the best first. Fewer than asked for, and perhaps none,
+    /// The sources that fit best what is known of a target by now, the best first. Fewer than requested, and perhaps none,
     /// if the target is larger than what is known in one piece.
     ///
     /// # Errors
@@ -147,7 +147,7 @@ impl<'a> Retouch<'a> {
         Ok(found)
     }
 
-    /// The source that fits best at most so many pixels from another one; none if that is in no buffer.
+    /// The source that fits best at most this many pixels from another one; none if that is in no buffer.
     pub(super) fn near(
         &self,
         target: &Target,

@@ -16,7 +16,7 @@ use ravec_raster::{Image, Rect};
 const REACH_PX: usize = 4;
 /// The priority of a place without any structure, against one with a step from black to white.
 const PLAIN: f64 = 0.02;
-/// Confidence is asked of so many pixels in each direction.
+/// Number of pixels in each direction from which confidence is taken.
 const SAMPLES: usize = 9;
 /// A mean squared gradient in the weaker direction above which there is structure enough for a small fragment.
 const STRUCTURED: f64 = 4e-4;

@@ -2,12 +2,12 @@
 //!
 //! The plain idea: the mismatch at all positions of all buffers, and its lowest values that keep apart.
 //!
-//! Departures: 1. All positions are looked at on a reduced level only, where a transform is small. 2. The few hundred
+//! Departures: 1. All positions are examined on a reduced level only, where a transform is small. 2. The few hundred
 //! best minima there, and as many of the lowest positions that are not minima (in a valley along an edge the minimum of
 //! the finer level may lie anywhere), are followed down the levels by direct sums around each of them. 3. Sums end as
 //! soon as they exceed the worst match that is wanted. 4. On levels between, every other row is summed, and of what is
 //! found there some are followed for each of the matches that are wanted. 5. Of buffers larger than some 150 megapixels
-//! only what is nearest to the target is looked at. The full search does the first step on the finest level itself, and
+//! only what is nearest to the target is examined. The full search does the first step on the finest level itself, and
 //! everywhere.
 //!
 //! Guarantees: what is returned is valid, and its mismatch is the direct sum. The same on any number of threads. Does not
@@ -36,9 +36,9 @@ const BEST: usize = 64;
 const BEST_OF_GROUP: usize = 5;
 /// Places that are followed without a bound, and from which the search goes on by single pixels.
 const FIRST: usize = 24;
-/// A place may move by so many pixels in the end.
+/// Largest final move of a place, in pixels.
 const MOVES: usize = 4;
-/// Blocks of a buffer that are looked at, the nearest to the target: those of 150 megapixels on the level that is half as
+/// Blocks of a buffer that are examined, the nearest to the target: those of 150 megapixels on the level that is half as
 /// wide. So the cost of a fragment is bounded, and that of a hole grows with the hole, not with hole times picture.
 const MAX_BLOCKS: usize = 1024;
 
@@ -159,7 +159,7 @@ impl Hunt<'_> {
         Ok(self.kept_lows(found.concat()))
     }
 
-    /// The best place of a buffer at most so many pixels from one.
+    /// The best place of a buffer at most this many pixels from one.
     pub(super) fn near(
         &self,
         buffer: usize,
@@ -284,7 +284,7 @@ impl Hunt<'_> {
         Ok(found)
     }
 
-    /// The places of a level that are followed, from all that were looked at, the best first: the best, and some of each
+    /// The places of a level that are followed, from all that were examined, the best first: the best, and some of each
     /// group of near ones.
     fn spread(&self, places: &[Place], level: usize) -> Vec<Place> {
         let apart_px = self.apart_px / f64::from(1 << level);

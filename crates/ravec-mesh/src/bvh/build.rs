@@ -39,9 +39,9 @@ const PARALLEL: usize = 8192;
 /// Effort spent on good boxes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Effort {
-    /// Cuts are looked for along all axes.
+    /// Cuts are searched along all axes.
     Thorough,
-    /// Cuts are looked for along the longest axis only: in half the time, for boxes that cost a tenth more to search.
+    /// Cuts are searched along the longest axis only: in half the time, for boxes that cost a tenth more to search.
     Quick,
 }
 

@@ -266,7 +266,7 @@ fn mean_normal(triangles: &[[DVec3; 3]]) -> Option<DVec3> {
             sum + area
         }
     });
-    // Small triangles have areas whose squares are no numbers.
+    // Small triangles have areas whose squares underflow.
     (sum / sum.abs().max_element()).try_normalize()
 }
 

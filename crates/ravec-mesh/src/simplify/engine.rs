@@ -37,10 +37,10 @@ const AHEAD: [usize; 2] = [16, 256];
 /// next time, and if a smaller share than the first, twice as many.
 const IN_VAIN: [f64; 2] = [1.0 / 32.0, 1.0 / 8.0];
 
-/// If even the fewest were too many, so many edges are examined one after the other before that is tried again.
+/// If even the fewest were too many, number of edges that are examined one after the other before that is tried again.
 const PAUSE: usize = 256;
 
-/// In so many parts at most they are examined, since each needs an examiner, which has a number for each vertex.
+/// Largest number of parts in which they are examined, since each needs an examiner, which has a number for each vertex.
 const MAX_PARTS: usize = 8;
 
 /// Initial state of an engine.
@@ -266,7 +266,7 @@ impl<'a, J: CollapseJudge> Engine<'a, J> {
         self.stamp(entry.ends) == entry.stamp
     }
 
-    /// Returns `true` if triangles at either end have changed since so many collapses had happened.
+    /// Returns `true` if triangles at either end have changed since the given number of collapses.
     #[inline]
     fn has_changed(&self, entry: &Entry, when: u32) -> bool {
         let mut touched = entry.ends.into_iter().map(|v| self.touched[v as usize]);
@@ -495,7 +495,7 @@ pub(super) struct Leftover {
 }
 
 impl Leftover {
-    /// The mesh of what is still there, with its samples if asked for.
+    /// The mesh of what is still there, with its samples if requested.
     pub fn into_simplified(self, with_samples: bool) -> Simplified {
         let mut name = vec![u32::MAX; self.positions.len()];
         for &v in self.triangles.iter().filter(|t| **t != GONE).flatten() {

@@ -84,7 +84,7 @@ impl Part {
         here.map(|(name, _)| name).collect()
     }
 
-    /// Those of its vertices that are at most so many `rings` away from what is `chosen`, a bit for each vertex of the
+    /// Those of its vertices that are at most this many `rings` away from what is `chosen`, a bit for each vertex of the
     /// original: a bit for each of them.
     pub fn around(&self, chosen: &[bool], rings: usize) -> Vec<bool> {
         let here = self.vertices.iter().map(|&v| chosen[v as usize]);

@@ -35,7 +35,7 @@ const RINGS: usize = 2;
 /// Simplifies `mesh` in the caller's thread pool, by patches and then along their seams.
 ///
 /// # Errors
-/// As for [`simplify`](super::simplify); and [`SimplifyError::BadParameter`] if a number of triangles is asked for, since
+/// As for [`simplify`](super::simplify); and [`SimplifyError::BadParameter`] if a number of triangles is requested, since
 /// patches cannot know their share.
 pub fn simplify_patches(
     mesh: &TriMesh,

@@ -111,10 +111,10 @@ impl Partners {
     }
 }
 
-/// One of so many sites is asked for partners, if there are plenty.
+/// One site in this number is searched for partners, if there are plenty.
 const THINNED: usize = 3;
 
-/// Sites that are looked at together, in a fixed order.
+/// Sites that are examined together, in a fixed order.
 const CHUNK: usize = 128;
 
 /// The grid with the lines of a family, which lie on edges, moved to where they belong: onto the middle of joints, or onto

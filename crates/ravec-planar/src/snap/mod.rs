@@ -103,7 +103,7 @@ const SECOND_REACH: f64 = 0.25;
 /// Grids that are followed to the end, if the first is not clear.
 const MAX_STARTS: usize = 3;
 
-/// The support from which a grid is taken without a look at others.
+/// The support from which a grid is taken without trying others.
 const CLEAR_SUPPORT: f64 = 0.9;
 
 /// Finds whose corners are nearer to each other after the second search come to the same place in the end, in pixels.

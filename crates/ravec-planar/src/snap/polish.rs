@@ -15,7 +15,7 @@ use rayon::prelude::*;
 pub(super) struct Round {
     /// Search radius for edges, in pixels: the search leaves about one pixel.
     reach: usize,
-    /// One of so many sites is looked at, if there are plenty: far from the end the others say the same.
+    /// One site in this number is examined, if there are plenty: far from the end the others say the same.
     every: usize,
     /// Corners that move by less, in pixels, need no further round of this reach.
     settled_px: f64,

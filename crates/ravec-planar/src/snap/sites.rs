@@ -49,7 +49,7 @@ const SPACING_PX: f64 = 2.0;
 /// Sites on a line at most: longer lines are known well enough.
 const MAX_SITES: f64 = 320.0;
 
-/// Places across lines that are looked at, for each pixel of the picture and beside these: a search with the largest reach
+/// Places across lines that are examined, for each pixel of the picture and beside these: a search with the largest reach
 /// and most lines has some 12 a pixel in small pictures, and few in large ones.
 const MAX_PLACES_PER_PIXEL: usize = 16;
 const ALWAYS_PLACES: usize = 1 << 24;

@@ -38,7 +38,7 @@ struct AxisTaps {
     /// The reach of the cubic in old pixels.
     reaches: Vec<f64>,
     first: Vec<i32>,
-    /// The distance from the place looked at to the center of the first one, for the cubic.
+    /// The distance from the place examined to the center of the first one, for the cubic.
     starts: Vec<f32>,
     /// That from one to the next.
     steps: Vec<f32>,

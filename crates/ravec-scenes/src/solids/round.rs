@@ -1,4 +1,4 @@
-//! Solids with curved sides, from as many triangles as asked for.
+//! Solids with curved sides, from a given number of triangles.
 
 use std::collections::HashMap;
 use std::f64::consts::{PI, TAU};

@@ -51,7 +51,7 @@ impl Canvas {
         self.painted = union(self.painted, region);
     }
 
-    /// Ends the stroke: what was painted is what the next one finds.
+    /// Ends the stroke: the next one starts from the painted picture.
     pub fn settle(&mut self) {
         copy(&self.image, &mut self.before, self.painted);
         self.painted = Rect::new(0, 0, 0, 0);

@@ -47,7 +47,7 @@ const PROBED: [[usize; 2]; 9] = [
     [3, 0],
 ];
 
-/// The side of the part of the picture that is looked at. Enough for thousands of blocks.
+/// The side of the part of the picture that is examined. Enough for thousands of blocks.
 const PROBE_SIDE: usize = 768;
 
 /// Steps from the smallest that is worth cleaning to the coarsest of use.

@@ -42,7 +42,7 @@ use strip::Strip;
 #[serde(default, deny_unknown_fields)]
 pub struct CleanParams {
     /// Standard deviation of the noise, in steps of 8-bit encoded values, 0 to 255; estimated from the image when not
-    /// given (default); then the damage of block compression is looked for, too. More removes more, texture included; an estimate 10 % off costs 0.4 dB.
+    /// given (default); then the damage of block compression is detected, too. More removes more, texture included; an estimate 10 % off costs 0.4 dB.
     pub noise_sigma: Option<f32>,
     /// Side of a window in pixels, 4 to 16 (default 8). Larger windows average more and adapt less; cost grows with the
     /// fourth power.

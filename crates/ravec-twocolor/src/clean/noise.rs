@@ -23,7 +23,7 @@ use rayon::prelude::*;
 /// Classes of brightness.
 const CLASSES: usize = 12;
 
-/// The most blocks looked at. More add nothing to the accuracy, which the picture's texture limits.
+/// The most blocks examined. More add nothing to the accuracy, which the picture's texture limits.
 const MAX_BLOCKS: usize = 24_000;
 
 /// The share of a class's blocks that count as flat. Less is noisier, more lets texture in.

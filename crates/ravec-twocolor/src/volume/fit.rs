@@ -75,19 +75,19 @@ pub enum VolumeError {
     /// The block's side is out of range.
     #[error("the block size is {got} pixels a side: choose 2 to 16")]
     BlockSize {
-        /// The side that was asked for.
+        /// The requested side.
         got: usize,
     },
     /// The block's number of frames is out of range.
     #[error("the block length is {got} frames: choose 1 to 16")]
     BlockFrames {
-        /// The frames that were asked for.
+        /// The requested number of frames.
         got: usize,
     },
     /// The number of starts is out of range.
     #[error("the number of starts is {got}: choose 1 to 16")]
     Starts {
-        /// The starts that were asked for.
+        /// The requested number of starts.
         got: usize,
     },
     /// The caller cancelled.
