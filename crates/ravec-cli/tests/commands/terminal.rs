@@ -149,6 +149,9 @@ fn a_gallery_runs_its_own_script_alone_and_fetches_nothing() {
     // the policy names the only script by its content; the others are data
     let (scripts, data) = ("<script>", "<script type=\"application/json\">");
     assert_eq!(page.matches(scripts).count(), 1);
-    assert_eq!(page.matches("<script").count(), 1 + page.matches(data).count());
+    assert_eq!(
+        page.matches("<script").count(),
+        1 + page.matches(data).count()
+    );
     assert!(page.contains("script-src 'sha256-") && !page.contains("unsafe-"));
 }

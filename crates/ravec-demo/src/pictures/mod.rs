@@ -150,7 +150,7 @@ impl Demo<'_> {
         self.page.section("The picture", &text);
         let figures = [
             Figure::picture(&self.image, "The picture that everything below starts from"),
-            self.crop(&self.image, "A part of it, each pixel as a square of four"),
+            self.crop(&self.image, "A part of it, enlarged four times"),
         ];
         self.page.figures(&figures);
         Ok(self.progress.check()?)

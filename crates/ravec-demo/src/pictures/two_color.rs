@@ -166,7 +166,7 @@ impl Demo<'_> {
                 &image,
                 Rect::of(image.size()),
                 factor,
-                "The input, each pixel as a square of six",
+                "The input, enlarged six times: its pixels become squares",
             ),
             Figure::compared(
                 whole(&smooth, "Catmull-Rom"),
