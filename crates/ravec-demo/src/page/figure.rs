@@ -151,7 +151,7 @@ impl Figure {
         self
     }
 
-    /// Whether the figure has a size of its own, as enlarged pixels have, instead of that of its column.
+    /// True if the figure has a size of its own, as enlarged pixels have, instead of that of its column.
     pub(super) fn is_sized(&self) -> bool {
         match &self.shown {
             Shown::Single(drawing) | Shown::Solid(drawing, _) => drawing.enlarged,
@@ -159,7 +159,7 @@ impl Figure {
         }
     }
 
-    /// Whether the figure is a solid.
+    /// True if the figure is a solid.
     pub(super) fn is_solid(&self) -> bool {
         matches!(self.shown, Shown::Solid(..))
     }

@@ -16,7 +16,7 @@ use ravec_scenes::Seed;
 /// Side of the part that is shown enlarged, in pixels.
 const CROP: [usize; 2] = [96, 72];
 
-/// How much parts are enlarged.
+/// The factor by which parts are enlarged.
 const ZOOM: usize = 4;
 
 /// Puts the sections about one picture on the page; `origin` names it.

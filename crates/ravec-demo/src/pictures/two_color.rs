@@ -1,4 +1,4 @@
-//! What lines with two colors keep of a picture, at which resolution, and how fast.
+//! Two-color pixels themselves: their fidelity, their independence of resolution, and their speed.
 
 use super::Demo;
 use crate::page::Figure;

@@ -37,7 +37,7 @@ pub fn show(
     simplification(page, report, detail, progress)
 }
 
-/// How large the pictures of meshes are, and how fine what they show.
+/// The size of pictures of meshes, and the fineness of the meshes.
 #[derive(Debug, Clone, Copy)]
 pub struct Detail {
     /// The side of a picture as a share of that of a large page, 0.25 to 1.
