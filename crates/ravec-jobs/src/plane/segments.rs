@@ -53,6 +53,9 @@ impl Chord {
 ///
 /// # Errors
 /// As [`TwoColorField::fit`].
+///
+/// # Panics
+/// Never: both sides of a reduced picture are at least 1.
 pub fn segments(
     image: &Image<PremulLinearRgba>,
     progress: &Progress,
