@@ -153,8 +153,8 @@ impl Operation for Demo {
         };
         let mut page = Gallery::new(
             "Ravec",
-            "What the toolkit does, shown on examples that were computed while this page was made. Move the divider of a pair of \
-             pictures, and turn the solids with the mouse, a finger or the arrow keys.",
+            "The systems of the toolkit at work, on examples that were computed while this page was made. Move the divider of a \
+             pair of pictures, and turn the solids with the mouse, a finger or the arrow keys.",
         );
         // eight bits, as a file would have
         let image = image.convert::<Srgb<u8>>().convert();

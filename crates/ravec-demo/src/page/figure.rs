@@ -151,6 +151,19 @@ impl Figure {
         self
     }
 
+    /// True if the figure has a size of its own, as enlarged pixels have, instead of that of its column.
+    pub(super) fn is_sized(&self) -> bool {
+        match &self.shown {
+            Shown::Single(drawing) | Shown::Solid(drawing, _) => drawing.enlarged,
+            Shown::Pair { before, .. } => before.enlarged,
+        }
+    }
+
+    /// True if the figure is a solid.
+    pub(super) fn is_solid(&self) -> bool {
+        matches!(self.shown, Shown::Solid(..))
+    }
+
     /// The figure as HTML.
     pub(super) fn html(&self) -> String {
         let caption = escaped(&self.caption);

@@ -8,7 +8,8 @@
 //! corners               three indices of two bytes for each triangle
 //! paint                 "plain", "faces" or "vertices": what has a shade
 //! palette, shades       red, green, blue for each shade; one byte for each triangle or vertex
-//! back, inside, ink     colors of backs, of cuts, and of edges
+//! back, inside          colors of backs and of cuts
+//! ink, lining           colors of edges, and of creases and outlines
 //! section, capped       normal and offset of what is cut away, or null; whether backs are shown as the inside
 //! view                  degrees around and up at first
 //! smooth, crease        degrees up to which surfaces are smooth, and from which edges are drawn, or null
@@ -160,6 +161,7 @@ fn encoded(
         "back": params.back_color,
         "inside": params.cut_color,
         "ink": params.wireframe.map_or([40, 44, 52], |style| style.color),
+        "lining": params.features.map_or([24, 28, 34], |features| features.style.color),
         "section": section,
         "capped": params.section.is_some_and(|section| section.capped),
         "view": [view.azimuth_deg, view.elevation_deg],
