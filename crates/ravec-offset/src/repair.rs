@@ -1,0 +1,8 @@
+//! Step 6, repair: rounds of growing, extracting and proving until no defect is left.
+
+mod rounds;
+mod workspace;
+
+pub(crate) use rounds::{Budget, Repair, Repaired};
+
+use workspace::{GrownTile, StoredTile, Workspace};
