@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_no_offset_has_no_cells_either() {
+    fn an_empty_offset_has_no_cells() {
         let deep = OffsetParams {
             distance: 0.6,
             ..params(Side::Inner)

@@ -190,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_beyond_all_numbers_of_32_bits_is_refused() {
+    fn coordinates_beyond_32_bit_floats_are_refused() {
         let mut frame = Frame {
             origin: DVec3::ZERO,
             side: 1e39,

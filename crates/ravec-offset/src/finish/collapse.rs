@@ -90,7 +90,7 @@ impl<'a> Overseer for FacetRules<'a> {
 }
 
 /// Judge of collapses by distance and direction.
-struct CollapseProver<'a> {
+pub(super) struct CollapseProver<'a> {
     rules: FacetRules<'a>,
     trust: Trust,
     /// Cosine of the limit of the tilt.
@@ -103,7 +103,7 @@ struct CollapseProver<'a> {
 
 /// Findings about a collapse.
 #[derive(Default)]
-struct Findings {
+pub(super) struct Findings {
     /// Closest point to the merged vertex.
     merged: Option<Near>,
     /// Tilt of the facets around it after the collapse.

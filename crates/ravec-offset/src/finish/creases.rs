@@ -83,7 +83,7 @@ mod tests {
                 &Progress::none(),
             )
             .unwrap();
-            // outside, cylinders and spheres round what is an edge here
+            // outside, cylinders and spheres round these edges
             let found = creases(&field, surface, 0.02, |_| true, &Progress::none()).unwrap();
             assert_eq!(found, expected, "inner: {inner}");
         }

@@ -171,7 +171,7 @@ impl Finish<'_> {
             surface = shell(mesh, &surface);
             is_apart = false;
         }
-        // what is as it was mended meets itself nowhere
+        // a repaired surface that is unchanged is free of intersections
         let last = CheckParams {
             self_intersections: !is_apart,
             list_limit: 0,

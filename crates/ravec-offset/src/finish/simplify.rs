@@ -258,6 +258,7 @@ pub(super) fn indices(marked: &[bool]) -> Vec<u32> {
 
 #[cfg(test)]
 mod tests {
+    use super::eased;
 
     #[test]
     fn facets_may_be_off_by_more_where_more_than_a_sixth_is_left() {

@@ -37,7 +37,7 @@ impl Cell<'_> {
         is_crowded: bool,
     ) -> bool {
         let field = self.setting.field;
-        // only what is nearer than the surface, or on the other side of the triangles, may have pockets in it
+        // pockets are in cells nearer than the surface, or on the other side of the triangles
         if corners[0].value * field.level >= 0.0 {
             return false;
         }

@@ -93,7 +93,7 @@ fn is_within(field: &Field<'_>, facet: [DVec3; 3], most: f64, near: [u32; 3], cu
     }
     let [ab, bc, ca] = [(a + b) / 2.0, (b + c) / 2.0, (c + a) / 2.0];
     let parts = [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]];
-    // most parts are as near as they have to be to what is closest to their outer corner, or to the middle
+    // most parts are near enough to the triangle closest to their outer corner, or to the center
     let [ta, tb, tc] = near;
     let likely = [ta, tb, tc, center.triangle];
     let is_open: [bool; 4] =

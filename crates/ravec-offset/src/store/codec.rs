@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_put_away_comes_out_as_it_was() {
+    fn patches_are_read_as_they_were_written() {
         let store = Store::Storage(Scratch::new(&in_memory).unwrap());
         let first = store.put(patch()).unwrap();
         let none = store.put(Patch::default()).unwrap();
@@ -157,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_a_patch_is_refused() {
+    fn bytes_that_are_no_patch_are_refused() {
         let bytes = encoded(&patch());
         for cut in 0..bytes.len() {
             assert!(decoded(&bytes[..cut]).is_none(), "{cut} bytes");

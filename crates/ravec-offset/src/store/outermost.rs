@@ -241,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn what_lies_in_a_cavity_cannot_be_reached() {
+    fn a_component_in_a_cavity_cannot_be_reached() {
         let (mut positions, mut triangles) = (vec![], vec![]);
         add_box(1.0, false, &mut positions, &mut triangles);
         add_box(3.0, false, &mut positions, &mut triangles);

@@ -132,7 +132,6 @@ impl Patch {
 mod tests {
     use super::*;
     use crate::surface::{Edge, Given, Proof, Room, VertexName};
-    use crate::surface::{Edge, Given, Proof, Room, VertexName};
     use glam::DVec3;
     use proptest::prelude::*;
     use ravec_octree::Corner;

@@ -43,7 +43,6 @@ pub(super) fn slab(
         step: (2.0 * (1.5 * slack / heights[1]).sqrt()).min(0.5),
         positions: Vec::new(),
         is_low: Vec::new(),
-        /// Turns at the ends of hinges, by vertex.
         turns: FxHashMap::default(),
     };
     for t in 0..directed.normals.len() as u32 {
@@ -88,7 +87,7 @@ struct Builder<'a> {
     step: f64,
     positions: Vec<DVec3>,
     is_low: Vec<bool>,
-    /// By vertex, the turns at the ends of hinges.
+    /// Turns at the ends of hinges, by vertex.
     turns: FxHashMap<u32, Vec<Turn>>,
 }
 
