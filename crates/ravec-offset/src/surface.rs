@@ -12,5 +12,5 @@ pub(crate) use bytes::Bytes;
 pub(crate) use checks::{border, compact, doubled, intersecting_pairs};
 pub(crate) use edits::Edits;
 pub(crate) use patch::{Edge, Patch, TRIANGLES_AT_ONCE, VertexName};
-pub(crate) use proof::{Given, Proof, Room};
+pub(crate) use proof::{Proof, ProofStart, Room};
 pub(crate) use reach::{RINGS, Reach};

@@ -213,7 +213,7 @@ impl<'a> Field<'a> {
     /// Returns whether a point of a triangle is on the border of the solid, if the surface consists of the triangles
     /// themselves: parts of overlapping solids lie inside others.
     pub fn is_border(&self, p: DVec3, normal: DVec3, step: f64) -> bool {
-        // below the point there is a solid in any case
+        // the solid is below the point in any case
         self.level != 0.0 || self.region(p + step * normal) == Region::Outside
     }
 

@@ -45,7 +45,7 @@ impl Crossing {
                 }
             })
         });
-        // a filled corner: the surface goes as close to it as it can
+        // a filled corner: the surface is as close to it as possible
         let is_filled = values[0].value > 0.0;
         values[0].value = values[0].value.min(-1e-9 * refinement.setting.tolerance);
         Self {
@@ -79,7 +79,7 @@ impl Crossing {
             let ends = Ends {
                 points,
                 values: self.values,
-                // of some ends it is known only whether they are inside
+                // for some ends, only the sign is known
                 known: &[],
             };
             root(refinement.setting.field, self.region, ends, enough)

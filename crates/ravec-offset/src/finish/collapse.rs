@@ -68,7 +68,7 @@ impl<'a> Overseer for FacetRules<'a> {
 
     fn faults(&self, mesh: &TriMesh, triangles: &[u32]) -> Vec<u32> {
         let nearest = self.nearest(mesh);
-        // rounding may put two vertices in one place, where a search for intersections takes them for one
+        // rounding may place two vertices at one position, which a search for intersections takes for one vertex
         let doubled = match self.coordinates {
             Coordinates::Double => FxHashSet::default(),
             Coordinates::Single => doubled(mesh.positions()),

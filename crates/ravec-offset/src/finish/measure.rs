@@ -116,7 +116,7 @@ pub(crate) fn measure(
         if nearest >= limits[0] && farthest <= limits[1] {
             return Ok((0, nearest, farthest));
         }
-        // the least distance is known up to a slack, and the search for a bound takes other ways than the proof does
+        // the minimum is known up to a slack, and the search for a bound differs from the proof
         let is_proved = keeps_distance(field, facet, limits, hints(t));
         let farthest = if is_proved { limits[1] } else { farthest };
         Ok((u64::from(!is_proved), nearest, farthest))

@@ -148,7 +148,7 @@ impl<'a> Simplifier<'a> {
             ..Keep::default()
         };
         let Some(mut again) = self.merged(&turned, keep, CREST_RAD)? else {
-            // it could be merged before, so that this is not to be expected
+            // unexpected, since the first merge succeeded
             return Ok(Merged {
                 mesh: turned,
                 ..merged
@@ -217,7 +217,7 @@ impl<'a> Simplifier<'a> {
         match simplify_patches(surface, &asked, keep, &self.rules, self.rules.progress) {
             Ok(simplified) => Ok(Some(simplified)),
             Err(SimplifyError::Cancelled(cancelled)) => Err(cancelled),
-            // nothing else can be said against a surface of our own: keep it as it is
+            // no other error applies to a surface of this crate: keep it unchanged
             Err(_) => Ok(None),
         }
     }

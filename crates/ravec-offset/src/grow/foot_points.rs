@@ -39,7 +39,7 @@ impl Cell<'_> {
                 triangle: near.triangle,
             };
             if near.distance < radius {
-                // something else may be closer out there
+                // another triangle may be closer there
                 let there = self.setting.field.near(foot, near.triangle);
                 if (there.distance - radius).abs() > ON_SURFACE * self.setting.tolerance {
                     continue;
@@ -81,7 +81,7 @@ impl Cell<'_> {
             let corners = self.setting.field.bvh().corners(triangle);
             let normal = self.setting.field.normal(triangle);
             let base = closest_on_triangle(0.5 * (low + high), corners).point;
-            // of triangles that face away from the solid, one side is the one that is wanted
+            // triangles that face away from the solid have the surface on one side only
             let front = if self.setting.field.level < 0.0 {
                 -normal
             } else {

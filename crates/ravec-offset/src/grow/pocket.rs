@@ -61,8 +61,8 @@ impl Cell<'_> {
             .into_iter()
             .map(|triangle| points.map(|p| field.near_of(p, triangle).distance))
             .collect();
-        // the distance to one triangle is convex, and so is the mean of two: none of the cell's points is farther than the farthest
-        // corner
+        // the distance to one triangle is convex, and so is the mean of two: over the cell they are
+        // largest at a corner
         let most = field.radius() + SHALLOW * self.setting.tolerance;
         let holds_none =
             |a: &[f64; 8], b: &[f64; 8]| a.iter().zip(b).all(|(a, b)| 0.5 * (a + b) <= most);

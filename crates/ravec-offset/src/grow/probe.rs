@@ -107,7 +107,7 @@ impl Refinement<'_> {
             return false;
         }
         // without signs, a cell with triangles in it would hide the surface on one side of them; with signs, many
-        // triangles may enclose what the corners know nothing of
+        // triangles may enclose a room that the corners miss
         let field = self.setting.field;
         if !field.is_signed() {
             return true;
@@ -120,7 +120,7 @@ impl Refinement<'_> {
         let mut triangles = 0;
         let mut normals = [DVec3::ZERO; MAX_TRIANGLES_OF_SHEET];
         field.bvh().for_each_touching(&bounds, |triangle| {
-            // large slanted triangles have boxes in which they are nearly nowhere
+            // boxes of large slanted triangles are mostly empty
             if field.level == 0.0 && field.near_of(center, triangle).distance > radius {
                 return;
             }

@@ -193,7 +193,7 @@ impl Refinement<'_> {
                 let place =
                     |i: usize| Place::new(points[i], values[i].value + self.setting.field.level);
                 let known = [place(0), place(1)];
-                // not by the cells around it: which of these are known differs from tile to tile
+                // the cells around must not matter: the known ones differ between tiles
                 let region = self.setting.field.region_between(&known);
                 let ends = Ends {
                     points,

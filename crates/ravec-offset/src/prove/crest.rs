@@ -53,7 +53,7 @@ fn growth_between(cosine: f64) -> f64 {
 
 /// [`growth_between`] for a facet that cuts a crest where another sheet may end it at a right angle.
 fn growth_beside(field: &Field<'_>, facet: [DVec3; 3], near: [Near; 3], range: f64) -> f64 {
-    // a corner where three sheets meet shows only one of them; where two are equally near, a step away from one leads to the other
+    // a corner where three sheets meet shows only one of them; where two are equally near, a step off one reaches the other
     let middle = (facet[0] + facet[1] + facet[2]) / 3.0;
     let of_middle = field.near(middle, near[0].triangle);
     let beyond = field.near(middle + 0.25 * range * of_middle.away, of_middle.triangle);

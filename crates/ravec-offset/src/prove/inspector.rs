@@ -6,7 +6,7 @@
 use super::{keeps_distance, near_corner, room_kept, tightened};
 use crate::extract::{Extracted, Selection};
 use crate::grow::{Refinement, Setting};
-use crate::surface::{Edits, Given, Patch, Proof, Room, intersecting_pairs};
+use crate::surface::{Edits, Patch, Proof, ProofStart, Room, intersecting_pairs};
 use ravec_octree::{CellKey, Corner, NodeId};
 use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
@@ -178,7 +178,7 @@ impl Inspector<'_> {
             let cells = extracted.cells_of(t);
             let level = |&cell: &NodeId| refinement.tree.key(cell).level;
             let hint = |cell: NodeId| refinement.tree.data(cell).hint;
-            Given {
+            ProofStart {
                 hints: std::array::from_fn(|i| hint(cells[i.min(cells.len() - 1)])),
                 is_last: cells.iter().all(|cell| level(cell) >= limit),
             }
@@ -194,12 +194,12 @@ impl Inspector<'_> {
                 if let Some(proof) = known.filter(|proof| proof.is_from(&given)) {
                     return Ok(Some(proof));
                 }
-                let Given { hints, is_last } = given;
+                let ProofStart { hints, is_last } = given;
                 let field = self.setting.field;
                 // corners of fans are not those of the leaves, nor in their order
                 let near = facet.map(|corner| near_corner(field, corner, &hints, self.limits));
                 let hints = near.map(|near| near.triangle);
-                // what cannot be split has to keep the distance, but cannot follow a crest any further
+                // cells that cannot be split must keep the distance, but cannot follow a crest any further
                 let limits = tightened(field, facet, near, self.limits);
                 let room = room_kept(field, facet, limits, self.ample_distance(), hints);
                 let keeps = || is_last && keeps_distance(field, facet, self.limits, hints);

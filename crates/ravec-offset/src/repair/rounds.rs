@@ -358,7 +358,7 @@ impl<'a> Repair<'a> {
         let places = [tile.tree, tile.patch];
         let key = tile.key;
         let max_nodes = self.max_nodes(key);
-        // it is better to keep a tile that has grown a little
+        // a tile that grows a little is kept whole
         let max_nodes = max_nodes.saturating_add(max_nodes / 4);
         let grown = tile.get(self.setting, max_nodes, scratch)?;
         let mut of_tile = EditRequests::default();

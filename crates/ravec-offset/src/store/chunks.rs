@@ -161,7 +161,7 @@ impl ChunkedSurface {
         let mut assembly = self.own(chunk, progress)?;
         let own = assembly.triangles.len();
         let range = &self.ranges[chunk];
-        // block by block: a box around all of the chunk may hold most of the surface
+        // block by block: bounds of the whole chunk may contain most of the surface
         let blocks = self.blocks[range.clone()].iter();
         let bounds: Vec<Aabb> = blocks.map(|block| block.bounds).collect();
         for (at, block) in self.blocks.iter().enumerate() {

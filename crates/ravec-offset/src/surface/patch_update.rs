@@ -131,7 +131,7 @@ impl Patch {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::surface::{Edge, Given, Proof, Room, VertexName};
+    use crate::surface::{Edge, Proof, ProofStart, Room, VertexName};
     use glam::DVec3;
     use proptest::prelude::*;
     use ravec_octree::Corner;
@@ -197,7 +197,7 @@ mod tests {
                 }
                 patch.triangles.push([first, first + 1, first + 2]);
                 patch.edge_of.push(edge);
-                let given = Given {
+                let given = ProofStart {
                     hints: [leaf, k as u32, 0, 0],
                     is_last: false,
                 };

@@ -16,14 +16,14 @@ pub(crate) enum Room {
 /// Starting point of a proof, apart from the facet. Proofs are not tight: one may succeed from one triangle and fail from
 /// another. A proof from another start does not count, since otherwise the surface would depend on the cache.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub(crate) struct Given {
+pub(crate) struct ProofStart {
     /// Triangles close to the leaves of the polygon.
     pub hints: [u32; 4],
     /// None of these leaves can be split.
     pub is_last: bool,
 }
 
-impl Given {
+impl ProofStart {
     /// Hash of 62 bits.
     fn mark(&self) -> u64 {
         FxBuildHasher.hash_one(self) >> 2
@@ -36,13 +36,13 @@ impl Given {
 pub(crate) struct Proof(NonZeroU64);
 
 impl Proof {
-    pub fn new(room: Room, given: &Given) -> Self {
+    pub fn new(room: Room, given: &ProofStart) -> Self {
         let is_ample = u64::from(room == Room::Ample);
         Self(NonZeroU64::MIN | is_ample << 1 | given.mark() << 2)
     }
 
     /// Returns whether the proof started from `given`.
-    pub fn is_from(self, given: &Given) -> bool {
+    pub fn is_from(self, given: &ProofStart) -> bool {
         self.0.get() >> 2 == given.mark()
     }
 
@@ -65,7 +65,7 @@ mod tests {
 
     #[test]
     fn proofs_record_their_start_and_their_room() {
-        let given = |i: u32| Given {
+        let given = |i: u32| ProofStart {
             hints: [i, i + 1, 7, 7],
             is_last: i.is_multiple_of(3),
         };

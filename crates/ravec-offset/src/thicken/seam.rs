@@ -52,7 +52,7 @@ pub(super) fn sew(
         .collect();
     let start = triangles.len() as u32;
     let mut places = surface.positions().to_vec();
-    // where the cut runs back, its vertices become one
+    // vertices where the cut runs back are merged
     let mut merged: Vec<u32> = (0..places.len() as u32).collect();
     if !rims.is_empty() {
         let along = Along::new(lifted, &rims);

@@ -289,7 +289,7 @@ impl Builder<'_> {
             .map(|direction| direction.angle_between(mean))
             .fold(0.0, f64::max);
         let rings = (widest / self.step).ceil().max(1.0) as u32;
-        // how often a ray from the mean has a sector on its left less those on its right
+        // per ray from the mean: the number of sectors on its left minus those on its right
         let mut rays: FxHashMap<[u64; 3], (DVec3, i32)> = FxHashMap::default();
         for (pair, has_wedge) in filled {
             let (to, from) = (pair[0], pair[1]);
