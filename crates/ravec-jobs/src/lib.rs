@@ -34,6 +34,7 @@ mod error;
 mod files;
 mod gallery;
 mod identity;
+mod mask;
 pub mod match_photos;
 pub mod mesh;
 pub mod mosaic;

@@ -7,7 +7,7 @@ use crate::error::JobError;
 use crate::files::{self, Source};
 use crate::report::Report;
 use ravec::progress::Progress;
-use ravec::raster::{AnyImage, Color, Image, LinearRgba, Size};
+use ravec::raster::{Image, LinearRgba, Size, psnr_db, with_image};
 use ravec::twocolor::{
     AdaptiveField, AdaptiveParams, BlockField, FitMethod, FitParams, MAX_SVG_SIDE, SvgParams,
     TwoColorField, render, render_mosaic, render_to, write_svg,
@@ -249,10 +249,9 @@ fn deliver(
         .insert("values", f64::from(8 * (blocks - flat) + 3 * flat));
     if let Some(path) = &targets.picture {
         let image = report.time("render", || draw(field, params, progress))?;
-        if image.size() == picture.image.size() {
-            report
-                .figures
-                .insert("psnr_db", psnr_db(&picture.image, &image));
+        // there is none at another scale
+        if let Ok(found) = with_image!(&picture.image, input => psnr_db(input, &image)) {
+            report.figures.insert("psnr_db", found);
         }
         let options = WriteOptions {
             quality: params.quality,
@@ -314,34 +313,10 @@ fn write_drawing(
     files::write_output_text(path, "SVG", &text, report)
 }
 
-/// The peak signal-to-noise ratio of encoded colors, weighted by alpha.
-pub(crate) fn psnr_db(a: &AnyImage, b: &Image<LinearRgba>) -> f64 {
-    let a = a.convert::<LinearRgba>();
-    let encoded = |pixel: LinearRgba| {
-        let alpha = pixel.alpha();
-        ravec::raster::Srgb::<f32>::from_linear(pixel)
-            .0
-            .map(|v| f64::from(v.clamp(0.0, 1.0) * alpha))
-    };
-    let squares: f64 = a
-        .pixels()
-        .iter()
-        .zip(b.pixels())
-        .map(|(&a, &b)| {
-            encoded(a)
-                .iter()
-                .zip(encoded(b))
-                .map(|(a, b)| (a - b) * (a - b))
-                .sum::<f64>()
-        })
-        .sum();
-    -10.0 * (squares / (3 * a.size().pixels()) as f64).log10()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ravec::raster::Srgb;
+    use ravec::raster::{Color as _, Srgb};
     use ravec_media::Picture;
 
     fn folder_with_picture(width: usize, height: usize) -> (tempfile::TempDir, Source) {

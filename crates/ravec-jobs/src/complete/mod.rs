@@ -7,11 +7,12 @@ mod fragments;
 
 use crate::error::JobError;
 use crate::files::{self, Source};
+use crate::mask::read_mask;
 use crate::report::Report;
 use glam::DVec2;
 use ravec::completion::{CompleteError, CompleteParams, CompleteSummary, complete};
 use ravec::progress::Progress;
-use ravec::raster::{AnyImage, Color, Image, Mask, Plane, Size, Srgba, with_image};
+use ravec::raster::{AnyImage, Color, Image, Mask, Size, with_image};
 use ravec_media::WriteOptions;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -281,23 +282,12 @@ pub fn run(
     let picture = files::read(input, &mut report, progress)?;
     let size = picture.image.size();
     files::check_size(output, size, &picture)?;
-    let mut read_mask = |source: &Source| -> Result<Mask, JobError> {
-        let mask = files::read(source, &mut report, progress)?.image;
-        if mask.size() != size {
-            return Err(JobError::SizesDiffer {
-                a: input.path.clone(),
-                a_size: size,
-                b: source.path.clone(),
-                b_size: mask.size(),
-            });
-        }
-        Ok(coverage(&mask))
-    };
+    let mut read = |mask: &Source| read_mask(mask, (&input.path, size), &mut report, progress);
     let mut hole = files
         .mask
         .as_ref()
-        .map_or_else(|| Ok(Mask::empty(size)), &mut read_mask)?;
-    let features = files.features.as_ref().map(&mut read_mask).transpose()?;
+        .map_or_else(|| Ok(Mask::empty(size)), &mut read)?;
+    let features = files.features.as_ref().map(&mut read).transpose()?;
     add_polygons(&mut hole, size, params)?;
     let job = Job {
         input,
@@ -402,15 +392,6 @@ where
 {
     let completed = complete(image, hole, planes, params, progress)?;
     Ok((completed.image.into(), completed.summary))
-}
-
-/// How white a mask is: encoded values, as one sees them, times alpha.
-fn coverage(mask: &AnyImage) -> Mask {
-    let values: Image<Srgba<f32>> = mask.convert();
-    let plane: Plane =
-        values.map(|Srgba([r, g, b, alpha])| alpha * (0.299 * r + 0.587 * g + 0.114 * b));
-    // white is white in spite of rounding, and black black
-    Mask::from_coverage(&plane.map(|value| (value * 65535.0).round() / 65535.0))
 }
 
 fn add_polygons(hole: &mut Mask, size: Size, params: &Params) -> Result<(), JobError> {

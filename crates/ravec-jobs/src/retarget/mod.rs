@@ -8,10 +8,11 @@ pub use size::SizeSpec;
 
 use crate::error::JobError;
 use crate::files::{self, Source};
+use crate::mask::read_mask;
 use crate::plane::{draw_line, line_width};
 use crate::report::Report;
 use ravec::progress::Progress;
-use ravec::raster::{AnyImage, Color, Image, LinearRgba, Mask, Plane, Size, Srgba, with_image};
+use ravec::raster::{AnyImage, Color, Image, LinearRgba, Size, Srgba, with_image};
 use ravec::retarget::{
     AnalysisSummary, Borders, Deformation, Painted, RetargetError, RetargetParams, Retargeter,
     SolveSummary,
@@ -226,20 +227,9 @@ pub fn run(
         &inputs,
         &outputs.iter().map(PathBuf::as_path).collect::<Vec<_>>(),
     )?;
-    let mut read = |source: Option<&Source>| match source {
-        None => Ok(None),
-        Some(source) => {
-            let mask = files::read(source, &mut report, progress)?.image;
-            if mask.size() == size {
-                return Ok(Some(coverage(&mask)));
-            }
-            Err(JobError::SizesDiffer {
-                a: input.path.clone(),
-                a_size: size,
-                b: source.path.clone(),
-                b_size: mask.size(),
-            })
-        }
+    let mut read = |mask: Option<&Source>| {
+        mask.map(|mask| read_mask(mask, (&input.path, size), &mut report, progress))
+            .transpose()
     };
     let (protect, give_way) = (read(masks[0])?, read(masks[1])?);
     let painted = Painted {
@@ -356,15 +346,6 @@ fn with_grid(deformation: &Deformation, mut image: Image<LinearRgba>) -> Image<L
         }
     }
     image
-}
-
-/// How white a mask is: encoded values, as one sees them, times alpha.
-fn coverage(mask: &AnyImage) -> Mask {
-    let values: Image<Srgba<f32>> = mask.convert();
-    let plane: Plane =
-        values.map(|Srgba([r, g, b, alpha])| alpha * (0.299 * r + 0.587 * g + 0.114 * b));
-    // black is black in spite of rounding
-    Mask::from_coverage(&plane.map(|value| (value * 65535.0).round() / 65535.0))
 }
 
 #[cfg(test)]
