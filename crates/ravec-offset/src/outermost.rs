@@ -4,6 +4,7 @@ use crate::params::OffsetError;
 use crate::tile::{Patch, TRIANGLES_AT_ONCE, VertexName, border};
 use glam::DVec3;
 use ravec_mesh::{Aabb, Bvh, TriMesh, WindingNumbers, measure, winding_number};
+use ravec_numeric::DisjointSets;
 use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
@@ -68,7 +69,7 @@ pub(crate) fn reachable_in_blocks<'a>(
     // the parts of blocks, and which of them are the same part of the surface
     let mut shares: Vec<Share> = Vec::new();
     let mut first_of = Vec::with_capacity(blocks);
-    let mut parents: Vec<u32> = Vec::new();
+    let mut sets = DisjointSets::default();
     let mut known: FxHashMap<VertexName, u32> = FxHashMap::default();
     for at in 0..blocks {
         let patch = patch(at)?;
@@ -79,20 +80,19 @@ pub(crate) fn reachable_in_blocks<'a>(
         for (corners, &part) in patch.triangles.iter().zip(&part_of) {
             let number = first + part;
             if number as usize == shares.len() {
-                parents.push(number);
+                sets.push();
                 shares.push(Share::at(patch.positions[corners[0] as usize]));
             }
             shares[number as usize].add(corners.map(|v| patch.positions[v as usize]));
             for &v in corners.iter().filter(|&&v| border[v as usize]) {
                 let other = *known.entry(patch.names[v as usize]).or_insert(number);
-                let (a, b) = (root(&mut parents, other), root(&mut parents, number));
-                parents[a.max(b) as usize] = a.min(b);
+                sets.join(other, number);
             }
         }
     }
     drop(known);
     let part_of: Vec<u32> = (0..shares.len() as u32)
-        .map(|share| root(&mut parents, share))
+        .map(|share| sets.root(share))
         .collect();
     for share in 0..shares.len() {
         let part = part_of[share] as usize;
@@ -202,30 +202,18 @@ fn holds(bounds: &Aabb, p: DVec3) -> bool {
     p.cmpge(bounds.min).all() && p.cmple(bounds.max).all()
 }
 
-/// The smallest member of the set that `at` is in, of sets that are joined but never split.
-pub(crate) fn root(parents: &mut [u32], mut at: u32) -> u32 {
-    while parents[at as usize] != at {
-        let above = parents[parents[at as usize] as usize];
-        parents[at as usize] = above;
-        at = above;
-    }
-    at
-}
-
 /// Of each triangle the number of the part that it hangs together with.
 fn parts(
     vertices: usize,
     triangles: &[[u32; 3]],
     progress: &Progress,
 ) -> Result<Vec<u32>, Cancelled> {
-    let mut parents: Vec<u32> = (0..vertices as u32).collect();
+    let mut sets = DisjointSets::new(vertices);
     for some in triangles.chunks(TRIANGLES_AT_ONCE as usize) {
         progress.check()?;
         for &[a, b, c] in some {
-            for other in [b, c] {
-                let (a, b) = (root(&mut parents, a), root(&mut parents, other));
-                parents[a.max(b) as usize] = a.min(b);
-            }
+            sets.join(a, b);
+            sets.join(a, c);
         }
     }
     progress.check()?;
@@ -234,7 +222,7 @@ fn parts(
     let numbered = triangles
         .iter()
         .map(|&[a, ..]| {
-            let number = &mut numbers[root(&mut parents, a) as usize];
+            let number = &mut numbers[sets.root(a) as usize];
             if *number == u32::MAX {
                 *number = count;
                 count += 1;
