@@ -9,7 +9,7 @@ use crate::files;
 use crate::operation::Operation;
 use crate::report::Report;
 use ravec::progress::Progress;
-use ravec::raster::{AnyImage, Color, Image, LinearRgba, Size};
+use ravec::raster::{Image, LinearRgba, Size, psnr_db, with_image};
 use ravec::twocolor::{
     AdaptiveField, AdaptiveParams, BlockField, FitMethod, FitParams, MAX_SVG_SIDE, SvgParams,
     TwoColorField, render, render_mosaic, render_to, write_svg,
@@ -292,10 +292,9 @@ impl TwoColor {
             .insert("values", f64::from(8 * (blocks - flat) + 3 * flat));
         if let Some(path) = &self.output {
             let image = report.time("render", || draw(field, params, &context.progress))?;
-            if image.size() == picture.image.size() {
-                report
-                    .figures
-                    .insert("psnr_db", psnr_db(&picture.image, &image));
+            // there is none at another scale
+            if let Ok(psnr) = with_image!(&picture.image, input => psnr_db(input, &image)) {
+                report.figures.insert("psnr_db", psnr);
             }
             let options = WriteOptions {
                 quality: params.quality,
@@ -356,30 +355,6 @@ fn write_drawing(
     report.figures.insert("svg_bytes", text.len() as f64);
     let text = String::from_utf8_lossy(&text);
     files::write_output_text(path, "SVG", &text, report, context)
-}
-
-/// The peak signal-to-noise ratio of encoded colors, weighted by alpha.
-pub(crate) fn psnr_db(a: &AnyImage, b: &Image<LinearRgba>) -> f64 {
-    let a = a.convert::<LinearRgba>();
-    let encoded = |pixel: LinearRgba| {
-        let alpha = pixel.alpha();
-        ravec::raster::Srgb::<f32>::from_linear(pixel)
-            .0
-            .map(|v| f64::from(v.clamp(0.0, 1.0) * alpha))
-    };
-    let squares: f64 = a
-        .pixels()
-        .iter()
-        .zip(b.pixels())
-        .map(|(&a, &b)| {
-            encoded(a)
-                .iter()
-                .zip(encoded(b))
-                .map(|(a, b)| (a - b) * (a - b))
-                .sum::<f64>()
-        })
-        .sum();
-    -10.0 * (squares / (3 * a.size().pixels()) as f64).log10()
 }
 
 #[cfg(test)]

@@ -26,7 +26,7 @@
 //!
 //! | module | step |
 //! | --- | --- |
-//! | `params`, `union_find` | parameters, errors, disjoint sets |
+//! | `params` | parameters and errors |
 //! | `domain` | the distance field, the grid of coordinates, enclosed space |
 //! | `surface` | patches, proofs, reaches and edits: the data that the steps exchange |
 //! | `grow` | the octree, split until one vertex per cell represents the surface |
@@ -106,7 +106,6 @@ mod store;
 mod surface;
 mod task;
 mod thicken;
-mod union_find;
 
 pub use offset::{offset, offset_stored};
 pub use offset_cells::{OffsetCell, offset_cells};

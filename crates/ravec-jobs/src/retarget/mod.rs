@@ -7,6 +7,7 @@ pub use size::SizeSpec;
 use crate::context::Context;
 use crate::error::JobError;
 use crate::files;
+use crate::mask::read_mask;
 use crate::operation::{Operation, paths};
 use crate::plane::{draw_line, line_width};
 use crate::report::Report;
@@ -240,7 +241,7 @@ impl Operation for Retarget {
         let size = picture.image.size();
         let sizes = self.sizes(&picture, context)?;
         let mut read = |path: Option<&PathBuf>| {
-            path.map(|path| files::read_mask(path, input, size, &mut report, context))
+            path.map(|path| read_mask(path, input, size, &mut report, context))
                 .transpose()
         };
         let (protect, give_way) = (read(self.protect.as_ref())?, read(self.give_way.as_ref())?);

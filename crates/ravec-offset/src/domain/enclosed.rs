@@ -9,7 +9,7 @@
 //! gaps that are narrower than a cell but wider than twice the distance.
 
 use super::Field;
-use crate::union_find::root;
+use ravec_numeric::DisjointSets;
 use ravec_octree::{CellKey, Frame, MAX_LEVEL, NodeId, Octree, for_each_minimal_face};
 use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
@@ -125,24 +125,20 @@ fn reachable_leaves(tree: &Octree<Coarse>) -> Vec<bool> {
         (key.at.0.iter()).any(|&x| x == 0 || x + key.side() == side)
     };
     // the root stands for all that is beyond its border
-    let mut parents: Vec<NodeId> = (0..tree.len() as NodeId).collect();
-    let mut join = |a: NodeId, b: NodeId| {
-        let (a, b) = (root(&mut parents, a), root(&mut parents, b));
-        parents[a.max(b) as usize] = a.min(b);
-    };
+    let mut sets = DisjointSets::new(tree.len());
     for leaf in tree
         .leaves()
         .filter(|&leaf| is_open(leaf) && is_at_border(leaf))
     {
-        join(0, leaf);
+        sets.join(0, leaf);
     }
     for_each_minimal_face(tree, |[a, b]| {
         if is_open(a) && is_open(b) {
-            join(a, b);
+            sets.join(a, b);
         }
     });
     let nodes = 0..tree.len() as NodeId;
-    nodes.map(|node| root(&mut parents, node) == 0).collect()
+    nodes.map(|node| sets.root(node) == 0).collect()
 }
 
 #[cfg(test)]

@@ -1,9 +1,9 @@
 //! Connected components of the surface.
 
 use crate::surface::TRIANGLES_AT_ONCE;
-use crate::union_find::root;
 use glam::DVec3;
 use ravec_mesh::Aabb;
+use ravec_numeric::DisjointSets;
 use ravec_progress::{Cancelled, Progress};
 
 /// Returns the number of the connected component of each triangle.
@@ -12,14 +12,12 @@ pub(super) fn components(
     triangles: &[[u32; 3]],
     progress: &Progress,
 ) -> Result<Vec<u32>, Cancelled> {
-    let mut parents: Vec<u32> = (0..vertices as u32).collect();
+    let mut sets = DisjointSets::new(vertices);
     for some in triangles.chunks(TRIANGLES_AT_ONCE as usize) {
         progress.check()?;
         for &[a, b, c] in some {
-            for other in [b, c] {
-                let (a, b) = (root(&mut parents, a), root(&mut parents, other));
-                parents[a.max(b) as usize] = a.min(b);
-            }
+            sets.join(a, b);
+            sets.join(a, c);
         }
     }
     progress.check()?;
@@ -28,7 +26,7 @@ pub(super) fn components(
     let numbered = triangles
         .iter()
         .map(|&[a, ..]| {
-            let number = &mut numbers[root(&mut parents, a) as usize];
+            let number = &mut numbers[sets.root(a) as usize];
             if *number == u32::MAX {
                 *number = count;
                 count += 1;

@@ -3,9 +3,9 @@
 use super::components::{ComponentShare, components};
 use crate::params::OffsetError;
 use crate::surface::{Patch, VertexName, border, compact};
-use crate::union_find::root;
 use glam::DVec3;
 use ravec_mesh::{Aabb, Bvh, TriMesh, WindingNumbers, measure, winding_number};
+use ravec_numeric::DisjointSets;
 use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
@@ -109,7 +109,7 @@ impl BlockComponents {
     ) -> Result<Self, OffsetError> {
         let mut shares: Vec<ComponentShare> = Vec::new();
         let mut first_of = Vec::with_capacity(blocks);
-        let mut parents: Vec<u32> = Vec::new();
+        let mut sets = DisjointSets::default();
         let mut known: FxHashMap<VertexName, u32> = FxHashMap::default();
         for at in 0..blocks {
             let patch = patch(at)?;
@@ -120,20 +120,19 @@ impl BlockComponents {
             for (corners, &part) in patch.triangles.iter().zip(&part_of) {
                 let number = first + part;
                 if number as usize == shares.len() {
-                    parents.push(number);
+                    sets.push();
                     shares.push(ComponentShare::at(patch.positions[corners[0] as usize]));
                 }
                 shares[number as usize].add(corners.map(|v| patch.positions[v as usize]));
                 for &v in corners.iter().filter(|&&v| border[v as usize]) {
                     let other = *known.entry(patch.names[v as usize]).or_insert(number);
-                    let (a, b) = (root(&mut parents, other), root(&mut parents, number));
-                    parents[a.max(b) as usize] = a.min(b);
+                    sets.join(other, number);
                 }
             }
         }
         drop(known);
         let part_of: Vec<u32> = (0..shares.len() as u32)
-            .map(|share| root(&mut parents, share))
+            .map(|share| sets.root(share))
             .collect();
         for share in 0..shares.len() {
             let part = part_of[share] as usize;

@@ -8,6 +8,7 @@
 
 use glam::{DMat3, DVec3};
 use ravec_mesh::{Adjacency, TriMesh};
+use ravec_numeric::DisjointSets;
 use ravec_progress::{Cancelled, Progress};
 
 /// Share of its area, projected along the normal, that a triangle must keep on its way: with less, it is about to turn over.
@@ -148,13 +149,7 @@ impl<'a> Directed<'a> {
 
     /// Returns, for each triangle at a vertex, the first one that is connected to it by hinges flatter than a limit.
     fn parts_at(&self, v: u32, around: &[u32], min_cosine: f64) -> Vec<usize> {
-        let mut parents: Vec<usize> = (0..around.len()).collect();
-        let root = |parents: &[usize], mut at: usize| {
-            while parents[at] != at {
-                at = parents[at];
-            }
-            at
-        };
+        let mut sets = DisjointSets::new(around.len());
         for (place, &t) in around.iter().enumerate() {
             for edge in (0..3).filter_map(|side| self.adjacency.edge_of(t, side)) {
                 let Some(hinge) = self.hinge(edge).filter(|hinge| hinge.ends.contains(&v)) else {
@@ -165,15 +160,13 @@ impl<'a> Directed<'a> {
                 let other = if left == t { right } else { left };
                 // the triangles at a vertex ascend
                 if let (Ok(other), true) = (around.binary_search(&other), cosine >= min_cosine) {
-                    let (a, b) = (root(&parents, place), root(&parents, other));
-                    parents[a.max(b)] = a.min(b);
+                    sets.join(place as u32, other as u32);
                 }
             }
         }
-        for place in 0..parents.len() {
-            parents[place] = root(&parents, place);
-        }
-        parents
+        (0..around.len() as u32)
+            .map(|place| sets.root(place) as usize)
+            .collect()
     }
 
     /// Returns the least-squares intersection of the planes at unit height above all triangles at a vertex.
