@@ -267,8 +267,9 @@ fn run_step(operation: &dyn AnyOperation, context: &Context) -> Result<Report, J
     let side_files = operation.side_files();
     let side_files = side_files.iter().map(PathBuf::as_path);
     let inputs: Vec<_> = operation.inputs().into_iter().chain(side_files).collect();
-    let report = context.report_file.as_deref();
-    let outputs: Vec<_> = operation.outputs().into_iter().chain(report).collect();
+    let side_outputs = context.side_outputs.iter().map(PathBuf::as_path);
+    let outputs = operation.outputs().into_iter().chain(side_outputs);
+    let outputs: Vec<_> = outputs.collect();
     context.check_files(&inputs, &outputs)?;
     operation.run(context)
 }

@@ -176,7 +176,7 @@ fn what_cannot_be_done_has_its_sentence_and_its_kind() {
                 ..Params::default()
             },
             ErrorKind::Request,
-            "--search",
+            "`search`",
         ),
     ] {
         let error = done(&input, mask, &output, &params).unwrap_err();

@@ -321,7 +321,7 @@ mod tests {
         assert!(mesh.triangles().len() > 4);
         assert_eq!(report.figures["target_reached"], 0.0);
         assert!(
-            report.warnings[0].contains("--feature-angle"),
+            report.warnings[0].contains("`feature_angle`"),
             "{:?}",
             report.warnings
         );
