@@ -39,7 +39,7 @@ pub struct Solid {
 struct Shades {
     paint: &'static str,
     palette: Vec<[u8; 3]>,
-    shades: Vec<u8>,
+    indices: Vec<u8>,
 }
 
 impl Solid {
@@ -157,7 +157,7 @@ fn encoded(
         "corners": shorts(corners.filter_map(|&vertex| index(vertex))),
         "paint": shades.paint,
         "palette": STANDARD.encode(shades.palette.concat()),
-        "shades": STANDARD.encode(picked(&shades.shades)),
+        "shades": STANDARD.encode(picked(&shades.indices)),
         "back": params.back_color,
         "inside": params.cut_color,
         "ink": params.wireframe.map_or([40, 44, 52], |style| style.color),
@@ -182,7 +182,7 @@ impl Shades {
             Paint::Plain => Some(Self {
                 paint: "plain",
                 palette: vec![params.front_color],
-                shades: Vec::new(),
+                indices: Vec::new(),
             }),
             Paint::FaceColors(colors) => {
                 let (mut palette, mut known) = (Vec::new(), HashMap::new());
@@ -197,7 +197,7 @@ impl Shades {
                 Some(Self {
                     paint: "faces",
                     palette,
-                    shades,
+                    indices: shades,
                 })
             }
             Paint::VertexValues(values) => Some(Self {
@@ -205,7 +205,7 @@ impl Shades {
                 palette: (0..=255u8)
                     .map(|shade| values.map.color(f64::from(shade) / 255.0))
                     .collect(),
-                shades: shares(values),
+                indices: shares(values),
             }),
             Paint::VertexColors(_) | Paint::FaceValues(_) => None,
         }
