@@ -174,10 +174,9 @@ fn show(
         }
     }
     let report_file = global.report_file();
-    let to_stdout = |path: &Path| path.as_os_str() == "-";
-    let mut others = report_file.iter().chain(&global.recipe);
-    let taken =
-        others.any(|path| to_stdout(path)) || report.outputs.iter().any(|file| file.path == "-");
+    let to_stdout = |path: &PathBuf| path.as_os_str() == "-";
+    let taken = global.side_outputs().iter().any(to_stdout)
+        || report.outputs.iter().any(|file| file.path == "-");
     if !taken {
         print_report(operation, global, report)?;
     }
@@ -185,8 +184,9 @@ fn show(
         summary::write_json(report, path, flags)?;
     }
     if report.passed == Some(false) {
-        // what was found is in the summary and in the report
-        let code = if report.outputs.is_empty() {
+        // findings are in the summary and in the report; of a recipe, the last step has the verdict
+        let judged = report.steps.last().unwrap_or(report);
+        let code = if judged.outputs.is_empty() {
             exit::FAILED
         } else {
             exit::NOT_AS_PROMISED

@@ -2,7 +2,9 @@
 
 use crate::exit::{self, Failure};
 use crate::flags::Flags;
-use ravec_jobs::{FileReport, Finding, Place, Report, escape_controls, write_text};
+use ravec_jobs::recipe::Run;
+use ravec_jobs::{FileReport, Finding, Operation as _, Place, Report, escape_controls, write_text};
+use serde_json::Value;
 use std::fmt::Write as _;
 use std::io::{self, Write};
 use std::path::Path;
@@ -15,6 +17,11 @@ pub fn summary(report: &Report) -> String {
     }
     for file in &report.outputs {
         line(&mut text, "wrote", file);
+    }
+    if report.operation == Run::NAME
+        && let Some(steps) = report.result.as_ref().and_then(Value::as_array)
+    {
+        steps.iter().for_each(|step| plan(&mut text, step));
     }
     let width = report.figures.keys().map(|name| name.len()).max();
     for (name, figure) in &report.figures {
@@ -44,6 +51,20 @@ pub fn summary(report: &Report) -> String {
         put(&mut text, format_args!("{}", times.join(", ")));
     }
     text
+}
+
+/// A step of a recipe that was not run: what it would read and write.
+fn plan(text: &mut String, step: &Value) {
+    let word = |value: &Value| value.as_str().unwrap_or_default().to_owned();
+    let list = |name: &str| step[name].as_array().cloned().unwrap_or_default();
+    put(text, format_args!("{}", word(&step["operation"])));
+    for path in list("inputs") {
+        put(text, format_args!("  reads   {}", word(&path)));
+    }
+    for output in list("outputs") {
+        let (path, state) = (word(&output["path"]), word(&output["state"]));
+        put(text, format_args!("  writes  {path} ({state})"));
+    }
 }
 
 fn line(text: &mut String, verb: &str, file: &FileReport) {

@@ -210,8 +210,6 @@ verdict is no, ends the run with its exit code; files of earlier steps stay. The
 impl Operation for Run {
     const NAME: &'static str = "run";
 
-    const PRINTS_RESULT: bool = true;
-
     fn inputs(&self) -> Vec<&Path> {
         vec![&self.file]
     }

@@ -6,7 +6,7 @@ use crate::program::{code, done, files, photos, stderr};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-const COMMANDS: [&str; 28] = [
+const COMMANDS: [&str; 29] = [
     "compare",
     "rectify",
     "snap",
@@ -31,6 +31,7 @@ const COMMANDS: [&str; 28] = [
     "library clean",
     "library stats",
     "mosaic",
+    "run",
     "demo",
     "scenes",
     "completions",

@@ -21,6 +21,7 @@ mod overwrites;
 mod pictures;
 mod planes;
 mod program;
+mod recipes;
 mod scenes;
 mod terminal;
 mod twocolor;
