@@ -4,7 +4,7 @@ use super::{Outcome, limits};
 use ravec::progress::Progress;
 use ravec::raster::{Image, Size, Srgb};
 use ravec_catalogue::Catalogue;
-use ravec_jobs::{Source, catalogue, mosaic};
+use ravec_jobs::{Context, Operation as _, catalogue, mosaic};
 use ravec_media::{Picture, WriteOptions, write};
 use rusqlite::types::Value;
 use rusqlite::{Connection, params_from_iter};
@@ -165,28 +165,19 @@ fn byte(value: &Json) -> u8 {
 
 /// Counts, lists, chooses from and cleans the catalogue.
 fn used(catalogue: &Path) -> Outcome {
-    let progress = Progress::none();
-    let outcome = Outcome::of(&catalogue::stats(
-        catalogue,
-        None,
-        &catalogue::Plain::default(),
-        &progress,
-    ));
-    let _ = catalogue::list(
-        catalogue,
-        None,
-        &catalogue::ListParams { all: true },
-        &progress,
-    );
-    let input = Source {
-        path: SHELF.photos[0].clone(),
-        limits: limits::pictures(),
+    let context = Context::default();
+    let stats = catalogue::Stats {
+        catalogue: catalogue.to_path_buf(),
+        params: catalogue::Plain::default(),
     };
-    let output = SHELF.folder.path().join("mosaic.png");
-    let outputs = mosaic::Outputs {
-        picture: Some(&output),
-        deep_zoom: None,
+    let outcome = Outcome::of(&stats.run(&context));
+    let list = catalogue::List {
+        catalogue: catalogue.to_path_buf(),
+        params: catalogue::ListParams { all: true },
     };
+    let _ = list.run(&context);
+    let mut limited = Context::default();
+    limited.limits = limits::pictures();
     for preview in [true, false] {
         let sides = |across, down| mosaic::Sides {
             across,
@@ -201,15 +192,21 @@ fn used(catalogue: &Path) -> Outcome {
             preview,
             ..mosaic::Params::default()
         };
-        let _ = mosaic::run(&input, catalogue, &outputs, None, &params, &progress);
+        let mosaic = mosaic::Mosaic {
+            input: SHELF.photos[0].clone(),
+            catalogue: catalogue.to_path_buf(),
+            output: Some(SHELF.folder.path().join("mosaic.png")),
+            deep_zoom: None,
+            params,
+        };
+        let _ = mosaic.run(&limited);
     }
     for dry_run in [true, false] {
-        let _ = catalogue::clean(
-            catalogue,
-            None,
-            &catalogue::CleanParams { dry_run },
-            &progress,
-        );
+        let clean = catalogue::Clean {
+            catalogue: catalogue.to_path_buf(),
+            params: catalogue::CleanParams { dry_run },
+        };
+        let _ = clean.run(&context);
     }
     assert!(
         SHELF.photos.iter().all(|photo| photo.exists()),

@@ -3,8 +3,8 @@
 use super::Outcome;
 use ravec::boolean::{Expr, Known};
 use ravec_jobs::{
-    brush, catalogue, compare, complete, match_photos, mesh, mosaic, plane, retarget, scenes,
-    twocolor,
+    Recipe, Step, brush, catalogue, compare, complete, match_photos, mesh, mosaic, plane, retarget,
+    scenes, twocolor,
 };
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -55,7 +55,6 @@ pub fn read(input: &[u8]) -> Outcome {
     };
     let taken = [
         shown::<mesh::Length>(text),
-        shown::<mesh::Dimension>(text),
         shown::<mesh::Viewpoint>(text),
         shown::<mesh::Cut>(text),
         shown::<retarget::SizeSpec>(text),
@@ -81,6 +80,8 @@ pub fn read(input: &[u8]) -> Outcome {
         stored::<retarget::Params>(text),
         stored::<scenes::Params>(text),
         stored::<twocolor::Params>(text),
+        stored::<Step>(text),
+        stored::<Recipe>(text),
     ];
     if taken.contains(&true) {
         Outcome::Read

@@ -1,9 +1,8 @@
 //! Files of strokes, read and applied to a small picture by the operation `brush`.
 
 use super::Outcome;
-use ravec::progress::Progress;
 use ravec::raster::{Image, Size, Srgb};
-use ravec_jobs::{JobError, Source, brush};
+use ravec_jobs::{Context, JobError, Operation as _, brush};
 use ravec_media::{Picture, WriteOptions, write};
 use std::path::PathBuf;
 use std::sync::LazyLock;
@@ -12,9 +11,8 @@ use tempfile::TempDir;
 /// A folder with the picture.
 struct Desk {
     _folder: TempDir,
-    picture: PathBuf,
     strokes: PathBuf,
-    targets: brush::Targets,
+    operation: brush::Brush,
 }
 
 static DESK: LazyLock<Desk> = LazyLock::new(|| {
@@ -35,12 +33,14 @@ static DESK: LazyLock<Desk> = LazyLock::new(|| {
     )
     .expect("a small picture can be written");
     Desk {
-        picture: at("in.png"),
         strokes: at("strokes.json"),
-        targets: brush::Targets {
-            picture: at("out.png"),
+        operation: brush::Brush {
+            input: at("in.png"),
+            output: at("out.png"),
+            everywhere: false,
+            stroke: Some(at("strokes.json")),
             mask: Some(at("mask.png")),
-            strokes: Some(at("strokes.json")),
+            params: brush::Params::default(),
         },
         _folder: folder,
     }
@@ -50,13 +50,7 @@ static DESK: LazyLock<Desk> = LazyLock::new(|| {
 pub fn read(input: &[u8]) -> Outcome {
     let desk = &*DESK;
     std::fs::write(&desk.strokes, input).expect("the folder can be written to");
-    let source = Source::new(desk.picture.clone());
-    let result = brush::run(
-        &source,
-        &desk.targets,
-        &brush::Params::default(),
-        &Progress::none(),
-    );
+    let result = desk.operation.run(&Context::default());
     match &result {
         Ok(report) => assert!(report.figures["strokes"] >= 0.0),
         Err(JobError::Strokes { .. }) => {}

@@ -52,7 +52,7 @@ const CRATES: &[Crate] = &[
     Crate {
         name: "ravec-mesh",
         layer: "vocabulary",
-        uses: &["ravec-memory", "ravec-progress"],
+        uses: &["ravec-memory", "ravec-numeric", "ravec-progress"],
     },
     // offsets and Booleans use meshes, and compile no codec
     Crate {
@@ -88,17 +88,27 @@ const CRATES: &[Crate] = &[
     Crate {
         name: "ravec-offset",
         layer: "systems",
-        uses: &["ravec-mesh", "ravec-octree", "ravec-progress"],
+        uses: &[
+            "ravec-mesh",
+            "ravec-octree",
+            "ravec-numeric",
+            "ravec-progress",
+        ],
     },
     Crate {
         name: "ravec-boolean",
         layer: "systems",
-        uses: &["ravec-mesh", "ravec-progress"],
+        uses: &["ravec-mesh", "ravec-numeric", "ravec-progress"],
     },
     Crate {
         name: "ravec-completion",
         layer: "systems",
-        uses: &["ravec-planar", "ravec-raster", "ravec-progress"],
+        uses: &[
+            "ravec-planar",
+            "ravec-raster",
+            "ravec-numeric",
+            "ravec-progress",
+        ],
     },
     Crate {
         name: "ravec-retarget",

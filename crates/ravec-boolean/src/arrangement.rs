@@ -13,7 +13,6 @@ mod point;
 mod same_place;
 mod soup;
 mod triangulation;
-mod unions;
 
 pub(crate) use cells::{Cells, Side};
 pub(crate) use cut::{Pieces, contacts, cut, uncut};

@@ -4,6 +4,7 @@
 
 use glam::DVec3;
 use ravec_mesh::{Bvh, OrientedPlane, TriMesh, WindingNumbers};
+use ravec_numeric::DisjointSets;
 use ravec_progress::{Cancelled, Progress};
 use rustc_hash::FxHashMap;
 
@@ -81,17 +82,13 @@ fn reversed_parts(
     progress: &Progress,
 ) -> Result<(Vec<Reversed>, u64), Cancelled> {
     let all = || mesh.triangles().iter().chain(&closing.triangles);
-    let mut group: Vec<u32> = (0..mesh.positions().len() as u32).collect();
+    let mut group = DisjointSets::new(mesh.positions().len());
     for (i, &[a, b, c]) in all().enumerate() {
         if i.is_multiple_of(STRIDE) {
             progress.check()?;
         }
-        let mut own = root(&mut group, a);
-        for other in [b, c] {
-            let other = root(&mut group, other);
-            group[own.max(other) as usize] = own.min(other);
-            own = own.min(other);
-        }
+        group.join(a, b);
+        group.join(a, c);
     }
     let origin = mesh.bounds().center();
     let mut parts = vec![Part::default(); group.len()];
@@ -105,7 +102,7 @@ fn reversed_parts(
         let plane = OrientedPlane::through(a, b, c);
         degenerate += u64::from(i < mesh.triangles().len() && plane.is_degenerate());
         let [a, b, c] = corners.map(|corner| corner - origin);
-        let own = root(&mut group, t[0]);
+        let own = group.root(t[0]);
         let part = &mut parts[own as usize];
         part.volume += a.dot(b.cross(c)) / 6.0;
         part.area += 0.5 * plane.normal().length();
@@ -120,7 +117,7 @@ fn reversed_parts(
     // some triangles of each part that is negative
     let mut samples: Vec<Vec<[DVec3; 2]>> = vec![Vec::new(); parts.len()];
     for t in all() {
-        let own = root(&mut group, t[0]);
+        let own = group.root(t[0]);
         let samples = &mut samples[own as usize];
         if parts[own as usize].is_negative() && samples.len() < SAMPLES {
             let [a, b, c] = t.map(|v| mesh.positions()[v as usize]);
@@ -155,7 +152,7 @@ fn reversed_parts(
 }
 
 /// Makes parts one of which one is negative and that have a vertex at the same place: specks at a surface belong to it.
-fn join_by_place(mesh: &TriMesh, group: &mut [u32], parts: &mut [Part]) {
+fn join_by_place(mesh: &TriMesh, group: &mut DisjointSets, parts: &mut [Part]) {
     let place = |v: u32| {
         let at = mesh.positions()[v as usize].to_array();
         at.map(|x| (x + 0.0).to_bits())
@@ -163,7 +160,7 @@ fn join_by_place(mesh: &TriMesh, group: &mut [u32], parts: &mut [Part]) {
     let vertices = || 0..mesh.positions().len() as u32;
     let mut negative: FxHashMap<[u64; 3], u32> = FxHashMap::default();
     for v in vertices() {
-        if parts[root(group, v) as usize].is_negative() {
+        if parts[group.root(v) as usize].is_negative() {
             negative.entry(place(v)).or_insert(v);
         }
     }
@@ -171,28 +168,19 @@ fn join_by_place(mesh: &TriMesh, group: &mut [u32], parts: &mut [Part]) {
         let Some(&other) = negative.get(&place(v)) else {
             continue;
         };
-        let (a, b) = (root(group, v), root(group, other));
+        let (a, b) = (group.root(v), group.root(other));
         if a != b {
             let gone = std::mem::take(&mut parts[a.max(b) as usize]);
             let kept = &mut parts[a.min(b) as usize];
             kept.volume += gone.volume;
             kept.area += gone.area;
-            group[a.max(b) as usize] = a.min(b);
+            group.join(a, b);
         }
     }
 }
 
 /// Number of triangles of a part that decide whether it is in another: a few may lie on a border.
 const SAMPLES: usize = 5;
-
-fn root(group: &mut [u32], mut v: u32) -> u32 {
-    while group[v as usize] != v {
-        let above = group[v as usize];
-        group[v as usize] = group[above as usize];
-        v = above;
-    }
-    v
-}
 
 /// Assumptions, as sentences without a stop.
 fn assumptions(

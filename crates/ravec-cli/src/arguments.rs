@@ -218,6 +218,14 @@ impl Global {
         self.json.clone().or(former)
     }
 
+    /// The files that are written after the operation: the report and the recipe.
+    pub fn side_outputs(&self) -> Vec<PathBuf> {
+        self.report_file()
+            .into_iter()
+            .chain(self.recipe.clone())
+            .collect()
+    }
+
     /// The surroundings of a run, with a new memory budget.
     pub fn context(&self, progress: &Progress) -> Context {
         let memory = self
@@ -230,7 +238,7 @@ impl Global {
         };
         context.max_triangles = self.max_triangles;
         context.max_vertices = self.max_vertices;
-        context.report_file = self.report_file();
+        context.side_outputs = self.side_outputs();
         context
     }
 }

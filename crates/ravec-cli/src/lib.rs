@@ -108,10 +108,9 @@ fn run_operation(
     let side_files = operation.side_files();
     let side_files = side_files.iter().map(PathBuf::as_path);
     let inputs: Vec<_> = operation.inputs().into_iter().chain(side_files).collect();
-    let report_file = global.report_file();
+    let side_outputs = global.side_outputs();
     let mut outputs = operation.outputs();
-    outputs.extend(report_file.as_deref());
-    outputs.extend(global.recipe.as_deref());
+    outputs.extend(side_outputs.iter().map(PathBuf::as_path));
     check_files(&inputs, &outputs).map_err(failed)?;
     let report = perform(global, &flags, |progress| {
         operation.run(&global.context(progress))

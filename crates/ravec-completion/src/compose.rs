@@ -2,11 +2,11 @@
 //!
 //! A pixel of the hole goes to the sheet, along its offset, and back into the picture: the maps are multiplied before
 //! anything is sampled, so that nothing is resampled twice. Near a seam a pixel takes a share from each of the pieces that
-//! meet there and agree, and wants a share of the gradients of each; then the tones are solved for (see [`crate::poisson`]).
+//! meet there and agree, and wants a share of the gradients of each; then the tones are solved for (see [`crate::blend`]).
 
+use crate::blend::{self, Blend};
 use crate::canvas::{Canvas, HOLE, Ink, KNOWN};
 use crate::cut::UNLABELED;
-use crate::poisson::Blend;
 use crate::rectified::mean_ink;
 use crate::sheet::{Sheet, center, ink_distance_sq};
 use glam::{DVec2, IVec2, dvec2};
@@ -168,7 +168,7 @@ pub(crate) fn compose(
             })
             .collect::<Result<Vec<Ink>, Cancelled>>()?;
         let mut system = system(&maps, &pieces, values, bounds, blend, progress)?;
-        system.solve(progress)?;
+        blend::solve(&mut system, progress)?;
         let places: Vec<(usize, usize)> = pieces.iter().map(|piece| piece.place).collect();
         (places, system.values)
     };

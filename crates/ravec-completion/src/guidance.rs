@@ -3,8 +3,8 @@
 //! Seams are cheapest where nothing happens, so that a cut on its own prefers bland sources. A weak pull towards the local
 //! mean and contrast that the rim suggests cures that.
 
+use crate::blend::{self, Blend};
 use crate::canvas::{HOLE, KNOWN};
-use crate::poisson::Blend;
 use crate::sheet::Sheet;
 use glam::IVec2;
 use ravec_progress::{Cancelled, Progress};
@@ -63,7 +63,7 @@ pub(crate) fn guidance(sheet: &Sheet, progress: &Progress) -> Result<Guidance, C
             }
         }
     }
-    blend.solve(progress)?;
+    blend::solve(&mut blend, progress)?;
     for (&index, value) in hole.iter().zip(blend.values) {
         expected[index] = value;
     }

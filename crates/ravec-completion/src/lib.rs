@@ -73,17 +73,16 @@
 //!
 //! Both engines are complete. Fragments come from original pixels only, never from what a step has filled.
 
+mod blend;
 mod canvas;
 mod complete;
 mod compose;
 mod cut;
 mod error;
-mod fourier;
 mod fragments;
 mod guidance;
 mod max_flow;
 mod parts;
-mod poisson;
 mod proposals;
 mod rectified;
 mod sheet;

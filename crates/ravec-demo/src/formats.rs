@@ -54,7 +54,7 @@ pub fn show(
     page.section(
         "Many aspect ratios",
         &format!(
-            "The same picture as a square, for a phone, as a column, a banner, wide, and small. What matters keeps its shape, {} \
+            "The same picture as a square, for a phone, as a column, a banner, wide, and small. Objects keep their shape, {} \
              straight runs stay straight, and the ground gives way. The analysis took {:.0} ms, once for all sizes. Beside each: \
              plain scaling, a crop from the middle, and the removal or doubling of seams.",
             retargeter.summary().straight_runs,

@@ -153,8 +153,8 @@ impl Operation for Demo {
         };
         let mut page = Gallery::new(
             "Ravec",
-            "What the toolkit does, shown on examples that were computed while this page was made. Move the divider of a pair of \
-             pictures, and turn the solids with the mouse, a finger or the arrow keys.",
+            "The systems of the toolkit at work, on examples that were computed while this page was made. Move the divider of a \
+             pair of pictures, and turn the solids with the mouse, a finger or the arrow keys.",
         );
         // eight bits, as a file would have
         let image = image.convert::<Srgb<u8>>().convert();
@@ -261,8 +261,8 @@ mod tests {
             ..Params::default()
         };
         assert_eq!(
-            demo(None, folder.path(), params).unwrap_err().exit_code(),
-            2
+            demo(None, folder.path(), params).unwrap_err().kind(),
+            ravec_jobs::ErrorKind::Request
         );
     }
 }

@@ -22,7 +22,7 @@ const MAX_WIDTH: usize = 960;
 /// Noise of the picture, in steps of 255.
 const NOISE: f64 = 4.0;
 
-/// How far the corners of the rough grid are off, as a share of its diagonal. With the reach it stays short of the ledges,
+/// The error of the corners of the rough grid, as a share of its diagonal. With the reach it stays short of the ledges,
 /// whose edges are longer than those of windows.
 const OFF: f64 = 0.02;
 

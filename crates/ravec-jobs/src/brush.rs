@@ -552,6 +552,7 @@ fn write_mask(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ErrorKind;
     use ravec::raster::AnyImage;
 
     struct Folder(tempfile::TempDir);
@@ -585,17 +586,15 @@ mod tests {
             if let Some(text) = strokes {
                 files::write_text(&path, text).unwrap();
             }
-            let targets = Targets {
-                picture: self.path("out.png"),
+            let operation = Brush {
+                input: self.path("in.png"),
+                output: self.path("out.png"),
+                everywhere: strokes.is_none(),
+                stroke: strokes.map(|_| path),
                 mask: Some(self.path("mask.png")),
-                strokes: strokes.map(|_| path),
+                params: params.clone(),
             };
-            run(
-                &Source::new(self.path("in.png")),
-                &targets,
-                params,
-                &Progress::none(),
-            )
+            operation.run(&Context::default())
         }
 
         fn image(&self, name: &str) -> Image<Srgb<u8>> {
@@ -709,7 +708,7 @@ mod tests {
             r#"{"version":7,"width":1,"height":1,"strokes":[]}"#,
         ] {
             let error = folder.run(Some(text), &Params::default()).unwrap_err();
-            assert_eq!(error.exit_code(), 3, "{text}: {error}");
+            assert_eq!(error.kind(), ErrorKind::Input, "{text}: {error}");
             assert!(!folder.path("out.png").exists());
         }
     }
@@ -760,7 +759,7 @@ mod tests {
             },
         ] {
             let error = folder.run(None, &wrong).unwrap_err();
-            assert_eq!(error.exit_code(), 2, "{error}");
+            assert_eq!(error.kind(), ErrorKind::Request, "{error}");
         }
     }
 }

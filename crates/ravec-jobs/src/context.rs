@@ -20,8 +20,9 @@ pub struct Context {
     pub max_triangles: u64,
     /// Maximum number of vertices of an input mesh (default 200 million).
     pub max_vertices: u64,
-    /// The file into which the caller will write the report. Operations on catalogues refuse to have a photo replaced by it.
-    pub report_file: Option<PathBuf>,
+    /// Files that the caller writes after the run, such as the report. Operations on catalogues refuse those that would replace
+    /// a photo.
+    pub side_outputs: Vec<PathBuf>,
     /// Intermediate results by name, in a recipe.
     intermediates: Option<Arc<Intermediates>>,
 }
@@ -42,7 +43,7 @@ impl Context {
             limits: Limits::default(),
             max_triangles: meshes.max_triangles,
             max_vertices: meshes.max_vertices,
-            report_file: None,
+            side_outputs: Vec::new(),
             intermediates: None,
         }
     }

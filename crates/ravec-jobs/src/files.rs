@@ -4,7 +4,7 @@ use crate::context::{Context, Intermediate};
 use crate::error::JobError;
 use crate::identity::FileIdentity;
 use crate::report::{FileReport, Report};
-use ravec::raster::{Image, Mask, Plane, Size, Srgba};
+use ravec::raster::Size;
 pub(crate) use ravec_files::is_stream;
 use ravec_files::{check_writable, remove_stale_in, write_atomically};
 use ravec_media::{EncodeError, Format, Picture, SampleKind, WriteOptions};
@@ -38,36 +38,6 @@ pub fn read(path: &Path, report: &mut Report, context: &Context) -> Result<Pictu
     report.inputs.push(file);
     report.protect(path);
     Ok(picture)
-}
-
-/// Reads a mask of the picture in `picture`: white is inside, black is outside, gray is partly inside. Alpha is multiplied in.
-///
-/// # Errors
-/// [`JobError::SizesDiffer`] if it does not have the size of the picture; those of [`read`].
-pub(crate) fn read_mask(
-    path: &Path,
-    picture: &Path,
-    size: Size,
-    report: &mut Report,
-    context: &Context,
-) -> Result<Mask, JobError> {
-    let mask = read(path, report, context)?.image;
-    if mask.size() != size {
-        return Err(JobError::SizesDiffer {
-            a: picture.to_path_buf(),
-            a_size: size,
-            b: path.to_path_buf(),
-            b_size: mask.size(),
-        });
-    }
-    // encoded values, as one sees them
-    let values: Image<Srgba<f32>> = mask.convert();
-    let plane: Plane =
-        values.map(|Srgba([r, g, b, alpha])| alpha * (0.299 * r + 0.587 * g + 0.114 * b));
-    // white is white in spite of rounding, and black black
-    Ok(Mask::from_coverage(
-        &plane.map(|value| (value * 65535.0).round() / 65535.0),
-    ))
 }
 
 /// The format of an intermediate result, as the report names it.

@@ -35,6 +35,7 @@ mod context;
 mod error;
 mod files;
 mod identity;
+mod mask;
 pub mod match_photos;
 pub mod mesh;
 pub mod mosaic;

@@ -1,6 +1,6 @@
 //! `mosaic`: a picture made of whole, unchanged photos.
 
-use crate::catalogue::{check_report, journals};
+use crate::catalogue::{check_side_outputs, journals};
 use crate::context::Context;
 use crate::error::JobError;
 use crate::files;
@@ -329,8 +329,7 @@ impl Operation for Mosaic {
         }
         let catalogue =
             Catalogue::open_to_read(catalogue, progress).map_err(JobError::from_catalogue)?;
-        check_outputs(&catalogue, outputs, context.report_file.as_deref())
-            .map_err(JobError::from_catalogue)?;
+        check_outputs(&catalogue, outputs, context).map_err(JobError::from_catalogue)?;
         let mut report = Report::of(self, params);
         let picture = files::read(input, &mut report, context)?;
         let mosaic = report.time("mosaic", || {
@@ -411,9 +410,9 @@ fn record(mosaic: &ravec_catalogue::Mosaic, report: &mut Report) {
 fn check_outputs(
     catalogue: &Catalogue,
     outputs: &Outputs<'_>,
-    report_file: Option<&Path>,
+    context: &Context,
 ) -> Result<(), CatalogueError> {
-    check_report(catalogue, report_file)?;
+    check_side_outputs(catalogue, context)?;
     if let Some(picture) = outputs.picture {
         catalogue.check_output(picture)?;
     }
@@ -421,10 +420,9 @@ fn check_outputs(
         return Ok(());
     };
     catalogue.check_output_folder(folder)?;
-    let files = [outputs.picture, report_file];
-    let inside = files
-        .into_iter()
-        .flatten()
+    let side_outputs = context.side_outputs.iter().map(PathBuf::as_path);
+    let inside = side_outputs
+        .chain(outputs.picture)
         .find(|path| !files::is_stream(path) && leads_into(path, folder));
     inside.map_or(Ok(()), |path| {
         Err(CatalogueError::Protected {
@@ -541,6 +539,7 @@ impl JobError {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ErrorKind;
 
     #[test]
     fn sides_are_one_number_or_two() {
@@ -602,7 +601,7 @@ mod tests {
                 ..Params::default()
             },
         ] {
-            assert_eq!(checked(&params).unwrap_err().exit_code(), 2);
+            assert_eq!(checked(&params).unwrap_err().kind(), ErrorKind::Request);
         }
     }
 }

@@ -168,8 +168,9 @@ fn described(path: &Path, folder: bool) -> Value {
 #[serde(deny_unknown_fields)]
 #[cfg_attr(feature = "cli", derive(clap::Args), command(after_help = HELP))]
 pub struct Run {
-    /// Recipe as JSON, which --recipe wrote; `-` is standard input
-    pub recipe: PathBuf,
+    /// Recipe as JSON, such as --recipe writes; `-` is standard input
+    #[cfg_attr(feature = "cli", arg(value_name = "RECIPE"))]
+    pub file: PathBuf,
     /// Parameters.
     #[cfg_attr(feature = "cli", command(flatten))]
     #[serde(default)]
@@ -212,7 +213,7 @@ impl Operation for Run {
     const PRINTS_RESULT: bool = true;
 
     fn inputs(&self) -> Vec<&Path> {
-        vec![&self.recipe]
+        vec![&self.file]
     }
 
     /// Those of its steps are checked when the recipe is read.
@@ -228,13 +229,13 @@ impl Operation for Run {
     /// [`JobError::Step`] with the error of a step.
     fn run(&self, context: &Context) -> Result<Report, JobError> {
         let unreadable = |reason: String| JobError::Recipe {
-            path: self.recipe.clone(),
+            path: self.file.clone(),
             reason,
         };
         let text =
-            files::read_text(&self.recipe, MAX_BYTES).map_err(|error| unreadable(plain(&error)))?;
+            files::read_text(&self.file, MAX_BYTES).map_err(|error| unreadable(plain(&error)))?;
         let recipe = Recipe::from_json(&text).map_err(unreadable)?;
-        recipe.check(&self.recipe)?;
+        recipe.check(&self.file)?;
         let mut report = Report::of(self, &self.params);
         report.recipe = serde_json::to_value(&recipe).ok();
         if self.params.dry_run {
@@ -266,8 +267,9 @@ fn run_step(operation: &dyn AnyOperation, context: &Context) -> Result<Report, J
     let side_files = operation.side_files();
     let side_files = side_files.iter().map(PathBuf::as_path);
     let inputs: Vec<_> = operation.inputs().into_iter().chain(side_files).collect();
-    let report = context.report_file.as_deref();
-    let outputs: Vec<_> = operation.outputs().into_iter().chain(report).collect();
+    let side_outputs = context.side_outputs.iter().map(PathBuf::as_path);
+    let outputs = operation.outputs().into_iter().chain(side_outputs);
+    let outputs: Vec<_> = outputs.collect();
     context.check_files(&inputs, &outputs)?;
     operation.run(context)
 }

@@ -220,9 +220,17 @@ fn as_stored(scene: &Scene, noise_sigma: f64) -> AnyImage {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::files::Source;
+    use crate::ErrorKind;
     use ravec::raster::Image;
     use ravec_scenes::catalog::Truth;
+
+    fn run(out: &Path, params: &Params) -> Result<Report, JobError> {
+        let operation = Scenes {
+            out: out.to_path_buf(),
+            params: params.clone(),
+        };
+        operation.run(&Context::default())
+    }
 
     fn small() -> Params {
         Params {
@@ -234,14 +242,14 @@ mod tests {
 
     fn picture(path: &Path) -> Image<Srgb<u8>> {
         let mut report = Report::new("test", &());
-        let picture = files::read(&Source::new(path), &mut report, &Progress::none());
+        let picture = files::read(path, &mut report, &Context::default());
         picture.unwrap().convert()
     }
 
     #[test]
     fn every_scene_comes_with_its_truth() {
         let folder = tempfile::tempdir().unwrap();
-        let report = run(folder.path(), &small(), &Progress::none()).unwrap();
+        let report = run(folder.path(), &small()).unwrap();
         assert_eq!(report.outputs.len(), 2 * SceneId::ALL.len());
         assert_eq!(report.seed, Some(1));
         for id in SceneId::ALL {
@@ -277,7 +285,7 @@ mod tests {
         };
         let path = folder.path().join("edge-gray.png");
         let [quiet, noisy] = [quiet, noisy].map(|params| {
-            run(folder.path(), &params, &Progress::none()).unwrap();
+            run(folder.path(), &params).unwrap();
             picture(&path)
         });
         let squares = quiet
@@ -303,7 +311,7 @@ mod tests {
             jpeg: Some(10),
             ..small()
         };
-        let report = run(folder.path(), &damaged, &Progress::none()).unwrap();
+        let report = run(folder.path(), &damaged).unwrap();
         assert_eq!(report.outputs.len(), 4);
         assert_eq!(report.outputs[0].format, "JPEG");
         assert_eq!(report.warnings.len(), 1);
@@ -344,8 +352,8 @@ mod tests {
                 ..small()
             },
         ] {
-            let error = run(&out, &wrong, &Progress::none()).unwrap_err();
-            assert_eq!(error.exit_code(), 2, "{error}");
+            let error = run(&out, &wrong).unwrap_err();
+            assert_eq!(error.kind(), ErrorKind::Request, "{error}");
         }
         assert!(!out.exists());
     }
@@ -353,13 +361,14 @@ mod tests {
     #[test]
     fn a_cancelled_run_writes_nothing() {
         let folder = tempfile::tempdir().unwrap();
-        let progress = Progress::none();
-        progress.cancel();
+        let context = Context::default();
+        context.progress.cancel();
         let out = folder.path().join("never");
-        assert!(matches!(
-            run(&out, &small(), &progress),
-            Err(JobError::Cancelled)
-        ));
+        let operation = Scenes {
+            out: out.clone(),
+            params: small(),
+        };
+        assert!(matches!(operation.run(&context), Err(JobError::Cancelled)));
         assert!(!out.exists());
     }
 

@@ -9,7 +9,7 @@ use crate::files;
 use crate::operation::Operation;
 use crate::report::Report;
 use ravec::progress::Progress;
-use ravec::raster::{AnyImage, Color, Image, LinearRgba, Size};
+use ravec::raster::{Image, LinearRgba, Size, psnr_db, with_image};
 use ravec::twocolor::{
     AdaptiveField, AdaptiveParams, BlockField, FitMethod, FitParams, MAX_SVG_SIDE, SvgParams,
     TwoColorField, render, render_mosaic, render_to, write_svg,
@@ -292,10 +292,9 @@ impl TwoColor {
             .insert("values", f64::from(8 * (blocks - flat) + 3 * flat));
         if let Some(path) = &self.output {
             let image = report.time("render", || draw(field, params, &context.progress))?;
-            if image.size() == picture.image.size() {
-                report
-                    .figures
-                    .insert("psnr_db", psnr_db(&picture.image, &image));
+            // there is none at another scale
+            if let Ok(psnr) = with_image!(&picture.image, input => psnr_db(input, &image)) {
+                report.figures.insert("psnr_db", psnr);
             }
             let options = WriteOptions {
                 quality: params.quality,
@@ -358,37 +357,40 @@ fn write_drawing(
     files::write_output_text(path, "SVG", &text, report, context)
 }
 
-/// The peak signal-to-noise ratio of encoded colors, weighted by alpha.
-pub(crate) fn psnr_db(a: &AnyImage, b: &Image<LinearRgba>) -> f64 {
-    let a = a.convert::<LinearRgba>();
-    let encoded = |pixel: LinearRgba| {
-        let alpha = pixel.alpha();
-        ravec::raster::Srgb::<f32>::from_linear(pixel)
-            .0
-            .map(|v| f64::from(v.clamp(0.0, 1.0) * alpha))
-    };
-    let squares: f64 = a
-        .pixels()
-        .iter()
-        .zip(b.pixels())
-        .map(|(&a, &b)| {
-            encoded(a)
-                .iter()
-                .zip(encoded(b))
-                .map(|(a, b)| (a - b) * (a - b))
-                .sum::<f64>()
-        })
-        .sum();
-    -10.0 * (squares / (3 * a.size().pixels()) as f64).log10()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ErrorKind;
     use ravec::raster::Srgb;
     use ravec_media::Picture;
 
-    fn folder_with_picture(width: usize, height: usize) -> (tempfile::TempDir, Source) {
+    /// Outputs of [`run`].
+    #[derive(Default)]
+    struct Targets {
+        picture: Option<PathBuf>,
+        svg: Option<PathBuf>,
+    }
+
+    fn run(input: &Path, targets: &Targets, params: &Params) -> Result<Report, JobError> {
+        run_in(&Context::default(), input, targets, params)
+    }
+
+    fn run_in(
+        context: &Context,
+        input: &Path,
+        targets: &Targets,
+        params: &Params,
+    ) -> Result<Report, JobError> {
+        let operation = TwoColor {
+            input: input.to_path_buf(),
+            output: targets.picture.clone(),
+            svg: targets.svg.clone(),
+            params: params.clone(),
+        };
+        operation.run(context)
+    }
+
+    fn folder_with_picture(width: usize, height: usize) -> (tempfile::TempDir, PathBuf) {
         let folder = tempfile::tempdir().unwrap();
         let image = Image::from_fn(Size::new(width, height).unwrap(), |col, row| {
             if col * 2 > row {
@@ -399,7 +401,7 @@ mod tests {
         });
         let path = folder.path().join("in.png");
         ravec_media::write(&path, &Picture::from_image(image), &WriteOptions::default()).unwrap();
-        (folder, Source::new(path))
+        (folder, path)
     }
 
     #[test]
@@ -415,7 +417,7 @@ mod tests {
                 scale: 2.5,
                 ..Params::default()
             };
-            let report = run(&source, &targets, &params, &Progress::none()).unwrap();
+            let report = run(&source, &targets, &params).unwrap();
             assert_eq!(
                 (report.outputs[0].width, report.outputs[0].height),
                 (Some(125), Some(100))
@@ -437,16 +439,14 @@ mod tests {
                 mosaic,
                 ..Params::default()
             };
-            run(&source, &targets, &params, &Progress::none())
-                .unwrap()
-                .figures["psnr_db"]
+            run(&source, &targets, &params).unwrap().figures["psnr_db"]
         };
         assert!(psnr(false) > psnr(true) + 3.5);
     }
 
     #[test]
     fn parameters_out_of_range_and_missing_targets_are_refused_before_reading() {
-        let nowhere = Source::new("does/not/exist.png");
+        let nowhere = PathBuf::from("does/not/exist.png");
         let targets = Targets {
             picture: Some("out.png".into()),
             svg: None,
@@ -491,39 +491,34 @@ mod tests {
                 ..Params::default()
             },
         ] {
-            let error = run(&nowhere, &targets, &wrong, &Progress::none()).unwrap_err();
-            assert_eq!(error.exit_code(), 2, "{error}");
+            let error = run(&nowhere, &targets, &wrong).unwrap_err();
+            assert_eq!(error.kind(), ErrorKind::Request, "{error}");
         }
-        let error = run(
-            &nowhere,
-            &Targets::default(),
-            &Params::default(),
-            &Progress::none(),
-        )
-        .unwrap_err();
-        assert_eq!(error.exit_code(), 2);
+        let error = run(&nowhere, &Targets::default(), &Params::default()).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::Request);
         let unknown = Targets {
             picture: Some("out.xyz".into()),
             svg: None,
         };
         assert_eq!(
-            run(&nowhere, &unknown, &Params::default(), &Progress::none())
+            run(&nowhere, &unknown, &Params::default())
                 .unwrap_err()
-                .exit_code(),
-            2
+                .kind(),
+            ErrorKind::Request
         );
         assert_eq!(
-            run(&nowhere, &targets, &Params::default(), &Progress::none())
+            run(&nowhere, &targets, &Params::default())
                 .unwrap_err()
-                .exit_code(),
-            3
+                .kind(),
+            ErrorKind::Input
         );
     }
 
     #[test]
     fn a_scale_beyond_the_limit_is_refused() {
-        let (folder, mut source) = folder_with_picture(50, 40);
-        source.limits.max_pixels = 3000;
+        let (folder, source) = folder_with_picture(50, 40);
+        let mut context = Context::default();
+        context.limits.max_pixels = 3000;
         let targets = Targets {
             picture: Some(folder.path().join("out.png")),
             svg: None,
@@ -533,10 +528,10 @@ mod tests {
             ..Params::default()
         };
         assert_eq!(
-            run(&source, &targets, &params, &Progress::none())
+            run_in(&context, &source, &targets, &params)
                 .unwrap_err()
-                .exit_code(),
-            2
+                .kind(),
+            ErrorKind::Request
         );
         assert!(!folder.path().join("out.png").exists());
     }

@@ -52,7 +52,7 @@ impl MeshTarget {
         format.map(Self::new).ok_or_else(unknown)
     }
 
-    fn options(&self) -> WriteOptions {
+    fn options(self) -> WriteOptions {
         WriteOptions {
             precision: self.precision,
             unit: self.unit,

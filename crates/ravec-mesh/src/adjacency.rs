@@ -7,6 +7,7 @@
 //! Guarantees: edges ascend by their lower vertex, then by the higher one; the triangles of an edge or vertex ascend.
 //! Cost: O(n) plus sorting within each vertex; 36 bytes a triangle and 12 bytes an edge and vertex.
 
+use ravec_numeric::DisjointSets;
 use ravec_progress::{Cancelled, Progress};
 
 use crate::TriMesh;
@@ -323,52 +324,6 @@ pub struct Fans {
     pub count: u32,
     /// The fan of each triangle at the vertex, in the order of [`Adjacency::triangles_at`].
     pub of: Vec<u32>,
-}
-
-/// Sets that are joined but never split (Tarjan's union-find with path halving).
-#[derive(Debug, Clone)]
-pub(crate) struct DisjointSets {
-    parent: Vec<u32>,
-}
-
-impl DisjointSets {
-    pub(crate) fn new(len: usize) -> Self {
-        Self {
-            parent: (0..len as u32).collect(),
-        }
-    }
-
-    /// The smallest member of the set of `i`.
-    pub(crate) fn root(&mut self, mut i: u32) -> u32 {
-        while self.parent[i as usize] != i {
-            let up = self.parent[self.parent[i as usize] as usize];
-            self.parent[i as usize] = up;
-            i = up;
-        }
-        i
-    }
-
-    pub(crate) fn join(&mut self, i: u32, j: u32) {
-        let (i, j) = (self.root(i), self.root(j));
-        // the smaller one leads, so that roots do not depend on the order of joins
-        self.parent[i.max(j) as usize] = i.min(j);
-    }
-
-    /// The number of sets, and for each member the number of its set; sets are in the order of their first members.
-    pub(crate) fn numbered(mut self) -> (u32, Vec<u32>) {
-        let mut number = vec![NONE; self.parent.len()];
-        let mut count = 0;
-        for i in 0..self.parent.len() as u32 {
-            let root = self.root(i);
-            if root == i {
-                number[i as usize] = count;
-                count += 1;
-            } else {
-                number[i as usize] = number[root as usize];
-            }
-        }
-        (count, number)
-    }
 }
 
 #[cfg(test)]

@@ -1,5 +1,5 @@
 //! Small numerical tools that several crates share: symmetric systems, dense and sparse, eigenvectors, non-linear least
-//! squares.
+//! squares, Poisson systems, Fourier transforms, disjoint sets.
 //!
 //! Geometry from measurements ends in a handful of unknowns and a sum of squares over many measurements. Here the sum is
 //! kept as its normal equations, so that memory does not depend on the number of measurements, and minimized with damping.
@@ -25,15 +25,39 @@
 //!
 //! # Current status
 //!
-//! Numerics for `ravec-planar` and `ravec-retarget`. The factorizations are those of `nalgebra` and `nalgebra-sparse`.
-//! Sparse systems ([`SquareSum`], [`EliminationPlan`], [`SparseCholesky`]) come with the order in which few entries
-//! appear; [`SingleCholesky`] is for corrections by half the digits.
+//! What the systems of Ravec need. The factorizations are those of `nalgebra` and `nalgebra-sparse`, transforms of lines those
+//! of `rustfft`. Sparse systems ([`SquareSum`], [`EliminationPlan`], [`SparseCholesky`]) come with the order in which few
+//! entries appear; [`SingleCholesky`] is for corrections by half the digits.
+//!
+//! # Features
+//!
+//! Both are on by default; who needs [`DisjointSets`] or [`PoissonSystem`] alone compiles no foreign crate.
+//!
+//! - `linear`: systems, eigenvectors and least squares.
+//! - `fourier`: [`Fourier`].
 
+#[cfg(feature = "linear")]
 mod dense;
+mod disjoint_sets;
+#[cfg(feature = "fourier")]
+mod fourier;
+#[cfg(feature = "linear")]
 mod least_squares;
+#[cfg(feature = "linear")]
 mod panels;
+mod poisson;
+#[cfg(feature = "linear")]
 mod sparse;
 
+#[cfg(feature = "linear")]
 pub use dense::{Smallest, smallest_eigenvector, solve_positive};
+pub use disjoint_sets::DisjointSets;
+#[cfg(feature = "fourier")]
+pub use fourier::{Fourier, FourierScratch, Spectrum};
+#[cfg(feature = "linear")]
 pub use least_squares::{Descent, Minimum, NormalEquations, minimize};
+pub use poisson::PoissonSystem;
+#[cfg(feature = "fourier")]
+pub use realfft::num_complex::Complex32;
+#[cfg(feature = "linear")]
 pub use sparse::{EliminationPlan, SingleCholesky, SparseCholesky, SparseSymmetric, SquareSum};

@@ -1,16 +1,16 @@
-//! The closed surface that is dual to the edges on which a sign changes.
+//! The closed surface dual to the edges on which a sign changes.
 //!
-//! Every minimal edge with a change of sign has a polygon around it with a corner in each leaf there. Two neighboring
-//! corners of a polygon are joined by a *dual edge* that goes through the minimal face between their leaves. The boundary of
-//! a minimal face has an even number of changes, and the polygons around these are joined in pairs, so every dual edge has
-//! two polygons. Inside a leaf, corners that are joined through its faces go around in cycles; each cycle is one vertex.
+//! Every minimal edge with a sign change has a polygon around it with a corner in each leaf there. Consecutive corners of a
+//! polygon are joined by a *dual edge* through the minimal face between their leaves. The boundary of a minimal face has an
+//! even number of sign changes, and the polygons around these are joined in pairs, so every dual edge has two polygons. Inside
+//! a leaf, corners that are joined through its faces form cycles; each cycle is one vertex.
 //!
-//! Source: Schaefer, Ju and Warren, *Manifold Dual Contouring*, TVCG 2007; here the pairing in minimal faces takes the place
-//! of their clustering, so that levels of neighbors may differ by any number.
+//! Source: Schaefer, Ju and Warren, *Manifold Dual Contouring*, TVCG 2007; here the pairing in minimal faces takes the place of
+//! their clustering, so that the levels of neighbors may differ by any number.
 //!
-//! Guarantees, for signs that are equal on the border of the root: every dual edge has exactly two polygons, which are
-//! oriented alike, and the polygons around every vertex form one fan. Does not guarantee: that two vertices are joined by one
-//! dual edge only, nor anything on where the vertices lie. Cost: linear, but for one sort of the dual edges.
+//! Guarantees, for signs that are equal on the border of the root: every dual edge has exactly two polygons, with consistent
+//! orientation, and the polygons around every vertex form one fan. Does not guarantee: that two vertices share only one dual
+//! edge, nor anything about the positions of vertices. Cost: linear, except for one sort of the dual edges.
 
 use crate::edges::MinimalEdge;
 use crate::key::Corner;
@@ -18,18 +18,18 @@ use crate::tree::{NodeId, Octree};
 use rayon::prelude::*;
 use std::convert::Infallible;
 
-/// A minimal edge with a change of sign, and the polygon around it.
+/// A minimal edge with a sign change, and the polygon around it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Polygon {
-    /// The edge's direction: 0 for x, 1 for y, 2 for z.
+    /// Direction of the edge: 0 for x, 1 for y, 2 for z.
     pub axis: u8,
-    /// Whether the end with the lower coordinate is inside.
+    /// The end with the lower coordinate is inside.
     pub start_inside: bool,
     /// Number of corners: 3 or 4.
     len: u8,
-    /// The edge's end with the lower coordinate.
+    /// End of the edge with the lower coordinate.
     pub start: Corner,
-    /// The edge's length on the lattice.
+    /// Length of the edge on the lattice.
     pub length: u32,
     cells: [NodeId; 4],
     vertices: [u32; 4],
@@ -37,25 +37,25 @@ pub struct Polygon {
 }
 
 impl Polygon {
-    /// The leaves of its corners, counterclockwise seen from outside.
+    /// Returns the leaves of the corners, counterclockwise seen from outside.
     #[inline]
     pub fn cells(&self) -> &[NodeId] {
         &self.cells[..self.len.into()]
     }
 
-    /// The vertices at its corners.
+    /// Returns the vertices at the corners.
     #[inline]
     pub fn vertices(&self) -> &[u32] {
         &self.vertices[..self.len.into()]
     }
 
-    /// The dual edges: each from the corner with the same index to the next.
+    /// Returns the dual edges: each from the corner with the same index to the next.
     #[inline]
     pub fn duals(&self) -> &[u32] {
         &self.duals[..self.len.into()]
     }
 
-    /// The ends of its edge: the one inside, then the one outside.
+    /// Returns the ends of the edge: the one inside, then the one outside.
     pub fn ends(&self) -> [Corner; 2] {
         let end = self.start.moved(self.axis.into(), self.length);
         if self.start_inside {
@@ -66,27 +66,27 @@ impl Polygon {
     }
 }
 
-/// Where two leaves touch, and the surface goes from one to the other.
+/// A minimal face through which the surface passes from one leaf to another.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DualEdge {
     /// The two leaves, lower index first.
     pub cells: [NodeId; 2],
     /// The vertices in them.
     pub vertices: [u32; 2],
-    /// The polygons that share it.
+    /// The polygons that share the dual edge.
     pub polygons: [u32; 2],
-    /// Whether another dual edge goes through the same minimal face.
+    /// Another dual edge passes through the same minimal face.
     pub is_ambiguous: bool,
 }
 
-/// The combinatorics of the surface.
+/// Connectivity of the surface.
 #[derive(Debug, Clone, Default)]
 pub struct Contour {
     /// The polygons, in the order of the edges.
     pub polygons: Vec<Polygon>,
     /// The dual edges.
     pub duals: Vec<DualEdge>,
-    /// The leaf of each vertex. Vertices of a leaf follow each other.
+    /// The leaf of each vertex. Vertices of a leaf are consecutive.
     pub vertex_cells: Vec<NodeId>,
 }
 
@@ -94,12 +94,12 @@ pub struct Contour {
 struct Side {
     cells: [NodeId; 2],
     polygon: u32,
-    /// From which corner of the polygon it goes to the next.
+    /// Corner of the polygon from which the side leads to the next.
     corner: u8,
 }
 
 impl Contour {
-    /// The surface around the edges on which the sign changes, given in any order with whether their start is inside.
+    /// Builds the surface around the edges on which the sign changes, given in any order with whether their start is inside.
     ///
     /// # Panics
     /// If the signs do not belong to corners, so that around some face they change an odd number of times.
@@ -108,13 +108,13 @@ impl Contour {
         contour
     }
 
-    /// A part of the surface: what is in some leaves. For these, all edges on which the sign changes must be given.
+    /// Builds the part of the surface in some leaves, for which all edges with a sign change must be given.
     ///
-    /// Polygons with corners in other leaves are there as well, but what is said of them is not complete: their dual edges
-    /// between such leaves have the index `u32::MAX`.
+    /// Polygons with corners in other leaves are present, but incomplete: their dual edges between such leaves have the index
+    /// `u32::MAX`.
     ///
     /// # Errors
-    /// That of `go_on`, which is asked again and again.
+    /// Those of `go_on`, which is called repeatedly.
     ///
     /// # Panics
     /// As [`Self::new`].
@@ -186,7 +186,7 @@ impl Contour {
     }
 }
 
-/// So many faces are done in a few milliseconds.
+/// Batch size between calls of `go_on`: a few milliseconds of work.
 const FACES_AT_ONCE: usize = 1 << 14;
 
 fn polygon_around(&(edge, start_inside): &(MinimalEdge, bool)) -> Polygon {
@@ -214,7 +214,7 @@ fn polygon_around(&(edge, start_inside): &(MinimalEdge, bool)) -> Polygon {
     }
 }
 
-/// The number of the polygon's corner in a cell, over all polygons.
+/// Returns the number of the polygon's corner in a cell, over all polygons.
 fn corner_in(polygons: &[Polygon], side: &Side, cell: NodeId) -> usize {
     let polygon = &polygons[side.polygon as usize];
     let at = usize::from(side.corner);
@@ -226,7 +226,7 @@ fn corner_in(polygons: &[Polygon], side: &Side, cell: NodeId) -> usize {
     4 * side.polygon as usize + corner
 }
 
-/// The sides of a minimal face, joined in pairs.
+/// Joins the sides of a minimal face in pairs.
 fn pairs<'a, T>(tree: &Octree<T>, polygons: &[Polygon], face: &'a [Side]) -> Vec<[&'a Side; 2]> {
     if let [a, b] = face {
         return vec![[a, b]];
@@ -243,7 +243,7 @@ fn pairs<'a, T>(tree: &Octree<T>, polygons: &[Polygon], face: &'a [Side]) -> Vec
         .collect()
 }
 
-/// The crossings in the order of the way around their face: place, whether the way goes inside there, side.
+/// Returns the crossings in their order around the face: position, whether the path enters the inside there, side.
 fn around_face<'a, T>(
     tree: &Octree<T>,
     polygons: &[Polygon],
@@ -306,7 +306,7 @@ impl Fans {
         at
     }
 
-    /// The lower root wins, so that the result does not depend on the order.
+    /// Joins two corners; the lower root wins, so that the result does not depend on the order.
     fn join(&mut self, a: usize, b: usize) {
         let (a, b) = (self.root(a), self.root(b));
         self.parents[a.max(b) as usize] = a.min(b);

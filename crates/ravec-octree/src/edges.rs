@@ -1,10 +1,10 @@
-//! The minimal edges of a tree: edges of leaves that hold no shorter one.
+//! The minimal edges of a tree: edges of leaves that contain no shorter one.
 //!
-//! Source: Ju, Losasso, Schaefer and Warren, *Dual Contouring of Hermite Data*, SIGGRAPH 2002: three mutual recursions
-//! over cells, faces between two cells and edges between four.
+//! Source: Ju, Losasso, Schaefer and Warren, *Dual Contouring of Hermite Data*, SIGGRAPH 2002: three mutual recursions over
+//! cells, faces between two cells and edges between four.
 //!
-//! Guarantees: every minimal edge inside the root once, in an order that depends on the tree only. Does not guarantee:
-//! edges on the border of the root. Cost: linear in the nodes.
+//! Guarantees: every minimal edge inside the root once, in an order that depends on the tree only. Does not guarantee: edges on
+//! the border of the root. Cost: linear in the nodes.
 
 use crate::key::Corner;
 use crate::tree::{NodeId, Octree};
@@ -13,21 +13,21 @@ use rayon::prelude::*;
 /// An edge and the leaves around it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct MinimalEdge {
-    /// Its direction: 0 for x, 1 for y, 2 for z.
+    /// Direction: 0 for x, 1 for y, 2 for z.
     pub axis: usize,
-    /// Its end with the lower coordinate.
+    /// End with the lower coordinate.
     pub start: Corner,
-    /// Its length on the lattice.
+    /// Length on the lattice.
     pub length: u32,
-    /// The leaves around it, once around the axis counterclockwise if seen against it. A leaf on whose face the edge lies
-    /// is there twice in a row.
+    /// The leaves around the edge, counterclockwise seen against the axis. A leaf on whose face the edge lies occurs twice in a
+    /// row.
     pub cells: [NodeId; 4],
-    /// The smallest of these: the one whose edge it is.
+    /// The smallest of these leaves: the one that has the edge.
     pub smallest: NodeId,
 }
 
 impl MinimalEdge {
-    /// Its end with the higher coordinate.
+    /// Returns the end with the higher coordinate.
     #[inline]
     pub fn end(&self) -> Corner {
         self.start.moved(self.axis, self.length)
@@ -44,7 +44,7 @@ pub fn for_each_minimal_edge<T>(tree: &Octree<T>, mut visit: impl FnMut(MinimalE
     .cell(0);
 }
 
-/// What `select` makes of the minimal edges of a tree, in the order of [`for_each_minimal_edge`], by many threads.
+/// Returns the selected minimal edges of a tree in the order of [`for_each_minimal_edge`], using all threads.
 pub fn minimal_edges<T: Sync, R: Send>(
     tree: &Octree<T>,
     select: impl Fn(MinimalEdge) -> Option<R> + Sync,
@@ -52,18 +52,18 @@ pub fn minimal_edges<T: Sync, R: Send>(
     minimal_edges_near(tree, |_| true, select)
 }
 
-/// As [`minimal_edges`], but only of edges beside which there is one of the leaves that are asked for: `is_near` says so of
-/// these leaves and of all cells that hold one ([`Octree::path_to`]). Cost: linear in these nodes and their neighbors.
+/// Returns the selected minimal edges beside some leaves, as [`minimal_edges`] does: `is_near` holds for these leaves and for
+/// all cells that contain one ([`Octree::path_to`]). Cost: linear in these nodes and their neighbors.
 pub fn minimal_edges_near<T: Sync, R: Send>(
     tree: &Octree<T>,
     is_near: impl Fn(NodeId) -> bool + Sync,
     select: impl Fn(MinimalEdge) -> Option<R> + Sync,
 ) -> Vec<R> {
-    let mut parts = Vec::new();
-    parts_of(tree, 0, PARALLEL_LEVELS, &is_near, &mut parts);
-    let found: Vec<Vec<R>> = parts
+    let mut tasks = Vec::new();
+    tasks_of(tree, 0, PARALLEL_LEVELS, &is_near, &mut tasks);
+    let found: Vec<Vec<R>> = tasks
         .into_par_iter()
-        .map(|part| {
+        .map(|task| {
             let mut found = Vec::new();
             let mut visit = |edge| found.extend(select(edge));
             let mut walk = Walk {
@@ -71,9 +71,9 @@ pub fn minimal_edges_near<T: Sync, R: Send>(
                 is_near: &is_near,
                 visit: &mut visit,
             };
-            match part {
-                Part::Cell(node) => walk.cell(node),
-                Part::Between(node) => walk.between(node),
+            match task {
+                WalkTask::Cell(node) => walk.cell(node),
+                WalkTask::Between(node) => walk.between(node),
             }
             found
         })
@@ -81,56 +81,56 @@ pub fn minimal_edges_near<T: Sync, R: Send>(
     found.into_iter().flatten().collect()
 }
 
-/// Levels of the tree from whose cells on the walk is done by one thread.
+/// Levels of the tree above the cells that one thread walks.
 const PARALLEL_LEVELS: u32 = 4;
 
-/// A part of the walk: a cell with all in it, or only what is between its children.
-enum Part {
+/// A task of the walk: a cell with its content, or only the space between its children.
+enum WalkTask {
     Cell(NodeId),
     Between(NodeId),
 }
 
-fn parts_of<T>(
+fn tasks_of<T>(
     tree: &Octree<T>,
     node: NodeId,
     levels: u32,
     is_near: &impl Fn(NodeId) -> bool,
-    parts: &mut Vec<Part>,
+    tasks: &mut Vec<WalkTask>,
 ) {
     if !is_near(node) {
         return;
     }
     if levels == 0 || tree.is_leaf(node) {
-        parts.push(Part::Cell(node));
+        tasks.push(WalkTask::Cell(node));
         return;
     }
     for octant in 0..8 {
-        parts_of(
+        tasks_of(
             tree,
             tree.child_or_self(node, octant),
             levels - 1,
             is_near,
-            parts,
+            tasks,
         );
     }
-    parts.push(Part::Between(node));
+    tasks.push(WalkTask::Between(node));
 }
 
 struct Walk<'a, T, N, V> {
     tree: &'a Octree<T>,
-    /// What is not near, nor beside what is, is not entered.
+    /// Cells that are neither near nor adjacent to such are not entered.
     is_near: N,
     visit: &'a mut V,
 }
 
-/// The two axes after `axis`, in the order in which the three are right-handed.
+/// Returns the two axes after `axis`, in right-handed order.
 #[inline]
 fn others(axis: usize) -> [usize; 2] {
     [(axis + 1) % 3, (axis + 2) % 3]
 }
 
 impl<T, N: Fn(NodeId) -> bool, V: FnMut(MinimalEdge)> Walk<'_, T, N, V> {
-    /// The edges inside a cell.
+    /// Visits the edges inside a cell.
     fn cell(&mut self, node: NodeId) {
         if self.tree.is_leaf(node) || !(self.is_near)(node) {
             return;
@@ -141,7 +141,7 @@ impl<T, N: Fn(NodeId) -> bool, V: FnMut(MinimalEdge)> Walk<'_, T, N, V> {
         self.between(node);
     }
 
-    /// The edges between the children of a cell.
+    /// Visits the edges between the children of a cell.
     fn between(&mut self, node: NodeId) {
         let child = |octant| self.tree.child_or_self(node, octant);
         let children: [NodeId; 8] = std::array::from_fn(child);
@@ -158,7 +158,7 @@ impl<T, N: Fn(NodeId) -> bool, V: FnMut(MinimalEdge)> Walk<'_, T, N, V> {
         }
     }
 
-    /// The edges inside the face between two cells, of which the first is lower along `axis`.
+    /// Visits the edges inside the face between two cells, of which the first is lower along `axis`.
     fn face(&mut self, axis: usize, cells: [NodeId; 2]) {
         let is_whole = cells.iter().all(|&cell| self.tree.is_leaf(cell));
         if is_whole || !cells.iter().any(|&cell| (self.is_near)(cell)) {
@@ -199,8 +199,8 @@ impl<T, N: Fn(NodeId) -> bool, V: FnMut(MinimalEdge)> Walk<'_, T, N, V> {
         }
     }
 
-    /// The edges on the line between four cells. Bit 0 of a cell's place says its side along the next axis, bit 1 along the
-    /// one after that.
+    /// Visits the edges on the line between four cells. Bit 0 of the place of a cell is its side along the next axis, bit 1
+    /// along the one after that.
     fn edge(&mut self, axis: usize, cells: [NodeId; 4]) {
         if !cells.iter().any(|&cell| (self.is_near)(cell)) {
             return;

@@ -1,11 +1,11 @@
-//! The minimal faces of a tree: faces of leaves that hold no smaller one.
+//! The minimal faces of a tree: faces of leaves that contain no smaller one.
 //!
 //! Source: as for edges, the recursions of Ju, Losasso, Schaefer and Warren, *Dual Contouring of Hermite Data*, SIGGRAPH 2002.
 
 use crate::tree::{NodeId, Octree};
 
-/// Visits the pairs of leaves that share a face, or a part of one, each once: the one that is lower along the axis across the face
-/// is the first. Cost: linear in the nodes.
+/// Visits each pair of leaves that share a face, or a part of one, once; the leaf that is lower along the axis across the face
+/// comes first. Cost: linear in the nodes.
 pub fn for_each_minimal_face<T>(tree: &Octree<T>, mut visit: impl FnMut([NodeId; 2])) {
     cell(tree, 0, &mut visit);
 }

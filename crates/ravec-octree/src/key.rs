@@ -1,8 +1,8 @@
-//! Where cells and their corners lie: integers on the lattice of the finest level.
+//! Cells and corners as integers on the lattice of the finest level, and their position in space.
 
 use glam::DVec3;
 
-/// The finest level: a side of the root holds 2²⁰ of its cells, and a corner fits 63 bits.
+/// Finest level: a side of the root has 2²⁰ of its cells, and a corner fits 63 bits.
 pub const MAX_LEVEL: u8 = 20;
 
 /// A point of the lattice, 0 to 2²⁰ in each direction.
@@ -10,27 +10,27 @@ pub const MAX_LEVEL: u8 = 20;
 pub struct Corner(pub [u32; 3]);
 
 impl Corner {
-    /// One number for it.
+    /// Returns a unique code.
     #[inline]
     pub fn code(self) -> u64 {
         let [x, y, z] = self.0.map(u64::from);
         x | y << 21 | z << 42
     }
 
-    /// Its place on the curve that visits all points of a cell, of any level, one after the other (Morton, 1966).
+    /// Returns the Morton code, the position on a curve that visits all points of any cell consecutively (Morton, 1966).
     #[inline]
     pub fn morton(self) -> u64 {
         let [x, y, z] = self.0.map(spread);
         x | y << 1 | z << 2
     }
 
-    /// The corner at a place of that curve.
+    /// Returns the corner with a Morton code.
     #[inline]
     pub fn at_morton(place: u64) -> Self {
         Self([0, 1, 2].map(|axis| gathered(place >> axis)))
     }
 
-    /// The corner moved by `by` along an axis.
+    /// Returns the corner moved by `by` along an axis.
     #[inline]
     #[must_use]
     pub fn moved(mut self, axis: usize, by: u32) -> Self {
@@ -39,7 +39,7 @@ impl Corner {
     }
 }
 
-/// The lowest 21 bits, each with two zeros above it.
+/// Spreads the lowest 21 bits, each with two zeros above it.
 #[inline]
 fn spread(x: u32) -> u64 {
     let mut x = u64::from(x);
@@ -55,7 +55,7 @@ fn spread(x: u32) -> u64 {
     x
 }
 
-/// Every third bit, the inverse of [`spread`].
+/// Gathers every third bit, the inverse of [`spread`].
 #[inline]
 fn gathered(x: u64) -> u32 {
     let mut x = x & 0x1249_2492_4924_9249;
@@ -76,24 +76,24 @@ fn gathered(x: u64) -> u32 {
 pub struct CellKey {
     /// The corner with the smallest coordinates.
     pub at: Corner,
-    /// How often the root was halved, at most [`MAX_LEVEL`].
+    /// Number of halvings of the root, at most [`MAX_LEVEL`].
     pub level: u8,
 }
 
 impl CellKey {
-    /// The cell that holds all others.
+    /// The cell that contains all others.
     pub const ROOT: Self = Self {
         at: Corner([0; 3]),
         level: 0,
     };
 
-    /// Its side on the lattice.
+    /// Returns the side on the lattice.
     #[inline]
     pub fn side(self) -> u32 {
         1 << (MAX_LEVEL - self.level)
     }
 
-    /// The child whose place is said by the bits of `octant`: bit 0 for x, 1 for y, 2 for z.
+    /// Returns the child in an octant: bit 0 of `octant` for x, 1 for y, 2 for z.
     ///
     /// # Panics
     /// On the finest level.
@@ -111,13 +111,13 @@ impl CellKey {
         }
     }
 
-    /// Whether a point is in the cell, or on one of its lower faces: a point is in one cell of a level only.
+    /// Returns whether a point is in the cell or on one of its lower faces, so that each point has one owner per level.
     #[inline]
     pub fn owns(self, point: Corner) -> bool {
         (0..3).all(|axis| point.0[axis].wrapping_sub(self.at.0[axis]) < self.side())
     }
 
-    /// The corner whose place is said by the bits of `octant`.
+    /// Returns the corner in an octant.
     #[inline]
     pub fn corner(self, octant: usize) -> Corner {
         let place = |axis: usize| self.at.0[axis] + self.side() * (octant >> axis & 1) as u32;
@@ -125,17 +125,17 @@ impl CellKey {
     }
 }
 
-/// Where the lattice lies in space.
+/// Position of the lattice in space.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Frame {
-    /// The lowest corner of the root.
+    /// Lowest corner of the root.
     pub origin: DVec3,
-    /// The side of the root.
+    /// Side of the root.
     pub side: f64,
 }
 
 impl Frame {
-    /// The place of a corner.
+    /// Returns the position of a corner.
     #[inline]
     pub fn point(&self, corner: Corner) -> DVec3 {
         let step = self.side / f64::from(1u32 << MAX_LEVEL);
@@ -143,13 +143,13 @@ impl Frame {
         self.origin + step * DVec3::new(x, y, z)
     }
 
-    /// The lowest and the highest corner of a cell.
+    /// Returns the lowest and the highest corner of a cell.
     #[inline]
     pub fn bounds(&self, cell: CellKey) -> [DVec3; 2] {
         [self.point(cell.corner(0)), self.point(cell.corner(7))]
     }
 
-    /// The side of the cells of a level.
+    /// Returns the side of the cells of a level.
     #[inline]
     pub fn side_at(&self, level: u8) -> f64 {
         self.side / f64::from(1u32 << level)
@@ -173,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn codes_tell_corners_apart() {
+    fn codes_of_corners_are_unique() {
         let end = 1 << MAX_LEVEL;
         let mut codes: Vec<u64> = [0, 1, end - 1, end]
             .into_iter()
@@ -222,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn the_frame_puts_the_root_where_it_is_said_to_be() {
+    fn the_frame_bounds_the_root() {
         let frame = Frame {
             origin: DVec3::new(1.0, 2.0, 3.0),
             side: 8.0,

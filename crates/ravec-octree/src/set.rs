@@ -1,11 +1,11 @@
-//! Sets of cells, asked for what they touch.
+//! Sets of cells with intersection queries.
 
 use crate::key::{CellKey, Corner};
 
-/// A set of cells of any levels, which may lie in each other.
+/// A set of cells of any levels, which may contain each other.
 ///
-/// Cost: to insert a cell or to look for it, linear in its level; to find out what a box touches, linear in the cells of all
-/// levels that hold members and touch its border.
+/// Cost: insertion and lookup are linear in the level of the cell; a box query is linear in the cells of all levels that
+/// contain members and touch the border of the box.
 #[derive(Debug, Clone, Default)]
 pub struct CellSet {
     nodes: Vec<Node>,
@@ -13,7 +13,7 @@ pub struct CellSet {
 
 #[derive(Debug, Clone, Copy, Default)]
 struct Node {
-    /// The nodes of the octants that hold members; 0, which is the root, for none.
+    /// Nodes of the octants that contain members; 0, the root, for none.
     children: [u32; 8],
     is_member: bool,
 }
@@ -41,7 +41,7 @@ impl CellSet {
         self.nodes[at].is_member = true;
     }
 
-    /// Whether a cell lies in a member, or is one.
+    /// Returns whether a cell lies in a member, or is one.
     pub fn contains(&self, cell: CellKey) -> bool {
         let mut at = 0;
         for level in 0..=cell.level {
@@ -60,7 +60,7 @@ impl CellSet {
         false
     }
 
-    /// Whether a box, given by its lowest and its highest corner, shares a point with a member.
+    /// Returns whether a box, given by its lowest and its highest corner, shares a point with a member.
     pub fn touches(&self, [low, high]: [Corner; 2]) -> bool {
         !self.nodes.is_empty() && self.touches_below(0, CellKey::ROOT, low, high)
     }
@@ -84,7 +84,7 @@ impl CellSet {
         })
     }
 
-    /// The members, each before those that lie in it.
+    /// Returns the members, each before those inside it.
     pub fn members(&self) -> Vec<CellKey> {
         let mut members = Vec::new();
         let mut to_visit = vec![(0, CellKey::ROOT)];
@@ -104,7 +104,7 @@ impl CellSet {
     }
 }
 
-/// Which octant of its ancestor of a level holds a cell.
+/// Returns the octant of the ancestor at a level that contains a cell.
 fn octant_of(cell: CellKey, level: u8) -> usize {
     let half = CellKey::ROOT.side() >> (level + 1);
     let bit = |axis: usize| usize::from(cell.at.0[axis] & half != 0) << axis;
@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_touched_is_what_one_of_all_members_touches() {
+    fn a_set_touches_what_a_member_touches() {
         for seed in 0..40 {
             let members = cells(seed, 6);
             let mut set = CellSet::default();
@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn members_are_told_once() {
+    fn members_are_listed_once() {
         let mut expected = cells(5, 50);
         let mut set = CellSet::default();
         for &cell in expected.iter().chain(&expected) {

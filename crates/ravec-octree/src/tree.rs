@@ -1,27 +1,27 @@
-//! The tree: nodes in one list, children side by side.
+//! The tree: nodes in one list, with siblings adjacent.
 
 use crate::key::{CellKey, MAX_LEVEL};
 
-/// The index of a node; 0 is the root.
+/// Index of a node; 0 is the root.
 pub type NodeId = u32;
 
-/// A cell with what its owner knows of it.
+/// A cell with the data of its owner.
 #[derive(Debug, Clone)]
 struct Node<T> {
     key: CellKey,
-    /// The first of eight children in a row; 0, which is the root and nobody's child, for a leaf.
+    /// First of eight consecutive children; 0, the root, for a leaf.
     first_child: NodeId,
     data: T,
 }
 
-/// An octree that is as deep as its owner splits it; neighbors may differ by any number of levels.
+/// An octree whose owner splits it as deep as needed; the levels of neighbors may differ by any number.
 #[derive(Debug, Clone)]
 pub struct Octree<T> {
     nodes: Vec<Node<T>>,
 }
 
 impl<T> Octree<T> {
-    /// A tree whose root is a leaf.
+    /// Creates a tree whose root is a leaf.
     pub fn new(root: T) -> Self {
         Self {
             nodes: vec![Node {
@@ -32,7 +32,8 @@ impl<T> Octree<T> {
         }
     }
 
-    /// A tree of nodes in their order, each given with its first child as by [`Self::first_child`]; nothing if they are none.
+    /// Rebuilds a tree from its nodes in order, each with its first child as returned by [`Self::first_child`]; returns `None`
+    /// if the nodes do not form a tree.
     pub fn from_nodes(nodes: Vec<(NodeId, T)>) -> Option<Self> {
         let mut keys = vec![None; nodes.len()];
         *keys.first_mut()? = Some(CellKey::ROOT);
@@ -60,10 +61,10 @@ impl<T> Octree<T> {
         Some(tree)
     }
 
-    /// Gives a leaf eight children; returns the first, the others follow it in the order of their octants.
+    /// Splits a leaf into eight children; returns the first, which the others follow in the order of their octants.
     ///
     /// # Panics
-    /// If the node has children, or is of the finest level, or the tree has 2³² nodes.
+    /// If the node has children or is of the finest level, or if the tree has 2³² nodes.
     pub fn split(&mut self, leaf: NodeId, mut data: impl FnMut(usize, &T) -> T) -> NodeId {
         assert!(self.is_leaf(leaf), "node {leaf} has children");
         let first = NodeId::try_from(self.nodes.len()).expect("fewer than 2^32 nodes");
@@ -80,37 +81,37 @@ impl<T> Octree<T> {
         first
     }
 
-    /// The first of the eight children of a node, which follow one another; 0 for a leaf.
+    /// Returns the first of eight consecutive children; 0 for a leaf.
     #[inline]
     pub fn first_child(&self, node: NodeId) -> NodeId {
         self.nodes[node as usize].first_child
     }
 
-    /// Whether the node has no children.
+    /// Returns whether the node has no children.
     #[inline]
     pub fn is_leaf(&self, node: NodeId) -> bool {
         self.nodes[node as usize].first_child == 0
     }
 
-    /// The cell of a node.
+    /// Returns the cell of a node.
     #[inline]
     pub fn key(&self, node: NodeId) -> CellKey {
         self.nodes[node as usize].key
     }
 
-    /// What is known of a node.
+    /// Returns the data of a node.
     #[inline]
     pub fn data(&self, node: NodeId) -> &T {
         &self.nodes[node as usize].data
     }
 
-    /// What is known of a node, to be changed.
+    /// Returns the data of a node, mutable.
     #[inline]
     pub fn data_mut(&mut self, node: NodeId) -> &mut T {
         &mut self.nodes[node as usize].data
     }
 
-    /// The child in an octant, or the node itself if it is a leaf.
+    /// Returns the child in an octant, or the node itself if it is a leaf.
     #[inline]
     pub fn child_or_self(&self, node: NodeId, octant: usize) -> NodeId {
         match self.nodes[node as usize].first_child {
@@ -119,7 +120,7 @@ impl<T> Octree<T> {
         }
     }
 
-    /// The cells that hold a node: from the root down to the node itself.
+    /// Returns the path from the root down to a node, inclusive.
     pub fn path_to(&self, node: NodeId) -> impl Iterator<Item = NodeId> + '_ {
         let key = self.key(node);
         std::iter::successors(Some(0), move |&at| {
@@ -132,17 +133,17 @@ impl<T> Octree<T> {
         })
     }
 
-    /// Nodes of all levels.
+    /// Returns the number of nodes of all levels.
     pub fn len(&self) -> usize {
         self.nodes.len()
     }
 
-    /// Never: there is a root.
+    /// Returns `false`: there is always a root.
     pub fn is_empty(&self) -> bool {
         false
     }
 
-    /// All leaves, in the order in which they were made.
+    /// Returns all leaves in order of creation.
     pub fn leaves(&self) -> impl Iterator<Item = NodeId> + '_ {
         (0..self.nodes.len() as NodeId).filter(|&node| self.is_leaf(node))
     }
@@ -173,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_tree_is_refused() {
+    fn nodes_that_form_no_tree_are_refused() {
         let mut tree = Octree::new(0);
         let first = tree.split(0, |_, _| 0);
         tree.split(first, |_, _| 0);

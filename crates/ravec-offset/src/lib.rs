@@ -1,62 +1,114 @@
 //! Offset surfaces of any triangles, within a tolerance that is proved.
 //!
-//! The points at a distance from a set of triangles lie on pieces of spheres around their corners, cylinders around their edges
-//! and planes beside them. An octree is split until one vertex a cell stands for the pieces in it (`refine`, `cell`); the surface
-//! dual to it is cut into triangles that do not meet each other (`extract`); every triangle is proved to keep the distance
-//! (`certify`), and better than that across creases (`crest`), and cells whose triangles are not, or meet others, are split again
-//! (`mend`), tile by tile if memory is limited (`tile`, `store`). Triangles are merged at the end, as far as the same proof
-//! allows (`simplify`), those that lie badly are turned (`smooth`), and what is left is measured (`measure`), if need be piece by
-//! piece (`pieces`). If a file is to hold 32-bit floats, vertices are put on these before any of that is decided (`grid`). Sheets
-//! are made thick by the same means (`thicken`).
+//! The points at a distance from a set of triangles lie on spheres around corners, cylinders around edges and planes beside
+//! faces. An octree is split until one vertex per cell represents the surface in it; the surface dual to the octree is cut into
+//! triangles; each triangle is proved to keep the distance, more strictly across creases; and cells whose triangles are not
+//! proved or intersect others are split again. Finally triangles are merged as far as the same proof allows, and the result is
+//! measured. Sheets are thickened by the same means.
 //!
-//! Sources: Pavić and Kobbelt, *High-Resolution Volumetric Computation of Offset Surfaces with Feature Preservation*,
+//! ```
+//! use glam::DVec3;
+//! use ravec_mesh::TriMesh;
+//! use ravec_offset::{OffsetParams, offset};
+//! use ravec_progress::Progress;
+//!
+//! let corners = vec![DVec3::ZERO, DVec3::X, DVec3::Y];
+//! let triangle = TriMesh::new(corners, vec![[0, 1, 2]])?;
+//! let params = OffsetParams { distance: 0.2, tolerance: 0.01, ..OffsetParams::default() };
+//! let grown = offset(&triangle, &params, &Progress::none())?;
+//! assert!(grown.report.certified && grown.report.solid);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! # Modules
+//!
+//! The data passes the modules in this order; each uses only those above it.
+//!
+//! | module | step |
+//! | --- | --- |
+//! | `params` | parameters and errors |
+//! | `domain` | the distance field, the grid of coordinates, enclosed space |
+//! | `surface` | patches, proofs, reaches and edits: the data that the steps exchange |
+//! | `grow` | the octree, split until one vertex per cell represents the surface |
+//! | `extract` | polygons dual to the octree, cut into triangles |
+//! | `prove` | facets keep the distance, triangles do not intersect; defects request edits |
+//! | `store` | the surface as blocks, in memory or in a storage |
+//! | `report` | results |
+//! | `repair` | rounds of the steps above, until no defect remains |
+//! | `finish` | simplification, measurement, checks |
+//! | `task` | a checked offset with its inputs |
+//! | `thicken` | sheets |
+//! | `offset`, `offset_cells` | entry points |
+//!
+//! # Words
+//!
+//! | word | meaning |
+//! | --- | --- |
+//! | cell, leaf | a cube of the octree; a cell that is not split |
+//! | corner | a point of the lattice, a corner of cells |
+//! | floor, limit | the finest level to which content splits cells; the finest level of all |
+//! | tile | a cell whose tree is grown on its own; all of space is one tile if memory allows |
+//! | reach | a tile with the leaves that its surface depends on |
+//! | workspace | the tiles under repair |
+//! | crossing | an edge of the octree on which the sign changes, and the point of the surface on it |
+//! | sheet | one of several layers of the surface in a cell; also an open mesh to be thickened |
+//! | crowded leaf | a leaf with several sheets |
+//! | polygon, facet | the dual of a crossing; a triangle of a polygon |
+//! | patch | polygons and facets of a tile or a block |
+//! | selection | the polygons to extract: all of a tile, or those near changes |
+//! | proof | the fact that a facet keeps the distance within the tolerance; a report says `certified` if all facets have one |
+//! | room | the proved distance below a facet: enough, or ample |
+//! | defect | a facet without a proof, or a pair of facets that intersect |
+//! | edit | a leaf to split or a corner to fill, requested to repair a defect |
+//! | repair | rounds of edits until no defect remains |
+//! | block | a cell with the polygons whose edges start in it: the unit of storage |
+//! | chunk | consecutive blocks that are in memory together |
+//! | component | a connected part of the surface |
+//! | record | bytes in a storage |
+//! | slab, skin, strip | the solid over a sheet; its upper or lower side; the triangles that join a sheet to its solid |
+//!
+//! # Sources
+//!
+//! Pavić and Kobbelt, *High-Resolution Volumetric Computation of Offset Surfaces with Feature Preservation*,
 //! Eurographics 2008; Schaefer, Ju and Warren, *Manifold Dual Contouring*, TVCG 2007; Ju and Udeshi, *Intersection-free
 //! Contouring on an Octree Grid*, Pacific Graphics 2006. Here cells are split by error and not by size, so their number grows
-//! with the surface's curvature and creases and not with its area.
+//! with the curvature and the creases of the surface and not with its area.
 //!
-//! Guarantees, for what [`OffsetReport`] says of them: every point of the result is at the distance from the triangles, within
-//! the tolerance (`certified`); it is closed, manifold and oriented, also once vertices in one place are merged (`solid`); no two
-//! triangles meet where they should not (`self_intersections` is 0). The same result for any number of threads; before triangles
-//! are merged also for any limit of memory.
+//! # Guarantees
 //!
-//! Does not guarantee: that every point of the true offset has a point of the result within the tolerance. It is so in all
-//! tests, for crests from 7° on; a more acute crest, and in thick sheets one below a right angle, may be cut farther from its
-//! tip, and a part of the surface that is shallower than half the tolerance within a cell may be missed.
+//! As far as [`OffsetReport`] states them: every point of the result is at the distance from the triangles, within
+//! the tolerance (`certified`); the surface is closed, manifold and oriented, also after vertices at equal positions are merged
+//! (`solid`); no two triangles intersect (`self_intersections` is 0). The result is the same for any number of threads; before
+//! triangles are merged, also for any limit of memory.
 //!
-//! Cost: about six searches for the closest triangle for each leaf of the tree and one for each vertex, and for each triangle a
-//! proof that costs less than one. A round of mending looks at what changed and what is near it. Where memory is limited tiles
-//! are read and written in each round that concerns them, and what they share with others is grown for each.
-//! Simplification takes at most ten searches or so for each vertex that goes.
+//! Does not guarantee: that every point of the true offset has a point of the result within the tolerance. In all
+//! tests it has, for crests from 7° on; a more acute crest, and in thick sheets one below a right angle, may be cut farther from
+//! its tip, and a part of the surface that is shallower than half the tolerance within a cell may be missed.
+//!
+//! # Cost
+//!
+//! About six searches for the closest triangle per leaf of the tree and one per vertex, and for each triangle a
+//! proof that costs less than one. A round of repair examines changes and their surroundings. With limited memory, each round
+//! reads and writes the tiles that it affects, and data shared between tiles is computed for each. Simplification takes at most
+//! about ten searches per removed vertex.
 
-mod cell;
-mod cells;
-mod certify;
-mod crest;
-mod enclosed;
+mod domain;
 mod extract;
-mod field;
 mod finish;
-mod grid;
-mod judge;
-mod measure;
-mod mend;
+mod grow;
 mod offset;
-mod outermost;
+mod offset_cells;
 mod params;
-mod pieces;
-mod proof;
-mod refine;
-mod scope;
-mod simplify;
-mod smooth;
-mod space;
+mod prove;
+mod repair;
+mod report;
 mod store;
-mod stored;
+mod surface;
+mod task;
 mod thicken;
-mod tile;
 
-pub use cells::{OffsetCell, offset_cells};
-pub use offset::{Offset, OffsetReport, StoredOffset, offset, offset_stored};
+pub use offset::{offset, offset_stored};
+pub use offset_cells::{OffsetCell, offset_cells};
 pub use params::{Coordinates, OffsetError, OffsetParams, OpenRule, Side};
-pub use store::{NewStorage, Storage};
-pub use stored::OffsetSurface;
+pub use report::{Offset, OffsetReport, StoredOffset};
+pub use store::{NewStorage, OffsetSurface, Storage};

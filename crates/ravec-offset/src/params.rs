@@ -1,9 +1,12 @@
-//! What is asked for, and what is refused.
+//! Parameters of an offset.
+
+mod error;
+
+pub use error::OffsetError;
 
 use ravec_mesh::Aabb;
-use ravec_progress::Cancelled;
 
-/// Which part of the surface at the distance.
+/// Part of the surface at the distance.
 #[derive(
     Debug, Clone, Copy, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize,
 )]
@@ -12,11 +15,11 @@ pub enum Side {
     /// All points at the distance, on every side of every triangle.
     #[default]
     Both,
-    /// The border of what can be reached from far away: cavities are filled.
+    /// The outermost surface only: cavities are filled.
     Outer,
-    /// Inside the solid that the triangles enclose.
+    /// The surface inside the solid that the triangles enclose.
     Inner,
-    /// Between the triangles and the surface inside: a hollow solid with walls of the distance.
+    /// The triangles and the surface inside them: a hollow solid whose walls are as thick as the distance.
     Shell,
 }
 
@@ -26,61 +29,63 @@ pub enum Side {
 )]
 #[serde(rename_all = "kebab-case")]
 pub enum OpenRule {
-    /// Refuse it where a side needs an inside.
+    /// Refuse such a mesh if the side needs an inside.
     #[default]
     Refuse,
-    /// Take the mesh for a sheet, open or closed, and make it as thick as the distance, on the side that its triangles face
-    /// (that from which they are counterclockwise). The sheet is one skin of the result, the other is at the distance, and
-    /// walls stand upright along its boundary. Where parts of the sheet are nearer to each other than the distance, the
-    /// solids over them are one.
+    /// Treat the mesh as a sheet, open or closed, and thicken it by the distance on the side that its triangles face (the side
+    /// from which they are counterclockwise). The sheet is one skin of the result, the other skin is at the distance, and
+    /// upright walls stand along the boundary. Parts of the sheet that are nearer to each other than the distance share one
+    /// solid.
     Thicken,
 }
 
-/// The numbers that the coordinates of the result may be.
+/// Precision of the coordinates of the result.
 #[derive(
     Debug, Clone, Copy, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize,
 )]
 #[serde(rename_all = "kebab-case")]
 pub enum Coordinates {
-    /// Any.
+    /// 64-bit floats.
     #[default]
     Double,
-    /// Those that 32-bit floats hold, for files that have no others: all that is said of the result is true of it as it is
-    /// written. The vertices of a mesh that become part of the result, as in a [`Side::Shell`], are rounded first.
+    /// Values that 32-bit floats represent exactly, for file formats that store nothing else: the report holds for the file as
+    /// written. The vertices of a mesh that becomes part of the result, as in a [`Side::Shell`], are rounded first.
     Single,
 }
 
-/// How to offset.
+/// Parameters of an offset.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct OffsetParams {
-    /// The distance, in units of the mesh, above 0. With [`OpenRule::Thicken`] it may be below: the sheet becomes thick on
-    /// the other side.
+    /// Distance, in units of the mesh, above 0 (default 1). With [`OpenRule::Thicken`] it may be negative: the sheet is
+    /// thickened on its other side.
     pub distance: f64,
-    /// How far the result may be off, in units of the mesh, above 0 and below half the distance.
+    /// Largest error of the distance of any point of the result, in units of the mesh, above 0 and below half the distance
+    /// (default 0.01). Smaller tolerances cost more cells and triangles.
     pub tolerance: f64,
-    /// Which side (default both).
+    /// Side of the surface (default both).
     pub side: Side,
-    /// What to do with a mesh that is not closed (default refuse); to thicken it, `side` must be both.
+    /// Treatment of a mesh that is not closed (default refuse). Thickening requires side both.
     pub open: OpenRule,
-    /// Whether to merge triangles as far as the tolerance allows, and to turn what then lies badly (default yes).
+    /// Merge triangles as far as the tolerance allows, and improve those that are tilted afterwards (default true).
     pub simplify: bool,
-    /// How far simplification may turn a triangle away from the surface that it stands for, in degrees, above 0 and at most 90
-    /// (default what [`Self::normal_deviation_deg`] says). Triangles at creases that were off more before may stay so. Less keeps
-    /// more triangles.
+    /// Largest angle, in degrees, by which simplification may tilt a triangle against the surface that it represents, above 0
+    /// and at most 90 (default: [`Self::normal_deviation_deg`]). Triangles at creases that are tilted more from the start may
+    /// remain so. Smaller values keep more triangles.
     ///
-    /// Without a limit of their own, triangles may be turned by up to 80 % more: where the mesh is rough, as scans are (from
-    /// triangle to triangle, three quarters of it bend by 4 radians or more along a way as long as its diagonal); and, in
-    /// proportion, where more than a sixth of the triangles would be left. With a limit the surface is turned before its
-    /// triangles are merged, which takes memory that [`Self::memory_bytes`] does not know of.
+    /// Without an explicit limit, triangles may be tilted by up to 80 % more in two cases: where the mesh is rough, as scans
+    /// are (three quarters of it bend from triangle to triangle by at least 4 radians along a path as long as its diagonal);
+    /// and, in proportion, where more than a sixth of the triangles would remain. With an explicit limit, tilted triangles are
+    /// also improved before merging, which takes memory beyond [`Self::memory_bytes`].
     pub max_normal_deviation_deg: Option<f64>,
-    /// What the coordinates of the result may be (default double). Single precision asks for a tolerance of some 20 times
-    /// the gap between its numbers there.
+    /// Precision of the coordinates of the result (default double). Single precision requires a tolerance of at least about 20
+    /// times the gap between 32-bit floats there.
     pub coordinates: Coordinates,
-    /// How much memory to use, in bytes (default as much as it takes). With less, space is cut into more tiles, which takes
-    /// longer, and a surface that is too large is kept in a [`Storage`](crate::Storage); before simplification it is the same.
-    /// Memory is guessed, and what is known of orders and borders is kept in any case, so that limits below some 200 MB may be
-    /// exceeded by a half.
+    /// Memory limit in bytes (default none). Smaller limits divide space into more tiles, which takes longer, and keep a large
+    /// surface in a [`Storage`](crate::Storage); the surface before simplification is the same.
+    ///
+    /// The limit rests on estimates, and some data stays in memory regardless, so limits below about 200 MB may be exceeded by
+    /// half.
     pub memory_bytes: Option<u64>,
 }
 
@@ -99,195 +104,38 @@ impl Default for OffsetParams {
     }
 }
 
-/// Why there is no offset.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum OffsetError {
-    /// Nothing to be at a distance from.
-    #[error("the mesh has no triangles")]
-    NoTriangles,
-    /// A mesh that is too small or too large to reckon with.
-    #[error(
-        "the mesh measures {} across, but only sizes from 1e-40 to 1e40 can be offset: scale it first",
-        Short(*diagonal)
-    )]
-    Size {
-        /// The diagonal of its box.
-        diagonal: f64,
-    },
-    /// A distance that is none.
-    #[error("the distance is {got}, but must be a number above 0")]
-    Distance {
-        /// Requested value.
-        got: f64,
-    },
-    /// A distance that is too small or too large to reckon with.
-    #[error("the distance is {}, but only sizes from 1e-40 to 1e40 can be offset", Short(*got))]
-    DistanceSize {
-        /// Requested value.
-        got: f64,
-    },
-    /// A distance that leaves no room for a tolerance that can be kept.
-    #[error("the distance is {}, but for a mesh of this size and place must be above {}", Short(*got), Short(*least))]
-    DistanceTooSmall {
-        /// Requested value.
-        got: f64,
-        /// What is too small just so.
-        least: f64,
-    },
-    /// A tolerance that leaves nothing, or that numbers cannot hold.
-    #[error(
-        "the tolerance is {}, but must be at least {} and below half the distance, {}",
-        Short(*got),
-        Short(*least),
-        Short(*most)
-    )]
-    Tolerance {
-        /// Requested value.
-        got: f64,
-        /// The least for a mesh of this size.
-        least: f64,
-        /// Half the distance.
-        most: f64,
-    },
-    /// A tolerance that 32-bit floats cannot hold.
-    #[error(
-        "the tolerance is {}, but must be at least {} for 32-bit floats to hold coordinates as large as these: write PLY, OBJ, \
-         OFF or 3MF, which hold more, or move the mesh closer to the origin",
-        Short(*got),
-        Short(*least)
-    )]
-    SinglePrecision {
-        /// Requested value.
-        got: f64,
-        /// The least for a mesh of this size and place.
-        least: f64,
-    },
-    /// Coordinates that 32-bit floats do not reach.
-    #[error(
-        "coordinates of the result are beyond 3.4e38, where 32-bit floats end: write PLY, OBJ, OFF or 3MF, which hold more, \
-         or scale the mesh"
-    )]
-    BeyondSinglePrecision,
-    /// A normal deviation that is none.
-    #[error("the normal deviation is {got} degrees, but must be above 0 and at most 90")]
-    NormalDeviation {
-        /// Requested value.
-        got: f64,
-    },
-    /// Less memory than the mesh itself takes.
-    #[error(
-        "{} MiB of memory are not enough for this mesh: it takes at least {}", got >> 20, (least >> 20) + 1
-    )]
-    Memory {
-        /// What was allowed, in bytes.
-        got: u64,
-        /// The least for this mesh, in bytes.
-        least: u64,
-    },
-    /// The surface is larger than the memory it may take, and cannot be kept elsewhere.
-    #[error("cannot keep the surface outside of memory: {cause}")]
-    Storage {
-        /// What the storage says.
-        cause: String,
-    },
-    /// A sheet that is so rough, for its size, that what stands over its triangles has too many parts to be told apart.
-    #[error(
-        "the sheet is too rough to be thickened with a tolerance of {}: allow a larger one, or simplify or smooth the sheet first",
-        Short(*tolerance)
-    )]
-    TooRough {
-        /// Requested value.
-        tolerance: f64,
-    },
-    /// A side that only solids have.
-    #[error(
-        "the mesh is not closed ({boundary_edges} boundary edges), so it has no inside: choose side both or outer, or close it first"
-    )]
-    NotClosed {
-        /// Edges with a triangle on one side only.
-        boundary_edges: u64,
-    },
-    /// A side of what is thickened.
-    #[error(
-        "a sheet is thickened on the side that its triangles face: side {side:?} does not go with it, choose both"
-    )]
-    SideOfSheet {
-        /// Requested value.
-        side: Side,
-    },
-    /// A sheet that turns into its own other side.
-    #[error(
-        "the sheet has one side only, like a Möbius strip (seen near {place}), so it has no front: cut it open there"
-    )]
-    OneSided {
-        /// A place where its sides come together.
-        place: glam::DVec3,
-    },
-    /// Nothing but triangles without area.
-    #[error("all {triangles} triangles are without area, so the sheet has no side: mend it first")]
-    NoArea {
-        /// How many.
-        triangles: u64,
-    },
-    /// Nothing is that deep inside, or nothing at all was found.
-    #[error("no point of that side is {} away from the mesh: choose a smaller distance", Short(*distance))]
-    Empty {
-        /// Requested value.
-        distance: f64,
-    },
-    /// The caller gave up.
-    #[error(transparent)]
-    Cancelled(#[from] Cancelled),
-}
+/// Bound on the cells along a side of the root that a tolerance may require: the lattice has 2²⁰.
+const MAX_CELLS: f64 = 1_048_576.0;
 
-/// Cells per side of the root that the tolerance may ask for: the lattice has 2²⁰.
-const MOST_CELLS: f64 = 1_048_576.0;
-
-/// The finest tolerance relative to the coordinates: some 2000 roundings.
+/// Smallest tolerance relative to the coordinates: about 2000 roundings.
 const FINEST: f64 = 4e-13;
 
-/// Sizes whose squares and cubes numbers can hold.
+/// Range of sizes whose squares and cubes are representable.
 const SIZES: std::ops::Range<f64> = 1e-40..1e40;
 
-/// A positive number, raised to three digits and by no more than [`MOST_RAISED`], so that a limit that is printed is one
-/// that can be typed.
+/// Rounds a positive number up to three digits, by at most the factor [`MAX_RAISED`], so that a printed limit is one that a
+/// user can type.
 fn rounded_up(number: f64) -> f64 {
-    // half a unit of the third digit is at most this much
+    // half a unit of the third digit is at most half a percent
     let digits = format!("{:.2e}", 1.005 * number);
     digits.parse().unwrap_or(number)
 }
 
-/// A bound for what rounding up to three digits adds.
-const MOST_RAISED: f64 = 1.011;
+/// Bound on the factor of [`rounded_up`].
+const MAX_RAISED: f64 = 1.011;
 
-/// A number in six digits at most.
-struct Short(f64);
-
-impl std::fmt::Display for Short {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let six = format!("{:.5e}", self.0);
-        let short = six.parse().unwrap_or(self.0);
-        if short == 0.0 || (1e-4..1e9).contains(&short.abs()) || !short.is_finite() {
-            write!(f, "{short}")
-        } else {
-            write!(f, "{short:e}")
-        }
-    }
-}
-
-/// How far a triangle may be turned where the tolerance is [`COARSE`] or finer, in degrees.
+/// Default limit of the tilt of a triangle, in degrees, for tolerances up to [`COARSE`].
 const NORMAL_DEVIATION_DEG: f64 = 4.0;
 
-/// The tolerance, relative to the distance, from which on triangles may be turned by more.
+/// Tolerance, relative to the distance, above which the default limit of the tilt grows.
 pub(crate) const COARSE: f64 = 0.05;
 
 impl OffsetParams {
-    /// How far simplification may turn a triangle, in degrees: what is asked for, or 4, and more where the tolerance ε is more
-    /// than a twentieth of the distance δ: 4 √(20 ε/δ).
+    /// Limit of the tilt of triangles in degrees: the explicit limit, or 4, and for tolerances ε above a twentieth of the
+    /// distance δ 4 √(20 ε/δ).
     ///
-    /// A chord of a rounded edge, whose radius is the distance, is off by as much as the tolerance if it spans an angle that
-    /// grows as √(ε/δ). A limit that does not grow with it would keep many more triangles than the tolerance asks for.
+    /// A chord of a rounded edge, whose radius is the distance, reaches the tolerance at an angle that grows as √(ε/δ). A limit
+    /// that did not grow with it would keep many more triangles than the tolerance requires.
     pub fn normal_deviation_deg(&self) -> f64 {
         self.max_normal_deviation_deg.unwrap_or_else(|| {
             let coarseness = self.tolerance / (COARSE * self.distance);
@@ -295,7 +143,7 @@ impl OffsetParams {
         })
     }
 
-    /// Refuses what makes no sense for a mesh in a box.
+    /// Checks the parameters for a mesh with these bounds.
     pub(crate) fn check(&self, bounds: &Aabb) -> Result<(), OffsetError> {
         let diagonal = bounds.diagonal();
         if diagonal > 0.0 && !SIZES.contains(&diagonal) {
@@ -309,15 +157,15 @@ impl OffsetParams {
         if !SIZES.contains(&reach) {
             return Err(OffsetError::DistanceSize { got: distance });
         }
-        // so that the lattice is fine enough, and places far from the origin still differ
+        // the lattice must be fine enough, and points far from the origin must still differ
         let farthest = bounds.min.abs().max(bounds.max.abs()).max_element();
         let of_numbers = rounded_up(farthest * FINEST);
-        let least = rounded_up(reach * 3f64.sqrt() / MOST_CELLS).max(of_numbers);
+        let least = rounded_up(reach * 3f64.sqrt() / MAX_CELLS).max(of_numbers);
         let most = 0.5 * distance;
         if least >= most {
-            // the distance for which the two would be equal, were the first not rounded
-            let of_lattice = 2.0 * 3f64.sqrt() * diagonal / (MOST_CELLS - 8.0 * 3f64.sqrt());
-            let of_lattice = MOST_RAISED * of_lattice;
+            // the distance at which both bounds are equal, before rounding
+            let of_lattice = 2.0 * 3f64.sqrt() * diagonal / (MAX_CELLS - 8.0 * 3f64.sqrt());
+            let of_lattice = MAX_RAISED * of_lattice;
             return Err(OffsetError::DistanceTooSmall {
                 got: distance,
                 least: rounded_up(of_lattice).max(2.0 * of_numbers),

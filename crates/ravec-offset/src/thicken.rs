@@ -1,29 +1,29 @@
-//! A sheet made thick on one side.
+//! Thickening of a sheet on one side.
 //!
-//! The solid is the union of what stands over each triangle on its front, up to the distance: prisms, wedges between them at
-//! convex creases and cones at convex corners (`directions`, `slab`), cut off upright at the boundary of the sheet. They are
-//! closed polyhedra that may overlap, so their union is told by the winding number, and its border is extracted, proved and
-//! mended like an offset surface of distance 0. If the sheet allows it, the union starts a little above it, and the sheet
-//! itself takes the place of the lower skin (`seam`).
+//! The solid is the union of prisms over the front of each triangle up to the distance, wedges between them at convex creases
+//! and cones at convex corners (`directions`, `slab`), cut off upright at the boundary of the sheet. These closed polyhedra may
+//! overlap, so the winding number defines their union, and its border is extracted, proved and repaired like an offset surface
+//! of distance 0. If possible, the union starts slightly above the sheet, and the sheet itself takes the place of the lower
+//! skin (`seam`).
 //!
-//! Guarantees: as for all offsets, for what the report says; `certified` says that each triangle is within the tolerance of
-//! the border of that union or of the sheet. Does not guarantee: that the sheet is kept triangle for triangle
-//! (`sheet_kept` says so); it is not where it meets itself, is not manifold or oriented, or lies in what stands over it, as is
-//! the rule on scans. Nor that edges of the solid that are more acute than a right angle are followed to their ends. Parts and
-//! cavities of less volume than a cube whose side is the tolerance are left out (`slivers`).
+//! Guarantees: as for all offsets, as far as the report states; `certified` means that each triangle is within the tolerance of
+//! the border of that union or of the sheet. Does not guarantee: that the sheet is kept triangle for triangle (see
+//! `sheet_kept`); it is not where it intersects itself, is not manifold or oriented, or lies inside the solid over it, as is
+//! common for scans. Nor that edges of the solid more acute than a right angle are followed to their ends. Components and
+//! cavities of less volume than a cube whose side is the tolerance are removed (`slivers`).
 
 mod directions;
 mod seam;
 mod skins;
 mod slab;
-mod slivers;
 
-use crate::certify::keeps_distance;
-use crate::field::{Field, Region, Solid};
+use crate::domain::{Field, Region, Solid};
 use crate::finish::check_written;
-use crate::offset::{Offset, wound};
-use crate::outermost::compact;
 use crate::params::{OffsetError, OffsetParams, OpenRule, Side};
+use crate::prove::keeps_distance;
+use crate::report::Offset;
+use crate::surface::compact;
+use crate::task::wound;
 use directions::Directed;
 use glam::DVec3;
 use ravec_mesh::{
@@ -33,21 +33,20 @@ use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
 use rustc_hash::FxHashSet;
 use slab::Slab;
-pub(crate) use slivers::without_slivers;
 
-/// The share of the tolerance by which polyhedra may be off from prisms, cylinders and spheres.
+/// Share of the tolerance by which polyhedra may deviate from prisms, cylinders and spheres.
 const SLACK: f64 = 0.1;
 
-/// The share of the tolerance by which the surface may be off from the polyhedra.
+/// Share of the tolerance by which the surface may deviate from the polyhedra.
 const OFF: f64 = 0.85;
 
-/// The share of the tolerance at which the slab starts above a sheet that is kept, and by which the surface may be off from
-/// that: so little less that it never gets to the sheet, nor more than the tolerance away from it.
+/// Share of the tolerance by which the slab starts above a kept sheet, and by which the surface may then deviate: slightly
+/// less, so that the surface neither reaches the sheet nor is farther than the tolerance from it.
 const LIFT: f64 = 0.5;
 const OFF_LIFTED: f64 = 0.4;
 
-/// Rounds in which the seam may give way where it meets itself.
-const MOST_ROUNDS: usize = 6;
+/// Bound on the rounds in which the seam moves where it intersects itself.
+const MAX_ROUNDS: usize = 6;
 
 pub(crate) fn thicken(
     mesh: &TriMesh,
@@ -85,7 +84,7 @@ pub(crate) fn thicken(
     if thickener.is_clean(progress)? {
         match thickener.around_sheet(progress) {
             Ok(Some(kept)) => return Ok(kept),
-            // without the sheet as a skin there is more of the tolerance left
+            // without the sheet as a skin, a larger share of the tolerance is available
             Ok(None) | Err(OffsetError::TooRough { .. } | OffsetError::SinglePrecision { .. }) => {}
             Err(error) => return Err(error),
         }
@@ -106,7 +105,7 @@ pub(crate) fn thicken(
     Ok(offset)
 }
 
-/// A sheet, and how it is made thick.
+/// A sheet and its thickness.
 struct Thickener<'a> {
     sheet: &'a TriMesh,
     adjacency: Adjacency,
@@ -115,7 +114,7 @@ struct Thickener<'a> {
 }
 
 impl Thickener<'_> {
-    /// The border of a slab, off by a share of the tolerance.
+    /// Computes the border of a slab, within a share of the tolerance.
     fn around(&self, slab: &Slab, off: f64, progress: &Progress) -> Result<Offset, OffsetError> {
         let inner = OffsetParams {
             distance: 0.0,
@@ -126,14 +125,14 @@ impl Thickener<'_> {
         wound(&slab.polyhedra, &inner, progress)
     }
 
-    /// The slab between two heights.
+    /// Builds the slab between two heights.
     fn slab(&self, heights: [f64; 2], progress: &Progress) -> Result<Slab, Cancelled> {
         let slack = SLACK * self.params.tolerance;
         let directed = Directed::new(self.sheet, &self.adjacency, heights[1], slack, progress)?;
         slab::slab(&directed, heights, slack, progress)
     }
 
-    /// Whether the sheet can be a skin as it is.
+    /// Returns whether the sheet can be a skin as it is.
     fn is_clean(&self, progress: &Progress) -> Result<bool, Cancelled> {
         let full = CheckParams {
             self_intersections: true,
@@ -144,8 +143,8 @@ impl Thickener<'_> {
         Ok(found.manifold && found.oriented && !meets_itself)
     }
 
-    /// Whether some of the sheet lies inside a slab that starts above it. At narrow folds what stands over one flank comes out
-    /// behind the other, which is the rule on scans; their sheet can be no skin, and it takes rays to know, not the surface.
+    /// Returns whether some of the sheet lies inside a slab above it. At narrow folds the solid over one flank emerges behind
+    /// the other, as is common for scans; such a sheet cannot be a skin, and rays show this without the surface.
     fn is_inside(&self, slab: &Slab, progress: &Progress) -> Result<bool, Cancelled> {
         let polyhedra = Bvh::try_new(&slab.polyhedra, progress)?;
         let field = Field::new(&polyhedra, Solid::Closed, 0.0, progress)?;
@@ -157,7 +156,7 @@ impl Thickener<'_> {
         Ok(found)
     }
 
-    /// The solid with the sheet itself as one skin, if that can be.
+    /// Computes the solid with the sheet itself as one skin, if possible.
     fn around_sheet(&self, progress: &Progress) -> Result<Option<Offset>, OffsetError> {
         let (tolerance, coordinates) = (self.params.tolerance, self.params.coordinates);
         let heights = [LIFT * tolerance, self.height];
@@ -205,7 +204,7 @@ impl Thickener<'_> {
                 }
             }
             round += 1;
-            if !changed || round == MOST_ROUNDS {
+            if !changed || round == MAX_ROUNDS {
                 return Ok(None);
             }
         };
@@ -227,7 +226,7 @@ impl Thickener<'_> {
     }
 }
 
-/// Refuses what makes no sense for a mesh in a box; of the tolerance only a share is left for the surface.
+/// Checks the parameters; only a share of the tolerance is available for the surface.
 fn check_tolerance(params: &OffsetParams, bounds: &Aabb) -> Result<(), OffsetError> {
     params.check(bounds)?;
     let shared = OffsetParams {
@@ -244,7 +243,7 @@ fn check_tolerance(params: &OffsetParams, bounds: &Aabb) -> Result<(), OffsetErr
     })
 }
 
-/// A place at which a part of a sheet cannot be oriented, if there is one. Edges of more than two triangles are left out.
+/// Returns a point at which a part of a sheet cannot be oriented, if any. Edges of more than two triangles are ignored.
 fn one_sided(sheet: &TriMesh, adjacency: &Adjacency) -> Option<DVec3> {
     let mut is_turned: Vec<Option<bool>> = vec![None; sheet.triangles().len()];
     for start in 0..sheet.triangles().len() as u32 {
@@ -276,8 +275,8 @@ fn one_sided(sheet: &TriMesh, adjacency: &Adjacency) -> Option<DVec3> {
     None
 }
 
-/// The sheet with vertices at the same place made one, without triangles that have no area or are there twice; turned if the
-/// other side is the front.
+/// Returns the sheet with vertices at equal positions merged, without triangles that have no area or occur twice; reversed if
+/// the other side is the front.
 fn cleaned(mesh: &TriMesh, turn: bool) -> TriMesh {
     let welded = weld(mesh, 0.0).mesh;
     let mut seen = FxHashSet::default();

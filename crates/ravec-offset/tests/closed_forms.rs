@@ -64,7 +64,7 @@ impl Convex {
 /// Distances and tolerances to try, of things with a size of about 2, and whether to simplify.
 const TRIED: [(f64, f64, bool); 3] = [(0.3, 0.03, false), (0.1, 0.01, true), (0.9, 0.15, true)];
 
-/// What is expected of one offset.
+/// Expectations of one offset.
 struct Expected<'a> {
     components: u32,
     genus: u64,

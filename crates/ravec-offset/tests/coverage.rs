@@ -183,7 +183,7 @@ fn valley(angle_rad: f64, width: f64) -> TriMesh {
 
 const HALF_LENGTH: f64 = 0.2;
 
-/// How far the surface is from where the crest between two planes is known to be, at most, in shares of the tolerance.
+/// Largest distance of the surface from the known crest between two planes, in shares of the tolerance.
 fn crest_miss(surface: &TriMesh, angle_rad: f64, half_length: f64, distance: f64) -> f64 {
     let bvh = Bvh::new(surface);
     let x = distance / (0.5 * angle_rad).sin();

@@ -1,4 +1,4 @@
-//! How far the facets of simplified offsets are turned away from the surface that they stand for.
+//! Tilt of the facets of simplified offsets against the surface that they represent.
 
 mod support;
 

@@ -1,4 +1,4 @@
-//! What is refused, in which words, and how soon work that is not wanted any more ends.
+//! Refused inputs with their messages, and the latency of cancellation.
 
 use glam::DVec3;
 use ravec_mesh::TriMesh;
@@ -196,8 +196,8 @@ fn work_that_is_cancelled_in_any_phase_begins_no_other() {
     let solid = torus(1.0, 0.4, 12, 8).mesh;
     let mut ended = 0;
     for nth in 0.. {
-        let (told, shared) = (Arc::new(AtomicUsize::new(0)), Arc::new(OnceLock::new()));
-        let (count, handle) = (Arc::clone(&told), Arc::clone(&shared));
+        let (reported, shared) = (Arc::new(AtomicUsize::new(0)), Arc::new(OnceLock::new()));
+        let (count, handle) = (Arc::clone(&reported), Arc::clone(&shared));
         let progress = Progress::new(move |update| {
             if update.done == 0 && count.fetch_add(1, Ordering::Relaxed) == nth {
                 handle.get().map(Progress::cancel);
@@ -210,18 +210,18 @@ fn work_that_is_cancelled_in_any_phase_begins_no_other() {
         };
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
         let result = pool.unwrap().install(|| offset(&solid, &one, &progress));
-        if told.load(Ordering::Relaxed) <= nth {
+        if reported.load(Ordering::Relaxed) <= nth {
             assert!(result.is_ok());
             break;
         }
         assert_eq!(result.unwrap_err(), OffsetError::Cancelled(Cancelled));
-        assert_eq!(told.load(Ordering::Relaxed), nth + 1);
+        assert_eq!(reported.load(Ordering::Relaxed), nth + 1);
         ended += 1;
     }
     assert!(ended > 10, "{ended}");
 }
 
-/// Every step over a whole mesh looks whether it is still wanted; here each look in turn, or nearly, is told that it is not.
+/// Every step over a whole mesh looks whether it is still wanted; here each look in turn, or nearly, is reported that it is not.
 #[test]
 fn work_that_is_cancelled_at_any_look_ends_with_that() {
     let solid = torus(1.0, 0.4, 16, 10).mesh;

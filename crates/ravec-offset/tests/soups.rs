@@ -9,7 +9,7 @@ use ravec_offset::{Coordinates, OffsetError, OffsetParams, Side, offset};
 use ravec_progress::Progress;
 use ravec_scenes::Seed;
 use ravec_scenes::solids::{comb, soup, torus};
-use support::verdict::{judged_offset, params};
+use support::verdict::{checked_offset, params};
 
 /// A triangle to add to those that are there.
 #[derive(Debug, Clone)]
@@ -125,7 +125,7 @@ proptest! {
         let mesh = mesh_of(&recipes, 1.0, DVec3::ZERO);
         let asked = asked(&mesh, side, distance, tolerance, simplify);
         let asked = OffsetParams { coordinates, ..asked };
-        if let Err(fault) = judged_offset(&mesh, &asked) {
+        if let Err(fault) = checked_offset(&mesh, &asked) {
             prop_assert!(false, "{fault}");
         }
     }
@@ -157,7 +157,7 @@ proptest! {
                 Err(error) => prop_assert!(false, "{error}"),
                 Ok(_) => prop_assert!(asked.tolerance >= 4.0 * gap),
             }
-        } else if let Err(fault) = judged_offset(&mesh, &asked) {
+        } else if let Err(fault) = checked_offset(&mesh, &asked) {
             prop_assert!(false, "{fault}");
         }
     }

@@ -13,7 +13,7 @@ use ravec_scenes::solids::{icosphere, sheet, torus};
 use std::io::{self, Cursor};
 use support::verdict::params;
 
-/// What is left to surfaces of these small meshes: some thousand triangles at once.
+/// Memory limit under which surfaces of these small meshes have some thousand triangles at once.
 const LITTLE: u64 = 66 << 20;
 
 #[expect(clippy::unnecessary_wraps, reason = "others may fail")]

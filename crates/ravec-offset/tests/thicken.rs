@@ -141,7 +141,7 @@ fn sound_with_sheet(sheet: &TriMesh, params: &OffsetParams) -> Offset {
     found
 }
 
-/// Whether a volume is right but for what the tolerance may change over an area.
+/// Returns whether a volume is correct up to the tolerance over an area.
 fn assert_volume(found: &Offset, expected: f64, tolerance: f64) {
     let measured = measure(&found.mesh);
     let allowed = tolerance * measured.area;
@@ -366,7 +366,7 @@ fn filled(sheet: &TriMesh, params: &OffsetParams) -> Offset {
         params.distance.signum() * (b - a).cross(c - a).normalize()
     };
     let mut random = noise(5);
-    let mut judged = 0;
+    let mut checked = 0;
     for t in (0..corners.len()).cycle().take(600) {
         let [u, v, w] = [0; 3].map(|_| random().abs() + 0.1);
         let [a, b, c] = corners[t];
@@ -391,7 +391,7 @@ fn filled(sheet: &TriMesh, params: &OffsetParams) -> Offset {
         } else {
             continue;
         };
-        judged += 1;
+        checked += 1;
         let is_inside = winding_number(&found.mesh, p) > 0.5;
         let is_near_border = || {
             let count = found.mesh.triangles().len() as u32;
@@ -404,7 +404,7 @@ fn filled(sheet: &TriMesh, params: &OffsetParams) -> Offset {
             "{p} is {distance} away, and {is_inside} is whether it is inside"
         );
     }
-    assert!(judged > 100, "{judged} places");
+    assert!(checked > 100, "{checked} places");
     found
 }
 

@@ -55,7 +55,7 @@
 //! | neighborhoods | [`gaussian_blur`], [`Gradient`], [`Integral`], [`distance_to`] |
 //! | regions | [`Mask`] |
 //! | edges | [`Segment`] |
-//! | differences | [`compare`], [`ssim_map`], [`delta_e_map`], [`ciede2000`] |
+//! | differences | [`compare`], [`psnr_db`], [`ssim_map`], [`delta_e_map`], [`ciede2000`] |
 //! | long work | [`for_each_strip`], [`map_strips`], [`tiles`] |
 //!
 //! # Guarantees
@@ -111,7 +111,9 @@ pub use filter::{Gradient, gaussian_blur};
 pub use image::{Image, Plane};
 pub use integral::Integral;
 pub use mask::{Mask, MaskError};
-pub use metrics::{Comparison, MetricError, compare, compare_with_progress, delta_e_map, ssim_map};
+pub use metrics::{
+    Comparison, MetricError, compare, compare_with_progress, delta_e_map, psnr_db, ssim_map,
+};
 pub use pixel::{
     Color, LinearRgb, LinearRgba, Oklab, Pixel, PremulLinearRgba, Sample, Srgb, Srgba,
 };

@@ -136,10 +136,8 @@ pub fn compare_with_progress<A: Color, B: Color>(
     let mut differences = delta_e.into_pixels();
     let rank = (0.95 * pixels).ceil() as usize;
     let (_, p95, _) = differences.select_nth_unstable_by(rank.max(1) - 1, f32::total_cmp);
-    let mean_square = total.squares / (3.0 * pixels);
     Ok(Comparison {
-        // log of a reciprocal: no error is infinitely good
-        psnr_db: -10.0 * mean_square.log10(),
+        psnr_db: total.psnr_db(size),
         ssim: total.similarity / (inner_cols.len() * inner_rows.len()) as f64,
         delta_e_mean: total.delta_e / pixels,
         delta_e_p95: f64::from(*p95),
@@ -149,6 +147,32 @@ pub fn compare_with_progress<A: Color, B: Color>(
         alpha_max_abs: total.alpha_max_abs,
         identical: !total.different,
     })
+}
+
+/// The peak signal-to-noise ratio alone, [`Comparison::psnr_db`], in a fraction of the time of [`compare`].
+///
+/// # Errors
+/// [`MetricError::Sizes`] if the sizes differ.
+pub fn psnr_db<A: Color, B: Color>(a: &Image<A>, b: &Image<B>) -> Result<f64, MetricError> {
+    check_sizes(a, b)?;
+    let size = a.size();
+    let strips: Vec<Sums> = (0..size.height().div_ceil(ROWS_PER_STRIP))
+        .into_par_iter()
+        .map(|index| {
+            let mut sums = Sums::default();
+            let (mut seen_a, mut seen_b) = (SeenRow::new(size.width()), SeenRow::new(size.width()));
+            let first = index * ROWS_PER_STRIP;
+            for row in first..(first + ROWS_PER_STRIP).min(size.height()) {
+                seen_a.read(a.row(row));
+                seen_b.read(b.row(row));
+                sums.add_encoded(&seen_a, &seen_b);
+            }
+            sums
+        })
+        .collect();
+    let mut total = Sums::default();
+    strips.iter().for_each(|strip| total.add(strip));
+    Ok(total.psnr_db(size))
 }
 
 /// The structural similarity at each pixel, at most 1; see [`Comparison::ssim`]. At the border the picture goes on.
@@ -327,8 +351,8 @@ impl Sums {
         }
     }
 
-    /// Adds what is seen, and writes the CIEDE2000 differences.
-    fn add_seen(&mut self, a: &SeenRow, b: &SeenRow, delta_e_out: &mut [f32]) {
+    /// Adds the differences of encoded values.
+    fn add_encoded(&mut self, a: &SeenRow, b: &SeenRow) {
         let encoded = a
             .encoded
             .as_flattened()
@@ -339,6 +363,11 @@ impl Sums {
             self.squares += difference * difference;
             self.max_abs = self.max_abs.max(difference.abs());
         }
+    }
+
+    /// Adds what is seen, and writes the CIEDE2000 differences.
+    fn add_seen(&mut self, a: &SeenRow, b: &SeenRow, delta_e_out: &mut [f32]) {
+        self.add_encoded(a, b);
         let linear = a.linear.iter().zip(&b.linear);
         for (out, (&a, &b)) in delta_e_out.iter_mut().zip(linear) {
             if a != b {
@@ -349,6 +378,12 @@ impl Sums {
                 self.delta_e_oklab += f64::from(delta_e_oklab(a, b));
             }
         }
+    }
+
+    fn psnr_db(&self, size: Size) -> f64 {
+        let mean_square = self.squares / (3.0 * size.pixels() as f64);
+        // log of a reciprocal: no error is infinitely good
+        -10.0 * mean_square.log10()
     }
 
     fn add(&mut self, other: &Self) {

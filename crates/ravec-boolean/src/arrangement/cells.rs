@@ -14,13 +14,13 @@ use std::collections::VecDeque;
 
 use glam::{DVec2, DVec3};
 use ravec_mesh::{Aabb, CandidateTree, Sign};
+use ravec_numeric::DisjointSets;
 use ravec_progress::{Cancelled, Progress};
 
 use super::contact::{flat, view};
 use super::cut::Pieces;
 use super::edges::{Edges, NONE, Turned, Use};
 use super::point::{Definition, Point, orient2d};
-use super::unions::Unions;
 
 /// Weights of the corners for the places in a piece from which rays are tried, one after the other, where one meets an
 /// edge. In general position the first does; the others are for grids.
@@ -122,15 +122,15 @@ impl Cells {
         let matters = |piece: u32| pieces.has_one_cover(piece) || !change(pieces, piece).is_empty();
         let edges = Edges::of(pieces, matters, progress)?;
         let (patch_of, firsts) = patches(pieces, &edges, matters, progress)?;
-        let mut sides = Unions::new(1 + 2 * firsts.len());
-        let mut parts = Unions::new(firsts.len());
+        let mut sides = DisjointSets::new(1 + 2 * firsts.len());
+        let mut parts = DisjointSets::new(firsts.len());
         for (_, uses) in &edges.junctions {
             for (i, &one) in uses.iter().enumerate() {
                 let next = uses[(i + 1) % uses.len()];
                 let [p, q] = [one, next].map(|u| patch_of[u.piece as usize]);
-                sides.unite(node(p, side_ahead(one)), node(q, side_ahead(next).other()));
+                sides.join(node(p, side_ahead(one)), node(q, side_ahead(next).other()));
                 if let (Some(p), Some(q)) = (p.number(), q.number()) {
-                    parts.unite(p, q);
+                    parts.join(p, q);
                 }
             }
         }
@@ -225,10 +225,10 @@ impl Cells {
 
     /// For each cell whether it is cut off from the outside by mesh `mesh` alone.
     pub fn enclosed_by(&self, mesh: u32) -> Vec<bool> {
-        let mut open = Unions::new(self.len());
+        let mut open = DisjointSets::new(self.len());
         for patch in &self.patches {
             if patch.change.iter().all(|&(m, _)| m != mesh) {
-                open.unite(patch.cells[0], patch.cells[1]);
+                open.join(patch.cells[0], patch.cells[1]);
             }
         }
         let outside = open.root(0);
@@ -310,12 +310,12 @@ struct Rays<'a> {
     pieces: &'a Pieces<'a>,
     tree: &'a CandidateTree,
     patch_of: &'a [Turned],
-    sides: &'a mut Unions,
+    sides: &'a mut DisjointSets,
 }
 
 impl Rays<'_> {
     /// One ray from each connected part.
-    fn cast(&mut self, parts: &mut Unions, progress: &Progress) -> Result<(), Cancelled> {
+    fn cast(&mut self, parts: &mut DisjointSets, progress: &Progress) -> Result<(), Cancelled> {
         // the largest of the first pieces of each part, from which a ray has the best chances
         let mut largest: Vec<(f64, u32)> = vec![(-1.0, NONE); parts.len()];
         let mut tried = vec![0; parts.len()];
@@ -426,7 +426,7 @@ impl Rays<'_> {
             let next = hits.get(k + 1).map_or(0, |(_, piece, up)| {
                 node(self.patch_of[*piece as usize], up.other())
             });
-            self.sides.unite(above, next);
+            self.sides.join(above, next);
         }
         true
     }

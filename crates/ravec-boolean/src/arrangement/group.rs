@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 use ravec_mesh::{Aabb, Sign, orient2d};
+use ravec_numeric::DisjointSets;
 use ravec_progress::{Cancelled, Progress};
 use rustc_hash::FxHashMap;
 
@@ -13,7 +14,6 @@ use super::places::Places;
 use super::point::Point;
 use super::soup::Soup;
 use super::triangulation::{Line, PointRef, Triangulation};
-use super::unions::Unions;
 
 /// Distance of the corners of the enclosing triangle from a group of triangles, in sizes of the group. Anything that
 /// keeps them clear of the group will do.
@@ -56,12 +56,12 @@ pub(crate) fn gather(
     names: &FxHashMap<Crossing, u32>,
     progress: &Progress,
 ) -> Result<Vec<Group>, Cancelled> {
-    let mut planes = Unions::new(soup.triangles.len());
+    let mut planes = DisjointSets::new(soup.triangles.len());
     let mut touched = Vec::with_capacity(2 * contacts.len());
     for &(a, b, contact) in contacts {
         touched.extend([a, b]);
         if contact == Contact::Coplanar {
-            planes.unite(a, b);
+            planes.join(a, b);
         }
     }
     progress.check()?;

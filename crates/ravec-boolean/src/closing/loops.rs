@@ -14,6 +14,7 @@ use super::edges::Chain;
 use super::patch::{Patch, fill};
 use glam::DVec3;
 use ravec_mesh::Aabb;
+use ravec_numeric::DisjointSets;
 use ravec_progress::{Cancelled, Progress};
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap};
@@ -160,11 +161,11 @@ fn join(
     at: &impl Fn(u32) -> DVec3,
     progress: &Progress,
 ) -> Result<(), Cancelled> {
-    let mut group: Vec<usize> = (0..filled.len()).collect();
+    let mut group = DisjointSets::new(filled.len());
     let mut room = JOIN_CORNERS;
     for pair in neighbors(filled, at, progress)? {
         progress.check()?;
-        let [a, b] = pair.loops.map(|own| root(&group, own));
+        let [a, b] = pair.loops.map(|own| group.root(own as u32) as usize);
         let (Some(first), Some(second)) = (&filled[a], &filled[b]) else {
             continue;
         };
@@ -185,17 +186,10 @@ fn join(
                 loops,
             });
             filled[b] = None;
-            group[b] = a;
+            group.join_into(b as u32, a as u32);
         }
     }
     Ok(())
-}
-
-fn root(group: &[usize], mut own: usize) -> usize {
-    while group[own] != own {
-        own = group[own];
-    }
-    own
 }
 
 /// Pairs of loops that are nearer to each other than the smaller one is wide, the relatively nearest first.

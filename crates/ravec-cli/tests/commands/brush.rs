@@ -211,7 +211,7 @@ fn strokes_outside_the_picture_and_lost_selections_are_warned_about() {
         "brush photo.jpg -o out.png --mode mask --stroke points.json",
     );
     assert!(
-        lost["warnings"][0].as_str().unwrap().contains("--mask"),
+        lost["warnings"][0].as_str().unwrap().contains("`mask`"),
         "{lost}"
     );
 }

@@ -189,9 +189,9 @@ fn numbers_that_are_none_are_replaced_and_counted() {
         (
             "mixed.tif",
             mixed,
-            "1 not-a-number samples were set to 0 and 2 infinite",
+            "1 NaN samples were set to 0 and 2 infinite",
         ),
-        ("none.tif", samples, "900 not-a-number"),
+        ("none.tif", samples, "900 NaN"),
     ] {
         let data: Vec<u8> = samples.iter().flat_map(|v| v.to_le_bytes()).collect();
         let file = tiff([20, 15], [3, 32, 3, 2], &data);

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// An operation: its arguments, where those that begin with `<` are files that are read and those that begin with `>` are
-/// files that are written. The report of `--json` is an output of all of them.
+/// files that are written. The report of `--json` is an output of all of them, the recipe of `--recipe` of all steps.
 const OPERATIONS: &[&str] = &[
     "compare <a.bmp <b.bmp",
     "match <a.bmp <b.bmp -o >out.txt",
@@ -33,6 +33,7 @@ const OPERATIONS: &[&str] = &[
     "library stats --catalogue <photos.ravec",
     "mosaic <a.bmp --catalogue <photos.ravec -o >out.png",
     "demo --image <a.bmp --out gallery",
+    "run <recipe.json",
 ];
 
 /// Operations that read no file.
@@ -47,6 +48,9 @@ fn studio() -> tempfile::TempDir {
     }
     std::fs::write(at("points.json"), "[[5, 5], [15, 10]]").unwrap();
     std::fs::write(at("steps.json"), "{}").unwrap();
+    let recipe =
+        r#"{"version": 1, "steps": [{"operation": "compare", "a": "a.bmp", "b": "b.bmp"}]}"#;
+    std::fs::write(at("recipe.json"), recipe).unwrap();
     std::fs::create_dir(at("photos")).unwrap();
     done(
         folder.path(),
@@ -100,7 +104,11 @@ fn spellings(folder: &Path, name: &str) -> Vec<String> {
 fn no_output_of_any_operation_replaces_an_input() {
     let folder = studio();
     for line in OPERATIONS {
-        let words: Vec<_> = line.split(' ').chain(["--json", ">r.json"]).collect();
+        let mut words: Vec<_> = line.split(' ').chain(["--json", ">r.json"]).collect();
+        // only steps have recipes
+        if !line.starts_with("demo") && !line.starts_with("run") {
+            words.extend(["--recipe", ">recipe-out.json"]);
+        }
         let inputs: Vec<_> = words
             .iter()
             .filter_map(|word| word.strip_prefix('<'))

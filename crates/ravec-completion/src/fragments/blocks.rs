@@ -18,47 +18,34 @@ use super::level::{Channels, GRADIENT_WEIGHT, Level};
 use super::template::Template;
 use fearless_simd::{Level as Vectors, Simd, dispatch};
 use glam::IVec2;
+use ravec_numeric::{Complex32, Fourier, FourierScratch};
 use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
-use realfft::num_complex::Complex32;
-use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
-use rustfft::{Fft, FftPlanner};
-use std::sync::Arc;
 
 /// Side of the blocks whose spectra are kept: transforms of this length are fast, and a block with its spectrum stays in
 /// the cache of a core.
 pub(super) const KEPT_SIDE: usize = 256;
-/// Lines that are transposed at a time.
-const BATCH: usize = 16;
 
 /// The transforms of blocks.
 pub(super) struct Transform {
     side: usize,
-    rows: Arc<dyn RealToComplex<f32>>,
-    rows_back: Arc<dyn ComplexToReal<f32>>,
-    columns: Arc<dyn Fft<f32>>,
-    columns_back: Arc<dyn Fft<f32>>,
+    fourier: Fourier,
 }
 
 /// Scratch memory of a thread.
 pub(super) struct Scratch {
     real: Vec<f32>,
-    wide: Vec<Complex32>,
-    tall: Vec<Complex32>,
-    fft: Vec<Complex32>,
+    spectrum: Vec<Complex32>,
+    fourier: FourierScratch,
     sum: Vec<f32>,
 }
 
 impl Transform {
     /// Transforms of blocks of a side, a multiple of 64.
     pub(super) fn new(side: usize) -> Self {
-        let (mut real, mut complex) = (RealFftPlanner::new(), FftPlanner::new());
         Self {
             side,
-            rows: real.plan_fft_forward(side),
-            rows_back: real.plan_fft_inverse(side),
-            columns: complex.plan_fft_forward(side),
-            columns_back: complex.plan_fft_inverse(side),
+            fourier: Fourier::new(side, side),
         }
     }
 
@@ -93,7 +80,7 @@ impl Transform {
 
     /// Horizontal frequencies.
     fn bins(&self) -> usize {
-        self.side / 2 + 1
+        self.fourier.bins()
     }
 
     /// Numbers of a spectrum: real parts, then imaginary parts.
@@ -102,53 +89,26 @@ impl Transform {
     }
 
     pub(super) fn scratch(&self) -> Scratch {
-        let longest = [
-            self.rows.get_scratch_len(),
-            self.rows_back.get_scratch_len(),
-            self.columns.get_inplace_scratch_len(),
-            self.columns_back.get_inplace_scratch_len(),
-        ]
-        .into_iter()
-        .fold(0, usize::max);
         Scratch {
             real: vec![0.0; self.side * self.side],
-            wide: vec![Complex32::ZERO; BATCH * self.bins()],
-            tall: vec![Complex32::ZERO; self.bins() * self.side],
-            fft: vec![Complex32::ZERO; longest],
+            spectrum: vec![Complex32::ZERO; self.bins() * self.side],
+            fourier: self.fourier.scratch(),
             sum: vec![0.0; self.numbers()],
         }
     }
 
     /// The spectrum of the block in `scratch.real`, of which only the first `rows` rows are not 0.
     fn forward(&self, scratch: &mut Scratch, rows: usize, out: &mut [f32]) {
-        let (side, bins) = (self.side, self.bins());
         let Scratch {
             real,
-            wide,
-            tall,
-            fft,
+            spectrum,
+            fourier,
             ..
         } = scratch;
-        tall.fill(Complex32::ZERO);
-        for (batch, lines) in real[..rows * side].chunks_mut(side * BATCH).enumerate() {
-            for (line, out) in lines
-                .chunks_exact_mut(side)
-                .zip(wide.chunks_exact_mut(bins))
-            {
-                self.rows
-                    .process_with_scratch(line, out, fft)
-                    .expect("buffers have the lengths of the plan");
-            }
-            let count = lines.len() / side;
-            for (bin, column) in tall.chunks_exact_mut(side).enumerate() {
-                for (row, value) in column[batch * BATCH..][..count].iter_mut().enumerate() {
-                    *value = wide[row * bins + bin];
-                }
-            }
-        }
-        self.columns.process_with_scratch(tall, fft);
-        let (re, im) = out.split_at_mut(bins * side);
-        for ((re, im), value) in re.iter_mut().zip(im).zip(tall.iter()) {
+        self.fourier
+            .forward_with(&mut real[..rows * self.side], spectrum, fourier);
+        let (re, im) = out.split_at_mut(self.bins() * self.side);
+        for ((re, im), value) in re.iter_mut().zip(im).zip(spectrum.iter()) {
             *re = value.re;
             *im = value.im;
         }
@@ -156,39 +116,19 @@ impl Transform {
 
     /// The first field rows of the block whose spectrum is in `scratch.sum`, into `scratch.real`.
     fn inverse(&self, scratch: &mut Scratch) {
-        let (side, bins, field) = (self.side, self.bins(), self.field());
         let Scratch {
             real,
-            wide,
-            tall,
-            fft,
+            spectrum,
+            fourier,
             sum,
         } = scratch;
-        let (re, im) = sum.split_at(bins * side);
-        let scale = 1.0 / (side * side) as f32;
-        for ((value, re), im) in tall.iter_mut().zip(re).zip(im) {
+        let (re, im) = sum.split_at(self.bins() * self.side);
+        let scale = 1.0 / (self.side * self.side) as f32;
+        for ((value, re), im) in spectrum.iter_mut().zip(re).zip(im) {
             *value = Complex32::new(scale * re, scale * im);
         }
-        self.columns_back.process_with_scratch(tall, fft);
-        for (batch, lines) in real[..field * side].chunks_mut(side * BATCH).enumerate() {
-            let count = lines.len() / side;
-            for (bin, column) in tall.chunks_exact(side).enumerate() {
-                for (row, value) in column[batch * BATCH..][..count].iter().enumerate() {
-                    wide[row * bins + bin] = *value;
-                }
-            }
-            for (line, values) in lines
-                .chunks_exact_mut(side)
-                .zip(wide.chunks_exact_mut(bins))
-            {
-                // real up to rounding, which the transform insists on
-                values[0].im = 0.0;
-                values[bins - 1].im = 0.0;
-                self.rows_back
-                    .process_with_scratch(values, line, fft)
-                    .expect("the ends are real and buffers have the lengths of the plan");
-            }
-        }
+        let rows = &mut real[..self.field() * self.side];
+        self.fourier.inverse_with(spectrum, rows, fourier);
     }
 }
 

@@ -3,17 +3,17 @@
 //! Where the target is still open, the source fills it. Where earlier fragments lie, a cut decides which pixel keeps the old
 //! and which takes the new, so that the seam runs where it shows least; if nothing is open, the inner half of the fragment
 //! is new in any case. Then tones are bent so that gradients are those of the source and the rim fits (see
-//! [`crate::poisson`]).
+//! [`crate::blend`]).
 //!
 //! Coordinates are composed: a pixel goes to the view of the target, along the step, and from the view of the source into
 //! the photo, which is sampled once.
 
 use super::index::FragmentIndex;
 use super::target::Step;
+use crate::blend::{self, Blend};
 use crate::canvas::{Canvas, HOLE, Ink, KNOWN};
 use crate::error::CompleteError;
 use crate::max_flow::FlowGraph;
-use crate::poisson::Blend;
 use crate::rectified::mean_ink;
 use crate::sheet::ink_distance_sq;
 use glam::{DMat2, DVec2, dvec2};
@@ -344,6 +344,6 @@ fn blended(
             }
         }
     }
-    system.solve(progress)?;
+    blend::solve(&mut system, progress)?;
     Ok(system.values)
 }

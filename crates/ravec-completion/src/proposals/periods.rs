@@ -8,9 +8,9 @@
 use super::query::{Prepared, best_apart};
 use super::{APART_PX, Proposal};
 use crate::canvas::{KNOWN, SOURCE};
-use crate::fourier::{Fourier, Spectrum};
 use crate::sheet::{Sheet, distance_sq};
 use glam::IVec2;
+use ravec_numeric::{Fourier, Spectrum};
 use rayon::prelude::*;
 
 /// Repetitions need this correlation to count.

@@ -3,9 +3,9 @@
 //! Cost: a dozen transforms of the reduced sheet to prepare it, ten for each query.
 
 use crate::canvas::{HOLE, KNOWN, SOURCE, STEADY};
-use crate::fourier::{Fourier, Spectrum};
 use crate::sheet::{Feature, Sheet};
 use glam::IVec2;
+use ravec_numeric::{Fourier, Spectrum};
 use rayon::prelude::*;
 
 /// A sheet reduced by a power of two.

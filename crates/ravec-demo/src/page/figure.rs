@@ -151,6 +151,19 @@ impl Figure {
         self
     }
 
+    /// True if the figure has a size of its own, as enlarged pixels have, instead of that of its column.
+    pub(super) fn is_sized(&self) -> bool {
+        match &self.shown {
+            Shown::Single(drawing) | Shown::Solid(drawing, _) => drawing.enlarged,
+            Shown::Pair { before, .. } => before.enlarged,
+        }
+    }
+
+    /// True if the figure is a solid.
+    pub(super) fn is_solid(&self) -> bool {
+        matches!(self.shown, Shown::Solid(..))
+    }
+
     /// The figure as HTML.
     pub(super) fn html(&self) -> String {
         let caption = escaped(&self.caption);
@@ -168,7 +181,7 @@ impl Figure {
                     && !before.source.is_empty()
                     && !after.source.is_empty();
                 let sides = [before, after].into_iter().zip(labels);
-                let sides: String = sides
+                let sides: Vec<_> = sides
                     .map(|(drawing, label)| {
                         let label = escaped(label);
                         let image = drawing.html(&label);
@@ -180,7 +193,10 @@ impl Figure {
                     (true, false) => "compare",
                     (false, _) => "",
                 };
-                (class, format!("<div class=\"pair\">{sides}</div>"))
+                (
+                    class,
+                    format!("<div class=\"pair\">{}</div>", sides.concat()),
+                )
             }
             Shown::Solid(drawing, solid) => {
                 let image = drawing.html(&caption);
@@ -208,12 +224,11 @@ impl Drawing {
     fn html(&self, description: &str) -> String {
         let classes = [(self.enlarged, "pixels"), (self.clear, "clear")];
         let classes: Vec<_> = classes.iter().filter(|(is, _)| *is).collect();
-        let class = match classes[..] {
-            [] => String::new(),
-            _ => {
-                let names: Vec<_> = classes.iter().map(|(_, name)| *name).collect();
-                format!(" class=\"{}\"", names.join(" "))
-            }
+        let class = if classes.is_empty() {
+            String::new()
+        } else {
+            let names: Vec<_> = classes.iter().map(|(_, name)| *name).collect();
+            format!(" class=\"{}\"", names.join(" "))
         };
         let [width, height] = self.size;
         format!(

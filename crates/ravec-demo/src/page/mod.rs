@@ -18,6 +18,9 @@ const STYLE: &str = include_str!("page.css");
 /// The contents that follow the reader, dividers of pictures, and the viewer of solids.
 const SCRIPT: &str = include_str!("page.js");
 
+/// Longer cells of a table are broken into lines, in bytes.
+const MAX_LINE: usize = 40;
+
 /// The page so far.
 #[derive(Debug)]
 pub struct Gallery {
@@ -95,9 +98,16 @@ impl Gallery {
         self.push(format_args!("<p>{}</p>\n", escaped(text)));
     }
 
-    /// Adds figures side by side.
+    /// Adds figures side by side: four pictures in one row of four, others as many in a row as fit.
     pub fn figures(&mut self, figures: &[Figure]) {
-        self.body.push_str("<div class=\"row\">\n");
+        let alike = !figures.iter().any(Figure::is_sized);
+        let turned = figures.iter().any(Figure::is_solid);
+        let class = match figures.len() {
+            4 if alike && !turned => "row four",
+            3.. if alike => "row even",
+            _ => "row",
+        };
+        self.push(format_args!("<div class=\"{class}\">\n"));
         for figure in figures {
             self.body.push_str(&figure.html());
         }
@@ -114,7 +124,12 @@ impl Gallery {
         for row in rows {
             self.body.push_str("<tr>");
             for cell in row {
-                self.push(format_args!("<td>{}</td>", escaped(cell)));
+                let class = if cell.len() > MAX_LINE {
+                    " class=\"long\""
+                } else {
+                    ""
+                };
+                self.push(format_args!("<td{class}>{}</td>", escaped(cell)));
             }
             self.body.push_str("</tr>\n");
         }

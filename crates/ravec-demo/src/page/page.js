@@ -43,7 +43,7 @@ function element(name, attributes, text) {
 for (const figure of document.querySelectorAll("figure.compare")) {
   const pair = figure.querySelector(".pair");
   const [left, right] = [...pair.querySelectorAll("span")].map(label => label.textContent);
-  const input = element("input", { type: "range", min: 0, max: 100, step: 1, value: 50, "aria-label": `Divider between ${left} and ${right}` });
+  const input = element("input", { type: "range", min: 0, max: 100, step: 1, value: 60, "aria-label": `Divider between ${left} and ${right}` });
   const show = () => {
     pair.style.setProperty("--at", input.value + "%");
     input.setAttribute("aria-valuetext", `${input.value} % ${left}`);
@@ -97,16 +97,34 @@ function decode(data) {
     }
   }
   const flat = solid.normals.map(unit);
-  const [edges, creases] = [[], []];
+  const [edges, creases, border] = [[], [], []];
+  solid.outlines = [];
   const bend = data.crease === null ? -2 : Math.cos(radians(data.crease));
   for (const [key, faces] of pairs) {
     const ends = [...solid.at[Math.floor(key / 65536)], ...solid.at[key % 65536]];
     edges.push(...ends);
-    if (data.crease !== null && (faces.length !== 2 || dot(flat[faces[0]], flat[faces[1]]) < bend)) creases.push(...ends);
+    if (data.crease === null) continue;
+    if (faces.length !== 2 || dot(flat[faces[0]], flat[faces[1]]) < bend) creases.push(...ends);
+    else solid.outlines.push({ ends, sides: faces.map(t => flat[t]) });
+  }
+  if (data.section && data.crease !== null) {
+    const beyond = p => dot(solid.cut, p) - solid.cut[3];
+    for (let t = 0; t < count; t++) {
+      const corners = face(t).map(v => solid.at[v]);
+      const through = [];
+      corners.forEach((p, i) => {
+        const q = corners[(i + 1) % 3], [from, to] = [beyond(p), beyond(q)];
+        if ((from > 0) === (to > 0)) return;
+        // a little on the side that stays
+        const share = from / (from - to) + (from > 0 ? 1e-4 : -1e-4);
+        through.push(...p.map((value, axis) => value + share * (q[axis] - value)));
+      });
+      if (through.length === 6) border.push(...through);
+    }
   }
   const marked = [];
   for (const v of shorts(data.marked)) marked.push(...solid.at[v]);
-  solid.lines = { edges: new Float32Array(edges), creases: new Float32Array(creases), marked: new Float32Array(marked) };
+  solid.lines = { edges: new Float32Array(edges), creases: new Float32Array(creases), border: new Float32Array(border), marked: new Float32Array(marked) };
   // corners with a normal and a color each: smooth up to an angle
   const smooth = Math.cos(radians(data.smooth));
   const corners = new ArrayBuffer(28 * 3 * count), floats = new Float32Array(corners), colors = new Uint8Array(corners);
@@ -157,6 +175,13 @@ function framing(solid, width, height) {
 }
 const FILL = 0.92;
 
+// The edges where the surface turns away from the eye, as lines.
+function outline(solid, view) {
+  const eye = axes(view)[2];
+  const seen = solid.outlines.filter(({ sides: [a, b] }) => (dot(eye, a) > 0) !== (dot(eye, b) > 0));
+  return new Float32Array(seen.flatMap(edge => edge.ends));
+}
+
 // One WebGL context draws for all canvases, as a page gets few of them.
 const VERTEX = `
 attribute vec3 place, normal, color;
@@ -169,7 +194,7 @@ void main() {
 }`;
 // The lights of the drawn pictures.
 const FRAGMENT = `
-precision mediump float;
+precision highp float;
 varying vec3 n, c; varying float beyond;
 uniform vec3 back, inside; uniform bool capped, numbers;
 vec3 light(vec3 c) { return pow(c, vec3(2.2)); }
@@ -190,13 +215,13 @@ void main() {
   gl_FragColor = vec4(pow(clamp(shown, 0.0, 1.0), vec3(1.0 / 2.2)), 1.0);
 }`;
 const LINE = `
-precision mediump float;
+precision highp float;
 varying float beyond; uniform vec3 ink;
 void main() { if (beyond > 0.0) discard; gl_FragColor = vec4(ink, 1.0); }`;
 
 const graphics = (() => {
   const canvas = document.createElement("canvas");
-  const gl = canvas.getContext("webgl", { antialias: true, alpha: true, preserveDrawingBuffer: true });
+  const gl = canvas.getContext("webgl", { antialias: true, alpha: true, stencil: true, preserveDrawingBuffer: true });
   if (!gl) return null;
   let lost = false;
   canvas.addEventListener("webglcontextlost", () => { lost = true; });
@@ -224,7 +249,7 @@ const graphics = (() => {
   const buffers = solid => {
     let made = kept.get(solid);
     if (!made) {
-      made = { corners: buffer(solid.buffer) };
+      made = { corners: buffer(solid.buffer), outline: gl.createBuffer() };
       for (const [name, ends] of Object.entries(solid.lines)) made[name] = buffer(ends);
       if (kept.size >= 8) {
         const [oldest, old] = kept.entries().next().value;
@@ -252,7 +277,7 @@ const graphics = (() => {
     if (canvas.height < height) canvas.height = height;
     gl.viewport(0, 0, width, height);
     gl.clearColor(0, 0, 0, 0);
-    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT | gl.STENCIL_BUFFER_BIT);
     gl.enable(gl.DEPTH_TEST);
     gl.depthFunc(gl.LEQUAL);
     const made = buffers(solid);
@@ -268,13 +293,23 @@ const graphics = (() => {
     gl.vertexAttribPointer(0, 3, gl.FLOAT, false, 28, 0);
     gl.vertexAttribPointer(1, 3, gl.FLOAT, false, 28, 12);
     gl.vertexAttribPointer(2, 3, gl.UNSIGNED_BYTE, true, 28, 24);
+    // backs stand for what fills a cut: where they are seen, no line behind the cut is
+    gl.enable(gl.STENCIL_TEST);
+    gl.stencilFunc(gl.ALWAYS, 1, 255);
+    gl.stencilOpSeparate(gl.FRONT, gl.KEEP, gl.KEEP, gl.ZERO);
+    gl.stencilOpSeparate(gl.BACK, gl.KEEP, gl.KEEP, solid.capped ? gl.REPLACE : gl.ZERO);
     gl.drawArrays(gl.TRIANGLES, 0, solid.corners.length);
+    gl.stencilOp(gl.KEEP, gl.KEEP, gl.KEEP);
     for (const index of [1, 2]) gl.disableVertexAttribArray(index);
-    for (const [name, ink, lift] of [["edges", solid.ink, 0.0015], ["creases", [24, 28, 34], 0.002], ["marked", [196, 30, 58], 0.003]]) {
-      const ends = solid.lines[name];
+    const turned = outline(solid, view);
+    gl.bindBuffer(gl.ARRAY_BUFFER, made.outline);
+    gl.bufferData(gl.ARRAY_BUFFER, turned, gl.STREAM_DRAW);
+    for (const [name, ink, lift] of [["edges", solid.ink, 0.0015], ["creases", solid.lining, 0.002], ["outline", solid.lining, 0.002], ["border", solid.lining, 0.002], ["marked", [196, 30, 58], 0.003]]) {
+      const ends = name === "outline" ? turned : solid.lines[name];
       if (!ends.length || (name === "edges" && !view.wire)) continue;
       const at = common(line, solid, view, frame, lift);
       gl.uniform3fv(at("ink"), bright(ink));
+      gl.stencilFunc(name === "border" ? gl.ALWAYS : gl.EQUAL, 0, 255);
       gl.bindBuffer(gl.ARRAY_BUFFER, made[name]);
       gl.vertexAttribPointer(0, 3, gl.FLOAT, false, 12, 0);
       gl.drawArrays(gl.LINES, 0, ends.length / 3);

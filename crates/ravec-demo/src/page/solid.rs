@@ -8,7 +8,8 @@
 //! corners               three indices of two bytes for each triangle
 //! paint                 "plain", "faces" or "vertices": what has a shade
 //! palette, shades       red, green, blue for each shade; one byte for each triangle or vertex
-//! back, inside, ink     colors of backs, of cuts, and of edges
+//! back, inside          colors of backs and of cuts
+//! ink, lining           colors of edges, and of creases and outlines
 //! section, capped       normal and offset of what is cut away, or null; whether backs are shown as the inside
 //! view                  degrees around and up at first
 //! smooth, crease        degrees up to which surfaces are smooth, and from which edges are drawn, or null
@@ -38,7 +39,7 @@ pub struct Solid {
 struct Shades {
     paint: &'static str,
     palette: Vec<[u8; 3]>,
-    shades: Vec<u8>,
+    indices: Vec<u8>,
 }
 
 impl Solid {
@@ -156,10 +157,11 @@ fn encoded(
         "corners": shorts(corners.filter_map(|&vertex| index(vertex))),
         "paint": shades.paint,
         "palette": STANDARD.encode(shades.palette.concat()),
-        "shades": STANDARD.encode(picked(&shades.shades)),
+        "shades": STANDARD.encode(picked(&shades.indices)),
         "back": params.back_color,
         "inside": params.cut_color,
         "ink": params.wireframe.map_or([40, 44, 52], |style| style.color),
+        "lining": params.features.map_or([24, 28, 34], |features| features.style.color),
         "section": section,
         "capped": params.section.is_some_and(|section| section.capped),
         "view": [view.azimuth_deg, view.elevation_deg],
@@ -180,7 +182,7 @@ impl Shades {
             Paint::Plain => Some(Self {
                 paint: "plain",
                 palette: vec![params.front_color],
-                shades: Vec::new(),
+                indices: Vec::new(),
             }),
             Paint::FaceColors(colors) => {
                 let (mut palette, mut known) = (Vec::new(), HashMap::new());
@@ -195,7 +197,7 @@ impl Shades {
                 Some(Self {
                     paint: "faces",
                     palette,
-                    shades,
+                    indices: shades,
                 })
             }
             Paint::VertexValues(values) => Some(Self {
@@ -203,7 +205,7 @@ impl Shades {
                 palette: (0..=255u8)
                     .map(|shade| values.map.color(f64::from(shade) / 255.0))
                     .collect(),
-                shades: shares(values),
+                indices: shares(values),
             }),
             Paint::VertexColors(_) | Paint::FaceValues(_) => None,
         }

@@ -16,7 +16,7 @@ use ravec_scenes::Seed;
 /// Side of the part that is shown enlarged, in pixels.
 const CROP: [usize; 2] = [96, 72];
 
-/// How much parts are enlarged.
+/// The factor by which parts are enlarged.
 const ZOOM: usize = 4;
 
 /// Puts the sections about one picture on the page; `origin` names it.
@@ -150,7 +150,7 @@ impl Demo<'_> {
         self.page.section("The picture", &text);
         let figures = [
             Figure::picture(&self.image, "The picture that everything below starts from"),
-            self.crop(&self.image, "A part of it, each pixel as a square of four"),
+            self.crop(&self.image, "A part of it, enlarged four times"),
         ];
         self.page.figures(&figures);
         Ok(self.progress.check()?)

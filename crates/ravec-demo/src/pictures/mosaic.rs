@@ -14,7 +14,7 @@ use ravec::raster::{
 use ravec_jobs::JobError;
 use ravec_scenes::Seed;
 
-/// How many photos are drawn.
+/// The number of drawn photos.
 const PHOTOS: u64 = 1000;
 
 /// Side of a drawn photo, in pixels.
@@ -110,7 +110,7 @@ impl Demo<'_> {
                 &free,
                 ChooseParams::default(),
                 "mosaic_adaptive_afar_psnr_db",
-                "As many tiles off the grid: larger where the picture is even, smaller where it is not",
+                "The same number of tiles off the grid: larger where the picture is even, smaller where it is not",
             ),
         ] {
             let mosaic = self.painted(&library, tiling, &params, size)?;

@@ -1,4 +1,4 @@
-//! What is done with two-color pixels: the operator, the brush, cleaning.
+//! Tools that work with two-color pixels: the operator, the brush, cleaning.
 
 use super::{Demo, ZOOM};
 use crate::error::bug;

@@ -1,4 +1,4 @@
-//! What lines with two colors keep of a picture, at which resolution, and how fast.
+//! Two-color pixels themselves: their fidelity, their independence of resolution, and their speed.
 
 use super::Demo;
 use crate::page::Figure;
@@ -166,7 +166,7 @@ impl Demo<'_> {
                 &image,
                 Rect::of(image.size()),
                 factor,
-                "The input, each pixel as a square of six",
+                "The input, enlarged six times: its pixels become squares",
             ),
             Figure::compared(
                 whole(&smooth, "Catmull-Rom"),

@@ -37,7 +37,7 @@ pub fn show(
     simplification(page, report, detail, progress)
 }
 
-/// How large the pictures of meshes are, and how fine what they show.
+/// The size of pictures of meshes, and the fineness of the meshes.
 #[derive(Debug, Clone, Copy)]
 pub struct Detail {
     /// The side of a picture as a share of that of a large page, 0.25 to 1.
@@ -75,17 +75,25 @@ impl Detail {
 
     /// A mesh with triangles so small that colors at their corners show what happens between them.
     pub fn refined(self, mesh: TriMesh, diagonal: f64) -> TriMesh {
-        self.refined_up_to(200_000, mesh, diagonal)
+        let longest = self.length(diagonal / 120.0);
+        refined(mesh, longest, 200_000, &Progress::none()).expect("nobody can cancel it")
     }
 
     /// The same for the viewer of the page, which takes fewer triangles.
     pub fn coarsely_refined(self, mesh: TriMesh, diagonal: f64) -> TriMesh {
-        self.refined_up_to(MAX_TRIANGLES, mesh, diagonal)
-    }
-
-    fn refined_up_to(self, most: usize, mesh: TriMesh, diagonal: f64) -> TriMesh {
         let longest = self.length(diagonal / 120.0);
-        refined(mesh, longest, most, &Progress::none()).expect("nobody can cancel it")
+        // edges are halved in rounds, and a round that makes too many triangles is left out: other lengths fill the limit better
+        let tried = [1.0, 1.2, 1.4, 1.6, 1.8].map(|factor| {
+            let mesh = refined(
+                mesh.clone(),
+                factor * longest,
+                MAX_TRIANGLES,
+                &Progress::none(),
+            );
+            mesh.expect("nobody can cancel it")
+        });
+        let largest = tried.into_iter().max_by_key(|mesh| mesh.triangles().len());
+        largest.unwrap_or(mesh)
     }
 }
 
@@ -148,28 +156,30 @@ fn checks(
         } else {
             Paint::Plain
         };
-        figures.push(drawn(
-            mesh,
-            &paint,
-            &detail.picture(),
-            solid.name,
-            progress,
-        )?);
         let defects = findings(mesh, &found, &CheckList::default());
         let defects = defects.iter().filter(|finding| finding.defect);
         let defects: Vec<_> = defects
             .map(|finding| format!("{} {}", finding.count, finding.what))
             .collect();
+        let summary = if defects.is_empty() {
+            "none".to_owned()
+        } else {
+            defects.join(", ")
+        };
+        let caption = format!("{}{}", solid.name[..1].to_uppercase(), &solid.name[1..]);
+        let figure = drawn(mesh, &paint, &detail.picture(), caption, progress)?;
+        let triangles = mesh.triangles().len();
+        figures.push(figure.with_note(match defects.len() {
+            0 => format!("{triangles} triangles, no defect"),
+            1 => format!("{triangles} triangles, 1 kind of defect"),
+            kinds => format!("{triangles} triangles, {kinds} kinds of defects"),
+        }));
         rows.push(vec![
             solid.name.to_owned(),
-            mesh.triangles().len().to_string(),
+            triangles.to_string(),
             found.components.to_string(),
             found.genus.map_or(String::new(), |genus| genus.to_string()),
-            if defects.is_empty() {
-                "none".to_owned()
-            } else {
-                defects.join(", ")
-            },
+            summary,
         ]);
     }
     page.figures(&figures);

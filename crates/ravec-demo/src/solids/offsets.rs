@@ -91,8 +91,8 @@ impl Studio<'_> {
         self.proved &= proved;
         self.rows.push(vec![
             name.to_owned(),
-            params.distance.to_string(),
-            params.tolerance.to_string(),
+            rounded(params.distance),
+            rounded(params.tolerance),
             format!(
                 "{:.4} and {:.4}",
                 report.least_distance, report.most_distance
@@ -329,6 +329,11 @@ impl Studio<'_> {
         ]);
         Ok(figures)
     }
+}
+
+/// A length with as many digits as it has, up to six after the point.
+fn rounded(length: f64) -> String {
+    ((1e6 * length).round() / 1e6).to_string()
 }
 
 fn fins() -> TriMesh {

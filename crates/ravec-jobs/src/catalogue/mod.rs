@@ -46,17 +46,19 @@ pub(crate) fn journals(catalogue: &Path) -> Vec<PathBuf> {
     ["-journal", "-wal", "-shm"].map(beside).to_vec()
 }
 
-/// The file of a report, if it is one.
-fn file_of(report: Option<&Path>) -> Option<&Path> {
-    report.filter(|path| !files::is_stream(path))
+/// Refuses files that would take the place of the catalogue or of a photo that it knows.
+pub(crate) fn check_side_outputs(
+    catalogue: &Catalogue,
+    context: &Context,
+) -> Result<(), CatalogueError> {
+    let mut files = side_files(context);
+    files.try_for_each(|path| catalogue.check_output(path))
 }
 
-/// Refuses a report that would take the place of the catalogue or of a photo that it knows.
-pub(crate) fn check_report(
-    catalogue: &Catalogue,
-    report_file: Option<&Path>,
-) -> Result<(), CatalogueError> {
-    file_of(report_file).map_or(Ok(()), |path| catalogue.check_output(path))
+/// The files that the caller writes after the run, without standard output.
+fn side_files(context: &Context) -> impl Iterator<Item = &Path> {
+    let paths = context.side_outputs.iter().map(PathBuf::as_path);
+    paths.filter(|path| !files::is_stream(path))
 }
 
 /// Add photos and folders to a catalogue, which is created if it is missing
@@ -110,7 +112,7 @@ impl Operation for Add {
     /// cannot be read are warnings.
     ///
     /// # Errors
-    /// [`JobError::Catalogue`], also if the file of the report is the catalogue, one of the photos or one that the
+    /// [`JobError::Catalogue`], also if a side output is the catalogue, one of the photos or one that the
     /// catalogue knows, [`JobError::Cancelled`]; photos that were added before stay.
     fn run(&self, context: &Context) -> Result<Report, JobError> {
         let Self {
@@ -119,7 +121,6 @@ impl Operation for Add {
             params,
         } = self;
         let progress = &context.progress;
-        let report_file = context.report_file.as_deref();
         for path in self.inputs() {
             context.check_is_file(path)?;
         }
@@ -134,7 +135,7 @@ impl Operation for Add {
         if !catalogue.exists() {
             files::check_files(&[], &[catalogue])?;
         }
-        if let Some(path) = file_of(report_file) {
+        for path in side_files(context) {
             let photo = || would_read(paths, path, progress).map_err(JobError::from_catalogue);
             if belongs_to_catalogue(catalogue, path) || photo()? {
                 return Err(JobError::OverwritesInput { path: path.into() });
@@ -143,7 +144,7 @@ impl Operation for Add {
         let mut report = Report::of(self, params);
         let added = report.time("add", || {
             let mut catalogue = Catalogue::open_or_make(catalogue, progress)?;
-            check_report(&catalogue, report_file)?;
+            check_side_outputs(&catalogue, context)?;
             ravec_catalogue::add(&mut catalogue, paths, &context.limits, progress)
         });
         let added = added.map_err(JobError::from_catalogue)?;
@@ -207,7 +208,7 @@ impl Operation for Remove {
     /// Removes photos, and all photos in folders. Figure: `removed`.
     ///
     /// # Errors
-    /// [`JobError::Catalogue`], also if the file of the report is the catalogue or a photo that it knows.
+    /// [`JobError::Catalogue`], also if a side output is the catalogue or a photo that it knows.
     fn run(&self, context: &Context) -> Result<Report, JobError> {
         let Self {
             paths,
@@ -215,14 +216,13 @@ impl Operation for Remove {
             params,
         } = self;
         let progress = &context.progress;
-        let report_file = context.report_file.as_deref();
         for path in self.inputs() {
             context.check_is_file(path)?;
         }
         let mut report = Report::of(self, params);
         let mut catalogue =
             Catalogue::open(catalogue, progress).map_err(JobError::from_catalogue)?;
-        check_report(&catalogue, report_file).map_err(JobError::from_catalogue)?;
+        check_side_outputs(&catalogue, context).map_err(JobError::from_catalogue)?;
         let removed =
             ravec_catalogue::remove(&mut catalogue, paths).map_err(JobError::from_catalogue)?;
         report.figures.insert("removed", removed as f64);
@@ -275,18 +275,17 @@ impl Operation for List {
     /// `orientation` (1 to 8 as in EXIF), `taken`, `unreadable`, `flaw` and `dropped` (a reason or null). Figure: `photos`.
     ///
     /// # Errors
-    /// [`JobError::Catalogue`], also if the file of the report is the catalogue or a photo that it knows.
+    /// [`JobError::Catalogue`], also if a side output is the catalogue or a photo that it knows.
     fn run(&self, context: &Context) -> Result<Report, JobError> {
         let Self { catalogue, params } = self;
         let progress = &context.progress;
-        let report_file = context.report_file.as_deref();
         for path in self.inputs() {
             context.check_is_file(path)?;
         }
         let mut report = Report::of(self, params);
         let catalogue =
             Catalogue::open_to_read(catalogue, progress).map_err(JobError::from_catalogue)?;
-        check_report(&catalogue, report_file).map_err(JobError::from_catalogue)?;
+        check_side_outputs(&catalogue, context).map_err(JobError::from_catalogue)?;
         let entries = catalogue
             .entries(params.all)
             .map_err(JobError::from_catalogue)?;
@@ -354,11 +353,10 @@ impl Operation for Clean {
     /// (unreadable, tiny, contentless, framed, near-duplicate or missing, and details). Figure: `dropped`.
     ///
     /// # Errors
-    /// [`JobError::Catalogue`], also if the file of the report is the catalogue or a photo that it knows, [`JobError::Cancelled`].
+    /// [`JobError::Catalogue`], also if a side output is the catalogue or a photo that it knows, [`JobError::Cancelled`].
     fn run(&self, context: &Context) -> Result<Report, JobError> {
         let Self { catalogue, params } = self;
         let progress = &context.progress;
-        let report_file = context.report_file.as_deref();
         for path in self.inputs() {
             context.check_is_file(path)?;
         }
@@ -369,7 +367,7 @@ impl Operation for Clean {
             } else {
                 Catalogue::open(catalogue, progress)?
             };
-            check_report(&catalogue, report_file)?;
+            check_side_outputs(&catalogue, context)?;
             ravec_catalogue::clean(&mut catalogue, params.dry_run, progress)
         });
         let dropped = dropped.map_err(JobError::from_catalogue)?;
@@ -420,18 +418,17 @@ impl Operation for Stats {
     /// report's `result` says how many were dropped for which reason.
     ///
     /// # Errors
-    /// [`JobError::Catalogue`], also if the file of the report is the catalogue or a photo that it knows.
+    /// [`JobError::Catalogue`], also if a side output is the catalogue or a photo that it knows.
     fn run(&self, context: &Context) -> Result<Report, JobError> {
         let Self { catalogue, params } = self;
         let progress = &context.progress;
-        let report_file = context.report_file.as_deref();
         for path in self.inputs() {
             context.check_is_file(path)?;
         }
         let mut report = Report::of(self, params);
         let catalogue =
             Catalogue::open_to_read(catalogue, progress).map_err(JobError::from_catalogue)?;
-        check_report(&catalogue, report_file).map_err(JobError::from_catalogue)?;
+        check_side_outputs(&catalogue, context).map_err(JobError::from_catalogue)?;
         let stats = ravec_catalogue::stats(&catalogue).map_err(JobError::from_catalogue)?;
         for (name, count) in [
             ("usable", stats.usable),
@@ -452,6 +449,7 @@ impl Operation for Stats {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ErrorKind;
     use ravec::raster::{Image, Size, Srgb};
     use ravec_media::{Picture, WriteOptions};
 
@@ -469,47 +467,48 @@ mod tests {
                 .unwrap();
         }
         let catalogue = folder.path().join("photos.ravec");
-        let progress = Progress::none();
-        let missing = list(&catalogue, None, &ListParams::default(), &progress).unwrap_err();
-        assert_eq!(missing.exit_code(), 3);
-        let paths = [photos.clone()];
-        let limits = Limits::default();
-        let added = add(
-            &paths,
-            &catalogue,
-            None,
-            &limits,
-            &Plain::default(),
-            &progress,
-        )
-        .unwrap();
+        let context = Context::default();
+        let add = |path: PathBuf| {
+            let paths = vec![path];
+            let catalogue = catalogue.clone();
+            let params = Plain::default();
+            Add {
+                paths,
+                catalogue,
+                params,
+            }
+            .run(&context)
+        };
+        let list = || {
+            let catalogue = catalogue.clone();
+            let params = ListParams::default();
+            List { catalogue, params }.run(&context)
+        };
+        assert_eq!(list().unwrap_err().kind(), ErrorKind::Input);
+        let added = add(photos.clone()).unwrap();
         assert_eq!(added.figures["new"], 3.0);
-        let listed = list(&catalogue, None, &ListParams::default(), &progress).unwrap();
-        assert_eq!(listed.result.unwrap()[2]["width"], 80);
+        assert_eq!(list().unwrap().result.unwrap()[2]["width"], 80);
         std::fs::remove_file(photos.join("1.png")).unwrap();
-        let dry = CleanParams { dry_run: true };
-        let cleaned = clean(&catalogue, None, &dry, &progress).unwrap();
+        let clean = Clean {
+            catalogue: catalogue.clone(),
+            params: CleanParams { dry_run: true },
+        };
+        let cleaned = clean.run(&context).unwrap();
         assert_eq!(cleaned.result.unwrap()[0]["reason"], "missing");
-        let removed = remove(
-            &[photos.join("0.png")],
-            &catalogue,
-            None,
-            &Plain::default(),
-            &progress,
-        );
-        assert_eq!(removed.unwrap().figures["removed"], 1.0);
-        let counted = stats(&catalogue, None, &Plain::default(), &progress).unwrap();
+        let remove = Remove {
+            paths: vec![photos.join("0.png")],
+            catalogue: catalogue.clone(),
+            params: Plain::default(),
+        };
+        let removed = remove.run(&context).unwrap();
+        assert_eq!(removed.figures["removed"], 1.0);
+        let stats = Stats {
+            catalogue: catalogue.clone(),
+            params: Plain::default(),
+        };
+        let counted = stats.run(&context).unwrap();
         assert_eq!(counted.figures["landscape"], 2.0);
-        let nowhere = [folder.path().join("no")];
-        let error = add(
-            &nowhere,
-            &catalogue,
-            None,
-            &limits,
-            &Plain::default(),
-            &progress,
-        )
-        .unwrap_err();
-        assert_eq!(error.exit_code(), 3);
+        let error = add(folder.path().join("no")).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::Input);
     }
 }

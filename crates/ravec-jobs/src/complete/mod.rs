@@ -8,6 +8,7 @@ mod fragments;
 use crate::context::Context;
 use crate::error::JobError;
 use crate::files;
+use crate::mask::read_mask;
 use crate::operation::{Operation, paths};
 use crate::report::Report;
 use glam::DVec2;
@@ -337,10 +338,9 @@ impl Operation for Complete {
         let picture = files::read(input, &mut report, context)?;
         let size = picture.image.size();
         files::check_size(output, size, &picture, context)?;
-        let mut read_mask =
-            |path: &PathBuf| files::read_mask(path, input, size, &mut report, context);
-        let mask = self.mask.as_ref().map(&mut read_mask).transpose()?;
-        let features = self.features.as_ref().map(&mut read_mask).transpose()?;
+        let mut read = |path: &PathBuf| read_mask(path, input, size, &mut report, context);
+        let mask = self.mask.as_ref().map(&mut read).transpose()?;
+        let features = self.features.as_ref().map(&mut read).transpose()?;
         let mut hole = mask.unwrap_or_else(|| Mask::empty(size));
         add_polygons(&mut hole, size, params)?;
         let job = Job {

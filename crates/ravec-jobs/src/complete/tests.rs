@@ -1,6 +1,7 @@
 //! What `complete` does with files.
 
 use super::*;
+use crate::ErrorKind;
 use ravec::raster::{Rect, Srgb};
 use ravec_media::Picture;
 
@@ -12,15 +13,15 @@ fn tile(col: usize, row: usize) -> Srgb<u8> {
     })
 }
 
-fn write(folder: &Path, name: &str, image: impl Into<AnyImage>) -> Source {
+fn write(folder: &Path, name: &str, image: impl Into<AnyImage>) -> PathBuf {
     let path = folder.join(name);
     ravec_media::write(&path, &Picture::from_image(image), &WriteOptions::default()).unwrap();
-    Source::new(path)
+    path
 }
 
 fn done(
-    input: &Source,
-    mask: Option<&Source>,
+    input: &Path,
+    mask: Option<&PathBuf>,
     output: &Path,
     params: &Params,
 ) -> Result<Report, JobError> {
@@ -28,10 +29,33 @@ fn done(
         mask: mask.cloned(),
         ..Files::default()
     };
-    run(input, &files, output, params, &Progress::none())
+    run(input, &files, output, params)
 }
 
-fn folder() -> (tempfile::TempDir, Source, Source, Size) {
+/// Files of [`run`] beside the picture and the output.
+#[derive(Default)]
+struct Files {
+    mask: Option<PathBuf>,
+    photos: Vec<PathBuf>,
+    replay: Option<PathBuf>,
+    steps: Option<PathBuf>,
+}
+
+fn run(input: &Path, files: &Files, output: &Path, params: &Params) -> Result<Report, JobError> {
+    let operation = Complete {
+        input: input.to_path_buf(),
+        mask: files.mask.clone(),
+        features: None,
+        sources: files.photos.clone(),
+        replay: files.replay.clone(),
+        steps: files.steps.clone(),
+        output: output.to_path_buf(),
+        params: params.clone(),
+    };
+    operation.run(&Context::default())
+}
+
+fn folder() -> (tempfile::TempDir, PathBuf, PathBuf, Size) {
     let folder = tempfile::tempdir().unwrap();
     let size = Size::new(96, 72).unwrap();
     let hole = Rect::new(40, 30, 18, 16);
@@ -59,7 +83,7 @@ fn a_stain_on_tiles_goes_and_the_report_says_how() {
     let report = done(&input, Some(&mask), &output, &Params::default()).unwrap();
     assert_eq!(report.figures["hole_px"], 18.0 * 16.0);
     assert!(report.figures["offsets"] >= 1.0 && report.warnings.is_empty());
-    let found = ravec_media::read(&output, &input.limits)
+    let found = ravec_media::read(&output, &ravec_media::Limits::default())
         .unwrap()
         .image
         .convert::<Srgb<u8>>();
@@ -81,12 +105,16 @@ fn an_empty_mask_gives_the_picture_back_with_a_note() {
         report.warnings,
         ["the mask is empty: the picture is as it was"]
     );
-    let image = |path: &Path| ravec_media::read(path, &input.limits).unwrap().image;
-    assert_eq!(image(&output), image(&input.path));
+    let image = |path: &Path| {
+        ravec_media::read(path, &ravec_media::Limits::default())
+            .unwrap()
+            .image
+    };
+    assert_eq!(image(&output), image(&input));
 }
 
 #[test]
-fn what_cannot_be_done_has_its_sentence_and_its_code() {
+fn what_cannot_be_done_has_its_sentence_and_its_kind() {
     let (folder, input, mask, size) = folder();
     let output = folder.path().join("out.png");
     let small = write(
@@ -103,36 +131,56 @@ fn what_cannot_be_done_has_its_sentence_and_its_code() {
         planes: vec![text.parse().unwrap()],
         ..Params::default()
     };
-    for (mask, params, code, part) in [
-        (Some(&small), Params::default(), 3, "96 x 72"),
-        (Some(&white), Params::default(), 3, "radius of 0.0 pixels"),
-        (None, Params::default(), 2, "--mask or --polygon"),
+    for (mask, params, kind, part) in [
+        (Some(&small), Params::default(), ErrorKind::Input, "96 x 72"),
+        (
+            Some(&white),
+            Params::default(),
+            ErrorKind::Input,
+            "radius of 0.0 pixels",
+        ),
+        (
+            None,
+            Params::default(),
+            ErrorKind::Request,
+            "`mask` or `polygons`",
+        ),
         (
             Some(&mask),
             plane("0,0,90,70,90,0,0,70"),
-            2,
+            ErrorKind::Request,
             "crosses itself",
         ),
-        (Some(&mask), plane("0,0,90,0,20,15,0,70"), 2, "horizon"),
+        (
+            Some(&mask),
+            plane("0,0,90,0,20,15,0,70"),
+            ErrorKind::Request,
+            "horizon",
+        ),
         (
             Some(&mask),
             plane("500,0,590,0,590,70,500,70"),
-            2,
+            ErrorKind::Request,
             "outside",
         ),
-        (Some(&mask), plane("0,0,90,0"), 2, "4 corners"),
+        (
+            Some(&mask),
+            plane("0,0,90,0"),
+            ErrorKind::Request,
+            "4 corners",
+        ),
         (
             Some(&mask),
             Params {
                 search: 1,
                 ..Params::default()
             },
-            2,
-            "--search",
+            ErrorKind::Request,
+            "`search`",
         ),
     ] {
         let error = done(&input, mask, &output, &params).unwrap_err();
-        assert_eq!(error.exit_code(), code, "{error}");
+        assert_eq!(error.kind(), kind, "{error}");
         assert!(error.to_string().contains(part), "{error}");
     }
     assert!(!output.exists());
@@ -177,7 +225,7 @@ fn steps_are_written_replayed_to_the_same_bytes_and_undone() {
         radius: Some(12),
         ..Params::default()
     };
-    let report = run(&input, &first, &at("a.png"), &params, &Progress::none()).unwrap();
+    let report = run(&input, &first, &at("a.png"), &params).unwrap();
     assert_eq!(report.figures["open_px"], 0.0);
     let steps = report.figures["steps"];
     assert!(steps >= 2.0);
@@ -187,14 +235,7 @@ fn steps_are_written_replayed_to_the_same_bytes_and_undone() {
         steps: Some(at("again.json")),
         ..Files::default()
     };
-    run(
-        &input,
-        &again,
-        &at("b.png"),
-        &Params::default(),
-        &Progress::none(),
-    )
-    .unwrap();
+    run(&input, &again, &at("b.png"), &Params::default()).unwrap();
     let bytes = |name: &str| std::fs::read(at(name)).unwrap();
     assert_eq!(bytes("a.png"), bytes("b.png"));
     assert_eq!(bytes("steps.json"), bytes("again.json"));
@@ -202,10 +243,14 @@ fn steps_are_written_replayed_to_the_same_bytes_and_undone() {
         undo: steps as usize,
         ..Params::default()
     };
-    let report = run(&input, &again, &at("c.png"), &undo, &Progress::none()).unwrap();
+    let report = run(&input, &again, &at("c.png"), &undo).unwrap();
     assert_eq!(report.figures["open_px"], 18.0 * 16.0);
-    let image = |path: &Path| ravec_media::read(path, &input.limits).unwrap().image;
-    assert_eq!(image(&at("c.png")), image(&input.path));
+    let image = |path: &Path| {
+        ravec_media::read(path, &ravec_media::Limits::default())
+            .unwrap()
+            .image
+    };
+    assert_eq!(image(&at("c.png")), image(&input));
 }
 
 #[test]
@@ -223,12 +268,12 @@ fn a_target_is_filled_from_another_photo() {
         ..Params::default()
     };
     let output = folder.path().join("out.png");
-    let report = run(&input, &files, &output, &params, &Progress::none()).unwrap();
+    let report = run(&input, &files, &output, &params).unwrap();
     assert_eq!(
         (report.figures["open_px"], report.figures["buffers"]),
         (0.0, 2.0)
     );
-    let found: Image<Srgb<u8>> = ravec_media::read(&output, &input.limits)
+    let found: Image<Srgb<u8>> = ravec_media::read(&output, &ravec_media::Limits::default())
         .unwrap()
         .image
         .convert();
@@ -236,7 +281,7 @@ fn a_target_is_filled_from_another_photo() {
 }
 
 #[test]
-fn what_fragments_cannot_do_has_its_sentence_and_its_code() {
+fn what_fragments_cannot_do_has_its_sentence_and_its_kind() {
     let (folder, input, mask, _) = folder();
     let output = folder.path().join("out.png");
     let broken = folder.path().join("broken.json");
@@ -252,46 +297,51 @@ fn what_fragments_cannot_do_has_its_sentence_and_its_code() {
         change(&mut params);
         params
     };
-    for (files, params, code, part) in [
+    for (files, params, kind, part) in [
         (
             Files::default(),
             with(&|p| p.radius = Some(1)),
-            2,
+            ErrorKind::Request,
             "2 to 124",
         ),
         (
             Files::default(),
             with(&|p| p.radius = Some(60)),
-            2,
+            ErrorKind::Request,
             "largest usable radius",
         ),
         (
             Files::default(),
             with(&|p| p.scales = vec![9.0]),
-            2,
+            ErrorKind::Request,
             "0.25 to 4",
         ),
         (
             Files::default(),
             with(&|p| p.targets = vec!["500,1".parse().unwrap()]),
-            2,
+            ErrorKind::Request,
             "outside",
         ),
         (
             Files::default(),
             with(&|p| (p.engine, p.mirror) = (Some(Engine::Offsets), true)),
-            2,
-            "--mirror",
+            ErrorKind::Request,
+            "`mirror`",
         ),
-        (file(&broken), Params::default(), 3, "form of steps"),
-        (file(&other), Params::default(), 3, "9 x 9"),
+        (
+            file(&broken),
+            Params::default(),
+            ErrorKind::Input,
+            "form of steps",
+        ),
+        (file(&other), Params::default(), ErrorKind::Input, "9 x 9"),
     ] {
         let files = Files {
             mask: Some(mask.clone()),
             ..files
         };
-        let error = run(&input, &files, &output, &params, &Progress::none()).unwrap_err();
-        assert_eq!(error.exit_code(), code, "{error}");
+        let error = run(&input, &files, &output, &params).unwrap_err();
+        assert_eq!(error.kind(), kind, "{error}");
         assert!(error.to_string().contains(part), "{error}");
     }
     assert!(!output.exists());

@@ -261,6 +261,7 @@ mod tests {
     use super::*;
     use crate::mesh::{MeshTarget, write_mesh_file};
     use ravec::mesh_io::MeshFormat;
+    use ravec::progress::Progress;
     use ravec_scenes::Seed;
     use ravec_scenes::solids::{crossing_plates, sheet, soup, torus};
 
@@ -269,7 +270,11 @@ mod tests {
         let path = folder.path().join("a.ply");
         let (target, progress) = (MeshTarget::new(MeshFormat::PlyBinary), Progress::none());
         write_mesh_file(&path, mesh, &target, &progress).unwrap();
-        run(&MeshSource::new(path), params, &progress).unwrap()
+        let operation = Check {
+            input: path,
+            params: params.clone(),
+        };
+        operation.run(&Context::default()).unwrap()
     }
 
     fn names(report: &Report) -> Vec<&'static str> {

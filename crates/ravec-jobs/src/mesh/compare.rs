@@ -266,8 +266,10 @@ fn farthest(what: &'static str, side: &OneSided) -> Finding {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ErrorKind;
     use crate::mesh::{MeshTarget, write_mesh_file};
     use ravec::mesh_io::MeshFormat;
+    use ravec::progress::Progress;
     use ravec_scenes::solids::{cuboid, icosphere};
 
     fn compared(a: &TriMesh, b: &TriMesh, params: &Params) -> Result<Report, JobError> {
@@ -276,10 +278,11 @@ mod tests {
         let source = |name: &str, mesh: &TriMesh| {
             let path = folder.path().join(name);
             write_mesh_file(&path, mesh, &target, &progress).unwrap();
-            MeshSource::new(path)
+            path
         };
         let (a, b) = (source("a.ply", a), source("b.ply", b));
-        run(&a, &b, params, &progress)
+        let params = params.clone();
+        Compare { a, b, params }.run(&Context::default())
     }
 
     #[test]
@@ -338,13 +341,17 @@ mod tests {
                 tolerance,
                 ..Params::default()
             };
-            assert_eq!(refused(&a, &params).exit_code(), 2, "{tolerance}");
+            assert_eq!(
+                refused(&a, &params).kind(),
+                ErrorKind::Request,
+                "{tolerance}"
+            );
         }
         let params = Params {
             within: Some(Length::Units(-1.0)),
             ..Params::default()
         };
-        assert_eq!(refused(&a, &params).exit_code(), 2);
+        assert_eq!(refused(&a, &params).kind(), ErrorKind::Request);
         let error = refused(&TriMesh::default(), &Params::default());
         assert!(matches!(error, JobError::NoTriangles { .. }), "{error}");
     }

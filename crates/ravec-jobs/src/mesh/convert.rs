@@ -383,8 +383,10 @@ fn largest_rounding(mesh: &TriMesh, target: MeshTarget) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ErrorKind;
     use crate::mesh::{read_mesh_file, write_mesh_file};
     use ravec::mesh_io::MeshLimits;
+    use ravec::progress::Progress;
     use ravec_scenes::solids::cuboid;
     use std::io::Write as _;
 
@@ -395,13 +397,22 @@ mod tests {
         target.unit = Some(LengthUnit::Inch);
         let (mesh, progress) = (cuboid([1.0, 2.0, 3.0].into()).mesh, Progress::none());
         write_mesh_file(&input, &mesh, &target, &progress).unwrap();
-        let report = run(&MeshSource::new(input), &output, params, &progress).unwrap();
+        let report = run(&input, &output, params).unwrap();
         let file = read_mesh_file(&output, &MeshLimits::default(), &progress).unwrap();
         (file.mesh, report)
     }
 
     fn width(mesh: &TriMesh) -> f64 {
         mesh.bounds().size().x
+    }
+
+    fn run(input: &Path, output: &Path, params: &Params) -> Result<Report, JobError> {
+        let operation = Convert {
+            input: input.to_path_buf(),
+            output: output.to_path_buf(),
+            params: params.clone(),
+        };
+        operation.run(&Context::default())
     }
 
     #[test]
@@ -470,8 +481,11 @@ mod tests {
             assert_eq!(report.outputs[0].format, format);
         }
         for name in ["b.3mf", "b.glb"] {
-            let error = ascii.output.check(Path::new(name)).unwrap_err();
-            assert_eq!(error.exit_code(), 2, "{error}");
+            let error = ascii
+                .output
+                .check(Path::new(name), &Context::default())
+                .unwrap_err();
+            assert_eq!(error.kind(), ErrorKind::Request, "{error}");
         }
     }
 
@@ -482,10 +496,8 @@ mod tests {
         let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0.5 0.25\nvt 1 0\nf 1/1 2/2 3/1\n";
         ravec_files::write_atomically(&at("a.obj"), |file| file.write_all(text.as_bytes()))
             .unwrap();
-        let convert = |from: &str, to: &str, params: &Params| {
-            let (source, progress) = (MeshSource::new(at(from)), Progress::none());
-            run(&source, &at(to), params, &progress).unwrap()
-        };
+        let convert =
+            |from: &str, to: &str, params: &Params| run(&at(from), &at(to), params).unwrap();
         let params = Params::default();
         for (from, to) in [("a.obj", "b.glb"), ("b.glb", "c.gltf"), ("c.gltf", "d.obj")] {
             assert_eq!(convert(from, to, &params).warnings, [""; 0], "{to}");

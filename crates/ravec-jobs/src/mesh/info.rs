@@ -120,6 +120,7 @@ mod tests {
     use crate::mesh::{MeshTarget, write_mesh_file};
     use ravec::mesh::TriMesh;
     use ravec::mesh_io::MeshFormat;
+    use ravec::progress::Progress;
     use ravec_scenes::solids::{cuboid, sheet};
 
     fn figures_of(mesh: &TriMesh) -> std::collections::BTreeMap<&'static str, f64> {
@@ -127,7 +128,11 @@ mod tests {
         let path = folder.path().join("a.ply");
         let (target, progress) = (MeshTarget::new(MeshFormat::PlyBinary), Progress::none());
         write_mesh_file(&path, mesh, &target, &progress).unwrap();
-        let report = run(&MeshSource::new(path), &Params::default(), &progress).unwrap();
+        let operation = Info {
+            input: path,
+            params: Params::default(),
+        };
+        let report = operation.run(&Context::default()).unwrap();
         report.figures
     }
 

@@ -221,10 +221,21 @@ impl Params {
 
     /// Distance and tolerance in units of a mesh.
     fn of(&self, diagonal: f64, unit: Option<LengthUnit>) -> Result<[f64; 2], JobError> {
-        let distance = self.distance.abs().resolve("distance", diagonal, unit)?;
+        let resolve = |field, length: Length| {
+            let length = length.resolve(field, diagonal, unit);
+            length.map_err(|error| match error {
+                JobError::Parameter { field, value, .. } => JobError::Parameter {
+                    field,
+                    value,
+                    range: "a plain number or a percentage: the file does not name its unit (unless `unit` does)",
+                },
+                other => other,
+            })
+        };
+        let distance = resolve("distance", self.distance.abs())?;
         let [of_distance, of_diagonal] = DEFAULT_TOLERANCE;
         let tolerance = match self.tolerance {
-            Some(tolerance) => tolerance.resolve("tolerance", diagonal, unit)?,
+            Some(tolerance) => resolve("tolerance", tolerance)?,
             None => (of_distance * distance).min(of_diagonal * diagonal.max(distance)),
         };
         Ok([distance, tolerance])

@@ -13,6 +13,9 @@ const AT_ONCE: usize = 1 << 14;
 ///
 /// # Errors
 /// [`Cancelled`] soon after `progress` is cancelled.
+///
+/// # Panics
+/// Never: middles of edges lie between finite places.
 pub fn refined(
     mesh: TriMesh,
     longest: f64,

@@ -404,8 +404,10 @@ pub fn image_of(rendering: Rendering) -> AnyImage {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ErrorKind;
     use crate::mesh::{MeshTarget, write_mesh_file};
     use ravec::mesh_io::MeshFormat;
+    use ravec::progress::Progress;
     use ravec::raster::Srgba;
     use ravec_scenes::solids::{cuboid, icosphere};
     use std::path::PathBuf;
@@ -442,9 +444,13 @@ mod tests {
             params: &Params,
         ) -> Result<(Image<Srgba<u8>>, Report), JobError> {
             let out = self.at("out.png");
-            let other = other.map(|name| MeshSource::new(self.at(name)));
-            let source = MeshSource::new(self.at(name));
-            let report = run(&source, other.as_ref(), &out, params, &Progress::none())?;
+            let operation = Render {
+                input: self.at(name),
+                output: out.clone(),
+                compare: other.map(|name| self.at(name)),
+                params: params.clone(),
+            };
+            let report = operation.run(&Context::default())?;
             let picture = ravec_media::read(&out, &crate::Limits::default()).unwrap();
             Ok((picture.convert(), report))
         }
@@ -597,10 +603,10 @@ mod tests {
             },
         ] {
             let error = studio.rendered("missing.off", None, &wrong).unwrap_err();
-            assert_eq!(error.exit_code(), 2, "{error}");
+            assert_eq!(error.kind(), ErrorKind::Request, "{error}");
         }
         let error = studio.rendered("missing.off", None, &small()).unwrap_err();
-        assert_eq!(error.exit_code(), 3, "{error}");
+        assert_eq!(error.kind(), ErrorKind::Input, "{error}");
         let error = studio.rendered("none.off", None, &small()).unwrap_err();
         assert!(matches!(error, JobError::NoTriangles { .. }), "{error}");
     }

@@ -256,9 +256,11 @@ fn reasons(done: &SimplifyReport) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ErrorKind;
     use crate::mesh::{MeshTarget, read_mesh_file, write_mesh_file};
     use ravec::mesh::{CheckParams, TriMesh, check};
     use ravec::mesh_io::{MeshFormat, MeshLimits};
+    use ravec::progress::Progress;
     use ravec_scenes::solids::{cylinder, sheet, torus};
 
     fn simplified(mesh: &TriMesh, params: &Params) -> (TriMesh, Report) {
@@ -266,9 +268,18 @@ mod tests {
         let (input, output) = (folder.path().join("a.off"), folder.path().join("b.ply"));
         let (target, progress) = (MeshTarget::new(MeshFormat::Off), Progress::none());
         write_mesh_file(&input, mesh, &target, &progress).unwrap();
-        let report = run(&MeshSource::new(input), &output, params, &progress).unwrap();
+        let report = run(&input, &output, params).unwrap();
         let file = read_mesh_file(&output, &MeshLimits::default(), &progress).unwrap();
         (file.mesh, report)
+    }
+
+    fn run(input: &Path, output: &Path, params: &Params) -> Result<Report, JobError> {
+        let operation = Simplify {
+            input: input.to_path_buf(),
+            output: output.to_path_buf(),
+            params: params.clone(),
+        };
+        operation.run(&Context::default())
     }
 
     #[test]
@@ -310,7 +321,7 @@ mod tests {
         assert!(mesh.triangles().len() > 4);
         assert_eq!(report.figures["target_reached"], 0.0);
         assert!(
-            report.warnings[0].contains("--feature-angle"),
+            report.warnings[0].contains("`feature_angle`"),
             "{:?}",
             report.warnings
         );
@@ -328,7 +339,7 @@ mod tests {
 
     #[test]
     fn parameters_out_of_range_are_refused_before_reading() {
-        let nowhere = MeshSource::new("does/not/exist.stl");
+        let nowhere = PathBuf::from("does/not/exist.stl");
         let good = Params {
             triangles: Some(10),
             ..Params::default()
@@ -356,12 +367,12 @@ mod tests {
                 ..good.clone()
             },
         ] {
-            let error = run(&nowhere, Path::new("a.off"), &wrong, &Progress::none());
-            assert_eq!(error.unwrap_err().exit_code(), 2);
+            let error = run(&nowhere, Path::new("a.off"), &wrong);
+            assert_eq!(error.unwrap_err().kind(), ErrorKind::Request);
         }
-        let error = run(&nowhere, Path::new("a.png"), &good, &Progress::none());
-        assert_eq!(error.unwrap_err().exit_code(), 2);
-        let error = run(&nowhere, Path::new("a.off"), &good, &Progress::none());
-        assert_eq!(error.unwrap_err().exit_code(), 3);
+        let error = run(&nowhere, Path::new("a.png"), &good);
+        assert_eq!(error.unwrap_err().kind(), ErrorKind::Request);
+        let error = run(&nowhere, Path::new("a.off"), &good);
+        assert_eq!(error.unwrap_err().kind(), ErrorKind::Input);
     }
 }

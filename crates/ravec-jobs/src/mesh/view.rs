@@ -222,7 +222,13 @@ mod tests {
     #[test]
     fn planes_are_found_on_the_mesh() {
         let mesh = cuboid([2.0, 4.0, 6.0].into()).mesh;
-        let mesh_at = |text: &str| text.parse::<Cut>().unwrap().plane(&mesh).unwrap();
+        let mesh_at = |text: &str| {
+            text.parse::<Cut>()
+                .unwrap()
+                .plane(&mesh, None)
+                .unwrap()
+                .unwrap()
+        };
         for (text, normal, offset) in [
             ("x", DVec3::X, 0.0),
             ("z=25%", DVec3::Z, -1.5),
@@ -236,7 +242,8 @@ mod tests {
             assert_eq!(cut.to_string().parse(), Ok(cut), "{text}");
         }
         let nowhere: Cut = "x".parse().unwrap();
-        assert_eq!(nowhere.plane(&TriMesh::default()), None);
+        let none = TriMesh::default();
+        assert_eq!(nowhere.plane(&none, None).unwrap(), None);
         for wrong in ["", "w", "x=", "0,0,0", "1,2=3", "--x", "x=1=2"] {
             assert_eq!(wrong.parse::<Cut>(), Err(CutError), "{wrong}");
         }

@@ -64,10 +64,10 @@ mod tests {
         let mesh = TriMesh::new(positions, vec![[0, 1, 2], [1, 3, 2]]).unwrap();
         let mut report = Report::new("test", &());
         let progress = Progress::none();
-        let same = welded(mesh.clone(), None, &mut report, &progress).unwrap();
+        let same = welded(mesh.clone(), None, None, &mut report, &progress).unwrap();
         assert_eq!(same, mesh);
         let tolerance = Some(Length::Percent(1.0));
-        let result = welded(mesh, tolerance, &mut report, &progress).unwrap();
+        let result = welded(mesh, tolerance, None, &mut report, &progress).unwrap();
         assert_eq!(result.triangles(), [[0, 1, 2]]);
         assert_eq!(report.figures["welded_vertices"], 1.0);
         assert_eq!(report.figures["collapsed_triangles"], 1.0);

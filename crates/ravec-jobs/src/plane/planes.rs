@@ -229,6 +229,15 @@ mod tests {
     use ravec_scenes::building::building;
     use ravec_scenes::damage::add_gaussian_noise;
 
+    fn run(input: &Path, output: Option<&Path>, params: &Params) -> Result<Report, JobError> {
+        let operation = Planes {
+            input: input.to_path_buf(),
+            output: output.map(Path::to_path_buf),
+            params: params.clone(),
+        };
+        operation.run(&Context::default())
+    }
+
     #[test]
     fn both_walls_of_a_building_are_proposed_and_its_focal_length_is_found() {
         let folder = tempfile::tempdir().unwrap();
@@ -239,8 +248,8 @@ mod tests {
         let picture = Picture::from_image(AnyImage::from(image));
         ravec_media::write(&path, &picture, &WriteOptions::default()).unwrap();
         let drawn = folder.path().join("drawn.png");
-        let source = Source::new(&path);
-        let report = run(&source, Some(&drawn), &Params::default(), &Progress::none()).unwrap();
+        let source = path.clone();
+        let report = run(&source, Some(&drawn), &Params::default()).unwrap();
         assert!(
             (report.figures["focal_px"] / truth.focal_px - 1.0).abs() < 0.05,
             "{:?}",
@@ -263,13 +272,7 @@ mod tests {
         }
         assert!(drawn.exists());
         let listed = folder.path().join("planes.JSON");
-        let report = run(
-            &source,
-            Some(&listed),
-            &Params::default(),
-            &Progress::none(),
-        )
-        .unwrap();
+        let report = run(&source, Some(&listed), &Params::default()).unwrap();
         let text = std::fs::read_to_string(&listed).unwrap();
         assert_eq!(serde_json::from_str::<Value>(&text).unwrap(), result);
         assert_eq!(report.outputs[0].format, "JSON");
@@ -282,15 +285,15 @@ mod tests {
         let even = Image::new(Size::new(90, 70).unwrap(), Srgb([90u8; 3]));
         let picture = Picture::from_image(AnyImage::from(even));
         ravec_media::write(&path, &picture, &WriteOptions::default()).unwrap();
-        let source = Source::new(&path);
-        let report = run(&source, None, &Params::default(), &Progress::none()).unwrap();
+        let source = path.clone();
+        let report = run(&source, None, &Params::default()).unwrap();
         assert_eq!(report.figures["planes"], 0.0);
         assert_eq!(report.result.unwrap()["focal_px"], Value::Null);
         let params = Params {
             most: 0,
             ..Params::default()
         };
-        let error = run(&source, None, &params, &Progress::none()).unwrap_err();
+        let error = run(&source, None, &params).unwrap_err();
         assert!(matches!(error, JobError::Parameter { .. }), "{error}");
     }
 }

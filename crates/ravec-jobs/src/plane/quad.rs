@@ -262,13 +262,13 @@ mod tests {
         ] {
             let error = check(text).unwrap_err();
             assert!(
-                matches!(error, JobError::Quad { .. }) && error.exit_code() == 2,
+                matches!(error, JobError::Quad { .. }) && error.kind() == crate::ErrorKind::Request,
                 "{error}"
             );
         }
         let error = check("110,10,190,12,188,70,109,60").unwrap_err();
         assert!(
-            matches!(error, JobError::Outside { .. }) && error.exit_code() == 2,
+            matches!(error, JobError::Outside { .. }) && error.kind() == crate::ErrorKind::Request,
             "{error}"
         );
     }

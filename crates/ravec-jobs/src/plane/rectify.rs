@@ -320,10 +320,20 @@ fn settled(image: &Image<PremulLinearRgba>) -> Image<LinearRgba> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ErrorKind;
     use ravec::raster::{AnyImage, Srgb};
 
+    fn run(input: &Path, output: &Path, params: &Params) -> Result<Report, JobError> {
+        let operation = Rectify {
+            input: input.to_path_buf(),
+            output: output.to_path_buf(),
+            params: params.clone(),
+        };
+        operation.run(&Context::default())
+    }
+
     /// A picture of 200 × 150 with a red field in a quadrilateral that is a square on its plane, on gray.
-    fn photo(folder: &Path) -> Source {
+    fn photo(folder: &Path) -> PathBuf {
         let quad = quad().0;
         let unit_from_image = ravec::planar::Homography::from_unit_square(quad)
             .unwrap()
@@ -336,7 +346,7 @@ mod tests {
         let path = folder.join("photo.png");
         let picture = Picture::from_image(AnyImage::from(image));
         ravec_media::write(&path, &picture, &WriteOptions::default()).unwrap();
-        Source::new(path)
+        path
     }
 
     fn quad() -> Quad {
@@ -353,7 +363,7 @@ mod tests {
             width: Some(80),
             ..Params::new(quad())
         };
-        let report = run(&photo, &output, &params, &Progress::none()).unwrap();
+        let report = run(&photo, &output, &params).unwrap();
         let found = ravec_media::read(&output, &ravec_media::Limits::default()).unwrap();
         let AnyImage::Srgb8(image) = found.image else {
             panic!("opaque pictures stay opaque");
@@ -375,7 +385,7 @@ mod tests {
             focal: Some(Focal::Pixels(300.0)),
             ..Params::new(quad())
         };
-        run(&photo, &output, &params, &Progress::none()).unwrap();
+        run(&photo, &output, &params).unwrap();
         let found = ravec_media::read(&output, &ravec_media::Limits::default()).unwrap();
         let AnyImage::Srgba8(image) = found.image else {
             panic!("there are places that the picture does not show");
@@ -385,7 +395,7 @@ mod tests {
             beyond: Outside::Extended,
             ..params
         };
-        run(&photo, &output, &extended, &Progress::none()).unwrap();
+        run(&photo, &output, &extended).unwrap();
         let found = ravec_media::read(&output, &ravec_media::Limits::default()).unwrap();
         assert!(!found.image.has_alpha());
     }
@@ -395,8 +405,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let photo = photo(folder.path());
         let output = folder.path().join("out.png");
-        let refused =
-            |params: Params| run(&photo, &output, &params, &Progress::none()).unwrap_err();
+        let refused = |params: Params| run(&photo, &output, &params).unwrap_err();
         let crossing: Quad = "50,30,150,130,160,20,60,110".parse().unwrap();
         assert!(matches!(
             refused(Params::new(crossing)),
@@ -410,7 +419,7 @@ mod tests {
         let parallel: Quad = "50,30,150,30,180,110,20,110".parse().unwrap();
         let error = refused(Params::new(parallel));
         assert!(
-            matches!(error, JobError::Proportions { .. }) && error.exit_code() == 1,
+            matches!(error, JobError::Proportions { .. }) && error.kind() == ErrorKind::Failure,
             "{error}"
         );
         let margin = Params {
@@ -422,7 +431,7 @@ mod tests {
             width: Some(65535),
             ..Params::new(quad())
         };
-        assert!(matches!(refused(large), JobError::Parameter { .. }));
+        assert!(matches!(refused(large), JobError::ResultSize { .. }));
         assert!(!output.exists());
     }
 }

@@ -194,11 +194,21 @@ impl Operation for Snap {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ErrorKind;
     use ravec::raster::{AnyImage, Size, Srgb};
     use ravec_media::Picture;
 
+    fn run(input: &Path, output: Option<&Path>, params: &Params) -> Result<Report, JobError> {
+        let operation = Snap {
+            input: input.to_path_buf(),
+            output: output.map(Path::to_path_buf),
+            params: params.clone(),
+        };
+        operation.run(&Context::default())
+    }
+
     /// Fields of 20 × 20 pixels, 5 × 4 of them from (30, 30) on.
-    fn photo(folder: &Path) -> Source {
+    fn photo(folder: &Path) -> PathBuf {
         let image: Image<Srgb<u8>> = Image::from_fn(Size::new(160, 140).unwrap(), |col, row| {
             let inside = (30..130).contains(&col) && (30..110).contains(&row);
             let light = ((col + 70) / 20 + (row + 70) / 20) % 2 == 0;
@@ -207,7 +217,7 @@ mod tests {
         let path = folder.join("photo.png");
         let picture = Picture::from_image(AnyImage::from(image));
         ravec_media::write(&path, &picture, &WriteOptions::default()).unwrap();
-        Source::new(path)
+        path
     }
 
     #[test]
@@ -219,7 +229,7 @@ mod tests {
             grid: "5x4".parse().ok(),
             ..Params::new("27,32,133,28,131,113,28,107".parse().unwrap())
         };
-        let report = run(&photo, Some(&output), &params, &Progress::none()).unwrap();
+        let report = run(&photo, Some(&output), &params).unwrap();
         let result = report.result.unwrap();
         let truth = [[30.0, 30.0], [130.0, 30.0], [130.0, 110.0], [30.0, 110.0]];
         for (corner, truth) in result["quad"].as_array().unwrap().iter().zip(truth) {
@@ -246,7 +256,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let photo = photo(folder.path());
         let params = Params::new("27,32,133,28,131,113,28,107".parse().unwrap());
-        let report = run(&photo, None, &params, &Progress::none()).unwrap();
+        let report = run(&photo, None, &params).unwrap();
         let result = report.result.unwrap();
         assert_eq!(
             (&result["columns"], &result["rows"]),
@@ -263,16 +273,16 @@ mod tests {
         let picture = Picture::from_image(AnyImage::from(even));
         ravec_media::write(&path, &picture, &WriteOptions::default()).unwrap();
         let params = Params::new("27,32,133,28,131,113,28,107".parse().unwrap());
-        let error = run(&Source::new(&path), None, &params, &Progress::none()).unwrap_err();
+        let error = run(&path.clone(), None, &params).unwrap_err();
         assert!(
-            matches!(error, JobError::NoSnap { .. }) && error.exit_code() == 1,
+            matches!(error, JobError::NoSnap { .. }) && error.kind() == ErrorKind::Failure,
             "{error}"
         );
         let wild = Params {
             reach: f64::NAN,
             ..params
         };
-        let error = run(&Source::new(&path), None, &wild, &Progress::none()).unwrap_err();
+        let error = run(&path.clone(), None, &wild).unwrap_err();
         assert!(matches!(error, JobError::Parameter { .. }), "{error}");
     }
 }

@@ -7,6 +7,7 @@ pub use size::SizeSpec;
 use crate::context::Context;
 use crate::error::JobError;
 use crate::files;
+use crate::mask::read_mask;
 use crate::operation::{Operation, paths};
 use crate::plane::{draw_line, line_width};
 use crate::report::Report;
@@ -240,7 +241,7 @@ impl Operation for Retarget {
         let size = picture.image.size();
         let sizes = self.sizes(&picture, context)?;
         let mut read = |path: Option<&PathBuf>| {
-            path.map(|path| files::read_mask(path, input, size, &mut report, context))
+            path.map(|path| read_mask(path, input, size, &mut report, context))
                 .transpose()
         };
         let (protect, give_way) = (read(self.protect.as_ref())?, read(self.give_way.as_ref())?);
@@ -411,16 +412,41 @@ pub fn with_grid(deformation: &Deformation, mut image: Image<LinearRgba>) -> Ima
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ErrorKind;
     use ravec::raster::Srgb;
     use ravec_media::Picture;
 
-    fn write(folder: &Path, name: &str, image: impl Into<AnyImage>) -> Source {
+    fn write(folder: &Path, name: &str, image: impl Into<AnyImage>) -> PathBuf {
         let path = folder.join(name);
         ravec_media::write(&path, &Picture::from_image(image), &WriteOptions::default()).unwrap();
-        Source::new(path)
+        path
     }
 
-    fn folder() -> (tempfile::TempDir, Source) {
+    /// Files of [`run`] beside the picture.
+    #[derive(Default)]
+    struct Extras {
+        protect: Option<PathBuf>,
+        show_grid: Option<PathBuf>,
+    }
+
+    fn run(
+        input: &Path,
+        output: &Path,
+        extras: &Extras,
+        params: &Params,
+    ) -> Result<Report, JobError> {
+        let operation = Retarget {
+            input: input.to_path_buf(),
+            output: output.to_path_buf(),
+            protect: extras.protect.clone(),
+            give_way: None,
+            show_grid: extras.show_grid.clone(),
+            params: params.clone(),
+        };
+        operation.run(&Context::default())
+    }
+
+    fn folder() -> (tempfile::TempDir, PathBuf) {
         let folder = tempfile::tempdir().unwrap();
         let image = Image::from_fn(Size::new(120, 80).unwrap(), |col, row| {
             let r = (col as f64 - 60.0).hypot(row as f64 - 40.0);
@@ -451,13 +477,15 @@ mod tests {
         };
         let params = params(&["60x80", "75%x100%", "x40"]);
         let output = folder.path().join("out-{size}.png");
-        let report = run(&input, &output, &extras, &params, &Progress::none()).unwrap();
+        let report = run(&input, &output, &extras, &params).unwrap();
         assert_eq!(report.outputs.len(), 6);
         assert_eq!(report.result.as_ref().unwrap().as_array().unwrap().len(), 3);
         assert!(report.figures["least_area"] > 0.0);
         for (name, width, height) in [("60x80", 60, 80), ("90x80", 90, 80), ("120x40", 120, 40)] {
             let path = folder.path().join(format!("out-{name}.png"));
-            let found = ravec_media::read(&path, &input.limits).unwrap().image;
+            let found = ravec_media::read(&path, &ravec_media::Limits::default())
+                .unwrap()
+                .image;
             assert_eq!(found.size(), Size::new(width, height).unwrap());
             assert!(matches!(found, AnyImage::Srgb16(_)));
             let svg = std::fs::read_to_string(folder.path().join(format!("grid-{name}.svg")));
@@ -478,33 +506,24 @@ mod tests {
             ..Extras::default()
         };
         let output = folder.path().join("out.png");
-        let none = Progress::none();
-        let error = run(&input, &output, &extras, &params(&["60x80"]), &none).unwrap_err();
-        assert_eq!(error.exit_code(), 3);
+        let error = run(&input, &output, &extras, &params(&["60x80"])).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::Input);
         let two = run(
             &input,
             &output,
             &Extras::default(),
             &params(&["60x80", "50%"]),
-            &none,
         )
         .unwrap_err();
-        assert_eq!(two.exit_code(), 2);
+        assert_eq!(two.kind(), ErrorKind::Request);
         assert!(two.to_string().contains("{size}"), "{two}");
-        let far = run(
-            &input,
-            &output,
-            &Extras::default(),
-            &params(&["1x80"]),
-            &none,
-        )
-        .unwrap_err();
-        assert_eq!(far.exit_code(), 2);
+        let far = run(&input, &output, &Extras::default(), &params(&["1x80"])).unwrap_err();
+        assert_eq!(far.kind(), ErrorKind::Request);
         assert!(!output.exists());
     }
 
     #[test]
-    fn flags_out_of_range_are_named() {
+    fn parameters_out_of_range_are_named() {
         let (folder, input) = folder();
         let output = folder.path().join("out.png");
         let wrong = [
@@ -513,56 +532,49 @@ mod tests {
                     grid: 1,
                     ..params(&["50%"])
                 },
-                "--grid",
+                "`grid`",
             ),
             (
                 Params {
                     saliency: 2.0,
                     ..params(&["50%"])
                 },
-                "--saliency",
+                "`saliency`",
             ),
             (
                 Params {
                     lines: f64::NAN,
                     ..params(&["50%"])
                 },
-                "--lines",
+                "`lines`",
             ),
             (
                 Params {
                     object_scale: 9.0,
                     ..params(&["50%"])
                 },
-                "--object-scale",
+                "`object_scale`",
             ),
             (
                 Params {
                     crop: 0.9,
                     ..params(&["50%"])
                 },
-                "--crop",
+                "`crop`",
             ),
             (
                 Params {
                     quality: 0,
                     ..params(&["50%"])
                 },
-                "--quality",
+                "`quality`",
             ),
-            (params(&[]), "--size"),
+            (params(&[]), "`sizes`"),
         ];
-        for (params, flag) in wrong {
-            let error = run(
-                &input,
-                &output,
-                &Extras::default(),
-                &params,
-                &Progress::none(),
-            )
-            .unwrap_err();
-            assert!(error.to_string().contains(flag), "{error}");
-            assert_eq!(error.exit_code(), 2);
+        for (params, field) in wrong {
+            let error = run(&input, &output, &Extras::default(), &params).unwrap_err();
+            assert!(error.to_string().contains(field), "{error}");
+            assert_eq!(error.kind(), ErrorKind::Request);
         }
     }
 }

@@ -1,10 +1,10 @@
 //! The chains that boundary edges form.
 
+use ravec_numeric::DisjointSets;
 use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::adjacency::DisjointSets;
 use crate::{Adjacency, TriMesh};
 
 /// A chain of boundary edges: the rim of a hole or of a sheet.

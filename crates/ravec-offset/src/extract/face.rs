@@ -1,14 +1,14 @@
-//! The squares in which leaves touch.
+//! Faces between leaves.
 
 use glam::DVec3;
 use ravec_octree::{CellKey, Frame};
 
-/// The share of a face's side that a dual edge, or a vertex in the face, keeps away from the face's border.
+/// Share of the side of a face that a dual edge, or a vertex in the face, keeps from its border.
 const FACE_MARGIN: f64 = 1e-7;
 
 /// The square in which two leaves touch.
 pub(super) struct Face {
-    /// The axis across it.
+    /// The axis across the face.
     pub axis: usize,
     pub low: DVec3,
     pub high: DVec3,
@@ -36,7 +36,7 @@ impl Face {
         Self { axis, low, high }
     }
 
-    /// The face without its border.
+    /// Returns the face without its border.
     fn inner(&self) -> [DVec3; 2] {
         let mut margin = FACE_MARGIN * (self.high - self.low);
         margin[self.axis] = 0.0;
@@ -55,7 +55,7 @@ impl Face {
         p.cmpge(low).all() && p.cmple(high).all()
     }
 
-    /// The point of the face that is nearest to `p`, some way from its border.
+    /// Returns the point of the face nearest to `p`, at a distance from its border.
     pub fn clamp(&self, p: DVec3, margin: f64) -> DVec3 {
         let mut margin = DVec3::splat(margin);
         margin[self.axis] = 0.0;

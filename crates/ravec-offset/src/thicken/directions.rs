@@ -1,34 +1,34 @@
-//! Which way each corner of a sheet is moved to get its front skin.
+//! Directions in which the corners of a sheet move to its front skin.
 //!
-//! Where the sheet is smooth, all triangles at a vertex move it the same way, along their mean normal; at creases each smooth
-//! part has its own direction, and what opens between them is filled by `slab`. So a fine scan needs one prism for each
-//! triangle and nothing between them.
+//! Where the sheet is smooth, all triangles at a vertex move it along their mean normal; at creases each smooth part has its
+//! own direction, and `slab` fills the gap between them. So a fine scan needs one prism per triangle and nothing between them.
 //!
-//! Guarantees: where corners share a direction, the moved triangle keeps its height above the old one within the slack, and
-//! nowhere does a triangle turn over on its way.
+//! Guarantees: where corners share a direction, the moved triangle keeps its height above the original within the slack, and no
+//! triangle turns over on its way.
 
 use glam::{DMat3, DVec3};
 use ravec_mesh::{Adjacency, TriMesh};
+use ravec_numeric::DisjointSets;
 use ravec_progress::{Cancelled, Progress};
 
-/// The share of its area, seen along the normal, that a triangle must keep on its way: less means it is about to turn over.
-const LEAST_AREA: f64 = 0.1;
+/// Share of its area, projected along the normal, that a triangle must keep on its way: with less, it is about to turn over.
+const MIN_AREA: f64 = 0.1;
 
-/// How strongly miters are drawn to the mean normal, and how long they may get.
+/// Damping of miters towards the mean normal, and their maximum length.
 const MITER_DAMPING: f64 = 1e-4;
 const LONGEST_MITER: f64 = 3.0;
 
-/// Openings below this, sines of angles, are none.
-const LEAST_OPENING: f64 = 1e-9;
+/// Smallest opening of a hinge, as the sine of an angle; smaller ones count as none.
+const MIN_OPENING: f64 = 1e-9;
 
 /// A sheet with the directions of its corners.
 pub(super) struct Directed<'a> {
     pub sheet: &'a TriMesh,
     pub adjacency: &'a Adjacency,
     pub normals: Vec<DVec3>,
-    /// By triangle and corner; not quite of unit length, so that smooth parts keep their height.
+    /// Directions by triangle and corner; not exactly unit vectors, so that smooth parts keep their height.
     pub of_corner: Vec<[DVec3; 3]>,
-    /// By vertex, the way to the common corner of all triangles a unit above: across creases as well.
+    /// Displacement by vertex to the common corner of all triangles at unit height, also across creases.
     pub of_vertex: Vec<DVec3>,
 }
 
@@ -41,7 +41,8 @@ pub(super) struct Hinge {
 }
 
 impl<'a> Directed<'a> {
-    /// The directions for moves by up to `height`, off by `slack` at most; no triangle may be without area.
+    /// Computes the directions for displacements up to `height` with an error of at most `slack`; all triangles must have an
+    /// area.
     pub fn new(
         sheet: &'a TriMesh,
         adjacency: &'a Adjacency,
@@ -69,23 +70,23 @@ impl<'a> Directed<'a> {
             .collect::<Result<_, Cancelled>>()?;
         // of a direction scaled for the middle of its heights, these are off by (1 - c) / (1 + c)
         let share = (slack / height).min(0.2);
-        let least_cosine = (1.0 - share) / (1.0 + share);
+        let min_cosine = (1.0 - share) / (1.0 + share);
         for v in 0..sheet.positions().len() as u32 {
             progress.check()?;
-            directed.smooth(v, least_cosine);
+            directed.smooth(v, min_cosine);
         }
         directed.sharpen(height, progress)?;
         Ok(directed)
     }
 
-    /// The direction of a triangle at one of its vertices.
+    /// Returns the direction of a triangle at one of its vertices.
     pub fn at(&self, triangle: u32, vertex: u32) -> DVec3 {
         let corners = self.sheet.triangles()[triangle as usize];
         let corner = corners.iter().position(|&c| c == vertex);
         self.of_corner[triangle as usize][corner.expect("the vertex is one of the triangle's")]
     }
 
-    /// The triangles at an edge, if there are two and they run along it in opposite directions.
+    /// Returns the triangles at an edge, if there are two with opposite directions along it.
     pub fn hinge(&self, edge: u32) -> Option<Hinge> {
         match self.adjacency.uses(edge) {
             [a, b] if a.forward != b.forward => {
@@ -100,13 +101,13 @@ impl<'a> Directed<'a> {
         }
     }
 
-    /// How far the surface opens at both ends of a hinge: above 0 where it is convex.
+    /// Returns the openings at both ends of a hinge: positive where it is convex.
     pub fn openings(&self, hinge: Hinge) -> [f64; 2] {
         let [a, b] = hinge.ends.map(|v| self.sheet.positions()[v as usize]);
         hinge.ends.map(|v| {
             let [from, to] = [self.at(hinge.left, v), self.at(hinge.right, v)];
             let opening = from.cross(to).dot((b - a).normalize_or_zero());
-            if opening.abs() < LEAST_OPENING {
+            if opening.abs() < MIN_OPENING {
                 0.0
             } else {
                 opening
@@ -114,12 +115,12 @@ impl<'a> Directed<'a> {
         })
     }
 
-    /// Gives the triangles of each smooth part at a vertex one direction.
-    fn smooth(&mut self, v: u32, least_cosine: f64) {
+    /// Assigns one direction to the triangles of each smooth part at a vertex.
+    fn smooth(&mut self, v: u32, min_cosine: f64) {
         let around = self.adjacency.triangles_at(v);
         // across a crease of twice the angle, the mean may still be within the angle of both
-        let hinge_cosine = 2.0 * least_cosine * least_cosine - 1.0;
-        for limit in [hinge_cosine, least_cosine] {
+        let hinge_cosine = 2.0 * min_cosine * min_cosine - 1.0;
+        for limit in [hinge_cosine, min_cosine] {
             let parts = self.parts_at(v, around, limit);
             let mut means = vec![DVec3::ZERO; around.len()];
             let mut sizes = vec![0; around.len()];
@@ -135,26 +136,20 @@ impl<'a> Directed<'a> {
                 least[part] = least[part].min(cosine);
             }
             for (&t, &part) in around.iter().zip(&parts) {
-                if least[part] >= least_cosine && sizes[part] > 1 {
+                if least[part] >= min_cosine && sizes[part] > 1 {
                     let scale = 2.0 / (1.0 + least[part]);
                     self.set(t, v, scale * means[part].normalize_or_zero());
                 }
             }
-            if parts.iter().all(|&part| least[part] >= least_cosine) {
+            if parts.iter().all(|&part| least[part] >= min_cosine) {
                 break;
             }
         }
     }
 
-    /// For each triangle at a vertex, the first one that is joined to it by hinges flatter than a limit.
-    fn parts_at(&self, v: u32, around: &[u32], least_cosine: f64) -> Vec<usize> {
-        let mut parents: Vec<usize> = (0..around.len()).collect();
-        let root = |parents: &[usize], mut at: usize| {
-            while parents[at] != at {
-                at = parents[at];
-            }
-            at
-        };
+    /// Returns, for each triangle at a vertex, the first one that is connected to it by hinges flatter than a limit.
+    fn parts_at(&self, v: u32, around: &[u32], min_cosine: f64) -> Vec<usize> {
+        let mut sets = DisjointSets::new(around.len());
         for (place, &t) in around.iter().enumerate() {
             for edge in (0..3).filter_map(|side| self.adjacency.edge_of(t, side)) {
                 let Some(hinge) = self.hinge(edge).filter(|hinge| hinge.ends.contains(&v)) else {
@@ -164,19 +159,17 @@ impl<'a> Directed<'a> {
                 let cosine = self.normals[left as usize].dot(self.normals[right as usize]);
                 let other = if left == t { right } else { left };
                 // the triangles at a vertex ascend
-                if let (Ok(other), true) = (around.binary_search(&other), cosine >= least_cosine) {
-                    let (a, b) = (root(&parents, place), root(&parents, other));
-                    parents[a.max(b)] = a.min(b);
+                if let (Ok(other), true) = (around.binary_search(&other), cosine >= min_cosine) {
+                    sets.join(place as u32, other as u32);
                 }
             }
         }
-        for place in 0..parents.len() {
-            parents[place] = root(&parents, place);
-        }
-        parents
+        (0..around.len() as u32)
+            .map(|place| sets.root(place) as usize)
+            .collect()
     }
 
-    /// The way to where the planes a unit above all triangles at a vertex meet, as well as they do.
+    /// Returns the least-squares intersection of the planes at unit height above all triangles at a vertex.
     fn miter(&self, v: u32) -> DVec3 {
         let mut matrix = DMat3::ZERO;
         let mut right = DVec3::ZERO;
@@ -195,7 +188,7 @@ impl<'a> Directed<'a> {
         if trace <= 0.0 {
             return mean;
         }
-        // drawn to the mean where the planes do not say
+        // damped towards the mean where the planes leave freedom
         let damping = MITER_DAMPING * trace;
         matrix += DMat3::from_diagonal(DVec3::splat(damping));
         let miter = matrix.inverse() * (right + damping * mean);
@@ -223,7 +216,7 @@ impl<'a> Directed<'a> {
         }
     }
 
-    /// Takes directions apart where a triangle would turn over, or a hinge open at one end and close at the other.
+    /// Separates directions where a triangle would turn over, or a hinge would open at one end and close at the other.
     fn sharpen(&mut self, height: f64, progress: &Progress) -> Result<(), Cancelled> {
         loop {
             progress.check()?;
@@ -268,7 +261,7 @@ impl<'a> Directed<'a> {
             let [a, b, c] = [0, 1, 2].map(|i| places[i] + height * directions[i]);
             (b - a).cross(c - a).dot(normal)
         };
-        let least = LEAST_AREA * area(0.0);
+        let least = MIN_AREA * area(0.0);
         area(0.5 * height) >= least && area(height) >= least
     }
 }

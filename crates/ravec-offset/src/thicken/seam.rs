@@ -1,9 +1,9 @@
-//! The sheet itself put in the place of the skin that runs close above it.
+//! The seam: the sheet itself replaces the skin close above it.
 //!
-//! The surface of a slab that starts a little above a sheet has a lower skin that follows it. That skin is cut out, the sheet
-//! takes its place, and a narrow strip joins the boundary of the sheet to that of the cut. The cut runs along the boundary
-//! lifted to where the slab starts, and is put there, so that the strip stands upright; its triangles go from each
-//! edge of one to the nearest corner of the other.
+//! The surface of a slab that starts slightly above a sheet has a lower skin that follows the sheet. That skin is cut out, the
+//! sheet takes its place, and a narrow strip joins the boundary of the sheet to that of the cut. The cut follows the lifted
+//! boundary of the sheet and is moved onto it, so that the strip is upright; its triangles connect each edge of one boundary to
+//! the nearest corner of the other.
 //!
 //! Does not guarantee anything about the strip: the caller checks the whole, exactly.
 
@@ -12,20 +12,20 @@ use glam::DVec3;
 use ravec_mesh::{Bvh, ClosestOnTriangle, TriMesh, closest_on_triangle};
 use rustc_hash::{FxHashMap, FxHashSet};
 
-/// Steps along the cut, in edges of the boundary, that are none.
-const LEAST_STEP: f64 = 1e-6;
+/// Smallest step along the cut, in edges of the boundary.
+const MIN_STEP: f64 = 1e-6;
 
-/// A sheet sewn to the rest of its solid.
+/// A sheet joined to the rest of its solid.
 pub(super) struct Sewn {
-    /// The sheet's triangles first, then the strip, then what was kept of the surface.
+    /// The triangles of the sheet, then the strip, then the kept part of the surface.
     pub mesh: TriMesh,
-    /// The triangles that the surface did not have as they are now: the strip, and those at the cut.
+    /// Triangles that the surface did not have in this form: the strip, and those at the cut.
     pub fresh: Vec<u32>,
 }
 
-/// The sheet, turned, with the strip and those triangles of a surface for which `is_kept` holds. Nothing if the boundary of
-/// the sheet and that of the kept part do not run along each other loop by loop. `lifted` are the sheet's vertices at the
-/// height of the cut; what of the cut is no farther than `reach` from where it should be is put there.
+/// Joins the reversed sheet, the strip and the triangles of a surface for which `is_kept` holds. Returns `None` if the
+/// boundaries of the sheet and the kept part do not match loop by loop. `lifted` are the vertices of the sheet at the height of
+/// the cut; vertices of the cut within `reach` of their position there are moved to it.
 pub(super) fn sew(
     sheet: &TriMesh,
     lifted: &[DVec3],
@@ -52,7 +52,7 @@ pub(super) fn sew(
         .collect();
     let start = triangles.len() as u32;
     let mut places = surface.positions().to_vec();
-    // where the cut runs back, its vertices become one
+    // vertices where the cut runs back are merged
     let mut merged: Vec<u32> = (0..places.len() as u32).collect();
     if !rims.is_empty() {
         let along = Along::new(lifted, &rims);
@@ -64,7 +64,7 @@ pub(super) fn sew(
             let mut at_ring: Vec<f64> = Vec::with_capacity(cut.len() + 1);
             for (i, (&v, place)) in cut.iter().zip(on_rim).enumerate() {
                 let is_near = places[v as usize].distance(place) <= reach;
-                let is_behind = i > 0 && params[i] - params[i - 1] <= LEAST_STEP;
+                let is_behind = i > 0 && params[i] - params[i - 1] <= MIN_STEP;
                 if let (true, true, Some(&last)) = (is_near, is_behind, ring.last()) {
                     merged[v as usize] = last;
                     continue;
@@ -99,7 +99,7 @@ pub(super) fn sew(
     })
 }
 
-/// The directed sides of triangles along which no other triangle runs the other way.
+/// Returns the directed sides of triangles without a triangle in the opposite direction.
 fn sides_alone(triangles: &[[u32; 3]]) -> Vec<[u32; 2]> {
     let mut sides: Vec<([u32; 2], bool)> = triangles
         .iter()
@@ -117,7 +117,7 @@ fn sides_alone(triangles: &[[u32; 3]]) -> Vec<[u32; 2]> {
         .collect()
 }
 
-/// Closed loops of directed sides; nothing if a vertex has several ways on, or none.
+/// Returns the closed loops of directed sides; `None` if a vertex has several continuations, or none.
 fn loops(sides: &[[u32; 2]]) -> Option<Vec<Vec<u32>>> {
     let next: FxHashMap<u32, u32> = sides.iter().map(|&[a, b]| (a, b)).collect();
     if next.len() != sides.len() {
@@ -144,11 +144,11 @@ fn loops(sides: &[[u32; 2]]) -> Option<Vec<Vec<u32>>> {
     Some(loops)
 }
 
-/// Where along the lifted boundary of a sheet places are.
+/// Parameters along the lifted boundary of a sheet.
 struct Along {
-    /// The boundary's edges, as triangles without area.
+    /// The edges of the boundary, as triangles without area.
     edges: Option<Bvh>,
-    /// Of each edge its loop and its place in it.
+    /// Loop and position in it, by edge.
     of_edge: Vec<(usize, u32)>,
     lengths: Vec<u32>,
 }
@@ -172,9 +172,8 @@ impl Along {
         }
     }
 
-    /// The loop that all places run along, and for each how many of its edges, and which share of the next, are behind it;
-    /// they ascend by the number of the loop's edges from the first place to the first again, which is added at the end. Then
-    /// the closest points themselves.
+    /// Returns the loop that all places follow, and for each place its parameter, in edges of the loop; parameters ascend from
+    /// the first place around to the first again, which is added at the end. Then the closest points themselves.
     fn params(&self, places: &[DVec3]) -> Option<(usize, Vec<f64>, Vec<DVec3>)> {
         let edges = self.edges.as_ref()?;
         let mut rim = None;
@@ -210,7 +209,7 @@ impl Along {
     }
 }
 
-/// Triangles between a loop of the sheet and one of the surface, whose vertices are numbered from `first`.
+/// Adds triangles between a loop of the sheet and one of the surface, whose vertices are numbered from `first`.
 fn strip(rim: &[u32], cut: &[u32], params: &[f64], first: u32, triangles: &mut Vec<[u32; 3]>) {
     let n = rim.len();
     // the vertex of the rim that is nearest along it to the first of the cut

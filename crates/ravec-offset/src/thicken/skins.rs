@@ -1,8 +1,8 @@
-//! Which triangles around a slab belong to its lower skin.
+//! Classification of the triangles around a slab into upper and lower skin.
 //!
-//! A triangle belongs to what faces most as it does, of all that it may stand for. At the edge between skin and wall that is
-//! a toss-up for small triangles, so islands are given to what is around them, and where the border between both would touch
-//! itself the lower skin gives way.
+//! A triangle belongs to the nearby polyhedron face with the most similar normal. At the edge between skin and wall this is
+//! ambiguous for small triangles, so islands join their surroundings, and the lower skin yields where the border between both
+//! would touch itself.
 
 use super::slab::Slab;
 use glam::DVec3;
@@ -10,11 +10,11 @@ use ravec_mesh::{Adjacency, Bvh, TriMesh};
 use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
 
-/// Rounds in which the lower skin may give way; more would eat it up.
-const MOST_ROUNDS: usize = 8;
+/// Bound on the rounds in which the lower skin yields; more would consume it.
+const MAX_ROUNDS: usize = 8;
 
-/// Of each triangle of the border of a slab, which is off by the tolerance at most, whether it belongs to the upper skin or
-/// to a wall. The lower skin has as many `parts` as the sheet.
+/// Returns, for each triangle of the border of a slab within the tolerance, whether it belongs to the upper skin or to a wall.
+/// The lower skin has as many `parts` as the sheet.
 pub(super) fn upper(
     surface: &TriMesh,
     slab: &Slab,
@@ -47,7 +47,7 @@ pub(super) fn upper(
         progress.check()?;
         give_up_islands(surface, &adjacency, &mut is_upper, side, parts);
     }
-    for _ in 0..MOST_ROUNDS {
+    for _ in 0..MAX_ROUNDS {
         progress.check()?;
         let pinched: Vec<u32> = (0..surface.positions().len() as u32)
             .into_par_iter()
@@ -64,12 +64,12 @@ pub(super) fn upper(
     Ok(is_upper)
 }
 
-/// The normal, as long as twice the area.
+/// Returns the normal with twice the area as its length.
 fn area_vector([a, b, c]: [DVec3; 3]) -> DVec3 {
     (b - a).cross(c - a)
 }
 
-/// How many edges at a vertex have the upper part on one side and the lower skin on the other.
+/// Counts the edges at a vertex between the upper part and the lower skin.
 fn changes_around(surface: &TriMesh, adjacency: &Adjacency, is_upper: &[bool], v: u32) -> usize {
     let around = adjacency.triangles_at(v);
     let first = around.first().map(|&t| is_upper[t as usize]);
@@ -90,7 +90,7 @@ fn changes_around(surface: &TriMesh, adjacency: &Adjacency, is_upper: &[bool], v
     sides.filter(is_change).count()
 }
 
-/// Leaves only the largest parts of one side.
+/// Keeps only the largest parts of one side.
 fn give_up_islands(
     surface: &TriMesh,
     adjacency: &Adjacency,

@@ -1,13 +1,13 @@
-//! The solid between two heights above a sheet, as polyhedra that may overlap.
+//! The slab: the solid between two heights above a sheet, as polyhedra that may overlap.
 //!
-//! Over each triangle stands a prism; at convex hinges a wedge turns from one prism to the next, and around vertices
-//! cones fill what is open. At concave hinges prisms overlap. All of them are closed and face outward, so a point is in the
-//! solid just where the winding number of all of them is above 0. What two of them share and face oppositely is left out.
+//! A prism stands over each triangle; at convex hinges a wedge turns from one prism to the next, and cones fill the openings
+//! around vertices. At concave hinges prisms overlap. All polyhedra are closed and face outward, so a point is in the solid if
+//! and only if their total winding number is positive. Faces that two of them share with opposite orientations are omitted.
 //!
-//! Guarantees: no point of the solid is farther than its upper height and the slack from the sheet. Does not guarantee: upright
-//! walls where a valley ends at the boundary; there a prism may stand out beyond the wall of its neighbor.
+//! Guarantees: no point of the solid is farther from the sheet than its upper height plus the slack. Does not guarantee:
+//! upright walls where a valley ends at the boundary; a prism may stick out of the wall of its neighbor there.
 //!
-//! Cost: two triangles for each of the sheet where it is smooth, and about 20 for each edge of a crease.
+//! Cost: two triangles per triangle of the sheet where it is smooth, and about 20 per edge of a crease.
 
 use super::directions::{Directed, Hinge};
 use glam::DVec3;
@@ -15,22 +15,21 @@ use ravec_mesh::TriMesh;
 use ravec_progress::{Cancelled, Progress};
 use rustc_hash::FxHashMap;
 
-/// Below this angle in radians directions are taken for the same.
-///
-/// What is left open then is a ten-millionth of the height wide; angles from dot products are no better than that.
-const LEAST_TURN: f64 = 1e-7;
+/// Angle in radians below which directions count as equal. The remaining gap is a ten-millionth of the height wide; angles from
+/// dot products are no more precise.
+const MIN_TURN: f64 = 1e-7;
 
 /// Polyhedra that may overlap.
 pub(super) struct Slab {
-    /// Their triangles, each with corners of its own.
+    /// Their triangles, each with its own corners.
     pub polyhedra: TriMesh,
-    /// Whether a triangle lies at the lower height.
+    /// For each triangle, whether it lies at the lower height.
     pub is_low: Vec<bool>,
     /// The vertices of the sheet at the lower height.
     pub lifted: Vec<DVec3>,
 }
 
-/// The polyhedra between two `heights` above a sheet; round parts fall short of the upper one by the slack at most.
+/// Builds the polyhedra between two `heights` above a sheet; round parts fall short of the upper height by at most the slack.
 pub(super) fn slab(
     directed: &Directed<'_>,
     heights: [f64; 2],
@@ -73,22 +72,22 @@ pub(super) fn slab(
     })
 }
 
-/// How directions turn at one end of a hinge.
+/// Directions that turn at one end of a hinge.
 struct Turn {
-    /// Seen from outside of the hinge from left to right.
+    /// From left to right, seen from outside of the hinge.
     directions: Vec<DVec3>,
-    /// Whether the hinge opens, so that a wedge ends here.
+    /// The hinge opens, so a wedge ends here.
     has_wedge: bool,
 }
 
 struct Builder<'a> {
     directed: &'a Directed<'a>,
     heights: [f64; 2],
-    /// The largest angle between neighboring directions of wedges and cones.
+    /// Largest angle between adjacent directions of wedges and cones.
     step: f64,
     positions: Vec<DVec3>,
     is_low: Vec<bool>,
-    /// By vertex, the turns at the ends of hinges.
+    /// Turns at the ends of hinges, by vertex.
     turns: FxHashMap<u32, Vec<Turn>>,
 }
 
@@ -104,7 +103,7 @@ impl Builder<'_> {
         }
     }
 
-    /// A patch at the upper height, counterclockwise seen from the front.
+    /// Adds a face at the upper height, counterclockwise seen from the front.
     fn top<const N: usize>(&mut self, at: [u32; N], directions: [DVec3; N]) {
         let corners: [DVec3; N] = std::array::from_fn(|k| self.high(at[k], directions[k]));
         for k in 1..N - 1 {
@@ -112,20 +111,20 @@ impl Builder<'_> {
         }
     }
 
-    /// A place above a vertex at the upper height.
+    /// Position over a vertex at the upper height.
     fn high(&self, vertex: u32, direction: DVec3) -> DVec3 {
         self.place(vertex) + self.heights[1] * direction
     }
 
-    /// The place above a vertex at the lower height.
+    /// Position over a vertex at the lower height.
     fn low(&self, vertex: u32) -> DVec3 {
         self.place(vertex) + self.heights[0] * self.directed.of_vertex[vertex as usize]
     }
 
-    /// A wall over an edge, seen from outside with `a` on the left.
+    /// Adds a wall over an edge, seen from outside with `a` on the left.
     ///
-    /// Directions may differ, so that a wall need not be flat. Those on both sides of a closing hinge bend the same way, as
-    /// there would be slits between them otherwise, as high as the solid.
+    /// Directions may differ, so a wall need not be flat. The walls on both sides of a closing hinge must bend the same way;
+    /// otherwise they would leave slits as high as the solid.
     fn wall(&mut self, [a, b]: [u32; 2], [da, db]: [DVec3; 2]) {
         let corners = [self.low(a), self.low(b), self.high(b, db), self.high(a, da)];
         let first = usize::from(a > b);
@@ -134,7 +133,7 @@ impl Builder<'_> {
         self.triangle([from, to, last], false);
     }
 
-    /// A wall over a vertex, seen from outside from left to right.
+    /// Adds a wall over a vertex, seen from outside from left to right.
     fn sector(&mut self, vertex: u32, turn: &[DVec3]) {
         let low = self.low(vertex);
         for pair in turn.windows(2) {
@@ -196,7 +195,7 @@ impl Builder<'_> {
         }
     }
 
-    /// What opens between two prisms; `alone` if their sides are there as well.
+    /// Fills the opening between two prisms; `alone` if their sides are present as well.
     fn wedge(&mut self, hinge: Hinge, alone: bool) {
         let ends = hinge.ends;
         let [from, to] =
@@ -204,7 +203,7 @@ impl Builder<'_> {
         let angle = (0..2)
             .map(|i| from[i].angle_between(to[i]))
             .fold(0.0, f64::max);
-        if angle < LEAST_TURN && !alone {
+        if angle < MIN_TURN && !alone {
             return;
         }
         let steps = (angle / self.step).ceil().max(1.0) as u32;
@@ -226,14 +225,14 @@ impl Builder<'_> {
         }
     }
 
-    /// Keeps the turns at both ends of a hinge for what is to be built around its vertices.
+    /// Records the turns at both ends of a hinge for the cones around its vertices.
     fn turns_of(&mut self, hinge: Hinge, has_wedge: bool) {
         let [from, to] =
             [hinge.left, hinge.right].map(|t| hinge.ends.map(|v| self.directed.at(t, v)));
         let angles = [0, 1].map(|i| from[i].angle_between(to[i]));
         // both ends of a wedge in the same steps
         let angle = angles[0].max(angles[1]);
-        if angle < LEAST_TURN {
+        if angle < MIN_TURN {
             return;
         }
         let steps = (angle / self.step).ceil().max(1.0) as u32;
@@ -252,12 +251,11 @@ impl Builder<'_> {
         }
     }
 
-    /// What is left open around a vertex: cones over those turns that run clockwise around the mean direction.
+    /// Fills the opening around a vertex: cones over the turns that run clockwise around the mean direction.
     ///
-    /// Beside a vertex, the pieces of its triangles are moved apart where hinges open, and into one another where they close. A
-    /// place above it is in one piece more than it is in of closing hinges, less the number of times that the turns of all
-    /// hinges go around it. So what is open lies within the turns, and a cone over each that goes around the right way holds
-    /// it, whether its hinge opens or closes.
+    /// At a vertex, the prisms of its triangles separate where hinges open and overlap where they close. A point above it lies
+    /// in one prism more than in closing hinges, minus the winding number of the turns of all hinges around it. So the opening
+    /// lies within the turns, and a cone over each clockwise turn covers it, whether its hinge opens or closes.
     fn vertex(&mut self, vertex: u32, turns: &[Turn]) {
         let directed = self.directed;
         let around = directed.adjacency.triangles_at(vertex);
@@ -266,7 +264,7 @@ impl Builder<'_> {
             .map(|&t| directed.at(t, vertex))
             .sum::<DVec3>()
             .normalize_or_zero();
-        // where the sheet ends, what closes leaves nothing open
+        // at the boundary of the sheet, closing hinges leave no opening
         let ends_there = (around.iter())
             .flat_map(|&t| (0..3).filter_map(move |side| directed.adjacency.edge_of(t, side)))
             .filter(|&edge| directed.adjacency.edges()[edge as usize].contains(&vertex))
@@ -274,7 +272,7 @@ impl Builder<'_> {
         // seen from outside a wedge its end runs clockwise around the cone
         let is_filled = |pair: &[DVec3]| {
             pair.iter().all(|direction| mean.dot(*direction) > 0.0)
-                && mean.dot(pair[1].cross(pair[0])) > LEAST_TURN * LEAST_TURN
+                && mean.dot(pair[1].cross(pair[0])) > MIN_TURN * MIN_TURN
         };
         let mut filled: Vec<(&[DVec3], bool)> = Vec::new();
         for turn in turns.iter().filter(|turn| turn.has_wedge || !ends_there) {
@@ -291,7 +289,7 @@ impl Builder<'_> {
             .map(|direction| direction.angle_between(mean))
             .fold(0.0, f64::max);
         let rings = (widest / self.step).ceil().max(1.0) as u32;
-        // how often a ray from the mean has a sector on its left less those on its right
+        // per ray from the mean: the number of sectors on its left minus those on its right
         let mut rays: FxHashMap<[u64; 3], (DVec3, i32)> = FxHashMap::default();
         for (pair, has_wedge) in filled {
             let (to, from) = (pair[0], pair[1]);
@@ -321,7 +319,7 @@ impl Builder<'_> {
     }
 }
 
-/// The directions on the way from one to another in equal steps.
+/// Returns the directions from one to another in equal steps.
 fn turn(from: DVec3, to: DVec3, steps: u32) -> Vec<DVec3> {
     let angle = from.angle_between(to);
     let sine = angle.sin();
@@ -330,7 +328,7 @@ fn turn(from: DVec3, to: DVec3, steps: u32) -> Vec<DVec3> {
         k if k == steps => to,
         k => {
             let share = f64::from(k) / f64::from(steps);
-            if sine < LEAST_TURN {
+            if sine < MIN_TURN {
                 from.lerp(to, share)
             } else {
                 (((1.0 - share) * angle).sin() * from + (share * angle).sin() * to) / sine

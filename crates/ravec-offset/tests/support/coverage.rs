@@ -1,8 +1,8 @@
-//! Whether an offset surface leaves out nothing: each point at the distance has to have some of the surface close by.
+//! Coverage of an offset surface: each point at the distance must have some of the surface close by.
 //!
 //! Runs along tracks over the faces, edges and vertices of the mesh, at the distance from them. A place on a track belongs
 //! to the true offset if nothing else is closer; where that begins or ends, a crest of the offset crosses the track, and its
-//! place is found by halving. So creases are judged as sharply as the smooth parts.
+//! place is found by halving. So creases are checked as strictly as the smooth parts.
 
 use super::sweep::{Piece, Tracks};
 use glam::{DVec3, IVec3};
@@ -14,11 +14,11 @@ use rayon::prelude::*;
 pub enum Part {
     /// All of it.
     All,
-    /// What can be reached from far away.
+    /// Points that can be reached from far away.
     Reachable,
-    /// What lies outside the solid and can be reached from far away.
+    /// Points outside the solid that can be reached from far away.
     Outside,
-    /// What lies inside the solid.
+    /// Points inside the solid.
     Inside,
 }
 
@@ -30,7 +30,7 @@ pub struct Truth<'a> {
     pub delta: f64,
     /// The distance of a point from the mesh.
     pub distance: &'a (dyn Fn(DVec3) -> f64 + Sync),
-    /// Whether a point is inside the solid; asked only for parts of a solid.
+    /// Returns whether a point is inside the solid; for parts of a solid only.
     pub is_inside: &'a (dyn Fn(DVec3) -> bool + Sync),
 }
 
@@ -38,17 +38,17 @@ pub struct Truth<'a> {
 #[derive(Debug, Clone, Copy)]
 pub struct Gap {
     pub at: DVec3,
-    /// How far from the surface.
+    /// Distance from the surface.
     pub miss: f64,
     pub piece: Piece,
     pub on_crest: bool,
-    /// How much farther from the mesh one can get from there, uphill.
+    /// Increase of the distance from the mesh along the uphill path.
     pub rise: f64,
-    /// Whether uphill leads far away; known for reachable parts only.
+    /// The uphill path leads far away; known for reachable parts only.
     pub is_reachable: bool,
 }
 
-/// What was found.
+/// Result.
 #[derive(Debug, Clone, Default)]
 pub struct Coverage {
     pub samples: usize,
@@ -138,7 +138,7 @@ impl Truth<'_> {
         1e-10 * self.delta + 1e-14 * size
     }
 
-    /// Whether a place lies on the side that is meant.
+    /// Returns whether a place lies on the requested side.
     fn is_on_side(&self, p: DVec3) -> bool {
         match self.part {
             Part::All | Part::Reachable => true,
@@ -273,7 +273,7 @@ impl Reach {
         }
     }
 
-    /// Whether a place far from the mesh is known to be reachable.
+    /// Returns whether a place far from the mesh is known to be reachable.
     fn holds(&self, p: DVec3) -> bool {
         let at = ((p - self.low) / self.cell).floor().as_ivec3();
         (0..8).any(|k| {

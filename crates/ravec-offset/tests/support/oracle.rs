@@ -20,13 +20,13 @@ impl Oracle {
         }
     }
 
-    /// How far `p` is from the triangles.
+    /// Returns the distance of `p` from the triangles.
     pub fn distance(&self, p: DVec3) -> f64 {
         let distance_sq = self.triangles.iter().map(|&t| distance_sq(p, t));
         distance_sq.fold(f64::INFINITY, f64::min).sqrt()
     }
 
-    /// How often the triangles wind around `p`: the sum of their solid angles (van Oosterom and Strackee, 1983).
+    /// Returns the winding number of the triangles around `p`: the sum of their solid angles (van Oosterom and Strackee, 1983).
     pub fn winding(&self, p: DVec3) -> f64 {
         let angle = |&[a, b, c]: &[DVec3; 3]| {
             let [a, b, c] = [a - p, b - p, c - p];

@@ -1,13 +1,13 @@
 //! Points at a distance from single triangles, edges and vertices, along lines and arcs.
 //!
-//! What is at distance δ from a mesh is part of what is at distance δ from its faces, edges and vertices, each by itself:
+//! The points at distance δ from a mesh are among the points at distance δ from its faces, edges and vertices, each by itself:
 //! planes, cylinders and spheres. A *track* runs over one of them, only where its neighbors do not hide it at once.
 
 use glam::DVec3;
 use ravec_mesh::{Adjacency, TriMesh, weld};
 use std::f64::consts::{PI, TAU};
 
-/// What a track runs over.
+/// Feature under a track.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Piece {
     Plane,

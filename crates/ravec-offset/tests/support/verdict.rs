@@ -1,4 +1,4 @@
-//! What every offset surface has to be: a solid, at the distance, everywhere.
+//! Requirements of every offset surface: a solid, at the distance, everywhere.
 
 use super::coverage::{Coverage, Part, Truth, coverage};
 use super::oracle::Oracle;
@@ -23,14 +23,17 @@ pub fn params(side: Side, distance: f64, tolerance: f64, simplify: bool) -> Offs
 /// # Panics
 /// If there is no offset or something is wrong with it; the message begins with `name`.
 pub fn sound_offset(name: &str, mesh: &TriMesh, params: &OffsetParams) -> (Offset, MeshCheck) {
-    match judged_offset(mesh, params) {
+    match checked_offset(mesh, params) {
         Ok(sound) => sound,
         Err(fault) => panic!("{name}, {params:?}: {fault}"),
     }
 }
 
 /// The offset and what was found when it was checked, or what is wrong with it.
-pub fn judged_offset(mesh: &TriMesh, params: &OffsetParams) -> Result<(Offset, MeshCheck), String> {
+pub fn checked_offset(
+    mesh: &TriMesh,
+    params: &OffsetParams,
+) -> Result<(Offset, MeshCheck), String> {
     let found = offset(mesh, params, &Progress::none()).map_err(|error| error.to_string())?;
     let report = &found.report;
     if !(report.certified && report.solid && report.self_intersections == 0) {
@@ -138,7 +141,7 @@ pub fn farthest_off(
     worst
 }
 
-/// How well a surface covers the true offset of a small mesh, by brute force.
+/// Coverage of the true offset of a small mesh, by brute force.
 pub fn coverage_by_oracle(
     mesh: &TriMesh,
     surface: &TriMesh,
@@ -158,7 +161,7 @@ pub fn coverage_by_oracle(
     coverage(&truth, surface, params.tolerance, spacing)
 }
 
-/// What a side means for a mesh.
+/// Part of space on a side of a mesh.
 pub fn part(side: Side, closed: bool) -> Part {
     match side {
         Side::Both => Part::All,

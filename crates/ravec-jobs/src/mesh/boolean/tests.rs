@@ -1,4 +1,5 @@
 use super::*;
+use crate::ErrorKind;
 use crate::mesh::{read_mesh_file, write_mesh_file};
 use glam::{DVec2, DVec3};
 use ravec::mesh::{TriMesh, measure};
@@ -50,27 +51,24 @@ impl Studio {
         line.split(' ').map(file).collect()
     }
 
-    fn targets(&self, name: &str) -> Targets {
-        Targets {
-            mesh: self.at(name),
+    fn operation(&self, expression: &str, line: &str, out: &str) -> Boolean {
+        Boolean {
+            expression: expression.to_owned(),
+            files: self.files(line),
+            output: self.at(out),
             origins: None,
             picture: None,
+            params: Params::default(),
         }
     }
 
     fn run(&self, expression: &str, line: &str, out: &str) -> Result<Report, JobError> {
-        run(
-            expression,
-            &self.files(line),
-            &MeshLimits::default(),
-            &self.targets(out),
-            &Params::default(),
-            &Progress::none(),
-        )
+        self.operation(expression, line, out)
+            .run(&Context::default())
     }
 
     fn mesh(&self, name: &str) -> TriMesh {
-        let limits = MeshLimits::default();
+        let limits = crate::mesh::MeshLimits::default();
         let file = read_mesh_file(&self.at(name), &limits, &Progress::none());
         file.unwrap().mesh
     }
@@ -120,7 +118,7 @@ fn what_is_wrong_with_an_expression_is_shown_by_a_caret_before_anything_is_read(
     let error = studio
         .run("a | (b - ", "x.off y.off", "out.ply")
         .unwrap_err();
-    assert_eq!(error.exit_code(), 2);
+    assert_eq!(error.kind(), ErrorKind::Request);
     assert_eq!(
         error.to_string(),
         "cannot read the expression: expected the name of a mesh or an opening parenthesis after `-`, but the expression ends\n\
@@ -141,28 +139,26 @@ fn what_is_wrong_with_an_expression_is_shown_by_a_caret_before_anything_is_read(
 #[test]
 fn bad_files_are_refused() {
     let studio = Studio::new();
-    for (expression, line, out, code) in [
-        ("a", "missing.off", "out.ply", 3),
-        ("a | b", "block.off none.off", "out.ply", 3),
-        ("a | b", "block.off pin.off", "pin.off", 2),
-        ("a | b", "block.off pin.off", "out.png", 2),
-        ("a", "a=block.off a=pin.off", "out.ply", 2),
+    for (expression, line, out, kind) in [
+        ("a", "missing.off", "out.ply", ErrorKind::Input),
+        ("a | b", "block.off none.off", "out.ply", ErrorKind::Input),
+        ("a | b", "block.off pin.off", "pin.off", ErrorKind::Request),
+        ("a | b", "block.off pin.off", "out.png", ErrorKind::Request),
+        ("a", "a=block.off a=pin.off", "out.ply", ErrorKind::Request),
     ] {
         let error = studio.run(expression, line, out).unwrap_err();
-        assert_eq!(error.exit_code(), code, "{line} {out}: {error}");
+        assert_eq!(error.kind(), kind, "{line} {out}: {error}");
     }
     let far = block([1.0; 3], [1e31, 0.0, 0.0]);
     studio.put("beyond.off", &far, None);
     let error = studio
         .run("a | b", "block.off beyond.off", "out.ply")
         .unwrap_err();
-    assert_eq!(error.exit_code(), 3, "{error}");
-    let mut targets = studio.targets("out.ply");
-    targets.origins = Some(studio.at("out.txt"));
-    let files = studio.files("block.off");
-    let (limits, params) = (MeshLimits::default(), Params::default());
-    let error = run("a", &files, &limits, &targets, &params, &Progress::none());
-    assert_eq!(error.unwrap_err().exit_code(), 2);
+    assert_eq!(error.kind(), ErrorKind::Input, "{error}");
+    let mut operation = studio.operation("a", "block.off", "out.ply");
+    operation.origins = Some(studio.at("out.txt"));
+    let error = operation.run(&Context::default()).unwrap_err();
+    assert_eq!(error.kind(), ErrorKind::Request);
 }
 
 #[test]
@@ -329,14 +325,11 @@ fn texture_coordinates_follow_into_obj_and_gltf() {
 #[test]
 fn origins_lead_back_to_the_triangles_of_the_files() {
     let studio = Studio::new();
-    let mut targets = studio.targets("out.ply");
-    targets.picture = Some(studio.at("out.png"));
-    let files = studio.files("block.off drill=pin.off");
+    let mut operation = studio.operation("a - drill", "block.off drill=pin.off", "out.ply");
+    operation.picture = Some(studio.at("out.png"));
     for name in ["out.csv", "out.json"] {
-        targets.origins = Some(studio.at(name));
-        let (limits, params) = (MeshLimits::default(), Params::default());
-        let progress = Progress::none();
-        let report = run("a - drill", &files, &limits, &targets, &params, &progress).unwrap();
+        operation.origins = Some(studio.at(name));
+        let report = operation.run(&Context::default()).unwrap();
         let triangles = report.figures["triangles"] as usize;
         let text = std::fs::read_to_string(studio.at(name)).unwrap();
         if name == "out.csv" {
@@ -363,11 +356,10 @@ fn origins_lead_back_to_the_triangles_of_the_files() {
 #[test]
 fn a_cancelled_run_leaves_nothing() {
     let studio = Studio::new();
-    let progress = Progress::none();
-    progress.cancel();
-    let (limits, params) = (MeshLimits::default(), Params::default());
-    let (files, targets) = (studio.files("block.off pin.off"), studio.targets("out.ply"));
-    let error = run("a | b", &files, &limits, &targets, &params, &progress);
+    let context = Context::default();
+    context.progress.cancel();
+    let operation = studio.operation("a | b", "block.off pin.off", "out.ply");
+    let error = operation.run(&context);
     assert!(matches!(error, Err(JobError::Cancelled)));
     assert!(!studio.at("out.ply").exists());
 }

@@ -1,5 +1,6 @@
 use super::*;
-use crate::mesh::{MeshSource, MeshTarget, read_mesh_file, write_mesh_file};
+use crate::ErrorKind;
+use crate::mesh::{MeshTarget, read_mesh_file, write_mesh_file};
 use glam::DVec3;
 use ravec::mesh::{Bvh, vertex_distances, weld};
 use ravec::mesh_io::MeshFormat;
@@ -49,16 +50,23 @@ impl Shop {
         file.unwrap().mesh
     }
 
+    fn operation(&self, from: &str, to: &str, params: &Params) -> Offset {
+        Offset {
+            input: self.at(from),
+            output: self.at(to),
+            params: params.clone(),
+        }
+    }
+
     fn run(&self, from: &str, to: &str, params: &Params) -> Result<Report, JobError> {
-        let source = MeshSource::new(self.at(from));
-        run(&source, &self.at(to), params, &Progress::none())
+        self.operation(from, to, params).run(&Context::default())
     }
 
     #[track_caller]
-    fn refused(&self, from: &str, to: &str, params: &Params) -> (u8, String) {
+    fn refused(&self, from: &str, to: &str, params: &Params) -> (ErrorKind, String) {
         let error = self.run(from, to, params).unwrap_err();
         assert!(!self.at(to).exists());
-        (error.exit_code(), error.to_string())
+        (error.kind(), error.to_string())
     }
 }
 
@@ -123,8 +131,8 @@ fn a_block_of_lengths_means_the_same_in_every_unit() {
         outputs.push(shop.get("out.3mf").triangles().len());
     }
     assert_eq!(outputs[0], outputs[1]);
-    let (code, text) = shop.refused("box.off", "out.off", &params("5mm", Side::Inner));
-    assert_eq!(code, 2);
+    let (kind, text) = shop.refused("box.off", "out.off", &params("5mm", Side::Inner));
+    assert_eq!(kind, ErrorKind::Request);
     assert!(text.contains("does not name its unit"), "{text}");
     let known = Params {
         unit: Some(Unit::Inch),
@@ -162,9 +170,9 @@ fn inward_a_negative_distance_is_the_same_as_a_positive_one() {
     let volume = 24.0 - 3.5 * 2.5 * 1.5;
     assert!((measure(&wall).volume - volume).abs() < 0.02 * volume);
     for side in [Side::Both, Side::Outer] {
-        let (code, text) = shop.refused("box.off", "out.off", &params("-0.25", side));
-        assert_eq!(code, 2);
-        assert!(text.contains("--side inner"), "{text}");
+        let (kind, text) = shop.refused("box.off", "out.off", &params("-0.25", side));
+        assert_eq!(kind, ErrorKind::Request);
+        assert!(text.contains("`side` inner"), "{text}");
     }
 }
 
@@ -219,8 +227,8 @@ fn what_is_said_holds_for_the_file_where_that_has_32_bits() {
     let positions = block.positions().iter().map(|p| *p + DVec3::splat(1e6));
     let far = TriMesh::new(positions.collect(), block.triangles().to_vec()).unwrap();
     shop.put("far.off", &far, None);
-    let (code, text) = shop.refused("far.off", "far.stl", &params("0.5", Side::Outer));
-    assert_eq!(code, 2);
+    let (kind, text) = shop.refused("far.off", "far.stl", &params("0.5", Side::Outer));
+    assert_eq!(kind, ErrorKind::Request);
     assert!(text.contains("write PLY"), "{text}");
     let report = shop
         .run("far.off", "far.ply", &params("0.5", Side::Outer))
@@ -265,31 +273,76 @@ fn what_cannot_be_offset_is_refused_with_a_reason_and_without_a_file() {
         tolerance: Some(tolerance.parse().unwrap()),
         ..params(distance, side)
     };
-    for (from, asked, code, word) in [
-        ("none.off", params("1", Side::Both), 3, "has no triangles"),
-        ("sheet.off", params("0.1", Side::Inner), 3, "not closed"),
-        ("sheet.off", params("0.1", Side::Shell), 3, "not closed"),
-        ("box.off", params("3", Side::Inner), 1, "smaller distance"),
-        ("box.off", params("0", Side::Both), 2, "--distance is 0"),
-        ("box.off", params("-1%", Side::Both), 2, "--distance is -1%"),
-        ("box.off", with("1", "0", Side::Both), 2, "--tolerance is 0"),
+    for (from, asked, kind, word) in [
+        (
+            "none.off",
+            params("1", Side::Both),
+            ErrorKind::Input,
+            "has no triangles",
+        ),
+        (
+            "sheet.off",
+            params("0.1", Side::Inner),
+            ErrorKind::Input,
+            "not closed",
+        ),
+        (
+            "sheet.off",
+            params("0.1", Side::Shell),
+            ErrorKind::Input,
+            "not closed",
+        ),
+        (
+            "box.off",
+            params("3", Side::Inner),
+            ErrorKind::Failure,
+            "smaller distance",
+        ),
+        (
+            "box.off",
+            params("0", Side::Both),
+            ErrorKind::Request,
+            "`distance` is 0",
+        ),
+        (
+            "box.off",
+            params("-1%", Side::Both),
+            ErrorKind::Request,
+            "`distance` is -1%",
+        ),
+        (
+            "box.off",
+            with("1", "0", Side::Both),
+            ErrorKind::Request,
+            "`tolerance` is 0",
+        ),
         (
             "box.off",
             with("1", "-1mm", Side::Both),
-            2,
-            "--tolerance is -1mm",
+            ErrorKind::Request,
+            "`tolerance` is -1mm",
         ),
         (
             "box.off",
             with("1", "0.5", Side::Both),
-            2,
+            ErrorKind::Request,
             "below half the distance",
         ),
-        ("box.off", with("1", "1e-12", Side::Both), 2, "at least"),
-        ("missing.off", params("1", Side::Both), 3, "missing.off"),
+        (
+            "box.off",
+            with("1", "1e-12", Side::Both),
+            ErrorKind::Request,
+            "at least",
+        ),
+        (
+            "missing.off",
+            params("1", Side::Both),
+            ErrorKind::Input,
+            "missing.off",
+        ),
     ] {
         let (got, text) = shop.refused(from, "out.off", &asked);
-        assert_eq!(got, code, "{text}");
+        assert_eq!(got, kind, "{text}");
         assert!(text.contains(word), "no `{word}` in: {text}");
     }
     for deviation in [0.0, 90.5, f64::NAN] {
@@ -297,23 +350,23 @@ fn what_cannot_be_offset_is_refused_with_a_reason_and_without_a_file() {
             max_normal_deviation: Some(deviation),
             ..params("1", Side::Both)
         };
-        let (code, text) = shop.refused("box.off", "out.off", &asked);
-        assert_eq!(code, 2);
-        assert!(text.contains("--max-normal-deviation is"), "{text}");
+        let (kind, text) = shop.refused("box.off", "out.off", &asked);
+        assert_eq!(kind, ErrorKind::Request);
+        assert!(text.contains("`max_normal_deviation` is"), "{text}");
     }
-    let (code, text) = shop.refused("box.off", "out.png", &params("1", Side::Both));
-    assert_eq!(code, 2, "{text}");
-    let (code, text) = shop.refused("box.off", "no/out.off", &params("1", Side::Both));
-    assert_eq!(code, 4, "{text}");
+    let (kind, text) = shop.refused("box.off", "out.png", &params("1", Side::Both));
+    assert_eq!(kind, ErrorKind::Request, "{text}");
+    let (kind, text) = shop.refused("box.off", "no/out.off", &params("1", Side::Both));
+    assert_eq!(kind, ErrorKind::Output, "{text}");
 }
 
 #[test]
 fn nothing_is_written_after_a_cancellation() {
     let shop = Shop::new();
-    let progress = Progress::none();
-    progress.cancel();
-    let source = MeshSource::new(shop.at("box.off"));
-    let error = run(&source, &shop.at("out.off"), &Params::default(), &progress);
+    let context = Context::default();
+    context.progress.cancel();
+    let operation = shop.operation("box.off", "out.off", &Params::default());
+    let error = operation.run(&context);
     assert!(matches!(error, Err(JobError::Cancelled)));
     assert!(!shop.at("out.off").exists());
 }
@@ -323,8 +376,8 @@ fn a_sheet_becomes_a_plate_on_either_side() {
     let shop = Shop::new();
     for (distance, name) in [(0.25, "up.off"), (-0.25, "down.off")] {
         let params = Params {
-            distance: Dimension::Units(distance),
-            tolerance: Some(Dimension::Units(0.02)),
+            distance: Length::Units(distance),
+            tolerance: Some(Length::Units(0.02)),
             open: Open::Thicken,
             ..Params::default()
         };

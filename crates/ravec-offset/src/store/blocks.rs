@@ -1,0 +1,101 @@
+//! Blocks: the unit in which a finished surface is kept.
+
+use super::{Record, Scratch, encoded};
+use crate::params::OffsetError;
+use crate::surface::Patch;
+use ravec_mesh::Aabb;
+use ravec_octree::{CellKey, Corner};
+use ravec_progress::Progress;
+use rayon::prelude::*;
+use std::borrow::Cow;
+
+/// Bound on the polygons of a block; smaller blocks have a larger share of shared vertices.
+const MAX_POLYGONS: usize = 1000;
+
+/// A part of the surface: the polygons whose edges start in a cell.
+#[derive(Debug)]
+pub(crate) struct Block {
+    pub key: CellKey,
+    pub patch: PatchHandle,
+    /// Bounds of the triangles.
+    pub bounds: Aabb,
+    pub triangles: usize,
+    /// The patch has no defect.
+    pub is_proved: bool,
+}
+
+/// A patch in memory, or its record in the storage.
+#[derive(Debug)]
+pub(crate) enum PatchHandle {
+    Resident(Patch),
+    Stored(Record),
+}
+
+/// Where the patches of blocks are kept.
+#[derive(Debug)]
+pub(crate) enum Store {
+    Memory,
+    Storage(Scratch),
+}
+
+impl Store {
+    /// Stores a patch.
+    pub fn put(&self, patch: Patch) -> Result<PatchHandle, OffsetError> {
+        match self {
+            Self::Storage(scratch) if !patch.triangles.is_empty() => {
+                Ok(PatchHandle::Stored(scratch.put(&encoded(&patch), None)?))
+            }
+            Self::Storage(_) | Self::Memory => Ok(PatchHandle::Resident(patch)),
+        }
+    }
+
+    /// Loads a patch.
+    pub fn get<'a>(&self, kept: &'a PatchHandle) -> Result<Cow<'a, Patch>, OffsetError> {
+        match (self, kept) {
+            (_, PatchHandle::Resident(patch)) => Ok(Cow::Borrowed(patch)),
+            (Self::Storage(scratch), &PatchHandle::Stored(record)) => {
+                Ok(Cow::Owned(scratch.patch(record)?))
+            }
+            (Self::Memory, PatchHandle::Stored(_)) => unreachable!("memory puts nothing elsewhere"),
+        }
+    }
+}
+
+/// Stores a tile as blocks, in Morton order; `defects` are starts of edges.
+pub(crate) fn put_blocks(
+    tile: CellKey,
+    patch: &Patch,
+    defects: &[Corner],
+    store: &Store,
+    progress: &Progress,
+) -> Result<Vec<Block>, OffsetError> {
+    let mut blocks = patch
+        .divided(tile, MAX_POLYGONS)
+        .into_par_iter()
+        .filter(|(_, edges)| !edges.is_empty())
+        .map(|(cell, edges)| {
+            progress.check()?;
+            put_block(cell, patch.subset(edges), store)
+        })
+        .collect::<Result<Vec<Block>, OffsetError>>()?;
+    for &start in defects.iter().filter(|&&start| tile.owns(start)) {
+        let after = blocks.partition_point(|block| block.key.at.morton() <= start.morton());
+        // where nothing starts there is no block
+        if let Some(block) = blocks.get_mut(after.saturating_sub(1)) {
+            block.is_proved = false;
+        }
+    }
+    Ok(blocks)
+}
+
+/// Stores a block without defects.
+pub(crate) fn put_block(key: CellKey, patch: Patch, store: &Store) -> Result<Block, OffsetError> {
+    let corners = patch.positions.iter().copied();
+    Ok(Block {
+        key,
+        bounds: Aabb::around(corners),
+        triangles: patch.triangles.len(),
+        is_proved: true,
+        patch: store.put(patch)?,
+    })
+}
