@@ -9,7 +9,7 @@ use ravec_progress::Cancelled;
 
 use crate::MeshFormat;
 
-/// Where in a file something is, as a person would look it up.
+/// Place in a file, in the form in which a person looks it up.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Place {
@@ -19,9 +19,9 @@ pub enum Place {
     Byte(u64),
     /// An item of a list inside the file, counted from 0.
     Item {
-        /// What the list holds.
+        /// Kind of the elements of the list.
         of: &'static str,
-        /// Which one.
+        /// Index of the element.
         index: u64,
     },
 }
@@ -56,7 +56,7 @@ pub enum ReadMeshError {
     Syntax {
         /// The format it was read as.
         format: MeshFormat,
-        /// Where.
+        /// Place in the file.
         place: Place,
         /// Description of the defect.
         what: String,
@@ -68,9 +68,9 @@ pub enum ReadMeshError {
     Truncated {
         /// The format it was read as.
         format: MeshFormat,
-        /// Where it ends.
+        /// Place of the end.
         place: Place,
-        /// What is not complete.
+        /// The incomplete structure.
         inside: String,
     },
     /// A coordinate is infinite or not a number.
@@ -81,9 +81,9 @@ pub enum ReadMeshError {
     NotFinite {
         /// The format it was read as.
         format: MeshFormat,
-        /// Where.
+        /// Place in the file.
         place: Place,
-        /// Which vertex, counted from 0 in the order of the file.
+        /// The vertex, counted from 0 in the order of the file.
         vertex: u64,
         /// Its coordinates.
         at: [f64; 3],
@@ -95,11 +95,11 @@ pub enum ReadMeshError {
     NoSuchVertex {
         /// The format it was read as.
         format: MeshFormat,
-        /// Where.
+        /// Place in the file.
         place: Place,
         /// The index as it stands in the file.
         index: i64,
-        /// How many vertices there are.
+        /// Number of vertices.
         vertices: u64,
     },
     /// The file holds more than the caller allows.
@@ -107,7 +107,7 @@ pub enum ReadMeshError {
     TooMany {
         /// `"triangles"` or `"vertices"`: which of the limits.
         what: &'static str,
-        /// How many are allowed.
+        /// The limit.
         limit: u64,
     },
     /// Reading takes more memory than the caller allows.
@@ -121,7 +121,7 @@ pub enum ReadMeshError {
     Unsupported {
         /// The format it was read as.
         format: MeshFormat,
-        /// Which feature, and what to do about it.
+        /// The unsupported feature, and advice.
         what: String,
     },
     /// The caller does not want the mesh any more.
@@ -190,7 +190,7 @@ pub enum WriteMeshError {
     TooLarge {
         /// The format.
         format: MeshFormat,
-        /// How large the file would be.
+        /// Size of the file.
         bytes: u64,
     },
     /// The caller does not want the file any more.

@@ -65,7 +65,7 @@ impl MeshFormat {
 
     /// The format of a file that begins with `head`.
     ///
-    /// 4 KiB are enough but for a text file with longer comments in front, of which 64 KiB are looked at; fewer bytes than a magic number or one row of
+    /// 4 KiB are enough but for a text file with longer comments in front, of which 64 KiB are examined; fewer bytes than a magic number or one row of
     /// data leave the format unknown.
     pub fn sniff(head: &[u8]) -> Option<Self> {
         crate::sniff::sniff(head)

@@ -3,7 +3,7 @@
 //! Read are the triangles of the file's scene (the first if it names none; all nodes if there are no scenes), each placed
 //! by the transforms of its nodes; the coordinates keep the directions of the file (y up) and are in meters. Transforms
 //! that mirror turn the triangles around, so that their outside stays outside. Each use of a mesh makes new vertices.
-//! The first set of texture coordinates is read if it was asked for. Materials, normals, colors, skins and morph targets are
+//! The first set of texture coordinates is read if it was requested. Materials, normals, colors, skins and morph targets are
 //! left out, points and lines, too. Meshes compressed by an
 //! extension are refused.
 //!
@@ -150,10 +150,10 @@ fn binary_chunk(
 
 /// The vertices of a primitive.
 struct Vertices {
-    /// Where they begin in the soup.
+    /// Their start in the soup.
     begin: u32,
     count: usize,
-    /// Where their texture coordinates begin there.
+    /// Start of their texture coordinates there.
     texture: Option<u32>,
 }
 
@@ -165,7 +165,7 @@ struct Scene<'a> {
     /// Of the meshes that were used before, the primitives that bring something.
     fruitful: ReservedVec<Option<ReservedVec<u32>>>,
     soup: Soup,
-    /// Whether texture coordinates are wanted.
+    /// `true` if texture coordinates are wanted.
     texture: bool,
     budget: MemoryBudget,
     progress: &'a Progress,
@@ -485,7 +485,7 @@ fn local(node: &Node) -> DAffine3 {
         v.as_deref().map_or(default, |&v| DVec3::from_array(v))
     };
     let rotation = node.rotation.as_deref().map(|&q| DQuat::from_array(q));
-    // A rotation of no length is none.
+    // A rotation of zero length is ignored.
     let rotation = rotation.filter(|q| q.length_squared() > 0.0 && q.is_finite());
     DAffine3::from_scale_rotation_translation(
         vector(&node.scale, DVec3::ONE),

@@ -35,7 +35,7 @@
 //!
 //! Normals, texture coordinates, materials and colors are left out, and [`MeshFile::warnings`] says so; only the colors of
 //! vertices of PLY files ([`ReadOptions::colors`]) and texture coordinates of OBJ and glTF files ([`ReadOptions::texture`])
-//! can be asked for, and written ([`write_mesh_with`]). Polygons are cut into triangles.
+//! can be requested, and written ([`write_mesh_with`]). Polygons are cut into triangles.
 //!
 //! # Guarantees
 //!

@@ -1,8 +1,8 @@
 //! Wavefront OBJ, as a stream.
 //!
 //! Read are the statements `v` and `f`, with indices from 1 or, negative, back from the last vertex so far. A statement
-//! goes on in the next line after a backslash, `#` begins a comment. Texture coordinates (`vt`) are read if they were asked
-//! for. Normals, colors, groups and materials are left out; lines, points and free-form surfaces, too.
+//! goes on in the next line after a backslash, `#` begins a comment. Texture coordinates (`vt`) are read if they were
+//! requested. Normals, colors, groups and materials are left out; lines, points and free-form surfaces, too.
 
 use glam::{DVec2, DVec3};
 use ravec_progress::Progress;
@@ -15,7 +15,7 @@ use crate::soup::{NO_TEXTURE, Soup};
 use crate::source::Source;
 use ravec_memory::ReservedVec;
 
-/// So many corners of a face are read between two looks at the cancellation.
+/// Number of corners of a face that are read between two checks for cancellation.
 const AT_ONCE: usize = 1 << 16;
 
 /// The longest statement, put together from its lines.
@@ -32,12 +32,12 @@ pub(super) fn read(mut source: Source<'_>) -> Result<MeshFile, ReadMeshError> {
     };
     // A statement of several lines, and where it began.
     let mut joined = ReservedVec::new(budget);
-    let mut begun = None;
+    let mut started = None;
     while let Some((line, place)) = source.content_line(Some(b'#'))? {
         match line.trim_ascii_end().strip_suffix(b"\\") {
-            None if begun.is_none() => reader.statement(line, place)?,
+            None if started.is_none() => reader.statement(line, place)?,
             part => {
-                let start = *begun.get_or_insert(place);
+                let start = *started.get_or_insert(place);
                 joined.extend_from_slice(part.unwrap_or(line))?;
                 joined.push(b' ')?;
                 if joined.len() > LONGEST {
@@ -46,12 +46,12 @@ pub(super) fn read(mut source: Source<'_>) -> Result<MeshFile, ReadMeshError> {
                 if part.is_none() {
                     reader.statement(&joined, start)?;
                     joined.clear();
-                    begun = None;
+                    started = None;
                 }
             }
         }
     }
-    if let Some(start) = begun {
+    if let Some(start) = started {
         reader.statement(&joined, start)?;
     }
     reader.soup.finish(None, source.progress)

@@ -14,7 +14,7 @@ use crate::soup::Soup;
 use crate::source::Source;
 use ravec_memory::ReservedVec;
 
-/// So many corners of a face are read between two looks at the cancellation.
+/// Number of corners of a face that are read between two checks for cancellation.
 const AT_ONCE: u64 = 1 << 16;
 
 /// The first word, `[ST][C][N][4][n]OFF`.
@@ -23,7 +23,7 @@ pub(super) struct Header<'a> {
     others: Vec<&'static str>,
     /// Points of another number of coordinates than three.
     dimension: bool,
-    /// What stands behind: files exist in which the counts follow without a space.
+    /// Rest of the line: files exist in which the counts follow without a space.
     rest: &'a [u8],
 }
 

@@ -2,7 +2,7 @@
 //!
 //! A header names *elements* (tables) and their properties (columns); rows follow, in binary back to back, in ASCII one a
 //! line. Read are the columns `x`, `y`, `z` of the element `vertex`, the list `vertex_indices` (or `vertex_index`) of
-//! `face`, and the same list of `tristrips`, where −1 ends a strip. If colors were asked for, so are the columns `red`,
+//! `face`, and the same list of `tristrips`, where −1 ends a strip. If colors were requested, so are the columns `red`,
 //! `green`, `blue` and `alpha` of the vertices. All other columns and elements are passed over.
 //!
 //! The two tables that make up nearly every file, vertices of fixed size and triangles with a list alone, are decoded
@@ -20,12 +20,12 @@ use crate::soup::Soup;
 use crate::source::Source;
 use ravec_memory::ReservedVec;
 
-/// So many words of a line are read between two looks at the cancellation.
+/// Number of words of a line that are read between two checks for cancellation.
 const AT_ONCE: u64 = 1 << 16;
 
 const INDICES: [&[u8]; 3] = [b"vertex_indices", b"vertex_index", b"vertex_indexes"];
 
-/// What the rows of an element are for, with the columns they have it in.
+/// Role of the rows of an element, with its columns.
 enum Role {
     Vertices(Columns),
     Faces(usize),
@@ -210,7 +210,7 @@ impl Table<'_> {
         Ok(())
     }
 
-    /// Reads the rows that are buffered whole, if they are of one of the common kinds; tells how many.
+    /// Reads the rows that are buffered whole, if they are of one of the common kinds, and returns their number.
     fn rows_at_once(
         &mut self,
         big: bool,

@@ -15,7 +15,7 @@ use ravec_progress::{Cancelled, Progress};
 /// costs about 4 µs a corner.
 const MAX_EARS: usize = 2048;
 
-/// So many triangles are made between two looks at the cancellation.
+/// Number of triangles that are made between two checks for cancellation.
 const AT_ONCE: usize = 1 << 16;
 
 /// Appends the triangles of the polygon `corners`, at least three, to `triangles`, as numbers of corners. Memory beside the

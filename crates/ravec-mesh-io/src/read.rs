@@ -42,23 +42,24 @@ impl Default for MeshLimits {
     }
 }
 
-/// How a mesh is read.
+/// Options for reading a mesh.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct ReadOptions {
-    /// What reading may cost at most.
+    /// Limits on the cost of reading.
     pub limits: MeshLimits,
-    /// Which vertices are made one: `None` (the default) those at equal places for STL, which cannot say it otherwise,
-    /// and none for other formats; `Some(0.0)` those at equal places in any format; more those within this distance
-    /// (in units of the file, see [`weld`](ravec_mesh::weld)), which closes cracks and collapses small triangles.
+    /// Distance of vertices that are merged: `None` (the default) merges those at equal places for STL, which cannot
+    /// say it otherwise, and none for other formats; `Some(0.0)` merges those at equal places in any format; more
+    /// merges those within this distance (in units of the file, see [`weld`](ravec_mesh::weld)), which closes cracks
+    /// and collapses small triangles.
     pub weld_tolerance: Option<f64>,
-    /// How many bytes will come, if known (default: not known). Used to report progress, and as a mark of binary
-    /// STL files, which have no other.
+    /// Size of the file in bytes, if known (default: not known). Used to report progress, and as a mark of binary STL
+    /// files, which have no other.
     pub size: Option<u64>,
-    /// Whether colors of vertices are wanted (default no: they are left out, with a warning). Read are those of PLY files;
-    /// not together with `weld_tolerance`.
+    /// `true` if colors of vertices are wanted (default no: they are left out, with a warning). Read are those of PLY
+    /// files; not together with `weld_tolerance`.
     pub colors: bool,
-    /// Whether texture coordinates are wanted (default no: they are left out, with a warning). Read are those of OBJ files
-    /// and the first set of glTF files; not together with `weld_tolerance`.
+    /// `true` if texture coordinates are wanted (default no: they are left out, with a warning). Read are those of OBJ
+    /// files and the first set of glTF files; not together with `weld_tolerance`.
     pub texture: bool,
 }
 
@@ -74,12 +75,12 @@ pub struct MeshFile {
     pub format: MeshFormat,
     /// The unit of its coordinates: what a 3MF file names, meters for glTF, unknown for all others.
     pub unit: Option<LengthUnit>,
-    /// Red, green, blue and alpha of each vertex, if they were asked for and are there; else none at all.
+    /// Red, green, blue and alpha of each vertex, if they were requested and are there; else none at all.
     pub colors: Vec<[u8; 4]>,
-    /// Texture coordinates of the corners of each triangle, if they were asked for and are there, else none at all: to the
+    /// Texture coordinates of the corners of each triangle, if they were requested and are there, else none at all: to the
     /// right and up in the picture, which reaches from 0 to 1; NaN at corners without.
     pub texture: Vec<[DVec2; 3]>,
-    /// What is not as in the file, each at most once.
+    /// Differences from the file, each at most once.
     pub warnings: Vec<ReadWarning>,
     pub(super) memory: MeshMemory,
 }
@@ -132,26 +133,26 @@ impl PartialEq for MeshMemory {
 pub enum ReadWarning {
     /// Polygons with more than three corners became triangles.
     PolygonsCut {
-        /// How many polygons.
+        /// Number of polygons.
         polygons: u64,
         /// Into how many triangles.
         triangles: u64,
     },
     /// Faces with fewer than three corners were left out.
     FacesLeftOut {
-        /// How many.
+        /// Number of faces.
         faces: u64,
     },
     /// Data that a [`TriMesh`] does not hold were left out.
     Ignored {
-        /// Which, in the plural.
+        /// Kind of the elements, in the plural.
         what: &'static str,
     },
     /// Vertices were made one.
     Welded {
-        /// How many became one with an earlier one.
+        /// Number of vertices that were merged into an earlier one.
         vertices: u64,
-        /// How many triangles lost a corner thereby.
+        /// Number of triangles that lost a corner thereby.
         collapsed: u64,
     },
     /// The file goes on behind the end of the mesh.
@@ -223,7 +224,7 @@ pub fn read_mesh(
     read_dyn(reader, None, options, progress)
 }
 
-/// Reads a mesh like [`read_mesh`]; the data of glTF files that are in other files are asked of `buffers`.
+/// Reads a mesh like [`read_mesh`]; the data of glTF files that are in other files are requested from `buffers`.
 ///
 /// # Errors
 /// All variants of [`ReadMeshError`]; [`ReadMeshError::Io`] also for errors of `buffers`.
@@ -278,7 +279,7 @@ fn read_dyn(
 
 /// The format of what comes, from its first bytes: a stream need not end for that, nor bring much.
 fn recognize(source: &mut Source<'_>, size: Option<u64>) -> Result<MeshFormat, ReadMeshError> {
-    // no more is looked at than is asked for, lest the answer depends on how much a read brings
+    // no more is examined than requested, lest the answer depends on how much a read brings
     fn first(head: &[u8], most: usize) -> &[u8] {
         &head[..head.len().min(most)]
     }
@@ -290,7 +291,7 @@ fn recognize(source: &mut Source<'_>, size: Option<u64>) -> Result<MeshFormat, R
     let mut is_open = sniff::is_undecided(head);
     if is_open {
         // long comments stand in front of some text files
-        most = sniff::LONGEST_COMMENT;
+        most = sniff::MAX_COMMENT;
         let head = first(source.peek(most)?, most);
         is_open = sniff::is_undecided(head) && head.len() == most;
     }

@@ -1,4 +1,4 @@
-//! Which format a file has, from its first bytes.
+//! Detection of the format of a file from its first bytes.
 //!
 //! Magic numbers decide where there are some. Text is OFF or OBJ by its first line that is not a comment. Binary STL has
 //! no mark at all (not even the absence of `solid` at its start): it is what is not text and has the right size, or whose
@@ -8,11 +8,11 @@ use crate::MeshFormat;
 use crate::number::{integer, words};
 use crate::off::Header;
 
-/// Bytes that are looked at: 80 triangles of a binary STL file, and what programs write in front of their text.
+/// Bytes that are examined: 80 triangles of a binary STL file, and what programs write in front of their text.
 pub(super) const HEAD: usize = 1 << 12;
 
-/// Bytes that are looked at as long as there are nothing but comments and blank lines.
-pub(super) const LONGEST_COMMENT: usize = 1 << 16;
+/// Bytes that are examined as long as there are nothing but comments and blank lines.
+pub(super) const MAX_COMMENT: usize = 1 << 16;
 
 /// Within these bytes a text file has no control characters, and a binary STL has some.
 const TEXT: usize = 1024;
@@ -89,7 +89,7 @@ pub(super) fn is_undecided(head: &[u8]) -> bool {
 
 fn sniff_text(head: &[u8]) -> Option<MeshFormat> {
     if let Some(inside) = head.trim_ascii_start().strip_prefix(b"{") {
-        // names or the end follow, which tells JSON from other text with braces
+        // names or the end follow, which distinguishes JSON from other text with braces
         let inside = inside.trim_ascii_start();
         let is_json = inside.is_empty() || inside.starts_with(b"\"") || inside.starts_with(b"}");
         return is_json.then_some(MeshFormat::Gltf);
@@ -139,7 +139,7 @@ fn looks_like_stl(head: &[u8]) -> bool {
         || claims_some && count > 0 && ordinary * 10 >= count * 6
 }
 
-/// Whether a binary STL file that begins with `head` has `size` bytes.
+/// Returns `true` if a binary STL file that begins with `head` has `size` bytes.
 pub(super) fn is_size_of_stl(head: &[u8], size: u64) -> bool {
     let count = head
         .get(80..84)

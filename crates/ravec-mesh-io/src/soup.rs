@@ -14,14 +14,14 @@ use crate::{LengthUnit, MeshFormat};
 use ravec_memory::{ReservedVec, with_room};
 use ravec_mesh::TriMesh;
 
-/// So many triangles are dealt with between two looks at the cancellation.
+/// Number of triangles that are processed between two checks for cancellation.
 const AT_ONCE: usize = 1 << 16;
 
 /// A face with more than three corners, kept until the positions of all its corners are known.
 struct Polygon {
-    /// How many triangles stand before it.
+    /// Number of triangles before it.
     before: usize,
-    /// Where its corners end in `corners`; they begin where those of the polygon before end.
+    /// End of its corners in `corners`; they begin where those of the polygon before end.
     end: usize,
 }
 
@@ -46,7 +46,7 @@ impl Texture {
         }
     }
 
-    /// Where the corners of a triangle are.
+    /// Texture coordinates of the corners of a triangle.
     fn of_triangle(&self, triangle: usize) -> [DVec2; 3] {
         let corners = self.of_triangles.get(triangle);
         corners.map_or([DVec2::NAN; 3], |corners| corners.map(|i| self.at(i)))
@@ -58,7 +58,7 @@ impl Texture {
     }
 }
 
-/// What was read so far.
+/// The part of the mesh that has been read.
 pub(super) struct Soup {
     format: MeshFormat,
     limits: MeshLimits,
@@ -144,7 +144,7 @@ impl Soup {
         Ok(())
     }
 
-    /// How many vertices there are.
+    /// Number of vertices.
     pub(super) fn vertices(&self) -> usize {
         self.positions.len()
     }
@@ -203,7 +203,7 @@ impl Soup {
         Ok(())
     }
 
-    /// How many texture coordinates there are.
+    /// Number of texture coordinates.
     pub(super) fn textures(&self) -> usize {
         self.texture.coordinates.len()
     }

@@ -1,6 +1,6 @@
 //! A buffered stream of bytes, lines and words that knows where it is.
 //!
-//! All readers stand on it, so that limits, cancellation and truncation are dealt with once. Memory is one buffer of
+//! All readers stand on it, so that limits, cancellation and truncation are handled once. Memory is one buffer of
 //! 256 KiB, more only for a longer line; it is reserved of the budget.
 
 use std::io::{self, Read};
@@ -18,7 +18,7 @@ const BUFFER: usize = 1 << 18;
 
 /// The longest line or word: a polygon with some millions of corners. Longer ones are refused, lest a file without
 /// line breaks is taken into memory whole.
-const LONGEST_LINE: usize = 1 << 26;
+const MAX_LINE: usize = 1 << 26;
 
 /// Bytes from a reader, with a place.
 pub(super) struct Source<'a> {
@@ -134,7 +134,7 @@ impl<'a> Source<'a> {
         Ok(!self.ended)
     }
 
-    /// What is buffered, at least `least` bytes of it unless the file ends before.
+    /// The buffered bytes, at least `least` of them unless the file ends before.
     pub(super) fn peek(&mut self, least: usize) -> Result<&[u8], ReadMeshError> {
         while self.end - self.start < least && self.fill()? {}
         Ok(&self.buffer[self.start..self.end])
@@ -204,7 +204,7 @@ impl<'a> Source<'a> {
         Ok(None)
     }
 
-    /// Where in the buffer the next line is; it is passed over.
+    /// Range in the buffer of the next line; it is passed over.
     fn find_line(&mut self) -> Result<Option<(usize, usize, Place)>, ReadMeshError> {
         let mut seen = 0;
         let length = loop {
@@ -213,7 +213,7 @@ impl<'a> Source<'a> {
                 break Some(seen + at);
             }
             seen = there.len();
-            if seen > LONGEST_LINE {
+            if seen > MAX_LINE {
                 return Err(self.syntax(self.at_line(), "the line is too long"));
             }
             if !self.fill()? {
@@ -260,7 +260,7 @@ impl<'a> Source<'a> {
                 break seen + at;
             }
             seen = there.len();
-            if seen > LONGEST_LINE {
+            if seen > MAX_LINE {
                 return Err(self.syntax(self.at_line(), "the word is too long"));
             }
             if !self.fill()? {

@@ -3,7 +3,7 @@
 //! The binary form has a header of 80 bytes, a count, and 50 bytes for each triangle: a normal, three corners and two
 //! bytes of no fixed meaning. The text form spells the same in words, in which any white space separates and any case
 //! will do. Corners at equal places are made one vertex while they are read; normals and the two bytes are left out (the
-//! corners tell the orientation).
+//! corners determine the orientation).
 //!
 //! Cost: about 80 ns a triangle for the binary form, most of them for finding equal corners.
 
@@ -18,7 +18,7 @@ use crate::source::Source;
 use ravec_memory::ReservedVec;
 use ravec_mesh::{PlaceKey, PlaceTable, place_key};
 
-/// What is read so far: places, and the triangles between them.
+/// The part that has been read: places, and the triangles between them.
 struct Welder<K> {
     places: PlaceTable<K>,
     triangles: ReservedVec<[u32; 3]>,

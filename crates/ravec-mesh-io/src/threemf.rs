@@ -25,10 +25,10 @@ use crate::soup::Soup;
 use crate::source::Source;
 use ravec_memory::ReservedVec;
 
-/// How deep components may be nested. Real files have one to three levels; the way down is on the stack.
-const DEEPEST: usize = 64;
+/// Largest depth of nested components. Real files have one to three levels; the way down is on the stack.
+const MAX_DEPTH: usize = 64;
 
-/// So many vertices and triangles are placed between two looks at the cancellation.
+/// Number of vertices and triangles that are placed between two checks for cancellation.
 const AT_ONCE: usize = 1 << 16;
 
 pub(super) fn read(source: Source<'_>) -> Result<MeshFile, ReadMeshError> {
@@ -91,14 +91,14 @@ impl Count {
 #[derive(Clone, Copy)]
 enum Counted {
     NotYet,
-    Begun,
+    Started,
     Done(Count),
 }
 
 /// The tree of uses.
 struct Scene<'a> {
     models: ReservedVec<Model>,
-    /// Where the objects of each part begin in `counts`.
+    /// Start of the objects of each part in `counts`.
     first: ReservedVec<usize>,
     counts: ReservedVec<Counted>,
     budget: MemoryBudget,
@@ -172,11 +172,11 @@ impl<'a> Scene<'a> {
         };
         match self.counts[at] {
             Counted::Done(count) => return Ok(count),
-            Counted::Begun => return Err(fault(id, "it is a component of itself")),
+            Counted::Started => return Err(fault(id, "it is a component of itself")),
             Counted::NotYet => {}
         }
-        if depth > DEEPEST {
-            let what = format!("components are nested more than {DEEPEST} deep");
+        if depth > MAX_DEPTH {
+            let what = format!("components are nested more than {MAX_DEPTH} deep");
             return Err(fault(id, &what));
         }
         let triangles = object.triangles.len() as u64;
@@ -186,7 +186,7 @@ impl<'a> Scene<'a> {
             triangles,
         };
         let components = object.components.len();
-        self.counts[at] = Counted::Begun;
+        self.counts[at] = Counted::Started;
         for component in 0..components {
             // found again, because counting changes the scene
             let Some((object, _)) = self.object(&used) else {

@@ -15,18 +15,17 @@ use crate::error::WriteMeshError;
 use crate::{LengthUnit, MeshFormat};
 use ravec_mesh::{KeyedMap, MeshRows, RowsError, TriMesh};
 
-/// How a mesh is written.
+/// Options for writing a mesh.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct WriteOptions {
-    /// How exactly coordinates are written (default [`Precision::Exact`]). Binary STL and glTF hold
-    /// 32-bit floats in any case.
+    /// Precision of coordinates (default [`Precision::Exact`]). Binary STL and glTF hold 32-bit floats in any case.
     pub precision: Precision,
     /// The unit of the coordinates, if known. 3MF names it (default: millimeters); glTF, whose unit is the meter, scales
     /// by it (default: not at all); no other format knows units.
     pub unit: Option<LengthUnit>,
 }
 
-/// How exactly coordinates are written.
+/// Precision of coordinates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Precision {
     /// Reading the file gives the same numbers: 64-bit floats where 32 bits would change one, all digits in text.
@@ -75,7 +74,7 @@ pub fn write_mesh(
     )
 }
 
-/// What a mesh carries beside its shape.
+/// Attributes of a mesh beside its shape.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Attributes<'a> {
     /// Red, green, blue and alpha of each vertex. Only PLY holds them.
@@ -133,7 +132,7 @@ pub fn write_rows(
     Rows::of(mesh).write(format, *options, writer, progress)
 }
 
-/// What is written, with what belongs to its vertices and triangles, in their order.
+/// The rows that are written, with the attributes of their vertices and triangles, in their order.
 #[derive(Clone, Copy)]
 struct Rows<'a> {
     mesh: &'a dyn MeshRows,
@@ -201,7 +200,7 @@ impl<'a> Rows<'a> {
     }
 }
 
-/// So many rows are looked at between two looks at the cancellation.
+/// Number of rows that are processed between two checks for cancellation.
 const AT_ONCE: usize = 1 << 16;
 
 fn check_f32(
@@ -274,7 +273,7 @@ fn rounded(at: DVec3) -> [f32; 3] {
     at.to_array().map(|x| x as f32)
 }
 
-/// So much is gathered before it is written.
+/// Number of bytes that are gathered before they are written.
 const FULL: usize = 1 << 16;
 
 /// Longer than a row of any format: three numbers of at most 25 characters, words of the longest formats.

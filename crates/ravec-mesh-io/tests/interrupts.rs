@@ -1,4 +1,4 @@
-//! Work that is cancelled at any look stops, and looks come as often as the mesh is large.
+//! Work that is cancelled at any check stops, and checks come as often as the mesh is large.
 
 mod bombs;
 
@@ -21,7 +21,7 @@ const ALL: [MeshFormat; 9] = [
     MeshFormat::Gltf,
 ];
 
-/// So many tetrahedra, apart from one another, as parts of a machine are.
+/// A mesh of `count` tetrahedra, apart from one another, as parts of a machine are.
 fn parts(count: u32) -> TriMesh {
     let mut positions = Vec::new();
     let mut triangles = Vec::new();
@@ -34,22 +34,22 @@ fn parts(count: u32) -> TriMesh {
     TriMesh::new(positions, triangles).unwrap()
 }
 
-/// About how many looks at the cancellation `work` takes: the lowest power of 2 at which it is not stopped any more. `work` says
+/// Approximate number of checks for cancellation in `work`: the lowest power of 2 at which it is not stopped any more. `work` says
 /// whether it was stopped.
-fn looks(work: impl Fn(&Progress) -> bool) -> u64 {
+fn checks(work: impl Fn(&Progress) -> bool) -> u64 {
     let powers = (0..40).map(|power| 1 << power);
-    let mut powers = powers.skip_while(|&look| work(&Progress::cancelled_at(look)));
+    let mut powers = powers.skip_while(|&check| work(&Progress::cancelled_at(check)));
     powers.next().expect("the work has an end")
 }
 
-/// Between two looks there are at most so many triangles, times the passes that work makes over them.
+/// Between two checks there are at most so many triangles, times the passes that work makes over them.
 const BETWEEN: u64 = 1 << 15;
 
 #[track_caller]
 fn assert_looks(what: &str, mesh: &TriMesh, work: impl Fn(&Progress) -> bool) {
-    let looks = looks(work);
+    let checks = checks(work);
     let least = mesh.triangles().len() as u64 / BETWEEN;
-    assert!(looks > least, "{what}: {looks} looks, not {least}");
+    assert!(checks > least, "{what}: {checks} checks, not {least}");
 }
 
 #[test]
@@ -90,11 +90,11 @@ fn readers_and_writers_stop_wherever_they_are_cancelled() {
 fn an_archive_of_many_parts_is_given_up_between_any_two_of_them() {
     let file = bombs::many_parts(3_000);
     let options = ReadOptions::default();
-    let looks = looks(|progress| {
+    let checks = checks(|progress| {
         matches!(
             read_mesh(&file[..], &options, progress),
             Err(ReadMeshError::Cancelled)
         )
     });
-    assert!(looks > 6_000, "{looks}");
+    assert!(checks > 6_000, "{checks}");
 }

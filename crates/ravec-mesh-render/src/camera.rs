@@ -1,4 +1,4 @@
-//! Where the mesh is looked at from, and where its points come to lie in the picture.
+//! The camera: the view of the mesh, and the projection of its points into the picture.
 
 use glam::DVec3;
 
@@ -14,7 +14,7 @@ pub enum UpAxis {
     Y,
 }
 
-/// A direction to look from.
+/// A direction of view.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct View {
     /// Degrees around the upward axis, counter-clockwise as seen from above: 0 is the front, 90 the right side.
@@ -82,7 +82,7 @@ impl View {
     }
 }
 
-/// How depth is shown.
+/// Projection of depth.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Projection {
     /// Parallel lines stay parallel, and lengths can be compared.
@@ -94,18 +94,18 @@ pub enum Projection {
     },
 }
 
-/// How the mesh is looked at. It is always framed whole, unless something else is asked for.
+/// View of the mesh. It is always framed whole, unless another frame is set.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Camera {
-    /// Where from (default [`View::ISO`]).
+    /// Direction of the view (default [`View::ISO`]).
     pub view: View,
     /// The axis that points upward (default z).
     pub up: UpAxis,
-    /// How depth is shown (default orthographic).
+    /// Projection of depth (default orthographic).
     pub projection: Projection,
-    /// What is framed: all of the mesh if not given (default). The same box frames different meshes alike.
+    /// Box that is framed: all of the mesh if not given (default). The same box frames different meshes alike.
     pub frame: Option<Aabb>,
-    /// How many times larger than that it is shown, about the middle of the frame, above 0 (default 1).
+    /// Magnification beyond that, about the middle of the frame, above 0 (default 1).
     pub zoom: f64,
 }
 
@@ -122,7 +122,7 @@ impl Default for Camera {
 }
 
 impl Camera {
-    /// Whether all numbers make sense.
+    /// Returns `true` if all numbers make sense.
     pub(super) fn is_valid(&self) -> bool {
         let angle = match self.projection {
             Projection::Orthographic => true,
@@ -166,7 +166,7 @@ pub(super) struct Projector {
     /// Samples per unit of the image plane, and the samples of its origin.
     scale: f64,
     shift: [f64; 2],
-    /// What is taken off from the depth, and what it is then multiplied by.
+    /// Offset that is taken off from the depth, and the factor that it is then multiplied by.
     depth: [f64; 2],
 }
 
@@ -321,7 +321,7 @@ impl Projector {
         }
     }
 
-    /// Where `p` comes to lie.
+    /// The projection of `p`.
     #[inline]
     pub fn project(&self, p: DVec3) -> Projected {
         let (at, inverse_w) = self.on_plane(p);

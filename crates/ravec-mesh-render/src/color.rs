@@ -5,7 +5,7 @@ use glam::Vec3;
 /// A color as bytes of sRGB.
 pub type Rgb8 = [u8; 3];
 
-/// A scale of colors whose steps look equally large.
+/// A scale of colors with steps of equal visual size.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum ColorMap {
     /// From dark violet over green to yellow, steadily lighter: for amounts, such as distances.

@@ -25,7 +25,7 @@
 //! | the place of the eye | [`Camera`], [`View`], [`Projection`] |
 //! | colors | [`Paint`], [`Values`], [`ColorMap`], [`Legend`] |
 //! | lines | [`FeatureLines`], [`MarkedEdges`], [`LineStyle`] |
-//! | a look inside | [`Section`] |
+//! | a section | [`Section`] |
 //!
 //! # Guarantees
 //!
@@ -68,7 +68,7 @@ use tile::{TILE_PX, Tile};
 pub use camera::{Camera, Projection, UpAxis, View};
 pub use color::{ColorMap, Rgb8};
 
-/// How a line is drawn.
+/// Style of a line.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LineStyle {
     /// Its color.
@@ -82,9 +82,9 @@ pub struct LineStyle {
 pub struct FeatureLines {
     /// Edges are drawn where normals differ by more, 0 to 180 degrees (default 30). Less draws more.
     pub angle_deg: f64,
-    /// Whether edges are drawn where the surface turns away from the eye, too (default yes).
+    /// `true` if edges are drawn where the surface turns away from the eye, too (default yes).
     pub silhouettes: bool,
-    /// How they are drawn (default nearly black, 1.25 pixels wide).
+    /// Style of the lines (default nearly black, 1.25 pixels wide).
     pub style: LineStyle,
 }
 
@@ -106,7 +106,7 @@ impl Default for FeatureLines {
 pub struct MarkedEdges {
     /// Pairs of vertices, in either order; pairs that are no edge of a triangle are not drawn.
     pub edges: Vec<[u32; 2]>,
-    /// How they are drawn.
+    /// Style of the lines.
     pub style: LineStyle,
 }
 
@@ -117,7 +117,7 @@ pub struct Section {
     pub normal: DVec3,
     /// Points with `normal · point` above this are taken away.
     pub offset: f64,
-    /// Whether the inside is filled, so that the cut of a closed surface looks solid, rather than hollow.
+    /// `true` if the inside is filled, so that the cut of a closed surface looks solid, rather than hollow.
     pub capped: bool,
 }
 
@@ -139,7 +139,7 @@ pub struct RenderParams {
     /// Samples of a pixel along each side, 1 to 8 (default 3, nine in all). More makes smoother edges; cost grows with the
     /// square.
     pub samples_per_side: u32,
-    /// How the mesh is looked at.
+    /// Camera that views the mesh.
     pub camera: Camera,
     /// Up to which angle between triangles the surface looks smooth, 0 to 180 degrees (default 30); 0 shows each triangle
     /// flat.
@@ -158,7 +158,7 @@ pub struct RenderParams {
     pub features: Option<FeatureLines>,
     /// Edges to be marked (default none).
     pub marked: Option<MarkedEdges>,
-    /// What is cut away (default nothing).
+    /// Section that cuts a part away (default none).
     pub section: Option<Section>,
 }
 
@@ -185,7 +185,7 @@ impl Default for RenderParams {
 /// Numbers to be shown as colors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Values<'a> {
-    /// One for each vertex or triangle. What is not a number is gray.
+    /// One for each vertex or triangle. NaN is gray.
     pub values: &'a [f64],
     /// The scale of colors.
     pub map: ColorMap,
@@ -194,7 +194,7 @@ pub struct Values<'a> {
     pub range: Option<[f64; 2]>,
 }
 
-/// Where the colors of the surface come from.
+/// Source of the colors of the surface.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Paint<'a> {
     /// The colors of front and back in [`RenderParams`].
@@ -225,7 +225,7 @@ impl Paint<'_> {
         }
     }
 
-    /// How many colors or numbers there are, and how many there should be.
+    /// Number of colors or numbers, and the required number.
     fn lengths(&self, mesh: &TriMesh) -> Option<(usize, usize)> {
         let (vertices, triangles) = (mesh.positions().len(), mesh.triangles().len());
         match self {
@@ -238,7 +238,7 @@ impl Paint<'_> {
     }
 }
 
-/// Which colors stand for which numbers.
+/// Colors that stand for numbers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Legend {
     /// The scale of colors.
@@ -265,7 +265,7 @@ pub struct Picture {
 pub struct Rendering {
     /// The picture.
     pub picture: Picture,
-    /// What its colors stand for, if they stand for numbers.
+    /// Legend of the colors, if they stand for numbers.
     pub legend: Option<Legend>,
 }
 
@@ -274,7 +274,7 @@ pub struct Rendering {
 #[non_exhaustive]
 pub enum RenderError {
     /// Width or height out of range.
-    #[error("a picture has 1 to 16384 pixels each way, not {width} by {height}")]
+    #[error("the picture is {width} by {height} pixels: choose 1 to 16384 each way")]
     Size {
         /// Requested value.
         width: u32,
@@ -282,7 +282,7 @@ pub enum RenderError {
         height: u32,
     },
     /// A number of samples out of range.
-    #[error("a pixel has 1 to 8 samples along each side, not {0}")]
+    #[error("the number of samples along each side of a pixel is {0}: choose 1 to 8")]
     Samples(u32),
     /// The camera's angles, frame or zoom make no sense.
     #[error(
@@ -290,7 +290,9 @@ pub enum RenderError {
     )]
     Camera,
     /// A line's width or an angle out of range.
-    #[error("lines are up to 64 pixels wide, and angles of edges 0 to 180 degrees")]
+    #[error(
+        "a line style is out of range: choose widths of up to 64 pixels and edge angles of 0 to 180 degrees"
+    )]
     Lines,
     /// The cut's plane has no direction or no place.
     #[error("the plane of a cut needs a finite normal that is not zero, and a finite offset")]
@@ -298,9 +300,9 @@ pub enum RenderError {
     /// Too few or too many colors or numbers.
     #[error("{got} colors or numbers do not fit {expected} vertices or triangles")]
     Paint {
-        /// How many there are.
+        /// Number of entries.
         got: usize,
-        /// How many there should be.
+        /// Required number of entries.
         expected: usize,
     },
     /// The work was cancelled.
@@ -511,7 +513,7 @@ struct Grid {
 /// Things that are sorted at a time.
 const PART: u32 = 1 << 16;
 
-/// Triangles or lines of a tile that are drawn between two looks at the cancellation.
+/// Triangles or lines of a tile that are drawn between two checks for cancellation.
 const DRAWN_AT_ONCE: usize = 1 << 10;
 
 impl Grid {

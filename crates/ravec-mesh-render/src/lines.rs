@@ -3,7 +3,7 @@
 //! Lines behind the surface are removed by its depth: a line is seen where its middle is no farther than the surface is
 //! at the sample of the middle or at one next to it. (At a crease or an outline the surface falls back on at least one side;
 //! a line behind the surface is farther than all of them.) What is left are valleys, where the surface rises on both sides by
-//! what it slopes over a sample; by that much, and no more than [`MOST_BIAS`], the line is brought forward.
+//! what it slopes over a sample; by that much, and no more than [`MAX_BIAS`], the line is brought forward.
 
 use glam::{DVec2, DVec3};
 use ravec_progress::{Cancelled, Progress};
@@ -14,7 +14,7 @@ use ravec_mesh::KeyedSet;
 use ravec_mesh::TriMesh;
 use ravec_mesh::par_collect;
 
-/// Which of the styles a line has; later ones are drawn over earlier ones.
+/// Kind of a line, in the order of drawing: later ones are drawn over earlier ones.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Kind {
     Wire,
@@ -28,9 +28,9 @@ pub(super) enum Kind {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Line {
     pub ends: [Projected; 2],
-    /// How far it is brought forward.
+    /// Distance by which it is brought forward.
     pub bias: f64,
-    /// By how much the depth of the surface beside it changes over a sample, up to [`MOST_SLOPE`].
+    /// By how much the depth of the surface beside it changes over a sample, up to [`MAX_SLOPE`].
     pub slope: f64,
     pub kind: Kind,
 }
@@ -39,8 +39,8 @@ impl Line {
     fn new(ends: [Projected; 2], slope: f64, kind: Kind) -> Self {
         Self {
             ends,
-            bias: slope.clamp(LEAST_BIAS, MOST_BIAS),
-            slope: slope.min(MOST_SLOPE),
+            bias: slope.clamp(MIN_BIAS, MAX_BIAS),
+            slope: slope.min(MAX_SLOPE),
             kind,
         }
     }
@@ -48,13 +48,13 @@ impl Line {
 
 /// Most by which lines are brought forward, as a share of the depth of the mesh. More lets lines shine through thin walls
 /// that are seen edge-on; less breaks lines on steep faces.
-const MOST_BIAS: f64 = 5e-3;
+const MAX_BIAS: f64 = 5e-3;
 
 /// Most by which the surface beside a line may rise over a sample and still have half of the line drawn on it.
-const MOST_SLOPE: f64 = 5e-2;
+const MAX_SLOPE: f64 = 5e-2;
 
 /// The least, for what single precision loses.
-const LEAST_BIAS: f64 = 1e-5;
+const MIN_BIAS: f64 = 1e-5;
 
 /// One side of an edge.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -62,7 +62,7 @@ struct Side {
     low: u32,
     high: u32,
     triangle: u32,
-    /// Whether the triangle runs from the lower to the higher vertex.
+    /// `true` if the triangle runs from the lower to the higher vertex.
     forward: bool,
 }
 
@@ -194,7 +194,7 @@ fn edge_line(
     Some(Line::new(ends, steepest, kind))
 }
 
-/// Whether an edge is one whatever the view.
+/// Returns `true` if an edge is one whatever the view.
 fn is_feature(mesh: &TriMesh, sides: &[Side], features: &FeatureLines) -> bool {
     let [first, second] = sides else {
         return true;
@@ -212,7 +212,7 @@ fn is_feature(mesh: &TriMesh, sides: &[Side], features: &FeatureLines) -> bool {
 
 /// The height of a triangle as a share of its longest side, below which its normal says more about rounding than about the
 /// surface: pieces of a flat face may be as thin as that.
-const LEAST_HEIGHT: f64 = 1e-9;
+const MIN_HEIGHT: f64 = 1e-9;
 
 /// The unit normal of the triangle at an edge; 0 if it has no area to speak of.
 fn normal(mesh: &TriMesh, side: &Side) -> DVec3 {
@@ -220,7 +220,7 @@ fn normal(mesh: &TriMesh, side: &Side) -> DVec3 {
     let normal = (b - a).cross(c - a);
     let sides = [b - a, c - b, a - c].map(DVec3::length_squared);
     let longest_sq = sides.into_iter().fold(0.0, f64::max);
-    if normal.length() <= LEAST_HEIGHT * longest_sq {
+    if normal.length() <= MIN_HEIGHT * longest_sq {
         return DVec3::ZERO;
     }
     normal.normalize_or_zero()

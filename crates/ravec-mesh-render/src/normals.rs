@@ -36,7 +36,7 @@ pub(super) fn corner_normals(
         [mesh.triangles()[triangle as usize].map(|vertex| {
             let range = first[vertex as usize] as usize..first[vertex as usize + 1] as usize;
             // A fan of thousands is no smooth surface, and would take its square in time.
-            if range.len() > MOST_AROUND {
+            if range.len() > MAX_AROUND {
                 return own;
             }
             let sum: Vec3 = around[range]
@@ -56,7 +56,7 @@ pub(super) fn corner_normals(
 }
 
 /// Most corners at a vertex that are averaged.
-const MOST_AROUND: usize = 256;
+const MAX_AROUND: usize = 256;
 
 struct Face {
     normal: Vec3,

@@ -1,10 +1,10 @@
-//! What all tiles share: the projected mesh, and how its points look.
+//! The scene that all tiles share: the projected mesh, and the materials of its points.
 
 use glam::Vec3;
 
 use super::camera::{Projected, Projector};
 use super::color::{self, ColorMap};
-use super::light::{self, Look};
+use super::light::{self, Material};
 use super::lines::Kind;
 use super::{Legend, Paint, RenderParams};
 use ravec_mesh::TriMesh;
@@ -12,11 +12,11 @@ use ravec_mesh::TriMesh;
 /// Steps of a scale of colors: finer than bytes can show.
 const STEPS: usize = 1024;
 
-/// How much of the shadows is left where colors carry numbers: enough to see the shape, and still find the color in the
-/// legend.
+/// Share of the shadows that is left where colors carry numbers: enough to see the shape, and still find the color in
+/// the legend.
 const RELIEF_OF_NUMBERS: f32 = 0.5;
 
-/// How dark the back of a surface is whose color carries numbers.
+/// Brightness of the back of a surface whose color carries numbers.
 const BACK_OF_NUMBERS: f32 = 0.55;
 
 pub(super) struct Scene<'a> {
@@ -135,7 +135,7 @@ impl<'a> Scene<'a> {
         }
     }
 
-    /// How far the corners are beyond the cut: cut away where positive.
+    /// Distances of the corners beyond the cut: cut away where positive.
     #[inline]
     pub fn beyond(&self, corners: [u32; 3]) -> [f64; 3] {
         match &self.params.section {
@@ -146,7 +146,7 @@ impl<'a> Scene<'a> {
         }
     }
 
-    /// Whether backs stand for the inside of a solid that is cut.
+    /// Returns `true` if backs stand for the inside of a solid that is cut.
     pub fn is_capped(&self) -> bool {
         self.params.section.is_some_and(|section| section.capped)
     }
@@ -164,10 +164,10 @@ impl<'a> Scene<'a> {
         // Smoothed normals may lean away from the eye at silhouettes.
         let away = normal.dot(eye).min(0.0);
         let normal = (normal - away * eye).try_normalize().unwrap_or(eye);
-        light::shaded(self.look(triangle, weights, front), normal, eye)
+        light::shaded(self.material(triangle, weights, front), normal, eye)
     }
 
-    fn look(&self, triangle: u32, weights: [f32; 3], front: bool) -> Look {
+    fn material(&self, triangle: u32, weights: [f32; 3], front: bool) -> Material {
         let corners = self.mesh.triangles()[triangle as usize];
         let mixed = |values: &[f64]| {
             (0..3)
@@ -180,7 +180,7 @@ impl<'a> Scene<'a> {
         };
         let color = match self.paint {
             Paint::Plain => {
-                return Look {
+                return Material {
                     color: if front { self.front } else { self.back },
                     shine: 1.0,
                     relief: 1.0,
@@ -193,7 +193,7 @@ impl<'a> Scene<'a> {
             Paint::VertexValues(values) => light(mixed(values.values)),
             Paint::FaceValues(values) => light(values.values[triangle as usize]),
         };
-        Look {
+        Material {
             color: if front {
                 color
             } else {
@@ -206,7 +206,7 @@ impl<'a> Scene<'a> {
 }
 
 impl Legend {
-    /// Where on the scale a value is, from 0 to 1; not a number if the value is none.
+    /// Position of a value on the scale, from 0 to 1; NaN for NaN.
     pub fn share(&self, value: f64) -> f64 {
         if self.low < self.high {
             ((value - self.low) / (self.high - self.low)).clamp(0.0, 1.0)

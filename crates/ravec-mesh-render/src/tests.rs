@@ -117,13 +117,13 @@ fn pixel(picture: &Picture, x: u32, y: u32) -> [u8; 4] {
     picture.pixels[start..start + 4].try_into().unwrap()
 }
 
-/// How many pixels are covered, in all.
+/// Number of covered pixels, in all.
 fn covered(picture: &Picture) -> f64 {
     let alpha = picture.pixels.iter().skip(3).step_by(4);
     alpha.map(|&alpha| f64::from(alpha) / 255.0).sum()
 }
 
-/// How many pixels satisfy a condition.
+/// Number of pixels that satisfy a condition.
 fn count(picture: &Picture, is: impl Fn([u8; 4]) -> bool) -> usize {
     let pixels = picture.pixels.chunks_exact(4);
     pixels

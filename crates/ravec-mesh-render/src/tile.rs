@@ -113,7 +113,7 @@ impl<'a> Tile<'a> {
             self.ink = vec![0.0; self.depth.len()];
             self.ink_kind = vec![Kind::Wire; self.depth.len()];
         }
-        // What is behind the cut of a solid is within it.
+        // Everything behind the cut of a solid is inside it, and hidden by the cap.
         let hidden_by_cap = self.scene.is_capped() && line.kind != Kind::Cut;
         let [a, b] = line.ends;
         let (from, to) = (DVec2::new(a.x, a.y), DVec2::new(b.x, b.y));
@@ -160,7 +160,7 @@ impl<'a> Tile<'a> {
         }
     }
 
-    /// Whether the surface is no nearer than `key` at the sample of `middle` or at one next to it.
+    /// Returns `true` if the surface is no nearer than `key` at the sample of `middle` or at one next to it.
     fn is_seen(&self, middle: DVec2, key: f64) -> bool {
         let range = |axis: usize, at: f64| {
             let at = at.floor() as i64 - self.origin[axis];
@@ -252,7 +252,7 @@ fn edge(a: Projected, b: Projected, x: f64, y: f64) -> f64 {
     (b.x - a.x) * (y - a.y) - (b.y - a.y) * (x - a.x)
 }
 
-/// Whether a point on the line from a to b counts as inside: so for exactly one of the two directions.
+/// Returns `true` if a point on the line from a to b counts as inside: so for exactly one of the two directions.
 #[inline]
 fn owns_border(a: Projected, b: Projected) -> bool {
     b.y > a.y || b.y == a.y && b.x < a.x

@@ -1,11 +1,11 @@
-//! Work that is cancelled at any look stops, and looks come as often as the mesh is large.
+//! Work that is cancelled at any check stops, and checks come as often as the mesh is large.
 
 use glam::DVec3;
 use ravec_mesh::TriMesh;
 use ravec_mesh_render::{Paint, RenderParams, render};
 use ravec_progress::Progress;
 
-/// So many tetrahedra, apart from one another, as parts of a machine are.
+/// A mesh of `count` tetrahedra, apart from one another, as parts of a machine are.
 fn parts(count: u32) -> TriMesh {
     let mut positions = Vec::new();
     let mut triangles = Vec::new();
@@ -18,29 +18,29 @@ fn parts(count: u32) -> TriMesh {
     TriMesh::new(positions, triangles).unwrap()
 }
 
-/// About how many looks at the cancellation `work` takes: the lowest power of 2 at which it is not stopped any more. `work` says
+/// Approximate number of checks for cancellation in `work`: the lowest power of 2 at which it is not stopped any more. `work` says
 /// whether it was stopped.
-fn looks(work: impl Fn(&Progress) -> bool) -> u64 {
+fn checks(work: impl Fn(&Progress) -> bool) -> u64 {
     let powers = (0..40).map(|power| 1 << power);
-    let mut powers = powers.skip_while(|&look| work(&Progress::cancelled_at(look)));
+    let mut powers = powers.skip_while(|&check| work(&Progress::cancelled_at(check)));
     powers.next().expect("the work has an end")
 }
 
-/// Between two looks there are at most so many triangles, times the passes that work makes over them.
+/// Between two checks there are at most so many triangles, times the passes that work makes over them.
 const BETWEEN: u64 = 1 << 15;
 
 #[track_caller]
 fn assert_looks(what: &str, mesh: &TriMesh, work: impl Fn(&Progress) -> bool) {
-    let looks = looks(work);
+    let checks = checks(work);
     let least = mesh.triangles().len() as u64 / BETWEEN;
-    assert!(looks > least, "{what}: {looks} looks, not {least}");
+    assert!(checks > least, "{what}: {checks} checks, not {least}");
 }
 
 #[test]
 fn rendering_stops_wherever_it_is_cancelled() {
     let mesh = parts(35_000);
-    let look = RenderParams::default();
+    let params = RenderParams::default();
     assert_looks("render", &mesh, |progress| {
-        render(&mesh, &Paint::Plain, &look, progress).is_err()
+        render(&mesh, &Paint::Plain, &params, progress).is_err()
     });
 }

@@ -33,10 +33,10 @@ impl From<Cancelled> for RowsError {
 /// Numbers of vertices are below [`Self::vertex_count`], and coordinates are finite. Errors of `visit` are returned at once:
 /// a visitor that wants no more rows returns [`RowsError::Stopped`]. Where rows are read from a file, errors of it are [`RowsError::Io`].
 pub trait MeshRows {
-    /// How many vertices there are.
+    /// Number of vertices.
     fn vertex_count(&self) -> usize;
 
-    /// How many triangles there are.
+    /// Number of triangles.
     fn triangle_count(&self) -> usize;
 
     /// Calls `visit` with each vertex.

@@ -34,9 +34,10 @@ pub enum WeldError {
 pub struct Welded {
     /// The mesh. Vertices that no triangle uses are kept as well.
     pub mesh: TriMesh,
-    /// How many vertices became one with an earlier one.
+    /// Number of vertices that were merged into an earlier one.
     pub merged: usize,
-    /// How many triangles lost a corner thereby: two of their corners are the same vertex now and were not before.
+    /// Number of triangles that lost a corner thereby: two of their corners are the same vertex now and were not
+    /// before.
     pub collapsed: usize,
 }
 
@@ -63,7 +64,7 @@ pub fn try_weld(mesh: &TriMesh, tolerance: f64, progress: &Progress) -> Result<W
     }
 }
 
-/// So many vertices or triangles are dealt with between two looks at the cancellation: about a millisecond.
+/// Number of vertices or triangles that are processed between two checks for cancellation: about a millisecond.
 const AT_ONCE: usize = 1 << 14;
 
 /// Welds `mesh` as [`weld`] does with memory of `budget`, and returns the reservation of the result along with it.

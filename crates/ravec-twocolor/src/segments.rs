@@ -23,10 +23,10 @@ const MAX_SIDE: usize = 1600;
 /// The least difference of both colors, in Oklab: a step that the eye sees on plain ground.
 const MIN_CONTRAST: f32 = 0.03;
 
-/// How much of a block's difference may be left unexplained: more is texture rather than an edge.
+/// Largest unexplained share of a block's difference: more is texture rather than an edge.
 const MAX_ERROR: f32 = 0.08;
 
-/// How far a neighbor may lie off the line so far, in pixels, and how far its direction may turn, in radians.
+/// Largest distance of a neighbor from the line so far, in pixels, and largest turn of its direction, in radians.
 const MAX_OFF_PX: f64 = 1.0;
 const MAX_TURN: f64 = 0.2;
 
@@ -69,11 +69,11 @@ impl Chord {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 ///
-/// Guarantees: each segment is at least 24 pixels long and made of blocks whose colors differ by 0.03 in Oklab or more; each
-/// block's line was within a pixel of the segment and turned by less than 0.2 radians from it when the block was added; equal
-/// pictures give equal bytes on any number of threads. Does not guarantee: that an edge is one segment (what covers it, or a
-/// block that shows texture, divides it), that the borders of strokes narrower than a block of 8 pixels are told apart, or that
-/// a gentle curve has none.
+/// Guarantees: each segment is at least 24 pixels long and made of blocks whose colors differ by 0.03 in Oklab or more;
+/// each block's line was within a pixel of the segment and turned by less than 0.2 radians from it when the block was
+/// added; equal pictures give equal bytes on any number of threads. Does not guarantee: that an edge is one segment
+/// (what covers it, or a block that shows texture, divides it), that the borders of strokes narrower than a block of 8
+/// pixels are distinguished, or that a gentle curve has none.
 ///
 /// Cost: two fits of two-color pixels to at most 1600 × 1600 pixels; the linking is a small part of it.
 ///

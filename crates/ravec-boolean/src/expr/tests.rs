@@ -96,8 +96,8 @@ fn errors_say_where_and_what() {
         ("(a b)", 3, "before `b`"),
         ("a)", 1, "has no opening one"),
         ("()", 1, "after `(`, found `)`"),
-        ("a + b", 2, "`+` is no part"),
-        ("a | 'x", 4, "`'` is no part"),
+        ("a + b", 2, "unexpected `+`"),
+        ("a | 'x", 4, "unexpected `'`"),
         ("a | foo", 4, "no mesh named `foo` (there are a, b)"),
     ] {
         let error = Expr::parse_with(

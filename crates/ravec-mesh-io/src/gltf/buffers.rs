@@ -25,7 +25,7 @@ pub(super) struct Buffers {
     all: ReservedVec<Bytes>,
 }
 
-/// Where the bytes of buffers come from.
+/// Origins of the bytes of buffers.
 pub(super) struct Origins<'a, 'r> {
     /// The part of the file that is the first buffer, if any.
     pub(super) inside: Option<ReservedVec<u8>>,

@@ -1,4 +1,4 @@
-//! The JSON of a glTF file: as much of it as tells where triangles are.
+//! The JSON of a glTF file: the part of it that locates triangles.
 
 use std::fmt;
 

@@ -24,13 +24,13 @@ const BRACE: u64 = 288;
 const BRACKET: u64 = 64;
 const COMMA: u64 = 24;
 
-/// Text that is looked at in one piece.
+/// Text that is examined in one piece.
 const BLOCK: usize = 1 << 14;
 
 /// The most characters in front of the base64.
-const LONGEST_KIND: usize = 256;
+const MAX_KIND: usize = 256;
 
-/// Base64 that is looked at in one piece.
+/// Base64 that is examined in one piece.
 const DECODED: usize = 1 << 14;
 
 /// Data that stood in the text.
@@ -191,7 +191,7 @@ impl<'s, 'a> Json<'s, 'a> {
                     readable = kind.ends_with(b";base64") && !kind.starts_with(b"image/");
                     text.drain(..=comma);
                     is_behind_kind = true;
-                } else if ended || text.len() > LONGEST_KIND {
+                } else if ended || text.len() > MAX_KIND {
                     readable = false;
                 }
             }

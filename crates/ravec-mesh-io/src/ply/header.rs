@@ -8,7 +8,7 @@ use crate::number::{integer, shown, words};
 use crate::source::Source;
 use ravec_memory::ReservedVec;
 
-/// How the rows are spelled.
+/// Encoding of the rows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Encoding {
     Ascii,
@@ -97,14 +97,14 @@ pub(super) struct Element {
 }
 
 impl Element {
-    /// Which column has one of `names`.
+    /// Index of the column that has one of `names`.
     pub(super) fn column(&self, names: &[&[u8]], list: bool) -> Option<usize> {
         self.properties.iter().position(|property| {
             names.contains(&property.name.as_slice()) && property.count.is_some() == list
         })
     }
 
-    /// Whether a row is a list of 32-bit indices with its length in a byte, and nothing else.
+    /// Returns `true` if a row is a list of 32-bit indices with its length in a byte, and nothing else.
     pub(super) fn is_plain_list(&self) -> bool {
         matches!(
             &*self.properties,
@@ -128,7 +128,7 @@ impl Element {
 /// The most bytes of a header: a stream may have comments without end.
 const MAX_HEADER: u64 = 1 << 24;
 
-/// As much of a name as is kept: known names are shorter, and messages show no more.
+/// Length to which names are cut: known names are shorter, and messages show no more.
 const MAX_NAME: usize = 128;
 
 fn kept(name: &[u8]) -> Vec<u8> {

@@ -18,8 +18,8 @@ use crate::error::{Place, ReadMeshError};
 use crate::source::Source;
 use ravec_memory::ReservedVec;
 
-/// Where the model is if nothing says otherwise.
-const USUAL: &str = "3D/3dmodel.model";
+/// Path of the model if no relationship names another.
+const DEFAULT_MODEL: &str = "3D/3dmodel.model";
 
 /// Bytes that are unpacked at once.
 const BLOCK: usize = 1 << 16;
@@ -30,7 +30,7 @@ const UNPACKING: u64 = (BLOCK + (1 << 16)) as u64;
 /// A file in the archive, as the directory describes it.
 #[derive(Clone, Copy)]
 struct Entry {
-    /// Where its name begins.
+    /// Start of its name.
     name: usize,
     name_length: usize,
     is_encrypted: bool,
@@ -38,7 +38,7 @@ struct Entry {
     crc: u32,
     packed: u64,
     unpacked: u64,
-    /// Where its own header is.
+    /// Offset of its own header.
     header: u64,
 }
 
@@ -349,8 +349,8 @@ impl<'a> Package<'a> {
                 return Ok(target);
             }
         }
-        if self.entry(USUAL).is_some() {
-            return Ok(USUAL.to_owned());
+        if self.entry(DEFAULT_MODEL).is_some() {
+            return Ok(DEFAULT_MODEL.to_owned());
         }
         Err(ReadMeshError::syntax(
             MeshFormat::ThreeMf,

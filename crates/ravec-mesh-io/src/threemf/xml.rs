@@ -17,8 +17,8 @@ use crate::{LengthUnit, MeshFormat};
 use ravec_memory::ReservedVec;
 
 /// Bounds on the depth of elements and on the length of their names: the names of those that are open are held.
-const DEEPEST: usize = 256;
-const LONGEST_NAME: usize = 1024;
+const MAX_DEPTH: usize = 256;
+const MAX_NAME: usize = 1024;
 
 /// A use of an object.
 pub(super) struct Use {
@@ -41,12 +41,12 @@ pub(super) struct Model {
     pub(super) unit: LengthUnit,
     /// In the order of the file; ids may be repeated.
     pub(super) objects: ReservedVec<Object>,
-    /// What is built.
+    /// Items of the build.
     pub(super) items: ReservedVec<Use>,
     pub(super) warnings: Vec<ReadWarning>,
 }
 
-/// How many vertices and triangles all objects of all parts may have.
+/// Room for vertices and triangles of all objects of all parts.
 pub(super) struct Room {
     limits: MeshLimits,
     vertices: u64,
@@ -123,7 +123,7 @@ pub(super) fn root_of(relations: BufReader<Part<'_>>) -> Result<Option<String>, 
                 let (Event::Start(tag) | Event::Empty(tag)) = event else {
                     continue;
                 };
-                if depth > DEEPEST || tag.name().as_ref().len() > LONGEST_NAME {
+                if depth > MAX_DEPTH || tag.name().as_ref().len() > MAX_NAME {
                     return Ok(None);
                 }
                 let (mut target, mut is_model) = (None, false);
@@ -196,7 +196,7 @@ pub(super) fn read_part(
         match event {
             Event::Start(tag) => {
                 depth += 1;
-                if depth > DEEPEST || tag.name().as_ref().len() > LONGEST_NAME {
+                if depth > MAX_DEPTH || tag.name().as_ref().len() > MAX_NAME {
                     let what = "elements are nested too deeply, or have names that are too long";
                     return Err(builder.fault(what));
                 }
@@ -233,7 +233,7 @@ struct Builder<'a> {
     parts: &'a mut Parts,
     room: &'a mut Room,
     budget: MemoryBudget,
-    /// Where the last tag begins.
+    /// Place at which the last tag begins.
     place: Place,
 }
 

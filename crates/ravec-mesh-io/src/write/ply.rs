@@ -6,7 +6,7 @@ use super::{AT_ONCE, Precision, Sink, point, rounded, whole};
 use crate::error::WriteMeshError;
 use ravec_mesh::MeshRows;
 
-/// Whether 32-bit floats are to be written: if asked for, or if they hold all coordinates exactly.
+/// Returns `true` if 32-bit floats are to be written: on request, or if they hold all coordinates exactly.
 fn is_single(
     mesh: &dyn MeshRows,
     precision: Precision,
