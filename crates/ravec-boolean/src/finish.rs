@@ -113,7 +113,7 @@ pub(crate) fn finish(
     let mut features = feature_edges(&triangles, &across, differ, progress)?;
     drop(across);
     progress.check()?;
-    let positions = without_unused(positions, &mut triangles, &mut features);
+    let positions = without_unused(&positions, &mut triangles, &mut features);
     Ok(Finished {
         positions,
         triangles,
@@ -281,7 +281,7 @@ fn feature_edges(
 
 /// The places of the vertices that triangles use, by which these and the features are renumbered.
 fn without_unused(
-    positions: Vec<DVec3>,
+    positions: &[DVec3],
     triangles: &mut [[u32; 3]],
     features: &mut [[u32; 2]],
 ) -> Vec<DVec3> {

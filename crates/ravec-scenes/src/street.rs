@@ -287,7 +287,7 @@ fn ground(seed: Seed) -> Piece {
 }
 
 /// A house whose lower left corner is at `origin`.
-fn facade(house: House, origin: DVec3, right: DVec3, seed: Seed) -> Piece {
+fn facade(house: &House, origin: DVec3, right: DVec3, seed: Seed) -> Piece {
     let facade = Facade {
         width: house.width,
         height: house.height,
@@ -318,7 +318,7 @@ fn houses(seed: Seed) -> Vec<Piece> {
     for (index, house) in left_row().into_iter().enumerate() {
         let width = house.width;
         pieces.push(facade(
-            house,
+            &house,
             DVec3::new(WALLS[0], 0.0, -depth),
             DVec3::NEG_Z,
             seed.fork(200 + index as u64),
@@ -335,7 +335,7 @@ fn houses(seed: Seed) -> Vec<Piece> {
         let width = house.width;
         depth += width;
         pieces.push(facade(
-            house,
+            &house,
             DVec3::new(WALLS[1], 0.0, -depth),
             DVec3::Z,
             seed.fork(220 + index as u64),

@@ -72,6 +72,13 @@ struct Positions<V> {
     zz: V,
 }
 
+/// The sums over side 0, and the moments over the whole window.
+struct SideSums<V> {
+    positions: Positions<V>,
+    moments: [Moments<V>; CHANNELS],
+    all: [Moments<V>; CHANNELS],
+}
+
 /// The estimate of one channel over a side: `base + slope·p + keep·y`, and its weight.
 #[derive(Clone, Copy)]
 struct Estimate<V> {
@@ -122,7 +129,11 @@ fn clean_batch<S: Simd>(
         }
     }
 
-    let (positions_0, moments_0, moments_all) = side_sums(
+    let SideSums {
+        positions: positions_0,
+        moments: moments_0,
+        all: moments_all,
+    } = side_sums(
         simd,
         side,
         &batch.pixels,
@@ -188,11 +199,7 @@ fn side_sums<S: Simd>(
     pixels: &[[S::f32s; CHANNELS]],
     [normal_x, normal_z, offset]: [S::f32s; 3],
     on_0: &mut [S::f32s],
-) -> (
-    Positions<S::f32s>,
-    [Moments<S::f32s>; CHANNELS],
-    [Moments<S::f32s>; CHANNELS],
-) {
+) -> SideSums<S::f32s> {
     let half = 0.5 * (side as f32 - 1.0);
     let zero = S::f32s::splat(simd, 0.0);
     let one = S::f32s::splat(simd, 1.0);
@@ -253,7 +260,11 @@ fn side_sums<S: Simd>(
             all[c].zy += row_y[c][1] * z;
         }
     }
-    (positions, moments, all)
+    SideSums {
+        positions,
+        moments,
+        all,
+    }
 }
 
 /// The noise variance of each channel at the brightness of each window.
