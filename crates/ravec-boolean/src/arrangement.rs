@@ -16,5 +16,5 @@ mod triangulation;
 
 pub(crate) use cells::{Cells, Side};
 pub(crate) use cut::{Pieces, contacts, cut, uncut};
-pub(crate) use edges::{Edges, Turned};
+pub(crate) use edges::{Edges, Turned, Use};
 pub(crate) use soup::{Soup, one_for_each_place, testable};

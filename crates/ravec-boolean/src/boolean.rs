@@ -136,7 +136,26 @@ pub fn boolean(
         };
     };
     progress.check()?;
-    let origins: Vec<Origin> = parents
+    let origins = origins(&parents, &soup, meshes);
+    progress.check()?;
+    let mesh = TriMesh::new(finished.positions, finished.triangles)
+        .expect("vertices were numbered as they were used");
+    report.triangles = mesh.triangles().len() as u64;
+    report.kept_triangles = origins.iter().filter(|o| o.whole).count() as u64;
+    report.solid = finished.closed && report.self_intersections == 0;
+    progress.check()?;
+    report.volume = ravec_mesh::measure(&mesh).volume;
+    Ok(Boolean {
+        mesh,
+        origins,
+        feature_edges: finished.features,
+        report,
+    })
+}
+
+/// The triangle of the meshes that each triangle of the result is or lies in.
+fn origins(parents: &[Parent], soup: &Soup, meshes: &[TriMesh]) -> Vec<Origin> {
+    parents
         .iter()
         .map(|parent| {
             let source = soup.sources[parent.triangle as usize];
@@ -153,21 +172,7 @@ pub fn boolean(
                 whole: parent.whole && is_as_given,
             }
         })
-        .collect();
-    progress.check()?;
-    let mesh = TriMesh::new(finished.positions, finished.triangles)
-        .expect("vertices were numbered as they were used");
-    report.triangles = mesh.triangles().len() as u64;
-    report.kept_triangles = origins.iter().filter(|o| o.whole).count() as u64;
-    report.solid = finished.closed && report.self_intersections == 0;
-    progress.check()?;
-    report.volume = ravec_mesh::measure(&mesh).volume;
-    Ok(Boolean {
-        mesh,
-        origins,
-        feature_edges: finished.features,
-        report,
-    })
+        .collect()
 }
 
 /// Counts pairs of triangles that meet, in all and within one mesh, unless they were counted before.

@@ -9,7 +9,7 @@ use glam::DVec3;
 use ravec_progress::{Cancelled, Progress};
 use rustc_hash::FxHashMap;
 
-use crate::arrangement::{Edges, Pieces, Turned};
+use crate::arrangement::{Edges, Pieces, Turned, Use};
 use crate::select::{Draft, Parent};
 
 const NONE: u32 = u32::MAX;
@@ -101,9 +101,40 @@ pub(crate) fn finish(
         mut across,
         junctions,
     } = edges;
+    let (pairs, mut closed) = paired_sides(list, &junctions, &mut across);
+    closed &= across
+        .iter()
+        .flatten()
+        .all(|other| other.number().is_some());
+
+    let (mut triangles, positions) = one_fan_each(pieces, &across, progress)?;
+    let pinched = pinched_edges(list, &triangles, &positions, &junctions, &pairs);
+    drop(pairs);
+    let mut features = feature_edges(&triangles, &across, differ, progress)?;
+    drop(across);
+    progress.check()?;
+    let positions = without_unused(&positions, &mut triangles, &mut features);
+    Ok(Finished {
+        positions,
+        triangles,
+        features,
+        closed,
+        pinched,
+    })
+}
+
+/// Pairs of triangles that go on in one another over an edge, and whether all triangles at edges are in one.
+type Pairs = Vec<Vec<(Use, Use)>>;
+
+/// Pairs the triangles at each junction, and writes each into `across` of the other.
+fn paired_sides(
+    list: &[[u32; 3]],
+    junctions: &[([u32; 2], Vec<Use>)],
+    across: &mut [[Turned; 3]],
+) -> (Pairs, bool) {
     let mut closed = true;
     let mut pairs = Vec::with_capacity(junctions.len());
-    for ([lower, upper], uses) in &junctions {
+    for ([lower, upper], uses) in junctions {
         let side = |piece: u32, forward: bool| {
             let c = list[piece as usize];
             let (from, to) = if forward {
@@ -144,11 +175,16 @@ pub(crate) fn finish(
         }
         pairs.push(free);
     }
-    closed &= across
-        .iter()
-        .flatten()
-        .all(|other| other.number().is_some());
+    (pairs, closed)
+}
 
+/// The triangles with a vertex of its own for each fan, and the places of all vertices.
+fn one_fan_each(
+    pieces: &Pieces,
+    across: &[[Turned; 3]],
+    progress: &Progress,
+) -> Result<(Vec<[u32; 3]>, Vec<DVec3>), Cancelled> {
+    let list = &pieces.soup.triangles;
     let mut triangles = vec![[NONE; 3]; list.len()];
     let mut vertex_taken = vec![false; pieces.places.given().len()];
     let mut positions = pieces.places.given().to_vec();
@@ -188,6 +224,17 @@ pub(crate) fn finish(
             }
         }
     }
+    Ok((triangles, positions))
+}
+
+/// Edges that more than one pair of triangles has between the same two vertices.
+fn pinched_edges(
+    list: &[[u32; 3]],
+    triangles: &[[u32; 3]],
+    positions: &[DVec3],
+    junctions: &[([u32; 2], Vec<Use>)],
+    pairs: &Pairs,
+) -> Vec<[DVec3; 2]> {
     let mut pinched = Vec::new();
     for (([lower, upper], _), pairs) in junctions.iter().zip(pairs) {
         let mut ends: Vec<[u32; 2]> = pairs
@@ -206,6 +253,16 @@ pub(crate) fn finish(
             pinched.push([lower, upper].map(|&name| positions[name as usize]));
         }
     }
+    pinched
+}
+
+/// Edges between triangles that differ.
+fn feature_edges(
+    triangles: &[[u32; 3]],
+    across: &[[Turned; 3]],
+    differ: impl Fn(u32, u32) -> bool,
+    progress: &Progress,
+) -> Result<Vec<[u32; 2]>, Cancelled> {
     let mut features = Vec::new();
     for (piece, over) in across.iter().enumerate() {
         if piece % STRIDE == 0 {
@@ -219,11 +276,17 @@ pub(crate) fn finish(
             }
         }
     }
-    drop(across);
-    // vertices that nothing uses go
+    Ok(features)
+}
+
+/// The places of the vertices that triangles use, by which these and the features are renumbered.
+fn without_unused(
+    positions: &[DVec3],
+    triangles: &mut [[u32; 3]],
+    features: &mut [[u32; 2]],
+) -> Vec<DVec3> {
     let mut new_name = vec![NONE; positions.len()];
     let mut used = Vec::with_capacity(positions.len());
-    progress.check()?;
     for v in triangles.iter_mut().flatten() {
         let slot = &mut new_name[*v as usize];
         if *slot == NONE {
@@ -235,11 +298,5 @@ pub(crate) fn finish(
     for v in features.iter_mut().flatten() {
         *v = new_name[*v as usize];
     }
-    Ok(Finished {
-        positions: used,
-        triangles,
-        features,
-        closed,
-        pinched,
-    })
+    used
 }

@@ -104,23 +104,7 @@ pub fn mosaic(
     progress: &Progress,
 ) -> Result<Mosaic, CatalogueError> {
     let layout = Layout::new(picture.size(), params)?;
-    if layout.size.pixels() as u64 > limits.max_pixels {
-        return Err(CatalogueError::TooManyPixels {
-            width: layout.size.width(),
-            height: layout.size.height(),
-            limit: limits.max_pixels,
-        });
-    }
-    if let Some(path) = outputs.picture {
-        catalogue.check_output(path)?;
-    }
-    if let Some(folder) = outputs.deep_zoom {
-        if let Some(path) = outputs.picture.filter(|path| leads_into(path, folder)) {
-            return Err(protected(path, "it would lie in the folder of the page"));
-        }
-        catalogue.check_output_folder(folder)?;
-        check_place(folder, layout.size, progress)?;
-    }
+    check_outputs(catalogue, &layout, outputs, limits, progress)?;
     let mut warnings = layout.warning(picture.size());
     let memory = &limits.memory;
     let (mut photos, _of_entries) = candidates(catalogue, params, memory, &mut warnings)?;
@@ -136,17 +120,9 @@ pub fn mosaic(
     let _of_choice = reserve_choice(&layout, params, photos.len(), memory)?;
     let plan = Plan::new(&layout, outputs, params, limits)?;
     let workers = Workers::new()?;
-    let phase = progress.phase("photos", photos.len() as u64);
-    let mut descriptors: Vec<Descriptor> = photos
-        .par_iter()
-        .map(|photo| {
-            progress.check()?;
-            phase.advance(1);
-            Ok(describe(photo))
-        })
-        .collect::<Result<_, Cancelled>>()?;
+    let mut descriptors = describe_all(&photos, progress)?;
     if params.preview_px.is_none() {
-        // what is wanted of the small pictures is in the looks
+        // the descriptors hold all that is needed of the small pictures
         for photo in &mut photos {
             photo.entry.thumbnail = None;
         }
@@ -188,12 +164,7 @@ pub fn mosaic(
         let size = (layout.size, plan.strip_px);
         let broken = match write(outputs, size, &named, painter, params.quality, progress) {
             Ok(kept) => {
-                warnings.extend(kept.map(|kept| {
-                    format!(
-                        "what was put into the old page while the new one was made is kept in {}",
-                        kept.display()
-                    )
-                }));
+                warnings.extend(kept.as_deref().map(kept_warning));
                 return Ok(described(
                     &layout,
                     &photos,
@@ -209,29 +180,88 @@ pub fn mosaic(
             Err(Unpainted::Cancelled(cancelled)) => return Err(cancelled.into()),
             Err(Unpainted::Photos(broken)) => broken,
         };
-        let gone: HashSet<u32> = broken.iter().map(|(photo, _)| *photo).collect();
-        warnings.extend(broken.into_iter().map(|(photo, reason)| {
-            format!(
-                "{}: {reason}; others took its place",
-                photos[photo as usize].entry.path.display()
-            )
-        }));
-        let stays: Vec<bool> = (0..photos.len() as u32)
-            .map(|photo| !gone.contains(&photo))
-            .collect();
-        let (mut of_photos, mut has_descriptor) = (stays.iter(), stays.iter());
+        warnings.extend(replaced(&broken, &photos));
         if let Some(tiling) = &mut cut {
             // photos get other numbers
             tiling.start.clear();
         }
-        photos.retain(|_| of_photos.next() == Some(&true));
-        descriptors.retain(|_| has_descriptor.next() == Some(&true));
+        let gone: HashSet<u32> = broken.iter().map(|(photo, _)| *photo).collect();
+        remove(&gone, &mut photos);
+        remove(&gone, &mut descriptors);
         if photos.is_empty() {
             return Err(CatalogueError::Empty {
                 path: catalogue.path().into(),
             });
         }
     }
+}
+
+/// Checks that the mosaic is not too large and that its outputs may be written.
+fn check_outputs(
+    catalogue: &Catalogue,
+    layout: &Layout,
+    outputs: &Outputs<'_>,
+    limits: &Limits,
+    progress: &Progress,
+) -> Result<(), CatalogueError> {
+    if layout.size.pixels() as u64 > limits.max_pixels {
+        return Err(CatalogueError::TooManyPixels {
+            width: layout.size.width(),
+            height: layout.size.height(),
+            limit: limits.max_pixels,
+        });
+    }
+    if let Some(path) = outputs.picture {
+        catalogue.check_output(path)?;
+    }
+    if let Some(folder) = outputs.deep_zoom {
+        if let Some(path) = outputs.picture.filter(|path| leads_into(path, folder)) {
+            return Err(protected(path, "it would lie in the folder of the page"));
+        }
+        catalogue.check_output_folder(folder)?;
+        check_place(folder, layout.size, progress)?;
+    }
+    Ok(())
+}
+
+/// The descriptors of all photos.
+fn describe_all(photos: &[Candidate], progress: &Progress) -> Result<Vec<Descriptor>, Cancelled> {
+    let phase = progress.phase("photos", photos.len() as u64);
+    photos
+        .par_iter()
+        .map(|photo| {
+            progress.check()?;
+            phase.advance(1);
+            Ok(describe(photo))
+        })
+        .collect()
+}
+
+/// A warning about a folder that holds what was put into the old page.
+fn kept_warning(folder: &Path) -> String {
+    format!(
+        "what was put into the old page while the new one was made is kept in {}",
+        folder.display()
+    )
+}
+
+/// Warnings about photos that could not be read.
+fn replaced(broken: &[(u32, String)], photos: &[Candidate]) -> Vec<String> {
+    broken
+        .iter()
+        .map(|(photo, reason)| {
+            format!(
+                "{}: {reason}; others took its place",
+                photos[*photo as usize].entry.path.display()
+            )
+        })
+        .collect()
+}
+
+/// Removes the members with these numbers.
+fn remove<T>(gone: &HashSet<u32>, list: &mut Vec<T>) {
+    let mut number = 0..;
+    list.retain(|_| number.next().is_some_and(|number| !gone.contains(&number)));
 }
 
 /// Paints the mosaic into all outputs at once. Returns a folder that is kept, with what was put into a page that was replaced.

@@ -251,6 +251,36 @@ impl Cut<'_> {
         Ok(result)
     }
 
+    /// The costs of the seam between two cells, given by their pixels, labels and the change to the new label: if both keep their
+    /// labels, if the second takes the new one, and if the first does.
+    fn seam_costs(
+        &self,
+        [(pixels, la, here), (others, lb, there)]: [(&[u32], u16, f32); 2],
+        label: u16,
+        length: f32,
+    ) -> [i32; 3] {
+        let seam = |here: f32, there: f32| cost(length * (here + there + SEAM_COST));
+        if la == lb {
+            return [0, seam(here, there), seam(here, there)];
+        }
+        [
+            seam(
+                self.difference(pixels, la, lb),
+                self.difference(others, la, lb),
+            ),
+            if la == label {
+                0
+            } else {
+                seam(here, self.difference(others, la, label))
+            },
+            if lb == label {
+                0
+            } else {
+                seam(self.difference(pixels, lb, label), there)
+            },
+        ]
+    }
+
     /// Lets one label spread where that pays.
     fn expand(
         &self,
@@ -310,31 +340,9 @@ impl Cut<'_> {
                 if a == NONE && b == NONE {
                     continue;
                 }
-                let (la, lb) = (state.labels[cell], state.labels[other]);
-                let seam = |here: f32, there: f32| cost(length * (here + there + SEAM_COST));
-                let (here, there) = (scratch.change[cell], scratch.change[other]);
-                // both keep their labels; the second takes the new one; the first does
-                let (kept, second, first) = if la == lb {
-                    (0, seam(here, there), seam(here, there))
-                } else {
-                    let (pixels, others) = (cells.pixels(cell), cells.pixels(other));
-                    (
-                        seam(
-                            self.difference(pixels, la, lb),
-                            self.difference(others, la, lb),
-                        ),
-                        if la == label {
-                            0
-                        } else {
-                            seam(here, self.difference(others, la, label))
-                        },
-                        if lb == label {
-                            0
-                        } else {
-                            seam(self.difference(pixels, lb, label), there)
-                        },
-                    )
-                };
+                let ends = [cell, other]
+                    .map(|cell| (cells.pixels(cell), state.labels[cell], scratch.change[cell]));
+                let [kept, second, first] = self.seam_costs(ends, label, length);
                 match (a, b) {
                     // a neighbor that stays as it is has the new label already if that costs nothing
                     (a, NONE) => graph.add_terminals(a, first, kept),

@@ -60,46 +60,8 @@ pub(crate) fn bend(
     }
     let stencils = stencils(inks, &number, &places, &unknown);
     let count = places.len();
-    // J applied to the values, and its transpose to what comes out
-    let residuals = |values: &[Ink], with_known: bool| -> Vec<Ink> {
-        stencils
-            .iter()
-            .map(|stencil| {
-                let mut sum = if with_known { stencil.known } else { [0.0; 4] };
-                for &(index, factor) in &stencil.terms {
-                    if factor != 0.0 {
-                        let value = values[index as usize];
-                        for c in 0..4 {
-                            sum[c] += factor * value[c];
-                        }
-                    }
-                }
-                sum
-            })
-            .collect()
-    };
-    let transposed = |residuals: &[Ink]| -> Vec<Ink> {
-        let mut sums = vec![[0.0f32; 4]; count];
-        for (stencil, residual) in stencils.iter().zip(residuals) {
-            for &(index, factor) in &stencil.terms {
-                if factor != 0.0 {
-                    for c in 0..4 {
-                        sums[index as usize][c] += factor * residual[c];
-                    }
-                }
-            }
-        }
-        sums
-    };
-    let dot = |a: &[Ink], b: &[Ink]| -> [f64; 4] {
-        let mut sum = [0f64; 4];
-        for (a, b) in a.iter().zip(b) {
-            for c in 0..4 {
-                sum[c] += f64::from(a[c] * b[c]);
-            }
-        }
-        sum
-    };
+    let residuals = |values: &[Ink], with_known: bool| applied(&stencils, values, with_known);
+    let transposed = |residuals: &[Ink]| transposed(&stencils, residuals, count);
     // start from the mean of what is known nearby
     let mut values = start(inks, &places, &number, &unknown);
     let mut down: Vec<Ink> = transposed(&residuals(&values, true))
@@ -147,6 +109,50 @@ pub(crate) fn bend(
         inks[place] = value;
     }
     Ok(())
+}
+
+/// J applied to the values: the bending at each stencil.
+fn applied(stencils: &[Stencil], values: &[Ink], with_known: bool) -> Vec<Ink> {
+    stencils
+        .iter()
+        .map(|stencil| {
+            let mut sum = if with_known { stencil.known } else { [0.0; 4] };
+            for &(index, factor) in &stencil.terms {
+                if factor != 0.0 {
+                    let value = values[index as usize];
+                    for c in 0..4 {
+                        sum[c] += factor * value[c];
+                    }
+                }
+            }
+            sum
+        })
+        .collect()
+}
+
+/// The transpose of J applied to what comes out.
+fn transposed(stencils: &[Stencil], residuals: &[Ink], count: usize) -> Vec<Ink> {
+    let mut sums = vec![[0.0f32; 4]; count];
+    for (stencil, residual) in stencils.iter().zip(residuals) {
+        for &(index, factor) in &stencil.terms {
+            if factor != 0.0 {
+                for c in 0..4 {
+                    sums[index as usize][c] += factor * residual[c];
+                }
+            }
+        }
+    }
+    sums
+}
+
+fn dot(a: &[Ink], b: &[Ink]) -> [f64; 4] {
+    let mut sum = [0f64; 4];
+    for (a, b) in a.iter().zip(b) {
+        for c in 0..4 {
+            sum[c] += f64::from(a[c] * b[c]);
+        }
+    }
+    sum
 }
 
 /// For each unknown the mean of the known pixels around it, as far away as need be.

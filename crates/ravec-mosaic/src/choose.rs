@@ -285,24 +285,7 @@ pub fn choose(
 ) -> Result<Choice, ChooseError> {
     let tiles = &tiling.tiles[..];
     let different = photos.different;
-    if photos.is_empty() {
-        return Err(ChooseError::NoPhotos);
-    }
-    if let Some(max_uses) = rules.max_uses
-        && (max_uses as usize).saturating_mul(different) < tiles.len()
-    {
-        return Err(ChooseError::TooFew {
-            tiles: tiles.len(),
-            different,
-            max_uses,
-        });
-    }
-    if rules.use_all && different > tiles.len() {
-        return Err(ChooseError::TooMany {
-            tiles: tiles.len(),
-            different,
-        });
-    }
+    check_counts(tiles.len(), photos, rules)?;
     if tiles.is_empty() {
         return Ok(Choice {
             photos: Vec::new(),
@@ -389,6 +372,27 @@ pub fn choose(
         bound,
         changes,
     })
+}
+
+/// Checks that there are as many photos as the rules ask for.
+fn check_counts(tiles: usize, photos: &Photos, rules: &Rules) -> Result<(), ChooseError> {
+    let different = photos.different;
+    if photos.is_empty() {
+        return Err(ChooseError::NoPhotos);
+    }
+    if let Some(max_uses) = rules.max_uses
+        && (max_uses as usize).saturating_mul(different) < tiles
+    {
+        return Err(ChooseError::TooFew {
+            tiles,
+            different,
+            max_uses,
+        });
+    }
+    if rules.use_all && different > tiles {
+        return Err(ChooseError::TooMany { tiles, different });
+    }
+    Ok(())
 }
 
 /// The cheapest assignment under limits on numbers alone.

@@ -171,7 +171,9 @@ pub fn psnr_db<A: Color, B: Color>(a: &Image<A>, b: &Image<B>) -> Result<f64, Me
         })
         .collect();
     let mut total = Sums::default();
-    strips.iter().for_each(|strip| total.add(strip));
+    for strip in &strips {
+        total.add(strip);
+    }
     Ok(total.psnr_db(size))
 }
 

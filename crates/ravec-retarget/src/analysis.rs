@@ -21,9 +21,20 @@ pub(crate) struct Analysis {
     pub(crate) field: TwoColorField,
 }
 
-/// Columns and rows of units for a picture, `cells` along its longer side.
-pub(crate) fn units_for(size: Size, cells: usize) -> [usize; 2] {
+/// Cells along the longer side of pictures that have more pixels than the reduction, and of those that do not. Factorization
+/// takes two thirds of the work for 100 cells, whatever the size of the picture. At 720 × 480 pixels, cells of 14 keep lines as
+/// straight as cells of 7, and discs as round within 3 %.
+const CELLS: usize = 100;
+const CELLS_OF_SMALL: usize = 50;
+
+/// Columns and rows of units for a picture, `cells` along its longer side if given.
+pub(crate) fn units_for(size: Size, cells: Option<usize>) -> [usize; 2] {
     let longer = size.width().max(size.height());
+    let cells = cells.unwrap_or(if longer <= LONGER_SIDE {
+        CELLS_OF_SMALL
+    } else {
+        CELLS
+    });
     // a unit has at least two pixels a side
     let cells = cells.min(longer.div_ceil(2));
     [size.width(), size.height()].map(|side| {
@@ -103,13 +114,16 @@ mod tests {
 
     #[test]
     fn units_are_as_square_as_whole_numbers_allow() {
-        assert_eq!(units_for(size(4256, 2832), 100), [100, 67]);
-        assert_eq!(units_for(size(2832, 4256), 100), [67, 100]);
-        assert_eq!(units_for(size(50, 50), 100), [25, 25]);
+        assert_eq!(units_for(size(4256, 2832), Some(100)), [100, 67]);
+        assert_eq!(units_for(size(2832, 4256), Some(100)), [67, 100]);
+        assert_eq!(units_for(size(50, 50), Some(100)), [25, 25]);
         // one pixel wide, one pixel in all, and so long that a square unit would be less than a pixel high
-        assert_eq!(units_for(size(1, 300), 100), [1, 100]);
-        assert_eq!(units_for(size(1, 1), 100), [1, 1]);
-        assert_eq!(units_for(size(1000, 2), 400), [400, 1]);
+        assert_eq!(units_for(size(1, 300), Some(100)), [1, 100]);
+        assert_eq!(units_for(size(1, 1), Some(100)), [1, 1]);
+        assert_eq!(units_for(size(1000, 2), Some(400)), [400, 1]);
+        // by default
+        assert_eq!(units_for(size(720, 480), None), [50, 33]);
+        assert_eq!(units_for(size(534, 801), None), [67, 100]);
     }
 
     #[test]

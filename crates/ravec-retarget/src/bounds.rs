@@ -128,15 +128,7 @@ pub(crate) fn minimize(
     let active = (0..edges.edges.len())
         .filter(|&k| edges.slack(k, now[0][k], now[1][k], mean_unit) < MIN_LENGTH)
         .count();
-    let outside = (0..2).any(|a| {
-        let positions = now[a][edges.edges.len()..]
-            .iter()
-            .zip(&axes[a].edges.borders);
-        positions.into_iter().any(|(&at, &(_, far))| {
-            let [low, high] = frame(far, size[a], format.overhang[a]);
-            !(low - 1e-9..=high + 1e-9).contains(&at)
-        })
-    });
+    let outside = (0..2).any(|a| is_outside(&axes[a], &now[a][edges.edges.len()..], a, format));
     if active == 0 && !outside {
         return Bounded {
             z,
@@ -207,6 +199,17 @@ pub(crate) fn minimize(
         steps,
         blend,
     }
+}
+
+/// True if a vertex of a free border, all of which are at `positions`, is out of its range.
+fn is_outside(axis: &Axis, positions: &[f64], a: usize, format: &Format) -> bool {
+    positions
+        .iter()
+        .zip(&axis.edges.borders)
+        .any(|(&at, &(_, far))| {
+            let [low, high] = frame(far, format.size[a], format.overhang[a]);
+            !(low - 1e-9..=high + 1e-9).contains(&at)
+        })
 }
 
 /// Range of a vertex on a free border.

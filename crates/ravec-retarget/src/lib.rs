@@ -14,7 +14,7 @@
 //!     let r = (col as f64 - 119.5).hypot(row as f64 - 79.5);
 //!     if r < 30.0 { Srgb([40u8, 40, 60]) } else { Srgb([230, 220, 200]) }
 //! });
-//! let params = RetargetParams { grid_cells: 40, ..RetargetParams::default() };
+//! let params = RetargetParams { grid_cells: Some(40), ..RetargetParams::default() };
 //! let retargeter = Retargeter::new(&photo, Painted::default(), &params, &Progress::none())?;
 //!
 //! // two thirds of the width: the disc stays round

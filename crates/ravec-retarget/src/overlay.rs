@@ -88,7 +88,7 @@ mod tests {
             LinearRgb([if row > 40 + col / 4 { 0.6 } else { 0.1 }; 3])
         });
         let params = RetargetParams {
-            grid_cells: 16,
+            grid_cells: Some(16),
             ..RetargetParams::default()
         };
         let none = Progress::none();

@@ -53,7 +53,7 @@ proptest! {
     ) {
         let image = picture(width, height, seed);
         let params = RetargetParams {
-            grid_cells: cells,
+            grid_cells: Some(cells),
             adaptive,
             borders: [Borders::Slide, Borders::Symmetric, Borders::Free][borders],
             max_crop: if seed % 2 == 0 { crop } else { 0.0 },
@@ -93,7 +93,7 @@ fn identity_and_uniform_scaling_are_exact() {
     for adaptive in [false, true] {
         for borders in [Borders::Slide, Borders::Symmetric, Borders::Free] {
             let params = RetargetParams {
-                grid_cells: 30,
+                grid_cells: Some(30),
                 adaptive,
                 borders,
                 max_crop: 0.2,
@@ -192,7 +192,7 @@ fn symmetric_borders_move_alike_and_free_ones_stay_outside() {
     let image = picture(160, 120, 19);
     for adaptive in [false, true] {
         let params = |borders| RetargetParams {
-            grid_cells: 24,
+            grid_cells: Some(24),
             adaptive,
             borders,
             ..RetargetParams::default()
@@ -230,7 +230,7 @@ fn cropping_leaves_more_room_and_never_exceeds_its_share() {
     // the same importance everywhere: half of the width squeezes all of it, unless a part goes
     let image = picture(240, 120, 29);
     let params = |max_crop| RetargetParams {
-        grid_cells: 40,
+        grid_cells: Some(40),
         max_crop,
         ..RetargetParams::default()
     };

@@ -80,7 +80,7 @@ fn measured(percent: usize, protect: bool, adaptive: bool) -> Measured {
             give_way: None,
         };
         let params = RetargetParams {
-            grid_cells: 60,
+            grid_cells: Some(60),
             adaptive,
             ..RetargetParams::default()
         };

@@ -165,22 +165,6 @@ pub(crate) fn bicycle(foot: DVec3) -> Piece {
         DVec2::new(1.32, 0.88),
     );
     let line = |a: DVec2, b: DVec2, width: f64| Stroke::straight(a, b, width);
-    let basket: Vec<Stroke> = (0..6)
-        .map(|i| {
-            let t = f64::from(i) / 5.0;
-            stroke(&[(1.46 + 0.26 * t, 0.82), (1.42 + 0.34 * t, 1.06)], 0.014)
-        })
-        .chain((0..4).map(|i| {
-            let t = f64::from(i) / 3.0;
-            stroke(
-                &[
-                    (1.46 - 0.04 * t, 0.82 + 0.24 * t),
-                    (1.72 + 0.04 * t, 0.82 + 0.24 * t),
-                ],
-                0.016,
-            )
-        }))
-        .collect();
     let layers = vec![
         Layer::strokes(0xa8abad, spokes(rear, 0.1).chain(spokes(front, 0.27))),
         Layer::strokes(
@@ -246,15 +230,8 @@ pub(crate) fn bicycle(foot: DVec3) -> Piece {
                 stroke(&[(0.86, 0.30), (0.93, 0.16)], 0.022),
             ],
         ),
-        Layer::strokes(
-            0x241c18,
-            [
-                stroke(&[(0.56, 0.99), (0.72, 1.0), (0.84, 0.97)], 0.055),
-                stroke(&[(1.12, 1.12), (1.04, 1.08)], 0.036),
-                stroke(&[(0.89, 0.15), (0.99, 0.15)], 0.03),
-            ],
-        ),
-        Layer::strokes(0x9a6a34, basket),
+        leather(),
+        Layer::strokes(0x9a6a34, basket()),
     ];
     let angle = 28f64.to_radians();
     prop(
@@ -264,6 +241,38 @@ pub(crate) fn bicycle(foot: DVec3) -> Piece {
         DVec2::new(2.0, 1.3),
         Prop::Drawing(layers),
     )
+}
+
+/// The bicycle's saddle, handle and pedal.
+fn leather() -> Layer {
+    Layer::strokes(
+        0x241c18,
+        [
+            stroke(&[(0.56, 0.99), (0.72, 1.0), (0.84, 0.97)], 0.055),
+            stroke(&[(1.12, 1.12), (1.04, 1.08)], 0.036),
+            stroke(&[(0.89, 0.15), (0.99, 0.15)], 0.03),
+        ],
+    )
+}
+
+/// The wires of the bicycle's basket.
+fn basket() -> Vec<Stroke> {
+    (0..6)
+        .map(|i| {
+            let t = f64::from(i) / 5.0;
+            stroke(&[(1.46 + 0.26 * t, 0.82), (1.42 + 0.34 * t, 1.06)], 0.014)
+        })
+        .chain((0..4).map(|i| {
+            let t = f64::from(i) / 3.0;
+            stroke(
+                &[
+                    (1.46 - 0.04 * t, 0.82 + 0.24 * t),
+                    (1.72 + 0.04 * t, 0.82 + 0.24 * t),
+                ],
+                0.016,
+            )
+        }))
+        .collect()
 }
 
 /// A sign on an iron arm on the left wall, facing down the street; `at` is the arm's foot.
@@ -316,7 +325,6 @@ pub(crate) fn hanging_sign(at: DVec3, text: &str) -> Piece {
 
 /// The church and the roofs that close the street.
 pub(crate) fn church(origin: DVec3) -> [Piece; 1] {
-    let x = 8.3;
     let mut layers = vec![
         // roofs of the next quarter
         Layer::fill(
@@ -356,7 +364,20 @@ pub(crate) fn church(origin: DVec3) -> [Piece; 1] {
             0x7c5048,
             &[(3.6, 9.0), (13.9, 9.0), (12.0, 13.5), (5.5, 13.5)],
         ),
-        // tower with its shaded side, belfry and spire
+    ];
+    layers.extend(tower(8.3));
+    [prop(
+        origin,
+        DVec3::X,
+        DVec3::Y,
+        DVec2::new(22.0, 32.0),
+        Prop::Drawing(layers),
+    )]
+}
+
+/// The church's tower around `x`, with its shaded side, belfry, spire and clock.
+fn tower(x: f64) -> Vec<Layer> {
+    let mut layers = vec![
         Layer::fill(
             0xd9c7a6,
             &[
@@ -416,11 +437,5 @@ pub(crate) fn church(origin: DVec3) -> [Piece; 1] {
             stroke(&[(x, 12.2), (x - 0.1, 13.1)], 0.1),
         ],
     ));
-    [prop(
-        origin,
-        DVec3::X,
-        DVec3::Y,
-        DVec2::new(22.0, 32.0),
-        Prop::Drawing(layers),
-    )]
+    layers
 }

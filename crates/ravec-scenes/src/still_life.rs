@@ -365,6 +365,41 @@ impl Studio {
         footprint: f64,
         bounces: u32,
     ) -> Vec3 {
+        let Finish {
+            normal,
+            albedo,
+            polish,
+            grazing,
+        } = self.finish(thing, at, footprint);
+        let mut color = self.shaded(albedo, at, normal, Some(thing));
+        if matches!(thing.skin, Skin::Grape | Skin::Plum) {
+            // light passes through the rim
+            let rim = (1.0 + normal.dot(direction)).max(0.0).powi(3) as f32;
+            color += hex(0x7a223a) * rim * 0.5;
+        }
+        if polish > 0.0 {
+            let facing = (-normal.dot(direction)).clamp(0.0, 1.0);
+            let mirror = polish + grazing * (1.0 - facing).powi(5);
+            let mirrored = direction - 2.0 * direction.dot(normal) * normal;
+            let seen = if bounces > 0 {
+                self.radiance(
+                    at + 1e-4 * normal,
+                    mirrored,
+                    (footprint / 0.3).max(0.01),
+                    bounces - 1,
+                )
+            } else {
+                self.room(mirrored, 0.05)
+            };
+            // the window is far brighter than what the sum of diffuse light needs
+            color = color * (1.0 - mirror as f32)
+                + seen * mirror as f32 * if thing.skin == Skin::Steel { 1.0 } else { 1.6 };
+        }
+        color
+    }
+
+    /// The surface of a thing at a point.
+    fn finish(&self, thing: &Thing, at: DVec3, footprint: f64) -> Finish {
         let mut normal = thing.body.normal(at);
         let own = thing.body.turn.transpose() * (at - thing.body.center);
         let unit = own / thing.body.radii;
@@ -374,18 +409,8 @@ impl Studio {
             .seed
             .fork(40_u64.wrapping_add_signed((thing.body.center.x * 100.0) as i64));
         let bump = |normal: &mut DVec3, scale: f64, height: f64| {
-            let p = DVec2::new(own.x + 0.7 * own.z, own.y - 0.4 * own.z) * scale;
-            let visible = (1.5 - 2.5 * footprint * scale).clamp(0.0, 1.0) * height;
-            *normal = (*normal
-                + visible
-                    * DVec3::new(
-                        gradient_noise(p, seed),
-                        gradient_noise(p + 40.0, seed),
-                        gradient_noise(p + 80.0, seed),
-                    ))
-            .normalize();
+            *normal = dented(*normal, own, scale, footprint, height, seed);
         };
-        // reflectance, mirror at right angles, how much of the mirror grows at grazing angles
         let (albedo, polish, grazing) = match thing.skin {
             Skin::Orange => {
                 bump(&mut normal, 44.0, 0.11);
@@ -467,32 +492,38 @@ impl Studio {
             Skin::Steel => (Vec3::splat(0.03), 0.72, 0.28),
             Skin::Stem => (hex(0x4a321c), 0.0, 0.0),
         };
-        let mut color = self.shaded(albedo, at, normal, Some(thing));
-        if matches!(thing.skin, Skin::Grape | Skin::Plum) {
-            // light passes through the rim
-            let rim = (1.0 + normal.dot(direction)).max(0.0).powi(3) as f32;
-            color += hex(0x7a223a) * rim * 0.5;
+        Finish {
+            normal,
+            albedo,
+            polish,
+            grazing,
         }
-        if polish > 0.0 {
-            let facing = (-normal.dot(direction)).clamp(0.0, 1.0);
-            let mirror = polish + grazing * (1.0 - facing).powi(5);
-            let mirrored = direction - 2.0 * direction.dot(normal) * normal;
-            let seen = if bounces > 0 {
-                self.radiance(
-                    at + 1e-4 * normal,
-                    mirrored,
-                    (footprint / 0.3).max(0.01),
-                    bounces - 1,
-                )
-            } else {
-                self.room(mirrored, 0.05)
-            };
-            // the window is far brighter than what the sum of diffuse light needs
-            color = color * (1.0 - mirror as f32)
-                + seen * mirror as f32 * if thing.skin == Skin::Steel { 1.0 } else { 1.6 };
-        }
-        color
     }
+}
+
+/// The normal of a skin with dents, `scale` of them a meter, which fade where they are too small to be seen.
+fn dented(normal: DVec3, own: DVec3, scale: f64, footprint: f64, height: f64, seed: Seed) -> DVec3 {
+    let p = DVec2::new(own.x + 0.7 * own.z, own.y - 0.4 * own.z) * scale;
+    let visible = (1.5 - 2.5 * footprint * scale).clamp(0.0, 1.0) * height;
+    (normal
+        + visible
+            * DVec3::new(
+                gradient_noise(p, seed),
+                gradient_noise(p + 40.0, seed),
+                gradient_noise(p + 80.0, seed),
+            ))
+    .normalize()
+}
+
+/// The surface of a thing at a point.
+struct Finish {
+    normal: DVec3,
+    /// Its reflectance.
+    albedo: Vec3,
+    /// The share of light that it mirrors at right angles.
+    polish: f64,
+    /// How much that share grows at grazing angles.
+    grazing: f64,
 }
 
 #[cfg(test)]

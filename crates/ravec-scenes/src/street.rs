@@ -260,7 +260,20 @@ const ROW_START: f64 = 3.2;
 const GAP: f64 = 5.0;
 
 fn stage(seed: Seed) -> Stage {
-    let mut pieces = vec![Piece {
+    let mut pieces = vec![ground(seed)];
+    pieces.extend(houses(seed));
+    pieces.extend(church(DVec3::new(-9.0, 0.0, -78.0)));
+    pieces.extend(street_furniture(seed));
+    let boxes = flower_boxes(&pieces, seed);
+    pieces.extend(boxes);
+    pieces.extend(buntings(seed));
+    let sun = DVec3::new(0.46, 0.78, 0.32);
+    Stage::new(pieces, sun, seed.fork(800))
+}
+
+/// The pavement and the roadway.
+fn ground(seed: Seed) -> Piece {
+    Piece {
         origin: DVec3::new(-GROUND_ASIDE, 0.0, GROUND_BEHIND),
         right: DVec3::X,
         up: DVec3::NEG_Z,
@@ -270,39 +283,46 @@ fn stage(seed: Seed) -> Stage {
             kerbs: KERBS,
             seed: seed.fork(100),
         })),
-    }];
-    let mut facade = |house: House, origin: DVec3, right: DVec3, index: u64| {
-        let facade = Facade {
-            width: house.width,
-            height: house.height,
-            gable: house.gable,
-            wall: house.wall,
-            trim: hex(house.trim),
-            shutters: house.shutters.map(hex),
-            bays: house.bays,
-            ground_floor: match house.front {
-                (color, Some(name)) => GroundFloor::shop(hex(color), name, house.width),
-                (color, None) => GroundFloor::Door(hex(color)),
-            },
-            seed: seed.fork(200 + index),
-        };
-        pieces.push(Piece {
-            origin,
-            right,
-            up: DVec3::Y,
-            size: DVec2::new(facade.width, facade.peak()),
-            show: Show::Facade(Box::new(facade)),
-        });
+    }
+}
+
+/// A house whose lower left corner is at `origin`.
+fn facade(house: &House, origin: DVec3, right: DVec3, seed: Seed) -> Piece {
+    let facade = Facade {
+        width: house.width,
+        height: house.height,
+        gable: house.gable,
+        wall: house.wall,
+        trim: hex(house.trim),
+        shutters: house.shutters.map(hex),
+        bays: house.bays,
+        ground_floor: match house.front {
+            (color, Some(name)) => GroundFloor::shop(hex(color), name, house.width),
+            (color, None) => GroundFloor::Door(hex(color)),
+        },
+        seed,
     };
+    Piece {
+        origin,
+        right,
+        up: DVec3::Y,
+        size: DVec2::new(facade.width, facade.peak()),
+        show: Show::Facade(Box::new(facade)),
+    }
+}
+
+/// Both rows of houses.
+fn houses(seed: Seed) -> Vec<Piece> {
+    let mut pieces = Vec::new();
     let mut depth = ROW_START;
     for (index, house) in left_row().into_iter().enumerate() {
         let width = house.width;
-        facade(
-            house,
+        pieces.push(facade(
+            &house,
             DVec3::new(WALLS[0], 0.0, -depth),
             DVec3::NEG_Z,
-            index as u64,
-        );
+            seed.fork(200 + index as u64),
+        ));
         depth += width;
     }
     let mut depth = ROW_START - 1.0;
@@ -314,12 +334,12 @@ fn stage(seed: Seed) -> Stage {
         }
         let width = house.width;
         depth += width;
-        facade(
-            house,
+        pieces.push(facade(
+            &house,
             DVec3::new(WALLS[1], 0.0, -depth),
             DVec3::Z,
-            20 + index as u64,
-        );
+            seed.fork(220 + index as u64),
+        ));
     }
     // the sunlit side of the house behind the gap
     pieces.push(Piece {
@@ -329,8 +349,12 @@ fn stage(seed: Seed) -> Stage {
         size: DVec2::new(14.0, 9.3),
         show: Show::Prop(Box::new(Prop::Bricks(hex(0xb56b4a), seed.fork(300)))),
     });
-    pieces.extend(church(DVec3::new(-9.0, 0.0, -78.0)));
+    pieces
+}
 
+/// Awnings, a sign, trees, lamps, a bicycle and pots.
+fn street_furniture(seed: Seed) -> Vec<Piece> {
+    let mut pieces = Vec::new();
     let wall = WALLS[0];
     pieces.extend(awning(
         DVec3::new(wall, 2.62, -8.4),
@@ -380,7 +404,11 @@ fn stage(seed: Seed) -> Stage {
             seed.fork(500 + index as u64),
         ));
     }
-    // flower boxes below the windows of three houses
+    pieces
+}
+
+/// Flower boxes below the windows of three houses.
+fn flower_boxes(pieces: &[Piece], seed: Seed) -> Vec<Piece> {
     let mut boxes = Vec::new();
     for piece in pieces.iter().filter(|p| p.origin.z > -22.0) {
         let Show::Facade(facade) = &piece.show else {
@@ -403,7 +431,12 @@ fn stage(seed: Seed) -> Stage {
             }
         }
     }
-    pieces.extend(boxes);
+    boxes
+}
+
+/// Lines of flags across the street.
+fn buntings(seed: Seed) -> Vec<Piece> {
+    let mut pieces = Vec::new();
     for (index, (depth, ends, sag)) in [
         (12.2, [1.75, 1.9], 0.75),
         (19.5, [1.6, 1.4], 0.8),
@@ -425,8 +458,7 @@ fn stage(seed: Seed) -> Stage {
             })),
         });
     }
-    let sun = DVec3::new(0.46, 0.78, 0.32);
-    Stage::new(pieces, sun, seed.fork(800))
+    pieces
 }
 
 #[cfg(test)]

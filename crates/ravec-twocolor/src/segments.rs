@@ -86,8 +86,8 @@ pub fn line_segments<P: Color + Resample>(
     let longest = image.width().max(image.height());
     let reduced: Image<LinearRgb> = if longest > MAX_SIDE {
         let side = |length: usize| (length * MAX_SIDE).div_ceil(longest).max(1);
-        let size = Size::new(side(image.width()), side(image.height()))
-            .expect("both sides are at least 1");
+        // both sides are at least 1 and at most those of the picture
+        let size = Size::new(side(image.width()), side(image.height())).unwrap_or(image.size());
         resize(image, size, ResizeFilter::Lanczos3).convert()
     } else {
         image.convert()

@@ -120,7 +120,7 @@
 //! use ravec_scenes::{Seed, portraits::portraits};
 //!
 //! let photo = portraits(Size::new(180, 120)?, Seed(1)).0.convert::<Srgb<u8>>();
-//! let params = RetargetParams { grid_cells: 40, ..RetargetParams::default() };
+//! let params = RetargetParams { grid_cells: Some(40), ..RetargetParams::default() };
 //! let retargeter = Retargeter::new(&photo, Painted::default(), &params, &Progress::none())?;
 //! for size in [Size::new(120, 120)?, Size::new(90, 160)?] {
 //!     let deformation = retargeter.solve(size)?;

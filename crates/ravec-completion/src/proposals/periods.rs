@@ -5,12 +5,13 @@
 //!
 //! Cost: seven transforms of half as much again as the reduced sheet in each direction.
 
-use super::query::{Prepared, best_apart};
+use super::query::{Prepared, Reduced, best_apart};
 use super::{APART_PX, Proposal};
 use crate::canvas::{KNOWN, SOURCE};
 use crate::sheet::{Sheet, distance_sq};
 use glam::IVec2;
 use ravec_numeric::{Fourier, Spectrum};
+use ravec_raster::{Plane, gaussian_blur};
 use rayon::prelude::*;
 
 /// Repetitions need this correlation to count.
@@ -24,30 +25,10 @@ const FLAT_SIGMA_PX: f64 = 12.0;
 
 /// Shifts at which the sheet looks like itself: the highest local maxima of its masked normalized autocorrelation.
 pub(super) fn periods(sheet: &Sheet, prepared: &Prepared, count: usize) -> Vec<Proposal> {
-    use ravec_raster::{Plane, gaussian_blur};
     let reduced = &prepared.reduced;
     let (width, height) = (reduced.width, reduced.height);
     let known = |index: usize| f32::from(reduced.states[index] & KNOWN != 0);
-    let luminance = |index: usize| {
-        let c = &reduced.channels;
-        0.299 * c[0][index] + 0.587 * c[1][index] + 0.114 * c[2][index]
-    };
-    let plane = |value: &dyn Fn(usize) -> f32| {
-        Plane::from_vec(width, (0..width * height).map(value).collect())
-            .expect("whole rows of a sheet")
-    };
-    let sigma = FLAT_SIGMA_PX / f64::from(reduced.factor);
-    let shares = gaussian_blur(&plane(&known), sigma);
-    let sums = gaussian_blur(&plane(&|index| known(index) * luminance(index)), sigma);
-    let flat: Vec<f32> = (0..width * height)
-        .map(|index| {
-            if known(index) > 0.0 {
-                luminance(index) - sums.pixels()[index] / shares.pixels()[index].max(1e-6)
-            } else {
-                0.0
-            }
-        })
-        .collect();
+    let flat = flattened(reduced, &known);
     // half as much again as the sheet: shifts of up to half of it do not wrap onto one another
     let fourier = Fourier::new(width + width / 2, height + height / 2);
     let padded = |value: &dyn Fn(usize) -> f32| {
@@ -126,6 +107,31 @@ pub(super) fn periods(sheet: &Sheet, prepared: &Prepared, count: usize) -> Vec<P
                 offset: best.0,
                 score,
             })
+        })
+        .collect()
+}
+
+/// The luminance without its mean over the surroundings, 0 where unknown.
+fn flattened(reduced: &Reduced, known: &dyn Fn(usize) -> f32) -> Vec<f32> {
+    let (width, height) = (reduced.width, reduced.height);
+    let luminance = |index: usize| {
+        let c = &reduced.channels;
+        0.299 * c[0][index] + 0.587 * c[1][index] + 0.114 * c[2][index]
+    };
+    let plane = |value: &dyn Fn(usize) -> f32| {
+        Plane::from_vec(width, (0..width * height).map(value).collect())
+            .expect("whole rows of a sheet")
+    };
+    let sigma = FLAT_SIGMA_PX / f64::from(reduced.factor);
+    let shares = gaussian_blur(&plane(known), sigma);
+    let sums = gaussian_blur(&plane(&|index| known(index) * luminance(index)), sigma);
+    (0..width * height)
+        .map(|index| {
+            if known(index) > 0.0 {
+                luminance(index) - sums.pixels()[index] / shares.pixels()[index].max(1e-6)
+            } else {
+                0.0
+            }
         })
         .collect()
 }

@@ -103,9 +103,10 @@ pub struct Params {
     /// Keep the picture's aspect: a side that is left out follows the other one, and of two the picture fits into both
     #[cfg_attr(feature = "cli", arg(long))]
     pub keep_aspect: bool,
-    /// Cells of the grid along the longer side, 2 to 400. More follow smaller objects, and cost more
-    #[cfg_attr(feature = "cli", arg(long, value_name = "CELLS", default_value_t = Self::default().grid))]
-    pub grid: usize,
+    /// Cells of the grid along the longer side, 2 to 400 [default: 100, and 50 for pictures of at most 800 pixels a side]. More
+    /// follow smaller objects, and cost more
+    #[cfg_attr(feature = "cli", arg(long, value_name = "CELLS"))]
+    pub grid: Option<usize>,
     /// Use large cells where the picture is even
     #[cfg_attr(feature = "cli", arg(long))]
     pub adaptive: bool,
@@ -168,8 +169,9 @@ impl Params {
                 range,
             })
         };
+        let cells = self.grid.unwrap_or(2);
         let flags: [(&'static str, f64, f64, f64, &'static str); 5] = [
-            ("grid", self.grid as f64, 2.0, 400.0, "2 to 400"),
+            ("grid", cells as f64, 2.0, 400.0, "2 to 400"),
             ("saliency", self.saliency, 0.0, 1.0, "0 to 1"),
             ("lines", self.lines, 0.0, 10.0, "0 to 10"),
             ("object_scale", self.object_scale, 0.25, 4.0, "0.25 to 4"),
@@ -463,7 +465,7 @@ mod tests {
     fn params(sizes: &[&str]) -> Params {
         Params {
             sizes: sizes.iter().map(|size| size.parse().unwrap()).collect(),
-            grid: 24,
+            grid: Some(24),
             ..Params::default()
         }
     }
@@ -529,7 +531,7 @@ mod tests {
         let wrong = [
             (
                 Params {
-                    grid: 1,
+                    grid: Some(1),
                     ..params(&["50%"])
                 },
                 "`grid`",

@@ -20,7 +20,7 @@ fn ball(size: Size) -> Image<LinearRgb> {
 fn deformed(size: Size, to: Size, adaptive: bool) -> (Image<LinearRgb>, Deformation) {
     let image = ball(size);
     let params = RetargetParams {
-        grid_cells: 20,
+        grid_cells: Some(20),
         adaptive,
         ..RetargetParams::default()
     };

@@ -72,6 +72,13 @@ struct Positions<V> {
     zz: V,
 }
 
+/// The sums over side 0, and the moments over the whole window.
+struct SideSums<V> {
+    positions: Positions<V>,
+    moments: [Moments<V>; CHANNELS],
+    all: [Moments<V>; CHANNELS],
+}
+
 /// The estimate of one channel over a side: `base + slope·p + keep·y`, and its weight.
 #[derive(Clone, Copy)]
 struct Estimate<V> {
@@ -122,69 +129,18 @@ fn clean_batch<S: Simd>(
         }
     }
 
-    let (all_positions, all) = {
-        let mut moments = [Moments {
-            y: zero,
-            yy: zero,
-            xy: zero,
-            zy: zero,
-        }; CHANNELS];
-        let mut positions = Positions {
-            n: zero,
-            x: zero,
-            z: zero,
-            xx: zero,
-            xz: zero,
-            zz: zero,
-        };
-        let mut all = moments;
-        for (dz, (row, on_0)) in batch
-            .pixels
-            .chunks_exact(side)
-            .zip(on_0.chunks_exact_mut(side))
-            .enumerate()
-        {
-            let z = dz as f32 - half;
-            let limit = offset - normal_z * z;
-            // within a row z is constant, so its moments are those of the row's sums
-            let mut row_positions = [zero; 3];
-            let mut row_y = [[zero; 2]; CHANNELS];
-            for (dx, (pixel, on_0)) in row.iter().zip(on_0).enumerate() {
-                let x = dx as f32 - half;
-                let inside = (normal_x * x).simd_lt(limit).select(one, zero);
-                *on_0 = inside;
-                row_positions[0] += inside;
-                row_positions[1] += inside * x;
-                row_positions[2] += inside * (x * x);
-                for c in 0..CHANNELS {
-                    let y = pixel[c];
-                    let y_0 = inside * y;
-                    row_y[c][0] += y_0;
-                    row_y[c][1] += y;
-                    moments[c].yy += y_0 * y;
-                    all[c].yy += y * y;
-                    moments[c].xy += y_0 * x;
-                    all[c].xy += y * x;
-                }
-            }
-            let [n, x, xx] = row_positions;
-            positions.n += n;
-            positions.x += x;
-            positions.xx += xx;
-            positions.z += n * z;
-            positions.xz += x * z;
-            positions.zz += n * (z * z);
-            for c in 0..CHANNELS {
-                moments[c].y += row_y[c][0];
-                moments[c].zy += row_y[c][0] * z;
-                all[c].y += row_y[c][1];
-                all[c].zy += row_y[c][1] * z;
-            }
-        }
-        ((positions, whole_window::<S>(simd, side)), (moments, all))
-    };
-    let (positions_0, positions_all) = all_positions;
-    let (moments_0, moments_all) = all;
+    let SideSums {
+        positions: positions_0,
+        moments: moments_0,
+        all: moments_all,
+    } = side_sums(
+        simd,
+        side,
+        &batch.pixels,
+        [normal_x, normal_z, offset],
+        on_0,
+    );
+    let positions_all = whole_window::<S>(simd, side);
     let positions_1 = Positions {
         n: positions_all.n - positions_0.n,
         x: positions_all.x - positions_0.x,
@@ -231,6 +187,83 @@ fn clean_batch<S: Simd>(
                 add_to(simd, &mut strip.weights[c][from..], weight);
             }
         }
+    }
+}
+
+/// The sums over side 0 of a line, given by its normal and offset, and over the whole window; `on_0` becomes 1 where a pixel is on
+/// side 0 and else 0.
+#[inline(always)]
+fn side_sums<S: Simd>(
+    simd: S,
+    side: usize,
+    pixels: &[[S::f32s; CHANNELS]],
+    [normal_x, normal_z, offset]: [S::f32s; 3],
+    on_0: &mut [S::f32s],
+) -> SideSums<S::f32s> {
+    let half = 0.5 * (side as f32 - 1.0);
+    let zero = S::f32s::splat(simd, 0.0);
+    let one = S::f32s::splat(simd, 1.0);
+    let mut moments = [Moments {
+        y: zero,
+        yy: zero,
+        xy: zero,
+        zy: zero,
+    }; CHANNELS];
+    let mut positions = Positions {
+        n: zero,
+        x: zero,
+        z: zero,
+        xx: zero,
+        xz: zero,
+        zz: zero,
+    };
+    let mut all = moments;
+    for (dz, (row, on_0)) in pixels
+        .chunks_exact(side)
+        .zip(on_0.chunks_exact_mut(side))
+        .enumerate()
+    {
+        let z = dz as f32 - half;
+        let limit = offset - normal_z * z;
+        // within a row z is constant, so its moments are those of the row's sums
+        let mut row_positions = [zero; 3];
+        let mut row_y = [[zero; 2]; CHANNELS];
+        for (dx, (pixel, on_0)) in row.iter().zip(on_0).enumerate() {
+            let x = dx as f32 - half;
+            let inside = (normal_x * x).simd_lt(limit).select(one, zero);
+            *on_0 = inside;
+            row_positions[0] += inside;
+            row_positions[1] += inside * x;
+            row_positions[2] += inside * (x * x);
+            for c in 0..CHANNELS {
+                let y = pixel[c];
+                let y_0 = inside * y;
+                row_y[c][0] += y_0;
+                row_y[c][1] += y;
+                moments[c].yy += y_0 * y;
+                all[c].yy += y * y;
+                moments[c].xy += y_0 * x;
+                all[c].xy += y * x;
+            }
+        }
+        let [n, x, xx] = row_positions;
+        positions.n += n;
+        positions.x += x;
+        positions.xx += xx;
+        positions.z += n * z;
+        positions.xz += x * z;
+        positions.zz += n * (z * z);
+        for c in 0..CHANNELS {
+            moments[c].y += row_y[c][0];
+            moments[c].zy += row_y[c][0] * z;
+            all[c].y += row_y[c][1];
+            all[c].zy += row_y[c][1] * z;
+        }
+    }
+    SideSums {
+        positions,
+        moments,
+        all,
     }
 }
 
