@@ -257,7 +257,7 @@ pub fn refused(metadata: &Metadata) -> Vec<String> {
     refused
 }
 
-/// Whether `from` may depend on `dependency`.
+/// True if `from` may depend on `dependency`.
 fn judge(from: &str, dependency: &Dependency) -> Result<(), &'static str> {
     let to = dependency.name.as_str();
     let for_tests = dependency.kind == DependencyKind::Development;

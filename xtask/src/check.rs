@@ -130,7 +130,7 @@ fn report(name: &str, passed: bool, start: Instant) {
     );
 }
 
-/// Whether the step's command succeeded.
+/// True if the step's command succeeded.
 fn run(step: &Step) -> anyhow::Result<bool> {
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let mut command = Command::new(cargo);

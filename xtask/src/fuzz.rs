@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// How long an input may take, in seconds.
+/// Time limit of an input, in seconds.
 const TIMEOUT_SECS: u64 = 10;
 
 /// The memory of the process, in MiB: the limits of a run (below 64 MiB), the corpus and what is counted for each edge.
@@ -30,7 +30,7 @@ const FLAGS: &str = "--cfg fuzzing -Cpasses=sancov-module -Cllvm-args=-sanitizer
     -Cllvm-args=-sanitizer-coverage-inline-8bit-counters -Cllvm-args=-sanitizer-coverage-pc-table \
     -Cllvm-args=-sanitizer-coverage-trace-compares -Ccodegen-units=16";
 
-/// What became of one target.
+/// Outcome of one target.
 #[derive(Default)]
 struct Tally {
     runs: u64,

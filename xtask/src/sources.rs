@@ -1,4 +1,4 @@
-//! What sources may not mention.
+//! Names that sources may not mention.
 //!
 //! An arrow keeps crates apart, but the standard library is everywhere: that the crates below `media` never touch a
 //! file, a socket or another process is read from their sources. Tests and comments are left out.
@@ -20,7 +20,7 @@ const WITHOUT_FILES: &[&str] = &[
     "ravec-twocolor",
 ];
 
-/// What reaches out of the program. Each begins at the start of a word.
+/// Names that reach out of the program. Each begins at the start of a word.
 const REFUSED: &[&str] = &[
     "std::fs",
     "fs::",

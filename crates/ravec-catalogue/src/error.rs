@@ -67,7 +67,7 @@ pub enum CatalogueError {
         reason: String,
     },
     /// The photos of the catalogue need more memory than allowed.
-    #[error("the photos of the catalogue {} need more than the limit of {limit} bytes (raise it with --max-bytes)", .path.display())]
+    #[error("the photos of the catalogue {} need more than the limit of {limit} bytes (raise `max_bytes`)", .path.display())]
     Memory {
         /// The file.
         path: PathBuf,
@@ -75,14 +75,14 @@ pub enum CatalogueError {
         limit: u64,
     },
     /// The threads for the work cannot be started.
-    #[error("cannot start the threads for the photos: {reason}; ask for fewer with --threads")]
+    #[error("cannot start the threads for the photos: {reason}; use fewer `threads`")]
     Threads {
         /// Message of the system.
         reason: String,
     },
     /// The mosaic would have more pixels than allowed.
     #[error(
-        "the mosaic would have {width} x {height} pixels, more than the limit of {limit} (raise it with --max-pixels)"
+        "the mosaic would have {width} x {height} pixels, more than the limit of {limit} (raise `max_pixels`)"
     )]
     TooManyPixels {
         /// Of the mosaic.
@@ -94,7 +94,7 @@ pub enum CatalogueError {
     },
     /// Making the mosaic needs more memory than allowed.
     #[error(
-        "the mosaic needs {needed} bytes of memory for {purpose}, more than the limit of {limit} leaves (raise it with --max-bytes)"
+        "the mosaic needs {needed} bytes of memory for {purpose}, more than the limit of {limit} leaves (raise `max_bytes`)"
     )]
     MosaicMemory {
         /// Use of the memory.
@@ -128,8 +128,8 @@ pub enum CatalogueError {
     },
     /// No photo has the proportions of a tile.
     #[error(
-        "none of the {photos} photos has the proportions of a tile of {width} x {height} pixels: choose another --tile-size, or \
-         allow --crop center"
+        "none of the {photos} photos has the proportions of a tile of {width} x {height} pixels: choose another `tile_size`, or \
+         allow `crop` center"
     )]
     NoneFits {
         /// Photos in the catalogue.
@@ -169,7 +169,7 @@ pub enum CatalogueError {
     },
     /// Thirds of tiles would not have whole pixels.
     #[error(
-        "an adaptive mosaic has tiles of thirds of {width} x {height} pixels, which are not whole: choose a --tile-size of \
+        "an adaptive mosaic has tiles of thirds of {width} x {height} pixels, which are not whole: choose a `tile_size` of \
          multiples of 3"
     )]
     NoThirds {

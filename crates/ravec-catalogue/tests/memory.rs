@@ -129,7 +129,7 @@ fn a_photo_is_refused_if_it_alone_exceeds_the_budget_and_is_added_with_more() {
         assert_eq!(added.new, 10);
         let (name, reason) = &added.unreadable[0];
         assert!(
-            name.ends_with("14.png") && reason.contains("--max-bytes"),
+            name.ends_with("14.png") && reason.contains("`max_bytes`"),
             "{reason}"
         );
         assert!(taken <= budget + BESIDE, "{threads} threads took {taken}");
@@ -225,7 +225,7 @@ fn mosaics_of_large_tiles_are_painted_within_the_budget_and_the_same() {
     for budget in [100, 100_000, 1_000_000] {
         let error = made(catalogue, folder.path(), &params, &limits(budget)).unwrap_err();
         let text = error.to_string();
-        assert!(text.contains("--max-bytes"), "{budget}: {text}");
+        assert!(text.contains("`max_bytes`"), "{budget}: {text}");
     }
 }
 
@@ -293,6 +293,6 @@ fn mosaics_and_previews_of_more_pixels_than_allowed_are_refused() {
         made(catalogue, folder.path(), &params, &most(pixels)).unwrap();
         let error = made(catalogue, folder.path(), &params, &most(pixels - 1)).unwrap_err();
         let text = error.to_string();
-        assert!(text.contains("--max-pixels"), "{text}");
+        assert!(text.contains("`max_pixels`"), "{text}");
     }
 }

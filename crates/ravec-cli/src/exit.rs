@@ -1,4 +1,4 @@
-//! How the program ends: exit codes and the sentence of an error.
+//! End of the program: exit codes and the sentence of an error.
 
 use crate::flags::Flags;
 use crate::interrupt;

@@ -6,7 +6,7 @@ use std::io::{self, Write};
 /// Standard error without control characters other than line breaks and, if lines are colored, the escape that begins a
 /// color: the subscriber escapes that one in values itself.
 pub struct SafeStderr {
-    /// Whether lines are colored.
+    /// True for colored lines.
     pub colored: bool,
 }
 

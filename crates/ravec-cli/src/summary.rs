@@ -1,4 +1,4 @@
-//! What the user sees of a report: lines on standard output, or JSON in a file.
+//! Reports for the user: lines on standard output, or JSON in a file.
 
 use crate::exit::{self, Failure};
 use crate::flags::Flags;

@@ -4,7 +4,7 @@ use crate::error::bug;
 use crate::page::{Figure, Gallery};
 use ravec::progress::Progress;
 use ravec::raster::{Image, LinearRgba, Rect, ResizeFilter, Size, Srgb, resize};
-use ravec::retarget::{Painted, RetargetError, RetargetParams, Retargeter};
+use ravec::retarget::{Deformation, Painted, RetargetError, RetargetParams, Retargeter};
 use ravec_jobs::retarget::with_grid;
 use ravec_jobs::{JobError, Report};
 use ravec_scenes::Seed;
@@ -98,24 +98,7 @@ pub fn show(
             ),
         ];
         page.figures(&figures);
-        let aspects: Vec<f64> = truth
-            .shapes
-            .iter()
-            .filter_map(|shape| match *shape {
-                Shape::Disc {
-                    center, radius_px, ..
-                } => {
-                    let at = |x: f64, y: f64| {
-                        deformation.target_from_source(center + radius_px * glam::dvec2(x, y))
-                    };
-                    let across = at(-1.0, 0.0).distance(at(1.0, 0.0));
-                    let down = at(0.0, -1.0).distance(at(0.0, 1.0));
-                    Some((across / down).max(down / across))
-                }
-                _ => None,
-            })
-            .collect();
-        let mean = aspects.iter().sum::<f64>() / aspects.len().max(1) as f64;
+        let mean = mean_disc_aspect(&truth.shapes, &deformation);
         if [across, down] == [50, 100] {
             report.figures.insert("retargeted_disc_aspect", mean);
         }
@@ -140,6 +123,25 @@ pub fn show(
         &rows,
     );
     Ok(())
+}
+
+/// Mean ratio of the longer to the shorter diameter of the discs, as they are deformed.
+fn mean_disc_aspect(shapes: &[Shape], deformation: &Deformation) -> f64 {
+    let discs = shapes.iter().filter_map(|shape| match *shape {
+        Shape::Disc {
+            center, radius_px, ..
+        } => {
+            let at = |x: f64, y: f64| {
+                deformation.target_from_source(center + radius_px * glam::dvec2(x, y))
+            };
+            let across = at(-1.0, 0.0).distance(at(1.0, 0.0));
+            let down = at(0.0, -1.0).distance(at(0.0, 1.0));
+            Some((across / down).max(down / across))
+        }
+        _ => None,
+    });
+    let aspects: Vec<f64> = discs.collect();
+    aspects.iter().sum::<f64>() / aspects.len().max(1) as f64
 }
 
 /// The middle of the picture at the size that fills the format.

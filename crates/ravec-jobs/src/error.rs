@@ -19,7 +19,7 @@ use ravec::progress::Cancelled;
 use ravec::raster::Size;
 use ravec::retarget::RetargetError;
 use ravec::twocolor::brush::StrokeError;
-use ravec::twocolor::{EnlargeError, FitError, RenderError};
+use ravec::twocolor::{EnlargeError, FilterError, FitError, RenderError};
 use ravec_catalogue::CatalogueError;
 pub(crate) use ravec_files::message_without_code as plain;
 use ravec_media::{DecodeError, EncodeError, ReadError, WriteError};
@@ -291,6 +291,9 @@ pub enum JobError {
     /// The fit refuses its input.
     #[error(transparent)]
     Fit(FitError),
+    /// An operator refuses its input.
+    #[error(transparent)]
+    Filter(FilterError),
     /// The rendering refuses its input.
     #[error(transparent)]
     Render(RenderError),
@@ -327,11 +330,20 @@ impl From<FitError> for JobError {
     }
 }
 
+impl From<FilterError> for JobError {
+    fn from(error: FilterError) -> Self {
+        match error {
+            FilterError::Cancelled(_) => Self::Cancelled,
+            other => Self::Filter(other),
+        }
+    }
+}
+
 impl From<EnlargeError> for JobError {
     fn from(error: EnlargeError) -> Self {
         match error {
             EnlargeError::Scale(error) => error.into(),
-            EnlargeError::Fit(error) => error.into(),
+            EnlargeError::Filter(error) => error.into(),
             other => Self::Parameter {
                 field: "scale",
                 value: other.to_string(),
@@ -346,7 +358,7 @@ impl JobError {
     pub(crate) fn from_strokes(path: &Path, error: StrokeError) -> Self {
         match error {
             StrokeError::Cancelled(_) => Self::Cancelled,
-            StrokeError::Fit(error) => error.into(),
+            StrokeError::Filter(error) => error.into(),
             other => Self::Strokes {
                 path: path.to_path_buf(),
                 reason: other.to_string(),

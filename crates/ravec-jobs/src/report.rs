@@ -1,4 +1,4 @@
-//! What a run did, as data.
+//! The report of a run, as data.
 
 use crate::error::JobError;
 use crate::identity::FileIdentity;
@@ -11,7 +11,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Instant;
 
-/// What a run did: enough to repeat it and to judge it. Written by `--json`, and the source of what the program prints.
+/// The report of a run, with all that is needed to repeat and to judge it. `--json` writes it, and the program prints a summary
+/// of it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Report {
     /// The operation, as it is called on the command line.
@@ -26,17 +27,17 @@ pub struct Report {
     pub parameters: serde_json::Value,
     /// The seed of everything random in the run, if anything was.
     pub seed: Option<u64>,
-    /// How long each phase took, in order. Differs from run to run, unlike all else here.
+    /// Durations of the phases, in order. They differ from run to run; all other fields do not.
     pub timings: Vec<Timing>,
-    /// What was measured, by name with the unit at its end (`psnr_db`). An infinite figure is `null` in JSON.
+    /// Measured figures by name, with the unit at its end (`psnr_db`). An infinite figure is `null` in JSON.
     pub figures: BTreeMap<&'static str, f64>,
-    /// What was found, with its places; empty if the operation looks for nothing.
+    /// Findings with their places; empty if the operation searches for nothing.
     pub findings: Vec<Finding>,
     /// The verdict of an operation that judges: whether a mesh is sound or a distance small enough.
     pub passed: Option<bool>,
-    /// What was asked for, where that is no file: corners, maps. Its fields are described at the operation.
+    /// The result of an operation that computes data, such as corners or homographies. The operation documents its fields.
     pub result: Option<serde_json::Value>,
-    /// What the user should know although the run succeeded.
+    /// Warnings about a run that succeeded.
     pub warnings: Vec<String>,
     /// The recipe that repeats the run with [`Run`](crate::recipe::Run); `None` if a path is not Unicode.
     pub recipe: Option<serde_json::Value>,
@@ -72,11 +73,11 @@ pub struct FileReport {
 /// Something that was looked for and found.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Finding {
-    /// What was found, in the plural, as in `boundary edges`.
+    /// Name in the plural, as in `boundary edges`.
     pub what: &'static str,
-    /// How often.
+    /// Number of occurrences.
     pub count: u64,
-    /// Whether it keeps the operation from passing.
+    /// True if it keeps the operation from passing.
     pub defect: bool,
     /// Where: the first places, as many as were asked for.
     pub places: Vec<Place>,
@@ -91,14 +92,14 @@ pub struct Place {
     pub triangles: Vec<u32>,
     /// Where it is, in units of the file.
     pub at: [f64; 3],
-    /// What else is to say, in a few words.
+    /// Further details, in a few words.
     pub note: Option<String>,
 }
 
 /// The duration of a phase.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Timing {
-    /// What was done, in one or two words.
+    /// Name of the phase, one or two words.
     pub phase: &'static str,
     /// Wall-clock time.
     pub duration_secs: f64,

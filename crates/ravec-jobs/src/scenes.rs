@@ -56,7 +56,7 @@ pub struct Params {
     /// Rows, 16 to 8192 [default: what suits the scene]
     #[cfg_attr(feature = "cli", arg(long, value_name = "PX"))]
     pub height: Option<u32>,
-    /// What the details are drawn from: another number gives other details of the same kind
+    /// Seed of the details: another number gives other details of the same kind
     #[cfg_attr(feature = "cli", arg(long, default_value_t = Params::default().seed))]
     pub seed: u64,
     /// Add Gaussian noise of this standard deviation in 8-bit steps, 0 to 255, to scenes without transparency

@@ -14,7 +14,7 @@ use targets::{Outcome, TARGETS, Target, run};
 #[global_allocator]
 static ALLOCATOR: targets::memory::Counting = targets::memory::Counting;
 
-/// What the fuzzer calls a hang.
+/// Duration that the fuzzer calls a hang.
 const LONGEST: Duration = Duration::from_secs(10);
 
 /// All files of a target in the corpus or among the finds, by their names.
@@ -30,7 +30,7 @@ fn inputs(kind: &str, target: &str) -> Vec<PathBuf> {
     inputs
 }
 
-/// What is wrong with a run of an input, if anything.
+/// Description of the fault of a run, if there is one.
 fn fault(target: &Target, path: &Path) -> Option<String> {
     let input = fs::read(path).unwrap();
     let name = path.file_name().unwrap().to_string_lossy();

@@ -95,14 +95,14 @@ mod tests {
         let sentence = over_budget(over, own.bytes()).to_string();
         assert_eq!(
             sentence,
-            "reading the picture needs 7.0 MiB, more than the limit of 8.0 MiB of which 2.0 MiB are in use (raise it with --max-bytes)"
+            "reading the picture needs 7.0 MiB, more than the limit of 8.0 MiB of which 2.0 MiB are in use (raise `max_bytes`)"
         );
         drop(held);
         let over = budget.reserve(9 << 20).unwrap_err();
         let sentence = over_budget(over, own.bytes()).to_string();
         assert_eq!(
             sentence,
-            "reading the picture needs 10.0 MiB, more than the limit of 8.0 MiB (raise it with --max-bytes)"
+            "reading the picture needs 10.0 MiB, more than the limit of 8.0 MiB (raise `max_bytes`)"
         );
     }
 }

@@ -30,7 +30,7 @@ pub enum DecodeError {
     },
     /// The picture has more pixels than allowed.
     #[error(
-        "the picture has {width} x {height} pixels, more than the limit of {limit} (raise it with --max-pixels)"
+        "the picture has {width} x {height} pixels, more than the limit of {limit} (raise `max_pixels`)"
     )]
     TooManyPixels {
         /// Columns by the header.
@@ -41,7 +41,7 @@ pub enum DecodeError {
         limit: u64,
     },
     /// Reading would need more memory than allowed.
-    #[error("reading the picture needs {}, more than the limit of {}{} (raise it with --max-bytes)", .bytes.map_or("more memory".into(), display_bytes), display_bytes(*.limit), in_use(*.others))]
+    #[error("reading the picture needs {}, more than the limit of {}{} (raise `max_bytes`)", .bytes.map_or("more memory".into(), display_bytes), display_bytes(*.limit), in_use(*.others))]
     TooManyBytes {
         /// Bytes needed; none if the decoder stopped on the way.
         bytes: Option<u64>,

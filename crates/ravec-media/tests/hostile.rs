@@ -205,7 +205,7 @@ fn a_header_of_ten_thousand_million_pixels_is_refused_by_name() {
     let error = decode(Cursor::new(&data), &Limits::default()).unwrap_err();
     assert_eq!(
         error.to_string(),
-        "the picture has 100000 x 100000 pixels, more than the limit of 400000000 (raise it with --max-pixels)"
+        "the picture has 100000 x 100000 pixels, more than the limit of 400000000 (raise `max_pixels`)"
     );
     let (result, peak) = peak_of(&data);
     assert!(matches!(result, Err(DecodeError::TooManyPixels { .. })));
@@ -220,7 +220,7 @@ fn a_header_of_ten_thousand_million_pixels_is_refused_by_name() {
     assert!(
         error
             .to_string()
-            .ends_with("more than the limit of 16.0 MiB (raise it with --max-bytes)")
+            .ends_with("more than the limit of 16.0 MiB (raise `max_bytes`)")
     );
 }
 

@@ -103,7 +103,7 @@ pub enum ReadMeshError {
         vertices: u64,
     },
     /// The file holds more than the caller allows.
-    #[error("the file has more than {limit} {what} (raise the limit with --max-{what})")]
+    #[error("the file has more than {limit} {what} (raise `max_{what}`)")]
     TooMany {
         /// `"triangles"` or `"vertices"`: which of the limits.
         what: &'static str,
@@ -112,7 +112,7 @@ pub enum ReadMeshError {
     },
     /// Reading takes more memory than the caller allows.
     #[error(
-        "reading the file takes {} bytes of memory or more, and the limit is {} for all files together (raise the limit with --max-bytes)",
+        "reading the file takes {} bytes of memory or more, and the limit is {} for all files together (raise `max_bytes`)",
         .0.used.saturating_add(.0.needed), .0.limit
     )]
     OverBudget(OverBudget),

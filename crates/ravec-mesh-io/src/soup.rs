@@ -302,18 +302,11 @@ impl Soup {
             return Err(self.no_such_vertex(written, place));
         }
         let mut warnings = self.warnings;
-        let polygons = self.polygons.len() as u64;
-        if polygons > 0 {
-            warnings.push(ReadWarning::PolygonsCut {
-                polygons,
-                triangles: self.more,
-            });
-        }
-        if self.left_out > 0 {
-            warnings.push(ReadWarning::FacesLeftOut {
-                faces: self.left_out,
-            });
-        }
+        warnings.extend(face_warnings(
+            self.polygons.len() as u64,
+            self.more,
+            self.left_out,
+        ));
         let budget = &self.limits.memory;
         let mut texture: ReservedVec<[DVec2; 3]> = ReservedVec::new(budget);
         let mut all = self.triangles;
@@ -395,6 +388,21 @@ impl Soup {
         file.memory.absorb(memory);
         Ok(file)
     }
+}
+
+/// Warnings about polygons that were cut into triangles, and about faces that were left out.
+fn face_warnings(
+    polygons: u64,
+    triangles: u64,
+    faces: u64,
+) -> impl Iterator<Item = ReadWarning> {
+    let cut = ReadWarning::PolygonsCut {
+        polygons,
+        triangles,
+    };
+    let left_out = ReadWarning::FacesLeftOut { faces };
+    let cut = (polygons > 0).then_some(cut);
+    cut.into_iter().chain((faces > 0).then_some(left_out))
 }
 
 /// Puts the parts together.

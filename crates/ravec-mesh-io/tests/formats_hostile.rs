@@ -149,7 +149,7 @@ fn each_limit_is_kept_in_each_format_and_named() {
                 Err(error @ ReadMeshError::TooMany { what: named, .. }) => {
                     assert_eq!(named, what, "{format}");
                     assert!(
-                        error.to_string().contains(&format!("--max-{what}")),
+                        error.to_string().contains(&format!("`max_{what}`")),
                         "{error}"
                     );
                 }
@@ -164,7 +164,7 @@ fn each_limit_is_kept_in_each_format_and_named() {
             Err(error @ ReadMeshError::OverBudget(_)) => {
                 let text = error.to_string();
                 assert!(
-                    text.contains("--max-bytes") && text.contains("1000"),
+                    text.contains("`max_bytes`") && text.contains("1000"),
                     "{text}"
                 );
             }

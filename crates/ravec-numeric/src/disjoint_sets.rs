@@ -29,12 +29,12 @@ impl DisjointSets {
         }
     }
 
-    /// How many numbers there are.
+    /// Count of the numbers.
     pub fn len(&self) -> usize {
         self.parent.len()
     }
 
-    /// Whether there are no numbers.
+    /// True if there are no numbers.
     pub fn is_empty(&self) -> bool {
         self.parent.is_empty()
     }

@@ -25,7 +25,7 @@
 //!
 //! # Current status
 //!
-//! What the systems of Ravec need. The factorizations are those of `nalgebra` and `nalgebra-sparse`, transforms of lines those
+//! The numerics of all systems of Ravec. The factorizations are those of `nalgebra` and `nalgebra-sparse`, transforms of lines those
 //! of `rustfft`. Sparse systems ([`SquareSum`], [`EliminationPlan`], [`SparseCholesky`]) come with the order in which few
 //! entries appear; [`SingleCholesky`] is for corrections by half the digits.
 //!

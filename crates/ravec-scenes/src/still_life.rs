@@ -522,7 +522,7 @@ struct Finish {
     albedo: Vec3,
     /// The share of light that it mirrors at right angles.
     polish: f64,
-    /// How much that share grows at grazing angles.
+    /// Growth of that share at grazing angles.
     grazing: f64,
 }
 

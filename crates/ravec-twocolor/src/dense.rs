@@ -6,7 +6,7 @@
 //! Cost: as the exact fit of one block a pixel; 9 × 9 windows take about a quarter of a microsecond each and core with
 //! 16 lanes. Memory: the result, and a few rows of the region.
 
-use crate::field::FitError;
+use crate::filter_error::FilterError;
 use crate::fit::{FlatThreshold, opaque_pixel, weighted_pixel};
 use crate::pixel::{TwoColorPixel, countable};
 use crate::split_table::{MAX_EXACT_SIDE, SplitTable, split_table};
@@ -17,6 +17,9 @@ use ravec_progress::{Cancelled, Progress};
 use ravec_raster::color::oklab_from_linear;
 use ravec_raster::{Color, Image, Oklab, Pixel, Rect};
 use rayon::prelude::*;
+
+/// Sides of windows around a pixel, for messages.
+pub(crate) const ODD_SIDES: &str = "an odd side of 3 to 31";
 
 /// The window around each pixel.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -70,21 +73,24 @@ impl CenteredWindow {
 /// the clipped region.
 ///
 /// # Errors
-/// [`FitError::BlockSize`] if the window is even, below 3 or above 31; [`FitError::EmptyRegion`] if the region has no
-/// pixel of the image; [`FitError::Cancelled`] soon after `progress` is.
+/// [`FilterError::Window`] if the window is even, below 3 or above 31; [`FilterError::EmptyRegion`] if the region has no
+/// pixel of the image; [`FilterError::Cancelled`] soon after `progress` is.
 pub fn map_windows<P: Color, Q: Pixel>(
     image: &Image<P>,
     region: Rect,
     params: &WindowParams,
     progress: &Progress,
     f: impl Fn(usize, usize, &CenteredWindow) -> Q + Sync,
-) -> Result<Image<Q>, FitError> {
+) -> Result<Image<Q>, FilterError> {
     let side = params.window_px;
     if !(3..MAX_EXACT_SIDE).contains(&side) || side.is_multiple_of(2) {
-        return Err(FitError::BlockSize { got: side });
+        return Err(FilterError::Window {
+            got: side,
+            expected: ODD_SIDES,
+        });
     }
     let region = region.intersection(Rect::of(image.size()));
-    let size = region.size().ok_or(FitError::EmptyRegion)?;
+    let size = region.size().ok_or(FilterError::EmptyRegion)?;
     let table = split_table(side);
     let level = Level::new();
     let flat = FlatThreshold(params.flat_contrast);
@@ -388,9 +394,12 @@ mod tests {
         };
         let region = Rect::of(image.size());
         for got in [0, 1, 8, 33] {
-            assert_eq!(run(got, region), Err(FitError::BlockSize { got }));
+            assert_eq!(run(got, region), Err(FilterError::Window {
+                got,
+                expected: ODD_SIDES
+            }));
         }
-        assert_eq!(run(9, Rect::new(8, 0, 5, 5)), Err(FitError::EmptyRegion));
+        assert_eq!(run(9, Rect::new(8, 0, 5, 5)), Err(FilterError::EmptyRegion));
         assert_eq!(run(31, region), Ok(()));
     }
 }

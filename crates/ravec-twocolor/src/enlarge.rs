@@ -12,7 +12,7 @@
 //! Cost: one exact fit a source pixel and four coverages an output pixel. Memory: the result and 48 bytes a source pixel.
 
 use crate::dense::{WindowParams, map_windows};
-use crate::field::FitError;
+use crate::filter_error::FilterError;
 use crate::line::coverage;
 use crate::pointwise::quality;
 use crate::render::RenderError;
@@ -32,7 +32,7 @@ pub enum EnlargeError {
     Scale(#[from] RenderError),
     /// The windows could not be fitted.
     #[error(transparent)]
-    Fit(#[from] FitError),
+    Filter(#[from] FilterError),
 }
 
 /// A window as plain numbers: normal, offset, colors of side 0 and side 1 in linear light, quality.
@@ -45,7 +45,7 @@ const REACH_PX: [f64; 2] = [1.0, 2.5];
 /// The image enlarged (or reduced) by `factor`, with crisp edges. Alpha is enlarged smoothly.
 ///
 /// # Errors
-/// [`EnlargeError::Scale`] if `factor` is not positive and finite or the result too large; [`EnlargeError::Fit`] for a window
+/// [`EnlargeError::Scale`] if `factor` is not positive and finite or the result too large; [`EnlargeError::Filter`] for a window
 /// out of range, or soon after `progress` is cancelled.
 pub fn enlarge<P: Color>(
     image: &Image<P>,
@@ -102,7 +102,7 @@ pub fn enlarge<P: Color>(
         size,
         ResizeFilter::CatmullRom,
     );
-    progress.check().map_err(FitError::from)?;
+    progress.check().map_err(FilterError::from)?;
     let mut result: Image<LinearRgba> = smooth.convert();
     let scale = DVec2::new(
         size.width() as f64 / image.width() as f64,
@@ -119,7 +119,7 @@ pub fn enlarge<P: Color>(
                 *out = redrawn(*out, p, scale, &windows);
             }
             phase.advance(1);
-            Ok::<(), FitError>(())
+            Ok::<(), FilterError>(())
         })?;
     Ok(result)
 }

@@ -76,35 +76,6 @@ pub enum FitError {
         /// The largest side.
         max: usize,
     },
-    /// A strength is out of range.
-    #[error("the strength is {got}: choose 0 to 1")]
-    Strength {
-        /// The requested strength.
-        got: f32,
-    },
-    /// A number of iterations is out of range.
-    #[error("the number of iterations is {got}: choose 1 to 16")]
-    Iterations {
-        /// The requested number.
-        got: u32,
-    },
-    /// The region holds no pixel of the image.
-    #[error("the region lies outside the image")]
-    EmptyRegion,
-    /// The windows' distance does not fit their side.
-    #[error("the spacing of windows of {side} pixels is {got}: choose 1 to {side}")]
-    Stride {
-        /// The requested distance.
-        got: usize,
-        /// The window's side.
-        side: usize,
-    },
-    /// The noise level is out of range.
-    #[error("the noise level is {got}: choose 0 to 255")]
-    Noise {
-        /// The requested noise level.
-        got: f32,
-    },
     /// The caller cancelled.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),

@@ -16,7 +16,7 @@
 
 use crate::clean::{CleanParams, NoiseLevel, clean_with, estimate_noise};
 use crate::dense::{WindowParams, map_windows};
-use crate::field::FitError;
+use crate::filter_error::FilterError;
 use crate::pointwise::{Sides, apply, mixed};
 use crate::stamp::stamp;
 use ravec_progress::Progress;
@@ -79,17 +79,18 @@ impl Default for OperatorParams {
 const MAX_ITERATIONS: u32 = 16;
 
 impl OperatorParams {
-    pub(crate) fn check(&self) -> Result<(), FitError> {
+    pub(crate) fn check(&self) -> Result<(), FilterError> {
         if !(3..32).contains(&self.window_px) || self.window_px.is_multiple_of(2) {
-            return Err(FitError::BlockSize {
+            return Err(FilterError::Window {
                 got: self.window_px,
+                expected: ODD_SIDES,
             });
         }
         if !(0.0..=1.0).contains(&self.strength) {
-            return Err(FitError::Strength { got: self.strength });
+            return Err(FilterError::Strength { got: self.strength });
         }
         if !(1..=MAX_ITERATIONS).contains(&self.iterations) {
-            return Err(FitError::Iterations {
+            return Err(FilterError::Iterations {
                 got: self.iterations,
             });
         }
@@ -107,13 +108,13 @@ impl OperatorParams {
 /// The pixels of `region` (clipped to the image) after the operator.
 ///
 /// # Errors
-/// [`FitError`] for a parameter out of range or a region without pixels; [`FitError::Cancelled`] soon after `progress` is.
+/// [`FilterError`] for a parameter out of range or a region without pixels; [`FilterError::Cancelled`] soon after `progress` is.
 pub fn operate<P: Color>(
     image: &Image<P>,
     region: Rect,
     params: &OperatorParams,
     progress: &Progress,
-) -> Result<Image<LinearRgba>, FitError> {
+) -> Result<Image<LinearRgba>, FilterError> {
     params.check()?;
     let noise = noise_for(image, params, progress)?;
     operate_with(image, region, params, noise.as_ref(), progress)
@@ -125,12 +126,12 @@ pub(crate) fn noise_for<P: Color>(
     image: &Image<P>,
     params: &OperatorParams,
     progress: &Progress,
-) -> Result<Option<NoiseLevel>, FitError> {
+) -> Result<Option<NoiseLevel>, FilterError> {
     if params.mode != Mode::Clean {
         return Ok(None);
     }
     match params.noise_sigma {
-        Some(sigma) if !(0.0..=255.0).contains(&sigma) => Err(FitError::Noise { got: sigma }),
+        Some(sigma) if !(0.0..=255.0).contains(&sigma) => Err(FilterError::Noise { got: sigma }),
         Some(sigma) => Ok(Some(NoiseLevel::uniform(sigma))),
         None => Ok(Some(estimate_noise(image, progress)?)),
     }
@@ -143,10 +144,10 @@ pub(crate) fn operate_with<P: Color>(
     params: &OperatorParams,
     noise: Option<&NoiseLevel>,
     progress: &Progress,
-) -> Result<Image<LinearRgba>, FitError> {
+) -> Result<Image<LinearRgba>, FilterError> {
     let whole = Rect::of(image.size());
     let region = region.intersection(whole);
-    let size = region.size().ok_or(FitError::EmptyRegion)?;
+    let size = region.size().ok_or(FilterError::EmptyRegion)?;
     let rounds = if params.mode == Mode::Stamp {
         1
     } else {
@@ -177,7 +178,7 @@ pub(crate) fn operate_with<P: Color>(
     if at != region {
         current = current
             .crop(region.col - at.col, region.row - at.row, size)
-            .map_err(|_| FitError::EmptyRegion)?;
+            .map_err(|_| FilterError::EmptyRegion)?;
     }
     Ok(current)
 }
@@ -219,7 +220,7 @@ fn step<P: Color>(
     params: &OperatorParams,
     noise: Option<&NoiseLevel>,
     progress: &Progress,
-) -> Result<Image<LinearRgba>, FitError> {
+) -> Result<Image<LinearRgba>, FilterError> {
     let strength = params.strength;
     match (params.mode, noise) {
         (Mode::Clean, Some(noise)) => {
@@ -474,21 +475,24 @@ mod tests {
                 window_px: 4,
                 ..base()
             }),
-            FitError::BlockSize { got: 4 }
+            FilterError::Window {
+                got: 4,
+                expected: ODD_SIDES
+            }
         );
         assert_eq!(
             refused(OperatorParams {
                 strength: 1.5,
                 ..base()
             }),
-            FitError::Strength { got: 1.5 }
+            FilterError::Strength { got: 1.5 }
         );
         assert_eq!(
             refused(OperatorParams {
                 iterations: 0,
                 ..base()
             }),
-            FitError::Iterations { got: 0 }
+            FilterError::Iterations { got: 0 }
         );
     }
 

@@ -4,7 +4,8 @@
 //! Which of two overlapping squares lies on top is drawn from the seed, once for the whole picture, so that any region
 //! shows the same squares.
 
-use crate::field::{FitError, FitParams, TwoColorField};
+use crate::field::{FitParams, TwoColorField};
+use crate::filter_error::FilterError;
 use crate::line::Line;
 use glam::DVec2;
 use ravec_progress::{Cancelled, Progress};
@@ -65,8 +66,8 @@ pub(crate) fn stamp<P: Color>(
     side: usize,
     seed: u64,
     progress: &Progress,
-) -> Result<Image<LinearRgba>, FitError> {
-    let size = region.size().ok_or(FitError::EmptyRegion)?;
+) -> Result<Image<LinearRgba>, FilterError> {
+    let size = region.size().ok_or(FilterError::EmptyRegion)?;
     let spacing = SPACING * side as f64;
     let reach = side as f64;
     // the grid points whose squares may reach the region
@@ -86,7 +87,7 @@ pub(crate) fn stamp<P: Color>(
                 .filter(|place| place.touches(side, region));
             fit_row(image, side, places.collect())
         })
-        .collect::<Result<_, FitError>>()?;
+        .collect::<Result<_, FilterError>>()?;
     let stamps: Vec<Stamp> = stamps.into_iter().flatten().collect();
 
     let mut result = Image::new(size, LinearRgba::default());
@@ -110,14 +111,14 @@ fn fit_row<P: Color>(
     image: &Image<P>,
     side: usize,
     places: Vec<Place>,
-) -> Result<Vec<Stamp>, FitError> {
+) -> Result<Vec<Stamp>, FilterError> {
     if places.is_empty() {
         return Ok(vec![]);
     }
     // where a square hangs over the border, the window is moved inside; a smaller picture goes on with its last pixels
     let inside =
         |position: i64, len: usize| position.clamp(0, (len as i64 - side as i64).max(0)) as usize;
-    let windows = Size::new(places.len() * side, side).map_err(|_| FitError::EmptyRegion)?;
+    let windows = Size::new(places.len() * side, side).map_err(|_| FilterError::EmptyRegion)?;
     let mut row = Image::new(windows, LinearRgba::default());
     for (index, place) in places.iter().enumerate() {
         let left = inside(place.left, image.width());

@@ -1,4 +1,4 @@
-//! What all operations share: flags, streams, exit codes, interruption.
+//! Features that all operations share: flags, streams, exit codes, interruption.
 
 use crate::program::{assert_refused, code, files, folder, ravec, stderr, stdout};
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! What people have by mistake, and what they have that is odd: a right result or one clear sentence.
+//! Broken and odd files: a right result or one clear sentence.
 
 use crate::pictures::{GREY, RGB, RGBA, animated_png, bmp, png, png_size, tiff};
 use crate::program::{assert_refused, code, done, files, folder, photos, ravec, report, stderr};

@@ -22,7 +22,7 @@ fn refused(folder: &Path, line: &str, expected: i32, words: &[&str]) {
     assert_eq!(files(folder), before, "{line}");
 }
 
-/// How far the corners of a mesh in text form are from a box from the origin, least and most.
+/// Minimum and maximum distance of the corners of a mesh in text form from a box at the origin.
 fn distances_to_box(off: &str, size: [f64; 3]) -> [f64; 2] {
     let numbers = |line: &str| -> Vec<f64> {
         let parts = line.split_whitespace();

@@ -10,7 +10,7 @@ use std::process::{Child, Command, Output, Stdio};
 /// Names and contents of all files below a folder, or one entry with an empty name for a file; nothing if it is not there.
 pub type Content = BTreeMap<String, Vec<u8>>;
 
-/// What is at a path.
+/// Content of a path.
 pub fn content(path: &Path) -> Content {
     let mut found = Content::new();
     gather(path, "", &mut found);

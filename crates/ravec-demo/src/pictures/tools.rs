@@ -135,7 +135,7 @@ impl Demo<'_> {
             strokes.strokes.push(Stroke::new(tool, vec![dab], radius));
             let failed = |cause| match cause {
                 StrokeError::Cancelled(_) => JobError::Cancelled,
-                StrokeError::Fit(cause) => cause.into(),
+                StrokeError::Filter(cause) => cause.into(),
                 other => bug("a stroke of the brush", &other),
             };
             let painted = replay(self.image.clone(), &strokes, self.progress).map_err(failed)?;

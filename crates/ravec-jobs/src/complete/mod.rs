@@ -94,8 +94,8 @@ pub struct Params {
         arg(long = "polygon", value_name = "X0,Y0,...", allow_hyphen_values = true)
     )]
     pub polygons: Vec<Corners>,
-    /// How far from the hole sources are looked for where there is no plane, in pixels, 16 to 65535. Farther finds more, of
-    /// which more is in another light
+    /// Radius around the hole in which sources are searched without a plane, in pixels, 16 to 65535. A larger one finds more
+    /// sources, more of them in another light
     #[cfg_attr(feature = "cli", arg(long, value_name = "PX", default_value_t = Self::default().search))]
     pub search: u16,
     /// Keep the tones of copied pixels, instead of blending them into those around the hole
@@ -153,7 +153,7 @@ impl Default for Params {
     }
 }
 
-/// How a hole is filled.
+/// Method that fills a hole.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]

@@ -1,4 +1,4 @@
-//! What `complete` does with files.
+//! `complete` on files.
 
 use super::*;
 use crate::ErrorKind;

@@ -98,6 +98,7 @@ impl JobError {
             | Self::NoSnap { .. }
             | Self::Retarget { .. }
             | Self::Fit(_)
+            | Self::Filter(_)
             | Self::Render(_) => ErrorKind::Failure,
             Self::Catalogue(cause) => catalogue_kind(cause),
             Self::Step { cause, .. } => cause.kind(),

@@ -125,7 +125,7 @@ pub struct Params {
     /// Where --picture looks from: front, right, back, left, top, bottom, iso, or degrees around and up, as in 30,20
     #[cfg_attr(feature = "cli", arg(long, value_name = "VIEW", allow_hyphen_values = true, default_value_t = Params::default().view))]
     pub view: Viewpoint,
-    /// How the mesh is written.
+    /// Format of the output.
     #[cfg_attr(feature = "cli", command(flatten))]
     pub output: Output,
 }

@@ -51,7 +51,7 @@ pub struct Params {
     /// Let the surface have borders: they are listed, but are no defect
     #[cfg_attr(feature = "cli", arg(long))]
     pub open: bool,
-    /// How many places of each kind to list; all are counted
+    /// Maximum number of places of each kind to list; all are counted
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = Params::default().list))]
     pub list: usize,
     /// Make vertices one first that are no farther apart than this, a length or as in 0.01%; 0 welds equal places

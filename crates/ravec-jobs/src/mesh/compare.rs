@@ -66,11 +66,11 @@ impl Default for Params {
     }
 }
 
-/// Below this share of the diagonal, what is measured is the rounding of coordinates.
-const LEAST_TOLERANCE: f64 = 1e-9;
+/// Minimum tolerance as a share of the diagonal: a smaller one measures the rounding of coordinates.
+const MIN_TOLERANCE: f64 = 1e-9;
 
-/// What the bounds may lose to rounding, as a share of the largest coordinate: a few operations, each of half an ulp. Less
-/// finds a mesh apart from itself.
+/// Rounding error of the bounds, as a share of the largest coordinate: a few operations, each of half an ulp. A smaller value
+/// finds a distance between a mesh and itself.
 const ROUNDINGS: f64 = 32.0 * f64::EPSILON;
 
 impl Params {
@@ -136,7 +136,7 @@ impl Operation for Compare {
             .tolerance
             .resolve("tolerance", diagonal, file_a.unit)?;
         let size = diagonal.max(mesh_b.bounds().diagonal());
-        if tolerance < LEAST_TOLERANCE * size {
+        if tolerance < MIN_TOLERANCE * size {
             return Err(JobError::Parameter {
                 field: "tolerance",
                 value: params.tolerance.to_string(),
@@ -232,7 +232,7 @@ pub(super) fn read_surface(
     Ok(file)
 }
 
-/// How far any coordinate is from 0.
+/// Largest absolute coordinate.
 fn farthest_coordinate(meshes: &[&TriMesh]) -> f64 {
     let boxes = meshes.iter().map(|mesh| mesh.bounds());
     boxes

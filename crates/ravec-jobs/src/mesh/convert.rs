@@ -54,7 +54,7 @@ impl From<Format> for MeshFormat {
     }
 }
 
-/// How exactly coordinates are written.
+/// Precision of coordinates.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
@@ -104,7 +104,7 @@ impl From<Unit> for LengthUnit {
     }
 }
 
-/// How a mesh is written.
+/// Format and precision of an output.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
@@ -115,7 +115,7 @@ pub struct Output {
     /// Write STL and PLY as text; OBJ, OFF and glTF are text anyway
     #[cfg_attr(feature = "cli", arg(long))]
     pub ascii: bool,
-    /// How exactly coordinates are written
+    /// Precision of coordinates
     #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "PRECISION", default_value_t = Precision::default()))]
     pub precision: Precision,
 }
@@ -247,7 +247,7 @@ welded_vertices and collapsed_triangles, with --weld.";
 #[serde(default, deny_unknown_fields)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct Params {
-    /// How the mesh is written.
+    /// Format of the output.
     #[cfg_attr(feature = "cli", command(flatten))]
     pub output: Output,
     /// Make vertices one that are no farther apart than this, a length or as in 0.01%; 0 welds equal places
@@ -349,7 +349,7 @@ pub(super) fn scaled(mesh: TriMesh, scale: f64, path: &Path) -> Result<TriMesh, 
     })
 }
 
-/// Whether coordinates become 32-bit floats.
+/// True if coordinates become 32-bit floats.
 #[expect(
     clippy::trivially_copy_pass_by_ref,
     reason = "taken as when it is written"

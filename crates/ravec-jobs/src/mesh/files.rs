@@ -340,7 +340,7 @@ mod tests {
         assert!(limits.memory.used() > 1_900_000);
         let _second = read_mesh_file(&path, &limits, &progress).unwrap();
         let error = JobError::from(read_mesh_file(&path, &limits, &progress).unwrap_err());
-        assert!(error.to_string().contains("--max-bytes"), "{error}");
+        assert!(error.to_string().contains("`max_bytes`"), "{error}");
         assert_eq!(error.kind(), ErrorKind::Input);
         drop(first);
         read_mesh_file(&path, &limits, &progress).unwrap();

@@ -114,7 +114,7 @@ split_cells and filled_corners (repairs done in it). In JSON, passed is the verd
 #[serde(default, deny_unknown_fields)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct Params {
-    /// How far from the mesh: 0.5 (units of the file), 2% (of the diagonal of its bounding box) or 2mm (um, mm, cm, m, in, ft)
+    /// Distance from the mesh: 0.5 (units of the file), 2% (of the diagonal of its bounding box) or 2mm (um, mm, cm, m, in, ft)
     ///
     /// Above 0; with --side inner and shell also below, which is the same, and with --open thicken, which takes the other side.
     #[cfg_attr(
@@ -122,7 +122,7 @@ pub struct Params {
         arg(short, long, value_name = "LENGTH", allow_hyphen_values = true)
     )]
     pub distance: Length,
-    /// How far any place may be off, a length like that, below half of it
+    /// Maximum error of the distance at any point, a length like that, below half of it
     /// [default: a twentieth of the distance, at most 0.1% of the diagonal or of the distance, whichever is larger]
     ///
     /// Less gives more triangles and takes longer, both about in inverse proportion.
@@ -131,7 +131,7 @@ pub struct Params {
         arg(short, long, value_name = "LENGTH", allow_hyphen_values = true)
     )]
     pub tolerance: Option<Length>,
-    /// Which part of what is at the distance
+    /// Part of the surface at the distance
     #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "SIDE", default_value_t = Params::default().side))]
     pub side: Side,
     /// Treatment of a mesh that is not closed: thicken makes a solid of a sheet, with the sheet itself as one skin, its
@@ -141,14 +141,14 @@ pub struct Params {
     /// Keep all triangles, rather than merge them as far as the tolerance allows: faster, and many more triangles
     #[cfg_attr(feature = "cli", arg(long))]
     pub no_simplify: bool,
-    /// How far merging may turn a triangle away from the surface that it stands for, above 0, up to 90 degrees [default: 4, and
+    /// Maximum angle between a merged triangle and the surface that it approximates, above 0, up to 90 degrees [default: 4, and
     /// more where the tolerance is over a twentieth of the distance, and for rough meshes such as scans]
     ///
     /// Less keeps more triangles and looks smoother. A limit that is asked for is that of rough meshes, too. At creases,
     /// triangles that were off more before stay so.
     #[cfg_attr(feature = "cli", arg(long, value_name = "DEGREES"))]
     pub max_normal_deviation: Option<f64>,
-    /// How much memory to work in, such as 2GiB [default: as much as it takes]
+    /// Memory limit, such as 2GiB [default: none]
     ///
     /// With less, space is cut into more tiles, which takes longer and gives the same surface; one that is too large is kept in
     /// a temporary file beside the output, some 180 bytes for each triangle before these are merged. The mesh itself stays in
@@ -158,7 +158,7 @@ pub struct Params {
     /// Unit of the input's coordinates, whatever the file says; most formats say nothing
     #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "UNIT"))]
     pub unit: Option<Unit>,
-    /// How the mesh is written.
+    /// Format of the output.
     #[cfg_attr(feature = "cli", command(flatten))]
     pub output: Output,
 }
@@ -349,33 +349,6 @@ impl Operation for Offset {
         } = offset.map_err(|cause| JobError::from_offset(input, cause))?;
         drop(mesh);
         record(&done, params.side, &mut report);
-        if let Some(kept) = done.sheet_kept {
-            report
-                .figures
-                .insert("sheet_kept", f64::from(u8::from(kept)));
-            if !kept {
-                report.warn(
-                "the sheet itself could not be one of the skins, triangle for triangle: that skin follows it within the \
-                 tolerance (where the sheet meets itself, is not manifold, faces both ways or lies within the distance of \
-                 itself, see `ravec mesh check`)"
-                    .to_owned(),
-            );
-            }
-        }
-        report.figures.extend([
-            ("triangles", done.triangles as f64),
-            ("extracted_triangles", done.extracted_triangles as f64),
-            ("cells", done.cells as f64),
-            ("deepest_level", f64::from(done.deepest_level)),
-            ("tiles", done.tiles as f64),
-            ("mending_rounds", f64::from(done.rounds)),
-            ("split_cells", done.split_cells as f64),
-            ("filled_corners", done.filled_corners as f64),
-            ("feature_edges", done.feature_edges as f64),
-            ("distance_least", done.least_distance),
-            ("distance_most", done.most_distance),
-            ("distance_most_found", done.most_distance_found),
-        ]);
         super::write_stored(output, &surface, &target, &mut report, context)?;
         Ok(report)
     }
@@ -398,7 +371,7 @@ fn turned(mesh: &TriMesh, progress: &Progress) -> Result<Option<TriMesh>, JobErr
     Ok(Some(turned.expect("only the order of corners is another")))
 }
 
-/// Enters the verdict into the report.
+/// Enters the figures and the verdict into the report.
 fn record(done: &library::OffsetReport, side: Side, report: &mut Report) {
     let yes = |fact: bool| f64::from(u8::from(fact));
     report.figures.extend([
@@ -406,7 +379,29 @@ fn record(done: &library::OffsetReport, side: Side, report: &mut Report) {
         ("uncertified_triangles", done.uncertified_facets as f64),
         ("solid", yes(done.solid)),
         ("self_intersections", done.self_intersections as f64),
+        ("triangles", done.triangles as f64),
+        ("extracted_triangles", done.extracted_triangles as f64),
+        ("cells", done.cells as f64),
+        ("deepest_level", f64::from(done.deepest_level)),
+        ("tiles", done.tiles as f64),
+        ("mending_rounds", f64::from(done.rounds)),
+        ("split_cells", done.split_cells as f64),
+        ("filled_corners", done.filled_corners as f64),
+        ("feature_edges", done.feature_edges as f64),
+        ("distance_least", done.least_distance),
+        ("distance_most", done.most_distance),
+        ("distance_most_found", done.most_distance_found),
     ]);
+    if let Some(kept) = done.sheet_kept {
+        report.figures.insert("sheet_kept", yes(kept));
+        if !kept {
+            report.warn(
+                "the sheet itself could not be one of the skins, triangle for triangle: that skin follows it within the \
+                 tolerance (where the sheet meets itself, is not manifold, faces both ways or lies within the distance of \
+                 itself, see `ravec mesh check`)",
+            );
+        }
+    }
     report.passed = Some(done.certified && done.solid);
     for (what, count) in [
         (

@@ -73,7 +73,7 @@ pub struct Params {
     /// Make vertices one first that are no farther apart than this, a length or as in 0.01%; 0 welds equal places
     #[cfg_attr(feature = "cli", arg(long, value_name = "LENGTH"))]
     pub weld: Option<Length>,
-    /// How the mesh is written.
+    /// Format of the output.
     #[cfg_attr(feature = "cli", command(flatten))]
     pub output: Output,
 }

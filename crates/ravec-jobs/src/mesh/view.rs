@@ -73,7 +73,7 @@ impl From<Viewpoint> for String {
 pub struct Cut {
     /// The direction along which places are counted, of any length but 0.
     along: [f64; 3],
-    /// Whether what is before the plane is taken away, rather than what is beyond; along an axis only.
+    /// True to remove the part before the plane instead of the part beyond it; along an axis only.
     before: bool,
     /// Where the plane is: a coordinate in that direction, or a share of what the mesh reaches.
     at: Length,

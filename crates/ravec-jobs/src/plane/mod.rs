@@ -15,7 +15,7 @@ use crate::files;
 use crate::report::Report;
 use std::path::Path;
 
-/// Whether one picture can be read and another, if any, be written: said before anything is worked out.
+/// Checks the paths of an input picture and an output, before any work is done.
 fn check_paths(input: &Path, output: Option<&Path>, context: &Context) -> Result<(), JobError> {
     let outputs: Vec<&Path> = output.into_iter().collect();
     context.check_files(&[input], &outputs)?;

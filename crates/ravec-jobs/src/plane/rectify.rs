@@ -79,7 +79,7 @@ pub struct Params {
     )]
     #[serde(default)]
     pub height: Option<u32>,
-    /// How much of the plane around the rectangle is shown, as a multiple of its sides, 0 to 100; only what is in the picture
+    /// Margin of the plane around the rectangle, as a multiple of its sides, 0 to 100, limited to the picture
     #[cfg_attr(
         feature = "cli",
         arg(
@@ -104,7 +104,7 @@ pub struct Params {
     pub beyond: Outside,
 }
 
-/// How far `whole` reaches, in sides of the rectangle: farther off, floors are a few pixels of haze.
+/// Margin of `whole`, in sides of the rectangle: farther off, floors are a few blurred pixels.
 const WHOLE_MARGIN: f64 = 3.0;
 
 impl Params {

@@ -60,7 +60,7 @@ pub struct Params {
     #[cfg_attr(feature = "cli", arg(long, value_name = "COLSxROWS"))]
     #[serde(default)]
     pub grid: Option<Grid>,
-    /// How far off a corner may be, in percent of the grid's diagonal, 0 to 20; more finds other edges that fit as well
+    /// Maximum error of a rough corner, in percent of the grid's diagonal, 0 to 20; a larger one may find other edges
     #[cfg_attr(feature = "cli", arg(long, value_name = "PERCENT", default_value_t = Self::REACH))]
     #[serde(default = "Params::default_reach")]
     pub reach: f64,

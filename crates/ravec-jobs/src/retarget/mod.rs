@@ -21,7 +21,7 @@ use ravec_media::{Picture, WriteOptions};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// How the border of the picture may move.
+/// Motion of the border of the picture.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
@@ -110,16 +110,16 @@ pub struct Params {
     /// Use large cells where the picture is even
     #[cfg_attr(feature = "cli", arg(long))]
     pub adaptive: bool,
-    /// How much closed regions count that stand out, 0 to 1. With 0 contrast and masks decide alone
+    /// Weight of closed regions that stand out, 0 to 1. With 0, contrast and masks decide alone
     #[cfg_attr(feature = "cli", arg(long, value_name = "SHARE", default_value_t = Self::default().saliency))]
     pub saliency: f64,
-    /// How firmly straight lines are held, 0 to 10
+    /// Weight of straight lines, 0 to 10
     #[cfg_attr(feature = "cli", arg(long, value_name = "STRENGTH", default_value_t = Self::default().lines))]
     pub lines: f64,
     /// The scale of what matters, 0.25 to 4, as far as the new size allows. Less keeps shapes better at strong reductions
     #[cfg_attr(feature = "cli", arg(long, value_name = "SCALE", default_value_t = Self::default().object_scale))]
     pub object_scale: f64,
-    /// How the border of the picture may move
+    /// Motion of the border of the picture
     #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t = Self::default().borders))]
     pub borders: Border,
     /// The share of a side that may be cut off, 0 to 0.5, if that is less loss than squeezing

@@ -11,7 +11,7 @@ use std::str::FromStr;
 enum Side {
     Pixels(u32),
     Percent(f64),
-    /// What the other side makes of it, or what it was.
+    /// Follows the other side, or stays.
     Open,
 }
 

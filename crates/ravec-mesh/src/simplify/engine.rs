@@ -94,6 +94,60 @@ pub(super) struct Engine<'a, J: CollapseJudge> {
     report: SimplifyReport,
 }
 
+/// Quadrics of the corners at each vertex, and of walls along the special edges.
+fn vertex_quadrics(
+    mesh: &TriMesh,
+    adjacency: &Adjacency,
+    surface: &Surface,
+    frame: Frame,
+    progress: &Progress,
+) -> Result<Vec<Quadric>, Cancelled> {
+    let local = |v: u32| frame.to_local(mesh.positions()[v as usize]);
+    let mut quadrics = par_collect(mesh.positions().len(), progress, |v| {
+        let corners = surface.star(v).map(|(_, t)| Quadric::corner(t.map(local)));
+        [corners.fold(Quadric::default(), |sum, corner| sum + corner)]
+    })?;
+    for (edge, &ends) in (0_u32..).zip(adjacency.edges()) {
+        if edge.is_multiple_of(AT_ONCE) {
+            progress.check()?;
+        }
+        if !surface.is_special(ends[0], ends[1]) {
+            continue;
+        }
+        let [p, q] = ends.map(local);
+        for at in adjacency.uses(edge) {
+            let [a, b, c] = mesh.triangles()[at.triangle as usize].map(local);
+            let across = (q - p).cross((b - a).cross(c - a));
+            if let Some(n) = across.try_normalize() {
+                let wall = Quadric::plane(n, p, CURVE_WEIGHT * p.distance_squared(q));
+                for v in ends {
+                    quadrics[v as usize] += wall;
+                }
+            }
+        }
+    }
+    progress.check()?;
+    Ok(quadrics)
+}
+
+/// The triangles by place, for the search for intersections.
+fn triangle_tree(
+    surface: &Surface,
+    bounds: Aabb,
+    progress: &Progress,
+) -> Result<LooseOctree, Cancelled> {
+    let mut tree = LooseOctree::new(bounds, surface.triangles.len());
+    for (t, corners) in (0_u32..).zip(&surface.triangles) {
+        if t.is_multiple_of(AT_ONCE) {
+            progress.check()?;
+        }
+        if *corners != GONE {
+            tree.insert(t, &Aabb::around(surface.corners(t)));
+        }
+    }
+    Ok(tree)
+}
+
 impl<'a, J: CollapseJudge> Engine<'a, J> {
     pub fn new(start: Start<'a>, judge: J, progress: &Progress) -> Result<Self, SimplifyError> {
         let Start {
@@ -118,31 +172,7 @@ impl<'a, J: CollapseJudge> Engine<'a, J> {
             scale: if diagonal > 0.0 { 1.0 / diagonal } else { 1.0 },
         };
         let vertices = mesh.positions().len();
-        let local = |v: u32| frame.to_local(mesh.positions()[v as usize]);
-        let mut quadrics = par_collect(vertices, progress, |v| {
-            let corners = surface.star(v).map(|(_, t)| Quadric::corner(t.map(local)));
-            [corners.fold(Quadric::default(), |sum, corner| sum + corner)]
-        })?;
-        for (edge, &ends) in (0_u32..).zip(adjacency.edges()) {
-            if edge.is_multiple_of(AT_ONCE) {
-                progress.check()?;
-            }
-            if !surface.is_special(ends[0], ends[1]) {
-                continue;
-            }
-            let [p, q] = ends.map(local);
-            for at in adjacency.uses(edge) {
-                let [a, b, c] = mesh.triangles()[at.triangle as usize].map(local);
-                let across = (q - p).cross((b - a).cross(c - a));
-                if let Some(n) = across.try_normalize() {
-                    let wall = Quadric::plane(n, p, CURVE_WEIGHT * p.distance_squared(q));
-                    for v in ends {
-                        quadrics[v as usize] += wall;
-                    }
-                }
-            }
-        }
-        progress.check()?;
+        let quadrics = vertex_quadrics(mesh, &adjacency, &surface, frame, progress)?;
         let mut is_sealed = vec![false; if sealed.is_empty() { 0 } else { vertices }];
         for &v in sealed {
             is_sealed[v as usize] = true;
@@ -170,16 +200,7 @@ impl<'a, J: CollapseJudge> Engine<'a, J> {
         }
         progress.check()?;
         let tree = if params.avoid_intersections {
-            let mut tree = LooseOctree::new(bounds, surface.triangles.len());
-            for (t, corners) in (0_u32..).zip(&surface.triangles) {
-                if t.is_multiple_of(AT_ONCE) {
-                    progress.check()?;
-                }
-                if *corners != GONE {
-                    tree.insert(t, &Aabb::around(surface.corners(t)));
-                }
-            }
-            Some(tree)
+            Some(triangle_tree(&surface, bounds, progress)?)
         } else {
             None
         };

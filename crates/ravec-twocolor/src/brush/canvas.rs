@@ -1,7 +1,7 @@
 //! A picture before and after the stroke that is being painted.
 
 use crate::clean::NoiseLevel;
-use crate::field::FitError;
+use crate::filter_error::FilterError;
 use crate::operator::{OperatorParams, noise_for};
 use ravec_progress::Progress;
 use ravec_raster::{Image, LinearRgba, Rect};
@@ -35,7 +35,7 @@ impl Canvas {
         &mut self,
         operator: &OperatorParams,
         progress: &Progress,
-    ) -> Result<Option<NoiseLevel>, FitError> {
+    ) -> Result<Option<NoiseLevel>, FilterError> {
         if operator.noise_sigma.is_some() {
             return noise_for(&self.before, operator, progress);
         }

@@ -5,7 +5,7 @@ use super::path::Path;
 use super::stroke::{Stroke, StrokeError};
 use crate::clean::NoiseLevel;
 use crate::dense::{WindowParams, map_windows};
-use crate::field::FitError;
+use crate::filter_error::FilterError;
 use crate::operator::{Mode, OperatorParams, operate_with};
 use crate::pointwise::Sides;
 use glam::DVec2;
@@ -142,9 +142,9 @@ impl Cells {
         let quiet = Progress::none();
         let targets = operate_with(image, whole, params, self.noise.as_ref(), &quiet)?;
         let crop = |rect: &Rect| {
-            let size = rect.size().ok_or(FitError::EmptyRegion)?;
+            let size = rect.size().ok_or(FilterError::EmptyRegion)?;
             let cropped = targets.crop(rect.col - whole.col, 0, size);
-            cropped.map_err(|_| FitError::EmptyRegion.into())
+            cropped.map_err(|_| FilterError::EmptyRegion.into())
         };
         rects.iter().map(crop).collect()
     }

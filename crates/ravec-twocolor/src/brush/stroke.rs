@@ -1,6 +1,6 @@
 //! Strokes as data.
 
-use crate::field::FitError;
+use crate::filter_error::FilterError;
 use crate::operator::{Mode, OperatorParams};
 use ravec_progress::Cancelled;
 use ravec_raster::Size;
@@ -283,17 +283,17 @@ pub enum StrokeError {
     },
     /// The operator failed.
     #[error(transparent)]
-    Fit(FitError),
+    Filter(FilterError),
     /// The caller cancelled.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
 }
 
-impl From<FitError> for StrokeError {
-    fn from(error: FitError) -> Self {
+impl From<FilterError> for StrokeError {
+    fn from(error: FilterError) -> Self {
         match error {
-            FitError::Cancelled(cancelled) => Self::Cancelled(cancelled),
-            other => Self::Fit(other),
+            FilterError::Cancelled(cancelled) => Self::Cancelled(cancelled),
+            other => Self::Filter(other),
         }
     }
 }

@@ -29,7 +29,7 @@ mod window;
 
 pub use noise::{NoiseLevel, estimate_noise};
 
-use crate::field::FitError;
+use crate::filter_error::FilterError;
 use crate::split_table::split_table;
 use fearless_simd::{Level, dispatch};
 use ravec_progress::{Cancelled, Progress};
@@ -65,17 +65,17 @@ impl Default for CleanParams {
 /// The cleaned pixels of `region` (clipped to the image).
 ///
 /// # Errors
-/// [`FitError::BlockSize`] if the window is below 4 or above 16, [`FitError::Stride`] if the stride is 0 or larger than
-/// the window, [`FitError::Noise`] if the noise is negative or not finite, [`FitError::EmptyRegion`] if the region has no
-/// pixel of the image, [`FitError::Cancelled`] soon after `progress` is.
+/// [`FilterError::Window`] if the window is below 4 or above 16, [`FilterError::Stride`] if the stride is 0 or larger than
+/// the window, [`FilterError::Noise`] if the noise is negative or not finite, [`FilterError::EmptyRegion`] if the region has no
+/// pixel of the image, [`FilterError::Cancelled`] soon after `progress` is.
 pub fn clean<P: Color>(
     image: &Image<P>,
     region: Rect,
     params: &CleanParams,
     progress: &Progress,
-) -> Result<Image<LinearRgba>, FitError> {
+) -> Result<Image<LinearRgba>, FilterError> {
     match params.noise_sigma {
-        Some(sigma) if !(0.0..=255.0).contains(&sigma) => Err(FitError::Noise { got: sigma }),
+        Some(sigma) if !(0.0..=255.0).contains(&sigma) => Err(FilterError::Noise { got: sigma }),
         Some(sigma) => clean_with(image, region, &NoiseLevel::uniform(sigma), params, progress),
         None => clean_with(
             image,
@@ -97,16 +97,19 @@ pub fn clean_with<P: Color>(
     noise: &NoiseLevel,
     params: &CleanParams,
     progress: &Progress,
-) -> Result<Image<LinearRgba>, FitError> {
+) -> Result<Image<LinearRgba>, FilterError> {
     let (side, stride) = (params.window_px, params.stride_px);
     if !(4..=16).contains(&side) {
-        return Err(FitError::BlockSize { got: side });
+        return Err(FilterError::Window {
+            got: side,
+            expected: "4 to 16",
+        });
     }
     if !(1..=side).contains(&stride) {
-        return Err(FitError::Stride { got: stride, side });
+        return Err(FilterError::Stride { got: stride, side });
     }
     let region = region.intersection(Rect::of(image.size()));
-    region.size().ok_or(FitError::EmptyRegion)?;
+    region.size().ok_or(FilterError::EmptyRegion)?;
     let Some(compression) = &noise.compression else {
         return clean_region(image, region, noise, params, progress);
     };
@@ -117,10 +120,10 @@ pub fn clean_with<P: Color>(
     if whole == region {
         return Ok(cleaned);
     }
-    let size = region.size().ok_or(FitError::EmptyRegion)?;
+    let size = region.size().ok_or(FilterError::EmptyRegion)?;
     cleaned
         .crop(region.col - whole.col, region.row - whole.row, size)
-        .map_err(|_| FitError::EmptyRegion)
+        .map_err(|_| FilterError::EmptyRegion)
 }
 
 /// Steps 1 to 5 over a region that lies within the image.
@@ -130,9 +133,9 @@ fn clean_region<P: Color>(
     noise: &NoiseLevel,
     params: &CleanParams,
     progress: &Progress,
-) -> Result<Image<LinearRgba>, FitError> {
+) -> Result<Image<LinearRgba>, FilterError> {
     let (side, stride) = (params.window_px, params.stride_px);
-    let size = region.size().ok_or(FitError::EmptyRegion)?;
+    let size = region.size().ok_or(FilterError::EmptyRegion)?;
     let table = split_table(side);
     let level = Level::new();
     let mut result = Image::new(size, LinearRgba::default());

@@ -17,7 +17,7 @@ pub struct NamedFile {
 }
 
 impl From<OsString> for NamedFile {
-    /// What stands before the first `=` is the name if it can be one; else all of it is the path, as in `./a=b.stl`.
+    /// The text before the first `=` is the name if it can be one; else all of it is the path, as in `./a=b.stl`.
     fn from(text: OsString) -> Self {
         let parts = text.to_str().and_then(|text| text.split_once('='));
         match parts {
