@@ -15,7 +15,7 @@
 //! pixels stay as they are. Cost: one exact fit a pixel and iteration. Memory: the result of each iteration.
 
 use crate::clean::{CleanParams, NoiseLevel, clean_with, estimate_noise};
-use crate::dense::{WindowParams, map_windows};
+use crate::dense::{ODD_SIDES, WindowParams, map_windows};
 use crate::filter_error::FilterError;
 use crate::pointwise::{Sides, apply, mixed};
 use crate::stamp::stamp;
