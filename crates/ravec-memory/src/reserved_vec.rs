@@ -1,4 +1,4 @@
-//! ReservedVecs whose memory is reserved before it is allocated.
+//! Lists whose memory is reserved before it is allocated.
 //!
 //! A list that grows holds its old and its new place for a moment, so both are reserved. It doubles where the budget allows
 //! that and takes smaller steps where it does not, so that a file is refused only if an eighth more is too much.

@@ -391,11 +391,7 @@ impl Soup {
 }
 
 /// Warnings about polygons that were cut into triangles, and about faces that were left out.
-fn face_warnings(
-    polygons: u64,
-    triangles: u64,
-    faces: u64,
-) -> impl Iterator<Item = ReadWarning> {
+fn face_warnings(polygons: u64, triangles: u64, faces: u64) -> impl Iterator<Item = ReadWarning> {
     let cut = ReadWarning::PolygonsCut {
         polygons,
         triangles,

@@ -394,10 +394,13 @@ mod tests {
         };
         let region = Rect::of(image.size());
         for got in [0, 1, 8, 33] {
-            assert_eq!(run(got, region), Err(FilterError::Window {
-                got,
-                expected: ODD_SIDES
-            }));
+            assert_eq!(
+                run(got, region),
+                Err(FilterError::Window {
+                    got,
+                    expected: ODD_SIDES
+                })
+            );
         }
         assert_eq!(run(9, Rect::new(8, 0, 5, 5)), Err(FilterError::EmptyRegion));
         assert_eq!(run(31, region), Ok(()));

@@ -151,9 +151,9 @@ fn recipes_that_cannot_run_are_refused_before_their_first_step() {
             "step 2: there is no operation",
         ),
         (
-            json!([first, { "operation": "twocolor", "input": "a", "ouput": "b" }]),
+            json!([first, { "operation": "twocolor", "input": "a", "outpt": "b" }]),
             3,
-            "ouput",
+            "outpt",
         ),
         (json!([first, { "input": "a.bmp" }]), 3, "`operation`"),
         (
