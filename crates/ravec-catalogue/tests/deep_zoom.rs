@@ -213,7 +213,7 @@ fn an_older_page_is_replaced_and_a_run_that_stops_leaves_it_as_it_was() {
     for look in (1..).step_by(97) {
         match make(&catalogue, None, &zoom, &Progress::cancelled_at(look)) {
             Err(CatalogueError::Cancelled(_)) => {
-                assert_eq!(content(folder.path()), before, "{look}")
+                assert_eq!(content(folder.path()), before, "{look}");
             }
             other => {
                 other.unwrap();

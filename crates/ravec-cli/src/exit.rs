@@ -80,7 +80,7 @@ pub fn code(kind: ErrorKind) -> u8 {
 
 impl Failure {
     /// The failure for an error of an operation with these flags.
-    pub fn of(error: JobError, flags: &Flags) -> Self {
+    pub fn of(error: &JobError, flags: &Flags) -> Self {
         let mut failure = Self::new(code(error.kind()), flags.name_in(&error.to_string()));
         if let JobError::Expression { .. } = error
             && let Some((sentence, lines)) = failure.sentence.split_once('\n')

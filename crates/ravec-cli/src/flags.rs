@@ -47,7 +47,7 @@ impl Flags {
                     text.push_str(rest);
                 }
                 (None, Some(rest)) => {
-                    text.push_str(&format!("`{quoted}`{rest}"));
+                    text.extend(["`", quoted, "`", rest]);
                 }
                 (_, None) => {
                     text.push('`');

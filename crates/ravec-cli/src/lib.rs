@@ -103,7 +103,7 @@ fn run_operation(
     global: &Global,
 ) -> Result<(), Failure> {
     let flags = Flags::of(operation.name());
-    let failed = |error: JobError| Failure::of(error, &flags);
+    let failed = |error: JobError| Failure::of(&error, &flags);
     // operations check their own files; only here are the report and the recipe known as well
     let side_files = operation.side_files();
     let side_files = side_files.iter().map(PathBuf::as_path);
@@ -158,7 +158,7 @@ fn perform(
     if let Some(bar) = bar {
         bar.finish_and_clear();
     }
-    result.map_err(|error| Failure::of(error, flags))
+    result.map_err(|error| Failure::of(&error, flags))
 }
 
 /// Shows warnings, prints the summary or the result unless standard output is an output, writes the report and gives the verdict.
@@ -246,7 +246,7 @@ fn manual(out: Option<&Path>) -> Result<(), Failure> {
             .expect("a vector takes every write");
         return summary::print(&String::from_utf8_lossy(&page));
     };
-    check_folder(folder).map_err(|error| Failure::of(error, &Flags::of("man")))?;
+    check_folder(folder).map_err(|error| Failure::of(&error, &Flags::of("man")))?;
     std::fs::create_dir_all(folder)
         .and_then(|()| clap_mangen::generate_to(command_for_pages(), folder))
         .map_err(|error| {

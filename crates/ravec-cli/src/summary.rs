@@ -21,7 +21,9 @@ pub fn summary(report: &Report) -> String {
     if report.operation == Run::NAME
         && let Some(steps) = report.result.as_ref().and_then(Value::as_array)
     {
-        steps.iter().for_each(|step| plan(&mut text, step));
+        for step in steps {
+            plan(&mut text, step);
+        }
     }
     let width = report.figures.keys().map(|name| name.len()).max();
     for (name, figure) in &report.figures {
@@ -157,7 +159,7 @@ pub fn write_json(report: &Report, path: &Path, flags: &Flags) -> Result<(), Fai
     report
         .check_output(path)
         .and_then(|()| write_text(path, &report.to_json()))
-        .map_err(|error| Failure::of(error, flags))
+        .map_err(|error| Failure::of(&error, flags))
 }
 
 /// Prints to standard output. A reader that has gone away (`ravec ... | head`) ends the program without a word.

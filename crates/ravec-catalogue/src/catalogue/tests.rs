@@ -359,7 +359,7 @@ fn a_photo_is_known_by_every_link_and_spelling() {
         assert!(catalogue.knows(&root.join(name)).unwrap(), "{name}");
         match catalogue.check_output(&root.join(name)) {
             Err(CatalogueError::Protected { reason: said, .. }) => {
-                assert_eq!(said, reason, "{name}")
+                assert_eq!(said, reason, "{name}");
             }
             other => panic!("{name}: {other:?}"),
         }
