@@ -347,7 +347,10 @@ impl Boolean {
             ));
                 file.mesh = scaled(file.mesh, scale, path)?;
             }
-            super::keep_supported(&mut file, path, target, report);
+            // results in memory hold all attributes
+            if !context.is_intermediate(&self.output) {
+                super::keep_supported(&mut file, path, target, report);
+            }
             meshes[i] = std::mem::take(&mut file.mesh);
             colors[i] = std::mem::take(&mut file.colors);
             textures[i] = std::mem::take(&mut file.texture);

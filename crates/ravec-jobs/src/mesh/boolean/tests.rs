@@ -313,6 +313,12 @@ fn texture_coordinates_follow_into_obj_and_gltf() {
         }
         assert!(of_second > 8 && of_second + 8 < file.texture.len());
     }
+    let context = Context::default().with_intermediates();
+    let mut operation = studio.operation("union", "one.obj two.glb", "out.ply");
+    operation.output = "@both".into();
+    operation.run(&context).unwrap();
+    let file = context.stored_mesh(&operation.output).unwrap();
+    assert_eq!(file.texture.len(), file.mesh.triangles().len());
     let report = studio.run("union", "one.obj two.glb", "out.ply").unwrap();
     let told = report.warnings.join("\n");
     assert_eq!(
