@@ -62,18 +62,6 @@ impl RetargetParams {
     /// # Errors
     /// [`RetargetError::Parameter`] with the first value out of range.
     pub fn check(&self) -> Result<(), RetargetError> {
-        let within = |name, value: f64, low: f64, high: f64| {
-            if (low..=high).contains(&value) {
-                Ok(())
-            } else {
-                Err(RetargetError::Parameter {
-                    name,
-                    value,
-                    low,
-                    high,
-                })
-            }
-        };
         if let Some(cells) = self.grid_cells {
             within("cells of the grid", cells as f64, 2.0, 400.0)?;
         }
@@ -84,7 +72,26 @@ impl RetargetParams {
     }
 }
 
-/// Why a picture was not retargeted.
+/// Refuses a value that is not between `low` and `high`.
+pub(crate) fn within(
+    name: &'static str,
+    value: f64,
+    low: f64,
+    high: f64,
+) -> Result<(), RetargetError> {
+    if (low..=high).contains(&value) {
+        Ok(())
+    } else {
+        Err(RetargetError::Parameter {
+            name,
+            value,
+            low,
+            high,
+        })
+    }
+}
+
+/// Why a picture or a clip was not retargeted.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RetargetError {
@@ -131,6 +138,27 @@ pub enum RetargetError {
         got: Size,
         /// The size of the analyzed picture.
         analyzed: Size,
+    },
+    /// A clip needs at least one target size, and a frame has only those of its clip.
+    #[error("there is no such target size: name at least one")]
+    NoTarget,
+    /// All frames of a clip have one size.
+    #[error("frame {frame} has {got} pixels, but the clip has {clip}")]
+    FrameSize {
+        /// Number of the frame, from 0.
+        frame: usize,
+        /// Its size.
+        got: Size,
+        /// The size of the clip.
+        clip: Size,
+    },
+    /// The motion of the camera is not a motion.
+    #[error(
+        "the motion of the camera before frame {frame} is no homography that keeps the frame in view: give the identity where the motion is unknown"
+    )]
+    Motion {
+        /// Number of the frame, from 0.
+        frame: usize,
     },
     /// The system could not be factored, which only numbers out of all proportion can cause.
     #[error("the deformation cannot be computed: lower the strengths")]

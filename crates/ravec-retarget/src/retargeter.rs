@@ -25,10 +25,10 @@ use rayon::prelude::*;
 use std::sync::Arc;
 
 /// The weight of a cell that a protecting mask touches.
-const PROTECTED: f64 = 100.0;
+pub(crate) const PROTECTED: f64 = 100.0;
 
 /// The weight of a cell that may give way: a tenth of what is unimportant by itself.
-const GIVEN_WAY: f64 = 0.1 * GIVING;
+pub(crate) const GIVEN_WAY: f64 = 0.1 * GIVING;
 
 /// Share of a cell that must be painted to count as touched: a stray pixel of a soft brush does not.
 const TOUCHED: f32 = 0.05;
@@ -87,15 +87,7 @@ impl Retargeter {
         progress: &Progress,
     ) -> Result<Self, RetargetError> {
         params.check()?;
-        for (which, mask) in [("protect", painted.protect), ("give-way", painted.give_way)] {
-            if let Some(mask) = mask.filter(|mask| mask.size() != image.size()) {
-                return Err(RetargetError::MaskSize {
-                    which,
-                    got: mask.size(),
-                    image: image.size(),
-                });
-            }
-        }
+        check_masks(image.size(), painted)?;
         let phase = progress.phase("analyze", 4);
         let units = units_for(image.size(), params.grid_cells);
         let analysis = Analysis::new(image, units, progress)?;
@@ -124,6 +116,20 @@ impl Retargeter {
         progress.check()?;
         phase.advance(1);
         let weights = cell_means(&grid, &weights);
+        let found = Self::from_content(params, Arc::new(grid), weights, runs, mean_importance)?;
+        progress.check()?;
+        phase.advance(1);
+        Ok(found)
+    }
+
+    /// Factors the energies of content that is known: a weight a cell of `grid`, and runs.
+    pub(crate) fn from_content(
+        params: &RetargetParams,
+        grid: Arc<Grid>,
+        weights: Vec<f64>,
+        runs: Vec<GridRun>,
+        mean_importance: f64,
+    ) -> Result<Self, RetargetError> {
         let axes = Axis::both(
             &Content {
                 grid: &grid,
@@ -134,8 +140,6 @@ impl Retargeter {
             },
             params.borders,
         )?;
-        progress.check()?;
-        phase.advance(1);
         let edge_lengths = grid
             .edges
             .iter()
@@ -152,7 +156,7 @@ impl Retargeter {
                 straight_runs: runs.len(),
                 mean_importance,
             },
-            grid: Arc::new(grid),
+            grid,
             weights: Arc::new(weights),
             runs: Arc::new(runs),
             axes,
@@ -170,7 +174,12 @@ impl Retargeter {
     /// # Errors
     /// [`RetargetError::Factor`] if a side changes by a factor of more than 20.
     pub fn solve(&self, size: Size) -> Result<Deformation, RetargetError> {
-        self.solve_from(size, None)
+        self.solve_from(size, self.params.object_scale, None)
+    }
+
+    /// As [`solve`](Self::solve), with another scale of important content.
+    pub(crate) fn solve_scaled(&self, size: Size, scale: f64) -> Result<Deformation, RetargetError> {
+        self.solve_from(size, scale, None)
     }
 
     /// The deformation for `size`, starting from one for a similar size: for following a frame that is being dragged. Takes a
@@ -184,21 +193,20 @@ impl Retargeter {
         similar: &Deformation,
     ) -> Result<Deformation, RetargetError> {
         let same_grid = Arc::ptr_eq(&similar.grid, &self.grid);
-        self.solve_from(size, similar.state.as_ref().filter(|_| same_grid))
+        let warm = similar.state.as_ref().filter(|_| same_grid);
+        self.solve_from(size, self.params.object_scale, warm)
     }
 
-    fn solve_from(&self, size: Size, warm: Option<&State>) -> Result<Deformation, RetargetError> {
-        let old = as_vector(self.grid.image_size);
+    fn solve_from(
+        &self,
+        size: Size,
+        scale: f64,
+        warm: Option<&State>,
+    ) -> Result<Deformation, RetargetError> {
+        check_factor(self.grid.image_size, size)?;
         let new = as_vector(size);
-        let factor = new / old;
-        if factor.max_element() > MAX_FACTOR || factor.min_element() < 1.0 / MAX_FACTOR {
-            return Err(RetargetError::Factor {
-                image: self.grid.image_size,
-                target: size,
-            });
-        }
         let crop = self.best_crop(new);
-        let format = self.format(crop.whole);
+        let format = self.format(crop.whole, scale);
         let edges = Edges {
             edges: &self.grid.edges,
             lengths: &self.edge_lengths,
@@ -228,9 +236,8 @@ impl Retargeter {
     }
 
     /// The scale of important content and the mean units for a picture of a new size.
-    fn format(&self, new: DVec2) -> Format {
+    fn format(&self, new: DVec2, scale: f64) -> Format {
         let factor = new / as_vector(self.grid.image_size);
-        let scale = self.params.object_scale;
         let share = match self.params.borders {
             Borders::Free if self.params.max_crop > 0.0 => self.params.max_crop,
             Borders::Free => FREE_SHARE,
@@ -292,7 +299,7 @@ impl Retargeter {
             return none;
         }
         let energy = |whole: DVec2| {
-            let scale = self.format(whole).scale;
+            let scale = self.format(whole, self.params.object_scale).scale;
             self.axes[0].min_energy(whole.x, scale) + self.axes[1].min_energy(whole.y, scale)
         };
         let mut best = (energy(new), none);
@@ -302,7 +309,7 @@ impl Retargeter {
             // no more than what makes both factors one
             whole[axis] = (new[axis] / (1.0 - share))
                 .min(factor[1 - axis] * as_vector(self.grid.image_size)[axis]);
-            let scale = self.format(whole).scale;
+            let scale = self.format(whole, self.params.object_scale).scale;
             let z = self.axes[axis].unbounded(whole[axis], scale);
             let spare = whole[axis] - new[axis];
             let within = energy(whole);
@@ -334,39 +341,70 @@ impl Retargeter {
     }
 }
 
-fn as_vector(size: Size) -> DVec2 {
+/// Refuses a size that is too far from the old one.
+pub(crate) fn check_factor(image: Size, target: Size) -> Result<(), RetargetError> {
+    let factor = as_vector(target) / as_vector(image);
+    if factor.max_element() > MAX_FACTOR || factor.min_element() < 1.0 / MAX_FACTOR {
+        return Err(RetargetError::Factor { image, target });
+    }
+    Ok(())
+}
+
+/// Refuses masks of another size than the picture.
+pub(crate) fn check_masks(image: Size, painted: Painted<'_>) -> Result<(), RetargetError> {
+    for (which, mask) in [("protect", painted.protect), ("give-way", painted.give_way)] {
+        if let Some(mask) = mask.filter(|mask| mask.size() != image) {
+            return Err(RetargetError::MaskSize {
+                which,
+                got: mask.size(),
+                image,
+            });
+        }
+    }
+    Ok(())
+}
+
+pub(crate) fn as_vector(size: Size) -> DVec2 {
     dvec2(size.width() as f64, size.height() as f64)
 }
 
 /// The weight of each unit from its importance and from what is painted.
-fn unit_weights(importance: &[f64], painted: Painted<'_>, [cols, rows]: [usize; 2]) -> Vec<f64> {
-    let mut weights: Vec<f64> = importance
-        .iter()
-        .map(|b| GIVING + (1.0 - GIVING) * b)
-        .collect();
+fn unit_weights(importance: &[f64], painted: Painted<'_>, units: [usize; 2]) -> Vec<f64> {
+    let mut weights: Vec<f64> = importance.iter().map(|&b| weight_of(b)).collect();
     for (mask, weight) in [(painted.give_way, GIVEN_WAY), (painted.protect, PROTECTED)] {
         let Some(mask) = mask else { continue };
-        weights
-            .par_iter_mut()
-            .enumerate()
-            .for_each(|(unit, value)| {
-                let (col, row) = (unit % cols, unit / cols);
-                let part = |k: usize, count: usize, length: usize| {
-                    let first = k * length / count;
-                    first..((k + 1) * length).div_ceil(count).min(length)
-                };
-                let columns = part(col, cols, mask.size().width());
-                let touched = part(row, rows, mask.size().height()).any(|y| {
-                    mask.coverage().row(y)[columns.clone()]
-                        .iter()
-                        .any(|&c| c > TOUCHED)
-                });
-                if touched {
-                    *value = weight;
-                }
-            });
+        for (value, touched) in weights.iter_mut().zip(touched(mask, units)) {
+            if touched {
+                *value = weight;
+            }
+        }
     }
     weights
+}
+
+/// The weight of a unit of an importance, 0 to 1.
+pub(crate) fn weight_of(importance: f64) -> f64 {
+    GIVING + (1.0 - GIVING) * importance
+}
+
+/// For each unit whether a mask touches it.
+pub(crate) fn touched(mask: &Mask, [cols, rows]: [usize; 2]) -> Vec<bool> {
+    (0..cols * rows)
+        .into_par_iter()
+        .map(|unit| {
+            let (col, row) = (unit % cols, unit / cols);
+            let part = |k: usize, count: usize, length: usize| {
+                let first = k * length / count;
+                first..((k + 1) * length).div_ceil(count).min(length)
+            };
+            let columns = part(col, cols, mask.size().width());
+            part(row, rows, mask.size().height()).any(|y| {
+                mask.coverage().row(y)[columns.clone()]
+                    .iter()
+                    .any(|&c| c > TOUCHED)
+            })
+        })
+        .collect()
 }
 
 /// The mean over the units of each cell; a protected unit protects its cell.

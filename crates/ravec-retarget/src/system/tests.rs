@@ -18,12 +18,15 @@ fn grid(adaptive: bool) -> Grid {
 fn runs() -> Vec<GridRun> {
     vec![
         GridRun {
+            strength: 1.0,
             ends: [dvec2(1.2, 0.7), dvec2(10.5, 7.9)],
         },
         GridRun {
+            strength: 1.0,
             ends: [dvec2(0.0, 4.5), dvec2(12.0, 4.6)],
         },
         GridRun {
+            strength: 1.0,
             ends: [dvec2(6.1, 0.0), dvec2(6.1, 8.5)],
         },
     ]
