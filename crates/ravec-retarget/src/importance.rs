@@ -128,9 +128,11 @@ pub(crate) fn barrier_of(lab: &Image<Oklab>, units: [usize; 2]) -> Vec<f64> {
         channels.iter().map(|plane| plane[(col, row)]).sum()
     });
     let open = opened(&total, OPENING);
-    let mut sorted = open.pixels().to_vec();
-    sorted.sort_by(f32::total_cmp);
-    let quantile = |percent: usize| sorted[(sorted.len() - 1) * percent / 100];
+    let mut values = open.pixels().to_vec();
+    let mut quantile = |percent: usize| {
+        let place = (values.len() - 1) * percent / 100;
+        *values.select_nth_unstable_by(place, f32::total_cmp).1
+    };
     let ground = quantile(50);
     let full = (FULL_BARRIER * quantile(98)).max(ground + 1e-6);
     let scaled = open.map(|value| ((value - ground) / (full - ground)).clamp(0.0, 1.0));

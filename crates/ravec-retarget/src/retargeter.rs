@@ -12,7 +12,7 @@ use crate::analysis::{Analysis, units_for};
 use crate::bounds::{Bounded, Edges, Format, State, minimize};
 use crate::deformation::{Deformation, SolveSummary};
 use crate::forms::{Content, GIVING, GridRun};
-use crate::grid::Grid;
+use crate::grid::{Edge, Grid};
 use crate::importance::importance;
 use crate::params::{Borders, RetargetError, RetargetParams};
 use crate::quadtree::spans;
@@ -36,8 +36,21 @@ const TOUCHED: f32 = 0.05;
 /// The factor by which a side may change at most, either way.
 const MAX_FACTOR: f64 = 20.0;
 
+/// The bound on edges of deformations that are nearest to others, which are within [`PROVED_LENGTH`](crate::bounds::PROVED_LENGTH)
+/// and seldom leave it. Above 0 nothing folds; more would blend with plain scaling more often.
+const NEAREST_LENGTH: f64 = 0.01;
+
 /// Overhang of free borders if no share is given.
 const FREE_SHARE: f64 = 0.1;
+
+/// Content of a picture as it is factored.
+pub(crate) struct KnownContent {
+    pub(crate) grid: Arc<Grid>,
+    /// The weight of each cell.
+    pub(crate) weights: Vec<f64>,
+    pub(crate) runs: Vec<GridRun>,
+    pub(crate) mean_importance: f64,
+}
 
 /// Masks painted on the picture, of its size.
 #[derive(Debug, Clone, Copy, Default)]
@@ -116,20 +129,30 @@ impl Retargeter {
         progress.check()?;
         phase.advance(1);
         let weights = cell_means(&grid, &weights);
-        let found = Self::from_content(params, Arc::new(grid), weights, runs, mean_importance)?;
+        let content = KnownContent {
+            grid: Arc::new(grid),
+            weights,
+            runs,
+            mean_importance,
+        };
+        let found = Self::from_content(params, content, false)?;
         progress.check()?;
         phase.advance(1);
         Ok(found)
     }
 
-    /// Factors the energies of content that is known: a weight a cell of `grid`, and runs.
+    /// Factors the energies of content that is known. With `keep`, [`nearest`](Self::nearest) can be asked.
     pub(crate) fn from_content(
         params: &RetargetParams,
-        grid: Arc<Grid>,
-        weights: Vec<f64>,
-        runs: Vec<GridRun>,
-        mean_importance: f64,
+        content: KnownContent,
+        keep: bool,
     ) -> Result<Self, RetargetError> {
+        let KnownContent {
+            grid,
+            weights,
+            runs,
+            mean_importance,
+        } = content;
         let axes = Axis::both(
             &Content {
                 grid: &grid,
@@ -139,6 +162,7 @@ impl Retargeter {
                 free_borders: params.borders == Borders::Free,
             },
             params.borders,
+            keep,
         )?;
         let edge_lengths = grid
             .edges
@@ -233,6 +257,68 @@ impl Retargeter {
         };
         deformation.summary.least_area = deformation.least_area();
         Ok(deformation)
+    }
+
+    /// The vertices of the deformation whose edges are as near to `edges` as the energy lets them be, in its own measure, starting from
+    /// those of `found` for a regular grid; without folds. The factor of the energy must have been kept.
+    pub(crate) fn nearest(&self, found: &Deformation, edges: &[DVec2]) -> Vec<DVec2> {
+        let grid = &self.grid;
+        let edge = |k: usize| {
+            let [from, to] = grid.edges[k].ends.map(|end| found.vertices[end as usize]);
+            to - from
+        };
+        let unit_px = grid.unit_px();
+        let mut weights = vec![0.0; grid.edges.len()];
+        for (k, weight) in edge_weights(grid, &self.weights).into_iter().enumerate() {
+            let unit = unit_px[usize::from(!grid.edges[k].across)];
+            weights[k] = weight / (unit * unit);
+        }
+        let steps = [0, 1].map(|a: usize| {
+            let axis = &self.axes[a];
+            let change: Vec<f64> = (0..edges.len()).map(|k| edges[k][a] - edge(k)[a]).collect();
+            let mut step = vec![0.0; axis.unknowns.count()];
+            axis.change_edges(&change, &weights, &mut step);
+            step
+        });
+        let factor = as_vector(found.size) / as_vector(grid.image_size);
+        let mut vertices: Vec<DVec2> = (0..grid.vertices.len() as u32)
+            .map(|vertex| {
+                let step = [0, 1].map(|a: usize| self.axes[a].unknowns.value(&steps[a], vertex));
+                let at = found.vertices[vertex as usize] + DVec2::from_array(step);
+                self.framed(vertex, at, as_vector(found.size))
+            })
+            .collect();
+        let bounds = Edges {
+            edges: &grid.edges,
+            lengths: &self.edge_lengths,
+        };
+        let components = [0, 1].map(|a: usize| {
+            let ends = grid.edges.iter().map(|edge| edge.ends);
+            ends.map(|[from, to]| vertices[to as usize][a] - vertices[from as usize][a])
+                .collect()
+        });
+        let slack = bounds.min_slack(&components, factor * unit_px);
+        if slack < NEAREST_LENGTH {
+            let blend = ((NEAREST_LENGTH - slack) / (1.0 - slack)).min(1.0);
+            for (vertex, at) in vertices.iter_mut().enumerate() {
+                *at = at.lerp(grid.position_px(vertex as u32) * factor, blend);
+            }
+        }
+        vertices
+    }
+
+    /// A place of a vertex, where it is on a border: on the frame, or beyond it if borders are free.
+    fn framed(&self, vertex: u32, mut at: DVec2, size: DVec2) -> DVec2 {
+        if self.params.borders == Borders::Free {
+            for axis in 0..2 {
+                match self.grid.vertices[vertex as usize][axis] {
+                    0 => at[axis] = at[axis].min(0.0),
+                    last if last == self.grid.units[axis] => at[axis] = at[axis].max(size[axis]),
+                    _ => {}
+                }
+            }
+        }
+        at
     }
 
     /// The scale of important content and the mean units for a picture of a new size.
@@ -405,6 +491,28 @@ pub(crate) fn touched(mask: &Mask, [cols, rows]: [usize; 2]) -> Vec<bool> {
             })
         })
         .collect()
+}
+
+/// For each edge of a regular grid the weights of the cells beside it.
+fn edge_weights(grid: &Grid, weights: &[f64]) -> Vec<f64> {
+    let [cols, rows] = grid.units;
+    let weight = |col: usize, row: usize| weights[row * cols + col];
+    let beside = |edge: &Edge| {
+        let [col, row] = grid.vertices[edge.ends[0] as usize];
+        let (before, after) = if edge.across {
+            (
+                (row > 0).then(|| weight(col, row - 1)),
+                (row < rows).then(|| weight(col, row)),
+            )
+        } else {
+            (
+                (col > 0).then(|| weight(col - 1, row)),
+                (col < cols).then(|| weight(col, row)),
+            )
+        };
+        before.unwrap_or(0.0) + after.unwrap_or(0.0)
+    };
+    grid.edges.iter().map(beside).collect()
 }
 
 /// The mean over the units of each cell; a protected unit protects its cell.

@@ -8,7 +8,6 @@
 //! Both are convex combinations of key deformations of one grid. The bounds that exclude folds are convex, so whatever is
 //! made of key deformations without folds has none.
 
-use super::solve::Solution;
 use crate::deformation::Deformation;
 use glam::DVec2;
 use std::collections::VecDeque;
@@ -20,11 +19,11 @@ pub(super) const KEY_FRAMES: usize = 4;
 /// Frames on each side over which deformations are averaged where the camera stands.
 pub(super) const SMOOTHING: usize = 4;
 
-/// The deformations of a key time.
+/// The steady deformations of a key time, one for each target.
 #[derive(Debug, Clone)]
 pub(super) struct Key {
     pub(super) frame: usize,
-    pub(super) solution: Arc<Solution>,
+    pub(super) deformations: Arc<Vec<Deformation>>,
 }
 
 /// Shares of the keys in the deformation of `frame`, averaged over `radius` frames on each side that lie in the shot, which
@@ -73,16 +72,16 @@ pub(super) fn deformation(
     nearest: usize,
     target: usize,
 ) -> Deformation {
-    let solution = &keys[nearest].solution;
-    let mut found = solution.deformations[target].clone();
-    let same = |&(key, _): &(usize, f64)| Arc::ptr_eq(&keys[key].solution, solution);
+    let deformations = &keys[nearest].deformations;
+    let mut found = deformations[target].clone();
+    let same = |&(key, _): &(usize, f64)| Arc::ptr_eq(&keys[key].deformations, deformations);
     if shares.iter().all(same) {
         return found;
     }
     for (vertex, at) in found.vertices.iter_mut().enumerate() {
         *at = shares
             .iter()
-            .map(|&(key, share)| share * keys[key].solution.deformations[target].vertices[vertex])
+            .map(|&(key, share)| share * keys[key].deformations[target].vertices[vertex])
             .sum();
     }
     found.summary.least_area = found.least_area();

@@ -11,6 +11,7 @@ use super::content::{Content, Demand, SlabRuns, shares};
 use super::options::{ClipFrame, ClipOptions, ClipReport, Settled};
 use super::path::{KEY_FRAMES, Key, SMOOTHING, deformation, second_difference, shares as key_shares};
 use super::sample::Sample;
+use super::smooth::{RawKey, steady};
 use super::solve::Solution;
 use super::voxels::slab_motion;
 use super::world::{Camera, Carry, UnitMap, View};
@@ -36,6 +37,11 @@ pub(super) struct Stage {
 }
 
 impl Stage {
+    /// Frames on each side over which deformations of key times are averaged.
+    fn smoothing(&self) -> usize {
+        self.options.look_ahead / 2
+    }
+
     fn cell_px(&self) -> f64 {
         self.grid.unit_px().min_element()
     }
@@ -54,6 +60,9 @@ pub(super) struct Shot {
     content: Content,
     /// Content is known before this frame.
     known: usize,
+    /// Key times that are solved, and the number of the first of them that is not steady yet.
+    raw_keys: VecDeque<RawKey>,
+    unsteady: usize,
     keys: VecDeque<Key>,
     next_key: usize,
     ended: bool,
@@ -71,6 +80,8 @@ impl Shot {
             samples: Vec::new(),
             content: Content::default(),
             known: first,
+            raw_keys: VecDeque::new(),
+            unsteady: 0,
             keys: VecDeque::new(),
             next_key: first,
             ended: false,
@@ -126,6 +137,9 @@ impl Shot {
         while self.key_is_due(stage) {
             self.solve_key(stage, report, progress)?;
         }
+        while self.steady_key(stage) {
+            progress.check()?;
+        }
         let mut settled = Vec::new();
         while self.is_settled() {
             progress.check()?;
@@ -145,7 +159,7 @@ impl Shot {
         self.ended = true;
         // the last frame is a key time
         let last = self.end() - 1;
-        if self.next_key > last && self.keys.back().is_some_and(|key| key.frame < last) {
+        if self.next_key > last && self.raw_keys.back().is_some_and(|key| key.frame < last) {
             self.next_key = last;
         }
         self.advance(stage, report, progress)
@@ -256,21 +270,25 @@ impl Shot {
             look_ahead: stage.options.look_ahead,
         };
         let seen = self.content.seen(&view, &stage.options);
-        let known = self.keys.back().map(|key| &key.solution);
-        let solution = match known.filter(|known| known.seen == seen) {
+        // the camera moves somewhere within reach of the means
+        let reach = stage.smoothing() + KEY_FRAMES;
+        let near = (self.next_key + 1).saturating_sub(reach)..=self.next_key + reach;
+        let moving = self.camera.speed(near) > 0.0;
+        let known = self.raw_keys.back().map(|key| &key.solution);
+        let solution = match known.filter(|known| known.seen == seen && !moving) {
             Some(known) => known.clone(),
             None => {
                 report.keys_solved += 1;
                 let solution =
-                    Solution::new(seen, &stage.grid, &stage.targets, &stage.options)?;
-                for found in &solution.deformations {
+                    Solution::new(seen, &stage.grid, &stage.targets, &stage.options, moving)?;
+                for found in solution.deformations.iter() {
                     let scale = found.summary.object_scale;
                     report.min_object_scale = report.min_object_scale.min(scale);
                 }
                 Arc::new(solution)
             }
         };
-        self.keys.push_back(Key {
+        self.raw_keys.push_back(RawKey {
             frame: self.next_key,
             solution,
         });
@@ -282,14 +300,32 @@ impl Shot {
         Ok(())
     }
 
-    /// Frames from the next key to the one after it: fewer where the camera moves, so that content moves by a quarter of a cell
-    /// at most.
+    /// Makes the next key steady, if enough of those after it are known.
+    fn steady_key(&mut self, stage: &Stage) -> bool {
+        let (Some(key), Some(last)) = (self.raw_keys.get(self.unsteady), self.raw_keys.back())
+        else {
+            return false;
+        };
+        let radius = stage.smoothing();
+        if !self.ended && last.frame <= key.frame + radius {
+            return false;
+        }
+        self.keys.push_back(Key {
+            frame: key.frame,
+            deformations: steady(&self.raw_keys, self.unsteady, radius, &self.camera),
+        });
+        self.unsteady += 1;
+        true
+    }
+
+    /// Frames from the next key to the one after it: fewer where the camera moves, so that content moves by half a cell at
+    /// most.
     fn key_step(&self, stage: &Stage) -> usize {
         let offset = self.next_key - self.first;
         let block = self.first + offset / KEY_FRAMES * KEY_FRAMES;
         let speed = self.camera.speed(block + 1..=block + KEY_FRAMES);
         let mut step = KEY_FRAMES;
-        while step > 1 && speed * step as f64 > 0.25 * stage.cell_px() {
+        while step > 1 && speed * step as f64 > 0.5 * stage.cell_px() {
             step /= 2;
         }
         step
@@ -353,12 +389,22 @@ impl Shot {
         while self.keys.len() > 1 && self.keys[1].frame <= needed {
             self.keys.pop_front();
         }
+        let radius = stage.smoothing();
+        while let (Some(old), Some(next)) = (self.raw_keys.get(1), self.raw_keys.get(self.unsteady)) {
+            // the one before the first in reach says for how long that one stands
+            if old.frame + radius >= next.frame {
+                break;
+            }
+            self.raw_keys.pop_front();
+            self.unsteady -= 1;
+        }
         self.content
             .forget(self.next_key, stage.options.look_ahead);
         let oldest = self.content.first_frame().unwrap_or(self.next_key);
         let sampled = self.samples.first().map_or(oldest, |sample| sample.frame);
         // the speed at the first frame that is not settled takes the motion that leads to it
-        let oldest = oldest.min(sampled).min(self.next_key).min(self.unsettled.saturating_sub(1));
+        let key = self.raw_keys.front().map_or(oldest, |key| key.frame);
+        let oldest = oldest.min(sampled).min(key).min(self.next_key).min(self.unsettled.saturating_sub(1));
         self.camera.forget(oldest);
     }
 }

@@ -5,7 +5,8 @@ use super::options::ClipOptions;
 use crate::deformation::Deformation;
 use crate::grid::Grid;
 use crate::params::RetargetError;
-use crate::retargeter::{Retargeter, as_vector};
+use crate::retargeter::{KnownContent, Retargeter, as_vector};
+use glam::DVec2;
 use ravec_raster::Size;
 use std::sync::Arc;
 
@@ -14,7 +15,9 @@ use std::sync::Arc;
 pub(super) struct Solution {
     pub(super) seen: Seen,
     /// One for each target.
-    pub(super) deformations: Vec<Deformation>,
+    pub(super) deformations: Arc<Vec<Deformation>>,
+    /// Kept where the camera moves.
+    retargeter: Option<Retargeter>,
 }
 
 impl Solution {
@@ -24,13 +27,17 @@ impl Solution {
         grid: &Arc<Grid>,
         targets: &[Size],
         options: &ClipOptions,
+        moving: bool,
     ) -> Result<Self, RetargetError> {
         let retargeter = Retargeter::from_content(
             &options.still_params(),
-            grid.clone(),
-            seen.weights.clone(),
-            seen.runs.clone(),
-            seen.mean_importance,
+            KnownContent {
+                grid: grid.clone(),
+                weights: seen.weights.clone(),
+                runs: seen.runs.clone(),
+                mean_importance: seen.mean_importance,
+            },
+            moving,
         )?;
         let deformations = targets
             .iter()
@@ -45,7 +52,21 @@ impl Solution {
                 found.state = None;
                 Ok(found)
             })
-            .collect::<Result<_, RetargetError>>()?;
-        Ok(Self { seen, deformations })
+            .collect::<Result<Vec<Deformation>, RetargetError>>()?;
+        Ok(Self {
+            seen,
+            deformations: Arc::new(deformations),
+            retargeter: moving.then_some(retargeter),
+        })
+    }
+
+    /// The vertices of the deformation whose edges are nearest to `edges`, in the measure of the energy; those of the
+    /// deformation itself if the camera was not known to move.
+    pub(super) fn nearest(&self, target: usize, edges: &[DVec2]) -> Vec<DVec2> {
+        let found = &self.deformations[target];
+        match &self.retargeter {
+            Some(retargeter) => retargeter.nearest(found, edges),
+            None => found.vertices.clone(),
+        }
     }
 }

@@ -19,9 +19,9 @@ use ravec_raster::{Image, Oklab, Size};
 use ravec_twocolor::volume::{TwoColorVolume, TwoColorVoxel, VolumeError, VolumeParams};
 use rayon::prelude::*;
 
-/// The side of a voxel in pixels of the reduction. Smaller ones hold too few pixels for a plane, larger ones hold more than
-/// one edge.
-const SIDE: usize = 4;
+/// The side of a voxel in pixels of the reduction, which is that of a cell of the default grid. Smaller ones hold too few
+/// pixels for a plane, larger ones hold more than one edge.
+const SIDE: usize = 6;
 
 /// A cell moves if its temporal variance exceeds that of the quietest quarter of all cells by this factor, which noise alone
 /// does in one of many thousand cells.
@@ -246,7 +246,8 @@ fn fit(
     let params = VolumeParams {
         block_px: SIDE,
         block_frames: images.len(),
-        starts: 2,
+        // of the plainest edges, which are those that count, one start is enough
+        starts: 1,
         ..VolumeParams::default()
     };
     match TwoColorVolume::fit(&strips, &params, progress) {
@@ -325,7 +326,7 @@ mod tests {
         }
         let front = 9 * 32 + 13;
         assert!(found.motion[front] > 0.9 && found.contrast[front] > 0.9);
-        assert!(found.moving > 10 && found.moving < 120 && found.cells == 50 * 28);
+        assert!(found.moving > 10 && found.moving < 120 && found.cells == 33 * 18);
     }
 
     #[test]
