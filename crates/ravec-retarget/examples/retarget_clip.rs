@@ -51,7 +51,7 @@ fn run(folder: &Path, percent: usize) -> Result<(), Box<dyn Error>> {
 
     let start = cpu_ms();
     let mut results: Vec<Frame> = Vec::new();
-    let mut clip = ClipRetargeter::new(size, &[target], &{ let mut o = ClipOptions::default(); if let Ok(v) = env::var("CELLS") { o.grid_cells = v.parse()?; } if let Ok(v) = env::var("MOTION") { o.motion = v.parse()?; } if let Ok(v) = env::var("LA") { o.look_ahead = v.parse()?; } o })?;
+    let mut clip = ClipRetargeter::new(size, &[target], &{ let mut o = ClipOptions::default(); if let Ok(v) = env::var("CELLS") { o.grid_cells = v.parse()?; } if let Ok(v) = env::var("MOTION") { o.motion = v.parse()?; } if let Ok(v) = env::var("LINE") { o.line_strength = v.parse()?; } if let Ok(v) = env::var("SAL") { o.saliency = v.parse()?; } if let Ok(v) = env::var("LA") { o.look_ahead = v.parse()?; } o })?;
     let mut grids = Vec::new();
     let (mut analyzing, mut warping) = (0.0, 0.0);
     for (frame, motion) in frames.iter().cloned().map(Some).chain([None]).zip(motions) {

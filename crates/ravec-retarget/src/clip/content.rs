@@ -136,28 +136,18 @@ impl Content {
         }
     }
 
+    /// The runs of all slabs as seen from one frame, each once, as strong as the share of the slabs in view of it that have found
+    /// it: what only looks like a line is found now and then.
     fn runs_seen(&self, view: &View<'_>) -> Vec<GridRun> {
-        let mut candidates = Vec::new();
-        for slab in &self.runs {
-            let distance = UnitMap {
-                frame: slab.frame,
-                valid: slab.valid,
-                values: Vec::new(),
-            }
-            .distance(view.frame);
-            let fade = fading(distance, view.look_ahead);
-            if fade <= 0.0 {
-                continue;
-            }
-            let carry = view.camera.to_from(view.frame, slab.frame);
-            let scale = view.grid.unit_px() / slab.unit_px;
-            for (rank, run) in slab.runs.iter().enumerate() {
-                let seen = match carry {
-                    None => Some(*run),
-                    Some(matrix) => carried(run, &matrix, scale),
-                };
-                candidates.extend(seen.map(|run| (fade, rank, run, slab.unit_px)));
-            }
+        let slabs: Vec<SeenSlab> = self
+            .runs
+            .iter()
+            .filter_map(|slab| SeenSlab::new(slab, view))
+            .collect();
+        let mut candidates: Vec<(f64, usize, Run, f64)> = Vec::new();
+        for slab in &slabs {
+            let ranked = slab.runs.iter();
+            candidates.extend(ranked.map(|&(rank, run)| (slab.fade, rank, run, slab.unit_px)));
         }
         // stable, so that of equal ones the earlier slab comes first
         candidates.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
@@ -167,13 +157,86 @@ impl Content {
                 continue;
             }
             let mut seen = GridRun::new(&run, unit_px, view.grid.units);
-            seen.strength = fade;
             if within(&seen, view.grid) {
+                seen.strength = fade * support(&run, &slabs);
                 kept.push((run, seen));
             }
         }
         kept.into_iter().map(|(_, seen)| seen).collect()
     }
+}
+
+/// A slab's runs as seen from a frame.
+struct SeenSlab {
+    fade: f64,
+    unit_px: f64,
+    /// The columns and rows of the analysis.
+    size_px: DVec2,
+    /// Maps points of the frame to that of the slab, in pixels of the analysis.
+    slab_from_here: Option<DMat3>,
+    /// With their ranks in the slab.
+    runs: Vec<(usize, Run)>,
+}
+
+impl SeenSlab {
+    fn new(slab: &SlabRuns, view: &View<'_>) -> Option<Self> {
+        let distance = UnitMap {
+            frame: slab.frame,
+            valid: slab.valid,
+            values: Vec::new(),
+        }
+        .distance(view.frame);
+        let fade = fading(distance, view.look_ahead);
+        if fade <= 0.0 {
+            return None;
+        }
+        let scale = DMat3::from_scale(view.grid.unit_px() / slab.unit_px);
+        let here_from_slab = view
+            .camera
+            .to_from(view.frame, slab.frame)
+            .map(|matrix| scale.inverse() * matrix * scale);
+        let runs = slab.runs.iter().enumerate();
+        let units = view.grid.units.map(|k| k as f64);
+        Some(Self {
+            fade,
+            unit_px: slab.unit_px,
+            size_px: slab.unit_px * DVec2::from_array(units),
+            slab_from_here: here_from_slab.map(|matrix| matrix.inverse()),
+            runs: runs
+                .filter_map(|(rank, run)| match here_from_slab {
+                    None => Some((rank, *run)),
+                    Some(matrix) => Some((rank, carried(run, &matrix)?)),
+                })
+                .collect(),
+        })
+    }
+
+    /// Returns `true` if a run lies in the slab's frame, most of it.
+    fn sees(&self, run: &Run) -> bool {
+        let Some(matrix) = self.slab_from_here else {
+            return true;
+        };
+        let inside = |share: f64| {
+            let at = mapped(&matrix, run.ends[0].lerp(run.ends[1], share));
+            at.is_some_and(|at| at.min(self.size_px - at).min_element() >= 0.0)
+        };
+        [0.25, 0.5, 0.75].into_iter().filter(|&share| inside(share)).count() >= 2
+    }
+}
+
+/// The share of the slabs in view of a run that have found it.
+fn support(run: &Run, slabs: &[SeenSlab]) -> f64 {
+    let (mut found, mut all) = (0.0, 0.0);
+    for slab in slabs {
+        let has = |&(_, other): &(usize, Run)| repeats(&other, run) || repeats(run, &other);
+        if slab.runs.iter().any(has) {
+            found += slab.fade;
+            all += slab.fade;
+        } else if slab.sees(run) {
+            all += slab.fade;
+        }
+    }
+    found / all
 }
 
 /// Returns `true` if enough of a run is in the frame.
@@ -185,10 +248,10 @@ fn within(run: &GridRun, grid: &Grid) -> bool {
         })
 }
 
-/// A run in pixels of the analysis under a homography in pixels of the frame, which are `scale` times as large in number.
-fn carried(run: &Run, matrix: &DMat3, scale: DVec2) -> Option<Run> {
-    let [from, to] = run.ends.map(|end| mapped(matrix, end * scale));
-    let ends = [from? / scale, to? / scale];
+/// A run under a homography.
+fn carried(run: &Run, matrix: &DMat3) -> Option<Run> {
+    let [from, to] = run.ends.map(|end| mapped(matrix, end));
+    let ends = [from?, to?];
     ends.iter().all(|end| end.is_finite()).then_some(Run { ends })
 }
 
@@ -343,5 +406,38 @@ mod tests {
         for k in 0..2 {
             assert!(found[0].ends[k].distance(expected.ends[k]) < 1e-9);
         }
+    }
+    #[test]
+    fn a_run_that_is_found_now_and_then_is_weak() {
+        let grid = Grid::new(Size::new(320, 160).unwrap(), [32, 16], |_, _| 1);
+        let mut camera = Camera::new(0);
+        for _ in 0..12 {
+            camera.push(DMat3::IDENTITY, grid.image_size, 10.0);
+        }
+        let always = Run {
+            ends: [dvec2(100.0, 40.0), dvec2(300.0, 200.0)],
+        };
+        let once = Run {
+            ends: [dvec2(400.0, 40.0), dvec2(420.0, 300.0)],
+        };
+        let mut content = Content::default();
+        for (slab, runs) in [vec![always], vec![always, once], vec![always]].into_iter().enumerate() {
+            content.runs.push_back(SlabRuns {
+                frame: 4 * slab,
+                valid: [4 * slab, 4 * slab + 3],
+                unit_px: 20.0,
+                runs,
+            });
+        }
+        let view = View {
+            camera: &camera,
+            grid: &grid,
+            frame: 5,
+            look_ahead: 30,
+        };
+        let found = content.runs_seen(&view);
+        assert_eq!(found.len(), 2);
+        assert_eq!(found[0].strength, 1.0);
+        assert!((found[1].strength - 1.0 / 3.0).abs() < 1e-12);
     }
 }

@@ -36,7 +36,7 @@
 //! 3. At key times a deformation is solved for as for a still picture. Its importance is the largest over all frames within
 //!    the look-ahead, carried to the key time along the motion of the camera: the whole path of an object keeps its shape,
 //!    and what stands has one importance in all frames. Where paths do not fit, the scale of important content is lowered.
-//! 4. The deformations of key times are averaged over half the look-ahead on each side, each shape at its place in the scene; frames in
+//! 4. The deformations of key times are averaged over four fifths of the look-ahead on each side, each shape at its place in the scene; frames in
 //!    between have means of them.
 //!
 //! # Guarantees
@@ -44,8 +44,8 @@
 //! - No cell folds in any frame.
 //! - A clip of equal frames has the deformation of the still picture in every frame: see [`ClipOptions::still_params`].
 //! - Nothing of a shot depends on frames beyond a cut.
-//! - Memory does not depend on the length of the clip. Besides the frames that are held, whose number is at most one and a
-//!   half times the look-ahead and [`voxel_frames`](ClipOptions::voxel_frames) and 16, it is some megabytes.
+//! - Memory does not depend on the length of the clip. Besides the frames that are held, whose number is at most twice
+//!   the look-ahead and [`voxel_frames`](ClipOptions::voxel_frames) and 16, it is some megabytes.
 //! - The same deformations on any number of threads.
 //!
 //! # Not guaranteed

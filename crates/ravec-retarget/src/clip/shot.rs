@@ -39,7 +39,7 @@ pub(super) struct Stage {
 impl Stage {
     /// Frames on each side over which deformations of key times are averaged.
     fn smoothing(&self) -> usize {
-        self.options.look_ahead / 2
+        4 * self.options.look_ahead / 5
     }
 
     fn cell_px(&self) -> f64 {

@@ -345,7 +345,7 @@ fn frames_are_held_no_longer_than_promised() {
         ..ClipOptions::default()
     };
     let small = Size::new(48, 32).unwrap();
-    let most = 3 * options.look_ahead / 2 + options.voxel_frames + 16;
+    let most = 2 * options.look_ahead + options.voxel_frames + 16;
     for count in [60, 600] {
         let mut clip =
             ClipRetargeter::new(small, &[Size::new(30, 32).unwrap()], &options).unwrap();

@@ -36,8 +36,9 @@ const UNEXPLAINED: f32 = 0.3;
 /// Contrast across a moving edge from which on it counts, and from which on it counts in full.
 const MOVING_CONTRAST: [f64; 2] = [0.03, 0.1];
 
-/// Speed of a moving edge, in pixels of the reduction a frame, likewise: less is drift of the estimated camera.
-const MOVING_SPEED: [f64; 2] = [0.1, 0.3];
+/// Speed of a moving edge, in pixels of the reduction a frame, likewise: less is
+/// leaves in the wind and drift of the estimated camera.
+const MOVING_SPEED: [f64; 2] = [0.25, 0.75];
 
 /// Share of moving cells up to which motion stands out, and from which on it does not: then the camera's motion is not known,
 /// or all of the scene moves.
