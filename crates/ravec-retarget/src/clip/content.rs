@@ -281,7 +281,8 @@ impl Seen {
     pub(super) fn path_share(&self, factor: DVec2, wanted: f64) -> f64 {
         let still = wanted.clamp(factor.min_element(), factor.max_element());
         let mut share = 1.0f64;
-        for axis in 0..2 {
+        // a side that need not give way has room for everything
+        for axis in (0..2).filter(|&axis| factor[axis] < still) {
             let fits = |demand: f64| still.min(FULL_SHARE * factor[axis] / demand.max(1e-9));
             share = share.min(fits(self.path[axis]) / fits(self.single[axis]));
         }
@@ -339,7 +340,7 @@ mod tests {
         // 22 of 32 columns have to fit into a share of half of them
         let half = seen.path_share(dvec2(0.5, 1.0), 1.0);
         assert!((half - FULL_SHARE * 16.0 / 22.0).abs() < 1e-9, "{half}");
-        assert_eq!(seen.path_share(dvec2(1.2, 1.1), 1.0), 1.0);
+        assert_eq!(seen.path_share(dvec2(1.4, 1.0), 1.0), 1.0);
         assert_eq!(seen.path_share(dvec2(1.5, 1.0), 1.0), 1.0);
     }
 

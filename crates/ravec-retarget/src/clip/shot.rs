@@ -236,7 +236,12 @@ impl Shot {
         let moving = still.iter().zip(&motion.contrast);
         let contrast = moving.map(|(a, b)| a.max(*b)).collect();
         content.contrasts.push_back(map(contrast));
-        content.motions.push_back(map(motion.motion));
+        for (sample, values) in samples.iter().zip(motion.motion) {
+            content.motions.push_back(UnitMap {
+                valid: [sample.frame; 2],
+                ..map(values)
+            });
+        }
         content.runs.push_back(SlabRuns {
             frame,
             valid,

@@ -284,6 +284,14 @@ fn a_reversed_clip_has_nearly_the_reversed_deformations() {
     let options = options(9);
     let (forward, _) = run(still(frames.clone()), &[target(60)], &options);
     let (backward, _) = run(still(frames.into_iter().rev()), &[target(60)], &options);
+    let scales = |settled: &[Settled]| -> Vec<f64> {
+        let scale = |s: &Settled| s.deformations[0].summary().object_scale;
+        settled.iter().map(scale).collect()
+    };
+    println!("{:.3?}\n{:.3?}", scales(&forward), scales(&backward));
+    for (a, b) in forward.iter().zip(backward.iter().rev()) {
+        println!("{:.2}", apart(&a.deformations[0], &b.deformations[0]));
+    }
     for (a, b) in forward.iter().zip(backward.iter().rev()) {
         let apart = apart(&a.deformations[0], &b.deformations[0]);
         // slabs and samples begin at the other end: of 240 pixels less than one
@@ -414,7 +422,11 @@ fn a_standing_disc_keeps_its_shape_while_the_camera_pans() {
     let disc = (dvec2(120.0, 60.0), 18.0);
     let scene = Scene::with_discs(&[disc]);
     let path: Vec<DVec2> = (0..40).map(|t| dvec2(-50.0 + 2.0 * f64::from(t), 0.0)).collect();
-    let (settled, report) = run(moved(&scene, &path), &[target(60)], &options(20));
+    let options = ClipOptions {
+        grid_cells: 32,
+        ..options(20)
+    };
+    let (settled, report) = run(moved(&scene, &path), &[target(60)], &options);
     let aspects: Vec<f64> = settled
         .iter()
         .zip(&path)
@@ -423,12 +435,12 @@ fn a_standing_disc_keeps_its_shape_while_the_camera_pans() {
     let most = aspects.iter().copied().fold(0.0, f64::max);
     let least = aspects.iter().copied().fold(f64::MAX, f64::min);
     println!("aspect {least:.4} to {most:.4}, {report:?}");
-    assert!(most / least <= 1.03, "{aspects:?}");
     let rim: Vec<DVec2> = (0..8)
         .map(|k| disc.0 + disc.1 * DVec2::from_angle(f64::from(k)))
         .collect();
     let found = jitter(&settled, &path, &rim);
     println!("jitter {found:.4}");
+    assert!(most / least <= 1.03, "{aspects:?}");
     assert!(found <= 0.1, "{found}");
 }
 

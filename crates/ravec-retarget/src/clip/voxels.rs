@@ -48,8 +48,8 @@ const MOVING_SHARE: [f64; 2] = [0.35, 0.6];
 pub(super) struct SlabMotion {
     /// The contrast of moving edges in each unit, 0 to 1.
     pub(super) contrast: Vec<f64>,
-    /// How much each unit stands out by its motion, 0 to 1.
-    pub(super) motion: Vec<f64>,
+    /// For each sample how much each unit stands out by its motion, 0 to 1.
+    pub(super) motion: Vec<Vec<f64>>,
     /// Cells that were fitted as moving, and all.
     pub(super) moving: usize,
     pub(super) cells: usize,
@@ -66,7 +66,7 @@ pub(super) fn slab_motion(
 ) -> Result<SlabMotion, RetargetError> {
     let none = SlabMotion {
         contrast: vec![0.0; units[0] * units[1]],
-        motion: vec![0.0; units[0] * units[1]],
+        motion: vec![vec![0.0; units[0] * units[1]]; samples.len()],
         moving: 0,
         cells: 0,
     };
@@ -105,21 +105,25 @@ pub(super) fn slab_motion(
     let edges = fitted(&images, &moving, cells[0], &variances, progress)?;
     let share = moving.len() as f64 / variances.len() as f64;
     let stands_out = 1.0 - ramp(share, MOVING_SHARE);
-    let mut values = vec![[0.0f64; 2]; variances.len()];
+    let mut contrast = vec![0.0f64; variances.len()];
+    let mut motion = vec![vec![0.0f64; variances.len()]; samples.len()];
     for (&cell, edge) in moving.iter().zip(&edges) {
+        contrast[cell] = (edge.contrast / f64::from(FULL_CONTRAST)).min(1.0);
         let speed = edge.speed / sample_frames as f64;
-        values[cell] = [
-            (edge.contrast / f64::from(FULL_CONTRAST)).min(1.0),
-            stands_out * ramp(edge.contrast, MOVING_CONTRAST) * ramp(speed, MOVING_SPEED),
-        ];
+        let value = stands_out * ramp(edge.contrast, MOVING_CONTRAST) * ramp(speed, MOVING_SPEED);
+        if value > 0.0 {
+            let active = activity(&images, cell % cells[0], cell / cells[0]);
+            for (motion, active) in motion.iter_mut().zip(active) {
+                motion[cell] = if active { value } else { 0.0 };
+            }
+        }
     }
-    let [contrast, motion] = [0, 1].map(|k: usize| {
-        let values: Vec<f64> = values.iter().map(|v| v[k]).collect();
-        per_unit(&values, cells, small, units)
-    });
     Ok(SlabMotion {
-        contrast,
-        motion,
+        contrast: per_unit(&contrast, cells, small, units),
+        motion: motion
+            .iter()
+            .map(|motion| per_unit(motion, cells, small, units))
+            .collect(),
         moving: moving.len(),
         cells: variances.len(),
     })
@@ -171,6 +175,33 @@ fn variance(images: &[&Image<Oklab>], col: usize, row: usize) -> f32 {
         }
     }
     sum / (SIDE * SIDE) as f32
+}
+
+/// The share of the largest change from sample to sample that an edge in a cell makes at least.
+const ACTIVE: f32 = 0.25;
+
+/// For each sample whether the cell changes before or after it.
+fn activity(images: &[&Image<Oklab>], col: usize, row: usize) -> Vec<bool> {
+    let changes: Vec<f32> = images
+        .windows(2)
+        .map(|pair| {
+            let mut sum = 0.0;
+            for y in row * SIDE..(row + 1) * SIDE {
+                for x in col * SIDE..(col + 1) * SIDE {
+                    let [a, b] = [0, 1].map(|k: usize| pair[k][(x, y)].0);
+                    sum += (0..3).map(|c| (a[c] - b[c]).powi(2)).sum::<f32>();
+                }
+            }
+            sum
+        })
+        .collect();
+    let least = ACTIVE * changes.iter().copied().fold(0.0, f32::max);
+    (0..images.len())
+        .map(|k| {
+            let around = k.saturating_sub(1)..(k + 1).min(changes.len());
+            changes[around].iter().any(|&change| change >= least)
+        })
+        .collect()
 }
 
 /// The edge of a moving cell.
@@ -316,7 +347,10 @@ mod tests {
     #[test]
     fn only_the_rim_of_a_moving_disc_moves() {
         let found = measured(&samples(8, 1.0, 0.02));
-        for (unit, (&motion, &contrast)) in found.motion.iter().zip(&found.contrast).enumerate() {
+        let largest: Vec<f64> = (0..UNITS[0] * UNITS[1])
+            .map(|unit| found.motion.iter().map(|m| m[unit]).fold(0.0, f64::max))
+            .collect();
+        for (unit, (&motion, &contrast)) in largest.iter().zip(&found.contrast).enumerate() {
             let at = [(unit % 32) as f64 + 0.5, (unit / 32) as f64 + 0.5];
             let (x, y) = (at[0] * 200.0 / 32.0, at[1] * 112.0 / 18.0);
             // from the first to the last place of the center
@@ -326,15 +360,34 @@ mod tests {
             }
         }
         let front = 9 * 32 + 13;
-        assert!(found.motion[front] > 0.9 && found.contrast[front] > 0.9);
+        assert!(largest[front] > 0.9 && found.contrast[front] > 0.9);
         assert!(found.moving > 10 && found.moving < 120 && found.cells == 33 * 18);
+    }
+
+    #[test]
+    fn a_place_stands_out_while_the_edge_passes() {
+        // the front of the disc passes from 76 to 132, a cell in three samples
+        let found = measured(&samples(16, 4.0, 0.0));
+        let row = 9 * UNITS[0];
+        for (sample, motion) in found.motion.iter().enumerate() {
+            for (col, &value) in motion[row..row + UNITS[0]].iter().enumerate() {
+                let x = (col as f64 + 0.5) * 200.0 / 32.0;
+                let center = 60.0 + 4.0 * sample as f64;
+                let away = ((x - center).abs() - 16.0).abs();
+                if away > 20.0 {
+                    assert_eq!(value, 0.0, "sample {sample}, {x}");
+                } else if away < 1.0 {
+                    assert!(value > 0.9, "sample {sample}, {x}: {value}");
+                }
+            }
+        }
     }
 
     #[test]
     fn what_stands_has_no_voxel_to_fit() {
         let found = measured(&samples(8, 0.0, 0.02));
         assert_eq!(found.moving, 0);
-        assert!(found.motion.iter().all(|&v| v == 0.0));
+        assert!(found.motion.iter().flatten().all(|&v| v == 0.0));
     }
 
     #[test]
@@ -373,6 +426,6 @@ mod tests {
             })
             .collect();
         let found = measured(&all);
-        assert!(found.motion.iter().all(|&v| v == 0.0));
+        assert!(found.motion.iter().flatten().all(|&v| v == 0.0));
     }
 }
