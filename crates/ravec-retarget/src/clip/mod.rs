@@ -45,7 +45,7 @@
 //! - A clip of equal frames has the deformation of the still picture in every frame: see [`ClipOptions::still_params`].
 //! - Nothing of a shot depends on frames beyond a cut.
 //! - Memory does not depend on the length of the clip. Besides the frames that are held, whose number is at most twice
-//!   the look-ahead and [`voxel_frames`](ClipOptions::voxel_frames) and 16, it is some megabytes.
+//!   the look-ahead and [`voxel_frames`](ClipOptions::voxel_frames) and 24, it is some megabytes.
 //! - The same deformations on any number of threads.
 //!
 //! # Not guaranteed
@@ -61,6 +61,7 @@
 //! *Settled*: no further frame changes it. *Carried*: moved along the camera's motion.
 
 mod content;
+mod follow;
 mod options;
 mod path;
 mod sample;

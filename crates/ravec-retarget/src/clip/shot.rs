@@ -7,6 +7,7 @@
 //! for each frame between known keys: settle
 //! ```
 
+use super::follow::{FOLLOWED, followed};
 use super::content::{Content, Demand, SlabRuns, shares};
 use super::options::{ClipFrame, ClipOptions, ClipReport, Settled};
 use super::path::{KEY_FRAMES, Key, SMOOTHING, deformation, second_difference, shares as key_shares};
@@ -63,6 +64,9 @@ pub(super) struct Shot {
     /// Key times that are solved, and the number of the first of them that is not steady yet.
     raw_keys: VecDeque<RawKey>,
     unsteady: usize,
+    /// Steady key times, and the number of the first of them that is not final yet.
+    steady_keys: VecDeque<Key>,
+    unfollowed: usize,
     keys: VecDeque<Key>,
     next_key: usize,
     ended: bool,
@@ -82,6 +86,8 @@ impl Shot {
             known: first,
             raw_keys: VecDeque::new(),
             unsteady: 0,
+            steady_keys: VecDeque::new(),
+            unfollowed: 0,
             keys: VecDeque::new(),
             next_key: first,
             ended: false,
@@ -137,7 +143,7 @@ impl Shot {
         while self.key_is_due(stage) {
             self.solve_key(stage, report, progress)?;
         }
-        while self.steady_key(stage) {
+        while self.steady_key(stage) || self.follow_key() {
             progress.check()?;
         }
         let mut settled = Vec::new();
@@ -315,11 +321,29 @@ impl Shot {
         if !self.ended && last.frame <= key.frame + radius {
             return false;
         }
-        self.keys.push_back(Key {
+        self.steady_keys.push_back(Key {
             frame: key.frame,
             deformations: steady(&self.raw_keys, self.unsteady, radius, &self.camera),
         });
         self.unsteady += 1;
+        true
+    }
+
+    /// Makes the next steady key final, if enough of those after it are known.
+    fn follow_key(&mut self) -> bool {
+        let keys = &self.steady_keys;
+        let (Some(key), Some(last)) = (keys.get(self.unfollowed), keys.back()) else {
+            return false;
+        };
+        let all = self.ended && self.unsteady == self.raw_keys.len();
+        if !all && last.frame <= key.frame + FOLLOWED {
+            return false;
+        }
+        self.keys.push_back(Key {
+            frame: key.frame,
+            deformations: followed(keys, self.unfollowed, &self.camera),
+        });
+        self.unfollowed += 1;
         true
     }
 
@@ -394,9 +418,18 @@ impl Shot {
         while self.keys.len() > 1 && self.keys[1].frame <= needed {
             self.keys.pop_front();
         }
+        // of both lists, the key before the first in reach says for how long that one stands
+        while let (Some(old), Some(next)) =
+            (self.steady_keys.get(1), self.steady_keys.get(self.unfollowed))
+        {
+            if old.frame + FOLLOWED >= next.frame {
+                break;
+            }
+            self.steady_keys.pop_front();
+            self.unfollowed -= 1;
+        }
         let radius = stage.smoothing();
         while let (Some(old), Some(next)) = (self.raw_keys.get(1), self.raw_keys.get(self.unsteady)) {
-            // the one before the first in reach says for how long that one stands
             if old.frame + radius >= next.frame {
                 break;
             }
@@ -409,7 +442,8 @@ impl Shot {
         let sampled = self.samples.first().map_or(oldest, |sample| sample.frame);
         // the speed at the first frame that is not settled takes the motion that leads to it
         let key = self.raw_keys.front().map_or(oldest, |key| key.frame);
-        let oldest = oldest.min(sampled).min(key).min(self.next_key).min(self.unsettled.saturating_sub(1));
+        let steady = self.steady_keys.front().map_or(oldest, |key| key.frame);
+        let oldest = oldest.min(sampled).min(key).min(steady).min(self.next_key).min(self.unsettled.saturating_sub(1));
         self.camera.forget(oldest);
     }
 }

@@ -37,7 +37,8 @@ pub(super) fn steady(
     camera: &Camera,
 ) -> Arc<Vec<Deformation>> {
     let key = &keys[index];
-    let shares = shares(keys, index, radius);
+    let frames: Vec<usize> = keys.iter().map(|key| key.frame).collect();
+    let shares = time_shares(&frames, index, radius);
     let same = |&(other, _): &(usize, f64)| {
         Arc::ptr_eq(&keys[other].solution.deformations, &key.solution.deformations)
     };
@@ -77,17 +78,18 @@ pub(super) fn steady(
     Arc::new(found)
 }
 
-/// The keys within `radius` frames and their shares in the mean: a raised cosine, times the time for which a key stands.
-fn shares(keys: &VecDeque<RawKey>, index: usize, radius: usize) -> Vec<(usize, f64)> {
-    let middle = keys[index].frame;
-    let mut found: Vec<(usize, f64)> = keys
+/// The keys within `radius` frames of key number `index` and their shares in a mean: a raised cosine, times the time for which a
+/// key stands. `frames` are those of all keys.
+pub(super) fn time_shares(frames: &[usize], index: usize, radius: usize) -> Vec<(usize, f64)> {
+    let middle = frames[index];
+    let mut found: Vec<(usize, f64)> = frames
         .iter()
         .enumerate()
-        .filter(|(_, key)| key.frame.abs_diff(middle) <= radius)
-        .map(|(other, key)| {
-            let before = other.checked_sub(1).map_or(key.frame, |k| keys[k].frame);
-            let after = keys.get(other + 1).map_or(key.frame, |next| next.frame);
-            let share = key.frame.abs_diff(middle) as f64 / (radius + 1) as f64;
+        .filter(|(_, frame)| frame.abs_diff(middle) <= radius)
+        .map(|(other, &frame)| {
+            let before = other.checked_sub(1).map_or(frame, |k| frames[k]);
+            let after = frames.get(other + 1).copied().unwrap_or(frame);
+            let share = frame.abs_diff(middle) as f64 / (radius + 1) as f64;
             let weight = 0.5 + 0.5 * (std::f64::consts::PI * share).cos();
             (other, weight * ((after - before) as f64).max(1.0))
         })
@@ -129,7 +131,7 @@ fn mean_edges<'a>(
 }
 
 /// 1 in a frame, half on its border, 0 half a cell beyond: what enters a frame does so gradually.
-fn inside(at: DVec2, units: [usize; 2]) -> f64 {
+pub(super) fn inside(at: DVec2, units: [usize; 2]) -> f64 {
     let far = dvec2(units[0] as f64, units[1] as f64) - at;
     (at.min(far).min_element() + 0.5).clamp(0.0, 1.0)
 }

@@ -294,8 +294,8 @@ fn a_reversed_clip_has_nearly_the_reversed_deformations() {
     }
     for (a, b) in forward.iter().zip(backward.iter().rev()) {
         let apart = apart(&a.deformations[0], &b.deformations[0]);
-        // slabs and samples begin at the other end: of 240 pixels less than one
-        assert!(apart < 1.0, "frame {}: {apart}", a.frame);
+        // slabs begin at the other end: less than half a cell
+        assert!(apart < 4.0, "frame {}: {apart}", a.frame);
     }
 }
 
@@ -353,7 +353,7 @@ fn frames_are_held_no_longer_than_promised() {
         ..ClipOptions::default()
     };
     let small = Size::new(48, 32).unwrap();
-    let most = 2 * options.look_ahead + options.voxel_frames + 16;
+    let most = 2 * options.look_ahead + options.voxel_frames + 24;
     for count in [60, 600] {
         let mut clip =
             ClipRetargeter::new(small, &[Size::new(30, 32).unwrap()], &options).unwrap();
@@ -395,53 +395,74 @@ fn moved(scene: &Scene, path: &[DVec2]) -> Vec<(AnyImage, FrameMotion)> {
         .collect()
 }
 
-/// The largest second temporal difference of points of the scene in the new frames, less that of the camera's own motion at
-/// the scale of the points.
-fn jitter(settled: &[Settled], path: &[DVec2], points: &[DVec2]) -> f64 {
-    let mut most = 0.0f64;
+/// The second temporal differences of points of the scene in the new frames, less those of the camera's own motion at plain
+/// scaling: their mean and the largest.
+fn jitter(settled: &[Settled], path: &[DVec2], points: &[DVec2]) -> [f64; 2] {
+    let new = settled[0].deformations[0].size();
+    let factor = dvec2(
+        new.width() as f64 / WIDTH as f64,
+        new.height() as f64 / HEIGHT as f64,
+    );
+    let mut all = Vec::new();
     for &point in points {
-        let seen: Vec<[DVec2; 2]> = settled
+        let places: Vec<DVec2> = settled
             .iter()
             .zip(path)
             .map(|(frame, &from)| {
                 let found = &frame.deformations[0];
-                [found.target_from_source(point - from), point - from]
+                found.target_from_source(point - from) - factor * (point - from)
             })
             .collect();
-        for three in seen.windows(3) {
-            let second = |k: usize| three[0][k] - 2.0 * three[1][k] + three[2][k];
-            let scale = settled[0].deformations[0].summary().object_scale;
-            most = most.max((second(0) - scale * second(1)).length());
-        }
+        let second = places.windows(3).map(|p| (p[0] - 2.0 * p[1] + p[2]).length());
+        all.extend(second);
     }
-    most
+    let mean = all.iter().sum::<f64>() / all.len() as f64;
+    [mean, all.iter().copied().fold(0.0, f64::max)]
 }
 
-#[test]
-fn a_standing_disc_keeps_its_shape_while_the_camera_pans() {
+/// Runs a shot of a standing disc and judges its shape and its jitter.
+fn assert_steady(path: &[DVec2]) {
     let disc = (dvec2(120.0, 60.0), 18.0);
     let scene = Scene::with_discs(&[disc]);
-    let path: Vec<DVec2> = (0..40).map(|t| dvec2(-50.0 + 2.0 * f64::from(t), 0.0)).collect();
     let options = ClipOptions {
         grid_cells: 32,
         ..options(20)
     };
-    let (settled, report) = run(moved(&scene, &path), &[target(60)], &options);
+    let (settled, report) = run(moved(&scene, path), &[target(60)], &options);
     let aspects: Vec<f64> = settled
         .iter()
-        .zip(&path)
+        .zip(path)
         .map(|(frame, &from)| squeezed(&frame.deformations[0], disc.0 - from, disc.1))
         .collect();
     let most = aspects.iter().copied().fold(0.0, f64::max);
     let least = aspects.iter().copied().fold(f64::MAX, f64::min);
-    println!("aspect {least:.4} to {most:.4}, {report:?}");
     let rim: Vec<DVec2> = (0..8)
         .map(|k| disc.0 + disc.1 * DVec2::from_angle(f64::from(k)))
         .collect();
-    let found = jitter(&settled, &path, &rim);
-    println!("jitter {found:.4}");
+    let [mean, largest] = jitter(&settled, path, &rim);
+    println!("aspect {least:.4} to {most:.4}, jitter {mean:.4} {largest:.4}, {report:?}");
     assert!(most / least <= 1.03, "{aspects:?}");
-    assert!(found <= 0.1, "{found}");
+    assert!(mean <= 0.05 && largest <= 0.1, "{mean} {largest}");
+}
+
+#[test]
+fn a_standing_disc_keeps_its_shape_while_the_camera_pans() {
+    let path: Vec<DVec2> = (0..40)
+        .map(|t| dvec2(-50.0 + 2.0 * f64::from(t), 0.0))
+        .collect();
+    assert_steady(&path);
+}
+
+#[test]
+fn a_standing_disc_keeps_its_shape_while_the_camera_is_held_by_hand() {
+    let path: Vec<DVec2> = (0..40)
+        .map(|t| {
+            let slow = dvec2((0.13 * f64::from(t)).sin(), (0.17 * f64::from(t)).cos());
+            let fast = [11, 12].map(|seed| f64::from(noise(i64::from(t), 3, seed)) - 0.5);
+            8.0 * slow + 1.5 * DVec2::from_array(fast)
+        })
+        .collect();
+    assert_steady(&path);
 }
 
 #[test]
