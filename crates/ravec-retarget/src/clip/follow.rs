@@ -1,103 +1,117 @@
-//! Places of content followed through time where the camera moves: what is left of jitter is taken out.
+//! Places of content followed through time where the camera moves, so that they do not jitter.
 //!
 //! ```text
-//! for each vertex of a key: what is there is followed to the keys around
-//!     its displacement against plain scaling, averaged over them, takes the place of its own
+//! for each vertex of a frame: what is there is followed to the keys around
+//!     a straight line in time is fitted to its displacements against plain scaling in these; it gives that in the frame
 //! ```
 //!
-//! Displacements against plain scaling are 0 on the border, so the correction fades out towards it. The camera's own motion
+//! Displacements against plain scaling are 0 on the border, so what is followed fades out towards it. The camera's own motion
 //! stays in the result, at the scale of plain scaling.
 //!
-//! Guarantees: the bounds that exclude folds hold; where the camera stands nothing changes.
+//! Guarantees: no fold. Where the camera stands nothing changes.
 
 use super::options::mapped;
 use super::path::Key;
-use super::smooth::{inside, time_shares};
+use super::smooth::{inside, time_weight};
 use super::world::Camera;
 use crate::deformation::Deformation;
 use crate::grid::Grid;
 use crate::retargeter::as_vector;
 use glam::{DMat3, DVec2, dvec2};
 use std::collections::VecDeque;
-use std::sync::Arc;
 
 /// Frames on each side through which content is followed. More takes out slower jitter, and lags behind content that comes and
 /// goes.
-pub(super) const FOLLOWED: usize = 8;
+pub(super) const FOLLOWED: usize = 10;
 
-/// Cells from the border within which the correction fades out.
+/// Cells from the border within which what is followed fades out.
 const FADE: f64 = 2.0;
 
-/// The bound on edges below which a correction is made smaller.
-const MIN_SLACK: f64 = 0.01;
+/// The bound on edges below which the change is made smaller. Keys have twice as much.
+const MIN_SLACK: f64 = 0.005;
 
-/// The deformations of key number `index`, with content where it is on average.
-pub(super) fn followed(
-    keys: &VecDeque<Key>,
-    index: usize,
-    camera: &Camera,
-) -> Arc<Vec<Deformation>> {
-    let key = &keys[index];
-    let frames: Vec<usize> = keys.iter().map(|key| key.frame).collect();
-    let shares = time_shares(&frames, index, FOLLOWED);
-    let carries: Vec<Option<DMat3>> = shares
-        .iter()
-        .map(|&(other, _)| camera.to_from(keys[other].frame, key.frame))
-        .collect();
-    if carries.iter().all(Option::is_none) {
-        return key.deformations.clone();
-    }
-    let found = key.deformations.iter().enumerate();
-    let found = found.map(|(target, own)| {
-        let others = shares.iter().map(|&(other, share)| {
-            let field = Displacements::new(&keys[other].deformations[target]);
-            (field, share)
-        });
-        let others: Vec<_> = others.zip(&carries).collect();
-        let grid = &own.grid;
-        let field = Displacements::new(own);
-        let corrections: Vec<DVec2> = (0..grid.vertices.len())
-            .map(|vertex| {
-                let [col, row] = grid.vertices[vertex];
-                let at = dvec2(col as f64, row as f64);
-                let (mut sum, mut total) = (DVec2::ZERO, 0.0);
-                for ((other, share), carry) in &others {
-                    let there = match carry {
-                        None => Some(at),
-                        Some(matrix) => {
-                            mapped(matrix, at * grid.unit_px()).map(|at| at / grid.unit_px())
-                        }
-                    };
-                    if let Some(there) = there {
-                        let weight = share * inside(there, grid.units);
-                        if weight > 0.0 {
-                            sum += weight * other.at(there);
-                            total += weight;
-                        }
-                    }
-                }
-                let far = dvec2(grid.units[0] as f64, grid.units[1] as f64) - at;
-                let fade = (at.min(far).min_element() / FADE).clamp(0.0, 1.0);
-                // the key itself sees every vertex
-                fade * (sum / total - field.at(at))
-            })
-            .collect();
-        corrected(own, &corrections)
-    });
-    Arc::new(found.collect())
+/// A key as seen from a frame.
+struct Seen<'a> {
+    field: Displacements<'a>,
+    /// Maps points of the frame to that of the key; `None` is the identity.
+    carry: Option<DMat3>,
+    /// Frames from the frame to the key.
+    time: f64,
+    weight: f64,
 }
 
-/// A deformation with as much of the corrections as leaves no fold.
-fn corrected(own: &Deformation, corrections: &[DVec2]) -> Deformation {
+/// The deformation `own` of `frame` for target number `target`, with content where the `keys` around have it.
+pub(super) fn followed(
+    own: Deformation,
+    keys: &VecDeque<Key>,
+    target: usize,
+    frame: usize,
+    camera: &Camera,
+) -> Deformation {
+    let frames: Vec<usize> = keys.iter().map(|key| key.frame).collect();
+    let near = (0..keys.len()).filter(|&k| frames[k].abs_diff(frame) <= FOLLOWED);
+    let seen: Vec<Seen<'_>> = near
+        .map(|k| Seen {
+            field: Displacements::new(&keys[k].deformations[target]),
+            carry: camera.to_from(frames[k], frame),
+            time: frames[k] as f64 - frame as f64,
+            weight: time_weight(&frames, k, frame, FOLLOWED),
+        })
+        .collect();
+    if seen.iter().all(|key| key.carry.is_none()) {
+        return own;
+    }
+    let grid = &own.grid;
+    let field = Displacements::new(&own);
+    let changes: Vec<DVec2> = grid
+        .vertices
+        .iter()
+        .map(|&[col, row]| {
+            let at = dvec2(col as f64, row as f64);
+            let far = dvec2(grid.units[0] as f64, grid.units[1] as f64) - at;
+            let fade = (at.min(far).min_element() / FADE).clamp(0.0, 1.0);
+            match along_time(&seen, grid, at) {
+                Some(there) => fade * (there - field.at(at)),
+                None => DVec2::ZERO,
+            }
+        })
+        .collect();
+    changed(&own, &changes)
+}
+
+/// The displacement at a position in units, from a straight line in time; `None` if no key sees it.
+fn along_time(seen: &[Seen<'_>], grid: &Grid, at: DVec2) -> Option<DVec2> {
+    let unit_px = grid.unit_px();
+    let (mut s0, mut s1, mut s2) = (0.0, 0.0, 0.0);
+    let (mut sum, mut moment) = (DVec2::ZERO, DVec2::ZERO);
+    for key in seen {
+        let there = match &key.carry {
+            None => Some(at),
+            Some(matrix) => mapped(matrix, at * unit_px).map(|at| at / unit_px),
+        };
+        let Some(there) = there else { continue };
+        let weight = key.weight * inside(there, grid.units);
+        if weight > 0.0 {
+            let value = weight * key.field.at(there);
+            s0 += weight;
+            s1 += weight * key.time;
+            s2 += weight * key.time * key.time;
+            sum += value;
+            moment += key.time * value;
+        }
+    }
+    // damped where all keys lie on one side, far away: a mean rather than a guess
+    let s2 = s2 + 0.5 * s0;
+    (s0 > 0.0).then(|| (s2 * sum - s1 * moment) / (s0 * s2 - s1 * s1))
+}
+
+/// A deformation with as much of the changes as leaves no fold.
+fn changed(own: &Deformation, changes: &[DVec2]) -> Deformation {
     let mut found = own.clone();
     for share in [1.0, 0.5, 0.25, 0.125] {
-        for ((at, &own), &correction) in found
-            .vertices
-            .iter_mut()
-            .zip(&own.vertices)
-            .zip(corrections)
-        {
-            *at = own + share * correction;
+        let places = found.vertices.iter_mut().zip(&own.vertices);
+        for ((at, &own), &change) in places.zip(changes) {
+            *at = own + share * change;
         }
         if slack(&found) >= MIN_SLACK {
             found.summary.least_area = found.least_area();

@@ -29,6 +29,13 @@ use rayon::prelude::*;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
+/// Frames around each that its deformation takes keys from.
+const REACH: usize = if FOLLOWED > SMOOTHING {
+    FOLLOWED
+} else {
+    SMOOTHING
+};
+
 /// What all shots of a clip share.
 #[derive(Debug)]
 pub(super) struct Stage {
@@ -64,9 +71,6 @@ pub(super) struct Shot {
     /// Key times that are solved, and the number of the first of them that is not steady yet.
     raw_keys: VecDeque<RawKey>,
     unsteady: usize,
-    /// Steady key times, and the number of the first of them that is not final yet.
-    steady_keys: VecDeque<Key>,
-    unfollowed: usize,
     keys: VecDeque<Key>,
     next_key: usize,
     ended: bool,
@@ -86,8 +90,6 @@ impl Shot {
             known: first,
             raw_keys: VecDeque::new(),
             unsteady: 0,
-            steady_keys: VecDeque::new(),
-            unfollowed: 0,
             keys: VecDeque::new(),
             next_key: first,
             ended: false,
@@ -143,7 +145,7 @@ impl Shot {
         while self.key_is_due(stage) {
             self.solve_key(stage, report, progress)?;
         }
-        while self.steady_key(stage) || self.follow_key() {
+        while self.steady_key(stage) {
             progress.check()?;
         }
         let mut settled = Vec::new();
@@ -321,7 +323,7 @@ impl Shot {
         if !self.ended && last.frame <= key.frame + radius {
             return false;
         }
-        self.steady_keys.push_back(Key {
+        self.keys.push_back(Key {
             frame: key.frame,
             deformations: steady(&self.raw_keys, self.unsteady, radius, &self.camera),
         });
@@ -329,32 +331,13 @@ impl Shot {
         true
     }
 
-    /// Makes the next steady key final, if enough of those after it are known.
-    fn follow_key(&mut self) -> bool {
-        let keys = &self.steady_keys;
-        let (Some(key), Some(last)) = (keys.get(self.unfollowed), keys.back()) else {
-            return false;
-        };
-        let all = self.ended && self.unsteady == self.raw_keys.len();
-        if !all && last.frame <= key.frame + FOLLOWED {
-            return false;
-        }
-        self.keys.push_back(Key {
-            frame: key.frame,
-            deformations: followed(keys, self.unfollowed, &self.camera),
-        });
-        self.unfollowed += 1;
-        true
-    }
-
-    /// Frames from the next key to the one after it: fewer where the camera moves, so that content moves by half a cell at
-    /// most.
+    /// Frames from the next key to the one after it: fewer where the camera moves, so that content moves by a cell at most.
     fn key_step(&self, stage: &Stage) -> usize {
         let offset = self.next_key - self.first;
         let block = self.first + offset / KEY_FRAMES * KEY_FRAMES;
         let speed = self.camera.speed(block + 1..=block + KEY_FRAMES);
         let mut step = KEY_FRAMES;
-        while step > 1 && speed * step as f64 > 0.5 * stage.cell_px() {
+        while step > 1 && speed * step as f64 > stage.cell_px() {
             step /= 2;
         }
         step
@@ -368,7 +351,7 @@ impl Shot {
             || self
                 .keys
                 .back()
-                .is_some_and(|key| key.frame >= self.unsettled + SMOOTHING)
+                .is_some_and(|key| key.frame > self.unsettled + REACH)
     }
 
     /// The first frame with its deformations.
@@ -387,7 +370,10 @@ impl Shot {
             .max_by(|a, b| a.1.total_cmp(&b.1))?
             .0;
         let deformations: Vec<_> = (0..stage.targets.len())
-            .map(|target| deformation(&self.keys, &shares, nearest, target))
+            .map(|target| {
+                let found = deformation(&self.keys, &shares, nearest, target);
+                followed(found, &self.keys, target, frame, &self.camera)
+            })
             .collect();
         for found in &deformations {
             report.least_area = report.least_area.min(found.summary.least_area);
@@ -414,20 +400,11 @@ impl Shot {
 
     /// Forgets what no later frame needs.
     fn forget(&mut self, stage: &Stage) {
-        let needed = self.unsettled.saturating_sub(SMOOTHING);
+        let needed = self.unsettled.saturating_sub(REACH + 1);
         while self.keys.len() > 1 && self.keys[1].frame <= needed {
             self.keys.pop_front();
         }
-        // of both lists, the key before the first in reach says for how long that one stands
-        while let (Some(old), Some(next)) =
-            (self.steady_keys.get(1), self.steady_keys.get(self.unfollowed))
-        {
-            if old.frame + FOLLOWED >= next.frame {
-                break;
-            }
-            self.steady_keys.pop_front();
-            self.unfollowed -= 1;
-        }
+        // the key before the first in reach says for how long that one stands
         let radius = stage.smoothing();
         while let (Some(old), Some(next)) = (self.raw_keys.get(1), self.raw_keys.get(self.unsteady)) {
             if old.frame + radius >= next.frame {
@@ -442,7 +419,7 @@ impl Shot {
         let sampled = self.samples.first().map_or(oldest, |sample| sample.frame);
         // the speed at the first frame that is not settled takes the motion that leads to it
         let key = self.raw_keys.front().map_or(oldest, |key| key.frame);
-        let steady = self.steady_keys.front().map_or(oldest, |key| key.frame);
+        let steady = self.keys.front().map_or(oldest, |key| key.frame);
         let oldest = oldest.min(sampled).min(key).min(steady).min(self.next_key).min(self.unsettled.saturating_sub(1));
         self.camera.forget(oldest);
     }

@@ -78,27 +78,28 @@ pub(super) fn steady(
     Arc::new(found)
 }
 
-/// The keys within `radius` frames of key number `index` and their shares in a mean: a raised cosine, times the time for which a
-/// key stands. `frames` are those of all keys.
-pub(super) fn time_shares(frames: &[usize], index: usize, radius: usize) -> Vec<(usize, f64)> {
+/// The keys within `radius` frames of key number `index` and their shares in a mean. `frames` are those of all keys.
+fn time_shares(frames: &[usize], index: usize, radius: usize) -> Vec<(usize, f64)> {
     let middle = frames[index];
-    let mut found: Vec<(usize, f64)> = frames
-        .iter()
-        .enumerate()
-        .filter(|(_, frame)| frame.abs_diff(middle) <= radius)
-        .map(|(other, &frame)| {
-            let before = other.checked_sub(1).map_or(frame, |k| frames[k]);
-            let after = frames.get(other + 1).copied().unwrap_or(frame);
-            let share = frame.abs_diff(middle) as f64 / (radius + 1) as f64;
-            let weight = 0.5 + 0.5 * (std::f64::consts::PI * share).cos();
-            (other, weight * ((after - before) as f64).max(1.0))
-        })
+    let mut found: Vec<(usize, f64)> = (0..frames.len())
+        .filter(|&other| frames[other].abs_diff(middle) <= radius)
+        .map(|other| (other, time_weight(frames, other, middle, radius)))
         .collect();
     let total: f64 = found.iter().map(|(_, weight)| weight).sum();
     for (_, weight) in &mut found {
         *weight /= total;
     }
     found
+}
+
+/// The weight of key number `index` in a mean around a frame: a raised cosine, times the time for which the key stands.
+pub(super) fn time_weight(frames: &[usize], index: usize, middle: usize, radius: usize) -> f64 {
+    let frame = frames[index];
+    let before = index.checked_sub(1).map_or(frame, |k| frames[k]);
+    let after = frames.get(index + 1).copied().unwrap_or(frame);
+    let share = frame.abs_diff(middle) as f64 / (radius + 1) as f64;
+    let weight = 0.5 + 0.5 * (std::f64::consts::PI * share.min(1.0)).cos();
+    weight * ((after - before) as f64).max(1.0)
 }
 
 /// For each edge of the grid the mean of `others` at the place of the scene where it is.

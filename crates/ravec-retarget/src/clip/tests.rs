@@ -416,6 +416,7 @@ fn jitter(settled: &[Settled], path: &[DVec2], points: &[DVec2]) -> [f64; 2] {
         let second = places.windows(3).map(|p| (p[0] - 2.0 * p[1] + p[2]).length());
         all.extend(second);
     }
+    println!("{:.2?}", all.chunks(settled.len() - 2).next());
     let mean = all.iter().sum::<f64>() / all.len() as f64;
     [mean, all.iter().copied().fold(0.0, f64::max)]
 }
