@@ -51,7 +51,7 @@ fn run(folder: &Path, percent: usize) -> Result<(), Box<dyn Error>> {
 
     let start = cpu_ms();
     let mut results: Vec<Frame> = Vec::new();
-    let mut clip = ClipRetargeter::new(size, &[target], &{ let mut o = ClipOptions::default(); if let Ok(v) = env::var("CELLS") { o.grid_cells = v.parse()?; } if let Ok(v) = env::var("MOTION") { o.motion = v.parse()?; } if let Ok(v) = env::var("LINE") { o.line_strength = v.parse()?; } if let Ok(v) = env::var("SAL") { o.saliency = v.parse()?; } if let Ok(v) = env::var("LA") { o.look_ahead = v.parse()?; } o })?;
+    let mut clip = ClipRetargeter::new(size, &[target], &ClipOptions::default())?;
     let mut grids = Vec::new();
     let (mut analyzing, mut warping) = (0.0, 0.0);
     for (frame, motion) in frames.iter().cloned().map(Some).chain([None]).zip(motions) {
@@ -108,10 +108,17 @@ fn change(frames: &[Frame]) -> f64 {
     let pairs = frames.windows(2).map(|pair| {
         let samples = |frame: &Frame| {
             let pixels = frame.pixels().to_vec();
-            pixels.into_iter().flat_map(|pixel| pixel.0).collect::<Vec<u8>>()
+            pixels
+                .into_iter()
+                .flat_map(|pixel| pixel.0)
+                .collect::<Vec<u8>>()
         };
         let (a, b) = (samples(&pair[0]), samples(&pair[1]));
-        let sum: u64 = a.iter().zip(&b).map(|(a, b)| u64::from(a.abs_diff(*b))).sum();
+        let sum: u64 = a
+            .iter()
+            .zip(&b)
+            .map(|(a, b)| u64::from(a.abs_diff(*b)))
+            .sum();
         sum as f64 / a.len() as f64
     });
     pairs.sum::<f64>() / (frames.len() - 1).max(1) as f64
@@ -131,7 +138,9 @@ fn motions(path: &Path, count: usize) -> Result<Vec<FrameMotion>, Box<dyn Error>
             .split_whitespace()
             .map(str::parse)
             .collect::<Result<_, _>>()?;
-        let rows: [f64; 9] = numbers.try_into().map_err(|_| "a line has no nine numbers")?;
+        let rows: [f64; 9] = numbers
+            .try_into()
+            .map_err(|_| "a line has no nine numbers")?;
         motions.push(FrameMotion {
             frame_from_previous: DMat3::from_cols_array(&rows).transpose(),
             cut: false,

@@ -136,7 +136,10 @@ pub(crate) fn barrier_of(lab: &Image<Oklab>, units: [usize; 2]) -> Vec<f64> {
     let ground = quantile(50);
     let full = (FULL_BARRIER * quantile(98)).max(ground + 1e-6);
     let scaled = open.map(|value| ((value - ground) / (full - ground)).clamp(0.0, 1.0));
-    per_unit(&scaled, units).into_iter().map(f64::from).collect()
+    per_unit(&scaled, units)
+        .into_iter()
+        .map(f64::from)
+        .collect()
 }
 
 /// The mean of a plane over each of `units`.

@@ -63,7 +63,7 @@
 //!
 //! # Current status
 //!
-//! Pictures. Video, as a grid through space and time, is to come.
+//! Pictures, and frames of clips in memory: see [`clip`]. Files of clips are read and written elsewhere.
 
 mod analysis;
 mod barrier;

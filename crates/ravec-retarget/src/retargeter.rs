@@ -202,7 +202,11 @@ impl Retargeter {
     }
 
     /// As [`solve`](Self::solve), with another scale of important content.
-    pub(crate) fn solve_scaled(&self, size: Size, scale: f64) -> Result<Deformation, RetargetError> {
+    pub(crate) fn solve_scaled(
+        &self,
+        size: Size,
+        scale: f64,
+    ) -> Result<Deformation, RetargetError> {
         self.solve_from(size, scale, None)
     }
 

@@ -108,10 +108,7 @@ impl Content {
             })
             .collect();
         let mut weights: Vec<f64> = importance.iter().map(|&b| weight_of(b)).collect();
-        for (maps, weight) in [
-            (&self.given_way, GIVEN_WAY),
-            (&self.protected, PROTECTED),
-        ] {
+        for (maps, weight) in [(&self.given_way, GIVEN_WAY), (&self.protected, PROTECTED)] {
             if maps.is_empty() {
                 continue;
             }
@@ -220,7 +217,11 @@ impl SeenSlab {
             let at = mapped(&matrix, run.ends[0].lerp(run.ends[1], share));
             at.is_some_and(|at| at.min(self.size_px - at).min_element() >= 0.0)
         };
-        [0.25, 0.5, 0.75].into_iter().filter(|&share| inside(share)).count() >= 2
+        [0.25, 0.5, 0.75]
+            .into_iter()
+            .filter(|&share| inside(share))
+            .count()
+            >= 2
     }
 }
 
@@ -252,7 +253,9 @@ fn within(run: &GridRun, grid: &Grid) -> bool {
 fn carried(run: &Run, matrix: &DMat3) -> Option<Run> {
     let [from, to] = run.ends.map(|end| mapped(matrix, end));
     let ends = [from?, to?];
-    ends.iter().all(|end| end.is_finite()).then_some(Run { ends })
+    ends.iter()
+        .all(|end| end.is_finite())
+        .then_some(Run { ends })
 }
 
 /// The share of the width that the most crowded rows take, three at a time, and that of the height for columns.
@@ -354,7 +357,10 @@ mod tests {
             if frame > 0 {
                 camera.push(DMat3::IDENTITY, grid.image_size, 10.0);
             }
-            let seen: Vec<f64> = values.iter().map(|&b| mixed_importance(b, 0.0, 1.0)).collect();
+            let seen: Vec<f64> = values
+                .iter()
+                .map(|&b| mixed_importance(b, 0.0, 1.0))
+                .collect();
             content.demands.push_back(Demand {
                 frame,
                 shares: shares(&seen, grid.units),
@@ -378,7 +384,11 @@ mod tests {
         let grid = Grid::new(Size::new(320, 160).unwrap(), [32, 16], |_, _| 1);
         let mut camera = Camera::new(0);
         for _ in 0..16 {
-            camera.push(DMat3::from_translation(dvec2(2.0, 0.0)), grid.image_size, 10.0);
+            camera.push(
+                DMat3::from_translation(dvec2(2.0, 0.0)),
+                grid.image_size,
+                10.0,
+            );
         }
         // analysis of 20 pixels a unit, twice as many as the frame has
         let run = |shift: f64| Run {
@@ -422,7 +432,10 @@ mod tests {
             ends: [dvec2(400.0, 40.0), dvec2(420.0, 300.0)],
         };
         let mut content = Content::default();
-        for (slab, runs) in [vec![always], vec![always, once], vec![always]].into_iter().enumerate() {
+        for (slab, runs) in [vec![always], vec![always, once], vec![always]]
+            .into_iter()
+            .enumerate()
+        {
             content.runs.push_back(SlabRuns {
                 frame: 4 * slab,
                 valid: [4 * slab, 4 * slab + 3],

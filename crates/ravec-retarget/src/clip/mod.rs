@@ -36,8 +36,9 @@
 //! 3. At key times a deformation is solved for as for a still picture. Its importance is the largest over all frames within
 //!    the look-ahead, carried to the key time along the motion of the camera: the whole path of an object keeps its shape,
 //!    and what stands has one importance in all frames. Where paths do not fit, the scale of important content is lowered.
-//! 4. The deformations of key times are averaged over four fifths of the look-ahead on each side, each shape at its place in the scene; frames in
-//!    between have means of them.
+//! 4. The deformations of key times are averaged over four fifths of the look-ahead on each side, each shape at its place in
+//!    the scene; frames in between have means of them. Where the camera moves, content is followed through the keys around,
+//!    so that it does not jitter.
 //!
 //! # Guarantees
 //!
@@ -101,11 +102,7 @@ impl ClipRetargeter {
     /// # Errors
     /// [`RetargetError::Parameter`] for options out of range, [`RetargetError::NoTarget`] without a target size,
     /// [`RetargetError::Factor`] if a side changes by a factor of more than 20.
-    pub fn new(
-        size: Size,
-        targets: &[Size],
-        options: &ClipOptions,
-    ) -> Result<Self, RetargetError> {
+    pub fn new(size: Size, targets: &[Size], options: &ClipOptions) -> Result<Self, RetargetError> {
         options.check()?;
         if targets.is_empty() {
             return Err(RetargetError::NoTarget);

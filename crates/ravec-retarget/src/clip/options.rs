@@ -30,9 +30,9 @@ pub struct ClipOptions {
     pub fit_paths: bool,
     /// Freedom of the vertices on the border (default along it).
     pub borders: Borders,
-    /// Frames before and after each whose content a deformation considers, 1 to 600 (default 25). One second is a good
-    /// choice, see [`at_rate`](Self::at_rate). More moves fixed content less while objects pass, and holds more frames in
-    /// memory.
+    /// Frames before and after each whose content a key deformation considers, 1 to 600 (default 25); key deformations are then
+    /// averaged over four fifths as many on each side. One second is a good choice, see [`at_rate`](Self::at_rate). More moves
+    /// fixed content less while objects pass, and holds more frames in memory: about twice as many.
     pub look_ahead: usize,
     /// Frames from one measurement of importance to the next, 1 to 8 (default 2). Fewer follow small fast objects, at a cost
     /// in proportion.
@@ -199,7 +199,7 @@ pub struct ClipReport {
     pub frames: usize,
     /// Numbers of the frames that begin a new shot, without the first.
     pub cuts: Vec<usize>,
-    /// Frames before and after each whose content its deformation considers.
+    /// Frames before and after each key time whose content counts, as in the options.
     pub look_ahead: usize,
     /// The largest number of frames that were held at a time.
     pub max_frames_held: usize,

@@ -54,7 +54,11 @@ fn reduced<P: Color>(image: &Image<P>) -> Image<Oklab> {
             from = end;
             let [r, g, b] = sum.map(|v| {
                 let mean = v * scale;
-                if mean.is_finite() { mean.clamp(0.0, 1e4) } else { 0.0 }
+                if mean.is_finite() {
+                    mean.clamp(0.0, 1e4)
+                } else {
+                    0.0
+                }
             });
             *out = Oklab::from_linear(LinearRgba([r, g, b, 1.0]));
         }

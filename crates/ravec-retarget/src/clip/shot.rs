@@ -7,10 +7,12 @@
 //! for each frame between known keys: settle
 //! ```
 
-use super::follow::{FOLLOWED, followed};
 use super::content::{Content, Demand, SlabRuns, shares};
+use super::follow::{FOLLOWED, followed};
 use super::options::{ClipFrame, ClipOptions, ClipReport, Settled};
-use super::path::{KEY_FRAMES, Key, SMOOTHING, deformation, second_difference, shares as key_shares};
+use super::path::{
+    KEY_FRAMES, Key, SMOOTHING, deformation, second_difference, shares as key_shares,
+};
 use super::sample::Sample;
 use super::smooth::{RawKey, steady};
 use super::solve::Solution;
@@ -136,9 +138,10 @@ impl Shot {
         let options = &stage.options;
         let depth = options.voxel_samples();
         // the frames after the last sample belong to its slab
-        let complete = self.samples.first().is_some_and(|sample| {
-            self.end() >= sample.frame + depth * options.sample_frames
-        });
+        let complete = self
+            .samples
+            .first()
+            .is_some_and(|sample| self.end() >= sample.frame + depth * options.sample_frames);
         if complete || (self.ended && !self.samples.is_empty()) {
             self.complete_slab(stage, report, progress)?;
         }
@@ -203,7 +206,10 @@ impl Shot {
             Vec::new()
         };
         progress.check()?;
-        let still: Vec<f64> = contrast(&analysis, &runs).into_iter().map(f64::from).collect();
+        let still: Vec<f64> = contrast(&analysis, &runs)
+            .into_iter()
+            .map(f64::from)
+            .collect();
         // a sample that shows the same has the same barrier distance to the last bit
         let same = |sample: &Sample| sample.small == samples[middle].small;
         let barriers: Vec<Vec<f64>> = samples
@@ -364,11 +370,7 @@ impl Shot {
         let speed = self.camera.speed(frame..=frame + 1);
         let radius = (0.5 * stage.cell_px() / speed.max(1e-9)).min(SMOOTHING as f64);
         let shares = key_shares(&self.keys, frame, self.first, last, radius);
-        let nearest = shares
-            .iter()
-            .copied()
-            .max_by(|a, b| a.1.total_cmp(&b.1))?
-            .0;
+        let nearest = shares.iter().copied().max_by(|a, b| a.1.total_cmp(&b.1))?.0;
         let deformations: Vec<_> = (0..stage.targets.len())
             .map(|target| {
                 let found = deformation(&self.keys, &shares, nearest, target);
@@ -406,21 +408,26 @@ impl Shot {
         }
         // the key before the first in reach says for how long that one stands
         let radius = stage.smoothing();
-        while let (Some(old), Some(next)) = (self.raw_keys.get(1), self.raw_keys.get(self.unsteady)) {
+        while let (Some(old), Some(next)) = (self.raw_keys.get(1), self.raw_keys.get(self.unsteady))
+        {
             if old.frame + radius >= next.frame {
                 break;
             }
             self.raw_keys.pop_front();
             self.unsteady -= 1;
         }
-        self.content
-            .forget(self.next_key, stage.options.look_ahead);
+        self.content.forget(self.next_key, stage.options.look_ahead);
         let oldest = self.content.first_frame().unwrap_or(self.next_key);
         let sampled = self.samples.first().map_or(oldest, |sample| sample.frame);
         // the speed at the first frame that is not settled takes the motion that leads to it
         let key = self.raw_keys.front().map_or(oldest, |key| key.frame);
         let steady = self.keys.front().map_or(oldest, |key| key.frame);
-        let oldest = oldest.min(sampled).min(key).min(steady).min(self.next_key).min(self.unsettled.saturating_sub(1));
+        let oldest = oldest
+            .min(sampled)
+            .min(key)
+            .min(steady)
+            .min(self.next_key)
+            .min(self.unsettled.saturating_sub(1));
         self.camera.forget(oldest);
     }
 }

@@ -40,7 +40,10 @@ pub(super) fn steady(
     let frames: Vec<usize> = keys.iter().map(|key| key.frame).collect();
     let shares = time_shares(&frames, index, radius);
     let same = |&(other, _): &(usize, f64)| {
-        Arc::ptr_eq(&keys[other].solution.deformations, &key.solution.deformations)
+        Arc::ptr_eq(
+            &keys[other].solution.deformations,
+            &key.solution.deformations,
+        )
     };
     if shares.iter().all(same) {
         return key.solution.deformations.clone();
@@ -234,7 +237,8 @@ mod tests {
             let middle = 0.5 * dvec2((from[0] + to[0]) as f64, (from[1] + to[1]) as f64);
             let there = middle + dvec2(2.0, 0.0);
             if there.x < 15.5 {
-                let expected = 0.5 * field.at(middle, edge.across) + 0.5 * field.at(there, edge.across);
+                let expected =
+                    0.5 * field.at(middle, edge.across) + 0.5 * field.at(there, edge.across);
                 if middle.y > 0.6 && middle.y < 11.4 && middle.x > 0.6 {
                     assert!(mean.distance(expected) < 1e-9, "{middle}");
                 }

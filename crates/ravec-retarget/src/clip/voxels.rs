@@ -136,16 +136,14 @@ fn ramp(value: f64, [low, high]: [f64; 2]) -> f64 {
 /// A reduction as seen from the frame of reference; NaN where that sees more.
 fn carried(small: &Image<Oklab>, sample_from_reference: &glam::DMat3, frame: Size) -> Image<Oklab> {
     let (width, height) = (small.width() as f64, small.height() as f64);
-    let scale = glam::dvec2(
-        frame.width() as f64 / width,
-        frame.height() as f64 / height,
-    );
+    let scale = glam::dvec2(frame.width() as f64 / width, frame.height() as f64 / height);
     let mut result = small.clone();
     result.par_rows_mut().enumerate().for_each(|(row, out)| {
         for (col, out) in out.iter_mut().enumerate() {
             let middle = glam::dvec2(col as f64 + 0.5, row as f64 + 0.5);
             let at = mapped(sample_from_reference, middle * scale).map(|at| at / scale);
-            *out = match at.filter(|at| at.x >= 0.0 && at.y >= 0.0 && at.x <= width && at.y <= height)
+            *out = match at
+                .filter(|at| at.x >= 0.0 && at.y >= 0.0 && at.x <= width && at.y <= height)
             {
                 Some(at) => small.bilinear(at),
                 None => Oklab([f32::NAN; 3]),
@@ -283,7 +281,9 @@ fn fit(
         ..VolumeParams::default()
     };
     match TwoColorVolume::fit(&strips, &params, progress) {
-        Ok(volume) => Ok((0..cells.len()).map(|col| *volume.block(col, 0, 0)).collect()),
+        Ok(volume) => Ok((0..cells.len())
+            .map(|col| *volume.block(col, 0, 0))
+            .collect()),
         Err(VolumeError::Cancelled(cancelled)) => Err(cancelled.into()),
         // the parameters are in range and all strips have one size
         Err(_) => Err(RetargetError::Singular),
@@ -291,12 +291,7 @@ fn fit(
 }
 
 /// The largest value of the cells that meet each unit.
-fn per_unit(
-    values: &[f64],
-    cells: [usize; 2],
-    small: Size,
-    [cols, rows]: [usize; 2],
-) -> Vec<f64> {
+fn per_unit(values: &[f64], cells: [usize; 2], small: Size, [cols, rows]: [usize; 2]) -> Vec<f64> {
     let meets = |k: usize, units: usize, length: usize, count: usize| {
         let first = k * length / units / SIDE;
         let end = ((k + 1) * length).div_ceil(units).div_ceil(SIDE);
@@ -405,7 +400,12 @@ mod tests {
             })
             .collect();
         let carries: Vec<Carry> = (0..6)
-            .map(|k| Some(glam::DMat3::from_translation(glam::dvec2(-2.0 * f64::from(k), 0.0))))
+            .map(|k| {
+                Some(glam::DMat3::from_translation(glam::dvec2(
+                    -2.0 * f64::from(k),
+                    0.0,
+                )))
+            })
             .collect();
         let none = Progress::none();
         let found = slab_motion(&moved, &carries, frame, UNITS, 1, &none).unwrap();

@@ -187,9 +187,19 @@ mod tests {
         camera.push(shift(0.04, 0.0), size(), 10.0);
         // the steps 1, 2 and 3 lead from frame 6 to frame 9
         let there = camera.to_from(9, 6).unwrap();
-        assert!(mapped(&there, dvec2(1.0, 1.0)).unwrap().distance(dvec2(7.0, -2.0)) < 1e-12);
+        assert!(
+            mapped(&there, dvec2(1.0, 1.0))
+                .unwrap()
+                .distance(dvec2(7.0, -2.0))
+                < 1e-12
+        );
         let back = camera.to_from(6, 9).unwrap();
-        assert!(mapped(&back, dvec2(7.0, -2.0)).unwrap().distance(dvec2(1.0, 1.0)) < 1e-12);
+        assert!(
+            mapped(&back, dvec2(7.0, -2.0))
+                .unwrap()
+                .distance(dvec2(1.0, 1.0))
+                < 1e-12
+        );
         assert_eq!(camera.to_from(7, 7), None);
         assert_eq!(camera.to_from(12, 11), None);
         camera.forget(8);

@@ -243,7 +243,11 @@ fn an_adaptive_grid_moves_like_the_regular_one_where_weights_are_even() {
 fn following_the_edges_leads_to_the_minimum_with_them() {
     for (adaptive, borders) in [(false, Borders::Slide), (true, Borders::Free)] {
         with_content(adaptive, borders, |content| {
-            for (axis, system) in Axis::both(content, borders, false).unwrap().iter().enumerate() {
+            for (axis, system) in Axis::both(content, borders, false)
+                .unwrap()
+                .iter()
+                .enumerate()
+            {
                 let (length, scale) = (71.0, 0.8);
                 let forms = content.forms(axis);
                 let total = |z: &[f64], target: &[f64]| {
