@@ -50,6 +50,17 @@ const CRATES: &[Crate] = &[
         ],
     },
     Crate {
+        name: "ravec-video",
+        layer: "vocabulary",
+        uses: &[
+            "ravec-media",
+            "ravec-raster",
+            "ravec-files",
+            "ravec-memory",
+            "ravec-progress",
+        ],
+    },
+    Crate {
         name: "ravec-mesh",
         layer: "vocabulary",
         uses: &["ravec-memory", "ravec-numeric", "ravec-progress"],
