@@ -174,6 +174,7 @@ const CRATES: &[Crate] = &[
             "ravec",
             "ravec-catalogue",
             "ravec-media",
+            "ravec-video",
             "ravec-files",
             "ravec-scenes",
         ],
