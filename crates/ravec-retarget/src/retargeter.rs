@@ -49,7 +49,8 @@ pub struct Painted<'a> {
 }
 
 /// Figures of the analysis.
-#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct AnalysisSummary {
     /// Cells of the grid.
     pub cells: usize,
