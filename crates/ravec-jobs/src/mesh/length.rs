@@ -150,9 +150,21 @@ mod tests {
             ("0.5", Length::Units(0.5), 0.5),
             ("-2e-1", Length::Units(-0.2), -0.2),
             (" 2 % ", Length::Percent(2.0), 4.0),
-            ("25.4mm", Length::Physical(25.4, LengthUnit::Millimeter), 1.0),
-            ("25400 µm", Length::Physical(25_400.0, LengthUnit::Micron), 1.0),
-            ("1e-1m", Length::Physical(0.1, LengthUnit::Meter), 3.937_007_874),
+            (
+                "25.4mm",
+                Length::Physical(25.4, LengthUnit::Millimeter),
+                1.0,
+            ),
+            (
+                "25400 µm",
+                Length::Physical(25_400.0, LengthUnit::Micron),
+                1.0,
+            ),
+            (
+                "1e-1m",
+                Length::Physical(0.1, LengthUnit::Meter),
+                3.937_007_874,
+            ),
             (
                 "1 cm",
                 Length::Physical(1.0, LengthUnit::Centimeter),
