@@ -233,11 +233,23 @@ const QUARANTINE: &[(&[&str], &[&str])] = &[
     (&["blake3", "rusqlite", "walkdir"], &["ravec-catalogue"]),
     // errors that are only shown
     (&["anyhow"], &["ravec-cli", "ravec-scenes", "xtask"]),
-    // the terminal
+    // flags of the command line, derived for parameter types behind a feature
     (
         &["clap"],
-        &["ravec-cli", "ravec-demo", "ravec-jobs", "xtask"],
+        &[
+            "ravec-boolean",
+            "ravec-cli",
+            "ravec-demo",
+            "ravec-jobs",
+            "ravec-mesh-io",
+            "ravec-mesh-render",
+            "ravec-mosaic",
+            "ravec-offset",
+            "ravec-retarget",
+            "xtask",
+        ],
     ),
+    // the terminal
     (
         &[
             "clap_complete",

@@ -19,6 +19,9 @@ use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
 /// Effect of the brush.
+///
+/// It is one list of the operators of [`Mode`] and the tools of [`Tool`], of which some read a color or an offset from the other
+/// parameters.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
@@ -181,7 +184,7 @@ pub struct Params {
     /// Change of the saturation by such a stroke, -1 to 4
     #[cfg_attr(feature = "cli", arg(long, value_name = "AMOUNT", allow_negative_numbers = true, default_value_t = Params::default().amount))]
     pub amount: f32,
-    /// Where such a stroke copies from, relative to each pixel, as COLUMNS,ROWS
+    /// Place that such a stroke copies from, relative to each pixel, as COLUMNS,ROWS
     #[cfg_attr(feature = "cli", arg(long, value_name = "DX,DY", allow_hyphen_values = true, default_value = "0,0", value_parser = offset))]
     pub offset: [i32; 2],
     /// Leave out the last N strokes: undo

@@ -10,7 +10,8 @@ use ravec_raster::Size;
 use std::sync::Arc;
 
 /// Figures of a solution for one size.
-#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct SolveSummary {
     /// The new width in pixels.
     pub width: usize,

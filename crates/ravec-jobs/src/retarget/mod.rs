@@ -21,30 +21,6 @@ use ravec_media::{Picture, WriteOptions};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// Motion of the border of the picture.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
-pub enum Border {
-    /// Along itself
-    #[default]
-    Slide,
-    /// Along itself, opposite borders alike: what tiles still does
-    Symmetric,
-    /// Along itself and out of the frame, where that costs little
-    Free,
-}
-
-impl From<Border> for Borders {
-    fn from(border: Border) -> Self {
-        match border {
-            Border::Slide => Self::Slide,
-            Border::Symmetric => Self::Symmetric,
-            Border::Free => Self::Free,
-        }
-    }
-}
-
 /// Change the aspect ratio of a picture: objects keep their shape, straight lines stay straight
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -121,7 +97,7 @@ pub struct Params {
     pub object_scale: f64,
     /// Motion of the border of the picture
     #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t = Self::default().borders))]
-    pub borders: Border,
+    pub borders: Borders,
     /// The share of a side that may be cut off, 0 to 0.5, if that is less loss than squeezing
     #[cfg_attr(feature = "cli", arg(long, value_name = "SHARE", default_value_t = Self::default().crop))]
     pub crop: f64,
@@ -141,12 +117,19 @@ impl Default for Params {
             saliency: options.saliency,
             lines: options.line_strength,
             object_scale: options.object_scale,
-            borders: Border::default(),
+            borders: options.borders,
             crop: options.max_crop,
             quality: WriteOptions::default().quality,
         }
     }
 }
+
+/// Fields of [`RetargetParams`] that have another name here, and that name.
+const RENAMED: [(&str, &str); 3] = [
+    ("grid_cells", "grid"),
+    ("line_strength", "lines"),
+    ("max_crop", "crop"),
+];
 
 impl Params {
     fn options(&self) -> RetargetParams {
@@ -156,7 +139,7 @@ impl Params {
             saliency: self.saliency,
             line_strength: self.lines,
             object_scale: self.object_scale,
-            borders: self.borders.into(),
+            borders: self.borders,
             max_crop: self.crop,
         }
     }
@@ -169,18 +152,18 @@ impl Params {
                 range,
             })
         };
-        let cells = self.grid.unwrap_or(2);
-        let flags: [(&'static str, f64, f64, f64, &'static str); 5] = [
-            ("grid", cells as f64, 2.0, 400.0, "2 to 400"),
-            ("saliency", self.saliency, 0.0, 1.0, "0 to 1"),
-            ("lines", self.lines, 0.0, 10.0, "0 to 10"),
-            ("object_scale", self.object_scale, 0.25, 4.0, "0.25 to 4"),
-            ("crop", self.crop, 0.0, 0.5, "0 to 0.5"),
-        ];
-        for (name, value, low, high, range) in flags {
-            if !(low..=high).contains(&value) {
-                return wrong(name, value.to_string(), range);
-            }
+        if let Err(RetargetError::Parameter {
+            field,
+            value,
+            range,
+        }) = self.options().check()
+        {
+            let renamed = RENAMED.iter().find(|(library, _)| *library == field);
+            return wrong(
+                renamed.map_or(field, |(_, field)| field),
+                value.to_string(),
+                range,
+            );
         }
         if self.sizes.is_empty() {
             return Err(JobError::Missing {

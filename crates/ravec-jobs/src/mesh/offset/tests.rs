@@ -135,7 +135,7 @@ fn a_block_of_lengths_means_the_same_in_every_unit() {
     assert_eq!(kind, ErrorKind::Request);
     assert!(text.contains("does not name its unit"), "{text}");
     let known = Params {
-        unit: Some(Unit::Inch),
+        unit: Some(LengthUnit::Inch),
         ..params("12.7mm", Side::Inner)
     };
     let report = shop.run("box.off", "out.off", &known).unwrap();
@@ -378,7 +378,7 @@ fn a_sheet_becomes_a_plate_on_either_side() {
         let params = Params {
             distance: Length::Units(distance),
             tolerance: Some(Length::Units(0.02)),
-            open: Open::Thicken,
+            open: OpenRule::Thicken,
             ..Params::default()
         };
         let report = shop.run("sheet.off", name, &params).unwrap();
