@@ -68,6 +68,9 @@ pub struct FileReport {
     pub pixels: Option<&'static str>,
     /// Vertices, if it is a mesh.
     pub vertices: Option<u64>,
+    /// Frames, if it is a clip and they are known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub frames: Option<u64>,
     /// Triangles, if it is a mesh.
     pub triangles: Option<u64>,
     /// The unit of a mesh's coordinates, if the file says it.
@@ -190,6 +193,14 @@ impl Report {
             return Err(JobError::OutputTwice { path });
         }
         Ok(())
+    }
+
+    /// Records the time since `start` as that of a phase.
+    pub(crate) fn add_time(&mut self, phase: &'static str, start: Instant) {
+        self.timings.push(Timing {
+            phase,
+            duration_secs: start.elapsed().as_secs_f64(),
+        });
     }
 
     /// Runs `work` and records its duration. A phase that is timed again adds up.

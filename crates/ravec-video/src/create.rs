@@ -220,6 +220,41 @@ impl ClipWriter {
         self.resumed
     }
 
+    /// The format of the output.
+    pub fn container(&self) -> Container {
+        self.kind
+    }
+
+    /// Name of the codec of the output.
+    pub fn codec(&self) -> String {
+        let usual = match self.kind {
+            Container::Y4m => "rawvideo",
+            Container::Gif => "gif",
+            Container::Mp4 => "h264",
+            Container::Apng | Container::Pictures | Container::Ffmpeg => "",
+        };
+        let extension = || {
+            self.path
+                .extension()
+                .unwrap_or_default()
+                .to_string_lossy()
+                .into_owned()
+        };
+        let chosen = self.options.encode.codec.clone();
+        chosen.unwrap_or_else(|| {
+            if usual.is_empty() {
+                extension()
+            } else {
+                usual.to_owned()
+            }
+        })
+    }
+
+    /// Number in the name of the next picture.
+    pub fn next_number(&self) -> u64 {
+        self.options.first_number + self.frames
+    }
+
     /// Frames that are in the output.
     pub fn frames(&self) -> u64 {
         self.frames

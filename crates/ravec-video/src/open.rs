@@ -11,12 +11,13 @@ use crate::time::Rational;
 use crate::y4m::Y4mSource;
 use std::fs::File;
 use std::io::{Read as _, Seek as _, SeekFrom};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// A clip that was opened, whatever its format.
 pub struct Clip {
     source: Box<dyn FrameSource>,
     first_number: u64,
+    files: Vec<PathBuf>,
     warnings: Vec<String>,
 }
 
@@ -82,6 +83,7 @@ impl Clip {
         Self {
             source: Box::new(source),
             first_number: 0,
+            files: Vec::new(),
             warnings: Vec::new(),
         }
     }
@@ -90,6 +92,7 @@ impl Clip {
         let warnings = source.warning().map(str::to_owned).into_iter().collect();
         let first_number = source.first_number();
         Self {
+            files: source.paths().to_vec(),
             first_number,
             warnings,
             ..Self::of(source)
@@ -99,6 +102,11 @@ impl Clip {
     /// Number of the first picture of a pattern; 0 for all else.
     pub fn first_number(&self) -> u64 {
         self.first_number
+    }
+
+    /// The files of numbered pictures, in the order of the frames; empty for all else.
+    pub fn files(&self) -> &[PathBuf] {
+        &self.files
     }
 
     /// Remarks on the clip, a sentence each.

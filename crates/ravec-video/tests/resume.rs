@@ -59,7 +59,11 @@ fn a_resumed_run_gives_the_bytes_of_one_without_a_break() {
         );
         let stops = [CHUNK_FRAMES + 1, 0, 3, CHUNK_FRAMES, 2 * CHUNK_FRAMES + 3];
         // each picture is brought to the disk
-        let stops = if name.contains('%') { &stops[..1] } else { &stops };
+        let stops = if name.contains('%') {
+            &stops[..1]
+        } else {
+            &stops
+        };
         for &stop in stops {
             let folder = tempfile::tempdir().unwrap();
             let path = folder.path().join(name);
