@@ -1,6 +1,7 @@
 //! `video convert`: a clip in another format, size, rate or range.
 
 use super::clip::{ClipOutput, OutputShape, check_clip_target, open_clip, read_error};
+use super::map::key_of;
 use super::pace::Pace;
 use super::{Encoding, FrameRange};
 use crate::context::Context;
@@ -118,7 +119,7 @@ impl Operation for Convert {
             start_secs: first.frame.time.start as f64 * base,
             end_secs: range.end_secs(&info, first.origin),
         };
-        let key = self.key();
+        let key = key_of(self);
         let mut written =
             ClipOutput::create(output, (input, &clip), &shape, &params.encoding, &key)?;
         let total = range.frames(&info).unwrap_or(1);
@@ -155,15 +156,6 @@ impl Operation for Convert {
         report.figures.insert("frames", frames as f64);
         report.figures.insert("duration_secs", seconds);
         Ok(report)
-    }
-}
-
-impl Convert {
-    /// Text that is equal for runs which make the same clip.
-    fn key(&self) -> String {
-        let mut same = self.clone();
-        same.params.encoding.resume = false;
-        crate::step::tagged(&same).map_or_else(|_| format!("{same:?}"), |json| json.to_string())
     }
 }
 

@@ -4,10 +4,12 @@ mod clip;
 pub mod convert;
 pub mod frames;
 pub mod info;
+mod map;
 mod pace;
 mod range;
 
-pub(crate) use clip::{ClipOutput, check_clip_target, is_clip, open_clip, read_error};
+pub(crate) use clip::{is_clip, open_clip, read_error};
+pub(crate) use map::{ClipFiles, check_no_encoding, map_clip};
 pub use range::FrameRange;
 
 use serde::{Deserialize, Serialize};
