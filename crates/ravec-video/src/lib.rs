@@ -4,8 +4,12 @@ mod color;
 mod convert;
 mod error;
 mod frame;
+#[cfg(feature = "h264")]
+mod h264;
 mod info;
 mod limits;
+#[cfg(feature = "h264")]
+pub mod mp4;
 mod sink;
 mod source;
 mod time;
