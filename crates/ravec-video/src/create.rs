@@ -3,7 +3,10 @@
 use crate::animation::{ApngSink, GifSink};
 use crate::error::VideoError;
 use crate::frame::{Frame, FramePicture};
-use crate::info::{Container, PixelKind};
+use crate::info::{Container, PixelKind, TrackKind};
+use crate::limits::VideoLimits;
+#[cfg(feature = "h264")]
+use crate::mp4::{self, Mp4Writer};
 use crate::open::VIDEO_EXTENSIONS;
 use crate::parts::{CHUNK_FRAMES, Parts};
 use crate::pictures::{Pattern, PictureSink};
@@ -11,6 +14,7 @@ use crate::sink::{EncodeOptions, FrameSink, SinkFormat};
 use crate::y4m::{Y4mSink, append_frames};
 use ravec_files::{AtomicFile, is_stream};
 use ravec_media::WriteOptions;
+use ravec_progress::Progress;
 use ravec_raster::{AnyImage, Image, LinearRgba, with_image};
 use std::fs::File;
 use std::io::{BufReader, BufWriter, Write as _};
@@ -339,6 +343,7 @@ impl ClipWriter {
         if self.frames == 0 {
             return Err(VideoError::NoFrames);
         }
+        let mut warnings = self.warnings;
         match self.state {
             State::Single(sink, file) => {
                 sink.finish()?;
@@ -355,11 +360,12 @@ impl ClipWriter {
                     sink.finish()?;
                     parts.finish_chunk()?;
                 }
-                assemble(self.kind, &parts, &self.path)?;
+                let remarks = assemble(self.kind, &parts, &self.path, &self.options)?;
+                warnings.extend(remarks);
                 parts.remove()?;
             }
         }
-        Ok(self.warnings)
+        Ok(warnings)
     }
 }
 
@@ -388,6 +394,11 @@ fn chunk_sink(
             let output = BufWriter::with_capacity(1 << 20, new_part(path)?);
             Ok(Box::new(Y4mSink::new(output, format, encode.lossless)?))
         }
+        #[cfg(feature = "h264")]
+        Container::Mp4 => {
+            let output = BufWriter::with_capacity(1 << 18, new_part(path)?);
+            Ok(Box::new(Mp4Writer::new(output, format, encode)?))
+        }
         _ => Err(VideoError::UnknownFormat),
     }
 }
@@ -401,20 +412,61 @@ fn new_part(path: &Path) -> std::io::Result<File> {
     File::create(path)
 }
 
-/// Joins the chunks to the output.
-fn assemble(kind: Container, parts: &Parts, path: &Path) -> Result<(), VideoError> {
+/// Joins the chunks to the output. Returns remarks, a sentence each.
+fn assemble(
+    kind: Container,
+    parts: &Parts,
+    path: &Path,
+    options: &CreateOptions,
+) -> Result<Vec<String>, VideoError> {
+    let file = AtomicFile::create(path)?;
+    let mut output = BufWriter::new(file.file());
+    let mut warnings = Vec::new();
     match kind {
         Container::Y4m => {
-            let file = AtomicFile::create(path)?;
-            let mut output = BufWriter::new(file.file());
             for (number, chunk) in parts.chunks().iter().enumerate() {
                 append_frames(BufReader::new(File::open(chunk)?), number == 0, &mut output)?;
             }
-            output.flush()?;
-            drop(output);
-            file.persist()?;
-            Ok(())
         }
-        _ => Err(VideoError::UnknownFormat),
+        #[cfg(feature = "h264")]
+        Container::Mp4 => {
+            let (limits, progress) = (VideoLimits::default(), Progress::none());
+            let copied = match &options.tracks {
+                Some(tracks) => mp4_tracks(tracks, &limits, &mut warnings)?,
+                None => None,
+            };
+            output = mp4::concatenate(&parts.chunks(), output, copied, &limits, &progress)?;
+        }
+        _ => return Err(VideoError::UnknownFormat),
+    }
+    output.flush()?;
+    drop(output);
+    file.persist()?;
+    Ok(warnings)
+}
+
+/// Sound and subtitles of an MP4 file; others are left out with a remark.
+#[cfg(feature = "h264")]
+fn mp4_tracks(
+    tracks: &CopiedTracks,
+    limits: &VideoLimits,
+    warnings: &mut Vec<String>,
+) -> Result<Option<mp4::CopiedTracks>, VideoError> {
+    let input = BufReader::new(File::open(&tracks.path)?);
+    match mp4::CopiedTracks::open(input, limits, tracks.start_secs, tracks.end_secs) {
+        Ok(copied) => {
+            for track in copied.left_out() {
+                if track.kind != TrackKind::Data {
+                    warnings.push(format!("a track of {} is left out", track.codec));
+                }
+            }
+            Ok((copied.count() > 0).then_some(copied))
+        }
+        Err(VideoError::UnknownFormat) => {
+            let text = "sound and subtitles are left out: they are copied from MP4 and MOV only";
+            warnings.push(text.to_owned());
+            Ok(None)
+        }
+        Err(error) => Err(error),
     }
 }

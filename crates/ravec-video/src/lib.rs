@@ -51,8 +51,12 @@ mod convert;
 mod create;
 mod error;
 mod frame;
+#[cfg(feature = "h264")]
+mod h264;
 mod info;
 mod limits;
+#[cfg(feature = "h264")]
+pub mod mp4;
 mod open;
 mod parts;
 mod pictures;

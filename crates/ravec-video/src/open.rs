@@ -5,6 +5,8 @@ use crate::error::VideoError;
 use crate::frame::Frame;
 use crate::info::{ClipInfo, Container};
 use crate::limits::VideoLimits;
+#[cfg(feature = "h264")]
+use crate::mp4::Mp4Source;
 use crate::pictures::{Pattern, PictureSource};
 use crate::source::{Damage, FrameSource};
 use crate::time::Rational;
@@ -75,7 +77,18 @@ impl Clip {
             Some(Container::Apng) if is_animated(&file)? => {
                 Ok(Self::of(ApngSource::open(file, limits)?))
             }
+            #[cfg(feature = "h264")]
+            Some(Container::Mp4) => Self::open_mp4(path, file, limits),
             Some(_) | None => Err(VideoError::UnknownFormat),
+        }
+    }
+
+    /// Opens an MP4 file natively, or by FFmpeg if it has another codec.
+    #[cfg(feature = "h264")]
+    fn open_mp4(path: &Path, file: File, limits: &VideoLimits) -> Result<Self, VideoError> {
+        match Mp4Source::open(std::io::BufReader::new(file), limits) {
+            Ok(source) => Ok(Self::of(source)),
+            Err(error) => Err(error),
         }
     }
 
