@@ -111,7 +111,7 @@ pub struct ClipTruth {
     pub cuts: Vec<usize>,
     /// The shots.
     pub shots: Vec<ShotTruth>,
-    /// Each frame.
+    /// Each frame; the last field, so that a program can write the frames one by one.
     pub frames: Vec<FrameTruth>,
 }
 
@@ -218,6 +218,15 @@ impl Clip {
 
     /// Truth about the clip and all its frames.
     pub fn truth(&self) -> ClipTruth {
+        let frames = (0..self.frames()).map(|index| self.frame_truth(index));
+        ClipTruth {
+            frames: frames.collect(),
+            ..self.head()
+        }
+    }
+
+    /// Truth about the clip without its frames: for programs that write [`Clip::frame_truth`] one by one.
+    pub fn head(&self) -> ClipTruth {
         let shot = |shot: &Shot| ShotTruth {
             first: shot.first,
             frames: shot.frames,
@@ -234,9 +243,7 @@ impl Clip {
             shutter: self.shutter,
             cuts: self.cuts(),
             shots: self.shots.iter().map(shot).collect(),
-            frames: (0..self.frames())
-                .map(|index| self.frame_truth(index))
-                .collect(),
+            frames: Vec::new(),
         }
     }
 

@@ -150,9 +150,7 @@ fn cuts_begin_shots_and_homographies_do_not_cross_them() {
     let difference = |a: usize, b: usize| -> f64 {
         let (a, b) = (clip.frame(a).plate, clip.frame(b).plate);
         let pairs = a.pixels().iter().zip(b.pixels());
-        pairs
-            .map(|(a, b)| f64::from((a.0[1] - b.0[1]).abs()))
-            .sum()
+        pairs.map(|(a, b)| f64::from((a.0[1] - b.0[1]).abs())).sum()
     };
     for cut in [10, 20] {
         // the picture changes at a cut as it does nowhere near it
@@ -160,9 +158,15 @@ fn cuts_begin_shots_and_homographies_do_not_cross_them() {
         assert!(at > 2.0 * difference(cut - 3, cut - 2) && at > 2.0 * difference(cut + 1, cut + 2));
         assert!(clip.frame_from_frame(cut - 1, cut).is_none());
     }
-    let there_and_back = clip.frame_from_frame(11, 17).unwrap() * clip.frame_from_frame(17, 11).unwrap();
+    let there_and_back =
+        clip.frame_from_frame(11, 17).unwrap() * clip.frame_from_frame(17, 11).unwrap();
     let scaled = there_and_back * (1.0 / there_and_back.z_axis.z);
-    assert!((scaled - DMat3::IDENTITY).to_cols_array().iter().all(|v| v.abs() < 1e-9));
+    assert!(
+        (scaled - DMat3::IDENTITY)
+            .to_cols_array()
+            .iter()
+            .all(|v| v.abs() < 1e-9)
+    );
     for id in ClipId::ALL.into_iter().filter(|id| *id != ClipId::Cuts) {
         assert!(small(id, 6).cuts().is_empty());
     }
@@ -182,14 +186,22 @@ fn offset_of(plate: &Image<LinearRgb>, line: &Line, along: f64) -> Option<f64> {
     // a smooth window along the line, so that pixels enter and leave it gradually
     let near = |p: DVec2| {
         let t = p.dot(axis) / 8.0;
-        (t.abs() < 1.0).then(|| (0.5 + 0.5 * (std::f64::consts::PI * t).cos(), p.dot(axis.perp())))
+        (t.abs() < 1.0).then(|| {
+            (
+                0.5 + 0.5 * (std::f64::consts::PI * t).cos(),
+                p.dot(axis.perp()),
+            )
+        })
     };
     let samples: Vec<(f64, f64, f64)> = plate
         .pixels()
         .iter()
         .enumerate()
         .filter_map(|(i, pixel)| {
-            let p = DVec2::new((i % plate.width()) as f64 + 0.5, (i / plate.width()) as f64 + 0.5);
+            let p = DVec2::new(
+                (i % plate.width()) as f64 + 0.5,
+                (i / plate.width()) as f64 + 0.5,
+            );
             let (window, across) = near(p - middle)?;
             Some((window, across, f64::from(pixel.0[1])))
         })
@@ -208,9 +220,16 @@ fn offset_of(plate: &Image<LinearRgb>, line: &Line, along: f64) -> Option<f64> {
         weight += window * (value - ground);
         moment += window * (value - ground) * across;
     }
-    let windows: f64 = samples.iter().filter(|s| s.1.abs() < 0.5).map(|s| s.0).sum();
+    let windows: f64 = samples
+        .iter()
+        .filter(|s| s.1.abs() < 0.5)
+        .map(|s| s.0)
+        .sum();
     let contrast = (weight / (windows * line.width_px)).abs();
-    let uneven = beside.iter().map(|s| (s.2 - ground).abs()).fold(0.0, f64::max);
+    let uneven = beside
+        .iter()
+        .map(|s| (s.2 - ground).abs())
+        .fold(0.0, f64::max);
     (uneven < 0.06 * contrast).then(|| moment / weight)
 }
 
@@ -260,7 +279,11 @@ fn outlines_enclose_the_area_of_alpha() {
         for (number, shape) in truth.shapes.iter().enumerate() {
             let alpha = sum(&cuts.shape_alpha(index, number).unwrap());
             let area: f64 = shape.outlines.iter().map(|ring| polygon_area(ring)).sum();
-            assert!((alpha - area).abs() < 1e-4 * area, "{}: {alpha} {area}", shape.name);
+            assert!(
+                (alpha - area).abs() < 1e-4 * area,
+                "{}: {alpha} {area}",
+                shape.name
+            );
         }
     }
 }
@@ -301,7 +324,10 @@ fn a_still_camera_shows_the_same_plate_in_all_frames() {
     for id in [ClipId::StillDisc, ClipId::Walker, ClipId::Cars] {
         let clip = small(id, 10);
         let first = clip.frame(0).plate;
-        assert!((1..10).all(|index| clip.frame(index).plate == first), "{id:?}");
+        assert!(
+            (1..10).all(|index| clip.frame(index).plate == first),
+            "{id:?}"
+        );
     }
 }
 
@@ -312,7 +338,13 @@ fn a_shutter_smears_a_moving_shape_along_its_way_and_keeps_its_area() {
     clip.shutter = 1.0;
     let blurred = clip.frame(3).alpha;
     assert!((sum(&sharp) - sum(&blurred)).abs() < 1e-3 * sum(&sharp));
-    let partial = |plane: &Plane| plane.pixels().iter().filter(|a| **a > 0.01 && **a < 0.99).count();
+    let partial = |plane: &Plane| {
+        plane
+            .pixels()
+            .iter()
+            .filter(|a| **a > 0.01 && **a < 0.99)
+            .count()
+    };
     assert!(partial(&blurred) > 3 * partial(&sharp));
 }
 
@@ -320,13 +352,21 @@ fn a_shutter_smears_a_moving_shape_along_its_way_and_keeps_its_area() {
 fn the_light_of_a_frame_is_what_truth_says() {
     let clip = small(ClipId::HandheldWall, 40);
     let gains: Vec<f64> = (0..40).map(|i| clip.frame_truth(i).light.gain).collect();
-    let (low, high) = gains.iter().fold((f64::INFINITY, 0.0f64), |(l, h), &g| (l.min(g), h.max(g)));
+    let (low, high) = gains
+        .iter()
+        .fold((f64::INFINITY, 0.0f64), |(l, h), &g| (l.min(g), h.max(g)));
     assert!(high - low > 0.05);
     let cuts = small(ClipId::Cuts, 30);
     // the first shot appears from black, the last one goes to black
     for index in [0, 29] {
         assert_eq!(cuts.frame_truth(index).light.gain, 0.0);
-        assert!(cuts.frame(index).picture.pixels().iter().all(|p| p.0.iter().all(|v| *v == 0.0)));
+        assert!(
+            cuts.frame(index)
+                .picture
+                .pixels()
+                .iter()
+                .all(|p| p.0.iter().all(|v| *v == 0.0))
+        );
     }
 }
 
@@ -341,11 +381,16 @@ fn posters_leave_the_frame_and_come_back() {
     // perspective is strong: opposite sides of the poster differ by a fifth in some frame
     let skew = |index: usize| {
         let truth = clip.frame_truth(index);
-        truth.features.quads.iter().find(|q| q.name == "poster 1").map_or(1.0, |quad| {
-            let c = quad.corners;
-            let (left, right) = (c[0].distance(c[3]), c[1].distance(c[2]));
-            left.max(right) / left.min(right)
-        })
+        truth
+            .features
+            .quads
+            .iter()
+            .find(|q| q.name == "poster 1")
+            .map_or(1.0, |quad| {
+                let c = quad.corners;
+                let (left, right) = (c[0].distance(c[3]), c[1].distance(c[2]));
+                left.max(right) / left.min(right)
+            })
     };
     assert!((0..60).map(skew).fold(0.0, f64::max) > 1.2);
     let m = clip.frame_from_frame(5, 2).unwrap();

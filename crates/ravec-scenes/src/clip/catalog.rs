@@ -583,7 +583,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_alone_is_seen_within_a_hundredth_of_a_pixel_of_its_truth() {
+    fn a_line_alone_is_seen_within_two_hundredths_of_a_pixel_of_its_truth() {
         let size = Size::new(240, 135).unwrap();
         let extent = DVec2::new(240.0, 135.0);
         for id in ClipId::ALL {
@@ -605,13 +605,16 @@ mod tests {
                         .with_line(line, Vec3::ONE);
                     let truth = plane.features.in_frame(&m);
                     let image = plane.render(&m, size);
-                    let Line { from, to, width_px, .. } = truth.lines[0].clone();
+                    let Line {
+                        from, to, width_px, ..
+                    } = truth.lines[0].clone();
                     let axis = (to - from).normalize();
                     let reach = 0.5 * width_px + 3.0;
                     for along in [-20.0, 0.0, 20.0] {
                         let middle = from + axis * ((0.5 * extent - from).dot(axis) + along);
                         let error = centroid(&image, middle, axis, reach);
-                        assert!(error.abs() < 0.01, "{id:?} {index} {direction}: {error}");
+                        // two samples a pixel and side: a step of half a pixel across a slanted border
+                        assert!(error.abs() < 0.02, "{id:?} {index} {direction}: {error}");
                         measured += 1;
                     }
                 }

@@ -142,10 +142,7 @@ fn add_span(values: &mut [f64], height: f64, left: f64, right: f64) {
     let covered =
         |x: f64| 0.5 * step * (x.clamp(left, right) - left).powi(2) + (x - right).max(0.0);
     let mut before = [0.0, 0.0];
-    for (cell, value) in values[first..=end]
-        .iter_mut()
-        .enumerate()
-    {
+    for (cell, value) in values[first..=end].iter_mut().enumerate() {
         let total = covered((first + cell + 1) as f64);
         // the second difference of the integral
         *value += height * (total - 2.0 * before[0] + before[1]);

@@ -15,7 +15,7 @@ use crate::plane::leaf_shade;
 use crate::props::Prop;
 use crate::random::Seed;
 use crate::shapes::landscape_painter;
-use crate::stage::{Piece, Show, Stage, film};
+use crate::stage::{HAZE, HAZE_LENGTH, Piece, Show, Stage, film};
 use crate::street::{facade, flower_boxes, graded, left_row, right_row, street_painter};
 use crate::stroke::{Stroke, Strokes};
 use crate::texture::{brick, foliage, fractal, grass, smoothstep};
@@ -91,6 +91,7 @@ pub(crate) fn row(view: View, seed: Seed) -> World {
         EYE_HEIGHT,
         EYE_DISTANCE,
     );
+    let haze = 0.8 * (1.0 - (-EYE_DISTANCE / HAZE_LENGTH).exp());
     let world = World::paint(view.extent, view.texels_per_px, |p, side| {
         let at = DVec3::new(
             view.corner.x + p.x / view.px_per_m,
@@ -99,7 +100,10 @@ pub(crate) fn row(view: View, seed: Seed) -> World {
         );
         let spread = side / (view.px_per_m * EYE_DISTANCE);
         let direction = (at - eye) / EYE_DISTANCE;
-        graded(film(stage.radiance(eye, direction, spread), 0.66))
+        // a tele lens with a filter against the haze of the distance
+        let light = stage.radiance(eye, direction, spread);
+        let clear = (light - HAZE * haze as f32).max(Vec3::ZERO) / (1.0 - haze) as f32;
+        graded(film(clear, 0.58))
     });
     let mut world = row_signs(world, view);
     world.features.quads = windows;
@@ -196,10 +200,10 @@ fn row_signs(world: World, view: View) -> World {
         );
     for (index, (x, y)) in [
         (7.4, 3.62),
-        (25.6, 3.7),
-        (49.6, 3.66),
-        (66.4, 3.7),
-        (88.6, 3.64),
+        (32.2, 3.7),
+        (55.6, 3.66),
+        (71.2, 3.7),
+        (84.6, 3.64),
     ]
     .into_iter()
     .enumerate()
@@ -271,7 +275,7 @@ pub(crate) fn road(view: View, seed: Seed) -> World {
             view.corner.x + p.x / view.px_per_m,
             view.corner.y - p.y / view.px_per_m,
         );
-        film(road_color(q, side / view.px_per_m, seed), 0.95)
+        film(road_color(q, side / view.px_per_m, seed), 0.62)
     });
     let (west, east) = (view.corner.x, view.corner.x + meters.x);
     let white = hex(0xdcd8cc);
@@ -328,7 +332,7 @@ fn road_color(q: DVec2, footprint: f64, seed: Seed) -> Vec3 {
             fractal(q * 0.35, 0.35 * footprint, 5, seed.fork(4)).abs(),
         ) * smoothstep(0.0, 0.3, dirt);
         let tone = 1.0 + 0.20 * grain + 0.16 * dirt - 0.10 * wheel - 0.22 * patch - 0.4 * crack;
-        let asphalt = hex(0x6e6d6c) * tone.max(0.2) as f32;
+        let asphalt = hex(0x5f6064) * tone.max(0.2) as f32;
         // the dashed lines between lanes of one direction
         let dash = pulse(q.x / 6.0, 0.5, footprint / 6.0) * bar(aside - 3.6, 0.07, footprint);
         let worn = 0.85 + 0.3 * fractal(q / 0.12, footprint / 0.12, 3, seed.fork(5));
@@ -350,7 +354,7 @@ fn road_color(q: DVec2, footprint: f64, seed: Seed) -> Vec3 {
         };
         // the kerb stands above the roadway
         light *= if kerb { 1.05 } else { 1.0 };
-        hex(0xaaa294) * (tone * (1.0 + 0.08 * grain + 0.12 * dirt)) as f32
+        hex(0x98928a) * (tone * (1.0 + 0.08 * grain + 0.12 * dirt)) as f32
     } else {
         // grass() is lit for a low sun on a meadow
         grass(q * 0.9, 0.9 * footprint, seed.fork(8)) * (0.85 + 0.25 * dirt) as f32
@@ -419,7 +423,7 @@ pub(crate) fn wall(view: View, posters: &[(DVec2, DVec2)], seed: Seed) -> World 
         let color = found.map_or_else(
             || {
                 let stain = fractal(q * 0.5, 0.5 * footprint, 5, seed.fork(2));
-                brick(q, footprint, hex(0x9a4e38), seed.fork(3)) * (1.0 + 0.22 * stain) as f32
+                brick(q, footprint, hex(0x8e4c3c), seed.fork(3)) * (1.0 + 0.22 * stain) as f32
             },
             |art| art.color(q, footprint),
         );
@@ -427,7 +431,7 @@ pub(crate) fn wall(view: View, posters: &[(DVec2, DVec2)], seed: Seed) -> World 
         let sun = near
             * (0.25
                 + 0.75 * leaf_shade((q - shade_from) * 0.8 + 1.5, 0.8 * footprint, seed.fork(4)));
-        film(color * (SUN * sun as f32 * 0.8 + SKY), 0.8)
+        film(color * (SUN * sun as f32 * 0.8 + SKY), 0.66)
     });
     let meters = view.extent / view.px_per_m;
     let (left, top) = (view.corner.x, view.corner.y);
