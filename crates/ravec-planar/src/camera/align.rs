@@ -1,0 +1,424 @@
+//! Robust direct alignment of a picture to a template.
+//!
+//! ```text
+//! for each level from coarse to fine, until it settles:
+//!     residual of each sample: (picture at the image of its place − bias) / gain − luma of the template
+//!     scale: 1.48 · median of the residuals' absolute values
+//!     weight: Tukey's of the residual, times that of its block by the mean of its clipped residuals
+//!     step of gain, bias and motion by the weighted normal equations; compose the motion with the inverse step
+//! ```
+//!
+//! Source: Baker and Matthews, "Lucas-Kanade 20 years on", 2004 (the inverse compositional form). We differ in: robust
+//! weights, for which the matrix is summed anew in each step.
+//!
+//! The covariance is that of the sandwich over blocks, H⁻¹ (Σ s sᵀ) H⁻¹ with the score s of a block: residuals of neighbors
+//! are not independent, and the plain σ² H⁻¹ is several times too small.
+
+use crate::camera::picture::{Frame, Picture};
+use crate::camera::template::{LIGHT, Level, Row, Template, UNKNOWNS};
+use glam::{DMat3, DVec2};
+use ravec_numeric::solve_positive;
+use ravec_raster::Plane;
+
+/// Light and motion between a template and a picture.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Pose {
+    /// Normalized coordinates of the picture from those of the template.
+    pub picture_from_template: DMat3,
+    pub gain: f64,
+    pub bias: f64,
+}
+
+impl Pose {
+    pub fn still() -> Self {
+        Self::from_motion(DMat3::IDENTITY)
+    }
+
+    pub fn from_motion(picture_from_template: DMat3) -> Self {
+        Self {
+            picture_from_template,
+            gain: 1.0,
+            bias: 0.0,
+        }
+    }
+}
+
+/// An alignment.
+#[derive(Debug, Clone)]
+pub(super) struct Fit {
+    pub pose: Pose,
+    /// Share of the textured blocks in view that look alike.
+    pub share: f64,
+    /// Textured blocks in view, as a share of all blocks.
+    pub judged: f64,
+    /// Share of the samples in view.
+    pub overlap: f64,
+    /// Robust deviation of the residuals, in luma of the template.
+    pub sigma: f64,
+    /// Standard deviation of the corners, in working pixels.
+    pub corner_sigma: f64,
+    /// For each block of the finest template level whether it looks alike; nothing if it is plain or out of view.
+    pub alike: Vec<Option<bool>>,
+}
+
+/// Tukey's constant: 95 % efficiency with Gaussian noise.
+const TUKEY: f32 = 4.685;
+
+/// The scale of residuals never falls below this (0.4 of 255 steps): rounding of 8 bits alone makes as much.
+const MIN_SIGMA: f32 = 0.0015;
+
+/// Range of the gain. A picture whose contrast falls below a third is a fade, not an exposure.
+const GAIN: [f64; 2] = [0.3, 3.0];
+
+/// Steps at a level. Most settle in three.
+const MAX_STEPS: usize = 8;
+
+/// A level has settled when the corners move by less, in pixels of the level.
+const SETTLED_PX: [f64; 2] = [0.004, 0.03];
+
+/// A step that moves the corners by more than this share of half the diagonal has diverged.
+const MAX_STEP: f64 = 0.5;
+
+/// Correlation from which a block looks alike. Noise, blur and reflections lower it; chance rarely reaches it.
+const MIN_CORRELATION: f32 = 0.65;
+
+/// Samples in view below which a block is not judged.
+const MIN_BLOCK_SAMPLES: usize = 12;
+
+/// Deviation of luma below which a block is plain.
+const MIN_CONTRAST: f32 = 0.006;
+
+/// Weak prior of a step's deviation, in half diagonals: what nothing determines stays where it is.
+const PRIOR: f64 = 0.3;
+
+/// Scratch memory of an alignment.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Scratch {
+    /// Residuals in luma of the template; NaN out of view.
+    residuals: Vec<f32>,
+    sorted: Vec<f32>,
+}
+
+/// The map of normalized coordinates that a vector of unknowns stands for.
+pub(super) fn increment(step: &[f64; UNKNOWNS]) -> DMat3 {
+    let [_, _, tx, ty, turn, zoom, stretch, shear, px, py] = *step;
+    DMat3::from_cols_array(&[
+        1.0 + zoom + stretch,
+        turn + shear,
+        -px,
+        shear - turn,
+        1.0 + zoom - stretch,
+        -py,
+        tx,
+        ty,
+        1.0,
+    ])
+}
+
+/// Aligns `picture` to the levels of `template` from `coarsest` down to the finest, with a motion of `unknowns` (2, 4, 6
+/// or 8) numbers at the fine ones. Nothing if it diverges.
+pub(super) fn align(
+    template: &Template,
+    picture: &Picture,
+    start: Pose,
+    unknowns: usize,
+    coarsest: usize,
+    scratch: &mut Scratch,
+) -> Option<Fit> {
+    let mut pose = start;
+    let mut last = None;
+    for (index, level) in template.levels.iter().enumerate().rev() {
+        if index > coarsest {
+            continue;
+        }
+        let plane = &picture.levels[index];
+        // few pixels determine few numbers
+        let allowed = if index >= 2 { 4 } else { 8 };
+        let count = unknowns.min(allowed);
+        if index == coarsest && index > 0 {
+            for _ in 0..2 {
+                step(level, plane, &mut pose, 2, scratch)?;
+            }
+        }
+        let settled = SETTLED_PX[usize::from(index > 0)];
+        for _ in 0..MAX_STEPS {
+            let (moved, _) = step(level, plane, &mut pose, count, scratch)?;
+            if moved * level.frame.half < settled {
+                break;
+            }
+        }
+        if index == 0 {
+            let (_, corner_sigma) = step(level, plane, &mut pose, count, scratch)?;
+            last = Some(corner_sigma);
+        }
+    }
+    let corner_sigma = last?;
+    let level = &template.levels[0];
+    let sigma = residuals(level, &picture.levels[0], &pose, scratch)?;
+    Some(judge(level, pose, sigma, corner_sigma, scratch))
+}
+
+/// How well a pose fits at a level: the mean residual, clipped at 3 deviations of luma, relative to them, 0 to 1.
+pub(super) fn cost(level: &Level, plane: &Plane, pose: &Pose, scratch: &mut Scratch) -> f64 {
+    if residuals(level, plane, pose, scratch).is_none() {
+        return 1.0;
+    }
+    let square: f32 = level.values.iter().map(|v| v * v).sum();
+    let limit = (square / level.values.len() as f32).sqrt().max(MIN_SIGMA);
+    let (mut sum, mut count) = (0.0, 0);
+    for &r in scratch.residuals.iter().filter(|r| !r.is_nan()) {
+        sum += (r.abs() / limit).min(1.0);
+        count += 1;
+    }
+    // what is out of view counts as nearly wrong, or a shift that leaves nothing would be best
+    let hidden = (scratch.residuals.len() - count) as f32;
+    f64::from((sum + 0.4 * hidden) / scratch.residuals.len() as f32)
+}
+
+/// Fills the residuals and returns their robust deviation; nothing if too few samples are in view.
+fn residuals(level: &Level, plane: &Plane, pose: &Pose, scratch: &mut Scratch) -> Option<f32> {
+    let m = pose.picture_from_template;
+    // straight to pixels, relative to the center of the first one
+    let to_pixels = DMat3::from_translation(level.frame.center - 0.5)
+        * DMat3::from_scale(DVec2::splat(level.frame.half));
+    let m = (to_pixels * m).to_cols_array().map(|v| v as f32);
+    let (width, height) = (plane.width(), plane.height());
+    let pixels = plane.pixels();
+    let (right, bottom) = (width as f32 - 1.0, height as f32 - 1.0);
+    let inverse_gain = (pose.gain as f32).recip();
+    let offset = level.mean + pose.bias as f32;
+    scratch.residuals.clear();
+    let found = level.places.iter().zip(&level.values).map(|(&[u, v], t)| {
+        let z = m[2] * u + m[5] * v + m[8];
+        let x = (m[0] * u + m[3] * v + m[6]) / z;
+        let y = (m[1] * u + m[4] * v + m[7]) / z;
+        // also refuses what is not a number
+        let inside = z > 0.01 && x >= 0.0 && y >= 0.0 && x < right && y < bottom;
+        if !inside {
+            return f32::NAN;
+        }
+        let (col, row) = (x as u32, y as u32);
+        let (tx, ty) = (x - col as f32, y - row as f32);
+        let at = row as usize * width + col as usize;
+        let (upper, lower) = (&pixels[at..at + 2], &pixels[at + width..at + width + 2]);
+        let top = upper[0] + tx * (upper[1] - upper[0]);
+        let low = lower[0] + tx * (lower[1] - lower[0]);
+        (top + ty * (low - top) - offset) * inverse_gain - t
+    });
+    scratch.residuals.extend(found);
+    // the median of every other sample is as good
+    let stride = (scratch.residuals.len() / 2000).max(1);
+    scratch.sorted.clear();
+    let seen = scratch.residuals.iter().step_by(stride);
+    scratch
+        .sorted
+        .extend(seen.filter(|r| !r.is_nan()).map(|r| r.abs()));
+    if scratch.sorted.len() < 2 * UNKNOWNS {
+        return None;
+    }
+    let middle = scratch.sorted.len() / 2;
+    let (_, median, _) = scratch.sorted.select_nth_unstable_by(middle, f32::total_cmp);
+    Some((1.4826 * *median).max(MIN_SIGMA))
+}
+
+type Matrix = [[f64; UNKNOWNS]; UNKNOWNS];
+
+/// Weighted normal equations, and the sum of the squares of the blocks' scores.
+struct Sums {
+    matrix: Matrix,
+    right: [f64; UNKNOWNS],
+    scores: Matrix,
+}
+
+/// One step of light and `unknowns` numbers of motion: how far the corners move at most (in half diagonals), and the
+/// standard deviation of the corners (in pixels of the level).
+fn step(
+    level: &Level,
+    plane: &Plane,
+    pose: &mut Pose,
+    unknowns: usize,
+    scratch: &mut Scratch,
+) -> Option<(f64, f64)> {
+    let sigma = residuals(level, plane, pose, scratch)?;
+    let sums = accumulate(level, &scratch.residuals, sigma);
+    let mut matrix = sums.matrix;
+    let prior = (f64::from(sigma) / PRIOR).powi(2);
+    for (k, row) in matrix.iter_mut().enumerate() {
+        row[k] += if k < LIGHT { 1e-6 } else { prior };
+    }
+    let found = solve(&matrix, &sums.right, unknowns)?;
+    let moved = increment(&found);
+    let apply = |m: &DMat3, p: DVec2| {
+        let image = *m * p.extend(1.0);
+        image.truncate() / image.z
+    };
+    let corners = level.frame.corners();
+    let farthest = corners
+        .iter()
+        .map(|&p| apply(&moved, p).distance(p))
+        .fold(0.0, f64::max);
+    if farthest.is_nan() || farthest > MAX_STEP {
+        return None;
+    }
+    let composed = pose.picture_from_template * moved.inverse();
+    if !composed.is_finite() || composed.z_axis.z <= 0.0 {
+        return None;
+    }
+    pose.picture_from_template = composed * composed.z_axis.z.recip();
+    pose.bias += pose.gain * found[1];
+    pose.gain = (pose.gain * (1.0 + found[0])).clamp(GAIN[0], GAIN[1]);
+    let corner_sigma = corner_sigma(&matrix, &sums.scores, level.frame, unknowns)?;
+    Some((farthest, corner_sigma))
+}
+
+fn accumulate(level: &Level, residuals: &[f32], sigma: f32) -> Sums {
+    let limit = TUKEY * sigma;
+    let mut sums = Sums {
+        matrix: [[0.0; UNKNOWNS]; UNKNOWNS],
+        right: [0.0; UNKNOWNS],
+        scores: [[0.0; UNKNOWNS]; UNKNOWNS],
+    };
+    for block in &level.blocks {
+        let range = block.start..block.end;
+        let trust = trust(&residuals[range.clone()], limit);
+        if trust <= 0.0 {
+            continue;
+        }
+        let mut part: [Row; UNKNOWNS] = [[0.0; 12]; UNKNOWNS];
+        let mut score: Row = [0.0; 12];
+        for (row, &r) in level.rows[range.clone()].iter().zip(&residuals[range]) {
+            let t = r / limit;
+            let bend = 1.0 - t * t;
+            // also skips what is out of view
+            if !(bend > 0.0) {
+                continue;
+            }
+            let weight = trust * bend * bend;
+            add(&mut part, &mut score, row, weight, r);
+        }
+        for i in 0..UNKNOWNS {
+            sums.right[i] += f64::from(score[i]);
+            for j in 0..=i {
+                sums.matrix[i][j] += f64::from(part[i][j]);
+                sums.scores[i][j] += f64::from(score[i]) * f64::from(score[j]);
+            }
+        }
+    }
+    sums
+}
+
+/// Adds a weighted sample to the sums of a block.
+#[inline(always)]
+fn add(part: &mut [Row; UNKNOWNS], score: &mut Row, row: &Row, weight: f32, residual: f32) {
+    for (line, &value) in part.iter_mut().zip(row) {
+        let factor = weight * value;
+        for (sum, &other) in line.iter_mut().zip(row) {
+            *sum += factor * other;
+        }
+    }
+    let factor = weight * residual;
+    for (sum, &value) in score.iter_mut().zip(row) {
+        *sum += factor * value;
+    }
+}
+
+/// The weight of a block, 0 to 1, by the mean of its clipped residuals: a moving object has some samples that fit by
+/// chance, and they would pull.
+fn trust(residuals: &[f32], limit: f32) -> f32 {
+    let (mut sum, mut count) = (0.0, 0);
+    for r in residuals.iter().filter(|r| !r.is_nan()) {
+        sum += (r.abs() / limit).min(1.0);
+        count += 1;
+    }
+    if count == 0 {
+        return 0.0;
+    }
+    // Gaussian noise has a mean of 0.17
+    (1.0 - (sum / count as f32 - 0.3).max(0.0) / 0.4).max(0.0)
+}
+
+/// Solves for light and the first `unknowns` numbers of motion; the others are 0.
+fn solve(
+    matrix: &Matrix,
+    right: &[f64; UNKNOWNS],
+    unknowns: usize,
+) -> Option<[f64; UNKNOWNS]> {
+    fn part<const N: usize>(
+        matrix: &Matrix,
+        right: &[f64; UNKNOWNS],
+    ) -> Option<[f64; UNKNOWNS]> {
+        let small: [[f64; N]; N] = std::array::from_fn(|i| std::array::from_fn(|j| matrix[i][j]));
+        let found = solve_positive(&small, &std::array::from_fn(|i| right[i]))?;
+        let mut all = [0.0; UNKNOWNS];
+        all[..N].copy_from_slice(&found);
+        Some(all)
+    }
+    match unknowns {
+        2 => part::<4>(matrix, right),
+        4 => part::<6>(matrix, right),
+        6 => part::<8>(matrix, right),
+        _ => part::<10>(matrix, right),
+    }
+}
+
+/// The root of the mean variance of the corners' places, in pixels of the level.
+fn corner_sigma(matrix: &Matrix, scores: &Matrix, frame: Frame, unknowns: usize) -> Option<f64> {
+    let mut total = 0.0;
+    for corner in frame.corners() {
+        let (u, v) = (corner.x, corner.y);
+        let along = [
+            [0.0, 0.0, 1.0, 0.0, -v, u, u, v, u * u, u * v],
+            [0.0, 0.0, 0.0, 1.0, u, v, -v, u, u * v, v * v],
+        ];
+        for derivative in along {
+            // unknowns that are not solved for stay out: the solution has zeros there
+            let x = solve(matrix, &derivative, unknowns)?;
+            for i in 0..UNKNOWNS {
+                for j in 0..UNKNOWNS {
+                    total += x[i] * scores[i.max(j)][i.min(j)] * x[j];
+                }
+            }
+        }
+    }
+    Some((0.25 * total).max(0.0).sqrt() * frame.half)
+}
+
+/// Compares block by block what the samples of the template and of the picture look like.
+fn judge(level: &Level, pose: Pose, sigma: f32, corner_sigma: f64, scratch: &Scratch) -> Fit {
+    let floor = MIN_CONTRAST.max(sigma.min(4.0 * MIN_CONTRAST));
+    let mut visible = 0;
+    let mut alike = Vec::with_capacity(level.blocks.len());
+    for block in &level.blocks {
+        let range = block.start..block.end;
+        let pairs = level.values[range.clone()]
+            .iter()
+            .zip(&scratch.residuals[range]);
+        let (mut n, mut sum) = (0, [0.0f32; 5]);
+        for (&t, &r) in pairs.filter(|(_, r)| !r.is_nan()) {
+            let p = t + r;
+            n += 1;
+            for (sum, value) in sum.iter_mut().zip([t, p, t * t, p * p, t * p]) {
+                *sum += value;
+            }
+        }
+        visible += n;
+        let [t, p, tt, pp, tp] = sum.map(|s| s / n.max(1) as f32);
+        let (var_t, var_p) = (tt - t * t, pp - p * p);
+        let textured = n >= MIN_BLOCK_SAMPLES && var_t > floor * floor;
+        alike.push(textured.then(|| {
+            let product = (var_t * var_p.max(1e-9)).sqrt();
+            (tp - t * p) / product >= MIN_CORRELATION
+        }));
+    }
+    let judged = alike.iter().flatten().count();
+    let good = alike.iter().flatten().filter(|&&good| good).count();
+    Fit {
+        pose,
+        share: good as f64 / judged.max(1) as f64,
+        judged: judged as f64 / level.block_count.max(1) as f64,
+        overlap: visible as f64 / level.values.len().max(1) as f64,
+        sigma: f64::from(sigma),
+        corner_sigma,
+        alike,
+    }
+}

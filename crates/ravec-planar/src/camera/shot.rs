@@ -1,0 +1,346 @@
+//! The state of a shot: its key frame, its last frame, and the way from one to the other.
+
+use crate::camera::CameraMotionParams;
+use crate::camera::align::{Fit, Pose, Scratch, align, cost};
+use crate::camera::picture::Picture;
+use crate::camera::search::{best_shift, found_share};
+use crate::camera::template::Template;
+use crate::photos::{MatchParams, match_photos};
+use glam::{DMat3, DVec2};
+use ravec_progress::Progress;
+
+/// The frames since the last cut, as far as they are remembered.
+#[derive(Debug, Clone)]
+pub(super) struct Shot {
+    key: Template,
+    key_from_first: DMat3,
+    /// The last frame that is not plain.
+    picture: Picture,
+    /// Its pose.
+    pose: Pose,
+    /// Poses of the frames before, as they were measured, the last one first.
+    recent: Vec<DMat3>,
+    /// The last motion between frames.
+    motion: DMat3,
+    /// The share of alike blocks when the key frame was new.
+    key_share: f64,
+}
+
+/// The verdict on a frame.
+pub(super) enum Outcome {
+    /// It starts a new shot.
+    Cut(Picture),
+    /// It belongs to the shot.
+    Moved(Moved),
+}
+
+/// The motion at a frame of a shot, in normalized coordinates.
+pub(super) struct Moved {
+    pub frame_from_previous: DMat3,
+    pub frame_from_shot: DMat3,
+    pub share: f64,
+    pub residual: f64,
+    /// In working pixels.
+    pub corner_sigma: f64,
+    pub reliable: bool,
+}
+
+/// Motions of up to this share of the longer side are searched for in each frame, and wider ones if nothing else fits.
+const REACH: f64 = 0.17;
+const WIDE_REACH: f64 = 0.5;
+
+/// Share of alike blocks from which a motion is believed.
+const MIN_SHARE: f64 = 0.35;
+
+/// Share of textured blocks below which a picture says too little.
+const MIN_JUDGED: f64 = 0.04;
+
+/// Standard deviation of the corners, in working pixels, above which a simpler model is taken: that of a shift is more
+/// certain.
+const MAX_CORNER_SIGMA: f64 = 0.3;
+
+/// The same, above which a motion says nothing.
+const MAX_BELIEVED_SIGMA: f64 = 1.5;
+
+/// A key frame is given up if less of it is in view, or if the share of alike blocks falls below this part of what it was.
+const MIN_OVERLAP: f64 = 0.6;
+const KEY_LOSS: f64 = 0.85;
+
+/// A new key frame must be better by this share of blocks, or it is not worth its error.
+const KEY_GAIN: f64 = 0.05;
+
+/// Motions of the corners below three standard deviations, and within these bounds in working pixels, are none.
+const STILL_PX: [f64; 2] = [0.012, 0.06];
+
+/// A frame that rests leaves the key frame only beyond this multiple of the bound, so that it does not flicker.
+const HYSTERESIS: f64 = 1.5;
+
+/// Frames that must agree before a camera that has moved rests.
+const REST_FRAMES: usize = 3;
+
+/// Mean absolute detail of the coarse picture below which it is plain, and the share of that of the last picture.
+const PLAIN: f32 = 0.0015;
+const PLAIN_SHARE: f32 = 0.25;
+
+impl Shot {
+    pub fn new(picture: Picture) -> Self {
+        Self {
+            key: Template::new(&picture),
+            key_from_first: DMat3::IDENTITY,
+            picture,
+            pose: Pose::still(),
+            recent: Vec::new(),
+            motion: DMat3::IDENTITY,
+            key_share: 1.0,
+        }
+    }
+
+    /// Takes the next frame.
+    pub fn advance(
+        &mut self,
+        picture: Picture,
+        params: &CameraMotionParams,
+        scratch: &mut Scratch,
+    ) -> Outcome {
+        let last = self.picture.contrast;
+        if last >= PLAIN && picture.contrast < PLAIN.max(PLAIN_SHARE * last) {
+            return Outcome::Moved(self.unknown(0.0));
+        }
+        let shift = best_shift(&self.picture, &picture, REACH);
+        let unknowns = params.model.unknowns();
+        let starts = [DMat3::IDENTITY, self.motion, shift]
+            .map(|motion| self.start(motion * self.pose.picture_from_template));
+        let mut fit = fit_from(&self.key, &picture, &starts, unknowns, scratch);
+        if !fit.as_ref().is_some_and(|fit| self.fits_key(fit)) {
+            fit = self.renew_key(fit, &picture, shift, unknowns, scratch);
+        }
+        if let Some(fit) = fit.filter(is_believed) {
+            return Outcome::Moved(self.settle(&fit, picture));
+        }
+        if self.is_cut(&picture, params.cut_sensitivity) {
+            return Outcome::Cut(picture);
+        }
+        let moved = self.unknown(0.0);
+        self.take_as_key(picture);
+        Outcome::Moved(moved)
+    }
+
+    fn start(&self, motion: DMat3) -> Pose {
+        Pose {
+            picture_from_template: motion,
+            ..self.pose
+        }
+    }
+
+    fn fits_key(&self, fit: &Fit) -> bool {
+        is_believed(fit) && fit.overlap >= MIN_OVERLAP && fit.share >= KEY_LOSS * self.key_share
+    }
+
+    /// Aligns to the previous frame, and takes it as the key frame if that is better than the alignment to the present one.
+    fn renew_key(
+        &mut self,
+        with_key: Option<Fit>,
+        picture: &Picture,
+        shift: DMat3,
+        unknowns: usize,
+        scratch: &mut Scratch,
+    ) -> Option<Fit> {
+        let template = Template::new(&self.picture);
+        let starts = [DMat3::IDENTITY, self.motion, shift].map(Pose::from_motion);
+        let mut fit = fit_from(&template, picture, &starts, unknowns, scratch);
+        let mut present = with_key.filter(is_believed);
+        if present.is_none() && !fit.as_ref().is_some_and(is_believed) {
+            fit = self.rescue(&template, picture, unknowns, scratch);
+        }
+        let fit = fit.filter(is_believed);
+        let keeps = match (&present, &fit) {
+            (Some(present), Some(fit)) => {
+                present.overlap >= MIN_OVERLAP && fit.share < present.share + KEY_GAIN
+            }
+            (Some(_), None) => true,
+            _ => false,
+        };
+        if keeps {
+            let kept = present.take()?;
+            self.key_share = kept.share;
+            return Some(kept);
+        }
+        let fit = fit?;
+        self.key = template;
+        self.key_from_first = self.pose.picture_from_template * self.key_from_first;
+        self.key_share = fit.share;
+        self.pose = Pose::still();
+        self.recent.clear();
+        Some(fit)
+    }
+
+    /// A fit to the previous frame from a wide search, or from features.
+    fn rescue(
+        &self,
+        template: &Template,
+        picture: &Picture,
+        unknowns: usize,
+        scratch: &mut Scratch,
+    ) -> Option<Fit> {
+        let wide = Pose::from_motion(best_shift(&self.picture, picture, WIDE_REACH));
+        let fit = fit_from(template, picture, &[wide], unknowns, scratch);
+        if fit.as_ref().is_some_and(is_believed) {
+            return fit;
+        }
+        let params = MatchParams {
+            try_tilts: false,
+            refine: false,
+            ..MatchParams::default()
+        };
+        let (before, after) = (&self.picture.levels[0], &picture.levels[0]);
+        let found = match_photos(before, after, &params, &Progress::none()).ok()?;
+        if found.inliers < MIN_MATCHES {
+            return None;
+        }
+        let frame = picture.frame();
+        let pixels_from_normalized =
+            DMat3::from_translation(frame.center) * DMat3::from_scale(DVec2::splat(frame.half));
+        let motion = pixels_from_normalized.inverse()
+            * found.second_from_first.matrix()
+            * pixels_from_normalized;
+        let start = Pose::from_motion(motion * motion.z_axis.z.recip());
+        // features know turns and zooms that the coarse levels would lose
+        let fine = 1.min(template.levels.len() - 1);
+        align(template, picture, start, unknowns, fine, scratch)
+    }
+
+    /// Takes a motion against the key frame that is believed.
+    fn settle(&mut self, fit: &Fit, picture: Picture) -> Moved {
+        let frame = picture.frame();
+        let before = self.pose.picture_from_template;
+        let measured = fit.pose.picture_from_template;
+        let bound = (3.0 * fit.corner_sigma).clamp(STILL_PX[0], STILL_PX[1]);
+        let rests = before == DMat3::IDENTITY;
+        let reach = if rests { HYSTERESIS * bound } else { bound };
+        let mut pose = fit.pose;
+        let mut stops = false;
+        if frame.corner_distance(&measured, &DMat3::IDENTITY) <= reach {
+            pose.picture_from_template = DMat3::IDENTITY;
+        } else {
+            stops = self.recent.len() == REST_FRAMES
+                && self
+                    .recent
+                    .iter()
+                    .all(|other| frame.corner_distance(&measured, other) <= bound);
+        }
+        self.recent.insert(0, measured);
+        self.recent.truncate(REST_FRAMES);
+        if stops {
+            pose.picture_from_template = before;
+        }
+        let now = pose.picture_from_template;
+        let motion = if now == before {
+            DMat3::IDENTITY
+        } else {
+            now * before.inverse()
+        };
+        let moved = Moved {
+            frame_from_previous: motion,
+            frame_from_shot: now * self.key_from_first,
+            share: fit.share,
+            residual: fit.sigma,
+            corner_sigma: fit.corner_sigma,
+            reliable: fit.corner_sigma <= MAX_CORNER_SIGMA,
+        };
+        self.motion = motion;
+        if stops {
+            self.pose = pose;
+            self.take_as_key(picture);
+        } else {
+            self.pose = pose;
+            self.picture = picture;
+        }
+        moved
+    }
+
+    /// Takes a frame as the key frame that stands where the last one does.
+    fn take_as_key(&mut self, picture: Picture) {
+        self.key_from_first = self.pose.picture_from_template * self.key_from_first;
+        self.key = Template::new(&picture);
+        self.key_share = 1.0;
+        self.pose = Pose::still();
+        self.recent.clear();
+        self.motion = DMat3::IDENTITY;
+        self.picture = picture;
+    }
+
+    /// The motion where nothing is known: none.
+    fn unknown(&self, share: f64) -> Moved {
+        Moved {
+            frame_from_previous: DMat3::IDENTITY,
+            frame_from_shot: self.pose.picture_from_template * self.key_from_first,
+            share,
+            residual: 0.0,
+            corner_sigma: f64::INFINITY,
+            reliable: false,
+        }
+    }
+
+    /// True if a frame that no motion explains is another shot.
+    fn is_cut(&self, picture: &Picture, sensitivity: f64) -> bool {
+        let difference = self.picture.histogram_difference(picture);
+        match found_share(&self.picture, picture) {
+            Some(found) => {
+                found < SURE_CUT * sensitivity
+                    || (found < LIKELY_CUT * sensitivity && difference > 0.15 / sensitivity)
+            }
+            // plain pictures: only their colors are left
+            None => difference > 0.2 / sensitivity,
+        }
+    }
+}
+
+/// Matched features that agree, from which they are believed.
+const MIN_MATCHES: usize = 12;
+
+/// Share of the windows that are found again below which a frame is another shot for sure, and below which it is if its
+/// histogram is another one, both at a sensitivity of 1.
+const SURE_CUT: f64 = 0.4;
+const LIKELY_CUT: f64 = 0.7;
+
+fn is_believed(fit: &Fit) -> bool {
+    fit.share >= MIN_SHARE && fit.judged >= MIN_JUDGED && fit.corner_sigma <= MAX_BELIEVED_SIGMA
+}
+
+/// The best alignment: from the start that fits best at the coarsest level, with the most general model that the picture
+/// determines.
+fn fit_from(
+    template: &Template,
+    picture: &Picture,
+    starts: &[Pose],
+    unknowns: usize,
+    scratch: &mut Scratch,
+) -> Option<Fit> {
+    let coarsest = template.levels.len() - 1;
+    let (level, plane) = (&template.levels[coarsest], &picture.levels[coarsest]);
+    if level.values.is_empty() {
+        return None;
+    }
+    let mut best = (f64::INFINITY, starts[0]);
+    for start in starts {
+        let found = cost(level, plane, start, scratch);
+        // a later start must be clearly better
+        if found < 0.97 * best.0 {
+            best = (found, *start);
+        }
+    }
+    let mut last = None;
+    for count in [8, 6, 4, 2] {
+        if count > unknowns {
+            continue;
+        }
+        let fit = align(template, picture, best.1, count, coarsest, scratch);
+        if let Some(fit) = fit {
+            if fit.corner_sigma <= MAX_CORNER_SIGMA {
+                return Some(fit);
+            }
+            last = Some(fit);
+        }
+    }
+    last
+}
