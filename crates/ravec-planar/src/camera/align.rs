@@ -88,6 +88,11 @@ const MIN_BLOCK_SAMPLES: usize = 12;
 /// Deviation of luma below which a block is plain.
 const MIN_CONTRAST: f32 = 0.006;
 
+/// Two motions look different in a block if their difference has at least this part of the energy of the noise, and they are
+/// told apart by at least so many blocks.
+const MIN_CHANGE: f32 = 0.1;
+const MIN_EVIDENCE: usize = 3;
+
 /// Weak prior of a step's deviation, in half diagonals: what nothing determines stays where it is.
 const PRIOR: f64 = 0.3;
 
@@ -97,6 +102,7 @@ pub(super) struct Scratch {
     /// Residuals in luma of the template; NaN out of view.
     residuals: Vec<f32>,
     sorted: Vec<f32>,
+    other: Vec<f32>,
 }
 
 /// The map of normalized coordinates that a vector of unknowns stands for.
@@ -206,6 +212,11 @@ fn residuals(level: &Level, plane: &Plane, pose: &Pose, scratch: &mut Scratch) -
         (top + ty * (low - top) - offset) * inverse_gain - t
     });
     scratch.residuals.extend(found);
+    if level.local_bias {
+        for block in &level.blocks {
+            center(&mut scratch.residuals[block.start..block.end]);
+        }
+    }
     // the median of every other sample is as good
     let stride = (scratch.residuals.len() / 2000).max(1);
     scratch.sorted.clear();
@@ -219,6 +230,87 @@ fn residuals(level: &Level, plane: &Plane, pose: &Pose, scratch: &mut Scratch) -
     let middle = scratch.sorted.len() / 2;
     let (_, median, _) = scratch.sorted.select_nth_unstable_by(middle, f32::total_cmp);
     Some((1.4826 * *median).max(MIN_SIGMA))
+}
+
+/// Subtracts the mean of the residuals in view, those far off clipped.
+fn center(residuals: &mut [f32]) {
+    let mean_of = |value: &dyn Fn(f32) -> f32| {
+        let (mut sum, mut count) = (0.0, 0);
+        for &r in residuals.iter().filter(|r| !r.is_nan()) {
+            sum += value(r);
+            count += 1;
+        }
+        sum / count.max(1) as f32
+    };
+    let mean = mean_of(&|r| r);
+    let reach = 1.5 * mean_of(&|r| (r - mean).abs());
+    let bias = mean + mean_of(&|r| (r - mean).clamp(-reach, reach));
+    for r in residuals.iter_mut() {
+        *r -= bias;
+    }
+}
+
+/// The evidence of a block, for the motion of a fit and against another motion of the same template, −1 to 1: where between the
+/// two the truth lies, seen from the middle.
+fn block_evidence(fitted: &[f32], other: &[f32], limit: f32) -> Option<f32> {
+    let (mut gain, mut square, mut noise, mut count) = (0.0, 0.0, 0.0, 0);
+    for (&f, &o) in fitted.iter().zip(other) {
+        // also skips what is out of view
+        if !(f.abs().min(o.abs()) < limit) {
+            continue;
+        }
+        gain += o * o - f * f;
+        square += (o - f) * (o - f);
+        noise += f * f;
+        count += 1;
+    }
+    let visible = square > MIN_CHANGE * noise.max(count as f32 * MIN_SIGMA * MIN_SIGMA);
+    (count >= MIN_BLOCK_SAMPLES && visible).then(|| (gain / square).clamp(-1.0, 1.0))
+}
+
+/// The mean evidence of the blocks in which two motions look different, −1 to 1, for `fitted` and against `other`; nothing if
+/// there are too few such blocks, so that the motions cannot be told apart.
+///
+/// A block that shows noise e under the right motion shows e − s under the other one, where s is the difference of the two:
+/// (Σ (e − s)² − Σ e²) / Σ s² is 1 but for noise, and −1 if the other one is right. A wrong motion that shadows or compression
+/// feign is one that only weakly textured blocks ask for; here the sharp ones have the same say.
+pub(super) fn evidence(
+    template: &Template,
+    picture: &Picture,
+    fitted: &Pose,
+    other: &Pose,
+    scratch: &mut Scratch,
+) -> Option<Evidence> {
+    let (level, plane) = (&template.levels[0], &picture.levels[0]);
+    let sigma = residuals(level, plane, fitted, scratch)?;
+    let mut best = std::mem::take(&mut scratch.other);
+    best.clone_from(&scratch.residuals);
+    let seen = residuals(level, plane, other, scratch);
+    let (mut sum, mut count) = (0.0, 0);
+    for block in &level.blocks {
+        let range = block.start..block.end;
+        let (fitted, other) = (&best[range.clone()], &scratch.residuals[range]);
+        if let Some(found) = block_evidence(fitted, other, TUKEY * sigma) {
+            sum += f64::from(found);
+            count += 1;
+        }
+    }
+    scratch.other = best;
+    seen?;
+    let enough = count >= MIN_EVIDENCE.max(level.block_count / 50);
+    enough.then(|| Evidence {
+        mean: sum / count as f64,
+        blocks: count,
+    })
+}
+
+/// How much speaks for a motion and against another one.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Evidence {
+    /// The mean over blocks, −1 to 1.
+    pub mean: f64,
+    /// Blocks in which the motions look different.
+    pub blocks: usize,
 }
 
 type Matrix = [[f64; UNKNOWNS]; UNKNOWNS];
@@ -296,6 +388,9 @@ fn accumulate(level: &Level, residuals: &[f32], sigma: f32) -> Sums {
             let weight = trust * bend * bend;
             add(&mut part, &mut score, row, weight, r);
         }
+        if level.local_bias {
+            eliminate_bias(&mut part, &mut score);
+        }
         for i in 0..UNKNOWNS {
             sums.right[i] += f64::from(score[i]);
             for j in 0..=i {
@@ -319,6 +414,21 @@ fn add(part: &mut [Row; UNKNOWNS], score: &mut Row, row: &Row, weight: f32, resi
     let factor = weight * residual;
     for (sum, &value) in score.iter_mut().zip(row) {
         *sum += factor * value;
+    }
+}
+
+/// Takes out of the sums of a block what a bias of its own would explain.
+fn eliminate_bias(part: &mut [Row; UNKNOWNS], score: &mut Row) {
+    let (row, of_bias) = (part[1], score[1]);
+    if row[1] <= 0.0 {
+        return;
+    }
+    for (line, sum) in part.iter_mut().zip(score) {
+        let factor = line[1] / row[1];
+        for (value, other) in line.iter_mut().zip(row) {
+            *value -= factor * other;
+        }
+        *sum -= factor * of_bias;
     }
 }
 

@@ -110,6 +110,9 @@ impl MotionModel {
     }
 }
 
+/// The working picture may be longer than asked for by this factor, so that it is not half as long.
+const LONGER: f64 = 1.25;
+
 /// Parameters of [`CameraMotion`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
@@ -118,7 +121,7 @@ pub struct CameraMotionParams {
     /// not determine it.
     pub model: MotionModel,
     /// The length that the longer side of the working picture should have, in pixels, 32 to 1024 (default 240). The factor
-    /// of reduction is whole, so it comes out up to a third longer or shorter. More sees finer texture and costs by its
+    /// of reduction is whole, so it comes out 0.63 to 1.25 times as long. More sees finer texture and costs by its
     /// square.
     pub working_px: usize,
     /// Readiness to see a cut, 0 to 1 (default 0.5). At 0 there are no cuts but the first frame; more finds cuts between
@@ -205,7 +208,7 @@ impl CameraMotion {
             size.width().max(size.height()),
             size.width().min(size.height()),
         );
-        let factor = (longer as f64 / params.working_px as f64).round() as usize;
+        let factor = (longer as f64 / (LONGER * params.working_px as f64)).ceil() as usize;
         Ok(Self {
             size,
             factor: factor.clamp(1, shorter),

@@ -1,7 +1,7 @@
 //! The state of a shot: its key frame, its last frame, and the way from one to the other.
 
 use crate::camera::CameraMotionParams;
-use crate::camera::align::{Fit, Pose, Scratch, align, cost};
+use crate::camera::align::{Fit, Pose, Scratch, align, cost, evidence};
 use crate::camera::picture::Picture;
 use crate::camera::search::{best_shift, found_share};
 use crate::camera::template::Template;
@@ -18,12 +18,13 @@ pub(super) struct Shot {
     picture: Picture,
     /// Its pose.
     pose: Pose,
-    /// Poses of the frames before, as they were measured, the last one first.
-    recent: Vec<DMat3>,
     /// The last motion between frames.
     motion: DMat3,
-    /// The share of alike blocks when the key frame was new.
+    /// The share of alike blocks when the key frame was new, and the residual.
     key_share: f64,
+    key_sigma: f64,
+    /// Textured blocks of the last frame.
+    textured: f64,
 }
 
 /// The verdict on a frame.
@@ -66,17 +67,28 @@ const MAX_BELIEVED_SIGMA: f64 = 1.5;
 const MIN_OVERLAP: f64 = 0.6;
 const KEY_LOSS: f64 = 0.85;
 
+/// It is given up as well if the residual grows by this factor, and a new key frame is better by as much: depth that a
+/// homography cannot follow adds up with the way of the camera. Residuals below a bound (1 of 255 steps) are noise.
+const KEY_RESIDUAL: f64 = 1.7;
+const MIN_KEY_SIGMA: f64 = 0.004;
+
 /// A new key frame must be better by this share of blocks, or it is not worth its error.
 const KEY_GAIN: f64 = 0.05;
 
-/// Motions of the corners below three standard deviations, and within these bounds in working pixels, are none.
-const STILL_PX: [f64; 2] = [0.012, 0.06];
+/// Corners that move by less, in working pixels, have not moved.
+const STILL_PX: f64 = 0.004;
 
-/// A frame that rests leaves the key frame only beyond this multiple of the bound, so that it does not flicker.
-const HYSTERESIS: f64 = 1.5;
+/// Corners that move by more, in working pixels, have moved: nothing that feigns a motion goes as far.
+const FAR_PX: f64 = 4.0;
 
-/// Frames that must agree before a camera that has moved rests.
-const REST_FRAMES: usize = 3;
+/// Evidence above which a motion is better than a simpler one: a base, and for each unknown the evidence that chance makes in
+/// two and a half blocks; in any case what is sure enough. A foreground of 40 % leaves 0.6 of 1.
+const MIN_EVIDENCE: f64 = 0.05;
+const CHANCE: f64 = 2.5;
+const SURE_EVIDENCE: f64 = 0.6;
+
+/// Blocks that must show the difference for each unknown, unless half of all textured blocks do.
+const BLOCKS_PER_UNKNOWN: f64 = 3.0;
 
 /// Mean absolute detail of the coarse picture below which it is plain, and the share of that of the last picture.
 const PLAIN: f32 = 0.0015;
@@ -89,9 +101,10 @@ impl Shot {
             key_from_first: DMat3::IDENTITY,
             picture,
             pose: Pose::still(),
-            recent: Vec::new(),
             motion: DMat3::IDENTITY,
             key_share: 1.0,
+            key_sigma: f64::INFINITY,
+            textured: 0.0,
         }
     }
 
@@ -115,7 +128,7 @@ impl Shot {
             fit = self.renew_key(fit, &picture, shift, unknowns, scratch);
         }
         if let Some(fit) = fit.filter(is_believed) {
-            return Outcome::Moved(self.settle(&fit, picture));
+            return Outcome::Moved(self.settle(fit, picture, unknowns, scratch));
         }
         if self.is_cut(&picture, params.cut_sensitivity) {
             return Outcome::Cut(picture);
@@ -133,7 +146,10 @@ impl Shot {
     }
 
     fn fits_key(&self, fit: &Fit) -> bool {
-        is_believed(fit) && fit.overlap >= MIN_OVERLAP && fit.share >= KEY_LOSS * self.key_share
+        is_believed(fit)
+            && fit.overlap >= MIN_OVERLAP
+            && fit.share >= KEY_LOSS * self.key_share
+            && fit.sigma <= KEY_RESIDUAL * self.key_sigma.max(MIN_KEY_SIGMA)
     }
 
     /// Aligns to the previous frame, and takes it as the key frame if that is better than the alignment to the present one.
@@ -155,7 +171,9 @@ impl Shot {
         let fit = fit.filter(is_believed);
         let keeps = match (&present, &fit) {
             (Some(present), Some(fit)) => {
-                present.overlap >= MIN_OVERLAP && fit.share < present.share + KEY_GAIN
+                present.overlap >= MIN_OVERLAP
+                    && fit.share < present.share + KEY_GAIN
+                    && fit.sigma > present.sigma / KEY_RESIDUAL
             }
             (Some(_), None) => true,
             _ => false,
@@ -163,14 +181,15 @@ impl Shot {
         if keeps {
             let kept = present.take()?;
             self.key_share = kept.share;
+            self.key_sigma = kept.sigma;
             return Some(kept);
         }
         let fit = fit?;
         self.key = template;
         self.key_from_first = self.pose.picture_from_template * self.key_from_first;
         self.key_share = fit.share;
+        self.key_sigma = fit.sigma;
         self.pose = Pose::still();
-        self.recent.clear();
         Some(fit)
     }
 
@@ -210,52 +229,108 @@ impl Shot {
     }
 
     /// Takes a motion against the key frame that is believed.
-    fn settle(&mut self, fit: &Fit, picture: Picture) -> Moved {
-        let frame = picture.frame();
+    fn settle(
+        &mut self,
+        fit: Fit,
+        picture: Picture,
+        unknowns: usize,
+        scratch: &mut Scratch,
+    ) -> Moved {
         let before = self.pose.picture_from_template;
-        let measured = fit.pose.picture_from_template;
-        let bound = (3.0 * fit.corner_sigma).clamp(STILL_PX[0], STILL_PX[1]);
-        let rests = before == DMat3::IDENTITY;
-        let reach = if rests { HYSTERESIS * bound } else { bound };
-        let mut pose = fit.pose;
-        let mut stops = false;
-        if frame.corner_distance(&measured, &DMat3::IDENTITY) <= reach {
-            pose.picture_from_template = DMat3::IDENTITY;
-        } else {
-            stops = self.recent.len() == REST_FRAMES
-                && self
-                    .recent
-                    .iter()
-                    .all(|other| frame.corner_distance(&measured, other) <= bound);
-        }
-        self.recent.insert(0, measured);
-        self.recent.truncate(REST_FRAMES);
-        if stops {
-            pose.picture_from_template = before;
-        }
-        let now = pose.picture_from_template;
+        self.textured = fit.judged * self.key.levels[0].block_count as f64;
+        let fit = self.simplest(fit, &picture, unknowns, scratch);
+        let now = fit.pose.picture_from_template;
         let motion = if now == before {
             DMat3::IDENTITY
         } else {
             now * before.inverse()
         };
-        let moved = Moved {
+        self.motion = motion;
+        self.pose = fit.pose;
+        self.picture = picture;
+        Moved {
             frame_from_previous: motion,
             frame_from_shot: now * self.key_from_first,
             share: fit.share,
             residual: fit.sigma,
             corner_sigma: fit.corner_sigma,
             reliable: fit.corner_sigma <= MAX_CORNER_SIGMA,
-        };
-        self.motion = motion;
-        if stops {
-            self.pose = pose;
-            self.take_as_key(picture);
-        } else {
-            self.pose = pose;
-            self.picture = picture;
         }
-        moved
+    }
+
+    /// The simplest motion that no more general one beats: that of the last frame, the same and a shift, the same and a turn
+    /// and a zoom as well, or the fit.
+    fn simplest(
+        &self,
+        fit: Fit,
+        picture: &Picture,
+        unknowns: usize,
+        scratch: &mut Scratch,
+    ) -> Fit {
+        let before = Pose {
+            picture_from_template: self.pose.picture_from_template,
+            ..fit.pose
+        };
+        let stays = |pose: Pose, fit: Fit| Fit { pose, ..fit };
+        let distance = self.distance(&before, &fit.pose, picture);
+        if distance <= STILL_PX {
+            return stays(before, fit);
+        }
+        let mut best = stays(before, fit.clone());
+        let mut used = 0;
+        for count in [2, 4] {
+            if count >= unknowns {
+                break;
+            }
+            let simple = align(&self.key, picture, best.pose, count, 0, scratch);
+            if let Some(simple) = simple
+                && self.beats(&simple.pose, &best.pose, count - used, picture, scratch)
+            {
+                best = simple;
+                used = count;
+            }
+        }
+        if self.beats(&fit.pose, &best.pose, unknowns - used, picture, scratch) {
+            best = fit;
+            used = unknowns;
+        }
+        let still = Pose {
+            picture_from_template: DMat3::IDENTITY,
+            ..best.pose
+        };
+        if used > 0 && !self.beats(&best.pose, &still, used, picture, scratch) {
+            return stays(still, best);
+        }
+        best
+    }
+
+    fn distance(&self, a: &Pose, b: &Pose, picture: &Picture) -> f64 {
+        let (a, b) = (&a.picture_from_template, &b.picture_from_template);
+        picture.frame().corner_distance(a, b)
+    }
+
+    /// True if there is evidence that a pose, which has so many `unknowns` more, is better than another one.
+    fn beats(
+        &self,
+        pose: &Pose,
+        other: &Pose,
+        unknowns: usize,
+        picture: &Picture,
+        scratch: &mut Scratch,
+    ) -> bool {
+        let distance = self.distance(pose, other, picture);
+        if distance <= STILL_PX || distance > FAR_PX {
+            return distance > FAR_PX;
+        }
+        let e = evidence(&self.key, picture, pose, other, scratch);
+        if std::env::var("DBG").is_ok() { eprintln!("dof {unknowns} distance {distance:.3} evidence {e:?} of {}", self.key.levels[0].block_count); }
+        let textured = self.textured;
+        e.is_some_and(|found| {
+            // more unknowns explain more of chance
+            let chance = CHANCE * unknowns as f64 / found.blocks as f64;
+            let needed = (BLOCKS_PER_UNKNOWN * unknowns as f64).min(0.5 * textured);
+            found.blocks as f64 >= needed && found.mean > (MIN_EVIDENCE + chance).min(SURE_EVIDENCE)
+        })
     }
 
     /// Takes a frame as the key frame that stands where the last one does.
@@ -263,8 +338,8 @@ impl Shot {
         self.key_from_first = self.pose.picture_from_template * self.key_from_first;
         self.key = Template::new(&picture);
         self.key_share = 1.0;
+        self.key_sigma = f64::INFINITY;
         self.pose = Pose::still();
-        self.recent.clear();
         self.motion = DMat3::IDENTITY;
         self.picture = picture;
     }

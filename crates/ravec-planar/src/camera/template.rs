@@ -54,6 +54,8 @@ pub(super) struct Level {
     pub mean: f32,
     /// Derivatives of the luma by the unknowns.
     pub rows: Vec<Row>,
+    /// True if each block has a bias of its own, at the finest level: shadows and reflections move by themselves.
+    pub local_bias: bool,
     /// Blocks with samples, in reading order.
     pub blocks: Vec<Block>,
     /// Blocks in all.
@@ -71,7 +73,9 @@ impl Template {
         let frame = picture.frame();
         let levels = picture.levels.iter().enumerate().map(|(index, plane)| {
             let blocks = if index == 0 { FINEST } else { COARSER };
-            Level::new(plane, frame.at_level(index), blocks)
+            let mut level = Level::new(plane, frame.at_level(index), blocks);
+            level.local_bias = index == 0;
+            level
         });
         Self {
             levels: levels.collect(),
@@ -88,6 +92,7 @@ impl Level {
             values: Vec::new(),
             mean: 0.0,
             rows: Vec::new(),
+            local_bias: false,
             blocks: Vec::new(),
             block_count: width.div_ceil(grid.side) * height.div_ceil(grid.side),
         };
