@@ -73,8 +73,9 @@ const GAIN: [f64; 2] = [0.3, 3.0];
 /// Steps at a level. Most settle in three.
 const MAX_STEPS: usize = 8;
 
-/// A level has settled when the corners move by less, in pixels of the level.
-const SETTLED_PX: [f64; 2] = [0.004, 0.03];
+/// A level has settled when the corners move by less, in pixels of the level, at the finest level and at others. The next step
+/// would be a fraction of it.
+const SETTLED_PX: [f64; 2] = [0.008, 0.05];
 
 /// A step that moves the corners by more than this share of half the diagonal has diverged.
 const MAX_STEP: f64 = 0.5;
@@ -148,14 +149,11 @@ pub(super) fn align(
         }
         let settled = SETTLED_PX[usize::from(index > 0)];
         for _ in 0..MAX_STEPS {
-            let (moved, _) = step(level, plane, &mut pose, count, scratch)?;
+            let (moved, corner_sigma) = step(level, plane, &mut pose, count, scratch)?;
+            last = Some(corner_sigma);
             if moved * level.frame.half < settled {
                 break;
             }
-        }
-        if index == 0 {
-            let (_, corner_sigma) = step(level, plane, &mut pose, count, scratch)?;
-            last = Some(corner_sigma);
         }
     }
     let corner_sigma = last?;
@@ -332,7 +330,13 @@ fn step(
     scratch: &mut Scratch,
 ) -> Option<(f64, f64)> {
     let sigma = residuals(level, plane, pose, scratch)?;
-    let sums = accumulate(level, &scratch.residuals, sigma);
+    let seen = &scratch.residuals;
+    let sums = match unknowns {
+        2 => accumulate::<4>(level, seen, sigma),
+        4 => accumulate::<6>(level, seen, sigma),
+        6 => accumulate::<8>(level, seen, sigma),
+        _ => accumulate::<UNKNOWNS>(level, seen, sigma),
+    };
     let mut matrix = sums.matrix;
     let prior = (f64::from(sigma) / PRIOR).powi(2);
     for (k, row) in matrix.iter_mut().enumerate() {
@@ -363,8 +367,10 @@ fn step(
     Some((farthest, corner_sigma))
 }
 
-fn accumulate(level: &Level, residuals: &[f32], sigma: f32) -> Sums {
+/// The sums for the first `N` unknowns; of the matrices only the lower triangle is filled.
+fn accumulate<const N: usize>(level: &Level, residuals: &[f32], sigma: f32) -> Sums {
     let limit = TUKEY * sigma;
+    let inverse = limit.recip();
     let mut sums = Sums {
         matrix: [[0.0; UNKNOWNS]; UNKNOWNS],
         right: [0.0; UNKNOWNS],
@@ -376,22 +382,20 @@ fn accumulate(level: &Level, residuals: &[f32], sigma: f32) -> Sums {
         if trust <= 0.0 {
             continue;
         }
-        let mut part: [Row; UNKNOWNS] = [[0.0; 12]; UNKNOWNS];
-        let mut score: Row = [0.0; 12];
+        let mut part: [Row; N] = [[0.0; 12]; N];
+        let mut score: [f32; N] = [0.0; N];
         for (row, &r) in level.rows[range.clone()].iter().zip(&residuals[range]) {
-            let t = r / limit;
+            let t = r * inverse;
             let bend = 1.0 - t * t;
             // also skips what is out of view
-            if !(bend > 0.0) {
-                continue;
+            if bend > 0.0 {
+                add(&mut part, &mut score, row, trust * bend * bend, r);
             }
-            let weight = trust * bend * bend;
-            add(&mut part, &mut score, row, weight, r);
         }
         if level.local_bias {
             eliminate_bias(&mut part, &mut score);
         }
-        for i in 0..UNKNOWNS {
+        for i in 0..N {
             sums.right[i] += f64::from(score[i]);
             for j in 0..=i {
                 sums.matrix[i][j] += f64::from(part[i][j]);
@@ -402,33 +406,38 @@ fn accumulate(level: &Level, residuals: &[f32], sigma: f32) -> Sums {
     sums
 }
 
-/// Adds a weighted sample to the sums of a block.
+/// Adds a weighted sample to the sums of a block: of the matrix the lower triangle, in whole vectors of four.
 #[inline(always)]
-fn add(part: &mut [Row; UNKNOWNS], score: &mut Row, row: &Row, weight: f32, residual: f32) {
-    for (line, &value) in part.iter_mut().zip(row) {
-        let factor = weight * value;
-        for (sum, &other) in line.iter_mut().zip(row) {
-            *sum += factor * other;
+fn add<const N: usize>(
+    part: &mut [Row; N],
+    score: &mut [f32; N],
+    row: &Row,
+    weight: f32,
+    residual: f32,
+) {
+    for i in 0..N {
+        let factor = weight * row[i];
+        for j in 0..(i / 4 + 1) * 4 {
+            part[i][j] += factor * row[j];
         }
-    }
-    let factor = weight * residual;
-    for (sum, &value) in score.iter_mut().zip(row) {
-        *sum += factor * value;
+        score[i] += factor * residual;
     }
 }
 
 /// Takes out of the sums of a block what a bias of its own would explain.
-fn eliminate_bias(part: &mut [Row; UNKNOWNS], score: &mut Row) {
-    let (row, of_bias) = (part[1], score[1]);
-    if row[1] <= 0.0 {
+fn eliminate_bias<const N: usize>(part: &mut [Row; N], score: &mut [f32; N]) {
+    let weight = part[1][1];
+    if weight <= 0.0 {
         return;
     }
-    for (line, sum) in part.iter_mut().zip(score) {
-        let factor = line[1] / row[1];
-        for (value, other) in line.iter_mut().zip(row) {
-            *value -= factor * other;
+    let of_bias = score[1];
+    let column: [f32; N] = std::array::from_fn(|i| if i == 0 { part[1][0] } else { part[i][1] });
+    for i in 0..N {
+        let factor = column[i] / weight;
+        for j in 0..=i {
+            part[i][j] -= factor * column[j];
         }
-        *sum -= factor * of_bias;
+        score[i] -= factor * of_bias;
     }
 }
 

@@ -273,7 +273,9 @@ impl Shot {
         };
         let stays = |pose: Pose, fit: Fit| Fit { pose, ..fit };
         let distance = self.distance(&before, &fit.pose, picture);
-        if distance <= STILL_PX {
+        let alike = distance <= FAR_PX
+            && evidence(&self.key, picture, &fit.pose, &before, scratch).is_none();
+        if distance <= STILL_PX || alike {
             return stays(before, fit);
         }
         let mut best = stays(before, fit.clone());

@@ -21,7 +21,7 @@ const MIN_GRADIENT: f32 = 0.0012;
 /// Samples from everywhere keep a textured foreground from outvoting a plain background.
 const FINEST: Blocks = Blocks {
     side: 16,
-    samples: 72,
+    samples: 48,
 };
 const COARSER: Blocks = Blocks {
     side: 8,
