@@ -57,8 +57,8 @@ pub(super) struct Fit {
     pub sigma: f64,
     /// Standard deviation of the corners, in working pixels.
     pub corner_sigma: f64,
-    /// For each block of the finest template level whether it looks alike; nothing if it is plain or out of view.
-    pub alike: Vec<Option<bool>>,
+    /// The residuals' deviation as a share of that of the luma.
+    pub noise: f64,
 }
 
 /// Tukey's constant: 95 % efficiency with Gaussian noise.
@@ -122,44 +122,62 @@ pub(super) fn increment(step: &[f64; UNKNOWNS]) -> DMat3 {
     ])
 }
 
-/// Aligns `picture` to the levels of `template` from `coarsest` down to the finest, with a motion of `unknowns` (2, 4, 6
-/// or 8) numbers at the fine ones. Nothing if it diverges.
+/// Improves a pose at the levels above the finest, from `coarsest` down, with at most a shift, a turn and a zoom: few pixels
+/// determine few numbers, and the rest changes little from frame to frame. Nothing if it diverges.
+pub(super) fn approach(
+    template: &Template,
+    picture: &Picture,
+    start: Pose,
+    unknowns: usize,
+    scratch: &mut Scratch,
+) -> Option<Pose> {
+    let mut pose = start;
+    for (index, level) in template.levels.iter().enumerate().skip(1).rev() {
+        let plane = &picture.levels[index];
+        if index + 1 == template.levels.len() {
+            for _ in 0..2 {
+                step(level, plane, &mut pose, 2, scratch)?;
+            }
+        }
+        settle(level, plane, &mut pose, unknowns.min(4), SETTLED_PX[1], scratch)?;
+    }
+    Some(pose)
+}
+
+/// Aligns `picture` to the finest level of `template` with a motion of `unknowns` (2, 4, 6 or 8) numbers beyond the start.
+/// Nothing if it diverges.
 pub(super) fn align(
     template: &Template,
     picture: &Picture,
     start: Pose,
     unknowns: usize,
-    coarsest: usize,
     scratch: &mut Scratch,
 ) -> Option<Fit> {
+    let (level, plane) = (&template.levels[0], &picture.levels[0]);
     let mut pose = start;
-    let mut last = None;
-    for (index, level) in template.levels.iter().enumerate().rev() {
-        if index > coarsest {
-            continue;
-        }
-        let plane = &picture.levels[index];
-        // few pixels determine few numbers
-        let allowed = if index >= 2 { 4 } else { 8 };
-        let count = unknowns.min(allowed);
-        if index == coarsest && index > 0 {
-            for _ in 0..2 {
-                step(level, plane, &mut pose, 2, scratch)?;
-            }
-        }
-        let settled = SETTLED_PX[usize::from(index > 0)];
-        for _ in 0..MAX_STEPS {
-            let (moved, corner_sigma) = step(level, plane, &mut pose, count, scratch)?;
-            last = Some(corner_sigma);
-            if moved * level.frame.half < settled {
-                break;
-            }
+    let corner_sigma = settle(level, plane, &mut pose, unknowns, SETTLED_PX[0], scratch)?;
+    let sigma = residuals(level, plane, &pose, scratch)?;
+    Some(judge(level, pose, sigma, corner_sigma, scratch))
+}
+
+/// Steps until the corners move by less than `settled_px`; the standard deviation of the corners.
+fn settle(
+    level: &Level,
+    plane: &Plane,
+    pose: &mut Pose,
+    unknowns: usize,
+    settled_px: f64,
+    scratch: &mut Scratch,
+) -> Option<f64> {
+    let mut corner_sigma = f64::INFINITY;
+    for _ in 0..MAX_STEPS {
+        let (moved, sigma) = step(level, plane, pose, unknowns, scratch)?;
+        corner_sigma = sigma;
+        if moved * level.frame.half < settled_px {
+            break;
         }
     }
-    let corner_sigma = last?;
-    let level = &template.levels[0];
-    let sigma = residuals(level, &picture.levels[0], &pose, scratch)?;
-    Some(judge(level, pose, sigma, corner_sigma, scratch))
+    Some(corner_sigma)
 }
 
 /// How well a pose fits at a level: the mean residual, clipped at 3 deviations of luma, relative to them, 0 to 1.
@@ -505,8 +523,7 @@ fn corner_sigma(matrix: &Matrix, scores: &Matrix, frame: Frame, unknowns: usize)
 /// Compares block by block what the samples of the template and of the picture look like.
 fn judge(level: &Level, pose: Pose, sigma: f32, corner_sigma: f64, scratch: &Scratch) -> Fit {
     let floor = MIN_CONTRAST.max(sigma.min(4.0 * MIN_CONTRAST));
-    let mut visible = 0;
-    let mut alike = Vec::with_capacity(level.blocks.len());
+    let (mut visible, mut judged, mut good) = (0, 0usize, 0usize);
     for block in &level.blocks {
         let range = block.start..block.end;
         let pairs = level.values[range.clone()]
@@ -523,21 +540,21 @@ fn judge(level: &Level, pose: Pose, sigma: f32, corner_sigma: f64, scratch: &Scr
         visible += n;
         let [t, p, tt, pp, tp] = sum.map(|s| s / n.max(1) as f32);
         let (var_t, var_p) = (tt - t * t, pp - p * p);
-        let textured = n >= MIN_BLOCK_SAMPLES && var_t > floor * floor;
-        alike.push(textured.then(|| {
+        if n >= MIN_BLOCK_SAMPLES && var_t > floor * floor {
             let product = (var_t * var_p.max(1e-9)).sqrt();
-            (tp - t * p) / product >= MIN_CORRELATION
-        }));
+            judged += 1;
+            good += usize::from((tp - t * p) / product >= MIN_CORRELATION);
+        }
     }
-    let judged = alike.iter().flatten().count();
-    let good = alike.iter().flatten().filter(|&&good| good).count();
+    let square: f32 = level.values.iter().map(|v| v * v).sum();
+    let contrast = (square / level.values.len().max(1) as f32).sqrt();
     Fit {
         pose,
         share: good as f64 / judged.max(1) as f64,
-        judged: judged as f64 / level.block_count.max(1) as f64,
+        judged: judged as f64 / level.block_count as f64,
         overlap: visible as f64 / level.values.len().max(1) as f64,
         sigma: f64::from(sigma),
         corner_sigma,
-        alike,
+        noise: f64::from(sigma / contrast.max(MIN_SIGMA)),
     }
 }

@@ -1,7 +1,7 @@
 //! The state of a shot: its key frame, its last frame, and the way from one to the other.
 
 use crate::camera::CameraMotionParams;
-use crate::camera::align::{Fit, Pose, Scratch, align, cost, evidence};
+use crate::camera::align::{Fit, Pose, Scratch, align, approach, cost, evidence};
 use crate::camera::picture::Picture;
 use crate::camera::search::{best_shift, found_share};
 use crate::camera::template::Template;
@@ -52,6 +52,10 @@ const WIDE_REACH: f64 = 0.5;
 
 /// Share of alike blocks from which a motion is believed.
 const MIN_SHARE: f64 = 0.35;
+
+/// Share of alike blocks, and residual as a share of the contrast, from which nothing else is compared to see a cut.
+const SURE_SHARE: f64 = 0.6;
+const SURE_NOISE: f64 = 0.3;
 
 /// Share of textured blocks below which a picture says too little.
 const MIN_JUDGED: f64 = 0.04;
@@ -127,11 +131,12 @@ impl Shot {
         if !fit.as_ref().is_some_and(|fit| self.fits_key(fit)) {
             fit = self.renew_key(fit, &picture, shift, unknowns, scratch);
         }
+        let sure = fit.as_ref().is_some_and(is_sure);
+        if !sure && self.is_cut(&picture, params.cut_sensitivity) {
+            return Outcome::Cut(picture);
+        }
         if let Some(fit) = fit.filter(is_believed) {
             return Outcome::Moved(self.settle(fit, picture, unknowns, scratch));
-        }
-        if self.is_cut(&picture, params.cut_sensitivity) {
-            return Outcome::Cut(picture);
         }
         let moved = self.unknown(0.0);
         self.take_as_key(picture);
@@ -223,9 +228,7 @@ impl Shot {
             * found.second_from_first.matrix()
             * pixels_from_normalized;
         let start = Pose::from_motion(motion * motion.z_axis.z.recip());
-        // features know turns and zooms that the coarse levels would lose
-        let fine = 1.min(template.levels.len() - 1);
-        align(template, picture, start, unknowns, fine, scratch)
+        align(template, picture, start, unknowns, scratch)
     }
 
     /// Takes a motion against the key frame that is believed.
@@ -284,7 +287,7 @@ impl Shot {
             if count >= unknowns {
                 break;
             }
-            let simple = align(&self.key, picture, best.pose, count, 0, scratch);
+            let simple = align(&self.key, picture, best.pose, count, scratch);
             if let Some(simple) = simple
                 && self.beats(&simple.pose, &best.pose, count - used, picture, scratch)
             {
@@ -361,14 +364,16 @@ impl Shot {
     /// True if a frame that no motion explains is another shot.
     fn is_cut(&self, picture: &Picture, sensitivity: f64) -> bool {
         let difference = self.picture.histogram_difference(picture);
-        match found_share(&self.picture, picture) {
+        let r = match found_share(&self.picture, picture) {
             Some(found) => {
                 found < SURE_CUT * sensitivity
                     || (found < LIKELY_CUT * sensitivity && difference > 0.15 / sensitivity)
             }
             // plain pictures: only their colors are left
             None => difference > 0.2 / sensitivity,
-        }
+        };
+        if std::env::var("DBG").is_ok() { eprintln!("CUT? {:?} diff {difference}", found_share(&self.picture, picture)); }
+        r
     }
 }
 
@@ -382,6 +387,14 @@ const LIKELY_CUT: f64 = 0.7;
 
 fn is_believed(fit: &Fit) -> bool {
     fit.share >= MIN_SHARE && fit.judged >= MIN_JUDGED && fit.corner_sigma <= MAX_BELIEVED_SIGMA
+}
+
+/// True if a fit leaves no doubt that both pictures show the same scene.
+fn is_sure(fit: &Fit) -> bool {
+    is_believed(fit)
+        && fit.share >= SURE_SHARE
+        && fit.noise <= SURE_NOISE
+        && fit.corner_sigma <= MAX_CORNER_SIGMA
 }
 
 /// The best alignment: from the start that fits best at the coarsest level, with the most general model that the picture
@@ -406,13 +419,13 @@ fn fit_from(
             best = (found, *start);
         }
     }
+    let near = approach(template, picture, best.1, unknowns, scratch).unwrap_or(best.1);
     let mut last = None;
     for count in [8, 6, 4, 2] {
         if count > unknowns {
             continue;
         }
-        let fit = align(template, picture, best.1, count, coarsest, scratch);
-        if let Some(fit) = fit {
+        if let Some(fit) = align(template, picture, near, count, scratch) {
             if fit.corner_sigma <= MAX_CORNER_SIGMA {
                 return Some(fit);
             }
