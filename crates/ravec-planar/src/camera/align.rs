@@ -180,21 +180,26 @@ fn settle(
     Some(corner_sigma)
 }
 
-/// How well a pose fits at a level: the mean residual, clipped at 3 deviations of luma, relative to them, 0 to 1.
+/// How badly a pose fits at a level, 0 to 1: the mean over blocks of the residuals, clipped at the contrast of the block. All
+/// blocks have the same say, or an object of high contrast would outvote a plain background.
 pub(super) fn cost(level: &Level, plane: &Plane, pose: &Pose, scratch: &mut Scratch) -> f64 {
     if residuals(level, plane, pose, scratch).is_none() {
         return 1.0;
     }
-    let square: f32 = level.values.iter().map(|v| v * v).sum();
-    let limit = (square / level.values.len() as f32).sqrt().max(MIN_SIGMA);
-    let (mut sum, mut count) = (0.0, 0);
-    for &r in scratch.residuals.iter().filter(|r| !r.is_nan()) {
-        sum += (r.abs() / limit).min(1.0);
-        count += 1;
+    let mut total = 0.0;
+    for block in &level.blocks {
+        let values = &level.values[block.start..block.end];
+        let residuals = &mut scratch.residuals[block.start..block.end];
+        let n = values.len() as f32;
+        let mean = values.iter().sum::<f32>() / n;
+        let contrast = values.iter().map(|v| (v - mean).abs()).sum::<f32>() / n;
+        center(residuals);
+        let limit = contrast.max(2.0 * MIN_SIGMA).recip();
+        // what is out of view counts as half wrong, or a shift that leaves nothing would be best
+        let clipped = |r: &f32| if r.is_nan() { 0.5 } else { (r.abs() * limit).min(1.0) };
+        total += residuals.iter().map(clipped).sum::<f32>() / n;
     }
-    // what is out of view counts as nearly wrong, or a shift that leaves nothing would be best
-    let hidden = (scratch.residuals.len() - count) as f32;
-    f64::from((sum + 0.4 * hidden) / scratch.residuals.len() as f32)
+    f64::from(total) / level.blocks.len().max(1) as f64
 }
 
 /// Fills the residuals and returns their robust deviation; nothing if too few samples are in view.

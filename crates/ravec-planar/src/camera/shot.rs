@@ -50,8 +50,11 @@ pub(super) struct Moved {
 const REACH: f64 = 0.17;
 const WIDE_REACH: f64 = 0.5;
 
+/// A start that is less plain than another one must have a cost below this part of the other's.
+const CLEARLY: f64 = 0.9;
+
 /// Share of alike blocks from which a motion is believed.
-const MIN_SHARE: f64 = 0.35;
+const MIN_SHARE: f64 = 0.42;
 
 /// Share of alike blocks, and residual as a share of the contrast, from which nothing else is compared to see a cut.
 const SURE_SHARE: f64 = 0.6;
@@ -415,7 +418,7 @@ fn fit_from(
     for start in starts {
         let found = cost(level, plane, start, scratch);
         // a later start must be clearly better
-        if found < 0.97 * best.0 {
+        if found < CLEARLY * best.0 {
             best = (found, *start);
         }
     }
