@@ -77,6 +77,10 @@ const MAX_STEPS: usize = 8;
 /// would be a fraction of it.
 const SETTLED_PX: [f64; 2] = [0.008, 0.05];
 
+/// Residuals up to these count in the first steps from afar, however small the median: where little texture stands before a
+/// plain background, the median knows only noise.
+const FAR_LIMIT: [f32; 2] = [0.06, 0.03];
+
 /// A step that moves the corners by more than this share of half the diagonal has diverged.
 const MAX_STEP: f64 = 0.5;
 
@@ -87,7 +91,7 @@ const MIN_CORRELATION: f32 = 0.65;
 const MIN_BLOCK_SAMPLES: usize = 12;
 
 /// Deviation of luma below which a block is plain.
-const MIN_CONTRAST: f32 = 0.006;
+const MIN_CONTRAST: f32 = 0.008;
 
 /// Two motions look different in a block if their difference has at least this part of the energy of the noise, and they are
 /// told apart by at least so many blocks.
@@ -136,44 +140,47 @@ pub(super) fn approach(
         let plane = &picture.levels[index];
         if index + 1 == template.levels.len() {
             for _ in 0..2 {
-                step(level, plane, &mut pose, 2, scratch)?;
+                step(level, plane, &mut pose, 2, FAR_LIMIT[0], scratch)?;
             }
         }
-        settle(level, plane, &mut pose, unknowns.min(4), SETTLED_PX[1], scratch)?;
+        settle(level, plane, &mut pose, unknowns.min(4), true, scratch)?;
     }
     Some(pose)
 }
 
-/// Aligns `picture` to the finest level of `template` with a motion of `unknowns` (2, 4, 6 or 8) numbers beyond the start.
-/// Nothing if it diverges.
+/// Aligns `picture` to the finest level of `template` with a motion of `unknowns` (2, 4, 6 or 8) numbers beyond the start,
+/// which is `far` if residuals may come from the motion that is still to be found. Nothing if it diverges.
 pub(super) fn align(
     template: &Template,
     picture: &Picture,
     start: Pose,
     unknowns: usize,
+    far: bool,
     scratch: &mut Scratch,
 ) -> Option<Fit> {
     let (level, plane) = (&template.levels[0], &picture.levels[0]);
     let mut pose = start;
-    let corner_sigma = settle(level, plane, &mut pose, unknowns, SETTLED_PX[0], scratch)?;
+    let corner_sigma = settle(level, plane, &mut pose, unknowns, far, scratch)?;
     let sigma = residuals(level, plane, &pose, scratch)?;
     Some(judge(level, pose, sigma, corner_sigma, scratch))
 }
 
-/// Steps until the corners move by less than `settled_px`; the standard deviation of the corners.
+/// Steps until the corners hardly move; the standard deviation of the corners.
 fn settle(
     level: &Level,
     plane: &Plane,
     pose: &mut Pose,
     unknowns: usize,
-    settled_px: f64,
+    far: bool,
     scratch: &mut Scratch,
 ) -> Option<f64> {
+    let settled_px = SETTLED_PX[usize::from(!level.local_bias)];
     let mut corner_sigma = f64::INFINITY;
-    for _ in 0..MAX_STEPS {
-        let (moved, sigma) = step(level, plane, pose, unknowns, scratch)?;
+    for index in 0..MAX_STEPS {
+        let floor = FAR_LIMIT.get(index).filter(|_| far).copied().unwrap_or(0.0);
+        let (moved, sigma) = step(level, plane, pose, unknowns, floor, scratch)?;
         corner_sigma = sigma;
-        if moved * level.frame.half < settled_px {
+        if moved * level.frame.half < settled_px && (!far || index > 0) {
             break;
         }
     }
@@ -350,15 +357,17 @@ fn step(
     plane: &Plane,
     pose: &mut Pose,
     unknowns: usize,
+    min_limit: f32,
     scratch: &mut Scratch,
 ) -> Option<(f64, f64)> {
     let sigma = residuals(level, plane, pose, scratch)?;
+    let limit = (TUKEY * sigma).max(min_limit);
     let seen = &scratch.residuals;
     let sums = match unknowns {
-        2 => accumulate::<4>(level, seen, sigma),
-        4 => accumulate::<6>(level, seen, sigma),
-        6 => accumulate::<8>(level, seen, sigma),
-        _ => accumulate::<UNKNOWNS>(level, seen, sigma),
+        2 => accumulate::<4>(level, seen, limit),
+        4 => accumulate::<6>(level, seen, limit),
+        6 => accumulate::<8>(level, seen, limit),
+        _ => accumulate::<UNKNOWNS>(level, seen, limit),
     };
     let mut matrix = sums.matrix;
     let prior = (f64::from(sigma) / PRIOR).powi(2);
@@ -391,8 +400,7 @@ fn step(
 }
 
 /// The sums for the first `N` unknowns; of the matrices only the lower triangle is filled.
-fn accumulate<const N: usize>(level: &Level, residuals: &[f32], sigma: f32) -> Sums {
-    let limit = TUKEY * sigma;
+fn accumulate<const N: usize>(level: &Level, residuals: &[f32], limit: f32) -> Sums {
     let inverse = limit.recip();
     let mut sums = Sums {
         matrix: [[0.0; UNKNOWNS]; UNKNOWNS],

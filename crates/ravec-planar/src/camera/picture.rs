@@ -15,6 +15,9 @@ const MIN_SIDE_PX: usize = 20;
 /// Deviation of the blur that is subtracted before shifts are compared, in coarse pixels. It takes out light.
 const SURROUND_PX: f64 = 3.0;
 
+/// Luma from which a pixel is white.
+const WHITE: f32 = 0.98;
+
 /// Bins of the histogram.
 const BINS: usize = 32;
 
@@ -27,6 +30,8 @@ pub(super) struct Picture {
     pub detail: Plane,
     /// The mean of the absolute values of `detail`.
     pub contrast: f32,
+    /// The share of white pixels.
+    pub white: f32,
     histogram: [f32; BINS],
 }
 
@@ -47,10 +52,12 @@ impl Picture {
         let sum: f32 = detail.pixels().iter().map(|v| v.abs()).sum();
         let contrast = sum / detail.size().pixels() as f32;
         let histogram = histogram(luma);
+        let white = luma.pixels().iter().filter(|&&v| v >= WHITE).count();
         Self {
             levels,
             detail,
             contrast,
+            white: white as f32 / luma.size().pixels() as f32,
             histogram,
         }
     }

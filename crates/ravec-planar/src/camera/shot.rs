@@ -25,6 +25,8 @@ pub(super) struct Shot {
     key_sigma: f64,
     /// Textured blocks of the last frame.
     textured: f64,
+    /// White frames that were passed over since the last one that was not.
+    flashes: usize,
 }
 
 /// The verdict on a frame.
@@ -79,6 +81,10 @@ const KEY_LOSS: f64 = 0.85;
 const KEY_RESIDUAL: f64 = 1.7;
 const MIN_KEY_SIGMA: f64 = 0.004;
 
+/// Motions against the key frame and against the previous frame whose corners differ by more, in working pixels, are not the
+/// same.
+const SAME_PX: f64 = 3.0;
+
 /// A new key frame must be better by this share of blocks, or it is not worth its error.
 const KEY_GAIN: f64 = 0.05;
 
@@ -97,6 +103,10 @@ const SURE_EVIDENCE: f64 = 0.6;
 /// Blocks that must show the difference for each unknown, unless half of all textured blocks do.
 const BLOCKS_PER_UNKNOWN: f64 = 3.0;
 
+/// A frame that fits nothing and is white in a larger share of pixels by this is a flash; so many in a row are passed over.
+const FLASH: f32 = 0.3;
+const MAX_FLASHES: usize = 4;
+
 /// Mean absolute detail of the coarse picture below which it is plain, and the share of that of the last picture.
 const PLAIN: f32 = 0.0015;
 const PLAIN_SHARE: f32 = 0.25;
@@ -112,6 +122,7 @@ impl Shot {
             key_share: 1.0,
             key_sigma: f64::INFINITY,
             textured: 0.0,
+            flashes: 0,
         }
     }
 
@@ -135,6 +146,11 @@ impl Shot {
             fit = self.renew_key(fit, &picture, shift, unknowns, scratch);
         }
         let sure = fit.as_ref().is_some_and(is_sure);
+        if !sure && self.flashes < MAX_FLASHES && picture.white > FLASH + self.picture.white {
+            self.flashes += 1;
+            return Outcome::Moved(self.unknown(0.0));
+        }
+        self.flashes = 0;
         if !sure && self.is_cut(&picture, params.cut_sensitivity) {
             return Outcome::Cut(picture);
         }
@@ -170,24 +186,26 @@ impl Shot {
         scratch: &mut Scratch,
     ) -> Option<Fit> {
         let template = Template::new(&self.picture);
-        let starts = [DMat3::IDENTITY, self.motion, shift].map(Pose::from_motion);
-        let mut fit = fit_from(&template, picture, &starts, unknowns, scratch);
-        let mut present = with_key.filter(is_believed);
-        if present.is_none() && !fit.as_ref().is_some_and(is_believed) {
-            fit = self.rescue(&template, picture, unknowns, scratch);
-        }
-        let fit = fit.filter(is_believed);
+        let present = with_key.filter(is_believed);
+        let fit = if let Some(present) = &present {
+            self.same_motion(&template, present, picture, unknowns, scratch)
+        } else {
+            let starts = [DMat3::IDENTITY, self.motion, shift].map(Pose::from_motion);
+            fit_from(&template, picture, &starts, unknowns, scratch)
+                .filter(is_believed)
+                .or_else(|| self.rescue(&template, picture, unknowns, scratch))
+                .filter(is_believed)
+        };
         let keeps = match (&present, &fit) {
             (Some(present), Some(fit)) => {
                 present.overlap >= MIN_OVERLAP
                     && fit.share < present.share + KEY_GAIN
                     && fit.sigma > present.sigma / KEY_RESIDUAL
             }
-            (Some(_), None) => true,
-            _ => false,
+            (present, _) => present.is_some(),
         };
         if keeps {
-            let kept = present.take()?;
+            let kept = present?;
             self.key_share = kept.share;
             self.key_sigma = kept.sigma;
             return Some(kept);
@@ -199,6 +217,24 @@ impl Shot {
         self.key_sigma = fit.sigma;
         self.pose = Pose::still();
         Some(fit)
+    }
+
+    /// The fit to the previous frame that has the motion of one to the key frame, and not that of an object which only the
+    /// previous frame shows.
+    fn same_motion(
+        &self,
+        template: &Template,
+        with_key: &Fit,
+        picture: &Picture,
+        unknowns: usize,
+        scratch: &mut Scratch,
+    ) -> Option<Fit> {
+        let before = self.pose.picture_from_template;
+        let motion = with_key.pose.picture_from_template * before.inverse();
+        let start = Pose::from_motion(motion * motion.z_axis.z.recip());
+        align(template, picture, start, unknowns, false, scratch).filter(|fit| {
+            is_believed(fit) && self.distance(&fit.pose, &start, picture) <= SAME_PX
+        })
     }
 
     /// A fit to the previous frame from a wide search, or from features.
@@ -231,7 +267,7 @@ impl Shot {
             * found.second_from_first.matrix()
             * pixels_from_normalized;
         let start = Pose::from_motion(motion * motion.z_axis.z.recip());
-        align(template, picture, start, unknowns, scratch)
+        align(template, picture, start, unknowns, true, scratch)
     }
 
     /// Takes a motion against the key frame that is believed.
@@ -244,6 +280,7 @@ impl Shot {
     ) -> Moved {
         let before = self.pose.picture_from_template;
         self.textured = fit.judged * self.key.levels[0].block_count as f64;
+        if std::env::var("DBG").is_ok() { println!("   fit share {:.3} judged {:.3} sigma {:.4} corner {:.3} overlap {:.2} keyshare {:.3} pose {:?}", fit.share, fit.judged, fit.sigma, fit.corner_sigma, fit.overlap, self.key_share, fit.pose.picture_from_template.z_axis); }
         let fit = self.simplest(fit, &picture, unknowns, scratch);
         let now = fit.pose.picture_from_template;
         let motion = if now == before {
@@ -290,7 +327,7 @@ impl Shot {
             if count >= unknowns {
                 break;
             }
-            let simple = align(&self.key, picture, best.pose, count, scratch);
+            let simple = align(&self.key, picture, best.pose, count, true, scratch);
             if let Some(simple) = simple
                 && self.beats(&simple.pose, &best.pose, count - used, picture, scratch)
             {
@@ -330,10 +367,10 @@ impl Shot {
         if distance <= STILL_PX || distance > FAR_PX {
             return distance > FAR_PX;
         }
-        let e = evidence(&self.key, picture, pose, other, scratch);
-        if std::env::var("DBG").is_ok() { eprintln!("dof {unknowns} distance {distance:.3} evidence {e:?} of {}", self.key.levels[0].block_count); }
+        let found = evidence(&self.key, picture, pose, other, scratch);
+        if std::env::var("DBG").is_ok() { println!("   beats dof {unknowns} dist {distance:.3} {found:?} textured {}", self.textured); }
         let textured = self.textured;
-        e.is_some_and(|found| {
+        found.is_some_and(|found| {
             // more unknowns explain more of chance
             let chance = CHANCE * unknowns as f64 / found.blocks as f64;
             let needed = (BLOCKS_PER_UNKNOWN * unknowns as f64).min(0.5 * textured);
@@ -367,16 +404,14 @@ impl Shot {
     /// True if a frame that no motion explains is another shot.
     fn is_cut(&self, picture: &Picture, sensitivity: f64) -> bool {
         let difference = self.picture.histogram_difference(picture);
-        let r = match found_share(&self.picture, picture) {
+        match found_share(&self.picture, picture) {
             Some(found) => {
                 found < SURE_CUT * sensitivity
                     || (found < LIKELY_CUT * sensitivity && difference > 0.15 / sensitivity)
             }
             // plain pictures: only their colors are left
             None => difference > 0.2 / sensitivity,
-        };
-        if std::env::var("DBG").is_ok() { eprintln!("CUT? {:?} diff {difference}", found_share(&self.picture, picture)); }
-        r
+        }
     }
 }
 
@@ -428,7 +463,7 @@ fn fit_from(
         if count > unknowns {
             continue;
         }
-        if let Some(fit) = align(template, picture, near, count, scratch) {
+        if let Some(fit) = align(template, picture, near, count, false, scratch) {
             if fit.corner_sigma <= MAX_CORNER_SIGMA {
                 return Some(fit);
             }

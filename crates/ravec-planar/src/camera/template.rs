@@ -14,8 +14,8 @@ pub(super) const LIGHT: usize = 2;
 /// A row of derivatives, filled up with zeros to whole vectors.
 pub(super) type Row = [f32; 12];
 
-/// A gradient below this (in luma a pixel, 0.3 of 255 steps) is noise after reduction and blur.
-const MIN_GRADIENT: f32 = 0.0012;
+/// A gradient below this (in luma a pixel, 0.6 of 255 steps) may be noise after reduction and blur.
+const MIN_GRADIENT: f32 = 0.0025;
 
 /// Side of the blocks of the finest and of the other levels, and samples that each of their blocks gives: the steepest.
 /// Samples from everywhere keep a textured foreground from outvoting a plain background.
