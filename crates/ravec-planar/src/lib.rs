@@ -58,6 +58,7 @@
 //! It finds no edges itself: segments for [`propose_planes`] come, for instance, from `line_segments` of `ravec-twocolor`.
 
 mod align;
+pub mod camera;
 mod estimate;
 mod features;
 mod homography;
