@@ -215,11 +215,11 @@ impl Surroundings {
         for y in 0..self.centers.height {
             let row = self.centers.row + y;
             for x in (0..self.centers.width).step_by(lanes) {
-                let count = lanes.min(self.centers.width - x);
-                if self.opaque && self.whole(self.centers.col + x, row, count) {
+                let windows = lanes.min(self.centers.width - x);
+                if self.opaque && self.whole(self.centers.col + x, row, windows) {
                     self.load(simd, &mut opaque, x, y);
                     let found = opaque.best_split(table);
-                    for lane in 0..count {
+                    for lane in 0..windows {
                         let fit = opaque_pixel(table, &found, lane, flat);
                         each(x + lane, y, &centered(fit));
                     }
@@ -228,7 +228,7 @@ impl Surroundings {
                         weighted.get_or_insert_with(|| Batch::<S, WEIGHTED>::new(simd, count));
                     self.load(simd, weighted, x, y);
                     let found = weighted.best_split(table);
-                    for lane in 0..count {
+                    for lane in 0..windows {
                         let fit = weighted_pixel(table, &found, lane, flat);
                         each(x + lane, y, &centered(fit));
                     }
