@@ -407,6 +407,7 @@ mod tests {
             ("ravec-mesh", "zip", false),
             ("ravec-media", "tempfile", false),
             ("ravec-twocolor", "clap", false),
+            ("ravec-offset", "clap", true),
         ] {
             for kind in ["null", r#""build""#] {
                 let verdict = judge(from, &dependency(to, kind, None));

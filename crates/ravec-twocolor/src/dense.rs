@@ -109,8 +109,11 @@ pub fn map_windows<P: Color, Q: Pixel>(
                 region.width,
                 rows,
             );
-            map_strip(level, image, centers, table, flat, &mut |x, y, window| {
-                out[y * centers.width + x] = f(centers.col + x, centers.row + y, window);
+            map_strip(level, image, centers, table, flat, &mut |x, y, windows| {
+                let out = &mut out[y * centers.width + x..];
+                for (i, (out, window)) in out.iter_mut().zip(windows).enumerate() {
+                    *out = f(centers.col + x + i, centers.row + y, window);
+                }
             });
             phase.advance(rows as u64);
             Ok::<(), Cancelled>(())
@@ -118,17 +121,20 @@ pub fn map_windows<P: Color, Q: Pixel>(
     Ok(result)
 }
 
-/// Fits the windows around the pixels of `centers`, and calls `each` with their column and row in the strip.
+/// Receives neighboring windows, with the column and row of the first in the strip.
+type Receiver<'a> = &'a mut dyn FnMut(usize, usize, &[CenteredWindow]);
+
+/// Fits the windows around the pixels of `centers`.
 fn map_strip(
     level: Level,
     image: &dyn LinearRows,
     centers: Rect,
     table: &SplitTable,
     flat: FlatThreshold,
-    each: &mut dyn FnMut(usize, usize, &CenteredWindow),
+    receiver: Receiver<'_>,
 ) {
     dispatch!(level, simd => {
-        Surroundings::read(image, centers, table.side / 2).map(simd, table, flat, each);
+        Surroundings::read(image, centers, table.side / 2).map(simd, table, flat, receiver);
     });
 }
 
@@ -206,33 +212,34 @@ impl Surroundings {
         simd: S,
         table: &SplitTable,
         flat: FlatThreshold,
-        each: &mut dyn FnMut(usize, usize, &CenteredWindow),
+        receiver: Receiver<'_>,
     ) {
         let lanes = Batch::<S, OPAQUE>::LANES;
         let count = table.side * table.side;
         let mut opaque = Batch::<S, OPAQUE>::new(simd, count);
         let mut weighted = None;
+        let empty = centered(TwoColorPixel::flat(Oklab::default(), 0.0, 0.0));
+        let mut fitted = [empty; MAX_LANES];
         for y in 0..self.centers.height {
             let row = self.centers.row + y;
             for x in (0..self.centers.width).step_by(lanes) {
-                let count = lanes.min(self.centers.width - x);
-                if self.opaque && self.whole(self.centers.col + x, row, count) {
+                let fitted = &mut fitted[..lanes.min(self.centers.width - x)];
+                if self.opaque && self.whole(self.centers.col + x, row, fitted.len()) {
                     self.load(simd, &mut opaque, x, y);
                     let found = opaque.best_split(table);
-                    for lane in 0..count {
-                        let fit = opaque_pixel(table, &found, lane, flat);
-                        each(x + lane, y, &centered(fit));
+                    for (lane, window) in fitted.iter_mut().enumerate() {
+                        *window = centered(opaque_pixel(table, &found, lane, flat));
                     }
                 } else {
                     let weighted =
                         weighted.get_or_insert_with(|| Batch::<S, WEIGHTED>::new(simd, count));
                     self.load(simd, weighted, x, y);
                     let found = weighted.best_split(table);
-                    for lane in 0..count {
-                        let fit = weighted_pixel(table, &found, lane, flat);
-                        each(x + lane, y, &centered(fit));
+                    for (lane, window) in fitted.iter_mut().enumerate() {
+                        *window = centered(weighted_pixel(table, &found, lane, flat));
                     }
                 }
+                receiver(x, y, fitted);
             }
         }
     }

@@ -1,12 +1,12 @@
 //! A regular grid of two-color pixels over an image.
 
-use crate::fit::{FlatThreshold, Search, fit_block_column, fit_block_row};
+use crate::fit::{Blocks, FlatThreshold, Search, fit_block_column, fit_block_row};
 use crate::pixel::TwoColorPixel;
 use crate::split_table::MAX_EXACT_SIDE;
 use crate::sweep::MAX_LANES;
 use fearless_simd::Level;
 use ravec_progress::{Cancelled, Progress};
-use ravec_raster::{Color, Image, LinearRows, Oklab, Size};
+use ravec_raster::{Color, Image, Oklab, Size};
 use rayon::prelude::*;
 
 /// Search method for the best line of a block.
@@ -118,7 +118,7 @@ impl TwoColorField {
 
     fn fit_rows(
         level: Level,
-        image: &dyn LinearRows,
+        image: &dyn Blocks,
         params: &FitParams,
         progress: &Progress,
     ) -> Result<Self, FitError> {

@@ -8,7 +8,7 @@ use crate::sweep::{Batch, Found, FoundWeighted, MAX_LANES, OPAQUE, WEIGHTED};
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch};
 use ravec_raster::color::oklab_from_linear;
-use ravec_raster::{LinearRgba, LinearRows, Oklab};
+use ravec_raster::{Color, Image, LinearRgba, LinearRows, Oklab};
 
 /// Below which contrast a block counts as one color.
 ///
@@ -36,12 +36,42 @@ pub(crate) enum Search {
     CoarseToFine,
 }
 
+/// Channels of a pixel of as many blocks as a vector has lanes at most.
+pub(crate) type Lanes = [[f32; MAX_LANES]; OPAQUE];
+
+/// An image from which blocks are read into the lanes of vectors. Fits take a `&dyn Blocks`, so that they are compiled once and
+/// not for each pixel type.
+pub(crate) trait Blocks: LinearRows {
+    /// Reads a row of `blocks` blocks that begins at `(left, row)`, in linear light: each entry of `out` gets one pixel of all of
+    /// them. Returns false, perhaps midway, if a pixel is not opaque.
+    fn read_lanes(&self, row: usize, left: usize, blocks: usize, out: &mut [Lanes]) -> bool;
+}
+
+impl<P: Color> Blocks for Image<P> {
+    fn read_lanes(&self, row: usize, left: usize, blocks: usize, out: &mut [Lanes]) -> bool {
+        let side = out.len();
+        let pixels = &self.row(row)[left..][..blocks * side];
+        for (lane, run) in pixels.chunks_exact(side).enumerate().take(MAX_LANES) {
+            for (slot, &pixel) in out.iter_mut().zip(run) {
+                let [r, g, b, alpha] = pixel.to_linear().0;
+                if P::HAS_ALPHA && alpha < 1.0 {
+                    return false;
+                }
+                slot[0][lane] = r;
+                slot[1][lane] = g;
+                slot[2][lane] = b;
+            }
+        }
+        true
+    }
+}
+
 /// Fits the blocks of block row `block_row`, from left to right.
 ///
 /// `out` holds one entry a block; its length says how many there are.
 pub(crate) fn fit_block_row(
     level: Level,
-    image: &dyn LinearRows,
+    image: &dyn Blocks,
     side: usize,
     search: Search,
     block_row: usize,
@@ -54,7 +84,7 @@ pub(crate) fn fit_block_row(
 #[inline(always)]
 fn fit_row<S: Simd>(
     simd: S,
-    image: &dyn LinearRows,
+    image: &dyn Blocks,
     side: usize,
     search: Search,
     block_row: usize,
@@ -67,15 +97,15 @@ fn fit_row<S: Simd>(
     let whole_rows = top + side <= size.height();
     let whole_blocks = if whole_rows { size.width() / side } else { 0 };
     let mut opaque = Batch::<S, OPAQUE>::new(simd, side * side);
-    let mut run = vec![LinearRgba::default(); lanes * side];
+    let mut row = vec![Lanes::default(); side];
     // most pictures never need it
     let mut weighted = None;
 
     for (batch, out) in out.chunks_mut(lanes).enumerate() {
         let first = batch * lanes;
         let is_whole = first + out.len() <= whole_blocks;
-        let run = &mut run[..out.len() * side];
-        if is_whole && gather_opaque(&mut opaque, image, side, [first * side, top], run) {
+        let corner = [first * side, top];
+        if is_whole && gather_opaque(simd, &mut opaque, image, corner, out.len(), &mut row) {
             to_oklab(&mut opaque);
             match search {
                 Search::Exact => {
@@ -111,7 +141,7 @@ fn fit_row<S: Simd>(
 /// Together they fill the vectors, which a column that the image's border clips would leave nearly empty row by row.
 pub(crate) fn fit_block_column(
     level: Level,
-    image: &dyn LinearRows,
+    image: &dyn Blocks,
     side: usize,
     search: Search,
     first: [usize; 2],
@@ -124,7 +154,7 @@ pub(crate) fn fit_block_column(
 #[inline(always)]
 fn fit_column<S: Simd>(
     simd: S,
-    image: &dyn LinearRows,
+    image: &dyn Blocks,
     side: usize,
     search: Search,
     [block_col, first_row]: [usize; 2],
@@ -166,30 +196,24 @@ fn fit_weighted<S: Simd>(
     }
 }
 
-/// Puts linear light into the lanes, of as many blocks from `(left, top)` on as `run` has pixels for. Returns false, perhaps
-/// midway, if a pixel is not opaque or not a number. `run` is memory for a row of them.
+/// Puts linear light of blocks from `(left, top)` on into the lanes. Returns false, perhaps midway, if a pixel is not opaque or
+/// not a number. `row` is memory for a row of their pixels.
 #[inline(always)]
 fn gather_opaque<S: Simd>(
+    simd: S,
     batch: &mut Batch<S, OPAQUE>,
-    image: &dyn LinearRows,
-    side: usize,
+    image: &dyn Blocks,
     [left, top]: [usize; 2],
-    run: &mut [LinearRgba],
+    blocks: usize,
+    row: &mut [Lanes],
 ) -> bool {
-    let blocks = run.len() / side;
-    let has_alpha = image.has_alpha();
-    for dy in 0..side {
-        image.read_linear(top + dy, left, run);
-        if has_alpha && run.iter().any(|pixel| pixel.alpha() < 1.0) {
+    for (dy, pixels) in batch.pixels.chunks_exact_mut(row.len()).enumerate() {
+        if !image.read_lanes(top + dy, left, blocks, row) {
             return false;
         }
-        let pixels = &mut batch.pixels[dy * side..][..side];
-        for (lane, run) in run.chunks_exact(side).enumerate() {
-            for (slot, pixel) in pixels.iter_mut().zip(run) {
-                let [r, g, b, _] = pixel.0;
-                slot[0][lane] = r;
-                slot[1][lane] = g;
-                slot[2][lane] = b;
+        for (slot, pixel) in pixels.iter_mut().zip(&*row) {
+            for (channel, lanes) in slot.iter_mut().zip(pixel) {
+                *channel = S::f32s::from_slice(simd, &lanes[..S::f32s::LEN]);
             }
         }
     }
@@ -222,7 +246,7 @@ fn to_oklab<S: Simd>(batch: &mut Batch<S, OPAQUE>) {
 fn gather_weighted<S: Simd>(
     simd: S,
     batch: &mut Batch<S, WEIGHTED>,
-    image: &dyn LinearRows,
+    image: &dyn Blocks,
     side: usize,
     blocks: usize,
     corner: impl Fn(usize) -> (usize, usize),

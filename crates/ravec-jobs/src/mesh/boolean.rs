@@ -161,7 +161,7 @@ impl Operation for Boolean {
     /// all others) and `symmetric-difference`, over all files in their order. Files without a name are called a, b, c and so on. A
     /// file that the expression does not name is not read; a warning says so.
     ///
-    /// Where files name different units, meshes are scaled to that of the first. Colors of the vertices of PLY files follow into a
+    /// If files name different units, meshes are scaled to that of the first. Colors of the vertices of PLY files follow into a
     /// PLY file: between the corners of a triangle they are mixed, and vertices where meshes meet take that of one of them. Texture
     /// coordinates of OBJ and glTF files follow into one of these: each piece of a triangle shows what was there.
     ///

@@ -288,6 +288,7 @@ mod tests {
         let report = checked(&mesh, &Params::default());
         assert_eq!((report.passed, names(&report)), (Some(true), vec![]));
         assert_eq!(report.figures["genus"], 1.0);
+        assert_eq!(report.details.unwrap()["components"], 1);
         let (positions, mut triangles) = mesh.into_parts();
         for t in &mut triangles {
             t.swap(0, 1);

@@ -367,6 +367,72 @@ mod tests {
         assert!(!report.figures.contains_key("largest_rounding"));
     }
 
+    /// The names on the command line, which must be those in data.
+    #[cfg(feature = "cli")]
+    fn spelled<T: clap::ValueEnum + Serialize>() -> Vec<String> {
+        let named = |value: &T| {
+            let value = value.to_possible_value().unwrap();
+            value.get_name().to_owned()
+        };
+        let names: Vec<_> = T::value_variants().iter().map(named).collect();
+        let data: Vec<_> = T::value_variants()
+            .iter()
+            .map(|value| serde_json::json!(value))
+            .collect();
+        assert_eq!(serde_json::json!(names), serde_json::json!(data));
+        names
+    }
+
+    #[test]
+    #[cfg(feature = "cli")]
+    fn choices_are_spelled_alike_in_data_and_on_the_command_line() {
+        assert_eq!(
+            spelled::<MeshFormat>(),
+            [
+                "stl",
+                "stl-ascii",
+                "ply",
+                "ply-ascii",
+                "obj",
+                "off",
+                "3mf",
+                "glb",
+                "gltf"
+            ]
+        );
+        assert_eq!(
+            spelled::<LengthUnit>(),
+            [
+                "micron",
+                "millimeter",
+                "centimeter",
+                "inch",
+                "foot",
+                "meter"
+            ]
+        );
+        assert_eq!(spelled::<Precision>(), ["exact", "single"]);
+        assert_eq!(spelled::<ravec::mesh_render::UpAxis>(), ["y", "z"]);
+        assert_eq!(
+            spelled::<ravec::boolean::Inside>(),
+            ["positive", "nonzero", "outer-hull"]
+        );
+        assert_eq!(
+            spelled::<ravec::offset::Side>(),
+            ["both", "outer", "inner", "shell"]
+        );
+        assert_eq!(spelled::<ravec::offset::OpenRule>(), ["refuse", "thicken"]);
+        assert_eq!(
+            spelled::<ravec::retarget::Borders>(),
+            ["slide", "symmetric", "free"]
+        );
+        assert_eq!(spelled::<ravec::mosaic::Crop>(), ["never", "center"]);
+        for (alias, unit) in [("um", LengthUnit::Micron), ("in", LengthUnit::Inch)] {
+            let parsed: Result<LengthUnit, _> = clap::ValueEnum::from_str(alias, false);
+            assert_eq!(parsed, Ok(unit));
+        }
+    }
+
     #[test]
     fn text_forms_are_written_where_there_are_any() {
         let ascii = Params {

@@ -322,6 +322,7 @@ mod tests {
         let (mesh, report) = simplified(&sheet(1.0, 1.0, 5, 5).mesh, &params);
         assert!(mesh.triangles().len() > 4);
         assert_eq!(report.figures["target_reached"], 0.0);
+        assert!(report.details.unwrap()["vetoes"]["features"].as_u64() > Some(0));
         assert!(
             report.warnings[0].contains("`feature_angle`"),
             "{:?}",

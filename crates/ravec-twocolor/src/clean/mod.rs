@@ -10,7 +10,7 @@
 //! 4. per side and channel: how much of the residual stands out of the noise,
 //! 5. estimate, weighted by the inverse of its expected variance.
 //!
-//! Where the picture was compressed in blocks, the strength follows from the quantization steps that it still shows, and the
+//! If the picture was compressed in blocks, the strength follows from the quantization steps that it still shows, and the
 //! result keeps to what they allow (see [`compression`]).
 //!
 //! Source: dissertation, chapter 3 (averaging overlapping windows, weighted by fit). We differ in the model of a side:

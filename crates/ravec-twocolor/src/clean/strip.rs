@@ -147,7 +147,7 @@ impl Strip {
         (y * self.stride + phase) * self.phase_len + i
     }
 
-    /// Where pixel `(dx, dy)` of the window `(i, j)` and its right neighbors begins in each plane.
+    /// Index in each plane at which pixel `(dx, dy)` of the window `(i, j)` and its right neighbors begins.
     #[inline(always)]
     pub fn run(&self, [i, j]: [usize; 2], dx: usize, dy: usize) -> usize {
         self.entry(dx % self.stride, j * self.stride + dy, i + dx / self.stride)

@@ -98,6 +98,14 @@ fn a_box_grows_by_the_distance_within_the_tolerance_and_the_report_proves_it() {
     ] {
         assert_eq!(report.figures[figure], value, "{figure}");
     }
+    let details = report.details.as_ref().unwrap();
+    for (field, figure) in [
+        ("extracted_triangles", "extracted_triangles"),
+        ("rounds", "mending_rounds"),
+        ("least_distance", "distance_least"),
+    ] {
+        assert_eq!(details[field].as_f64(), Some(report.figures[figure]));
+    }
     let [least, found, most] =
         ["least", "most_found", "most"].map(|name| report.figures[&*format!("distance_{name}")]);
     assert!(0.48 <= least && least <= found && found <= most && most <= 0.52);
