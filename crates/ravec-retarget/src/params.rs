@@ -70,6 +70,20 @@ impl Default for RetargetParams {
     }
 }
 
+/// Refuses the value of a field that is not within its range: field, value, least, most, and the range in words.
+pub(crate) fn check_range(
+    (field, value, low, high, range): (&'static str, f64, f64, f64, &'static str),
+) -> Result<(), RetargetError> {
+    if (low..=high).contains(&value) {
+        return Ok(());
+    }
+    Err(RetargetError::Parameter {
+        field,
+        value,
+        range,
+    })
+}
+
 impl RetargetParams {
     /// Checks every range.
     ///
@@ -84,20 +98,11 @@ impl RetargetParams {
             ("object_scale", self.object_scale, 0.25, 4.0, "0.25 to 4"),
             ("max_crop", self.max_crop, 0.0, 0.5, "0 to 0.5"),
         ];
-        for (field, value, low, high, range) in ranges {
-            if !(low..=high).contains(&value) {
-                return Err(RetargetError::Parameter {
-                    field,
-                    value,
-                    range,
-                });
-            }
-        }
-        Ok(())
+        ranges.into_iter().try_for_each(check_range)
     }
 }
 
-/// Why a picture was not retargeted.
+/// Why a picture or a clip was not retargeted.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RetargetError {
@@ -142,6 +147,27 @@ pub enum RetargetError {
         got: Size,
         /// The size of the analyzed picture.
         analyzed: Size,
+    },
+    /// A clip needs at least one target size, and a frame has only those of its clip.
+    #[error("there is no such target size: name at least one")]
+    NoTarget,
+    /// All frames of a clip have one size.
+    #[error("frame {frame} has {got} pixels, but the clip has {clip}")]
+    FrameSize {
+        /// Number of the frame, from 0.
+        frame: usize,
+        /// Its size.
+        got: Size,
+        /// The size of the clip.
+        clip: Size,
+    },
+    /// The motion of the camera is not a motion.
+    #[error(
+        "the motion of the camera before frame {frame} is no homography that keeps the frame in view: give the identity where the motion is unknown"
+    )]
+    Motion {
+        /// Number of the frame, from 0.
+        frame: usize,
     },
     /// The system could not be factored, which only numbers out of all proportion can cause.
     #[error("the deformation cannot be computed: lower the strengths")]
