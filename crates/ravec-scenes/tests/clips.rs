@@ -238,11 +238,8 @@ fn offset_of(plate: &Image<LinearRgb>, line: &Line, along: f64) -> Option<f64> {
 
 #[test]
 fn lines_are_drawn_where_the_homography_says() {
-    for (id, frames, least) in [
-        (ClipId::StillDisc, 2, 3),
-        (ClipId::PanStreet, 25, 3),
-        (ClipId::HandheldWall, 25, 3),
-    ] {
+    // skies are even enough to measure on: a still camera, and one in a hand
+    for (id, frames, least) in [(ClipId::StillDisc, 2, 3), (ClipId::Cuts, 45, 3)] {
         let clip = clip(id, size(400, 225), frames, Seed(4));
         let mut measured = 0;
         for index in (0..frames).step_by(3) {
