@@ -1,4 +1,4 @@
-//! Procedural pictures and meshes with known truth, for tests, benchmarks and demonstrations.
+//! Procedural pictures, clips and meshes with known truth, for tests, benchmarks and demonstrations.
 //!
 //! A method is judged by pictures whose answer is known beforehand. Here pictures are drawn from formulas: the position
 //! of an edge, the homography of a wall or the outline of a disc is an input, so that truth never comes from code that

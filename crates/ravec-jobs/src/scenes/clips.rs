@@ -7,7 +7,7 @@ use crate::files;
 use crate::report::Report;
 use ravec::progress::Phase;
 use ravec::raster::{Image, Srgb};
-use ravec_media::{Picture, WriteOptions};
+use ravec_media::Picture;
 use ravec_scenes::Seed;
 use ravec_scenes::clip::{Clip, ClipId, Frame, clip};
 use std::io;

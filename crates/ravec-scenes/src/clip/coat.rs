@@ -7,6 +7,9 @@ use crate::texture::{fractal, smoothstep};
 use glam::{DVec2, Vec3};
 
 /// A surface; positions and lengths are those of the shape's own coordinates.
+///
+/// Pixels at the border of a shape ask for the color at their middle, which may lie outside of it: there the color is about
+/// that of the nearest place on the shape.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Coat {
     /// One color.
@@ -36,7 +39,7 @@ impl Coat {
         match *self {
             Self::Flat(color) => color,
             Self::Ball { color, radius } => {
-                let q = p / radius;
+                let q = (p / radius).clamp_length_max(1.0);
                 let height = (1.0 - q.length_squared()).max(0.0).sqrt();
                 let facing = (-0.45 * q.x - 0.55 * q.y + 0.70 * height).max(0.0);
                 let gloss = smoothstep(0.30, 0.05, q.distance(DVec2::new(-0.36, -0.42)));
@@ -54,13 +57,13 @@ impl Coat {
                 let other = colors[(panel + across) as usize % 3];
                 let share = (0.5 - border / footprint.max(1e-9)).clamp(0.0, 0.5);
                 let cap = above(0.16 * radius, reach, footprint);
-                let shade = 1.0 - 0.35 * (reach / radius).powi(3);
+                let shade = 1.0 - 0.35 * (reach / radius).min(1.0).powi(3);
                 own.lerp(other, share as f32)
                     .lerp(hex(0xf2efe6), cap as f32)
                     * shade as f32
             }
             Self::Paint { color, half_width } => {
-                let t = p.y / half_width;
+                let t = (p.y / half_width).clamp(-1.0, 1.0);
                 let crown = 1.0 - 0.42 * t * t;
                 let gloss = smoothstep(0.22, 0.0, (t + 0.45).abs());
                 (color * crown as f32).lerp(Vec3::splat(0.85), 0.16 * gloss as f32)
@@ -158,7 +161,8 @@ mod tests {
         for coat in &coats {
             for i in 0..900 {
                 let p = DVec2::new(f64::from(i % 30) - 15.0, f64::from(i / 30) - 15.0);
-                for footprint in [0.1, 1.0, 30.0] {
+                // a small shape within a large pixel is asked far outside
+                for (footprint, p) in [(0.1, p), (1.0, p), (30.0, p), (300.0, 20.0 * p)] {
                     let color = coat.color(p, footprint);
                     assert!(
                         color.is_finite()
