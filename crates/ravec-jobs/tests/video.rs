@@ -21,7 +21,11 @@ fn size() -> Size {
 /// A gray step that moves; its value is the number of the frame.
 fn picture(at: u64) -> Image<Srgb<u8>> {
     Image::from_fn(size(), |col, row| {
-        let value = if col as u64 > at % 24 { 200 } else { (at % 250) as u8 };
+        let value = if col as u64 > at % 24 {
+            200
+        } else {
+            (at % 250) as u8
+        };
         Srgb([value, value, row as u8])
     })
 }
@@ -185,10 +189,22 @@ fn single_frames_are_written_under_their_numbers() {
         at: frame.to_vec(),
         ..frames::Params::default()
     };
-    assert_eq!(run("still.png", at(&[7])).unwrap().result.unwrap()[0]["frame"], 7);
-    assert_eq!(run("still.png", at(&[7, 8])).unwrap_err().kind(), ErrorKind::Request);
-    assert_eq!(run("still.png", at(&[])).unwrap_err().kind(), ErrorKind::Request);
-    assert_eq!(run("still.png", at(&[12])).unwrap_err().kind(), ErrorKind::Input);
+    assert_eq!(
+        run("still.png", at(&[7])).unwrap().result.unwrap()[0]["frame"],
+        7
+    );
+    assert_eq!(
+        run("still.png", at(&[7, 8])).unwrap_err().kind(),
+        ErrorKind::Request
+    );
+    assert_eq!(
+        run("still.png", at(&[])).unwrap_err().kind(),
+        ErrorKind::Request
+    );
+    assert_eq!(
+        run("still.png", at(&[12])).unwrap_err().kind(),
+        ErrorKind::Input
+    );
 }
 
 #[test]
@@ -212,7 +228,11 @@ fn the_description_has_what_the_file_states_and_what_was_counted() {
 fn an_interrupted_run_goes_on_with_the_same_bytes() {
     let folder = tempfile::tempdir().unwrap();
     let source = folder.path().join("clip.y4m");
-    write_clip(&source, (0..CHUNK_FRAMES as i64 * 2 + 9).map(|at| (at, 1)), 25);
+    write_clip(
+        &source,
+        (0..CHUNK_FRAMES as i64 * 2 + 9).map(|at| (at, 1)),
+        25,
+    );
     let whole = folder.path().join("whole.y4m");
     let params = |resume| {
         let mut params = convert::Params {
@@ -233,7 +253,14 @@ fn an_interrupted_run_goes_on_with_the_same_bytes() {
         assert!(std::fs::read(&output).unwrap() == std::fs::read(&whole).unwrap());
     }
     let left = std::fs::read_dir(folder.path()).unwrap();
-    let hidden = left.filter(|entry| entry.as_ref().unwrap().file_name().to_string_lossy().starts_with('.'));
+    let hidden = left.filter(|entry| {
+        entry
+            .as_ref()
+            .unwrap()
+            .file_name()
+            .to_string_lossy()
+            .starts_with('.')
+    });
     assert_eq!(hidden.count(), 0);
 }
 
