@@ -25,6 +25,8 @@ pub(super) struct Shot {
     key_sigma: f64,
     /// Textured blocks of the last frame.
     textured: f64,
+    /// Frames since a new key frame was last tried.
+    waited: usize,
     /// White frames that were passed over since the last one that was not.
     flashes: usize,
 }
@@ -81,6 +83,11 @@ const KEY_LOSS: f64 = 0.85;
 const KEY_RESIDUAL: f64 = 1.7;
 const MIN_KEY_SIGMA: f64 = 0.004;
 
+/// While the share of alike blocks is below this, a new key frame is tried every so many frames: what hid the background in the
+/// present one may have gone.
+const POOR_SHARE: f64 = 0.75;
+const PATIENCE: usize = 6;
+
 /// Motions against the key frame and against the previous frame whose corners differ by more, in working pixels, are not the
 /// same.
 const SAME_PX: f64 = 3.0;
@@ -122,6 +129,7 @@ impl Shot {
             key_share: 1.0,
             key_sigma: f64::INFINITY,
             textured: 0.0,
+            waited: 0,
             flashes: 0,
         }
     }
@@ -142,7 +150,9 @@ impl Shot {
         let starts = [DMat3::IDENTITY, self.motion, shift]
             .map(|motion| self.start(motion * self.pose.picture_from_template));
         let mut fit = fit_from(&self.key, &picture, &starts, unknowns, scratch);
+        self.waited += 1;
         if !fit.as_ref().is_some_and(|fit| self.fits_key(fit)) {
+            self.waited = 0;
             fit = self.renew_key(fit, &picture, shift, unknowns, scratch);
         }
         let sure = fit.as_ref().is_some_and(is_sure);
@@ -174,6 +184,7 @@ impl Shot {
             && fit.overlap >= MIN_OVERLAP
             && fit.share >= KEY_LOSS * self.key_share
             && fit.sigma <= KEY_RESIDUAL * self.key_sigma.max(MIN_KEY_SIGMA)
+            && (fit.share >= POOR_SHARE || self.waited < PATIENCE)
     }
 
     /// Aligns to the previous frame, and takes it as the key frame if that is better than the alignment to the present one.
@@ -280,7 +291,6 @@ impl Shot {
     ) -> Moved {
         let before = self.pose.picture_from_template;
         self.textured = fit.judged * self.key.levels[0].block_count as f64;
-        if std::env::var("DBG").is_ok() { println!("   fit share {:.3} judged {:.3} sigma {:.4} corner {:.3} overlap {:.2} keyshare {:.3} pose {:?}", fit.share, fit.judged, fit.sigma, fit.corner_sigma, fit.overlap, self.key_share, fit.pose.picture_from_template.z_axis); }
         let fit = self.simplest(fit, &picture, unknowns, scratch);
         let now = fit.pose.picture_from_template;
         let motion = if now == before {
@@ -368,7 +378,6 @@ impl Shot {
             return distance > FAR_PX;
         }
         let found = evidence(&self.key, picture, pose, other, scratch);
-        if std::env::var("DBG").is_ok() { println!("   beats dof {unknowns} dist {distance:.3} {found:?} textured {}", self.textured); }
         let textured = self.textured;
         found.is_some_and(|found| {
             // more unknowns explain more of chance
