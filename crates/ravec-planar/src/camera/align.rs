@@ -207,7 +207,13 @@ pub(super) fn cost(level: &Level, plane: &Plane, pose: &Pose, scratch: &mut Scra
         center(residuals);
         let limit = contrast.max(2.0 * MIN_SIGMA).recip();
         // what is out of view counts as half wrong, or a shift that leaves nothing would be best
-        let clipped = |r: &f32| if r.is_nan() { 0.5 } else { (r.abs() * limit).min(1.0) };
+        let clipped = |r: &f32| {
+            if r.is_nan() {
+                0.5
+            } else {
+                (r.abs() * limit).min(1.0)
+            }
+        };
         total += residuals.iter().map(clipped).sum::<f32>() / n;
     }
     f64::from(total) / level.blocks.len().max(1) as f64
@@ -498,15 +504,8 @@ fn trust(residuals: &[f32], limit: f32) -> f32 {
 }
 
 /// Solves for light and the first `unknowns` numbers of motion; the others are 0.
-fn solve(
-    matrix: &Matrix,
-    right: &[f64; UNKNOWNS],
-    unknowns: usize,
-) -> Option<[f64; UNKNOWNS]> {
-    fn part<const N: usize>(
-        matrix: &Matrix,
-        right: &[f64; UNKNOWNS],
-    ) -> Option<[f64; UNKNOWNS]> {
+fn solve(matrix: &Matrix, right: &[f64; UNKNOWNS], unknowns: usize) -> Option<[f64; UNKNOWNS]> {
+    fn part<const N: usize>(matrix: &Matrix, right: &[f64; UNKNOWNS]) -> Option<[f64; UNKNOWNS]> {
         let small: [[f64; N]; N] = std::array::from_fn(|i| std::array::from_fn(|j| matrix[i][j]));
         let found = solve_positive(&small, &std::array::from_fn(|i| right[i]))?;
         let mut all = [0.0; UNKNOWNS];

@@ -98,14 +98,14 @@ const KEY_GAIN: f64 = 0.05;
 /// Corners that move by less, in working pixels, have not moved.
 const STILL_PX: f64 = 0.004;
 
-/// Corners that move by more, in working pixels, have moved: nothing that feigns a motion goes as far.
-const FAR_PX: f64 = 4.0;
-
 /// Evidence above which a motion is better than a simpler one: a base, and for each unknown the evidence that chance makes in
 /// two and a half blocks; in any case what is sure enough. A foreground of 40 % leaves 0.6 of 1.
 const MIN_EVIDENCE: f64 = 0.05;
 const CHANCE: f64 = 2.5;
 const SURE_EVIDENCE: f64 = 0.6;
+
+/// Part of a motion that was measured, but for which there is no evidence, which counts as the deviation of none.
+const DOUBT: f64 = 0.25;
 
 /// Blocks that must show the difference for each unknown, unless half of all textured blocks do.
 const BLOCKS_PER_UNKNOWN: f64 = 3.0;
@@ -117,6 +117,14 @@ const MAX_FLASHES: usize = 4;
 /// Mean absolute detail of the coarse picture below which it is plain, and the share of that of the last picture.
 const PLAIN: f32 = 0.0015;
 const PLAIN_SHARE: f32 = 0.25;
+
+/// Matched features that agree, from which they are believed.
+const MIN_MATCHES: usize = 12;
+
+/// Share of the windows that are found again below which a frame is another shot for sure, and below which it is if its
+/// histogram is another one, both at a sensitivity of 1.
+const SURE_CUT: f64 = 0.4;
+const LIKELY_CUT: f64 = 0.7;
 
 impl Shot {
     pub fn new(picture: Picture) -> Self {
@@ -243,9 +251,8 @@ impl Shot {
         let before = self.pose.picture_from_template;
         let motion = with_key.pose.picture_from_template * before.inverse();
         let start = Pose::from_motion(motion * motion.z_axis.z.recip());
-        align(template, picture, start, unknowns, false, scratch).filter(|fit| {
-            is_believed(fit) && self.distance(&fit.pose, &start, picture) <= SAME_PX
-        })
+        align(template, picture, start, unknowns, false, scratch)
+            .filter(|fit| is_believed(fit) && self.distance(&fit.pose, &start, picture) <= SAME_PX)
     }
 
     /// A fit to the previous frame from a wide search, or from features.
@@ -313,22 +320,23 @@ impl Shot {
 
     /// The simplest motion that no more general one beats: that of the last frame, the same and a shift, the same and a turn
     /// and a zoom as well, or the fit.
-    fn simplest(
-        &self,
-        fit: Fit,
-        picture: &Picture,
-        unknowns: usize,
-        scratch: &mut Scratch,
-    ) -> Fit {
+    fn simplest(&self, fit: Fit, picture: &Picture, unknowns: usize, scratch: &mut Scratch) -> Fit {
         let before = Pose {
             picture_from_template: self.pose.picture_from_template,
             ..fit.pose
         };
-        let stays = |pose: Pose, fit: Fit| Fit { pose, ..fit };
+        // a motion that was measured and is not believed may be one
+        let stays = |pose: Pose, fit: Fit| Fit {
+            corner_sigma: fit
+                .corner_sigma
+                .max(DOUBT * self.distance(&pose, &fit.pose, picture)),
+            pose,
+            ..fit
+        };
         let distance = self.distance(&before, &fit.pose, picture);
-        let alike = distance <= FAR_PX
-            && evidence(&self.key, picture, &fit.pose, &before, scratch).is_none();
-        if distance <= STILL_PX || alike {
+        if distance <= STILL_PX
+            || evidence(&self.key, picture, &fit.pose, &before, scratch).is_none()
+        {
             return stays(before, fit);
         }
         let mut best = stays(before, fit.clone());
@@ -374,8 +382,8 @@ impl Shot {
         scratch: &mut Scratch,
     ) -> bool {
         let distance = self.distance(pose, other, picture);
-        if distance <= STILL_PX || distance > FAR_PX {
-            return distance > FAR_PX;
+        if distance <= STILL_PX {
+            return false;
         }
         let found = evidence(&self.key, picture, pose, other, scratch);
         let textured = self.textured;
@@ -423,14 +431,6 @@ impl Shot {
         }
     }
 }
-
-/// Matched features that agree, from which they are believed.
-const MIN_MATCHES: usize = 12;
-
-/// Share of the windows that are found again below which a frame is another shot for sure, and below which it is if its
-/// histogram is another one, both at a sensitivity of 1.
-const SURE_CUT: f64 = 0.4;
-const LIKELY_CUT: f64 = 0.7;
 
 fn is_believed(fit: &Fit) -> bool {
     fit.share >= MIN_SHARE && fit.judged >= MIN_JUDGED && fit.corner_sigma <= MAX_BELIEVED_SIGMA
