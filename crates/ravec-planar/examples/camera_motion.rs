@@ -124,7 +124,9 @@ fn farthest(h: &Homography, size: Size) -> f64 {
 fn differences(before: &Plane, after: &Plane, after_from_before: &Homography) -> [f64; 2] {
     let back = after_from_before.inverse();
     let inside = |p: DVec2| {
-        p.min_element() >= 0.5 && p.x < before.width() as f64 - 0.5 && p.y < before.height() as f64 - 0.5
+        p.min_element() >= 0.5
+            && p.x < before.width() as f64 - 0.5
+            && p.y < before.height() as f64 - 0.5
     };
     let (mut sums, mut count) = ([0.0; 2], 0);
     for row in (0..after.height()).step_by(2) {

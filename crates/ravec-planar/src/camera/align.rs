@@ -3,7 +3,7 @@
 //! ```text
 //! for each level from coarse to fine, until it settles:
 //!     residual of each sample: (picture at the image of its place − bias) / gain − luma of the template
-//!     scale: 1.48 · median of the residuals' absolute values
+//!     scale: 1.25 · the mean absolute residual of the block that two fifths of the blocks fit better than
 //!     weight: Tukey's of the residual, times that of its block by the mean of its clipped residuals
 //!     step of gain, bias and motion by the weighted normal equations; compose the motion with the inverse step
 //! ```
@@ -63,6 +63,10 @@ pub(super) struct Fit {
 
 /// Tukey's constant: 95 % efficiency with Gaussian noise.
 const TUKEY: f32 = 4.685;
+
+/// The scale is that of the block at this place among all, the best first. The median of all residuals would be that of the
+/// foreground as soon as it covers two fifths.
+const SCALE_QUANTILE: f32 = 0.4;
 
 /// The scale of residuals never falls below this (0.4 of 255 steps): rounding of 8 bits alone makes as much.
 const MIN_SIGMA: f32 = 0.0015;
@@ -203,7 +207,13 @@ pub(super) fn cost(level: &Level, plane: &Plane, pose: &Pose, scratch: &mut Scra
         center(residuals);
         let limit = contrast.max(2.0 * MIN_SIGMA).recip();
         // what is out of view counts as half wrong, or a shift that leaves nothing would be best
-        let clipped = |r: &f32| if r.is_nan() { 0.5 } else { (r.abs() * limit).min(1.0) };
+        let clipped = |r: &f32| {
+            if r.is_nan() {
+                0.5
+            } else {
+                (r.abs() * limit).min(1.0)
+            }
+        };
         total += residuals.iter().map(clipped).sum::<f32>() / n;
     }
     f64::from(total) / level.blocks.len().max(1) as f64
@@ -245,19 +255,25 @@ fn residuals(level: &Level, plane: &Plane, pose: &Pose, scratch: &mut Scratch) -
             center(&mut scratch.residuals[block.start..block.end]);
         }
     }
-    // the median of every other sample is as good
-    let stride = (scratch.residuals.len() / 2000).max(1);
     scratch.sorted.clear();
-    let seen = scratch.residuals.iter().step_by(stride);
-    scratch
-        .sorted
-        .extend(seen.filter(|r| !r.is_nan()).map(|r| r.abs()));
-    if scratch.sorted.len() < 2 * UNKNOWNS {
+    for block in &level.blocks {
+        let (mut sum, mut count) = (0.0, 0);
+        for r in &scratch.residuals[block.start..block.end] {
+            if !r.is_nan() {
+                sum += r.abs();
+                count += 1;
+            }
+        }
+        if count >= MIN_BLOCK_SAMPLES {
+            scratch.sorted.push(sum / count as f32);
+        }
+    }
+    if scratch.sorted.is_empty() {
         return None;
     }
-    let middle = scratch.sorted.len() / 2;
-    let (_, median, _) = scratch.sorted.select_nth_unstable_by(middle, f32::total_cmp);
-    Some((1.4826 * *median).max(MIN_SIGMA))
+    let place = (SCALE_QUANTILE * scratch.sorted.len() as f32) as usize;
+    let (_, mean, _) = scratch.sorted.select_nth_unstable_by(place, f32::total_cmp);
+    Some((1.25 * *mean).max(MIN_SIGMA))
 }
 
 /// Subtracts the mean of the residuals in view, those far off clipped.
@@ -488,15 +504,8 @@ fn trust(residuals: &[f32], limit: f32) -> f32 {
 }
 
 /// Solves for light and the first `unknowns` numbers of motion; the others are 0.
-fn solve(
-    matrix: &Matrix,
-    right: &[f64; UNKNOWNS],
-    unknowns: usize,
-) -> Option<[f64; UNKNOWNS]> {
-    fn part<const N: usize>(
-        matrix: &Matrix,
-        right: &[f64; UNKNOWNS],
-    ) -> Option<[f64; UNKNOWNS]> {
+fn solve(matrix: &Matrix, right: &[f64; UNKNOWNS], unknowns: usize) -> Option<[f64; UNKNOWNS]> {
+    fn part<const N: usize>(matrix: &Matrix, right: &[f64; UNKNOWNS]) -> Option<[f64; UNKNOWNS]> {
         let small: [[f64; N]; N] = std::array::from_fn(|i| std::array::from_fn(|j| matrix[i][j]));
         let found = solve_positive(&small, &std::array::from_fn(|i| right[i]))?;
         let mut all = [0.0; UNKNOWNS];

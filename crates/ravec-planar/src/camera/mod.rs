@@ -4,8 +4,9 @@
 //! reduce the frame to about 240 pixels; make a pyramid
 //! align it to the key frame of the shot: start from the last pose, the last motion, or the best shift of coarse pixels
 //! if the key frame has become too different: take the previous frame as the key frame, and align to that
-//! if that fails: search wide, match features; if nothing fits and few parts are found again anywhere near: a cut
-//! a motion within its uncertainty of none is none
+//! if that fails: search wide, match features
+//! if the fit leaves a doubt and few parts of the previous frame are found again anywhere near: a cut
+//! take the last pose, or the last pose and a shift, or and a turn and a zoom, unless blocks speak for more
 //! ```
 //!
 //! Each frame is aligned to a *key frame* rather than to the previous one, so that errors do not add up: they do once for each
@@ -47,23 +48,35 @@
 //! # Guarantees
 //!
 //! - Equal frames and parameters give equal motions on any number of threads.
-//! - Frames that show the same scene from a camera that stands still give the identity exactly, as long as most of the
-//!   textured blocks are alike and noise averages out to less than a hundredth of a working pixel.
+//! - The motion is a matrix that can be inverted, and exactly the identity where there is no evidence of a motion: blocks in
+//!   which a motion and none look different have to speak for the motion, each with the same say. Frames of a camera that
+//!   stands still are of that kind, with noise, with light that changes, and with objects that move.
 //! - No panic because of what the numbers of a frame are; a number that is none counts as black.
 //! - Memory does not grow with the length of the clip.
 //!
 //! # Not guaranteed
 //!
-//! - The motion of the background where a foreground covers more than about 40 % of the textured picture.
-//! - Motions of more than 15 % of the longer side a frame, or turns of more than about 10 degrees: they are found by features
-//!   where there are enough of them, and else reported as unreliable.
-//! - Drift over a long pan: each key frame adds an error of some hundredths of a pixel.
+//! - The motion of the background where a foreground covers more than about 40 % of the textured picture. If it comes in
+//!   slowly, the motion of the background is kept for longer than if a shot begins with it.
+//! - Motions of more than 15 % of the longer side a frame, and turns of more than about 5 degrees: they are found by a wider
+//!   search and by features where there are enough of them, and else reported as unreliable, with the identity instead.
+//! - A shot without drift: each new key frame adds an error of some hundredths of a pixel.
+//! - One motion for all depths: of a camera that travels past things near and far, the part that fits most blocks is followed,
+//!   and key frames are replaced often.
 //! - Soft cuts. A dissolve or a wipe is no cut while each frame still looks like the one before; it may be reported once, when
-//!   the new scene prevails, or not at all. A single foreign frame counts as two cuts, unless it is plain (a flash to white, a
-//!   black frame): plain frames are passed over, and the frames on both sides are compared.
-//! - Motions below the noise: they are taken as none until they add up to about a hundredth of a working pixel.
+//!   the new scene prevails, or not at all. A single foreign frame counts as two cuts, unless it is plain or mostly white: such
+//!   frames are passed over (white ones up to four in a row), and the frames on both sides are compared.
+//! - Motions below the noise: they are taken as none until they add up to something that blocks show, from about 0.02 working
+//!   pixels on. They are then made up for in one step, and are not lost.
 //!
-//! Cost: about a millisecond a frame on one core, whatever its size, after a pass over its pixels that reduces it.
+//! # Accuracy and cost
+//!
+//! On frames of 640 × 360 with planted motion the corners of a hand-held shot are followed to 0.1 to 0.2 pixels a frame on
+//! average, and to 0.6 pixels over 100 frames; pans of 15 % of the width a frame to 0.2 pixels. A foreground over 40 % of the
+//! picture makes the corners behind it three times as bad.
+//!
+//! After a pass over all pixels that reduces the frame, an estimate takes 2 milliseconds of one core for a camera that stands
+//! still, 3 for one that moves, and 5 to 8 where key frames are replaced all the time, whatever the size of the frame.
 
 mod align;
 mod luma;

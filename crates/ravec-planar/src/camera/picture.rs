@@ -79,7 +79,12 @@ impl Picture {
 fn histogram(luma: &Plane) -> [f32; BINS] {
     let n = luma.size().pixels() as f32;
     let mean = luma.pixels().iter().sum::<f32>() / n;
-    let variance = luma.pixels().iter().map(|v| (v - mean).powi(2)).sum::<f32>() / n;
+    let variance = luma
+        .pixels()
+        .iter()
+        .map(|v| (v - mean).powi(2))
+        .sum::<f32>()
+        / n;
     // five deviations over all bins
     let scale = BINS as f32 / (5.0 * variance.sqrt().max(0.01));
     let mut bins = [0.0; BINS];
@@ -156,7 +161,9 @@ mod tests {
     #[test]
     fn a_change_of_exposure_hardly_changes_the_histogram() {
         let size = Size::new(96, 64).unwrap();
-        let luma = Plane::from_fn(size, |col, row| 0.3 + 0.2 * ((col * row) as f32 / 97.0).sin());
+        let luma = Plane::from_fn(size, |col, row| {
+            0.3 + 0.2 * ((col * row) as f32 / 97.0).sin()
+        });
         let bright = Plane::from_fn(size, |col, row| 0.1 + 1.3 * luma[(col, row)]);
         let other = Plane::from_fn(size, |col, row| ((col / 32 + row / 32) % 2) as f32);
         let [a, b, c] = [&luma, &bright, &other].map(Picture::new);

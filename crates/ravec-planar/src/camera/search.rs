@@ -1,7 +1,7 @@
 //! Searches where an alignment has nothing to start from: shifts of the whole frame, and of parts of it.
 
 use crate::camera::picture::Picture;
-use glam::{DMat3, DVec2, dvec2};
+use glam::{DMat3, dvec2};
 use ravec_raster::Plane;
 
 /// Shifts that leave less than this share of the frame are not tried.
@@ -145,14 +145,10 @@ fn best_correlation(
     best
 }
 
-/// The shift of the middle of the frame under a motion, in normalized coordinates.
-pub(super) fn shift_of(motion: &DMat3) -> DVec2 {
-    motion.z_axis.truncate() / motion.z_axis.z
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::DVec2;
     use ravec_raster::Size;
     use ravec_scenes::Seed;
     use ravec_scenes::texture::fractal;
@@ -170,8 +166,12 @@ mod tests {
         let before = picture(DVec2::ZERO, Seed(1));
         for (dx, dy) in [(0.0, 0.0), (32.0, 0.0), (-24.0, 16.0), (3.0, -29.0)] {
             let after = picture(dvec2(dx, dy), Seed(1));
-            let found = shift_of(&best_shift(&before, &after, 0.16)) * after.frame().half;
-            assert!((found - dvec2(dx, dy)).abs().max_element() <= 2.0, "{found}");
+            let motion = best_shift(&before, &after, 0.16);
+            let found = motion.z_axis.truncate() * after.frame().half;
+            assert!(
+                (found - dvec2(dx, dy)).abs().max_element() <= 2.0,
+                "{found}"
+            );
         }
     }
 

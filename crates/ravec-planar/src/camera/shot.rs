@@ -25,6 +25,8 @@ pub(super) struct Shot {
     key_sigma: f64,
     /// Textured blocks of the last frame.
     textured: f64,
+    /// Frames since a new key frame was last tried.
+    waited: usize,
     /// White frames that were passed over since the last one that was not.
     flashes: usize,
 }
@@ -81,6 +83,11 @@ const KEY_LOSS: f64 = 0.85;
 const KEY_RESIDUAL: f64 = 1.7;
 const MIN_KEY_SIGMA: f64 = 0.004;
 
+/// While the share of alike blocks is below this, a new key frame is tried every so many frames: what hid the background in the
+/// present one may have gone.
+const POOR_SHARE: f64 = 0.75;
+const PATIENCE: usize = 6;
+
 /// Motions against the key frame and against the previous frame whose corners differ by more, in working pixels, are not the
 /// same.
 const SAME_PX: f64 = 3.0;
@@ -91,14 +98,14 @@ const KEY_GAIN: f64 = 0.05;
 /// Corners that move by less, in working pixels, have not moved.
 const STILL_PX: f64 = 0.004;
 
-/// Corners that move by more, in working pixels, have moved: nothing that feigns a motion goes as far.
-const FAR_PX: f64 = 4.0;
-
 /// Evidence above which a motion is better than a simpler one: a base, and for each unknown the evidence that chance makes in
 /// two and a half blocks; in any case what is sure enough. A foreground of 40 % leaves 0.6 of 1.
 const MIN_EVIDENCE: f64 = 0.05;
 const CHANCE: f64 = 2.5;
 const SURE_EVIDENCE: f64 = 0.6;
+
+/// Part of a motion that was measured, but for which there is no evidence, which counts as the deviation of none.
+const DOUBT: f64 = 0.25;
 
 /// Blocks that must show the difference for each unknown, unless half of all textured blocks do.
 const BLOCKS_PER_UNKNOWN: f64 = 3.0;
@@ -111,6 +118,14 @@ const MAX_FLASHES: usize = 4;
 const PLAIN: f32 = 0.0015;
 const PLAIN_SHARE: f32 = 0.25;
 
+/// Matched features that agree, from which they are believed.
+const MIN_MATCHES: usize = 12;
+
+/// Share of the windows that are found again below which a frame is another shot for sure, and below which it is if its
+/// histogram is another one, both at a sensitivity of 1.
+const SURE_CUT: f64 = 0.4;
+const LIKELY_CUT: f64 = 0.7;
+
 impl Shot {
     pub fn new(picture: Picture) -> Self {
         Self {
@@ -122,6 +137,7 @@ impl Shot {
             key_share: 1.0,
             key_sigma: f64::INFINITY,
             textured: 0.0,
+            waited: 0,
             flashes: 0,
         }
     }
@@ -142,7 +158,9 @@ impl Shot {
         let starts = [DMat3::IDENTITY, self.motion, shift]
             .map(|motion| self.start(motion * self.pose.picture_from_template));
         let mut fit = fit_from(&self.key, &picture, &starts, unknowns, scratch);
+        self.waited += 1;
         if !fit.as_ref().is_some_and(|fit| self.fits_key(fit)) {
+            self.waited = 0;
             fit = self.renew_key(fit, &picture, shift, unknowns, scratch);
         }
         let sure = fit.as_ref().is_some_and(is_sure);
@@ -174,6 +192,7 @@ impl Shot {
             && fit.overlap >= MIN_OVERLAP
             && fit.share >= KEY_LOSS * self.key_share
             && fit.sigma <= KEY_RESIDUAL * self.key_sigma.max(MIN_KEY_SIGMA)
+            && (fit.share >= POOR_SHARE || self.waited < PATIENCE)
     }
 
     /// Aligns to the previous frame, and takes it as the key frame if that is better than the alignment to the present one.
@@ -232,9 +251,8 @@ impl Shot {
         let before = self.pose.picture_from_template;
         let motion = with_key.pose.picture_from_template * before.inverse();
         let start = Pose::from_motion(motion * motion.z_axis.z.recip());
-        align(template, picture, start, unknowns, false, scratch).filter(|fit| {
-            is_believed(fit) && self.distance(&fit.pose, &start, picture) <= SAME_PX
-        })
+        align(template, picture, start, unknowns, false, scratch)
+            .filter(|fit| is_believed(fit) && self.distance(&fit.pose, &start, picture) <= SAME_PX)
     }
 
     /// A fit to the previous frame from a wide search, or from features.
@@ -280,7 +298,6 @@ impl Shot {
     ) -> Moved {
         let before = self.pose.picture_from_template;
         self.textured = fit.judged * self.key.levels[0].block_count as f64;
-        if std::env::var("DBG").is_ok() { println!("   fit share {:.3} judged {:.3} sigma {:.4} corner {:.3} overlap {:.2} keyshare {:.3} pose {:?}", fit.share, fit.judged, fit.sigma, fit.corner_sigma, fit.overlap, self.key_share, fit.pose.picture_from_template.z_axis); }
         let fit = self.simplest(fit, &picture, unknowns, scratch);
         let now = fit.pose.picture_from_template;
         let motion = if now == before {
@@ -303,22 +320,23 @@ impl Shot {
 
     /// The simplest motion that no more general one beats: that of the last frame, the same and a shift, the same and a turn
     /// and a zoom as well, or the fit.
-    fn simplest(
-        &self,
-        fit: Fit,
-        picture: &Picture,
-        unknowns: usize,
-        scratch: &mut Scratch,
-    ) -> Fit {
+    fn simplest(&self, fit: Fit, picture: &Picture, unknowns: usize, scratch: &mut Scratch) -> Fit {
         let before = Pose {
             picture_from_template: self.pose.picture_from_template,
             ..fit.pose
         };
-        let stays = |pose: Pose, fit: Fit| Fit { pose, ..fit };
+        // a motion that was measured and is not believed may be one
+        let stays = |pose: Pose, fit: Fit| Fit {
+            corner_sigma: fit
+                .corner_sigma
+                .max(DOUBT * self.distance(&pose, &fit.pose, picture)),
+            pose,
+            ..fit
+        };
         let distance = self.distance(&before, &fit.pose, picture);
-        let alike = distance <= FAR_PX
-            && evidence(&self.key, picture, &fit.pose, &before, scratch).is_none();
-        if distance <= STILL_PX || alike {
+        if distance <= STILL_PX
+            || evidence(&self.key, picture, &fit.pose, &before, scratch).is_none()
+        {
             return stays(before, fit);
         }
         let mut best = stays(before, fit.clone());
@@ -364,11 +382,10 @@ impl Shot {
         scratch: &mut Scratch,
     ) -> bool {
         let distance = self.distance(pose, other, picture);
-        if distance <= STILL_PX || distance > FAR_PX {
-            return distance > FAR_PX;
+        if distance <= STILL_PX {
+            return false;
         }
         let found = evidence(&self.key, picture, pose, other, scratch);
-        if std::env::var("DBG").is_ok() { println!("   beats dof {unknowns} dist {distance:.3} {found:?} textured {}", self.textured); }
         let textured = self.textured;
         found.is_some_and(|found| {
             // more unknowns explain more of chance
@@ -414,14 +431,6 @@ impl Shot {
         }
     }
 }
-
-/// Matched features that agree, from which they are believed.
-const MIN_MATCHES: usize = 12;
-
-/// Share of the windows that are found again below which a frame is another shot for sure, and below which it is if its
-/// histogram is another one, both at a sensitivity of 1.
-const SURE_CUT: f64 = 0.4;
-const LIKELY_CUT: f64 = 0.7;
 
 fn is_believed(fit: &Fit) -> bool {
     fit.share >= MIN_SHARE && fit.judged >= MIN_JUDGED && fit.corner_sigma <= MAX_BELIEVED_SIGMA

@@ -217,7 +217,12 @@ mod tests {
         let plane = Plane::from_fn(size, |col, row| ((col * 7 + row * 13) % 32) as f32 / 32.0);
         let level = Level::new(&plane, Frame::new(64, 48), FINEST);
         assert_eq!(level.block_count, 12);
-        assert!(level.blocks.iter().all(|b| b.end - b.start <= FINEST.samples));
+        assert!(
+            level
+                .blocks
+                .iter()
+                .all(|b| b.end - b.start <= FINEST.samples)
+        );
         assert_eq!(level.blocks.last().map(|b| b.end), Some(level.values.len()));
     }
 
