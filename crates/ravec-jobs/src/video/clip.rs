@@ -9,8 +9,8 @@ use ravec::raster::Size;
 use ravec_files::check_writable;
 use ravec_video::{
     Clip, ClipInfo, ClipWriter, Container, CopiedTracks, CreateOptions, EncodeOptions, Frame,
-    FrameSource as _, OpenOptions, Pattern, PixelKind, Rational, SinkFormat, TrackKind, VideoError,
-    VideoLimits, container_for, is_clip_name,
+    FrameSource as _, FrameTime, OpenOptions, Pattern, PixelKind, Rational, SinkFormat, TrackKind,
+    VideoError, VideoLimits, container_for, is_clip_name,
 };
 use std::path::{Path, PathBuf};
 
@@ -218,21 +218,32 @@ impl ClipOutput {
         self.frames < self.writer.resumed_frames()
     }
 
+    /// Passes over a frame that an earlier run has written.
+    pub fn pass(&mut self, time: FrameTime) {
+        self.place(time);
+        self.frames += 1;
+    }
+
+    /// The stamp of a frame, counted from the first one.
+    fn place(&mut self, time: FrameTime) -> FrameTime {
+        let origin = *self.origin.get_or_insert(time.start);
+        let start = time.start.saturating_sub(origin);
+        if self.format.rate.is_some() && start != self.end && self.frames > 0 {
+            self.uneven = true;
+        }
+        self.end = start.saturating_add_unsigned(time.duration);
+        FrameTime {
+            start,
+            duration: time.duration,
+        }
+    }
+
     /// Appends a frame; stamps are counted from the first one. A frame that an earlier run has written is passed over.
     ///
     /// # Errors
     /// [`JobError::WriteClip`].
     pub fn write(&mut self, frame: Frame, report: &Report) -> Result<(), JobError> {
-        let origin = *self.origin.get_or_insert(frame.time.start);
-        let mut frame = frame;
-        frame.time.start = frame.time.start.saturating_sub(origin);
-        if self.format.rate.is_some() && frame.time.start != self.end && self.frames > 0 {
-            self.uneven = true;
-        }
-        self.end = frame
-            .time
-            .start
-            .saturating_add_unsigned(frame.time.duration);
+        let time = self.place(frame.time);
         let done = self.is_done();
         self.frames += 1;
         if done {
@@ -241,7 +252,9 @@ impl ClipOutput {
         if let Some(pattern) = Pattern::parse(&self.path) {
             report.check_output(&pattern.path(self.writer.next_number()))?;
         }
-        self.writer.write(&frame).map_err(write_error(&self.path))
+        self.writer
+            .write(&Frame { time, ..frame })
+            .map_err(write_error(&self.path))
     }
 
     /// Frames of the output so far.

@@ -8,8 +8,8 @@ mod map;
 mod pace;
 mod range;
 
-pub(crate) use clip::{is_clip, open_clip, read_error};
-pub(crate) use map::{ClipFiles, check_no_encoding, map_clip};
+pub(crate) use clip::{ClipOutput, OutputShape, check_clip_target, is_clip, open_clip, read_error};
+pub(crate) use map::{ClipFiles, check_no_encoding, key_of, map_clip};
 pub use range::FrameRange;
 
 use serde::{Deserialize, Serialize};
