@@ -76,10 +76,10 @@ pub struct Params {
     /// Frames of a clip, 1 to 100000 [default: 50, which is two seconds]
     #[cfg_attr(feature = "cli", arg(long, value_name = "COUNT"))]
     pub frames: Option<u32>,
-    /// Also write the alpha of a clip's moving shapes: NAME/alpha/frame_00000.png, white where a shape covers the pixel
+    /// Also write the alpha of a clip's moving shapes, into the folder NAME/alpha: white where a shape covers the pixel
     #[cfg_attr(feature = "cli", arg(long))]
     pub alpha: bool,
-    /// Also write a clip's frames without moving shapes and without noise: NAME/plate/frame_00000.png
+    /// Also write a clip's frames without moving shapes and without noise, into the folder NAME/plate
     #[cfg_attr(feature = "cli", arg(long))]
     pub plate: bool,
     /// Write JPEG files of this quality, 1 to 100, instead of lossless PNG: lower shows more damage
