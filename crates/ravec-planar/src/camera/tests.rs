@@ -231,8 +231,8 @@ fn an_object_over_two_fifths_of_the_picture_does_not_pull() {
     let (_, errors) = run(&clip, &STREET);
     println!("object: {errors:?}");
     assert!(errors.cuts == 0);
-    // the corners behind the object are extrapolated
-    assert!(errors.accumulated < 2.0 && errors.mean < 0.5 && errors.largest < 2.5);
+    // the corners behind the object are extrapolated, and key frames that are replaced meanwhile add up their errors
+    assert!(errors.accumulated < 4.0 && errors.mean < 0.5 && errors.largest < 2.0);
 }
 
 #[test]
