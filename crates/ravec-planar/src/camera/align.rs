@@ -299,8 +299,8 @@ fn center(residuals: &mut [f32]) {
 fn block_evidence(fitted: &[f32], other: &[f32], limit: f32) -> Option<f32> {
     let (mut gain, mut square, mut noise, mut count) = (0.0, 0.0, 0.0, 0);
     for (&f, &o) in fitted.iter().zip(other) {
-        // also skips what is out of view
-        if !(f.abs().min(o.abs()) < limit) {
+        let outside = f.is_nan() || o.is_nan();
+        if outside || f.abs().min(o.abs()) >= limit {
             continue;
         }
         gain += o * o - f * f;

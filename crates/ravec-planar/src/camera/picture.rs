@@ -4,7 +4,7 @@ use glam::{DMat3, DVec2, dvec2};
 use ravec_raster::{Plane, Reduction, gaussian_blur, halved};
 
 /// Blur before sampling, in working pixels: bilinear samples of a sharp picture would pull motion towards whole pixels.
-const BLUR_PX: f64 = 0.8;
+const BLUR_PX: f64 = 1.0;
 
 /// The coarsest level has its longer side at most this long: the search for the start tries every shift there.
 const COARSE_PX: usize = 72;

@@ -252,7 +252,7 @@ impl Shot {
         let motion = with_key.pose.picture_from_template * before.inverse();
         let start = Pose::from_motion(motion * motion.z_axis.z.recip());
         align(template, picture, start, unknowns, false, scratch)
-            .filter(|fit| is_believed(fit) && self.distance(&fit.pose, &start, picture) <= SAME_PX)
+            .filter(|fit| is_believed(fit) && distance_px(&fit.pose, &start, picture) <= SAME_PX)
     }
 
     /// A fit to the previous frame from a wide search, or from features.
@@ -329,11 +329,11 @@ impl Shot {
         let stays = |pose: Pose, fit: Fit| Fit {
             corner_sigma: fit
                 .corner_sigma
-                .max(DOUBT * self.distance(&pose, &fit.pose, picture)),
+                .max(DOUBT * distance_px(&pose, &fit.pose, picture)),
             pose,
             ..fit
         };
-        let distance = self.distance(&before, &fit.pose, picture);
+        let distance = distance_px(&before, &fit.pose, picture);
         if distance <= STILL_PX
             || evidence(&self.key, picture, &fit.pose, &before, scratch).is_none()
         {
@@ -367,11 +367,6 @@ impl Shot {
         best
     }
 
-    fn distance(&self, a: &Pose, b: &Pose, picture: &Picture) -> f64 {
-        let (a, b) = (&a.picture_from_template, &b.picture_from_template);
-        picture.frame().corner_distance(a, b)
-    }
-
     /// True if there is evidence that a pose, which has so many `unknowns` more, is better than another one.
     fn beats(
         &self,
@@ -381,7 +376,7 @@ impl Shot {
         picture: &Picture,
         scratch: &mut Scratch,
     ) -> bool {
-        let distance = self.distance(pose, other, picture);
+        let distance = distance_px(pose, other, picture);
         if distance <= STILL_PX {
             return false;
         }
@@ -430,6 +425,12 @@ impl Shot {
             None => difference > 0.2 / sensitivity,
         }
     }
+}
+
+/// The mean distance by which two poses differ at the corners, in working pixels.
+fn distance_px(a: &Pose, b: &Pose, picture: &Picture) -> f64 {
+    let (a, b) = (&a.picture_from_template, &b.picture_from_template);
+    picture.frame().corner_distance(a, b)
 }
 
 fn is_believed(fit: &Fit) -> bool {

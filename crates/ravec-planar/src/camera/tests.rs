@@ -99,8 +99,7 @@ fn frame(world: &Plane, view: &View, damage: &Damage, seed: u64) -> Plane {
         frame = gaussian_blur(&frame, damage.blur_px);
     }
     let noise = Seed(seed);
-    let mut index = 0;
-    for value in frame.pixels_mut() {
+    for (index, value) in (0i64..).zip(frame.pixels_mut()) {
         let grain = if damage.noise > 0.0 {
             damage.noise * noise.gaussian(index % 4096, index / 4096, 0)
         } else {
@@ -109,7 +108,6 @@ fn frame(world: &Plane, view: &View, damage: &Damage, seed: u64) -> Plane {
         let seen = damage.gain * *value + damage.bias + grain as f32;
         // 8 bits, as from a file
         *value = (seen * 255.0).round().clamp(0.0, 255.0) / 255.0;
-        index += 1;
     }
     frame
 }
@@ -148,15 +146,15 @@ fn run(clip: &[(View, Damage)], world: &Plane) -> (Vec<FrameMotion>, Errors) {
         cuts: motions[1..].iter().filter(|m| m.cut).count(),
         unreliable: motions.iter().filter(|m| !m.reliable).count(),
     };
-    for t in 1..clip.len() {
+    for (t, motion) in motions.iter().enumerate().skip(1) {
         let truth = from_world(t) * from_world(t - 1).inverse();
-        let error = corner_error(&motions[t].frame_from_previous, &truth);
+        let error = corner_error(&motion.frame_from_previous, &truth);
         errors.largest = errors.largest.max(error);
         errors.mean += error / (clip.len() - 1) as f64;
         let way = from_world(t) * from_world(0).inverse();
         errors.accumulated = errors
             .accumulated
-            .max(corner_error(&motions[t].frame_from_shot, &way));
+            .max(corner_error(&motion.frame_from_shot, &way));
     }
     (motions, errors)
 }
@@ -233,8 +231,8 @@ fn an_object_over_two_fifths_of_the_picture_does_not_pull() {
     let (_, errors) = run(&clip, &STREET);
     println!("object: {errors:?}");
     assert!(errors.cuts == 0);
-    // the corners behind the object are extrapolated
-    assert!(errors.accumulated < 2.0 && errors.mean < 0.5 && errors.largest < 2.5);
+    // the corners behind the object are extrapolated, and key frames that are replaced meanwhile add up their errors
+    assert!(errors.accumulated < 4.0 && errors.mean < 0.5 && errors.largest < 2.0);
 }
 
 #[test]
@@ -461,14 +459,16 @@ fn any_number_of_threads_gives_the_same_motions() {
     assert_eq!(on(1), on(3));
 }
 
+/// The motion of the second of two frames.
+fn last<P: crate::camera::LumaPixel>(frames: &[Image<P>; 2]) -> Homography {
+    let mut camera = CameraMotion::new(size(), &CameraMotionParams::default()).unwrap();
+    camera.push(&frames[0]);
+    camera.push(&frames[1]).frame_from_previous
+}
+
 #[test]
 fn all_kinds_of_frames_give_nearly_the_same_motion() {
     let planes = [0.0, 2.0].map(|t| frame(&STREET, &hand_held(t), &CLEAN, 0));
-    fn last<P: crate::camera::LumaPixel>(frames: &[Image<P>; 2]) -> Homography {
-        let mut camera = CameraMotion::new(size(), &CameraMotionParams::default()).unwrap();
-        camera.push(&frames[0]);
-        camera.push(&frames[1]).frame_from_previous
-    }
     let from_luma = last(&planes);
     let bytes = planes
         .clone()
