@@ -210,7 +210,8 @@ fn check_seeking(path: &Path, indices: impl Iterator<Item = u64>) {
             assert_eq!(
                 (frame.time.start, hash(&frame)),
                 *wanted,
-                "{path:?} at {index}"
+                "{} at {index}",
+                path.display()
             );
         }
     }

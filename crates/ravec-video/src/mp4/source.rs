@@ -8,7 +8,7 @@ use super::turn::{self, rotation_of, turned, turned_color, turned_format, turned
 use crate::color::ColorInfo;
 use crate::error::VideoError;
 use crate::frame::{Frame, FramePicture};
-use crate::h264::{AvcConfig, AvcDecoder, Crop, Sps, decoder_bytes};
+use crate::h264::{AvcConfig, AvcDecoder, Crop, Sps, Vui, decoder_bytes};
 use crate::info::{ClipInfo, Container, PixelKind, Rotation, TrackKind};
 use crate::limits::VideoLimits;
 use crate::source::{Damage, FrameSource};
@@ -371,7 +371,7 @@ struct VideoEntry {
     /// Content of `clap`: what of the frame is shown.
     clean: Option<[i64; 8]>,
     pixel_aspect: Option<Rational>,
-    colors: Option<crate::h264::Vui>,
+    colors: Option<Vui>,
 }
 
 impl VideoEntry {
@@ -435,7 +435,7 @@ fn read_clean(body: &[u8]) -> Option<[i64; 8]> {
     Some(numbers)
 }
 
-fn read_colors(body: &[u8]) -> Option<crate::h264::Vui> {
+fn read_colors(body: &[u8]) -> Option<Vui> {
     let mut fields = Fields(body);
     let kind = fields.take(4)?;
     if kind != b"nclx" && kind != b"nclc" {
@@ -448,7 +448,7 @@ fn read_colors(body: &[u8]) -> Option<crate::h264::Vui> {
     } else {
         None
     };
-    Some(crate::h264::Vui {
+    Some(Vui {
         full_range,
         color,
         ..Default::default()
