@@ -9,8 +9,8 @@
 //! The atoms are read and written here and not by a crate: sample entries of other tracks must survive byte for byte, tables
 //! must stay in the compact form of the file, and a damaged file must give the frames before its damage.
 //!
-//! Guarantees: no panic on any bytes; memory for tables of at most 16 times the length of the file, taken from the budget of
-//! the limits before it is allocated; stamps in ticks of the track, unchanged; after
+//! Guarantees: no panic on any bytes; memory for tables of at most 16 times the length of the file, and 40 times if it is in
+//! fragments, taken from the budget of the limits before it is allocated; stamps in ticks of the track, unchanged; after
 //! [`seek`](crate::FrameSource::seek) the same frames as without.
 //!
 //! Does not guarantee: samples of B-frames with direct prediction to the last bit, because the loop filter of the decoder is

@@ -23,6 +23,9 @@ use std::ops::Range;
 /// Frames that may wait for one that is shown before them: as many references as H.264 has, and one.
 const MAX_WAITING: usize = 17;
 
+/// Bytes of the largest sample that is read: eight times what level 5.2 allows for a picture.
+const MAX_SAMPLE_BYTES: u32 = 64 << 20;
+
 /// Bytes of a visual sample entry before its atoms.
 const VISUAL_ENTRY: usize = 78;
 
@@ -176,7 +179,7 @@ impl Mp4Source {
         if self.timeline.shown.is_empty() {
             return Err(damaged("its edit list shows no frame"));
         }
-        if !self.read_sample(first)? {
+        if first.size > MAX_SAMPLE_BYTES || !self.read_sample(first)? {
             return Err(damaged("it ends before its first frame"));
         }
         if !self.config.starts_at(&self.sample) {
@@ -207,6 +210,9 @@ impl Mp4Source {
             return Ok(Err("a frame is missing".to_owned()));
         };
         let number = self.next_step;
+        if step.size > MAX_SAMPLE_BYTES {
+            return Ok(Err(format!("frame {} has {} bytes", number + 1, step.size)));
+        }
         if !self.read_sample(step)? {
             return Ok(Err(format!(
                 "the file ends before the data of frame {}",

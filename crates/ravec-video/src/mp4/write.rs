@@ -217,7 +217,7 @@ mod tests {
             let mut bytes = Vec::new();
             tables.write(&mut bytes, &[0; 8]);
             let body = child(&bytes, 0..bytes.len(), *b"stbl").unwrap();
-            let read = SampleTables::find(&bytes, body);
+            let read = SampleTables::find(&bytes, body, u64::MAX);
             let mut walk = Samples::new();
             let found: Vec<_> = std::iter::from_fn(|| walk.next(&bytes, &read))
                 .map(|sample| (
