@@ -223,6 +223,8 @@ const QUARANTINE: &[(&[&str], &[&str])] = &[
         ],
         &["ravec-media"],
     ),
+    // codecs of video
+    (&["openh264"], &["ravec-video"]),
     // temporary files
     (&["tempfile"], &["ravec-files"]),
     // codecs of meshes

@@ -67,6 +67,10 @@ fn hash(frame: &Frame) -> u64 {
 fn frames_and_stamps_are_those_that_ffmpeg_reads() {
     let expected = fs::read_to_string(fixture("expected.txt")).unwrap();
     for name in READ {
+        if name == "cut.mp4" {
+            // FFmpeg drops the frame that is on at the start, and moves the others
+            continue;
+        }
         let mut source = open(&fixture(name));
         let found: Vec<String> = all(&mut source)
             .iter()
@@ -80,6 +84,20 @@ fn frames_and_stamps_are_those_that_ffmpeg_reads() {
         assert_eq!(found, wanted, "{name}");
         assert_eq!(source.damage(), None, "{name}");
     }
+}
+
+#[test]
+fn an_edit_list_that_starts_inside_a_frame_shows_the_rest_of_it() {
+    let whole = all(&mut open(&fixture("bframes.mp4")));
+    let cut = all(&mut open(&fixture("cut.mp4")));
+    // the cut at 0.3 s falls into the eighth frame, which begins a group of pictures
+    let start = 3 * i64::from(info("cut.mp4").time_base.den()) / 10;
+    assert_eq!(cut.len(), whole.len() - 7);
+    for (cut, whole) in cut.iter().zip(&whole[7..]) {
+        assert_eq!(cut.picture, whole.picture);
+        assert_eq!(cut.time.start, (whole.time.start - start).max(0));
+    }
+    assert_eq!(cut[0].time.duration, cut[1].time.start as u64);
 }
 
 #[test]
@@ -192,7 +210,8 @@ fn check_seeking(path: &Path, indices: impl Iterator<Item = u64>) {
             assert_eq!(
                 (frame.time.start, hash(&frame)),
                 *wanted,
-                "{path:?} at {index}"
+                "{} at {index}",
+                path.display()
             );
         }
     }

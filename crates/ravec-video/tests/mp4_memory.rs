@@ -54,6 +54,25 @@ fn lying_counts_take_no_memory() {
     );
     assert!(peak <= 17 * length, "{peak} bytes for a file of {length}");
     assert!(peak >= 4 * length, "the tables were not expanded: {peak}");
+    let dense = dense_fragment(count);
+    let length = dense.len();
+    let peak = peak_of_opening(dense);
+    println!(
+        "dense fragments {:.1} times the file",
+        peak as f64 / length as f64
+    );
+    assert!(peak <= 40 * length, "{peak} bytes for a file of {length}");
+    assert!(peak >= 4 * length, "the fragment was not expanded: {peak}");
+    // numbers that need no bytes of their own: samples of one size, in one chunk, in one run
+    for size in [1, 4, 5, 100] {
+        let file = media_file(u32::MAX, &words(&[0, size, u32::MAX]), &[]);
+        let length = file.len();
+        let peak = peak_of_opening(file);
+        assert!(
+            peak <= 17 * length + (16 << 10),
+            "{peak} bytes for a file of {length}"
+        );
+    }
 }
 
 fn atom(kind: &[u8; 4], body: &[u8]) -> Vec<u8> {
@@ -74,12 +93,28 @@ fn words(numbers: &[u32]) -> Vec<u8> {
 fn dense_file(count: u32) -> Vec<u8> {
     let mut sizes = words(&[0, 0, count]);
     sizes.extend(words(&[5]).repeat(count as usize));
+    media_file(count, &sizes, &[])
+}
+
+/// A file whose samples have sizes of their own in a fragment, and no other numbers.
+fn dense_fragment(count: u32) -> Vec<u8> {
+    let defaults = atom(b"mvex", &atom(b"trex", &words(&[0, 0, 1, 10, 5, 0])));
+    let mut file = media_file(0, &words(&[0, 0, 0]), &defaults);
+    let mut run = words(&[0x200, count]);
+    run.extend(words(&[5]).repeat(count as usize));
+    let fragment = [atom(b"tfhd", &words(&[0, 0])), atom(b"trun", &run)].concat();
+    file.extend(atom(b"moof", &atom(b"traf", &fragment)));
+    file
+}
+
+/// A file of one video track with a table of sizes, all of whose samples are in one chunk and one run.
+fn media_file(count: u32, sizes: &[u8], more: &[u8]) -> Vec<u8> {
     let table = [
         atom(b"stsd", &[words(&[0, 1]), atom(b"avc1", &[0; 78])].concat()),
         atom(b"stts", &words(&[0, 1, count, 1])),
         atom(b"stsc", &words(&[0, 1, 1, count, 1])),
         atom(b"stco", &words(&[0, 1, 0])),
-        atom(b"stsz", &sizes),
+        atom(b"stsz", sizes),
     ]
     .concat();
     let media = [
@@ -92,6 +127,7 @@ fn dense_file(count: u32) -> Vec<u8> {
     let index = [
         atom(b"mvhd", &words(&[0, 0, 0, 1000, 0])),
         atom(b"trak", &track),
+        more.to_vec(),
     ]
     .concat();
     atom(b"moov", &index)

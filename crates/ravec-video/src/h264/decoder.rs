@@ -90,7 +90,7 @@ impl AvcDecoder {
                     push_unit(&mut self.stream, &sps.for_decoder());
                 }
                 NalKind::Slice | NalKind::IdrSlice | NalKind::Pps => {
-                    push_unit(&mut self.stream, nal)
+                    push_unit(&mut self.stream, nal);
                 }
                 NalKind::Partition => return Err("it is in data partitions".to_owned()),
                 NalKind::Other => {}

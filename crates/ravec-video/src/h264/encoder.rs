@@ -1,7 +1,8 @@
 //! Encoding of pictures at a constant quality.
 
 use super::nal::{NalKind, annex_b_units};
-use super::sps::{Sps, Vui};
+use super::sps::Sps;
+use super::vui::Vui;
 use crate::color::ColorInfo;
 use crate::error::VideoError;
 use crate::time::Rational;
@@ -186,7 +187,7 @@ impl AvcEncoder {
             0,
             (height - shown(self.settings.size.height())) / 2,
         ];
-        sps.vui = Some(Vui::of(&self.settings.color, self.settings.pixel_aspect));
+        sps.vui = Some(Vui::of(self.settings.color, self.settings.pixel_aspect));
         sps
     }
 }

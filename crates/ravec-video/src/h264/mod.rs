@@ -12,8 +12,10 @@ mod decoder;
 mod encoder;
 mod nal;
 mod sps;
+mod vui;
 
 pub(crate) use decoder::{AvcDecoder, Crop, decoder_bytes};
 pub(crate) use encoder::{AvcEncoder, EncoderSettings};
 pub(crate) use nal::AvcConfig;
-pub(crate) use sps::{Sps, Vui};
+pub(crate) use sps::Sps;
+pub(crate) use vui::Vui;

@@ -300,3 +300,180 @@ impl CopiedTrack {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mp4::Mp4Writer;
+    use crate::{
+        ColorInfo, EncodeOptions, Frame, FramePicture, FrameSink as _, FrameTime, PixelKind,
+        Rational, SamplePlane, SinkFormat, YuvFormat, YuvImage,
+    };
+    use ravec_memory::MemoryBudget;
+    use ravec_raster::Size;
+    use std::io::{Cursor, Seek as _};
+
+    fn fixture(name: &str) -> Vec<u8> {
+        let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures");
+        std::fs::read(folder.join(name)).unwrap()
+    }
+
+    /// A gray clip of some seconds with the tracks of a file.
+    fn written(tracks: CopiedTracks, seconds: i64) -> Vec<u8> {
+        let size = Size::new(16, 16).unwrap();
+        let color = ColorInfo::guess(16);
+        let format = SinkFormat {
+            size,
+            pixels: PixelKind::Yuv {
+                format: YuvFormat::YUV420P8,
+                color,
+            },
+            time_base: Rational::new(1, 1000).unwrap(),
+            rate: None,
+            pixel_aspect: Rational::ONE,
+        };
+        let planes = YuvFormat::YUV420P8
+            .plane_sizes(size)
+            .into_iter()
+            .map(|size| SamplePlane::new(size, 8, 128))
+            .collect();
+        let picture = YuvImage::new(YuvFormat::YUV420P8, color, planes).unwrap();
+        let output = Cursor::new(Vec::new());
+        let mut writer = Mp4Writer::new(output, &format, &EncodeOptions::default()).unwrap();
+        writer.copy_tracks(tracks);
+        for number in 0..4 * seconds {
+            let time = FrameTime {
+                start: number * 250,
+                duration: 250,
+            };
+            let picture = FramePicture::Yuv(picture.clone());
+            writer.write(&Frame { picture, time }).unwrap();
+        }
+        writer.complete().unwrap().into_inner()
+    }
+
+    /// Time of display in seconds, bytes, and time of decoding in ticks of each sample of the sound of a file.
+    struct Sound {
+        samples: Vec<(f64, Vec<u8>, i64)>,
+        descriptions: Vec<u8>,
+        timescale: u32,
+        language: u16,
+    }
+
+    fn sound_of(bytes: &[u8]) -> Sound {
+        let mut input = Cursor::new(bytes.to_vec());
+        let movie = Movie::read(&mut input, &MemoryBudget::unlimited()).unwrap();
+        let track = movie
+            .tracks
+            .iter()
+            .find(|track| track.handler == SOUND)
+            .unwrap();
+        let (delay, media_start, _) = shown_part(&movie, track).unwrap();
+        let delay = delay as f64 / f64::from(movie.timescale);
+        let samples = movie
+            .samples(track)
+            .map(|sample| {
+                input.seek(SeekFrom::Start(sample.offset)).unwrap();
+                let mut data = vec![0; sample.size as usize];
+                input.read_exact(&mut data).unwrap();
+                let ticks = (sample.shown() - media_start) as f64;
+                let shown = ticks / f64::from(track.timescale) + delay;
+                (shown, data, sample.decoded)
+            })
+            .collect();
+        Sound {
+            samples,
+            descriptions: movie.bytes[track.descriptions.clone()].to_vec(),
+            timescale: track.timescale,
+            language: track.language,
+        }
+    }
+
+    fn open(bytes: Vec<u8>, start: f64, end: Option<f64>) -> CopiedTracks {
+        let limits = VideoLimits::default();
+        CopiedTracks::open(Cursor::new(bytes), &limits, start, end).unwrap()
+    }
+
+    #[test]
+    fn a_whole_track_is_copied_byte_for_byte() {
+        for name in ["vfr.mp4", "fragments.mp4", "sound.m4a"] {
+            let source = fixture(name);
+            let tracks = open(source.clone(), 0.0, None);
+            assert_eq!((tracks.count(), tracks.left_out().len()), (1, 0), "{name}");
+            let wanted = sound_of(&source);
+            let found = sound_of(&written(tracks, 2));
+            assert_eq!(found.descriptions, wanted.descriptions, "{name}");
+            assert_eq!(found.timescale, wanted.timescale, "{name}");
+            assert_eq!(found.language, wanted.language, "{name}");
+            assert_eq!(found.samples.len(), wanted.samples.len(), "{name}");
+            for (found, wanted) in found.samples.iter().zip(&wanted.samples) {
+                assert_eq!(found.1, wanted.1, "{name}");
+                assert!(
+                    (found.0 - wanted.0).abs() < 1e-3,
+                    "{name} {} {}",
+                    found.0,
+                    wanted.0
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn a_part_of_a_track_stays_in_time_with_the_frames() {
+        let source = fixture("vfr.mp4");
+        let wanted = sound_of(&source);
+        for (start, end) in [
+            (0.0, Some(0.5)),
+            (0.3, Some(0.7)),
+            (0.55, None),
+            (0.131, Some(0.132)),
+        ] {
+            let found = sound_of(&written(open(source.clone(), start, end), 1));
+            let first = found.samples.first().unwrap();
+            let at = wanted
+                .samples
+                .iter()
+                .position(|sample| sample.1 == first.1)
+                .unwrap();
+            for (found, wanted) in found.samples.iter().zip(&wanted.samples[at..]) {
+                assert_eq!(found.1, wanted.1);
+                assert!(
+                    (found.0 - (wanted.0 - start)).abs() < 1e-3,
+                    "{start}: {} {}",
+                    found.0,
+                    wanted.0
+                );
+            }
+            // all of the part is there: up to its end, and one sample before its start for the decoder
+            let covered = found.samples.last().unwrap();
+            let all = wanted.samples.last().unwrap().0;
+            let last = end.unwrap_or(f64::MAX).min(all) - start;
+            assert!(
+                covered.0 >= last - 1024.0 / f64::from(found.timescale),
+                "{start}"
+            );
+            assert!(
+                first.0 <= 0.0 && (at == 0 || first.0 <= -1000.0 / f64::from(found.timescale)),
+                "{start}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_part_after_the_end_of_a_track_has_no_samples() {
+        let found = sound_of(&written(open(fixture("vfr.mp4"), 50.0, None), 1));
+        assert!(found.samples.is_empty());
+    }
+
+    #[test]
+    fn a_cut_file_gives_the_samples_that_it_has() {
+        let source = fixture("fragments.mp4");
+        let wanted = sound_of(&source);
+        let cut = source[..source.len() / 2].to_vec();
+        let found = sound_of(&written(open(cut, 0.0, None), 1));
+        assert!(found.samples.len() < wanted.samples.len());
+        for (found, wanted) in found.samples.iter().zip(&wanted.samples) {
+            assert_eq!(found.1, wanted.1);
+        }
+    }
+}

@@ -102,7 +102,7 @@ impl Movie {
         let tracks: Vec<Track> = children(&bytes, all)
             .filter(|(kind, _)| kind == b"trak")
             .take(MAX_TRACKS)
-            .filter_map(|(_, body)| Track::parse(&bytes, body, memory))
+            .filter_map(|(_, body)| Track::parse(&bytes, body, file_length, memory))
             .collect();
         let mut movie = Self {
             bytes,
@@ -148,7 +148,12 @@ fn read_timescale(body: &[u8]) -> Option<u32> {
 
 impl Track {
     /// Reads a track; `None` without the parts that every track has.
-    fn parse(bytes: &[u8], body: Range<usize>, memory: &MemoryBudget) -> Option<Self> {
+    fn parse(
+        bytes: &[u8],
+        body: Range<usize>,
+        file_length: u64,
+        memory: &MemoryBudget,
+    ) -> Option<Self> {
         let media = child(bytes, body.clone(), *b"mdia")?;
         let header = child(bytes, body.clone(), *b"tkhd")?;
         let media_clock = child(bytes, media.clone(), *b"mdhd")?;
@@ -185,7 +190,7 @@ impl Track {
             descriptions,
             self_contained: descendant(bytes, information, &[*b"dinf", *b"dref"])
                 .is_none_or(|list| is_self_contained(bytes, list)),
-            tables: SampleTables::find(bytes, tables),
+            tables: SampleTables::find(bytes, tables, file_length),
             fragments: ReservedVec::new(memory),
         })
     }

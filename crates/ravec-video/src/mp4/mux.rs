@@ -34,7 +34,7 @@ impl VideoHeader {
     pub(super) fn new(
         config: &AvcConfig,
         size: Size,
-        color: &ColorInfo,
+        color: ColorInfo,
         pixel_aspect: Rational,
     ) -> Self {
         // the coded frame is cropped to even sides by its parameter set, and by `clap` to odd ones
@@ -44,8 +44,9 @@ impl VideoHeader {
         atom(&mut descriptions, *b"avc1", |out| {
             out.extend([0, 0, 0, 0, 0, 0, 0, 1]);
             out.extend([0; 16]);
-            even.iter()
-                .for_each(|&side| out.extend((side as u16).to_be_bytes()));
+            for side in even {
+                out.extend((side as u16).to_be_bytes());
+            }
             // 72 pixels an inch, one frame a sample
             words(out, &[0x0048_0000, 0x0048_0000, 0]);
             out.extend([0, 1]);
@@ -64,7 +65,7 @@ impl VideoHeader {
             }
             if pixel_aspect.num() != pixel_aspect.den() {
                 atom(out, *b"pasp", |out| {
-                    words(out, &[pixel_aspect.num(), pixel_aspect.den()])
+                    words(out, &[pixel_aspect.num(), pixel_aspect.den()]);
                 });
             }
             if even != [size.width(), size.height()] {
@@ -256,7 +257,9 @@ impl<W: Write + Seek> Muxer<W> {
                 words(out, &[0; 6]);
                 words(out, &[tracks.len() as u32 + 1]);
             });
-            tracks.iter().for_each(|track| track.write(out));
+            for track in &tracks {
+                track.write(out);
+            }
         });
         out
     }
@@ -318,7 +321,7 @@ impl TrackIndex<'_> {
                 atom(out, *b"hdlr", |out| out.extend(&self.handler));
                 atom(out, *b"minf", |out| {
                     atom(out, self.media_header.0, |out| {
-                        out.extend(&self.media_header.1)
+                        out.extend(&self.media_header.1);
                     });
                     atom(out, *b"dinf", |out| {
                         full_atom(out, *b"dref", (0, 0), |out| {

@@ -78,7 +78,9 @@ pub(super) struct SampleTables {
     wide_chunks: bool,
     sizes: Range<usize>,
     /// The size of all samples, or zero if each has its own.
-    common_size: u32,
+    pub(super) common_size: u32,
+    /// Samples of a common size end here, because nothing but their count in the file says how many there are.
+    file_length: u64,
     /// Bits of a size.
     size_bits: usize,
     count: u32,
@@ -88,7 +90,7 @@ pub(super) struct SampleTables {
 
 impl SampleTables {
     /// Finds the tables in `stbl`. A missing or cut table has no entries.
-    pub(super) fn find(bytes: &[u8], within: Range<usize>) -> Self {
+    pub(super) fn find(bytes: &[u8], within: Range<usize>, file_length: u64) -> Self {
         // entries of a table of `size` bytes each, after the version, flags and count
         let table = |kind, size: usize| {
             let body = child(bytes, within.clone(), kind)?;
@@ -104,6 +106,7 @@ impl SampleTables {
             display_offsets: table(*b"ctts", 8).unwrap_or_default(),
             chunk_runs: table(*b"stsc", 12).unwrap_or_default(),
             syncs: table(*b"stss", 4),
+            file_length,
             ..Self::default()
         };
         if let Some(chunks) = table(*b"stco", 4) {
@@ -236,6 +239,11 @@ impl Samples {
             self.open_chunk(bytes, tables)?;
         }
         let size = tables.size(bytes, self.sample)?;
+        if tables.common_size > 0
+            && self.offset.saturating_add(u64::from(size)) > tables.file_length
+        {
+            return None;
+        }
         let duration = self.durations.next(bytes, &tables.durations)?;
         // old files count from zero on and have no negative offsets; new ones have, and readers take both as signed
         let display_offset = self

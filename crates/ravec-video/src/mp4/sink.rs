@@ -102,7 +102,7 @@ impl<W: Write + Seek + Send> Mp4Writer<W> {
         let header = VideoHeader::new(
             &config,
             self.format.size,
-            &self.color,
+            self.color,
             self.format.pixel_aspect,
         );
         let duration = last

@@ -8,7 +8,7 @@ use super::turn::{self, rotation_of, turned, turned_color, turned_format, turned
 use crate::color::ColorInfo;
 use crate::error::VideoError;
 use crate::frame::{Frame, FramePicture};
-use crate::h264::{AvcConfig, AvcDecoder, Crop, Sps, decoder_bytes};
+use crate::h264::{AvcConfig, AvcDecoder, Crop, Sps, Vui, decoder_bytes};
 use crate::info::{ClipInfo, Container, PixelKind, Rotation, TrackKind};
 use crate::limits::VideoLimits;
 use crate::source::{Damage, FrameSource};
@@ -22,6 +22,9 @@ use std::ops::Range;
 
 /// Frames that may wait for one that is shown before them: as many references as H.264 has, and one.
 const MAX_WAITING: usize = 17;
+
+/// Bytes of the largest sample that is read: eight times what level 5.2 allows for a picture.
+const MAX_SAMPLE_BYTES: u32 = 64 << 20;
 
 /// Bytes of a visual sample entry before its atoms.
 const VISUAL_ENTRY: usize = 78;
@@ -176,7 +179,7 @@ impl Mp4Source {
         if self.timeline.shown.is_empty() {
             return Err(damaged("its edit list shows no frame"));
         }
-        if !self.read_sample(first)? {
+        if first.size > MAX_SAMPLE_BYTES || !self.read_sample(first)? {
             return Err(damaged("it ends before its first frame"));
         }
         if !self.config.starts_at(&self.sample) {
@@ -207,6 +210,9 @@ impl Mp4Source {
             return Ok(Err("a frame is missing".to_owned()));
         };
         let number = self.next_step;
+        if step.size > MAX_SAMPLE_BYTES {
+            return Ok(Err(format!("frame {} has {} bytes", number + 1, step.size)));
+        }
         if !self.read_sample(step)? {
             return Ok(Err(format!(
                 "the file ends before the data of frame {}",
@@ -371,7 +377,7 @@ struct VideoEntry {
     /// Content of `clap`: what of the frame is shown.
     clean: Option<[i64; 8]>,
     pixel_aspect: Option<Rational>,
-    colors: Option<crate::h264::Vui>,
+    colors: Option<Vui>,
 }
 
 impl VideoEntry {
@@ -435,7 +441,7 @@ fn read_clean(body: &[u8]) -> Option<[i64; 8]> {
     Some(numbers)
 }
 
-fn read_colors(body: &[u8]) -> Option<crate::h264::Vui> {
+fn read_colors(body: &[u8]) -> Option<Vui> {
     let mut fields = Fields(body);
     let kind = fields.take(4)?;
     if kind != b"nclx" && kind != b"nclc" {
@@ -448,7 +454,7 @@ fn read_colors(body: &[u8]) -> Option<crate::h264::Vui> {
     } else {
         None
     };
-    Some(crate::h264::Vui {
+    Some(Vui {
         full_range,
         color,
         ..Default::default()

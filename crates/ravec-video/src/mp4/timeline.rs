@@ -12,6 +12,9 @@ const NOT_SHOWN: u32 = (1 << 31) - 1;
 /// The bit of a step at which decoding can start.
 const SYNC: u32 = 1 << 31;
 
+/// Bytes of the smallest picture: a length, the kind, and a bit of a slice.
+const MIN_SAMPLE_BYTES: u32 = 5;
+
 /// A sample in the order of decoding.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Step {
@@ -71,11 +74,20 @@ impl Timeline {
         track: &Track,
         limits: &VideoLimits,
     ) -> Result<Self, VideoError> {
+        if (1..MIN_SAMPLE_BYTES).contains(&track.tables.common_size) {
+            return Err(damaged("its frames have fewer bytes than any picture"));
+        }
+        let max_frames = limits.max_frames.min(u64::from(NOT_SHOWN));
         let count = movie
             .samples(track)
             .filter(|sample| sample.size > 0)
+            .take(
+                usize::try_from(max_frames)
+                    .unwrap_or(usize::MAX)
+                    .saturating_add(1),
+            )
             .count();
-        if count as u64 > limits.max_frames.min(u64::from(NOT_SHOWN)) {
+        if count as u64 > max_frames {
             return Err(VideoError::TooManyFrames {
                 limit: limits.max_frames,
             });

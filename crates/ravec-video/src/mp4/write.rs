@@ -28,9 +28,9 @@ pub(super) fn full_atom(
 
 /// Appends numbers of 32 bits.
 pub(super) fn words(out: &mut Vec<u8>, numbers: &[u32]) {
-    numbers
-        .iter()
-        .for_each(|number| out.extend(number.to_be_bytes()));
+    for number in numbers {
+        out.extend(number.to_be_bytes());
+    }
 }
 
 /// Runs of equal values.
@@ -48,9 +48,9 @@ impl Runs {
     fn write(&self, out: &mut Vec<u8>, kind: FourCc, version: u8) {
         full_atom(out, kind, (version, 0), |out| {
             words(out, &[self.0.len() as u32]);
-            self.0
-                .iter()
-                .for_each(|&(count, value)| words(out, &[count, value]));
+            for &(count, value) in &self.0 {
+                words(out, &[count, value]);
+            }
         });
     }
 }
@@ -165,7 +165,9 @@ impl TableBuilder {
         }
         full_atom(out, *b"stsc", (0, 0), |out| {
             words(out, &[runs.len() as u32]);
-            runs.iter().for_each(|run| words(out, run));
+            for run in &runs {
+                words(out, run);
+            }
         });
         let wide = chunks
             .iter()
@@ -215,7 +217,7 @@ mod tests {
             let mut bytes = Vec::new();
             tables.write(&mut bytes, &[0; 8]);
             let body = child(&bytes, 0..bytes.len(), *b"stbl").unwrap();
-            let read = SampleTables::find(&bytes, body);
+            let read = SampleTables::find(&bytes, body, u64::MAX);
             let mut walk = Samples::new();
             let found: Vec<_> = std::iter::from_fn(|| walk.next(&bytes, &read))
                 .map(|sample| (
