@@ -3,6 +3,7 @@
 mod color;
 mod convert;
 mod error;
+mod ffmpeg;
 mod frame;
 mod info;
 mod limits;
@@ -14,6 +15,7 @@ mod yuv;
 pub use color::{ColorInfo, Matrix, Range, Siting, SitingAxis, Subsampling, UNSPECIFIED};
 pub use convert::{image_from_yuv, yuv_from_image};
 pub use error::VideoError;
+pub use ffmpeg::{FfmpegSink, FfmpegSource, TrackExcerpt, assemble};
 pub use frame::{Frame, FramePicture};
 pub use info::{ClipInfo, Container, OtherTrack, PixelKind, Rotation, TrackKind};
 pub use limits::VideoLimits;
