@@ -44,7 +44,16 @@ pub fn assemble(
     let mut warnings = Vec::new();
 
     let mut command = programs.ffmpeg();
-    command.args(["-protocol_whitelist", "file,pipe", "-f", "concat", "-safe", "0", "-i", "pipe:0"]);
+    command.args([
+        "-protocol_whitelist",
+        "file,pipe",
+        "-f",
+        "concat",
+        "-safe",
+        "0",
+        "-i",
+        "pipe:0",
+    ]);
     let mut maps = vec!["0:v:0".to_owned()];
     if let Some(excerpt) = tracks {
         let other = streams(&programs, excerpt.path)?;
@@ -75,8 +84,24 @@ pub fn assemble(
     for map in &maps {
         command.args(["-map", map]);
     }
-    command.args(["-c", "copy", "-copypriorss", "0", "-map_metadata:g", "-1", "-map_chapters", "-1"]);
-    command.args(["-fflags", "+bitexact", "-flags", "+bitexact", "-max_interleave_delta", "0"]);
+    command.args([
+        "-c",
+        "copy",
+        "-copypriorss",
+        "0",
+        "-map_metadata:g",
+        "-1",
+        "-map_chapters",
+        "-1",
+    ]);
+    command.args([
+        "-fflags",
+        "+bitexact",
+        "-flags",
+        "+bitexact",
+        "-max_interleave_delta",
+        "0",
+    ]);
     match muxer {
         "mp4" | "mov" => {
             command.args(["-movflags", "+faststart"]);
@@ -90,7 +115,9 @@ pub fn assemble(
         }
         _ => {}
     }
-    command.args(["-f", muxer, "-y"]).arg(file_argument(output)?);
+    command
+        .args(["-f", muxer, "-y"])
+        .arg(file_argument(output)?);
     run(&mut command, list.text.as_bytes())?;
     Ok(warnings)
 }
@@ -120,8 +147,16 @@ fn accepts(extension: &str, kind: &str, codec: &str) -> bool {
     let pcm = codec.starts_with("pcm_");
     if kind == "subtitle" {
         return match extension {
-            "mkv" => ["subrip", "ass", "ssa", "webvtt", "hdmv_pgs_subtitle", "dvd_subtitle", "dvb_subtitle"]
-                .contains(&codec),
+            "mkv" => [
+                "subrip",
+                "ass",
+                "ssa",
+                "webvtt",
+                "hdmv_pgs_subtitle",
+                "dvd_subtitle",
+                "dvb_subtitle",
+            ]
+            .contains(&codec),
             "webm" => codec == "webvtt",
             "mp4" | "m4v" | "mov" => codec == "mov_text",
             "ts" | "m2ts" | "mts" => codec == "dvb_subtitle",
@@ -132,11 +167,18 @@ fn accepts(extension: &str, kind: &str, codec: &str) -> bool {
     match extension {
         "mkv" | "nut" => codec != "unknown",
         "webm" => ["opus", "vorbis"].contains(&codec),
-        "mp4" | "m4v" => ["aac", "mp3", "mp2", "ac3", "eac3", "opus", "flac", "alac", "vorbis"].contains(&codec),
+        "mp4" | "m4v" => [
+            "aac", "mp3", "mp2", "ac3", "eac3", "opus", "flac", "alac", "vorbis",
+        ]
+        .contains(&codec),
         "mov" => pcm || ["aac", "mp3", "ac3", "eac3", "alac", "mp2"].contains(&codec),
         "3gp" => ["aac", "amr_nb", "amr_wb"].contains(&codec),
-        "avi" => pcm && codec.ends_with("le") || ["mp3", "mp2", "ac3", "aac", "pcm_u8"].contains(&codec),
-        "ts" | "m2ts" | "mts" => ["aac", "mp3", "mp2", "ac3", "eac3", "opus", "dts"].contains(&codec),
+        "avi" => {
+            pcm && codec.ends_with("le") || ["mp3", "mp2", "ac3", "aac", "pcm_u8"].contains(&codec)
+        }
+        "ts" | "m2ts" | "mts" => {
+            ["aac", "mp3", "mp2", "ac3", "eac3", "opus", "dts"].contains(&codec)
+        }
         "mpg" | "mpeg" => ["mp2", "mp3", "ac3"].contains(&codec),
         "wmv" => ["wmav1", "wmav2", "mp3", "pcm_s16le"].contains(&codec),
         "flv" => ["aac", "mp3"].contains(&codec),
@@ -210,11 +252,18 @@ fn list_of_parts(programs: &Programs, parts: &[PathBuf]) -> Result<List, VideoEr
         let name = argument
             .to_str()
             .filter(|name| !name.contains(['\n', '\r']))
-            .ok_or_else(|| failed("the name of the folder has characters that FFmpeg cannot take"))?;
+            .ok_or_else(|| {
+                failed("the name of the folder has characters that FFmpeg cannot take")
+            })?;
         let _ = writeln!(text, "file '{}'", name.replace('\'', "'\\''"));
         if let Some(next) = starts.get(number + 1) {
             let duration = (next - starts[number]).max(0);
-            let _ = writeln!(text, "duration {}.{:06}", duration / 1_000_000, duration % 1_000_000);
+            let _ = writeln!(
+                text,
+                "duration {}.{:06}",
+                duration / 1_000_000,
+                duration % 1_000_000
+            );
         }
     }
     if parts.is_empty() {
@@ -247,7 +296,11 @@ mod tests {
             ("avi", "subtitle", "subrip", false),
             ("xyz", "audio", "aac", false),
         ] {
-            assert_eq!(accepts(extension, kind, codec), taken, "{extension} {codec}");
+            assert_eq!(
+                accepts(extension, kind, codec),
+                taken,
+                "{extension} {codec}"
+            );
         }
     }
 

@@ -171,7 +171,9 @@ pub(super) fn choose(
             missing.push(encoder.name);
             continue;
         };
-        let ranked = layouts.into_iter().map(|layout| (loss(pixels, &layout), layout));
+        let ranked = layouts
+            .into_iter()
+            .map(|layout| (loss(pixels, &layout), layout));
         let Some((lost, layout)) = ranked.min_by_key(|(lost, _)| *lost) else {
             continue;
         };
@@ -209,13 +211,21 @@ fn codec_name(extension: &str, options: &EncodeOptions) -> Result<&'static str, 
         return Ok(default_codec(extension, options.lossless));
     };
     let name = name.to_ascii_lowercase();
-    let name = ALIASES.iter().find(|(alias, _)| *alias == name).map_or(name.as_str(), |(_, codec)| codec);
-    let found = ENCODERS.iter().find(|encoder| encoder.codec == name || encoder.name == name);
+    let name = ALIASES
+        .iter()
+        .find(|(alias, _)| *alias == name)
+        .map_or(name.as_str(), |(_, codec)| codec);
+    let found = ENCODERS
+        .iter()
+        .find(|encoder| encoder.codec == name || encoder.name == name);
     found.map(|encoder| encoder.codec).ok_or_else(|| {
         let mut names: Vec<_> = ENCODERS.iter().map(|encoder| encoder.codec).collect();
         names.dedup();
         let short: String = name.chars().take(40).collect();
-        VideoError::Options(format!("no codec is called `{short}`: {} are known", names.join(", ")))
+        VideoError::Options(format!(
+            "no codec is called `{short}`: {} are known",
+            names.join(", ")
+        ))
     })
 }
 
@@ -225,7 +235,9 @@ fn layouts(programs: &Programs, encoder: &str) -> Result<Option<Vec<Layout>>, Vi
     command.args(["-h", &format!("encoder={encoder}")]);
     let answer = capture(&mut command, MAX_DESCRIPTION)?;
     let text = String::from_utf8_lossy(&answer.stdout);
-    let names = text.lines().find_map(|line| line.trim().strip_prefix("Supported pixel formats:"));
+    let names = text
+        .lines()
+        .find_map(|line| line.trim().strip_prefix("Supported pixel formats:"));
     Ok(names.map(|names| {
         let known = names.split_whitespace().filter_map(Layout::parse);
         // a layout without a name in raw streams does not go through the pipe
@@ -254,14 +266,22 @@ fn loss(pixels: PixelKind, layout: &Layout) -> u32 {
         Subsampling::S444 => 4,
     };
     sum += match (pixels, layout.yuv_format().map(|format| format.subsampling)) {
-        (PixelKind::Yuv { format, .. }, Some(subsampling)) if format.subsampling == subsampling => 0,
+        (PixelKind::Yuv { format, .. }, Some(subsampling)) if format.subsampling == subsampling => {
+            0
+        }
         (PixelKind::Yuv { format, .. }, Some(subsampling)) => {
             let (has, gets) = (chroma(format.subsampling), chroma(subsampling));
-            if gets < has { 10_000 * (has - gets) } else { 30 + 10 * (gets - has) }
+            if gets < has {
+                10_000 * (has - gets)
+            } else {
+                30 + 10 * (gets - has)
+            }
         }
         (PixelKind::Yuv { .. }, None) => 8000,
         (PixelKind::Rgb { .. }, Some(subsampling)) => 1000 + 10_000 * (4 - chroma(subsampling)),
-        (PixelKind::Rgb { .. }, None) => u32::from(matches!(layout.samples, Samples::PlanarRgb { .. })),
+        (PixelKind::Rgb { .. }, None) => {
+            u32::from(matches!(layout.samples, Samples::PlanarRgb { .. }))
+        }
     };
     // the names that imply the full range come second
     sum + u32::from(layout.full)
@@ -272,7 +292,9 @@ fn holds(pixels: PixelKind, layout: &Layout) -> bool {
     match pixels {
         PixelKind::Yuv { format, color } => {
             layout.yuv_format() == Some(format)
-                && layout.implied_range().is_none_or(|range| range == color.range)
+                && layout
+                    .implied_range()
+                    .is_none_or(|range| range == color.range)
         }
         PixelKind::Rgb { depth, alpha } => {
             layout.yuv_format().is_none() && depth == layout.depth && (layout.alpha() || !alpha)
@@ -307,7 +329,9 @@ impl Encoder {
             }
         }
         if matches!(self.scale, Scale::Profile) {
-            let full = layout.yuv_format().is_some_and(|format| format.subsampling == Subsampling::S444);
+            let full = layout
+                .yuv_format()
+                .is_some_and(|format| format.subsampling == Subsampling::S444);
             let profile = match options.quality.unwrap_or(DEFAULT_QUALITY) {
                 _ if full => "4",
                 0..25 => "0",
@@ -333,7 +357,10 @@ mod tests {
 
     fn best(pixels: PixelKind, names: &str) -> String {
         let layouts = names.split(' ').filter_map(Layout::parse);
-        layouts.min_by_key(|layout| loss(pixels, layout)).unwrap().name
+        layouts
+            .min_by_key(|layout| loss(pixels, layout))
+            .unwrap()
+            .name
     }
 
     fn planes(subsampling: Subsampling, depth: u32, alpha: bool) -> PixelKind {
@@ -351,7 +378,10 @@ mod tests {
     fn the_nearest_layout_keeps_chroma_then_alpha_then_depth() {
         let x264 = "yuv420p yuvj420p yuv422p yuvj422p yuv444p yuvj444p yuv420p10le yuv422p10le yuv444p10le gray gray10le";
         assert_eq!(best(planes(Subsampling::S420, 8, false), x264), "yuv420p");
-        assert_eq!(best(planes(Subsampling::S422, 12, false), x264), "yuv422p10le");
+        assert_eq!(
+            best(planes(Subsampling::S422, 12, false), x264),
+            "yuv422p10le"
+        );
         assert_eq!(best(planes(Subsampling::S444, 8, true), x264), "yuv444p");
         assert_eq!(best(planes(Subsampling::S411, 8, false), x264), "yuv420p");
         assert_eq!(best(planes(Subsampling::S440, 8, false), x264), "yuv422p");
@@ -359,7 +389,10 @@ mod tests {
         let rgb = |depth, alpha| PixelKind::Rgb { depth, alpha };
         assert_eq!(best(rgb(8, false), x264), "yuv444p");
         let prores = "yuv422p10le yuv444p10le yuva444p10le";
-        assert_eq!(best(planes(Subsampling::S420, 8, false), prores), "yuv422p10le");
+        assert_eq!(
+            best(planes(Subsampling::S420, 8, false), prores),
+            "yuv422p10le"
+        );
         assert_eq!(best(rgb(8, true), prores), "yuva444p10le");
         let ffv1 = "yuv420p yuva420p bgr0 bgra gbrp10le gbrp16le rgb48le rgba64le";
         assert_eq!(best(rgb(8, false), ffv1), "bgr0");
@@ -372,7 +405,10 @@ mod tests {
     fn more_quality_is_a_finer_quantizer() {
         let layout = Layout::parse("yuv420p").unwrap();
         for encoder in ENCODERS.iter().filter(|encoder| {
-            matches!(encoder.scale, Scale::Crf(..) | Scale::CrfWithoutRate(..) | Scale::Quantizer)
+            matches!(
+                encoder.scale,
+                Scale::Crf(..) | Scale::CrfWithoutRate(..) | Scale::Quantizer
+            )
         }) {
             let value = |quality| -> u32 {
                 let options = EncodeOptions {
@@ -380,11 +416,18 @@ mod tests {
                     ..EncodeOptions::default()
                 };
                 let arguments = encoder.arguments(&layout, &options);
-                let at = arguments.iter().position(|name| name == "-crf" || name == "-q:v").unwrap();
+                let at = arguments
+                    .iter()
+                    .position(|name| name == "-crf" || name == "-q:v")
+                    .unwrap();
                 arguments[at + 1].parse().unwrap()
             };
             let values = [0, 25, 50, 75, 100].map(value);
-            assert!(values.is_sorted_by(|a, b| a > b), "{}: {values:?}", encoder.name);
+            assert!(
+                values.is_sorted_by(|a, b| a > b),
+                "{}: {values:?}",
+                encoder.name
+            );
         }
     }
 

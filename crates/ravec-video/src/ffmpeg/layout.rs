@@ -9,7 +9,7 @@ use crate::error::VideoError;
 use crate::frame::FramePicture;
 use crate::info::PixelKind;
 use crate::yuv::{SamplePlane, YuvFormat, YuvImage};
-use ravec_raster::{AnyImage, Image, Pixel, Size, Srgb, Srgba};
+use ravec_raster::{AnyImage, Image, Pixel, Sample, Size, Srgb, Srgba};
 use std::borrow::Cow;
 use std::io::{self, Read, Write};
 
@@ -321,7 +321,10 @@ fn planar(stem: &str) -> Option<(Samples, u32, bool)> {
     // the chroma of `gray8` and the planes of `yuv420p` stand before the bits
     let depth = match depth {
         "" => 8,
-        digits => digits.parse().ok().filter(|depth| (9..=16).contains(depth))?,
+        digits => digits
+            .parse()
+            .ok()
+            .filter(|depth| (9..=16).contains(depth))?,
     };
     let alpha = kind.starts_with("yuva") || kind.starts_with("gbrap");
     if matches!(kind, "gbrp" | "gbrap") {
@@ -373,12 +376,13 @@ fn fill<P: Pixel, R: Read>(
 
 fn yuv<T: RawSample>(format: YuvFormat, color: ColorInfo, planes: Vec<Image<T>>) -> FramePicture {
     let planes = planes.into_iter().map(T::plane).collect();
-    let planes = YuvImage::new(format, color, planes).expect("the planes were made for this format");
+    let planes =
+        YuvImage::new(format, color, planes).expect("the planes were made for this format");
     FramePicture::Yuv(planes)
 }
 
 /// Samples of raw frames.
-trait RawSample: Pixel + Default {
+trait RawSample: Sample {
     fn plane(image: Image<Self>) -> SamplePlane;
     fn opaque(image: Image<Srgb<Self>>) -> AnyImage;
     fn with_alpha(image: Image<Srgba<Self>>) -> AnyImage;
@@ -433,7 +437,10 @@ impl RawSample for u16 {
         if cfg!(target_endian = "little") {
             bytemuck::cast_slice(samples).into()
         } else {
-            samples.iter().flat_map(|sample| sample.to_le_bytes()).collect()
+            samples
+                .iter()
+                .flat_map(|sample| sample.to_le_bytes())
+                .collect()
         }
     }
 }
@@ -521,8 +528,17 @@ mod tests {
             assert_eq!((layout.samples, layout.full), (samples, full), "{name}");
         }
         for wrong in [
-            "", "yuv", "yuv420p7le", "yuv420p17le", "yuv420p10", "nv12", "gbrpf32le", "yuv410p",
-            "rgb565le", "graf", "gray8le",
+            "",
+            "yuv",
+            "yuv420p7le",
+            "yuv420p17le",
+            "yuv420p10",
+            "nv12",
+            "gbrpf32le",
+            "yuv410p",
+            "rgb565le",
+            "graf",
+            "gray8le",
         ] {
             assert_eq!(Layout::parse(wrong), None, "{wrong}");
         }

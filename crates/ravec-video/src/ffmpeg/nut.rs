@@ -158,11 +158,7 @@ impl<R: Read> NutReader<R> {
     }
 
     /// The rest of the head of a frame; `None` for one without content, which marks the end of a track.
-    fn read_head(
-        &mut self,
-        code: FrameCode,
-        expected: u64,
-    ) -> Result<Option<FrameHead>, NutError> {
+    fn read_head(&mut self, code: FrameCode, expected: u64) -> Result<Option<FrameHead>, NutError> {
         let input = &mut self.input;
         let mut flags = code.flags;
         if flags & flag::CODED != 0 {

@@ -46,7 +46,10 @@ fn what_is_written_is_read() {
     let truth = frames.map(|(pts, content)| (pts as i64, content.to_vec()));
     assert_eq!(found, truth);
     let bytes = written(&[]);
-    assert_eq!(NutReader::open(&bytes[..]).unwrap().unwrap().time_base(), (1, 12800));
+    assert_eq!(
+        NutReader::open(&bytes[..]).unwrap().unwrap().time_base(),
+        (1, 12800)
+    );
 }
 
 #[test]
@@ -63,7 +66,10 @@ fn a_stream_that_is_cut_anywhere_gives_its_whole_frames() {
         // an end between packets cannot be seen; all others are errors
         if end.is_ok() {
             let next = &bytes[length..];
-            assert!(length == 0 || next.starts_with(b"N") || next.starts_with(&[0]), "{length}");
+            assert!(
+                length == 0 || next.starts_with(b"N") || next.starts_with(&[0]),
+                "{length}"
+            );
         }
     }
 }
@@ -131,13 +137,18 @@ fn sizes_that_lie_are_refused_before_memory_is_taken() {
         read(&bytes).1
     };
     for size in [0, 7, 9, 1 << 40, (1 << 63) - 1] {
-        assert!(matches!(frame_size(size), Err(NutError::FrameSize { found, .. }) if found == size));
+        assert!(
+            matches!(frame_size(size), Err(NutError::FrameSize { found, .. }) if found == size)
+        );
     }
     let mut header = FILE_ID.to_vec();
     header.extend(MAIN.to_be_bytes());
     push_v(&mut header, 1 << 50);
     header.extend([0; 100]);
-    assert!(matches!(read(&header).1, Err(NutError::Damaged("a header is too long"))));
+    assert!(matches!(
+        read(&header).1,
+        Err(NutError::Damaged("a header is too long"))
+    ));
     // a packet to skip that is longer than the stream
     let mut skipped = written(&[]);
     skipped.extend(INFO.to_be_bytes());
@@ -147,7 +158,10 @@ fn sizes_that_lie_are_refused_before_memory_is_taken() {
     let mut endless = written(&[]);
     endless.push(0);
     endless.extend([0xFF; 64]);
-    assert!(matches!(read(&endless).1, Err(NutError::Damaged("a number is too long"))));
+    assert!(matches!(
+        read(&endless).1,
+        Err(NutError::Damaged("a number is too long"))
+    ));
 }
 
 proptest! {

@@ -135,7 +135,8 @@ impl Probe {
         };
         let side = |side: Option<i64>| side.and_then(|side| u64::try_from(side).ok()).unwrap_or(0);
         let codec = stream.codec_name.clone();
-        let (Some(codec), Some(pix_fmt)) = (codec.filter(|name| name != "unknown"), &stream.pix_fmt)
+        let (Some(codec), Some(pix_fmt)) =
+            (codec.filter(|name| name != "unknown"), &stream.pix_fmt)
         else {
             return Err(no_decoder(stream));
         };
@@ -153,11 +154,14 @@ impl Probe {
         let rate = [&stream.avg_frame_rate, &stream.r_frame_rate]
             .into_iter()
             .find_map(|rate| fraction(rate.as_deref()));
-        let start = clip_start(answer, time_base).or(stream.start_pts).unwrap_or(0);
+        let start = clip_start(answer, time_base)
+            .or(stream.start_pts)
+            .unwrap_or(0);
         let length = stream.duration_ts.filter(|ticks| *ticks > 0);
-        let end = stream.start_pts.zip(length).and_then(|(first, length)| {
-            first.checked_sub(start)?.checked_add(length)
-        });
+        let end = stream
+            .start_pts
+            .zip(length)
+            .and_then(|(first, length)| first.checked_sub(start)?.checked_add(length));
         let duration = length.or_else(|| format_duration(answer, time_base));
         let turned_size = if is_quarter(rotation) {
             stored_size.transposed()
@@ -168,7 +172,10 @@ impl Probe {
         if is_quarter(rotation) {
             aspect = aspect.recip();
         }
-        let others = answer.streams.iter().filter(|other| other.index != stream.index);
+        let others = answer
+            .streams
+            .iter()
+            .filter(|other| other.index != stream.index);
         Ok(Self {
             info: ClipInfo {
                 container: Container::Ffmpeg,
@@ -180,7 +187,10 @@ impl Probe {
                 time_base,
                 rate,
                 variable_rate: None,
-                frames: stream.nb_frames.as_ref().and_then(|count| count.parse().ok()),
+                frames: stream
+                    .nb_frames
+                    .as_ref()
+                    .and_then(|count| count.parse().ok()),
                 duration: duration.and_then(|ticks| u64::try_from(ticks).ok()),
                 other_tracks: others.map(other_track).collect(),
             },
@@ -202,7 +212,11 @@ fn refusal(message: &str, path: &Path) -> VideoError {
     let message = message.strip_prefix(&own).unwrap_or(message);
     let message = message.rsplit_once(": ").map_or(message, |(start, end)| {
         // "file:/a/b.mkv: Invalid data found": the path is named by the caller
-        if start.starts_with("file:") { end } else { message }
+        if start.starts_with("file:") {
+            end
+        } else {
+            message
+        }
     });
     if message.contains("whitelist") {
         return VideoError::Unsupported {
@@ -219,15 +233,24 @@ fn refusal(message: &str, path: &Path) -> VideoError {
 }
 
 fn count_tracks(streams: &[Stream]) -> String {
-    let count = |kind: &str| streams.iter().filter(|stream| stream.codec_type == kind).count();
-    let tracks: Vec<String> = [("audio", "audio"), ("subtitle", "subtitle"), ("video", "picture")]
-        .into_iter()
-        .filter_map(|(kind, name)| match count(kind) {
-            0 => None,
-            1 => Some(format!("1 {name} track")),
-            many => Some(format!("{many} {name} tracks")),
-        })
-        .collect();
+    let count = |kind: &str| {
+        streams
+            .iter()
+            .filter(|stream| stream.codec_type == kind)
+            .count()
+    };
+    let tracks: Vec<String> = [
+        ("audio", "audio"),
+        ("subtitle", "subtitle"),
+        ("video", "picture"),
+    ]
+    .into_iter()
+    .filter_map(|(kind, name)| match count(kind) {
+        0 => None,
+        1 => Some(format!("1 {name} track")),
+        many => Some(format!("{many} {name} tracks")),
+    })
+    .collect();
     if tracks.is_empty() {
         "no tracks at all".to_owned()
     } else {
@@ -236,7 +259,11 @@ fn count_tracks(streams: &[Stream]) -> String {
 }
 
 fn no_decoder(stream: &Stream) -> VideoError {
-    let (feature, hint) = match stream.codec_name.as_deref().filter(|name| *name != "unknown") {
+    let (feature, hint) = match stream
+        .codec_name
+        .as_deref()
+        .filter(|name| *name != "unknown")
+    {
         Some(codec) => (
             format!("the codec {codec}, as this FFmpeg decodes it,"),
             "install an FFmpeg that decodes it; the file may also be damaged",
@@ -268,8 +295,26 @@ fn is_frame_a_packet(stream: &Stream) -> bool {
         None | Some("progressive" | "unknown")
     );
     let codecs = [
-        "h264", "hevc", "vvc", "av1", "vp9", "mpeg4", "mpeg2video", "mpeg1video", "ffv1", "prores", "mjpeg",
-        "dnxhd", "huffyuv", "ffvhuff", "utvideo", "rawvideo", "png", "qtrle", "v210", "cfhd",
+        "h264",
+        "hevc",
+        "vvc",
+        "av1",
+        "vp9",
+        "mpeg4",
+        "mpeg2video",
+        "mpeg1video",
+        "ffv1",
+        "prores",
+        "mjpeg",
+        "dnxhd",
+        "huffyuv",
+        "ffvhuff",
+        "utvideo",
+        "rawvideo",
+        "png",
+        "qtrle",
+        "v210",
+        "cfhd",
     ];
     progressive && codecs.contains(&stream.codec_name.as_deref().unwrap_or_default())
 }
@@ -299,8 +344,15 @@ fn other_track(stream: &Stream) -> OtherTrack {
     };
     OtherTrack {
         kind,
-        codec: stream.codec_name.clone().unwrap_or_else(|| "unknown".to_owned()),
-        language: stream.tags.language.clone().filter(|language| language != "und"),
+        codec: stream
+            .codec_name
+            .clone()
+            .unwrap_or_else(|| "unknown".to_owned()),
+        language: stream
+            .tags
+            .language
+            .clone()
+            .filter(|language| language != "und"),
     }
 }
 
@@ -331,16 +383,29 @@ fn format_duration(answer: &Answer, time_base: Rational) -> Option<i64> {
 
 /// The turn that the display matrix of a track asks for.
 fn rotation(stream: &Stream) -> Result<Rotation, VideoError> {
-    let Some(matrix) = stream.side_data_list.iter().find_map(|data| data.displaymatrix.as_ref()) else {
+    let Some(matrix) = stream
+        .side_data_list
+        .iter()
+        .find_map(|data| data.displaymatrix.as_ref())
+    else {
         return Ok(Rotation::None);
     };
     // lines such as "00000000:       0   65536       0"
     let rows: Vec<Vec<i64>> = matrix
         .lines()
         .filter_map(|line| line.split_once(':'))
-        .map(|(_, row)| row.split_whitespace().map_while(|value| value.parse().ok()).collect())
+        .map(|(_, row)| {
+            row.split_whitespace()
+                .map_while(|value| value.parse().ok())
+                .collect()
+        })
         .collect();
-    let at = |row: usize, col: usize| rows.get(row).and_then(|row: &Vec<i64>| row.get(col)).copied().unwrap_or(0);
+    let at = |row: usize, col: usize| {
+        rows.get(row)
+            .and_then(|row: &Vec<i64>| row.get(col))
+            .copied()
+            .unwrap_or(0)
+    };
     let signs = [at(0, 0), at(0, 1), at(1, 0), at(1, 1)].map(i64::signum);
     match signs {
         [1, 0, 0, 1] | [0, 0, 0, 0] => Ok(Rotation::None),
@@ -358,7 +423,11 @@ fn rotation(stream: &Stream) -> Result<Rotation, VideoError> {
 fn color(stream: &Stream, size: Size, layout: &Layout) -> Result<ColorInfo, VideoError> {
     let mut color = ColorInfo::guess(size.height());
     let space = stream.color_space.as_deref();
-    if matches!(space, Some("ycgco" | "ycgco-re" | "ycgco-ro" | "ictcp" | "chroma-derived-c")) && layout.yuv_format().is_some() {
+    if matches!(
+        space,
+        Some("ycgco" | "ycgco-re" | "ycgco-ro" | "ictcp" | "chroma-derived-c")
+    ) && layout.yuv_format().is_some()
+    {
         return Err(VideoError::Unsupported {
             feature: format!("the color matrix {}", space.unwrap_or_default()),
             hint: None,
@@ -383,9 +452,18 @@ fn color(stream: &Stream, size: Size, layout: &Layout) -> Result<ColorInfo, Vide
         Some("left") => Some(Siting::LEFT),
         Some("center") => Some(Siting::CENTER),
         Some("topleft") => Some(Siting::TOP_LEFT),
-        Some("top") => Some(Siting { x: SitingAxis::Center, y: SitingAxis::First }),
-        Some("bottomleft") => Some(Siting { x: SitingAxis::First, y: SitingAxis::Last }),
-        Some("bottom") => Some(Siting { x: SitingAxis::Center, y: SitingAxis::Last }),
+        Some("top") => Some(Siting {
+            x: SitingAxis::Center,
+            y: SitingAxis::First,
+        }),
+        Some("bottomleft") => Some(Siting {
+            x: SitingAxis::First,
+            y: SitingAxis::Last,
+        }),
+        Some("bottom") => Some(Siting {
+            x: SitingAxis::Center,
+            y: SitingAxis::Last,
+        }),
         _ => None,
     };
     color.siting = match (axes, stream.codec_name.as_deref()) {
@@ -393,7 +471,10 @@ fn color(stream: &Stream, size: Size, layout: &Layout) -> Result<ColorInfo, Vide
         (None, Some("mjpeg" | "mpeg1video")) => Siting::CENTER,
         (None, _) => color.siting,
     };
-    if layout.yuv_format().is_none_or(|format| format.subsampling == Subsampling::S444) {
+    if layout
+        .yuv_format()
+        .is_none_or(|format| format.subsampling == Subsampling::S444)
+    {
         // nothing depends on it; the usual value keeps frames comparable
         color.siting = Siting::LEFT;
     }
@@ -445,5 +526,8 @@ const TRANSFERS: Names = &[
 ];
 
 fn code_of(table: Names, name: &str) -> Option<u8> {
-    table.iter().find(|(_, known)| *known == name).map(|(code, _)| *code)
+    table
+        .iter()
+        .find(|(_, known)| *known == name)
+        .map(|(code, _)| *code)
 }

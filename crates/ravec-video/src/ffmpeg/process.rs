@@ -36,14 +36,27 @@ impl Programs {
     /// Finds the programs by `RAVEC_FFMPEG` and `RAVEC_FFPROBE`, or in `PATH`. An `ffprobe` that is not named is looked for
     /// beside `ffmpeg` first.
     pub(super) fn locate(needed_for: &str) -> Result<Self, VideoError> {
+        Self::locate_by(needed_for, |variable| std::env::var_os(variable))
+    }
+
+    /// The same with other variables than those of the process.
+    fn locate_by(
+        needed_for: &str,
+        variable: impl Fn(&str) -> Option<OsString>,
+    ) -> Result<Self, VideoError> {
+        let find = |name: &str, program: &str| match variable(name) {
+            Some(path) => Some(PathBuf::from(path)).filter(|path| path.is_file()),
+            None => in_path(&variable("PATH")?, program),
+        };
         let missing = || VideoError::FfmpegMissing {
             needed_for: needed_for.to_owned(),
         };
         let ffmpeg = find("RAVEC_FFMPEG", "ffmpeg").ok_or_else(missing)?;
         let beside = ffmpeg.with_file_name(executable("ffprobe"));
-        let ffprobe = match std::env::var_os("RAVEC_FFPROBE") {
-            None if beside.is_file() => beside,
-            _ => find("RAVEC_FFPROBE", "ffprobe").ok_or_else(missing)?,
+        let ffprobe = if variable("RAVEC_FFPROBE").is_none() && beside.is_file() {
+            beside
+        } else {
+            find("RAVEC_FFPROBE", "ffprobe").ok_or_else(missing)?
         };
         Ok(Self { ffmpeg, ffprobe })
     }
@@ -88,12 +101,8 @@ fn executable(name: &str) -> String {
     format!("{name}{}", std::env::consts::EXE_SUFFIX)
 }
 
-fn find(variable: &str, name: &str) -> Option<PathBuf> {
-    if let Some(path) = std::env::var_os(variable) {
-        return Some(PathBuf::from(path)).filter(|path| path.is_file());
-    }
-    let folders = std::env::var_os("PATH")?;
-    std::env::split_paths(&folders)
+fn in_path(folders: &OsStr, name: &str) -> Option<PathBuf> {
+    std::env::split_paths(folders)
         // an empty entry means the current folder, whose programs nobody vouches for
         .filter(|folder| folder.is_absolute())
         .map(|folder| folder.join(executable(name)))
@@ -292,11 +301,6 @@ impl Process {
         // it may have ended already
         let _ = self.child.kill();
     }
-
-    #[cfg(test)]
-    pub(super) fn id(&self) -> u32 {
-        self.child.id()
-    }
 }
 
 impl Drop for Process {
@@ -373,6 +377,48 @@ mod tests {
         assert_eq!(lines.len(), MAX_LINES);
         assert_eq!(lines.back().map(String::as_str), Some("line 999"));
         drain(&b"x".repeat(100_000)[..], &log);
+    }
+
+    #[test]
+    fn programs_are_found_by_variables_and_in_the_path() {
+        let folder = tempfile::tempdir().unwrap();
+        let (program, probe) = (
+            folder.path().join("other"),
+            folder.path().join(executable("ffprobe")),
+        );
+        for path in [&program, &probe, &folder.path().join(executable("ffmpeg"))] {
+            std::fs::write(path, "").unwrap();
+        }
+        let locate = |variables: &[(&str, &Path)]| {
+            let found = Programs::locate_by("reading HEVC", |name| {
+                let found = variables.iter().find(|(known, _)| *known == name);
+                found.map(|(_, value)| value.as_os_str().to_owned())
+            });
+            found.map(|found| (found.ffmpeg, found.ffprobe))
+        };
+        let by_path = locate(&[("PATH", folder.path())]).unwrap();
+        assert_eq!(
+            by_path,
+            (folder.path().join(executable("ffmpeg")), probe.clone())
+        );
+        let by_name = locate(&[("RAVEC_FFMPEG", &program)]).unwrap();
+        assert_eq!(by_name, (program.clone(), probe.clone()));
+        let both = locate(&[("RAVEC_FFMPEG", &program), ("RAVEC_FFPROBE", &program)]).unwrap();
+        assert_eq!(both, (program.clone(), program.clone()));
+        let nowhere = Path::new("/nowhere");
+        for variables in [
+            &[][..],
+            &[("PATH", Path::new(""))],
+            &[("PATH", nowhere)],
+            &[("PATH", folder.path()), ("RAVEC_FFMPEG", nowhere)],
+            &[("PATH", folder.path()), ("RAVEC_FFPROBE", nowhere)],
+        ] {
+            let message = locate(variables).unwrap_err().to_string();
+            assert!(
+                message.starts_with("reading HEVC needs FFmpeg, which was not found"),
+                "{message}"
+            );
+        }
     }
 
     #[test]

@@ -56,17 +56,40 @@ impl FfmpegSink {
 
         let mut command = programs.ffmpeg();
         command.args(color_arguments(color, &choice.layout));
-        command.args(["-f", "nut", "-i", "pipe:0", "-map", "0:v:0", "-c:v", choice.encoder]);
+        command.args([
+            "-f",
+            "nut",
+            "-i",
+            "pipe:0",
+            "-map",
+            "0:v:0",
+            "-c:v",
+            choice.encoder,
+        ]);
         command.args(["-pix_fmt", &choice.layout.name]);
         command.args(&choice.arguments);
         command.args(color_arguments(color, &choice.layout));
         command.args(programs.passthrough()?);
         command.args(["-copyts", "-avoid_negative_ts", "disabled"]);
-        command.args(["-enc_time_base", &encoder_clock(&choice, format, base).to_string()]);
-        command.args(["-map_metadata", "-1", "-fflags", "+bitexact", "-flags:v", "+bitexact+global_header"]);
-        command.args(["-f", part_format(&choice), "-y"]).arg(file_argument(part)?);
+        command.args([
+            "-enc_time_base",
+            &encoder_clock(&choice, format, base).to_string(),
+        ]);
+        command.args([
+            "-map_metadata",
+            "-1",
+            "-fflags",
+            "+bitexact",
+            "-flags:v",
+            "+bitexact+global_header",
+        ]);
+        command
+            .args(["-f", part_format(&choice), "-y"])
+            .arg(file_argument(part)?);
         let mut process = Process::start(command.stdin(Stdio::piped()).stdout(Stdio::null()))?;
-        let input = process.take_stdin().map(|stdin| BufWriter::with_capacity(1 << 14, stdin));
+        let input = process
+            .take_stdin()
+            .map(|stdin| BufWriter::with_capacity(1 << 14, stdin));
         let mut sink = Self {
             input,
             process,
@@ -120,10 +143,18 @@ impl FrameSink for FfmpegSink {
         }
         let start = frame.time.start.saturating_add(self.lead);
         // two frames at the same moment are one tick apart
-        let stamp = self.last.map_or(start, |last| start.max(last.saturating_add(1)));
-        let pts = u64::try_from(stamp).ok().filter(|pts| *pts < 1 << 55).ok_or_else(|| {
-            VideoError::Options(format!("frame {} has a time that is out of range", self.frames))
-        })?;
+        let stamp = self
+            .last
+            .map_or(start, |last| start.max(last.saturating_add(1)));
+        let pts = u64::try_from(stamp)
+            .ok()
+            .filter(|pts| *pts < 1 << 55)
+            .ok_or_else(|| {
+                VideoError::Options(format!(
+                    "frame {} has a time that is out of range",
+                    self.frames
+                ))
+            })?;
         self.last = Some(stamp);
         self.frames += 1;
         let (layout, color) = (self.layout.clone(), self.color);
@@ -136,7 +167,9 @@ impl FrameSink for FfmpegSink {
 
     fn finish(mut self: Box<Self>) -> Result<(), VideoError> {
         if self.frames == 0 {
-            return Err(VideoError::Options("a clip needs at least one frame".to_owned()));
+            return Err(VideoError::Options(
+                "a clip needs at least one frame".to_owned(),
+            ));
         }
         self.send(|input| input.flush())?;
         self.input = None;
@@ -159,7 +192,8 @@ fn written_color(format: &SinkFormat, layout: &Layout) -> ColorInfo {
 }
 
 fn track(format: &SinkFormat, layout: &Layout) -> Result<NutTrack, VideoError> {
-    let too_large = || VideoError::Options(format!("frames of {} pixels are too large", format.size));
+    let too_large =
+        || VideoError::Options(format!("frames of {} pixels are too large", format.size));
     let side = |side: usize| u32::try_from(side).map_err(|_| too_large());
     let fourcc = layout.fourcc().ok_or_else(|| VideoError::Unsupported {
         feature: format!("the pixel layout {}", layout.name),
@@ -188,7 +222,10 @@ fn track(format: &SinkFormat, layout: &Layout) -> Result<NutTrack, VideoError> {
 
 /// The clock of the encoder: that of the stamps, except for codecs that only have rates.
 fn encoder_clock(choice: &Choice, format: &SinkFormat, base: Rational) -> Rational {
-    let rates_only = matches!(choice.codec, "mpeg4" | "mpeg2video" | "mpeg1video" | "theora");
+    let rates_only = matches!(
+        choice.codec,
+        "mpeg4" | "mpeg2video" | "mpeg1video" | "theora"
+    );
     match format.rate {
         Some(rate) if rates_only => rate.recip().reduced(),
         _ => base,
@@ -216,13 +253,19 @@ fn color_arguments(color: ColorInfo, layout: &Layout) -> Vec<String> {
         add("-color_range", 2);
     } else if color.tagged {
         add("-colorspace", color.matrix_code());
-        add("-color_range", if color.range == Range::Full { 2 } else { 1 });
+        add(
+            "-color_range",
+            if color.range == Range::Full { 2 } else { 1 },
+        );
     } else if layout.implied_range().is_some() || color.range == Range::Full {
         add("-color_range", 2);
     }
     add("-color_primaries", color.primaries);
     add("-color_trc", color.transfer);
-    if layout.yuv_format().is_some_and(|format| format.subsampling.log2_steps().is_some()) {
+    if layout
+        .yuv_format()
+        .is_some_and(|format| format.subsampling.log2_steps().is_some())
+    {
         add("-chroma_sample_location", siting_code(color.siting));
     }
     arguments

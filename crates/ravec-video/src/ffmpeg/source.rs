@@ -86,7 +86,10 @@ impl FfmpegSource {
         let programs = Programs::locate(needed_for)?;
         let probe = Probe::of_file(&programs, path, limits)?;
         let bytes = probe.layout.frame_bytes(probe.stored_size);
-        let memory = limits.pictures.memory.reserve(bytes.saturating_mul(FRAMES_IN_MEMORY))?;
+        let memory = limits
+            .pictures
+            .memory
+            .reserve(bytes.saturating_mul(FRAMES_IN_MEMORY))?;
         let mut source = Self {
             passthrough: programs.passthrough()?,
             programs,
@@ -142,14 +145,28 @@ impl FfmpegSource {
             command.args(["-xerror", "-err_detect", "explode"]);
         }
         command.args(["-copyts", "-noautorotate"]);
-        command.args(["-max_pixels", &self.limits.pictures.max_pixels.min(i32::MAX as u64).to_string()]);
+        command.args([
+            "-max_pixels",
+            &self
+                .limits
+                .pictures
+                .max_pixels
+                .min(i32::MAX as u64)
+                .to_string(),
+        ]);
         if let Some(decoder) = probe.decoder {
             command.args(["-c:v", decoder]);
         }
         if let Start::Stamp { key, .. } = start {
             let micro = Rational::new(1, 1_000_000).unwrap_or(Rational::ONE);
             let seconds = rescale(key, probe.info.time_base, micro) as f64 / 1e6;
-            command.args(["-noaccurate_seek", "-seek_timestamp", "1", "-ss", &format!("{seconds:.6}")]);
+            command.args([
+                "-noaccurate_seek",
+                "-seek_timestamp",
+                "1",
+                "-ss",
+                &format!("{seconds:.6}"),
+            ]);
         }
         command.args(input_arguments(&self.path)?);
         command.args(["-map", &format!("0:{}", probe.track)]);
@@ -157,7 +174,14 @@ impl FfmpegSource {
         if !filters.is_empty() {
             command.args(["-filter:v", &filters.join(",")]);
         }
-        command.args(["-autoscale", "0", "-c:v", "rawvideo", "-pix_fmt", &probe.layout.name]);
+        command.args([
+            "-autoscale",
+            "0",
+            "-c:v",
+            "rawvideo",
+            "-pix_fmt",
+            &probe.layout.name,
+        ]);
         command.args(["-sws_flags", "accurate_rnd+full_chroma_int+bitexact"]);
         command.args(self.passthrough);
         command.args(["-enc_time_base", &probe.info.time_base.to_string()]);
@@ -309,11 +333,19 @@ impl FfmpegSource {
     /// Ticks of a frame without a next one: up to the stated end of the track if that is near, else one period.
     fn last_duration(&self, start: i64) -> u64 {
         let base = self.probe.info.time_base;
-        let period = self.probe.info.rate.map_or(1, |rate| rescale(1, rate.recip(), base).max(1));
+        let period = self
+            .probe
+            .info
+            .rate
+            .map_or(1, |rate| rescale(1, rate.recip(), base).max(1));
         let rest = self.probe.end.and_then(|end| end.checked_sub(start));
         // damaged files state ends that are far behind their last frame
         match rest {
-            Some(rest) if rest > 0 && rest <= period.saturating_mul(100) && self.damage.is_none() => rest as u64,
+            Some(rest)
+                if rest > 0 && rest <= period.saturating_mul(100) && self.damage.is_none() =>
+            {
+                rest as u64
+            }
             _ => period as u64,
         }
     }
@@ -324,7 +356,8 @@ impl FfmpegSource {
             self.listed = true;
             if !self.lenient {
                 let first = self.first_stamp()?;
-                let stamps = Stamps::of_file(&self.programs, &self.path, &self.probe, &self.limits)?;
+                let stamps =
+                    Stamps::of_file(&self.programs, &self.path, &self.probe, &self.limits)?;
                 self.stamps = stamps.filter(|stamps| stamps.stamp(0) == first);
             }
         }
@@ -384,7 +417,9 @@ fn read_frame(
     let Some(head) = frames.next_head(probe.layout.frame_bytes(size))? else {
         return Ok(None);
     };
-    let picture = probe.layout.read_frame(frames, head, size, probe.stored_color)?;
+    let picture = probe
+        .layout
+        .read_frame(frames, head, size, probe.stored_color)?;
     Ok(Some((picture, head.pts)))
 }
 

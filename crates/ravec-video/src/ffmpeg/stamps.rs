@@ -33,7 +33,12 @@ impl Stamps {
         }
         let mut command = programs.ffprobe();
         command.args(["-select_streams", &probe.track.to_string()]);
-        command.args(["-show_entries", "packet=pts,size,flags", "-print_format", "csv=p=0"]);
+        command.args([
+            "-show_entries",
+            "packet=pts,size,flags",
+            "-print_format",
+            "csv=p=0",
+        ]);
         command.args(input_arguments(path)?);
         let mut process = Process::start(command.stdin(Stdio::null()).stdout(Stdio::piped()))?;
         let Some(stdout) = process.take_stdout() else {
@@ -45,7 +50,8 @@ impl Stamps {
         };
         let ended = process.wait()?;
         let stated = probe.info.frames.unwrap_or(found.frames.len() as u64);
-        let sure = ended.status.success() && ended.lines.is_empty() && stated == found.frames.len() as u64;
+        let sure =
+            ended.status.success() && ended.lines.is_empty() && stated == found.frames.len() as u64;
         Ok(sure.then_some(found))
     }
 
@@ -141,7 +147,10 @@ mod tests {
         let stamps = read("0,900,K_\n30,20,__\n10,5,__\n20,5,__\n40,800,K__\n\n50,9,_D\n").unwrap();
         assert_eq!(stamps.len(), 5);
         let found: Vec<_> = (0..6).map(|index| stamps.stamp(index)).collect();
-        assert_eq!(found, [Some(0), Some(10), Some(20), Some(30), Some(40), None]);
+        assert_eq!(
+            found,
+            [Some(0), Some(10), Some(20), Some(30), Some(40), None]
+        );
         assert_eq!(stamps.key_before(39), Some(0));
         assert_eq!(stamps.key_before(40), Some(40));
         assert_eq!(stamps.key_before(-1), None);
@@ -150,7 +159,15 @@ mod tests {
     #[test]
     fn lists_that_are_not_sure_are_not_used() {
         let long = format!("{}\n", "1".repeat(10_000));
-        for unsure in ["", "N/A,9,K_\n", "0,9,K_\n0,9,__\n", "0,0,K_\n", "0\n", "0,9,KC\n", &long] {
+        for unsure in [
+            "",
+            "N/A,9,K_\n",
+            "0,9,K_\n0,9,__\n",
+            "0,0,K_\n",
+            "0\n",
+            "0,9,KC\n",
+            &long,
+        ] {
             assert!(read(unsure).is_none(), "{unsure}");
         }
     }

@@ -14,12 +14,17 @@ pub(super) fn turned(picture: FramePicture, rotation: Rotation) -> FramePicture 
     let planes = match picture {
         FramePicture::Yuv(planes) => planes,
         FramePicture::Image(image) => {
-            return FramePicture::Image(with_image!(&image, image => AnyImage::from(turn(image, rotation))));
+            return FramePicture::Image(
+                with_image!(&image, image => AnyImage::from(turn(image, rotation))),
+            );
         }
     };
     let (format, color) = (planes.format(), planes.color());
     let Some(format) = turned_format(format, rotation) else {
-        return turned(FramePicture::Image(crate::image_from_yuv(&planes)), rotation);
+        return turned(
+            FramePicture::Image(crate::image_from_yuv(&planes)),
+            rotation,
+        );
     };
     let color = turned_color(color, rotation);
     let planes = planes
@@ -111,7 +116,12 @@ mod tests {
     #[test]
     fn turned_frames_have_the_colors_of_turned_pictures() {
         let size = Size::new(8, 6).unwrap();
-        for subsampling in [Subsampling::S420, Subsampling::S422, Subsampling::S440, Subsampling::S411] {
+        for subsampling in [
+            Subsampling::S420,
+            Subsampling::S422,
+            Subsampling::S440,
+            Subsampling::S411,
+        ] {
             let format = YuvFormat {
                 subsampling,
                 ..YuvFormat::YUV420P8
@@ -119,7 +129,11 @@ mod tests {
             let planes = format
                 .plane_sizes(size)
                 .iter()
-                .map(|size| SamplePlane::U8(Image::from_fn(*size, |col, row| (90 + 9 * col + 13 * row) as u8)))
+                .map(|size| {
+                    SamplePlane::U8(Image::from_fn(*size, |col, row| {
+                        (90 + 9 * col + 13 * row) as u8
+                    }))
+                })
                 .collect();
             let color = ColorInfo {
                 siting: Siting::TOP_LEFT,
@@ -127,10 +141,19 @@ mod tests {
             };
             let frame = YuvImage::new(format, color, planes).unwrap();
             let upright = crate::image_from_yuv(&frame);
-            for rotation in [Rotation::None, Rotation::Clockwise, Rotation::Half, Rotation::Counterclockwise] {
+            for rotation in [
+                Rotation::None,
+                Rotation::Clockwise,
+                Rotation::Half,
+                Rotation::Counterclockwise,
+            ] {
                 let found = turned(FramePicture::Yuv(frame.clone()), rotation);
                 let truth = turned(FramePicture::Image(upright.clone()), rotation);
-                assert_eq!(*found.to_image(), *truth.to_image(), "{subsampling:?} {rotation:?}");
+                assert_eq!(
+                    *found.to_image(),
+                    *truth.to_image(),
+                    "{subsampling:?} {rotation:?}"
+                );
             }
         }
     }
