@@ -1,6 +1,7 @@
 //! Encoded parts and the tracks of another clip, joined without encoding anything again.
 
 use super::process::{Programs, add, capture, file_argument, input_arguments, run};
+use super::sink::read_part_start;
 use crate::error::VideoError;
 use serde::Deserialize;
 use std::fmt::Write as _;
@@ -206,13 +207,20 @@ struct Stream {
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 struct Format {
-    start_time: Option<String>,
+    tags: Tags,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+struct Tags {
+    #[serde(alias = "COMMENT")]
+    comment: Option<String>,
 }
 
 fn streams(programs: &Programs, path: &Path) -> Result<Streams, VideoError> {
     let mut command = programs.ffprobe();
     command.args(["-print_format", "json", "-show_entries"]);
-    command.arg("stream=index,codec_type,codec_name:format=start_time");
+    command.arg("stream=index,codec_type,codec_name:format_tags=comment");
     add(&mut command, input_arguments(path)?);
     let answer = capture(&mut command, MAX_ANSWER)?;
     if !answer.ended.status.success() {
@@ -229,9 +237,9 @@ struct List {
     codec: String,
 }
 
-/// Lists the parts with the times from the start of each to the start of the next. All parts count from the same moment in
-/// exact ticks, but lists have microseconds; so each time is the difference of two rounded starts, the same that FFmpeg
-/// subtracts again from what it reads, and no error is left.
+/// Lists the parts with the times from the start of each to the start of the next. Each time is the difference of two starts
+/// that were rounded to microseconds, so that errors do not add up, and none is left where ticks are longer than some
+/// microseconds.
 fn list_of_parts(programs: &Programs, parts: &[PathBuf]) -> Result<List, VideoError> {
     let failed = |message: &str| VideoError::FfmpegFailed {
         message: message.to_owned(),
@@ -240,8 +248,13 @@ fn list_of_parts(programs: &Programs, parts: &[PathBuf]) -> Result<List, VideoEr
     let mut codec = String::new();
     for part in parts {
         let found = streams(programs, part)?;
-        let start = found.format.start_time.as_deref().and_then(microseconds);
-        starts.push(start.ok_or_else(|| failed("a part has no time stamps"))?);
+        let start = found
+            .format
+            .tags
+            .comment
+            .as_deref()
+            .and_then(read_part_start);
+        starts.push(start.ok_or_else(|| failed("a part was not written by this program"))?);
         if let Some(stream) = found.streams.first() {
             codec = stream.codec_name.clone().unwrap_or_default();
         }
@@ -270,12 +283,6 @@ fn list_of_parts(programs: &Programs, parts: &[PathBuf]) -> Result<List, VideoEr
         return Err(failed("there are no parts to join"));
     }
     Ok(List { text, codec })
-}
-
-/// A decimal number of seconds with six digits, as `ffprobe` prints it.
-fn microseconds(text: &str) -> Option<i64> {
-    let seconds: f64 = text.parse().ok()?;
-    (seconds.abs() < 1e9).then(|| (seconds * 1e6).round() as i64)
 }
 
 #[cfg(test)]

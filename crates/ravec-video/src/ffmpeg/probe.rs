@@ -1,7 +1,7 @@
 //! Properties of a clip, from `ffprobe`.
 
 use super::layout::{Layout, reading_layout};
-use super::process::{Programs, capture, input_arguments};
+use super::process::{Ended, Programs, capture, input_arguments};
 use super::turn::{is_quarter, turned_color, turned_format};
 use crate::color::{ColorInfo, Range, Siting, SitingAxis, Subsampling};
 use crate::error::VideoError;
@@ -68,6 +68,7 @@ struct Disposition {
 #[serde(default)]
 struct Tags {
     language: Option<String>,
+    #[serde(alias = "ALPHA_MODE")]
     alpha_mode: Option<String>,
 }
 
@@ -113,7 +114,7 @@ impl Probe {
         command.args(input_arguments(path)?);
         let answer = capture(&mut command, MAX_ANSWER)?;
         if !answer.ended.status.success() {
-            return Err(refusal(&answer.ended.message(), path));
+            return Err(refusal(&answer.ended, path));
         }
         let answer: Answer =
             serde_json::from_slice(&answer.stdout).map_err(|error| VideoError::FfmpegFailed {
@@ -207,7 +208,15 @@ impl Probe {
 }
 
 /// The sentence for a file that FFmpeg does not open.
-fn refusal(message: &str, path: &Path) -> VideoError {
+fn refusal(ended: &Ended, path: &Path) -> VideoError {
+    if ended.lines.iter().any(|line| line.contains("whitelist")) {
+        return VideoError::Unsupported {
+            feature: "this kind of file".to_owned(),
+            hint: Some("it is none that holds its frames itself".to_owned()),
+        };
+    }
+    let message = ended.message();
+    let message = message.as_str();
     let own = format!("file:{}: ", path.display());
     let message = message.strip_prefix(&own).unwrap_or(message);
     let message = message.rsplit_once(": ").map_or(message, |(start, end)| {
@@ -218,12 +227,6 @@ fn refusal(message: &str, path: &Path) -> VideoError {
             message
         }
     });
-    if message.contains("whitelist") {
-        return VideoError::Unsupported {
-            feature: "this kind of file".to_owned(),
-            hint: Some("it is none that holds its frames itself".to_owned()),
-        };
-    }
     if message.starts_with("Invalid data found") {
         return VideoError::UnknownFormat;
     }

@@ -143,13 +143,18 @@ wav,wc3movie,webm,webp_anim,webvtt,wsvqa,wtv,xmv,xwma,yop,yuv4mpegpipe";
 #[derive(Debug, Default)]
 struct Log {
     lines: VecDeque<String>,
+    /// The last line that follows from others.
+    aftermath: Option<String>,
 }
 
 impl Log {
     fn push(&mut self, line: &[u8]) {
         let text = String::from_utf8_lossy(line);
         let text = without_address(text.trim());
-        // what FFmpeg says after the reason, when it closes its files
+        if text.is_empty() {
+            return;
+        }
+        // what FFmpeg says after the reason
         let aftermath = [
             "Conversion failed",
             "Last message repeated",
@@ -159,8 +164,11 @@ impl Log {
             "Terminating thread",
             "Task finished with error code",
             "Nothing was written into output file",
+            "Error initializing output stream",
+            "Could not write header",
         ];
-        if text.is_empty() || aftermath.iter().any(|start| text.starts_with(start)) {
+        if aftermath.iter().any(|start| text.starts_with(start)) {
+            self.aftermath = Some(text.to_owned());
             return;
         }
         if self.lines.len() == MAX_LINES {
@@ -292,7 +300,11 @@ impl Process {
     pub(super) fn wait(&mut self) -> Result<Ended, VideoError> {
         let status = self.child.wait()?;
         let _ = self.drained.recv_timeout(LAST_WORDS);
-        let lines = lock(&self.log).lines.iter().cloned().collect();
+        let log = lock(&self.log);
+        let mut lines: Vec<String> = log.lines.iter().cloned().collect();
+        if lines.is_empty() && !status.success() {
+            lines.extend(log.aftermath.clone());
+        }
         Ok(Ended { status, lines })
     }
 
@@ -376,7 +388,6 @@ mod tests {
         let lines = &lock(&log).lines;
         assert_eq!(lines.len(), MAX_LINES);
         assert_eq!(lines.back().map(String::as_str), Some("line 999"));
-        drain(&b"x".repeat(100_000)[..], &log);
     }
 
     #[test]

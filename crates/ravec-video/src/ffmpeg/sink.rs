@@ -8,34 +8,40 @@ use crate::color::{ColorInfo, Range, Siting, SitingAxis};
 use crate::error::VideoError;
 use crate::frame::Frame;
 use crate::sink::{EncodeOptions, FrameSink, SinkFormat};
-use crate::time::Rational;
+use crate::time::{Rational, rescale};
+use ravec_raster::Size;
+use std::ffi::OsString;
 use std::io::{BufWriter, Write};
 use std::path::Path;
-use std::process::{ChildStdin, Stdio};
-
-/// Seconds, times the numerator of the time base, that are added to all time stamps: the pipe has no negative ones, and
-/// encoders that reorder frames need some before the first.
-const LEAD: i64 = 10;
+use std::process::{ChildStdin, Command, Stdio};
 
 /// Encodes frames with FFmpeg in a child process into a file that [`assemble`](super::assemble) turns into the output.
 ///
 /// See the page of the module for the guarantees.
 #[derive(Debug)]
 pub struct FfmpegSink {
-    /// Before the process, so that its pipe is closed first.
-    input: Option<BufWriter<ChildStdin>>,
-    process: Process,
-    format: SinkFormat,
+    /// The call up to its output, and the output, until the first frame comes.
+    call: Option<(Command, OsString)>,
+    child: Option<Child>,
+    track: NutTrack,
     layout: Layout,
     color: ColorInfo,
-    /// Ticks that are added to stamps.
-    lead: i64,
+    size: Size,
+    /// Time stamp of the first frame, at which the part begins.
+    first: i64,
     last: Option<i64>,
     frames: u64,
 }
 
+#[derive(Debug)]
+struct Child {
+    /// Before the process, so that its pipe is closed first.
+    input: Option<BufWriter<ChildStdin>>,
+    process: Process,
+}
+
 impl FfmpegSink {
-    /// Begins to encode to the file `part`, which is replaced. `extension` is that of the output, and decides on the usual
+    /// Prepares to encode to the file `part`, which is replaced. `extension` is that of the output, and decides on the usual
     /// codec.
     ///
     /// # Errors
@@ -52,10 +58,10 @@ impl FfmpegSink {
         let choice = choose(&programs, &extension, format.pixels, format.size, options)?;
         let color = written_color(format, &choice.layout);
         let track = track(format, &choice.layout)?;
-        let base = Rational::new(track.time_base.0, track.time_base.1).unwrap_or(Rational::ONE);
+        let tags = color_arguments(color, &choice.layout);
 
         let mut command = programs.ffmpeg();
-        command.args(color_arguments(color, &choice.layout));
+        command.args(&tags);
         command.args([
             "-f",
             "nut",
@@ -68,43 +74,40 @@ impl FfmpegSink {
         ]);
         command.args(["-pix_fmt", &choice.layout.name]);
         command.args(&choice.arguments);
-        command.args(color_arguments(color, &choice.layout));
+        command.args(&tags);
         command.args(programs.passthrough()?);
-        command.args(["-copyts", "-avoid_negative_ts", "disabled"]);
-        command.args([
-            "-enc_time_base",
-            &encoder_clock(&choice, format, base).to_string(),
-        ]);
-        command.args([
-            "-map_metadata",
-            "-1",
-            "-fflags",
-            "+bitexact",
-            "-flags:v",
-            "+bitexact+global_header",
-        ]);
-        command
-            .args(["-f", part_format(&choice), "-y"])
-            .arg(file_argument(part)?);
-        let mut process = Process::start(command.stdin(Stdio::piped()).stdout(Stdio::null()))?;
-        let input = process
-            .take_stdin()
-            .map(|stdin| BufWriter::with_capacity(1 << 14, stdin));
-        let mut sink = Self {
-            input,
-            process,
+        command.args(["-enc_time_base", &encoder_clock(&choice, format, &track)]);
+        command.args(["-map_metadata", "-1", "-fflags", "+bitexact"]);
+        command.args(["-flags:v", "+bitexact+global_header"]);
+        command.args(part_format(&choice));
+        Ok(Self {
+            call: Some((command, file_argument(part)?)),
+            child: None,
+            track,
             layout: choice.layout,
             color,
-            lead: LEAD * i64::from(base.den()),
-            format: SinkFormat {
-                time_base: base,
-                ..format.clone()
-            },
+            size: format.size,
+            first: 0,
             last: None,
             frames: 0,
+        })
+    }
+
+    /// Starts the child for a part that begins at `first`.
+    fn start(&mut self, first: i64) -> Result<(), VideoError> {
+        let Some((mut command, output)) = self.call.take() else {
+            return Ok(());
         };
-        sink.send(|input| write_headers(input, &track))?;
-        Ok(sink)
+        let (num, den) = self.track.time_base;
+        let comment = format!("comment={}", part_start(first, num, den));
+        command.args(["-metadata", &comment, "-y"]).arg(output);
+        let mut process = Process::start(command.stdin(Stdio::piped()).stdout(Stdio::null()))?;
+        let stdin = process.take_stdin();
+        let input = stdin.map(|stdin| BufWriter::with_capacity(1 << 14, stdin));
+        self.child = Some(Child { input, process });
+        self.first = first;
+        let track = self.track;
+        self.send(|input| write_headers(input, &track))
     }
 
     /// Writes to the child. A pipe that breaks means that the child has ended, and it says why.
@@ -112,19 +115,23 @@ impl FfmpegSink {
         &mut self,
         write: impl FnOnce(&mut BufWriter<ChildStdin>) -> std::io::Result<()>,
     ) -> Result<(), VideoError> {
-        let Some(input) = &mut self.input else {
+        let Some((child, input)) = self
+            .child
+            .as_mut()
+            .and_then(|child| child.input.take().map(|input| (child, input)))
+        else {
             return Err(VideoError::FfmpegFailed {
                 message: "it ended before the last frame".to_owned(),
             });
         };
-        let Err(error) = write(input) else {
+        let mut input = input;
+        let Err(error) = write(&mut input) else {
+            child.input = Some(input);
             return Ok(());
         };
-        if let Some(input) = self.input.take() {
-            // without a last attempt to write what the buffer has
-            drop(input.into_parts());
-        }
-        let ended = self.process.wait()?;
+        // without a last attempt to write what the buffer has
+        drop(input.into_parts());
+        let ended = child.process.wait()?;
         if ended.lines.is_empty() && !ended.killed() {
             return Err(error.into());
         }
@@ -134,20 +141,24 @@ impl FfmpegSink {
 
 impl FrameSink for FfmpegSink {
     fn write(&mut self, frame: &Frame) -> Result<(), VideoError> {
-        if frame.picture.size() != self.format.size {
+        if frame.picture.size() != self.size {
             return Err(VideoError::SizeChanged {
                 frame: self.frames,
                 found: frame.picture.size(),
-                expected: self.format.size,
+                expected: self.size,
             });
         }
-        let start = frame.time.start.saturating_add(self.lead);
+        let start = frame.time.start;
+        if self.call.is_some() {
+            self.start(start)?;
+        }
         // two frames at the same moment are one tick apart
         let stamp = self
             .last
             .map_or(start, |last| start.max(last.saturating_add(1)));
-        let pts = u64::try_from(stamp)
-            .ok()
+        let pts = stamp
+            .checked_sub(self.first)
+            .and_then(|pts| u64::try_from(pts).ok())
             .filter(|pts| *pts < 1 << 55)
             .ok_or_else(|| {
                 VideoError::Options(format!(
@@ -158,7 +169,7 @@ impl FrameSink for FfmpegSink {
         self.last = Some(stamp);
         self.frames += 1;
         let (layout, color) = (self.layout.clone(), self.color);
-        let bytes = layout.frame_bytes(self.format.size);
+        let bytes = layout.frame_bytes(self.size);
         self.send(|input| {
             write_head(input, pts, bytes)?;
             layout.write_frame(input, &frame.picture, color)
@@ -171,15 +182,31 @@ impl FrameSink for FfmpegSink {
                 "a clip needs at least one frame".to_owned(),
             ));
         }
-        self.send(|input| input.flush())?;
-        self.input = None;
-        let ended = self.process.wait()?;
+        self.send(Write::flush)?;
+        let Some(mut child) = self.child.take() else {
+            return Ok(());
+        };
+        child.input = None;
+        let ended = child.process.wait()?;
         if ended.status.success() {
             Ok(())
         } else {
             Err(ended.into_error())
         }
     }
+}
+
+/// The start of a part as it is noted in its file.
+fn part_start(first: i64, num: u32, den: u32) -> String {
+    format!("{first}*{num}/{den}")
+}
+
+/// Microseconds of a start that was noted by [`part_start`].
+pub(super) fn read_part_start(text: &str) -> Option<i64> {
+    let (first, base) = text.split_once('*')?;
+    let base: Rational = base.parse().ok()?;
+    let micro = Rational::new(1, 1_000_000)?;
+    Some(rescale(first.parse().ok()?, base, micro))
 }
 
 /// The meaning of the planes that are written.
@@ -220,24 +247,27 @@ fn track(format: &SinkFormat, layout: &Layout) -> Result<NutTrack, VideoError> {
     })
 }
 
-/// The clock of the encoder: that of the stamps, except for codecs that only have rates.
-fn encoder_clock(choice: &Choice, format: &SinkFormat, base: Rational) -> Rational {
+/// The clock of the encoder: that of the stamps, except for codecs that only have rates, or coarse clocks.
+fn encoder_clock(choice: &Choice, format: &SinkFormat, track: &NutTrack) -> String {
     let rates_only = matches!(
         choice.codec,
         "mpeg4" | "mpeg2video" | "mpeg1video" | "theora"
     );
-    match format.rate {
-        Some(rate) if rates_only => rate.recip().reduced(),
-        _ => base,
+    let (num, den) = track.time_base;
+    match format.rate.map(Rational::reduced) {
+        Some(rate) if rates_only => format!("{}/{}", rate.den(), rate.num()),
+        None if choice.codec == "mpeg4" && den > 65_535 => "1/1000".to_owned(),
+        _ => format!("{num}/{den}"),
     }
 }
 
-/// The container of parts: NUT has exact stamps and any codec. It leaves out what WebM stores beside the frames: their alpha.
-fn part_format(choice: &Choice) -> &'static str {
-    if choice.codec.starts_with("vp") && choice.layout.alpha() {
-        "matroska"
-    } else {
-        "nut"
+/// The container of parts. QuickTime has exact times of decoding for codecs that reorder frames, NUT takes all others, and
+/// Matroska the alpha of VP8 and VP9, which is stored beside the frames.
+fn part_format(choice: &Choice) -> &'static [&'static str] {
+    match choice.codec {
+        "h264" | "hevc" => &["-use_editlist", "0", "-f", "mov"],
+        "vp8" | "vp9" if choice.layout.alpha() => &["-f", "matroska"],
+        _ => &["-f", "nut"],
     }
 }
 
@@ -282,5 +312,20 @@ fn siting_code(siting: Siting) -> u8 {
         (SitingAxis::Center, SitingAxis::Last) => 6,
         // no code: unspecified
         (SitingAxis::Last, _) => 0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_start_of_a_part_is_noted_exactly() {
+        let note = part_start(-12_345_678_901, 1001, 30000);
+        assert_eq!(note, "-12345678901*1001/30000");
+        assert_eq!(read_part_start(&note), Some(-411_934_152_663_367));
+        for wrong in ["", "5", "5*", "5*1/0", "x*1/25"] {
+            assert_eq!(read_part_start(wrong), None);
+        }
     }
 }
