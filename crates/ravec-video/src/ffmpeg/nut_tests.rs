@@ -98,10 +98,10 @@ fn with_codes(codes: &[u64], headers: &[&[u8]]) -> Vec<u8> {
 
 #[test]
 fn short_forms_of_heads_are_understood() {
-    // code 0: the next tick (2 is +1), 8 bytes; codes from 1: a time stamp by its low bits, and a header left out
-    let short = [flag::KEY, 6, 2, 1, 0, 8, 0, 1];
-    let elided = [flag::CODED_PTS, 8, 2, 1, 0, 8, 0, 1, 0, 1];
-    let rest = [flag::INVALID, 6, 2, 1, 0, 0, 0, 253];
+    // code 0: the next tick (1 is +1), 8 bytes; codes from 1: a time stamp by its low bits, and a header left out
+    let short = [flag::KEY, 6, 1, 1, 0, 8, 0, 1];
+    let elided = [flag::CODED_PTS, 8, 1, 1, 0, 8, 0, 1, 0, 1];
+    let rest = [flag::INVALID, 6, 1, 1, 0, 0, 0, 253];
     let codes = [&short[..], &elided, &rest].concat();
     let mut bytes = with_codes(&codes, &[b"abcde"]);
     bytes.push(0);
