@@ -174,6 +174,7 @@ const CRATES: &[Crate] = &[
             "ravec",
             "ravec-catalogue",
             "ravec-media",
+            "ravec-video",
             "ravec-files",
             "ravec-scenes",
         ],
@@ -232,11 +233,23 @@ const QUARANTINE: &[(&[&str], &[&str])] = &[
     (&["blake3", "rusqlite", "walkdir"], &["ravec-catalogue"]),
     // errors that are only shown
     (&["anyhow"], &["ravec-cli", "ravec-scenes", "xtask"]),
-    // the terminal
+    // flags of the command line, derived for parameter types behind a feature
     (
         &["clap"],
-        &["ravec-cli", "ravec-demo", "ravec-jobs", "xtask"],
+        &[
+            "ravec-boolean",
+            "ravec-cli",
+            "ravec-demo",
+            "ravec-jobs",
+            "ravec-mesh-io",
+            "ravec-mesh-render",
+            "ravec-mosaic",
+            "ravec-offset",
+            "ravec-retarget",
+            "xtask",
+        ],
     ),
+    // the terminal
     (
         &[
             "clap_complete",
@@ -394,6 +407,7 @@ mod tests {
             ("ravec-mesh", "zip", false),
             ("ravec-media", "tempfile", false),
             ("ravec-twocolor", "clap", false),
+            ("ravec-offset", "clap", true),
         ] {
             for kind in ["null", r#""build""#] {
                 let verdict = judge(from, &dependency(to, kind, None));

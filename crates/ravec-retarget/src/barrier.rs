@@ -28,47 +28,70 @@ pub(crate) fn barrier_distance(values: &Plane) -> Plane {
     let on_border = |col: usize, row: usize| {
         col.min(width - 1 - col) < BORDER || row.min(height - 1 - row) < BORDER
     };
-    let mut highest = values.clone();
-    let mut lowest = values.clone();
-    let mut distance = Plane::from_fn(values.size(), |col, row| {
-        if on_border(col, row) {
-            0.0
-        } else {
-            f32::INFINITY
-        }
-    });
-    if width < 3 || height < 3 {
-        return distance;
-    }
-    for scan in 0..SCANS {
-        let forward = scan % 2 == 0;
-        for step in 0..(width - 2) * (height - 2) {
-            let index = if forward {
-                step
+    // the highest and the lowest value of the best path so far, and their difference
+    let mut paths: Vec<[f32; 3]> = values
+        .pixels()
+        .iter()
+        .enumerate()
+        .map(|(index, &value)| {
+            let cost = if on_border(index % width, index / width) {
+                0.0
             } else {
-                (width - 2) * (height - 2) - 1 - step
+                f32::INFINITY
             };
-            let (col, row) = (1 + index % (width - 2), 1 + index / (width - 2));
-            let neighbors = if forward {
-                [(col - 1, row), (col, row - 1)]
-            } else {
-                [(col + 1, row), (col, row + 1)]
-            };
-            let value = values[(col, row)];
-            for from in neighbors {
-                if distance[from] == f32::INFINITY {
-                    continue;
-                }
-                let (high, low) = (highest[from].max(value), lowest[from].min(value));
-                if high - low < distance[(col, row)] {
-                    distance[(col, row)] = high - low;
-                    highest[(col, row)] = high;
-                    lowest[(col, row)] = low;
-                }
+            [value, value, cost]
+        })
+        .collect();
+    if width >= 3 && height >= 3 {
+        for scan in 0..SCANS {
+            let forward = scan % 2 == 0;
+            for step in 1..height - 1 {
+                let row = if forward { step } else { height - 1 - step };
+                scan_row(values.pixels(), &mut paths, width, row, forward);
             }
         }
     }
-    distance
+    Plane::from_fn(values.size(), |col, row| paths[row * width + col][2])
+}
+
+/// Extends the paths of the neighbors before and above by each pixel of a row, or of those after and below if not `forward`.
+fn scan_row(values: &[f32], paths: &mut [[f32; 3]], width: usize, row: usize, forward: bool) {
+    let values = &values[row * width..][..width];
+    let (upper, rest) = paths.split_at_mut(row * width);
+    let (here, lower) = rest.split_at_mut(width);
+    let beside = if forward {
+        &upper[(row - 1) * width..]
+    } else {
+        &lower[..width]
+    };
+    let (values, beside) = (&values[..width], &beside[..width]);
+    let extend = |own: &mut [f32; 3], value: f32, from: [f32; 3]| {
+        if from[2] < f32::INFINITY {
+            let (high, low) = (from[0].max(value), from[1].min(value));
+            if high - low < own[2] {
+                *own = [high, low, high - low];
+            }
+        }
+    };
+    if forward {
+        let mut before = here[0];
+        for col in 1..width - 1 {
+            let mut own = here[col];
+            extend(&mut own, values[col], before);
+            extend(&mut own, values[col], beside[col]);
+            here[col] = own;
+            before = own;
+        }
+    } else {
+        let mut after = here[width - 1];
+        for col in (1..width - 1).rev() {
+            let mut own = here[col];
+            extend(&mut own, values[col], after);
+            extend(&mut own, values[col], beside[col]);
+            here[col] = own;
+            after = own;
+        }
+    }
 }
 
 /// The opening by a square of side `2 · radius + 1`: thin and small peaks go, the rest keeps its outline.
@@ -79,16 +102,30 @@ pub(crate) fn opened(values: &Plane, radius: usize) -> Plane {
 
 /// The extreme value of each square; beyond the border nothing counts.
 fn extreme(values: &Plane, radius: usize, pick: impl Fn(f32, f32) -> f32) -> Plane {
-    let reduce = |at: usize, length: usize, value: &dyn Fn(usize) -> f32| {
-        let (first, last) = (at.saturating_sub(radius), (at + radius).min(length - 1));
-        (first..=last).map(value).fold(value(at), &pick)
-    };
-    let rows = Plane::from_fn(values.size(), |col, row| {
-        reduce(col, values.width(), &|col| values[(col, row)])
-    });
-    Plane::from_fn(values.size(), |col, row| {
-        reduce(row, values.height(), &|row| rows[(col, row)])
-    })
+    let (width, height) = (values.width(), values.height());
+    let mut rows = values.clone();
+    for row in 0..height {
+        let (from, to) = (values.row(row), rows.row_mut(row));
+        for shift in 1..=radius.min(width - 1) {
+            for (to, &from) in to.iter_mut().zip(&from[shift..]) {
+                *to = pick(*to, from);
+            }
+            for (to, &from) in to[shift..].iter_mut().zip(from) {
+                *to = pick(*to, from);
+            }
+        }
+    }
+    let mut result = rows.clone();
+    for row in 0..height {
+        let (first, last) = (row.saturating_sub(radius), (row + radius).min(height - 1));
+        for other in (first..=last).filter(|&other| other != row) {
+            let to = result.row_mut(row);
+            for (to, &from) in to.iter_mut().zip(rows.row(other)) {
+                *to = pick(*to, from);
+            }
+        }
+    }
+    result
 }
 
 #[cfg(test)]

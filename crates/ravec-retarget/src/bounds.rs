@@ -92,7 +92,7 @@ impl Edges<'_> {
         slack / self.lengths[index]
     }
 
-    fn min_slack(&self, components: &[Vec<f64>; 2], mean: DVec2) -> f64 {
+    pub(crate) fn min_slack(&self, components: &[Vec<f64>; 2], mean: DVec2) -> f64 {
         (0..self.edges.len())
             .map(|k| self.slack(k, components[0][k], components[1][k], mean))
             .fold(f64::INFINITY, f64::min)

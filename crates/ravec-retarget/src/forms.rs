@@ -83,6 +83,8 @@ pub(crate) struct FormView<'a> {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct GridRun {
     pub(crate) ends: [DVec2; 2],
+    /// Factor of its weight, 0 to 1.
+    pub(crate) strength: f64,
 }
 
 /// Overshoot of runs beyond their ends, in units: strokes have round ends, and the last block is seldom whole.
@@ -109,6 +111,7 @@ impl GridRun {
         }
         Self {
             ends: [first, last.max(first)].map(|t| from + t * along),
+            strength: 1.0,
         }
     }
 
@@ -176,8 +179,9 @@ impl Content<'_> {
 
     fn lines(&self, axis: usize, forms: &mut Forms) {
         let unit_px = self.grid.unit_px();
-        let weight = self.line_strength * LINE / (unit_px[axis] * unit_px[axis]);
+        let full = self.line_strength * LINE / (unit_px[axis] * unit_px[axis]);
         for (index, run) in self.runs.iter().enumerate() {
+            let weight = full * run.strength;
             let nodes = self.run_nodes(index);
             let mut samples = 0.0;
             for (at, t) in run.samples() {

@@ -26,7 +26,7 @@ const OPENING: usize = 2;
 const FULL_BARRIER: f32 = 0.6;
 
 /// The Oklab contrast that counts as full.
-const FULL_CONTRAST: f32 = 0.25;
+pub(crate) const FULL_CONTRAST: f32 = 0.25;
 
 /// Share of contrast along a straight run that counts: lines are held by themselves, and need no stiff cells.
 const RUN_SHARE: f32 = 0.2;
@@ -42,14 +42,19 @@ pub(crate) fn importance(analysis: &Analysis, runs: &[Run], saliency: f64) -> Ve
     } else {
         vec![0.0; contrast.len()]
     };
-    let mixed = barrier.iter().zip(contrast);
+    let mixed = barrier.into_iter().zip(contrast);
     mixed
-        .map(|(b, c)| 1.0 - (1.0 - saliency * b) * (1.0 - CONTRAST_SHARE * f64::from(c)))
+        .map(|(b, c)| mixed_importance(b, f64::from(c), saliency))
         .collect()
 }
 
+/// The importance of a unit from its barrier distance and its contrast.
+pub(crate) fn mixed_importance(barrier: f64, contrast: f64, saliency: f64) -> f64 {
+    1.0 - (1.0 - saliency * barrier) * (1.0 - CONTRAST_SHARE * contrast)
+}
+
 /// The mean contrast of the blocks of each unit, 0 to 1.
-fn contrast(analysis: &Analysis, runs: &[Run]) -> Vec<f32> {
+pub(crate) fn contrast(analysis: &Analysis, runs: &[Run]) -> Vec<f32> {
     let field = &analysis.field;
     let (blocks, side) = (field.grid_size(), field.block_px() as f64);
     let mut values: Vec<f32> = field
@@ -97,38 +102,45 @@ fn contrast(analysis: &Analysis, runs: &[Run]) -> Vec<f32> {
 }
 
 /// The barrier distance of each unit, 0 to 1.
-fn barrier(analysis: &Analysis) -> Vec<f64> {
+pub(crate) fn barrier(analysis: &Analysis) -> Vec<f64> {
     let image = &analysis.image;
-    let longer = image.width().max(image.height());
-    let side = |length: usize| (length * BARRIER_SIDE / longer.max(BARRIER_SIDE)).max(1);
-    let Ok(size) = Size::new(side(image.width()), side(image.height())) else {
+    let Some(size) = barrier_size(image.size()) else {
         return vec![0.0; analysis.units[0] * analysis.units[1]];
     };
     let small: Image<LinearRgb> = resize(image, size, ResizeFilter::Box);
-    let lab = small.convert::<Oklab>();
+    barrier_of(&small.convert::<Oklab>(), analysis.units)
+}
+
+/// The size of the reduction for the barrier distance.
+pub(crate) fn barrier_size(size: Size) -> Option<Size> {
+    let longer = size.width().max(size.height());
+    let side = |length: usize| (length * BARRIER_SIDE / longer.max(BARRIER_SIDE)).max(1);
+    Size::new(side(size.width()), side(size.height())).ok()
+}
+
+/// The barrier distance of each of `units` from the reduction of a picture, 0 to 1.
+pub(crate) fn barrier_of(lab: &Image<Oklab>, units: [usize; 2]) -> Vec<f64> {
     let channels: Vec<Plane> = (0..3usize)
         .into_par_iter()
         .map(|channel| barrier_distance(&lab.map(|pixel| pixel.0[channel])))
         .collect();
-    let total = Plane::from_fn(size, |col, row| {
+    let total = Plane::from_fn(lab.size(), |col, row| {
         channels.iter().map(|plane| plane[(col, row)]).sum()
     });
     let open = opened(&total, OPENING);
-    let mut sorted = open.pixels().to_vec();
-    sorted.sort_by(f32::total_cmp);
-    let quantile = |percent: usize| sorted[(sorted.len() - 1) * percent / 100];
+    let mut values = open.pixels().to_vec();
+    let mut quantile = |percent: usize| {
+        let place = (values.len() - 1) * percent / 100;
+        *values.select_nth_unstable_by(place, f32::total_cmp).1
+    };
     let ground = quantile(50);
     let full = (FULL_BARRIER * quantile(98)).max(ground + 1e-6);
     let scaled = open.map(|value| ((value - ground) / (full - ground)).clamp(0.0, 1.0));
-    per_unit(&scaled, analysis)
-        .into_iter()
-        .map(f64::from)
-        .collect()
+    per_unit(&scaled, units).into_iter().map(f64::from).collect()
 }
 
-/// The mean of a plane over each unit.
-fn per_unit(plane: &Plane, analysis: &Analysis) -> Vec<f32> {
-    let [cols, rows] = analysis.units;
+/// The mean of a plane over each of `units`.
+fn per_unit(plane: &Plane, [cols, rows]: [usize; 2]) -> Vec<f32> {
     Size::new(cols, rows).map_or_else(
         |_| Vec::new(),
         |size| resize(plane, size, ResizeFilter::Box).into_pixels(),

@@ -68,6 +68,7 @@
 mod analysis;
 mod barrier;
 mod bounds;
+pub mod clip;
 mod deformation;
 mod forms;
 mod grid;

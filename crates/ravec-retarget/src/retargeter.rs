@@ -12,23 +12,23 @@ use crate::analysis::{Analysis, units_for};
 use crate::bounds::{Bounded, Edges, Format, State, minimize};
 use crate::deformation::{Deformation, SolveSummary};
 use crate::forms::{Content, GIVING, GridRun};
-use crate::grid::Grid;
+use crate::grid::{Edge, Grid};
 use crate::importance::importance;
 use crate::params::{Borders, RetargetError, RetargetParams};
 use crate::quadtree::spans;
 use crate::runs::straight_runs;
 use crate::system::Axis;
 use glam::{DVec2, dvec2};
-use ravec_progress::Progress;
+use ravec_progress::{Phase, Progress};
 use ravec_raster::{Color, Image, Mask, Resample, Size};
 use rayon::prelude::*;
 use std::sync::Arc;
 
 /// The weight of a cell that a protecting mask touches.
-const PROTECTED: f64 = 100.0;
+pub(crate) const PROTECTED: f64 = 100.0;
 
 /// The weight of a cell that may give way: a tenth of what is unimportant by itself.
-const GIVEN_WAY: f64 = 0.1 * GIVING;
+pub(crate) const GIVEN_WAY: f64 = 0.1 * GIVING;
 
 /// Share of a cell that must be painted to count as touched: a stray pixel of a soft brush does not.
 const TOUCHED: f32 = 0.05;
@@ -36,8 +36,21 @@ const TOUCHED: f32 = 0.05;
 /// The factor by which a side may change at most, either way.
 const MAX_FACTOR: f64 = 20.0;
 
+/// The bound on edges of deformations that are nearest to others, which are within [`PROVED_LENGTH`](crate::bounds::PROVED_LENGTH)
+/// and seldom leave it. Above 0 nothing folds; more would blend with plain scaling more often.
+const NEAREST_LENGTH: f64 = 0.01;
+
 /// Overhang of free borders if no share is given.
 const FREE_SHARE: f64 = 0.1;
+
+/// Content of a picture as it is factored.
+pub(crate) struct KnownContent {
+    pub(crate) grid: Arc<Grid>,
+    /// The weight of each cell.
+    pub(crate) weights: Vec<f64>,
+    pub(crate) runs: Vec<GridRun>,
+    pub(crate) mean_importance: f64,
+}
 
 /// Masks painted on the picture, of its size.
 #[derive(Debug, Clone, Copy, Default)]
@@ -49,7 +62,8 @@ pub struct Painted<'a> {
 }
 
 /// Figures of the analysis.
-#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct AnalysisSummary {
     /// Cells of the grid.
     pub cells: usize,
@@ -87,25 +101,30 @@ impl Retargeter {
         progress: &Progress,
     ) -> Result<Self, RetargetError> {
         params.check()?;
-        for (which, mask) in [("protect", painted.protect), ("give-way", painted.give_way)] {
-            if let Some(mask) = mask.filter(|mask| mask.size() != image.size()) {
-                return Err(RetargetError::MaskSize {
-                    which,
-                    got: mask.size(),
-                    image: image.size(),
-                });
-            }
-        }
+        check_masks(image.size(), painted)?;
         let phase = progress.phase("analyze", 4);
         let units = units_for(image.size(), params.grid_cells);
         let analysis = Analysis::new(image, units, progress)?;
         phase.advance(1);
+        Self::of_analysis(image.size(), &analysis, painted, params, &phase, progress)
+    }
+
+    /// Finds the lines and the importance of an analyzed picture of a size, and factors its energies.
+    fn of_analysis(
+        size: Size,
+        analysis: &Analysis,
+        painted: Painted<'_>,
+        params: &RetargetParams,
+        phase: &Phase,
+        progress: &Progress,
+    ) -> Result<Self, RetargetError> {
+        let units = analysis.units;
         let found = if params.line_strength > 0.0 {
             straight_runs(&analysis.image)
         } else {
             Vec::new()
         };
-        let importance = importance(&analysis, &found, params.saliency);
+        let importance = importance(analysis, &found, params.saliency);
         progress.check()?;
         phase.advance(1);
         let runs: Vec<GridRun> = found
@@ -116,14 +135,38 @@ impl Retargeter {
         let weights = unit_weights(&importance, painted, units);
         let grid = if params.adaptive {
             let symmetric = params.borders == Borders::Symmetric;
-            let spans = spans(&analysis, &weights, &runs, symmetric, progress)?;
-            Grid::new(image.size(), units, |col, row| spans[row * units[0] + col])
+            let spans = spans(analysis, &weights, &runs, symmetric, progress)?;
+            Grid::new(size, units, |col, row| spans[row * units[0] + col])
         } else {
-            Grid::new(image.size(), units, |_, _| 1)
+            Grid::new(size, units, |_, _| 1)
         };
         progress.check()?;
         phase.advance(1);
         let weights = cell_means(&grid, &weights);
+        let content = KnownContent {
+            grid: Arc::new(grid),
+            weights,
+            runs,
+            mean_importance,
+        };
+        let found = Self::from_content(params, content, false)?;
+        progress.check()?;
+        phase.advance(1);
+        Ok(found)
+    }
+
+    /// Factors the energies of content that is known. With `keep`, [`nearest`](Self::nearest) can be asked.
+    pub(crate) fn from_content(
+        params: &RetargetParams,
+        content: KnownContent,
+        keep: bool,
+    ) -> Result<Self, RetargetError> {
+        let KnownContent {
+            grid,
+            weights,
+            runs,
+            mean_importance,
+        } = content;
         let axes = Axis::both(
             &Content {
                 grid: &grid,
@@ -133,9 +176,8 @@ impl Retargeter {
                 free_borders: params.borders == Borders::Free,
             },
             params.borders,
+            keep,
         )?;
-        progress.check()?;
-        phase.advance(1);
         let edge_lengths = grid
             .edges
             .iter()
@@ -152,7 +194,7 @@ impl Retargeter {
                 straight_runs: runs.len(),
                 mean_importance,
             },
-            grid: Arc::new(grid),
+            grid,
             weights: Arc::new(weights),
             runs: Arc::new(runs),
             axes,
@@ -170,7 +212,12 @@ impl Retargeter {
     /// # Errors
     /// [`RetargetError::Factor`] if a side changes by a factor of more than 20.
     pub fn solve(&self, size: Size) -> Result<Deformation, RetargetError> {
-        self.solve_from(size, None)
+        self.solve_from(size, self.params.object_scale, None)
+    }
+
+    /// As [`solve`](Self::solve), with another scale of important content.
+    pub(crate) fn solve_scaled(&self, size: Size, scale: f64) -> Result<Deformation, RetargetError> {
+        self.solve_from(size, scale, None)
     }
 
     /// The deformation for `size`, starting from one for a similar size: for following a frame that is being dragged. Takes a
@@ -184,21 +231,20 @@ impl Retargeter {
         similar: &Deformation,
     ) -> Result<Deformation, RetargetError> {
         let same_grid = Arc::ptr_eq(&similar.grid, &self.grid);
-        self.solve_from(size, similar.state.as_ref().filter(|_| same_grid))
+        let warm = similar.state.as_ref().filter(|_| same_grid);
+        self.solve_from(size, self.params.object_scale, warm)
     }
 
-    fn solve_from(&self, size: Size, warm: Option<&State>) -> Result<Deformation, RetargetError> {
-        let old = as_vector(self.grid.image_size);
+    fn solve_from(
+        &self,
+        size: Size,
+        scale: f64,
+        warm: Option<&State>,
+    ) -> Result<Deformation, RetargetError> {
+        check_factor(self.grid.image_size, size)?;
         let new = as_vector(size);
-        let factor = new / old;
-        if factor.max_element() > MAX_FACTOR || factor.min_element() < 1.0 / MAX_FACTOR {
-            return Err(RetargetError::Factor {
-                image: self.grid.image_size,
-                target: size,
-            });
-        }
         let crop = self.best_crop(new);
-        let format = self.format(crop.whole);
+        let format = self.format(crop.whole, scale);
         let edges = Edges {
             edges: &self.grid.edges,
             lengths: &self.edge_lengths,
@@ -227,10 +273,71 @@ impl Retargeter {
         Ok(deformation)
     }
 
+    /// The vertices of the deformation whose edges are as near to `edges` as the energy lets them be, in its own measure, starting from
+    /// those of `found` for a regular grid; without folds. The factor of the energy must have been kept.
+    pub(crate) fn nearest(&self, found: &Deformation, edges: &[DVec2]) -> Vec<DVec2> {
+        let grid = &self.grid;
+        let edge = |k: usize| {
+            let [from, to] = grid.edges[k].ends.map(|end| found.vertices[end as usize]);
+            to - from
+        };
+        let unit_px = grid.unit_px();
+        let mut weights = vec![0.0; grid.edges.len()];
+        for (k, weight) in edge_weights(grid, &self.weights).into_iter().enumerate() {
+            let unit = unit_px[usize::from(!grid.edges[k].across)];
+            weights[k] = weight / (unit * unit);
+        }
+        let steps = [0, 1].map(|a: usize| {
+            let axis = &self.axes[a];
+            let change: Vec<f64> = (0..edges.len()).map(|k| edges[k][a] - edge(k)[a]).collect();
+            let mut step = vec![0.0; axis.unknowns.count()];
+            axis.change_edges(&change, &weights, &mut step);
+            step
+        });
+        let factor = as_vector(found.size) / as_vector(grid.image_size);
+        let mut vertices: Vec<DVec2> = (0..grid.vertices.len() as u32)
+            .map(|vertex| {
+                let step = [0, 1].map(|a: usize| self.axes[a].unknowns.value(&steps[a], vertex));
+                let at = found.vertices[vertex as usize] + DVec2::from_array(step);
+                self.framed(vertex, at, as_vector(found.size))
+            })
+            .collect();
+        let bounds = Edges {
+            edges: &grid.edges,
+            lengths: &self.edge_lengths,
+        };
+        let components = [0, 1].map(|a: usize| {
+            let ends = grid.edges.iter().map(|edge| edge.ends);
+            ends.map(|[from, to]| vertices[to as usize][a] - vertices[from as usize][a])
+                .collect()
+        });
+        let slack = bounds.min_slack(&components, factor * unit_px);
+        if slack < NEAREST_LENGTH {
+            let blend = ((NEAREST_LENGTH - slack) / (1.0 - slack)).min(1.0);
+            for (vertex, at) in vertices.iter_mut().enumerate() {
+                *at = at.lerp(grid.position_px(vertex as u32) * factor, blend);
+            }
+        }
+        vertices
+    }
+
+    /// A place of a vertex, where it is on a border: on the frame, or beyond it if borders are free.
+    fn framed(&self, vertex: u32, mut at: DVec2, size: DVec2) -> DVec2 {
+        if self.params.borders == Borders::Free {
+            for axis in 0..2 {
+                match self.grid.vertices[vertex as usize][axis] {
+                    0 => at[axis] = at[axis].min(0.0),
+                    last if last == self.grid.units[axis] => at[axis] = at[axis].max(size[axis]),
+                    _ => {}
+                }
+            }
+        }
+        at
+    }
+
     /// The scale of important content and the mean units for a picture of a new size.
-    fn format(&self, new: DVec2) -> Format {
+    fn format(&self, new: DVec2, scale: f64) -> Format {
         let factor = new / as_vector(self.grid.image_size);
-        let scale = self.params.object_scale;
         let share = match self.params.borders {
             Borders::Free if self.params.max_crop > 0.0 => self.params.max_crop,
             Borders::Free => FREE_SHARE,
@@ -292,7 +399,7 @@ impl Retargeter {
             return none;
         }
         let energy = |whole: DVec2| {
-            let scale = self.format(whole).scale;
+            let scale = self.format(whole, self.params.object_scale).scale;
             self.axes[0].min_energy(whole.x, scale) + self.axes[1].min_energy(whole.y, scale)
         };
         let mut best = (energy(new), none);
@@ -302,7 +409,7 @@ impl Retargeter {
             // no more than what makes both factors one
             whole[axis] = (new[axis] / (1.0 - share))
                 .min(factor[1 - axis] * as_vector(self.grid.image_size)[axis]);
-            let scale = self.format(whole).scale;
+            let scale = self.format(whole, self.params.object_scale).scale;
             let z = self.axes[axis].unbounded(whole[axis], scale);
             let spare = whole[axis] - new[axis];
             let within = energy(whole);
@@ -334,39 +441,92 @@ impl Retargeter {
     }
 }
 
-fn as_vector(size: Size) -> DVec2 {
+/// Refuses a size that is too far from the old one.
+pub(crate) fn check_factor(image: Size, target: Size) -> Result<(), RetargetError> {
+    let factor = as_vector(target) / as_vector(image);
+    if factor.max_element() > MAX_FACTOR || factor.min_element() < 1.0 / MAX_FACTOR {
+        return Err(RetargetError::Factor { image, target });
+    }
+    Ok(())
+}
+
+/// Refuses masks of another size than the picture.
+pub(crate) fn check_masks(image: Size, painted: Painted<'_>) -> Result<(), RetargetError> {
+    for (which, mask) in [("protect", painted.protect), ("give-way", painted.give_way)] {
+        if let Some(mask) = mask.filter(|mask| mask.size() != image) {
+            return Err(RetargetError::MaskSize {
+                which,
+                got: mask.size(),
+                image,
+            });
+        }
+    }
+    Ok(())
+}
+
+pub(crate) fn as_vector(size: Size) -> DVec2 {
     dvec2(size.width() as f64, size.height() as f64)
 }
 
 /// The weight of each unit from its importance and from what is painted.
-fn unit_weights(importance: &[f64], painted: Painted<'_>, [cols, rows]: [usize; 2]) -> Vec<f64> {
-    let mut weights: Vec<f64> = importance
-        .iter()
-        .map(|b| GIVING + (1.0 - GIVING) * b)
-        .collect();
+fn unit_weights(importance: &[f64], painted: Painted<'_>, units: [usize; 2]) -> Vec<f64> {
+    let mut weights: Vec<f64> = importance.iter().map(|&b| weight_of(b)).collect();
     for (mask, weight) in [(painted.give_way, GIVEN_WAY), (painted.protect, PROTECTED)] {
         let Some(mask) = mask else { continue };
-        weights
-            .par_iter_mut()
-            .enumerate()
-            .for_each(|(unit, value)| {
-                let (col, row) = (unit % cols, unit / cols);
-                let part = |k: usize, count: usize, length: usize| {
-                    let first = k * length / count;
-                    first..((k + 1) * length).div_ceil(count).min(length)
-                };
-                let columns = part(col, cols, mask.size().width());
-                let touched = part(row, rows, mask.size().height()).any(|y| {
-                    mask.coverage().row(y)[columns.clone()]
-                        .iter()
-                        .any(|&c| c > TOUCHED)
-                });
-                if touched {
-                    *value = weight;
-                }
-            });
+        for (value, touched) in weights.iter_mut().zip(touched(mask, units)) {
+            if touched {
+                *value = weight;
+            }
+        }
     }
     weights
+}
+
+/// The weight of a unit of an importance, 0 to 1.
+pub(crate) fn weight_of(importance: f64) -> f64 {
+    GIVING + (1.0 - GIVING) * importance
+}
+
+/// For each unit whether a mask touches it.
+pub(crate) fn touched(mask: &Mask, [cols, rows]: [usize; 2]) -> Vec<bool> {
+    (0..cols * rows)
+        .into_par_iter()
+        .map(|unit| {
+            let (col, row) = (unit % cols, unit / cols);
+            let part = |k: usize, count: usize, length: usize| {
+                let first = k * length / count;
+                first..((k + 1) * length).div_ceil(count).min(length)
+            };
+            let columns = part(col, cols, mask.size().width());
+            part(row, rows, mask.size().height()).any(|y| {
+                mask.coverage().row(y)[columns.clone()]
+                    .iter()
+                    .any(|&c| c > TOUCHED)
+            })
+        })
+        .collect()
+}
+
+/// For each edge of a regular grid the weights of the cells beside it.
+fn edge_weights(grid: &Grid, weights: &[f64]) -> Vec<f64> {
+    let [cols, rows] = grid.units;
+    let weight = |col: usize, row: usize| weights[row * cols + col];
+    let beside = |edge: &Edge| {
+        let [col, row] = grid.vertices[edge.ends[0] as usize];
+        let (before, after) = if edge.across {
+            (
+                (row > 0).then(|| weight(col, row - 1)),
+                (row < rows).then(|| weight(col, row)),
+            )
+        } else {
+            (
+                (col > 0).then(|| weight(col - 1, row)),
+                (col < cols).then(|| weight(col, row)),
+            )
+        };
+        before.unwrap_or(0.0) + after.unwrap_or(0.0)
+    };
+    grid.edges.iter().map(beside).collect()
 }
 
 /// The mean over the units of each cell; a protected unit protects its cell.

@@ -55,7 +55,7 @@ const REPEATED_BEYOND_PX: f64 = 28.0;
 
 /// Largest number of runs that are kept, those with the most contrast along the most length. Each couples two unknowns
 /// with all cells along it; photos of buildings have hundreds.
-const MAX_RUNS: usize = 96;
+pub(crate) const MAX_RUNS: usize = 96;
 
 /// A candidate that lies within this distance of a run is the same line.
 const KNOWN_PX: f64 = 4.0;
@@ -215,7 +215,7 @@ impl LineFit {
 }
 
 /// Returns `true` if a run lies along a longer one.
-fn repeats(run: &Run, longer: &Run) -> bool {
+pub(crate) fn repeats(run: &Run, longer: &Run) -> bool {
     let direction = longer.direction();
     run.ends.iter().all(|&end| {
         let from = end - longer.ends[0];

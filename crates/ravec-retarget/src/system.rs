@@ -188,6 +188,8 @@ pub(crate) struct Axis {
     /// The weight of squared edges in the factor.
     pub(crate) stiffness: f64,
     factor: SingleCholesky,
+    /// The factor of the energy alone, if it was to be kept.
+    energy_factor: Option<SingleCholesky>,
     /// The minimum, likewise.
     minimum: [Vec<f64>; 2],
     /// The energy of the minimum: coefficients of W², 2 W s₀ and s₀².
@@ -195,10 +197,11 @@ pub(crate) struct Axis {
 }
 
 impl Axis {
-    /// The systems of both axes.
+    /// The systems of both axes. With `keep` they can [change edges](Self::change_edges).
     pub(crate) fn both(
         content: &Content<'_>,
         borders: Borders,
+        keep: bool,
     ) -> Result<[Self; 2], RetargetError> {
         let (x, y) = rayon::join(
             || Assembly::new(content, 0, borders),
@@ -207,9 +210,9 @@ impl Axis {
         // hanging vertices and merged borders are the same for both, so that one plan serves where the patterns agree
         let plan = x.plan().ok_or(RetargetError::Singular)?;
         let (x, y) = rayon::join(
-            || x.factor(&plan),
-            || match y.factor(&plan) {
-                None => y.plan().and_then(|plan| y.factor(&plan)),
+            || x.factor(&plan, keep),
+            || match y.factor(&plan, keep) {
+                None => y.plan().and_then(|plan| y.factor(&plan, keep)),
                 found => found,
             },
         );
@@ -243,6 +246,24 @@ impl Axis {
         let mut step: Vec<f32> = right.into_iter().map(|value| value as f32).collect();
         self.factor.solve_in_place(&mut step);
         // fixed unknowns have rows of their own, with nothing on the right
+        for (z, step) in z.iter_mut().zip(step) {
+            *z += f64::from(step);
+        }
+    }
+}
+
+impl Axis {
+    /// Moves `z` so that its edges change as nearly by `change` as the energy lets them, in its own measure: `weights` are those
+    /// of squared edges in it. Does nothing if the factor was not kept.
+    pub(crate) fn change_edges(&self, change: &[f64], weights: &[f64], z: &mut [f64]) {
+        let Some(factor) = &self.energy_factor else {
+            return;
+        };
+        let weighed: Vec<f64> = change.iter().zip(weights).map(|(c, w)| c * w).collect();
+        let mut right = vec![0.0; z.len()];
+        self.edges.add_transposed(&weighed, 1.0, &mut right);
+        let mut step: Vec<f32> = right.into_iter().map(|value| value as f32).collect();
+        factor.solve_in_place(&mut step);
         for (z, step) in z.iter_mut().zip(step) {
             *z += f64::from(step);
         }
@@ -325,16 +346,17 @@ impl Assembly {
         EliminationPlan::new(&self.energy.matrix(), &self.unknowns.positions)
     }
 
-    fn factor(&self, plan: &EliminationPlan) -> Option<Axis> {
+    fn factor(&self, plan: &EliminationPlan, keep: bool) -> Option<Axis> {
         let matrix = self.energy.matrix();
         let stiffness = STIFFNESS * matrix.mean_diagonal();
         let (minimum, factor) = rayon::join(
             || {
                 let factor = plan.factor(&matrix)?;
-                Some(self.right.clone().map(|mut right| {
+                let minimum = self.right.clone().map(|mut right| {
                     factor.solve_in_place(&mut right);
                     right
-                }))
+                });
+                Some((minimum, keep.then(|| factor.single_precision())))
             },
             || {
                 let mut sum = self.energy.clone();
@@ -348,7 +370,7 @@ impl Assembly {
                 plan.factor(&sum.matrix())
             },
         );
-        let (minimum, factor) = (minimum?, factor?);
+        let ((minimum, energy_factor), factor) = (minimum?, factor?);
         let mut energy = [0.0; 3];
         for form in self.forms.iter() {
             let value = |z: &[f64], far: f64, shift: f64| {
@@ -371,6 +393,7 @@ impl Assembly {
             edges: self.edges.clone(),
             stiffness,
             factor: factor.single_precision(),
+            energy_factor,
             minimum,
             energy,
         })

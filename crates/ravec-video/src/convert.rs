@@ -233,15 +233,12 @@ fn decode<T: Rounded, P: Pixel>(
                 load_row(plane, row, alpha);
             }
             let layout = (format.subsampling, color);
-            match frame.chroma() {
-                Some((plane_b, plane_r)) => {
-                    cb.load(plane_b, row, layout);
-                    cr.load(plane_r, row, layout);
-                }
-                None => {
-                    cb.fine.fill(codes.chroma_zero);
-                    cr.fine.fill(codes.chroma_zero);
-                }
+            if let Some((plane_b, plane_r)) = frame.chroma() {
+                cb.load(plane_b, row, layout);
+                cr.load(plane_r, row, layout);
+            } else {
+                cb.fine.fill(codes.chroma_zero);
+                cr.fine.fill(codes.chroma_zero);
             }
             let samples = luma.iter().zip(&cb.fine).zip(&cr.fine).zip(&*alpha);
             for (into, (((y, cb), cr), a)) in pixels.iter_mut().zip(samples) {
@@ -276,7 +273,7 @@ impl UnitRow {
         }
     }
 
-    fn load<P: Color>(&mut self, pixels: &[P], color: &ColorInfo) {
+    fn load<P: Color>(&mut self, pixels: &[P], color: ColorInfo) {
         let (kr, kb) = color.matrix.luma_weights();
         let weights = [kr as f32, (1.0 - kr - kb) as f32, kb as f32];
         let (blue, red) = (0.5 / (1.0 - weights[2]), 0.5 / (1.0 - weights[0]));
@@ -309,11 +306,11 @@ fn encoded<P: Color>(pixel: P) -> [f32; 3] {
 fn encode<P: Color>(image: &Image<P>, format: YuvFormat, color: ColorInfo) -> YuvImage {
     let size = image.size();
     let codes = Codes::new(color.range, format.depth);
-    let luma = luma_plane(image, format.depth, &codes, &color);
+    let luma = luma_plane(image, format.depth, &codes, color);
     let mut planes = vec![luma];
     if let Some((width, height)) = format.subsampling.chroma_size(size.width(), size.height()) {
         let chroma = Size::new(width, height).expect("not larger than the picture, and not zero");
-        let (cb, cr) = chroma_planes(image, chroma, format, &codes, &color);
+        let (cb, cr) = chroma_planes(image, chroma, format, &codes, color);
         planes.extend([cb, cr]);
     }
     if format.alpha {
@@ -336,7 +333,7 @@ fn luma_plane<P: Color>(
     image: &Image<P>,
     depth: u32,
     codes: &Codes,
-    color: &ColorInfo,
+    color: ColorInfo,
 ) -> SamplePlane {
     let size = image.size();
     let code =
@@ -361,7 +358,7 @@ fn chroma_planes<P: Color>(
     size: Size,
     format: YuvFormat,
     codes: &Codes,
-    color: &ColorInfo,
+    color: ColorInfo,
 ) -> (SamplePlane, SamplePlane) {
     let (log_x, log_y) = format.subsampling.log2_steps().unwrap_or((0, 0));
     let taps_x = taps(color.siting.x, 1 << log_x);

@@ -97,6 +97,9 @@ pub enum VideoError {
     /// The options cannot be had together, or not in this format.
     #[error("{0}")]
     Options(String),
+    /// A clip without frames was to be written.
+    #[error("there are no frames to write")]
+    NoFrames,
     /// A numbered picture cannot be read.
     #[error(transparent)]
     ReadPicture(#[from] ReadError),

@@ -123,6 +123,10 @@ impl ClipInfo {
     }
 }
 
+#[expect(
+    clippy::trivially_copy_pass_by_ref,
+    reason = "the signature that serde calls"
+)]
 fn serialize_size<S: Serializer>(size: &Size, serializer: S) -> Result<S::Ok, S::Error> {
     [size.width(), size.height()].serialize(serializer)
 }

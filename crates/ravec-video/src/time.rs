@@ -22,6 +22,17 @@ impl Rational {
         den: NonZeroU32::MIN,
     };
 
+    /// The time base of `den` ticks a second.
+    pub(crate) const fn ticks(den: u32) -> Self {
+        match NonZeroU32::new(den) {
+            Some(den) => Self {
+                num: NonZeroU32::MIN,
+                den,
+            },
+            None => panic!("a time base of zero ticks"),
+        }
+    }
+
     /// `num / den`, or `None` if one of them is zero.
     pub fn new(num: u32, den: u32) -> Option<Self> {
         Some(Self {

@@ -181,7 +181,8 @@ impl YuvFormat {
     pub fn plane_sizes(&self, luma: Size) -> Vec<Size> {
         let mut sizes = vec![luma];
         if let Some((width, height)) = self.subsampling.chroma_size(luma.width(), luma.height()) {
-            let chroma = Size::new(width, height).expect("not larger than luma, and not zero");
+            // sides round up, so that none is zero
+            let chroma = Size::new(width, height).unwrap_or(luma);
             sizes.extend([chroma, chroma]);
         }
         if self.alpha {

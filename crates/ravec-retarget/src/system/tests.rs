@@ -18,12 +18,15 @@ fn grid(adaptive: bool) -> Grid {
 fn runs() -> Vec<GridRun> {
     vec![
         GridRun {
+            strength: 1.0,
             ends: [dvec2(1.2, 0.7), dvec2(10.5, 7.9)],
         },
         GridRun {
+            strength: 1.0,
             ends: [dvec2(0.0, 4.5), dvec2(12.0, 4.6)],
         },
         GridRun {
+            strength: 1.0,
             ends: [dvec2(6.1, 0.0), dvec2(6.1, 8.5)],
         },
     ]
@@ -116,7 +119,7 @@ fn the_minimum_is_that_of_a_dense_solution_of_the_definition() {
         (true, Borders::Free),
     ] {
         with_content(adaptive, borders, |content| {
-            let axes = Axis::both(content, borders).unwrap();
+            let axes = Axis::both(content, borders, false).unwrap();
             for (axis, system) in axes.iter().enumerate() {
                 let (length, scale) = (71.0, 0.8);
                 let z = system.unbounded(length, scale);
@@ -177,7 +180,7 @@ fn one_factor_for_both_sides_is_plain_scaling_with_energy_0() {
     for adaptive in [false, true] {
         for borders in [Borders::Slide, Borders::Symmetric, Borders::Free] {
             with_content(adaptive, borders, |content| {
-                let axes = Axis::both(content, borders).unwrap();
+                let axes = Axis::both(content, borders, false).unwrap();
                 for (axis, length) in [(0, 120.0 * 0.6), (1, 90.0 * 0.6)] {
                     let z = axes[axis].unbounded(length, 0.6);
                     for vertex in 0..content.grid.vertices.len() as u32 {
@@ -214,7 +217,7 @@ fn an_adaptive_grid_moves_like_the_regular_one_where_weights_are_even() {
             line_strength: 1.0,
             free_borders: false,
         };
-        let axes = Axis::both(&content, Borders::Slide).unwrap();
+        let axes = Axis::both(&content, Borders::Slide, false).unwrap();
         let z = [axes[0].unbounded(70.0, 1.0), axes[1].unbounded(90.0, 1.0)];
         let place = |at: DVec2| -> DVec2 {
             let parts = grid.weights_at(at);
@@ -240,7 +243,7 @@ fn an_adaptive_grid_moves_like_the_regular_one_where_weights_are_even() {
 fn following_the_edges_leads_to_the_minimum_with_them() {
     for (adaptive, borders) in [(false, Borders::Slide), (true, Borders::Free)] {
         with_content(adaptive, borders, |content| {
-            for (axis, system) in Axis::both(content, borders).unwrap().iter().enumerate() {
+            for (axis, system) in Axis::both(content, borders, false).unwrap().iter().enumerate() {
                 let (length, scale) = (71.0, 0.8);
                 let forms = content.forms(axis);
                 let total = |z: &[f64], target: &[f64]| {
