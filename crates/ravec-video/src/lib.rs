@@ -50,6 +50,7 @@ mod color;
 mod convert;
 mod create;
 mod error;
+mod ffmpeg;
 mod frame;
 #[cfg(feature = "h264")]
 mod h264;
@@ -72,6 +73,7 @@ pub use color::{ColorInfo, Matrix, Range, Siting, SitingAxis, Subsampling, UNSPE
 pub use convert::{image_from_yuv, yuv_from_image};
 pub use create::{ClipWriter, CopiedTracks, CreateOptions, DEFAULT_QUALITY, container_for};
 pub use error::VideoError;
+pub use ffmpeg::{FfmpegSink, FfmpegSource, TrackExcerpt, assemble};
 pub use frame::{Frame, FramePicture};
 pub use info::{ClipInfo, Container, OtherTrack, PixelKind, Rotation, TrackKind};
 pub use limits::VideoLimits;
