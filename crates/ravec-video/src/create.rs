@@ -2,6 +2,7 @@
 
 use crate::animation::{ApngSink, GifSink};
 use crate::error::VideoError;
+use crate::ffmpeg::{self, FfmpegSink, TrackExcerpt};
 use crate::frame::{Frame, FramePicture};
 use crate::info::{Container, PixelKind, TrackKind};
 use crate::limits::VideoLimits;
@@ -110,7 +111,18 @@ impl ClipWriter {
         format: &SinkFormat,
         options: &CreateOptions,
     ) -> Result<Self, VideoError> {
-        let kind = container_for(path)?;
+        let mut kind = container_for(path)?;
+        // other codecs and lossless frames in MP4 need FFmpeg
+        let other_codec = options
+            .encode
+            .codec
+            .as_deref()
+            .is_some_and(|codec| codec != "h264");
+        if kind == Container::Mp4
+            && (other_codec || options.encode.lossless || !cfg!(feature = "h264"))
+        {
+            kind = Container::Ffmpeg;
+        }
         let mut writer = Self {
             path: path.to_path_buf(),
             format: format.clone(),
@@ -399,6 +411,12 @@ fn chunk_sink(
             let output = BufWriter::with_capacity(1 << 18, new_part(path)?);
             Ok(Box::new(Mp4Writer::new(output, format, encode)?))
         }
+        Container::Ffmpeg => {
+            let extension = path.extension().unwrap_or_default().to_string_lossy();
+            Ok(Box::new(FfmpegSink::create(
+                path, &extension, format, encode,
+            )?))
+        }
         _ => Err(VideoError::UnknownFormat),
     }
 }
@@ -419,6 +437,9 @@ fn assemble(
     path: &Path,
     options: &CreateOptions,
 ) -> Result<Vec<String>, VideoError> {
+    if kind == Container::Ffmpeg {
+        return assemble_by_ffmpeg(parts, path, options);
+    }
     let file = AtomicFile::create(path)?;
     let mut output = BufWriter::new(file.file());
     let mut warnings = Vec::new();
@@ -441,6 +462,26 @@ fn assemble(
     }
     output.flush()?;
     drop(output);
+    file.persist()?;
+    Ok(warnings)
+}
+
+/// Lets FFmpeg join the chunks to a file beside them, which takes the place of the output then.
+fn assemble_by_ffmpeg(
+    parts: &Parts,
+    path: &Path,
+    options: &CreateOptions,
+) -> Result<Vec<String>, VideoError> {
+    let extension = path.extension().unwrap_or_default().to_string_lossy();
+    let tracks = options.tracks.as_ref().map(|tracks| TrackExcerpt {
+        path: &tracks.path,
+        start_secs: tracks.start_secs,
+        end_secs: tracks.end_secs,
+    });
+    let joined = parts.path(&format!("joined.{extension}"));
+    let warnings = ffmpeg::assemble(&parts.chunks(), tracks, &joined, &extension)?;
+    let file = AtomicFile::create(path)?;
+    std::io::copy(&mut File::open(&joined)?, &mut file.file())?;
     file.persist()?;
     Ok(warnings)
 }

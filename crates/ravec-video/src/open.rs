@@ -2,6 +2,7 @@
 
 use crate::animation::{ApngSource, GifSource, is_animated};
 use crate::error::VideoError;
+use crate::ffmpeg::FfmpegSource;
 use crate::frame::Frame;
 use crate::info::{ClipInfo, Container};
 use crate::limits::VideoLimits;
@@ -79,17 +80,34 @@ impl Clip {
             }
             #[cfg(feature = "h264")]
             Some(Container::Mp4) => Self::open_mp4(path, file, limits),
-            Some(_) | None => Err(VideoError::UnknownFormat),
+            // a picture that does not move
+            Some(Container::Apng) => Err(VideoError::UnknownFormat),
+            Some(_) | None => Self::open_by_ffmpeg(path, &start[..filled], limits),
         }
     }
 
-    /// Opens an MP4 file natively, or by FFmpeg if it has another codec.
+    /// Opens an MP4 file natively, or by FFmpeg what is not known here.
     #[cfg(feature = "h264")]
     fn open_mp4(path: &Path, file: File, limits: &VideoLimits) -> Result<Self, VideoError> {
         match Mp4Source::open(std::io::BufReader::new(file), limits) {
             Ok(source) => Ok(Self::of(source)),
+            Err(VideoError::Unsupported { feature, .. }) => {
+                let source = FfmpegSource::open(path, &feature, limits)?;
+                Ok(Self::of(source))
+            }
             Err(error) => Err(error),
         }
+    }
+
+    /// Opens a file of another format by FFmpeg. A file that no video format begins like is refused without asking it.
+    fn open_by_ffmpeg(path: &Path, start: &[u8], limits: &VideoLimits) -> Result<Self, VideoError> {
+        let extension = path.extension().unwrap_or_default().to_string_lossy();
+        let known = VIDEO_EXTENSIONS.contains(&extension.to_ascii_lowercase().as_str());
+        if !known && !starts_like_video(start) {
+            return Err(VideoError::UnknownFormat);
+        }
+        let needed_for = format!("reading .{extension}");
+        FfmpegSource::open(path, &needed_for, limits).map(Self::of)
     }
 
     fn of(source: impl FrameSource + 'static) -> Self {
@@ -155,6 +173,20 @@ fn read_start(file: &mut File, start: &mut [u8]) -> std::io::Result<usize> {
         }
     }
     Ok(filled)
+}
+
+/// True for the first bytes of Matroska and `WebM`, AVI, Ogg, ASF, FLV and MPEG streams.
+fn starts_like_video(start: &[u8]) -> bool {
+    let starts = |magic: &[u8]| start.starts_with(magic);
+    starts(b"\x1a\x45\xdf\xa3")
+        || (starts(b"RIFF") && start.get(8..11) == Some(b"AVI"))
+        || starts(b"OggS")
+        || starts(b"\x30\x26\xb2\x75")
+        || starts(b"FLV")
+        || starts(b"\0\0\x01\xba")
+        || starts(b"\0\0\x01\xb3")
+        || starts(b"\x47")
+        || starts(b"nut/multimedia")
 }
 
 /// The format by the first bytes; PNG files may or may not be animated.

@@ -124,6 +124,11 @@ impl Parts {
             .collect()
     }
 
+    /// A path for something else in the folder.
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.folder.join(name)
+    }
+
     /// Number of pictures that a run before has finished.
     pub fn picture_count(&self) -> u64 {
         let text = fs::read_to_string(self.folder.join(COUNT_FILE)).unwrap_or_default();
