@@ -1,6 +1,7 @@
 //! Catalogues of photos: files with any bytes, and valid databases whose rows say anything.
 
 use super::{Outcome, limits};
+use ravec::mosaic::Crop;
 use ravec::progress::Progress;
 use ravec::raster::{Image, Size, Srgb};
 use ravec_catalogue::Catalogue;
@@ -186,7 +187,7 @@ fn used(catalogue: &Path) -> Outcome {
         let params = mosaic::Params {
             tiles: sides(3, 2),
             tile_size: Some(sides(6, 5)),
-            crop: mosaic::CropChoice::Center,
+            crop: Crop::Center,
             min_repeat_distance: 0.0,
             rounds: 1,
             preview,

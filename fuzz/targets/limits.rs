@@ -10,6 +10,9 @@ pub const PICTURE_BYTES: usize = 16 << 20;
 /// The most pixels of a picture.
 pub const MAX_PIXELS: u64 = 1 << 20;
 
+/// The memory of a clip reader, and of the frames that its target keeps: most of it is reserved for the decoder.
+pub const CLIP_BYTES: usize = 32 << 20;
+
 const MESH_BYTES: u64 = 4 << 20;
 const MAX_ELEMENTS: u64 = 1 << 14;
 
@@ -21,6 +24,14 @@ pub fn pictures() -> Limits {
     Limits {
         max_pixels: MAX_PIXELS,
         memory: MemoryBudget::new(PICTURE_BYTES as u64),
+    }
+}
+
+/// The limits of clip readers.
+pub fn clips() -> Limits {
+    Limits {
+        max_pixels: 1 << 14,
+        memory: MemoryBudget::new(CLIP_BYTES as u64),
     }
 }
 

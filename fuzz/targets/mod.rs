@@ -6,6 +6,7 @@
 //! did not contain, and no more memory than [`limits`] allow.
 
 mod catalogue;
+mod clips;
 mod limits;
 pub mod memory;
 mod meshes;
@@ -97,6 +98,11 @@ pub const TARGETS: &[Target] = &[
     mesh("gltf", meshes::read),
     mesh("threemf_package", meshes::read),
     mesh("threemf_model", packages::read_model),
+    Target {
+        name: "mp4",
+        body: clips::read_mp4,
+        max_held: limits::CLIP_BYTES,
+    },
     Target {
         name: "catalogue_file",
         body: catalogue::read_file,

@@ -50,6 +50,17 @@ const CRATES: &[Crate] = &[
         ],
     },
     Crate {
+        name: "ravec-video",
+        layer: "vocabulary",
+        uses: &[
+            "ravec-media",
+            "ravec-raster",
+            "ravec-files",
+            "ravec-memory",
+            "ravec-progress",
+        ],
+    },
+    Crate {
         name: "ravec-mesh",
         layer: "vocabulary",
         uses: &["ravec-memory", "ravec-numeric", "ravec-progress"],
@@ -163,6 +174,7 @@ const CRATES: &[Crate] = &[
             "ravec",
             "ravec-catalogue",
             "ravec-media",
+            "ravec-video",
             "ravec-files",
             "ravec-scenes",
         ],
@@ -211,6 +223,8 @@ const QUARANTINE: &[(&[&str], &[&str])] = &[
         ],
         &["ravec-media"],
     ),
+    // codecs of video
+    (&["openh264"], &["ravec-video"]),
     // temporary files
     (&["tempfile"], &["ravec-files"]),
     // codecs of meshes
@@ -221,11 +235,23 @@ const QUARANTINE: &[(&[&str], &[&str])] = &[
     (&["blake3", "rusqlite", "walkdir"], &["ravec-catalogue"]),
     // errors that are only shown
     (&["anyhow"], &["ravec-cli", "ravec-scenes", "xtask"]),
-    // the terminal
+    // flags of the command line, derived for parameter types behind a feature
     (
         &["clap"],
-        &["ravec-cli", "ravec-demo", "ravec-jobs", "xtask"],
+        &[
+            "ravec-boolean",
+            "ravec-cli",
+            "ravec-demo",
+            "ravec-jobs",
+            "ravec-mesh-io",
+            "ravec-mesh-render",
+            "ravec-mosaic",
+            "ravec-offset",
+            "ravec-retarget",
+            "xtask",
+        ],
     ),
+    // the terminal
     (
         &[
             "clap_complete",
@@ -383,6 +409,7 @@ mod tests {
             ("ravec-mesh", "zip", false),
             ("ravec-media", "tempfile", false),
             ("ravec-twocolor", "clap", false),
+            ("ravec-offset", "clap", true),
         ] {
             for kind in ["null", r#""build""#] {
                 let verdict = judge(from, &dependency(to, kind, None));

@@ -1,24 +1,34 @@
 //! Parameters, report and errors of Booleans.
 
 use ravec_mesh::TriMesh;
-use serde::{Deserialize, Serialize};
 
 /// The places that count as inside a mesh.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(rename_all = "kebab-case")
+)]
 pub enum Inside {
-    /// Those with a generalized winding number above one half, which is a positive one wherever the mesh is closed.
+    /// Those with a winding number above one half: where it is closed, those that it goes around counterclockwise.
+    ///
+    /// The winding number is the generalized one, which an open mesh has, too.
     #[default]
     Positive,
-    /// Those that are wound around in either direction: for meshes with parts that are inside out.
+    /// Those that it goes around in either direction, for meshes with parts that are inside out.
     Nonzero,
     /// Those that cannot be reached from outside: cavities are filled, directions do not matter.
     OuterHull,
 }
 
 /// Parameters of a Boolean.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq, Default)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(default, deny_unknown_fields)
+)]
 pub struct BooleanParams {
     /// The places that count as inside each mesh.
     pub inside: Inside,
@@ -28,7 +38,8 @@ pub struct BooleanParams {
 }
 
 /// Origin of a triangle of the result.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Origin {
     /// Index of the mesh.
     pub mesh: u32,
@@ -41,7 +52,8 @@ pub struct Origin {
 }
 
 /// Findings about an input mesh.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct OperandReport {
     /// Triangles that came in.
     pub triangles: u64,
@@ -62,7 +74,8 @@ pub struct OperandReport {
 }
 
 /// Report of a Boolean operation and of the properties of its result.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct BooleanReport {
     /// One entry for each mesh, in their order.
     pub operands: Vec<OperandReport>,

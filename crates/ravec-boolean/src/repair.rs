@@ -24,7 +24,7 @@ use crate::select::{Draft, Parent, select};
 /// Rounds after which repair gives up.
 const MAX_ROUNDS: u32 = 8;
 
-/// Where there are fewer contacts than one for so many new triangles, only vertices of triangles that meet are merged, else those
+/// With fewer contacts than one for so many new triangles, only vertices of triangles that meet are merged, else those
 /// of all new ones.
 const SPARSE: usize = 50;
 

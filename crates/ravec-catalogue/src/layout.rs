@@ -163,7 +163,7 @@ impl Layout {
         (image.convert(), frame)
     }
 
-    /// Where a tile lies in the mosaic, in pixels.
+    /// Rectangle of a tile in the mosaic, in pixels.
     pub fn place(&self, tiling: &Tiling, tile: &Tile) -> Rect {
         let at = |units: usize, side: usize| units * side / tiling.units;
         let (width, height) = (self.tile.width(), self.tile.height());

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 /// A photo that was cleaned away, or would be.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Dropped {
-    /// Where its file is, or was.
+    /// Path of its file, which may be gone.
     pub path: PathBuf,
     /// Why: `unreadable`, `tiny`, `contentless`, `framed`, `near-duplicate` or `missing`, and what there is to say about it.
     pub reason: String,

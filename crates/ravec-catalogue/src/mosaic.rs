@@ -61,7 +61,7 @@ pub struct Mosaic {
     pub size: Size,
     /// The photo of each tile, by the upper borders of tiles and then the left ones.
     pub photos: Vec<PathBuf>,
-    /// Where each tile is, in pixels.
+    /// The rectangle of each tile, in pixels.
     pub places: Vec<Rect>,
     /// The choice; its numbers are of [`used`](Self::used).
     pub choice: Choice,

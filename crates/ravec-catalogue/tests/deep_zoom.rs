@@ -497,45 +497,7 @@ fn pieces_of_a_page_are_no_photos() {
 }
 
 /// Uses the page in a frame as somebody with a mouse and a keyboard would, and writes down what is seen.
-const VISITOR: &str = r#"<!doctype html><iframe id="frame" src="zoom/index.html" width="900" height="600"></iframe><pre id="seen"></pre>
-<script>
-const wait = (ms) => new Promise((done) => setTimeout(done, ms));
-frame.onload = async () => {
-  const page = frame.contentWindow, eye = (text) => page.eval(text), seen = {};
-  const canvas = page.document.getElementById("view"), name = () => page.document.getElementById("name").textContent;
-  const pointer = (type, x, y) => canvas.dispatchEvent(new page.PointerEvent(type, { clientX: x, clientY: y, pointerId: 1, button: 0 }));
-  const key = async (key) => { page.dispatchEvent(new page.KeyboardEvent("keydown", { key })); await wait(600); };
-  try {
-    await wait(1000);
-    seen.fit = eye("view.scale");
-    const tile = eye("data.tiles.slice(5 * 30, 5 * 30 + 5)"), all = eye("data.names");
-    const x = 450 + (tile[0] + tile[2] / 2 - eye("view.x")) * seen.fit, y = 300 + (tile[1] + tile[3] / 2 - eye("view.y")) * seen.fit;
-    pointer("pointermove", x, y); await wait(200);
-    seen.hover = name() === all[tile[4]] && name().length > 0;
-    seen.painted = false;
-    for (let turn = 0; turn < 50 && !seen.painted; turn += 1) {
-      // without a screen nobody asks for frames when pictures have come
-      eye("drawNow()");
-      const pixel = canvas.getContext("2d").getImageData(450, 300, 1, 1).data;
-      seen.painted = !(pixel[0] === 0x17 && pixel[1] === 0x19 && pixel[2] === 0x1c);
-      if (!seen.painted) await wait(100);
-    }
-    pointer("pointerdown", x, y); pointer("pointerup", x, y); await wait(800);
-    seen.click = eye("view.scale") / seen.fit;
-    seen.centered = Math.abs(eye("view.x") - tile[0] - tile[2] / 2) < 1;
-    pointer("pointermove", 450, 300); await wait(200);
-    seen.close = name() === all[tile[4]];
-    await key("Escape"); seen.back = eye("view.scale") / seen.fit;
-    await key("+"); await key("ArrowRight"); seen.plus = eye("view.scale") / seen.fit; seen.right = eye("view.x > data.width / 2");
-    await key("Enter"); seen.enter = eye("view.scale") / seen.fit; seen.spoken = name().length > 0;
-    await key("0"); seen.zero = eye("view.scale") / seen.fit;
-    canvas.dispatchEvent(new page.WheelEvent("wheel", { deltaY: -300, clientX: 450, clientY: 300, cancelable: true })); await wait(200);
-    seen.wheel = eye("view.scale") / seen.fit;
-    seen.local = page.performance.getEntriesByType("resource").every((entry) => entry.name.startsWith("file:"));
-  } catch (error) { seen.error = String(error); }
-  document.getElementById("seen").textContent = "SE" + "EN" + JSON.stringify(seen) + "SE" + "EN";
-};
-</script>"#;
+const VISITOR: &str = include_str!("deep_zoom/visitor.html");
 
 #[test]
 fn in_a_browser_pointer_and_keys_lead_to_single_photos() {

@@ -117,6 +117,10 @@ fn group(name: &'static str) -> clap::Command {
             "Describe, check, convert, compare, render and simplify triangle meshes",
             help::MESH,
         ),
+        "video" => (
+            "Describe and convert clips, and write their frames as pictures",
+            help::VIDEO,
+        ),
         "library" => ("Manage a catalogue of photos for mosaics", help::LIBRARY),
         _ => ("", ""),
     };
@@ -196,6 +200,10 @@ pub struct Global {
     #[arg(long, global = true, value_name = "COUNT", value_parser = count,
         default_value_t = Context::default().max_vertices)]
     pub max_vertices: u64,
+    /// Maximum number of frames of an input clip; `k`, `M` and `G` multiply by powers of 1000
+    #[arg(long, global = true, value_name = "COUNT", value_parser = count,
+        default_value_t = Context::default().max_frames)]
+    pub max_frames: u64,
     /// Write the operation as a recipe for `ravec run`; `-` writes it to standard output
     #[arg(long, global = true, value_name = "FILE")]
     pub recipe: Option<PathBuf>,
@@ -238,6 +246,7 @@ impl Global {
         };
         context.max_triangles = self.max_triangles;
         context.max_vertices = self.max_vertices;
+        context.max_frames = self.max_frames;
         context.side_outputs = self.side_outputs();
         context
     }

@@ -35,6 +35,16 @@ Examples:
 
 Meshes are STL, PLY, OBJ, OFF, 3MF, GLB or glTF, told apart by their content.";
 
+/// Of `ravec video`.
+pub const VIDEO: &str = "\
+Examples:
+  ravec video info clip.mp4
+  ravec video convert clip.mp4 small.gif --size 50%
+  ravec video frames clip.mp4 -o frame_%04d.png
+
+Clips are MP4 and MOV with H.264, Y4M, numbered pictures, GIF and APNG, told apart by their content; others are read and written \
+by FFmpeg, if it is installed.";
+
 /// Of `ravec library`.
 pub const LIBRARY: &str = "\
 Examples:

@@ -139,6 +139,32 @@ pub fn complete<P: Color>(
         });
     }
     let mut canvas = Canvas::new(image, hole, progress)?;
+    let along: Vec<_> = planes.iter().zip(&maps).collect();
+    fill_all(&mut canvas, hole, &along, params, &mut summary, progress)?;
+    let mut filled = image.clone();
+    for row in 0..image.height() {
+        for col in 0..image.width() {
+            let coverage = hole.at(col, row);
+            if coverage > 0.0 {
+                filled[(col, row)] = mixed(image[(col, row)], canvas.inks[(col, row)], coverage);
+            }
+        }
+    }
+    Ok(Completed {
+        image: filled,
+        summary,
+    })
+}
+
+/// Fills the hole of a canvas, along the planes, each with its map, as far as it lies in them.
+fn fill_all(
+    canvas: &mut Canvas,
+    hole: &Mask,
+    planes: &[(&[DVec2; 4], &Homography)],
+    params: &CompleteParams,
+    summary: &mut CompleteSummary,
+    progress: &Progress,
+) -> Result<(), CompleteError> {
     if !canvas
         .states
         .pixels()
@@ -172,34 +198,15 @@ pub fn complete<P: Color>(
     let mut rest = Mask::from_fn(hole.size(), |col, row| {
         hole.at(col, row) > 0.0 && thin.at(col, row) == 0.0
     });
-    for (quad, map) in planes.iter().zip(&maps) {
+    for (quad, map) in planes {
         let part = parts::take_quad(&mut rest, quad);
         summary.plane_px.push(part.len());
-        fill(
-            &mut canvas,
-            &part,
-            Some(map),
-            params,
-            &mut summary,
-            progress,
-        )?;
+        fill(canvas, &part, Some(map), params, summary, progress)?;
     }
     for part in parts::split(&rest) {
-        fill(&mut canvas, &part, None, params, &mut summary, progress)?;
+        fill(canvas, &part, None, params, summary, progress)?;
     }
-    let mut filled = image.clone();
-    for row in 0..image.height() {
-        for col in 0..image.width() {
-            let coverage = hole.at(col, row);
-            if coverage > 0.0 {
-                filled[(col, row)] = mixed(image[(col, row)], canvas.inks[(col, row)], coverage);
-            }
-        }
-    }
-    Ok(Completed {
-        image: filled,
-        summary,
-    })
+    Ok(())
 }
 
 /// Labels that remain for the cut of single pixels: those that won the most cells before.

@@ -27,22 +27,79 @@ pub fn write_atomically<T, E: From<io::Error>>(
     path: &Path,
     write: impl FnOnce(&mut AtomicWriter<'_>) -> Result<T, E>,
 ) -> Result<T, E> {
-    match Target::of(path)? {
-        Target::Stream(path) => {
-            let mut file = tempfile::tempfile()?;
-            let value = fill(&file, write)?;
-            file.seek(SeekFrom::Start(0))?;
-            io::copy(&mut file, &mut File::options().write(true).open(path)?)?;
-            Ok(value)
+    let file = AtomicFile::create(path)?;
+    let value = fill(file.file(), write)?;
+    file.persist()?;
+    Ok(value)
+}
+
+/// A file that is being made over a longer time: [`write_atomically`] for content that comes piece by piece.
+///
+/// It takes the place of its target by [`persist`](Self::persist), with the same guarantees. Dropped before, it leaves nothing.
+pub struct AtomicFile {
+    content: Content,
+}
+
+enum Content {
+    /// To be renamed.
+    File {
+        temporary: TemporaryFile,
+        path: PathBuf,
+        permissions: Option<Permissions>,
+    },
+    /// To be copied into a pipe or a device.
+    Stream { file: File, path: PathBuf },
+}
+
+impl AtomicFile {
+    /// An empty file that is to replace `path`.
+    ///
+    /// # Errors
+    /// Those of [`write_atomically`] before its content is written.
+    pub fn create(path: &Path) -> io::Result<Self> {
+        let content = match Target::of(path)? {
+            Target::Stream(path) => Content::Stream {
+                file: tempfile::tempfile()?,
+                path,
+            },
+            Target::File { path, permissions } => Content::File {
+                temporary: TemporaryFile::beside(&path)?,
+                path,
+                permissions,
+            },
+        };
+        Ok(Self { content })
+    }
+
+    /// The file to write into.
+    pub fn file(&self) -> &File {
+        match &self.content {
+            Content::File { temporary, .. } => temporary.as_file(),
+            Content::Stream { file, .. } => file,
         }
-        Target::File { path, permissions } => {
-            let temporary = TemporaryFile::beside(&path)?;
-            let value = fill(temporary.as_file(), write)?;
-            if let Some(permissions) = permissions {
-                temporary.as_file().set_permissions(permissions)?;
+    }
+
+    /// Puts the content in place.
+    ///
+    /// # Errors
+    /// An error of the file system; the target is as it was then, unless it is a pipe or a device.
+    pub fn persist(self) -> io::Result<()> {
+        match self.content {
+            Content::Stream { mut file, path } => {
+                file.seek(SeekFrom::Start(0))?;
+                io::copy(&mut file, &mut File::options().write(true).open(path)?)?;
+                Ok(())
             }
-            temporary.persist(&path)?;
-            Ok(value)
+            Content::File {
+                temporary,
+                path,
+                permissions,
+            } => {
+                if let Some(permissions) = permissions {
+                    temporary.as_file().set_permissions(permissions)?;
+                }
+                temporary.persist(&path)
+            }
         }
     }
 }
@@ -168,6 +225,23 @@ mod tests {
         put(&path, "one").unwrap();
         put(&path, "two").unwrap();
         assert_eq!(std::fs::read_to_string(&path).unwrap(), "two");
+        assert_eq!(names(folder.path()), ["a.txt"]);
+    }
+
+    #[test]
+    fn a_file_that_is_made_piece_by_piece_appears_at_the_end_or_not_at_all() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.txt");
+        let file = AtomicFile::create(&path).unwrap();
+        file.file().write_all(b"one").unwrap();
+        assert!(!path.exists());
+        file.file().write_all(b"two").unwrap();
+        file.persist().unwrap();
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "onetwo");
+        let file = AtomicFile::create(&path).unwrap();
+        file.file().write_all(b"half").unwrap();
+        drop(file);
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "onetwo");
         assert_eq!(names(folder.path()), ["a.txt"]);
     }
 

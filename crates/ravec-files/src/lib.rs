@@ -34,7 +34,9 @@ mod message;
 mod stream;
 mod temporary;
 
-pub use atomic::{AtomicWriter, check_writable, follow_links, scratch_file, write_atomically};
+pub use atomic::{
+    AtomicFile, AtomicWriter, check_writable, follow_links, scratch_file, write_atomically,
+};
 pub use message::message_without_code;
 pub use stream::is_stream;
 pub use temporary::{TemporaryFolder, abandon_outputs, remove_stale_in};

@@ -8,8 +8,9 @@ use crate::error::{JobError, plain};
 use crate::files;
 use crate::operation::{Operation, paths};
 use crate::report::Report;
+use crate::video::{ClipFiles, Encoding, check_no_encoding, is_clip, map_clip};
 use ravec::progress::Progress;
-use ravec::raster::{Image, LinearRgba, Rect, Size, Srgb, with_image};
+use ravec::raster::{AnyImage, Image, LinearRgba, Rect, Size, Srgb, with_image};
 use ravec::twocolor::brush::{Painted, Stroke, Strokes, Tool, replay};
 use ravec::twocolor::{
     CleanParams, Mode, OperatorParams, WindowParams, clean_with, enlarge, estimate_noise, operate,
@@ -19,6 +20,9 @@ use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
 /// Effect of the brush.
+///
+/// It is one list of the operators of [`Mode`] and the tools of [`Tool`], of which some read a color or an offset from the other
+/// parameters.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
@@ -71,9 +75,9 @@ impl BrushMode {
 #[serde(deny_unknown_fields)]
 #[cfg_attr(feature = "cli", derive(clap::Args), command(after_help = HELP))]
 pub struct Brush {
-    /// Input picture; `-` is standard input
+    /// Input picture, or a clip with --everywhere; `-` is a picture on standard input
     pub input: PathBuf,
-    /// Output picture; its extension selects the format, `-` is standard output in the input's format
+    /// Output picture or clip; its extension selects the format, `-` is standard output in the input's format
     #[cfg_attr(feature = "cli", arg(short, long, value_name = "FILE"))]
     pub output: PathBuf,
     /// Apply the mode to the whole picture
@@ -115,6 +119,7 @@ Examples:
   ravec brush photo.jpg -o look.jpg --mode abstract --iterations 3 --everywhere
   ravec brush photo.jpg -o red.png --mode color --color '#c03020' --radius 80 --stroke points.json
   ravec brush photo.jpg -o all.png --stroke strokes.json --mask mask.png
+  ravec brush clip.y4m -o clean.y4m --mode clean --everywhere
   echo '[[40, 30], [90, 50]]' | ravec brush photo.jpg -o light.png --mode dodge --stroke -
 
 Strokes: points, in pixels from the upper left corner, are one stroke with the settings of the flags:
@@ -181,7 +186,7 @@ pub struct Params {
     /// Change of the saturation by such a stroke, -1 to 4
     #[cfg_attr(feature = "cli", arg(long, value_name = "AMOUNT", allow_negative_numbers = true, default_value_t = Params::default().amount))]
     pub amount: f32,
-    /// Where such a stroke copies from, relative to each pixel, as COLUMNS,ROWS
+    /// Place that such a stroke copies from, relative to each pixel, as COLUMNS,ROWS
     #[cfg_attr(feature = "cli", arg(long, value_name = "DX,DY", allow_hyphen_values = true, default_value = "0,0", value_parser = offset))]
     pub offset: [i32; 2],
     /// Leave out the last N strokes: undo
@@ -190,6 +195,9 @@ pub struct Params {
     /// Quality of a JPEG output, 1 to 100: higher is larger and closer to the picture
     #[cfg_attr(feature = "cli", arg(long, value_name = "QUALITY", default_value_t = Params::default().quality))]
     pub quality: u8,
+    /// Encoding of a clip.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub encoding: Encoding,
 }
 
 impl Default for Params {
@@ -211,6 +219,7 @@ impl Default for Params {
             offset: [0, 0],
             undo: 0,
             quality: WriteOptions::default().quality,
+            encoding: Encoding::default(),
         }
     }
 }
@@ -377,6 +386,10 @@ impl Operation for Brush {
             });
         }
         params.check(self.everywhere)?;
+        if is_clip(input, context) {
+            return self.run_on_clip(context);
+        }
+        check_no_encoding(&params.encoding)?;
         for path in self.outputs() {
             files::check_target(path, context)?;
         }
@@ -389,7 +402,7 @@ impl Operation for Brush {
         let size = params.output_size(picture.image.size(), context.limits.max_pixels)?;
         files::check_size(output, size, &picture, context)?;
         let result = match stroke {
-            None => everywhere(&picture, params, &mut report, &context.progress)?,
+            None => everywhere(&picture.image, params, &mut report, &context.progress)?,
             Some(path) => self.paint(path, &picture, &mut report, context)?,
         };
         let options = WriteOptions {
@@ -403,6 +416,39 @@ impl Operation for Brush {
 }
 
 impl Brush {
+    /// Applies the operator to every frame of a clip.
+    fn run_on_clip(&self, context: &Context) -> Result<Report, JobError> {
+        let params = &self.params;
+        if !self.everywhere {
+            return Err(JobError::Missing {
+                fields: &["everywhere"],
+                expected: "strokes are for pictures, clips are changed as a whole",
+            });
+        }
+        let mut report = Report::of(self, params);
+        if params.mode == BrushMode::Stamp {
+            report.seed = Some(params.seed);
+        }
+        let files = ClipFiles {
+            input: &self.input,
+            output: &self.output,
+            encoding: &params.encoding,
+        };
+        let size = |size| params.output_size(size, context.limits.max_pixels);
+        map_clip(
+            self,
+            &files,
+            &mut report,
+            context,
+            size,
+            |image, report, context| {
+                let result = everywhere(image, params, report, &context.progress)?;
+                Ok(image.like(&result))
+            },
+        )?;
+        Ok(report)
+    }
+
     /// Applies the strokes of the file `path`.
     fn paint(
         &self,
@@ -449,19 +495,19 @@ impl Brush {
 
 /// The operator over the whole picture.
 fn everywhere(
-    picture: &Picture,
+    image: &AnyImage,
     params: &Params,
     report: &mut Report,
     progress: &Progress,
 ) -> Result<Image<LinearRgba>, JobError> {
-    let whole = Rect::of(picture.image.size());
+    let whole = Rect::of(image.size());
     if params.scale != 1.0 {
         let window = WindowParams {
             window_px: params.window,
             ..WindowParams::default()
         };
         return report.time("enlarge", || {
-            Ok(with_image!(&picture.image, image => enlarge(image, params.scale, &window, progress))?)
+            Ok(with_image!(image, image => enlarge(image, params.scale, &window, progress))?)
         });
     }
     let mut operator = OperatorParams {
@@ -475,7 +521,7 @@ fn everywhere(
     if operator.mode == Mode::Clean && operator.noise_sigma.is_none() {
         let noise = report.time(
             "estimate",
-            || with_image!(&picture.image, image => estimate_noise(image, progress)),
+            || with_image!(image, image => estimate_noise(image, progress)),
         )?;
         report
             .figures
@@ -486,7 +532,7 @@ fn everywhere(
         if params.strength == 1.0 && params.iterations == 1 {
             let clean = CleanParams::default();
             return report.time("clean", || {
-                Ok(with_image!(&picture.image, image => clean_with(image, whole, &noise, &clean, progress))?)
+                Ok(with_image!(image, image => clean_with(image, whole, &noise, &clean, progress))?)
             });
         }
         operator.noise_sigma = Some(noise.typical());
@@ -494,7 +540,7 @@ fn everywhere(
         report.figures.insert("noise_sigma_steps", f64::from(sigma));
     }
     report.time("operate", || {
-        Ok(with_image!(&picture.image, image => operate(image, whole, &operator, progress))?)
+        Ok(with_image!(image, image => operate(image, whole, &operator, progress))?)
     })
 }
 

@@ -1,23 +1,31 @@
-//! `compare`: how far two pictures of the same size are apart.
+//! `compare`: how far two pictures or clips of the same size are apart.
+
+mod clips;
 
 use crate::context::Context;
 use crate::error::JobError;
 use crate::files;
 use crate::operation::Operation;
 use crate::report::Report;
-use ravec::raster::{LinearRgba, MetricError, compare_with_progress, with_image};
+use crate::video::is_clip;
+use clips::compare_clips;
+use ravec::raster::{Comparison, LinearRgba, MetricError, compare_with_progress, with_image};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// Compare two pictures of the same size: PSNR, SSIM, color difference
+/// Compare two pictures or clips of the same size: PSNR, SSIM, color difference
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[cfg_attr(feature = "cli", derive(clap::Args), command(after_help = HELP))]
 pub struct Compare {
-    /// Reference; `-` is standard input
+    /// Reference: a picture, or a clip; `-` is a picture on standard input
     pub a: PathBuf,
-    /// Picture to compare with it; `-` is standard input
+    /// Picture or clip to compare with it; `-` is a picture on standard input
     pub b: PathBuf,
+    /// Plot the PSNR of each frame of two clips as SVG
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
+    #[serde(default)]
+    pub plot: Option<PathBuf>,
     /// Parameters.
     #[cfg_attr(feature = "cli", command(flatten))]
     #[serde(default)]
@@ -29,9 +37,12 @@ const HELP: &str = "\
 Examples:
   ravec compare photo.jpg noisy.jpg
   ravec compare photo.jpg noisy.jpg -q --json figures.json
+  ravec compare clip.y4m blocks.y4m --plot psnr.svg
 
 Figures: psnr_db (infinite, or null in JSON, for equal pictures), ssim (1 for equal pictures), delta_e_mean, delta_e_p95 and \
-delta_e_max (CIEDE2000; 1 is just noticeable), max_difference_steps (of 255), max_alpha_difference, identical (0 or 1).";
+delta_e_max (CIEDE2000; 1 is just noticeable), max_difference_steps (of 255), max_alpha_difference, identical (0 or 1).
+
+Two clips are compared frame by frame, in their order; the result lists the figures of each frame. Over all frames, psnr_db is that of the mean squared error, ssim and delta_e_mean are means, delta_e_p95 is the largest, min_psnr_db and min_ssim belong to the worst frame; frames and extra_frames (of the longer clip, which are not compared) are counted.";
 
 /// Parameters of [`Compare`]; there are none yet.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -47,10 +58,10 @@ impl Operation for Compare {
     }
 
     fn outputs(&self) -> Vec<&Path> {
-        Vec::new()
+        self.plot.iter().map(PathBuf::as_path).collect()
     }
 
-    /// Compares `b` with the reference `a`, as they are shown: alpha over a middle gray.
+    /// Compares `b` with the reference `a`, as they are shown: alpha over a middle gray. Clips are compared frame by frame.
     ///
     /// Figures: `psnr_db`, the peak signal-to-noise ratio of the encoded colors, infinite for equal pictures; `ssim`, the mean
     /// structural similarity of luma, 1 for equal pictures; `delta_e_mean`, `delta_e_p95` and `delta_e_max`, CIEDE2000 color
@@ -61,8 +72,18 @@ impl Operation for Compare {
     /// [`JobError::Read`] for an input that is no picture, [`JobError::SizesDiffer`], [`JobError::InputTwice`] if both are
     /// standard input, [`JobError::Cancelled`].
     fn run(&self, context: &Context) -> Result<Report, JobError> {
-        let Self { a, b, params } = self;
+        let Self { a, b, params, .. } = self;
         context.check_files(&self.inputs(), &self.outputs())?;
+        if is_clip(a, context) || is_clip(b, context) {
+            return compare_clips(self, context);
+        }
+        if self.plot.is_some() {
+            return Err(JobError::Parameter {
+                field: "plot",
+                value: "given".to_owned(),
+                range: "left out for pictures, which have no frames",
+            });
+        }
         let mut report = Report::of(self, params);
         // pictures keep their shares of the memory budget
         let picture_a = files::read(a, &mut report, context)?;
@@ -86,19 +107,23 @@ impl Operation for Compare {
             MetricError::Cancelled(_) => JobError::Cancelled,
             _ => differ,
         })?;
-        for (name, figure) in [
-            ("psnr_db", found.psnr_db),
-            ("ssim", found.ssim),
-            ("delta_e_mean", found.delta_e_mean),
-            ("delta_e_p95", found.delta_e_p95),
-            ("delta_e_max", found.delta_e_max),
-            ("max_difference_steps", 255.0 * found.max_abs),
-            ("max_alpha_difference", found.alpha_max_abs),
-            ("identical", f64::from(u8::from(found.identical))),
-        ] {
-            report.figures.insert(name, figure);
-        }
+        record(&found, &mut report);
         Ok(report)
+    }
+}
+
+fn record(found: &Comparison, report: &mut Report) {
+    for (name, figure) in [
+        ("psnr_db", found.psnr_db),
+        ("ssim", found.ssim),
+        ("delta_e_mean", found.delta_e_mean),
+        ("delta_e_p95", found.delta_e_p95),
+        ("delta_e_max", found.delta_e_max),
+        ("max_difference_steps", 255.0 * found.max_abs),
+        ("max_alpha_difference", found.alpha_max_abs),
+        ("identical", f64::from(u8::from(found.identical))),
+    ] {
+        report.figures.insert(name, figure);
     }
 }
 
@@ -110,7 +135,13 @@ mod tests {
 
     fn compare(a: PathBuf, b: PathBuf) -> Result<Report, JobError> {
         let params = Params::default();
-        Compare { a, b, params }.run(&Context::default())
+        Compare {
+            a,
+            b,
+            plot: None,
+            params,
+        }
+        .run(&Context::default())
     }
 
     fn compared(a: AnyImage, b: AnyImage) -> Report {

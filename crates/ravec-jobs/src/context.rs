@@ -5,6 +5,7 @@ use crate::files;
 use ravec::mesh_io::{MeshFile, MeshLimits};
 use ravec::progress::Progress;
 use ravec_media::{Limits, Picture};
+use ravec_video::VideoLimits;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -20,6 +21,8 @@ pub struct Context {
     pub max_triangles: u64,
     /// Maximum number of vertices of an input mesh (default 200 million).
     pub max_vertices: u64,
+    /// Maximum number of frames of an input clip (default 10 million).
+    pub max_frames: u64,
     /// Files that the caller writes after the run, such as the report. Operations on catalogues refuse those that would replace
     /// a photo.
     pub side_outputs: Vec<PathBuf>,
@@ -43,6 +46,7 @@ impl Context {
             limits: Limits::default(),
             max_triangles: meshes.max_triangles,
             max_vertices: meshes.max_vertices,
+            max_frames: VideoLimits::default().max_frames,
             side_outputs: Vec::new(),
             intermediates: None,
         }

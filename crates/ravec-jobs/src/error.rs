@@ -23,6 +23,7 @@ use ravec::twocolor::{EnlargeError, FilterError, FitError, RenderError};
 use ravec_catalogue::CatalogueError;
 pub(crate) use ravec_files::message_without_code as plain;
 use ravec_media::{DecodeError, EncodeError, ReadError, WriteError};
+use ravec_video::VideoError;
 use std::path::{Path, PathBuf};
 
 /// Why an operation did not succeed. The message says what, where, and what to do.
@@ -115,6 +116,30 @@ pub enum JobError {
     /// Two inputs would come from standard input.
     #[error("standard input can be read only once: give a file for the other input")]
     InputTwice,
+    /// An input cannot be read or is no clip.
+    #[error("cannot read {}: {cause}", input_name(.path))]
+    ReadClip {
+        /// The file; `-` is standard input.
+        path: PathBuf,
+        /// Description of the defect.
+        cause: VideoError,
+    },
+    /// A clip cannot be written.
+    #[error("cannot write {}: {cause}", output_name(.path))]
+    WriteClip {
+        /// The file; `-` is standard output.
+        path: PathBuf,
+        /// Description of the defect.
+        cause: VideoError,
+    },
+    /// A clip has no frames in a range.
+    #[error("{} has no frames in the range {range}: `ravec video info` says how many it has", input_name(.path))]
+    EmptyRange {
+        /// The file; `-` is standard input.
+        path: PathBuf,
+        /// The range.
+        range: String,
+    },
     /// A recipe cannot be read or is invalid.
     #[error("cannot use the recipe in {}: {reason}", input_name(.path))]
     Recipe {

@@ -277,6 +277,28 @@ pub fn write_output_text(
     Ok(())
 }
 
+/// Writes a text that is too long for memory, whole or not at all, and records it as of the `format`.
+///
+/// # Errors
+/// As [`write_output_text`]; an error of `write` is one of the file.
+pub(crate) fn write_output_with(
+    path: &Path,
+    format: &str,
+    report: &mut Report,
+    write: impl FnOnce(&mut dyn io::Write) -> io::Result<()>,
+) -> Result<(), JobError> {
+    report.check_output(path)?;
+    tracing::info!("writing {}", path.display());
+    let written = report.time("write", || write_atomically(path, |writer| write(writer)));
+    written.map_err(|cause| unwritable(path, cause))?;
+    report.outputs.push(FileReport {
+        path: path.display().to_string(),
+        format: format.to_owned(),
+        ..FileReport::default()
+    });
+    Ok(())
+}
+
 /// Makes a folder and those above it.
 ///
 /// # Errors

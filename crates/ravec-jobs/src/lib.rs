@@ -48,6 +48,7 @@ pub mod scenes;
 mod step;
 mod text;
 pub mod twocolor;
+pub mod video;
 
 pub use context::Context;
 pub use error::{ErrorKind, JobError};

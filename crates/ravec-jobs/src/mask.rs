@@ -4,7 +4,7 @@ use crate::context::Context;
 use crate::error::JobError;
 use crate::files;
 use crate::report::Report;
-use ravec::raster::{Image, Mask, Plane, Size, Srgba};
+use ravec::raster::{AnyImage, Image, Mask, Plane, Size, Srgba};
 use std::path::Path;
 
 /// Reads a mask of the picture in `picture`: white is inside, black is outside, gray is partly inside. Alpha is multiplied in.
@@ -27,12 +27,15 @@ pub(crate) fn read_mask(
             b_size: mask.size(),
         });
     }
+    Ok(mask_of(&mask))
+}
+
+/// The mask that a picture shows: white is inside, black is outside, gray is partly inside. Alpha is multiplied in.
+pub(crate) fn mask_of(image: &AnyImage) -> Mask {
     // encoded values, as one sees them
-    let values: Image<Srgba<f32>> = mask.convert();
+    let values: Image<Srgba<f32>> = image.convert();
     let plane: Plane =
         values.map(|Srgba([r, g, b, alpha])| alpha * (0.299 * r + 0.587 * g + 0.114 * b));
     // white is white in spite of rounding, and black black
-    Ok(Mask::from_coverage(
-        &plane.map(|value| (value * 65535.0).round() / 65535.0),
-    ))
+    Mask::from_coverage(&plane.map(|value| (value * 65535.0).round() / 65535.0))
 }

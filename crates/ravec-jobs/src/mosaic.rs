@@ -81,18 +81,6 @@ impl From<Sides> for String {
     }
 }
 
-/// Use of photos whose aspect ratio is not that of a tile.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
-pub enum CropChoice {
-    /// They are not used
-    #[default]
-    Never,
-    /// Their middle is used
-    Center,
-}
-
 /// Compose a picture from whole, unchanged photos of a catalogue
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -169,7 +157,7 @@ pub struct Params {
     pub tile_size: Option<Sides>,
     /// Use of photos whose aspect ratio is not that of a tile
     #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t))]
-    pub crop: CropChoice,
+    pub crop: Crop,
     /// Maximum uses of a photo [default: no limit]
     #[cfg_attr(feature = "cli", arg(long, value_name = "COUNT"))]
     pub max_uses: Option<u32>,
@@ -220,7 +208,7 @@ impl Default for Params {
         Self {
             tiles: Sides::square(60),
             tile_size: None,
-            crop: CropChoice::Never,
+            crop: Crop::Never,
             max_uses: None,
             min_repeat_distance: Rules::default().min_repeat_distance,
             use_all: false,
@@ -491,10 +479,7 @@ fn checked(params: &Params) -> Result<MosaicParams, JobError> {
         columns: params.tiles.across,
         rows: params.tiles.down,
         tile,
-        crop: match params.crop {
-            CropChoice::Never => Crop::Never,
-            CropChoice::Center => Crop::Center,
-        },
+        crop: params.crop,
         rules: Rules {
             max_uses: params.max_uses,
             min_repeat_distance: params.min_repeat_distance,

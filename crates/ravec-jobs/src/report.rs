@@ -31,6 +31,10 @@ pub struct Report {
     pub timings: Vec<Timing>,
     /// Measured figures by name, with the unit at its end (`psnr_db`). An infinite figure is `null` in JSON.
     pub figures: BTreeMap<&'static str, f64>,
+    /// The report of the library in full, with the names of its own struct; `figures` has its numbers under the names of the
+    /// operation. The operation documents the struct.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub details: Option<serde_json::Value>,
     /// Findings with their places; empty if the operation searches for nothing.
     pub findings: Vec<Finding>,
     /// The verdict of an operation that judges: whether a mesh is sound or a distance small enough.
@@ -64,6 +68,9 @@ pub struct FileReport {
     pub pixels: Option<&'static str>,
     /// Vertices, if it is a mesh.
     pub vertices: Option<u64>,
+    /// Frames, if it is a clip and they are known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub frames: Option<u64>,
     /// Triangles, if it is a mesh.
     pub triangles: Option<u64>,
     /// The unit of a mesh's coordinates, if the file says it.
@@ -79,7 +86,7 @@ pub struct Finding {
     pub count: u64,
     /// True if it keeps the operation from passing.
     pub defect: bool,
-    /// Where: the first places, as many as were asked for.
+    /// The first places, as many as were asked for.
     pub places: Vec<Place>,
 }
 
@@ -90,7 +97,7 @@ pub struct Place {
     pub vertices: Vec<u32>,
     /// The triangles that it is about.
     pub triangles: Vec<u32>,
-    /// Where it is, in units of the file.
+    /// The position, in units of the file.
     pub at: [f64; 3],
     /// Further details, in a few words.
     pub note: Option<String>,
@@ -121,6 +128,7 @@ impl Report {
             seed: None,
             timings: Vec::new(),
             figures: BTreeMap::new(),
+            details: None,
             findings: Vec::new(),
             passed: None,
             result: None,
@@ -187,6 +195,14 @@ impl Report {
         Ok(())
     }
 
+    /// Records the time since `start` as that of a phase.
+    pub(crate) fn add_time(&mut self, phase: &'static str, start: Instant) {
+        self.timings.push(Timing {
+            phase,
+            duration_secs: start.elapsed().as_secs_f64(),
+        });
+    }
+
     /// Runs `work` and records its duration. A phase that is timed again adds up.
     pub fn time<T>(&mut self, phase: &'static str, work: impl FnOnce() -> T) -> T {
         let start = Instant::now();
@@ -201,6 +217,15 @@ impl Report {
             }),
         }
         result
+    }
+
+    /// Embeds the report of a library.
+    ///
+    /// # Panics
+    /// If it cannot be JSON, which is a bug of its type: a map with keys that are not strings.
+    pub(crate) fn embed(&mut self, details: &impl Serialize) {
+        let details = serde_json::to_value(details);
+        self.details = Some(details.expect("reports have named fields of plain values"));
     }
 
     /// Records something that the user should know.

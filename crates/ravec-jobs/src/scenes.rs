@@ -2,9 +2,16 @@
 //!
 //! Each scene gives a picture, `NAME.png` (or `NAME.jpg`), and its truth in image coordinates, `NAME.json`. The truth is
 //! what the picture was drawn from, so that a method can be judged without photos and without marking anything by hand.
+//! A clip gives a folder: `NAME/frame_00000.png` and so on, and `NAME/truth.json`.
 //!
-//! Guarantees: equal parameters give equal files on any number of threads; each file is whole. Does not guarantee: that a
-//! cancellation takes effect before the scene at hand is drawn, nor that it removes finished files.
+//! Guarantees: equal parameters give equal files on any number of threads; each file is whole; memory does not grow with the
+//! length of a clip, but for a line about each file in the report. Does not guarantee: that a cancellation takes effect
+//! before the scene, the plane of the clip or the frame at hand is drawn, nor that it removes finished files.
+
+mod clips;
+mod subject;
+
+pub use subject::{Subject, UnknownScene};
 
 use crate::context::Context;
 use crate::error::JobError;
@@ -15,6 +22,7 @@ use ravec::raster::{AnyImage, Size, Srgb, Srgba};
 use ravec_media::{Picture, WriteOptions};
 use ravec_scenes::Seed;
 use ravec_scenes::catalog::{Scene, SceneId, render};
+use ravec_scenes::clip::ClipId;
 use ravec_scenes::damage::add_gaussian_noise;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -39,17 +47,20 @@ Examples:
   ravec scenes --out scenes --width 96 --height 64
   ravec scenes --out noisy --scene disc --scene wedge --noise-sigma 10
   ravec scenes --out damaged --scene line-art --width 320 --height 240 --jpeg 30
+  ravec scenes --out clips --scene still-disc --width 160 --height 90 --frames 12 --alpha --plate
 
-Each scene is a picture NAME.png (or NAME.jpg) and NAME.json, which says what it was drawn from.";
+Each scene is a picture NAME.png (or NAME.jpg) and NAME.json, which says what it was drawn from.
+A clip is a folder NAME with frame_00000.png, frame_00001.png and so on, and truth.json: for each frame the homography of
+the background, the lines, discs and rectangles on it, the outlines of the moving shapes and the light; and the cuts.";
 
 /// Parameters of [`Scenes`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct Params {
-    /// Write only this scene; may be given several times [default: all]
+    /// Write only this scene or clip; may be given several times [default: all scenes, no clips]
     #[cfg_attr(feature = "cli", arg(long = "scene", value_name = "NAME", value_parser = by_name()))]
-    pub scenes: Vec<SceneId>,
+    pub scenes: Vec<Subject>,
     /// Columns, 16 to 8192 [default: what suits the scene]
     #[cfg_attr(feature = "cli", arg(long, value_name = "PX"))]
     pub width: Option<u32>,
@@ -62,6 +73,15 @@ pub struct Params {
     /// Add Gaussian noise of this standard deviation in 8-bit steps, 0 to 255, to scenes without transparency
     #[cfg_attr(feature = "cli", arg(long, value_name = "STEPS", default_value_t = Params::default().noise_sigma))]
     pub noise_sigma: f64,
+    /// Frames of a clip, 1 to 100000 [default: 50, which is two seconds]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "COUNT"))]
+    pub frames: Option<u32>,
+    /// Also write the alpha of a clip's moving shapes, into the folder NAME/alpha: white where a shape covers the pixel
+    #[cfg_attr(feature = "cli", arg(long))]
+    pub alpha: bool,
+    /// Also write a clip's frames without moving shapes and without noise, into the folder NAME/plate
+    #[cfg_attr(feature = "cli", arg(long))]
+    pub plate: bool,
     /// Write JPEG files of this quality, 1 to 100, instead of lossless PNG: lower shows more damage
     #[cfg_attr(feature = "cli", arg(long, value_name = "QUALITY"))]
     pub jpeg: Option<u8>,
@@ -75,6 +95,9 @@ impl Default for Params {
             height: None,
             seed: 1,
             noise_sigma: 0.0,
+            frames: None,
+            alpha: false,
+            plate: false,
             jpeg: None,
         }
     }
@@ -82,17 +105,19 @@ impl Default for Params {
 
 /// Names as flag values, so that help and completions list them.
 #[cfg(feature = "cli")]
-fn by_name() -> impl clap::builder::TypedValueParser<Value = SceneId> {
+fn by_name() -> impl clap::builder::TypedValueParser<Value = Subject> {
     use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser as _};
-    let names = SceneId::ALL.map(|id| PossibleValue::new(id.name()).help(id.description()));
-    PossibleValuesParser::new(names)
-        .try_map(|name| SceneId::from_name(&name).ok_or("the scene is not in the catalog"))
+    let names = Subject::all()
+        .map(|subject| PossibleValue::new(subject.name()).help(subject.description()));
+    PossibleValuesParser::new(names).try_map(Subject::try_from)
 }
 
 /// The longest side: the street alone needs minutes there.
 const MAX_SIDE_PX: u32 = 8192;
 /// The shortest side: below, the shapes are thinner than a pixel.
 const MIN_SIDE_PX: u32 = 16;
+/// The most frames: more than an hour of film.
+const MAX_FRAMES: u32 = 100_000;
 
 impl Params {
     fn check(&self) -> Result<(), JobError> {
@@ -113,6 +138,9 @@ impl Params {
                 "0 to 255",
             ));
         }
+        if let Some(frames) = self.frames.filter(|n| !(1..=MAX_FRAMES).contains(n)) {
+            return Err(wrong("frames", frames.to_string(), "1 to 100000"));
+        }
         match self.jpeg {
             Some(quality) if !(1..=100).contains(&quality) => {
                 Err(wrong("jpeg", quality.to_string(), "1 to 100"))
@@ -121,14 +149,19 @@ impl Params {
         }
     }
 
-    fn size_of(&self, id: SceneId) -> Size {
-        let default = id.default_size();
+    fn size_of(&self, subject: Subject) -> Size {
+        let default = subject.default_size();
         let side = |asked: Option<u32>, default| asked.map_or(default, |side| side as usize);
         let (width, height) = (
             side(self.width, default.width()),
             side(self.height, default.height()),
         );
         Size::new(width, height).expect("`check` passed both sides")
+    }
+
+    fn frames_of(&self, id: ClipId) -> usize {
+        self.frames
+            .map_or(id.default_frames(), |frames| frames as usize)
     }
 }
 
@@ -158,48 +191,70 @@ impl Operation for Scenes {
         params.check()?;
         context.check_is_file(out)?;
         files::check_folder(out)?;
-        let all = params.scenes.is_empty();
-        let ids = if all {
-            &SceneId::ALL[..]
+        let subjects: Vec<Subject> = if params.scenes.is_empty() {
+            SceneId::ALL.map(Subject::Scene).to_vec()
         } else {
-            &params.scenes
-        };
-        let extension = if params.jpeg.is_some() { "jpg" } else { "png" };
-        let options = WriteOptions {
-            quality: params.jpeg.unwrap_or(WriteOptions::default().quality),
-            ..WriteOptions::default()
+            params.scenes.clone()
         };
         let mut report = Report::of(self, params);
         report.seed = Some(params.seed);
         progress.check()?;
         files::make_folder(out)?;
-        let phase = progress.phase("draw", ids.len() as u64);
-        for &id in ids {
+        let pictures = |subject: &Subject| match subject {
+            Subject::Scene(_) => 1,
+            Subject::Clip(id) => params.frames_of(*id) as u64,
+        };
+        let phase = progress.phase("draw", subjects.iter().map(pictures).sum());
+        for subject in subjects {
             progress.check()?;
-            tracing::info!("drawing {}", id.name());
-            let size = params.size_of(id);
-            let scene = report.time("draw", || render(id, size, Seed(params.seed)));
-            let image = as_stored(&scene, params.noise_sigma);
-            let path = out.join(scene.name).with_extension(extension);
-            files::write(
-                &path,
-                &Picture::from_image(image),
-                &options,
-                &mut report,
-                context,
-            )?;
-            let truth = serde_json::json!({
-                "scene": scene.name,
-                "width": size.width(),
-                "height": size.height(),
-                "seed": params.seed,
-                "truth": scene.truth,
-            });
-            let path = out.join(scene.name).with_extension("json");
-            files::write_output_text(&path, "JSON", &format!("{truth:#}\n"), &mut report, context)?;
-            phase.advance(1);
+            tracing::info!("drawing {}", subject.name());
+            match subject {
+                Subject::Scene(id) => {
+                    self.write_scene(id, &mut report, context)?;
+                    phase.advance(1);
+                }
+                Subject::Clip(id) => self.write_clip(id, &phase, &mut report, context)?,
+            }
         }
         Ok(report)
+    }
+}
+
+impl Scenes {
+    /// Options of the files, and their extension.
+    fn options(&self) -> (WriteOptions, &'static str) {
+        let default = WriteOptions::default();
+        let jpeg = self.params.jpeg;
+        let options = WriteOptions {
+            quality: jpeg.unwrap_or(default.quality),
+            ..default
+        };
+        (options, if jpeg.is_some() { "jpg" } else { "png" })
+    }
+
+    fn write_scene(
+        &self,
+        id: SceneId,
+        report: &mut Report,
+        context: &Context,
+    ) -> Result<(), JobError> {
+        let Self { out, params } = self;
+        let (options, extension) = self.options();
+        let size = params.size_of(Subject::Scene(id));
+        let scene = report.time("draw", || render(id, size, Seed(params.seed)));
+        let image = as_stored(&scene, params.noise_sigma);
+        let path = out.join(scene.name).with_extension(extension);
+        let picture = Picture::from_image(image);
+        files::write(&path, &picture, &options, report, context)?;
+        let truth = serde_json::json!({
+            "scene": scene.name,
+            "width": size.width(),
+            "height": size.height(),
+            "seed": params.seed,
+            "truth": scene.truth,
+        });
+        let path = out.join(scene.name).with_extension("json");
+        files::write_output_text(&path, "JSON", &format!("{truth:#}\n"), report, context)
     }
 }
 
@@ -223,6 +278,7 @@ mod tests {
     use crate::ErrorKind;
     use ravec::raster::Image;
     use ravec_scenes::catalog::Truth;
+    use ravec_scenes::clip::{ClipTruth, clip};
 
     fn run(out: &Path, params: &Params) -> Result<Report, JobError> {
         let operation = Scenes {
@@ -273,10 +329,61 @@ mod tests {
     }
 
     #[test]
+    fn a_clip_is_a_folder_of_frames_with_their_truth() {
+        let folder = tempfile::tempdir().unwrap();
+        let params = Params {
+            scenes: vec![ClipId::Cars.into()],
+            frames: Some(3),
+            alpha: true,
+            plate: true,
+            noise_sigma: 4.0,
+            ..small()
+        };
+        let report = run(folder.path(), &params).unwrap();
+        assert_eq!(report.outputs.len(), 3 * 3 + 1);
+        let mut clip = clip(ClipId::Cars, Size::new(48, 32).unwrap(), 3, Seed(1));
+        clip.noise_sigma = 4.0;
+        let place = folder.path().join("cars");
+        for index in [0, 2] {
+            let name = format!("frame_{index:05}.png");
+            let frame = clip.frame(index);
+            assert_eq!(picture(&place.join(&name)), frame.stored());
+            assert_eq!(
+                picture(&place.join("plate").join(&name)),
+                frame.plate.convert::<Srgb<u8>>()
+            );
+            let alpha = picture(&place.join("alpha").join(&name));
+            for (Srgb(stored), alpha) in alpha.pixels().iter().zip(frame.alpha.pixels()) {
+                assert_eq!(*stored, [(alpha * 255.0).round() as u8; 3]);
+            }
+        }
+        assert!(!place.join("frame_00003.png").exists());
+        let json = std::fs::read_to_string(place.join("truth.json")).unwrap();
+        let truth: ClipTruth = serde_json::from_str(&json).unwrap();
+        assert_eq!(truth, clip.truth());
+    }
+
+    #[test]
+    fn a_clip_writes_alpha_and_plate_only_if_asked() {
+        let folder = tempfile::tempdir().unwrap();
+        let params = Params {
+            scenes: vec![ClipId::StillDisc.into(), SceneId::Disc.into()],
+            frames: Some(2),
+            jpeg: Some(90),
+            ..small()
+        };
+        let report = run(folder.path(), &params).unwrap();
+        assert_eq!(report.outputs.len(), 3 + 2);
+        let place = folder.path().join("still-disc");
+        assert!(place.join("frame_00001.jpg").exists() && !place.join("alpha").exists());
+        assert!(folder.path().join("disc.jpg").exists());
+    }
+
+    #[test]
     fn noise_has_the_deviation_that_was_asked_for() {
         let folder = tempfile::tempdir().unwrap();
         let quiet = Params {
-            scenes: vec![SceneId::EdgeGray],
+            scenes: vec![SceneId::EdgeGray.into()],
             ..Params::default()
         };
         let noisy = Params {
@@ -307,7 +414,7 @@ mod tests {
     fn jpeg_files_are_jpeg_and_a_picture_with_alpha_says_what_it_lost() {
         let folder = tempfile::tempdir().unwrap();
         let damaged = Params {
-            scenes: vec![SceneId::Disc, SceneId::Sprite],
+            scenes: vec![SceneId::Disc.into(), SceneId::Sprite.into()],
             jpeg: Some(10),
             ..small()
         };
@@ -351,6 +458,14 @@ mod tests {
                 jpeg: Some(101),
                 ..small()
             },
+            Params {
+                frames: Some(0),
+                ..small()
+            },
+            Params {
+                frames: Some(100_001),
+                ..small()
+            },
         ] {
             let error = run(&out, &wrong).unwrap_err();
             assert_eq!(error.kind(), ErrorKind::Request, "{error}");
@@ -377,13 +492,15 @@ mod tests {
         let text = serde_json::to_string(&small()).unwrap();
         assert_eq!(serde_json::from_str::<Params>(&text).unwrap(), small());
         let partial: Params =
-            serde_json::from_str(r#"{"seed": 9, "scenes": ["line-art"]}"#).unwrap();
+            serde_json::from_str(r#"{"seed": 9, "scenes": ["line-art", "cuts"]}"#).unwrap();
         let expected = Params {
             seed: 9,
-            scenes: vec![SceneId::LineArt],
+            scenes: vec![SceneId::LineArt.into(), ClipId::Cuts.into()],
             ..Params::default()
         };
         assert_eq!(partial, expected);
+        let error = serde_json::from_str::<Params>(r#"{"scenes": ["cats"]}"#).unwrap_err();
+        assert!(error.to_string().contains("cats"), "{error}");
         assert!(serde_json::from_str::<Params>(r#"{"sede": 9}"#).is_err());
     }
 }

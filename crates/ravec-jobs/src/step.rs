@@ -3,7 +3,7 @@
 use crate::operation::{AnyOperation, Operation};
 use crate::{
     brush, catalogue, compare, complete, match_photos, mesh, mosaic, plane, retarget, scenes,
-    twocolor,
+    twocolor, video,
 };
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -127,6 +127,9 @@ operations! {
     LibraryStats(catalogue::Stats),
     Mosaic(mosaic::Mosaic),
     Scenes(scenes::Scenes),
+    VideoInfo(video::info::Info),
+    VideoConvert(video::convert::Convert),
+    VideoFrames(video::frames::Frames),
 }
 
 /// The fields of an operation as JSON, with its name.

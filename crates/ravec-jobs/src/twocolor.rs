@@ -8,8 +8,9 @@ use crate::error::JobError;
 use crate::files;
 use crate::operation::Operation;
 use crate::report::Report;
+use crate::video::{ClipFiles, Encoding, check_no_encoding, is_clip, map_clip};
 use ravec::progress::Progress;
-use ravec::raster::{Image, LinearRgba, Size, psnr_db, with_image};
+use ravec::raster::{AnyImage, Image, LinearRgba, Size, psnr_db, with_image};
 use ravec::twocolor::{
     AdaptiveField, AdaptiveParams, BlockField, FitMethod, FitParams, MAX_SVG_SIDE, SvgParams,
     TwoColorField, render, render_mosaic, render_to, write_svg,
@@ -23,9 +24,9 @@ use std::path::{Path, PathBuf};
 #[serde(deny_unknown_fields)]
 #[cfg_attr(feature = "cli", derive(clap::Args), command(after_help = HELP, group = clap::ArgGroup::new("result").args(["output", "svg"]).required(true).multiple(true)))]
 pub struct TwoColor {
-    /// Input picture; `-` is standard input
+    /// Input picture, or a clip; `-` is a picture on standard input
     pub input: PathBuf,
-    /// Output picture; its extension selects the format, `-` is standard output in the input's format
+    /// Output picture or clip; its extension selects the format, `-` is standard output in the input's format
     #[cfg_attr(feature = "cli", arg(short, long, value_name = "FILE"))]
     #[serde(default)]
     pub output: Option<PathBuf>,
@@ -46,6 +47,9 @@ Examples:
   ravec twocolor photo.jpg -o large.png --size 4 --scale 4
   ravec twocolor photo.jpg --svg photo.svg --adaptive
   ravec twocolor - -o - --size 16 <photo.jpg >blocks.jpg
+  ravec twocolor clip.y4m -o blocks.y4m --size 8
+
+Of a clip, figures are means over the frames.
 
 Figures: blocks, flat_blocks (of one color), values (stored numbers), psnr_db (at scale 1), svg_bytes.";
 
@@ -89,6 +93,9 @@ pub struct Params {
     /// Quality of a JPEG output, 1 to 100: higher is larger and closer to the picture
     #[cfg_attr(feature = "cli", arg(long, value_name = "QUALITY", default_value_t = Params::default().quality))]
     pub quality: u8,
+    /// Encoding of a clip.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub encoding: Encoding,
 }
 
 impl Default for Params {
@@ -105,6 +112,7 @@ impl Default for Params {
             mosaic: false,
             color_levels: SvgParams::default().color_levels,
             quality: WriteOptions::default().quality,
+            encoding: Encoding::default(),
         }
     }
 }
@@ -199,7 +207,6 @@ impl Operation for TwoColor {
             svg,
             params,
         } = self;
-        let progress = &context.progress;
         params.check()?;
         if output.is_none() && svg.is_none() {
             return Err(JobError::Missing {
@@ -207,6 +214,10 @@ impl Operation for TwoColor {
                 expected: "give a file to write",
             });
         }
+        if is_clip(input, context) {
+            return self.run_on_clip(context);
+        }
+        check_no_encoding(&params.encoding)?;
         if let Some(path) = output {
             files::check_target(path, context)?;
         }
@@ -220,40 +231,62 @@ impl Operation for TwoColor {
         if let Some(path) = svg {
             check_drawing(path, picture.image.size())?;
         }
-        if params.adaptive {
-            let fit = AdaptiveParams {
-                min_block_px: params.size,
-                max_block_px: params.max_size,
-                max_error: params.max_error,
-                flat_contrast: params.flat_contrast,
-            };
-            let mut field = report.time("fit", || {
-            ravec::raster::with_image!(&picture.image, image => AdaptiveField::fit(image, &fit, progress))
-        })?;
-            if !params.whole_pixels {
-                report.time("refine", || {
-                ravec::raster::with_image!(&picture.image, image => field.refine_lines(image, progress))
-            })?;
-            }
-            self.deliver(&field, &picture, &mut report, context)?;
-        } else {
-            let fit = FitParams {
-                block_px: params.size,
-                method: FitMethod::Auto,
-                flat_contrast: params.flat_contrast,
-            };
-            let mut field = report.time("fit", || {
-            ravec::raster::with_image!(&picture.image, image => TwoColorField::fit(image, &fit, progress))
-        })?;
-            if !params.whole_pixels {
-                report.time("refine", || {
-                ravec::raster::with_image!(&picture.image, image => field.refine_lines(image, progress))
-            })?;
-            }
-            self.deliver(&field, &picture, &mut report, context)?;
+        match fitted(&picture.image, params, &mut report, context)? {
+            Fitted::Adaptive(field) => self.deliver(&field, &picture, &mut report, context)?,
+            Fitted::Regular(field) => self.deliver(&field, &picture, &mut report, context)?,
         }
         Ok(report)
     }
+}
+
+/// The two-color pixels of a picture.
+enum Fitted {
+    Adaptive(AdaptiveField),
+    Regular(TwoColorField),
+}
+
+fn fitted(
+    image: &AnyImage,
+    params: &Params,
+    report: &mut Report,
+    context: &Context,
+) -> Result<Fitted, JobError> {
+    let progress = &context.progress;
+    if params.adaptive {
+        let fit = AdaptiveParams {
+            min_block_px: params.size,
+            max_block_px: params.max_size,
+            max_error: params.max_error,
+            flat_contrast: params.flat_contrast,
+        };
+        let mut field = report.time(
+            "fit",
+            || with_image!(image, image => AdaptiveField::fit(image, &fit, progress)),
+        )?;
+        if !params.whole_pixels {
+            report.time(
+                "refine",
+                || with_image!(image, image => field.refine_lines(image, progress)),
+            )?;
+        }
+        return Ok(Fitted::Adaptive(field));
+    }
+    let fit = FitParams {
+        block_px: params.size,
+        method: FitMethod::Auto,
+        flat_contrast: params.flat_contrast,
+    };
+    let mut field = report.time(
+        "fit",
+        || with_image!(image, image => TwoColorField::fit(image, &fit, progress)),
+    )?;
+    if !params.whole_pixels {
+        report.time(
+            "refine",
+            || with_image!(image, image => field.refine_lines(image, progress)),
+        )?;
+    }
+    Ok(Fitted::Regular(field))
 }
 
 /// Refuses a picture that is too long for a drawing, before any work is done for it.
@@ -270,7 +303,54 @@ fn check_drawing(path: &Path, size: Size) -> Result<(), JobError> {
     })
 }
 
+fn record_blocks(field: &impl BlockField, report: &mut Report) {
+    let (mut blocks, mut flat) = (0u32, 0u32);
+    for block in field.placed_blocks() {
+        blocks += 1;
+        flat += u32::from(block.pixel.is_flat());
+    }
+    report.figures.insert("blocks", f64::from(blocks));
+    report.figures.insert("flat_blocks", f64::from(flat));
+    report
+        .figures
+        .insert("values", f64::from(8 * (blocks - flat) + 3 * flat));
+}
+
 impl TwoColor {
+    /// Converts every frame of a clip.
+    fn run_on_clip(&self, context: &Context) -> Result<Report, JobError> {
+        let (Some(output), None) = (&self.output, &self.svg) else {
+            return Err(JobError::Parameter {
+                field: "svg",
+                value: "given".to_owned(),
+                range: "left out for clips, which are written to `output`",
+            });
+        };
+        let params = &self.params;
+        let mut report = Report::of(self, params);
+        let files = ClipFiles {
+            input: &self.input,
+            output,
+            encoding: &params.encoding,
+        };
+        let size = |size| params.output_size(size, context.limits.max_pixels);
+        map_clip(
+            self,
+            &files,
+            &mut report,
+            context,
+            size,
+            |image, report, context| {
+                let drawn = match fitted(image, params, report, context)? {
+                    Fitted::Adaptive(field) => drawn_frame(&field, image, params, report, context)?,
+                    Fitted::Regular(field) => drawn_frame(&field, image, params, report, context)?,
+                };
+                Ok(image.like(&drawn))
+            },
+        )?;
+        Ok(report)
+    }
+
     /// Draws, writes and measures.
     fn deliver(
         &self,
@@ -280,16 +360,7 @@ impl TwoColor {
         context: &Context,
     ) -> Result<(), JobError> {
         let params = &self.params;
-        let (mut blocks, mut flat) = (0u32, 0u32);
-        for block in field.placed_blocks() {
-            blocks += 1;
-            flat += u32::from(block.pixel.is_flat());
-        }
-        report.figures.insert("blocks", f64::from(blocks));
-        report.figures.insert("flat_blocks", f64::from(flat));
-        report
-            .figures
-            .insert("values", f64::from(8 * (blocks - flat) + 3 * flat));
+        record_blocks(field, report);
         if let Some(path) = &self.output {
             let image = report.time("render", || draw(field, params, &context.progress))?;
             // there is none at another scale
@@ -308,6 +379,22 @@ impl TwoColor {
         }
         Ok(())
     }
+}
+
+/// Draws and measures a frame.
+fn drawn_frame(
+    field: &impl BlockField,
+    image: &AnyImage,
+    params: &Params,
+    report: &mut Report,
+    context: &Context,
+) -> Result<Image<LinearRgba>, JobError> {
+    record_blocks(field, report);
+    let drawn = draw(field, params, &context.progress)?;
+    if let Ok(psnr) = with_image!(image, input => psnr_db(input, &drawn)) {
+        report.figures.insert("psnr_db", psnr);
+    }
+    Ok(drawn)
 }
 
 fn draw(

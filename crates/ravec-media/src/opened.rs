@@ -16,7 +16,7 @@ use image::{ColorType, ImageDecoder, ImageError, ImageResult};
 use ravec_memory::Reservation;
 use ravec_raster::Size;
 use std::error::Error as _;
-use std::io::{self, BufRead, Read, Seek, SeekFrom};
+use std::io::{self, Read as _, SeekFrom};
 
 /// A file whose header has been read.
 pub(crate) struct Opened<'a> {
@@ -46,9 +46,9 @@ enum Decoder<'a> {
 }
 
 impl<'a> Opened<'a> {
-    pub(crate) fn new<R: BufRead + Seek>(
+    pub(crate) fn new(
         format: Format,
-        input: &'a mut R,
+        input: &'a mut dyn Source,
         limits: &Limits,
     ) -> Result<Self, DecodeError> {
         let length = input.seek(SeekFrom::End(0))?;
@@ -68,7 +68,11 @@ impl<'a> Opened<'a> {
         Ok(opened)
     }
 
-    fn open_jpeg(input: &mut impl Read, length: u64, limits: &Limits) -> Result<Self, DecodeError> {
+    fn open_jpeg(
+        input: &mut dyn Source,
+        length: u64,
+        limits: &Limits,
+    ) -> Result<Self, DecodeError> {
         let memory = limits.memory.reserve(length);
         let memory = memory.map_err(|over| over_budget(over, 0))?;
         let mut data = Vec::with_capacity(length as usize);
@@ -121,13 +125,13 @@ impl<'a> Opened<'a> {
         })
     }
 
-    fn open_webp<R: BufRead + Seek>(
-        input: &'a mut R,
+    fn open_webp(
+        mut input: &'a mut dyn Source,
         length: u64,
         limits: &Limits,
     ) -> Result<Self, DecodeError> {
         let format = Format::WebP;
-        let claims = crate::webp::claims(input, length)?;
+        let claims = crate::webp::claims(&mut input, length)?;
         if !claims.frames_fit {
             return Err(DecodeError::Damaged {
                 format,
@@ -142,9 +146,9 @@ impl<'a> Opened<'a> {
         Ok(opened)
     }
 
-    fn open_exr<R: BufRead + Seek>(input: &'a mut R, limits: &Limits) -> Result<Self, DecodeError> {
+    fn open_exr(mut input: &'a mut dyn Source, limits: &Limits) -> Result<Self, DecodeError> {
         let format = Format::OpenExr;
-        let claims = crate::exr::claims(input)?;
+        let claims = crate::exr::claims(&mut input)?;
         limits.check_pixels(claims.width, claims.height)?;
         // a block before and after its decompression
         let block_bytes = claims.block_bytes.saturating_mul(2);
@@ -157,9 +161,9 @@ impl<'a> Opened<'a> {
     }
 
     /// Without `metadata` neither profile nor EXIF block are read.
-    fn open_general<R: BufRead + Seek>(
+    fn open_general(
         format: Format,
-        input: &'a mut R,
+        input: &'a mut dyn Source,
         limits: &Limits,
         metadata: bool,
     ) -> ImageResult<Self> {

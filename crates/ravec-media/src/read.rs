@@ -144,7 +144,7 @@ pub fn read(path: impl AsRef<Path>, limits: &Limits) -> Result<Picture, ReadErro
 /// As for [`read`], except for damage in the part that is not examined.
 pub fn probe(path: impl AsRef<Path>, limits: &Limits) -> Result<Probe, ReadError> {
     with_file(path.as_ref(), limits, |input, _kept| {
-        probe_data(input, limits)
+        contain_panics(input, limits, |opened| opened.probe())
     })
 }
 
@@ -160,8 +160,8 @@ pub fn probe(path: impl AsRef<Path>, limits: &Limits) -> Result<Probe, ReadError
 ///
 /// # Errors
 /// [`DecodeError`] for data that is not a picture, damaged, unsupported or above a limit.
-pub fn decode(input: impl BufRead + Seek, limits: &Limits) -> Result<Picture, DecodeError> {
-    contain_panics(input, limits, decode_opened)
+pub fn decode(mut input: impl BufRead + Seek, limits: &Limits) -> Result<Picture, DecodeError> {
+    contain_panics(&mut input, limits, decode_opened)
 }
 
 /// Like [`decode`], for when the picture is wanted small: JPEG files are decoded at a half, a quarter or an eighth of their
@@ -171,11 +171,11 @@ pub fn decode(input: impl BufRead + Seek, limits: &Limits) -> Result<Picture, De
 /// # Errors
 /// As for [`decode`].
 pub fn decode_reduced(
-    input: impl BufRead + Seek,
+    mut input: impl BufRead + Seek,
     min_side: u32,
     limits: &Limits,
 ) -> Result<(Probe, Picture), DecodeError> {
-    contain_panics(input, limits, |mut opened| {
+    contain_panics(&mut input, limits, |mut opened| {
         let probe = opened.probe()?;
         opened.reduce(min_side.max(1));
         Ok((probe, opened.decode()?))
@@ -192,11 +192,11 @@ pub fn decode_reduced(
 /// # Errors
 /// As for [`probe_data`].
 pub fn memory_to_decode(
-    input: impl BufRead + Seek,
+    mut input: impl BufRead + Seek,
     min_side: Option<u32>,
     limits: &Limits,
 ) -> Result<u64, DecodeError> {
-    contain_panics(input, limits, |opened| {
+    contain_panics(&mut input, limits, |opened| {
         Ok(opened.need(min_side.map(|side| side.max(1))))
     })
 }
@@ -205,8 +205,8 @@ pub fn memory_to_decode(
 ///
 /// # Errors
 /// As for [`decode`], except for damage in the part that is not examined.
-pub fn probe_data(input: impl BufRead + Seek, limits: &Limits) -> Result<Probe, DecodeError> {
-    contain_panics(input, limits, |opened| opened.probe())
+pub fn probe_data(mut input: impl BufRead + Seek, limits: &Limits) -> Result<Probe, DecodeError> {
+    contain_panics(&mut input, limits, |opened| opened.probe())
 }
 
 fn with_file<T>(
@@ -271,14 +271,14 @@ fn read_all(mut input: impl Read, limits: &Limits) -> Result<(Vec<u8>, Reservati
 }
 
 /// A hostile file may trip an assertion in a decoder. Decoders share no state between files, so unwinding out of one is
-/// safe.
+/// safe. The type of the input is erased, so that decoders are compiled once and not in each crate that decodes.
 fn contain_panics<T>(
-    mut input: impl BufRead + Seek,
+    input: &mut dyn Source,
     limits: &Limits,
     work: impl FnOnce(Opened<'_>) -> Result<T, DecodeError>,
 ) -> Result<T, DecodeError> {
-    let format = sniff(&mut input)?;
-    let attempt = std::panic::AssertUnwindSafe(|| work(Opened::new(format, &mut input, limits)?));
+    let format = sniff(input)?;
+    let attempt = std::panic::AssertUnwindSafe(|| work(Opened::new(format, input, limits)?));
     std::panic::catch_unwind(attempt).unwrap_or_else(|_| {
         Err(DecodeError::Damaged {
             format,
@@ -287,13 +287,11 @@ fn contain_panics<T>(
     })
 }
 
-fn sniff(input: &mut (impl BufRead + Seek)) -> Result<Format, DecodeError> {
+fn sniff(input: &mut dyn Source) -> Result<Format, DecodeError> {
     let start = input.stream_position()?;
     let mut first = Vec::new();
-    input
-        .by_ref()
-        .take(Format::SNIFFED_BYTES as u64)
-        .read_to_end(&mut first)?;
+    let mut beginning = Read::take(&mut *input, Format::SNIFFED_BYTES as u64);
+    beginning.read_to_end(&mut first)?;
     input.seek(SeekFrom::Start(start))?;
     recognize(&first)
 }

@@ -33,7 +33,7 @@ const ILLUMINANT_IN_HEADER: std::ops::Range<usize> = 68..80;
 /// D50 as the standard rounds it (ICC.1:2022, 7.2.16).
 const D50: [u8; 12] = [0, 0, 0xf6, 0xd6, 0, 1, 0, 0, 0, 0, 0xd3, 0x2d];
 
-/// Where the header of a profile has its date of creation (ICC.1:2022, 7.2).
+/// Offset of the date of creation in the header of a profile (ICC.1:2022, 7.2).
 const DATE_IN_HEADER: std::ops::Range<usize> = 24..36;
 
 /// The first of January 2024, midnight: year, month, day, hour, minute, second as 16-bit numbers.

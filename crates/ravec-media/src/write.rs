@@ -8,7 +8,7 @@ use image::codecs::{bmp, hdr, jpeg, openexr, png, tiff, webp};
 use image::{ImageEncoder, ImageError};
 use ravec_files::{is_stream, write_atomically};
 use ravec_raster::{Size, Srgb};
-use std::io::{self, Cursor, Seek, Write};
+use std::io::{self, BufWriter, Cursor, Seek, Write};
 use std::path::{Path, PathBuf};
 
 /// Options for writing a picture.
@@ -139,7 +139,20 @@ pub fn write(
 /// # Errors
 /// [`EncodeError`]; part of the data may then have been written.
 pub fn encode(
-    writer: impl Write + Seek,
+    mut writer: impl Write + Seek,
+    format: Format,
+    picture: &Picture,
+    options: &WriteOptions,
+) -> Result<Vec<Warning>, EncodeError> {
+    encode_to(&mut writer, format, picture, options)
+}
+
+/// Target of any type. With it, encoders are compiled once and not in each crate that encodes.
+trait Sink: Write + Seek {}
+impl<T: Write + Seek> Sink for T {}
+
+fn encode_to(
+    writer: &mut dyn Sink,
     format: Format,
     picture: &Picture,
     options: &WriteOptions,
@@ -181,12 +194,15 @@ pub fn encode(
 const MAX_JPEG_EXIF: usize = 65_535 - 2 - 6;
 
 fn encode_raster(
-    mut writer: impl Write + Seek,
+    writer: &mut dyn Sink,
     format: Format,
     raster: &Raster<'_>,
     exif: Option<&[u8]>,
     quality: u8,
 ) -> Result<(), ImageError> {
+    // some encoders write byte by byte
+    let mut buffered = BufWriter::with_capacity(1 << 16, writer);
+    let writer = &mut buffered;
     match format {
         Format::Png => put(png::PngEncoder::new(writer), raster, exif),
         Format::Jpeg => {
@@ -195,10 +211,11 @@ fn encode_raster(
         }
         Format::WebP => put(webp::WebPEncoder::new_lossless(writer), raster, exif),
         Format::Tiff => put(tiff::TiffEncoder::new(writer), raster, exif),
-        Format::Bmp => put(bmp::BmpEncoder::new(&mut writer), raster, exif),
+        Format::Bmp => put(bmp::BmpEncoder::new(writer), raster, exif),
         Format::OpenExr => put(openexr::OpenExrEncoder::new(writer), raster, exif),
         Format::Hdr => put(hdr::HdrEncoder::new(writer), raster, exif),
-    }
+    }?;
+    Ok(buffered.flush()?)
 }
 
 fn put(

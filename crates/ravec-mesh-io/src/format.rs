@@ -4,25 +4,41 @@ use std::fmt;
 
 /// The formats of mesh files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(rename_all = "kebab-case")
+)]
 #[non_exhaustive]
 pub enum MeshFormat {
-    /// STL in its binary form.
+    /// STL, binary.
+    #[cfg_attr(feature = "clap", value(name = "stl"))]
+    #[cfg_attr(feature = "serde", serde(rename = "stl"))]
     StlBinary,
-    /// STL in its text form.
+    /// STL in text.
     StlAscii,
-    /// PLY with binary data.
+    /// PLY, binary.
+    #[cfg_attr(feature = "clap", value(name = "ply"))]
+    #[cfg_attr(feature = "serde", serde(rename = "ply"))]
     PlyBinary,
-    /// PLY with data in text.
+    /// PLY in text.
     PlyAscii,
     /// Wavefront OBJ.
     Obj,
-    /// Object File Format of Geomview, in text.
+    /// Object File Format.
+    ///
+    /// It is that of Geomview, in text.
     Off,
     /// 3D Manufacturing Format.
+    #[cfg_attr(feature = "clap", value(name = "3mf"))]
+    #[cfg_attr(feature = "serde", serde(rename = "3mf"))]
     ThreeMf,
     /// glTF 2.0 in one binary file.
     Glb,
-    /// glTF 2.0 as JSON; written with its data inside.
+    /// glTF 2.0 as JSON.
+    ///
+    /// It is written with its data inside.
     Gltf,
 }
 
@@ -118,19 +134,31 @@ impl fmt::Display for MeshFormat {
 
 /// A unit of length that a file may name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(rename_all = "kebab-case")
+)]
 #[non_exhaustive]
 pub enum LengthUnit {
     /// 1e-6 m.
+    #[cfg_attr(feature = "clap", value(alias = "um"))]
     Micron,
     /// 1e-3 m.
+    #[cfg_attr(feature = "clap", value(alias = "mm"))]
     Millimeter,
     /// 1e-2 m.
+    #[cfg_attr(feature = "clap", value(alias = "cm"))]
     Centimeter,
     /// 0.0254 m.
+    #[cfg_attr(feature = "clap", value(alias = "in"))]
     Inch,
     /// 0.3048 m.
+    #[cfg_attr(feature = "clap", value(alias = "ft"))]
     Foot,
     /// 1 m.
+    #[cfg_attr(feature = "clap", value(alias = "m"))]
     Meter,
 }
 

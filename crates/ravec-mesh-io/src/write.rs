@@ -27,11 +27,19 @@ pub struct WriteOptions {
 
 /// Precision of coordinates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(rename_all = "kebab-case")
+)]
 pub enum Precision {
+    /// As they are, where the format can: binary STL and glTF hold 32-bit floats only.
+    ///
     /// Reading the file gives the same numbers: 64-bit floats where 32 bits would change one, all digits in text.
     #[default]
     Exact,
-    /// Rounded to 32-bit floats: smaller files, for programs that hold no more.
+    /// Rounded to 32-bit floats: smaller files.
     Single,
 }
 

@@ -412,16 +412,38 @@ fn gltf_data_in_other_files_are_asked_for() {
     ));
 }
 
-#[test]
-fn faults_of_a_gltf_file_are_named() {
+/// The members of a glTF file with a mesh, and the file.
+fn square() -> (String, Vec<u8>) {
     let mesh = one_mesh("\"attributes\":{\"POSITION\":0},\"indices\":1");
-    let square = gltf(&mesh);
-    let broken = |from: &str, to: &str| {
-        let text = String::from_utf8(square.clone()).unwrap();
-        assert!(text.contains(from), "{from}");
-        text.replacen(from, to, 1).into_bytes()
-    };
-    for (file, expected) in [
+    let file = gltf(&mesh);
+    (mesh, file)
+}
+
+/// The file with another text in the place of `from`.
+fn broken(file: &[u8], from: &str, to: &str) -> Vec<u8> {
+    let text = String::from_utf8(file.to_vec()).unwrap();
+    assert!(text.contains(from), "{from}");
+    text.replacen(from, to, 1).into_bytes()
+}
+
+/// Checks that each file is refused for its syntax, with the words that are expected.
+fn check_faults(files: &[(Vec<u8>, &str)]) {
+    for (file, expected) in files {
+        let Err(error @ ReadMeshError::Syntax { .. }) = read(file) else {
+            panic!("{expected}: {:?}", read(file));
+        };
+        assert!(
+            error.to_string().contains(expected),
+            "{error}, not {expected}"
+        );
+    }
+}
+
+#[test]
+fn faults_in_the_scene_of_a_gltf_file_are_named() {
+    let (mesh, square) = square();
+    let broken = |from, to| broken(&square, from, to);
+    check_faults(&[
         (broken("{\"asset\"", "{\"asset"), "the JSON is not right"),
         (
             broken("\"mesh\":0", "\"mesh\":1"),
@@ -435,6 +457,14 @@ fn faults_of_a_gltf_file_are_named() {
             gltf(&mesh.replace("\"mesh\":0", "\"mesh\":0,\"children\":[1,1]},{")),
             "node 1: it has two parents",
         ),
+    ]);
+}
+
+#[test]
+fn faults_of_accessors_are_named() {
+    let (_, square) = square();
+    let broken = |from, to| broken(&square, from, to);
+    check_faults(&[
         (
             broken("\"POSITION\":0", "\"POSITION\":1"),
             "must be of type VEC3",
@@ -453,6 +483,14 @@ fn faults_of_a_gltf_file_are_named() {
             broken("\"indices\":1", "\"indices\":1,\"mode\":7"),
             "no known mode",
         ),
+    ]);
+}
+
+#[test]
+fn faults_of_views_and_buffers_are_named() {
+    let (mesh, square) = square();
+    let broken = |from, to| broken(&square, from, to);
+    check_faults(&[
         (broken("\"count\":4", "\"count\":7"), "beyond the end"),
         (
             broken("\"count\":4", "\"count\":18446744073709551615"),
@@ -486,15 +524,13 @@ fn faults_of_a_gltf_file_are_named() {
             "buffer 0: its data are not base64",
         ),
         (gltf_at(&mesh, ""), "neither data nor an address"),
-    ] {
-        let Err(error @ ReadMeshError::Syntax { .. }) = read(&file) else {
-            panic!("{expected}: {:?}", read(&file));
-        };
-        assert!(
-            error.to_string().contains(expected),
-            "{error}, not {expected}"
-        );
-    }
+    ]);
+}
+
+#[test]
+fn damaged_and_unsupported_gltf_files_are_told_apart() {
+    let (mesh, square) = square();
+    let broken = |from, to| broken(&square, from, to);
     let wrong_index = broken("\"count\":4", "\"count\":3");
     assert!(matches!(
         read(&wrong_index),

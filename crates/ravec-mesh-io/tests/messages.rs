@@ -24,16 +24,32 @@ fn packed(name: &str, text: &str) -> Vec<u8> {
     archive.finish().unwrap().into_inner()
 }
 
+/// A word with control characters that is too long to be quoted.
+fn long_word() -> String {
+    format!("{EVIL}{}", "w".repeat(5000))
+}
+
+/// Blanks in front of which a file is examined more closely.
+const BLANKS: usize = 2000;
+
+/// Checks that each file is refused in a short sentence, with its word in it and without its control characters.
+fn check_quotes<const N: usize>(files: [(&str, Vec<u8>); N]) {
+    for (what, file) in files {
+        let error = error_of(&file);
+        let text = error.to_string();
+        let harmless = |c: char| !c.is_control() && c != '\u{202e}';
+        assert!(text.chars().all(harmless), "{what}: {text:?}");
+        assert!(text.chars().count() < 350, "{what}: {text}");
+        let quotes = text.contains("\\u{1b}]0;x\\u{7}");
+        assert!(quotes || what == "3MF: an element", "{what}: {text}");
+    }
+}
+
 #[test]
-fn control_characters_of_a_file_are_escaped_and_long_words_cut_in_every_message() {
-    let long = format!("{EVIL}{}", "w".repeat(5000));
-    // in front of it a file is examined more closely
-    let blank = " ".repeat(2000);
-    let model = |text: &str| packed("3D/3dmodel.model", text);
-    let ply = "ply\nformat ascii 1.0\n";
-    let vertex = "element vertex 1\nproperty float x\nproperty float y\nproperty float z\n";
-    let object = "<object id=\"1\"><mesh></mesh></object>";
-    for (what, file) in [
+fn words_of_an_stl_file_are_escaped_and_cut() {
+    let long = long_word();
+    let blank = " ".repeat(BLANKS);
+    check_quotes([
         (
             "STL: a word",
             format!("solid a\n{blank}{long}").into_bytes(),
@@ -46,6 +62,15 @@ fn control_characters_of_a_file_are_escaped_and_long_words_cut_in_every_message(
             "STL: a word after outer",
             format!("solid a\n{blank}outer {long}").into_bytes(),
         ),
+    ]);
+}
+
+#[test]
+fn words_of_a_ply_file_are_escaped_and_cut() {
+    let long = long_word();
+    let ply = "ply\nformat ascii 1.0\n";
+    let vertex = "element vertex 1\nproperty float x\nproperty float y\nproperty float z\n";
+    check_quotes([
         (
             "PLY: a word of the header",
             format!("{ply}{long}\n").into_bytes(),
@@ -70,6 +95,14 @@ fn control_characters_of_a_file_are_escaped_and_long_words_cut_in_every_message(
             "PLY: a number",
             format!("{ply}{vertex}end_header\n{long} 1 2\n").into_bytes(),
         ),
+    ]);
+}
+
+#[test]
+fn words_of_obj_and_off_files_are_escaped_and_cut() {
+    let long = long_word();
+    let blank = " ".repeat(BLANKS);
+    check_quotes([
         (
             "OBJ: a word",
             format!("v 0 0 0\n{blank}\u{e9}{long}\n").into_bytes(),
@@ -94,6 +127,15 @@ fn control_characters_of_a_file_are_escaped_and_long_words_cut_in_every_message(
             "OFF: a number of corners",
             format!("OFF\n1 1 0\n0 0 0\n{blank}\n{long}\n").into_bytes(),
         ),
+    ]);
+}
+
+#[test]
+fn words_of_3mf_and_gltf_files_are_escaped_and_cut() {
+    let long = long_word();
+    let model = |text: &str| packed("3D/3dmodel.model", text);
+    let object = "<object id=\"1\"><mesh></mesh></object>";
+    check_quotes([
         (
             "3MF: a unit",
             model(&format!("<model unit=\"{long}\"></model>")),
@@ -125,15 +167,7 @@ fn control_characters_of_a_file_are_escaped_and_long_words_cut_in_every_message(
             "glTF: a string for a number",
             format!("{{\"scene\":{}}}", serde_json::to_string(&long).unwrap()).into_bytes(),
         ),
-    ] {
-        let error = error_of(&file);
-        let text = error.to_string();
-        let harmless = |c: char| !c.is_control() && c != '\u{202e}';
-        assert!(text.chars().all(harmless), "{what}: {text:?}");
-        assert!(text.chars().count() < 350, "{what}: {text}");
-        let quotes = text.contains("\\u{1b}]0;x\\u{7}");
-        assert!(quotes || what == "3MF: an element", "{what}: {text}");
-    }
+    ]);
 }
 
 /// Repeats its bytes without end, some at a time, and counts them.

@@ -6,12 +6,22 @@ use ravec_mesh::Aabb;
 
 /// The axis that points upward.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(rename_all = "kebab-case")
+)]
 pub enum UpAxis {
-    /// As in most construction and printing programs; the front is at the lower end of y.
+    /// As in scans and games.
+    ///
+    /// The front is at the upper end of z.
+    Y,
+    /// As in construction and printing.
+    ///
+    /// The front is at the lower end of y.
     #[default]
     Z,
-    /// As in most scans and games; the front is at the upper end of z.
-    Y,
 }
 
 /// A direction of view.

@@ -5,11 +5,21 @@ use ravec_raster::{Image, ResizeFilter, Size, Srgb, resize};
 
 /// Treatment of photos whose proportions are not those of the tile.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(rename_all = "kebab-case")
+)]
 pub enum Crop {
-    /// They are not used: only photos of the tile's proportions are, which are neither cropped nor distorted.
+    /// They are not used.
+    ///
+    /// Only photos of the tile's proportions are, which are neither cropped nor distorted.
     #[default]
     Never,
-    /// The largest part in their middle that has the proportions of the tile is used.
+    /// Their middle is used.
+    ///
+    /// It is the largest part there that has the proportions of the tile.
     Center,
 }
 

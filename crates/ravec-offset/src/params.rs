@@ -7,43 +7,63 @@ pub use error::OffsetError;
 use ravec_mesh::Aabb;
 
 /// Part of the surface at the distance.
-#[derive(
-    Debug, Clone, Copy, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize,
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(rename_all = "kebab-case")
 )]
-#[serde(rename_all = "kebab-case")]
 pub enum Side {
-    /// All points at the distance, on every side of every triangle.
+    /// All that is at the distance, whatever the triangles are.
+    ///
+    /// The surface has points on every side of every triangle.
     #[default]
     Both,
-    /// The outermost surface only: cavities are filled.
+    /// The part reachable from outside: the mesh grows, and its cavities are filled.
     Outer,
-    /// The surface inside the solid that the triangles enclose.
+    /// Inside a closed mesh: it shrinks.
     Inner,
-    /// The triangles and the surface inside them: a hollow solid whose walls are as thick as the distance.
+    /// The closed mesh, hollowed: its walls are as thick as the distance.
+    ///
+    /// The result has the triangles of the mesh and the surface inside them.
     Shell,
 }
 
+impl Side {
+    /// True if the surface is inside the solid that the triangles enclose, which must be closed.
+    pub fn is_inward(self) -> bool {
+        matches!(self, Self::Inner | Self::Shell)
+    }
+}
+
 /// Treatment of a mesh that is not closed.
-#[derive(
-    Debug, Clone, Copy, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize,
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(rename_all = "kebab-case")
 )]
-#[serde(rename_all = "kebab-case")]
 pub enum OpenRule {
-    /// Refuse such a mesh if the side needs an inside.
+    /// Refuse it where a side needs an inside.
     #[default]
     Refuse,
-    /// Treat the mesh as a sheet, open or closed, and thicken it by the distance on the side that its triangles face (the side
-    /// from which they are counterclockwise). The sheet is one skin of the result, the other skin is at the distance, and
-    /// upright walls stand along the boundary. Parts of the sheet that are nearer to each other than the distance share one
-    /// solid.
+    /// Take it for a sheet, which becomes as thick as the distance on the side that its triangles face.
+    ///
+    /// The sheet may be open or closed; its triangles face the side from which they are counterclockwise. The sheet is one
+    /// skin of the result, the other skin is at the distance, and upright walls stand along the boundary. Parts of the sheet
+    /// that are nearer to each other than the distance share one solid.
     Thicken,
 }
 
 /// Precision of the coordinates of the result.
-#[derive(
-    Debug, Clone, Copy, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize,
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(rename_all = "kebab-case")
 )]
-#[serde(rename_all = "kebab-case")]
 pub enum Coordinates {
     /// 64-bit floats.
     #[default]
@@ -54,8 +74,12 @@ pub enum Coordinates {
 }
 
 /// Parameters of an offset.
-#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(default, deny_unknown_fields)
+)]
 pub struct OffsetParams {
     /// Distance, in units of the mesh, above 0 (default 1). With [`OpenRule::Thicken`] it may be negative: the sheet is
     /// thickened on its other side.
@@ -143,6 +167,17 @@ impl OffsetParams {
         })
     }
 
+    /// Checks the ranges of the parameters that do not depend on the mesh.
+    ///
+    /// # Errors
+    /// [`OffsetError::NormalDeviation`].
+    pub fn check_ranges(&self) -> Result<(), OffsetError> {
+        match self.max_normal_deviation_deg {
+            Some(got) if !(got > 0.0 && got <= 90.0) => Err(OffsetError::NormalDeviation { got }),
+            _ => Ok(()),
+        }
+    }
+
     /// Checks the parameters for a mesh with these bounds.
     pub(crate) fn check(&self, bounds: &Aabb) -> Result<(), OffsetError> {
         let diagonal = bounds.diagonal();
@@ -175,12 +210,7 @@ impl OffsetParams {
         if !(got.is_finite() && got >= least && got < most) {
             return Err(OffsetError::Tolerance { got, least, most });
         }
-        if let Some(got) = self.max_normal_deviation_deg
-            && !(got > 0.0 && got <= 90.0)
-        {
-            return Err(OffsetError::NormalDeviation { got });
-        }
-        Ok(())
+        self.check_ranges()
     }
 }
 

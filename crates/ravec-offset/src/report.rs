@@ -4,7 +4,8 @@ use crate::store::OffsetSurface;
 use ravec_mesh::TriMesh;
 
 /// Report of an offset: properties of the result and of the work.
-#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct OffsetReport {
     /// Every facet is proved to keep the distance within the tolerance.
     pub certified: bool,

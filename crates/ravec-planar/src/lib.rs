@@ -36,6 +36,7 @@
 //! | planes from edges | [`propose_planes`], [`vanishing_points`], [`Segment`] |
 //! | a plane from straight on | [`proportions`], [`straight_view`] |
 //! | pictures through a map | [`warp`](fn@warp) |
+//! | the motion of a camera, and cuts | [`camera::CameraMotion`] |
 //!
 //! # Guarantees
 //!
@@ -55,9 +56,11 @@
 //! # Current status
 //!
 //! Still pictures: homographies, robust estimation, matching of photos, grids and snapping, proposals, rectification, warping.
+//! Clips: the motion of the camera.
 //! It finds no edges itself: segments for [`propose_planes`] come, for instance, from `line_segments` of `ravec-twocolor`.
 
 mod align;
+pub mod camera;
 mod estimate;
 mod features;
 mod homography;

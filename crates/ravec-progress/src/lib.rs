@@ -70,6 +70,8 @@ struct Shared {
 #[derive(Clone, Default)]
 pub struct Progress {
     shared: Arc<Shared>,
+    /// True for a handle whose updates go nowhere.
+    silent: bool,
 }
 
 impl std::fmt::Debug for Progress {
@@ -77,7 +79,7 @@ impl std::fmt::Debug for Progress {
         f.debug_struct("Progress")
             .field("cancelled", &self.is_cancelled())
             .field("listening", &self.shared.sink.is_some())
-            .finish()
+            .finish_non_exhaustive()
     }
 }
 
@@ -94,6 +96,7 @@ impl Progress {
                 sink: Some(Box::new(sink)),
                 ..Shared::default()
             }),
+            silent: false,
         }
     }
 
@@ -112,6 +115,17 @@ impl Progress {
                 checks_left: Some(AtomicU64::new(check)),
                 ..Shared::default()
             }),
+            silent: false,
+        }
+    }
+
+    /// A handle that shares the cancellation, and whose updates go nowhere: for a step of work whose whole is announced
+    /// already, such as a frame of a clip.
+    #[must_use]
+    pub fn silent(&self) -> Self {
+        Self {
+            silent: true,
+            ..self.clone()
         }
     }
 
@@ -176,7 +190,8 @@ impl Phase {
     }
 
     fn send(&self, done: u64) {
-        if let Some(sink) = &self.progress.shared.sink {
+        let sink = self.progress.shared.sink.as_ref();
+        if let Some(sink) = sink.filter(|_| !self.progress.silent) {
             sink(Update {
                 phase: self.name,
                 done,
@@ -234,6 +249,15 @@ mod tests {
         let progress = Progress::cancelled_at(3);
         let looks: Vec<bool> = (0..5).map(|_| progress.is_cancelled()).collect();
         assert_eq!(looks, [false, false, true, true, true]);
+    }
+
+    #[test]
+    fn a_silent_handle_shares_the_cancellation_and_sends_nothing() {
+        let seen = recorded(|progress| progress.silent().phase("step", 2).advance(1));
+        assert!(seen.is_empty());
+        let progress = Progress::none();
+        progress.silent().cancel();
+        assert_eq!(progress.check(), Err(Cancelled));
     }
 
     #[test]

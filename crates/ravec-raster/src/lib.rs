@@ -97,6 +97,7 @@ mod pixel;
 mod pyramid;
 mod rect;
 mod resize;
+mod rows;
 mod sample;
 mod segment;
 mod size;
@@ -120,6 +121,7 @@ pub use pixel::{
 pub use pyramid::{Pyramid, Reduction, halved};
 pub use rect::{Rect, tiles};
 pub use resize::{Resample, ResizeFilter, resize};
+pub use rows::LinearRows;
 pub use sample::Interpolation;
 pub use segment::Segment;
 pub use size::{Size, SizeError};

@@ -205,35 +205,43 @@ fn resize_strip<P: Resample>(
 fn convolve(
     resizer: &mut fir::Resizer,
     channels: usize,
+    source: (&[f32], usize),
+    target: (&mut [f32], usize),
+    options: &fir::ResizeOptions,
+) {
+    match channels {
+        1 => convolve_typed::<fir::pixels::F32>(resizer, source, target, options),
+        2 => convolve_typed::<fir::pixels::F32x2>(resizer, source, target, options),
+        3 => convolve_typed::<fir::pixels::F32x3>(resizer, source, target, options),
+        _ => convolve_typed::<fir::pixels::F32x4>(resizer, source, target, options),
+    }
+}
+
+/// [`convolve`] for one of the pixels of the library. That it is named keeps the kernels of all others out of programs.
+fn convolve_typed<F: fir::PixelTrait>(
+    resizer: &mut fir::Resizer,
     (source, source_width): (&[f32], usize),
     (target, target_width): (&mut [f32], usize),
     options: &fir::ResizeOptions,
 ) {
-    let kind = match channels {
-        1 => fir::PixelType::F32,
-        2 => fir::PixelType::F32x2,
-        3 => fir::PixelType::F32x3,
-        _ => fir::PixelType::F32x4,
-    };
+    let channels = size_of::<F>() / size_of::<f32>();
     let source_rows = source.len() / (channels * source_width);
     let target_rows = target.len() / (channels * target_width);
-    let source = fir::images::ImageRef::new(
+    let source = fir::images::TypedImageRef::<F>::from_buffer(
         source_width as u32,
         source_rows as u32,
         bytemuck::cast_slice(source),
-        kind,
     );
-    let target = fir::images::Image::from_slice_u8(
+    let target = fir::images::TypedImage::<F>::from_buffer(
         target_width as u32,
         target_rows as u32,
         bytemuck::cast_slice_mut(target),
-        kind,
     );
     let (Ok(source), Ok(mut target)) = (source, target) else {
         unreachable!("both buffers hold exactly their pixels, aligned as floats");
     };
     resizer
-        .resize(&source, &mut target, options)
+        .resize_typed(&source, &mut target, options)
         .expect("the pixel types agree and the stripe lies within the rows that were cut out");
 }
 

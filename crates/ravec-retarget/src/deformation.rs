@@ -10,7 +10,8 @@ use ravec_raster::Size;
 use std::sync::Arc;
 
 /// Figures of a solution for one size.
-#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct SolveSummary {
     /// The new width in pixels.
     pub width: usize,
@@ -70,7 +71,7 @@ impl Deformation {
         &self.summary
     }
 
-    /// Where a point of the old picture goes, both in pixels. Points outside go on from the nearest cell.
+    /// The place of a point of the old picture in the new one, both in pixels. Points outside go on from the nearest cell.
     pub fn target_from_source(&self, point: DVec2) -> DVec2 {
         let weights = self.grid.weights_at(point / self.grid.unit_px());
         let parts = weights.iter();

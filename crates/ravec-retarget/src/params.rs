@@ -2,25 +2,36 @@
 
 use ravec_progress::Cancelled;
 use ravec_raster::Size;
-use serde::{Deserialize, Serialize};
 
 /// Freedom of the vertices on the border of a picture.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(rename_all = "kebab-case")
+)]
 pub enum Borders {
-    /// Along the border, each on its own.
+    /// Along itself.
+    ///
+    /// Each vertex moves on its own.
     #[default]
     Slide,
-    /// Along the border, and opposite borders alike: what tiles without a seam still does.
+    /// Along itself, opposite borders alike: what tiles still does.
     Symmetric,
-    /// Along the border, and out of the frame: what is unimportant there may be cut off, up to
-    /// [`RetargetParams::max_crop`] of a side, or a tenth if that is 0.
+    /// Along itself and out of the frame, where that costs little.
+    ///
+    /// Unimportant content may be cut off, up to [`RetargetParams::max_crop`] of a side, or a tenth if that is 0.
     Free,
 }
 
 /// Parameters of analysis and deformation.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(default, deny_unknown_fields)
+)]
 pub struct RetargetParams {
     /// Cells along the longer side, 2 to 400. More follow smaller objects and cost more; below 30 small objects share a cell
     /// with their surroundings. By default 100, and 50 for pictures of at most 800 pixels a side, where they are a third of the
@@ -42,6 +53,9 @@ pub struct RetargetParams {
     pub max_crop: f64,
 }
 
+/// Fewest cells along the longer side.
+const MIN_CELLS: f64 = 2.0;
+
 impl Default for RetargetParams {
     fn default() -> Self {
         Self {
@@ -56,38 +70,35 @@ impl Default for RetargetParams {
     }
 }
 
+/// Refuses the value of a field that is not within its range: field, value, least, most, and the range in words.
+pub(crate) fn check_range(
+    (field, value, low, high, range): (&'static str, f64, f64, f64, &'static str),
+) -> Result<(), RetargetError> {
+    if (low..=high).contains(&value) {
+        return Ok(());
+    }
+    Err(RetargetError::Parameter {
+        field,
+        value,
+        range,
+    })
+}
+
 impl RetargetParams {
     /// Checks every range.
     ///
     /// # Errors
     /// [`RetargetError::Parameter`] with the first value out of range.
     pub fn check(&self) -> Result<(), RetargetError> {
-        if let Some(cells) = self.grid_cells {
-            within("cells of the grid", cells as f64, 2.0, 400.0)?;
-        }
-        within("strength of saliency", self.saliency, 0.0, 1.0)?;
-        within("strength of lines", self.line_strength, 0.0, 10.0)?;
-        within("scale of objects", self.object_scale, 0.25, 4.0)?;
-        within("share to cut off", self.max_crop, 0.0, 0.5)
-    }
-}
-
-/// Refuses a value that is not between `low` and `high`.
-pub(crate) fn within(
-    name: &'static str,
-    value: f64,
-    low: f64,
-    high: f64,
-) -> Result<(), RetargetError> {
-    if (low..=high).contains(&value) {
-        Ok(())
-    } else {
-        Err(RetargetError::Parameter {
-            name,
-            value,
-            low,
-            high,
-        })
+        let cells = self.grid_cells.map_or(MIN_CELLS, |cells| cells as f64);
+        let ranges = [
+            ("grid_cells", cells, MIN_CELLS, 400.0, "2 to 400"),
+            ("saliency", self.saliency, 0.0, 1.0, "0 to 1"),
+            ("line_strength", self.line_strength, 0.0, 10.0, "0 to 10"),
+            ("object_scale", self.object_scale, 0.25, 4.0, "0.25 to 4"),
+            ("max_crop", self.max_crop, 0.0, 0.5, "0 to 0.5"),
+        ];
+        ranges.into_iter().try_for_each(check_range)
     }
 }
 
@@ -96,16 +107,14 @@ pub(crate) fn within(
 #[non_exhaustive]
 pub enum RetargetError {
     /// A parameter is out of range.
-    #[error("{name}: {value} is out of range, choose {low} to {high}")]
+    #[error("`{field}` is {value}, but must be {range}")]
     Parameter {
-        /// Name of the parameter.
-        name: &'static str,
+        /// The field of [`RetargetParams`].
+        field: &'static str,
         /// The invalid value.
         value: f64,
-        /// The least allowed.
-        low: f64,
-        /// The most allowed.
-        high: f64,
+        /// The allowed values.
+        range: &'static str,
     },
     /// A mask must have the size of the picture.
     #[error(
@@ -175,30 +184,45 @@ mod tests {
     #[test]
     fn values_out_of_range_are_named() {
         let wrong = [
-            RetargetParams {
-                grid_cells: Some(1),
-                ..RetargetParams::default()
-            },
-            RetargetParams {
-                saliency: f64::NAN,
-                ..RetargetParams::default()
-            },
-            RetargetParams {
-                line_strength: -1.0,
-                ..RetargetParams::default()
-            },
-            RetargetParams {
-                object_scale: 0.0,
-                ..RetargetParams::default()
-            },
-            RetargetParams {
-                max_crop: 0.7,
-                ..RetargetParams::default()
-            },
+            (
+                RetargetParams {
+                    grid_cells: Some(1),
+                    ..RetargetParams::default()
+                },
+                "`grid_cells` is 1, but must be 2 to 400",
+            ),
+            (
+                RetargetParams {
+                    saliency: f64::NAN,
+                    ..RetargetParams::default()
+                },
+                "`saliency` is NaN, but must be 0 to 1",
+            ),
+            (
+                RetargetParams {
+                    line_strength: -1.0,
+                    ..RetargetParams::default()
+                },
+                "`line_strength` is -1, but must be 0 to 10",
+            ),
+            (
+                RetargetParams {
+                    object_scale: 0.0,
+                    ..RetargetParams::default()
+                },
+                "`object_scale` is 0, but must be 0.25 to 4",
+            ),
+            (
+                RetargetParams {
+                    max_crop: 0.7,
+                    ..RetargetParams::default()
+                },
+                "`max_crop` is 0.7, but must be 0 to 0.5",
+            ),
         ];
-        for params in wrong {
+        for (params, sentence) in wrong {
             let error = params.check().unwrap_err();
-            assert!(error.to_string().contains("out of range"), "{error}");
+            assert_eq!(error.to_string(), sentence);
         }
         assert_eq!(RetargetParams::default().check(), Ok(()));
     }

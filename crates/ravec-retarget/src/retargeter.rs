@@ -19,7 +19,7 @@ use crate::quadtree::spans;
 use crate::runs::straight_runs;
 use crate::system::Axis;
 use glam::{DVec2, dvec2};
-use ravec_progress::Progress;
+use ravec_progress::{Phase, Progress};
 use ravec_raster::{Color, Image, Mask, Resample, Size};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -62,7 +62,8 @@ pub struct Painted<'a> {
 }
 
 /// Figures of the analysis.
-#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct AnalysisSummary {
     /// Cells of the grid.
     pub cells: usize,
@@ -105,12 +106,25 @@ impl Retargeter {
         let units = units_for(image.size(), params.grid_cells);
         let analysis = Analysis::new(image, units, progress)?;
         phase.advance(1);
+        Self::of_analysis(image.size(), &analysis, painted, params, &phase, progress)
+    }
+
+    /// Finds the lines and the importance of an analyzed picture of a size, and factors its energies.
+    fn of_analysis(
+        size: Size,
+        analysis: &Analysis,
+        painted: Painted<'_>,
+        params: &RetargetParams,
+        phase: &Phase,
+        progress: &Progress,
+    ) -> Result<Self, RetargetError> {
+        let units = analysis.units;
         let found = if params.line_strength > 0.0 {
             straight_runs(&analysis.image)
         } else {
             Vec::new()
         };
-        let importance = importance(&analysis, &found, params.saliency);
+        let importance = importance(analysis, &found, params.saliency);
         progress.check()?;
         phase.advance(1);
         let runs: Vec<GridRun> = found
@@ -121,10 +135,10 @@ impl Retargeter {
         let weights = unit_weights(&importance, painted, units);
         let grid = if params.adaptive {
             let symmetric = params.borders == Borders::Symmetric;
-            let spans = spans(&analysis, &weights, &runs, symmetric, progress)?;
-            Grid::new(image.size(), units, |col, row| spans[row * units[0] + col])
+            let spans = spans(analysis, &weights, &runs, symmetric, progress)?;
+            Grid::new(size, units, |col, row| spans[row * units[0] + col])
         } else {
-            Grid::new(image.size(), units, |_, _| 1)
+            Grid::new(size, units, |_, _| 1)
         };
         progress.check()?;
         phase.advance(1);

@@ -198,7 +198,7 @@ impl<P: Color> Warp<'_, P> {
     fn tile(&self, strip: &Strip, columns: [usize; 2], scratch: &mut Scratch, pixels: &mut [P]) {
         let locator = &self.locator;
         let unit = self.source_unit;
-        dispatch!(self.simd, simd => locate_columns(simd, locator, unit, strip, columns, scratch));
+        locate(self.simd, locator, unit, strip, columns, scratch);
         let Scratch {
             spans,
             xs,
@@ -213,9 +213,7 @@ impl<P: Color> Warp<'_, P> {
         window.fill(self.image, seen);
         light.resize(xs.len(), [0.0; 4]);
         match self.filter {
-            WarpFilter::Full => {
-                dispatch!(self.simd, simd => cubic(simd, window, spans, [xs, ys], taps, light));
-            }
+            WarpFilter::Full => filter(self.simd, window, spans, [xs, ys], taps, light),
             WarpFilter::Preview => {
                 for ((light, &x), &y) in light.iter_mut().zip(xs.iter()).zip(ys.iter()) {
                     *light = window.bilinear(dvec2(x, y));
@@ -230,6 +228,30 @@ impl<P: Color> Warp<'_, P> {
             }
         }
     }
+}
+
+/// [`locate_columns`] with the instructions of `level`, apart from the pixel type, so that it is compiled once.
+fn locate(
+    level: Level,
+    locator: &Locator<'_>,
+    source_unit: DVec2,
+    strip: &Strip,
+    columns: [usize; 2],
+    scratch: &mut Scratch,
+) {
+    dispatch!(level, simd => locate_columns(simd, locator, source_unit, strip, columns, scratch));
+}
+
+/// [`cubic`] with the instructions of `level`, likewise.
+fn filter(
+    level: Level,
+    window: &Window,
+    spans: &[Span],
+    places: [&[f64]; 2],
+    taps: &mut Taps,
+    light: &mut [[f32; 4]],
+) {
+    dispatch!(level, simd => cubic(simd, window, spans, places, taps, light));
 }
 
 /// Locates the pixels of the columns `first..end` of a strip in the old picture.

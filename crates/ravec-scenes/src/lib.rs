@@ -1,4 +1,4 @@
-//! Procedural pictures and meshes with known truth, for tests, benchmarks and demonstrations.
+//! Procedural pictures, clips and meshes with known truth, for tests, benchmarks and demonstrations.
 //!
 //! A method is judged by pictures whose answer is known beforehand. Here pictures are drawn from formulas: the position
 //! of an edge, the homography of a wall or the outline of a disc is an input, so that truth never comes from code that
@@ -22,11 +22,12 @@
 //! and 1; truth is serializable. Non-guarantees: the same bytes across platforms whose mathematical library differs, or
 //! across versions of this crate.
 //!
-//! Words: a *scene* is a picture with its *truth*; the *footprint* of a sample is the side of the square it stands for;
+//! Words: a *scene* is a picture with its *truth*; a *clip* is a sequence of frames with theirs; the *footprint* of a sample is the side of the square it stands for;
 //! *damage* is what is done to a finished picture.
 
 pub mod building;
 pub mod catalog;
+pub mod clip;
 mod coverage;
 pub mod damage;
 pub mod edge;

@@ -161,7 +161,7 @@ pub fn facade(size: Size, seed: Seed) -> (Image<LinearRgb>, PlaneTruth) {
 }
 
 /// Sun that comes through a tree at the left: 0 in full shade, 1 in the open.
-fn leaf_shade(q: DVec2, footprint: f64, seed: Seed) -> f64 {
+pub(crate) fn leaf_shade(q: DVec2, footprint: f64, seed: Seed) -> f64 {
     let crown = 1.25 - q.distance(DVec2::new(1.2, 8.0)) / 5.6;
     let leaves = fractal(q * 1.1, 1.1 * footprint, 5, seed);
     let shade = smoothstep(-0.15, 0.25, crown - 0.25 + 0.9 * leaves);

@@ -193,9 +193,14 @@ fn layout(size: Size, seed: Seed) -> ShapesTruth {
 /// A meadow in perspective, hills in the haze, and a sky.
 pub fn landscape(size: Size, seed: Seed) -> Image<LinearRgb> {
     let extent = DVec2::new(size.width() as f64, size.height() as f64);
+    paint_adaptive(size, 3, landscape_painter(extent, seed))
+}
+
+/// The landscape as a function of the position in a picture of an extent, and of the side of the sample.
+pub(crate) fn landscape_painter(extent: DVec2, seed: Seed) -> impl Fn(DVec2, f64) -> Vec3 + Sync {
     let scale = extent.max_element();
     let sun = DVec3::new(-0.5, 0.55, -0.3).normalize();
-    paint_adaptive(size, 3, |p, side| {
+    move |p, side| {
         let q = (p - extent * DVec2::new(0.5, 0.52)) / scale;
         let footprint = side / scale;
         // three ridges, each nearer, greener and lower
@@ -239,7 +244,7 @@ pub fn landscape(size: Size, seed: Seed) -> Image<LinearRgb> {
         }
         let direction = DVec3::new(q.x, 0.05 - q.y, -0.75).normalize();
         film(sky(direction, 1.3 * footprint, sun, seed.fork(30)), 0.75)
-    })
+    }
 }
 
 #[cfg(test)]

@@ -149,9 +149,9 @@ impl Plate {
 const SUN_LIGHT: Vec3 = Vec3::new(3.0, 2.36, 1.62);
 const SKY_LIGHT: Vec3 = Vec3::new(0.42, 0.56, 0.80);
 const BOUNCE_LIGHT: Vec3 = Vec3::new(0.36, 0.27, 0.18);
-const HAZE: Vec3 = Vec3::new(0.86, 0.78, 0.70);
+pub(crate) const HAZE: Vec3 = Vec3::new(0.86, 0.78, 0.70);
 /// Distance in meters over which haze takes all but a third.
-const HAZE_LENGTH: f64 = 260.0;
+pub(crate) const HAZE_LENGTH: f64 = 260.0;
 /// Angle of the sun's disc, made larger than in nature (0.0093) for softer shadows.
 const SUN_ANGLE: f64 = 0.018;
 

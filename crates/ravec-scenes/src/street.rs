@@ -66,21 +66,31 @@ pub fn street(size: Size, seed: Seed) -> (Image<LinearRgb>, StreetTruth) {
     let camera = camera(size);
     let stage = stage(seed);
     let truth = truth(&camera, &stage);
+    let image = paint_adaptive(size, 3, painter(size, camera, stage));
+    (image, truth)
+}
+
+/// The color of about a square of a side around a position of the picture.
+fn painter(size: Size, camera: Camera, stage: Stage) -> impl Fn(DVec2, f64) -> Vec3 + Sync {
     let extent = DVec2::new(size.width() as f64, size.height() as f64);
     let spread = 1.0 / camera.focal_px;
-    let image = paint_adaptive(size, 3, |p, side| {
+    move |p, side| {
         let direction = camera.direction(p);
         let light = stage.radiance(camera.position, direction, spread * side);
         // a lens that is a little darker towards its border
         let off = (p - 0.5 * extent).length() / (0.5 * extent.length());
         let vignette = 1.0 - 0.30 * off.powi(3);
         graded(film(light * vignette as f32, 0.60))
-    });
-    (image, truth)
+    }
+}
+
+/// The street's picture as a function of the position.
+pub(crate) fn street_painter(size: Size, seed: Seed) -> impl Fn(DVec2, f64) -> Vec3 + Sync {
+    painter(size, camera(size), stage(seed))
 }
 
 /// Slightly cooler shadows and richer colors.
-fn graded(color: Vec3) -> Vec3 {
+pub(crate) fn graded(color: Vec3) -> Vec3 {
     let gray = Vec3::splat(color.dot(Vec3::new(0.2126, 0.7152, 0.0722)));
     let rich = gray + (color - gray) * 1.16;
     let shade = (1.0 - gray.x * 2.5).clamp(0.0, 1.0);
@@ -122,8 +132,8 @@ fn truth(camera: &Camera, stage: &Stage) -> StreetTruth {
     }
 }
 
-struct House {
-    width: f64,
+pub(crate) struct House {
+    pub width: f64,
     height: f64,
     gable: Gable,
     wall: Wall,
@@ -134,7 +144,7 @@ struct House {
     front: (u32, Option<&'static str>),
 }
 
-fn left_row() -> Vec<House> {
+pub(crate) fn left_row() -> Vec<House> {
     vec![
         House {
             width: 10.0,
@@ -199,7 +209,7 @@ fn left_row() -> Vec<House> {
     ]
 }
 
-fn right_row() -> Vec<House> {
+pub(crate) fn right_row() -> Vec<House> {
     vec![
         House {
             width: 9.5,
@@ -287,7 +297,7 @@ fn ground(seed: Seed) -> Piece {
 }
 
 /// A house whose lower left corner is at `origin`.
-fn facade(house: &House, origin: DVec3, right: DVec3, seed: Seed) -> Piece {
+pub(crate) fn facade(house: &House, origin: DVec3, right: DVec3, seed: Seed) -> Piece {
     let facade = Facade {
         width: house.width,
         height: house.height,
@@ -408,7 +418,7 @@ fn street_furniture(seed: Seed) -> Vec<Piece> {
 }
 
 /// Flower boxes below the windows of three houses.
-fn flower_boxes(pieces: &[Piece], seed: Seed) -> Vec<Piece> {
+pub(crate) fn flower_boxes(pieces: &[Piece], seed: Seed) -> Vec<Piece> {
     let mut boxes = Vec::new();
     for piece in pieces.iter().filter(|p| p.origin.z > -22.0) {
         let Show::Facade(facade) = &piece.show else {

@@ -11,9 +11,9 @@
 use crate::field::{FitError, FitMethod, FitParams, TwoColorField};
 use crate::pixel::TwoColorPixel;
 use crate::placed::{BlockField, PlacedBlock};
-use crate::subpixel::refine_line;
+use crate::subpixel::refine_in;
 use ravec_progress::Progress;
-use ravec_raster::{Color, Image, Size};
+use ravec_raster::{Color, Image, LinearRows, Size};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -128,12 +128,16 @@ impl AdaptiveField {
             self.image_size,
             "the image is not the one that was fitted"
         );
+        self.refine_rows(image, progress)
+    }
+
+    fn refine_rows(&mut self, image: &dyn LinearRows, progress: &Progress) -> Result<(), FitError> {
         let phase = progress.phase("refine", self.leaves.len() as u64);
         Ok(self.leaves.par_chunks_mut(64).try_for_each(|leaves| {
             progress.check()?;
             for leaf in leaves.iter_mut() {
                 leaf.pixel =
-                    refine_line(image, [leaf.col_px, leaf.row_px], leaf.side_px, &leaf.pixel);
+                    refine_in(image, [leaf.col_px, leaf.row_px], leaf.side_px, &leaf.pixel);
             }
             phase.advance(leaves.len() as u64);
             Ok::<(), ravec_progress::Cancelled>(())

@@ -15,7 +15,7 @@ use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch};
 use ravec_progress::{Cancelled, Progress};
 use ravec_raster::color::oklab_from_linear;
-use ravec_raster::{Color, Image, Oklab, Pixel, Rect};
+use ravec_raster::{Color, Image, LinearRgba, LinearRows, Oklab, Pixel, Rect};
 use rayon::prelude::*;
 
 /// Sides of windows around a pixel, for messages.
@@ -109,14 +109,33 @@ pub fn map_windows<P: Color, Q: Pixel>(
                 region.width,
                 rows,
             );
-            dispatch!(level, simd => {
-                let surroundings = Surroundings::read(image, centers, side / 2);
-                surroundings.map(simd, table, flat, &f, out);
+            map_strip(level, image, centers, table, flat, &mut |x, y, windows| {
+                let out = &mut out[y * centers.width + x..];
+                for (i, (out, window)) in out.iter_mut().zip(windows).enumerate() {
+                    *out = f(centers.col + x + i, centers.row + y, window);
+                }
             });
             phase.advance(rows as u64);
             Ok::<(), Cancelled>(())
         })?;
     Ok(result)
+}
+
+/// Receives neighboring windows, with the column and row of the first in the strip.
+type Receiver<'a> = &'a mut dyn FnMut(usize, usize, &[CenteredWindow]);
+
+/// Fits the windows around the pixels of `centers`.
+fn map_strip(
+    level: Level,
+    image: &dyn LinearRows,
+    centers: Rect,
+    table: &SplitTable,
+    flat: FlatThreshold,
+    receiver: Receiver<'_>,
+) {
+    dispatch!(level, simd => {
+        Surroundings::read(image, centers, table.side / 2).map(simd, table, flat, receiver);
+    });
 }
 
 /// Rows of windows done by one task: enough to spread the cost of their surroundings, few enough to cancel promptly.
@@ -135,7 +154,8 @@ struct Surroundings {
 
 impl Surroundings {
     #[inline(always)]
-    fn read<P: Color>(image: &Image<P>, centers: Rect, half: usize) -> Self {
+    fn read(image: &dyn LinearRows, centers: Rect, half: usize) -> Self {
+        let size = image.size();
         let (width, rows) = (centers.width + 2 * half, centers.height + 2 * half);
         let stride = width + MAX_LANES;
         let mut planes = [const { Vec::new() }; WEIGHTED];
@@ -144,30 +164,31 @@ impl Surroundings {
         }
         let mut opaque = true;
         let first_col = centers.col.saturating_sub(half);
-        let last_col = (centers.right() + half).min(image.width());
+        let last_col = (centers.right() + half).min(size.width());
+        let mut run = vec![LinearRgba::default(); last_col - first_col];
         let skipped = half - (centers.col - first_col);
         for y in 0..rows {
             let Some(row) = (centers.row + y)
                 .checked_sub(half)
-                .filter(|&row| row < image.height())
+                .filter(|&row| row < size.height())
             else {
                 continue;
             };
             let from = y * stride + skipped;
-            let pixels = &image.row(row)[first_col..last_col];
+            image.read_linear(row, first_col, &mut run);
             let [l, a, b, alpha, inside] = &mut planes;
             let [l, a, b, alpha, inside] =
-                [l, a, b, alpha, inside].map(|plane| &mut plane[from..][..pixels.len()]);
-            for (i, pixel) in pixels.iter().enumerate() {
-                [l[i], a[i], b[i], alpha[i]] = countable(pixel.to_linear()).0;
+                [l, a, b, alpha, inside].map(|plane| &mut plane[from..][..run.len()]);
+            for (i, &pixel) in run.iter().enumerate() {
+                [l[i], a[i], b[i], alpha[i]] = countable(pixel).0;
             }
-            for i in 0..pixels.len() {
+            for i in 0..run.len() {
                 [l[i], a[i], b[i]] = oklab_from_linear([l[i], a[i], b[i]]);
                 inside[i] = 1.0;
             }
             if alpha.iter().any(|&alpha| alpha < 1.0) {
                 opaque = false;
-                for i in 0..pixels.len() {
+                for i in 0..run.len() {
                     alpha[i] = alpha[i].clamp(0.0, 1.0);
                     l[i] *= alpha[i];
                     a[i] *= alpha[i];
@@ -177,7 +198,7 @@ impl Surroundings {
         }
         Self {
             centers,
-            image: Rect::of(image.size()),
+            image: Rect::of(size),
             half,
             stride,
             opaque,
@@ -186,46 +207,39 @@ impl Surroundings {
     }
 
     #[inline(always)]
-    fn map<S: Simd, Q>(
+    fn map<S: Simd>(
         &self,
         simd: S,
         table: &SplitTable,
         flat: FlatThreshold,
-        f: &impl Fn(usize, usize, &CenteredWindow) -> Q,
-        out: &mut [Q],
+        receiver: Receiver<'_>,
     ) {
         let lanes = Batch::<S, OPAQUE>::LANES;
         let count = table.side * table.side;
         let mut opaque = Batch::<S, OPAQUE>::new(simd, count);
         let mut weighted = None;
-        for (y, out) in out.chunks_mut(self.centers.width).enumerate() {
+        let empty = centered(TwoColorPixel::flat(Oklab::default(), 0.0, 0.0));
+        let mut fitted = [empty; MAX_LANES];
+        for y in 0..self.centers.height {
             let row = self.centers.row + y;
-            for (batch, out) in out.chunks_mut(lanes).enumerate() {
-                let x = batch * lanes;
-                let col = self.centers.col + x;
-                if self.opaque && self.whole(col, row, out.len()) {
+            for x in (0..self.centers.width).step_by(lanes) {
+                let fitted = &mut fitted[..lanes.min(self.centers.width - x)];
+                if self.opaque && self.whole(self.centers.col + x, row, fitted.len()) {
                     self.load(simd, &mut opaque, x, y);
                     let found = opaque.best_split(table);
-                    for (lane, out) in out.iter_mut().enumerate() {
-                        *out = f(
-                            col + lane,
-                            row,
-                            &centered(opaque_pixel(table, &found, lane, flat)),
-                        );
+                    for (lane, window) in fitted.iter_mut().enumerate() {
+                        *window = centered(opaque_pixel(table, &found, lane, flat));
                     }
                 } else {
                     let weighted =
                         weighted.get_or_insert_with(|| Batch::<S, WEIGHTED>::new(simd, count));
                     self.load(simd, weighted, x, y);
                     let found = weighted.best_split(table);
-                    for (lane, out) in out.iter_mut().enumerate() {
-                        *out = f(
-                            col + lane,
-                            row,
-                            &centered(weighted_pixel(table, &found, lane, flat)),
-                        );
+                    for (lane, window) in fitted.iter_mut().enumerate() {
+                        *window = centered(weighted_pixel(table, &found, lane, flat));
                     }
                 }
+                receiver(x, y, fitted);
             }
         }
     }
@@ -270,7 +284,7 @@ fn centered(fit: TwoColorPixel) -> CenteredWindow {
 mod tests {
     use super::*;
     use crate::{FitParams, TwoColorField};
-    use ravec_raster::{LinearRgba, Size};
+    use ravec_raster::Size;
 
     fn textured(width: usize, height: usize, transparent: bool) -> Image<LinearRgba> {
         Image::from_fn(Size::new(width, height).unwrap(), |col, row| {

@@ -1,10 +1,10 @@
 //! A regular grid of two-color pixels over an image.
 
-use crate::fit::{FlatThreshold, Search, fit_block_column, fit_block_row};
+use crate::fit::{Blocks, FlatThreshold, Search, fit_block_column, fit_block_row};
 use crate::pixel::TwoColorPixel;
 use crate::split_table::MAX_EXACT_SIDE;
 use crate::sweep::MAX_LANES;
-use fearless_simd::{Level, dispatch};
+use fearless_simd::Level;
 use ravec_progress::{Cancelled, Progress};
 use ravec_raster::{Color, Image, Oklab, Size};
 use rayon::prelude::*;
@@ -26,7 +26,7 @@ pub enum FitMethod {
 const AUTO_EXACT_SIDE: usize = 16;
 
 /// The largest block that can be fitted.
-const MAX_SIDE: usize = 64;
+pub(crate) const MAX_SIDE: usize = 64;
 
 /// The smallest block whose reduction is worth fitting.
 const MIN_COARSE_SIDE: usize = 8;
@@ -113,7 +113,16 @@ impl TwoColorField {
         params: &FitParams,
         progress: &Progress,
     ) -> Result<Self, FitError> {
-        let side = params.block_px;
+        Self::fit_rows(level, image, params, progress)
+    }
+
+    fn fit_rows(
+        level: Level,
+        image: &dyn Blocks,
+        params: &FitParams,
+        progress: &Progress,
+    ) -> Result<Self, FitError> {
+        let (size, side) = (image.size(), params.block_px);
         let search = match params.method {
             FitMethod::Auto if (2..=AUTO_EXACT_SIDE).contains(&side) => Search::Exact,
             FitMethod::Auto if (AUTO_EXACT_SIDE..=MAX_SIDE).contains(&side) => Search::CoarseToFine,
@@ -123,14 +132,14 @@ impl TwoColorField {
             }
             _ => return Err(FitError::BlockSize { got: side }),
         };
-        let grid = image.size().cells(side);
+        let grid = size.cells(side);
         let empty = TwoColorPixel::flat(Oklab::default(), 0.0, 0.0);
         let mut blocks = vec![empty; grid.pixels()];
         let flat = FlatThreshold(params.flat_contrast);
         let phase = progress.phase("fit", grid.height() as u64);
         // a column that the border clips is fitted on its own, many of its blocks at once
-        let whole = Size::new(image.width() / side, image.height() / side).ok();
-        let clipped = image.width() / side < grid.width();
+        let whole = Size::new(size.width() / side, size.height() / side).ok();
+        let clipped = size.width() / side < grid.width();
         blocks
             .par_chunks_mut(grid.width())
             .enumerate()
@@ -138,7 +147,7 @@ impl TwoColorField {
                 progress.check()?;
                 let alone = clipped && whole.is_some_and(|whole| row < whole.height());
                 let out = &mut out[..grid.width() - usize::from(alone)];
-                dispatch!(level, simd => fit_block_row(simd, image, side, search, row, flat, out));
+                fit_block_row(level, image, side, search, row, flat, out);
                 phase.advance(1);
                 Ok::<(), Cancelled>(())
             })?;
@@ -150,9 +159,7 @@ impl TwoColorField {
                 .try_for_each(|(chunk, out)| {
                     progress.check()?;
                     let first = [whole.width(), chunk * MAX_LANES];
-                    dispatch!(level, simd => {
-                        fit_block_column(simd, image, side, search, first, flat, out);
-                    });
+                    fit_block_column(level, image, side, search, first, flat, out);
                     Ok::<(), Cancelled>(())
                 })?;
             for (row, pixel) in blocks.chunks_mut(grid.width()).zip(column) {
@@ -160,7 +167,7 @@ impl TwoColorField {
             }
         }
         Ok(Self {
-            image_size: image.size(),
+            image_size: size,
             block_px: side,
             blocks,
         })

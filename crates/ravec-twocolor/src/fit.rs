@@ -1,12 +1,14 @@
 //! The fit of some blocks of an image that lie in a row or in a column.
 
 use crate::coarse_to_fine;
+use crate::field::MAX_SIDE;
 use crate::pixel::{MAX_LIGHT, TwoColorPixel, countable};
 use crate::split_table::{SplitTable, split_table};
 use crate::sweep::{Batch, Found, FoundWeighted, MAX_LANES, OPAQUE, WEIGHTED};
 use fearless_simd::prelude::*;
+use fearless_simd::{Level, dispatch};
 use ravec_raster::color::oklab_from_linear;
-use ravec_raster::{Color, Image, Oklab};
+use ravec_raster::{Color, Image, LinearRgba, LinearRows, Oklab};
 
 /// Below which contrast a block counts as one color.
 ///
@@ -34,13 +36,55 @@ pub(crate) enum Search {
     CoarseToFine,
 }
 
+/// Channels of a pixel of as many blocks as a vector has lanes at most.
+pub(crate) type Lanes = [[f32; MAX_LANES]; OPAQUE];
+
+/// An image from which blocks are read into the lanes of vectors. Fits take a `&dyn Blocks`, so that they are compiled once and
+/// not for each pixel type.
+pub(crate) trait Blocks: LinearRows {
+    /// Reads a row of `blocks` blocks that begins at `(left, row)`, in linear light: each entry of `out` gets one pixel of all of
+    /// them. Returns false, perhaps midway, if a pixel is not opaque.
+    fn read_lanes(&self, row: usize, left: usize, blocks: usize, out: &mut [Lanes]) -> bool;
+}
+
+impl<P: Color> Blocks for Image<P> {
+    fn read_lanes(&self, row: usize, left: usize, blocks: usize, out: &mut [Lanes]) -> bool {
+        let side = out.len();
+        let pixels = &self.row(row)[left..][..blocks * side];
+        for (lane, run) in pixels.chunks_exact(side).enumerate().take(MAX_LANES) {
+            for (slot, &pixel) in out.iter_mut().zip(run) {
+                let [r, g, b, alpha] = pixel.to_linear().0;
+                if P::HAS_ALPHA && alpha < 1.0 {
+                    return false;
+                }
+                slot[0][lane] = r;
+                slot[1][lane] = g;
+                slot[2][lane] = b;
+            }
+        }
+        true
+    }
+}
+
 /// Fits the blocks of block row `block_row`, from left to right.
 ///
 /// `out` holds one entry a block; its length says how many there are.
+pub(crate) fn fit_block_row(
+    level: Level,
+    image: &dyn Blocks,
+    side: usize,
+    search: Search,
+    block_row: usize,
+    flat: FlatThreshold,
+    out: &mut [TwoColorPixel],
+) {
+    dispatch!(level, simd => fit_row(simd, image, side, search, block_row, flat, out));
+}
+
 #[inline(always)]
-pub(crate) fn fit_block_row<S: Simd, P: Color>(
+fn fit_row<S: Simd>(
     simd: S,
-    image: &Image<P>,
+    image: &dyn Blocks,
     side: usize,
     search: Search,
     block_row: usize,
@@ -49,16 +93,19 @@ pub(crate) fn fit_block_row<S: Simd, P: Color>(
 ) {
     let lanes = Batch::<S, OPAQUE>::LANES;
     let top = block_row * side;
-    let whole_rows = top + side <= image.height();
-    let whole_blocks = if whole_rows { image.width() / side } else { 0 };
+    let size = image.size();
+    let whole_rows = top + side <= size.height();
+    let whole_blocks = if whole_rows { size.width() / side } else { 0 };
     let mut opaque = Batch::<S, OPAQUE>::new(simd, side * side);
+    let mut row = vec![Lanes::default(); side];
     // most pictures never need it
     let mut weighted = None;
 
     for (batch, out) in out.chunks_mut(lanes).enumerate() {
         let first = batch * lanes;
         let is_whole = first + out.len() <= whole_blocks;
-        if is_whole && gather_opaque(&mut opaque, image, side, first, top, out.len()) {
+        let corner = [first * side, top];
+        if is_whole && gather_opaque(simd, &mut opaque, image, corner, out.len(), &mut row) {
             to_oklab(&mut opaque);
             match search {
                 Search::Exact => {
@@ -92,10 +139,22 @@ pub(crate) fn fit_block_row<S: Simd, P: Color>(
 /// Fits some blocks of block column `block_col` from block row `first_row` down, as many as `out` has entries.
 ///
 /// Together they fill the vectors, which a column that the image's border clips would leave nearly empty row by row.
+pub(crate) fn fit_block_column(
+    level: Level,
+    image: &dyn Blocks,
+    side: usize,
+    search: Search,
+    first: [usize; 2],
+    flat: FlatThreshold,
+    out: &mut [TwoColorPixel],
+) {
+    dispatch!(level, simd => fit_column(simd, image, side, search, first, flat, out));
+}
+
 #[inline(always)]
-pub(crate) fn fit_block_column<S: Simd, P: Color>(
+fn fit_column<S: Simd>(
     simd: S,
-    image: &Image<P>,
+    image: &dyn Blocks,
     side: usize,
     search: Search,
     [block_col, first_row]: [usize; 2],
@@ -137,28 +196,24 @@ fn fit_weighted<S: Simd>(
     }
 }
 
-/// Puts linear light into the lanes. Returns false, perhaps midway, if a pixel is not opaque or not a number.
+/// Puts linear light of blocks from `(left, top)` on into the lanes. Returns false, perhaps midway, if a pixel is not opaque or
+/// not a number. `row` is memory for a row of their pixels.
 #[inline(always)]
-fn gather_opaque<S: Simd, P: Color>(
+fn gather_opaque<S: Simd>(
+    simd: S,
     batch: &mut Batch<S, OPAQUE>,
-    image: &Image<P>,
-    side: usize,
-    first_block: usize,
-    top: usize,
+    image: &dyn Blocks,
+    [left, top]: [usize; 2],
     blocks: usize,
+    row: &mut [Lanes],
 ) -> bool {
-    for dy in 0..side {
-        let row = &image.row(top + dy)[first_block * side..][..blocks * side];
-        let pixels = &mut batch.pixels[dy * side..][..side];
-        for (lane, run) in row.chunks_exact(side).enumerate() {
-            for (slot, &pixel) in pixels.iter_mut().zip(run) {
-                let [r, g, b, alpha] = pixel.to_linear().0;
-                if P::HAS_ALPHA && alpha < 1.0 {
-                    return false;
-                }
-                slot[0][lane] = r;
-                slot[1][lane] = g;
-                slot[2][lane] = b;
+    for (dy, pixels) in batch.pixels.chunks_exact_mut(row.len()).enumerate() {
+        if !image.read_lanes(top + dy, left, blocks, row) {
+            return false;
+        }
+        for (slot, pixel) in pixels.iter_mut().zip(&*row) {
+            for (channel, lanes) in slot.iter_mut().zip(pixel) {
+                *channel = S::f32s::from_slice(simd, &lanes[..S::f32s::LEN]);
             }
         }
     }
@@ -188,10 +243,10 @@ fn to_oklab<S: Simd>(batch: &mut Batch<S, OPAQUE>) {
 /// Puts weighted Oklab colors into the lanes, each with the block at its `corner`; what lies outside the image has no
 /// weight.
 #[inline(always)]
-fn gather_weighted<S: Simd, P: Color>(
+fn gather_weighted<S: Simd>(
     simd: S,
     batch: &mut Batch<S, WEIGHTED>,
-    image: &Image<P>,
+    image: &dyn Blocks,
     side: usize,
     blocks: usize,
     corner: impl Fn(usize) -> (usize, usize),
@@ -199,14 +254,17 @@ fn gather_weighted<S: Simd, P: Color>(
     for slot in &mut batch.pixels {
         *slot = [S::f32s::splat(simd, 0.0); WEIGHTED];
     }
+    let size = image.size();
+    let mut run = [LinearRgba::default(); MAX_SIDE];
     for lane in 0..blocks {
         let (left, top) = corner(lane);
-        let right = (left + side).min(image.width());
-        for row in top..(top + side).min(image.height()) {
+        let right = (left + side).min(size.width());
+        let run = &mut run[..right - left];
+        for row in top..(top + side).min(size.height()) {
             let slots = &mut batch.pixels[(row - top) * side..][..right - left];
-            for (slot, &pixel) in slots.iter_mut().zip(&image.row(row)[left..right]) {
-                let color = countable(pixel.to_linear());
-                let [r, g, b, alpha] = color.0;
+            image.read_linear(row, left, run);
+            for (slot, &pixel) in slots.iter_mut().zip(&*run) {
+                let [r, g, b, alpha] = countable(pixel).0;
                 for (channel, value) in slot.iter_mut().zip([r, g, b, alpha, 1.0]) {
                     channel[lane] = value;
                 }

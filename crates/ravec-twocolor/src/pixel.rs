@@ -29,7 +29,7 @@ pub(crate) fn is_countable(pixel: LinearRgba) -> bool {
 /// is *flat*: both colors are the same.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TwoColorPixel {
-    /// Where the colors meet, in pixels from the block's center; nothing for a flat block.
+    /// The line at which the colors meet, in pixels from the block's center; nothing for a flat block.
     pub line: Option<Line>,
     /// The colors of side 0 and side 1.
     pub colors: [Oklab; 2],

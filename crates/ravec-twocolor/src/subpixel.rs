@@ -23,7 +23,7 @@ use crate::pixel::TwoColorPixel;
 use glam::DVec2;
 use ravec_progress::{Cancelled, Progress};
 use ravec_raster::color::oklab_from_linear;
-use ravec_raster::{Color, Image, Oklab};
+use ravec_raster::{Color, Image, LinearRgba, LinearRows, Oklab};
 use rayon::prelude::*;
 
 /// Gauss-Newton steps. The second gains little, a third nothing that can be measured.
@@ -203,6 +203,16 @@ pub fn refine_line<P: Color>(
     side: usize,
     pixel: &TwoColorPixel,
 ) -> TwoColorPixel {
+    refine_in(image, [left, top], side, pixel)
+}
+
+/// [`refine_line`] in an image of any pixel type.
+pub(crate) fn refine_in(
+    image: &dyn LinearRows,
+    [left, top]: [usize; 2],
+    side: usize,
+    pixel: &TwoColorPixel,
+) -> TwoColorPixel {
     let Some(line) = pixel.line else {
         return *pixel;
     };
@@ -212,10 +222,11 @@ pub fn refine_line<P: Color>(
     let half = 0.5 * (side as f64 - 1.0);
     let mut block = Vec::with_capacity(side * side);
     let (mut low, mut high) = ([f64::MAX; 3], [f64::MIN; 3]);
-    for row in top..(top + side).min(image.height()) {
-        let right = (left + side).min(image.width());
-        for (dx, color) in image.row(row)[left..right].iter().enumerate() {
-            let color = color.to_linear();
+    let size = image.size();
+    let mut run = vec![LinearRgba::default(); (left + side).min(size.width()).saturating_sub(left)];
+    for row in top..(top + side).min(size.height()) {
+        image.read_linear(row, left, &mut run);
+        for (dx, color) in run.iter().enumerate() {
             let member = Member {
                 center: DVec2::new(dx as f64 - half, (row - top) as f64 - half),
                 color: color.rgb().map(f64::from),
@@ -265,6 +276,14 @@ impl TwoColorField {
             self.image_size(),
             "the image is not the one that was fitted"
         );
+        self.refine_rows(image, progress)
+    }
+
+    fn refine_rows(
+        &mut self,
+        image: &dyn LinearRows,
+        progress: &Progress,
+    ) -> Result<(), Cancelled> {
         let (side, columns) = (self.block_px(), self.grid_size().width());
         let phase = progress.phase("refine", self.grid_size().height() as u64);
         self.blocks_mut()
@@ -273,7 +292,7 @@ impl TwoColorField {
             .try_for_each(|(row, blocks)| {
                 progress.check()?;
                 for (col, block) in blocks.iter_mut().enumerate() {
-                    *block = refine_line(image, [col * side, row * side], side, block);
+                    *block = refine_in(image, [col * side, row * side], side, block);
                 }
                 phase.advance(1);
                 Ok(())

@@ -20,6 +20,9 @@
 //! Everything here but [`mesh_io`] works in memory. Picture files are read and written by the crate `ravec-media`, which is
 //! not part of this one, so that a program which has its pixels already does not compile their codecs.
 //!
+//! With the feature `serde`, all parameters and reports are data; with `clap`, choices such as [`offset::Side`] are values of
+//! flags.
+//!
 //! # Images say what their pixels mean
 //!
 //! The pixel type carries color space, sample kind and alpha, so that a wrong mixture does not compile. Averaging belongs

@@ -80,7 +80,7 @@ pub fn mutate(
         "jpeg" => jpeg::mutated(input, &mut hand),
         "webp" => riff::mutated(input, &mut hand),
         "tiff" => tiff::mutated(input, &mut hand),
-        "bmp" | "exr" | "catalogue_file" => number::mutated(input, &mut hand),
+        "bmp" | "exr" | "mp4" | "catalogue_file" => number::mutated(input, &mut hand),
         "hdr" | "ply" | "stl" => match hand.dice.below(2) {
             0 => number::mutated(input, &mut hand),
             _ => text::mutated(input, &mut hand),

@@ -3,6 +3,7 @@
 //! Each must be read by its target, which the replay checks. The fuzzer makes them if the variable `RAVEC_FUZZ_SEEDS` names
 //! the folder `fuzz/corpus`; files that begin with `seed-` are replaced, all others stay.
 
+mod clips;
 mod meshes;
 mod pictures;
 mod raw;
@@ -20,6 +21,7 @@ pub fn write(folder: &Path) -> std::io::Result<()> {
     seeds.extend(raw::seeds());
     seeds.extend(meshes::seeds());
     seeds.extend(texts::seeds());
+    seeds.extend(clips::seeds());
     let mut bytes = 0;
     for (target, name, content) in &seeds {
         let folder = folder.join(target);

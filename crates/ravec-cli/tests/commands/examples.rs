@@ -6,7 +6,7 @@ use crate::program::{code, done, files, photos, stderr};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-const COMMANDS: [&str; 29] = [
+const COMMANDS: [&str; 33] = [
     "compare",
     "rectify",
     "snap",
@@ -31,6 +31,10 @@ const COMMANDS: [&str; 29] = [
     "library clean",
     "library stats",
     "mosaic",
+    "video",
+    "video info",
+    "video convert",
+    "video frames",
     "run",
     "demo",
     "scenes",
@@ -59,6 +63,7 @@ fn studio() -> tempfile::TempDir {
         [255 * u8::from((60..80).contains(&col) && (40..60).contains(&row)); 3]
     });
     std::fs::write(folder.path().join("mask.png"), mask).unwrap();
+    clips(folder.path());
     std::fs::create_dir(folder.path().join("photos")).unwrap();
     for number in 0..40usize {
         let tone = |step: usize| (number * step % 40 * 5) as u8;
@@ -78,6 +83,20 @@ fn studio() -> tempfile::TempDir {
     let strokes = &strokes[..strokes.find("}]}").unwrap() + 3];
     std::fs::write(folder.path().join("strokes.json"), strokes).unwrap();
     folder
+}
+
+/// Twelve frames of a disc that moves, as a clip without loss, as MP4 and as two-color pixels.
+fn clips(folder: &Path) {
+    for number in 0..12usize {
+        let frame = bmp(64, 48, |col, row| {
+            let inside = (col as f64 - 14.0 - 3.0 * number as f64).hypot(row as f64 - 24.0) < 9.0;
+            if inside { [40, 40, 60] } else { [200, (150 + col) as u8, (180 + row) as u8] }
+        });
+        std::fs::write(folder.join(format!("shot_{number:02}.bmp")), frame).unwrap();
+    }
+    done(folder, "-q video convert shot_%02d.bmp clip.y4m");
+    done(folder, "-q video convert clip.y4m clip.mp4");
+    done(folder, "-q twocolor clip.y4m -o blocks.y4m");
 }
 
 /// Runs a line as a shell would, on small pictures where it is about built-in ones.

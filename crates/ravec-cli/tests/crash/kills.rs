@@ -84,6 +84,34 @@ fn a_conversion_survives_kills() {
 }
 
 #[test]
+fn a_clip_survives_kills() {
+    kill(&Operation::clip());
+}
+
+#[test]
+fn a_clip_that_is_resumed_after_kills_has_the_bytes_of_one_without() {
+    let operation = Operation::clip();
+    let folder = operation.folder.path();
+    let mut dice = Dice::new("resume");
+    let began = Instant::now();
+    succeed(folder, operation.line(0));
+    let duration = began.elapsed();
+    let resume: Vec<String> = [operation.line(0), &words("--resume")].concat();
+    for _ in 0..rounds() {
+        operation.remove_output();
+        // two kills, each at any moment, then to the end
+        for _ in 0..2 {
+            let mut child = start(folder, &resume);
+            std::thread::sleep(duration.mul_f64(1.1 * dice.share()));
+            child.kill().unwrap();
+            child.wait().unwrap();
+        }
+        succeed(folder, &resume);
+        operation.assert_done(0);
+    }
+}
+
+#[test]
 fn names_of_killed_runs_with_any_process_id_block_nothing() {
     let operations = [Operation::deep_zoom(), Operation::convert()];
     for operation in &operations {

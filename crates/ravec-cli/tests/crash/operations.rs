@@ -68,6 +68,7 @@ impl Operation {
             Self::deep_zoom(),
             Self::offset(),
             Self::convert(),
+            Self::clip(),
         ]
     }
 
@@ -121,6 +122,16 @@ impl Operation {
             "mesh convert in/mesh.stl -o out/mesh.3mf --from-unit inch",
         ];
         Self::new("mesh convert", "mesh.3mf", prepare, lines)
+    }
+
+    /// Three chunks of frames.
+    pub fn clip() -> Self {
+        let prepare = |folder: &Path| fs::write(folder.join("in/clip.y4m"), gray_clip()).unwrap();
+        let lines = [
+            "video convert in/clip.y4m out/clip.mp4",
+            "video convert in/clip.y4m out/clip.mp4 --size 50%",
+        ];
+        Self::new("video convert", "clip.mp4", prepare, lines)
     }
 
     pub fn line(&self, which: usize) -> &[String] {
@@ -197,6 +208,17 @@ impl Operation {
             program().display()
         );
     }
+}
+
+/// 600 gray frames of a bar that moves.
+fn gray_clip() -> Vec<u8> {
+    let mut clip = b"YUV4MPEG2 W64 H48 F25:1 Cmono\n".to_vec();
+    for number in 0..600 {
+        clip.extend(b"FRAME\n");
+        let pixels = (0..48 * 64).map(|at| if at % 64 < number % 64 { 220 } else { at / 64 * 3 });
+        clip.extend(pixels.map(|value| value as u8));
+    }
+    clip
 }
 
 const CATALOGUE: &str = "photos.ravec";

@@ -212,7 +212,7 @@ impl Shades {
     }
 }
 
-/// Where on the scale of 256 colors each number is.
+/// Position of each number on the scale of 256 colors.
 fn shares(values: &Values<'_>) -> Vec<u8> {
     let [low, high] = values.range.unwrap_or_else(|| {
         let finite = values.values.iter().filter(|value| value.is_finite());

@@ -5,6 +5,7 @@ use crate::error::JobError;
 use crate::files;
 use crate::operation::Operation;
 use crate::report::Report;
+use ravec::progress::Progress;
 use ravec_catalogue::{Catalogue, CatalogueError, Entry, belongs_to_catalogue, would_read};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -53,6 +54,18 @@ pub(crate) fn check_side_outputs(
 ) -> Result<(), CatalogueError> {
     let mut files = side_files(context);
     files.try_for_each(|path| catalogue.check_output(path))
+}
+
+/// Opens a catalogue that no side output would replace, nor a photo that it knows.
+fn opened(
+    path: &Path,
+    open: impl FnOnce(&Path, &Progress) -> Result<Catalogue, CatalogueError>,
+    context: &Context,
+) -> Result<Catalogue, JobError> {
+    context.check_is_file(path)?;
+    let catalogue = open(path, &context.progress).map_err(JobError::from_catalogue)?;
+    check_side_outputs(&catalogue, context).map_err(JobError::from_catalogue)?;
+    Ok(catalogue)
 }
 
 /// The files that the caller writes after the run, without standard output.
@@ -215,14 +228,8 @@ impl Operation for Remove {
             catalogue,
             params,
         } = self;
-        let progress = &context.progress;
-        for path in self.inputs() {
-            context.check_is_file(path)?;
-        }
         let mut report = Report::of(self, params);
-        let mut catalogue =
-            Catalogue::open(catalogue, progress).map_err(JobError::from_catalogue)?;
-        check_side_outputs(&catalogue, context).map_err(JobError::from_catalogue)?;
+        let mut catalogue = opened(catalogue, Catalogue::open, context)?;
         let removed =
             ravec_catalogue::remove(&mut catalogue, paths).map_err(JobError::from_catalogue)?;
         report.figures.insert("removed", removed as f64);
@@ -278,14 +285,8 @@ impl Operation for List {
     /// [`JobError::Catalogue`], also if a side output is the catalogue or a photo that it knows.
     fn run(&self, context: &Context) -> Result<Report, JobError> {
         let Self { catalogue, params } = self;
-        let progress = &context.progress;
-        for path in self.inputs() {
-            context.check_is_file(path)?;
-        }
         let mut report = Report::of(self, params);
-        let catalogue =
-            Catalogue::open_to_read(catalogue, progress).map_err(JobError::from_catalogue)?;
-        check_side_outputs(&catalogue, context).map_err(JobError::from_catalogue)?;
+        let catalogue = opened(catalogue, Catalogue::open_to_read, context)?;
         let entries = catalogue
             .entries(params.all)
             .map_err(JobError::from_catalogue)?;
@@ -356,21 +357,17 @@ impl Operation for Clean {
     /// [`JobError::Catalogue`], also if a side output is the catalogue or a photo that it knows, [`JobError::Cancelled`].
     fn run(&self, context: &Context) -> Result<Report, JobError> {
         let Self { catalogue, params } = self;
-        let progress = &context.progress;
-        for path in self.inputs() {
-            context.check_is_file(path)?;
-        }
         let mut report = Report::of(self, params);
         let dropped = report.time("clean", || {
-            let mut catalogue = if params.dry_run {
-                Catalogue::open_to_read(catalogue, progress)?
+            let open = if params.dry_run {
+                Catalogue::open_to_read
             } else {
-                Catalogue::open(catalogue, progress)?
+                Catalogue::open
             };
-            check_side_outputs(&catalogue, context)?;
-            ravec_catalogue::clean(&mut catalogue, params.dry_run, progress)
-        });
-        let dropped = dropped.map_err(JobError::from_catalogue)?;
+            let mut catalogue = opened(catalogue, open, context)?;
+            ravec_catalogue::clean(&mut catalogue, params.dry_run, &context.progress)
+                .map_err(JobError::from_catalogue)
+        })?;
         report.figures.insert("dropped", dropped.len() as f64);
         let described = |dropped: &ravec_catalogue::Dropped| json!({ "path": dropped.path.to_string_lossy(), "reason": dropped.reason });
         report.result = Some(dropped.iter().map(described).collect());
@@ -421,14 +418,8 @@ impl Operation for Stats {
     /// [`JobError::Catalogue`], also if a side output is the catalogue or a photo that it knows.
     fn run(&self, context: &Context) -> Result<Report, JobError> {
         let Self { catalogue, params } = self;
-        let progress = &context.progress;
-        for path in self.inputs() {
-            context.check_is_file(path)?;
-        }
         let mut report = Report::of(self, params);
-        let catalogue =
-            Catalogue::open_to_read(catalogue, progress).map_err(JobError::from_catalogue)?;
-        check_side_outputs(&catalogue, context).map_err(JobError::from_catalogue)?;
+        let catalogue = opened(catalogue, Catalogue::open_to_read, context)?;
         let stats = ravec_catalogue::stats(&catalogue).map_err(JobError::from_catalogue)?;
         for (name, count) in [
             ("usable", stats.usable),

@@ -154,6 +154,8 @@ impl Default for Params {
 }
 
 /// Method that fills a hole.
+///
+/// In the library each method is a function with parameters of its own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
@@ -424,6 +426,7 @@ fn offsets(job: &Job, report: &mut Report) -> Result<AnyImage, JobError> {
     ] {
         report.figures.insert(name, count as f64);
     }
+    report.embed(&summary);
     Ok(image)
 }
 

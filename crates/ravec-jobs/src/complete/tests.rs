@@ -82,6 +82,7 @@ fn a_stain_on_tiles_goes_and_the_report_says_how() {
     let output = folder.path().join("out.png");
     let report = done(&input, Some(&mask), &output, &Params::default()).unwrap();
     assert_eq!(report.figures["hole_px"], 18.0 * 16.0);
+    assert_eq!(report.details.as_ref().unwrap()["hole_px"], 18 * 16);
     assert!(report.figures["offsets"] >= 1.0 && report.warnings.is_empty());
     let found = ravec_media::read(&output, &ravec_media::Limits::default())
         .unwrap()

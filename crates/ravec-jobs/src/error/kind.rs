@@ -7,6 +7,7 @@ use ravec::offset::OffsetError;
 use ravec::retarget::RetargetError;
 use ravec_catalogue::CatalogueError;
 use ravec_media::EncodeError;
+use ravec_video::VideoError;
 
 /// The part of a run that an error is about.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -65,11 +66,17 @@ impl JobError {
                 cause: RetargetError::Parameter { .. } | RetargetError::Factor { .. },
                 ..
             }
+            | Self::WriteClip {
+                cause: VideoError::UnknownExtension { .. } | VideoError::Options(_),
+                ..
+            }
             | Self::Write {
                 cause: EncodeError::UnknownExtension | EncodeError::Quality { .. },
                 ..
             } => ErrorKind::Request,
             Self::Read { .. }
+            | Self::ReadClip { .. }
+            | Self::EmptyRange { .. }
             | Self::ReadMesh { .. }
             | Self::NoTriangles { .. }
             | Self::Offset {
@@ -86,6 +93,7 @@ impl JobError {
             | Self::Recipe { .. }
             | Self::NoIntermediate { .. } => ErrorKind::Input,
             Self::Write { .. }
+            | Self::WriteClip { .. }
             | Self::WriteMesh { .. }
             | Self::Offset {
                 cause: OffsetError::Storage { .. },

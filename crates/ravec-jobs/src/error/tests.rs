@@ -1,6 +1,7 @@
 //! Sentences and kinds of errors.
 
 use super::*;
+use ravec::memory::OverBudget;
 use std::io;
 
 fn unreadable(cause: DecodeError) -> JobError {
@@ -23,11 +24,16 @@ fn unwritten_mesh(path: &str, cause: WriteMeshError) -> JobError {
     JobError::from(WriteMeshFileError { path, cause })
 }
 
+fn each_has_its_kind_and_sentence<const N: usize>(cases: [(JobError, ErrorKind, &str); N]) {
+    for (error, kind, sentence) in cases {
+        assert_eq!(error.to_string(), sentence);
+        assert_eq!(error.kind(), kind, "{sentence}");
+    }
+}
+
 #[test]
-fn each_error_has_its_kind_and_one_sentence() {
-    let size = |width| Size::new(width, 1).unwrap();
-    let no_file = io::Error::from_raw_os_error(2);
-    let cases = [
+fn requests_that_make_no_sense_are_explained() {
+    each_has_its_kind_and_sentence([
         (
             JobError::Parameter {
                 field: "width",
@@ -37,6 +43,31 @@ fn each_error_has_its_kind_and_one_sentence() {
             ErrorKind::Request,
             "`width` is 0, but must be 1 to 65535",
         ),
+        (
+            JobError::OverwritesInput {
+                path: "a.png".into(),
+            },
+            ErrorKind::Request,
+            "cannot write a.png: it is an input, which stays as it is; choose another name",
+        ),
+        (
+            JobError::OutputTwice { path: "-".into() },
+            ErrorKind::Request,
+            "standard output cannot take two outputs: give each its own file",
+        ),
+        (
+            JobError::InputTwice,
+            ErrorKind::Request,
+            "standard input can be read only once: give a file for the other input",
+        ),
+    ]);
+}
+
+#[test]
+fn pictures_that_cannot_be_used_are_named() {
+    let size = |width| Size::new(width, 1).unwrap();
+    let no_file = io::Error::from_raw_os_error(2);
+    each_has_its_kind_and_sentence([
         (
             unreadable(DecodeError::Empty),
             ErrorKind::Input,
@@ -72,23 +103,12 @@ fn each_error_has_its_kind_and_one_sentence() {
             ErrorKind::Output,
             "cannot write standard output: no reader",
         ),
-        (
-            JobError::OverwritesInput {
-                path: "a.png".into(),
-            },
-            ErrorKind::Request,
-            "cannot write a.png: it is an input, which stays as it is; choose another name",
-        ),
-        (
-            JobError::OutputTwice { path: "-".into() },
-            ErrorKind::Request,
-            "standard output cannot take two outputs: give each its own file",
-        ),
-        (
-            JobError::InputTwice,
-            ErrorKind::Request,
-            "standard input can be read only once: give a file for the other input",
-        ),
+    ]);
+}
+
+#[test]
+fn meshes_that_cannot_be_used_are_named() {
+    each_has_its_kind_and_sentence([
         (
             unread_mesh("a.stl", ReadMeshError::Empty),
             ErrorKind::Input,
@@ -117,6 +137,25 @@ fn each_error_has_its_kind_and_one_sentence() {
             "cannot write a.png: its extension does not name a mesh format; known are .stl, .ply, .obj, .off, .3mf, \
              .glb, .gltf",
         ),
+        (
+            unread_mesh(
+                "a",
+                ReadMeshError::OverBudget(OverBudget {
+                    needed: 9,
+                    used: 2,
+                    limit: 5,
+                }),
+            ),
+            ErrorKind::Input,
+            "cannot read a: reading the file takes 11 bytes of memory or more, and the limit is 5 for all files together \
+             (raise `max_bytes`)",
+        ),
+    ]);
+}
+
+#[test]
+fn inputs_without_a_result_are_named() {
+    each_has_its_kind_and_sentence([
         (
             JobError::NoMatch {
                 first: "a".into(),
@@ -147,6 +186,12 @@ fn each_error_has_its_kind_and_one_sentence() {
             ErrorKind::Failure,
             "cannot offset a: no point of that side is 9 away from the mesh: choose a smaller distance",
         ),
+    ]);
+}
+
+#[test]
+fn a_cancellation_is_one_wherever_it_comes_from() {
+    each_has_its_kind_and_sentence([
         (
             JobError::from_offset(Path::new("a"), OffsetError::Cancelled(Cancelled)),
             ErrorKind::Cancelled,
@@ -162,9 +207,5 @@ fn each_error_has_its_kind_and_one_sentence() {
             ErrorKind::Cancelled,
             "interrupted; nothing half-written is left",
         ),
-    ];
-    for (error, kind, sentence) in cases {
-        assert_eq!(error.to_string(), sentence);
-        assert_eq!(error.kind(), kind, "{sentence}");
-    }
+    ]);
 }

@@ -5,7 +5,7 @@ mod named;
 mod origins;
 mod picture;
 
-use super::convert::{Output, Unit, rounds, scaled};
+use super::convert::{Output, rounds, scaled};
 use super::rounded::rounded;
 use super::{MeshTarget, Viewpoint};
 use crate::context::Context;
@@ -16,7 +16,7 @@ use crate::report::{Finding, Report};
 use bytesize::ByteSize;
 use glam::DVec2;
 use ravec::boolean as library;
-use ravec::boolean::{BooleanError, BooleanReport, Expr, ParseExprError};
+use ravec::boolean::{BooleanError, BooleanReport, Expr, Inside, ParseExprError};
 use ravec::mesh::TriMesh;
 use ravec::mesh_io::{Attributes, LengthUnit, MeshFile, MeshFormat};
 use ravec::mesh_render::View;
@@ -26,30 +26,6 @@ use std::path::{Path, PathBuf};
 
 pub use named::NamedFile;
 pub use picture::{origin_colors, with_seams};
-
-/// Which places a mesh stands for.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
-pub enum Inside {
-    /// Those with a winding number above one half: where it is closed, those that it goes around counterclockwise
-    #[default]
-    Positive,
-    /// Those that it goes around in either direction, for meshes with parts that are inside out
-    Nonzero,
-    /// Those that cannot be reached from outside: cavities are filled, directions do not matter
-    OuterHull,
-}
-
-impl From<Inside> for library::Inside {
-    fn from(inside: Inside) -> Self {
-        match inside {
-            Inside::Positive => Self::Positive,
-            Inside::Nonzero => Self::Nonzero,
-            Inside::OuterHull => Self::OuterHull,
-        }
-    }
-}
 
 /// Combine meshes by a Boolean expression, exactly; triangles away from the cuts stay unchanged
 ///
@@ -105,15 +81,15 @@ Colors of the vertices of PLY files follow into a PLY file, texture coordinates 
 closes a hole), whether it was turned, and whether it is whole.
 
 Figures: triangles, kept_triangles, seam_edges, intersecting_pairs, mending_rounds, self_intersections, solid (0 or 1), volume; \
-largest_rounding, where coordinates become 32-bit floats. In JSON, result is what was found out about each mesh, and passed the \
-verdict.";
+largest_rounding, where coordinates become 32-bit floats. In JSON, result is what was found out about each mesh, passed the \
+verdict, and details the report of the library.";
 
 /// Parameters of [`Boolean`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct Params {
-    /// Which places each mesh stands for
+    /// The places that each mesh stands for
     #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "RULE", default_value_t = Params::default().inside))]
     pub inside: Inside,
     /// The most memory to work in, such as 2GiB [default: as much as it takes]
@@ -121,8 +97,8 @@ pub struct Params {
     pub memory: Option<ByteSize>,
     /// Unit of all inputs' coordinates, whatever the files say; most formats say nothing
     #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "UNIT"))]
-    pub unit: Option<Unit>,
-    /// Where --picture looks from: front, right, back, left, top, bottom, iso, or degrees around and up, as in 30,20
+    pub unit: Option<LengthUnit>,
+    /// Viewpoint of --picture: front, right, back, left, top, bottom, iso, or degrees around and up, as in 30,20
     #[cfg_attr(feature = "cli", arg(long, value_name = "VIEW", allow_hyphen_values = true, default_value_t = Params::default().view))]
     pub view: Viewpoint,
     /// Format of the output.
@@ -185,7 +161,7 @@ impl Operation for Boolean {
     /// all others) and `symmetric-difference`, over all files in their order. Files without a name are called a, b, c and so on. A
     /// file that the expression does not name is not read; a warning says so.
     ///
-    /// Where files name different units, meshes are scaled to that of the first. Colors of the vertices of PLY files follow into a
+    /// If files name different units, meshes are scaled to that of the first. Colors of the vertices of PLY files follow into a
     /// PLY file: between the corners of a triangle they are mixed, and vertices where meshes meet take that of one of them. Texture
     /// coordinates of OBJ and glTF files follow into one of these: each piece of a triangle shows what was there.
     ///
@@ -195,8 +171,8 @@ impl Operation for Boolean {
     /// Figures: `triangles`, `kept_triangles` (those of an input, whole and unchanged), `seam_edges` (along which surfaces were
     /// cut), `intersecting_pairs` of triangles, `mending_rounds` after rounding to double precision, `self_intersections`, `solid` (0
     /// or 1), `volume` in cubic units of the files; `largest_rounding` if the output holds 32-bit floats. The result, in JSON, is
-    /// what was found out about each input: `name`, `path`, `triangles`, `closed`, `oriented`, `self_intersections`,
-    /// `degenerate_triangles`, `closing_triangles`, `reversed_parts`, and `assumptions` in sentences, which are warnings, too.
+    /// an [`OperandReport`](library::OperandReport) of each input with its `name` and `path`; its `assumptions` are warnings, too.
+    /// The details are a [`BooleanReport`].
     ///
     /// # Errors
     /// [`JobError::Expression`], [`JobError::Parameter`], [`JobError::UnknownMeshFormat`], [`JobError::ReadMesh`],
@@ -240,7 +216,7 @@ impl Operation for Boolean {
             target,
         } = read;
         let asked = library::BooleanParams {
-            inside: params.inside.into(),
+            inside: params.inside,
             memory_bytes: params.memory.map(|size| size.as_u64()),
         };
         let result = report.time("boolean", || {
@@ -251,6 +227,7 @@ impl Operation for Boolean {
             cause => JobError::Boolean { cause },
         })?;
         record(&result.report, &used, &names, files, &mut report);
+        report.embed(&result.report);
         let yes = |fact: bool| f64::from(u8::from(fact));
         let done = &result.report;
         report.figures.extend([
@@ -328,7 +305,7 @@ impl Boolean {
             if file.mesh.triangles().is_empty() {
                 return Err(JobError::NoTriangles { path: path.clone() });
             }
-            let unit = params.unit.map(LengthUnit::from).or(file.unit);
+            let unit = params.unit.or(file.unit);
             let target = match &mut target {
                 Some(target) => target,
                 none => {
@@ -386,18 +363,10 @@ fn record(
         if done.pruned.contains(&(i as u32)) {
             report.warn(format!("{path} does not matter for the result"));
         }
-        inputs.push(serde_json::json!({
-            "name": names[i],
-            "path": path,
-            "triangles": operand.triangles,
-            "closed": operand.closed,
-            "oriented": operand.oriented,
-            "self_intersections": operand.self_intersections,
-            "degenerate_triangles": operand.degenerate_triangles,
-            "closing_triangles": operand.closing_triangles,
-            "reversed_parts": operand.reversed_parts,
-            "assumptions": operand.assumptions,
-        }));
+        let mut input = serde_json::json!(operand);
+        input["name"] = names[i].as_str().into();
+        input["path"] = path.into();
+        inputs.push(input);
     }
     report.result = Some(serde_json::Value::Array(inputs));
     let sound = done.solid || done.triangles == 0;

@@ -38,7 +38,7 @@ triangles. Unused vertices are listed but no defect. Vertices and triangles are 
 arithmetic.
 
 Figures: those of info that are counts, euler, and the number of each defect; self_intersections is the sum of pairs that are \
-crossing, overlapping within a plane, coincident or touching. In JSON, findings hold all places, and passed the verdict.";
+crossing, overlapping within a plane, coincident or touching. In JSON, findings hold all places, passed the verdict, and details the report of the library.";
 
 /// Parameters of [`Check`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -91,7 +91,7 @@ impl Operation for Check {
     ///
     /// Figures: `triangles`, `vertices`, `edges`, `parts`, `closed`, `manifold`, `oriented`, `euler`, `genus` where there is one,
     /// and the count of each defect; `self_intersections` is the sum of pairs that are `crossing`, `overlapping` within a plane,
-    /// `coincident` or `touching`.
+    /// `coincident` or `touching`. The details are a [`MeshCheck`].
     ///
     /// # Errors
     /// [`JobError::Parameter`], [`JobError::ReadMesh`], [`JobError::Cancelled`].
@@ -120,6 +120,7 @@ impl Operation for Check {
 
 fn count(found: &MeshCheck, report: &mut Report) {
     let yes = |fact: bool| f64::from(u8::from(fact));
+    report.embed(found);
     report.figures.extend([
         ("triangles", found.triangles as f64),
         ("vertices", found.vertices as f64),
@@ -287,6 +288,7 @@ mod tests {
         let report = checked(&mesh, &Params::default());
         assert_eq!((report.passed, names(&report)), (Some(true), vec![]));
         assert_eq!(report.figures["genus"], 1.0);
+        assert_eq!(report.details.unwrap()["components"], 1);
         let (positions, mut triangles) = mesh.into_parts();
         for t in &mut triangles {
             t.swap(0, 1);

@@ -7,102 +7,9 @@ use crate::files::is_stream;
 use crate::operation::Operation;
 use crate::report::Report;
 use ravec::mesh::TriMesh;
-use ravec::mesh_io::{self as library, LengthUnit, MeshFile, MeshFormat};
+use ravec::mesh_io::{Attributes, LengthUnit, MeshFile, MeshFormat, Precision};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
-
-/// A format to write.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
-pub enum Format {
-    /// STL, binary
-    Stl,
-    /// STL in text
-    StlAscii,
-    /// PLY, binary
-    Ply,
-    /// PLY in text
-    PlyAscii,
-    /// Wavefront OBJ
-    Obj,
-    /// Object File Format
-    Off,
-    /// 3D Manufacturing Format
-    #[serde(rename = "3mf")]
-    #[cfg_attr(feature = "cli", value(name = "3mf"))]
-    ThreeMf,
-    /// glTF 2.0 in one binary file
-    Glb,
-    /// glTF 2.0 as JSON
-    Gltf,
-}
-
-impl From<Format> for MeshFormat {
-    fn from(format: Format) -> Self {
-        match format {
-            Format::Stl => Self::StlBinary,
-            Format::StlAscii => Self::StlAscii,
-            Format::Ply => Self::PlyBinary,
-            Format::PlyAscii => Self::PlyAscii,
-            Format::Obj => Self::Obj,
-            Format::Off => Self::Off,
-            Format::ThreeMf => Self::ThreeMf,
-            Format::Glb => Self::Glb,
-            Format::Gltf => Self::Gltf,
-        }
-    }
-}
-
-/// Precision of coordinates.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
-pub enum Precision {
-    /// As they are, where the format can: binary STL and glTF hold 32-bit floats only
-    #[default]
-    Exact,
-    /// Rounded to 32-bit floats: smaller files
-    Single,
-}
-
-/// A unit of length.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
-pub enum Unit {
-    /// 1e-6 m
-    #[cfg_attr(feature = "cli", value(alias = "um"))]
-    Micron,
-    /// 1e-3 m
-    #[cfg_attr(feature = "cli", value(alias = "mm"))]
-    Millimeter,
-    /// 1e-2 m
-    #[cfg_attr(feature = "cli", value(alias = "cm"))]
-    Centimeter,
-    /// 0.0254 m
-    #[cfg_attr(feature = "cli", value(alias = "in"))]
-    Inch,
-    /// 0.3048 m
-    #[cfg_attr(feature = "cli", value(alias = "ft"))]
-    Foot,
-    /// 1 m
-    #[cfg_attr(feature = "cli", value(alias = "m"))]
-    Meter,
-}
-
-impl From<Unit> for LengthUnit {
-    fn from(unit: Unit) -> Self {
-        match unit {
-            Unit::Micron => Self::Micron,
-            Unit::Millimeter => Self::Millimeter,
-            Unit::Centimeter => Self::Centimeter,
-            Unit::Inch => Self::Inch,
-            Unit::Foot => Self::Foot,
-            Unit::Meter => Self::Meter,
-        }
-    }
-}
 
 /// Format and precision of an output.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -111,7 +18,7 @@ impl From<Unit> for LengthUnit {
 pub struct Output {
     /// Format of the output [default: what its extension says; for standard output that of the input]
     #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "FORMAT"))]
-    pub format: Option<Format>,
+    pub format: Option<MeshFormat>,
     /// Write STL and PLY as text; OBJ, OFF and glTF are text anyway
     #[cfg_attr(feature = "cli", arg(long))]
     pub ascii: bool,
@@ -184,7 +91,7 @@ impl Output {
         context: &Context,
     ) -> Result<MeshTarget, JobError> {
         let mut target = match self.format {
-            Some(format) => MeshTarget::new(format.into()),
+            Some(format) => MeshTarget::new(format),
             // holds all coordinates and attributes as they are
             None if context.is_intermediate(path) => MeshTarget::new(MeshFormat::PlyBinary),
             None => MeshTarget::of(path, input)?,
@@ -203,10 +110,7 @@ impl Output {
                 }
             };
         }
-        target.precision = match self.precision {
-            Precision::Exact => library::Precision::Exact,
-            Precision::Single => library::Precision::Single,
-        };
+        target.precision = self.precision;
         Ok(target)
     }
 }
@@ -257,10 +161,10 @@ pub struct Params {
     pub weld: Option<Length>,
     /// Unit of the coordinates to write; those of an input with a known unit (3MF, glTF, --from-unit) are scaled to it
     #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "UNIT"))]
-    pub unit: Option<Unit>,
+    pub unit: Option<LengthUnit>,
     /// Unit of the input's coordinates, whatever the file says
     #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "UNIT"))]
-    pub from_unit: Option<Unit>,
+    pub from_unit: Option<LengthUnit>,
 }
 
 impl Operation for Convert {
@@ -305,8 +209,8 @@ impl Operation for Convert {
             file,
             mut target,
         } = start;
-        let from = params.from_unit.map(LengthUnit::from).or(file.unit);
-        target.unit = params.unit.map(LengthUnit::from).or(from);
+        let from = params.from_unit.or(file.unit);
+        target.unit = params.unit.or(from);
         let MeshFile {
             mesh,
             colors,
@@ -328,7 +232,7 @@ impl Operation for Convert {
                 .figures
                 .insert("largest_rounding", largest_rounding(&mesh, target));
         }
-        let attributes = library::Attributes {
+        let attributes = Attributes {
             colors: &colors,
             texture: &texture,
         };
@@ -355,7 +259,7 @@ pub(super) fn scaled(mesh: TriMesh, scale: f64, path: &Path) -> Result<TriMesh, 
     reason = "taken as when it is written"
 )]
 pub(super) fn rounds(target: &MeshTarget) -> bool {
-    target.precision == library::Precision::Single
+    target.precision == Precision::Single
         || matches!(
             target.format,
             MeshFormat::StlBinary | MeshFormat::Glb | MeshFormat::Gltf
@@ -423,7 +327,7 @@ mod tests {
         assert_eq!(report.outputs[0].unit, Some("inch"));
         assert!(!report.figures.contains_key("scale"));
         let millimeters = Params {
-            unit: Some(Unit::Millimeter),
+            unit: Some(LengthUnit::Millimeter),
             ..Params::default()
         };
         let (mesh, report) = converted("a.3mf", "b.off", &millimeters);
@@ -437,7 +341,7 @@ mod tests {
         assert_eq!(width(&mesh), 1.0);
         assert_eq!(report.outputs[0].unit, Some("millimeter"));
         let from = Params {
-            from_unit: Some(Unit::Centimeter),
+            from_unit: Some(LengthUnit::Centimeter),
             ..millimeters
         };
         let (mesh, _) = converted("a.off", "b.off", &from);
@@ -451,8 +355,8 @@ mod tests {
                 precision: Precision::Single,
                 ..Output::default()
             },
-            from_unit: Some(Unit::Inch),
-            unit: Some(Unit::Foot),
+            from_unit: Some(LengthUnit::Inch),
+            unit: Some(LengthUnit::Foot),
             ..Params::default()
         };
         let (_, report) = converted("a.off", "b.ply", &single);
@@ -461,6 +365,72 @@ mod tests {
         assert!(rounding > 0.0 && rounding < 4e-9, "{rounding}");
         let (_, report) = converted("a.off", "b.ply", &Params::default());
         assert!(!report.figures.contains_key("largest_rounding"));
+    }
+
+    /// The names on the command line, which must be those in data.
+    #[cfg(feature = "cli")]
+    fn spelled<T: clap::ValueEnum + Serialize>() -> Vec<String> {
+        let named = |value: &T| {
+            let value = value.to_possible_value().unwrap();
+            value.get_name().to_owned()
+        };
+        let names: Vec<_> = T::value_variants().iter().map(named).collect();
+        let data: Vec<_> = T::value_variants()
+            .iter()
+            .map(|value| serde_json::json!(value))
+            .collect();
+        assert_eq!(serde_json::json!(names), serde_json::json!(data));
+        names
+    }
+
+    #[test]
+    #[cfg(feature = "cli")]
+    fn choices_are_spelled_alike_in_data_and_on_the_command_line() {
+        assert_eq!(
+            spelled::<MeshFormat>(),
+            [
+                "stl",
+                "stl-ascii",
+                "ply",
+                "ply-ascii",
+                "obj",
+                "off",
+                "3mf",
+                "glb",
+                "gltf"
+            ]
+        );
+        assert_eq!(
+            spelled::<LengthUnit>(),
+            [
+                "micron",
+                "millimeter",
+                "centimeter",
+                "inch",
+                "foot",
+                "meter"
+            ]
+        );
+        assert_eq!(spelled::<Precision>(), ["exact", "single"]);
+        assert_eq!(spelled::<ravec::mesh_render::UpAxis>(), ["y", "z"]);
+        assert_eq!(
+            spelled::<ravec::boolean::Inside>(),
+            ["positive", "nonzero", "outer-hull"]
+        );
+        assert_eq!(
+            spelled::<ravec::offset::Side>(),
+            ["both", "outer", "inner", "shell"]
+        );
+        assert_eq!(spelled::<ravec::offset::OpenRule>(), ["refuse", "thicken"]);
+        assert_eq!(
+            spelled::<ravec::retarget::Borders>(),
+            ["slide", "symmetric", "free"]
+        );
+        assert_eq!(spelled::<ravec::mosaic::Crop>(), ["never", "center"]);
+        for (alias, unit) in [("um", LengthUnit::Micron), ("in", LengthUnit::Inch)] {
+            let parsed: Result<LengthUnit, _> = clap::ValueEnum::from_str(alias, false);
+            assert_eq!(parsed, Ok(unit));
+        }
     }
 
     #[test]

@@ -244,9 +244,6 @@ fn described(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ErrorKind;
-    use ravec::mesh_io::{MeshLimits, read_mesh_file, write_mesh_file};
-    use ravec::progress::Progress;
     use ravec_files::write_atomically;
     use ravec_scenes::solids::icosphere;
 
@@ -312,84 +309,5 @@ mod tests {
         assert_eq!(file.mesh.triangles().len(), 1);
         let error = read(&source, &[&data], &mut report, &context).unwrap_err();
         assert!(matches!(error, JobError::OverwritesInput { .. }), "{error}");
-    }
-
-    #[test]
-    fn standard_output_takes_the_format_of_the_input_and_odd_extensions_are_refused() {
-        let off = MeshTarget::of(Path::new("-"), MeshFormat::Off).unwrap();
-        assert_eq!(off.format, MeshFormat::Off);
-        for name in ["a", "a.png", ".stl"] {
-            let error =
-                JobError::from(MeshTarget::of(Path::new(name), MeshFormat::Off).unwrap_err());
-            assert_eq!(error.kind(), ErrorKind::Request, "{name}");
-        }
-    }
-
-    #[test]
-    fn files_that_are_read_one_after_the_other_share_the_memory_as_long_as_they_are_held() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a.ply");
-        let (mesh, progress) = (icosphere(1.0, 6).mesh, Progress::none());
-        let target = MeshTarget::new(MeshFormat::PlyBinary);
-        write_mesh_file(&path, &mesh, &target, &progress).unwrap();
-        let limits = MeshLimits {
-            memory: ravec::memory::MemoryBudget::new(6_000_000),
-            ..MeshLimits::default()
-        };
-        let first = read_mesh_file(&path, &limits, &progress).unwrap();
-        assert!(limits.memory.used() > 1_900_000);
-        let _second = read_mesh_file(&path, &limits, &progress).unwrap();
-        let error = JobError::from(read_mesh_file(&path, &limits, &progress).unwrap_err());
-        assert!(error.to_string().contains("`max_bytes`"), "{error}");
-        assert_eq!(error.kind(), ErrorKind::Input);
-        drop(first);
-        read_mesh_file(&path, &limits, &progress).unwrap();
-    }
-
-    #[test]
-    fn data_outside_the_folder_of_a_gltf_file_are_not_read() {
-        let folder = tempfile::tempdir().unwrap();
-        let inner = folder.path().join("inner");
-        std::fs::create_dir(&inner).unwrap();
-        let secret = folder.path().join("corners.bin");
-        put(&secret, &corners());
-        let mut addresses = vec!["../corners.bin".to_owned(), secret.display().to_string()];
-        #[cfg(unix)]
-        {
-            std::os::unix::fs::symlink(&secret, inner.join("link.bin")).unwrap();
-            addresses.push("link.bin".to_owned());
-        }
-        let limits = MeshLimits::default();
-        for address in addresses {
-            let path = triangle_at(&inner, &address);
-            let error =
-                JobError::from(read_mesh_file(&path, &limits, &Progress::none()).unwrap_err());
-            assert_eq!(error.kind(), ErrorKind::Input, "{address}: {error}");
-        }
-        let path = triangle_at(&inner, "missing.bin");
-        let error = JobError::from(read_mesh_file(&path, &limits, &Progress::none()).unwrap_err());
-        let text = error.to_string();
-        assert!(
-            text.contains("missing.bin cannot be read: No such file or directory"),
-            "{text}"
-        );
-    }
-
-    #[test]
-    fn nothing_is_read_or_written_after_a_cancellation() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a.off");
-        let progress = Progress::none();
-        let (mesh, target) = (icosphere(1.0, 2).mesh, MeshTarget::new(MeshFormat::Off));
-        write_mesh_file(&path, &mesh, &target, &progress).unwrap();
-        let before = std::fs::read(&path).unwrap();
-        progress.cancel();
-        let error =
-            JobError::from(read_mesh_file(&path, &MeshLimits::default(), &progress).unwrap_err());
-        assert!(matches!(error, JobError::Cancelled));
-        let none = TriMesh::default();
-        let error = JobError::from(write_mesh_file(&path, &none, &target, &progress).unwrap_err());
-        assert!(matches!(error, JobError::Cancelled));
-        assert_eq!(std::fs::read(&path).unwrap(), before);
     }
 }

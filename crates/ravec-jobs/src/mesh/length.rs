@@ -1,6 +1,5 @@
 //! Lengths as people give them: in units of the mesh, in percent of its size, or in millimeters and the like.
 
-use super::convert::Unit;
 use crate::error::JobError;
 use ravec::mesh_io::LengthUnit;
 use serde::{Deserialize, Serialize};
@@ -16,7 +15,7 @@ pub enum Length {
     /// In percent of the diagonal of the mesh's bounding box, as in `2%`.
     Percent(f64),
     /// In a unit of length, as in `2mm`.
-    Physical(f64, Unit),
+    Physical(f64, LengthUnit),
 }
 
 /// The text is no length.
@@ -28,14 +27,14 @@ pub enum Length {
 pub struct LengthError;
 
 /// Units as they are written after a number. What ends in another one comes first.
-const SUFFIXES: [(&str, Unit); 7] = [
-    ("um", Unit::Micron),
-    ("µm", Unit::Micron),
-    ("mm", Unit::Millimeter),
-    ("cm", Unit::Centimeter),
-    ("in", Unit::Inch),
-    ("ft", Unit::Foot),
-    ("m", Unit::Meter),
+const SUFFIXES: [(&str, LengthUnit); 7] = [
+    ("um", LengthUnit::Micron),
+    ("µm", LengthUnit::Micron),
+    ("mm", LengthUnit::Millimeter),
+    ("cm", LengthUnit::Centimeter),
+    ("in", LengthUnit::Inch),
+    ("ft", LengthUnit::Foot),
+    ("m", LengthUnit::Meter),
 ];
 
 impl Length {
@@ -53,9 +52,9 @@ impl Length {
             (Self::Units(length), _) => Ok(length),
             (Self::Percent(percent), _) => Ok(percent / 100.0 * diagonal),
             // exact where no conversion is needed
-            (Self::Physical(number, of), Some(unit)) if LengthUnit::from(of) == unit => Ok(number),
+            (Self::Physical(number, of), Some(unit)) if of == unit => Ok(number),
             (Self::Physical(number, of), Some(unit)) => {
-                Ok(number * LengthUnit::from(of).in_meters() / unit.in_meters())
+                Ok(number * of.in_meters() / unit.in_meters())
             }
             (Self::Physical(..), None) => Err(JobError::Parameter {
                 field,
@@ -151,16 +150,28 @@ mod tests {
             ("0.5", Length::Units(0.5), 0.5),
             ("-2e-1", Length::Units(-0.2), -0.2),
             (" 2 % ", Length::Percent(2.0), 4.0),
-            ("25.4mm", Length::Physical(25.4, Unit::Millimeter), 1.0),
-            ("25400 µm", Length::Physical(25_400.0, Unit::Micron), 1.0),
-            ("1e-1m", Length::Physical(0.1, Unit::Meter), 3.937_007_874),
+            (
+                "25.4mm",
+                Length::Physical(25.4, LengthUnit::Millimeter),
+                1.0,
+            ),
+            (
+                "25400 µm",
+                Length::Physical(25_400.0, LengthUnit::Micron),
+                1.0,
+            ),
+            (
+                "1e-1m",
+                Length::Physical(0.1, LengthUnit::Meter),
+                3.937_007_874,
+            ),
             (
                 "1 cm",
-                Length::Physical(1.0, Unit::Centimeter),
+                Length::Physical(1.0, LengthUnit::Centimeter),
                 0.393_700_787,
             ),
-            ("0.1in", Length::Physical(0.1, Unit::Inch), 0.1),
-            ("-1ft", Length::Physical(-1.0, Unit::Foot), -12.0),
+            ("0.1in", Length::Physical(0.1, LengthUnit::Inch), 0.1),
+            ("-1ft", Length::Physical(-1.0, LengthUnit::Foot), -12.0),
         ] {
             assert_eq!(text.parse(), Ok(length), "{text}");
             let resolved = length.resolve("distance", 200.0, inches).unwrap();
@@ -178,7 +189,7 @@ mod tests {
     #[test]
     fn a_unit_needs_that_of_the_mesh() {
         let unknown = |length: Length| length.resolve("distance", 1.0, None);
-        let error = unknown(Length::Physical(2.0, Unit::Inch)).unwrap_err();
+        let error = unknown(Length::Physical(2.0, LengthUnit::Inch)).unwrap_err();
         assert!(error.to_string().contains("`distance` is 2in"), "{error}");
         assert_eq!(unknown(Length::Units(2.0)).unwrap(), 2.0);
         assert_eq!(unknown(Length::Percent(2.0)).unwrap(), 0.02);

@@ -1,7 +1,7 @@
 //! `offset`: the surface at a distance from a mesh, closed and proved to be within a tolerance.
 
 use super::Length;
-use super::convert::{Content, Output, Start, Unit, rounds, scaled, unit_scale};
+use super::convert::{Content, Output, Start, rounds, scaled, unit_scale};
 use crate::context::Context;
 use crate::error::JobError;
 use crate::files::is_stream;
@@ -10,65 +10,11 @@ use crate::report::{Finding, Report};
 use bytesize::ByteSize;
 use ravec::mesh::{CheckParams, TriMesh, check, measure};
 use ravec::mesh_io::{LengthUnit, MeshFile};
-use ravec::offset as library;
+use ravec::offset::{self as library, OffsetError, OffsetParams, OpenRule, Side};
 use ravec::progress::Progress;
 use ravec_files::scratch_file;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
-
-/// A side of the mesh.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
-pub enum Side {
-    /// All that is at the distance, whatever the triangles are
-    #[default]
-    Both,
-    /// The part reachable from outside: the mesh grows, and its cavities are filled
-    Outer,
-    /// Inside a closed mesh: it shrinks
-    Inner,
-    /// The closed mesh, hollowed: its walls are as thick as the distance
-    Shell,
-}
-
-impl Side {
-    fn is_inward(self) -> bool {
-        matches!(self, Self::Inner | Self::Shell)
-    }
-}
-
-impl From<Side> for library::Side {
-    fn from(side: Side) -> Self {
-        match side {
-            Side::Both => Self::Both,
-            Side::Outer => Self::Outer,
-            Side::Inner => Self::Inner,
-            Side::Shell => Self::Shell,
-        }
-    }
-}
-
-/// Treatment of a mesh that is not closed.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
-pub enum Open {
-    /// Refuse it where a side needs an inside
-    #[default]
-    Refuse,
-    /// Take it for a sheet, which becomes as thick as the distance on the side that its triangles face
-    Thicken,
-}
-
-impl From<Open> for library::OpenRule {
-    fn from(open: Open) -> Self {
-        match open {
-            Open::Refuse => Self::Refuse,
-            Open::Thicken => Self::Thicken,
-        }
-    }
-}
 
 /// Compute the surface at a distance from any triangles, closed and proved to lie within a tolerance
 ///
@@ -107,7 +53,7 @@ Figures: distance, tolerance and diagonal (that of the bounding box), in units o
 uncertified_triangles, self_intersections; distance_least and distance_most, which are proved for every point of the surface, and \
 distance_most_found, the most at corners and middles of its triangles; triangles, extracted_triangles (before they were merged), \
 feature_edges (where the surface turns by more than 20 degrees); cells and deepest_level of the octree, the tiles it was grown in, mending_rounds, \
-split_cells and filled_corners (repairs done in it). In JSON, passed is the verdict.";
+split_cells and filled_corners (repairs done in it). In JSON, passed is the verdict, and details the report of the library.";
 
 /// Parameters of [`Offset`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -137,7 +83,7 @@ pub struct Params {
     /// Treatment of a mesh that is not closed: thicken makes a solid of a sheet, with the sheet itself as one skin, its
     /// offset as the other, and upright walls along its boundary
     #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "RULE", default_value_t = Params::default().open))]
-    pub open: Open,
+    pub open: OpenRule,
     /// Keep all triangles, rather than merge them as far as the tolerance allows: faster, and many more triangles
     #[cfg_attr(feature = "cli", arg(long))]
     pub no_simplify: bool,
@@ -157,7 +103,7 @@ pub struct Params {
     pub memory: Option<ByteSize>,
     /// Unit of the input's coordinates, whatever the file says; most formats say nothing
     #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "UNIT"))]
-    pub unit: Option<Unit>,
+    pub unit: Option<LengthUnit>,
     /// Format of the output.
     #[cfg_attr(feature = "cli", command(flatten))]
     pub output: Output,
@@ -169,7 +115,7 @@ impl Default for Params {
             distance: Length::Percent(2.0),
             tolerance: None,
             side: Side::default(),
-            open: Open::default(),
+            open: OpenRule::default(),
             no_simplify: false,
             max_normal_deviation: None,
             memory: None,
@@ -196,18 +142,20 @@ impl Params {
             })
         };
         let distance = self.distance.number();
-        let thickens = self.open == Open::Thicken;
+        let thickens = self.open == OpenRule::Thicken;
         if distance == 0.0 || distance < 0.0 && !self.side.is_inward() && !thickens {
             let range = "above 0: `side` both offsets an open mesh to both sides, and `side` inner or shell a closed \
                          one inward (only there and with `open` thicken it may be below 0)";
             return wrong("distance", self.distance, range);
         }
-        if let Some(deviation) = self.max_normal_deviation
-            && !(deviation > 0.0 && deviation <= 90.0)
-        {
+        let ranges = OffsetParams {
+            max_normal_deviation_deg: self.max_normal_deviation,
+            ..OffsetParams::default()
+        };
+        if let Err(OffsetError::NormalDeviation { got }) = ranges.check_ranges() {
             return Err(JobError::Parameter {
                 field: "max_normal_deviation",
-                value: deviation.to_string(),
+                value: got.to_string(),
                 range: "above 0, up to 90",
             });
         }
@@ -268,7 +216,7 @@ impl Operation for Offset {
     /// `deepest_level` of the octree, and how it was mended: `mending_rounds`, `split_cells`, `filled_corners`; `feature_edges`,
     /// where the surface turns by more than 20°; `distance_least` and `distance_most`, proved for every point of the surface, and
     /// `distance_most_found`, the most that a corner or a middle of a triangle has; `sheet_kept` (0 or 1) of a sheet that was
-    /// thickened.
+    /// thickened. The details are an [`OffsetReport`](library::OffsetReport).
     ///
     /// # Errors
     /// [`JobError::Parameter`], [`JobError::UnknownMeshFormat`], [`JobError::ReadMesh`], [`JobError::NoTriangles`],
@@ -296,7 +244,7 @@ impl Operation for Offset {
             });
         }
         if let Some(unit) = params.unit {
-            target.unit = Some(unit.into());
+            target.unit = Some(unit);
         }
         let MeshFile { mut mesh, .. } = file;
         let diagonal = mesh.bounds().diagonal();
@@ -313,12 +261,12 @@ impl Operation for Offset {
             ("distance", distance),
             ("tolerance", tolerance),
         ]);
-        let turns = params.open == Open::Thicken && params.distance.number() < 0.0;
-        let asked = library::OffsetParams {
+        let turns = params.open == OpenRule::Thicken && params.distance.number() < 0.0;
+        let asked = OffsetParams {
             distance: if turns { -distance } else { distance },
             tolerance,
-            side: params.side.into(),
-            open: params.open.into(),
+            side: params.side,
+            open: params.open,
             simplify: !params.no_simplify,
             max_normal_deviation_deg: params.max_normal_deviation,
             coordinates: if rounds(&target) {
@@ -374,6 +322,7 @@ fn turned(mesh: &TriMesh, progress: &Progress) -> Result<Option<TriMesh>, JobErr
 /// Enters the figures and the verdict into the report.
 fn record(done: &library::OffsetReport, side: Side, report: &mut Report) {
     let yes = |fact: bool| f64::from(u8::from(fact));
+    report.embed(done);
     report.figures.extend([
         ("certified", yes(done.certified)),
         ("uncertified_triangles", done.uncertified_facets as f64),

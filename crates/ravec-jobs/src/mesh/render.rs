@@ -22,18 +22,6 @@ use ravec_media::{Picture, WriteOptions};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// The axis that points upward in the picture.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
-pub enum Up {
-    /// As in scans and games
-    Y,
-    /// As in construction and printing
-    #[default]
-    Z,
-}
-
 /// Render a mesh to a picture
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -84,12 +72,12 @@ pub struct Params {
     /// Rows, 1 to 16384
     #[cfg_attr(feature = "cli", arg(long, value_name = "PX", default_value_t = Params::default().height))]
     pub height: u32,
-    /// Where from: front, right, back, left, top, bottom, iso, or degrees around and up, as in 30,20
+    /// Viewpoint: front, right, back, left, top, bottom, iso, or degrees around and up, as in 30,20
     #[cfg_attr(feature = "cli", arg(long, value_name = "VIEW", allow_hyphen_values = true, default_value_t = Params::default().view))]
     pub view: Viewpoint,
     /// The axis that points upward
     #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "AXIS", default_value_t = Params::default().up))]
-    pub up: Up,
+    pub up: UpAxis,
     /// Show depth, with this field of view, 1 to 150 degrees: more shows more depth [default: parallel lines stay parallel]
     #[cfg_attr(feature = "cli", arg(long, value_name = "DEGREES", num_args = 0..=1, default_missing_value = "35", require_equals = true))]
     pub perspective: Option<f64>,
@@ -166,7 +154,7 @@ impl Default for Params {
             width: look.width,
             height: look.height,
             view: Viewpoint(View::ISO),
-            up: Up::default(),
+            up: UpAxis::default(),
             perspective: None,
             zoom: 1.0,
             edges: false,
@@ -272,10 +260,7 @@ impl Params {
             samples_per_side: self.samples,
             camera: Camera {
                 view: self.view.0,
-                up: match self.up {
-                    Up::Y => UpAxis::Y,
-                    Up::Z => UpAxis::Z,
-                },
+                up: self.up,
                 projection: match self.perspective {
                     Some(field_of_view_deg) => Projection::Perspective { field_of_view_deg },
                     None => Projection::Orthographic,

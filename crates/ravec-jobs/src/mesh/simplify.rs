@@ -38,7 +38,7 @@ A closed surface stays closed, and one without intersections stays without them.
 result is from the original.
 
 Figures: triangles_before, triangles_after, vertices_after, feature_edges (kept as such), collapses; largest_error, with \
---error; target_reached (0 or 1), with --triangles.";
+--error; target_reached (0 or 1), with --triangles. In JSON, details is the report of the library.";
 
 /// Parameters of [`Simplify`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -159,7 +159,8 @@ impl Operation for Simplify {
     /// Writes the mesh with fewer triangles.
     ///
     /// Figures: `triangles_before`, `triangles_after`, `vertices_after`, `feature_edges` (those that were left), `collapses`;
-    /// `largest_error` with [`Params::error`]; `target_reached` (0 or 1) with [`Params::triangles`].
+    /// `largest_error` with [`Params::error`]; `target_reached` (0 or 1) with [`Params::triangles`]. The details are a
+    /// [`SimplifyReport`].
     ///
     /// # Errors
     /// [`JobError::Parameter`], [`JobError::Missing`], [`JobError::Simplify`], [`JobError::UnknownMeshFormat`], [`JobError::ReadMesh`], [`JobError::WriteMesh`], what
@@ -194,6 +195,7 @@ impl Operation for Simplify {
             },
         })?;
         let done = simple.report;
+        report.embed(&done);
         report.figures.extend([
             ("triangles_before", done.triangles_before as f64),
             ("triangles_after", done.triangles_after as f64),
@@ -320,6 +322,7 @@ mod tests {
         let (mesh, report) = simplified(&sheet(1.0, 1.0, 5, 5).mesh, &params);
         assert!(mesh.triangles().len() > 4);
         assert_eq!(report.figures["target_reached"], 0.0);
+        assert!(report.details.unwrap()["vetoes"]["features"].as_u64() > Some(0));
         assert!(
             report.warnings[0].contains("`feature_angle`"),
             "{:?}",

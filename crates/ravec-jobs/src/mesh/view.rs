@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
 
-/// Where a mesh is looked at from.
+/// Viewpoint of a picture of a mesh.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct Viewpoint(pub View);
@@ -75,7 +75,7 @@ pub struct Cut {
     along: [f64; 3],
     /// True to remove the part before the plane instead of the part beyond it; along an axis only.
     before: bool,
-    /// Where the plane is: a coordinate in that direction, or a share of what the mesh reaches.
+    /// Position of the plane: a coordinate in that direction, or a share of what the mesh reaches.
     at: Length,
 }
 

@@ -13,6 +13,8 @@ use crate::context::Context;
 use crate::error::JobError;
 use crate::files;
 use crate::report::Report;
+use ravec::raster::{Image, LinearRgba};
+use ravec_media::{Picture, WriteOptions};
 use std::path::Path;
 
 /// Checks the paths of an input picture and an output, before any work is done.
@@ -29,8 +31,20 @@ fn is_json(path: &Path) -> bool {
     extension.is_some_and(|extension| extension.eq_ignore_ascii_case("json"))
 }
 
-/// Writes the result of the report as JSON.
-fn write_result(path: &Path, report: &mut Report, context: &Context) -> Result<(), JobError> {
-    let text = report.result_json().unwrap_or_default();
-    files::write_output_text(path, "JSON", &text, report, context)
+/// Writes the result of the report as JSON or, if the output is a picture, as a drawing on `picture`.
+fn write_result(
+    path: &Path,
+    picture: &Picture,
+    draw: impl FnOnce(&mut Image<LinearRgba>) -> Result<(), JobError>,
+    report: &mut Report,
+    context: &Context,
+) -> Result<(), JobError> {
+    if is_json(path) {
+        let text = report.result_json().unwrap_or_default();
+        return files::write_output_text(path, "JSON", &text, report, context);
+    }
+    let mut image: Image<LinearRgba> = picture.convert();
+    draw(&mut image)?;
+    let drawn = picture.with_image(&image);
+    files::write(path, &drawn, &WriteOptions::default(), report, context)
 }

@@ -5,13 +5,13 @@ use crate::error::JobError;
 use crate::files;
 use crate::operation::Operation;
 use crate::plane::overlay::{Color, draw_line, line_width};
-use crate::plane::{Focal, check_paths, is_json, write_result};
+use crate::plane::{Focal, check_paths, write_result};
 use crate::report::Report;
 use glam::dvec2;
 use ravec::planar::{Proposals, Segment, propose_planes};
 use ravec::raster::{Image, LinearRgba, PremulLinearRgba};
 use ravec::twocolor::line_segments;
-use ravec_media::{WriteOptions, focal_px_from_35mm};
+use ravec_media::focal_px_from_35mm;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -139,19 +139,12 @@ impl Operation for Planes {
             report.figures.insert("focal_px", focal);
         }
         report.result = Some(described(&found));
-        if let Some(output) = output.filter(|path| is_json(path)) {
-            write_result(output, &mut report, context)?;
-        } else if let Some(output) = output {
-            let mut image: Image<LinearRgba> = picture.convert();
-            draw(&mut image, &edges, &found);
-            let drawn = picture.with_image(&image);
-            files::write(
-                output,
-                &drawn,
-                &WriteOptions::default(),
-                &mut report,
-                context,
-            )?;
+        if let Some(output) = output {
+            let draw = |image: &mut _| {
+                draw(image, &edges, &found);
+                Ok(())
+            };
+            write_result(output, &picture, draw, &mut report, context)?;
         }
         Ok(report)
     }
@@ -224,7 +217,7 @@ mod tests {
     use super::*;
     use glam::DVec2;
     use ravec::raster::{AnyImage, Size, Srgb};
-    use ravec_media::Picture;
+    use ravec_media::{Picture, WriteOptions};
     use ravec_scenes::Seed;
     use ravec_scenes::building::building;
     use ravec_scenes::damage::add_gaussian_noise;

@@ -5,11 +5,10 @@ use crate::error::JobError;
 use crate::files;
 use crate::operation::Operation;
 use crate::plane::overlay::{AFTER, BEFORE, draw_grid, line_width};
-use crate::plane::{Grid, Quad, check_paths, is_json, write_result};
+use crate::plane::{Grid, Quad, check_paths, write_result};
 use crate::report::Report;
 use ravec::planar::{QuadGrid, SnapError, SnapParams, encoded_luminance, snap, snap_counting};
-use ravec::raster::{Image, LinearRgba, with_image};
-use ravec_media::WriteOptions;
+use ravec::raster::with_image;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -168,24 +167,17 @@ impl Operation for Snap {
             "support": found.support,
             "moved_px": moved,
         }));
-        if let Some(output) = output.filter(|path| is_json(path)) {
-            write_result(output, &mut report, context)?;
-        } else if let Some(output) = output {
-            let mut image: Image<LinearRgba> = picture.convert();
-            let width = line_width(image.size());
-            let before = rough
-                .divided(found.grid.columns(), found.grid.rows())
-                .map_err(|cause| JobError::Quad { cause })?;
-            draw_grid(&mut image, &before, 0.6 * width, BEFORE);
-            draw_grid(&mut image, &found.grid, width, AFTER);
-            let drawn = picture.with_image(&image);
-            files::write(
-                output,
-                &drawn,
-                &WriteOptions::default(),
-                &mut report,
-                context,
-            )?;
+        if let Some(output) = output {
+            let draw = |image: &mut _| {
+                let width = line_width(picture.image.size());
+                let before = rough
+                    .divided(found.grid.columns(), found.grid.rows())
+                    .map_err(|cause| JobError::Quad { cause })?;
+                draw_grid(image, &before, 0.6 * width, BEFORE);
+                draw_grid(image, &found.grid, width, AFTER);
+                Ok(())
+            };
+            write_result(output, &picture, draw, &mut report, context)?;
         }
         Ok(report)
     }
@@ -195,8 +187,8 @@ impl Operation for Snap {
 mod tests {
     use super::*;
     use crate::ErrorKind;
-    use ravec::raster::{AnyImage, Size, Srgb};
-    use ravec_media::Picture;
+    use ravec::raster::{AnyImage, Image, Size, Srgb};
+    use ravec_media::{Picture, WriteOptions};
 
     fn run(input: &Path, output: Option<&Path>, params: &Params) -> Result<Report, JobError> {
         let operation = Snap {

@@ -1,5 +1,6 @@
 //! `retarget`: a picture in other formats, with objects in shape and lines straight.
 
+mod clip;
 mod size;
 
 pub use size::SizeSpec;
@@ -11,6 +12,7 @@ use crate::mask::read_mask;
 use crate::operation::{Operation, paths};
 use crate::plane::{draw_line, line_width};
 use crate::report::Report;
+use crate::video::{Encoding, check_no_encoding, is_clip};
 use ravec::progress::Progress;
 use ravec::raster::{AnyImage, Color, Image, LinearRgba, Size, Srgba, with_image};
 use ravec::retarget::{
@@ -21,42 +23,19 @@ use ravec_media::{Picture, WriteOptions};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// Motion of the border of the picture.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
-pub enum Border {
-    /// Along itself
-    #[default]
-    Slide,
-    /// Along itself, opposite borders alike: what tiles still does
-    Symmetric,
-    /// Along itself and out of the frame, where that costs little
-    Free,
-}
-
-impl From<Border> for Borders {
-    fn from(border: Border) -> Self {
-        match border {
-            Border::Slide => Self::Slide,
-            Border::Symmetric => Self::Symmetric,
-            Border::Free => Self::Free,
-        }
-    }
-}
-
-/// Change the aspect ratio of a picture: objects keep their shape, straight lines stay straight
+/// Change the aspect ratio of a picture or a clip: objects keep their shape, straight lines stay straight
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[cfg_attr(feature = "cli", derive(clap::Args), command(after_help = HELP))]
 pub struct Retarget {
-    /// Input picture; `-` is standard input
+    /// Input picture, or a clip; `-` is a picture on standard input
     pub input: PathBuf,
-    /// Output picture; its extension selects the format, `-` is standard output in the input's format. With several
+    /// Output picture or clip; its extension selects the format, `-` is standard output in the input's format. With several
     /// sizes `{size}` in the name stands for each
     #[cfg_attr(feature = "cli", arg(short, long, value_name = "FILE"))]
     pub output: PathBuf,
-    /// Mask of the objects that keep their shape, of the same size, white on black; `-` is standard input
+    /// Mask of the objects that keep their shape, of the same size, white on black; of a clip also a clip of masks; `-` is
+    /// standard input
     #[cfg_attr(feature = "cli", arg(long, value_name = "MASK"))]
     #[serde(default)]
     pub protect: Option<PathBuf>,
@@ -80,12 +59,17 @@ Examples:
   ravec retarget photo.jpg -o square.png --size 100x100
   ravec retarget photo.jpg -o narrow.jpg --size 75%x100% --protect mask.png --show-grid grid.svg
   ravec retarget photo.jpg -o 'out-{size}.png' --size 60x120 --size 160x60 --size 50% --crop 0.2
+  ravec retarget clip.y4m -o 'wide-{size}.y4m' --size 75%x100% --size 40x40
 
 If both sides change by the same factor, the result is plain scaling. A side may change to between 1/20 and 20 times its length.
 
 Figures: cells, unknowns and straight_runs of the analysis, mean_importance (0 to 1); of all sizes the most bounded_edges (kept \
 from folding), plain_share (plain scaling mixed in to prove that nothing folds) and cropped (share of a side), and the least_area \
-of a cell against plain scaling. With --json the result lists these for each size.";
+of a cell against plain scaling. With --json the result lists these for each size.
+
+Clips: the motion of the camera is taken out, and the deformation changes slowly, with a look-ahead of one second. Figures of a clip: \
+frames, cuts, look_ahead_frames, frames_held (the most at a time), keys_solved, second_difference_px (the largest second temporal \
+difference of a vertex), least_area, object_scale.";
 
 /// Parameters of [`Retarget`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -121,13 +105,23 @@ pub struct Params {
     pub object_scale: f64,
     /// Motion of the border of the picture
     #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t = Self::default().borders))]
-    pub borders: Border,
+    pub borders: Borders,
     /// The share of a side that may be cut off, 0 to 0.5, if that is less loss than squeezing
     #[cfg_attr(feature = "cli", arg(long, value_name = "SHARE", default_value_t = Self::default().crop))]
     pub crop: f64,
     /// Quality of a JPEG output, 1 to 100: higher is larger and closer to the picture
     #[cfg_attr(feature = "cli", arg(long, value_name = "QUALITY", default_value_t = Self::default().quality))]
     pub quality: u8,
+    /// Of a clip: seconds before and after a frame that its deformation considers, above 0, up to 10. More moves the background
+    /// less while objects pass, and holds more frames in memory
+    #[cfg_attr(feature = "cli", arg(long, value_name = "SECONDS", default_value_t = Self::default().look_ahead))]
+    pub look_ahead: f64,
+    /// Of a clip: the camera stands still; its motion is not estimated
+    #[cfg_attr(feature = "cli", arg(long))]
+    pub still_camera: bool,
+    /// Encoding of a clip.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub encoding: Encoding,
 }
 
 impl Default for Params {
@@ -141,12 +135,22 @@ impl Default for Params {
             saliency: options.saliency,
             lines: options.line_strength,
             object_scale: options.object_scale,
-            borders: Border::default(),
+            borders: options.borders,
             crop: options.max_crop,
             quality: WriteOptions::default().quality,
+            look_ahead: 1.0,
+            still_camera: false,
+            encoding: Encoding::default(),
         }
     }
 }
+
+/// Fields of [`RetargetParams`] that have another name here, and that name.
+const RENAMED: [(&str, &str); 3] = [
+    ("grid_cells", "grid"),
+    ("line_strength", "lines"),
+    ("max_crop", "crop"),
+];
 
 impl Params {
     fn options(&self) -> RetargetParams {
@@ -156,7 +160,7 @@ impl Params {
             saliency: self.saliency,
             line_strength: self.lines,
             object_scale: self.object_scale,
-            borders: self.borders.into(),
+            borders: self.borders,
             max_crop: self.crop,
         }
     }
@@ -169,18 +173,18 @@ impl Params {
                 range,
             })
         };
-        let cells = self.grid.unwrap_or(2);
-        let flags: [(&'static str, f64, f64, f64, &'static str); 5] = [
-            ("grid", cells as f64, 2.0, 400.0, "2 to 400"),
-            ("saliency", self.saliency, 0.0, 1.0, "0 to 1"),
-            ("lines", self.lines, 0.0, 10.0, "0 to 10"),
-            ("object_scale", self.object_scale, 0.25, 4.0, "0.25 to 4"),
-            ("crop", self.crop, 0.0, 0.5, "0 to 0.5"),
-        ];
-        for (name, value, low, high, range) in flags {
-            if !(low..=high).contains(&value) {
-                return wrong(name, value.to_string(), range);
-            }
+        if let Err(RetargetError::Parameter {
+            field,
+            value,
+            range,
+        }) = self.options().check()
+        {
+            let renamed = RENAMED.iter().find(|(library, _)| *library == field);
+            return wrong(
+                renamed.map_or(field, |(_, field)| field),
+                value.to_string(),
+                range,
+            );
         }
         if self.sizes.is_empty() {
             return Err(JobError::Missing {
@@ -236,6 +240,10 @@ impl Operation for Retarget {
         let Self { input, params, .. } = self;
         let progress = &context.progress;
         params.check()?;
+        if is_clip(input, context) {
+            return clip::run(self, context);
+        }
+        check_no_encoding(&params.encoding)?;
         self.check_names(context)?;
         context.check_files(&self.inputs(), &self.outputs())?;
         let mut report = Report::of(self, params);

@@ -83,6 +83,11 @@ impl From<SizeSpec> for String {
 }
 
 impl SizeSpec {
+    /// Returns `true` if one side is left open.
+    pub fn has_open_side(&self) -> bool {
+        self.sides.contains(&Side::Open)
+    }
+
     /// The size for a picture. A side that is left open stays as it is; with `keep_aspect` it follows the other one, and of two
     /// sides the picture fits into both.
     ///

@@ -10,7 +10,16 @@ pub type Bomb = (&'static str, fn() -> Vec<u8>);
 
 /// All of them.
 pub fn all() -> Vec<Bomb> {
-    [packages(), scenes(), texts()].concat()
+    [
+        packages(),
+        scenes(),
+        buffers(),
+        ply_files(),
+        obj_files(),
+        off_files(),
+        stl_files(),
+    ]
+    .concat()
 }
 
 /// True for files that are refused for another reason than memory.
@@ -302,6 +311,11 @@ fn scenes() -> Vec<Bomb> {
                 list("{}", 400_000)
             ))
         }),
+    ]
+}
+
+fn buffers() -> Vec<Bomb> {
+    vec![
         ("glTF: accessors", || {
             let one = "{\"componentType\":5126,\"count\":0,\"type\":\"\",\"sparse\":{\"count\":0,\
                 \"indices\":{\"bufferView\":0},\"values\":{\"bufferView\":0}}}";
@@ -380,7 +394,7 @@ fn ply(encoding: &str, rest: &str) -> Vec<u8> {
     format!("ply\nformat {encoding} 1.0\nelement vertex 1\n{places}{rest}").into_bytes()
 }
 
-fn texts() -> Vec<Bomb> {
+fn ply_files() -> Vec<Bomb> {
     const FACE: &str = "element face 1\nproperty list uint uchar vertex_indices\nend_header\n";
     vec![
         ("PLY: properties", || {
@@ -427,6 +441,11 @@ fn texts() -> Vec<Bomb> {
         ("small: PLY: rows of nothing", || {
             b"ply\nformat ascii 1.0\nelement nothing 999999999999\nend_header\n".to_vec()
         }),
+    ]
+}
+
+fn obj_files() -> Vec<Bomb> {
+    vec![
         ("OBJ: polygon", || {
             format!("v 0 0 0\nf{}\n", " 1".repeat(15_000_000)).into_bytes()
         }),
@@ -463,6 +482,11 @@ fn texts() -> Vec<Bomb> {
         ("small: OBJ: comments", || {
             "# a\n".repeat(5_000_000).into_bytes()
         }),
+    ]
+}
+
+fn off_files() -> Vec<Bomb> {
+    vec![
         ("OFF: vertices", || {
             format!("OFF\n4000000 0 0\n{}", "0 0 0\n".repeat(4_000_000)).into_bytes()
         }),
@@ -479,6 +503,11 @@ fn texts() -> Vec<Bomb> {
         ("OFF: counts", || {
             format!("OFF\n{}\n", "1 ".repeat(20_000_000)).into_bytes()
         }),
+    ]
+}
+
+fn stl_files() -> Vec<Bomb> {
+    vec![
         ("STL: triangles", || {
             let mut file = vec![b' '; 80];
             file.extend(1_500_000_u32.to_le_bytes());

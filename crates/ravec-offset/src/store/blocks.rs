@@ -31,7 +31,7 @@ pub(crate) enum PatchHandle {
     Stored(Record),
 }
 
-/// Where the patches of blocks are kept.
+/// Storage of the patches of blocks.
 #[derive(Debug)]
 pub(crate) enum Store {
     Memory,

@@ -1,6 +1,6 @@
 //! Directions in which the corners of a sheet move to its front skin.
 //!
-//! Where the sheet is smooth, all triangles at a vertex move it along their mean normal; at creases each smooth part has its
+//! On smooth parts of the sheet, all triangles at a vertex move it along their mean normal; at creases each smooth part has its
 //! own direction, and `slab` fills the gap between them. So a fine scan needs one prism per triangle and nothing between them.
 //!
 //! Guarantees: where corners share a direction, the moved triangle keeps its height above the original within the slack, and no

@@ -45,7 +45,7 @@ pub(crate) const STEPS: u64 = 3;
 /// A point with a size and a direction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Feature {
-    /// Where, in pixels, x right, y down, pixel centers at half-integers.
+    /// Position in pixels, x right, y down, pixel centers at half-integers.
     pub at: DVec2,
     /// The blur at which it stands out most, a standard deviation in pixels: about 0.7 of the radius of a blob.
     pub sigma_px: f64,

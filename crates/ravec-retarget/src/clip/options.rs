@@ -1,15 +1,18 @@
 //! Options of a clip, its input and its output.
 
 use crate::deformation::Deformation;
-use crate::params::{Borders, RetargetError, RetargetParams, within};
+use crate::params::{Borders, RetargetError, RetargetParams, check_range};
 use glam::{DMat3, DVec2, DVec3, dvec2};
 use ravec_progress::Progress;
 use ravec_raster::{AnyImage, Mask, Size, with_image};
-use serde::{Deserialize, Serialize};
 
 /// Options of the retargeting of a clip.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(default, deny_unknown_fields)
+)]
 pub struct ClipOptions {
     /// Cells along the longer side, 2 to 400 (default 32). More follow smaller objects; the cost of a key time grows with the
     /// square.
@@ -93,15 +96,14 @@ impl ClipOptions {
     /// [`RetargetError::Parameter`] with the first value out of range.
     pub fn check(&self) -> Result<(), RetargetError> {
         self.still_params().check()?;
-        within("weight of motion", self.motion, 0.0, 1.0)?;
-        within("look-ahead in frames", self.look_ahead as f64, 1.0, 600.0)?;
-        within(
-            "frames from sample to sample",
-            self.sample_frames as f64,
-            1.0,
-            8.0,
-        )?;
-        within("frames of a voxel", self.voxel_frames as f64, 2.0, 64.0)
+        let count = |frames: usize| frames as f64;
+        let ranges = [
+            ("motion", self.motion, 0.0, 1.0, "0 to 1"),
+            ("look_ahead", count(self.look_ahead), 1.0, 600.0, "1 to 600"),
+            ("sample_frames", count(self.sample_frames), 1.0, 8.0, "1 to 8"),
+            ("voxel_frames", count(self.voxel_frames), 2.0, 64.0, "2 to 64"),
+        ];
+        ranges.into_iter().try_for_each(check_range)
     }
 
     /// Samples in a voxel.
@@ -193,7 +195,8 @@ impl Settled {
 }
 
 /// Figures of a clip so far.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ClipReport {
     /// Frames pushed.
     pub frames: usize,

@@ -19,7 +19,7 @@ use super::dct::{Block, SIDE, forward, inverse};
 use crate::pixel::{countable, is_countable};
 use ravec_progress::{Cancelled, Progress};
 use ravec_raster::color::{linear_from_srgb, srgb_from_linear};
-use ravec_raster::{Color, Image, LinearRgba, Plane, Rect, Size};
+use ravec_raster::{Image, LinearRgba, LinearRows, Plane, Rect, Size};
 use rayon::prelude::*;
 
 /// Luma quantization of quality 50 (T.81, table K.1), `[vertical][horizontal]`.
@@ -92,12 +92,19 @@ fn luma(color: LinearRgba) -> f32 {
 
 impl Compression {
     /// Looks for the traces of compression in the middle of the picture.
-    pub(super) fn find<P: Color>(image: &Image<P>) -> Option<Self> {
-        let width = image.width().min(PROBE_SIDE);
-        let height = image.height().min(PROBE_SIDE);
-        let [left, top] = [(image.width() - width) / 2, (image.height() - height) / 2];
-        let part = image.crop(left, top, Size::new(width, height).ok()?).ok()?;
-        let part: Plane = part.map(|pixel| luma(pixel.to_linear()));
+    pub(super) fn find(image: &dyn LinearRows) -> Option<Self> {
+        let size = image.size();
+        let width = size.width().min(PROBE_SIDE);
+        let height = size.height().min(PROBE_SIDE);
+        let [left, top] = [(size.width() - width) / 2, (size.height() - height) / 2];
+        let mut part = Plane::new(Size::new(width, height).ok()?, 0.0);
+        part.par_rows_mut().enumerate().for_each(|(row, part)| {
+            let mut run = vec![LinearRgba::default(); width];
+            image.read_linear(top + row, left, &mut run);
+            for (part, &pixel) in part.iter_mut().zip(&run) {
+                *part = luma(pixel);
+            }
+        });
         let phase = [
             grid_phase(&part, |x, y| [x, y]),
             grid_phase(&part, |x, y| [y, x]),
@@ -129,9 +136,9 @@ impl Compression {
 
     /// Draws the luma coefficients of `cleaned`, the pixels of `region` of `image`, back to what the decoded ones allow.
     /// Blocks that do not lie wholly in the region stay as they are.
-    pub(super) fn bound<P: Color>(
+    pub(super) fn bound(
         &self,
-        image: &Image<P>,
+        image: &dyn LinearRows,
         region: Rect,
         cleaned: &mut Image<LinearRgba>,
         progress: &Progress,
@@ -156,16 +163,18 @@ impl Compression {
             })
     }
 
-    fn bound_block<P: Color>(
+    fn bound_block(
         &self,
-        image: &Image<P>,
+        image: &dyn LinearRows,
         [col, row]: [usize; 2],
         cleaned: &mut [LinearRgba],
         left: usize,
         width: usize,
     ) {
         let decoded: Block = std::array::from_fn(|y| {
-            std::array::from_fn(|x| luma(image[(col + x, row + y)].to_linear()))
+            let mut run = [LinearRgba::default(); SIDE];
+            image.read_linear(row + y, col, &mut run);
+            run.map(luma)
         });
         let moved: Block = std::array::from_fn(|y| {
             std::array::from_fn(|x| luma(cleaned[y * width + left + x]) - decoded[y][x])
@@ -268,7 +277,7 @@ fn quantization_step(values: &[f32]) -> Option<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ravec_raster::{Sample as _, Srgb};
+    use ravec_raster::{Color as _, Sample as _, Srgb};
 
     /// A smooth picture with edges and some texture.
     fn picture(width: usize, height: usize) -> Plane {

@@ -10,7 +10,7 @@
 //! 4. per side and channel: how much of the residual stands out of the noise,
 //! 5. estimate, weighted by the inverse of its expected variance.
 //!
-//! Where the picture was compressed in blocks, the strength follows from the quantization steps that it still shows, and the
+//! If the picture was compressed in blocks, the strength follows from the quantization steps that it still shows, and the
 //! result keeps to what they allow (see [`compression`]).
 //!
 //! Source: dissertation, chapter 3 (averaging overlapping windows, weighted by fit). We differ in the model of a side:
@@ -33,7 +33,7 @@ use crate::filter_error::FilterError;
 use crate::split_table::split_table;
 use fearless_simd::{Level, dispatch};
 use ravec_progress::{Cancelled, Progress};
-use ravec_raster::{Color, Image, LinearRgba, Rect};
+use ravec_raster::{Color, Image, LinearRgba, LinearRows, Rect};
 use rayon::prelude::*;
 use strip::Strip;
 
@@ -98,6 +98,16 @@ pub fn clean_with<P: Color>(
     params: &CleanParams,
     progress: &Progress,
 ) -> Result<Image<LinearRgba>, FilterError> {
+    clean_rows(image, region, noise, params, progress)
+}
+
+fn clean_rows(
+    image: &dyn LinearRows,
+    region: Rect,
+    noise: &NoiseLevel,
+    params: &CleanParams,
+    progress: &Progress,
+) -> Result<Image<LinearRgba>, FilterError> {
     let (side, stride) = (params.window_px, params.stride_px);
     if !(4..=16).contains(&side) {
         return Err(FilterError::Window {
@@ -127,8 +137,8 @@ pub fn clean_with<P: Color>(
 }
 
 /// Steps 1 to 5 over a region that lies within the image.
-fn clean_region<P: Color>(
-    image: &Image<P>,
+fn clean_region(
+    image: &dyn LinearRows,
     region: Rect,
     noise: &NoiseLevel,
     params: &CleanParams,

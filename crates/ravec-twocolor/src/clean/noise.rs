@@ -17,7 +17,7 @@ use super::strip::{CHANNELS, opponent_from_rgb};
 use crate::pixel::is_countable;
 use ravec_progress::{Cancelled, Progress};
 use ravec_raster::color::srgb_from_linear;
-use ravec_raster::{Color, Image};
+use ravec_raster::{Color, Image, LinearRgba, LinearRows};
 use rayon::prelude::*;
 
 /// Classes of brightness.
@@ -100,7 +100,12 @@ pub fn estimate_noise<P: Color>(
     image: &Image<P>,
     progress: &Progress,
 ) -> Result<NoiseLevel, Cancelled> {
-    let (columns, rows) = (image.width() / SIDE, image.height() / SIDE);
+    estimate_rows(image, progress)
+}
+
+fn estimate_rows(image: &dyn LinearRows, progress: &Progress) -> Result<NoiseLevel, Cancelled> {
+    let size = image.size();
+    let (columns, rows) = (size.width() / SIDE, size.height() / SIDE);
     if columns < 2 || rows < 2 {
         return Ok(NoiseLevel::uniform(0.0));
     }
@@ -128,12 +133,13 @@ pub fn estimate_noise<P: Color>(
 }
 
 /// Measures one block, unless clipping or transparency hides its noise.
-fn probe<P: Color>(image: &Image<P>, left: usize, top: usize) -> Option<Probe> {
+fn probe(image: &dyn LinearRows, left: usize, top: usize) -> Option<Probe> {
     let mut channels: [Block; CHANNELS] = [[[0.0; SIDE]; SIDE]; CHANNELS];
     let mut clipped = 0;
+    let mut run = [LinearRgba::default(); SIDE];
     for y in 0..SIDE {
-        for (x, pixel) in image.row(top + y)[left..left + SIDE].iter().enumerate() {
-            let color = pixel.to_linear();
+        image.read_linear(top + y, left, &mut run);
+        for (x, &color) in run.iter().enumerate() {
             if color.alpha() < 1.0 || !is_countable(color) {
                 return None;
             }

@@ -8,7 +8,7 @@ use crate::pixel::{countable, is_countable};
 use crate::sweep::MAX_LANES;
 use fearless_simd::prelude::*;
 use ravec_raster::color::{linear_from_srgb, srgb_from_linear};
-use ravec_raster::{Color, Image, LinearRgba, Rect};
+use ravec_raster::{LinearRgba, LinearRows, Rect};
 
 /// Opponent channels: luma, then two of chroma.
 pub(super) const CHANNELS: usize = 3;
@@ -72,9 +72,9 @@ fn lead(begin: usize, side: usize, stride: usize) -> usize {
 
 impl Strip {
     #[inline(always)]
-    pub fn read<S: Simd, P: Color>(
+    pub fn read<S: Simd>(
         _simd: S,
-        image: &Image<P>,
+        image: &dyn LinearRows,
         target: Rect,
         side: usize,
         stride: usize,
@@ -103,40 +103,37 @@ impl Strip {
             weights: std::array::from_fn(|_| vec![0.0; len]),
         };
 
+        let size = image.size();
         let width = (windows[0] - 1) * stride + side;
         let columns: Vec<usize> = (0..width)
-            .map(|x| mirrored((target.col + x) as isize - lead[0] as isize, image.width()))
+            .map(|x| mirrored((target.col + x) as isize - lead[0] as isize, size.width()))
             .collect();
-        let mut row = vec![[0.0f32; 4]; image.width()];
         let used = columns.iter().fold((usize::MAX, 0), |(low, high), &col| {
             (low.min(col), high.max(col + 1))
         });
+        let mut row = vec![LinearRgba::default(); used.1 - used.0];
+        let mut opponents = vec![[0.0f32; CHANNELS]; row.len()];
         for y in 0..rows {
-            let from = mirrored((target.row + y) as isize - lead[1] as isize, image.height());
-            let pixels = &image.row(from)[used.0..used.1];
-            let row = &mut row[used.0..used.1];
+            let from = mirrored((target.row + y) as isize - lead[1] as isize, size.height());
+            image.read_linear(from, used.0, &mut row);
             let mut numbers = true;
-            for (slot, pixel) in row.iter_mut().zip(pixels) {
-                let pixel = pixel.to_linear();
+            for &pixel in &row {
                 numbers &= is_countable(pixel);
-                *slot = pixel.0;
             }
             if !numbers {
-                for slot in row.iter_mut() {
-                    *slot = countable(LinearRgba(*slot)).0;
+                for pixel in &mut row {
+                    *pixel = countable(*pixel);
                 }
             }
-            if P::HAS_ALPHA || !numbers {
-                cover_transparent(row);
+            if image.has_alpha() || !numbers {
+                cover_transparent(&mut row);
             }
-            for slot in row.iter_mut() {
-                let [r, g, b, alpha] = *slot;
-                let [y, u, v] = opponent_from_rgb([r, g, b].map(srgb_from_linear));
-                *slot = [y, u, v, alpha];
+            for (slot, pixel) in opponents.iter_mut().zip(&row) {
+                *slot = opponent_from_rgb(pixel.rgb().map(srgb_from_linear));
             }
             for (x, &col) in columns.iter().enumerate() {
                 let at = strip.entry(x % stride, y, x / stride);
-                for (plane, value) in strip.colors.iter_mut().zip(row[col - used.0]) {
+                for (plane, value) in strip.colors.iter_mut().zip(opponents[col - used.0]) {
                     plane[at] = value;
                 }
             }
@@ -150,7 +147,7 @@ impl Strip {
         (y * self.stride + phase) * self.phase_len + i
     }
 
-    /// Where pixel `(dx, dy)` of the window `(i, j)` and its right neighbors begins in each plane.
+    /// Index in each plane at which pixel `(dx, dy)` of the window `(i, j)` and its right neighbors begins.
     #[inline(always)]
     pub fn run(&self, [i, j]: [usize; 2], dx: usize, dy: usize) -> usize {
         self.entry(dx % self.stride, j * self.stride + dy, i + dx / self.stride)
@@ -159,7 +156,8 @@ impl Strip {
     /// Writes the cleaned target pixels in linear light; alpha, and what is fully transparent or not a number, as in
     /// `image`.
     #[inline(always)]
-    pub fn write<P: Color>(&self, image: &Image<P>, out: &mut [LinearRgba]) {
+    pub fn write(&self, image: &dyn LinearRows, out: &mut [LinearRgba]) {
+        let mut originals = vec![LinearRgba::default(); self.target.width];
         let mut cleaned = vec![[0.0f32; 3]; self.target.width];
         for (y, out) in out.chunks_exact_mut(self.target.width).enumerate() {
             for (x, slot) in cleaned.iter_mut().enumerate() {
@@ -170,9 +168,8 @@ impl Strip {
             for slot in &mut cleaned {
                 *slot = rgb_from_opponent(*slot).map(linear_from_srgb);
             }
-            let originals = &image.row(self.target.row + y)[self.target.col..][..self.target.width];
-            for ((out, original), color) in out.iter_mut().zip(originals).zip(&cleaned) {
-                let original = original.to_linear();
+            image.read_linear(self.target.row + y, self.target.col, &mut originals);
+            for ((out, &original), color) in out.iter_mut().zip(&originals).zip(&cleaned) {
                 let visible = original.alpha() > 0.0 && is_countable(original);
                 *out = if visible {
                     LinearRgba::from_rgb_alpha(*color, original.alpha())
@@ -186,16 +183,16 @@ impl Strip {
 
 /// Gives fully transparent pixels the color of the last visible one in the row (the leading ones that of the first), so
 /// that their meaningless colors make no edges.
-fn cover_transparent(row: &mut [[f32; 4]]) {
-    let Some(first) = row.iter().find(|pixel| pixel[3] > 0.0) else {
+fn cover_transparent(row: &mut [LinearRgba]) {
+    let Some(first) = row.iter().find(|pixel| pixel.alpha() > 0.0) else {
         return;
     };
     let mut last = *first;
     for pixel in row {
-        if pixel[3] > 0.0 {
+        if pixel.alpha() > 0.0 {
             last = *pixel;
         } else {
-            pixel[..3].copy_from_slice(&last[..3]);
+            pixel.0[..3].copy_from_slice(&last.0[..3]);
         }
     }
 }

@@ -9,7 +9,7 @@ use crate::fit::{FlatThreshold, Search, fit_block_row};
 use crate::line::Line;
 use crate::pixel::TwoColorPixel;
 use crate::pixel::countable;
-use fearless_simd::{Level, dispatch};
+use fearless_simd::Level;
 use glam::{DVec2, DVec3};
 use ravec_progress::{Cancelled, Progress};
 use ravec_raster::color::oklab_from_linear;
@@ -63,7 +63,15 @@ fn fit_pixels<P: Color>(
 ) -> Vec<TwoColorPixel> {
     let empty = TwoColorPixel::flat(Oklab::default(), 0.0, 0.0);
     let mut pixels = vec![empty; blocks];
-    dispatch!(Level::new(), simd => fit_block_row(simd, image, side, Search::Exact, row, flat, &mut pixels));
+    fit_block_row(
+        Level::new(),
+        image,
+        side,
+        Search::Exact,
+        row,
+        flat,
+        &mut pixels,
+    );
     pixels
 }
 

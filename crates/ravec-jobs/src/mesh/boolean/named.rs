@@ -12,7 +12,7 @@ use std::path::PathBuf;
 pub struct NamedFile {
     /// Letters, digits and underscores; without one the file is called by a letter.
     pub name: Option<String>,
-    /// Where the mesh is; `-` is standard input.
+    /// The file of the mesh; `-` is standard input.
     pub path: PathBuf,
 }
 

@@ -1,4 +1,4 @@
-//! Where each triangle of a result comes from, as a file.
+//! The origin of each triangle of a result, as a file.
 
 use super::NamedFile;
 use crate::context::Context;

@@ -337,6 +337,13 @@ fn origins_lead_back_to_the_triangles_of_the_files() {
         operation.origins = Some(studio.at(name));
         let report = operation.run(&Context::default()).unwrap();
         let triangles = report.figures["triangles"] as usize;
+        let details = report.details.as_ref().unwrap();
+        assert_eq!(details["triangles"], triangles);
+        let result = report.result.as_ref().unwrap();
+        assert_eq!(result[1]["name"], "drill");
+        for field in ["triangles", "closed", "assumptions"] {
+            assert_eq!(result[1][field], details["operands"][1][field]);
+        }
         let text = std::fs::read_to_string(studio.at(name)).unwrap();
         if name == "out.csv" {
             let rows: Vec<_> = text.lines().skip(1).collect();

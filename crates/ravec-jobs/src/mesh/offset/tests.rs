@@ -98,6 +98,14 @@ fn a_box_grows_by_the_distance_within_the_tolerance_and_the_report_proves_it() {
     ] {
         assert_eq!(report.figures[figure], value, "{figure}");
     }
+    let details = report.details.as_ref().unwrap();
+    for (field, figure) in [
+        ("extracted_triangles", "extracted_triangles"),
+        ("rounds", "mending_rounds"),
+        ("least_distance", "distance_least"),
+    ] {
+        assert_eq!(details[field].as_f64(), Some(report.figures[figure]));
+    }
     let [least, found, most] =
         ["least", "most_found", "most"].map(|name| report.figures[&*format!("distance_{name}")]);
     assert!(0.48 <= least && least <= found && found <= most && most <= 0.52);
@@ -135,7 +143,7 @@ fn a_block_of_lengths_means_the_same_in_every_unit() {
     assert_eq!(kind, ErrorKind::Request);
     assert!(text.contains("does not name its unit"), "{text}");
     let known = Params {
-        unit: Some(Unit::Inch),
+        unit: Some(LengthUnit::Inch),
         ..params("12.7mm", Side::Inner)
     };
     let report = shop.run("box.off", "out.off", &known).unwrap();
@@ -378,7 +386,7 @@ fn a_sheet_becomes_a_plate_on_either_side() {
         let params = Params {
             distance: Length::Units(distance),
             tolerance: Some(Length::Units(0.02)),
-            open: Open::Thicken,
+            open: OpenRule::Thicken,
             ..Params::default()
         };
         let report = shop.run("sheet.off", name, &params).unwrap();
