@@ -12,7 +12,7 @@ use std::collections::VecDeque;
 
 /// Share of the new side that important content may take before it is made smaller: the rest gives way. More leaves larger
 /// objects, less room between them.
-const FULL_SHARE: f64 = 0.62;
+const FULL_SHARE: f64 = 0.6;
 
 /// A run that shows less than this many units in a frame has no direction to keep.
 const LEAST_RUN: f64 = 2.0;
@@ -91,8 +91,8 @@ impl Content {
 
     /// The content as seen from one frame.
     pub(super) fn seen(&self, view: &View<'_>, options: &ClipOptions) -> Seen {
-        let barrier = view.largest(self.barriers.iter());
-        let contrast = view.largest(self.contrasts.iter());
+        let barrier = view.passing(self.barriers.iter());
+        let contrast = view.passing(self.contrasts.iter());
         let motion = view.largest(self.motions.iter());
         let importance: Vec<f64> = barrier
             .iter()

@@ -33,9 +33,9 @@
 //! 2. The frames of a slab of time, carried along the motion of the camera, are divided into two-color voxels. Those that
 //!    stand are as deep as the slab; the others are planes in space and time, whose slopes are speeds. One frame of a slab is
 //!    analyzed as a still picture is: it gives straight runs and contrast.
-//! 3. At key times a deformation is solved for as for a still picture. Its importance is the largest over all frames within
-//!    the look-ahead, carried to the key time along the motion of the camera: the whole path of an object keeps its shape,
-//!    and what stands has one importance in all frames. Where paths do not fit, the scale of important content is lowered.
+//! 3. At key times a deformation is solved for as for a still picture. Its importance is the mean over all frames within
+//!    the look-ahead, carried to the key time along the motion of the camera, and the largest where something passes: the
+//!    whole path of an object keeps its shape, and what stands has one importance in all frames. Where paths do not fit, the scale of important content is lowered.
 //! 4. The deformations of key times are averaged over four fifths of the look-ahead on each side, each shape at its place in
 //!    the scene; frames in between have means of them. Where the camera moves, content is followed through the keys around,
 //!    so that it does not jitter.

@@ -17,6 +17,10 @@ const PLATEAU: f64 = 0.6;
 /// Over a look-ahead of one second an eighth of a cell stays uncompensated at most.
 const STILL_SHARE: f64 = 0.005;
 
+/// By how much the largest value over time must exceed the mean for something to pass: below the first it is noise, from the
+/// second on it counts in full.
+const PASSING: [f64; 2] = [0.15, 0.35];
+
 /// The weight of content at a distance of `frames`, for a look-ahead: 1 to 0.
 pub(super) fn fading(frames: usize, look_ahead: usize) -> f64 {
     let share = frames as f64 / (look_ahead as f64 + 1.0);
@@ -112,46 +116,77 @@ pub(super) struct View<'a> {
 impl View<'_> {
     /// For each unit the largest of what `maps` say, carried here and faded.
     pub(super) fn largest<'m>(&self, maps: impl Iterator<Item = &'m UnitMap>) -> Vec<f64> {
-        let [cols, rows] = self.grid.units;
-        let mut largest = vec![0.0; cols * rows];
-        for map in maps {
-            let weight = fading(map.distance(self.frame), self.look_ahead);
-            if weight <= 0.0 {
-                continue;
-            }
-            match self.camera.to_from(map.frame, self.frame) {
-                None => {
-                    for (largest, value) in largest.iter_mut().zip(&map.values) {
-                        *largest = f64::max(*largest, weight * value);
-                    }
-                }
-                Some(matrix) => {
-                    for (unit, largest) in largest.iter_mut().enumerate() {
-                        let value = self.sampled(&map.values, &matrix, unit);
-                        *largest = f64::max(*largest, weight * value);
-                    }
-                }
+        let mut largest = vec![0.0; self.grid.units[0] * self.grid.units[1]];
+        for (weight, values) in self.carried(maps) {
+            for (largest, value) in largest.iter_mut().zip(values) {
+                *largest = f64::max(*largest, weight * value.unwrap_or(0.0));
             }
         }
         largest
     }
 
-    /// The value under the middle of a unit, between the middles of four; 0 outside of the frame.
-    fn sampled(&self, values: &[f64], map_from_here: &DMat3, unit: usize) -> f64 {
+    /// For each unit the mean over time of what `maps` say, carried here; where something passes that exceeds it by far, the
+    /// largest. So noise of single frames does not add up, and the path of an object has the importance of the object.
+    pub(super) fn passing<'m>(&self, maps: impl Iterator<Item = &'m UnitMap>) -> Vec<f64> {
+        let maps = self.carried(maps);
+        (0..self.grid.units[0] * self.grid.units[1])
+            .map(|unit| {
+                let seen = || {
+                    maps.iter()
+                        .filter_map(move |(weight, values)| Some((*weight, values[unit]?)))
+                };
+                let largest = seen().fold(0.0, |most, (weight, value)| f64::max(most, weight * value));
+                let total: f64 = seen().map(|(weight, _)| weight).sum();
+                if total <= 0.0 {
+                    return 0.0;
+                }
+                // from the largest down, so that equal values have that mean to the last bit
+                let below: f64 = seen().map(|(weight, value)| weight * (largest - value)).sum();
+                let mean = largest - below / total;
+                let excess = largest - mean;
+                let [low, high] = PASSING;
+                mean + excess.max(0.0) * ((excess - low) / (high - low)).clamp(0.0, 1.0)
+            })
+            .collect()
+    }
+
+    /// The values of each map that counts here, where it sees a unit, and its weight.
+    fn carried<'m>(
+        &self,
+        maps: impl Iterator<Item = &'m UnitMap>,
+    ) -> Vec<(f64, Vec<Option<f64>>)> {
+        let weighed = maps.map(|map| {
+            let weight = fading(map.distance(self.frame), self.look_ahead);
+            (weight, map)
+        });
+        weighed
+            .filter(|(weight, _)| *weight > 0.0)
+            .map(|(weight, map)| {
+                let values = match self.camera.to_from(map.frame, self.frame) {
+                    None => map.values.iter().copied().map(Some).collect(),
+                    Some(matrix) => (0..map.values.len())
+                        .map(|unit| self.sampled(&map.values, &matrix, unit))
+                        .collect(),
+                };
+                (weight, values)
+            })
+            .collect()
+    }
+
+    /// The value under the middle of a unit, between the middles of four; `None` outside of the frame.
+    fn sampled(&self, values: &[f64], map_from_here: &DMat3, unit: usize) -> Option<f64> {
         let [cols, rows] = self.grid.units;
         let middle = DVec2::new((unit % cols) as f64 + 0.5, (unit / cols) as f64 + 0.5);
         let unit_px = self.grid.unit_px();
-        let Some(at) = mapped(map_from_here, middle * unit_px) else {
-            return 0.0;
-        };
+        let at = mapped(map_from_here, middle * unit_px)?;
         sample(values, [cols, rows], at / unit_px)
     }
 }
 
-/// The value at a position in units, between the middles of four; 0 outside.
-fn sample(values: &[f64], [cols, rows]: [usize; 2], at: DVec2) -> f64 {
+/// The value at a position in units, between the middles of four; `None` outside.
+fn sample(values: &[f64], [cols, rows]: [usize; 2], at: DVec2) -> Option<f64> {
     if !(at.x >= 0.0 && at.y >= 0.0 && at.x <= cols as f64 && at.y <= rows as f64) {
-        return 0.0;
+        return None;
     }
     let at = (at - 0.5).clamp(
         DVec2::ZERO,
@@ -161,8 +196,9 @@ fn sample(values: &[f64], [cols, rows]: [usize; 2], at: DVec2) -> f64 {
     let (u, v) = (at.x - col as f64, at.y - row as f64);
     let (right, below) = ((col + 1).min(cols - 1), (row + 1).min(rows - 1));
     let value = |col: usize, row: usize| values[row * cols + col];
-    (1.0 - v) * ((1.0 - u) * value(col, row) + u * value(right, row))
-        + v * ((1.0 - u) * value(col, below) + u * value(right, below))
+    let upper = (1.0 - u) * value(col, row) + u * value(right, row);
+    let lower = (1.0 - u) * value(col, below) + u * value(right, below);
+    Some((1.0 - v) * upper + v * lower)
 }
 
 #[cfg(test)]
@@ -251,10 +287,42 @@ mod tests {
     #[test]
     fn between_middles_values_are_interpolated_and_outside_there_is_none() {
         let values = [1.0, 3.0, 5.0, 7.0];
-        assert_eq!(sample(&values, [2, 2], dvec2(1.0, 1.0)), 4.0);
-        assert_eq!(sample(&values, [2, 2], dvec2(0.0, 0.0)), 1.0);
-        assert_eq!(sample(&values, [2, 2], dvec2(2.0, 0.5)), 3.0);
-        assert_eq!(sample(&values, [2, 2], dvec2(-0.1, 0.5)), 0.0);
-        assert_eq!(sample(&values, [2, 2], dvec2(f64::NAN, 0.5)), 0.0);
+        assert_eq!(sample(&values, [2, 2], dvec2(1.0, 1.0)), Some(4.0));
+        assert_eq!(sample(&values, [2, 2], dvec2(0.0, 0.0)), Some(1.0));
+        assert_eq!(sample(&values, [2, 2], dvec2(2.0, 0.5)), Some(3.0));
+        assert_eq!(sample(&values, [2, 2], dvec2(-0.1, 0.5)), None);
+        assert_eq!(sample(&values, [2, 2], dvec2(f64::NAN, 0.5)), None);
+    }
+
+    #[test]
+    fn what_passes_counts_in_full_and_noise_does_not() {
+        let grid = Grid::new(size(), [8, 4], |_, _| 1);
+        let mut camera = Camera::new(0);
+        let maps: Vec<UnitMap> = (0..10)
+            .map(|frame| {
+                if frame > 0 {
+                    camera.push(DMat3::IDENTITY, size(), 10.0);
+                }
+                let mut values = vec![0.3; 32];
+                // unit 3 flickers a little, unit 5 is important once, unit 7 always
+                values[3] += if frame % 2 == 0 { 0.05 } else { -0.05 };
+                values[5] = if frame == 4 { 1.0 } else { 0.1 };
+                values[7] = 0.9;
+                UnitMap {
+                    frame,
+                    valid: [frame; 2],
+                    values,
+                }
+            })
+            .collect();
+        let view = View {
+            camera: &camera,
+            grid: &grid,
+            frame: 5,
+            look_ahead: 20,
+        };
+        let found = view.passing(maps.iter());
+        assert_eq!((found[0], found[7]), (0.3, 0.9));
+        assert!((found[3] - 0.3).abs() < 1e-9 && (found[5] - 1.0).abs() < 1e-9);
     }
 }
