@@ -14,6 +14,10 @@ use std::collections::VecDeque;
 /// objects, less room between them.
 const FULL_SHARE: f64 = 0.6;
 
+/// By which share all frames together must need more room than a single one for their paths to count in full. Less makes
+/// objects smaller where little moves.
+const FULL_MORE: f64 = 0.25;
+
 /// A run that shows less than this many units in a frame has no direction to keep.
 const LEAST_RUN: f64 = 2.0;
 
@@ -277,17 +281,21 @@ pub(super) fn shares(importance: &[f64], [cols, rows]: [usize; 2]) -> [f64; 2] {
 }
 
 impl Seen {
-    /// The share of the scale `wanted` at which the content of all frames fits as well as that of single ones does, for new
-    /// sides that are `factor` times the old ones: at most 1.
+    /// The share of the scale `wanted` at which the paths of moving content fit, for new sides that are `factor` times the old
+    /// ones: at most 1.
     ///
-    /// It is 1 if nothing moves, so that a clip of equal frames is retargeted as a still picture.
+    /// It is 1 if all frames together need no more room than a single one, so that a clip of equal frames is retargeted as a
+    /// still picture.
     pub(super) fn path_share(&self, factor: DVec2, wanted: f64) -> f64 {
-        let still = wanted.clamp(factor.min_element(), factor.max_element());
+        let least = factor.min_element();
+        let still = wanted.clamp(least, factor.max_element());
         let mut share = 1.0f64;
         // a side that need not give way has room for everything
         for axis in (0..2).filter(|&axis| factor[axis] < still) {
-            let fits = |demand: f64| still.min(FULL_SHARE * factor[axis] / demand.max(1e-9));
-            share = share.min(fits(self.path[axis]) / fits(self.single[axis]));
+            let more = self.path[axis] / self.single[axis].max(1e-9) - 1.0;
+            let moved = (more / FULL_MORE).clamp(0.0, 1.0);
+            let fits = (FULL_SHARE * factor[axis] / self.path[axis].max(1e-9)).max(least) / still;
+            share = share.min(1.0 + moved * (fits.min(1.0) - 1.0));
         }
         share
     }
@@ -342,7 +350,8 @@ mod tests {
         assert_eq!(seen.path[0], 22.0 / 32.0);
         // 22 of 32 columns have to fit into a share of half of them
         let half = seen.path_share(dvec2(0.5, 1.0), 1.0);
-        assert!((half - FULL_SHARE * 16.0 / 22.0).abs() < 1e-9, "{half}");
+        let fits = (FULL_SHARE * 16.0 / 22.0).max(0.5);
+        assert!((half - fits).abs() < 1e-9, "{half}");
         assert_eq!(seen.path_share(dvec2(1.4, 1.0), 1.0), 1.0);
         assert_eq!(seen.path_share(dvec2(1.5, 1.0), 1.0), 1.0);
     }
