@@ -105,20 +105,34 @@ fn along_time(seen: &[Seen<'_>], grid: &Grid, at: DVec2) -> Option<DVec2> {
     (s0 > 0.0).then(|| (s2 * sum - s1 * moment) / (s0 * s2 - s1 * s1))
 }
 
+/// Halvings of the interval in which the share of the changes is looked for.
+const HALVINGS: usize = 8;
+
 /// A deformation with as much of the changes as leaves no fold.
 fn changed(own: &Deformation, changes: &[DVec2]) -> Deformation {
-    let mut found = own.clone();
-    for share in [1.0, 0.5, 0.25, 0.125] {
-        let places = found.vertices.iter_mut().zip(&own.vertices);
-        for ((at, &own), &change) in places.zip(changes) {
-            *at = own + share * change;
+    let with = |share: f64| {
+        let mut found = own.clone();
+        for (at, &change) in found.vertices.iter_mut().zip(changes) {
+            *at += share * change;
         }
-        if slack(&found) >= MIN_SLACK {
-            found.summary.least_area = found.least_area();
-            return found;
+        found
+    };
+    let mut found = with(1.0);
+    if slack(&found) < MIN_SLACK {
+        // slack is concave in the share
+        let (mut low, mut high) = (0.0, 1.0);
+        for _ in 0..HALVINGS {
+            let middle = 0.5 * (low + high);
+            if slack(&with(middle)) < MIN_SLACK {
+                high = middle;
+            } else {
+                low = middle;
+            }
         }
+        found = with(low);
     }
-    own.clone()
+    found.summary.least_area = found.least_area();
+    found
 }
 
 /// The least by which an edge is longer than it is oblique, in units of plain scaling.

@@ -100,8 +100,20 @@ impl ClipOptions {
         let ranges = [
             ("motion", self.motion, 0.0, 1.0, "0 to 1"),
             ("look_ahead", count(self.look_ahead), 1.0, 600.0, "1 to 600"),
-            ("sample_frames", count(self.sample_frames), 1.0, 8.0, "1 to 8"),
-            ("voxel_frames", count(self.voxel_frames), 2.0, 64.0, "2 to 64"),
+            (
+                "sample_frames",
+                count(self.sample_frames),
+                1.0,
+                8.0,
+                "1 to 8",
+            ),
+            (
+                "voxel_frames",
+                count(self.voxel_frames),
+                2.0,
+                64.0,
+                "2 to 64",
+            ),
         ];
         ranges.into_iter().try_for_each(check_range)
     }

@@ -294,18 +294,18 @@ impl Shot {
         let near = (self.next_key + 1).saturating_sub(reach)..=self.next_key + reach;
         let moving = self.camera.speed(near) > 0.0;
         let known = self.raw_keys.back().map(|key| &key.solution);
-        let solution = match known.filter(|known| known.seen == seen && !moving) {
-            Some(known) => known.clone(),
-            None => {
-                report.keys_solved += 1;
-                let solution =
-                    Solution::new(seen, &stage.grid, &stage.targets, &stage.options, moving)?;
-                for found in solution.deformations.iter() {
-                    let scale = found.summary.object_scale;
-                    report.min_object_scale = report.min_object_scale.min(scale);
-                }
-                Arc::new(solution)
+        let same = known.filter(|known| known.seen == seen && !moving);
+        let solution = if let Some(known) = same {
+            known.clone()
+        } else {
+            report.keys_solved += 1;
+            let solution =
+                Solution::new(seen, &stage.grid, &stage.targets, &stage.options, moving)?;
+            for found in solution.deformations.iter() {
+                let scale = found.summary.object_scale;
+                report.min_object_scale = report.min_object_scale.min(scale);
             }
+            Arc::new(solution)
         };
         self.raw_keys.push_back(RawKey {
             frame: self.next_key,

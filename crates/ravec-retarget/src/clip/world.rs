@@ -135,13 +135,16 @@ impl View<'_> {
                     maps.iter()
                         .filter_map(move |(weight, values)| Some((*weight, values[unit]?)))
                 };
-                let largest = seen().fold(0.0, |most, (weight, value)| f64::max(most, weight * value));
+                let largest =
+                    seen().fold(0.0, |most, (weight, value)| f64::max(most, weight * value));
                 let total: f64 = seen().map(|(weight, _)| weight).sum();
                 if total <= 0.0 {
                     return 0.0;
                 }
                 // from the largest down, so that equal values have that mean to the last bit
-                let below: f64 = seen().map(|(weight, value)| weight * (largest - value)).sum();
+                let below: f64 = seen()
+                    .map(|(weight, value)| weight * (largest - value))
+                    .sum();
                 let mean = largest - below / total;
                 let excess = largest - mean;
                 let [low, high] = PASSING;
@@ -151,10 +154,7 @@ impl View<'_> {
     }
 
     /// The values of each map that counts here, where it sees a unit, and its weight.
-    fn carried<'m>(
-        &self,
-        maps: impl Iterator<Item = &'m UnitMap>,
-    ) -> Vec<(f64, Vec<Option<f64>>)> {
+    fn carried<'m>(&self, maps: impl Iterator<Item = &'m UnitMap>) -> Vec<(f64, Vec<Option<f64>>)> {
         let weighed = maps.map(|map| {
             let weight = fading(map.distance(self.frame), self.look_ahead);
             (weight, map)
