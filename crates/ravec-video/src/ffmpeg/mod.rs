@@ -36,7 +36,7 @@
 //! - The same frames and options make the same bytes, with the same version of FFmpeg on the same kind of processor.
 //!
 //! Does not guarantee:
-//! - The last few frames before damage: FFmpeg may drop what is in its queues. A clip that begins with damage is decoded from
+//! - The last few frames before damage: FFmpeg may drop what is in its queues, more or less of it after a `seek`. A clip that begins with damage is decoded from
 //!   its first whole frame, and damage later on in it may be painted over.
 //! - `seek` behind damage in a clip that has not been read up to there.
 //! - The duration of the last frame of an output, for which encoders take that of the frame before.
