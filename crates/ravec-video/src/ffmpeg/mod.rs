@@ -39,6 +39,7 @@
 //! - The last few frames before damage: FFmpeg may drop what is in its queues, more or less of it after a `seek`. A clip that begins with damage is decoded from
 //!   its first whole frame, and damage later on in it may be painted over.
 //! - `seek` behind damage in a clip that has not been read up to there.
+//! - Uneven times in AVI, which has one rate; equal frames in Theora, which leaves them out.
 //! - The duration of the last frame of an output, for which encoders take that of the frame before.
 //! - That two frames at the same moment stay so: the second one comes a tick later.
 
