@@ -26,7 +26,7 @@
 //!   [`YuvFormat`](crate::YuvFormat) does not have: packed and semi-planar ones are rearranged without loss, palettes and
 //!   odd depths of red, green and blue become 8 or 16 bits, and 4:1:0 becomes 4:2:0.
 //! - Time stamps are exact, and a variable rate is kept, as far as the container of the output has ticks for it (Matroska and
-//!   WebM have milliseconds). Frames are turned for display, once, here.
+//!   `WebM` have milliseconds). Frames are turned for display, once, here.
 //! - A damaged clip gives whole frames only, and the reason in FFmpeg's words. `seek` gives the frame that reading from the
 //!   start gives: it starts at a key frame if the packets of the file say for sure which frames there are, checks the time
 //!   stamp of what comes, and decodes from the beginning otherwise.
