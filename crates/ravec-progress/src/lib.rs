@@ -79,7 +79,7 @@ impl std::fmt::Debug for Progress {
         f.debug_struct("Progress")
             .field("cancelled", &self.is_cancelled())
             .field("listening", &self.shared.sink.is_some())
-            .finish()
+            .finish_non_exhaustive()
     }
 }
 

@@ -14,7 +14,7 @@ use ravec::raster::{AnyImage, LinearRgba, Mask, Size, Srgb};
 use ravec::retarget::clip::{
     ClipFrame, ClipOptions, ClipReport, ClipRetargeter, FrameMotion, Settled,
 };
-use ravec_video::{Clip, Frame, FramePicture, FrameSource as _, FrameTime};
+use ravec_video::{Clip, Frame, FramePicture, FrameSource as _, FrameTime, Rational};
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -38,7 +38,7 @@ pub(super) fn run(operation: &Retarget, context: &Context) -> Result<Report, Job
     let mut clip = open_clip(input, None, &mut report, context)?;
     let size = clip.info().size;
     let sizes = sizes(operation, size, context)?;
-    let rate = clip.info().rate.map_or(DEFAULT_RATE, |rate| rate.to_f64());
+    let rate = clip.info().rate.map_or(DEFAULT_RATE, Rational::to_f64);
     let options = options(operation, rate);
     let failed = |cause| JobError::from_retargeting(input, cause);
     let retargeter = ClipRetargeter::new(size, &sizes, &options).map_err(failed)?;

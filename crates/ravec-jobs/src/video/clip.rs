@@ -12,6 +12,7 @@ use ravec_video::{
     FrameSource as _, FrameTime, OpenOptions, Pattern, PixelKind, Rational, SinkFormat, TrackKind,
     VideoError, VideoLimits, container_for, is_clip_name,
 };
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 /// True if an operation on pictures is to take this input as a clip.
@@ -317,7 +318,8 @@ fn identity(path: &Path, clip: &Clip) -> String {
         let Ok(data) = file.metadata() else { continue };
         let modified = data.modified().ok();
         let since = modified.and_then(|time| time.duration_since(std::time::UNIX_EPOCH).ok());
-        text.push_str(&format!("{} {} {:?}\n", file.display(), data.len(), since));
+        // writing to a string does not fail
+        let _ = writeln!(text, "{} {} {since:?}", file.display(), data.len());
     }
     text
 }

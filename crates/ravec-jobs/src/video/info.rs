@@ -5,7 +5,7 @@ use crate::context::Context;
 use crate::error::JobError;
 use crate::operation::Operation;
 use crate::report::Report;
-use ravec_video::{Clip, ClipInfo, FrameSource as _};
+use ravec_video::{Clip, ClipInfo, FrameSource as _, Rational};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -97,7 +97,7 @@ impl Operation for Info {
             ("height", Some(info.size.height() as f64)),
             ("frames", frames.map(|frames| frames as f64)),
             ("duration_secs", seconds),
-            ("frames_per_sec", info.rate.map(|rate| rate.to_f64())),
+            ("frames_per_sec", info.rate.map(Rational::to_f64)),
         ];
         for (name, figure) in figures {
             if let Some(figure) = figure {

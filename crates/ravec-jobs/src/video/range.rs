@@ -1,6 +1,6 @@
 //! Ranges of frames as they are asked for.
 
-use ravec_video::ClipInfo;
+use ravec_video::{ClipInfo, Rational};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
@@ -132,7 +132,7 @@ impl FrameRange {
 
     /// Number of frames of the range in a clip, as far as known beforehand.
     pub fn frames(&self, info: &ClipInfo) -> Option<u64> {
-        let rate = info.rate.map_or(0.0, |rate| rate.to_f64());
+        let rate = info.rate.map_or(0.0, Rational::to_f64);
         let frame = |end: End| match end {
             End::Frame(frame) => frame,
             End::Seconds(seconds) => (seconds * rate).ceil() as u64,
