@@ -494,3 +494,7 @@ impl FrameSource for FfmpegSource {
         self.damage.as_ref()
     }
 }
+
+#[cfg(test)]
+#[path = "source_tests.rs"]
+mod tests;
