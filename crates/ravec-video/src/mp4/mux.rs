@@ -273,7 +273,7 @@ fn handler(kind: FourCc) -> Vec<u8> {
     body
 }
 
-/// What the index states of a track.
+/// Statements of the index on a track.
 pub(super) struct TrackIndex<'a> {
     pub(super) id: u32,
     pub(super) timescale: u32,

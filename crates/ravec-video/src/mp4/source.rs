@@ -20,7 +20,7 @@ use std::collections::BTreeMap;
 use std::io::{Read as _, SeekFrom};
 use std::ops::Range;
 
-/// Frames that may wait for one that is shown before them: as many references as H.264 has, and one.
+/// Frames that may wait for one that is shown before them: the references of H.264, and one.
 const MAX_WAITING: usize = 17;
 
 /// Bytes of the largest sample that is read: eight times what level 5.2 allows for a picture.
