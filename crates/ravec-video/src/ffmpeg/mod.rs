@@ -12,7 +12,6 @@
 //! | `layout.rs` | layouts of raw frames by FFmpeg's names |
 //! | `probe.rs` | properties of a clip |
 //! | `stamps.rs` | time stamps of all frames, for random access |
-//! | `turn.rs` | quarter turns of frames |
 //! | `source.rs` | decoding |
 //! | `encoders.rs` | codecs, encoders and quality |
 //! | `sink.rs` | encoding of parts |
@@ -52,7 +51,6 @@ mod process;
 mod sink;
 mod source;
 mod stamps;
-mod turn;
 
 pub use assemble::{TrackExcerpt, assemble};
 pub use sink::FfmpegSink;

@@ -2,7 +2,7 @@
 
 use super::atom::FourCc;
 use super::copy::CopiedTracks;
-use super::turn::UPRIGHT;
+use super::matrix::UPRIGHT;
 use super::write::{TableBuilder, atom, full_atom, words};
 use crate::color::ColorInfo;
 use crate::error::VideoError;
