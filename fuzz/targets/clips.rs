@@ -2,7 +2,7 @@
 
 use super::{Outcome, limits};
 use ravec_video::mp4::{CopiedTracks, Mp4Source};
-use ravec_video::{FrameSource as _, VideoError, VideoLimits};
+use ravec_video::{FramePicture, FrameSource as _, VideoError, VideoLimits, Y4mSource};
 use std::io::Cursor;
 
 /// Frames that are read of a clip.
@@ -46,5 +46,29 @@ pub fn read_mp4(input: &[u8]) -> Outcome {
         }
     }
     let _ = CopiedTracks::open(Cursor::new(input.to_vec()), &limits, 0.1, Some(0.5));
+    outcome
+}
+
+/// Reads frames of a stream, and their colors.
+pub fn read_y4m(input: &[u8]) -> Outcome {
+    let opened = Y4mSource::stream(Cursor::new(input.to_vec()), &options());
+    let outcome = Outcome::of(&opened);
+    if let Ok(mut source) = opened {
+        let size = source.info().size;
+        let mut frames = 0;
+        while frames < MAX_READ
+            && let Ok(Some(frame)) = source.next_frame()
+        {
+            let FramePicture::Yuv(planes) = &frame.picture else {
+                panic!("frames are planes");
+            };
+            assert_eq!(planes.size(), size, "the size changes");
+            assert_eq!(frame.picture.to_image().size(), size);
+            frames += 1;
+        }
+        if let Some(damage) = source.damage() {
+            assert_eq!(damage.frames, frames as u64);
+        }
+    }
     outcome
 }

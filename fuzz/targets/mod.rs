@@ -103,6 +103,7 @@ pub const TARGETS: &[Target] = &[
         body: clips::read_mp4,
         max_held: limits::CLIP_BYTES,
     },
+    small("y4m", clips::read_y4m),
     Target {
         name: "catalogue_file",
         body: catalogue::read_file,

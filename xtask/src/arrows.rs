@@ -217,18 +217,21 @@ const QUARANTINE: &[(&[&str], &[&str])] = &[
             "jpeg-encoder",
             "kamadak-exif",
             "moxcms",
-            "png",
             "tiff",
             "zune-jpeg",
         ],
         &["ravec-media"],
     ),
+    // animated ones, which are read frame by frame
+    (&["png"], &["ravec-media", "ravec-video"]),
     // codecs of video
-    (&["openh264"], &["ravec-video"]),
+    (&["gif", "openh264"], &["ravec-video"]),
     // temporary files
     (&["tempfile"], &["ravec-files"]),
     // codecs of meshes
-    (&["quick-xml", "zip", "flate2"], &["ravec-mesh-io"]),
+    (&["quick-xml", "zip"], &["ravec-mesh-io"]),
+    // the inflater of archives, and the checksum of PNG chunks
+    (&["flate2"], &["ravec-mesh-io", "ravec-video"]),
     // the memory of the machine
     (&["sysinfo"], &["ravec-memory"]),
     // the catalogue of photos

@@ -65,6 +65,7 @@ mod random_access;
 mod sink;
 mod source;
 mod time;
+mod turn;
 mod y4m;
 mod yuv;
 

@@ -296,6 +296,42 @@ fn a_file_that_is_cut_anywhere_gives_the_frames_before_the_cut() {
     }
 }
 
+#[test]
+fn a_broken_sample_ends_the_clip_after_the_frames_before_it() {
+    let bytes = fs::read(fixture("bframes.mp4")).unwrap();
+    let frames = all(&mut open_bytes(bytes.clone()).unwrap());
+    let samples = bytes.windows(4).position(|four| four == b"mdat").unwrap() + 4;
+    let index = bytes.windows(4).position(|four| four == b"moov").unwrap();
+    let mut ends = 0;
+    for at in samples..index - 8 {
+        let mut broken = bytes.clone();
+        broken[at..at + 4].fill(0xff);
+        let Ok(mut source) = open_bytes(broken) else {
+            continue;
+        };
+        let found = all(&mut source);
+        let Some(damage) = source.damage() else {
+            continue;
+        };
+        assert_eq!(damage.frames, found.len() as u64);
+        // where the lengths are broken, nothing before was touched
+        if damage.reason.contains("lengths") && !found.is_empty() {
+            ends += 1;
+            for (found, whole) in found.iter().zip(&frames) {
+                assert_eq!(found.time.start, whole.time.start, "{at}");
+            }
+            let same = found
+                .iter()
+                .zip(&frames)
+                .filter(|(a, b)| a.picture == b.picture)
+                .count();
+            assert!(same + 1 >= found.len(), "{at}: {same} of {}", found.len());
+        }
+        assert!(source.next_frame().unwrap().is_none());
+    }
+    assert!(ends > 4, "{ends}");
+}
+
 /// Opens and reads whatever it is, forth and with a jump.
 fn exercise(bytes: Vec<u8>) {
     let mut limits = VideoLimits::default();

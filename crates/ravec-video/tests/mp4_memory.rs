@@ -75,7 +75,7 @@ fn lying_counts_take_no_memory() {
     }
 }
 
-fn atom(kind: &[u8; 4], body: &[u8]) -> Vec<u8> {
+fn atom(kind: [u8; 4], body: &[u8]) -> Vec<u8> {
     let mut bytes = (body.len() as u32 + 8).to_be_bytes().to_vec();
     bytes.extend(kind);
     bytes.extend(body);
@@ -98,37 +98,37 @@ fn dense_file(count: u32) -> Vec<u8> {
 
 /// A file whose samples have sizes of their own in a fragment, and no other numbers.
 fn dense_fragment(count: u32) -> Vec<u8> {
-    let defaults = atom(b"mvex", &atom(b"trex", &words(&[0, 0, 1, 10, 5, 0])));
+    let defaults = atom(*b"mvex", &atom(*b"trex", &words(&[0, 0, 1, 10, 5, 0])));
     let mut file = media_file(0, &words(&[0, 0, 0]), &defaults);
     let mut run = words(&[0x200, count]);
     run.extend(words(&[5]).repeat(count as usize));
-    let fragment = [atom(b"tfhd", &words(&[0, 0])), atom(b"trun", &run)].concat();
-    file.extend(atom(b"moof", &atom(b"traf", &fragment)));
+    let fragment = [atom(*b"tfhd", &words(&[0, 0])), atom(*b"trun", &run)].concat();
+    file.extend(atom(*b"moof", &atom(*b"traf", &fragment)));
     file
 }
 
 /// A file of one video track with a table of sizes, all of whose samples are in one chunk and one run.
 fn media_file(count: u32, sizes: &[u8], more: &[u8]) -> Vec<u8> {
     let table = [
-        atom(b"stsd", &[words(&[0, 1]), atom(b"avc1", &[0; 78])].concat()),
-        atom(b"stts", &words(&[0, 1, count, 1])),
-        atom(b"stsc", &words(&[0, 1, 1, count, 1])),
-        atom(b"stco", &words(&[0, 1, 0])),
-        atom(b"stsz", sizes),
+        atom(*b"stsd", &[words(&[0, 1]), atom(*b"avc1", &[0; 78])].concat()),
+        atom(*b"stts", &words(&[0, 1, count, 1])),
+        atom(*b"stsc", &words(&[0, 1, 1, count, 1])),
+        atom(*b"stco", &words(&[0, 1, 0])),
+        atom(*b"stsz", sizes),
     ]
     .concat();
     let media = [
-        atom(b"mdhd", &words(&[0, 0, 0, 1000, 0, 0])),
-        atom(b"hdlr", b"\0\0\0\0\0\0\0\0vide\0\0\0\0\0\0\0\0\0\0\0\0\0"),
-        atom(b"minf", &atom(b"stbl", &table)),
+        atom(*b"mdhd", &words(&[0, 0, 0, 1000, 0, 0])),
+        atom(*b"hdlr", b"\0\0\0\0\0\0\0\0vide\0\0\0\0\0\0\0\0\0\0\0\0\0"),
+        atom(*b"minf", &atom(*b"stbl", &table)),
     ]
     .concat();
-    let track = [atom(b"tkhd", &[0; 84]), atom(b"mdia", &media)].concat();
+    let track = [atom(*b"tkhd", &[0; 84]), atom(*b"mdia", &media)].concat();
     let index = [
-        atom(b"mvhd", &words(&[0, 0, 0, 1000, 0])),
-        atom(b"trak", &track),
+        atom(*b"mvhd", &words(&[0, 0, 0, 1000, 0])),
+        atom(*b"trak", &track),
         more.to_vec(),
     ]
     .concat();
-    atom(b"moov", &index)
+    atom(*b"moov", &index)
 }

@@ -26,7 +26,7 @@ enum Scale {
     Quantizer,
     /// 0 to 10.
     Tenth,
-    /// Profiles of ProRes.
+    /// Profiles of `ProRes`.
     Profile,
     /// The encoder is lossless.
     Exact,
@@ -130,11 +130,9 @@ fn default_codec(extension: &str, lossless: bool) -> &'static str {
     match (extension, lossless) {
         ("webm", _) => "vp9",
         ("ogv" | "ogg", _) => "theora",
-        ("mpg" | "mpeg", _) => "mpeg2video",
+        ("mpg" | "mpeg" | "mxf", _) => "mpeg2video",
         ("mkv" | "avi" | "nut", true) => "ffv1",
-        ("avi", false) => "mpeg4",
-        ("mxf", _) => "mpeg2video",
-        ("wmv" | "asf", _) => "mpeg4",
+        ("avi", false) | ("wmv", _) => "mpeg4",
         _ => "h264",
     }
 }
@@ -324,8 +322,7 @@ impl Encoder {
                     add(&["-qmin", "1", "-q:v", &format!("{}", value.round())]);
                 }
                 Scale::Tenth => add(&["-q:v", &format!("{}", (10.0 * quality).round())]),
-                Scale::Profile => {}
-                Scale::Exact => {}
+                Scale::Profile | Scale::Exact => {}
             }
         }
         if matches!(self.scale, Scale::Profile) {

@@ -467,7 +467,7 @@ pub(super) fn reading_layout(name: &str) -> Result<Layout, VideoError> {
     let stem = name.trim_end_matches("le").trim_end_matches("be");
     // the same samples in another order, or in the nearest layout
     let same = match stem {
-        "nv12" | "nv21" => "yuv420p",
+        "nv12" | "nv21" | "yuv410p" => "yuv420p",
         "nv16" | "yuyv422" | "uyvy422" | "yvyu422" => "yuv422p",
         "nv24" | "nv42" | "vuyx" => "yuv444p",
         "uyyvyy411" => "yuv411p",
@@ -482,7 +482,6 @@ pub(super) fn reading_layout(name: &str) -> Result<Layout, VideoError> {
         "p416" | "xv48" => "yuv444p16le",
         "ayuv64" => "yuva444p16le",
         "vuya" | "ayuv" => "yuva444p",
-        "yuv410p" => "yuv420p",
         "monow" | "monob" => "gray",
         "grayf32" => "gray16le",
         "pal8" | "argb" | "abgr" => "rgba",

@@ -12,7 +12,6 @@
 //! | `layout.rs` | layouts of raw frames by FFmpeg's names |
 //! | `probe.rs` | properties of a clip |
 //! | `stamps.rs` | time stamps of all frames, for random access |
-//! | `turn.rs` | quarter turns of frames |
 //! | `source.rs` | decoding |
 //! | `encoders.rs` | codecs, encoders and quality |
 //! | `sink.rs` | encoding of parts |
@@ -26,7 +25,7 @@
 //!   [`YuvFormat`](crate::YuvFormat) does not have: packed and semi-planar ones are rearranged without loss, palettes and
 //!   odd depths of red, green and blue become 8 or 16 bits, and 4:1:0 becomes 4:2:0.
 //! - Time stamps are exact, and a variable rate is kept, as far as the container of the output has ticks for it (Matroska and
-//!   WebM have milliseconds). Frames are turned for display, once, here.
+//!   `WebM` have milliseconds). Frames are turned for display, once, here.
 //! - A damaged clip gives whole frames only, and the reason in FFmpeg's words. `seek` gives the frame that reading from the
 //!   start gives: it starts at a key frame if the packets of the file say for sure which frames there are, checks the time
 //!   stamp of what comes, and decodes from the beginning otherwise.
@@ -36,9 +35,10 @@
 //! - The same frames and options make the same bytes, with the same version of FFmpeg on the same kind of processor.
 //!
 //! Does not guarantee:
-//! - The last few frames before damage: FFmpeg may drop what is in its queues. A clip that begins with damage is decoded from
+//! - The last few frames before damage: FFmpeg may drop what is in its queues, more or less of it after a `seek`. A clip that begins with damage is decoded from
 //!   its first whole frame, and damage later on in it may be painted over.
 //! - `seek` behind damage in a clip that has not been read up to there.
+//! - Uneven times in AVI, which has one rate; equal frames in Theora, which leaves them out.
 //! - The duration of the last frame of an output, for which encoders take that of the frame before.
 //! - That two frames at the same moment stay so: the second one comes a tick later.
 
@@ -51,7 +51,6 @@ mod process;
 mod sink;
 mod source;
 mod stamps;
-mod turn;
 
 pub use assemble::{TrackExcerpt, assemble};
 pub use sink::FfmpegSink;

@@ -21,8 +21,11 @@ fn written(frames: &[(u64, [u8; FRAME])]) -> Vec<u8> {
     bytes
 }
 
+/// Time stamps and contents.
+type Frames = Vec<(i64, Vec<u8>)>;
+
 /// All frames of a stream, or the reason why there are no more.
-fn read(bytes: &[u8]) -> (Vec<(i64, Vec<u8>)>, Result<(), NutError>) {
+fn read(bytes: &[u8]) -> (Frames, Result<(), NutError>) {
     let mut frames = Vec::new();
     let result = (|| {
         let Some(mut reader) = NutReader::open(bytes)? else {

@@ -2,12 +2,12 @@
 
 use super::layout::{Layout, reading_layout};
 use super::process::{Ended, Programs, capture, input_arguments};
-use super::turn::{is_quarter, turned_color, turned_format};
 use crate::color::{ColorInfo, Range, Siting, SitingAxis, Subsampling};
 use crate::error::VideoError;
 use crate::info::{ClipInfo, Container, OtherTrack, PixelKind, Rotation, TrackKind};
 use crate::limits::VideoLimits;
 use crate::time::{Rational, rescale};
+use crate::turn::{is_quarter, turned_color, turned_format};
 use ravec_raster::Size;
 use serde::Deserialize;
 use std::path::Path;

@@ -23,7 +23,7 @@ const MAX_LINE_BYTES: usize = 400;
 /// the pipe open uses it up.
 const LAST_WORDS: Duration = Duration::from_secs(2);
 /// Time in which a short question, such as for the streams of a file, must be answered.
-const ANSWER: Duration = Duration::from_secs(120);
+const ANSWER: Duration = Duration::from_mins(2);
 
 /// The two programs.
 #[derive(Debug, Clone)]
@@ -398,7 +398,7 @@ mod tests {
             folder.path().join(executable("ffprobe")),
         );
         for path in [&program, &probe, &folder.path().join(executable("ffmpeg"))] {
-            std::fs::write(path, "").unwrap();
+            std::fs::copy(std::env::current_exe().unwrap(), path).unwrap();
         }
         let locate = |variables: &[(&str, &Path)]| {
             let found = Programs::locate_by("reading HEVC", |name| {

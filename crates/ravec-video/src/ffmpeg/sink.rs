@@ -110,6 +110,11 @@ impl FfmpegSink {
         self.send(|input| write_headers(input, &track))
     }
 
+    #[cfg(test)]
+    pub(super) fn kill_child(&mut self) {
+        self.child.iter_mut().for_each(|child| child.process.kill());
+    }
+
     /// Writes to the child. A pipe that breaks means that the child has ended, and it says why.
     fn send(
         &mut self,

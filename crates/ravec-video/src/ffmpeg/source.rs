@@ -4,13 +4,13 @@ use super::nut::{NutError, NutReader};
 use super::probe::Probe;
 use super::process::{Ended, Process, Programs, input_arguments};
 use super::stamps::Stamps;
-use super::turn::turned;
 use crate::error::VideoError;
 use crate::frame::{Frame, FramePicture};
 use crate::info::ClipInfo;
 use crate::limits::VideoLimits;
 use crate::source::{Damage, FrameSource};
 use crate::time::{FrameTime, Rational, rescale};
+use crate::turn::turned;
 use ravec_memory::Reservation;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
@@ -494,3 +494,7 @@ impl FrameSource for FfmpegSource {
         self.damage.as_ref()
     }
 }
+
+#[cfg(test)]
+#[path = "source_tests.rs"]
+mod tests;

@@ -31,7 +31,7 @@ impl NalKind {
     }
 }
 
-/// NAL units of a sample: each is a length of `length_size` bytes and so many bytes. `Err(())` where the lengths do not fit.
+/// NAL units of a sample: each is a length of `length_size` bytes, and its bytes. `Err(())` where the lengths do not fit.
 pub(crate) fn nal_units(
     sample: &[u8],
     length_size: usize,

@@ -27,7 +27,7 @@ const ASPECT_RATIOS: [(u32, u32); 16] = [
 /// `aspect_ratio_idc` for numbers that follow.
 const EXTENDED_ASPECT: u32 = 255;
 
-/// What a set says about the meaning of samples.
+/// Meaning of samples, as far as a set states it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(crate) struct Vui {
     /// Width by height of a pixel.

@@ -25,13 +25,13 @@ mod atom;
 mod concat;
 mod copy;
 mod fragments;
+mod matrix;
 mod movie;
 mod mux;
 mod samples;
 mod sink;
 mod source;
 mod timeline;
-mod turn;
 mod write;
 
 pub use concat::concatenate;

@@ -2,7 +2,7 @@
 
 use super::atom::FourCc;
 use super::copy::CopiedTracks;
-use super::turn::UPRIGHT;
+use super::matrix::UPRIGHT;
 use super::write::{TableBuilder, atom, full_atom, words};
 use crate::color::ColorInfo;
 use crate::error::VideoError;
@@ -273,7 +273,7 @@ fn handler(kind: FourCc) -> Vec<u8> {
     body
 }
 
-/// What the index states of a track.
+/// Statements of the index on a track.
 pub(super) struct TrackIndex<'a> {
     pub(super) id: u32,
     pub(super) timescale: u32,

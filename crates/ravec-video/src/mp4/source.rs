@@ -2,9 +2,9 @@
 
 use super::ReadSeek;
 use super::atom::{Fields, child, children, damaged, text_of};
+use super::matrix::rotation_of;
 use super::movie::{Movie, Track};
 use super::timeline::{Step, Timeline};
-use super::turn::{self, rotation_of, turned, turned_color, turned_format, turned_size};
 use crate::color::ColorInfo;
 use crate::error::VideoError;
 use crate::frame::{Frame, FramePicture};
@@ -13,6 +13,7 @@ use crate::info::{ClipInfo, Container, PixelKind, Rotation, TrackKind};
 use crate::limits::VideoLimits;
 use crate::source::{Damage, FrameSource};
 use crate::time::{FrameTime, Rational};
+use crate::turn::{is_quarter, turned_color, turned_format, turned_planes, turned_size};
 use crate::yuv::{YuvFormat, YuvImage};
 use ravec_memory::Reservation;
 use ravec_raster::Size;
@@ -20,7 +21,7 @@ use std::collections::BTreeMap;
 use std::io::{Read as _, SeekFrom};
 use std::ops::Range;
 
-/// Frames that may wait for one that is shown before them: as many references as H.264 has, and one.
+/// Frames that may wait for one that is shown before them: the references of H.264, and one.
 const MAX_WAITING: usize = 17;
 
 /// Bytes of the largest sample that is read: eight times what level 5.2 allows for a picture.
@@ -135,10 +136,11 @@ impl Mp4Source {
             size: turned_size(stored, rotation),
             rotation,
             pixels: PixelKind::Yuv {
-                format: turned_format(format, rotation),
+                format: turned_format(format, rotation)
+                    .ok_or_else(|| unsupported("a clip of this layout that is turned"))?,
                 color: turned_color(color, rotation),
             },
-            pixel_aspect: if turn::swaps_sides(rotation) {
+            pixel_aspect: if is_quarter(rotation) {
                 pixel_aspect.recip()
             } else {
                 pixel_aspect
@@ -237,8 +239,12 @@ impl Mp4Source {
                 number + 1
             ))),
             (Ok(Some(frame)), Some(rank)) => {
-                self.waiting
-                    .insert(rank, turned(frame, self.shape.rotation));
+                // the layout has a turned one, as was found when the clip was opened
+                let upright = match self.shape.rotation {
+                    Rotation::None => frame,
+                    rotation => turned_planes(&frame, rotation).unwrap_or(frame),
+                };
+                self.waiting.insert(rank, upright);
                 if self.waiting.len() > MAX_WAITING {
                     return Ok(Err("frames are stored too far from their turn".to_owned()));
                 }

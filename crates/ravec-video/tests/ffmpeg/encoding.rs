@@ -126,7 +126,7 @@ fn ffv1_keeps_all_samples_and_times() {
     );
     assert_exact(
         "ffv1",
-        "avi",
+        "mkv",
         yuv(Subsampling::S411, 8, false),
         milliseconds(),
         1,

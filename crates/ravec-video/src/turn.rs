@@ -4,10 +4,10 @@ use crate::color::{ColorInfo, SitingAxis, Subsampling};
 use crate::frame::FramePicture;
 use crate::info::Rotation;
 use crate::yuv::{SamplePlane, YuvFormat, YuvImage};
-use ravec_raster::{AnyImage, Image, Pixel, with_image};
+use ravec_raster::{AnyImage, Image, Pixel, Size, with_image};
 
 /// The frame turned for display. Planes of 4:1:1, for which there is no turned layout, become colors.
-pub(super) fn turned(picture: FramePicture, rotation: Rotation) -> FramePicture {
+pub(crate) fn turned(picture: FramePicture, rotation: Rotation) -> FramePicture {
     if rotation == Rotation::None {
         return picture;
     }
@@ -19,33 +19,42 @@ pub(super) fn turned(picture: FramePicture, rotation: Rotation) -> FramePicture 
             );
         }
     };
-    let (format, color) = (planes.format(), planes.color());
-    let Some(format) = turned_format(format, rotation) else {
-        return turned(
+    match turned_planes(&planes, rotation) {
+        Some(planes) => FramePicture::Yuv(planes),
+        None => turned(
             FramePicture::Image(crate::image_from_yuv(&planes)),
             rotation,
-        );
-    };
-    let color = turned_color(color, rotation);
-    let planes = planes
-        .planes()
-        .iter()
-        .map(|plane| match plane {
-            SamplePlane::U8(plane) => SamplePlane::U8(turn(plane, rotation)),
-            SamplePlane::U16(plane) => SamplePlane::U16(turn(plane, rotation)),
-        })
-        .collect();
-    let planes = YuvImage::new(format, color, planes).expect("turned planes fit the turned format");
-    FramePicture::Yuv(planes)
+        ),
+    }
+}
+
+/// The planes turned for display; `None` if there is no turned layout.
+pub(crate) fn turned_planes(planes: &YuvImage, rotation: Rotation) -> Option<YuvImage> {
+    let format = turned_format(planes.format(), rotation)?;
+    let color = turned_color(planes.color(), rotation);
+    let planes = planes.planes().iter().map(|plane| match plane {
+        SamplePlane::U8(plane) => SamplePlane::U8(turn(plane, rotation)),
+        SamplePlane::U16(plane) => SamplePlane::U16(turn(plane, rotation)),
+    });
+    YuvImage::new(format, color, planes.collect()).ok()
+}
+
+/// The size of turned frames.
+pub(crate) fn turned_size(size: Size, rotation: Rotation) -> Size {
+    if is_quarter(rotation) {
+        size.transposed()
+    } else {
+        size
+    }
 }
 
 /// True for the turns that exchange columns and rows.
-pub(super) fn is_quarter(rotation: Rotation) -> bool {
+pub(crate) fn is_quarter(rotation: Rotation) -> bool {
     matches!(rotation, Rotation::Clockwise | Rotation::Counterclockwise)
 }
 
 /// The layout of turned planes; `None` if there is none.
-pub(super) fn turned_format(format: YuvFormat, rotation: Rotation) -> Option<YuvFormat> {
+pub(crate) fn turned_format(format: YuvFormat, rotation: Rotation) -> Option<YuvFormat> {
     let subsampling = match format.subsampling {
         Subsampling::S422 if is_quarter(rotation) => Subsampling::S440,
         Subsampling::S440 if is_quarter(rotation) => Subsampling::S422,
@@ -59,7 +68,7 @@ pub(super) fn turned_format(format: YuvFormat, rotation: Rotation) -> Option<Yuv
 }
 
 /// The places of chroma samples in turned frames.
-pub(super) fn turned_color(color: ColorInfo, rotation: Rotation) -> ColorInfo {
+pub(crate) fn turned_color(color: ColorInfo, rotation: Rotation) -> ColorInfo {
     let opposite = |axis| match axis {
         SitingAxis::First => SitingAxis::Last,
         SitingAxis::Center => SitingAxis::Center,
@@ -77,24 +86,21 @@ pub(super) fn turned_color(color: ColorInfo, rotation: Rotation) -> ColorInfo {
 
 fn turn<P: Pixel>(image: &Image<P>, rotation: Rotation) -> Image<P> {
     let (last_col, last_row) = (image.width() - 1, image.height() - 1);
-    let size = if is_quarter(rotation) {
-        image.size().transposed()
-    } else {
-        image.size()
-    };
-    Image::from_fn(size, |col, row| match rotation {
-        Rotation::None => image[(col, row)],
-        Rotation::Clockwise => image[(row, last_row - col)],
-        Rotation::Half => image[(last_col - col, last_row - row)],
-        Rotation::Counterclockwise => image[(last_col - row, col)],
-    })
+    Image::from_fn(
+        turned_size(image.size(), rotation),
+        |col, row| match rotation {
+            Rotation::None => image[(col, row)],
+            Rotation::Clockwise => image[(row, last_row - col)],
+            Rotation::Half => image[(last_col - col, last_row - row)],
+            Rotation::Counterclockwise => image[(last_col - row, col)],
+        },
+    )
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::color::Siting;
-    use ravec_raster::Size;
 
     fn numbered(width: usize, height: usize) -> Image<u8> {
         let size = Size::new(width, height).unwrap();
