@@ -45,8 +45,9 @@
 //! - No cell folds in any frame.
 //! - A clip of equal frames has the deformation of the still picture in every frame: see [`ClipOptions::still_params`].
 //! - Nothing of a shot depends on frames beyond a cut.
-//! - Memory does not depend on the length of the clip. Besides the frames that are held, whose number is at most twice
-//!   the look-ahead and [`voxel_frames`](ClipOptions::voxel_frames) and 24, it is some megabytes.
+//! - Memory does not depend on the length of the clip. At most twice the look-ahead, one
+//!   [`voxel_frames`](ClipOptions::voxel_frames) (or [`sample_frames`](ClipOptions::sample_frames), if that is more) and 25
+//!   frames are held, in the pixel type in which they came; the rest is some megabytes.
 //! - The same deformations on any number of threads.
 //!
 //! # Not guaranteed

@@ -339,25 +339,34 @@ fn nothing_crosses_a_cut() {
 
 #[test]
 fn frames_are_held_no_longer_than_promised() {
-    let options = ClipOptions {
-        grid_cells: 8,
-        saliency: 0.0,
-        line_strength: 0.0,
-        look_ahead: 10,
-        voxel_frames: 8,
-        ..ClipOptions::default()
-    };
     let small = Size::new(48, 32).unwrap();
-    let most = 2 * options.look_ahead + options.voxel_frames + 24;
-    for count in [60, 600] {
+    for (look_ahead, voxel_frames, sample_frames, count) in [
+        (10, 8, 2, 60),
+        (10, 8, 2, 600),
+        (1, 2, 8, 90),
+        (25, 16, 2, 150),
+        (40, 64, 4, 300),
+    ] {
+        let options = ClipOptions {
+            grid_cells: 8,
+            saliency: 0.0,
+            line_strength: 0.0,
+            look_ahead,
+            voxel_frames,
+            sample_frames,
+            ..ClipOptions::default()
+        };
+        let most = 2 * look_ahead + voxel_frames.max(sample_frames) + 24;
         let mut clip = ClipRetargeter::new(small, &[Size::new(30, 32).unwrap()], &options).unwrap();
         let mut settled = 0;
         for t in 0..count {
             let image = Image::from_fn(small, |col, row| {
                 Srgb([((col + t) % 16 * 16) as u8, (row * 8) as u8, 90])
             });
+            // sometimes the camera stands
+            let speed = if t / 50 % 2 == 0 { -1.0 } else { 0.0 };
             let motion = FrameMotion {
-                frame_from_previous: DMat3::from_translation(dvec2(-1.0, 0.0)),
+                frame_from_previous: DMat3::from_translation(dvec2(speed, 0.0)),
                 cut: false,
             };
             let frame = ClipFrame::new(image.into(), motion);
@@ -366,9 +375,9 @@ fn frames_are_held_no_longer_than_promised() {
                 assert_eq!(frame.frame, settled);
                 settled += 1;
             }
-            assert!(t + 1 - settled <= most, "{t} {settled}");
+            assert!(t + 1 - settled <= most, "{t} {settled}: {most}");
         }
-        assert!(clip.report().max_frames_held <= most);
+        assert!(clip.report().max_frames_held <= most + 1);
         settled += clip.finish(&Progress::none()).unwrap().len();
         assert_eq!(settled, count);
     }
@@ -438,7 +447,6 @@ fn assert_steady(path: &[DVec2], percent: usize) {
     let [mean, largest] = jitter(&settled, path, &rim);
     println!("aspect {least:.4} to {most:.4}, jitter {mean:.4} {largest:.4}, {report:?}");
     assert!(most / least <= 1.03, "{aspects:?}");
-    // a tenth of a pixel is allowed on average
     assert!(mean <= 0.05 && largest <= 0.15, "{mean} {largest}");
 }
 
