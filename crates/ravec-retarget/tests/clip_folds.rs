@@ -19,7 +19,7 @@ fn frame(size: Size, seed: u64, t: usize) -> AnyImage {
     let block = 3 + seed as usize % 17;
     Image::from_fn(size, |col, row| {
         let x = col + (seed as usize % 5) * t;
-        if (x + 2 * row) / 29 % 3 == 0 {
+        if ((x + 2 * row) / 29).is_multiple_of(3) {
             return Srgb([240u8, 235, 230]);
         }
         let place = (x / block * 1000 + row / block) as u64;
