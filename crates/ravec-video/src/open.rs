@@ -102,7 +102,10 @@ impl Clip {
     /// Opens a file of another format by FFmpeg. A file that no video format begins like is refused without asking it.
     fn open_by_ffmpeg(path: &Path, start: &[u8], limits: &VideoLimits) -> Result<Self, VideoError> {
         let extension = path.extension().unwrap_or_default().to_string_lossy();
-        let known = VIDEO_EXTENSIONS.contains(&extension.to_ascii_lowercase().as_str());
+        let extension = extension.to_ascii_lowercase();
+        // of these, all that there are begin with their marks
+        let native = ["y4m", "gif", "apng"].contains(&extension.as_str());
+        let known = !native && VIDEO_EXTENSIONS.contains(&extension.as_str());
         if !known && !starts_like_video(start) {
             return Err(VideoError::UnknownFormat);
         }

@@ -110,7 +110,10 @@ fn dense_fragment(count: u32) -> Vec<u8> {
 /// A file of one video track with a table of sizes, all of whose samples are in one chunk and one run.
 fn media_file(count: u32, sizes: &[u8], more: &[u8]) -> Vec<u8> {
     let table = [
-        atom(*b"stsd", &[words(&[0, 1]), atom(*b"avc1", &[0; 78])].concat()),
+        atom(
+            *b"stsd",
+            &[words(&[0, 1]), atom(*b"avc1", &[0; 78])].concat(),
+        ),
         atom(*b"stts", &words(&[0, 1, count, 1])),
         atom(*b"stsc", &words(&[0, 1, 1, count, 1])),
         atom(*b"stco", &words(&[0, 1, 0])),

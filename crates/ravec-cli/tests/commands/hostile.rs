@@ -41,7 +41,7 @@ fn what_is_no_picture_is_refused() {
             b"Dear diary, today I am a picture.\n",
             "known are PNG, JPEG",
         ),
-        ("moving.gif", b"GIF89a\x04\0\x04\0", "looks like GIF"),
+        ("moving.png", b"GIF89a\x04\0\x04\0", "looks like GIF"),
         (
             "phone.jpg",
             b"\0\0\0\x18ftypheic\0\0\0\0mif1heic",
@@ -55,7 +55,8 @@ fn what_is_no_picture_is_refused() {
         assert_nobody_reads(folder.path(), name, &[word]);
     }
     assert_nobody_reads(folder.path(), "missing.png", &["cannot read"]);
-    assert_nobody_reads(folder.path(), ".", &["is a directory"]);
+    // some take a folder as a clip of its pictures, which are broken here
+    assert_nobody_reads(folder.path(), ".", &["cannot read"]);
 }
 
 #[test]

@@ -32,6 +32,9 @@ const OPERATIONS: &[&str] = &[
     "library clean --catalogue <photos.ravec",
     "library stats --catalogue <photos.ravec",
     "mosaic <a.bmp --catalogue <photos.ravec -o >out.png",
+    "video info <clip.y4m",
+    "video convert <clip.y4m >out.y4m",
+    "video frames <photos --at 0 -o >out.png",
     "demo --image <a.bmp --out gallery",
     "run <recipe.json",
 ];
@@ -46,6 +49,7 @@ fn studio() -> tempfile::TempDir {
     for name in ["c.bmp", "d.bmp"] {
         std::fs::copy(at("a.bmp"), at(name)).unwrap();
     }
+    std::fs::write(at("clip.y4m"), "YUV4MPEG2 W2 H1 Cmono\nFRAME\nab").unwrap();
     std::fs::write(at("points.json"), "[[5, 5], [15, 10]]").unwrap();
     std::fs::write(at("steps.json"), "{}").unwrap();
     let recipe =
