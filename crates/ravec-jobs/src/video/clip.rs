@@ -91,6 +91,10 @@ pub(crate) fn open_clip(
     for file in clip.files() {
         report.protect(file);
     }
+    // the pictures of a folder are known only now
+    for path in &context.side_outputs {
+        report.check_output(path)?;
+    }
     Ok(clip)
 }
 
