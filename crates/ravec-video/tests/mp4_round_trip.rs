@@ -100,11 +100,14 @@ fn planes(frame: &Frame) -> Vec<&Image<u8>> {
     let FramePicture::Yuv(picture) = &frame.picture else {
         panic!("planes");
     };
-    let bytes = |plane| match plane {
-        &SamplePlane::U8(ref plane) => plane,
-        SamplePlane::U16(_) => panic!("8 bits"),
-    };
     picture.planes().iter().map(bytes).collect()
+}
+
+fn bytes(plane: &SamplePlane) -> &Image<u8> {
+    match plane {
+        SamplePlane::U8(plane) => plane,
+        SamplePlane::U16(_) => panic!("8 bits"),
+    }
 }
 
 fn psnr(found: &Frame, wanted: &Frame) -> f64 {

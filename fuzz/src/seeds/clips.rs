@@ -27,7 +27,11 @@ pub fn seeds() -> Vec<Seed> {
         .map(|(name, content)| ("mp4", (*name).to_owned(), content.to_vec()));
     let y4m = [
         ("gray", "W4 H3 F25:1 Cmono", 12),
-        ("deep", "W2 H2 F30000:1001 Ip A1:1 C420p10 XCOLORRANGE=FULL", 12),
+        (
+            "deep",
+            "W2 H2 F30000:1001 Ip A1:1 C420p10 XCOLORRANGE=FULL",
+            12,
+        ),
         ("alpha", "W2 H2 C444alpha", 16),
     ];
     let y4m = y4m.map(|(name, header, bytes)| {

@@ -90,7 +90,11 @@ fn clips(folder: &Path) {
     for number in 0..12usize {
         let frame = bmp(64, 48, |col, row| {
             let inside = (col as f64 - 14.0 - 3.0 * number as f64).hypot(row as f64 - 24.0) < 9.0;
-            if inside { [40, 40, 60] } else { [200, (150 + col) as u8, (180 + row) as u8] }
+            if inside {
+                [40, 40, 60]
+            } else {
+                [200, (150 + col) as u8, (180 + row) as u8]
+            }
         });
         std::fs::write(folder.join(format!("shot_{number:02}.bmp")), frame).unwrap();
     }

@@ -215,7 +215,13 @@ fn gray_clip() -> Vec<u8> {
     let mut clip = b"YUV4MPEG2 W64 H48 F25:1 Cmono\n".to_vec();
     for number in 0..600 {
         clip.extend(b"FRAME\n");
-        let pixels = (0..48 * 64).map(|at| if at % 64 < number % 64 { 220 } else { at / 64 * 3 });
+        let pixels = (0..48 * 64).map(|at| {
+            if at % 64 < number % 64 {
+                220
+            } else {
+                at / 64 * 3
+            }
+        });
         clip.extend(pixels.map(|value| value as u8));
     }
     clip
