@@ -206,9 +206,13 @@ impl Streaming {
             AnyImage::Linear(image) => camera.push(image),
             other => camera.push(&other.convert::<Srgb<u8>>()),
         });
-        let motion = motion.map_or(FrameMotion::STILL, |motion| FrameMotion {
-            frame_from_previous: motion.frame_from_previous.matrix(),
-            cut: motion.cut,
+        let motion = motion.map_or(FrameMotion::STILL, |motion| {
+            // a guess would make the background swim
+            let matrix = motion.reliable.then(|| motion.frame_from_previous.matrix());
+            FrameMotion {
+                frame_from_previous: matrix.unwrap_or(FrameMotion::STILL.frame_from_previous),
+                cut: motion.cut,
+            }
         });
         let frame = ClipFrame {
             image,
