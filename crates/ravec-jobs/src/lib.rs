@@ -12,7 +12,7 @@
 //! scenes::Scenes { out: folder.path().into(), params }.run(&Context::default())?;
 //!
 //! let disc = folder.path().join("disc.png");
-//! let compare = Compare { a: disc.clone(), b: disc, params: Default::default() };
+//! let compare = Compare { a: disc.clone(), b: disc, plot: None, params: Default::default() };
 //! let report = compare.run(&Context::default())?;
 //! assert_eq!(report.figures["max_difference_steps"], 0.0);
 //! # Ok::<(), Box<dyn std::error::Error>>(())

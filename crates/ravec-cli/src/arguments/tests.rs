@@ -103,6 +103,8 @@ fn flags_left_out_give_the_default_parameters() {
             Step::Rectify(_) | Step::Snap(_) => &["quad"],
             Step::MeshSimplify(_) => &["error"],
             Step::Offset(_) => &["distance"],
+            Step::VideoConvert(_) => &["size"],
+            Step::VideoFrames(_) => &["at"],
             _ => &[],
         };
         let params = fields["params"].as_object_mut().unwrap();
