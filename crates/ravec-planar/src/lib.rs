@@ -76,6 +76,7 @@ mod snap;
 #[cfg(test)]
 mod strategies;
 mod tilt;
+pub mod track;
 mod vanishing;
 mod warp;
 

@@ -1,0 +1,15 @@
+//! One plane through a clip: where a quadrilateral of a reference frame lies in every other frame.
+//!
+//! Each frame is measured against the reference frame itself, or against a keyframe that is tied to it, so that errors do not
+//! add up from frame to frame.
+//!
+//! # Conventions
+//!
+//! Points are in pixels, x right, y down, pixel centers at half-integers. A frame that was exposed while things moved shows
+//! the mean over its exposure, and its homography is the one through the mean positions.
+
+mod record;
+mod tracker;
+
+pub use record::{CornerCovariance, Track, TrackState, TrackedFrame};
+pub use tracker::{PlaneTracker, Precision, TrackError, TrackParams, TrackRegion};
