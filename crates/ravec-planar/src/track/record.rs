@@ -2,7 +2,6 @@
 
 use crate::homography::Homography;
 use glam::DVec2;
-use ravec_raster::Size;
 use serde::{Deserialize, Serialize};
 
 /// Covariance of the four corners in square pixels, in the order x0, y0, x1, y1, x2, y2, x3, y3.
@@ -57,8 +56,10 @@ impl TrackedFrame {
 /// A plane through a range of frames.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Track {
-    /// Size of the frames.
-    pub size: Size,
+    /// Columns of the frames.
+    pub width: usize,
+    /// Rows of the frames.
+    pub height: usize,
     /// Corners of the quadrilateral in the reference frame, in pixels.
     pub quad: [DVec2; 4],
     /// Number of the reference frame in the clip, from 0.
