@@ -8,7 +8,12 @@
 //! Points are in pixels, x right, y down, pixel centers at half-integers. A frame that was exposed while things moved shows
 //! the mean over its exposure, and its homography is the one through the mean positions.
 
+mod align;
+mod judge;
+mod picture;
 mod record;
+mod search;
+mod template;
 mod tracker;
 
 pub use record::{CornerCovariance, Track, TrackState, TrackedFrame};
