@@ -131,8 +131,6 @@ pub(super) struct Settled {
     pub scale: f32,
     /// Solution of the last step.
     pub solution: [f64; COLUMNS],
-    /// True if the last step was small.
-    pub settled: bool,
 }
 
 /// Memory of an alignment: per sample.
@@ -213,14 +211,12 @@ pub(super) fn settle(
         let scale = weigh(samples, pose, widen, prior, scratch)?;
         let products = sum_products(samples, scratch);
         let (solution, moved) = step(samples, &products, scale, steps, pose, corners)?;
-        let settled = moved < steps.settled_px;
         last = Some(Settled {
             products,
             scale,
             solution,
-            settled,
         });
-        if settled && (!steps.far || index > 0) {
+        if moved < steps.settled_px && (!steps.far || index > 0) {
             break;
         }
     }
@@ -234,7 +230,7 @@ pub(super) fn sample(
     frame_from_units: &DMat3,
     values: &mut Vec<f32>,
 ) {
-    let shrink = f64::from(1u32 << samples.level).recip();
+    let shrink = f64::from(1u32 << level.index).recip();
     // straight to pixels of the level, relative to the center of the first one
     let origin = dvec2(level.left as f64 + 0.5, level.top as f64 + 0.5);
     let to_level = DMat3::from_translation(-origin) * DMat3::from_scale(DVec2::splat(shrink));

@@ -17,10 +17,15 @@ const MIN_GROUP: usize = 8;
 
 /// Factor of the standard deviations by the sandwich: residuals of neighboring groups are not independent either, and the
 /// template is exact only to its own blur.
-const SIGMAS: f64 = 2.0;
+const SIGMAS: f64 = 1.5;
 
 /// Standard deviation of a corner that is never undercut, in pixels: interpolation alone makes as much.
 const MIN_SIGMA_PX: f64 = 0.002;
+
+/// Variance of the relative blur, in square pixels, from which its length adds to the uncertainty, and the share of the length: the
+/// mean over an exposure in which the motion changes is not the place where the picture is sharpest.
+const FREE_BLUR: f64 = 4.0;
+const BLUR_SIGMA: f64 = 0.03;
 
 /// What of the plane is seen.
 #[derive(Debug, Clone)]
@@ -29,6 +34,8 @@ pub(super) struct Verdict {
     pub visible: f64,
     /// Share of the texture in view that is alike.
     pub alike: f64,
+    /// Share of the samples that are in view.
+    pub in_view: f64,
     /// Share of the samples in view with more than half of the full weight.
     pub inlier_share: f64,
     /// Weights of the groups for the next frame.
@@ -44,11 +51,24 @@ struct Sums {
     tt: f32,
     yy: f32,
     ty: f32,
-    /// Energy of all samples, in view or not.
-    energy: f32,
+    /// Number, sum and energy of all samples, in view or not.
+    all: [f32; 3],
 }
 
 impl Sums {
+    fn add_any(&mut self, t: f32) {
+        let [n, sum, energy] = &mut self.all;
+        *n += 1.0;
+        *sum += t;
+        *energy += t * t;
+    }
+
+    /// Energy of the texture of all samples.
+    fn texture(&self) -> f32 {
+        let [n, t, tt] = self.all;
+        (tt - t * t / n.max(1.0)).max(0.0)
+    }
+
     /// Correlation, and the energy of the template in view.
     fn correlation(&self) -> (f32, f32) {
         let n = self.n.max(1.0);
@@ -75,7 +95,7 @@ pub(super) fn judge(samples: &Samples, pose: &Pose, scale: f32, scratch: &Scratc
         let sums = &mut groups[block.group];
         for i in block.start..block.end {
             let t = samples.value[i];
-            sums.energy += t * t;
+            sums.add_any(t);
             let value = scratch.values[i];
             if value.is_nan() {
                 continue;
@@ -98,13 +118,17 @@ pub(super) fn judge(samples: &Samples, pose: &Pose, scale: f32, scratch: &Scratc
     for (group, weight) in groups.iter().zip(&mut weights) {
         let (correlation, energy) = group.correlation();
         // where noise is as strong as texture nothing can be said
-        let full = group.energy.max(energy);
-        all += f64::from(full);
+        let [n, ..] = group.all;
+        if group.texture() < n * noise {
+            continue;
+        }
+        all += f64::from(group.texture());
         if group.n < MIN_GROUP as f32 || energy < group.n * noise {
             continue;
         }
         in_view += f64::from(energy);
-        let expected = (1.0 - group.n * noise / energy).max(0.0).sqrt();
+        // half of the noise is in the template, half in the frame
+        let expected = 1.0 - 0.5 * group.n * noise / energy;
         let limit = (ALIKE * expected).clamp(ALIKE_RANGE[0], ALIKE_RANGE[1]);
         if correlation >= limit {
             alike += f64::from(energy);
@@ -115,6 +139,7 @@ pub(super) fn judge(samples: &Samples, pose: &Pose, scale: f32, scratch: &Scratc
     Verdict {
         visible: alike / all.max(1e-9),
         alike: alike / in_view.max(1e-9),
+        in_view: seen as f64 / samples.len() as f64,
         inlier_share: inliers as f64 / seen.max(1) as f64,
         groups: weights,
     }
@@ -128,7 +153,7 @@ pub(super) fn similarity(samples: &Samples, values: &[f32]) -> f64 {
         let mut sums = Sums::default();
         for i in block.start..block.end {
             let (t, y) = (samples.value[i], values[i]);
-            sums.energy += t * t;
+            sums.add_any(t);
             if y.is_nan() {
                 continue;
             }
@@ -142,21 +167,20 @@ pub(super) fn similarity(samples: &Samples, values: &[f32]) -> f64 {
         let (correlation, energy) = sums.correlation();
         let count = (block.end - block.start) as f32;
         let seen = sums.n / count.max(1.0);
-        // the texture of a block that is out of view is unknown: its spread around the mean of the template stands for it
-        let weight = energy.max((1.0 - seen) * sums.energy);
+        let weight = energy.max((1.0 - seen) * sums.texture());
         all += f64::from(weight);
         good += f64::from(weight * (seen * correlation.max(0.0) + 0.25 * (1.0 - seen)));
     }
     good / all.max(1e-9)
 }
 
-/// Covariance of points in the frame, by the sandwich H⁻¹ (Σ s sᵀ) H⁻¹ over groups.
+/// Covariance of points, given in units of `half` pixels, in the frame, by the sandwich H⁻¹ (Σ s sᵀ) H⁻¹ over groups.
 pub(super) fn corner_covariance(
     samples: &Samples,
     settled: &Settled,
     pose: &Pose,
     blur: bool,
-    corners: &[DVec2; 4],
+    (corners, half): (&[DVec2; 4], f64),
     scratch: &Scratch,
 ) -> Option<CornerCovariance> {
     let gain = pose.light.gain;
@@ -192,7 +216,34 @@ pub(super) fn corner_covariance(
         }
         covariance[i][i] += MIN_SIGMA_PX * MIN_SIGMA_PX;
     }
+    // a box of length L has the variance L² / 12
+    let length_sq = 12.0 * (blur_variance(pose) - FREE_BLUR).max(0.0);
+    let zoom = zoom_of(&pose.frame_from_units) / half;
+    let shared = BLUR_SIGMA * BLUR_SIGMA * length_sq * zoom * zoom;
+    for i in 0..8 {
+        for j in 0..8 {
+            // a common shift of all corners
+            if i % 2 == j % 2 {
+                covariance[i][j] += shared;
+            }
+        }
+    }
     Some(covariance)
+}
+
+/// The larger variance of the relative blur, in square pixels of the template.
+pub(super) fn blur_variance(pose: &Pose) -> f64 {
+    let [xx, xy, yy] = pose.blur;
+    (xx + yy).abs() + ((xx - yy).powi(2) + xy * xy).sqrt()
+}
+
+/// Pixels of the frame to a unit, in the middle of the template.
+pub(super) fn zoom_of(frame_from_units: &DMat3) -> f64 {
+    let m = frame_from_units;
+    let center = m.z_axis.truncate() / m.z_axis.z;
+    let x = (m.x_axis.truncate() - center * m.x_axis.z) / m.z_axis.z;
+    let y = (m.y_axis.truncate() - center * m.y_axis.z) / m.z_axis.z;
+    x.perp_dot(y).abs().sqrt()
 }
 
 /// Derivatives of the images of points by the motion: x and y of one after the other.

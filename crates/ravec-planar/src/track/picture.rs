@@ -8,7 +8,7 @@
 //! ```
 
 use fearless_simd::{Level as SimdLevel, Simd, dispatch};
-use glam::{DVec2, dvec2};
+use glam::DVec2;
 use ravec_raster::color::srgb_from_linear;
 use ravec_raster::{AnyImage, Image, LinearRgb, LinearRgba, Mask, Pixel, Size, Srgb, Srgba};
 
@@ -146,25 +146,13 @@ impl Window {
             height,
         }
     }
-
-    /// True if all points lie inside, at least `margin` from borders that are not those of the frame.
-    pub fn contains(&self, points: &[DVec2], margin: f64, size: Size) -> bool {
-        let low = dvec2(self.left as f64, self.top as f64);
-        let high = low + dvec2(self.width as f64, self.height as f64);
-        let full = dvec2(size.width() as f64, size.height() as f64);
-        points.iter().all(|&p| {
-            let p = p.clamp(DVec2::ZERO, full);
-            let fits = |p: f64, low: f64, high: f64, full: f64| {
-                (low == 0.0 || p >= low + margin) && (high >= full || p <= high - margin)
-            };
-            fits(p.x, low.x, high.x, full.x) && fits(p.y, low.y, high.y, full.y)
-        })
-    }
 }
 
 /// One size of a frame.
 #[derive(Debug, Clone)]
 pub(super) struct Level {
+    /// Number of halvings.
+    pub index: usize,
     /// Place of the first pixel, in pixels of the level.
     pub left: usize,
     pub top: usize,
@@ -229,6 +217,7 @@ impl Picture {
         }
         buffers.give(scratch);
         let first = Level {
+            index: 0,
             left: window.left,
             top: window.top,
             width,
@@ -264,6 +253,7 @@ impl Picture {
                 marked.push(halved);
             }
             levels.push(Level {
+                index,
                 left: last.left / 2,
                 top: last.top / 2,
                 width,
@@ -284,6 +274,12 @@ impl Picture {
             buffers.give(buffer);
         }
         Self { window, levels }
+    }
+
+    /// The level that shows as much as a level of a template, if the frame shows the plane larger by `zoom` halvings.
+    pub fn level(&self, index: usize, zoom: i32) -> &Level {
+        let wanted = index as i32 + zoom;
+        &self.levels[(wanted.max(0) as usize).min(self.levels.len() - 1)]
     }
 
     /// Coverage of a mask at the sizes of this picture, blurred and halved as its values are.
@@ -465,6 +461,7 @@ fn halve_rows<S: Simd>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::dvec2;
 
     fn gray(size: Size, value: impl Fn(f64, f64) -> f64) -> AnyImage {
         AnyImage::from(Image::from_fn(size, |col, row| {

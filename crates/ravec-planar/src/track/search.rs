@@ -40,7 +40,7 @@ pub(super) fn best_shift(
     reach: i32,
     scratch: &mut Scratch,
 ) -> (f64, DMat3) {
-    let step = f64::from(1u32 << samples.level);
+    let step = f64::from(1u32 << level.index);
     let mut best = (f64::NEG_INFINITY, *frame_from_units);
     for dy in -reach..=reach {
         for dx in -reach..=reach {
@@ -98,10 +98,10 @@ impl Searcher {
         last: &DMat3,
         scratch: &mut Scratch,
     ) -> Vec<(f64, DMat3)> {
-        let top = template.levels.len().min(picture.levels.len()) - 1;
-        let (samples, level) = (&template.levels[top], &picture.levels[top]);
+        let samples = &template.levels[template.levels.len() - 1];
+        let level = &picture.levels[picture.levels.len() - 1];
         let thin = thinned(samples);
-        let step = f64::from(1u32 << top);
+        let step = f64::from(1u32 << level.index);
         let center = *last * DVec2::ZERO.extend(1.0);
         let center = center.truncate() / center.z;
         if !center.is_finite() {

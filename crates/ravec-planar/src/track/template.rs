@@ -63,12 +63,15 @@ pub(super) struct Template {
     pub units: Units,
     /// A few samples of each level, finest first.
     pub levels: Vec<Samples>,
-    /// Many samples of the finest level.
-    pub dense: Samples,
+    /// Many samples of the finest levels.
+    pub dense: Vec<Samples>,
 }
 
 /// Samples of a level but the dense ones.
 const LEVEL_SAMPLES: usize = 2000;
+
+/// Levels that have many samples.
+const DENSE_LEVELS: usize = 4;
 
 /// Coverage of the region from which a pixel belongs to it, at the finest level and at coarser ones: what lies beyond the border
 /// moves otherwise, and the blur mixes it in.
@@ -95,10 +98,6 @@ impl Template {
             };
             select(picture, coverage, level, units, count, side)
         };
-        let dense = all(0, dense);
-        if dense.len() < MIN_SAMPLES {
-            return None;
-        }
         let levels: Vec<Samples> = (0..picture.levels.len())
             .map(|level| all(level, LEVEL_SAMPLES))
             .take_while(|samples| samples.len() >= MIN_SAMPLES)
@@ -106,6 +105,8 @@ impl Template {
         if levels.is_empty() {
             return None;
         }
+        let dense = (0..levels.len().min(DENSE_LEVELS)).map(|level| all(level, dense));
+        let dense = dense.collect();
         let mut template = Self {
             units,
             levels,
@@ -119,16 +120,18 @@ impl Template {
 impl Template {
     /// Gives each block of the levels the nearest group of the dense samples.
     fn find_groups(&mut self) {
-        let mut sums = vec![(dvec2(0.0, 0.0), 0.0f64); self.dense.groups];
-        for block in &self.dense.blocks {
+        let finest = &self.dense[0];
+        let mut sums = vec![(dvec2(0.0, 0.0), 0.0f64); finest.groups];
+        for block in &finest.blocks {
             for i in block.start..block.end {
                 let sum = &mut sums[block.group];
-                sum.0 += self.dense.place(i);
+                sum.0 += finest.place(i);
                 sum.1 += 1.0;
             }
         }
+        let groups = finest.groups;
         let centers: Vec<DVec2> = sums.iter().map(|&(sum, n)| sum / n.max(1.0)).collect();
-        for samples in &mut self.levels {
+        for samples in self.levels.iter_mut().chain(&mut self.dense[1..]) {
             for index in 0..samples.blocks.len() {
                 let block = samples.blocks[index];
                 let middle = samples.place((block.start + block.end) / 2);
@@ -136,7 +139,7 @@ impl Template {
                 let nearest = (0..centers.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)));
                 samples.blocks[index].group = nearest.unwrap_or(0);
             }
-            samples.groups = self.dense.groups;
+            samples.groups = groups;
         }
     }
 }

@@ -11,12 +11,12 @@ use crate::homography::{Homography, HomographyError};
 use crate::track::align::{
     Light, Pose, Scratch, Settled, Steps, mean_distance, project, sample, settle,
 };
-use crate::track::judge::{Verdict, corner_covariance, judge, similarity};
+use crate::track::judge::{Verdict, blur_variance, corner_covariance, judge, similarity, zoom_of};
 use crate::track::picture::{Buffers, Picture, Window};
 use crate::track::record::{CornerCovariance, TrackState, TrackedFrame};
 use crate::track::search::{Searcher, best_shift};
 use crate::track::template::{Samples, Template};
-use glam::{DMat3, DVec2, dvec2};
+use glam::{DMat2, DMat3, DVec2, dvec2};
 use ravec_raster::{AnyImage, Mask, Size};
 use serde::{Deserialize, Serialize};
 
@@ -100,7 +100,10 @@ const SETTLED_PX: f64 = 0.02;
 const DENSE_SETTLED_PX: f64 = 0.002;
 
 /// Blur is estimated at so many of the finest levels.
-const BLUR_LEVELS: usize = 2;
+const BLUR_LEVELS: usize = 3;
+
+/// Variance of the relative blur, in square pixels of a level, up to which second derivatives stand for it.
+const MAX_BLUR: f64 = 3.0;
 
 /// Correlation at the coarsest level below which a start is poor, also as a share of that of the last frame.
 const POOR_START: f64 = 0.45;
@@ -116,14 +119,19 @@ const MIN_ALIKE: f64 = 0.3;
 const MIN_VISIBLE: f64 = 0.06;
 
 /// The same, below which a pose is weak.
-const WEAK_ALIKE: f64 = 0.5;
-const WEAK_VISIBLE: f64 = 0.2;
+const WEAK_ALIKE: f64 = 0.4;
+const WEAK_VISIBLE: f64 = 0.15;
 
 /// Predicted standard deviation of a corner, in pixels, from which a pose is weak.
-const WEAK_SIGMA_PX: f64 = 0.5;
+const WEAK_SIGMA_PX: f64 = 0.7;
 
 /// Share of what was seen in the last frame below which the pose is doubted and searched for.
 const DOUBT: f64 = 0.6;
+
+/// Share of the samples of a key that must be in view for it to stay in use, and for an older key to come back, in planes of which
+/// the reference shows a part.
+const MIN_IN_VIEW: f64 = 0.55;
+const RETURN_IN_VIEW: f64 = 0.7;
 
 /// Standard deviation that stands for a lost plane, as a share of the diagonal of the frame.
 const LOST_SIGMA: f64 = 1.0;
@@ -134,6 +142,12 @@ struct Key {
     template: Template,
     /// Pixels of the reference frame from units of the template.
     reference_from_units: DMat3,
+    /// Pixels of the frame of the key from those of the reference.
+    frame_from_reference: DMat3,
+    /// Covariance of the corners of the quadrilateral in the frame of the key.
+    covariance: CornerCovariance,
+    /// Gain and bias against the reference.
+    light: [f64; 2],
 }
 
 /// The last pose, and the motion to it.
@@ -144,7 +158,6 @@ struct Motion {
     /// Change of the pose from the frame before: `before · velocity` is `last`.
     velocity: DMat3,
     light: Light,
-    blur: [f64; 3],
     /// Weights of the groups of the key.
     groups: Option<Vec<f32>>,
     visible: f64,
@@ -159,7 +172,6 @@ impl Motion {
             frame_from_reference: DMat3::IDENTITY,
             velocity: DMat3::IDENTITY,
             light: Light::SAME,
-            blur: [0.0; 3],
             groups: None,
             visible: 1.0,
             similarity: 1.0,
@@ -195,6 +207,10 @@ pub struct PlaneTracker {
     /// Corners of the region in the reference frame.
     outline: [DVec2; 4],
     levels: usize,
+    dense: usize,
+    /// True if more of the plane may come into view than the reference shows.
+    grows: bool,
+    whole_frame: bool,
     keys: Vec<Key>,
     key: usize,
     motion: Motion,
@@ -239,6 +255,9 @@ impl PlaneTracker {
             TrackRegion::Quad => quad,
             _ => [low, dvec2(high.x, low.y), high, dvec2(low.x, high.y)],
         };
+        let full = dvec2(size.width() as f64, size.height() as f64);
+        let leaves = |p: &DVec2| p.cmplt(DVec2::ZERO).any() || p.cmpgt(full).any();
+        let grows = *region == TrackRegion::Frame || outline.iter().any(leaves);
         let shorter = (high - low).min_element();
         let levels = ((shorter / COARSEST_PX).log2().floor() + 1.0).clamp(1.0, MAX_LEVELS as f64);
         let levels = levels as usize;
@@ -255,10 +274,16 @@ impl PlaneTracker {
             quad,
             outline,
             levels,
+            dense: params.precision.samples(),
             keys: vec![Key {
                 template,
                 reference_from_units,
+                frame_from_reference: DMat3::IDENTITY,
+                covariance: [[0.0; 8]; 8],
+                light: [1.0, 0.0],
             }],
+            grows,
+            whole_frame: *region == TrackRegion::Frame,
             key: 0,
             motion: Motion::none(),
             searcher,
@@ -326,10 +351,67 @@ impl PlaneTracker {
         } else {
             near
         };
-        match fit.filter(Fit::is_found) {
-            Some(fit) => self.settle_on(fit),
-            None => self.lose(),
+        let Some(fit) = fit.filter(Fit::is_found) else {
+            return self.lose();
+        };
+        let in_view = fit.verdict.in_view;
+        let tracked = self.settle_on(fit);
+        if self.grows && in_view < MIN_IN_VIEW && tracked.state == TrackState::Tracked {
+            self.change_key(frame, exclude, &tracked);
         }
+        tracked
+    }
+
+    /// Takes another key for the frames that follow: the one of which most is in view, or this frame.
+    fn change_key(&mut self, frame: &AnyImage, exclude: Option<&Mask>, tracked: &TrackedFrame) {
+        let pose = tracked.frame_from_reference.matrix();
+        let full = dvec2(self.size.width() as f64, self.size.height() as f64);
+        let in_view = |key: &Key| {
+            let samples = &key.template.levels[key.template.levels.len() - 1];
+            let frame_from_units = pose * key.reference_from_units;
+            let inside = (0..samples.len()).filter(|&i| {
+                let place = project(&frame_from_units, samples.place(i));
+                place.is_some_and(|p| p.cmpgt(DVec2::ZERO).all() && p.cmplt(full).all())
+            });
+            inside.count() as f64 / samples.len() as f64
+        };
+        let shares = self.keys.iter().map(in_view).enumerate();
+        // the older of equals is nearer to the reference
+        let best = shares.max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
+        if let Some((index, share)) = best
+            && share >= RETURN_IN_VIEW
+        {
+            self.use_key(index);
+            return;
+        }
+        let window = Window::whole(self.size);
+        let picture = Picture::new(frame, exclude, window, self.levels, &mut self.buffers);
+        let mask = if self.whole_frame {
+            Mask::full(self.size)
+        } else {
+            let outline = self.outline.map(|p| project(&pose, p).unwrap_or(p));
+            Mask::from_polygon(self.size, &outline).unwrap_or_else(|_| Mask::empty(self.size))
+        };
+        let coverage = picture.coverage(&mask);
+        if let Some(template) = Template::new(&picture, &coverage, self.dense) {
+            let frame_from_units = template.units.pixels_from_units();
+            let reference_from_units = pose.inverse() * frame_from_units;
+            self.keys.push(Key {
+                reference_from_units: reference_from_units * reference_from_units.z_axis.z.recip(),
+                template,
+                frame_from_reference: pose,
+                covariance: tracked.covariance,
+                light: [tracked.gain, tracked.bias],
+            });
+            self.use_key(self.keys.len() - 1);
+        }
+        self.buffers.recycle(picture);
+    }
+
+    fn use_key(&mut self, index: usize) {
+        self.key = index;
+        self.motion.groups = None;
+        self.motion.light = Light::SAME;
     }
 
     /// Corners of the region in units of a key.
@@ -373,7 +455,7 @@ impl PlaneTracker {
     /// Aligns from the best of some starts, or from shifts around it.
     fn align_from(&mut self, picture: &Picture, starts: &[DMat3]) -> Option<Fit> {
         let key = &self.keys[self.key];
-        let top = key.template.levels.len().min(picture.levels.len()) - 1;
+        let top = key.template.levels.len() - 1;
         let samples = &key.template.levels[top];
         let mut best = (f64::NEG_INFINITY, DMat3::IDENTITY);
         for start in starts {
@@ -415,10 +497,14 @@ impl PlaneTracker {
         let corners = self.corners_in_units(key);
         let mut pose = Pose::new(*frame_from_units, self.motion.light);
         let scratch = &mut self.scratch;
-        let count = key.template.levels.len().min(picture.levels.len());
+        let count = key.template.levels.len();
+        let zoom = zoom_levels(frame_from_units, key.template.units.half);
         for index in (0..count).rev() {
             let samples = &key.template.levels[index];
             let coarsest = index + 1 == count && count > 1;
+            if index + 1 < count && index + 1 < BLUR_LEVELS && is_blurred(&pose, index) {
+                break;
+            }
             let steps = Steps {
                 max: LEVEL_STEPS,
                 settled_px: SETTLED_PX * f64::from(1u32 << index),
@@ -441,17 +527,20 @@ impl PlaneTracker {
                 scratch,
             )?;
         }
-        let dense = &key.template.dense;
+        let last = key.template.dense.len() - 1;
+        let finest = (0..last).find(|&index| !is_blurred(&pose, index));
+        let dense = &key.template.dense[finest.unwrap_or(last)];
+        let level = picture.level(dense.level, zoom);
         let steps = Steps {
             max: DENSE_STEPS,
-            settled_px: DENSE_SETTLED_PX,
+            settled_px: DENSE_SETTLED_PX * f64::from(1u32 << dense.level),
             motion: 8,
             blur: true,
             far: false,
         };
         let settled = settle(
             dense,
-            &picture.levels[0],
+            level,
             &mut pose,
             steps,
             (&corners, None),
@@ -462,7 +551,14 @@ impl PlaneTracker {
         let quad = self
             .quad
             .map(|p| project(&units_from_reference, p).unwrap_or(DVec2::ZERO));
-        let covariance = corner_covariance(dense, &settled, &pose, true, &quad, scratch);
+        let covariance = corner_covariance(
+            dense,
+            &settled,
+            &pose,
+            true,
+            (&quad, key.template.units.half),
+            scratch,
+        );
         Some(Fit {
             pose,
             settled,
@@ -513,6 +609,8 @@ impl PlaneTracker {
         if !corners.iter().all(|corner| corner.is_finite()) {
             return self.lose();
         }
+        let covariance = carried(&covariance, key, &now, &self.quad);
+        let [gain, bias] = key.light;
         let velocity = before.inverse() * now;
         self.motion = Motion {
             frame_from_reference: now,
@@ -522,7 +620,6 @@ impl PlaneTracker {
                 DMat3::IDENTITY
             },
             light: fit.pose.light,
-            blur: fit.pose.blur,
             groups: Some(fit.verdict.groups),
             visible: fit.verdict.visible,
             similarity: fit.similarity,
@@ -536,8 +633,8 @@ impl PlaneTracker {
             inlier_share: fit.verdict.inlier_share,
             visible: fit.verdict.visible,
             residual: f64::from(fit.settled.scale),
-            gain: fit.pose.light.gain,
-            bias: fit.pose.light.bias,
+            gain: fit.pose.light.gain * gain,
+            bias: fit.pose.light.gain * bias + fit.pose.light.bias,
             keyframe: self.key,
         };
         let weak = fit.verdict.alike < WEAK_ALIKE
@@ -573,6 +670,51 @@ impl PlaneTracker {
             keyframe: self.key,
         }
     }
+}
+
+/// The number of halvings by which the frame shows the plane larger than the template does, rounded.
+fn zoom_levels(frame_from_units: &DMat3, half: f64) -> i32 {
+    let zoom = (zoom_of(frame_from_units) / half).log2();
+    // NaN becomes 0
+    zoom.clamp(-8.0, 8.0).round() as i32
+}
+
+/// True if blur is too strong for the second derivatives of a level to stand for it.
+fn is_blurred(pose: &Pose, level: usize) -> bool {
+    blur_variance(pose) * 0.25f64.powi(level as i32) > MAX_BLUR
+}
+
+/// Covariance of the corners in a frame that was measured against a key, with that of the key itself.
+fn carried(
+    measured: &CornerCovariance,
+    key: &Key,
+    frame_from_reference: &DMat3,
+    quad: &[DVec2; 4],
+) -> CornerCovariance {
+    let frame_from_key = *frame_from_reference * key.frame_from_reference.inverse();
+    // derivatives of each corner in the frame by the same corner in the frame of the key
+    let local = quad.map(|corner| {
+        let at = project(&key.frame_from_reference, corner)?;
+        let map = Homography::from_matrix(frame_from_key).ok()?;
+        Some(map.jacobian(at))
+    });
+    let mut sum = *measured;
+    for (i, a) in local.iter().enumerate() {
+        for (j, b) in local.iter().enumerate() {
+            let (Some(a), Some(b)) = (a, b) else { continue };
+            let c = &key.covariance;
+            let tie = DMat2::from_cols(
+                dvec2(c[2 * i][2 * j], c[2 * i + 1][2 * j]),
+                dvec2(c[2 * i][2 * j + 1], c[2 * i + 1][2 * j + 1]),
+            );
+            let block = *a * tie * b.transpose();
+            sum[2 * i][2 * j] += block.x_axis.x;
+            sum[2 * i + 1][2 * j] += block.x_axis.y;
+            sum[2 * i][2 * j + 1] += block.y_axis.x;
+            sum[2 * i + 1][2 * j + 1] += block.y_axis.y;
+        }
+    }
+    sum
 }
 
 /// Weights of blocks from those of their groups.
