@@ -8,8 +8,13 @@
 //! Points are in pixels, x right, y down, pixel centers at half-integers. A frame that was exposed while things moved shows
 //! the mean over its exposure, and its homography is the one through the mean positions.
 
+mod bridge;
+mod offsets;
 mod record;
+mod solve;
 mod tracker;
+mod walk;
 
 pub use record::{CornerCovariance, Track, TrackState, TrackedFrame};
+pub use solve::{CorrectError, Correction};
 pub use tracker::{PlaneTracker, Precision, TrackError, TrackParams, TrackRegion};
