@@ -12,9 +12,11 @@ mod bridge;
 mod offsets;
 mod record;
 mod solve;
+mod ties;
 mod tracker;
 mod walk;
 
 pub use record::{CornerCovariance, Track, TrackState, TrackedFrame};
 pub use solve::{CorrectError, Correction};
+pub use ties::{MAX_KEYFRAMES, Tie, TieError, TiedKeyframes, tie_keyframes};
 pub use tracker::{PlaneTracker, Precision, TrackError, TrackParams, TrackRegion};
