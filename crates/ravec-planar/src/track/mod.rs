@@ -9,12 +9,20 @@
 //! the mean over its exposure, and its homography is the one through the mean positions.
 
 mod align;
+mod bridge;
 mod judge;
+mod keys;
+mod offsets;
 mod picture;
 mod record;
 mod search;
+mod solve;
 mod template;
+mod ties;
 mod tracker;
+mod walk;
 
 pub use record::{CornerCovariance, Track, TrackState, TrackedFrame};
+pub use solve::{CorrectError, Correction};
+pub use ties::{MAX_KEYFRAMES, Tie, TieError, TiedKeyframes, tie_keyframes};
 pub use tracker::{PlaneTracker, Precision, TrackError, TrackParams, TrackRegion};

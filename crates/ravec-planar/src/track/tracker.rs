@@ -11,12 +11,13 @@ use crate::homography::{Homography, HomographyError};
 use crate::track::align::{
     Light, Pose, Scratch, Settled, Steps, mean_distance, project, sample, settle,
 };
-use crate::track::judge::{Verdict, blur_variance, corner_covariance, judge, similarity, zoom_of};
+use crate::track::judge::{PoseCovariance, Verdict, blur_variance, judge, similarity, zoom_of};
+use crate::track::keys::{Choice, Key, Keys};
 use crate::track::picture::{Buffers, Picture, Window};
-use crate::track::record::{CornerCovariance, TrackState, TrackedFrame};
+use crate::track::record::{TrackState, TrackedFrame};
 use crate::track::search::{Searcher, best_shift};
 use crate::track::template::{Samples, Template};
-use glam::{DMat2, DMat3, DVec2, dvec2};
+use glam::{DMat3, DVec2, dvec2};
 use ravec_raster::{AnyImage, Mask, Size};
 use serde::{Deserialize, Serialize};
 
@@ -128,27 +129,8 @@ const WEAK_SIGMA_PX: f64 = 0.7;
 /// Share of what was seen in the last frame below which the pose is doubted and searched for.
 const DOUBT: f64 = 0.6;
 
-/// Share of the samples of a key that must be in view for it to stay in use, and for an older key to come back, in planes of which
-/// the reference shows a part.
-const MIN_IN_VIEW: f64 = 0.55;
-const RETURN_IN_VIEW: f64 = 0.7;
-
 /// Standard deviation that stands for a lost plane, as a share of the diagonal of the frame.
 const LOST_SIGMA: f64 = 1.0;
-
-/// A frame whose plane is known.
-#[derive(Debug, Clone)]
-struct Key {
-    template: Template,
-    /// Pixels of the reference frame from units of the template.
-    reference_from_units: DMat3,
-    /// Pixels of the frame of the key from those of the reference.
-    frame_from_reference: DMat3,
-    /// Covariance of the corners of the quadrilateral in the frame of the key.
-    covariance: CornerCovariance,
-    /// Gain and bias against the reference.
-    light: [f64; 2],
-}
 
 /// The last pose, and the motion to it.
 #[derive(Debug, Clone)]
@@ -186,7 +168,7 @@ struct Fit {
     settled: Settled,
     verdict: Verdict,
     similarity: f64,
-    covariance: Option<CornerCovariance>,
+    covariance: Option<PoseCovariance>,
 }
 
 impl Fit {
@@ -211,7 +193,9 @@ pub struct PlaneTracker {
     /// True if more of the plane may come into view than the reference shows.
     grows: bool,
     whole_frame: bool,
-    keys: Vec<Key>,
+    keys: Keys,
+    /// Frames since the key was changed.
+    since_change: usize,
     key: usize,
     motion: Motion,
     searcher: Searcher,
@@ -268,22 +252,16 @@ impl PlaneTracker {
         let template = Template::new(&picture, &coverage, params.precision.samples())
             .ok_or(TrackError::Plain)?;
         let searcher = Searcher::new(&picture, &coverage[0]);
-        let reference_from_units = template.units.pixels_from_units();
         Ok(Self {
             size,
             quad,
             outline,
             levels,
             dense: params.precision.samples(),
-            keys: vec![Key {
-                template,
-                reference_from_units,
-                frame_from_reference: DMat3::IDENTITY,
-                covariance: [[0.0; 8]; 8],
-                light: [1.0, 0.0],
-            }],
+            keys: Keys::new(template, quad),
             grows,
             whole_frame: *region == TrackRegion::Frame,
+            since_change: 0,
             key: 0,
             motion: Motion::none(),
             searcher,
@@ -354,38 +332,67 @@ impl PlaneTracker {
         let Some(fit) = fit.filter(Fit::is_found) else {
             return self.lose();
         };
-        let in_view = fit.verdict.in_view;
-        let tracked = self.settle_on(fit);
-        if self.grows && in_view < MIN_IN_VIEW && tracked.state == TrackState::Tracked {
-            self.change_key(frame, exclude, &tracked);
+        let tracked = self.settle_on(&fit);
+        if self.grows && tracked.state == TrackState::Tracked {
+            return self.change_key(frame, exclude, (fit, tracked));
         }
         tracked
     }
 
-    /// Takes another key for the frames that follow: the one of which most is in view, or this frame.
-    fn change_key(&mut self, frame: &AnyImage, exclude: Option<&Mask>, tracked: &TrackedFrame) {
+    /// Takes another key for the frames that follow, if there is a better one; the frame, as measured against it.
+    fn change_key(
+        &mut self,
+        frame: &AnyImage,
+        exclude: Option<&Mask>,
+        (fit, tracked): (Fit, TrackedFrame),
+    ) -> TrackedFrame {
+        self.since_change += 1;
         let pose = tracked.frame_from_reference.matrix();
-        let full = dvec2(self.size.width() as f64, self.size.height() as f64);
-        let in_view = |key: &Key| {
-            let samples = &key.template.levels[key.template.levels.len() - 1];
-            let frame_from_units = pose * key.reference_from_units;
-            let inside = (0..samples.len()).filter(|&i| {
-                let place = project(&frame_from_units, samples.place(i));
-                place.is_some_and(|p| p.cmpgt(DVec2::ZERO).all() && p.cmplt(full).all())
-            });
-            inside.count() as f64 / samples.len() as f64
-        };
-        let shares = self.keys.iter().map(in_view).enumerate();
-        // the older of equals is nearer to the reference
-        let best = shares.max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
-        if let Some((index, share)) = best
-            && share >= RETURN_IN_VIEW
-        {
-            self.use_key(index);
-            return;
+        let in_view = fit.verdict.in_view;
+        let choice = self
+            .keys
+            .choose(self.key, &pose, in_view, self.since_change, self.size);
+        if choice == Choice::Keep {
+            return tracked;
         }
         let window = Window::whole(self.size);
         let picture = Picture::new(frame, exclude, window, self.levels, &mut self.buffers);
+        let tracked = match choice {
+            Choice::Other(index) => self.switch_key(index, &picture, fit, tracked),
+            _ => {
+                self.add_key(&picture, &fit, &tracked);
+                tracked
+            }
+        };
+        self.buffers.recycle(picture);
+        tracked
+    }
+
+    /// Measures the frame against another key as well, which ties the two.
+    fn switch_key(
+        &mut self,
+        index: usize,
+        picture: &Picture,
+        fit: Fit,
+        tracked: TrackedFrame,
+    ) -> TrackedFrame {
+        let before = (self.key, self.motion.clone());
+        self.use_key(index);
+        let other = self.align_from(picture, &[self.motion.frame_from_reference]);
+        let Some(other) = other.filter(Fit::is_found) else {
+            (self.key, self.motion) = before;
+            return tracked;
+        };
+        if let (Some(a), Some(b)) = (&fit.covariance, &other.covariance) {
+            self.keys
+                .tie((before.0, &fit.pose, a), (index, &other.pose, b), self.size);
+        }
+        self.settle_on(&other)
+    }
+
+    /// Makes a key of the frame.
+    fn add_key(&mut self, picture: &Picture, fit: &Fit, tracked: &TrackedFrame) {
+        let pose = tracked.frame_from_reference.matrix();
         let mask = if self.whole_frame {
             Mask::full(self.size)
         } else {
@@ -393,25 +400,27 @@ impl PlaneTracker {
             Mask::from_polygon(self.size, &outline).unwrap_or_else(|_| Mask::empty(self.size))
         };
         let coverage = picture.coverage(&mask);
-        if let Some(template) = Template::new(&picture, &coverage, self.dense) {
-            let frame_from_units = template.units.pixels_from_units();
-            let reference_from_units = pose.inverse() * frame_from_units;
-            self.keys.push(Key {
-                reference_from_units: reference_from_units * reference_from_units.z_axis.z.recip(),
-                template,
-                frame_from_reference: pose,
-                covariance: tracked.covariance,
-                light: [tracked.gain, tracked.bias],
-            });
-            self.use_key(self.keys.len() - 1);
+        if let Some(template) = Template::new(picture, &coverage, self.dense)
+            && let Some(covariance) = &fit.covariance
+        {
+            let measured = (self.key, &fit.pose, covariance);
+            let index = self.keys.add(template, tracked, measured, self.size);
+            self.use_key(index);
         }
-        self.buffers.recycle(picture);
     }
 
     fn use_key(&mut self, index: usize) {
         self.key = index;
+        self.since_change = 0;
         self.motion.groups = None;
         self.motion.light = Light::SAME;
+    }
+
+    /// Refines the keyframes together, by all that ties them, and with them the poses of frames that were measured against them:
+    /// where the plane has left the reference frame and come back, the error of the way is spread over it. Frames that are
+    /// measured against the reference itself stay as they are. Returns `false` if there is nothing to refine.
+    pub fn refine(&mut self, frames: &mut [TrackedFrame]) -> bool {
+        self.keys.refine(frames, &self.quad, self.size)
     }
 
     /// Corners of the region in units of a key.
@@ -454,7 +463,7 @@ impl PlaneTracker {
 
     /// Aligns from the best of some starts, or from shifts around it.
     fn align_from(&mut self, picture: &Picture, starts: &[DMat3]) -> Option<Fit> {
-        let key = &self.keys[self.key];
+        let key = &self.keys.all[self.key];
         let top = key.template.levels.len() - 1;
         let samples = &key.template.levels[top];
         let mut best = (f64::NEG_INFINITY, DMat3::IDENTITY);
@@ -493,7 +502,7 @@ impl PlaneTracker {
         frame_from_units: &DMat3,
         similarity: f64,
     ) -> Option<Fit> {
-        let key = &self.keys[self.key];
+        let key = &self.keys.all[self.key];
         let corners = self.corners_in_units(key);
         let mut pose = Pose::new(*frame_from_units, self.motion.light);
         let scratch = &mut self.scratch;
@@ -538,27 +547,10 @@ impl PlaneTracker {
             blur: true,
             far: false,
         };
-        let settled = settle(
-            dense,
-            level,
-            &mut pose,
-            steps,
-            (&corners, None),
-            scratch,
-        )?;
+        let settled = settle(dense, level, &mut pose, steps, (&corners, None), scratch)?;
         let verdict = judge(dense, &pose, settled.scale, scratch);
-        let units_from_reference = key.reference_from_units.inverse();
-        let quad = self
-            .quad
-            .map(|p| project(&units_from_reference, p).unwrap_or(DVec2::ZERO));
-        let covariance = corner_covariance(
-            dense,
-            &settled,
-            &pose,
-            true,
-            (&quad, key.template.units.half),
-            scratch,
-        );
+        let half = key.template.units.half;
+        let covariance = PoseCovariance::new(dense, &settled, &pose, half, scratch);
         Some(Fit {
             pose,
             settled,
@@ -573,7 +565,7 @@ impl PlaneTracker {
         let window = Window::whole(self.size);
         let picture = Picture::new(frame, exclude, window, self.levels, &mut self.buffers);
         let last = self.motion.frame_from_reference;
-        let key = &self.keys[self.key];
+        let key = &self.keys.all[self.key];
         let start = last * key.reference_from_units;
         let places = self
             .searcher
@@ -587,7 +579,7 @@ impl PlaneTracker {
             && self.searcher.is_due(self.motion.lost_for)
             && let Some(frame_from_reference) = self.searcher.by_features(&picture)
         {
-            let start = frame_from_reference * self.keys[self.key].reference_from_units;
+            let start = frame_from_reference * self.keys.all[self.key].reference_from_units;
             let fit = self.align(&picture, &start, 1.0);
             best = better(best, fit);
         }
@@ -596,20 +588,21 @@ impl PlaneTracker {
     }
 
     /// Takes a pose.
-    fn settle_on(&mut self, fit: Fit) -> TrackedFrame {
-        let key = &self.keys[self.key];
+    fn settle_on(&mut self, fit: &Fit) -> TrackedFrame {
+        let key = &self.keys.all[self.key];
         let before = self.motion.frame_from_reference;
         let now = fit.pose.frame_from_units * key.reference_from_units.inverse();
         let now = now * now.z_axis.z.recip();
         let found = Homography::from_matrix(now);
-        let (Some(covariance), Ok(frame_from_reference)) = (fit.covariance, found) else {
+        let covariance = (fit.covariance.as_ref())
+            .and_then(|covariance| key.covariance_in(covariance, &fit.pose, &self.quad));
+        let (Some(covariance), Ok(frame_from_reference)) = (covariance, found) else {
             return self.lose();
         };
         let corners = self.quad.map(|p| project(&now, p).unwrap_or(DVec2::NAN));
         if !corners.iter().all(|corner| corner.is_finite()) {
             return self.lose();
         }
-        let covariance = carried(&covariance, key, &now, &self.quad);
         let [gain, bias] = key.light;
         let velocity = before.inverse() * now;
         self.motion = Motion {
@@ -620,7 +613,7 @@ impl PlaneTracker {
                 DMat3::IDENTITY
             },
             light: fit.pose.light,
-            groups: Some(fit.verdict.groups),
+            groups: Some(fit.verdict.groups.clone()),
             visible: fit.verdict.visible,
             similarity: fit.similarity,
             lost_for: 0,
@@ -682,39 +675,6 @@ fn zoom_levels(frame_from_units: &DMat3, half: f64) -> i32 {
 /// True if blur is too strong for the second derivatives of a level to stand for it.
 fn is_blurred(pose: &Pose, level: usize) -> bool {
     blur_variance(pose) * 0.25f64.powi(level as i32) > MAX_BLUR
-}
-
-/// Covariance of the corners in a frame that was measured against a key, with that of the key itself.
-fn carried(
-    measured: &CornerCovariance,
-    key: &Key,
-    frame_from_reference: &DMat3,
-    quad: &[DVec2; 4],
-) -> CornerCovariance {
-    let frame_from_key = *frame_from_reference * key.frame_from_reference.inverse();
-    // derivatives of each corner in the frame by the same corner in the frame of the key
-    let local = quad.map(|corner| {
-        let at = project(&key.frame_from_reference, corner)?;
-        let map = Homography::from_matrix(frame_from_key).ok()?;
-        Some(map.jacobian(at))
-    });
-    let mut sum = *measured;
-    for (i, a) in local.iter().enumerate() {
-        for (j, b) in local.iter().enumerate() {
-            let (Some(a), Some(b)) = (a, b) else { continue };
-            let c = &key.covariance;
-            let tie = DMat2::from_cols(
-                dvec2(c[2 * i][2 * j], c[2 * i + 1][2 * j]),
-                dvec2(c[2 * i][2 * j + 1], c[2 * i + 1][2 * j + 1]),
-            );
-            let block = *a * tie * b.transpose();
-            sum[2 * i][2 * j] += block.x_axis.x;
-            sum[2 * i + 1][2 * j] += block.x_axis.y;
-            sum[2 * i][2 * j + 1] += block.y_axis.x;
-            sum[2 * i + 1][2 * j + 1] += block.y_axis.y;
-        }
-    }
-    sum
 }
 
 /// Weights of blocks from those of their groups.
