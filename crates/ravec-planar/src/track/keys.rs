@@ -40,7 +40,6 @@ pub(super) struct Key {
 #[derive(Debug, Clone)]
 pub(super) struct Keys {
     pub all: Vec<Key>,
-    quad: [DVec2; 4],
     ties: Vec<Tie>,
 }
 
@@ -113,7 +112,7 @@ fn project_all(m: &DMat3, points: &[DVec2; 4]) -> Option<[DVec2; 4]> {
 
 impl Keys {
     /// The reference alone.
-    pub fn new(template: Template, quad: [DVec2; 4]) -> Self {
+    pub fn new(template: Template) -> Self {
         let reference = Key {
             reference_from_units: template.units.pixels_from_units(),
             template,
@@ -123,7 +122,6 @@ impl Keys {
         };
         Self {
             all: vec![reference],
-            quad,
             ties: Vec::new(),
         }
     }

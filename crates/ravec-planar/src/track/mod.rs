@@ -10,6 +10,7 @@
 
 mod align;
 mod bridge;
+mod follow;
 mod judge;
 mod keys;
 mod offsets;

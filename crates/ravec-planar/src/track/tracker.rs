@@ -8,15 +8,13 @@
 //! ```
 
 use crate::homography::{Homography, HomographyError};
-use crate::track::align::{
-    Light, Pose, Scratch, Settled, Steps, mean_distance, project, sample, settle,
-};
-use crate::track::judge::{PoseCovariance, Verdict, blur_variance, judge, similarity, zoom_of};
-use crate::track::keys::{Choice, Key, Keys};
+use crate::track::align::{Light, Scratch, project};
+use crate::track::follow::{Fit, better};
+use crate::track::keys::{Choice, Keys};
 use crate::track::picture::{Buffers, Picture, Window};
 use crate::track::record::{TrackState, TrackedFrame};
-use crate::track::search::{Searcher, best_shift};
-use crate::track::template::{Samples, Template};
+use crate::track::search::Searcher;
+use crate::track::template::Template;
 use glam::{DMat3, DVec2, dvec2};
 use ravec_raster::{AnyImage, Mask, Size};
 use serde::{Deserialize, Serialize};
@@ -89,37 +87,7 @@ pub enum TrackError {
 const COARSEST_PX: f64 = 40.0;
 const MAX_LEVELS: usize = 7;
 
-/// Margin around the predicted plane that is read, in pixels, beside the last motion.
-const MARGIN_PX: f64 = 40.0;
-
-/// Steps of a level, and of the dense samples.
-const LEVEL_STEPS: usize = 6;
-const DENSE_STEPS: usize = 4;
-
-/// Mean motion of the corners, in pixels, at which levels and dense samples have settled.
-const SETTLED_PX: f64 = 0.02;
-const DENSE_SETTLED_PX: f64 = 0.002;
-
-/// Blur is estimated at so many of the finest levels.
-const BLUR_LEVELS: usize = 3;
-
-/// Variance of the relative blur, in square pixels of a level, up to which second derivatives stand for it.
-const MAX_BLUR: f64 = 3.0;
-
-/// Correlation at the coarsest level below which a start is poor, also as a share of that of the last frame.
-const POOR_START: f64 = 0.45;
-const POOR_SHARE: f64 = 0.7;
-
-/// Search for a poor start, in pixels of the coarsest level to each side.
-const REACH: i32 = 5;
-
-/// Share of the texture in view that must be alike.
-const MIN_ALIKE: f64 = 0.3;
-
-/// Share of the texture that must be seen.
-const MIN_VISIBLE: f64 = 0.06;
-
-/// The same, below which a pose is weak.
+/// Share of the texture in view that is alike, and share of all texture that is, below which a pose is weak.
 const WEAK_ALIKE: f64 = 0.4;
 const WEAK_VISIBLE: f64 = 0.15;
 
@@ -134,18 +102,18 @@ const LOST_SIGMA: f64 = 1.0;
 
 /// The last pose, and the motion to it.
 #[derive(Debug, Clone)]
-struct Motion {
+pub(super) struct Motion {
     /// Pixels of the frame from those of the reference.
-    frame_from_reference: DMat3,
+    pub frame_from_reference: DMat3,
     /// Change of the pose from the frame before: `before · velocity` is `last`.
-    velocity: DMat3,
-    light: Light,
+    pub velocity: DMat3,
+    pub light: Light,
     /// Weights of the groups of the key.
-    groups: Option<Vec<f32>>,
-    visible: f64,
-    similarity: f64,
+    pub groups: Option<Vec<f32>>,
+    pub visible: f64,
+    pub similarity: f64,
     /// Frames since the plane was lost.
-    lost_for: usize,
+    pub lost_for: usize,
 }
 
 impl Motion {
@@ -162,45 +130,26 @@ impl Motion {
     }
 }
 
-/// An alignment to a key with its verdict.
-struct Fit {
-    pose: Pose,
-    settled: Settled,
-    verdict: Verdict,
-    similarity: f64,
-    covariance: Option<PoseCovariance>,
-}
-
-impl Fit {
-    fn is_found(&self) -> bool {
-        self.verdict.alike >= MIN_ALIKE && self.verdict.visible >= MIN_VISIBLE
-    }
-
-    fn quality(&self) -> f64 {
-        self.verdict.visible.min(self.verdict.alike)
-    }
-}
-
 /// Follows a plane from frame to frame. Frames are pushed in the order of time, forward or backward from the reference.
 #[derive(Debug, Clone)]
 pub struct PlaneTracker {
-    size: Size,
-    quad: [DVec2; 4],
+    pub(super) size: Size,
+    pub(super) quad: [DVec2; 4],
     /// Corners of the region in the reference frame.
-    outline: [DVec2; 4],
-    levels: usize,
-    dense: usize,
+    pub(super) outline: [DVec2; 4],
+    pub(super) levels: usize,
+    pub(super) dense: usize,
     /// True if more of the plane may come into view than the reference shows.
-    grows: bool,
-    whole_frame: bool,
-    keys: Keys,
+    pub(super) grows: bool,
+    pub(super) whole_frame: bool,
+    pub(super) keys: Keys,
     /// Frames since the key was changed.
-    since_change: usize,
-    key: usize,
-    motion: Motion,
-    searcher: Searcher,
-    scratch: Scratch,
-    buffers: Buffers,
+    pub(super) since_change: usize,
+    pub(super) key: usize,
+    pub(super) motion: Motion,
+    pub(super) searcher: Searcher,
+    pub(super) scratch: Scratch,
+    pub(super) buffers: Buffers,
 }
 
 impl PlaneTracker {
@@ -258,7 +207,7 @@ impl PlaneTracker {
             outline,
             levels,
             dense: params.precision.samples(),
-            keys: Keys::new(template, quad),
+            keys: Keys::new(template),
             grows,
             whole_frame: *region == TrackRegion::Frame,
             since_change: 0,
@@ -321,11 +270,7 @@ impl PlaneTracker {
         });
         let fit = if doubted {
             let found = self.search(frame, exclude);
-            match (near, found) {
-                (Some(near), Some(found)) if near.quality() >= found.quality() => Some(near),
-                (near, None) => near,
-                (_, found) => found,
-            }
+            better(near, found)
         } else {
             near
         };
@@ -378,6 +323,9 @@ impl PlaneTracker {
     ) -> TrackedFrame {
         let before = (self.key, self.motion.clone());
         self.use_key(index);
+        let [gain, bias] = self.keys.all[index].light;
+        self.motion.light.gain = tracked.gain / gain;
+        self.motion.light.bias = tracked.bias - self.motion.light.gain * bias;
         let other = self.align_from(picture, &[self.motion.frame_from_reference]);
         let Some(other) = other.filter(Fit::is_found) else {
             (self.key, self.motion) = before;
@@ -421,170 +369,6 @@ impl PlaneTracker {
     /// measured against the reference itself stay as they are. Returns `false` if there is nothing to refine.
     pub fn refine(&mut self, frames: &mut [TrackedFrame]) -> bool {
         self.keys.refine(frames, &self.quad, self.size)
-    }
-
-    /// Corners of the region in units of a key.
-    fn corners_in_units(&self, key: &Key) -> [DVec2; 4] {
-        let units_from_reference = key.reference_from_units.inverse();
-        self.outline
-            .map(|corner| project(&units_from_reference, corner).unwrap_or(DVec2::ZERO))
-    }
-
-    /// Starts that the last frames suggest, as maps from the reference to the frame.
-    fn predictions(&self) -> [DMat3; 2] {
-        let last = self.motion.frame_from_reference;
-        let predicted = last * self.motion.velocity;
-        let predicted = predicted * predicted.z_axis.z.recip();
-        [
-            if predicted.is_finite() {
-                predicted
-            } else {
-                last
-            },
-            last,
-        ]
-    }
-
-    /// Aligns from what the last frames suggest.
-    fn follow(&mut self, frame: &AnyImage, exclude: Option<&Mask>) -> Option<Fit> {
-        let starts = self.predictions();
-        let mut points = Vec::with_capacity(8);
-        for start in &starts {
-            points.extend(self.outline.iter().filter_map(|&p| project(start, p)));
-        }
-        let moved = mean_distance(&starts[0], &starts[1], &self.outline);
-        let margin = MARGIN_PX + if moved.is_finite() { moved } else { 0.0 };
-        let window = Window::around(&points, margin, self.size, self.levels);
-        let picture = Picture::new(frame, exclude, window, self.levels, &mut self.buffers);
-        let fit = self.align_from(&picture, &starts);
-        self.buffers.recycle(picture);
-        fit
-    }
-
-    /// Aligns from the best of some starts, or from shifts around it.
-    fn align_from(&mut self, picture: &Picture, starts: &[DMat3]) -> Option<Fit> {
-        let key = &self.keys.all[self.key];
-        let top = key.template.levels.len() - 1;
-        let samples = &key.template.levels[top];
-        let mut best = (f64::NEG_INFINITY, DMat3::IDENTITY);
-        for start in starts {
-            let pose = *start * key.reference_from_units;
-            sample(
-                samples,
-                &picture.levels[top],
-                &pose,
-                &mut self.scratch.values,
-            );
-            let found = similarity(samples, &self.scratch.values);
-            if found > best.0 {
-                best = (found, pose);
-            }
-        }
-        if best.0 < POOR_START.max(POOR_SHARE * self.motion.similarity) {
-            let shifted = best_shift(
-                samples,
-                &picture.levels[top],
-                &best.1,
-                REACH,
-                &mut self.scratch,
-            );
-            if shifted.0 > best.0 {
-                best = shifted;
-            }
-        }
-        self.align(picture, &best.1, best.0)
-    }
-
-    /// Aligns from a start, coarse to fine, and judges the result.
-    fn align(
-        &mut self,
-        picture: &Picture,
-        frame_from_units: &DMat3,
-        similarity: f64,
-    ) -> Option<Fit> {
-        let key = &self.keys.all[self.key];
-        let corners = self.corners_in_units(key);
-        let mut pose = Pose::new(*frame_from_units, self.motion.light);
-        let scratch = &mut self.scratch;
-        let count = key.template.levels.len();
-        let zoom = zoom_levels(frame_from_units, key.template.units.half);
-        for index in (0..count).rev() {
-            let samples = &key.template.levels[index];
-            let coarsest = index + 1 == count && count > 1;
-            if index + 1 < count && index + 1 < BLUR_LEVELS && is_blurred(&pose, index) {
-                break;
-            }
-            let steps = Steps {
-                max: LEVEL_STEPS,
-                settled_px: SETTLED_PX * f64::from(1u32 << index),
-                motion: 8,
-                blur: index < BLUR_LEVELS,
-                far: coarsest,
-            };
-            let prior = self
-                .motion
-                .groups
-                .as_ref()
-                .map(|groups| weights_of(samples, groups));
-            let level = &picture.levels[index];
-            settle(
-                samples,
-                level,
-                &mut pose,
-                steps,
-                (&corners, prior.as_deref()),
-                scratch,
-            )?;
-        }
-        let last = key.template.dense.len() - 1;
-        let finest = (0..last).find(|&index| !is_blurred(&pose, index));
-        let dense = &key.template.dense[finest.unwrap_or(last)];
-        let level = picture.level(dense.level, zoom);
-        let steps = Steps {
-            max: DENSE_STEPS,
-            settled_px: DENSE_SETTLED_PX * f64::from(1u32 << dense.level),
-            motion: 8,
-            blur: true,
-            far: false,
-        };
-        let settled = settle(dense, level, &mut pose, steps, (&corners, None), scratch)?;
-        let verdict = judge(dense, &pose, settled.scale, scratch);
-        let half = key.template.units.half;
-        let covariance = PoseCovariance::new(dense, &settled, &pose, half, scratch);
-        Some(Fit {
-            pose,
-            settled,
-            verdict,
-            similarity,
-            covariance,
-        })
-    }
-
-    /// Searches the whole frame.
-    fn search(&mut self, frame: &AnyImage, exclude: Option<&Mask>) -> Option<Fit> {
-        let window = Window::whole(self.size);
-        let picture = Picture::new(frame, exclude, window, self.levels, &mut self.buffers);
-        let last = self.motion.frame_from_reference;
-        let key = &self.keys.all[self.key];
-        let start = last * key.reference_from_units;
-        let places = self
-            .searcher
-            .places(&key.template, &picture, &start, &mut self.scratch);
-        let mut best: Option<Fit> = None;
-        for (similarity, start) in places {
-            let fit = self.align(&picture, &start, similarity);
-            best = better(best, fit);
-        }
-        if !best.as_ref().is_some_and(Fit::is_found)
-            && self.searcher.is_due(self.motion.lost_for)
-            && let Some(frame_from_reference) = self.searcher.by_features(&picture)
-        {
-            let start = frame_from_reference * self.keys.all[self.key].reference_from_units;
-            let fit = self.align(&picture, &start, 1.0);
-            best = better(best, fit);
-        }
-        self.buffers.recycle(picture);
-        best
     }
 
     /// Takes a pose.
@@ -662,33 +446,5 @@ impl PlaneTracker {
             bias: self.motion.light.bias,
             keyframe: self.key,
         }
-    }
-}
-
-/// The number of halvings by which the frame shows the plane larger than the template does, rounded.
-fn zoom_levels(frame_from_units: &DMat3, half: f64) -> i32 {
-    let zoom = (zoom_of(frame_from_units) / half).log2();
-    // NaN becomes 0
-    zoom.clamp(-8.0, 8.0).round() as i32
-}
-
-/// True if blur is too strong for the second derivatives of a level to stand for it.
-fn is_blurred(pose: &Pose, level: usize) -> bool {
-    blur_variance(pose) * 0.25f64.powi(level as i32) > MAX_BLUR
-}
-
-/// Weights of blocks from those of their groups.
-fn weights_of(samples: &Samples, groups: &[f32]) -> Vec<f32> {
-    samples
-        .blocks
-        .iter()
-        .map(|block| groups[block.group])
-        .collect()
-}
-
-fn better(a: Option<Fit>, b: Option<Fit>) -> Option<Fit> {
-    match (a, b) {
-        (Some(a), Some(b)) => Some(if b.quality() > a.quality() { b } else { a }),
-        (a, b) => a.or(b),
     }
 }
