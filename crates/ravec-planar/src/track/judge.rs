@@ -12,6 +12,9 @@ use nalgebra::{Cholesky, SMatrix, SVector};
 const ALIKE: f32 = 0.7;
 const ALIKE_RANGE: [f32; 2] = [0.35, 0.7];
 
+/// Deviation of residuals, in values of the template, up to which they are taken for noise: that of a sensor is below after the blur.
+const MAX_NOISE: f32 = 0.02;
+
 /// Samples in view below which a group is not judged.
 const MIN_GROUP: usize = 8;
 
@@ -111,24 +114,19 @@ pub(super) fn judge(samples: &Samples, pose: &Pose, scale: f32, scratch: &Scratc
             inliers += usize::from(scratch.weights[i] > 0.5);
         }
     }
-    let noise = (f64::from(scale) / pose.light.gain) as f32;
+    let noise = ((f64::from(scale) / pose.light.gain) as f32).min(MAX_NOISE);
     let noise = noise * noise;
     let (mut all, mut in_view, mut alike) = (0.0f64, 0.0f64, 0.0f64);
     let mut weights = vec![1.0f32; groups.len()];
     for (group, weight) in groups.iter().zip(&mut weights) {
         let (correlation, energy) = group.correlation();
-        // where noise is as strong as texture nothing can be said
-        let [n, ..] = group.all;
-        if group.texture() < n * noise {
-            continue;
-        }
         all += f64::from(group.texture());
-        if group.n < MIN_GROUP as f32 || energy < group.n * noise {
+        if group.n < MIN_GROUP as f32 {
             continue;
         }
         in_view += f64::from(energy);
         // half of the noise is in the template, half in the frame
-        let expected = 1.0 - 0.5 * group.n * noise / energy;
+        let expected = 1.0 - 0.5 * group.n * noise / energy.max(1e-12);
         let limit = (ALIKE * expected).clamp(ALIKE_RANGE[0], ALIKE_RANGE[1]);
         if correlation >= limit {
             alike += f64::from(energy);

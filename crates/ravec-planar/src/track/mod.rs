@@ -23,6 +23,9 @@ mod ties;
 mod tracker;
 mod walk;
 
+#[cfg(test)]
+mod tests;
+
 pub use record::{CornerCovariance, Track, TrackState, TrackedFrame};
 pub use solve::{CorrectError, Correction};
 pub use ties::{MAX_KEYFRAMES, Tie, TieError, TiedKeyframes, tie_keyframes};
