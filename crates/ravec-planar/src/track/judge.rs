@@ -20,7 +20,7 @@ const MIN_GROUP: usize = 8;
 
 /// Factor of the standard deviations by the sandwich: residuals of neighboring groups are not independent either, and the
 /// template is exact only to its own blur.
-const SIGMAS: f64 = 1.5;
+const SIGMAS: f64 = 1.4;
 
 /// Standard deviation of a corner that is never undercut, in pixels: interpolation alone makes as much.
 const MIN_SIGMA_PX: f64 = 0.002;
@@ -193,10 +193,15 @@ impl PoseCovariance {
         let gain = pose.light.gain;
         let matrix = normal_matrix(&settled.products, f64::from(settled.scale), gain, true);
         let mut meat = SMatrix::<f64, COLUMNS, COLUMNS>::zeros();
+        let mut seen = 0usize;
         for score in scores(samples, settled, true, scratch) {
             let score = SVector::from(score);
             meat += score * score.transpose();
+            seen += usize::from(score.iter().any(|&v| v != 0.0));
         }
+        // residuals of few groups have been fitted away in part
+        let free = seen.saturating_sub(COLUMNS).max(1);
+        meat *= seen as f64 / free as f64;
         let matrix = SMatrix::<f64, COLUMNS, COLUMNS>::from_fn(|row, col| matrix[row][col]);
         let inverse = Cholesky::new(matrix)?.inverse();
         let all = inverse * meat * inverse;

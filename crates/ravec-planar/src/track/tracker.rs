@@ -91,8 +91,8 @@ const MAX_LEVELS: usize = 7;
 const WEAK_ALIKE: f64 = 0.4;
 const WEAK_VISIBLE: f64 = 0.15;
 
-/// Predicted standard deviation of a corner, in pixels, from which a pose is weak.
-const WEAK_SIGMA_PX: f64 = 0.7;
+/// Predicted standard deviation of a corner, in pixels, from which a pose is weak: three of it are a pixel.
+const WEAK_SIGMA_PX: f64 = 0.33;
 
 /// Share of what was seen in the last frame below which the pose is doubted and searched for.
 const DOUBT: f64 = 0.6;
