@@ -11,12 +11,14 @@
 mod bridge;
 mod offsets;
 mod record;
+mod smooth;
 mod solve;
 mod ties;
 mod tracker;
 mod walk;
 
 pub use record::{CornerCovariance, Track, TrackState, TrackedFrame};
+pub use smooth::{PathFrame, SmoothError, SmoothParams, SmoothPath, smooth_path};
 pub use solve::{CorrectError, Correction};
 pub use ties::{MAX_KEYFRAMES, Tie, TieError, TiedKeyframes, tie_keyframes};
 pub use tracker::{PlaneTracker, Precision, TrackError, TrackParams, TrackRegion};
