@@ -8,15 +8,23 @@
 //! Points are in pixels, x right, y down, pixel centers at half-integers. A frame that was exposed while things moved shows
 //! the mean over its exposure, and its homography is the one through the mean positions.
 
+mod align;
 mod bridge;
+mod judge;
 mod offsets;
+mod photo;
+mod picture;
 mod record;
+mod search;
 mod smooth;
 mod solve;
+mod template;
 mod ties;
+mod tones;
 mod tracker;
 mod walk;
 
+pub use photo::{PhotoError, PhotoParams, PhotoPose, locate_photo};
 pub use record::{CornerCovariance, Track, TrackState, TrackedFrame};
 pub use smooth::{PathFrame, SmoothError, SmoothParams, SmoothPath, smooth_path};
 pub use solve::{CorrectError, Correction};
