@@ -119,10 +119,10 @@ impl Tones {
         image.map(|pixel| {
             LinearRgb(pixel.0.map(|linear| {
                 let value = f64::from(srgb_from_linear(linear));
-                if value < 0.01 || value > 0.99 {
-                    linear
-                } else {
+                if (0.01..=0.99).contains(&value) {
                     linear_from_srgb(self.at(value).clamp(0.011, 0.989) as f32)
+                } else {
+                    linear
                 }
             }))
         })
