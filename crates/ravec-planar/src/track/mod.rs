@@ -14,19 +14,24 @@ mod follow;
 mod judge;
 mod keys;
 mod offsets;
+mod photo;
 mod picture;
 mod record;
 mod search;
+mod smooth;
 mod solve;
 mod template;
 mod ties;
+mod tones;
 mod tracker;
 mod walk;
 
 #[cfg(test)]
 mod tests;
 
+pub use photo::{PhotoError, PhotoParams, PhotoPose, locate_photo};
 pub use record::{CornerCovariance, Track, TrackState, TrackedFrame};
+pub use smooth::{PathFrame, SmoothError, SmoothParams, SmoothPath, smooth_path};
 pub use solve::{CorrectError, Correction};
 pub use ties::{MAX_KEYFRAMES, Tie, TieError, TiedKeyframes, tie_keyframes};
 pub use tracker::{PlaneTracker, Precision, TrackError, TrackParams, TrackRegion};
