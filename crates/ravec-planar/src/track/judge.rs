@@ -3,14 +3,17 @@
 use crate::track::align::{
     COLUMNS, MOTION, Pose, Scratch, Settled, displacements, normal_matrix, project, scores,
 };
-use crate::track::record::CornerCovariance;
+use crate::track::offsets::Matrix;
 use crate::track::template::Samples;
 use glam::{DMat3, DVec2};
-use ravec_numeric::solve_positive;
+use nalgebra::{Cholesky, SMatrix, SVector};
 
 /// Correlation from which a group looks alike, as a share of what noise leaves of it, and the range of that limit.
 const ALIKE: f32 = 0.7;
 const ALIKE_RANGE: [f32; 2] = [0.35, 0.7];
+
+/// Deviation of residuals, in values of the template, up to which they are taken for noise: that of a sensor is below after the blur.
+const MAX_NOISE: f32 = 0.02;
 
 /// Samples in view below which a group is not judged.
 const MIN_GROUP: usize = 8;
@@ -111,24 +114,19 @@ pub(super) fn judge(samples: &Samples, pose: &Pose, scale: f32, scratch: &Scratc
             inliers += usize::from(scratch.weights[i] > 0.5);
         }
     }
-    let noise = (f64::from(scale) / pose.light.gain) as f32;
+    let noise = ((f64::from(scale) / pose.light.gain) as f32).min(MAX_NOISE);
     let noise = noise * noise;
     let (mut all, mut in_view, mut alike) = (0.0f64, 0.0f64, 0.0f64);
     let mut weights = vec![1.0f32; groups.len()];
     for (group, weight) in groups.iter().zip(&mut weights) {
         let (correlation, energy) = group.correlation();
-        // where noise is as strong as texture nothing can be said
-        let [n, ..] = group.all;
-        if group.texture() < n * noise {
-            continue;
-        }
         all += f64::from(group.texture());
-        if group.n < MIN_GROUP as f32 || energy < group.n * noise {
+        if group.n < MIN_GROUP as f32 {
             continue;
         }
         in_view += f64::from(energy);
         // half of the noise is in the template, half in the frame
-        let expected = 1.0 - 0.5 * group.n * noise / energy;
+        let expected = 1.0 - 0.5 * group.n * noise / energy.max(1e-12);
         let limit = (ALIKE * expected).clamp(ALIKE_RANGE[0], ALIKE_RANGE[1]);
         if correlation >= limit {
             alike += f64::from(energy);
@@ -174,61 +172,57 @@ pub(super) fn similarity(samples: &Samples, values: &[f32]) -> f64 {
     good / all.max(1e-9)
 }
 
-/// Covariance of points, given in units of `half` pixels, in the frame, by the sandwich H⁻¹ (Σ s sᵀ) H⁻¹ over groups.
-pub(super) fn corner_covariance(
-    samples: &Samples,
-    settled: &Settled,
-    pose: &Pose,
-    blur: bool,
-    (corners, half): (&[DVec2; 4], f64),
-    scratch: &Scratch,
-) -> Option<CornerCovariance> {
-    let gain = pose.light.gain;
-    let matrix = normal_matrix(&settled.products, f64::from(settled.scale), gain, blur);
-    let mut meat = [[0.0; COLUMNS]; COLUMNS];
-    for score in scores(samples, settled, blur, scratch) {
-        for (row, a) in meat.iter_mut().zip(score) {
-            for (entry, b) in row.iter_mut().zip(score) {
-                *entry += a * b;
+/// Covariance of a pose.
+#[derive(Debug, Clone)]
+pub(super) struct PoseCovariance {
+    /// Of the motion, in units of the template.
+    motion: Matrix,
+    /// Variance of a shift that all points share, in square pixels of the frame.
+    shift: f64,
+}
+
+impl PoseCovariance {
+    /// By the sandwich H⁻¹ (Σ s sᵀ) H⁻¹ over groups; `half` is the unit of the template in pixels.
+    pub fn new(
+        samples: &Samples,
+        settled: &Settled,
+        pose: &Pose,
+        half: f64,
+        scratch: &Scratch,
+    ) -> Option<Self> {
+        let gain = pose.light.gain;
+        let matrix = normal_matrix(&settled.products, f64::from(settled.scale), gain, true);
+        let mut meat = SMatrix::<f64, COLUMNS, COLUMNS>::zeros();
+        for score in scores(samples, settled, true, scratch) {
+            let score = SVector::from(score);
+            meat += score * score.transpose();
+        }
+        let matrix = SMatrix::<f64, COLUMNS, COLUMNS>::from_fn(|row, col| matrix[row][col]);
+        let inverse = Cholesky::new(matrix)?.inverse();
+        let all = inverse * meat * inverse;
+        let motion = all.fixed_view::<MOTION, MOTION>(0, 0) * (SIGMAS / gain).powi(2);
+        // a box of length L has the variance L² / 12
+        let length_sq = 12.0 * (blur_variance(pose) - FREE_BLUR).max(0.0);
+        let zoom = zoom_of(&pose.frame_from_units) / half;
+        let shift = BLUR_SIGMA * BLUR_SIGMA * length_sq * zoom * zoom;
+        (motion.iter().all(|v| v.is_finite()) && shift.is_finite())
+            .then_some(Self { motion, shift })
+    }
+
+    /// Covariance of the images of four points, given in units, under the pose, in square pixels.
+    pub fn of_points(&self, pose: &Pose, points: &[DVec2; 4]) -> Option<Matrix> {
+        let jacobian = point_jacobian(&pose.frame_from_units, points)?;
+        let mut covariance = jacobian * self.motion * jacobian.transpose();
+        for i in 0..8 {
+            covariance[(i, i)] += MIN_SIGMA_PX * MIN_SIGMA_PX;
+            for j in 0..8 {
+                if i % 2 == j % 2 {
+                    covariance[(i, j)] += self.shift;
+                }
             }
         }
+        Some(covariance)
     }
-    // rows of the pixels that corners move by, through the inverse
-    let jacobian = corner_jacobian(&pose.frame_from_units, corners)?;
-    let mut solved = [[0.0; COLUMNS]; 8];
-    for (row, derivatives) in solved.iter_mut().zip(jacobian) {
-        let mut right = [0.0; COLUMNS];
-        for (entry, d) in right.iter_mut().zip(derivatives) {
-            *entry = d / gain;
-        }
-        *row = solve_positive(&matrix, &right)?;
-    }
-    let mut covariance = [[0.0; 8]; 8];
-    for i in 0..8 {
-        for j in 0..8 {
-            let sum: f64 = (0..COLUMNS)
-                .map(|a| {
-                    let inner: f64 = (0..COLUMNS).map(|b| meat[a][b] * solved[j][b]).sum();
-                    solved[i][a] * inner
-                })
-                .sum();
-            covariance[i][j] = SIGMAS * SIGMAS * sum;
-        }
-        covariance[i][i] += MIN_SIGMA_PX * MIN_SIGMA_PX;
-    }
-    // a box of length L has the variance L² / 12
-    let length_sq = 12.0 * (blur_variance(pose) - FREE_BLUR).max(0.0);
-    let zoom = zoom_of(&pose.frame_from_units) / half;
-    let shared = BLUR_SIGMA * BLUR_SIGMA * length_sq * zoom * zoom;
-    for i in 0..8 {
-        for j in 0..8 {
-            // a common shift of all corners
-            if i % 2 == j % 2 {
-                covariance[i][j] += shared;
-            }
-        }
-    }
-    Some(covariance)
 }
 
 /// The larger variance of the relative blur, in square pixels of the template.
@@ -247,17 +241,20 @@ pub(super) fn zoom_of(frame_from_units: &DMat3) -> f64 {
 }
 
 /// Derivatives of the images of points by the motion: x and y of one after the other.
-fn corner_jacobian(frame_from_units: &DMat3, corners: &[DVec2; 4]) -> Option<[[f64; MOTION]; 8]> {
-    let mut all = [[0.0; MOTION]; 8];
+fn point_jacobian(
+    frame_from_units: &DMat3,
+    points: &[DVec2; 4],
+) -> Option<SMatrix<f64, 8, MOTION>> {
+    let mut all = SMatrix::zeros();
     let m = frame_from_units;
-    for (k, &corner) in corners.iter().enumerate() {
-        let image = project(m, corner)?;
-        let z = (*m * corner.extend(1.0)).z;
-        for (column, d) in displacements(corner).into_iter().enumerate() {
+    for (k, &point) in points.iter().enumerate() {
+        let image = project(m, point)?;
+        let z = (*m * point.extend(1.0)).z;
+        for (column, d) in displacements(point).into_iter().enumerate() {
             let moved = *m * d.extend(0.0);
             let d = (moved.truncate() - image * moved.z) / z;
-            all[2 * k][column] = d.x;
-            all[2 * k + 1][column] = d.y;
+            all[(2 * k, column)] = d.x;
+            all[(2 * k + 1, column)] = d.y;
         }
     }
     Some(all)

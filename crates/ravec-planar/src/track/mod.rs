@@ -10,7 +10,9 @@
 
 mod align;
 mod bridge;
+mod follow;
 mod judge;
+mod keys;
 mod offsets;
 mod photo;
 mod picture;
@@ -23,6 +25,9 @@ mod ties;
 mod tones;
 mod tracker;
 mod walk;
+
+#[cfg(test)]
+mod tests;
 
 pub use photo::{PhotoError, PhotoParams, PhotoPose, locate_photo};
 pub use record::{CornerCovariance, Track, TrackState, TrackedFrame};

@@ -8,15 +8,14 @@
 //! ```
 
 use crate::homography::{Homography, HomographyError};
-use crate::track::align::{
-    Light, Pose, Scratch, Settled, Steps, mean_distance, project, sample, settle,
-};
-use crate::track::judge::{Verdict, blur_variance, corner_covariance, judge, similarity, zoom_of};
+use crate::track::align::{Light, Scratch, project};
+use crate::track::follow::{Fit, better};
+use crate::track::keys::{Choice, Keys};
 use crate::track::picture::{Buffers, Picture, Window};
-use crate::track::record::{CornerCovariance, TrackState, TrackedFrame};
-use crate::track::search::{Searcher, best_shift};
-use crate::track::template::{Samples, Template};
-use glam::{DMat2, DMat3, DVec2, dvec2};
+use crate::track::record::{TrackState, TrackedFrame};
+use crate::track::search::Searcher;
+use crate::track::template::Template;
+use glam::{DMat3, DVec2, dvec2};
 use ravec_raster::{AnyImage, Mask, Size};
 use serde::{Deserialize, Serialize};
 
@@ -88,37 +87,7 @@ pub enum TrackError {
 const COARSEST_PX: f64 = 40.0;
 const MAX_LEVELS: usize = 7;
 
-/// Margin around the predicted plane that is read, in pixels, beside the last motion.
-const MARGIN_PX: f64 = 40.0;
-
-/// Steps of a level, and of the dense samples.
-const LEVEL_STEPS: usize = 6;
-const DENSE_STEPS: usize = 4;
-
-/// Mean motion of the corners, in pixels, at which levels and dense samples have settled.
-const SETTLED_PX: f64 = 0.02;
-const DENSE_SETTLED_PX: f64 = 0.002;
-
-/// Blur is estimated at so many of the finest levels.
-const BLUR_LEVELS: usize = 3;
-
-/// Variance of the relative blur, in square pixels of a level, up to which second derivatives stand for it.
-const MAX_BLUR: f64 = 3.0;
-
-/// Correlation at the coarsest level below which a start is poor, also as a share of that of the last frame.
-const POOR_START: f64 = 0.45;
-const POOR_SHARE: f64 = 0.7;
-
-/// Search for a poor start, in pixels of the coarsest level to each side.
-const REACH: i32 = 5;
-
-/// Share of the texture in view that must be alike.
-const MIN_ALIKE: f64 = 0.3;
-
-/// Share of the texture that must be seen.
-const MIN_VISIBLE: f64 = 0.06;
-
-/// The same, below which a pose is weak.
+/// Share of the texture in view that is alike, and share of all texture that is, below which a pose is weak.
 const WEAK_ALIKE: f64 = 0.4;
 const WEAK_VISIBLE: f64 = 0.15;
 
@@ -128,42 +97,23 @@ const WEAK_SIGMA_PX: f64 = 0.7;
 /// Share of what was seen in the last frame below which the pose is doubted and searched for.
 const DOUBT: f64 = 0.6;
 
-/// Share of the samples of a key that must be in view for it to stay in use, and for an older key to come back, in planes of which
-/// the reference shows a part.
-const MIN_IN_VIEW: f64 = 0.55;
-const RETURN_IN_VIEW: f64 = 0.7;
-
 /// Standard deviation that stands for a lost plane, as a share of the diagonal of the frame.
 const LOST_SIGMA: f64 = 1.0;
 
-/// A frame whose plane is known.
-#[derive(Debug, Clone)]
-struct Key {
-    template: Template,
-    /// Pixels of the reference frame from units of the template.
-    reference_from_units: DMat3,
-    /// Pixels of the frame of the key from those of the reference.
-    frame_from_reference: DMat3,
-    /// Covariance of the corners of the quadrilateral in the frame of the key.
-    covariance: CornerCovariance,
-    /// Gain and bias against the reference.
-    light: [f64; 2],
-}
-
 /// The last pose, and the motion to it.
 #[derive(Debug, Clone)]
-struct Motion {
+pub(super) struct Motion {
     /// Pixels of the frame from those of the reference.
-    frame_from_reference: DMat3,
+    pub frame_from_reference: DMat3,
     /// Change of the pose from the frame before: `before · velocity` is `last`.
-    velocity: DMat3,
-    light: Light,
+    pub velocity: DMat3,
+    pub light: Light,
     /// Weights of the groups of the key.
-    groups: Option<Vec<f32>>,
-    visible: f64,
-    similarity: f64,
+    pub groups: Option<Vec<f32>>,
+    pub visible: f64,
+    pub similarity: f64,
     /// Frames since the plane was lost.
-    lost_for: usize,
+    pub lost_for: usize,
 }
 
 impl Motion {
@@ -180,43 +130,26 @@ impl Motion {
     }
 }
 
-/// An alignment to a key with its verdict.
-struct Fit {
-    pose: Pose,
-    settled: Settled,
-    verdict: Verdict,
-    similarity: f64,
-    covariance: Option<CornerCovariance>,
-}
-
-impl Fit {
-    fn is_found(&self) -> bool {
-        self.verdict.alike >= MIN_ALIKE && self.verdict.visible >= MIN_VISIBLE
-    }
-
-    fn quality(&self) -> f64 {
-        self.verdict.visible.min(self.verdict.alike)
-    }
-}
-
 /// Follows a plane from frame to frame. Frames are pushed in the order of time, forward or backward from the reference.
 #[derive(Debug, Clone)]
 pub struct PlaneTracker {
-    size: Size,
-    quad: [DVec2; 4],
+    pub(super) size: Size,
+    pub(super) quad: [DVec2; 4],
     /// Corners of the region in the reference frame.
-    outline: [DVec2; 4],
-    levels: usize,
-    dense: usize,
+    pub(super) outline: [DVec2; 4],
+    pub(super) levels: usize,
+    pub(super) dense: usize,
     /// True if more of the plane may come into view than the reference shows.
-    grows: bool,
-    whole_frame: bool,
-    keys: Vec<Key>,
-    key: usize,
-    motion: Motion,
-    searcher: Searcher,
-    scratch: Scratch,
-    buffers: Buffers,
+    pub(super) grows: bool,
+    pub(super) whole_frame: bool,
+    pub(super) keys: Keys,
+    /// Frames since the key was changed.
+    pub(super) since_change: usize,
+    pub(super) key: usize,
+    pub(super) motion: Motion,
+    pub(super) searcher: Searcher,
+    pub(super) scratch: Scratch,
+    pub(super) buffers: Buffers,
 }
 
 impl PlaneTracker {
@@ -268,22 +201,16 @@ impl PlaneTracker {
         let template = Template::new(&picture, &coverage, params.precision.samples())
             .ok_or(TrackError::Plain)?;
         let searcher = Searcher::new(&picture, &coverage[0]);
-        let reference_from_units = template.units.pixels_from_units();
         Ok(Self {
             size,
             quad,
             outline,
             levels,
             dense: params.precision.samples(),
-            keys: vec![Key {
-                template,
-                reference_from_units,
-                frame_from_reference: DMat3::IDENTITY,
-                covariance: [[0.0; 8]; 8],
-                light: [1.0, 0.0],
-            }],
+            keys: Keys::new(template),
             grows,
             whole_frame: *region == TrackRegion::Frame,
+            since_change: 0,
             key: 0,
             motion: Motion::none(),
             searcher,
@@ -343,49 +270,77 @@ impl PlaneTracker {
         });
         let fit = if doubted {
             let found = self.search(frame, exclude);
-            match (near, found) {
-                (Some(near), Some(found)) if near.quality() >= found.quality() => Some(near),
-                (near, None) => near,
-                (_, found) => found,
-            }
+            better(near, found)
         } else {
             near
         };
         let Some(fit) = fit.filter(Fit::is_found) else {
             return self.lose();
         };
-        let in_view = fit.verdict.in_view;
-        let tracked = self.settle_on(fit);
-        if self.grows && in_view < MIN_IN_VIEW && tracked.state == TrackState::Tracked {
-            self.change_key(frame, exclude, &tracked);
+        let tracked = self.settle_on(&fit);
+        if self.grows && tracked.state == TrackState::Tracked {
+            return self.change_key(frame, exclude, (fit, tracked));
         }
         tracked
     }
 
-    /// Takes another key for the frames that follow: the one of which most is in view, or this frame.
-    fn change_key(&mut self, frame: &AnyImage, exclude: Option<&Mask>, tracked: &TrackedFrame) {
+    /// Takes another key for the frames that follow, if there is a better one; the frame, as measured against it.
+    fn change_key(
+        &mut self,
+        frame: &AnyImage,
+        exclude: Option<&Mask>,
+        (fit, tracked): (Fit, TrackedFrame),
+    ) -> TrackedFrame {
+        self.since_change += 1;
         let pose = tracked.frame_from_reference.matrix();
-        let full = dvec2(self.size.width() as f64, self.size.height() as f64);
-        let in_view = |key: &Key| {
-            let samples = &key.template.levels[key.template.levels.len() - 1];
-            let frame_from_units = pose * key.reference_from_units;
-            let inside = (0..samples.len()).filter(|&i| {
-                let place = project(&frame_from_units, samples.place(i));
-                place.is_some_and(|p| p.cmpgt(DVec2::ZERO).all() && p.cmplt(full).all())
-            });
-            inside.count() as f64 / samples.len() as f64
-        };
-        let shares = self.keys.iter().map(in_view).enumerate();
-        // the older of equals is nearer to the reference
-        let best = shares.max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
-        if let Some((index, share)) = best
-            && share >= RETURN_IN_VIEW
-        {
-            self.use_key(index);
-            return;
+        let in_view = fit.verdict.in_view;
+        let choice = self
+            .keys
+            .choose(self.key, &pose, in_view, self.since_change, self.size);
+        if choice == Choice::Keep {
+            return tracked;
         }
         let window = Window::whole(self.size);
         let picture = Picture::new(frame, exclude, window, self.levels, &mut self.buffers);
+        let tracked = match choice {
+            Choice::Other(index) => self.switch_key(index, &picture, fit, tracked),
+            _ => {
+                self.add_key(&picture, &fit, &tracked);
+                tracked
+            }
+        };
+        self.buffers.recycle(picture);
+        tracked
+    }
+
+    /// Measures the frame against another key as well, which ties the two.
+    fn switch_key(
+        &mut self,
+        index: usize,
+        picture: &Picture,
+        fit: Fit,
+        tracked: TrackedFrame,
+    ) -> TrackedFrame {
+        let before = (self.key, self.motion.clone());
+        self.use_key(index);
+        let [gain, bias] = self.keys.all[index].light;
+        self.motion.light.gain = tracked.gain / gain;
+        self.motion.light.bias = tracked.bias - self.motion.light.gain * bias;
+        let other = self.align_from(picture, &[self.motion.frame_from_reference]);
+        let Some(other) = other.filter(Fit::is_found) else {
+            (self.key, self.motion) = before;
+            return tracked;
+        };
+        if let (Some(a), Some(b)) = (&fit.covariance, &other.covariance) {
+            self.keys
+                .tie((before.0, &fit.pose, a), (index, &other.pose, b), self.size);
+        }
+        self.settle_on(&other)
+    }
+
+    /// Makes a key of the frame.
+    fn add_key(&mut self, picture: &Picture, fit: &Fit, tracked: &TrackedFrame) {
+        let pose = tracked.frame_from_reference.matrix();
         let mask = if self.whole_frame {
             Mask::full(self.size)
         } else {
@@ -393,216 +348,45 @@ impl PlaneTracker {
             Mask::from_polygon(self.size, &outline).unwrap_or_else(|_| Mask::empty(self.size))
         };
         let coverage = picture.coverage(&mask);
-        if let Some(template) = Template::new(&picture, &coverage, self.dense) {
-            let frame_from_units = template.units.pixels_from_units();
-            let reference_from_units = pose.inverse() * frame_from_units;
-            self.keys.push(Key {
-                reference_from_units: reference_from_units * reference_from_units.z_axis.z.recip(),
-                template,
-                frame_from_reference: pose,
-                covariance: tracked.covariance,
-                light: [tracked.gain, tracked.bias],
-            });
-            self.use_key(self.keys.len() - 1);
+        if let Some(template) = Template::new(picture, &coverage, self.dense)
+            && let Some(covariance) = &fit.covariance
+        {
+            let measured = (self.key, &fit.pose, covariance);
+            let index = self.keys.add(template, tracked, measured, self.size);
+            self.use_key(index);
         }
-        self.buffers.recycle(picture);
     }
 
     fn use_key(&mut self, index: usize) {
         self.key = index;
+        self.since_change = 0;
         self.motion.groups = None;
         self.motion.light = Light::SAME;
     }
 
-    /// Corners of the region in units of a key.
-    fn corners_in_units(&self, key: &Key) -> [DVec2; 4] {
-        let units_from_reference = key.reference_from_units.inverse();
-        self.outline
-            .map(|corner| project(&units_from_reference, corner).unwrap_or(DVec2::ZERO))
-    }
-
-    /// Starts that the last frames suggest, as maps from the reference to the frame.
-    fn predictions(&self) -> [DMat3; 2] {
-        let last = self.motion.frame_from_reference;
-        let predicted = last * self.motion.velocity;
-        let predicted = predicted * predicted.z_axis.z.recip();
-        [
-            if predicted.is_finite() {
-                predicted
-            } else {
-                last
-            },
-            last,
-        ]
-    }
-
-    /// Aligns from what the last frames suggest.
-    fn follow(&mut self, frame: &AnyImage, exclude: Option<&Mask>) -> Option<Fit> {
-        let starts = self.predictions();
-        let mut points = Vec::with_capacity(8);
-        for start in &starts {
-            points.extend(self.outline.iter().filter_map(|&p| project(start, p)));
-        }
-        let moved = mean_distance(&starts[0], &starts[1], &self.outline);
-        let margin = MARGIN_PX + if moved.is_finite() { moved } else { 0.0 };
-        let window = Window::around(&points, margin, self.size, self.levels);
-        let picture = Picture::new(frame, exclude, window, self.levels, &mut self.buffers);
-        let fit = self.align_from(&picture, &starts);
-        self.buffers.recycle(picture);
-        fit
-    }
-
-    /// Aligns from the best of some starts, or from shifts around it.
-    fn align_from(&mut self, picture: &Picture, starts: &[DMat3]) -> Option<Fit> {
-        let key = &self.keys[self.key];
-        let top = key.template.levels.len() - 1;
-        let samples = &key.template.levels[top];
-        let mut best = (f64::NEG_INFINITY, DMat3::IDENTITY);
-        for start in starts {
-            let pose = *start * key.reference_from_units;
-            sample(
-                samples,
-                &picture.levels[top],
-                &pose,
-                &mut self.scratch.values,
-            );
-            let found = similarity(samples, &self.scratch.values);
-            if found > best.0 {
-                best = (found, pose);
-            }
-        }
-        if best.0 < POOR_START.max(POOR_SHARE * self.motion.similarity) {
-            let shifted = best_shift(
-                samples,
-                &picture.levels[top],
-                &best.1,
-                REACH,
-                &mut self.scratch,
-            );
-            if shifted.0 > best.0 {
-                best = shifted;
-            }
-        }
-        self.align(picture, &best.1, best.0)
-    }
-
-    /// Aligns from a start, coarse to fine, and judges the result.
-    fn align(
-        &mut self,
-        picture: &Picture,
-        frame_from_units: &DMat3,
-        similarity: f64,
-    ) -> Option<Fit> {
-        let key = &self.keys[self.key];
-        let corners = self.corners_in_units(key);
-        let mut pose = Pose::new(*frame_from_units, self.motion.light);
-        let scratch = &mut self.scratch;
-        let count = key.template.levels.len();
-        let zoom = zoom_levels(frame_from_units, key.template.units.half);
-        for index in (0..count).rev() {
-            let samples = &key.template.levels[index];
-            let coarsest = index + 1 == count && count > 1;
-            if index + 1 < count && index + 1 < BLUR_LEVELS && is_blurred(&pose, index) {
-                break;
-            }
-            let steps = Steps {
-                max: LEVEL_STEPS,
-                settled_px: SETTLED_PX * f64::from(1u32 << index),
-                motion: 8,
-                blur: index < BLUR_LEVELS,
-                far: coarsest,
-            };
-            let prior = self
-                .motion
-                .groups
-                .as_ref()
-                .map(|groups| weights_of(samples, groups));
-            let level = &picture.levels[index];
-            settle(
-                samples,
-                level,
-                &mut pose,
-                steps,
-                (&corners, prior.as_deref()),
-                scratch,
-            )?;
-        }
-        let last = key.template.dense.len() - 1;
-        let finest = (0..last).find(|&index| !is_blurred(&pose, index));
-        let dense = &key.template.dense[finest.unwrap_or(last)];
-        let level = picture.level(dense.level, zoom);
-        let steps = Steps {
-            max: DENSE_STEPS,
-            settled_px: DENSE_SETTLED_PX * f64::from(1u32 << dense.level),
-            motion: 8,
-            blur: true,
-            far: false,
-        };
-        let settled = settle(dense, level, &mut pose, steps, (&corners, None), scratch)?;
-        let verdict = judge(dense, &pose, settled.scale, scratch);
-        let units_from_reference = key.reference_from_units.inverse();
-        let quad = self
-            .quad
-            .map(|p| project(&units_from_reference, p).unwrap_or(DVec2::ZERO));
-        let covariance = corner_covariance(
-            dense,
-            &settled,
-            &pose,
-            true,
-            (&quad, key.template.units.half),
-            scratch,
-        );
-        Some(Fit {
-            pose,
-            settled,
-            verdict,
-            similarity,
-            covariance,
-        })
-    }
-
-    /// Searches the whole frame.
-    fn search(&mut self, frame: &AnyImage, exclude: Option<&Mask>) -> Option<Fit> {
-        let window = Window::whole(self.size);
-        let picture = Picture::new(frame, exclude, window, self.levels, &mut self.buffers);
-        let last = self.motion.frame_from_reference;
-        let key = &self.keys[self.key];
-        let start = last * key.reference_from_units;
-        let places = self
-            .searcher
-            .places(&key.template, &picture, &start, &mut self.scratch);
-        let mut best: Option<Fit> = None;
-        for (similarity, start) in places {
-            let fit = self.align(&picture, &start, similarity);
-            best = better(best, fit);
-        }
-        if !best.as_ref().is_some_and(Fit::is_found)
-            && self.searcher.is_due(self.motion.lost_for)
-            && let Some(frame_from_reference) = self.searcher.by_features(&picture)
-        {
-            let start = frame_from_reference * self.keys[self.key].reference_from_units;
-            let fit = self.align(&picture, &start, 1.0);
-            best = better(best, fit);
-        }
-        self.buffers.recycle(picture);
-        best
+    /// Refines the keyframes together, by all that ties them, and with them the poses of frames that were measured against them:
+    /// where the plane has left the reference frame and come back, the error of the way is spread over it. Frames that are
+    /// measured against the reference itself stay as they are. Returns `false` if there is nothing to refine.
+    pub fn refine(&mut self, frames: &mut [TrackedFrame]) -> bool {
+        self.keys.refine(frames, &self.quad, self.size)
     }
 
     /// Takes a pose.
-    fn settle_on(&mut self, fit: Fit) -> TrackedFrame {
-        let key = &self.keys[self.key];
+    fn settle_on(&mut self, fit: &Fit) -> TrackedFrame {
+        let key = &self.keys.all[self.key];
         let before = self.motion.frame_from_reference;
         let now = fit.pose.frame_from_units * key.reference_from_units.inverse();
         let now = now * now.z_axis.z.recip();
         let found = Homography::from_matrix(now);
-        let (Some(covariance), Ok(frame_from_reference)) = (fit.covariance, found) else {
+        let covariance = (fit.covariance.as_ref())
+            .and_then(|covariance| key.covariance_in(covariance, &fit.pose, &self.quad));
+        let (Some(covariance), Ok(frame_from_reference)) = (covariance, found) else {
             return self.lose();
         };
         let corners = self.quad.map(|p| project(&now, p).unwrap_or(DVec2::NAN));
         if !corners.iter().all(|corner| corner.is_finite()) {
             return self.lose();
         }
-        let covariance = carried(&covariance, key, &now, &self.quad);
         let [gain, bias] = key.light;
         let velocity = before.inverse() * now;
         self.motion = Motion {
@@ -613,7 +397,7 @@ impl PlaneTracker {
                 DMat3::IDENTITY
             },
             light: fit.pose.light,
-            groups: Some(fit.verdict.groups),
+            groups: Some(fit.verdict.groups.clone()),
             visible: fit.verdict.visible,
             similarity: fit.similarity,
             lost_for: 0,
@@ -662,66 +446,5 @@ impl PlaneTracker {
             bias: self.motion.light.bias,
             keyframe: self.key,
         }
-    }
-}
-
-/// The number of halvings by which the frame shows the plane larger than the template does, rounded.
-fn zoom_levels(frame_from_units: &DMat3, half: f64) -> i32 {
-    let zoom = (zoom_of(frame_from_units) / half).log2();
-    // NaN becomes 0
-    zoom.clamp(-8.0, 8.0).round() as i32
-}
-
-/// True if blur is too strong for the second derivatives of a level to stand for it.
-fn is_blurred(pose: &Pose, level: usize) -> bool {
-    blur_variance(pose) * 0.25f64.powi(level as i32) > MAX_BLUR
-}
-
-/// Covariance of the corners in a frame that was measured against a key, with that of the key itself.
-fn carried(
-    measured: &CornerCovariance,
-    key: &Key,
-    frame_from_reference: &DMat3,
-    quad: &[DVec2; 4],
-) -> CornerCovariance {
-    let frame_from_key = *frame_from_reference * key.frame_from_reference.inverse();
-    // derivatives of each corner in the frame by the same corner in the frame of the key
-    let local = quad.map(|corner| {
-        let at = project(&key.frame_from_reference, corner)?;
-        let map = Homography::from_matrix(frame_from_key).ok()?;
-        Some(map.jacobian(at))
-    });
-    let mut sum = *measured;
-    for (i, a) in local.iter().enumerate() {
-        for (j, b) in local.iter().enumerate() {
-            let (Some(a), Some(b)) = (a, b) else { continue };
-            let c = &key.covariance;
-            let tie = DMat2::from_cols(
-                dvec2(c[2 * i][2 * j], c[2 * i + 1][2 * j]),
-                dvec2(c[2 * i][2 * j + 1], c[2 * i + 1][2 * j + 1]),
-            );
-            let block = *a * tie * b.transpose();
-            sum[2 * i][2 * j] += block.x_axis.x;
-            sum[2 * i + 1][2 * j] += block.x_axis.y;
-            sum[2 * i][2 * j + 1] += block.y_axis.x;
-            sum[2 * i + 1][2 * j + 1] += block.y_axis.y;
-        }
-    }
-    sum
-}
-
-/// Weights of blocks from those of their groups.
-fn weights_of(samples: &Samples, groups: &[f32]) -> Vec<f32> {
-    samples
-        .blocks
-        .iter()
-        .map(|block| groups[block.group])
-        .collect()
-}
-
-fn better(a: Option<Fit>, b: Option<Fit>) -> Option<Fit> {
-    match (a, b) {
-        (Some(a), Some(b)) => Some(if b.quality() > a.quality() { b } else { a }),
-        (a, b) => a.or(b),
     }
 }
