@@ -403,16 +403,9 @@ fn residuals<S: Simd>(
 fn sum_products(samples: &Samples, scratch: &Scratch) -> Products {
     let mut sums = [0.0f64; PRODUCTS];
     dispatch!(SimdLevel::new(), simd => add_products(simd, samples, scratch, &mut sums));
-    let mut products = [[0.0; ALL]; ALL];
-    let mut next = sums.into_iter();
-    for i in 0..ALL {
-        for j in i..ALL {
-            let sum = next.next().unwrap_or_default();
-            products[i][j] = sum;
-            products[j][i] = sum;
-        }
-    }
-    products
+    // the upper triangle, row by row
+    let at = |row: usize, col: usize| row * (2 * ALL + 1 - row) / 2 + col - row;
+    std::array::from_fn(|row| std::array::from_fn(|col| sums[at(row.min(col), row.max(col))]))
 }
 
 /// The columns, and the value, of up to [`LANES`] samples from `start` on.

@@ -4,7 +4,7 @@ use crate::track::align::{Pose, Settled, Steps, mean_distance, project, sample, 
 use crate::track::judge::{PoseCovariance, Verdict, blur_variance, judge, similarity, zoom_of};
 use crate::track::keys::Key;
 use crate::track::picture::{Picture, Window};
-use crate::track::search::best_shift;
+use crate::track::search::{best_places, best_shift, is_due};
 use crate::track::template::Samples;
 use crate::track::tracker::PlaneTracker;
 use glam::{DMat3, DVec2};
@@ -198,16 +198,14 @@ impl PlaneTracker {
         let last = self.motion.frame_from_reference;
         let key = &self.keys.all[self.key];
         let start = last * key.reference_from_units;
-        let places = self
-            .searcher
-            .places(&key.template, &picture, &start, &mut self.scratch);
+        let places = best_places(&key.template, &picture, &start, &mut self.scratch);
         let mut best: Option<Fit> = None;
         for (similarity, start) in places {
             let fit = self.align(&picture, &start, similarity);
             best = better(best, fit);
         }
         if !best.as_ref().is_some_and(Fit::is_found)
-            && self.searcher.is_due(self.motion.lost_for)
+            && is_due(self.motion.lost_for)
             && let Some(frame_from_reference) = self.searcher.by_features(&picture)
         {
             let start = frame_from_reference * self.keys.all[self.key].reference_from_units;

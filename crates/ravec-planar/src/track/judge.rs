@@ -149,8 +149,8 @@ pub(super) fn similarity(samples: &Samples, values: &[f32]) -> f64 {
     let (mut all, mut good) = (0.0f64, 0.0f64);
     for block in &samples.blocks {
         let mut sums = Sums::default();
-        for i in block.start..block.end {
-            let (t, y) = (samples.value[i], values[i]);
+        let range = block.start..block.end;
+        for (&t, &y) in samples.value[range.clone()].iter().zip(&values[range]) {
             sums.add_any(t);
             if y.is_nan() {
                 continue;

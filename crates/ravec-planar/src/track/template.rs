@@ -140,7 +140,7 @@ impl Template {
         for samples in self.levels.iter_mut().chain(&mut self.dense[1..]) {
             for index in 0..samples.blocks.len() {
                 let block = samples.blocks[index];
-                let middle = samples.place((block.start + block.end) / 2);
+                let middle = samples.place(usize::midpoint(block.start, block.end));
                 let distance = |&i: &usize| centers[i].distance_squared(middle);
                 let nearest = (0..centers.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)));
                 samples.blocks[index].group = nearest.unwrap_or(0);
