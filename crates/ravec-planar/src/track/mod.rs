@@ -61,7 +61,7 @@
 //! - A frame in which the plane is not found is reported as lost; its pose is never carried on silently.
 //! - No panic because of what the numbers of a frame are.
 //! - Memory does not grow with the length of the clip, but with the number of keyframes, of which there are at most
-//!   [`MAX_KEYFRAMES`]; a frame of 640 × 480 makes one of about 12 MB.
+//!   [`MAX_KEYFRAMES`]; each takes about 3 MB.
 //!
 //! # Not guaranteed
 //!
