@@ -40,6 +40,7 @@ pub mod match_photos;
 pub mod mesh;
 pub mod mosaic;
 mod operation;
+mod pixel_centers;
 pub mod plane;
 pub mod recipe;
 mod report;
@@ -56,6 +57,7 @@ pub use files::{
     check_files, check_folder, make_folder, read as read_picture, write_output_text, write_text,
 };
 pub use operation::{AnyOperation, Operation};
+pub use pixel_centers::PixelCenters;
 pub use ravec_files::abandon_outputs;
 pub use ravec_media::Limits;
 pub use recipe::Recipe;
