@@ -46,8 +46,10 @@ pub mod recipe;
 mod report;
 pub mod retarget;
 pub mod scenes;
+pub mod stabilize;
 mod step;
 mod text;
+pub mod track;
 pub mod twocolor;
 pub mod video;
 

@@ -20,7 +20,9 @@ impl FromStr for FrameQuad {
 
     fn from_str(text: &str) -> Result<Self, String> {
         let wrong = || {
-            format!("`{text}` does not begin with a frame: write FRAME:x,y,x,y,x,y,x,y, as in 40:10,10,90,12,88,70,9,60")
+            format!(
+                "`{text}` does not begin with a frame: write FRAME:x,y,x,y,x,y,x,y, as in 40:10,10,90,12,88,70,9,60"
+            )
         };
         let (frame, quad) = text.split_once(':').ok_or_else(wrong)?;
         Ok(Self {
@@ -59,7 +61,13 @@ mod tests {
         let text = "40:10,10,90,12.5,88,70,9,60";
         let found: FrameQuad = text.parse().unwrap();
         assert_eq!((found.frame, found.to_string().as_str()), (40, text));
-        for text in ["", "10,10,90,12,88,70,9,60", "a:1,2,3,4,5,6,7,8", "4:1,2", "-1:1,2,3,4,5,6,7,8"] {
+        for text in [
+            "",
+            "10,10,90,12,88,70,9,60",
+            "a:1,2,3,4,5,6,7,8",
+            "4:1,2",
+            "-1:1,2,3,4,5,6,7,8",
+        ] {
             assert!(text.parse::<FrameQuad>().is_err(), "{text}");
         }
     }

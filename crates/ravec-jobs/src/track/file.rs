@@ -32,6 +32,7 @@ use ravec::planar::track::{CornerCovariance, Track, TrackState, TrackedFrame};
 use ravec::raster::Size;
 use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
+use std::ops::Range;
 
 /// Name of the format in the file.
 const FORMAT: &str = "ravec-track";
@@ -203,7 +204,9 @@ fn write_plane(out: &mut String, indent: &str, track: &Track, centers: PixelCent
         compact(&frames.iter().map(of).collect::<Vec<_>>())
     };
     let rows = |of: &dyn Fn(&TrackedFrame) -> String| -> String {
-        let lines = frames.iter().map(|frame| format!("{indent}  {}", of(frame)));
+        let lines = frames
+            .iter()
+            .map(|frame| format!("{indent}  {}", of(frame)));
         format!("[\n{}\n{indent}]", lines.collect::<Vec<_>>().join(",\n"))
     };
     let states: Vec<_> = frames.iter().map(|frame| frame.state).collect();
@@ -217,10 +220,7 @@ fn write_plane(out: &mut String, indent: &str, track: &Track, centers: PixelCent
             "corners",
             rows(&|frame| compact(&flat(centers.write_all(frame.corners)))),
         ),
-        (
-            "frame_from_reference",
-            rows(&|frame| compact(&map(frame))),
-        ),
+        ("frame_from_reference", rows(&|frame| compact(&map(frame)))),
         ("state", compact(&states)),
         ("sigma_px", numbers(&TrackedFrame::sigma_px)),
         ("inlier_share", numbers(&|frame| frame.inlier_share)),
@@ -279,6 +279,14 @@ impl TrackFile {
         self.planes.first().map(|plane| (plane.width, plane.height))
     }
 
+    /// Numbers of the frames from the first that any plane has to the last.
+    pub fn range(&self) -> Range<u64> {
+        let planes = self.planes.iter();
+        let first = planes.clone().map(|plane| plane.first).min();
+        let end = planes.map(|plane| plane.first + plane.frames.len() as u64);
+        first.unwrap_or(0)..end.max().unwrap_or(0)
+    }
+
     /// The file.
     pub fn to_json(&self) -> String {
         let (width, height) = self.size().unwrap_or_default();
@@ -314,9 +322,7 @@ impl TrackFile {
         let whole: Object = serde_json::from_str(text)
             .map_err(|error| format!("it is not in the form of a track: {error}"))?;
         if whole.format.as_deref() != Some(FORMAT) {
-            return Err(format!(
-                "it is no track: it lacks \"format\": \"{FORMAT}\""
-            ));
+            return Err(format!("it is no track: it lacks \"format\": \"{FORMAT}\""));
         }
         if whole.version != Some(VERSION) {
             return Err(format!("it is not of version {VERSION}, which is needed"));
@@ -363,4 +369,4 @@ impl TrackFile {
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

@@ -81,10 +81,7 @@ pub fn script(track: &Track, number: usize) -> String {
         };
         let corners = ORDER.map(|corner| {
             let point = upward(frame.corners[corner], track.height);
-            let (x, y) = (
-                point.x / track.width as f64,
-                point.y / track.height as f64,
-            );
+            let (x, y) = (point.x / track.width as f64, point.y / track.height as f64);
             // a share of 1e-9 is a millionth of a pixel
             format!("({:?}, {:?})", short(x * 1e3) / 1e3, short(y * 1e3) / 1e3)
         });

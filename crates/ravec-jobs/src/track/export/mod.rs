@@ -80,9 +80,13 @@ pub struct Export {
 }
 
 impl Export {
-    /// The format that is given, or that of the name.
+    /// The format that is given, or that of the name; JSON for standard output and results in memory.
     pub fn format(&self) -> Option<ExportFormat> {
-        self.format.or_else(|| ExportFormat::of(&self.path))
+        let name = self.path.to_string_lossy();
+        let nameless = name == "-" || name.starts_with('@');
+        self.format
+            .or_else(|| nameless.then_some(ExportFormat::Json))
+            .or_else(|| ExportFormat::of(&self.path))
     }
 }
 

@@ -67,15 +67,15 @@ fn nuke_counts_corners_from_the_lower_left_one_upward() {
     let script = text(ExportFormat::Nuke);
     let track = track();
     let line = |name: &str| {
-        let line = script.lines().find(|line| line.starts_with(&format!(" {name} ")));
-        line.unwrap_or_else(|| panic!("no {name} in {script}")).to_owned()
+        let line = script
+            .lines()
+            .find(|line| line.starts_with(&format!(" {name} ")));
+        line.unwrap_or_else(|| panic!("no {name} in {script}"))
+            .to_owned()
     };
     // frames 5 and 6 of pictures from 1 on are 6 and 7; frame 7 is lost
     let lower_left = track.frames[0].corners[3];
-    let expected = format!(
-        " to1 {{{{curve x6 {} x7 ",
-        short(lower_left.x)
-    );
+    let expected = format!(" to1 {{{{curve x6 {} x7 ", short(lower_left.x));
     assert!(line("to1").starts_with(&expected), "{}", line("to1"));
     assert!(line("to1").contains(&format!("{{curve x6 {} x7", short(480.0 - lower_left.y))));
     assert!(!script.contains("x8 "), "{script}");
@@ -116,13 +116,19 @@ fn after_effects_gets_four_blocks_in_its_order() {
 fn blender_gets_shares_of_the_frame_and_muted_markers() {
     let script = text(ExportFormat::Blender);
     let corner = track().frames[0].corners[3];
-    let line = script.lines().find(|line| line.starts_with("    (6, True")).unwrap();
+    let line = script
+        .lines()
+        .find(|line| line.starts_with("    (6, True"))
+        .unwrap();
     let numbers: Vec<f64> = line
         .split(['(', ')', ','])
         .filter_map(|word| word.trim().parse().ok())
         .collect();
     assert!((numbers[1] * 640.0 - corner.x).abs() < 1e-5, "{line}");
-    assert!((numbers[2] * 480.0 - (480.0 - corner.y)).abs() < 1e-5, "{line}");
+    assert!(
+        (numbers[2] * 480.0 - (480.0 - corner.y)).abs() < 1e-5,
+        "{line}"
+    );
     assert!(script.contains("    (8, False, "));
 }
 
@@ -134,7 +140,10 @@ fn each_plane_has_a_file_of_its_number() {
     };
     let path = Path::new("p{plane}.csv");
     let texts = texts(path, ExportFormat::Csv, &file, &clip());
-    let names: Vec<_> = texts.iter().map(|(path, _)| path.to_str().unwrap()).collect();
+    let names: Vec<_> = texts
+        .iter()
+        .map(|(path, _)| path.to_str().unwrap())
+        .collect();
     assert_eq!(names, ["p1.csv", "p2.csv"]);
     assert!(lacks_place(Path::new("p.csv"), ExportFormat::Csv));
     assert!(!lacks_place(Path::new("p.json"), ExportFormat::Json));

@@ -64,9 +64,11 @@ fn difference(a: &Track, b: &Track) -> f64 {
         assert_eq!(a.covariance, b.covariance);
         for k in 0..4 {
             let point = quad()[k];
-            most = most
-                .max(a.corners[k].distance(b.corners[k]))
-                .max(a.frame_from_reference.apply(point).distance(b.frame_from_reference.apply(point)));
+            most = most.max(a.corners[k].distance(b.corners[k])).max(
+                a.frame_from_reference
+                    .apply(point)
+                    .distance(b.frame_from_reference.apply(point)),
+            );
         }
     }
     most
@@ -127,22 +129,47 @@ fn broken_files_are_refused_with_a_sentence() {
     refused(&|v| v["version"] = 7.into(), "version 1");
     refused(&|v| v["width"] = 0.into(), "0 x 480");
     refused(&|v| v["more"] = 1.into(), "unknown field `more`");
-    refused(&|v| v["state"] = serde_json::json!(["tracked"]), "`state` has 1 entries");
-    refused(&|v| v["state"][0] = "found".into(), "unknown variant `found`");
-    refused(&|v| v["corners"] = serde_json::json!([]), "`corners` is missing");
+    refused(
+        &|v| v["state"] = serde_json::json!(["tracked"]),
+        "`state` has 1 entries",
+    );
+    refused(
+        &|v| v["state"][0] = "found".into(),
+        "unknown variant `found`",
+    );
+    refused(
+        &|v| v["corners"] = serde_json::json!([]),
+        "`corners` is missing",
+    );
     refused(&|v| v["corners"][1][3] = 1e12.into(), "frame 6: `corners`");
-    refused(&|v| v["frame_from_reference"][2] = vec![0; 9].into(), "frame 7:");
+    refused(
+        &|v| v["frame_from_reference"][2] = vec![0; 9].into(),
+        "frame 7:",
+    );
     refused(&|v| v["covariance"][0] = vec![0; 63].into(), "63 numbers");
-    refused(&|v| v["covariance"][0][0] = (-1).into(), "negative variance");
+    refused(
+        &|v| v["covariance"][0][0] = (-1).into(),
+        "negative variance",
+    );
     refused(&|v| v["visible"][0] = 2.into(), "`visible` is 2");
     refused(&|v| v["reference"] = 9.into(), "reference frame 9");
     refused(&|v| v["first"] = u64::MAX.into(), "reference frame");
     refused(&|v| v["quad"] = vec![1; 8].into(), "no rectangle");
-    refused(&|v| v["quad"] = serde_json::Value::Null, "`quad` is missing");
+    refused(
+        &|v| v["quad"] = serde_json::Value::Null,
+        "`quad` is missing",
+    );
     refused(&|v| v["planes"] = serde_json::json!([]), "beside `planes`");
     let few = TrackFile::from_json(&text, 2).unwrap_err();
     assert!(few.contains("more than the 2"), "{few}");
-    for text in ["", "[]", "{", "{}", "null", "{\"planes\":[{\"planes\":[]}]}"] {
+    for text in [
+        "",
+        "[]",
+        "{",
+        "{}",
+        "null",
+        "{\"planes\":[{\"planes\":[]}]}",
+    ] {
         assert!(TrackFile::from_json(text, 1000).is_err(), "{text}");
     }
 }
