@@ -3,15 +3,18 @@
 //! Guarantees: pixels that no stroke reaches keep their samples; equal parameters give equal files on any number of
 //! threads; outputs are whole or absent.
 
+mod strokes;
+
 use crate::context::Context;
-use crate::error::{JobError, plain};
+use crate::error::JobError;
 use crate::files;
 use crate::operation::{Operation, paths};
+use crate::pixel_centers::PixelCenters;
 use crate::report::Report;
 use crate::video::{ClipFiles, Encoding, check_no_encoding, is_clip, map_clip};
 use ravec::progress::Progress;
 use ravec::raster::{AnyImage, Image, LinearRgba, Rect, Size, Srgb, with_image};
-use ravec::twocolor::brush::{Painted, Stroke, Strokes, Tool, replay};
+use ravec::twocolor::brush::{Painted, Stroke, Tool, replay};
 use ravec::twocolor::{
     CleanParams, Mode, OperatorParams, WindowParams, clean_with, enlarge, estimate_noise, operate,
 };
@@ -122,7 +125,7 @@ Examples:
   ravec brush clip.y4m -o clean.y4m --mode clean --everywhere
   echo '[[40, 30], [90, 50]]' | ravec brush photo.jpg -o light.png --mode dodge --stroke -
 
-Strokes: points, in pixels from the upper left corner, are one stroke with the settings of the flags:
+Strokes: points, in pixels from the upper left corner (with --pixel-centers integer from the center of the first pixel), are one stroke with the settings of the flags:
   [[40, 30], [90, 50]]
 Strokes with settings of their own fit a picture of any size, because they say on which size they were drawn:
   {\"version\": 1, \"width\": 800, \"height\": 600, \"strokes\": [
@@ -192,6 +195,9 @@ pub struct Params {
     /// Leave out the last N strokes: undo
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = Params::default().undo))]
     pub undo: usize,
+    /// Center of the first pixel in points that are given or printed: half is (0.5, 0.5), integer is (0, 0)
+    #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "CENTERS", default_value_t = PixelCenters::Half))]
+    pub pixel_centers: PixelCenters,
     /// Quality of a JPEG output, 1 to 100: higher is larger and closer to the picture
     #[cfg_attr(feature = "cli", arg(long, value_name = "QUALITY", default_value_t = Params::default().quality))]
     pub quality: u8,
@@ -218,6 +224,7 @@ impl Default for Params {
             amount: 0.5,
             offset: [0, 0],
             undo: 0,
+            pixel_centers: PixelCenters::default(),
             quality: WriteOptions::default().quality,
             encoding: Encoding::default(),
         }
@@ -244,9 +251,6 @@ fn offset(text: &str) -> Result<[i32; 2], String> {
         _ => Err("two whole numbers are needed, as in -40,12".to_owned()),
     }
 }
-
-/// The largest file of strokes that is read.
-const MAX_STROKES_BYTES: u64 = 256 << 20;
 
 impl Params {
     fn check(&self, everywhere: bool) -> Result<(), JobError> {
@@ -458,7 +462,7 @@ impl Brush {
         context: &Context,
     ) -> Result<Image<LinearRgba>, JobError> {
         let size = picture.image.size();
-        let mut strokes = read_strokes(path, size, &self.params, context)?;
+        let mut strokes = strokes::read(path, size, &self.params, context)?;
         strokes
             .strokes
             .truncate(strokes.strokes.len().saturating_sub(self.params.undo));
@@ -542,38 +546,6 @@ fn everywhere(
     report.time("operate", || {
         Ok(with_image!(image, image => operate(image, whole, &operator, progress))?)
     })
-}
-
-fn read_strokes(
-    path: &Path,
-    size: Size,
-    params: &Params,
-    context: &Context,
-) -> Result<Strokes, JobError> {
-    let unreadable = |reason: String| JobError::Strokes {
-        path: path.to_path_buf(),
-        reason,
-    };
-    let text = files::read_text_in(path, MAX_STROKES_BYTES, context)
-        .map_err(|error| unreadable(plain(&error)))?;
-    let list = text.trim_start().strip_prefix('[');
-    if list.is_some_and(|rest| rest.trim_start().starts_with('{')) {
-        let list: Vec<Stroke> = serde_json::from_str(&text)
-            .map_err(|error| unreadable(format!("it is no list of strokes: {error}")))?;
-        let mut strokes = Strokes::new(size);
-        strokes.strokes = list;
-        return Ok(strokes);
-    }
-    if list.is_some() {
-        let points: Vec<[f64; 2]> = serde_json::from_str(&text).map_err(|error| {
-            unreadable(format!("it is no list of points [[x, y], ...]: {error}"))
-        })?;
-        let mut strokes = Strokes::new(size);
-        strokes.strokes.push(params.stroke(points));
-        return Ok(strokes);
-    }
-    serde_json::from_str(&text)
-        .map_err(|error| unreadable(format!("they are not in the form of strokes: {error}")))
 }
 
 /// The selection as gray; black where there was no mask stroke.

@@ -14,6 +14,7 @@ use ravec::mesh_io::{
     WriteMeshFileError,
 };
 use ravec::offset::OffsetError;
+use ravec::planar::track::{CorrectError, TrackError};
 use ravec::planar::{HomographyError, MatchError, ProportionError, SnapError};
 use ravec::progress::Cancelled;
 use ravec::raster::Size;
@@ -277,6 +278,37 @@ pub enum JobError {
         path: PathBuf,
         /// Why not.
         cause: SnapError,
+    },
+    /// A plane cannot be tracked.
+    #[error("cannot track {}: {cause}", input_name(.path))]
+    Track {
+        /// The clip.
+        path: PathBuf,
+        /// Why not.
+        cause: TrackError,
+    },
+    /// A plane is not found in any frame but the reference.
+    #[error(
+        "cannot track {}: the plane is lost in all frames but the reference; give another `reference`, or corners with more texture",
+        input_name(.path)
+    )]
+    TrackLost {
+        /// The clip.
+        path: PathBuf,
+    },
+    /// A track cannot be read, or is none of the clip.
+    #[error("cannot use the track in {}: {reason}", input_name(.path))]
+    TrackFile {
+        /// The file.
+        path: PathBuf,
+        /// Description of the defect.
+        reason: String,
+    },
+    /// Corners corrected by hand make no sense.
+    #[error("cannot apply `corrections`: {cause}")]
+    Correct {
+        /// Why not.
+        cause: CorrectError,
     },
     /// A hole cannot be filled.
     #[error("cannot complete {}: {cause}", input_name(.path))]

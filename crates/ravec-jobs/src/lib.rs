@@ -40,13 +40,16 @@ pub mod match_photos;
 pub mod mesh;
 pub mod mosaic;
 mod operation;
+mod pixel_centers;
 pub mod plane;
 pub mod recipe;
 mod report;
 pub mod retarget;
 pub mod scenes;
+pub mod stabilize;
 mod step;
 mod text;
+pub mod track;
 pub mod twocolor;
 pub mod video;
 
@@ -56,6 +59,7 @@ pub use files::{
     check_files, check_folder, make_folder, read as read_picture, write_output_text, write_text,
 };
 pub use operation::{AnyOperation, Operation};
+pub use pixel_centers::PixelCenters;
 pub use ravec_files::abandon_outputs;
 pub use ravec_media::Limits;
 pub use recipe::Recipe;

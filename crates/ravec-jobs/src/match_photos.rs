@@ -4,6 +4,7 @@ use crate::context::Context;
 use crate::error::JobError;
 use crate::files;
 use crate::operation::Operation;
+use crate::pixel_centers::PixelCenters;
 use crate::report::Report;
 use ravec::planar::{
     FeatureParams, MatchError, MatchParams, RobustParams, encoded_luminance, match_photos,
@@ -37,7 +38,8 @@ Examples:
   ravec match poster.jpg street.jpg -o - -q
 
 The nine numbers h, row by row, lead from a point (x, y) of the first photo to (h1 x + h2 y + h3, h4 x + h5 y + h6) / (h7 x + h8 y + \
-h9) in the second. Points are in pixels, x right, y down; the center of the first pixel is (0.5, 0.5).
+h9) in the second. Points are in pixels, x right, y down; the center of the first pixel is (0.5, 0.5), or (0, 0) with \
+--pixel-centers integer.
 
 Figures: matches, inliers, patches, sigma_px, tilted (0 or 1).";
 
@@ -55,6 +57,9 @@ pub struct Params {
     /// Seed of the random samples of matches
     #[cfg_attr(feature = "cli", arg(long, value_name = "NUMBER", default_value_t = Self::default().seed))]
     pub seed: u64,
+    /// Center of the first pixel in points that are given or printed: half is (0.5, 0.5), integer is (0, 0)
+    #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "CENTERS", default_value_t = PixelCenters::Half))]
+    pub pixel_centers: PixelCenters,
 }
 
 impl Default for Params {
@@ -63,6 +68,7 @@ impl Default for Params {
             features: FeatureParams::default().max_features,
             upright: false,
             seed: 0,
+            pixel_centers: PixelCenters::default(),
         }
     }
 }
@@ -79,7 +85,7 @@ impl Operation for Match {
     }
 
     /// Finds the homography that leads from points of the first photo to those of the second, and writes its nine numbers as
-    /// text, row by row, for points in pixels, x right, y down, pixel centers at half-integers.
+    /// text, row by row, for points in pixels, x right, y down, with pixel centers as `pixel_centers` says.
     ///
     /// Figures: `matches`, features that look alike; `inliers`, those that agree; `patches`, places that were aligned to a
     /// fraction of a pixel; `sigma_px`, the standard deviation of a coordinate of such a place; `tilted`, 1 if the photos had to
@@ -132,7 +138,10 @@ impl Operation for Match {
                 cause,
             },
         })?;
-        let rows = found.second_from_first.to_rows();
+        let rows = params
+            .pixel_centers
+            .write_map(&found.second_from_first)
+            .to_rows();
         let lines: Vec<String> = rows
             .chunks_exact(3)
             .map(|row| format!("{} {} {}\n", row[0], row[1], row[2]))

@@ -3,7 +3,7 @@
 use crate::operation::{AnyOperation, Operation};
 use crate::{
     brush, catalogue, compare, complete, match_photos, mesh, mosaic, plane, retarget, scenes,
-    twocolor, video,
+    track, twocolor, video,
 };
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -108,6 +108,7 @@ operations! {
     Rectify(plane::rectify::Rectify),
     Snap(plane::snap::Snap),
     Planes(plane::planes::Planes),
+    Track(track::Track),
     Complete(complete::Complete),
     Retarget(retarget::Retarget),
     TwoColor(twocolor::TwoColor),

@@ -1,13 +1,15 @@
 //! Filling step by step, and the steps as a file.
 //!
-//! A file of steps is JSON: the size of the picture that they were taken on, and for each step a target (position, radius,
-//! shape, the plane in whose view it lies), a source (photo, plane, position, how it is turned, mirrored and scaled) and
-//! whether tones are bent. All positions are in pixels of the pictures, so that a step can be changed by hand.
+//! A file of steps is JSON: the size of the picture that they were taken on, `pixel_centers` unless they are at
+//! half-integers, and for each step a target (position, radius, shape, the plane in whose view it lies), a source (photo, plane,
+//! position, how it is turned, mirrored and scaled) and whether tones are bent. All positions are in pixels of the pictures, so
+//! that a step can be changed by hand.
 
 use super::{Job, Params};
 use crate::context::Context;
 use crate::error::{JobError, plain};
 use crate::files;
+use crate::pixel_centers::PixelCenters;
 use crate::report::Report;
 use ravec::completion::{
     CompleteError, FillOptions, FragmentIndex, Retouch, SearchOptions, Sources, Step, Target,
@@ -29,6 +31,8 @@ const TARGET_RADIUS_PX: u32 = 24;
 struct Log {
     width: usize,
     height: usize,
+    #[serde(default, skip_serializing_if = "PixelCenters::is_half")]
+    pixel_centers: PixelCenters,
     steps: Vec<Step>,
 }
 
@@ -78,10 +82,17 @@ pub(super) fn fill(job: &Job, report: &mut Report) -> Result<AnyImage, JobError>
         report.figures.insert(name, value);
     }
     if let Some(path) = &job.operation.steps {
+        let centers = job.operation.params.pixel_centers;
+        let mut steps = filled.steps;
+        for step in &mut steps {
+            step.target.at = centers.write(step.target.at);
+            step.source.at = centers.write(step.source.at);
+        }
         let steps = Log {
             width: size.width(),
             height: size.height(),
-            steps: filled.steps,
+            pixel_centers: centers,
+            steps,
         };
         let text = serde_json::to_string_pretty(&steps).expect("steps are plain numbers and words");
         files::write_output_text(path, "JSON", &(text + "\n"), report, job.context)?;
@@ -134,7 +145,7 @@ where
             })?;
     }
     for target in &params.targets {
-        take_best(&mut retouch, target.0[0], job).map_err(failed)?;
+        take_best(&mut retouch, params.pixel_centers.read(target.0[0]), job).map_err(failed)?;
     }
     if replayed.is_none() && params.targets.is_empty() {
         let options = FillOptions {
@@ -218,5 +229,9 @@ fn read_steps(
     found
         .steps
         .truncate(found.steps.len().saturating_sub(params.undo));
+    for step in &mut found.steps {
+        step.target.at = found.pixel_centers.read(step.target.at);
+        step.source.at = found.pixel_centers.read(step.source.at);
+    }
     Ok(found.steps)
 }

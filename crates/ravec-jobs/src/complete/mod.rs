@@ -10,6 +10,7 @@ use crate::error::JobError;
 use crate::files;
 use crate::mask::read_mask;
 use crate::operation::{Operation, paths};
+use crate::pixel_centers::PixelCenters;
 use crate::report::Report;
 use glam::DVec2;
 use ravec::completion::{CompleteError, CompleteParams, CompleteSummary, complete};
@@ -65,7 +66,7 @@ Examples:
   ravec complete photo.jpg --mask mask.png -o without.png --replay steps.json
   ravec complete photo.jpg --mask mask.png -o without.png --target 70,50 --source noisy.jpg
 
-Points are in pixels, x right, y down; the center of the first pixel is (0.5, 0.5). Pixels that are not masked stay as they are, \
+Points are in pixels, x right, y down; the center of the first pixel is (0.5, 0.5), or (0, 0) with --pixel-centers integer. Pixels that are not masked stay as they are, \
 bit for bit.
 
 With --radius, --target, --mirror, --turn, --scale, --features, --source, --replay or --steps the hole is filled by fragments, \
@@ -129,6 +130,9 @@ pub struct Params {
     /// Leave out the last N of the steps that are replayed
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = Self::default().undo))]
     pub undo: usize,
+    /// Center of the first pixel in points that are given or printed: half is (0.5, 0.5), integer is (0, 0)
+    #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "CENTERS", default_value_t = PixelCenters::Half))]
+    pub pixel_centers: PixelCenters,
     /// Quality of a JPEG output, 1 to 100: higher is larger and closer to the picture
     #[cfg_attr(feature = "cli", arg(long, value_name = "QUALITY", default_value_t = Self::default().quality))]
     pub quality: u8,
@@ -148,6 +152,7 @@ impl Default for Params {
             turns: Vec::new(),
             scales: Vec::new(),
             undo: 0,
+            pixel_centers: PixelCenters::default(),
             quality: WriteOptions::default().quality,
         }
     }
@@ -166,8 +171,8 @@ pub enum Engine {
     Fragments,
 }
 
-/// Corners as they are given on the command line: x and y in turn, in pixels, x right, y down, pixel centers at
-/// half-integers. None at all for `none` or an empty text.
+/// Corners as they are given on the command line: x and y in turn, in pixels, x right, y down, pixel centers as
+/// [`Params::pixel_centers`] says. None at all for `none` or an empty text.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Corners(pub Vec<DVec2>);
@@ -354,6 +359,7 @@ impl Operation for Complete {
                 .planes
                 .iter()
                 .filter_map(|plane| plane.0.as_slice().try_into().ok())
+                .map(|plane| params.pixel_centers.read_all(plane))
                 .collect(),
             context,
         };
@@ -455,7 +461,9 @@ fn add_polygons(hole: &mut Mask, size: Size, params: &Params) -> Result<(), JobE
             value: "too large".to_owned(),
             range: "coordinates between -1e9 and 1e9",
         };
-        let covered = Mask::from_polygon(size, &polygon.0).map_err(wrong)?;
+        let corners = polygon.0.iter().map(|&at| params.pixel_centers.read(at));
+        let corners: Vec<DVec2> = corners.collect();
+        let covered = Mask::from_polygon(size, &corners).map_err(wrong)?;
         *hole = hole.union(&covered).map_err(wrong)?;
     }
     Ok(())

@@ -4,6 +4,7 @@ use super::JobError;
 use ravec::boolean::BooleanError;
 use ravec::completion::CompleteError;
 use ravec::offset::OffsetError;
+use ravec::planar::track::TrackError;
 use ravec::retarget::RetargetError;
 use ravec_catalogue::CatalogueError;
 use ravec_media::EncodeError;
@@ -42,6 +43,11 @@ impl JobError {
             | Self::Expression { .. }
             | Self::Quad { .. }
             | Self::Outside { .. }
+            | Self::Correct { .. }
+            | Self::Track {
+                cause: TrackError::Quad(_),
+                ..
+            }
             | Self::Offset {
                 cause:
                     OffsetError::Distance { .. }
@@ -89,6 +95,11 @@ impl JobError {
             | Self::SizesDiffer { .. }
             | Self::Complete { .. }
             | Self::Strokes { .. }
+            | Self::TrackFile { .. }
+            | Self::Track {
+                cause: TrackError::MaskSize { .. },
+                ..
+            }
             | Self::Steps { .. }
             | Self::Recipe { .. }
             | Self::NoIntermediate { .. } => ErrorKind::Input,
@@ -104,6 +115,8 @@ impl JobError {
             | Self::NoMatch { .. }
             | Self::Proportions { .. }
             | Self::NoSnap { .. }
+            | Self::Track { .. }
+            | Self::TrackLost { .. }
             | Self::Retarget { .. }
             | Self::Fit(_)
             | Self::Filter(_)

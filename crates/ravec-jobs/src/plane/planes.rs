@@ -4,6 +4,7 @@ use crate::context::Context;
 use crate::error::JobError;
 use crate::files;
 use crate::operation::Operation;
+use crate::pixel_centers::PixelCenters;
 use crate::plane::overlay::{Color, draw_line, line_width};
 use crate::plane::{Focal, check_paths, write_result};
 use crate::report::Report;
@@ -61,6 +62,9 @@ pub struct Params {
     /// Maximum number of planes, 1 to 12
     #[cfg_attr(feature = "cli", arg(long, value_name = "COUNT", default_value_t = Self::default().most))]
     pub most: usize,
+    /// Center of the first pixel in points that are given or printed: half is (0.5, 0.5), integer is (0, 0)
+    #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "CENTERS", default_value_t = PixelCenters::Half))]
+    pub pixel_centers: PixelCenters,
 }
 
 impl Default for Params {
@@ -68,6 +72,7 @@ impl Default for Params {
         Self {
             focal: None,
             most: 6,
+            pixel_centers: PixelCenters::default(),
         }
     }
 }
@@ -138,7 +143,7 @@ impl Operation for Planes {
         if let Some(focal) = found.focal_px {
             report.figures.insert("focal_px", focal);
         }
-        report.result = Some(described(&found));
+        report.result = Some(described(&found, params.pixel_centers));
         if let Some(output) = output {
             let draw = |image: &mut _| {
                 draw(image, &edges, &found);
@@ -150,13 +155,13 @@ impl Operation for Planes {
     }
 }
 
-fn described(found: &Proposals) -> Value {
+fn described(found: &Proposals, centers: PixelCenters) -> Value {
     let planes: Vec<_> = found
         .planes
         .iter()
         .map(|plane| {
             json!({
-                "quad": plane.quad.map(|corner| corner.to_array()),
+                "quad": centers.write_all(plane.quad).map(|corner| corner.to_array()),
                 "vanishing": plane.vanishing,
                 "support_px": plane.support_px,
                 "right_angles": plane.right_angles,
@@ -166,9 +171,17 @@ fn described(found: &Proposals) -> Value {
     let points: Vec<_> = found
         .vanishing_points
         .iter()
-        .map(|point| json!({ "at": point.at.to_array(), "length_px": point.length_px }))
+        .map(|point| {
+            let at = centers.write_homogeneous(point.at).to_array();
+            json!({ "at": at, "length_px": point.length_px })
+        })
         .collect();
-    json!({ "planes": planes, "vanishing_points": points, "focal_px": found.focal_px })
+    json!({
+        "planes": planes,
+        "vanishing_points": points,
+        "focal_px": found.focal_px,
+        "pixel_centers": centers,
+    })
 }
 
 /// Edges by the point that they aim at.

@@ -1,6 +1,7 @@
 //! Quadrilaterals, grids, lenses and proportions as people give them.
 
 use crate::error::JobError;
+use crate::pixel_centers::PixelCenters;
 use glam::{DVec2, dvec2};
 use ravec::planar::Homography;
 use ravec::raster::Size;
@@ -15,19 +16,21 @@ use std::str::FromStr;
 pub struct Quad(pub [DVec2; 4]);
 
 impl Quad {
-    /// Refuses what is no rectangle in perspective, or lies beside a picture of this size.
-    pub(crate) fn check(&self, size: Size) -> Result<(), JobError> {
-        Homography::from_unit_square(self.0).map_err(|cause| JobError::Quad { cause })?;
+    /// The corners with pixel centers at half-integers. Refuses what is no rectangle in perspective, or lies beside a picture of
+    /// this size.
+    pub(crate) fn check(&self, centers: PixelCenters, size: Size) -> Result<[DVec2; 4], JobError> {
+        let corners = centers.read_all(self.0);
+        Homography::from_unit_square(corners).map_err(|cause| JobError::Quad { cause })?;
         let extent = dvec2(size.width() as f64, size.height() as f64);
-        let low = self.0.into_iter().fold(DVec2::INFINITY, DVec2::min);
-        let high = self.0.into_iter().fold(DVec2::NEG_INFINITY, DVec2::max);
+        let low = corners.into_iter().fold(DVec2::INFINITY, DVec2::min);
+        let high = corners.into_iter().fold(DVec2::NEG_INFINITY, DVec2::max);
         if high.cmple(DVec2::ZERO).any() || low.cmpge(extent).any() {
             return Err(JobError::Outside {
                 quad: self.to_string(),
                 size,
             });
         }
-        Ok(())
+        Ok(corners)
     }
 }
 
@@ -250,7 +253,11 @@ mod tests {
     #[test]
     fn crossing_flat_and_far_quadrilaterals_are_refused() {
         let size = Size::new(100, 80).unwrap();
-        let check = |text: &str| text.parse::<Quad>().unwrap().check(size);
+        let check = |text: &str| {
+            text.parse::<Quad>()
+                .unwrap()
+                .check(PixelCenters::Half, size)
+        };
         check("10,10,90,12,88,70,9,60").unwrap();
         // reaching beyond the picture is no harm
         check("-10,-10,190,12,188,170,-9,160").unwrap();

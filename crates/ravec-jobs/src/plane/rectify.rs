@@ -4,9 +4,10 @@ use crate::context::Context;
 use crate::error::JobError;
 use crate::files;
 use crate::operation::Operation;
+use crate::pixel_centers::PixelCenters;
 use crate::plane::{Focal, Quad, Ratio, check_paths};
 use crate::report::Report;
-use glam::dvec2;
+use glam::{DVec2, dvec2};
 use ravec::planar::{Beyond, Known, Straight, proportions, straight_view, warp};
 use ravec::raster::{Color as _, Image, LinearRgba, PremulLinearRgba, Size};
 use ravec_media::{Picture, WriteOptions, focal_px_from_35mm};
@@ -38,7 +39,7 @@ Examples:
   ravec rectify photo.jpg -o front.png --quad 36,26,130,7,136,97,52,85 --aspect 4:3 --json f.json
 
 The corners of a rectangle on the plane are given in turn, from the upper left one clockwise, in pixels, x right, y down; the center of \
-the first pixel is (0.5, 0.5). Its proportions are those of --aspect; else they follow from the focal length, given or in the \
+the first pixel is (0.5, 0.5), or (0, 0) with --pixel-centers integer. Its proportions are those of --aspect; else they follow from the focal length, given or in the \
 EXIF data; else from its right angles, if neither pair of sides is parallel in the picture. For both, the picture should not \
 have been cropped.
 
@@ -102,6 +103,10 @@ pub struct Params {
     )]
     #[serde(default)]
     pub beyond: Outside,
+    /// Center of the first pixel in points that are given or printed: half is (0.5, 0.5), integer is (0, 0)
+    #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "CENTERS", default_value_t = PixelCenters::Half))]
+    #[serde(default)]
+    pub pixel_centers: PixelCenters,
 }
 
 /// Margin of `whole`, in sides of the rectangle: farther off, floors are a few blurred pixels.
@@ -119,6 +124,7 @@ impl Params {
             margin: 0.0,
             whole: false,
             beyond: Outside::default(),
+            pixel_centers: PixelCenters::default(),
         }
     }
 }
@@ -203,8 +209,8 @@ impl Operation for Rectify {
         let mut report = Report::of(self, params);
         let picture = files::read(input, &mut report, context)?;
         let size = picture.image.size();
-        params.quad.check(size)?;
-        let view = view(params, &picture, &mut report)?;
+        let quad = params.quad.check(params.pixel_centers, size)?;
+        let view = view(params, quad, &picture, &mut report)?;
         let area = view.size.x * view.size.y;
         let straight_size = Size::new(view.size.x as usize, view.size.y as usize)
             .ok()
@@ -240,7 +246,12 @@ impl Operation for Rectify {
 }
 
 /// The view and its place in the report.
-fn view(params: &Params, picture: &Picture, report: &mut Report) -> Result<Straight, JobError> {
+fn view(
+    params: &Params,
+    quad: [DVec2; 4],
+    picture: &Picture,
+    report: &mut Report,
+) -> Result<Straight, JobError> {
     let size = picture.image.size();
     let extent = dvec2(size.width() as f64, size.height() as f64);
     let exif = picture
@@ -253,7 +264,6 @@ fn view(params: &Params, picture: &Picture, report: &mut Report) -> Result<Strai
         (None, None, Some(focal)) => (Known::Focal(focal), "exif"),
         (None, None, None) => (Known::RightAngles, "right-angles"),
     };
-    let quad = params.quad.0;
     let found =
         proportions(quad, 0.5 * extent, known).map_err(|cause| JobError::Proportions { cause })?;
     let margin = if params.whole {
@@ -288,11 +298,13 @@ fn view(params: &Params, picture: &Picture, report: &mut Report) -> Result<Strai
             "the proportions hang on fractions of a pixel of the corners: give `aspect` or `focal` if you know them",
         );
     }
+    let centers = params.pixel_centers;
     report.result = Some(json!({
-        "quad": quad.map(|corner| corner.to_array()),
+        "quad": params.quad.0.map(|corner| corner.to_array()),
+        "pixel_centers": centers,
         "size": [view.size.x as u64, view.size.y as u64],
-        "image_from_straight": view.image_from_straight.to_rows(),
-        "straight_from_image": view.image_from_straight.inverse().to_rows(),
+        "image_from_straight": centers.write_map(&view.image_from_straight).to_rows(),
+        "straight_from_image": centers.write_map(&view.image_from_straight.inverse()).to_rows(),
         "aspect": found.ratio,
         "aspect_from": from,
         "aspect_sigma_percent": 100.0 * found.ratio_sigma_rel,

@@ -4,6 +4,7 @@ use crate::context::Context;
 use crate::error::JobError;
 use crate::files;
 use crate::operation::Operation;
+use crate::pixel_centers::PixelCenters;
 use crate::plane::overlay::{AFTER, BEFORE, draw_grid, line_width};
 use crate::plane::{Grid, Quad, check_paths, write_result};
 use crate::report::Report;
@@ -36,7 +37,7 @@ Examples:
   ravec snap photo.jpg --quad 36,26,130,7,136,97,52,85 --grid 4x3 -o grid.png
 
 The corners of the grid are given in turn, from the upper left one clockwise, in pixels, x right, y down; the center of the first pixel \
-is (0.5, 0.5). They should be within a few percent of the grid's diagonal of where they belong (--reach). Lines come to lie on \
+is (0.5, 0.5), or (0, 0) with --pixel-centers integer. They should be within a few percent of the grid's diagonal of where they belong (--reach). Lines come to lie on \
 edges, or in the middle of joints.
 
 Standard output gets one object in JSON: quad (four corners [x, y]), columns, rows, support (the share of the lines that lies on an edge, \
@@ -63,6 +64,10 @@ pub struct Params {
     #[cfg_attr(feature = "cli", arg(long, value_name = "PERCENT", default_value_t = Self::REACH))]
     #[serde(default = "Params::default_reach")]
     pub reach: f64,
+    /// Center of the first pixel in points that are given or printed: half is (0.5, 0.5), integer is (0, 0)
+    #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "CENTERS", default_value_t = PixelCenters::Half))]
+    #[serde(default)]
+    pub pixel_centers: PixelCenters,
 }
 
 /// Columns and rows that are searched for at most: finer grids find edges everywhere.
@@ -81,6 +86,7 @@ impl Params {
             quad,
             grid: None,
             reach: Self::REACH,
+            pixel_centers: PixelCenters::default(),
         }
     }
 }
@@ -125,12 +131,13 @@ impl Operation for Snap {
         check_paths(input, output, context)?;
         let mut report = Report::of(self, params);
         let picture = files::read(input, &mut report, context)?;
-        params.quad.check(picture.image.size())?;
+        let centers = params.pixel_centers;
+        let quad = params.quad.check(centers, picture.image.size())?;
         let grid = params.grid.unwrap_or(Grid {
             columns: 1,
             rows: 1,
         });
-        let rough = QuadGrid::new(params.quad.0, grid.columns, grid.rows)
+        let rough = QuadGrid::new(quad, grid.columns, grid.rows)
             .map_err(|cause| JobError::Quad { cause })?;
         let options = SnapParams {
             reach_rel: params.reach / 100.0,
@@ -152,16 +159,15 @@ impl Operation for Snap {
             },
         })?;
         let corners = found.grid.corners();
-        let moved: Vec<f64> = (0..4)
-            .map(|k| corners[k].distance(params.quad.0[k]))
-            .collect();
+        let moved: Vec<f64> = (0..4).map(|k| corners[k].distance(quad[k])).collect();
         report.figures.insert("support", found.support);
         report.figures.insert(
             "moved_most_px",
             moved.iter().fold(0.0, |a: f64, &b| a.max(b)),
         );
         report.result = Some(json!({
-            "quad": corners.map(|corner| corner.to_array()),
+            "quad": centers.write_all(corners).map(|corner| corner.to_array()),
+            "pixel_centers": centers,
             "columns": found.grid.columns(),
             "rows": found.grid.rows(),
             "support": found.support,

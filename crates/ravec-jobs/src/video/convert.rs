@@ -160,7 +160,7 @@ impl Operation for Convert {
 }
 
 /// The first frame of a range.
-pub(super) struct First {
+pub(crate) struct First {
     pub index: u64,
     pub frame: Frame,
     /// Stamp of the first frame of the clip.
@@ -168,7 +168,7 @@ pub(super) struct First {
 }
 
 /// Goes to the first frame of a range; `None` if the clip has none.
-pub(super) fn seek_start(
+pub(crate) fn seek_start(
     clip: &mut Clip,
     path: &Path,
     range: &FrameRange,

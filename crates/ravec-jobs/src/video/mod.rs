@@ -9,6 +9,7 @@ mod pace;
 mod range;
 
 pub(crate) use clip::{ClipOutput, OutputShape, check_clip_target, is_clip, open_clip, read_error};
+pub(crate) use convert::seek_start;
 pub(crate) use map::{ClipFiles, check_no_encoding, key_of, map_clip};
 pub use range::FrameRange;
 

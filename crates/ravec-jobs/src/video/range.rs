@@ -93,6 +93,14 @@ impl From<FrameRange> for String {
 }
 
 impl FrameRange {
+    /// Frames by their numbers, without the last one.
+    pub fn between(frames: &std::ops::Range<u64>) -> Self {
+        Self {
+            start: Some(End::Frame(frames.start)),
+            end: Some(End::Frame(frames.end)),
+        }
+    }
+
     /// The number of the first frame, if it does not depend on time stamps.
     pub fn first_frame(&self) -> Option<u64> {
         match self.start {
