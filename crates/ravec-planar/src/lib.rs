@@ -37,6 +37,7 @@
 //! | a plane from straight on | [`proportions`], [`straight_view`] |
 //! | pictures through a map | [`warp`](fn@warp), [`warp_frame`](fn@warp_frame) |
 //! | the motion of a camera, and cuts | [`camera::CameraMotion`] |
+//! | a plane through a clip | [`track::PlaneTracker`] |
 //!
 //! # Guarantees
 //!
@@ -56,7 +57,7 @@
 //! # Current status
 //!
 //! Still pictures: homographies, robust estimation, matching of photos, grids and snapping, proposals, rectification, warping.
-//! Clips: the motion of the camera.
+//! Clips: the motion of the camera; planes, tracked, corrected, with photos laid on them; smooth paths.
 //! It finds no edges itself: segments for [`propose_planes`] come, for instance, from `line_segments` of `ravec-twocolor`.
 
 mod align;

@@ -116,8 +116,20 @@ pub fn match_photos(
     params: &MatchParams,
     progress: &Progress,
 ) -> Result<PhotoMatch, MatchError> {
+    match_where(first, second, &|_| true, params, progress)
+}
+
+/// As [`match_photos`], with those features of the second photo alone whose places `keep` accepts.
+pub(crate) fn match_where(
+    first: &Plane,
+    second: &Plane,
+    keep: &dyn Fn(DVec2) -> bool,
+    params: &MatchParams,
+    progress: &Progress,
+) -> Result<PhotoMatch, MatchError> {
     let in_first = Features::detect(first, &params.features, progress)?;
-    let in_second = Features::detect(second, &params.features, progress)?;
+    let mut in_second = Features::detect(second, &params.features, progress)?;
+    in_second.keep_places(keep);
     progress.check()?;
     let (mut matches, mut fit) = agree(&in_first, &in_second, params);
     let mut tilted = false;
@@ -128,7 +140,9 @@ pub fn match_photos(
         let views = View::TILTS;
         let in_first =
             features_of_views(first, in_first.clone(), views, &params.features, progress)?;
-        let in_second = features_of_views(second, in_second, views, &params.features, progress)?;
+        let mut in_second =
+            features_of_views(second, in_second, views, &params.features, progress)?;
+        in_second.keep_places(keep);
         let (more, other) = agree(&in_first, &in_second, params);
         let count = |fit: &Result<RobustFit, HomographyError>| {
             fit.as_ref().map_or(0, |fit| fit.inlier_count)

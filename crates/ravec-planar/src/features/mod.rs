@@ -173,6 +173,17 @@ impl Features {
         Ok(all)
     }
 
+    /// Keeps the features whose places `keep` accepts, in their order.
+    pub(crate) fn keep_places(&mut self, keep: &dyn Fn(DVec2) -> bool) {
+        let kept: Vec<bool> = self.points.iter().map(|point| keep(point.at)).collect();
+        let mut flags = kept.iter();
+        self.points
+            .retain(|_| flags.next().is_some_and(|&kept| kept));
+        let mut flags = kept.iter();
+        self.descriptors
+            .retain(|_| flags.next().is_some_and(|&kept| kept));
+    }
+
     /// Keeps the `count` strongest features, the strongest first; of equals those that come first.
     pub(crate) fn keep_strongest(&mut self, count: usize) {
         let mut order: Vec<usize> = (0..self.points.len()).collect();

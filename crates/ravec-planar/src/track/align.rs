@@ -403,16 +403,9 @@ fn residuals<S: Simd>(
 fn sum_products(samples: &Samples, scratch: &Scratch) -> Products {
     let mut sums = [0.0f64; PRODUCTS];
     dispatch!(SimdLevel::new(), simd => add_products(simd, samples, scratch, &mut sums));
-    let mut products = [[0.0; ALL]; ALL];
-    let mut next = sums.into_iter();
-    for i in 0..ALL {
-        for j in i..ALL {
-            let sum = next.next().unwrap_or_default();
-            products[i][j] = sum;
-            products[j][i] = sum;
-        }
-    }
-    products
+    // the upper triangle, row by row
+    let at = |row: usize, col: usize| row * (2 * ALL + 1 - row) / 2 + col - row;
+    std::array::from_fn(|row| std::array::from_fn(|col| sums[at(row.min(col), row.max(col))]))
 }
 
 /// The columns, and the value, of up to [`LANES`] samples from `start` on.
@@ -604,4 +597,115 @@ pub(super) fn scores(
         }
     }
     all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn displacements_agree_with_finite_differences() {
+        for p in [dvec2(0.0, 0.0), dvec2(0.4, -0.7), dvec2(-0.9, 0.2)] {
+            for (k, derivative) in displacements(p).into_iter().enumerate() {
+                let mut motion = [0.0; MOTION];
+                motion[k] = 1e-6;
+                let moved = project(&increment(&motion), p).unwrap();
+                assert!(((moved - p) / 1e-6).distance(derivative) < 1e-5, "{k} {p}");
+            }
+        }
+    }
+
+    /// A quadratic picture, of which bilinear samples and central differences are exact up to a constant.
+    fn picture(size: usize) -> Level {
+        let values = (0..size * size).map(|at| {
+            let (x, y) = ((at % size) as f32, (at / size) as f32);
+            1e-4 * (x * x - 1.5 * x * y + 0.7 * y * y) + 0.003 * x
+        });
+        Level {
+            index: 0,
+            left: 0,
+            top: 0,
+            width: size,
+            height: size,
+            values: values.collect(),
+        }
+    }
+
+    fn samples(level: &Level) -> Samples {
+        let mut samples = Samples::default();
+        let at = |col: usize, row: usize| level.values[row * level.width + col];
+        for row in (4..60).step_by(3) {
+            for col in (4..60).step_by(3) {
+                samples.u.push((col as f32 + 0.5 - 32.0) / 32.0);
+                samples.v.push((row as f32 + 0.5 - 32.0) / 32.0);
+                samples.value.push(at(col, row));
+                samples
+                    .gx
+                    .push(16.0 * (at(col + 1, row) - at(col - 1, row)));
+                samples
+                    .gy
+                    .push(16.0 * (at(col, row + 1) - at(col, row - 1)));
+                for second in &mut samples.second {
+                    second.push(0.0);
+                }
+            }
+        }
+        samples
+    }
+
+    #[test]
+    fn columns_are_the_derivatives_of_the_values() {
+        let level = picture(64);
+        let samples = samples(&level);
+        let identity =
+            DMat3::from_translation(DVec2::splat(32.0)) * DMat3::from_scale(DVec2::splat(32.0));
+        let (mut before, mut after) = (Vec::new(), Vec::new());
+        sample(&samples, &level, &identity, &mut before);
+        for k in 0..MOTION {
+            let mut motion = [0.0; MOTION];
+            motion[k] = 2e-3;
+            sample(
+                &samples,
+                &level,
+                &(identity * increment(&motion)),
+                &mut after,
+            );
+            for start in (0..samples.len()).step_by(LANES) {
+                let end = (start + LANES).min(samples.len());
+                let all = columns(&samples, &before, start, end);
+                for i in start..end {
+                    let slope = (after[i] - before[i]) / 2e-3;
+                    let expected = all[k][i - start];
+                    assert!((slope - expected).abs() < 0.02, "{k}: {slope} {expected}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn products_are_those_of_a_plain_sum() {
+        let level = picture(64);
+        let samples = samples(&level);
+        let identity =
+            DMat3::from_translation(DVec2::splat(31.5)) * DMat3::from_scale(DVec2::splat(32.0));
+        let mut scratch = Scratch::default();
+        sample(&samples, &level, &identity, &mut scratch.values);
+        scratch.weights = (0..samples.len()).map(|i| (i % 5) as f32 * 0.25).collect();
+        let found = sum_products(&samples, &scratch);
+        let mut plain = [[0.0f64; ALL]; ALL];
+        for i in 0..samples.len() {
+            let all = columns(&samples, &scratch.values, i, i + 1);
+            for (a, row) in all.iter().zip(&mut plain) {
+                for (b, entry) in all.iter().zip(row) {
+                    *entry += f64::from(scratch.weights[i]) * f64::from(a[0]) * f64::from(b[0]);
+                }
+            }
+        }
+        for (found, plain) in found.iter().flatten().zip(plain.iter().flatten()) {
+            assert!(
+                (found - plain).abs() <= 1e-5 * plain.abs().max(1.0),
+                "{found} {plain}"
+            );
+        }
+    }
 }

@@ -4,7 +4,7 @@ use crate::track::align::{Pose, Settled, Steps, mean_distance, project, sample, 
 use crate::track::judge::{PoseCovariance, Verdict, blur_variance, judge, similarity, zoom_of};
 use crate::track::keys::Key;
 use crate::track::picture::{Picture, Window};
-use crate::track::search::best_shift;
+use crate::track::search::{best_places, best_shift, is_due};
 use crate::track::template::Samples;
 use crate::track::tracker::PlaneTracker;
 use glam::{DMat3, DVec2};
@@ -39,6 +39,9 @@ const MIN_ALIKE: f64 = 0.3;
 
 /// Share of the texture that must be seen.
 const MIN_VISIBLE: f64 = 0.06;
+
+/// Factor by which the area of the region may differ from that of the start.
+const MAX_GROWTH: f64 = 2.5;
 
 /// An alignment to a key with its verdict.
 pub(super) struct Fit {
@@ -173,6 +176,9 @@ impl PlaneTracker {
             far: false,
         };
         let settled = settle(dense, level, &mut pose, steps, (&corners, None), scratch)?;
+        if !is_plausible(frame_from_units, &pose.frame_from_units, &corners) {
+            return None;
+        }
         let verdict = judge(dense, &pose, settled.scale, scratch);
         let half = key.template.units.half;
         let covariance = PoseCovariance::new(dense, &settled, &pose, half, scratch);
@@ -192,16 +198,14 @@ impl PlaneTracker {
         let last = self.motion.frame_from_reference;
         let key = &self.keys.all[self.key];
         let start = last * key.reference_from_units;
-        let places = self
-            .searcher
-            .places(&key.template, &picture, &start, &mut self.scratch);
+        let places = best_places(&key.template, &picture, &start, &mut self.scratch);
         let mut best: Option<Fit> = None;
         for (similarity, start) in places {
             let fit = self.align(&picture, &start, similarity);
             best = better(best, fit);
         }
         if !best.as_ref().is_some_and(Fit::is_found)
-            && self.searcher.is_due(self.motion.lost_for)
+            && is_due(self.motion.lost_for)
             && let Some(frame_from_reference) = self.searcher.by_features(&picture)
         {
             let start = frame_from_reference * self.keys.all[self.key].reference_from_units;
@@ -218,6 +222,28 @@ fn zoom_levels(frame_from_units: &DMat3, half: f64) -> i32 {
     let zoom = (zoom_of(frame_from_units) / half).log2();
     // NaN becomes 0
     zoom.clamp(-8.0, 8.0).round() as i32
+}
+
+/// True if a pose shows the region as one camera could, and neither much larger nor much smaller than the start: a plane that has
+/// collapsed into a spot agrees with anything.
+fn is_plausible(start: &DMat3, pose: &DMat3, corners: &[DVec2; 4]) -> bool {
+    let area = |m: &DMat3| {
+        let mut places = [DVec2::ZERO; 4];
+        for (place, &corner) in places.iter_mut().zip(corners) {
+            *place = project(m, corner)?;
+        }
+        let turn = |k: usize| {
+            let [a, b, c] = [0, 1, 2].map(|j| places[(k + j) % 4]);
+            (b - a).perp_dot(c - b)
+        };
+        let turns = [0, 1, 2, 3].map(turn);
+        let convex = turns.iter().all(|&t| t > 0.0) || turns.iter().all(|&t| t < 0.0);
+        convex.then(|| 0.25 * turns.iter().sum::<f64>())
+    };
+    match (area(start), area(pose)) {
+        (Some(before), Some(after)) => (1.0 / MAX_GROWTH..MAX_GROWTH).contains(&(after / before)),
+        _ => false,
+    }
 }
 
 /// True if blur is too strong for the second derivatives of a level to stand for it.

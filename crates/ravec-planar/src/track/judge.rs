@@ -12,12 +12,15 @@ use nalgebra::{Cholesky, SMatrix, SVector};
 const ALIKE: f32 = 0.7;
 const ALIKE_RANGE: [f32; 2] = [0.35, 0.7];
 
+/// Deviation of residuals, in values of the template, up to which they are taken for noise: that of a sensor is below after the blur.
+const MAX_NOISE: f32 = 0.02;
+
 /// Samples in view below which a group is not judged.
 const MIN_GROUP: usize = 8;
 
 /// Factor of the standard deviations by the sandwich: residuals of neighboring groups are not independent either, and the
 /// template is exact only to its own blur.
-const SIGMAS: f64 = 1.5;
+const SIGMAS: f64 = 1.4;
 
 /// Standard deviation of a corner that is never undercut, in pixels: interpolation alone makes as much.
 const MIN_SIGMA_PX: f64 = 0.002;
@@ -111,24 +114,19 @@ pub(super) fn judge(samples: &Samples, pose: &Pose, scale: f32, scratch: &Scratc
             inliers += usize::from(scratch.weights[i] > 0.5);
         }
     }
-    let noise = (f64::from(scale) / pose.light.gain) as f32;
+    let noise = ((f64::from(scale) / pose.light.gain) as f32).min(MAX_NOISE);
     let noise = noise * noise;
     let (mut all, mut in_view, mut alike) = (0.0f64, 0.0f64, 0.0f64);
     let mut weights = vec![1.0f32; groups.len()];
     for (group, weight) in groups.iter().zip(&mut weights) {
         let (correlation, energy) = group.correlation();
-        // where noise is as strong as texture nothing can be said
-        let [n, ..] = group.all;
-        if group.texture() < n * noise {
-            continue;
-        }
         all += f64::from(group.texture());
-        if group.n < MIN_GROUP as f32 || energy < group.n * noise {
+        if group.n < MIN_GROUP as f32 {
             continue;
         }
         in_view += f64::from(energy);
         // half of the noise is in the template, half in the frame
-        let expected = 1.0 - 0.5 * group.n * noise / energy;
+        let expected = 1.0 - 0.5 * group.n * noise / energy.max(1e-12);
         let limit = (ALIKE * expected).clamp(ALIKE_RANGE[0], ALIKE_RANGE[1]);
         if correlation >= limit {
             alike += f64::from(energy);
@@ -151,8 +149,8 @@ pub(super) fn similarity(samples: &Samples, values: &[f32]) -> f64 {
     let (mut all, mut good) = (0.0f64, 0.0f64);
     for block in &samples.blocks {
         let mut sums = Sums::default();
-        for i in block.start..block.end {
-            let (t, y) = (samples.value[i], values[i]);
+        let range = block.start..block.end;
+        for (&t, &y) in samples.value[range.clone()].iter().zip(&values[range]) {
             sums.add_any(t);
             if y.is_nan() {
                 continue;
@@ -195,10 +193,15 @@ impl PoseCovariance {
         let gain = pose.light.gain;
         let matrix = normal_matrix(&settled.products, f64::from(settled.scale), gain, true);
         let mut meat = SMatrix::<f64, COLUMNS, COLUMNS>::zeros();
+        let mut seen = 0usize;
         for score in scores(samples, settled, true, scratch) {
             let score = SVector::from(score);
             meat += score * score.transpose();
+            seen += usize::from(score.iter().any(|&v| v != 0.0));
         }
+        // residuals of few groups have been fitted away in part
+        let free = seen.saturating_sub(COLUMNS).max(1);
+        meat *= seen as f64 / free as f64;
         let matrix = SMatrix::<f64, COLUMNS, COLUMNS>::from_fn(|row, col| matrix[row][col]);
         let inverse = Cholesky::new(matrix)?.inverse();
         let all = inverse * meat * inverse;

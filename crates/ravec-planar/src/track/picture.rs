@@ -101,7 +101,7 @@ impl TrackPixel for LinearRgba {
     fn read(self) -> (f32, bool) {
         let [r, g, b, a] = self.0;
         let (value, marked) = LinearRgb([r, g, b]).read();
-        (value, marked || !(a >= 0.5))
+        (value, marked || a.is_nan() || a < 0.5)
     }
 }
 

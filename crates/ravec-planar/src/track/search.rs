@@ -85,60 +85,6 @@ impl Searcher {
         }
     }
 
-    /// True if features are tried in a frame, so many frames after the loss.
-    pub fn is_due(&self, lost_for: usize) -> bool {
-        lost_for < EAGER_FRAMES || lost_for.is_multiple_of(PATIENCE)
-    }
-
-    /// The best places of the plane in a frame, in the attitude that it had last, with their similarities.
-    pub fn places(
-        &self,
-        template: &Template,
-        picture: &Picture,
-        last: &DMat3,
-        scratch: &mut Scratch,
-    ) -> Vec<(f64, DMat3)> {
-        let samples = &template.levels[template.levels.len() - 1];
-        let level = &picture.levels[picture.levels.len() - 1];
-        let thin = thinned(samples);
-        let step = f64::from(1u32 << level.index);
-        let center = *last * DVec2::ZERO.extend(1.0);
-        let center = center.truncate() / center.z;
-        if !center.is_finite() {
-            return Vec::new();
-        }
-        let mut scores: Vec<(f64, DMat3, DVec2)> = Vec::new();
-        for row in 0..level.height {
-            for col in 0..level.width {
-                let place = dvec2(
-                    (level.left + col) as f64 + 0.5,
-                    (level.top + row) as f64 + 0.5,
-                );
-                let moved = DMat3::from_translation(place * step - center) * *last;
-                sample(&thin, level, &moved, &mut scratch.values);
-                scores.push((correlation(&thin, &scratch.values), moved, place));
-            }
-        }
-        scores.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let mut chosen: Vec<(f64, DMat3, DVec2)> = Vec::new();
-        for (_, moved, place) in scores.into_iter().take(40 * PLACES) {
-            if chosen.iter().any(|other| other.2.distance(place) < 4.0) {
-                continue;
-            }
-            let found = best_shift(samples, level, &moved, 1, scratch);
-            chosen.push((found.0, found.1, place));
-            if chosen.len() == 2 * PLACES {
-                break;
-            }
-        }
-        chosen.sort_by(|a, b| b.0.total_cmp(&a.0));
-        chosen.truncate(PLACES);
-        chosen
-            .into_iter()
-            .map(|(score, pose, _)| (score, pose))
-            .collect()
-    }
-
     /// The plane by features: the map from the reference to the frame.
     pub fn by_features(&self, picture: &Picture) -> Option<DMat3> {
         let params = FeatureParams::default();
@@ -169,6 +115,59 @@ impl Searcher {
         let fit = estimate_robust(&pairs, &RobustParams::default()).ok()?;
         (fit.inlier_count >= MIN_MATCHES).then(|| fit.dst_from_src.matrix())
     }
+}
+
+/// True if features are tried in a frame, so many frames after the loss.
+pub(super) fn is_due(lost_for: usize) -> bool {
+    lost_for < EAGER_FRAMES || lost_for.is_multiple_of(PATIENCE)
+}
+
+/// The best places of the plane in a frame, in the attitude that it had last, with their similarities.
+pub(super) fn best_places(
+    template: &Template,
+    picture: &Picture,
+    last: &DMat3,
+    scratch: &mut Scratch,
+) -> Vec<(f64, DMat3)> {
+    let samples = &template.levels[template.levels.len() - 1];
+    let level = &picture.levels[picture.levels.len() - 1];
+    let thin = thinned(samples);
+    let step = f64::from(1u32 << level.index);
+    let center = *last * DVec2::ZERO.extend(1.0);
+    let center = center.truncate() / center.z;
+    if !center.is_finite() {
+        return Vec::new();
+    }
+    let mut scores: Vec<(f64, DMat3, DVec2)> = Vec::new();
+    for row in 0..level.height {
+        for col in 0..level.width {
+            let place = dvec2(
+                (level.left + col) as f64 + 0.5,
+                (level.top + row) as f64 + 0.5,
+            );
+            let moved = DMat3::from_translation(place * step - center) * *last;
+            sample(&thin, level, &moved, &mut scratch.values);
+            scores.push((correlation(&thin, &scratch.values), moved, place));
+        }
+    }
+    scores.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let mut chosen: Vec<(f64, DMat3, DVec2)> = Vec::new();
+    for (_, moved, place) in scores.into_iter().take(40 * PLACES) {
+        if chosen.iter().any(|other| other.2.distance(place) < 4.0) {
+            continue;
+        }
+        let found = best_shift(samples, level, &moved, 1, scratch);
+        chosen.push((found.0, found.1, place));
+        if chosen.len() == 2 * PLACES {
+            break;
+        }
+    }
+    chosen.sort_by(|a, b| b.0.total_cmp(&a.0));
+    chosen.truncate(PLACES);
+    chosen
+        .into_iter()
+        .map(|(score, pose, _)| (score, pose))
+        .collect()
 }
 
 /// Some of the samples, as one block.

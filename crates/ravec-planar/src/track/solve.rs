@@ -335,9 +335,11 @@ impl Track {
         }
         for pair in places.windows(2) {
             let variance = step_variance(acceleration, pair[1].at - pair[0].at);
-            for at in pair[0].at..pair[1].at {
-                let step = self.step_on_plane(nodes, at, &(Matrix::identity() * variance));
-                steps[at] = step.ok_or_else(|| self.folded(at))?;
+            let pixels = Matrix::identity() * variance;
+            let range = pair[0].at..pair[1].at;
+            for (at, step) in range.clone().zip(&mut steps[range]) {
+                let found = self.step_on_plane(nodes, at, &pixels);
+                *step = found.ok_or_else(|| self.folded(at))?;
             }
         }
         Ok(())
@@ -352,7 +354,7 @@ impl Track {
     /// The covariance on the plane of a step from frame `at` to the next, from that in pixels: the mean of both frames' views.
     fn step_on_plane(&self, nodes: &[Option<Node>], at: usize, pixels: &Matrix) -> Option<Matrix> {
         let mut sum = Matrix::zeros();
-        for node in nodes[at..at + 2].iter() {
+        for node in &nodes[at..at + 2] {
             let back = inverse_jacobian(&node.as_ref()?.base, &self.quad)?;
             sum += carried(&back, pixels) * 0.5;
         }

@@ -81,8 +81,9 @@ const MIN_COVERAGE: [f32; 2] = [0.985, 0.8];
 const GROUPS: f64 = 80.0;
 const GROUP_PX: [f64; 2] = [8.0, 32.0];
 
-/// Samples below which a plane cannot be tracked.
+/// Samples with a gradient of a step of 255 a pixel below which a plane cannot be tracked.
 const MIN_SAMPLES: usize = 60;
+const MIN_GRADIENT: f32 = 1.0 / 255.0;
 
 impl Template {
     /// Samples of the part of a picture that `coverage`, at the sizes of the picture, covers. Nothing if there is too little.
@@ -102,7 +103,12 @@ impl Template {
             .map(|level| all(level, LEVEL_SAMPLES))
             .take_while(|samples| samples.len() >= MIN_SAMPLES)
             .collect();
-        if levels.is_empty() {
+        let textured = |samples: &Samples| {
+            let least = (f64::from(MIN_GRADIENT) * units.half) as f32;
+            let steep = samples.gx.iter().zip(&samples.gy);
+            steep.filter(|(gx, gy)| gx.hypot(**gy) >= least).count() >= MIN_SAMPLES
+        };
+        if !levels.first().is_some_and(textured) {
             return None;
         }
         let dense = (0..levels.len().min(DENSE_LEVELS)).map(|level| all(level, dense));
@@ -134,7 +140,7 @@ impl Template {
         for samples in self.levels.iter_mut().chain(&mut self.dense[1..]) {
             for index in 0..samples.blocks.len() {
                 let block = samples.blocks[index];
-                let middle = samples.place((block.start + block.end) / 2);
+                let middle = samples.place(usize::midpoint(block.start, block.end));
                 let distance = |&i: &usize| centers[i].distance_squared(middle);
                 let nearest = (0..centers.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)));
                 samples.blocks[index].group = nearest.unwrap_or(0);

@@ -91,14 +91,14 @@ const MAX_LEVELS: usize = 7;
 const WEAK_ALIKE: f64 = 0.4;
 const WEAK_VISIBLE: f64 = 0.15;
 
-/// Predicted standard deviation of a corner, in pixels, from which a pose is weak.
-const WEAK_SIGMA_PX: f64 = 0.7;
+/// Predicted standard deviation of a corner, in pixels, from which a pose is weak: two of it are a pixel.
+const WEAK_SIGMA_PX: f64 = 0.5;
 
 /// Share of what was seen in the last frame below which the pose is doubted and searched for.
 const DOUBT: f64 = 0.6;
 
-/// Standard deviation that stands for a lost plane, as a share of the diagonal of the frame.
-const LOST_SIGMA: f64 = 1.0;
+/// Predicted standard deviation of a corner, as a share of the diagonal of the region, from which a plane is lost.
+const LOST_SIGMA: f64 = 0.025;
 
 /// The last pose, and the motion to it.
 #[derive(Debug, Clone)]
@@ -302,12 +302,11 @@ impl PlaneTracker {
         }
         let window = Window::whole(self.size);
         let picture = Picture::new(frame, exclude, window, self.levels, &mut self.buffers);
-        let tracked = match choice {
-            Choice::Other(index) => self.switch_key(index, &picture, fit, tracked),
-            _ => {
-                self.add_key(&picture, &fit, &tracked);
-                tracked
-            }
+        let tracked = if let Choice::Other(index) = choice {
+            self.switch_key(index, &picture, &fit, tracked)
+        } else {
+            self.add_key(&picture, &fit, &tracked);
+            tracked
         };
         self.buffers.recycle(picture);
         tracked
@@ -318,7 +317,7 @@ impl PlaneTracker {
         &mut self,
         index: usize,
         picture: &Picture,
-        fit: Fit,
+        fit: &Fit,
         tracked: TrackedFrame,
     ) -> TrackedFrame {
         let before = (self.key, self.motion.clone());
@@ -371,26 +370,15 @@ impl PlaneTracker {
         self.keys.refine(frames, &self.quad, self.size)
     }
 
-    /// Takes a pose.
+    /// Takes a pose, if it is sure enough.
     fn settle_on(&mut self, fit: &Fit) -> TrackedFrame {
-        let key = &self.keys.all[self.key];
-        let before = self.motion.frame_from_reference;
-        let now = fit.pose.frame_from_units * key.reference_from_units.inverse();
-        let now = now * now.z_axis.z.recip();
-        let found = Homography::from_matrix(now);
-        let covariance = (fit.covariance.as_ref())
-            .and_then(|covariance| key.covariance_in(covariance, &fit.pose, &self.quad));
-        let (Some(covariance), Ok(frame_from_reference)) = (covariance, found) else {
+        let Some(tracked) = self.tracked(fit) else {
             return self.lose();
         };
-        let corners = self.quad.map(|p| project(&now, p).unwrap_or(DVec2::NAN));
-        if !corners.iter().all(|corner| corner.is_finite()) {
-            return self.lose();
-        }
-        let [gain, bias] = key.light;
-        let velocity = before.inverse() * now;
+        let now = tracked.frame_from_reference.matrix();
+        let velocity = self.motion.frame_from_reference.inverse() * now;
         self.motion = Motion {
-            frame_from_reference: now,
+            frame_from_reference: now * now.z_axis.z.recip(),
             velocity: if self.motion.lost_for == 0 {
                 velocity
             } else {
@@ -402,25 +390,45 @@ impl PlaneTracker {
             similarity: fit.similarity,
             lost_for: 0,
         };
+        tracked
+    }
+
+    /// A fit to the present key as a tracked frame; nothing if it says too little.
+    fn tracked(&self, fit: &Fit) -> Option<TrackedFrame> {
+        let Fit { pose, verdict, .. } = fit;
+        let key = &self.keys.all[self.key];
+        let matrix = pose.frame_from_units * key.reference_from_units.inverse();
+        let frame_from_reference = Homography::from_matrix(matrix).ok()?;
+        let [gain, bias] = key.light;
+        let mut corners = self.quad;
+        for corner in &mut corners {
+            *corner = project(&matrix, *corner)?;
+        }
         let mut tracked = TrackedFrame {
             state: TrackState::Tracked,
             frame_from_reference,
             corners,
-            covariance,
-            inlier_share: fit.verdict.inlier_share,
-            visible: fit.verdict.visible,
+            covariance: key.covariance_in(fit.covariance.as_ref()?, pose, &self.quad)?,
+            inlier_share: verdict.inlier_share,
+            visible: verdict.visible,
             residual: f64::from(fit.settled.scale),
-            gain: fit.pose.light.gain * gain,
-            bias: fit.pose.light.gain * bias + fit.pose.light.bias,
+            gain: pose.light.gain * gain,
+            bias: pose.light.gain * bias + pose.light.bias,
             keyframe: self.key,
         };
-        let weak = fit.verdict.alike < WEAK_ALIKE
-            || fit.verdict.visible < WEAK_VISIBLE
-            || tracked.sigma_px() > WEAK_SIGMA_PX;
-        if weak {
+        let diagonal = self.outline[0].distance(self.outline[2]);
+        let sigma = tracked.sigma_px();
+        if sigma > LOST_SIGMA * diagonal || (self.motion.lost_for > 0 && verdict.alike < WEAK_ALIKE)
+        {
+            return None;
+        }
+        // found again in one frame only, it may be a mistake
+        let again = self.motion.lost_for > 0;
+        let little = verdict.alike < WEAK_ALIKE || verdict.visible < WEAK_VISIBLE;
+        if again || little || sigma > WEAK_SIGMA_PX {
             tracked.state = TrackState::Weak;
         }
-        tracked
+        Some(tracked)
     }
 
     /// Reports the plane as lost; the pose is that of the last frame in which it was found.
@@ -428,8 +436,8 @@ impl PlaneTracker {
         self.motion.lost_for += 1;
         self.motion.groups = None;
         let now = self.motion.frame_from_reference;
-        let sigma =
-            LOST_SIGMA * dvec2(self.size.width() as f64, self.size.height() as f64).length();
+        // nothing is known
+        let sigma = dvec2(self.size.width() as f64, self.size.height() as f64).length();
         let mut covariance = [[0.0; 8]; 8];
         for (k, row) in covariance.iter_mut().enumerate() {
             row[k] = 0.5 * sigma * sigma;

@@ -22,17 +22,26 @@ pub(super) struct End {
     pub covariance: Matrix,
 }
 
-/// Frames whose offsets walk from one end to the other.
+/// Frames whose offsets walk from one end to the other, in any direction.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) enum Slide {
-    /// All frames strictly between the ends.
-    Between { from: End, to: End, stiffness: f64 },
-    /// All frames from the end's neighbor to `last`, in any direction.
-    Open {
-        from: End,
-        last: usize,
-        stiffness: f64,
-    },
+pub(super) struct Slide {
+    pub from: End,
+    /// The other end; nothing if the walk goes on, without aim, up to the frame `last`.
+    pub to: Option<End>,
+    /// The last frame of the walk, or the place of the other end.
+    pub last: usize,
+    pub stiffness: f64,
+}
+
+impl Slide {
+    fn between(from: End, to: End, stiffness: f64) -> Self {
+        Self {
+            last: to.at,
+            from,
+            to: Some(to),
+            stiffness,
+        }
+    }
 }
 
 /// A return to the measurements.
@@ -162,13 +171,10 @@ impl Walk<'_> {
         let open: f64 = run.iter().map(|&at| self.price(at)).sum();
         let best = least(&costs, &run);
         Some(match best.at.filter(|_| best.cost <= open) {
-            Some(at) => Slide::Between {
+            Some(at) => Slide::between(knot.end(), self.measured_end(at), knot.stiffness),
+            None => Slide {
                 from: knot.end(),
-                to: self.measured_end(at),
-                stiffness: knot.stiffness,
-            },
-            None => Slide::Open {
-                from: knot.end(),
+                to: None,
                 last,
                 stiffness: knot.stiffness,
             },
@@ -215,22 +221,18 @@ impl Walk<'_> {
             }
         }
         match best.1 {
-            None => slides.push(Slide::Between {
-                from: left.end(),
-                to: right.end(),
-                stiffness,
-            }),
+            None => slides.push(Slide::between(left.end(), right.end(), stiffness)),
             Some((back, away)) => {
-                slides.push(Slide::Between {
-                    from: left.end(),
-                    to: self.measured_end(back),
-                    stiffness: left.stiffness,
-                });
-                slides.push(Slide::Between {
-                    from: self.measured_end(away),
-                    to: right.end(),
-                    stiffness: right.stiffness,
-                });
+                slides.push(Slide::between(
+                    left.end(),
+                    self.measured_end(back),
+                    left.stiffness,
+                ));
+                slides.push(Slide::between(
+                    self.measured_end(away),
+                    right.end(),
+                    right.stiffness,
+                ));
             }
         }
     }
@@ -266,42 +268,37 @@ pub(super) fn fill(walk: &Walk, slide: &Slide, offsets: &mut [Option<(Vector, Ma
             .as_ref()
             .map_or(Matrix::zeros(), |node| node.noise)
     };
-    match slide {
-        Slide::Open {
-            from,
-            last,
-            stiffness,
-        } => {
-            let frames: Vec<usize> = if *last > from.at {
-                (from.at + 1..=*last).collect()
-            } else {
-                (*last..from.at).rev().collect()
-            };
-            let mut sum = from.covariance;
-            for at in frames {
-                let step = if at > from.at { at - 1 } else { at };
-                sum += walk.step(step, *stiffness);
-                offsets[at] = Some((from.offset, sum + noise(at)));
-            }
+    let Slide {
+        from,
+        last,
+        stiffness,
+        ..
+    } = slide;
+    let Some(to) = &slide.to else {
+        let frames: Vec<usize> = if *last > from.at {
+            (from.at + 1..=*last).collect()
+        } else {
+            (*last..from.at).rev().collect()
+        };
+        let mut sum = from.covariance;
+        for at in frames {
+            let step = if at > from.at { at - 1 } else { at };
+            sum += walk.step(step, *stiffness);
+            offsets[at] = Some((from.offset, sum + noise(at)));
         }
-        Slide::Between {
-            from,
-            to,
-            stiffness,
-        } => {
-            let (from, to) = if from.at < to.at {
-                (from, to)
-            } else {
-                (to, from)
-            };
-            let steps: Vec<Matrix> = (from.at..to.at)
-                .map(|at| walk.step(at, *stiffness))
-                .collect();
-            for (index, (offset, covariance)) in between(&steps, from, to).into_iter().enumerate() {
-                let at = from.at + 1 + index;
-                offsets[at] = Some((offset, covariance + noise(at)));
-            }
-        }
+        return;
+    };
+    let (from, to) = if from.at < to.at {
+        (from, to)
+    } else {
+        (to, from)
+    };
+    let steps: Vec<Matrix> = (from.at..to.at)
+        .map(|at| walk.step(at, *stiffness))
+        .collect();
+    for (index, (offset, covariance)) in between(&steps, from, to).into_iter().enumerate() {
+        let at = from.at + 1 + index;
+        offsets[at] = Some((offset, covariance + noise(at)));
     }
 }
 
@@ -344,11 +341,11 @@ mod tests {
         Vector::from_fn(|k, _| size * seed.gaussian(k as i64, 77, 0))
     }
 
-    fn node(spread: Matrix, price: f64) -> Node {
+    fn node(spread: &Matrix, price: f64) -> Node {
         Node {
             base: Homography::IDENTITY,
-            noise: spread,
-            spread,
+            noise: *spread,
+            spread: *spread,
             measured: true,
             price,
         }
@@ -432,7 +429,7 @@ mod tests {
             let nodes: Vec<Option<Node>> = (0..frames)
                 .map(|at| {
                     let price = seed.between(at as i64, 1, 1, 0.1, 2.0);
-                    Some(node(positive(seed, at), price))
+                    Some(node(&positive(seed, at), price))
                 })
                 .collect();
             let steps = vec![Matrix::zeros(); frames];
@@ -472,10 +469,7 @@ mod tests {
             let plan = walk.plan(&[left, right]);
             let ends: Vec<(usize, usize)> = plan
                 .iter()
-                .map(|slide| match slide {
-                    Slide::Between { from, to, .. } => (from.at, to.at),
-                    Slide::Open { from, last, .. } => (from.at, *last),
-                })
+                .map(|slide| (slide.from.at, slide.last))
                 .collect();
             match best.1 {
                 None => assert_eq!(ends, [(0, 13)], "{trial}"),
@@ -489,7 +483,7 @@ mod tests {
     #[test]
     fn frames_without_a_pose_end_a_slide_that_goes_on_until_there() {
         let spread = Matrix::identity() * 0.01;
-        let mut nodes: Vec<Option<Node>> = (0..20).map(|_| Some(node(spread, 1.0))).collect();
+        let mut nodes: Vec<Option<Node>> = (0..20).map(|_| Some(node(&spread, 1.0))).collect();
         nodes[14] = None;
         let steps = vec![Matrix::zeros(); 20];
         let walk = Walk {
@@ -499,7 +493,7 @@ mod tests {
         // four frames cost less than any ramp
         let far = knot(10, Vector::repeat(1.0));
         let plan = walk.plan(std::slice::from_ref(&far));
-        assert!(matches!(plan[1], Slide::Open { last: 13, .. }), "{plan:?}");
+        assert!(plan[1].to.is_none() && plan[1].last == 13, "{plan:?}");
         let mut offsets = vec![None; 20];
         fill(&walk, &plan[1], &mut offsets);
         assert!(offsets[14..].iter().all(Option::is_none));
