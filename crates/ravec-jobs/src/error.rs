@@ -14,7 +14,7 @@ use ravec::mesh_io::{
     WriteMeshFileError,
 };
 use ravec::offset::OffsetError;
-use ravec::planar::track::{CorrectError, TrackError};
+use ravec::planar::track::{CorrectError, PhotoError, TrackError};
 use ravec::planar::{HomographyError, MatchError, ProportionError, SnapError};
 use ravec::progress::Cancelled;
 use ravec::raster::Size;
@@ -303,6 +303,14 @@ pub enum JobError {
         path: PathBuf,
         /// Description of the defect.
         reason: String,
+    },
+    /// A photo has no place on the plane.
+    #[error("cannot lay {} on the plane: {cause}", input_name(.path))]
+    Photo {
+        /// The photo; `-` is standard input.
+        path: PathBuf,
+        /// Why not.
+        cause: PhotoError,
     },
     /// Corners corrected by hand make no sense.
     #[error("cannot apply `corrections`: {cause}")]

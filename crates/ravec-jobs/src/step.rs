@@ -3,7 +3,7 @@
 use crate::operation::{AnyOperation, Operation};
 use crate::{
     brush, catalogue, compare, complete, match_photos, mesh, mosaic, plane, retarget, scenes,
-    track, twocolor, video,
+    stabilize, track, twocolor, video,
 };
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -109,6 +109,7 @@ operations! {
     Snap(plane::snap::Snap),
     Planes(plane::planes::Planes),
     Track(track::Track),
+    Stabilize(stabilize::Stabilize),
     Complete(complete::Complete),
     Retarget(retarget::Retarget),
     TwoColor(twocolor::TwoColor),

@@ -35,7 +35,7 @@
 //! | grids in perspective | [`QuadGrid`], [`snap`](fn@snap), [`snap_counting`] |
 //! | planes from edges | [`propose_planes`], [`vanishing_points`], [`Segment`] |
 //! | a plane from straight on | [`proportions`], [`straight_view`] |
-//! | pictures through a map | [`warp`](fn@warp) |
+//! | pictures through a map | [`warp`](fn@warp), [`warp_frame`](fn@warp_frame) |
 //! | the motion of a camera, and cuts | [`camera::CameraMotion`] |
 //! | a plane through a clip | [`track::PlaneTracker`] |
 //!
@@ -80,6 +80,7 @@ mod tilt;
 pub mod track;
 mod vanishing;
 mod warp;
+mod warp_frame;
 
 pub use estimate::{PointPair, estimate, estimate_linear, refine, symmetric_transfer_error};
 pub use features::{Descriptor, Feature, FeatureParams, Features, encoded_luminance};
@@ -95,5 +96,6 @@ pub use robust::{RobustFit, RobustParams, estimate_robust};
 pub use snap::{SnapError, SnapParams, Snapped, snap, snap_counting};
 pub use vanishing::{VanishingPoint, focal_from_right_angles, vanishing_points};
 pub use warp::{Beyond, warp};
+pub use warp_frame::{Backdrop, warp_frame};
 
 pub use ravec_raster::Segment;

@@ -117,6 +117,7 @@ impl JobError {
             | Self::NoSnap { .. }
             | Self::Track { .. }
             | Self::TrackLost { .. }
+            | Self::Photo { .. }
             | Self::Retarget { .. }
             | Self::Fit(_)
             | Self::Filter(_)

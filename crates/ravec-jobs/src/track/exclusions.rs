@@ -33,7 +33,7 @@ struct Moving {
 }
 
 /// Files of masks, as an operation has them.
-pub(super) struct MaskFiles<'a> {
+pub(crate) struct MaskFiles<'a> {
     /// The clip that is tracked, for messages.
     pub input: &'a Path,
     pub exclude: Option<&'a Path>,

@@ -5,6 +5,7 @@ mod exclusions;
 pub mod export;
 pub(crate) mod file;
 pub(crate) mod follow;
+mod photo;
 pub(crate) mod rewrite;
 mod show;
 pub(crate) mod summary;
@@ -26,6 +27,7 @@ use exclusions::{Exclusions, MaskFiles};
 use file::TrackFile;
 use follow::{Followers, Reader, Shot};
 use glam::DVec2;
+use photo::Photo;
 use ravec::planar::track::{Correction, PlaneTracker, TrackError, TrackParams, TrackRegion};
 use ravec::raster::{Mask, Size};
 use ravec_video::{Container, FrameSource as _, Rational};
@@ -70,6 +72,10 @@ pub struct Track {
     #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
     #[serde(default)]
     pub strokes: Option<PathBuf>,
+    /// Photo of the plane, of another camera, zoom or light: finds its place, and draws it where the plane is shown
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
+    #[serde(default)]
+    pub photo: Option<PathBuf>,
     /// Parameters.
     #[cfg_attr(feature = "cli", command(flatten))]
     #[serde(default)]
@@ -96,7 +102,8 @@ The last three have no keyframes where the plane is lost. With several planes a 
 need {plane} for the number of each.
 
 Figures: planes, frames, tracked, weak, lost, sigma_px_median and sigma_px_max (predicted standard deviation of a corner), first_lost. \
-The times of decoding and tracking overlap.";
+With --photo also photo_inliers and photo_sigma_px; in JSON, result has the place of the photo, as reference_from_photo. The times of \
+decoding and tracking overlap.";
 
 /// Parameters of [`Track`].
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -168,7 +175,13 @@ impl Operation for Track {
     const NAME: &'static str = "track";
 
     fn inputs(&self) -> Vec<&Path> {
-        let more = [&self.track, &self.mask, &self.exclude, &self.strokes];
+        let more = [
+            &self.track,
+            &self.mask,
+            &self.exclude,
+            &self.strokes,
+            &self.photo,
+        ];
         crate::operation::paths(&self.input, more)
     }
 
@@ -187,7 +200,7 @@ impl Operation for Track {
     /// # Errors
     /// [`JobError::Parameter`], [`JobError::Missing`], [`JobError::Quad`], [`JobError::Outside`], [`JobError::ReadClip`],
     /// [`JobError::EmptyRange`], [`JobError::SizesDiffer`] for masks, [`JobError::Strokes`], [`JobError::Track`],
-    /// [`JobError::TrackLost`], [`JobError::TrackFile`], [`JobError::Correct`], [`JobError::Write`], [`JobError::WriteClip`],
+    /// [`JobError::TrackLost`], [`JobError::TrackFile`], [`JobError::Correct`], [`JobError::Photo`], [`JobError::Write`], [`JobError::WriteClip`],
     /// what [`check_files`](crate::check_files) refuses, [`JobError::Cancelled`].
     fn run(&self, context: &Context) -> Result<Report, JobError> {
         self.check(context)?;
@@ -212,6 +225,10 @@ impl Operation for Track {
         self.correct(&mut file)?;
         summary::record(&file, &self.input, &mut report)?;
         self.check_places(&file)?;
+        let photo = match &self.photo {
+            Some(path) => Some(Photo::locate(self, path, &file, &mut report, context)?),
+            None => None,
+        };
         for export in self.output.iter().chain(&self.exports) {
             // checked when it was parsed
             let format = export.format().unwrap_or(ExportFormat::Json);
@@ -220,7 +237,8 @@ impl Operation for Track {
             }
         }
         if let Some(output) = &self.show {
-            show::show(self, output, &file, &mut report, context)?;
+            let drawn = (&file, photo.as_ref());
+            show::show(self, output, drawn, &mut report, context)?;
         }
         Ok(report)
     }
@@ -307,8 +325,15 @@ impl Track {
                 return Err(wrong(field, "given", "left out with `track`"));
             }
         }
-        if is_stream(&self.input) && self.show.is_some() {
-            return Err(wrong("input", "-", "a file, which `show` reads again"));
+        if is_stream(&self.input) && (self.show.is_some() || self.photo.is_some()) {
+            return Err(wrong(
+                "input",
+                "-",
+                "a file, which `show` and `photo` read again",
+            ));
+        }
+        if self.photo.is_some() && params.quads.len() > 1 {
+            return Err(wrong("photo", "given", "left out for several planes"));
         }
         match &self.show {
             Some(output) => check_clip_target(output, context)?,

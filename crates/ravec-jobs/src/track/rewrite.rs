@@ -22,7 +22,7 @@ pub(crate) struct Target<'a> {
     pub phase: (&'static str, Option<u64>),
 }
 
-/// Writes the frames that `reader` gives, each changed by `change`. It gets each frame, and `true` for those that an earlier run
+/// Writes the frames that `reader` gives, whose warnings are left to the caller, each changed by `change`. It gets each frame, and `true` for those that an earlier run
 /// has written: for these it may give none.
 ///
 /// # Errors
@@ -30,10 +30,10 @@ pub(crate) struct Target<'a> {
 pub(crate) fn rewrite(
     target: &Target<'_>,
     reader: &mut Reader<'_>,
-    report: &mut Report,
+    report: &Report,
     context: &Context,
     mut change: impl FnMut(&Shot, bool) -> Result<Option<AnyImage>, JobError> + Send,
-) -> Result<u64, JobError> {
+) -> Result<Rewritten, JobError> {
     report.check_output(target.output)?;
     let mut current = reader.next()?;
     let base = reader.clip().info().time_base.to_f64();
@@ -70,9 +70,24 @@ pub(crate) fn rewrite(
         current = next?;
         phase.advance(1);
     }
-    reader.warn(report);
-    written.finish(report)?;
-    Ok(count)
+    Ok(Rewritten { written, count })
+}
+
+/// A clip whose frames are all written. Unless it is finished, there is none.
+pub(crate) struct Rewritten {
+    written: ClipOutput,
+    /// Its frames.
+    pub count: u64,
+}
+
+impl Rewritten {
+    /// Completes the clip and records it.
+    ///
+    /// # Errors
+    /// [`JobError::WriteClip`], [`JobError::OverwritesInput`].
+    pub fn finish(self, report: &mut Report) -> Result<(), JobError> {
+        self.written.finish(report)
+    }
 }
 
 /// Writes a frame, or passes over one that is there.

@@ -3,15 +3,17 @@
 use super::Track;
 use super::file::TrackFile;
 use super::follow::Reader;
+use super::photo::Photo;
 use super::rewrite::{Target, rewrite};
 use crate::context::Context;
 use crate::error::JobError;
 use crate::plane::overlay::{Color, draw_grid, draw_line, line_width};
 use crate::report::Report;
 use crate::video::{FrameRange, key_of, open_clip};
-use glam::{DVec2, dvec2};
+use glam::dvec2;
 use ravec::planar::QuadGrid;
 use ravec::planar::track::{TrackState, TrackedFrame};
+use ravec::progress::Progress;
 use ravec::raster::{AnyImage, Image, LinearRgba};
 use std::path::Path;
 
@@ -31,7 +33,7 @@ const CELLS: u32 = 6;
 pub(super) fn show(
     operation: &Track,
     output: &Path,
-    file: &TrackFile,
+    (file, photo): (&TrackFile, Option<&Photo>),
     report: &mut Report,
     context: &Context,
 ) -> Result<(), JobError> {
@@ -48,14 +50,16 @@ pub(super) fn show(
         phase: ("show", Some(range.end - range.start)),
     };
     let start = std::time::Instant::now();
-    rewrite(&target, &mut reader, report, context, |shot, done| {
+    let progress = context.progress.silent();
+    let rewritten = rewrite(&target, &mut reader, report, context, |shot, done| {
         if done {
             return Ok(None);
         }
         let planes = file.planes.iter();
-        let poses = planes.filter_map(|plane| Some((plane.quad, plane.frame(shot.index)?)));
-        Ok(Some(drawn(&shot.image, poses)))
+        let poses = planes.filter_map(|plane| plane.frame(shot.index));
+        drawn(&shot.image, poses, photo, &progress).map(Some)
     })?;
+    rewritten.finish(report)?;
     report.add_time("show", start);
     Ok(())
 }
@@ -63,11 +67,16 @@ pub(super) fn show(
 /// The frame with its planes.
 fn drawn<'a>(
     frame: &AnyImage,
-    planes: impl Iterator<Item = ([DVec2; 4], &'a TrackedFrame)>,
-) -> AnyImage {
+    planes: impl Iterator<Item = &'a TrackedFrame>,
+    photo: Option<&Photo>,
+    progress: &Progress,
+) -> Result<AnyImage, JobError> {
     let mut image: Image<LinearRgba> = frame.convert();
     let width = line_width(frame.size());
-    for (_, pose) in planes {
+    for pose in planes {
+        if let Some(photo) = photo.filter(|_| pose.state != TrackState::Lost) {
+            photo.draw(&mut image, &pose.frame_from_reference, progress)?;
+        }
         let color = match pose.state {
             TrackState::Tracked => TRACKED,
             TrackState::Weak => WEAK,
@@ -81,7 +90,7 @@ fn drawn<'a>(
             draw_grid(&mut image, &grid, width, color);
         }
     }
-    frame.like(&image)
+    Ok(frame.like(&image))
 }
 
 /// A cross in the middle of the frame.

@@ -1,0 +1,1 @@
+//! `stabilize` on clips whose motion is known.
