@@ -105,6 +105,17 @@ impl Autosave {
     }
 }
 
+impl Drop for Autosave {
+    /// Waits until everything is saved; the files stay.
+    fn drop(&mut self) {
+        self.sender = None;
+        if let Some(writer) = self.writer.take() {
+            // a panic of the writer was reported where it happened
+            let _ = writer.join();
+        }
+    }
+}
+
 /// Writes what comes, the last state only where several wait.
 fn write(session: Session, receiver: &Receiver<Message>) -> Session {
     while let Ok(first) = receiver.recv() {

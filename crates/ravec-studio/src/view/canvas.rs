@@ -61,6 +61,8 @@ impl View {
 #[derive(Default)]
 pub struct Canvas {
     view: Option<View>,
+    /// True once the view was moved by hand: it is no longer fit to the picture.
+    moved: bool,
     shown: Option<Arc<Shown>>,
     tiles: HashMap<(usize, usize, usize), TextureHandle>,
 }
@@ -73,13 +75,14 @@ impl Canvas {
 
     /// Shows the whole picture again.
     pub fn fit(&mut self) {
-        self.view = None;
+        self.moved = false;
     }
 
     /// Shows one pixel of the picture as one of the screen, about the middle of what is seen.
     pub fn one_to_one(&mut self, area: Rect) {
         if let Some(view) = self.view {
             self.view = Some(view.zoomed(1.0 / view.zoom, area.center()));
+            self.moved = true;
         }
     }
 
@@ -94,17 +97,25 @@ impl Canvas {
         let Some(shown) = self.shown.clone() else {
             return response;
         };
-        let mut view = *self.view.get_or_insert_with(|| View::fit(shown.size(), area));
+        // nothing moves under a hand that holds something
+        let held = ui.input(|input| input.pointer.any_down() || input.pointer.any_released());
+        let fit = View::fit(shown.size(), area);
+        let mut view = match self.view {
+            Some(view) if self.moved || held => view,
+            _ => fit,
+        };
         let space = ui.input(|input| input.key_down(egui::Key::Space));
         let middle = response.dragged_by(egui::PointerButton::Middle);
         if middle || (space && response.dragged()) {
             view.origin += response.drag_delta();
+            self.moved = true;
         }
         if let Some(at) = response.hover_pos() {
             let (scroll, pinch) = ui.input(|input| (input.smooth_scroll_delta().y, input.zoom_delta()));
             let factor = pinch * (scroll * 0.004).exp();
             if factor != 1.0 {
                 view = view.zoomed(factor, at);
+                self.moved = true;
             }
         }
         self.view = Some(view);
@@ -120,7 +131,6 @@ impl Canvas {
             _ => false,
         };
         if !same {
-            // the view stays where it is, also for a result of another size: it would move under the hand
             self.tiles.clear();
             self.shown = shown.cloned();
         }
