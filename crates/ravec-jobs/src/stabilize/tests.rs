@@ -184,5 +184,5 @@ fn parameters_out_of_range_are_refused() {
     refused(&|o| o.params.max_crop = 0.5, "`max_crop`");
     refused(&|o| o.params.plane = 0, "`plane`");
     refused(&|o| o.output = wall.at("s.doc"), "s.doc");
-    refused(&|o| o.output = wall.at("f_%04d.png"), "f_0000.png");
+    refused(&|o| o.output = wall.at("f_%04d.png"), "it is an input");
 }

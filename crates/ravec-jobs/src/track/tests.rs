@@ -321,7 +321,7 @@ fn masks_and_strokes_apply_to_their_frames() {
         report
             .warnings
             .iter()
-            .any(|text| text.contains("ends at frame 5")),
+            .any(|text| text.contains("no mask for frame 5")),
         "{:?}",
         report.warnings
     );
