@@ -123,3 +123,6 @@ mod tests {
         assert_eq!(PixelCenters::Half.write_map(&map), map);
     }
 }
+
+#[cfg(test)]
+mod commands;

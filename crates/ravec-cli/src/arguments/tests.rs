@@ -14,6 +14,17 @@ const LINES: &[(&str, &str, &str)] = &[
     ("ravec rectify a -o b --quad 0,0,9,0,9,9,0,9", "a", "b"),
     ("ravec snap a -o b --quad 0,0,9,0,9,9,0,9", "a", "b"),
     ("ravec planes a -o b", "a", "b"),
+    (
+        "ravec track a --quad 0,0,9,0,9,9,0,9 -o b.json --export c.nk --show d --mask e --exclude f --strokes g --photo h",
+        "a e f g h",
+        "b.json c.nk d",
+    ),
+    (
+        "ravec track a --track b --export after-effects=c --correct 3:0,0,9,0,9,9,0,9",
+        "a b",
+        "c",
+    ),
+    ("ravec stabilize a -o b --track c", "a c", "b"),
     ("ravec complete a --mask b -o c", "a b", "c"),
     (
         "ravec retarget a -o b -s 50% --protect c --give-way d --show-grid e",
@@ -101,6 +112,7 @@ fn flags_left_out_give_the_default_parameters() {
         let given: &[&str] = match step {
             Step::Retarget(_) => &["sizes"],
             Step::Rectify(_) | Step::Snap(_) => &["quad"],
+            Step::Track(_) => &["quads", "corrections"],
             Step::MeshSimplify(_) => &["error"],
             Step::Offset(_) => &["distance"],
             Step::VideoConvert(_) => &["size"],

@@ -6,11 +6,13 @@ use crate::program::{code, done, files, photos, stderr};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-const COMMANDS: [&str; 33] = [
+const COMMANDS: [&str; 35] = [
     "compare",
     "rectify",
     "snap",
     "planes",
+    "track",
+    "stabilize",
     "complete",
     "retarget",
     "twocolor",
@@ -101,6 +103,22 @@ fn clips(folder: &Path) {
     done(folder, "-q video convert shot_%02d.bmp clip.y4m");
     done(folder, "-q video convert clip.y4m clip.mp4");
     done(folder, "-q twocolor clip.y4m -o blocks.y4m");
+    // a wall with a pattern before which the camera moves
+    for number in 0..12usize {
+        let (right, down) = (0.7 * number as f64, 0.3 * number as f64);
+        let frame = bmp(160, 120, |col, row| {
+            let (x, y) = (col as f64 + right, row as f64 + down);
+            let wave = |a: f64, b: f64| (a * x + b * y).sin();
+            let value = 128.0
+                + 40.0 * wave(0.31, 0.11)
+                + 40.0 * wave(-0.13, 0.37)
+                + 30.0 * wave(0.05, -0.07);
+            [value as u8, (0.9 * value) as u8, (250.0 - value) as u8]
+        });
+        std::fs::write(folder.join(format!("wall_{number:02}.bmp")), frame).unwrap();
+    }
+    done(folder, "-q video convert wall_%02d.bmp wall.y4m");
+    done(folder, "-q video frames wall.y4m -o wall.png --at 3");
 }
 
 /// Runs a line as a shell would, on small pictures where it is about built-in ones.
@@ -156,6 +174,10 @@ fn examples_of_the_help_run_as_they_are_written() {
         "grown.stl",
         "hollow.3mf",
         "smaller.json",
+        "better.json",
+        "pin.nk",
+        "plane.py",
+        "plane.y4m",
     ] {
         assert!(folder.path().join(written).is_file(), "{written}");
     }

@@ -29,7 +29,8 @@ struct Moving {
     clip: Clip,
     path: PathBuf,
     next: u64,
-    ended: bool,
+    /// Number of its frames, once its end was reached.
+    frames: Option<u64>,
 }
 
 /// Files of masks, as an operation has them.
@@ -58,7 +59,7 @@ impl Exclusions {
                     clip,
                     path: path.to_path_buf(),
                     next: 0,
-                    ended: false,
+                    frames: None,
                 });
             }
             Some(path) => still = Some(read_mask(path, files.input, size, report, context)?),
@@ -98,8 +99,8 @@ impl Exclusions {
 
     /// The first frame behind the end of a clip of masks, if it was reached.
     pub fn end(&self) -> Option<(&Path, u64)> {
-        let moving = self.moving.as_ref().filter(|moving| moving.ended)?;
-        Some((&moving.path, moving.next))
+        let moving = self.moving.as_ref()?;
+        Some((&moving.path, moving.frames?))
     }
 
     /// What strokes of a frame say: foreground and plane.
@@ -151,16 +152,15 @@ impl Exclusions {
 impl Moving {
     fn mask(&mut self, index: u64, size: Size) -> Result<Option<Mask>, JobError> {
         let failed = read_error(&self.path);
-        if self.ended && index >= self.next {
+        if self.frames.is_some_and(|frames| index >= frames) {
             return Ok(None);
         }
         if index != self.next {
             self.clip.seek(index).map_err(&failed)?;
             self.next = index;
-            self.ended = false;
         }
         let Some(frame) = self.clip.next_frame().map_err(&failed)? else {
-            self.ended = true;
+            self.frames = Some(index);
             return Ok(None);
         };
         self.next += 1;

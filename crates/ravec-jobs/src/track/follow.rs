@@ -176,7 +176,7 @@ impl<'a> Reader<'a> {
         let end = self.exclusions.as_ref().and_then(Exclusions::end);
         if let Some((path, end)) = end {
             report.warn(format!(
-                "{} ends at frame {end}: from there on it excludes nothing",
+                "{} has no mask for frame {end}: from there on nothing is excluded",
                 path.display()
             ));
         }

@@ -496,3 +496,6 @@ impl Track {
         Ok(())
     }
 }
+
+#[cfg(test)]
+pub(crate) mod tests;
