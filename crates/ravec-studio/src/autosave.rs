@@ -16,7 +16,11 @@ const LOCK: &str = "lock";
 
 /// The folder of all runs for this user; `None` where there is no home.
 pub fn default_folder() -> Option<PathBuf> {
-    let named = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
+    let named = |name: &str| {
+        std::env::var_os(name)
+            .filter(|value| !value.is_empty())
+            .map(PathBuf::from)
+    };
     let base = named("XDG_STATE_HOME")
         .or_else(|| named("LOCALAPPDATA"))
         .or_else(|| Some(named("HOME")?.join(".local/state")))?;
@@ -36,10 +40,16 @@ impl Session {
     /// # Errors
     /// Those of the file system.
     pub fn create(folder: &Path) -> std::io::Result<Self> {
-        let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        let since = SystemTime::now()
+            .duration_since(UNIX_EPOCH)
+            .unwrap_or_default();
         let own = folder.join(format!("{}-{}", since.as_nanos(), std::process::id()));
         std::fs::create_dir_all(&own)?;
-        let lock = OpenOptions::new().write(true).create(true).truncate(false).open(own.join(LOCK))?;
+        let lock = OpenOptions::new()
+            .write(true)
+            .create(true)
+            .truncate(false)
+            .open(own.join(LOCK))?;
         lock.try_lock().map_err(std::io::Error::other)?;
         Ok(Self {
             folder: own,
@@ -153,8 +163,14 @@ pub fn recover(folder: &Path) -> Vec<Project> {
         if lock.try_lock().is_err() {
             continue;
         }
-        let files = std::fs::read_dir(&run).into_iter().flatten().flatten().map(|entry| entry.path());
-        let mut files: Vec<PathBuf> = files.filter(|path| path.extension().is_some_and(|e| e == "json")).collect();
+        let files = std::fs::read_dir(&run)
+            .into_iter()
+            .flatten()
+            .flatten()
+            .map(|entry| entry.path());
+        let mut files: Vec<PathBuf> = files
+            .filter(|path| path.extension().is_some_and(|e| e == "json"))
+            .collect();
         files.sort();
         let projects: Vec<_> = files.iter().map(|file| Project::load(file)).collect();
         let whole = projects.iter().all(Result::is_ok);

@@ -83,7 +83,8 @@ impl Background {
 
 /// True for the name of a project.
 pub(crate) fn is_project(path: &Path) -> bool {
-    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"))
+    path.extension()
+        .is_some_and(|extension| extension.eq_ignore_ascii_case("json"))
 }
 
 fn open(path: &Path) -> Result<Project, String> {
@@ -96,7 +97,11 @@ fn open(path: &Path) -> Result<Project, String> {
     if data.is_dir() {
         return Err(format!("{} is a folder, not a picture", path.display()));
     }
-    let stem = whole.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let stem = whole
+        .file_stem()
+        .unwrap_or_default()
+        .to_string_lossy()
+        .into_owned();
     Ok(Project {
         output: whole.with_file_name(format!("{stem}-edited.png")),
         document: Document::new(whole),

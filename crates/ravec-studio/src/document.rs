@@ -32,14 +32,19 @@ impl Edit {
     /// A parameter by its name in JSON; null if it has its default.
     pub fn param(&self, name: &str) -> &Value {
         let params = self.fields.get("params");
-        params.and_then(|params| params.get(name)).unwrap_or(&Value::Null)
+        params
+            .and_then(|params| params.get(name))
+            .unwrap_or(&Value::Null)
     }
 
     /// The same edit with another value of a parameter; null gives it its default.
     #[must_use]
     pub fn with_param(&self, name: &str, value: Value) -> Self {
         let mut edit = self.clone();
-        let params = edit.fields.entry("params").or_insert_with(|| Value::Object(Map::new()));
+        let params = edit
+            .fields
+            .entry("params")
+            .or_insert_with(|| Value::Object(Map::new()));
         if let Value::Object(params) = params {
             if value.is_null() {
                 params.remove(name);
@@ -57,7 +62,9 @@ impl Edit {
     pub fn step(&self, input: &Path, output: &Path) -> Result<Step, String> {
         let mut fields = self.fields.clone();
         for (name, path) in [("input", input), ("output", output)] {
-            let text = path.to_str().ok_or_else(|| format!("{} is not Unicode", path.display()))?;
+            let text = path
+                .to_str()
+                .ok_or_else(|| format!("{} is not Unicode", path.display()))?;
             fields.insert(name.to_owned(), text.into());
         }
         fields.insert("operation".to_owned(), self.operation.clone().into());
@@ -166,9 +173,17 @@ impl Document {
         let edits: Vec<&Arc<Edit>> = self.enabled().collect();
         let mut steps = Vec::with_capacity(edits.len());
         for (index, edit) in edits.iter().enumerate() {
-            let input = if index == 0 { self.source.clone() } else { result_name(index) };
+            let input = if index == 0 {
+                self.source.clone()
+            } else {
+                result_name(index)
+            };
             let last = index + 1 == edits.len();
-            let target = if last { output.to_path_buf() } else { result_name(index + 1) };
+            let target = if last {
+                output.to_path_buf()
+            } else {
+                result_name(index + 1)
+            };
             steps.push(edit.step(&input, &target).map_err(|reason| EditError {
                 edit: edit.id,
                 operation: edit.operation.clone(),
@@ -203,21 +218,33 @@ mod tests {
         let paths: Vec<_> = (recipe.steps.iter())
             .map(|step| {
                 let operation = step.operation();
-                (operation.inputs()[0].to_path_buf(), operation.outputs()[0].to_path_buf())
+                (
+                    operation.inputs()[0].to_path_buf(),
+                    operation.outputs()[0].to_path_buf(),
+                )
             })
             .collect();
         let expected = [("photo.png", "@1"), ("@1", "out.png")];
-        assert_eq!(paths, expected.map(|(a, b)| (PathBuf::from(a), PathBuf::from(b))));
+        assert_eq!(
+            paths,
+            expected.map(|(a, b)| (PathBuf::from(a), PathBuf::from(b)))
+        );
     }
 
     #[test]
     fn an_edit_that_is_switched_off_is_passed_over() {
         let mut document = document();
-        let first = Edit { enabled: false, ..Edit::clone(&document.edits[0]) };
+        let first = Edit {
+            enabled: false,
+            ..Edit::clone(&document.edits[0])
+        };
         document.replace(first);
         let recipe = document.recipe(Path::new("out.png")).unwrap();
         assert_eq!(recipe.steps.len(), 1);
-        assert_eq!(recipe.steps[0].operation().inputs(), [Path::new("photo.png")]);
+        assert_eq!(
+            recipe.steps[0].operation().inputs(),
+            [Path::new("photo.png")]
+        );
     }
 
     #[test]

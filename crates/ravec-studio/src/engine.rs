@@ -47,6 +47,8 @@ pub struct Snapshot {
     pub picture: Option<Arc<Picture>>,
     /// The same, as a screen shows it.
     pub shown: Option<Arc<Shown>>,
+    /// The source, as a screen shows it.
+    pub before: Option<Arc<Shown>>,
     /// Columns and rows of the inputs of the edits.
     pub input_sizes: HashMap<EditId, [usize; 2]>,
     /// Number of the request that it belongs to, from 1.
@@ -143,7 +145,15 @@ impl Engine {
         Snapshot {
             picture: state.result.as_ref().map(|result| result.picture.clone()),
             shown: state.result.as_ref().map(|result| result.shown.clone()),
-            input_sizes: state.result.as_ref().map(|result| result.input_sizes.clone()).unwrap_or_default(),
+            before: state
+                .result
+                .as_ref()
+                .and_then(|result| result.before.clone()),
+            input_sizes: state
+                .result
+                .as_ref()
+                .map(|result| result.input_sizes.clone())
+                .unwrap_or_default(),
             serial: state.serial,
             is_stale: state.serial < state.asked,
             busy,
@@ -186,7 +196,10 @@ fn work(shared: &Arc<Shared>) {
         let (serial, document, progress) = {
             let mut state = shared.state();
             while state.next.is_none() && !state.quits {
-                state = shared.wake.wait(state).unwrap_or_else(PoisonError::into_inner);
+                state = shared
+                    .wake
+                    .wait(state)
+                    .unwrap_or_else(PoisonError::into_inner);
             }
             if state.quits {
                 return;
@@ -205,7 +218,9 @@ fn work(shared: &Arc<Shared>) {
             state.update = None;
             (serial, document, progress)
         };
-        let outcome = evaluate(&document, &progress, &mut cache, || shared.state().runs += 1);
+        let outcome = evaluate(&document, &progress, &mut cache, || {
+            shared.state().runs += 1;
+        });
         let mut state = shared.state();
         state.running = None;
         match outcome {
@@ -231,6 +246,7 @@ fn work(shared: &Arc<Shared>) {
 struct Evaluated {
     picture: Arc<Picture>,
     shown: Arc<Shown>,
+    before: Option<Arc<Shown>>,
     input_sizes: HashMap<EditId, [usize; 2]>,
 }
 
@@ -254,7 +270,9 @@ fn evaluate(
         let before = &keys[keys.len() - 1];
         keys.push(format!("{before}\n{} {fields}", edit.operation));
     }
-    let known = (0..keys.len()).rev().find_map(|k| Some((k, cache.get(&keys[k])?)));
+    let known = (0..keys.len())
+        .rev()
+        .find_map(|k| Some((k, cache.get(&keys[k])?)));
     let (mut done, mut result) = if let Some(known) = known {
         known
     } else {
@@ -289,11 +307,17 @@ fn evaluate(
         result = Cached::new(picture);
         cache.insert(&keys[done], result.clone());
     }
-    let sizes = edits.iter().zip(&keys).filter_map(|(edit, key)| Some((edit.id, cache.get(key)?)));
-    let input_sizes = sizes.map(|(id, input)| (id, size_of(&input.picture))).collect();
+    let sizes = edits
+        .iter()
+        .zip(&keys)
+        .filter_map(|(edit, key)| Some((edit.id, cache.get(key)?)));
+    let input_sizes = sizes
+        .map(|(id, input)| (id, size_of(&input.picture)))
+        .collect();
     Ok(Evaluated {
         picture: result.picture,
         shown: result.shown,
+        before: cache.get(&keys[0]).map(|source| source.shown),
         input_sizes,
     })
 }
@@ -341,7 +365,11 @@ impl Cached {
     fn new(picture: Arc<Picture>) -> Self {
         let bytes = ravec::raster::with_image!(&picture.image, image => std::mem::size_of_val(image.pixels()));
         let shown = Arc::new(Shown::new(&picture.image));
-        let drawn: usize = shown.levels.iter().map(|level| 4 * level.pixels.len()).sum();
+        let drawn: usize = shown
+            .levels
+            .iter()
+            .map(|level| 4 * level.pixels.len())
+            .sum();
         Self {
             picture,
             shown,
@@ -363,7 +391,10 @@ impl Cache {
         self.clock += 1;
         self.bytes += cached.bytes;
         let used = self.clock;
-        if let Some(replaced) = self.entries.insert(key.to_owned(), Cached { used, ..cached }) {
+        if let Some(replaced) = self
+            .entries
+            .insert(key.to_owned(), Cached { used, ..cached })
+        {
             self.bytes -= replaced.bytes;
         }
         while self.bytes > CACHE_BYTES && self.entries.len() > 1 {
@@ -389,7 +420,9 @@ pub fn export(document: &Document, output: &Path, progress: &Progress) -> Result
     }
     let context = Context::new(progress).with_intermediates();
     for step in &recipe.steps {
-        step.operation().run(&context).map_err(|error| error.to_string())?;
+        step.operation()
+            .run(&context)
+            .map_err(|error| error.to_string())?;
     }
     Ok(output.to_path_buf())
 }
@@ -402,7 +435,9 @@ mod tests {
 
     fn photo(folder: &Path) -> PathBuf {
         let size = Size::new(64, 48).unwrap();
-        let image: Image<Srgb<u8>> = Image::from_fn(size, |col, row| Srgb([(3 * col) as u8, (4 * row) as u8, 90]));
+        let image: Image<Srgb<u8>> = Image::from_fn(size, |col, row| {
+            Srgb([(3 * col) as u8, (4 * row) as u8, 90])
+        });
         let path = folder.join("photo.png");
         let picture = Picture::from_image(AnyImage::from(image));
         ravec_media::write(&path, &picture, &ravec_media::WriteOptions::default()).unwrap();
@@ -493,12 +528,19 @@ mod tests {
         let (first, second) = (folder.path().join("a.png"), folder.path().join("b.png"));
         export(&document, &first, &Progress::none()).unwrap();
         let recipe = folder.path().join("recipe.json");
-        std::fs::write(&recipe, document.recipe(&second).unwrap().to_json().unwrap()).unwrap();
+        std::fs::write(
+            &recipe,
+            document.recipe(&second).unwrap().to_json().unwrap(),
+        )
+        .unwrap();
         let run = ravec_jobs::recipe::Run {
             file: recipe,
             params: ravec_jobs::recipe::Params::default(),
         };
         ravec_jobs::Operation::run(&run, &Context::default()).unwrap();
-        assert_eq!(std::fs::read(first).unwrap(), std::fs::read(second).unwrap());
+        assert_eq!(
+            std::fs::read(first).unwrap(),
+            std::fs::read(second).unwrap()
+        );
     }
 }

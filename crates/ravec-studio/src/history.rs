@@ -57,7 +57,8 @@ impl History {
 
     fn push(&mut self, document: Document) {
         if document != self.present {
-            self.past.push(std::mem::replace(&mut self.present, document));
+            self.past
+                .push(std::mem::replace(&mut self.present, document));
             self.future.clear();
         }
     }
@@ -76,7 +77,8 @@ impl History {
     pub fn undo(&mut self) {
         self.gesture = None;
         if let Some(document) = self.past.pop() {
-            self.future.push(std::mem::replace(&mut self.present, document));
+            self.future
+                .push(std::mem::replace(&mut self.present, document));
         }
     }
 
@@ -84,7 +86,8 @@ impl History {
     pub fn redo(&mut self) {
         self.gesture = None;
         if let Some(document) = self.future.pop() {
-            self.past.push(std::mem::replace(&mut self.present, document));
+            self.past
+                .push(std::mem::replace(&mut self.present, document));
         }
     }
 }

@@ -67,7 +67,11 @@ impl Project {
         let mut document = self.document.clone();
         document.source = relative(&document.source, folder);
         let output = relative(&self.output, folder);
-        let edits = document.edits.iter().map(|edit| Edit::clone(edit)).collect();
+        let edits = document
+            .edits
+            .iter()
+            .map(|edit| Edit::clone(edit))
+            .collect();
         let mut recipe = if document.enabled().next().is_some() {
             document.recipe(&output)?
         } else {
@@ -131,7 +135,9 @@ impl Project {
         };
         let length = std::fs::metadata(path).map_err(failed)?.len();
         if length > MAX_BYTES {
-            return Err(wrong(format!("it has {length} bytes, more than {MAX_BYTES}")));
+            return Err(wrong(format!(
+                "it has {length} bytes, more than {MAX_BYTES}"
+            )));
         }
         let text = std::fs::read_to_string(path).map_err(failed)?;
         Self::from_text(&text, &folder_of(path)).map_err(wrong)

@@ -62,8 +62,25 @@ pub struct Form {
 
 /// Fields of operations that are files or belong to the command line: the studio sets them.
 const NOT_SETTINGS: &[&str] = &[
-    "input", "output", "help", "version", "stroke", "mask", "svg", "show_grid", "protect", "give_way", "everywhere", "codec",
-    "video_quality", "lossless", "no_audio", "resume", "pixel_centers", "look_ahead", "still_camera",
+    "input",
+    "output",
+    "help",
+    "version",
+    "stroke",
+    "mask",
+    "svg",
+    "show_grid",
+    "protect",
+    "give_way",
+    "everywhere",
+    "codec",
+    "video_quality",
+    "lossless",
+    "no_audio",
+    "resume",
+    "pixel_centers",
+    "look_ahead",
+    "still_camera",
 ];
 
 /// The form of an operation; `None` if there is no operation of that name.
@@ -73,7 +90,10 @@ pub fn form(operation: &str) -> Option<Form> {
     for word in operation.split(' ') {
         command = command.find_subcommand(word)?;
     }
-    let about = command.get_about().map(ToString::to_string).unwrap_or_default();
+    let about = command
+        .get_about()
+        .map(ToString::to_string)
+        .unwrap_or_default();
     let settings = command.get_arguments().filter_map(setting).collect();
     Some(Form { about, settings })
 }
@@ -84,7 +104,11 @@ fn setting(arg: &Arg) -> Option<Setting> {
         return None;
     }
     let help = arg.get_help().map(ToString::to_string).unwrap_or_default();
-    let defaults: Vec<_> = arg.get_default_values().iter().map(|value| value.to_string_lossy()).collect();
+    let defaults: Vec<_> = arg
+        .get_default_values()
+        .iter()
+        .map(|value| value.to_string_lossy())
+        .collect();
     let default = defaults.join(" ");
     Some(Setting {
         name: name.to_owned(),
@@ -99,7 +123,9 @@ fn setting(arg: &Arg) -> Option<Setting> {
 fn label_of(name: &str) -> String {
     let words = name.replace('_', " ");
     let mut letters = words.chars();
-    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
+    letters.next().map_or_else(String::new, |first| {
+        first.to_uppercase().chain(letters).collect()
+    })
 }
 
 fn kind(arg: &Arg, help: &str, default: &str) -> Kind {
@@ -111,7 +137,10 @@ fn kind(arg: &Arg, help: &str, default: &str) -> Kind {
     let choices: Vec<ChoiceValue> = (arg.get_possible_values().into_iter())
         .map(|value| ChoiceValue {
             name: value.get_name().to_owned(),
-            help: value.get_help().map(ToString::to_string).unwrap_or_default(),
+            help: value
+                .get_help()
+                .map(ToString::to_string)
+                .unwrap_or_default(),
         })
         .collect();
     if !choices.is_empty() {
@@ -120,7 +149,11 @@ fn kind(arg: &Arg, help: &str, default: &str) -> Kind {
     let range = range_in(help);
     if default.parse::<f64>().is_ok() || (default.is_empty() && range.is_some()) {
         let ends_whole = range.is_none_or(|range| range.iter().all(|end| end.fract() == 0.0));
-        let whole = if default.is_empty() { ends_whole } else { !default.contains('.') && ends_whole && is_count(help) };
+        let whole = if default.is_empty() {
+            ends_whole
+        } else {
+            !default.contains('.') && ends_whole && is_count(help)
+        };
         return Kind::Number { range, whole };
     }
     Kind::Text
@@ -129,7 +162,18 @@ fn kind(arg: &Arg, help: &str, default: &str) -> Kind {
 /// True if a help text is about things that are counted.
 fn is_count(help: &str) -> bool {
     let first = help.split_whitespace().next().unwrap_or_default();
-    ["Number", "Columns", "Rows", "Cells", "Steps", "Repetitions", "Quality", "Seed", "Side"].contains(&first)
+    [
+        "Number",
+        "Columns",
+        "Rows",
+        "Cells",
+        "Steps",
+        "Repetitions",
+        "Quality",
+        "Seed",
+        "Side",
+    ]
+    .contains(&first)
 }
 
 /// The first range in a text such as "2 to 400".
@@ -158,11 +202,10 @@ pub fn to_json(kind: &Kind, text: &str) -> Value {
             Ok(number) => number.into(),
             Err(_) => text.into(),
         },
-        Kind::Choice(_) => text.into(),
         Kind::List => text.split_whitespace().map(Value::from).collect(),
         // many texts are numbers or words to their parsers
         Kind::Text if text.is_empty() => Value::Null,
-        Kind::Text => text.into(),
+        Kind::Choice(_) | Kind::Text => text.into(),
     }
 }
 
@@ -182,9 +225,18 @@ mod tests {
 
     #[test]
     fn ranges_are_read_from_help_texts() {
-        assert_eq!(range_in("Weight of straight lines, 0 to 10"), Some([0.0, 10.0]));
-        assert_eq!(range_in("The scale, 0.25 to 4, as far as"), Some([0.25, 4.0]));
-        assert_eq!(range_in("Cells along the longer side, 2 to 400."), Some([2.0, 400.0]));
+        assert_eq!(
+            range_in("Weight of straight lines, 0 to 10"),
+            Some([0.0, 10.0])
+        );
+        assert_eq!(
+            range_in("The scale, 0.25 to 4, as far as"),
+            Some([0.25, 4.0])
+        );
+        assert_eq!(
+            range_in("Cells along the longer side, 2 to 400."),
+            Some([2.0, 400.0])
+        );
         assert_eq!(range_in("from here to there"), None);
     }
 
@@ -192,8 +244,19 @@ mod tests {
     fn retargeting_has_its_parameters() {
         let form = form("retarget").unwrap();
         assert!(form.about.contains("aspect ratio"), "{}", form.about);
-        let find = |name: &str| form.settings.iter().find(|setting| setting.name == name).unwrap();
-        assert_eq!(find("saliency").kind, Kind::Number { range: Some([0.0, 1.0]), whole: false });
+        let find = |name: &str| {
+            form.settings
+                .iter()
+                .find(|setting| setting.name == name)
+                .unwrap()
+        };
+        assert_eq!(
+            find("saliency").kind,
+            Kind::Number {
+                range: Some([0.0, 1.0]),
+                whole: false
+            }
+        );
         assert_eq!(find("adaptive").kind, Kind::Switch);
         assert_eq!(find("sizes").kind, Kind::List);
         assert!(matches!(&find("borders").kind, Kind::Choice(values) if values.len() > 1));
@@ -211,8 +274,15 @@ mod tests {
 
     #[test]
     fn values_come_back_as_they_were() {
-        let number = Kind::Number { range: None, whole: false };
-        for (kind, text) in [(&number, "0.25"), (&Kind::List, "50% 75%x100%"), (&Kind::Text, "auto")] {
+        let number = Kind::Number {
+            range: None,
+            whole: false,
+        };
+        for (kind, text) in [
+            (&number, "0.25"),
+            (&Kind::List, "50% 75%x100%"),
+            (&Kind::Text, "auto"),
+        ] {
             assert_eq!(to_text(&to_json(kind, text)), text);
         }
     }

@@ -83,10 +83,19 @@ mod tests {
     #[test]
     fn sizes_halve_and_keep_the_mean() {
         let size = Size::new(300, 200).unwrap();
-        let image = Image::from_fn(size, |col, _| Srgb([if col % 2 == 0 { 100u8 } else { 200 }; 3]));
+        let image = Image::from_fn(size, |col, _| {
+            Srgb([if col % 2 == 0 { 100u8 } else { 200 }; 3])
+        });
         let shown = Shown::new(&AnyImage::from(image));
         assert_eq!(shown.levels.len(), 2);
         assert_eq!(shown.levels[1].pixels[0], [150, 150, 150, 255]);
-        assert_eq!((shown.level_for(1.0), shown.level_for(0.5), shown.level_for(0.01)), (0, 1, 1));
+        assert_eq!(
+            (
+                shown.level_for(1.0),
+                shown.level_for(0.5),
+                shown.level_for(0.01)
+            ),
+            (0, 1, 1)
+        );
     }
 }

@@ -91,7 +91,8 @@ impl Studio {
                 studio.take(project, None);
             }
             if count > 0 {
-                let text = format!("{count} documents of a run that was interrupted are open again");
+                let text =
+                    format!("{count} documents of a run that was interrupted are open again");
                 studio.message = Some((text, false));
             }
         }
@@ -105,12 +106,16 @@ impl Studio {
 
     /// The document in front, if one is open.
     pub fn document(&self) -> Option<&Document> {
-        self.open.get(self.active).map(|open| open.history.document())
+        self.open
+            .get(self.active)
+            .map(|open| open.history.document())
     }
 
     /// The state of the results of the document in front.
     pub fn snapshot(&self) -> Option<Snapshot> {
-        self.open.get(self.active).map(|open| open.engine.snapshot())
+        self.open
+            .get(self.active)
+            .map(|open| open.engine.snapshot())
     }
 
     /// Number of open documents.
@@ -120,7 +125,9 @@ impl Studio {
 
     /// The last message, and true if it is an error.
     pub fn message(&self) -> Option<(&str, bool)> {
-        self.message.as_ref().map(|(text, wrong)| (text.as_str(), *wrong))
+        self.message
+            .as_ref()
+            .map(|(text, wrong)| (text.as_str(), *wrong))
     }
 
     /// True while files are read or written, or results are computed.
@@ -206,7 +213,8 @@ impl Studio {
     }
 
     fn shortcuts(&mut self, ui: &Ui) {
-        let pressed = |shortcut: &KeyboardShortcut| ui.input_mut(|input| input.consume_shortcut(shortcut));
+        let pressed =
+            |shortcut: &KeyboardShortcut| ui.input_mut(|input| input.consume_shortcut(shortcut));
         // the longer shortcut first: it contains the other
         if pressed(&REDO) {
             self.walk(History::redo);
@@ -243,12 +251,11 @@ impl Studio {
         let Some(open) = self.open.get(self.active) else {
             return;
         };
-        match open.saved.clone() {
-            Some(path) => self.background.save(open.project(), path),
-            None => {
-                let path = open.history.document().source.with_extension("ravec.json");
-                self.dialog = Some(Dialog::Save(path.display().to_string()));
-            }
+        if let Some(path) = open.saved.clone() {
+            self.background.save(open.project(), path);
+        } else {
+            let path = open.history.document().source.with_extension("ravec.json");
+            self.dialog = Some(Dialog::Save(path.display().to_string()));
         }
     }
 
@@ -275,26 +282,45 @@ impl Studio {
                 let (undo, redo) = self.open.get(self.active).map_or((false, false), |open| {
                     (open.history.can_undo(), open.history.can_redo())
                 });
-                if ui.add_enabled(undo, egui::Button::new("Undo")).on_hover_text("Ctrl+Z").clicked() {
+                if ui
+                    .add_enabled(undo, egui::Button::new("Undo"))
+                    .on_hover_text("Ctrl+Z")
+                    .clicked()
+                {
                     self.walk(History::undo);
                 }
-                if ui.add_enabled(redo, egui::Button::new("Redo")).on_hover_text("Ctrl+Shift+Z").clicked() {
+                if ui
+                    .add_enabled(redo, egui::Button::new("Redo"))
+                    .on_hover_text("Ctrl+Shift+Z")
+                    .clicked()
+                {
                     self.walk(History::redo);
                 }
                 ui.separator();
-                if ui.button("Fit").on_hover_text("Show the whole picture").clicked()
+                if ui
+                    .button("Fit")
+                    .on_hover_text("Show the whole picture")
+                    .clicked()
                     && let Some(open) = self.front()
                 {
                     open.canvas.fit();
                 }
-                if ui.button("1:1").on_hover_text("A pixel of the picture is a pixel of the screen").clicked() {
+                if ui
+                    .button("1:1")
+                    .on_hover_text("A pixel of the picture is a pixel of the screen")
+                    .clicked()
+                {
                     let area = ui.ctx().content_rect();
                     if let Some(open) = self.front() {
                         open.canvas.one_to_one(area);
                     }
                 }
             });
-            if ui.button("Find…").on_hover_text("All tools and settings by name, Ctrl+P").clicked() {
+            if ui
+                .button("Find…")
+                .on_hover_text("All tools and settings by name, Ctrl+P")
+                .clicked()
+            {
                 self.palette = Some(String::new());
             }
             let dark = ui.visuals().dark_mode;
@@ -303,7 +329,11 @@ impl Studio {
             } else {
                 ("Dark", egui::Theme::Dark)
             };
-            if ui.button(name).on_hover_text("Colors of the window").clicked() {
+            if ui
+                .button(name)
+                .on_hover_text("Colors of the window")
+                .clicked()
+            {
                 ui.ctx().set_theme(theme);
             }
         });
@@ -316,10 +346,17 @@ impl Studio {
         let mut closed = None;
         ui.horizontal_wrapped(|ui| {
             for (index, open) in self.open.iter().enumerate() {
-                if ui.selectable_label(index == self.active, &open.name).clicked() {
+                if ui
+                    .selectable_label(index == self.active, &open.name)
+                    .clicked()
+                {
                     self.active = index;
                 }
-                if ui.small_button("×").on_hover_text(format!("Close {}", open.name)).clicked() {
+                if ui
+                    .small_button("×")
+                    .on_hover_text(format!("Close {}", open.name))
+                    .clicked()
+                {
                     closed = Some(index);
                 }
             }
@@ -336,10 +373,16 @@ impl Studio {
     /// Tools and edits.
     fn edits_ui(&mut self, ui: &mut Ui) {
         ui.heading("Tools");
-        let ready = self.open.get(self.active).is_some_and(|open| open.result_size().is_some());
+        let ready = self
+            .open
+            .get(self.active)
+            .is_some_and(|open| open.result_size().is_some());
         let mut chosen = None;
         for (index, tool) in self.tools.iter().enumerate() {
-            if ui.add_enabled(ready, egui::Button::new(tool.label())).clicked() {
+            if ui
+                .add_enabled(ready, egui::Button::new(tool.label()))
+                .clicked()
+            {
                 chosen = Some(index);
             }
         }
@@ -363,7 +406,10 @@ impl Studio {
         let Some(open) = self.open.get_mut(self.active) else {
             return;
         };
-        let Some(edit) = open.selected.and_then(|id| open.history.document().edit(id).cloned()) else {
+        let Some(edit) = open
+            .selected
+            .and_then(|id| open.history.document().edit(id).cloned())
+        else {
             ui.label("Choose a tool, or an edit of the list.");
             return;
         };
@@ -376,14 +422,23 @@ impl Studio {
         ui.heading(label_of(&self.tools, &edit));
         ui.label(RichText::new(&form.about).weak());
         let snapshot = open.engine.snapshot();
-        if let Some(failure) = snapshot.failure.filter(|failure| failure.edit == Some(edit.id)) {
+        if let Some(failure) = snapshot
+            .failure
+            .filter(|failure| failure.edit == Some(edit.id))
+        {
             ui.colored_label(ui.visuals().error_fg_color, failure.message);
         }
         ui.separator();
-        let change = egui::ScrollArea::vertical().show(ui, |ui| panel_ui(ui, form, &edit)).inner;
+        let change = egui::ScrollArea::vertical()
+            .show(ui, |ui| panel_ui(ui, form, &edit))
+            .inner;
         if let Some(change) = change {
             let gesture = format!("{} {}", edit.id, change.name);
-            open.change(edit.with_param(&change.name, change.value), &gesture, change.goes_on);
+            open.change(
+                edit.with_param(&change.name, change.value),
+                &gesture,
+                change.goes_on,
+            );
             if !change.goes_on {
                 self.autosave();
             }
@@ -403,6 +458,7 @@ impl Studio {
                 }
                 if let Some(view) = open.canvas.view() {
                     ui.label(format!("{:.0} %", 100.0 * view.zoom));
+                    ui.weak("hold B to see the source, Space to pan");
                 }
                 if let Some(busy) = &snapshot.busy {
                     if busy.elapsed > PATIENCE {
@@ -433,11 +489,15 @@ impl Studio {
 
     fn canvas_ui(&mut self, ui: &mut Ui) {
         let Some(open) = self.open.get_mut(self.active) else {
-            ui.centered_and_justified(|ui| ui.label("Open a picture or a project, or drop one here."));
+            ui.centered_and_justified(|ui| {
+                ui.label("Open a picture or a project, or drop one here.")
+            });
             return;
         };
         let tools = &mut self.tools;
-        let edit = open.selected.and_then(|id| open.history.document().edit(id).cloned());
+        let edit = open
+            .selected
+            .and_then(|id| open.history.document().edit(id).cloned());
         let tool = edit.as_ref().and_then(|edit| {
             let position = tools.iter().position(|tool| tool.made(edit))?;
             edit.enabled.then_some(position)
@@ -445,6 +505,11 @@ impl Studio {
         let on_input = tool.is_some_and(|tool| tools[tool].works_on_input());
         open.ask(on_input);
         let snapshot = open.engine.snapshot();
+        let typing = ui.ctx().egui_wants_keyboard_input();
+        if !typing && ui.input(|input| input.key_down(Key::B)) && snapshot.before.is_some() {
+            open.canvas.ui(ui, snapshot.before.as_ref());
+            return;
+        }
         let response = open.canvas.ui(ui, snapshot.shown.as_ref());
         let (Some(edit), Some(tool), Some(view)) = (edit, tool, open.canvas.view()) else {
             return;
@@ -484,7 +549,9 @@ impl Studio {
         egui::Modal::new(egui::Id::unique("path")).show(ui.ctx(), |ui| {
             ui.heading(title);
             let label = ui.label("File");
-            let field = ui.add(egui::TextEdit::singleline(path).desired_width(420.0)).labelled_by(label.id);
+            let field = ui
+                .add(egui::TextEdit::singleline(path).desired_width(420.0))
+                .labelled_by(label.id);
             if !field.has_focus() && !field.lost_focus() {
                 field.request_focus();
             }
@@ -496,7 +563,8 @@ impl Studio {
                 if button.clicked() || entered {
                     decided = Some(true);
                 }
-                if ui.button("Cancel").clicked() || ui.input(|input| input.key_pressed(Key::Escape)) {
+                if ui.button("Cancel").clicked() || ui.input(|input| input.key_pressed(Key::Escape))
+                {
                     decided = Some(false);
                 }
             });
@@ -544,7 +612,10 @@ impl Studio {
             let field = ui.text_edit_singleline(text).labelled_by(label.id);
             field.request_focus();
             let wanted = text.to_lowercase();
-            let matching = tools.iter().enumerate().filter(|(_, tool)| tool.label().to_lowercase().contains(&wanted));
+            let matching = tools
+                .iter()
+                .enumerate()
+                .filter(|(_, tool)| tool.label().to_lowercase().contains(&wanted));
             for (index, tool) in matching {
                 if ui.button(format!("Add {}", tool.label())).clicked() {
                     chosen = Some(index);
@@ -608,16 +679,26 @@ impl Open {
         let document = self.history.document().clone();
         let failure = self.engine.snapshot().failure;
         let mut changed = document.clone();
-        if ui.selectable_label(self.selected.is_none(), &self.name).clicked() {
+        if ui
+            .selectable_label(self.selected.is_none(), &self.name)
+            .clicked()
+        {
             self.selected = None;
         }
         for edit in &document.edits {
             let label = label_of(tools, edit);
             ui.horizontal(|ui| {
                 let mut enabled = edit.enabled;
-                let toggle = ui.checkbox(&mut enabled, "").on_hover_text(format!("Use {label}"));
+                let toggle = ui
+                    .checkbox(&mut enabled, "")
+                    .on_hover_text(format!("Use {label}"));
                 toggle.widget_info(|| {
-                    egui::WidgetInfo::selected(egui::Role::CheckBox, true, enabled, format!("Use {label}"))
+                    egui::WidgetInfo::selected(
+                        egui::Role::CheckBox,
+                        true,
+                        enabled,
+                        format!("Use {label}"),
+                    )
                 });
                 if toggle.changed() {
                     changed.replace(Edit {
@@ -625,20 +706,32 @@ impl Open {
                         ..Edit::clone(edit)
                     });
                 }
-                let failed = failure.as_ref().is_some_and(|failure| failure.edit == Some(edit.id));
-                let name = if failed { format!("{label} (failed)") } else { label.clone() };
-                if ui.selectable_label(self.selected == Some(edit.id), name).clicked() {
+                let failed = failure
+                    .as_ref()
+                    .is_some_and(|failure| failure.edit == Some(edit.id));
+                let name = if failed {
+                    format!("{label} (failed)")
+                } else {
+                    label.clone()
+                };
+                if ui
+                    .selectable_label(self.selected == Some(edit.id), name)
+                    .clicked()
+                {
                     self.selected = Some(edit.id);
                 }
                 for (sign, places, verb) in [("Up", -1, "Earlier"), ("Down", 1, "Later")] {
                     let name = format!("{verb}: {label}");
                     let button = ui.small_button(sign).on_hover_text(&name);
-                    button.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, &name));
+                    button
+                        .widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, &name));
                     if button.clicked() {
                         changed.shift(edit.id, places);
                     }
                 }
-                let remove = ui.small_button("×").on_hover_text(format!("Remove {label}"));
+                let remove = ui
+                    .small_button("×")
+                    .on_hover_text(format!("Remove {label}"));
                 let name = format!("Remove {label}");
                 remove.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, &name));
                 if remove.clicked() {
@@ -663,8 +756,12 @@ impl eframe::App for Studio {
         self.shortcuts(ui);
         Panel::top("menu").show(ui, |ui| self.menu_ui(ui));
         Panel::bottom("status").show(ui, |ui| self.status_ui(ui));
-        Panel::left("edits").default_size(200.0).show(ui, |ui| self.edits_ui(ui));
-        Panel::right("settings").default_size(320.0).show(ui, |ui| self.settings_ui(ui));
+        Panel::left("edits")
+            .default_size(200.0)
+            .show(ui, |ui| self.edits_ui(ui));
+        Panel::right("settings")
+            .default_size(320.0)
+            .show(ui, |ui| self.settings_ui(ui));
         CentralPanel::default().show(ui, |ui| self.canvas_ui(ui));
         self.dialog_ui(ui);
         self.palette_ui(ui);

@@ -27,7 +27,11 @@ fn number(edit: &Edit, name: &str, default: f64) -> f64 {
 fn tool(edit: &Edit) -> Value {
     let mode = edit.param("mode").as_str().unwrap_or("smooth");
     let color = edit.param("color").clone();
-    let color = if color.is_null() { json!([192, 48, 32]) } else { color };
+    let color = if color.is_null() {
+        json!([192, 48, 32])
+    } else {
+        color
+    };
     match mode {
         "color" => json!({"color": {"rgb": color}}),
         "recolor" => json!({"recolor": {"rgb": color}}),
@@ -82,7 +86,8 @@ impl Tool for Brush {
         let radius = number(edit, "radius", 32.0);
         let ring = Stroke::new(1.5, Color32::WHITE);
         if let Some(at) = hand.response.hover_pos() {
-            hand.painter.circle_stroke(at, radius as f32 * hand.view.zoom, ring);
+            hand.painter
+                .circle_stroke(at, radius as f32 * hand.view.zoom, ring);
         }
         let factor = hand.ui.input(|input| {
             let key = |key, factor| if input.key_pressed(key) { factor } else { 1.0 };
@@ -102,7 +107,8 @@ impl Tool for Brush {
         if hand.response.drag_started_by(egui::PointerButton::Primary) {
             self.points.clear();
             let origin = hand.ui.input(|input| input.pointer.press_origin());
-            self.points.extend(origin.map(|at| hand.view.to_picture(at)));
+            self.points
+                .extend(origin.map(|at| hand.view.to_picture(at)));
         }
         if hand.response.clicked()
             && let Some(at) = hand.response.interact_pointer_pos()
@@ -135,7 +141,8 @@ impl Tool for Brush {
         }
         for pair in self.points.windows(2) {
             let ends = [0, 1].map(|k| hand.view.to_screen(pair[k][0], pair[k][1]));
-            hand.painter.line_segment(ends, Stroke::new(2.0, Color32::WHITE));
+            hand.painter
+                .line_segment(ends, Stroke::new(2.0, Color32::WHITE));
         }
         if hand.response.dragged() {
             return None;
@@ -160,9 +167,20 @@ mod tests {
             fields: Brush::default().start([64, 48]),
             enabled: true,
         };
-        let modes = ["color", "recolor", "saturation", "dodge", "burn", "mask", "smooth", "sharpen"];
+        let modes = [
+            "color",
+            "recolor",
+            "saturation",
+            "dodge",
+            "burn",
+            "mask",
+            "smooth",
+            "sharpen",
+        ];
         for mode in modes {
-            let edit = start.with_param("mode", mode.into()).with_param("radius", 7.5.into());
+            let edit = start
+                .with_param("mode", mode.into())
+                .with_param("radius", 7.5.into());
             let edit = with_stroke(&edit, &[[10.0, 12.0], [20.0, 12.0]], [64, 48]);
             let step = edit.step("a.png".as_ref(), "b.png".as_ref()).unwrap();
             let ravec_jobs::Step::Brush(brush) = step else {

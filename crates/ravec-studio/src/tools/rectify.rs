@@ -26,11 +26,17 @@ fn corners(edit: &Edit) -> Option<[[f64; 2]; 4]> {
         .collect::<Result<_, _>>()
         .ok()?;
     let numbers: [f64; 8] = numbers.try_into().ok()?;
-    Some(std::array::from_fn(|k| [numbers[2 * k], numbers[2 * k + 1]]))
+    Some(std::array::from_fn(|k| {
+        [numbers[2 * k], numbers[2 * k + 1]]
+    }))
 }
 
 fn text(corners: &[[f64; 2]; 4]) -> String {
-    let numbers: Vec<String> = corners.iter().flatten().map(|number| format!("{number:.2}")).collect();
+    let numbers: Vec<String> = corners
+        .iter()
+        .flatten()
+        .map(|number| format!("{number:.2}"))
+        .collect();
     numbers.join(",")
 }
 
@@ -45,7 +51,12 @@ impl Tool for Rectify {
 
     fn start(&self, [width, height]: [usize; 2]) -> Map<String, Value> {
         let (x, y) = (width as f64, height as f64);
-        let quad = [[0.25 * x, 0.25 * y], [0.75 * x, 0.25 * y], [0.75 * x, 0.75 * y], [0.25 * x, 0.75 * y]];
+        let quad = [
+            [0.25 * x, 0.25 * y],
+            [0.75 * x, 0.25 * y],
+            [0.75 * x, 0.75 * y],
+            [0.25 * x, 0.75 * y],
+        ];
         with_params(json!({"quad": text(&quad)}))
     }
 
@@ -87,8 +98,10 @@ fn paint(hand: &Hand<'_>, corners: &[[f64; 2]; 4], places: &[Pos2; 4]) {
         for k in 1..GRID {
             let share = k as f64 / GRID as f64;
             let thin = Stroke::new(1.0, color.gamma_multiply(0.6));
-            hand.painter.line_segment([place(share, 0.0), place(share, 1.0)], thin);
-            hand.painter.line_segment([place(0.0, share), place(1.0, share)], thin);
+            hand.painter
+                .line_segment([place(share, 0.0), place(share, 1.0)], thin);
+            hand.painter
+                .line_segment([place(0.0, share), place(1.0, share)], thin);
         }
     }
     for k in 0..4 {

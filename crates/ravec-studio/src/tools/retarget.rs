@@ -20,9 +20,15 @@ pub(crate) struct Retarget {
 
 /// The size that an edit asks for.
 fn size_of(edit: &Edit, input: [usize; 2]) -> [f64; 2] {
-    let text = edit.param("sizes").get(0).and_then(Value::as_str).unwrap_or_default();
+    let text = edit
+        .param("sizes")
+        .get(0)
+        .and_then(Value::as_str)
+        .unwrap_or_default();
     let side = |text: &str, input: usize| match text.strip_suffix('%') {
-        Some(percent) => percent.parse().map_or(input as f64, |share: f64| 0.01 * share * input as f64),
+        Some(percent) => percent
+            .parse()
+            .map_or(input as f64, |share: f64| 0.01 * share * input as f64),
         None => text.parse().unwrap_or(input as f64),
     };
     match text.split_once('x') {
@@ -49,8 +55,13 @@ impl Tool for Retarget {
         let corner = hand.view.to_screen(width, height);
         let frame = Rect::from_min_max(hand.view.to_screen(0.0, 0.0), corner);
         let stroke = Stroke::new(1.5, Color32::from_rgb(250, 170, 40));
-        hand.painter.rect_stroke(frame, 0.0, stroke, egui::StrokeKind::Middle);
-        for handle in [pos2(corner.x, frame.center().y), pos2(frame.center().x, corner.y), corner] {
+        hand.painter
+            .rect_stroke(frame, 0.0, stroke, egui::StrokeKind::Middle);
+        for handle in [
+            pos2(corner.x, frame.center().y),
+            pos2(frame.center().x, corner.y),
+            corner,
+        ] {
             hand.painter.circle_filled(handle, 5.0, stroke.color);
         }
         let near = |at: egui::Pos2| {
@@ -80,7 +91,9 @@ impl Tool for Retarget {
         for k in 0..2 {
             if sides[k] {
                 let input = hand.input_size[k] as f64;
-                size[k] = place[k].clamp((MIN_SHARE * input).ceil(), 4.0 * input).round();
+                size[k] = place[k]
+                    .clamp((MIN_SHARE * input).ceil(), 4.0 * input)
+                    .round();
             }
         }
         let text = format!("{}x{}", size[0], size[1]);

@@ -1,8 +1,12 @@
 //! The canvas: a picture that is zoomed and panned, uploaded in tiles as they are seen.
 
-use crate::shown::Shown;
-use egui::{Color32, ColorImage, Pos2, Rect, Response, Sense, TextureHandle, TextureOptions, Ui, Vec2, pos2, vec2};
+use crate::shown::{Shown, ShownLevel};
+use egui::{
+    Color32, ColorImage, Pos2, Rect, Response, Sense, TextureHandle, TextureOptions, Ui, Vec2,
+    pos2, vec2,
+};
 use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use std::sync::Arc;
 
 /// Side of a tile in pixels.
@@ -111,7 +115,8 @@ impl Canvas {
             self.moved = true;
         }
         if let Some(at) = response.hover_pos() {
-            let (scroll, pinch) = ui.input(|input| (input.smooth_scroll_delta().y, input.zoom_delta()));
+            let (scroll, pinch) =
+                ui.input(|input| (input.smooth_scroll_delta().y, input.zoom_delta()));
             let factor = pinch * (scroll * 0.004).exp();
             if factor != 1.0 {
                 view = view.zoomed(factor, at);
@@ -154,28 +159,19 @@ impl Canvas {
                     continue;
                 }
                 let key = (index, left, top);
-                if !self.tiles.contains_key(&key) {
-                    if uploads == UPLOADS {
+                let tile = match self.tiles.entry(key) {
+                    Entry::Occupied(tile) => tile.into_mut(),
+                    Entry::Vacant(_) if uploads == UPLOADS => {
                         ui.ctx().request_repaint();
                         continue;
                     }
-                    uploads += 1;
-                    let mut image = Vec::with_capacity(width * height);
-                    for row in top..top + height {
-                        let row = &level.pixels[row * level.width + left..][..width];
-                        let colors = row.iter().map(|&[r, g, b, a]| Color32::from_rgba_unmultiplied(r, g, b, a));
-                        image.extend(colors);
+                    Entry::Vacant(tile) => {
+                        uploads += 1;
+                        tile.insert(upload(ui, level, key, [width, height]))
                     }
-                    let image = ColorImage::new([width, height], image);
-                    let options = TextureOptions {
-                        magnification: egui::TextureFilter::Nearest,
-                        ..TextureOptions::LINEAR
-                    };
-                    let name = format!("tile {index} {left} {top}");
-                    self.tiles.insert(key, ui.ctx().load_texture(name, image, options));
-                }
+                };
                 let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
-                painter.image(self.tiles[&key].id(), place, whole, Color32::WHITE);
+                painter.image(tile.id(), place, whole, Color32::WHITE);
             }
         }
         if view.zoom >= GRID_ZOOM {
@@ -184,13 +180,39 @@ impl Canvas {
     }
 }
 
+/// Brings a tile of a level to the screen.
+fn upload(
+    ui: &Ui,
+    level: &ShownLevel,
+    (index, left, top): (usize, usize, usize),
+    [width, height]: [usize; 2],
+) -> TextureHandle {
+    let mut colors = Vec::with_capacity(width * height);
+    for row in top..top + height {
+        let row = &level.pixels[row * level.width + left..][..width];
+        colors.extend(
+            row.iter()
+                .map(|&[r, g, b, a]| Color32::from_rgba_unmultiplied(r, g, b, a)),
+        );
+    }
+    let options = TextureOptions {
+        magnification: egui::TextureFilter::Nearest,
+        ..TextureOptions::LINEAR
+    };
+    let name = format!("tile {index} {left} {top}");
+    let image = ColorImage::new([width, height], colors);
+    ui.ctx().load_texture(name, image, options)
+}
+
 /// Lines between the pixels.
 fn paint_pixel_grid(painter: &egui::Painter, shown: &Shown, view: View, area: Rect) {
     let [width, height] = shown.size();
     let stroke = egui::Stroke::new(1.0, Color32::from_black_alpha(60));
     let low = view.to_picture(area.min);
     let high = view.to_picture(area.max);
-    let range = |low: f64, high: f64, end: usize| (low.max(0.0) as usize)..=(high.max(0.0).ceil() as usize).min(end);
+    let range = |low: f64, high: f64, end: usize| {
+        (low.max(0.0) as usize)..=(high.max(0.0).ceil() as usize).min(end)
+    };
     let picture = Rect::from_two_pos(
         view.to_screen(0.0, 0.0),
         view.to_screen(width as f64, height as f64),
@@ -232,6 +254,9 @@ mod tests {
     fn a_fit_shows_the_whole_picture() {
         let area = Rect::from_min_max(pos2(100.0, 50.0), pos2(500.0, 350.0));
         let view = View::fit([4000, 3000], area);
-        assert!(area.contains(view.to_screen(0.0, 0.0)) && area.contains(view.to_screen(4000.0, 3000.0)));
+        assert!(
+            area.contains(view.to_screen(0.0, 0.0))
+                && area.contains(view.to_screen(4000.0, 3000.0))
+        );
     }
 }

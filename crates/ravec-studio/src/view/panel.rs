@@ -39,9 +39,8 @@ pub fn panel_ui(ui: &mut Ui, form: &Form, edit: &Edit) -> Option<Change> {
                     };
                     let reset = ui.small_button("Reset").on_hover_text(hint);
                     let name = format!("Reset {}", setting.label);
-                    reset.widget_info(|| {
-                        egui::WidgetInfo::labeled(egui::Role::Button, true, &name)
-                    });
+                    reset
+                        .widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, &name));
                     if reset.clicked() {
                         found = Some((Value::Null, false));
                     }
@@ -61,8 +60,17 @@ pub fn panel_ui(ui: &mut Ui, form: &Form, edit: &Edit) -> Option<Change> {
 }
 
 /// The control of a setting; its new value, and true while the hand is on it.
-fn control_ui(ui: &mut Ui, setting: &Setting, value: &Value, label: egui::Id) -> Option<(Value, bool)> {
-    let text = if value.is_null() { setting.default.clone() } else { to_text(value) };
+fn control_ui(
+    ui: &mut Ui,
+    setting: &Setting,
+    value: &Value,
+    label: egui::Id,
+) -> Option<(Value, bool)> {
+    let text = if value.is_null() {
+        setting.default.clone()
+    } else {
+        to_text(value)
+    };
     match &setting.kind {
         Kind::Switch => {
             let mut on = text == "true";
@@ -83,6 +91,15 @@ fn control_ui(ui: &mut Ui, setting: &Setting, value: &Value, label: egui::Id) ->
                 .labelled_by(label);
             (chosen != text).then(|| (chosen.into(), false))
         }
+        Kind::Number { range, .. } if text.is_empty() => {
+            // the operation finds a value by itself
+            let button = ui.button("automatic").on_hover_text("Set a value by hand");
+            let name = format!("Set {}", setting.label);
+            button.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, &name));
+            let middle = range.map_or(0.0, |[low, high]| 0.5 * (low + high));
+            let value = to_json(&setting.kind, &middle.to_string());
+            button.clicked().then_some((value, false))
+        }
         Kind::Number { range, whole } => {
             let mut number: f64 = text.parse().unwrap_or_default();
             let decimals = if *whole { 0 } else { 3 };
@@ -91,7 +108,11 @@ fn control_ui(ui: &mut Ui, setting: &Setting, value: &Value, label: egui::Id) ->
                     let slider = Slider::new(&mut number, *low..=*high).max_decimals(decimals);
                     ui.add(if *whole { slider.step_by(1.0) } else { slider })
                 }
-                None => ui.add(DragValue::new(&mut number).max_decimals(decimals).speed(0.1)),
+                None => ui.add(
+                    DragValue::new(&mut number)
+                        .max_decimals(decimals)
+                        .speed(0.1),
+                ),
             }
             .labelled_by(label);
             let value = to_json(&setting.kind, &number.to_string());
@@ -100,14 +121,19 @@ fn control_ui(ui: &mut Ui, setting: &Setting, value: &Value, label: egui::Id) ->
         Kind::Text | Kind::List => {
             // what is being typed is no value yet
             let id = ui.scope_id().with(("text", &setting.name));
-            let mut typed = ui.data(|data| data.get_temp::<String>(id)).unwrap_or_else(|| text.clone());
-            let response = ui.add(TextEdit::singleline(&mut typed).desired_width(120.0)).labelled_by(label);
+            let mut typed = ui
+                .data(|data| data.get_temp::<String>(id))
+                .unwrap_or_else(|| text.clone());
+            let response = ui
+                .add(TextEdit::singleline(&mut typed).desired_width(120.0))
+                .labelled_by(label);
             if response.has_focus() {
                 ui.data_mut(|data| data.insert_temp(id, typed));
                 return None;
             }
             ui.data_mut(|data| data.remove::<String>(id));
-            (response.lost_focus() && typed != text).then(|| (to_json(&setting.kind, &typed), false))
+            (response.lost_focus() && typed != text)
+                .then(|| (to_json(&setting.kind, &typed), false))
         }
     }
 }
