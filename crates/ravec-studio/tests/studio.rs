@@ -285,18 +285,6 @@ fn settings_change_an_edit_and_go_back() {
 }
 
 #[test]
-fn the_source_is_seen_while_a_key_is_held() {
-    let folder = tempfile::tempdir().unwrap();
-    let mut harness = studio(folder.path(), None);
-    click(&mut harness, "Two-color view");
-    harness.key_down(Key::B);
-    settle(&mut harness);
-    harness.key_up(Key::B);
-    settle(&mut harness);
-    assert!(harness.state().snapshot().unwrap().before.is_some());
-}
-
-#[test]
 fn the_window_may_be_of_any_size() {
     let folder = tempfile::tempdir().unwrap();
     let mut harness = studio(folder.path(), None);
