@@ -27,6 +27,10 @@ const BLUR_LEVELS: usize = 3;
 /// Variance of the relative blur, in square pixels of a level, up to which second derivatives stand for it.
 const MAX_BLUR: f64 = 3.0;
 
+/// Variance in square pixels of the finest level from which blur is taken from the coarsest level that has seen it: a box of 12
+/// pixels.
+const STRONG_BLUR: f64 = 12.0;
+
 /// Correlation at the coarsest level below which a start is poor, also as a share of that of the last frame.
 const POOR_START: f64 = 0.45;
 const POOR_SHARE: f64 = 0.7;
@@ -139,10 +143,12 @@ impl PlaneTracker {
         let scratch = &mut self.scratch;
         let count = key.template.levels.len();
         let zoom = zoom_levels(frame_from_units, key.template.units.half);
+        // fine levels see too little of a strong blur, coarse ones do not know a weak one
+        let (mut blur, mut strong) = (0.0f64, 0.0f64);
         for index in (0..count).rev() {
             let samples = &key.template.levels[index];
             let coarsest = index + 1 == count && count > 1;
-            if index + 1 < count && index + 1 < BLUR_LEVELS && is_blurred(&pose, index) {
+            if index + 1 < count && is_blurred(blur, index) {
                 break;
             }
             let steps = Steps {
@@ -163,9 +169,18 @@ impl PlaneTracker {
                 (&corners, prior.as_deref()),
                 scratch,
             )?;
+            if steps.blur {
+                blur = blur_variance(&pose);
+                strong = if blur > STRONG_BLUR {
+                    strong.max(blur)
+                } else {
+                    strong
+                };
+                blur = blur.max(strong);
+            }
         }
         let last = key.template.dense.len() - 1;
-        let finest = (0..last).find(|&index| !is_blurred(&pose, index));
+        let finest = (0..last).find(|&index| !is_blurred(blur, index));
         let dense = &key.template.dense[finest.unwrap_or(last)];
         let level = picture.level(dense.level, zoom);
         let steps = Steps {
@@ -176,12 +191,13 @@ impl PlaneTracker {
             far: false,
         };
         let settled = settle(dense, level, &mut pose, steps, (&corners, None), scratch)?;
+        blur = blur_variance(&pose).max(strong);
         if !is_plausible(frame_from_units, &pose.frame_from_units, &corners) {
             return None;
         }
         let verdict = judge(dense, &pose, settled.scale, scratch);
         let half = key.template.units.half;
-        let covariance = PoseCovariance::new(dense, &settled, &pose, half, scratch);
+        let covariance = PoseCovariance::new(dense, &settled, &pose, (half, blur), scratch);
         Some(Fit {
             pose,
             settled,
@@ -246,9 +262,9 @@ fn is_plausible(start: &DMat3, pose: &DMat3, corners: &[DVec2; 4]) -> bool {
     }
 }
 
-/// True if blur is too strong for the second derivatives of a level to stand for it.
-fn is_blurred(pose: &Pose, level: usize) -> bool {
-    blur_variance(pose) * 0.25f64.powi(level as i32) > MAX_BLUR
+/// True if a blur of a variance in square pixels is too strong for the second derivatives of a level to stand for it.
+fn is_blurred(variance: f64, level: usize) -> bool {
+    variance * 0.25f64.powi(level as i32) > MAX_BLUR
 }
 
 /// Weights of blocks from those of their groups.

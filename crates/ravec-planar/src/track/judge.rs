@@ -28,7 +28,7 @@ const MIN_SIGMA_PX: f64 = 0.002;
 /// Variance of the relative blur, in square pixels, from which its length adds to the uncertainty, and the share of the length: the
 /// mean over an exposure in which the motion changes is not the place where the picture is sharpest.
 const FREE_BLUR: f64 = 4.0;
-const BLUR_SIGMA: f64 = 0.03;
+const BLUR_SIGMA: f64 = 0.08;
 
 /// What of the plane is seen.
 #[derive(Debug, Clone)]
@@ -182,12 +182,13 @@ pub(super) struct PoseCovariance {
 }
 
 impl PoseCovariance {
-    /// By the sandwich H⁻¹ (Σ s sᵀ) H⁻¹ over groups; `half` is the unit of the template in pixels.
+    /// By the sandwich H⁻¹ (Σ s sᵀ) H⁻¹ over groups; `half` is the unit of the template in pixels, `blur` the variance of the
+    /// relative blur in square pixels.
     pub fn new(
         samples: &Samples,
         settled: &Settled,
         pose: &Pose,
-        half: f64,
+        (half, blur): (f64, f64),
         scratch: &Scratch,
     ) -> Option<Self> {
         let gain = pose.light.gain;
@@ -207,7 +208,7 @@ impl PoseCovariance {
         let all = inverse * meat * inverse;
         let motion = all.fixed_view::<MOTION, MOTION>(0, 0) * (SIGMAS / gain).powi(2);
         // a box of length L has the variance L² / 12
-        let length_sq = 12.0 * (blur_variance(pose) - FREE_BLUR).max(0.0);
+        let length_sq = 12.0 * (blur - FREE_BLUR).max(0.0);
         let zoom = zoom_of(&pose.frame_from_units) / half;
         let shift = BLUR_SIGMA * BLUR_SIGMA * length_sq * zoom * zoom;
         (motion.iter().all(|v| v.is_finite()) && shift.is_finite())
