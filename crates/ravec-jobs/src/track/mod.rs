@@ -85,8 +85,8 @@ pub struct Track {
 #[cfg(feature = "cli")]
 const HELP: &str = "\
 Examples:
-  ravec track wall.y4m --quad 40,30,120,24,124,90,36,84 -o track.json
-  ravec track wall.y4m --quad 40,30,120,24,124,90,36,84 -o corners.txt --export pin.nk --show grid.y4m
+  ravec track wall.y4m --quad 40,30,120,24,124,90,36,84 -o track.json --show grid.y4m
+  ravec track wall.y4m --quad 40,30,120,24,124,90,36,84 -o corners.txt --export pin.nk
   ravec track wall.y4m --quad 40,30,120,24,124,90,36,84 --reference 6 --frames 2..10 -o part.json
   ravec track wall.y4m --track track.json --correct 8:40,30,120,24,124,90,36,84 -o better.json
   ravec track wall.y4m --track track.json --export after-effects=pin.txt --export plane.py
@@ -206,6 +206,10 @@ impl Operation for Track {
         self.check(context)?;
         let mut report = Report::of(self, &self.params);
         let clip = open_clip(&self.input, None, &mut report, context)?;
+        if let Some(output) = &self.show {
+            // pictures of folders and patterns are known only now
+            report.check_output(output)?;
+        }
         let info = clip.info().clone();
         let surroundings = export::Clip {
             rate: info.rate.map_or(DEFAULT_RATE, Rational::to_f64),
@@ -344,13 +348,7 @@ impl Track {
         }
         let mut inputs = self.inputs();
         inputs.retain(|path| !context.is_intermediate(path));
-        let outputs = self.outputs();
-        // a clip that is shown is checked as one
-        let outputs: Vec<&Path> = outputs
-            .into_iter()
-            .filter(|path| Some(*path) != self.show.as_deref())
-            .collect();
-        context.check_files(&inputs, &outputs)
+        context.check_files(&inputs, &self.outputs())
     }
 
     /// Refuses names of text files that several planes would share.
