@@ -190,6 +190,11 @@ const CRATES: &[Crate] = &[
         uses: &["ravec-demo", "ravec-jobs", "ravec"],
     },
     Crate {
+        name: "ravec-studio",
+        layer: "fronts",
+        uses: &["ravec-jobs", "ravec", "ravec-media", "ravec-files"],
+    },
+    Crate {
         name: "ravec-scenes",
         layer: "development",
         uses: &["ravec-raster", "ravec-mesh"],
@@ -250,10 +255,14 @@ const QUARANTINE: &[(&[&str], &[&str])] = &[
             "ravec-mesh-render",
             "ravec-mosaic",
             "ravec-offset",
+            "ravec-planar",
             "ravec-retarget",
+            "ravec-studio",
             "xtask",
         ],
     ),
+    // windows
+    (&["eframe", "egui", "egui_kittest"], &["ravec-studio"]),
     // the terminal
     (
         &[

@@ -46,6 +46,12 @@ pub enum Command {
 pub enum Other {
     Run(Run),
     Demo(Demo),
+    /// Open the studio, in which pictures are worked on by hand
+    #[command(after_help = help::STUDIO)]
+    Studio {
+        /// Pictures or projects to open
+        files: Vec<PathBuf>,
+    },
     /// Print a completion script for a shell
     #[command(after_help = help::COMPLETIONS)]
     Completions {
@@ -68,7 +74,9 @@ impl Command {
             Self::Step(step) => Some(step.operation()),
             Self::Other(Other::Run(run)) => Some(run),
             Self::Other(Other::Demo(demo)) => Some(demo),
-            Self::Other(Other::Completions { .. } | Other::Man { .. }) => None,
+            Self::Other(Other::Studio { .. } | Other::Completions { .. } | Other::Man { .. }) => {
+                None
+            }
         }
     }
 

@@ -55,6 +55,15 @@ Examples:
 The catalogue is one file. It stays valid if the program is stopped at any moment or the power fails, and several programs may use \
 it at once: they wait for one another, up to a minute. Photos are only read, and no output may take the place of one.";
 
+/// Of `ravec studio`.
+pub const STUDIO: &str = "\
+Examples:
+  ravec studio
+  ravec studio photo.jpg
+
+The studio is a program of its own, ravec-studio, which is looked for beside this one and on the path. Its projects are recipes: \
+ravec run writes what the studio exports.";
+
 /// Of `ravec completions`.
 pub const COMPLETIONS: &str = "\
 Examples:

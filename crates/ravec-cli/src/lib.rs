@@ -28,6 +28,7 @@ mod help;
 mod interrupt;
 mod log;
 mod progress_bar;
+mod studio;
 mod summary;
 
 use arguments::{Arguments, Command, Global, Other};
@@ -92,6 +93,7 @@ fn execute(Arguments { command, global }: Arguments) -> Result<(), Failure> {
             summary::print(&String::from_utf8_lossy(&script))
         }
         Command::Other(Other::Man { out }) => manual(out.as_deref()),
+        Command::Other(Other::Studio { files }) => studio::start(&files),
         Command::Other(Other::Run(_) | Other::Demo(_)) | Command::Step(_) => Ok(()),
     }
 }

@@ -14,7 +14,7 @@ use crate::report::Report;
 use crate::video::{ClipFiles, Encoding, check_no_encoding, is_clip, map_clip};
 use ravec::progress::Progress;
 use ravec::raster::{AnyImage, Image, LinearRgba, Rect, Size, Srgb, with_image};
-use ravec::twocolor::brush::{Painted, Stroke, Tool, replay};
+use ravec::twocolor::brush::{Painted, Stroke, Strokes, Tool, replay};
 use ravec::twocolor::{
     CleanParams, Mode, OperatorParams, WindowParams, clean_with, enlarge, estimate_noise, operate,
 };
@@ -95,6 +95,10 @@ pub struct Brush {
     #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
     #[serde(default)]
     pub stroke: Option<PathBuf>,
+    /// Strokes in the operation itself, in place of a file
+    #[cfg_attr(feature = "cli", arg(skip))]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub strokes: Option<Strokes>,
     /// Write the selection that mask strokes painted as a gray picture
     #[cfg_attr(
         feature = "cli",
@@ -383,7 +387,8 @@ impl Operation for Brush {
             params,
             ..
         } = self;
-        if self.everywhere == stroke.is_some() {
+        let ways = [self.everywhere, stroke.is_some(), self.strokes.is_some()];
+        if ways.into_iter().filter(|&given| given).count() != 1 {
             return Err(JobError::Missing {
                 fields: &["stroke", "everywhere"],
                 expected: "give one of the two",
@@ -405,9 +410,14 @@ impl Operation for Brush {
         let picture = files::read(input, &mut report, context)?;
         let size = params.output_size(picture.image.size(), context.limits.max_pixels)?;
         files::check_size(output, size, &picture, context)?;
-        let result = match stroke {
-            None => everywhere(&picture.image, params, &mut report, &context.progress)?,
-            Some(path) => self.paint(path, &picture, &mut report, context)?,
+        let result = match (&self.strokes, stroke) {
+            (Some(strokes), _) => self.paint(strokes, &picture, &mut report, context)?,
+            (None, Some(path)) => {
+                let size = picture.image.size();
+                let strokes = strokes::read(path, size, params, context)?;
+                self.paint(&strokes, &picture, &mut report, context)?
+            }
+            (None, None) => everywhere(&picture.image, params, &mut report, &context.progress)?,
         };
         let options = WriteOptions {
             quality: params.quality,
@@ -456,13 +466,13 @@ impl Brush {
     /// Applies the strokes of the file `path`.
     fn paint(
         &self,
-        path: &Path,
+        strokes: &Strokes,
         picture: &Picture,
         report: &mut Report,
         context: &Context,
     ) -> Result<Image<LinearRgba>, JobError> {
-        let size = picture.image.size();
-        let mut strokes = strokes::read(path, size, &self.params, context)?;
+        let path = self.stroke.as_deref().unwrap_or(&self.input);
+        let mut strokes = strokes.clone();
         strokes
             .strokes
             .truncate(strokes.strokes.len().saturating_sub(self.params.undo));
@@ -491,7 +501,7 @@ impl Brush {
             report.warn("the selection is not kept: name a file for it with `mask`");
         }
         if let Some(path) = &self.mask {
-            write_mask(path, mask, size, report, context)?;
+            write_mask(path, mask, picture.image.size(), report, context)?;
         }
         Ok(image)
     }

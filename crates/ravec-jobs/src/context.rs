@@ -63,11 +63,25 @@ impl Context {
 
     /// The same surroundings, in which paths such as `@name` are intermediate results.
     #[must_use]
-    pub(crate) fn with_intermediates(&self) -> Self {
+    pub fn with_intermediates(&self) -> Self {
         Self {
             intermediates: Some(Arc::default()),
             ..self.clone()
         }
+    }
+
+    /// Makes a picture the intermediate result of this name, such as `@input`, for operations that are run with this context; see
+    /// [`with_intermediates`](Self::with_intermediates).
+    pub fn insert_picture(&self, name: &Path, picture: Picture) {
+        self.store(name, Intermediate::Picture(picture));
+    }
+
+    /// The picture that an operation has written to an intermediate result.
+    ///
+    /// # Errors
+    /// [`JobError::NoIntermediate`].
+    pub fn picture(&self, name: &Path) -> Result<Picture, JobError> {
+        self.stored_picture(name)
     }
 
     /// True for a path that is an intermediate result here, not a file.

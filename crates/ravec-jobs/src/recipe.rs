@@ -26,15 +26,38 @@ const MAX_STEPS: usize = 10_000;
 
 /// A list of operations to run in order.
 ///
-/// In JSON: `{"version": 1, "steps": [{"operation": "retarget", "input": "photo.jpg", …}, …]}`. Paths are relative to the
-/// folder in which the program runs.
+/// In JSON: `{"version": 1, "steps": [{"operation": "retarget", "input": "photo.jpg", …}, …]}`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Recipe {
     /// The version of the format, 1.
     pub version: u32,
+    /// Folder that relative paths start from (default: the working folder).
+    #[serde(default, skip_serializing_if = "PathBase::is_default")]
+    pub relative_to: PathBase,
+    /// Data of the program that edits the recipe; not used when it is run.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub editor: Option<Value>,
     /// The operations.
     pub steps: Vec<Step>,
+}
+
+/// Folder that the relative paths of a recipe start from.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum PathBase {
+    /// The folder in which the program runs.
+    #[default]
+    WorkingFolder,
+    /// The folder of the recipe.
+    Recipe,
+}
+
+impl PathBase {
+    #[expect(clippy::trivially_copy_pass_by_ref, reason = "the signature that serde asks for")]
+    fn is_default(&self) -> bool {
+        *self == Self::default()
+    }
 }
 
 impl Recipe {
@@ -42,6 +65,8 @@ impl Recipe {
     pub fn new(steps: Vec<Step>) -> Self {
         Self {
             version: VERSION,
+            relative_to: PathBase::default(),
+            editor: None,
             steps,
         }
     }
@@ -55,6 +80,10 @@ impl Recipe {
         #[serde(deny_unknown_fields)]
         struct Raw {
             version: u32,
+            #[serde(default)]
+            relative_to: PathBase,
+            #[serde(default)]
+            editor: Option<Value>,
             steps: Vec<Value>,
         }
         let raw: Raw = serde_json::from_str(text).map_err(|error| error.to_string())?;
@@ -74,7 +103,24 @@ impl Recipe {
             serde_json::from_value(value).map_err(|error| format!("step {}: {error}", index + 1))
         };
         let steps = raw.steps.into_iter().enumerate().map(step);
-        Ok(Self::new(steps.collect::<Result<_, String>>()?))
+        Ok(Self {
+            relative_to: raw.relative_to,
+            editor: raw.editor,
+            ..Self::new(steps.collect::<Result<_, String>>()?)
+        })
+    }
+
+    /// The same recipe with relative paths that start from `folder`, if they do not start from the working folder.
+    ///
+    /// # Errors
+    /// A path that is not Unicode, which JSON cannot hold.
+    fn resolved(mut self, folder: &Path) -> Result<Self, serde_json::Error> {
+        if self.relative_to == PathBase::Recipe {
+            for step in &mut self.steps {
+                *step = step.rebased(folder)?;
+            }
+        }
+        Ok(self)
     }
 
     /// The recipe as indented JSON with a final line break.
@@ -202,7 +248,7 @@ have their defaults:
     {\"operation\": \"retarget\", \"input\": \"@clean\", \"output\": \"wide.png\",
      \"params\": {\"sizes\": [\"150%x100%\"]}}]}
 An output whose name begins with @ stays in memory, for later steps of the same run; its samples and coordinates are not rounded \
-to those of a file. Other paths are relative to the working folder.
+to those of a file. Other paths are relative to the working folder, or to that of the recipe with \"relative_to\": \"recipe\".
 
 No step may replace a file that the recipe reads, and no two steps may write one file. The first step that fails, or whose \
 verdict is no, ends the run with its exit code; files of earlier steps stay. The report lists the reports of the steps.";
@@ -233,9 +279,13 @@ impl Operation for Run {
         let text =
             files::read_text(&self.file, MAX_BYTES).map_err(|error| unreadable(plain(&error)))?;
         let recipe = Recipe::from_json(&text).map_err(unreadable)?;
-        recipe.check(&self.file)?;
         let mut report = Report::of(self, &self.params);
         report.recipe = serde_json::to_value(&recipe).ok();
+        let folder = self.file.parent().unwrap_or(Path::new(""));
+        let recipe = recipe
+            .resolved(folder)
+            .map_err(|error| unreadable(error.to_string()))?;
+        recipe.check(&self.file)?;
         if self.params.dry_run {
             report.result = Some(recipe.plan());
             return Ok(report);

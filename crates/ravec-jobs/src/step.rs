@@ -1,5 +1,7 @@
 //! The list of all operations, and one value for any of them.
 
+use crate::context::is_intermediate;
+use crate::files::is_stream;
 use crate::operation::{AnyOperation, Operation};
 use crate::{
     brush, catalogue, compare, complete, match_photos, mesh, mosaic, plane, retarget, scenes,
@@ -8,6 +10,7 @@ use crate::{
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::{Map, Value};
+use std::path::Path;
 
 /// Lists the operations: one variant each.
 macro_rules! operations {
@@ -132,6 +135,51 @@ operations! {
     VideoInfo(video::info::Info),
     VideoConvert(video::convert::Convert),
     VideoFrames(video::frames::Frames),
+}
+
+impl Step {
+    /// The same step, of which the relative paths of files start from `folder`.
+    ///
+    /// # Errors
+    /// A path that is not Unicode, which JSON cannot hold.
+    pub(crate) fn rebased(&self, folder: &Path) -> Result<Self, serde_json::Error> {
+        let operation = self.operation();
+        let paths: Vec<&Path> = (operation.inputs().into_iter())
+            .chain(operation.outputs())
+            .chain(operation.folders())
+            .collect();
+        let mut fields = self.tagged()?;
+        // files are fields of the operation itself, not of its parameters
+        let all = fields.as_object_mut().into_iter().flatten();
+        for (_, field) in all.filter(|(name, _)| *name != "params" && *name != "operation") {
+            rebase(field, &paths, folder);
+        }
+        serde_json::from_value(fields)
+    }
+}
+
+/// Lets strings that are one of the `paths` start from `folder`.
+fn rebase(field: &mut Value, paths: &[&Path], folder: &Path) {
+    match field {
+        Value::String(text) => {
+            let path = Path::new(text.as_str());
+            let is_file = !is_intermediate(path) && !is_stream(path);
+            if is_file && path.is_relative() && paths.contains(&path) {
+                *text = folder.join(path).to_string_lossy().into_owned();
+            }
+        }
+        Value::Array(values) => {
+            for value in values {
+                rebase(value, paths, folder);
+            }
+        }
+        Value::Object(fields) => {
+            for (_, value) in fields {
+                rebase(value, paths, folder);
+            }
+        }
+        _ => {}
+    }
 }
 
 /// The fields of an operation as JSON, with its name.

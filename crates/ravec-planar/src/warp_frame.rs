@@ -176,7 +176,7 @@ fn warp_row<P: Color>(
             share_inside(at, extent)
         };
         // also for what is not a number
-        if !(share > 0.0) {
+        if share.is_nan() || share <= 0.0 {
             continue;
         }
         let seen = PremulLinearRgba(interpolated(source, at));

@@ -1,0 +1,109 @@
+//! Reading and writing of files beside the window.
+
+use crate::document::Document;
+use crate::engine::export;
+use crate::project::Project;
+use ravec::progress::Progress;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, Sender, channel};
+
+/// The end of a task, each with a sentence if it failed.
+pub(crate) enum Done {
+    /// A picture or a project was opened; where it is saved, if it is a project.
+    Opened(PathBuf, Result<Project, String>),
+    /// A project was saved.
+    Saved(PathBuf, Result<(), String>),
+    /// A result was written.
+    Exported(PathBuf, Result<(), String>),
+}
+
+/// Tasks on files.
+pub(crate) struct Background {
+    sender: Sender<Done>,
+    receiver: Receiver<Done>,
+    repaint: Arc<dyn Fn() + Send + Sync>,
+    /// Tasks that have not ended.
+    pub running: usize,
+}
+
+impl Background {
+    pub fn new(repaint: Arc<dyn Fn() + Send + Sync>) -> Self {
+        let (sender, receiver) = channel();
+        Self {
+            sender,
+            receiver,
+            repaint,
+            running: 0,
+        }
+    }
+
+    fn spawn(&mut self, task: impl FnOnce() -> Done + Send + 'static) {
+        let (sender, repaint) = (self.sender.clone(), self.repaint.clone());
+        self.running += 1;
+        std::thread::spawn(move || {
+            // the window may be closed
+            let _ = sender.send(task());
+            repaint();
+        });
+    }
+
+    /// Opens a picture, or a project.
+    pub fn open(&mut self, path: &Path) {
+        let path = path.to_path_buf();
+        self.spawn(move || {
+            let project = open(&path);
+            Done::Opened(path, project)
+        });
+    }
+
+    /// Saves a project.
+    pub fn save(&mut self, project: Project, path: PathBuf) {
+        self.spawn(move || {
+            let saved = project.save(&path).map_err(|error| error.to_string());
+            Done::Saved(path, saved)
+        });
+    }
+
+    /// Writes the result of a document.
+    pub fn export(&mut self, document: Document, path: PathBuf) {
+        self.spawn(move || {
+            let done = export(&document, &path, &Progress::none());
+            Done::Exported(path, done.map(|_| ()))
+        });
+    }
+
+    /// The tasks that have ended since the last call.
+    pub fn ended(&mut self) -> Vec<Done> {
+        let ended: Vec<Done> = self.receiver.try_iter().collect();
+        self.running -= ended.len();
+        ended
+    }
+}
+
+/// True for the name of a project.
+pub(crate) fn is_project(path: &Path) -> bool {
+    path.extension()
+        .is_some_and(|extension| extension.eq_ignore_ascii_case("json"))
+}
+
+fn open(path: &Path) -> Result<Project, String> {
+    if is_project(path) {
+        return Project::load(path).map_err(|error| error.to_string());
+    }
+    let whole = std::path::absolute(path).unwrap_or_else(|_| path.to_path_buf());
+    // a folder or a missing file is refused here; what is no picture by the engine
+    let data = std::fs::metadata(&whole).map_err(|error| format!("{}: {error}", path.display()))?;
+    if data.is_dir() {
+        return Err(format!("{} is a folder, not a picture", path.display()));
+    }
+    let stem = whole
+        .file_stem()
+        .unwrap_or_default()
+        .to_string_lossy()
+        .into_owned();
+    Ok(Project {
+        output: whole.with_file_name(format!("{stem}-edited.png")),
+        document: Document::new(whole),
+    })
+}

@@ -1,0 +1,52 @@
+//! The studio: documents of operations under the hand.
+//!
+//! A [`Document`] is an input that is never changed and a list of edits, which are operations with their parameters: the same that the
+//! command line and recipes have. Every edit can be changed, switched off, moved and removed at any time; what follows from it is
+//! computed again, beside the window, and what did not change comes from a cache.
+//!
+//! ```
+//! use ravec_studio::{Document, History};
+//!
+//! let mut history = History::new(Document::new("photo.jpg"));
+//! let mut document = history.document().clone();
+//! document.push("twocolor", serde_json::Map::new());
+//! history.commit(document);
+//! assert_eq!(history.document().edits.len(), 1);
+//! history.undo();
+//! assert!(history.document().edits.is_empty());
+//! ```
+//!
+//! # Words
+//!
+//! *Document*: an input and its edits. *Edit*: an operation without its files. *Gesture*: what the hand does from press to release;
+//! it is undone at once. *Form*: the settings of an operation. *Tool*: gestures on the canvas that change an edit.
+//!
+//! # Guarantees
+//!
+//! - The window's thread reads and writes no file, computes no result and waits for nothing.
+//! - An export has the bytes that `ravec run` writes for the saved project.
+//! - After the end of the program, however it came, everything up to the last finished gesture is offered again.
+//!
+//! # Current status
+//!
+//! Pictures. Tools with gestures: brush, retargeting, rectification; all operations on pictures without further inputs have panels.
+//! Meshes and clips are not opened yet.
+
+pub mod autosave;
+mod background;
+mod document;
+mod engine;
+mod history;
+mod project;
+pub mod settings;
+mod shown;
+mod studio;
+mod tools;
+mod view;
+
+pub use document::{Document, Edit, EditError, EditId};
+pub use engine::{Busy, Engine, Failure, Snapshot, export};
+pub use history::History;
+pub use project::{Project, ProjectError};
+pub use shown::{Shown, ShownLevel};
+pub use studio::Studio;

@@ -1,0 +1,4 @@
+//! The parts of the window.
+
+pub(crate) mod canvas;
+pub(crate) mod panel;
