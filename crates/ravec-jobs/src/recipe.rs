@@ -54,7 +54,10 @@ pub enum PathBase {
 }
 
 impl PathBase {
-    #[expect(clippy::trivially_copy_pass_by_ref, reason = "the signature that serde asks for")]
+    #[expect(
+        clippy::trivially_copy_pass_by_ref,
+        reason = "the signature that serde asks for"
+    )]
     fn is_default(&self) -> bool {
         *self == Self::default()
     }

@@ -249,7 +249,7 @@ impl Operation for Track {
 }
 
 /// An error of a parameter.
-fn wrong(field: &'static str, value: impl ToString, range: &'static str) -> JobError {
+fn wrong(field: &'static str, value: &impl ToString, range: &'static str) -> JobError {
     JobError::Parameter {
         field,
         value: value.to_string(),
@@ -304,7 +304,7 @@ impl Track {
             });
         }
         if params.quads.len() > file::MAX_PLANES {
-            return Err(wrong("quads", params.quads.len(), "at most 64 planes"));
+            return Err(wrong("quads", &params.quads.len(), "at most 64 planes"));
         }
         if self.outputs().is_empty() {
             return Err(JobError::Missing {
@@ -314,7 +314,7 @@ impl Track {
         }
         if self.mask.is_some() && (params.region == Region::Frame || params.quads.len() > 1) {
             let range = "left out with several planes, or `region` frame";
-            return Err(wrong("mask", "given", range));
+            return Err(wrong("mask", &"given", range));
         }
         if self.track.is_some() {
             let given = [
@@ -326,18 +326,18 @@ impl Track {
                 ("cuts", !params.cuts.is_empty()),
             ];
             if let Some((field, _)) = given.into_iter().find(|(_, given)| *given) {
-                return Err(wrong(field, "given", "left out with `track`"));
+                return Err(wrong(field, &"given", "left out with `track`"));
             }
         }
         if is_stream(&self.input) && (self.show.is_some() || self.photo.is_some()) {
             return Err(wrong(
                 "input",
-                "-",
+                &"-",
                 "a file, which `show` and `photo` read again",
             ));
         }
         if self.photo.is_some() && params.quads.len() > 1 {
-            return Err(wrong("photo", "given", "left out for several planes"));
+            return Err(wrong("photo", &"given", "left out for several planes"));
         }
         match &self.show {
             Some(output) => check_clip_target(output, context)?,
@@ -357,7 +357,7 @@ impl Track {
             let format = export.format().unwrap_or(ExportFormat::Json);
             if export::lacks_place(&export.path, format) {
                 let range = "a name with {plane} in it, where there are several planes";
-                return Err(wrong("output", export.path.display(), range));
+                return Err(wrong("output", &export.path.display(), range));
             }
         }
         Ok(())
@@ -397,7 +397,7 @@ impl Track {
         let beyond = || {
             wrong(
                 "reference",
-                reference,
+                &reference,
                 "a frame of the clip, within `frames`",
             )
         };
@@ -482,7 +482,11 @@ impl Track {
             return Ok(());
         }
         let [plane] = &mut file.planes[..] else {
-            return Err(wrong("corrections", "given", "left out for several planes"));
+            return Err(wrong(
+                "corrections",
+                &"given",
+                "left out for several planes",
+            ));
         };
         let corrections = params.corrections.iter().map(|given| Correction {
             frame: given.frame,
