@@ -39,6 +39,7 @@ static DESK: LazyLock<Desk> = LazyLock::new(|| {
             output: at("out.png"),
             everywhere: false,
             stroke: Some(at("strokes.json")),
+            strokes: None,
             mask: Some(at("mask.png")),
             params: brush::Params::default(),
         },

@@ -411,7 +411,10 @@ impl Operation for Brush {
         let size = params.output_size(picture.image.size(), context.limits.max_pixels)?;
         files::check_size(output, size, &picture, context)?;
         let result = match (&self.strokes, stroke) {
-            (Some(strokes), _) => self.paint(strokes, &picture, &mut report, context)?,
+            (Some(strokes), _) => {
+                let strokes = strokes::at_half(strokes.clone(), params.pixel_centers);
+                self.paint(&strokes, &picture, &mut report, context)?
+            }
             (None, Some(path)) => {
                 let size = picture.image.size();
                 let strokes = strokes::read(path, size, params, context)?;

@@ -18,6 +18,10 @@ pub enum PixelCenters {
 
 impl PixelCenters {
     /// True for the default, which files need not state.
+    #[expect(
+        clippy::trivially_copy_pass_by_ref,
+        reason = "what serde calls to skip a field takes a reference"
+    )]
     pub(crate) fn is_half(&self) -> bool {
         *self == Self::Half
     }

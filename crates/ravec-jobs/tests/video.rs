@@ -306,6 +306,7 @@ fn operations_on_pictures_take_clips() {
         output: output.clone(),
         everywhere: true,
         stroke: None,
+        strokes: None,
         mask: None,
         params: brush::Params::default(),
     };

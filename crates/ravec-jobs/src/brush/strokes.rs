@@ -4,6 +4,7 @@ use super::Params;
 use crate::context::Context;
 use crate::error::{JobError, plain};
 use crate::files;
+use crate::pixel_centers::PixelCenters;
 use ravec::raster::Size;
 use ravec::twocolor::brush::{Stroke, Strokes};
 use std::path::Path;
@@ -18,15 +19,17 @@ pub(super) fn read(
     params: &Params,
     context: &Context,
 ) -> Result<Strokes, JobError> {
-    let mut strokes = parse(path, size, params, context)?;
-    for point in strokes
-        .strokes
-        .iter_mut()
-        .flat_map(|stroke| &mut stroke.points)
-    {
-        *point = params.pixel_centers.read((*point).into()).into();
+    let strokes = parse(path, size, params, context)?;
+    Ok(at_half(strokes, params.pixel_centers))
+}
+
+/// Strokes that are given in a convention, with pixel centers at half-integers.
+pub(super) fn at_half(mut strokes: Strokes, centers: PixelCenters) -> Strokes {
+    let points = strokes.strokes.iter_mut();
+    for point in points.flat_map(|stroke| &mut stroke.points) {
+        *point = centers.read((*point).into()).into();
     }
-    Ok(strokes)
+    strokes
 }
 
 fn parse(path: &Path, size: Size, params: &Params, context: &Context) -> Result<Strokes, JobError> {

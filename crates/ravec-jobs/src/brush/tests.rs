@@ -40,6 +40,7 @@ impl Folder {
             output: self.path("out.png"),
             everywhere: strokes.is_none(),
             stroke: strokes.map(|_| path),
+            strokes: None,
             mask: Some(self.path("mask.png")),
             params: params.clone(),
         };

@@ -287,8 +287,8 @@ fn what_fragments_cannot_do_has_its_sentence_and_its_kind() {
     let output = folder.path().join("out.png");
     let broken = folder.path().join("broken.json");
     let other = folder.path().join("other.json");
-    std::fs::write(&broken, "{").unwrap();
-    std::fs::write(&other, r#"{"width": 9, "height": 9, "steps": []}"#).unwrap();
+    crate::files::write_text(&broken, "{").unwrap();
+    crate::files::write_text(&other, r#"{"width": 9, "height": 9, "steps": []}"#).unwrap();
     let file = |replay: &Path| Files {
         replay: Some(replay.to_path_buf()),
         ..Files::default()

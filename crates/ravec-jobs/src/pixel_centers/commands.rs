@@ -218,13 +218,14 @@ fn strokes_paint_the_same_pixels() {
     let [half, integer] = BOTH.map(|centers| {
         let points = [dvec2(40.3, 30.8), dvec2(90.0, 52.5)].map(|at| centers.write(at).to_array());
         let strokes = folder.path().join("points.json");
-        std::fs::write(&strokes, serde_json::to_string(&points).unwrap()).unwrap();
+        crate::files::write_text(&strokes, &serde_json::to_string(&points).unwrap()).unwrap();
         let output = folder.path().join("out.png");
         done(&Brush {
             input: input.clone(),
             output: output.clone(),
             everywhere: false,
             stroke: Some(strokes),
+            strokes: None,
             mask: None,
             params: brush::Params {
                 mode: BrushMode::Color,
@@ -281,7 +282,7 @@ fn holes_and_planes_are_the_same_and_steps_say_their_convention() {
     );
     // a file is read as it says, whatever the command writes
     let file = folder.path().join("integer.json");
-    std::fs::write(&file, &integer.1).unwrap();
+    crate::files::write_text(&file, &integer.1).unwrap();
     let replayed = run(PixelCenters::Half, true, Some(file));
     assert!(replayed.0 == half.0);
 }

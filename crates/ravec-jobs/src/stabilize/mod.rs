@@ -160,6 +160,7 @@ impl Operation for Stabilize {
         self.check(context)?;
         let mut report = Report::of(self, &self.params);
         let clip = open_clip(&self.input, None, &mut report, context)?;
+        report.check_output(&self.output)?;
         let track = match &self.track {
             Some(path) => {
                 let size = clip.info().size;
@@ -245,7 +246,7 @@ impl Stabilize {
             return wrong("input", "-".to_owned(), range);
         }
         check_clip_target(&self.output, context)?;
-        context.check_files(&self.inputs(), &[])
+        context.check_files(&self.inputs(), &self.outputs())
     }
 
     /// The plane that is asked for.

@@ -17,7 +17,7 @@ fn operation(wall: &Wall, output: &str) -> Stabilize {
 }
 
 fn frame(wall: &Wall, name: &str) -> Image<Srgb<u8>> {
-    let picture = ravec_media::read(&wall.at(name), &ravec_media::Limits::default());
+    let picture = ravec_media::read(wall.at(name), &ravec_media::Limits::default());
     picture.unwrap().convert()
 }
 

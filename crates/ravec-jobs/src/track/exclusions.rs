@@ -275,7 +275,7 @@ mod tests {
             "notes.txt",
             ".s_0001.png",
         ] {
-            std::fs::write(folder.path().join(name), "").unwrap();
+            crate::files::write_text(&folder.path().join(name), "").unwrap();
         }
         let frames =
             |path: &Path| -> Vec<u64> { stroke_files(path, 3, 100).unwrap().into_keys().collect() };
@@ -283,7 +283,7 @@ mod tests {
         assert_eq!(frames(&folder.path().join("s_%04d.png")), [4, 10]);
         assert_eq!(frames(&folder.path().join("t_7.png")), [7]);
         assert_eq!(frames(&folder.path().join("plain.png")), [3]);
-        std::fs::write(folder.path().join("s_010.png"), "").unwrap();
+        crate::files::write_text(&folder.path().join("s_010.png"), "").unwrap();
         let error = stroke_files(folder.path(), 0, 100).unwrap_err();
         assert!(error.to_string().contains("both of frame 10"), "{error}");
         let none = stroke_files(&folder.path().join("u_%d.png"), 0, 100).unwrap_err();

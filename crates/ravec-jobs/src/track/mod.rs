@@ -85,8 +85,8 @@ pub struct Track {
 #[cfg(feature = "cli")]
 const HELP: &str = "\
 Examples:
-  ravec track wall.y4m --quad 40,30,120,24,124,90,36,84 -o track.json
-  ravec track wall.y4m --quad 40,30,120,24,124,90,36,84 -o corners.txt --export pin.nk --show grid.y4m
+  ravec track wall.y4m --quad 40,30,120,24,124,90,36,84 -o track.json --show grid.y4m
+  ravec track wall.y4m --quad 40,30,120,24,124,90,36,84 -o corners.txt --export pin.nk
   ravec track wall.y4m --quad 40,30,120,24,124,90,36,84 --reference 6 --frames 2..10 -o part.json
   ravec track wall.y4m --track track.json --correct 8:40,30,120,24,124,90,36,84 -o better.json
   ravec track wall.y4m --track track.json --export after-effects=pin.txt --export plane.py
@@ -206,6 +206,10 @@ impl Operation for Track {
         self.check(context)?;
         let mut report = Report::of(self, &self.params);
         let clip = open_clip(&self.input, None, &mut report, context)?;
+        if let Some(output) = &self.show {
+            // pictures of folders and patterns are known only now
+            report.check_output(output)?;
+        }
         let info = clip.info().clone();
         let surroundings = export::Clip {
             rate: info.rate.map_or(DEFAULT_RATE, Rational::to_f64),
@@ -245,7 +249,7 @@ impl Operation for Track {
 }
 
 /// An error of a parameter.
-fn wrong(field: &'static str, value: impl ToString, range: &'static str) -> JobError {
+fn wrong(field: &'static str, value: &impl ToString, range: &'static str) -> JobError {
     JobError::Parameter {
         field,
         value: value.to_string(),
@@ -300,7 +304,7 @@ impl Track {
             });
         }
         if params.quads.len() > file::MAX_PLANES {
-            return Err(wrong("quads", params.quads.len(), "at most 64 planes"));
+            return Err(wrong("quads", &params.quads.len(), "at most 64 planes"));
         }
         if self.outputs().is_empty() {
             return Err(JobError::Missing {
@@ -310,7 +314,7 @@ impl Track {
         }
         if self.mask.is_some() && (params.region == Region::Frame || params.quads.len() > 1) {
             let range = "left out with several planes, or `region` frame";
-            return Err(wrong("mask", "given", range));
+            return Err(wrong("mask", &"given", range));
         }
         if self.track.is_some() {
             let given = [
@@ -322,18 +326,18 @@ impl Track {
                 ("cuts", !params.cuts.is_empty()),
             ];
             if let Some((field, _)) = given.into_iter().find(|(_, given)| *given) {
-                return Err(wrong(field, "given", "left out with `track`"));
+                return Err(wrong(field, &"given", "left out with `track`"));
             }
         }
         if is_stream(&self.input) && (self.show.is_some() || self.photo.is_some()) {
             return Err(wrong(
                 "input",
-                "-",
+                &"-",
                 "a file, which `show` and `photo` read again",
             ));
         }
         if self.photo.is_some() && params.quads.len() > 1 {
-            return Err(wrong("photo", "given", "left out for several planes"));
+            return Err(wrong("photo", &"given", "left out for several planes"));
         }
         match &self.show {
             Some(output) => check_clip_target(output, context)?,
@@ -344,13 +348,7 @@ impl Track {
         }
         let mut inputs = self.inputs();
         inputs.retain(|path| !context.is_intermediate(path));
-        let outputs = self.outputs();
-        // a clip that is shown is checked as one
-        let outputs: Vec<&Path> = outputs
-            .into_iter()
-            .filter(|path| Some(*path) != self.show.as_deref())
-            .collect();
-        context.check_files(&inputs, &outputs)
+        context.check_files(&inputs, &self.outputs())
     }
 
     /// Refuses names of text files that several planes would share.
@@ -359,7 +357,7 @@ impl Track {
             let format = export.format().unwrap_or(ExportFormat::Json);
             if export::lacks_place(&export.path, format) {
                 let range = "a name with {plane} in it, where there are several planes";
-                return Err(wrong("output", export.path.display(), range));
+                return Err(wrong("output", &export.path.display(), range));
             }
         }
         Ok(())
@@ -399,7 +397,7 @@ impl Track {
         let beyond = || {
             wrong(
                 "reference",
-                reference,
+                &reference,
                 "a frame of the clip, within `frames`",
             )
         };
@@ -484,7 +482,11 @@ impl Track {
             return Ok(());
         }
         let [plane] = &mut file.planes[..] else {
-            return Err(wrong("corrections", "given", "left out for several planes"));
+            return Err(wrong(
+                "corrections",
+                &"given",
+                "left out for several planes",
+            ));
         };
         let corrections = params.corrections.iter().map(|given| Correction {
             frame: given.frame,

@@ -38,7 +38,7 @@ impl Photo {
         let [track] = &file.planes[..] else {
             return Err(super::wrong(
                 "photo",
-                path.display(),
+                &path.display(),
                 "left out for several planes",
             ));
         };

@@ -96,14 +96,10 @@ fn put(
     (time, image): (FrameTime, Option<AnyImage>),
     report: &Report,
 ) -> Result<(), JobError> {
-    match image {
-        Some(image) => {
-            let picture = FramePicture::Image(image);
-            written.write(Frame { picture, time }, report)
-        }
-        None => {
-            written.pass(time);
-            Ok(())
-        }
-    }
+    let Some(image) = image else {
+        written.pass(time);
+        return Ok(());
+    };
+    let picture = FramePicture::Image(image);
+    written.write(Frame { picture, time }, report)
 }

@@ -3,6 +3,7 @@
 use super::file::TrackFile;
 use super::*;
 use crate::ErrorKind;
+use crate::ErrorKind::{Failure, Input, Request};
 use glam::dvec2;
 use ravec::planar::Homography;
 use ravec::planar::track::TrackState;
@@ -154,7 +155,7 @@ fn a_track_is_true_and_comes_back_from_its_file_into_exports() {
     let corners = std::fs::read_to_string(wall.at("c.txt")).unwrap();
     assert_eq!(corners.lines().count(), FRAMES);
     // a green line goes through the first corner in the first frame
-    let shown = ravec_media::read(&wall.at("g_0000.png"), &ravec_media::Limits::default());
+    let shown = ravec_media::read(wall.at("g_0000.png"), &ravec_media::Limits::default());
     let shown: Image<Srgb<u8>> = shown.unwrap().convert();
     let Srgb([r, g, _]) = shown[(80, 60)];
     assert!(g > 150 && g > r, "{:?}", shown[(80, 60)]);
@@ -244,8 +245,8 @@ fn corners_corrected_by_hand_are_kept_exactly() {
         quad: Quad(corners),
     }];
     let (track, _) = wall.tracked(&operation);
-    for k in 0..4 {
-        assert!(track.frames[4].corners[k].distance(corners[k]) < 1e-9);
+    for (k, corner) in corners.into_iter().enumerate() {
+        assert!(track.frames[4].corners[k].distance(corner) < 1e-9);
         assert!(track.frames[0].corners[k].distance(quad()[k]) < 1e-9);
     }
     operation.params.corrections[0].frame = 99;
@@ -385,7 +386,6 @@ fn requests_that_make_no_sense_are_refused() {
         assert!(error.to_string().contains(part), "no `{part}` in: {error}");
         assert!(!wall.at("track.json").exists());
     };
-    use ErrorKind::{Failure, Input, Request};
     refused(&|o| o.params.quads.clear(), Request, "`quads` or `track`");
     refused(&|o| o.output = None, Request, "`output`");
     refused(
@@ -444,7 +444,7 @@ fn requests_that_make_no_sense_are_refused() {
         "too little texture",
     );
     let of_track = |text: &str, part: &str| {
-        std::fs::write(wall.at("t.json"), text).unwrap();
+        crate::files::write_text(&wall.at("t.json"), text).unwrap();
         refused(
             &|o| {
                 o.params.quads.clear();
