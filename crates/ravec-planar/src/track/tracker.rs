@@ -97,6 +97,12 @@ const WEAK_SIGMA_PX: f64 = 0.5;
 /// Share of what was seen in the last frame below which the pose is doubted and searched for.
 const DOUBT: f64 = 0.6;
 
+/// Residual from which a pose is weak: the frame is not explained, by a blur that is too strong or a wrong place. In encoded values
+/// from 0 to 1, and as a multiple of the least one so far, which grows again with every frame.
+const MISFIT: f64 = 0.018;
+const MISFIT_GROWTH: f64 = 3.0;
+const CALM_GROWTH: f64 = 1.02;
+
 /// Predicted standard deviation of a corner, as a share of the diagonal of the region, from which a plane is lost.
 const LOST_SIGMA: f64 = 0.025;
 
@@ -112,6 +118,8 @@ pub(super) struct Motion {
     pub groups: Option<Vec<f32>>,
     pub visible: f64,
     pub similarity: f64,
+    /// The least residual of the last frames.
+    pub calm: f64,
     /// Frames since the plane was lost.
     pub lost_for: usize,
 }
@@ -125,6 +133,7 @@ impl Motion {
             groups: None,
             visible: 1.0,
             similarity: 1.0,
+            calm: f64::INFINITY,
             lost_for: 0,
         }
     }
@@ -376,6 +385,7 @@ impl PlaneTracker {
             return self.lose();
         };
         let now = tracked.frame_from_reference.matrix();
+        let residual = tracked.residual / fit.pose.light.gain;
         let velocity = self.motion.frame_from_reference.inverse() * now;
         self.motion = Motion {
             frame_from_reference: now * now.z_axis.z.recip(),
@@ -388,6 +398,7 @@ impl PlaneTracker {
             groups: Some(fit.verdict.groups.clone()),
             visible: fit.verdict.visible,
             similarity: fit.similarity,
+            calm: residual.min(CALM_GROWTH * self.motion.calm),
             lost_for: 0,
         };
         tracked
@@ -425,7 +436,15 @@ impl PlaneTracker {
         // found again in one frame only, it may be a mistake
         let again = self.motion.lost_for > 0;
         let little = verdict.alike < WEAK_ALIKE || verdict.visible < WEAK_VISIBLE;
-        if again || little || sigma > WEAK_SIGMA_PX {
+        // nothing is known before the first frame
+        let calm = if self.motion.calm.is_finite() {
+            self.motion.calm
+        } else {
+            0.0
+        };
+        let limit = MISFIT.max(MISFIT_GROWTH * calm);
+        let misfit = tracked.residual > limit * pose.light.gain;
+        if again || little || misfit || sigma > WEAK_SIGMA_PX {
             tracked.state = TrackState::Weak;
         }
         Some(tracked)
