@@ -43,7 +43,7 @@ const OPERATIONS: &[&str] = &[
 ];
 
 /// Operations that read no file.
-const WITHOUT_INPUTS: &[&str] = &["scenes", "completions", "man", "help"];
+const WITHOUT_INPUTS: &[&str] = &["scenes", "studio", "completions", "man", "help"];
 
 fn studio() -> tempfile::TempDir {
     let folder = folder();
