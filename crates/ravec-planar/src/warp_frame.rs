@@ -1,7 +1,7 @@
 //! Frames of clips seen through a homography, fast enough to be played.
 //!
 //! ```text
-//! if the map reduces the frame anywhere by more than an eighth: as warp does
+//! if the map reduces the frame anywhere to less than two thirds: as warp does
 //! for each pixel of the output: interpolate the frame's pixels in linear light by the cubic of Catmull and Rom
 //! where the pixel lies beyond the frame: the backdrop; across the frame's border a mixture of both, by area
 //! ```
@@ -33,8 +33,8 @@ pub enum Backdrop<'a> {
 }
 
 /// Largest reduction that is interpolated: by how much the longer axis of a pixel's footprint exceeds a pixel. More lets fine
-/// patterns alias, less takes the slow way for frames that were filmed from a little nearer.
-const MAX_REDUCTION: f64 = 1.125;
+/// patterns alias; less takes the slow way, four times as long, for shots in which the camera comes nearer.
+const MAX_REDUCTION: f64 = 1.5;
 
 /// Places along each side where the reduction is measured.
 const PROBES: usize = 8;
