@@ -1,4 +1,5 @@
-//! The parts of the window.
+//! Parts of the window.
 
 pub(crate) mod canvas;
 pub(crate) mod panel;
+mod tiler;
