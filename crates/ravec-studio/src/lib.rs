@@ -50,3 +50,4 @@ pub use history::History;
 pub use project::{Project, ProjectError};
 pub use shown::{Shown, ShownLevel};
 pub use studio::Studio;
+pub use view::mesh;

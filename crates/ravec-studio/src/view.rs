@@ -1,4 +1,5 @@
 //! The parts of the window.
 
 pub(crate) mod canvas;
+pub mod mesh;
 pub(crate) mod panel;
