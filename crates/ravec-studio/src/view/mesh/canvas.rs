@@ -261,6 +261,7 @@ impl MeshCanvas {
         self.paint_picture(&painter, &view);
         self.paint_overlay(ui, &painter, &response, &view, shown);
         if let Some(failure) = failure {
+            self.picker.want(&shown.mesh, &self.repaint);
             let color = ui.visuals().error_fg_color;
             let font = FontId::proportional(14.0);
             painter.text(area.center(), Align2::CENTER_CENTER, failure, font, color);
@@ -467,7 +468,13 @@ impl MeshCanvas {
         let Some(drawn) = self.renderer.drawn() else {
             return;
         };
-        if known == Some(drawn.serial) {
+        // what was drawn before there was nothing to show belongs to another mesh
+        let stale = known.is_none()
+            && !self
+                .shown
+                .as_ref()
+                .is_some_and(|shown| Arc::ptr_eq(shown, &drawn.wanted.shown));
+        if known == Some(drawn.serial) || stale {
             return;
         }
         let data = ImageData::Color(drawn.image.clone());
