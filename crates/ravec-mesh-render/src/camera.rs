@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::screen_map::Sight;
 use ravec_mesh::Aabb;
 
 /// The axis that points upward.
@@ -117,6 +118,28 @@ pub struct Camera {
     pub frame: Option<Aabb>,
     /// Magnification beyond that, about the middle of the frame, above 0 (default 1).
     pub zoom: f64,
+    /// A place to view, in place of frame and zoom (default none): for views that are moved by hand.
+    pub target: Option<Target>,
+}
+
+/// A place that the camera views, and the size of what it shows of it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Target {
+    /// The point in the middle of the picture.
+    pub center: DVec3,
+    /// Length across the smaller side of the picture at the depth of the center, above 0.
+    pub span: f64,
+    /// Box that a perspective camera stays in front of, besides the mesh: it moves back, and its angle narrows. Meshes that are
+    /// drawn with the same box around all of them are projected alike. May be empty.
+    pub bounds: Aabb,
+}
+
+impl Target {
+    fn is_valid(&self) -> bool {
+        let is_box =
+            self.bounds.is_empty() || self.bounds.min.is_finite() && self.bounds.max.is_finite();
+        self.center.is_finite() && self.span > 0.0 && self.span.is_finite() && is_box
+    }
 }
 
 impl Default for Camera {
@@ -127,6 +150,7 @@ impl Default for Camera {
             projection: Projection::Orthographic,
             frame: None,
             zoom: 1.0,
+            target: None,
         }
     }
 }
@@ -144,7 +168,8 @@ impl Camera {
             frame.min.is_finite() && frame.max.is_finite() && !frame.is_empty()
         });
         let view = self.view.azimuth_deg.is_finite() && self.view.elevation_deg.is_finite();
-        angle && frame && view && self.zoom > 0.0 && self.zoom.is_finite()
+        let target = self.target.is_none_or(|target| target.is_valid());
+        angle && frame && view && target && self.zoom > 0.0 && self.zoom.is_finite()
     }
 }
 
@@ -164,11 +189,29 @@ pub(super) struct Projected {
 /// The share of the picture that the frame fills.
 const FILL: f64 = 0.92;
 
+/// Room between an eye with a target and what is in front of it, as a share of the diagonal of that. Less distorts what is near
+/// the eye, more flattens what is viewed from near.
+const ROOM: f64 = 0.02;
+
+/// The corners of a box.
+pub(super) fn corners(bounds: Aabb) -> impl Iterator<Item = DVec3> {
+    (0..8).map(move |i| {
+        let pick = |axis: usize| {
+            if i >> axis & 1 == 0 {
+                bounds.min[axis]
+            } else {
+                bounds.max[axis]
+            }
+        };
+        DVec3::new(pick(0), pick(1), pick(2))
+    })
+}
+
 /// From space to samples.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Projector {
     /// To the right, upward, and toward the eye.
-    axes: [DVec3; 3],
+    pub axes: [DVec3; 3],
     /// The origin of the coordinates of the view, so that few digits are lost.
     origin: DVec3,
     /// The eye in those; `None` if infinitely far.
@@ -176,6 +219,8 @@ pub(super) struct Projector {
     /// Samples per unit of the image plane, and the samples of its origin.
     scale: f64,
     shift: [f64; 2],
+    /// Beyond what is nearest, in the coordinates of the view.
+    front: f64,
     /// Offset that is taken off from the depth, and the factor that it is then multiplied by.
     depth: [f64; 2],
 }
@@ -183,19 +228,8 @@ pub(super) struct Projector {
 impl Projector {
     /// The projection of a mesh with vertices `points` to a picture of `size` samples.
     pub fn new(camera: &Camera, points: &[DVec3], bounds: Aabb, size: [f64; 2]) -> Self {
-        let corners = |bounds: Aabb| {
-            (0..8).map(move |i| {
-                let pick = |bit: u32, axis: usize| {
-                    if i >> bit & 1 == 0 {
-                        bounds.min[axis]
-                    } else {
-                        bounds.max[axis]
-                    }
-                };
-                DVec3::new(pick(0, 0), pick(1, 1), pick(2, 2))
-            })
-        };
         let framed: Vec<DVec3> = match camera.frame {
+            _ if camera.target.is_some() => Vec::new(),
             Some(frame) => corners(frame).collect(),
             None => points.to_vec(),
         };
@@ -204,14 +238,26 @@ impl Projector {
         } else {
             bounds
         };
+        let bounds = match camera.target {
+            Some(target) => bounds.union(target.bounds),
+            None => bounds,
+        };
         let mut projector = Self {
             axes: camera.view.axes(camera.up),
             origin: camera.frame.unwrap_or(bounds).center(),
             eye: None,
             scale: 1.0,
             shift: [0.0; 2],
+            front: 0.0,
             depth: [0.0, 1.0],
         };
+        let beyond = corners(bounds).map(|p| projector.local(p).z);
+        projector.front = beyond.fold(f64::NEG_INFINITY, f64::max) + ROOM * bounds.diagonal();
+        if let Some(target) = camera.target {
+            projector.aim(target, camera.projection, size);
+            projector.scale_depth(points);
+            return projector;
+        }
         if let Projection::Perspective { field_of_view_deg } = camera.projection {
             projector.place_eye(&framed, field_of_view_deg, size);
             projector.step_back(corners(bounds), bounds.diagonal());
@@ -219,6 +265,23 @@ impl Projector {
         projector.frame(&framed, size, camera.zoom);
         projector.scale_depth(points);
         projector
+    }
+
+    /// Places the eye so that the target's center is in the middle of the picture.
+    fn aim(&mut self, target: Target, projection: Projection, size: [f64; 2]) {
+        self.front += (self.origin - target.center).dot(self.axes[2]);
+        self.origin = target.center;
+        self.shift = size.map(|size| 0.5 * size);
+        let smaller = size[0].min(size[1]);
+        self.scale = smaller / target.span;
+        if let Projection::Perspective { field_of_view_deg } = projection {
+            let larger = size[0].max(size[1]);
+            let tangent = (0.5 * field_of_view_deg).to_radians().tan();
+            let distance = 0.5 * target.span * larger / smaller / tangent;
+            let distance = distance.max(self.front);
+            self.eye = Some(DVec3::new(0.0, 0.0, distance));
+            self.scale *= distance;
+        }
     }
 
     /// Moves the eye to where all of `points` fit into the angle.
@@ -297,13 +360,8 @@ impl Projector {
 
     /// In the coordinates of the view.
     fn local(&self, p: DVec3) -> DVec3 {
-        self.turned(p - self.origin)
-    }
-
-    /// A direction in the coordinates of the view.
-    #[inline]
-    pub fn turned(&self, direction: DVec3) -> DVec3 {
-        DVec3::from_array(self.axes.map(|axis| axis.dot(direction)))
+        let offset = p - self.origin;
+        DVec3::from_array(self.axes.map(|axis| axis.dot(offset)))
     }
 
     /// The place in the image plane at unit distance, and one over the distance.
@@ -343,6 +401,23 @@ impl Projector {
         }
     }
 
+    /// The distance of `p` along the axis of sight: from the eye, or from the origin of the view if that is infinitely far.
+    pub fn depth(&self, p: DVec3) -> f64 {
+        self.eye.map_or(0.0, |eye| eye.z) - self.local(p).z
+    }
+
+    /// The place at `sample` at a distance along the axis of sight, as [`Self::depth`] has it.
+    pub fn place(&self, sample: [f64; 2], depth: f64) -> DVec3 {
+        let x = (sample[0] - self.shift[0]) / self.scale;
+        let y = (self.shift[1] - sample[1]) / self.scale;
+        let local = match self.eye {
+            None => DVec3::new(x, y, -depth),
+            Some(eye) => eye + depth * DVec3::new(x, y, -1.0),
+        };
+        let [right, up, toward] = self.axes;
+        self.origin + local.x * right + local.y * up + local.z * toward
+    }
+
     /// The direction toward the eye as seen from a place at `sample`, of unit length, in the coordinates of the view.
     #[inline]
     pub fn toward_eye(&self, sample: [f64; 2]) -> DVec3 {
@@ -354,10 +429,33 @@ impl Projector {
         DVec3::new(-x, -y, 1.0).normalize()
     }
 
-    /// Samples per unit of length where the frame's middle is; everywhere if orthographic.
-    #[cfg(test)]
-    pub fn samples_per_unit(&self) -> f64 {
-        self.scale * self.eye.map_or(1.0, |eye| 1.0 / eye.z)
+    /// Returns `true` if `p` is in front of the eye.
+    pub fn is_in_front(&self, p: DVec3) -> bool {
+        self.eye.is_none() || self.depth(p) > 0.0
+    }
+
+    /// The line of sight through `sample`.
+    pub fn sight(&self, sample: [f64; 2]) -> Sight {
+        match self.eye {
+            Some(_) => Sight {
+                origin: self.place(sample, 0.0),
+                direction: (self.place(sample, 1.0) - self.place(sample, 0.0)).normalize(),
+            },
+            None => Sight {
+                origin: self.place(sample, -self.front),
+                direction: -self.axes[2],
+            },
+        }
+    }
+
+    /// Samples per unit of length at the depth of `p`.
+    pub fn samples_per_unit(&self, p: DVec3) -> f64 {
+        let distance = if self.eye.is_some() {
+            self.depth(p)
+        } else {
+            1.0
+        };
+        self.scale / distance
     }
 }
 
@@ -482,6 +580,13 @@ mod tests {
         bad(|camera| camera.zoom = 0.0);
         bad(|camera| camera.view.azimuth_deg = f64::NAN);
         bad(|camera| camera.frame = Some(Aabb::EMPTY));
+        bad(|camera| {
+            camera.target = Some(Target {
+                center: DVec3::ZERO,
+                span: 0.0,
+                bounds: Aabb::EMPTY,
+            });
+        });
         bad(|camera| {
             camera.projection = Projection::Perspective {
                 field_of_view_deg: 180.0,

@@ -22,7 +22,9 @@
 //! | for | use |
 //! | --- | --- |
 //! | a picture | [`render`], [`RenderParams`], [`Rendering`] |
-//! | the place of the eye | [`Camera`], [`View`], [`Projection`] |
+//! | many views of a mesh | [`PreparedMesh`] |
+//! | the place of the eye | [`Camera`], [`View`], [`Projection`], [`Target`] |
+//! | places in the picture | [`ScreenMap`], [`Sight`] |
 //! | colors | [`Paint`], [`Values`], [`ColorMap`], [`Legend`] |
 //! | lines | [`FeatureLines`], [`MarkedEdges`], [`LineStyle`] |
 //! | a section | [`Section`] |
@@ -49,10 +51,13 @@
 
 mod camera;
 mod color;
+mod edges;
 mod light;
 mod lines;
 mod normals;
+mod prepared;
 mod scene;
+mod screen_map;
 mod tile;
 
 use glam::DVec3;
@@ -60,13 +65,16 @@ use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
 
 use camera::{Projected, Projector};
+use prepared::Prepared;
 use ravec_mesh::TriMesh;
 use ravec_mesh::par_collect;
 use scene::Scene;
 use tile::{TILE_PX, Tile};
 
-pub use camera::{Camera, Projection, UpAxis, View};
+pub use camera::{Camera, Projection, Target, UpAxis, View};
 pub use color::{ColorMap, Rgb8};
+pub use prepared::PreparedMesh;
+pub use screen_map::{ScreenMap, Sight};
 
 /// Style of a line.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -144,6 +152,8 @@ pub struct RenderParams {
     /// Up to which angle between triangles the surface looks smooth, 0 to 180 degrees (default 30); 0 shows each triangle
     /// flat.
     pub smooth_angle_deg: f64,
+    /// `true` if light shows the shape (default yes); else all of a surface has its own color, as in line drawings.
+    pub shaded: bool,
     /// The color of the outside (default a bluish gray).
     pub front_color: Rgb8,
     /// The color of the inside, so that flipped and open parts are seen (default a brick red).
@@ -170,6 +180,7 @@ impl Default for RenderParams {
             samples_per_side: 3,
             camera: Camera::default(),
             smooth_angle_deg: 30.0,
+            shaded: true,
             front_color: [178, 192, 208],
             back_color: [196, 100, 78],
             cut_color: [226, 178, 104],
@@ -367,6 +378,16 @@ pub fn render(
     params: &RenderParams,
     progress: &Progress,
 ) -> Result<Rendering, RenderError> {
+    draw(mesh, &Prepared::default(), paint, params, progress)
+}
+
+fn draw(
+    mesh: &TriMesh,
+    prepared: &Prepared,
+    paint: &Paint<'_>,
+    params: &RenderParams,
+    progress: &Progress,
+) -> Result<Rendering, RenderError> {
     params.check()?;
     if let Some((got, expected)) = paint.lengths(mesh)
         && got != expected
@@ -376,16 +397,18 @@ pub fn render(
     progress.check()?;
     let side = params.samples_per_side;
     let size = [params.width * side, params.height * side].map(f64::from);
-    let used = used_positions(mesh);
-    let projector = Projector::new(&params.camera, &used, mesh.bounds(), size);
-    drop(used);
+    let projector = Projector::new(
+        &params.camera,
+        prepared.used(mesh),
+        prepared.bounds(mesh),
+        size,
+    );
     let positions = mesh.positions();
     let projected = par_collect(positions.len(), progress, |vertex| {
         [snapped(projector.project(positions[vertex as usize]))]
     })?;
-    let angle_deg = params.smooth_angle_deg;
-    let normals = normals::corner_normals(mesh, &projector, angle_deg, progress)?;
-    let lines = lines::lines(mesh, &projected, &projector, params, progress)?;
+    let normals = prepared.normals(mesh, params.smooth_angle_deg, progress)?;
+    let lines = lines::lines(mesh, prepared, &projected, &projector, params, progress)?;
     let scene = Scene::new(mesh, projector, projected, normals, *paint, params);
     let grid = Grid {
         columns: params.width.div_ceil(TILE_PX),

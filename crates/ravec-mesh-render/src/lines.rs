@@ -9,7 +9,9 @@ use glam::{DVec2, DVec3};
 use ravec_progress::{Cancelled, Progress};
 
 use super::camera::{Projected, Projector};
-use super::{FeatureLines, RenderParams, Section};
+use super::edges::{EdgeKind, Side};
+use super::prepared::Prepared;
+use super::{RenderParams, Section};
 use ravec_mesh::KeyedSet;
 use ravec_mesh::TriMesh;
 use ravec_mesh::par_collect;
@@ -56,19 +58,10 @@ const MAX_SLOPE: f64 = 5e-2;
 /// The least, for what single precision loses.
 const MIN_BIAS: f64 = 1e-5;
 
-/// One side of an edge.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-struct Side {
-    low: u32,
-    high: u32,
-    triangle: u32,
-    /// `true` if the triangle runs from the lower to the higher vertex.
-    forward: bool,
-}
-
 /// All lines to be drawn, in an order that depends on the mesh alone.
 pub(super) fn lines(
     mesh: &TriMesh,
+    prepared: &Prepared,
     projected: &[Projected],
     projector: &Projector,
     params: &RenderParams,
@@ -82,17 +75,36 @@ pub(super) fn lines(
         .map(|&[a, b]| [a.min(b), a.max(b)])
         .collect();
     if params.wireframe.is_some() || params.features.is_some() || !marked.is_empty() {
-        let (first, sides) = sides_by_low(mesh, progress)?;
-        lines = par_collect(mesh.positions().len(), progress, |low| {
-            let range = first[low as usize] as usize..first[low as usize + 1] as usize;
-            let mut sides = sides[range].to_vec();
-            sides.sort_unstable();
-            let edges = sides.chunk_by(|a, b| a.high == b.high);
-            let found = edges.filter_map(|sides| {
-                let is_marked = marked.contains(&[low, sides[0].high]);
-                edge_line(mesh, projected, projector, params, sides, is_marked)
+        let edges = prepared.edges(mesh, progress)?;
+        let kinds = match &params.features {
+            Some(features) => Some(prepared.kinds(mesh, features.angle_deg, progress)?),
+            None => None,
+        };
+        let facing = match &params.features {
+            Some(features) if features.silhouettes => {
+                par_collect(mesh.triangles().len(), progress, |triangle| {
+                    [signed_area(projected, mesh.triangles()[triangle as usize]) < 0.0]
+                })?
+            }
+            _ => Vec::new(),
+        };
+        lines = par_collect(edges.len(), progress, |edge| {
+            let sides = edges.sides(edge);
+            let is_marked = !marked.is_empty() && marked.contains(&[sides[0].low, sides[0].high]);
+            let is_feature = kinds.as_ref().is_some_and(|kinds| {
+                let kind = kinds[edge as usize];
+                let turns =
+                    || facing[sides[0].triangle as usize] != facing[sides[1].triangle as usize];
+                kind == EdgeKind::Feature
+                    || kind == EdgeKind::Plain && !facing.is_empty() && turns()
             });
-            found.collect::<Vec<_>>()
+            let kind = match (is_feature, &params.wireframe) {
+                _ if is_marked => Kind::Marked,
+                (true, _) => Kind::Feature,
+                (false, Some(_)) => Kind::Wire,
+                (false, None) => return None,
+            };
+            edge_line(mesh, projected, projector, params, sides, kind)
         })?;
     }
     if let Some(section) = &params.section
@@ -105,83 +117,15 @@ pub(super) fn lines(
     Ok(lines)
 }
 
-/// The sides of all triangles by their lower vertex, and where those of each vertex begin. There are as many as 32 bits count,
-/// or the list of lines would not fit the memory.
-fn sides_by_low(mesh: &TriMesh, progress: &Progress) -> Result<(Vec<u32>, Vec<Side>), Cancelled> {
-    const AT_ONCE: usize = 1 << 16;
-    let sides_of = |triangle: usize| {
-        let corners = mesh.triangles()[triangle];
-        [0, 1, 2].map(|i| {
-            let (from, to) = (corners[i], corners[(i + 1) % 3]);
-            Side {
-                low: from.min(to),
-                high: from.max(to),
-                triangle: triangle as u32,
-                forward: from < to,
-            }
-        })
-    };
-    let count = mesh.triangles().len();
-    let mut first = vec![0_u32; mesh.positions().len() + 1];
-    for triangle in 0..count {
-        if triangle % AT_ONCE == 0 {
-            progress.check()?;
-        }
-        for side in sides_of(triangle) {
-            first[side.low as usize + 1] += 1;
-        }
-    }
-    for i in 1..first.len() {
-        first[i] += first[i - 1];
-    }
-    let mut next = first.clone();
-    let blank = Side {
-        low: 0,
-        high: 0,
-        triangle: 0,
-        forward: false,
-    };
-    let mut sides = vec![blank; 3 * count];
-    for triangle in 0..count {
-        if triangle % AT_ONCE == 0 {
-            progress.check()?;
-        }
-        for side in sides_of(triangle) {
-            let at = &mut next[side.low as usize];
-            sides[*at as usize] = side;
-            *at += 1;
-        }
-    }
-    Ok((first, sides))
-}
-
 fn edge_line(
     mesh: &TriMesh,
     projected: &[Projected],
     projector: &Projector,
     params: &RenderParams,
     sides: &[Side],
-    is_marked: bool,
+    kind: Kind,
 ) -> Option<Line> {
     let Side { low, high, .. } = sides[0];
-    let facing =
-        |side: &Side| signed_area(projected, mesh.triangles()[side.triangle as usize]) < 0.0;
-    if low == high {
-        return None;
-    }
-    let is_feature = params.features.as_ref().is_some_and(|features| {
-        is_feature(mesh, sides, features)
-            || features.silhouettes
-                && sides.len() == 2
-                && facing(&sides[0]) != facing(&sides[1])
-                && sides.iter().all(|side| normal(mesh, side) != DVec3::ZERO)
-    });
-    let kind = match (is_feature, &params.wireframe) {
-        _ if is_marked => Kind::Marked,
-        (true, _) => Kind::Feature,
-        (false, Some(_)) => Kind::Wire,
-        (false, None) => return None,
-    };
     let ends = [low, high].map(|vertex| mesh.positions()[vertex as usize]);
     let ends = match &params.section {
         Some(section) => kept(ends, section)?.map(|at| projector.project(at)),
@@ -192,38 +136,6 @@ fn edge_line(
         .map(|side| slope(projected, mesh.triangles()[side.triangle as usize]))
         .fold(0.0, f64::max);
     Some(Line::new(ends, steepest, kind))
-}
-
-/// Returns `true` if an edge is one whatever the view.
-fn is_feature(mesh: &TriMesh, sides: &[Side], features: &FeatureLines) -> bool {
-    let [first, second] = sides else {
-        return true;
-    };
-    let (a, b) = (normal(mesh, first), normal(mesh, second));
-    // Faces that run along the edge the same way are of opposite orientation.
-    let b = if first.forward == second.forward {
-        -b
-    } else {
-        b
-    };
-    // A triangle without area bends no surface.
-    a != DVec3::ZERO && b != DVec3::ZERO && a.dot(b) < features.angle_deg.to_radians().cos()
-}
-
-/// The height of a triangle as a share of its longest side, below which its normal says more about rounding than about the
-/// surface: pieces of a flat face may be as thin as that.
-const MIN_HEIGHT: f64 = 1e-9;
-
-/// The unit normal of the triangle at an edge; 0 if it has no area to speak of.
-fn normal(mesh: &TriMesh, side: &Side) -> DVec3 {
-    let [a, b, c] = mesh.corners(side.triangle);
-    let normal = (b - a).cross(c - a);
-    let sides = [b - a, c - b, a - c].map(DVec3::length_squared);
-    let longest_sq = sides.into_iter().fold(0.0, f64::max);
-    if normal.length() <= MIN_HEIGHT * longest_sq {
-        return DVec3::ZERO;
-    }
-    normal.normalize_or_zero()
 }
 
 /// The line in which a triangle is cut.

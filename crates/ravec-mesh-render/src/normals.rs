@@ -7,22 +7,20 @@
 use glam::{DVec3, Vec3};
 use ravec_progress::{Cancelled, Progress};
 
-use super::camera::Projector;
 use ravec_mesh::TriMesh;
 use ravec_mesh::par_collect;
 
-/// The unit normals of the corners of each triangle, in the coordinates of the view.
+/// The unit normals of the corners of each triangle.
 ///
 /// With `smooth_angle_deg` zero they are those of the triangles. Triangles without area have normals of zero.
 pub(super) fn corner_normals(
     mesh: &TriMesh,
-    projector: &Projector,
     smooth_angle_deg: f64,
     progress: &Progress,
 ) -> Result<Vec<[Vec3; 3]>, Cancelled> {
     let count = mesh.triangles().len();
     let faces = par_collect(count, progress, |triangle| {
-        [Face::new(mesh.corners(triangle), projector)]
+        [Face::new(mesh.corners(triangle))]
     })?;
     if smooth_angle_deg <= 0.0 {
         return par_collect(count, progress, |triangle| {
@@ -64,7 +62,7 @@ struct Face {
 }
 
 impl Face {
-    fn new(corners: [DVec3; 3], projector: &Projector) -> Self {
+    fn new(corners: [DVec3; 3]) -> Self {
         let [a, b, c] = corners;
         let normal = (b - a).cross(c - a).normalize_or_zero();
         let angles = [0, 1, 2].map(|i| {
@@ -80,7 +78,7 @@ impl Face {
             }
         });
         Self {
-            normal: projector.turned(normal).as_vec3(),
+            normal: normal.as_vec3(),
             angles,
         }
     }

@@ -1,6 +1,8 @@
 //! The scene that all tiles share: the projected mesh, and the materials of its points.
 
-use glam::Vec3;
+use std::sync::Arc;
+
+use glam::{Mat3, Vec3};
 
 use super::camera::{Projected, Projector};
 use super::color::{self, ColorMap};
@@ -24,7 +26,9 @@ pub(super) struct Scene<'a> {
     pub projected: Vec<Projected>,
     pub samples_per_side: u32,
     projector: Projector,
-    normals: Vec<[Vec3; 3]>,
+    normals: Arc<Vec<[Vec3; 3]>>,
+    /// From space to the coordinates of the view.
+    turn: Mat3,
     params: &'a RenderParams,
     paint: Paint<'a>,
     scale: Option<Scale>,
@@ -63,7 +67,7 @@ impl<'a> Scene<'a> {
         mesh: &'a TriMesh,
         projector: Projector,
         projected: Vec<Projected>,
-        normals: Vec<[Vec3; 3]>,
+        normals: Arc<Vec<[Vec3; 3]>>,
         paint: Paint<'a>,
         params: &'a RenderParams,
     ) -> Self {
@@ -74,6 +78,8 @@ impl<'a> Scene<'a> {
             mesh,
             projected,
             samples_per_side: params.samples_per_side,
+            turn: Mat3::from_cols_array_2d(&projector.axes.map(|axis| axis.as_vec3().to_array()))
+                .transpose(),
             projector,
             normals,
             params,
@@ -157,14 +163,18 @@ impl<'a> Scene<'a> {
             // As if seen on the plane of the cut: flat, and equally bright from everywhere.
             return self.cut;
         }
+        let material = self.material(triangle, weights, front);
+        if !self.params.shaded {
+            return material.color;
+        }
         let [a, b, c] = self.normals[triangle as usize];
-        let normal = weights[0] * a + weights[1] * b + weights[2] * c;
+        let normal = self.turn * (weights[0] * a + weights[1] * b + weights[2] * c);
         let normal = if front { normal } else { -normal };
         let eye = self.projector.toward_eye(sample).as_vec3();
         // Smoothed normals may lean away from the eye at silhouettes.
         let away = normal.dot(eye).min(0.0);
         let normal = (normal - away * eye).try_normalize().unwrap_or(eye);
-        light::shaded(self.material(triangle, weights, front), normal, eye)
+        light::shaded(material, normal, eye)
     }
 
     fn material(&self, triangle: u32, weights: [f32; 3], front: bool) -> Material {

@@ -1,5 +1,6 @@
 mod color;
 mod lines;
+mod prepared;
 
 use std::f64::consts::PI;
 
@@ -192,8 +193,8 @@ fn in_perspective_a_sphere_covers_what_its_tangents_enclose() {
         projector.project(DVec3::new(1.0, y, 0.0)).x - projector.project(DVec3::new(0.0, y, 0.0)).x
     };
     let distance = 1.0 / (1.0 - width(0.0) / width(-1.0));
-    let radius_px =
-        projector.samples_per_unit() / 3.0 * distance / (distance * distance - 1.0).sqrt();
+    let radius_px = projector.samples_per_unit(DVec3::ZERO) / 3.0 * distance
+        / (distance * distance - 1.0).sqrt();
     let share = covered(&picture) / (PI * radius_px * radius_px);
     assert!((0.993..1.002).contains(&share), "{share} at {distance}");
 }

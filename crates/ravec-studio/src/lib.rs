@@ -54,3 +54,4 @@ pub use history::History;
 pub use project::{Project, ProjectError};
 pub use shown::{Shown, TILE, Tile, TileIndex};
 pub use studio::Studio;
+pub use view::mesh;

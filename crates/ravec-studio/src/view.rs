@@ -1,5 +1,6 @@
 //! Parts of the window.
 
 pub(crate) mod canvas;
+pub mod mesh;
 pub(crate) mod panel;
 mod tiler;

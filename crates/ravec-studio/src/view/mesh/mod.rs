@@ -1,0 +1,100 @@
+//! The canvas of meshes: views that are turned, moved and zoomed by hand, sections, colors by value, and measuring.
+//!
+//! Pictures are made by `ravec_mesh_render` on a thread of the canvas. While the hand moves they are coarse, and as fine as the
+//! machine can make them in a tenth of a second; when it rests they are drawn again at full resolution. The last picture stays
+//! until the next is there, and is moved and scaled along with the view in the meantime.
+
+mod canvas;
+mod legend;
+mod marks;
+mod measure;
+mod options;
+mod orbit;
+mod picker;
+mod renderer;
+
+use glam::DVec3;
+use ravec::mesh::{Aabb, TriMesh};
+use ravec::mesh_render::ColorMap;
+use std::sync::Arc;
+
+pub use canvas::MeshCanvas;
+pub use measure::Measured;
+pub use options::{MeshOptions, SectionOptions};
+pub use orbit::{MeshView, OrbitCamera};
+pub use picker::Picked;
+
+/// Numbers at the vertices of a mesh, shown as colors.
+#[derive(Debug, Clone, PartialEq)]
+pub struct VertexValues {
+    /// The title of the legend, such as "Distance (mm)".
+    pub title: String,
+    /// A number for each vertex; NaN is gray.
+    pub values: Vec<f64>,
+    /// The scale of colors.
+    pub map: ColorMap,
+    /// The values at the ends of the scale; those of the smallest and the largest value if not given.
+    pub range: Option<[f64; 2]>,
+}
+
+/// A place of a mesh that is marked in red.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum MarkedPlace {
+    /// A point in space.
+    Point(DVec3),
+    /// A line between two points in space.
+    Segment([DVec3; 2]),
+    /// The edge between two vertices.
+    Edge([u32; 2]),
+    /// A triangle.
+    Triangle(u32),
+}
+
+/// A mesh as the canvas shows it.
+#[derive(Debug, Clone)]
+pub struct ShownMesh {
+    /// The mesh.
+    pub mesh: Arc<TriMesh>,
+    /// Numbers that are shown as colors.
+    pub values: Option<VertexValues>,
+    /// Places that are marked, such as defects. Those that the mesh does not have are passed over.
+    pub marked: Vec<MarkedPlace>,
+    bounds: Aabb,
+}
+
+impl ShownMesh {
+    /// A mesh without colors and marks. Takes time in proportion to the mesh: not to be called from the window's thread.
+    pub fn new(mesh: Arc<TriMesh>) -> Self {
+        Self {
+            bounds: mesh.bounds(),
+            mesh,
+            values: None,
+            marked: Vec::new(),
+        }
+    }
+
+    /// The same with numbers at the vertices. The canvas shows an error if there is not one for each.
+    #[must_use]
+    pub fn with_values(self, values: VertexValues) -> Self {
+        Self {
+            values: Some(values),
+            ..self
+        }
+    }
+
+    /// The same with marked places.
+    #[must_use]
+    pub fn with_marked(self, marked: Vec<MarkedPlace>) -> Self {
+        Self { marked, ..self }
+    }
+
+    /// The box around the triangles; empty if there are none.
+    pub fn bounds(&self) -> Aabb {
+        self.bounds
+    }
+
+    /// The corners of a triangle, if the mesh has it.
+    fn corners(&self, triangle: u32) -> Option<[DVec3; 3]> {
+        ((triangle as usize) < self.mesh.triangles().len()).then(|| self.mesh.corners(triangle))
+    }
+}

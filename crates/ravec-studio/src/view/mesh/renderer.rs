@@ -1,0 +1,510 @@
+//! Pictures of meshes, made beside the window.
+//!
+//! A draft is made for each movement, and a fine picture when the hand rests. A new draft stops a fine picture that is being
+//! made, but no draft of the same mesh: while the hand moves without a pause, drafts appear one after the other. Drafts are as
+//! coarse as the last ones took time.
+//!
+//! Guarantees: no call waits for the thread; pictures come in the order of requests.
+
+use super::{MarkedPlace, ShownMesh};
+use egui::{Color32, ColorImage};
+use ravec::mesh::TriMesh;
+use ravec::mesh_render::{
+    Camera, FeatureLines, Legend, LineStyle, MarkedEdges, Paint, PreparedMesh, RenderError,
+    RenderParams, Rendering, Rgb8, Section, Values,
+};
+use ravec::progress::Progress;
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// Longest side of a picture in pixels: more than any screen has.
+const MAX_SIDE: u32 = 8192;
+
+/// Meshes of which the parts that do not depend on the view are kept.
+const KEPT: usize = 3;
+
+/// Drafts that take longer become coarser, those that take less than a quarter become finer.
+const DRAFT_TIME: Duration = Duration::from_millis(70);
+
+/// Triangles from which the first drafts have no lines, and a quarter of the pixels: about a tenth of a second on one core.
+const MANY_TRIANGLES: usize = 400_000;
+
+/// The cover of the ghost.
+const GHOST_ALPHA: f32 = 0.35;
+
+const GHOST_COLOR: Rgb8 = [96, 150, 214];
+const MARK_COLOR: Rgb8 = [226, 32, 44];
+
+/// Everything that a picture depends on.
+#[derive(Debug, Clone)]
+pub(super) struct Wanted {
+    pub shown: Arc<ShownMesh>,
+    pub ghost: Option<Arc<ShownMesh>>,
+    pub camera: Camera,
+    /// Pixels of the screen.
+    pub size: [u32; 2],
+    pub style: Style,
+}
+
+/// The look of a picture.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Style {
+    pub background: Rgb8,
+    pub shaded: bool,
+    pub smooth: bool,
+    pub all_edges: bool,
+    /// Angle of feature edges in degrees.
+    pub features: Option<f64>,
+    pub colors: bool,
+    pub marks: bool,
+    pub section: Option<Section>,
+    /// Pixels of a line that is one point wide.
+    pub pixels_per_point: f32,
+}
+
+impl PartialEq for Wanted {
+    fn eq(&self, other: &Self) -> bool {
+        let ghosts = match (&self.ghost, &other.ghost) {
+            (Some(a), Some(b)) => Arc::ptr_eq(a, b),
+            (None, None) => true,
+            _ => false,
+        };
+        Arc::ptr_eq(&self.shown, &other.shown)
+            && ghosts
+            && self.camera == other.camera
+            && self.size == other.size
+            && self.style == other.style
+    }
+}
+
+/// Fineness of a picture.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Quality {
+    samples: u32,
+    /// Pixels of the screen for each pixel of the picture, along each side.
+    divisor: u32,
+    lines: bool,
+}
+
+const FINE: Quality = Quality {
+    samples: 2,
+    divisor: 1,
+    lines: true,
+};
+
+/// Drafts from the finest to the coarsest.
+const DRAFTS: [Quality; 5] = [
+    Quality {
+        samples: 1,
+        divisor: 1,
+        lines: true,
+    },
+    Quality {
+        samples: 1,
+        divisor: 2,
+        lines: true,
+    },
+    Quality {
+        samples: 1,
+        divisor: 2,
+        lines: false,
+    },
+    Quality {
+        samples: 1,
+        divisor: 3,
+        lines: false,
+    },
+    Quality {
+        samples: 1,
+        divisor: 4,
+        lines: false,
+    },
+];
+
+/// A picture of the canvas.
+#[derive(Clone)]
+pub(super) struct Drawn {
+    pub wanted: Wanted,
+    /// `true` if the picture is as fine as it becomes.
+    pub fine: bool,
+    /// The number of pictures up to this one.
+    pub serial: u64,
+    pub image: Arc<ColorImage>,
+    pub legend: Option<Legend>,
+}
+
+#[derive(Default)]
+struct State {
+    draft: Option<Wanted>,
+    fine: Option<Wanted>,
+    running: Option<Running>,
+    drawn: Option<Drawn>,
+    failure: Option<(Wanted, String)>,
+    pictures: u64,
+    quits: bool,
+}
+
+struct Running {
+    wanted: Wanted,
+    fine: bool,
+    progress: Progress,
+}
+
+struct Shared {
+    state: Mutex<State>,
+    wake: Condvar,
+    repaint: Arc<dyn Fn() + Send + Sync>,
+}
+
+impl Shared {
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Makes pictures on a thread of its own.
+pub(super) struct Renderer {
+    shared: Arc<Shared>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Renderer {
+    /// `repaint` is called, from another thread, when there is something new.
+    pub fn new(repaint: Arc<dyn Fn() + Send + Sync>) -> Self {
+        let shared = Arc::new(Shared {
+            state: Mutex::default(),
+            wake: Condvar::new(),
+            repaint,
+        });
+        let own = shared.clone();
+        let thread = std::thread::Builder::new().name("mesh renderer".to_owned());
+        Self {
+            shared,
+            // without a thread nothing is drawn, and the window still works
+            thread: thread.spawn(move || work(&own)).ok(),
+        }
+    }
+
+    /// Asks for a coarse picture at once, in place of all other requests.
+    pub fn request_draft(&self, wanted: Wanted) {
+        let mut state = self.shared.state();
+        if let Some(running) = &state.running
+            && (running.fine || !Arc::ptr_eq(&running.wanted.shown.mesh, &wanted.shown.mesh))
+        {
+            running.progress.cancel();
+        }
+        state.fine = None;
+        state.draft = Some(wanted);
+        self.shared.wake.notify_all();
+    }
+
+    /// Asks for a fine picture after the drafts that were asked for.
+    pub fn request_fine(&self, wanted: Wanted) {
+        let mut state = self.shared.state();
+        if let Some(running) = &state.running
+            && running.fine
+        {
+            if running.wanted == wanted {
+                return;
+            }
+            running.progress.cancel();
+        }
+        state.fine = Some(wanted);
+        self.shared.wake.notify_all();
+    }
+
+    /// Stops everything.
+    pub fn stop(&self) {
+        let mut state = self.shared.state();
+        (state.draft, state.fine) = (None, None);
+        if let Some(running) = &state.running {
+            running.progress.cancel();
+        }
+    }
+
+    /// The last picture.
+    pub fn drawn(&self) -> Option<Drawn> {
+        self.shared.state().drawn.clone()
+    }
+
+    /// One sentence, if there is no picture of what is wanted and never will be.
+    pub fn failure(&self, wanted: &Wanted) -> Option<String> {
+        let state = self.shared.state();
+        let (failed, message) = state.failure.as_ref()?;
+        (failed == wanted).then(|| message.clone())
+    }
+
+    /// Number of pictures that were made.
+    pub fn pictures(&self) -> u64 {
+        self.shared.state().pictures
+    }
+}
+
+impl Drop for Renderer {
+    fn drop(&mut self) {
+        self.shared.state().quits = true;
+        self.stop();
+        self.shared.wake.notify_all();
+        if let Some(thread) = self.thread.take() {
+            // a panic of the thread was reported where it happened
+            let _ = thread.join();
+        }
+    }
+}
+
+/// Takes requests until the renderer is dropped.
+fn work(shared: &Shared) {
+    let mut meshes = Meshes::default();
+    let mut pace = Pace::default();
+    loop {
+        let (wanted, fine, progress) = {
+            let mut state = shared.state();
+            while state.draft.is_none() && state.fine.is_none() && !state.quits {
+                let waited = shared.wake.wait(state);
+                state = waited.unwrap_or_else(PoisonError::into_inner);
+            }
+            if state.quits {
+                return;
+            }
+            let (wanted, fine) = match state.draft.take() {
+                Some(wanted) => (wanted, false),
+                None => match state.fine.take() {
+                    Some(wanted) => (wanted, true),
+                    None => continue,
+                },
+            };
+            let progress = Progress::new(|_| {});
+            state.running = Some(Running {
+                wanted: wanted.clone(),
+                fine,
+                progress: progress.clone(),
+            });
+            (wanted, fine, progress)
+        };
+        let quality = if fine { FINE } else { pace.quality(&wanted) };
+        let start = Instant::now();
+        let outcome = draw(&mut meshes, &wanted, quality, &progress);
+        if outcome.is_ok() && !fine {
+            pace.record(start.elapsed());
+        }
+        let mut state = shared.state();
+        state.running = None;
+        match outcome {
+            Ok((image, legend)) => {
+                state.pictures += 1;
+                state.drawn = Some(Drawn {
+                    wanted,
+                    fine,
+                    serial: state.pictures,
+                    image: Arc::new(image),
+                    legend,
+                });
+                state.failure = None;
+            }
+            Err(RenderError::Cancelled(_)) => {}
+            Err(error) => state.failure = Some((wanted, error.to_string())),
+        }
+        drop(state);
+        (shared.repaint)();
+    }
+}
+
+/// Coarseness of drafts, by the time that they took.
+#[derive(Default)]
+struct Pace {
+    level: usize,
+    mesh: Option<Arc<TriMesh>>,
+    /// `true` if the last draft was the first of its mesh, which takes longer than others.
+    first: bool,
+}
+
+impl Pace {
+    fn quality(&mut self, wanted: &Wanted) -> Quality {
+        let mesh = &wanted.shown.mesh;
+        let known = self.mesh.as_ref();
+        self.first = !known.is_some_and(|known| Arc::ptr_eq(known, mesh));
+        if self.first {
+            self.level = if mesh.triangles().len() > MANY_TRIANGLES {
+                2
+            } else {
+                0
+            };
+            self.mesh = Some(mesh.clone());
+        }
+        DRAFTS[self.level]
+    }
+
+    fn record(&mut self, time: Duration) {
+        if self.first {
+            return;
+        }
+        if time > DRAFT_TIME {
+            self.level = (self.level + 1).min(DRAFTS.len() - 1);
+        } else if time < DRAFT_TIME / 4 {
+            self.level = self.level.saturating_sub(1);
+        }
+    }
+}
+
+/// The meshes that were drawn last.
+#[derive(Default)]
+struct Meshes {
+    known: Vec<PreparedMesh>,
+}
+
+impl Meshes {
+    /// The index of a mesh.
+    fn prepared(&mut self, mesh: &Arc<TriMesh>) -> &PreparedMesh {
+        let same = |known: &PreparedMesh| Arc::ptr_eq(known.mesh(), mesh);
+        let prepared = match self.known.iter().position(same) {
+            Some(known) => self.known.remove(known),
+            None => {
+                if self.known.len() == KEPT {
+                    self.known.remove(0);
+                }
+                PreparedMesh::new(mesh.clone())
+            }
+        };
+        self.known.push(prepared);
+        &self.known[self.known.len() - 1]
+    }
+}
+
+fn draw(
+    meshes: &mut Meshes,
+    wanted: &Wanted,
+    quality: Quality,
+    progress: &Progress,
+) -> Result<(ColorImage, Option<Legend>), RenderError> {
+    let shown = &*wanted.shown;
+    let params = params(wanted, quality);
+    let paint = match &shown.values {
+        Some(values) if wanted.style.colors => Paint::VertexValues(Values {
+            values: &values.values,
+            map: values.map,
+            range: values.range,
+        }),
+        _ => Paint::Plain,
+    };
+    let prepared = meshes.prepared(&shown.mesh);
+    let Rendering { picture, legend } = prepared.render(&paint, &params, progress)?;
+    let mut pixels = picture.pixels;
+    if let Some(ghost) = &wanted.ghost {
+        let ghost_params = RenderParams {
+            background: None,
+            front_color: GHOST_COLOR,
+            back_color: GHOST_COLOR,
+            marked: None,
+            wireframe: None,
+            shaded: true,
+            ..params
+        };
+        let prepared = meshes.prepared(&ghost.mesh);
+        let ghost = prepared.render(&Paint::Plain, &ghost_params, progress)?;
+        blend(&mut pixels, &ghost.picture.pixels);
+    }
+    let size = [picture.width, picture.height].map(|side| side as usize);
+    let colors = pixels.chunks_exact(4);
+    let colors = colors.map(|pixel| Color32::from_rgb(pixel[0], pixel[1], pixel[2]));
+    Ok((ColorImage::new(size, colors.collect()), legend))
+}
+
+/// Lays the ghost over a picture.
+fn blend(pixels: &mut [u8], ghost: &[u8]) {
+    for (pixel, over) in pixels.chunks_exact_mut(4).zip(ghost.chunks_exact(4)) {
+        let alpha = GHOST_ALPHA * f32::from(over[3]) / 255.0;
+        if alpha > 0.0 {
+            for (below, &above) in pixel.iter_mut().zip(over).take(3) {
+                let (low, high) = (f32::from(*below), f32::from(above));
+                *below = (low + alpha * (high - low)).round() as u8;
+            }
+        }
+    }
+}
+
+/// The pixels of a picture of a quality.
+fn size(wanted: &Wanted, quality: Quality) -> [u32; 2] {
+    let larger = wanted.size[0].max(wanted.size[1]);
+    let divisor = quality.divisor.max(larger.div_ceil(MAX_SIDE));
+    wanted.size.map(|side| side.div_ceil(divisor).max(1))
+}
+
+fn params(wanted: &Wanted, quality: Quality) -> RenderParams {
+    let style = &wanted.style;
+    let [width, height] = size(wanted, quality);
+    let scale = f64::from(style.pixels_per_point) * f64::from(width.min(height))
+        / f64::from(wanted.size[0].min(wanted.size[1]).max(1));
+    let line = |color: Rgb8, width: f64| LineStyle {
+        color,
+        width_px: (width * scale).clamp(0.5, 64.0),
+    };
+    let surface = |color: Rgb8| {
+        if style.shaded {
+            color
+        } else {
+            style.background
+        }
+    };
+    let defaults = RenderParams::default();
+    let dark = style.background[1] < 128;
+    // lines of a drawing without shades must differ from its background
+    let ink = if dark && !style.shaded {
+        [206, 212, 220]
+    } else {
+        [24, 28, 34]
+    };
+    RenderParams {
+        width,
+        height,
+        samples_per_side: quality.samples,
+        camera: wanted.camera,
+        smooth_angle_deg: if style.smooth {
+            defaults.smooth_angle_deg
+        } else {
+            0.0
+        },
+        shaded: style.shaded,
+        front_color: surface(defaults.front_color),
+        back_color: surface(defaults.back_color),
+        background: Some(style.background),
+        wireframe: (style.all_edges && quality.lines).then(|| {
+            let color = if style.shaded { [92, 104, 118] } else { ink };
+            line(color, 0.7)
+        }),
+        features: style
+            .features
+            .filter(|_| quality.lines)
+            .map(|angle_deg| FeatureLines {
+                angle_deg: angle_deg.clamp(0.0, 180.0),
+                silhouettes: true,
+                style: line(ink, 1.2),
+            }),
+        marked: (style.marks && quality.lines)
+            .then(|| MarkedEdges {
+                edges: marked_edges(&wanted.shown),
+                style: line(MARK_COLOR, 3.0),
+            })
+            .filter(|marked| !marked.edges.is_empty()),
+        section: style.section,
+        ..defaults
+    }
+}
+
+/// The edges of the mesh that are marked.
+fn marked_edges(shown: &ShownMesh) -> Vec<[u32; 2]> {
+    let triangles = shown.mesh.triangles();
+    let mut edges = Vec::new();
+    for place in &shown.marked {
+        match *place {
+            MarkedPlace::Edge(edge) => edges.push(edge),
+            MarkedPlace::Triangle(triangle) => {
+                if let Some(&[a, b, c]) = triangles.get(triangle as usize) {
+                    edges.extend([[a, b], [b, c], [c, a]]);
+                }
+            }
+            MarkedPlace::Point(_) | MarkedPlace::Segment(_) => {}
+        }
+    }
+    edges
+}
