@@ -34,6 +34,7 @@
 
 pub mod autosave;
 mod background;
+pub mod clip;
 mod document;
 mod engine;
 mod history;
