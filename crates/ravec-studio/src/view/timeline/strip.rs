@@ -203,7 +203,7 @@ impl Timeline {
                 Rect::from_min_size(pos2(left, parts.ruler.top()), vec2(HANDLE, RULER_HEIGHT));
             let id = self.strip.id.unwrap_or(Id::NULL).with(name);
             let handle = ui
-                .interact(place, id, Sense::drag())
+                .interact(place, id, Sense::click_and_drag())
                 .on_hover_and_drag_cursor(CursorIcon::ResizeHorizontal);
             handle.widget_info(|| egui::WidgetInfo::slider(true, border as f64, name));
             if handle.dragged()
