@@ -208,19 +208,19 @@ fn the_good_part_of_a_damaged_clip_is_shown() {
     let folder = tempfile::tempdir().unwrap();
     for name in ["clip.y4m", "clip.mp4"] {
         let path = clip(folder.path(), name, 60);
-        let truth = in_order(&path);
         let bytes = std::fs::read(&path).unwrap();
         if name == "clip.mp4" {
             // nothing is readable where the last frames are
             let mut broken = bytes.clone();
-            let data = position(&bytes, b"mdat") + 4;
-            let from = data + (bytes.len() - data) / 2;
-            broken[from..from + 2000].fill(0xff);
+            let (data, index) = (position(&bytes, b"mdat"), position(&bytes, b"moov"));
+            let end = if index > data { index - 4 } else { bytes.len() };
+            broken[(data + end) / 2..end].fill(0xff);
             std::fs::write(&path, broken).unwrap();
         } else {
             std::fs::write(&path, &bytes[..bytes.len() * 2 / 3]).unwrap();
         }
-        let good = in_order(&path).len() as u64;
+        let truth = in_order(&path);
+        let good = truth.len() as u64;
         assert!((2..60).contains(&good), "{name}: {good}");
         let reader = open(&path);
         assert_eq!(read(&reader, good - 1), Some(good - 1), "{name}");
@@ -253,14 +253,15 @@ fn a_picture_that_vanishes_is_missed_alone() {
     assert_eq!(read(&reader, 20), Some(3));
     let failure = reader.failure().unwrap();
     assert!(failure.contains("frame 20"), "{failure}");
-    for number in [21, 19, 22] {
+    // on the way from 19 to 22 lies the one that is missing
+    for number in [21, 19, 22, 18, 23] {
         assert_eq!(read(&reader, number), Some(number));
         assert!(reader.shown().unwrap().2.image == truth[number as usize]);
     }
     assert_eq!(reader.failure(), None);
     // with its folder all are gone, and the last good one stays
     std::fs::remove_dir_all(&path).unwrap();
-    assert_eq!(read(&reader, 9), Some(22));
+    assert_eq!(read(&reader, 9), Some(23));
     assert!(reader.failure().is_some());
     assert_eq!(read(&reader, 3), Some(3), "it is still in the cache");
 }
@@ -351,9 +352,11 @@ fn app() -> (tempfile::TempDir, Harness<'static, App>) {
     };
     let mut harness = Harness::builder()
         .with_size(Vec2::new(900.0, 300.0))
+        .with_step_dt(0.02)
         .build_ui_state(
             |ui, app: &mut App| {
-                ui.text_edit_singleline(&mut app.text);
+                let label = ui.label("Remark");
+                ui.text_edit_singleline(&mut app.text).labelled_by(label.id);
                 let row = TimelineRow {
                     label: "Predicted error",
                     states: &app.states,
@@ -515,29 +518,19 @@ fn a_range_is_set_by_keys_and_handles_and_cleared() {
 #[test]
 fn playing_shows_the_frames_that_are_due() {
     let (_folder, mut harness) = app();
-    let dt = harness.input().predicted_dt;
     harness.state_mut().timeline.range = 30..34;
     harness.state_mut().timeline.current = 31;
     settle(&mut harness);
     harness.state_mut().moves.clear();
     harness.key_press(Key::P);
-    // about twice around
-    let steps = (9.0 * 0.04 / dt).round() as usize;
-    for _ in 0..steps {
+    // at least 20 steps of half a frame, the first of which is the key
+    for _ in 0..20 {
         harness.step();
     }
     assert!(harness.state().timeline.player.is_playing());
-    let moves = harness.state().moves.clone();
-    assert!(
-        moves.iter().all(|frame| (30..34).contains(frame)),
-        "{moves:?}"
-    );
-    if dt <= 0.04 {
-        let truth = [32, 33, 30, 31, 32, 33, 30, 31, 32];
-        assert!(truth.starts_with(&moves) && moves.len() >= 7, "{moves:?}");
-    } else {
-        assert!(moves.len() > 1, "frames are dropped: {moves:?}");
-    }
+    let truth = [32, 33, 30, 31, 32, 33, 30, 31, 32, 33, 30];
+    let moves = &harness.state().moves;
+    assert!(moves.len() >= 9 && truth.starts_with(moves), "{moves:?}");
     harness.get_by_label("Pause").click();
     let at = current(&mut harness);
     for _ in 0..20 {
@@ -564,7 +557,7 @@ fn the_wheel_zooms_and_the_playhead_stays_in_sight() {
         unit: egui::MouseWheelUnit::Point,
         delta: Vec2::new(0.0, 400.0),
         phase: egui::TouchPhase::Move,
-        source: egui::MouseWheelSource::default(),
+        source: egui::MouseWheelSource::Wheel,
         modifiers: Modifiers::NONE,
     });
     for _ in 0..60 {

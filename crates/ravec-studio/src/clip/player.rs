@@ -122,8 +122,9 @@ impl Player {
 
     /// Seconds from `now` until another frame is due, if it plays.
     pub fn next_in(&self, now: f64, seconds_per_frame: f64) -> Option<f64> {
-        let place = self.place(now, seconds_per_frame)? + ROUNDING;
-        Some((place.floor() + 1.0 - place) / self.pace(seconds_per_frame))
+        let place = self.place(now, seconds_per_frame)?;
+        let next = (place + ROUNDING).floor() + 1.0;
+        Some((next - place) / self.pace(seconds_per_frame))
     }
 }
 

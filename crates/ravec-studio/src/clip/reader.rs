@@ -25,7 +25,8 @@ const FRAMES_AHEAD: u64 = 4;
 ///
 /// The request that was made last wins; the last good frame stays until it is there. No call waits for a file or a thread.
 ///
-/// Guarantees: a frame that is shown is the one that reading from the start gives under its number, whatever was asked for before.
+/// Guarantees: a frame that is shown is the one that reading from the start gives under its number, whatever was asked for before;
+/// frames behind a damage are shown if they can be reached by seeking.
 /// At most 512 MiB of frames are kept, and the last one whatever its size. A clip that is damaged, changes or vanishes gives a
 /// sentence. Does not guarantee a time: a frame of H.264 is decoded from the key frame before it.
 pub struct ClipReader {
@@ -272,7 +273,12 @@ impl Frames<'_> {
                 }
             }
         }
-        self.access.frame(number).map_err(failed)
+        let found = self.access.frame(number).map_err(failed)?;
+        if found.is_none() && self.access.damage().is_some() {
+            // the damage may be of a frame on the way: now the source goes there directly
+            return self.access.frame(number).map_err(failed);
+        }
+        Ok(found)
     }
 
     /// The reason why there is no frame of a number.
