@@ -36,6 +36,7 @@ mod assistant;
 pub mod autosave;
 mod background;
 mod content;
+pub mod clip;
 mod document;
 mod engine;
 mod history;

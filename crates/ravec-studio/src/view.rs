@@ -4,3 +4,4 @@ pub(crate) mod canvas;
 pub mod mesh;
 pub(crate) mod panel;
 mod tiler;
+pub(crate) mod timeline;
