@@ -43,7 +43,10 @@ impl FromStr for Corners {
 
 /// Refuses polygons of one or two corners.
 pub(crate) fn check_polygons(field: &'static str, polygons: &[Corners]) -> Result<(), JobError> {
-    match polygons.iter().find(|polygon| matches!(polygon.0.len(), 1 | 2)) {
+    match polygons
+        .iter()
+        .find(|polygon| matches!(polygon.0.len(), 1 | 2))
+    {
         Some(polygon) => Err(JobError::Parameter {
             field,
             value: format!("{} corners", polygon.0.len()),
@@ -64,7 +67,10 @@ pub(crate) fn with_polygons(
     let mut coverage = mask.into_coverage();
     for polygon in polygons.iter().filter(|polygon| !polygon.0.is_empty()) {
         let corners: Vec<DVec2> = polygon.0.iter().map(|&at| centers.read(at)).collect();
-        if corners.iter().any(|at| !(at.abs().max_element() <= MAX_COORDINATE)) {
+        if corners
+            .iter()
+            .any(|at| !(at.abs().max_element() <= MAX_COORDINATE))
+        {
             return Err(JobError::Parameter {
                 field,
                 value: "too large".to_owned(),
@@ -72,7 +78,10 @@ pub(crate) fn with_polygons(
             });
         }
         let low = corners.iter().copied().fold(DVec2::INFINITY, DVec2::min);
-        let high = corners.iter().copied().fold(DVec2::NEG_INFINITY, DVec2::max);
+        let high = corners
+            .iter()
+            .copied()
+            .fold(DVec2::NEG_INFINITY, DVec2::max);
         let (first, end) = (low.max(DVec2::ZERO).floor(), high.max(DVec2::ZERO).ceil());
         let box_ = Rect::new(
             first.x as usize,
@@ -112,12 +121,18 @@ mod tests {
     #[test]
     fn polygons_cover_what_masks_of_the_whole_picture_do() {
         let size = Size::new(60, 40).unwrap();
-        let polygons = ["5,5,30,8,20,30", "-10,20,25,20,25,90,-10,90", "70,5,90,5,80,30", "none"];
+        let polygons = [
+            "5,5,30,8,20,30",
+            "-10,20,25,20,25,90,-10,90",
+            "70,5,90,5,80,30",
+            "none",
+        ];
         let polygons: Vec<Corners> = polygons.iter().map(|text| text.parse().unwrap()).collect();
         let start = Mask::from_disc(size, DVec2::new(40.0, 20.0), 9.0).unwrap();
         let found = with_polygons(start.clone(), "polygons", &polygons, PixelCenters::Half);
         let expected = polygons.iter().fold(start, |mask, polygon| {
-            mask.union(&Mask::from_polygon(size, &polygon.0).unwrap()).unwrap()
+            mask.union(&Mask::from_polygon(size, &polygon.0).unwrap())
+                .unwrap()
         });
         let found = found.unwrap();
         for row in 0..40 {

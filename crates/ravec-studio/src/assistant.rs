@@ -120,7 +120,10 @@ impl Assistant {
     /// True while a question of this kind waits or is worked on.
     pub fn is_asked(&self, kind: &'static str) -> bool {
         let state = lock(&self.shared.state);
-        let running = state.running.as_ref().is_some_and(|running| running.0 == kind);
+        let running = state
+            .running
+            .as_ref()
+            .is_some_and(|running| running.0 == kind);
         running || state.waiting.iter().any(|(other, _)| *other == kind)
     }
 
@@ -196,7 +199,9 @@ mod tests {
         for number in 0..20 {
             let key = key.clone();
             assistant.ask("sum", move |memory, _| {
-                let base = memory.keep("sum", &key, || Ok::<_, ()>(1000 + number)).ok()?;
+                let base = memory
+                    .keep("sum", &key, || Ok::<_, ()>(1000 + number))
+                    .ok()?;
                 Some(*base + number)
             });
         }

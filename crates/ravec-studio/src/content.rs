@@ -1,6 +1,7 @@
 //! Pictures and meshes as values that edits pass on.
 
 use crate::shown::Shown;
+use crate::view::mesh::ShownMesh;
 use ravec::mesh::TriMesh;
 use ravec::mesh_io::{MeshFile, MeshFormat};
 use ravec::raster::with_image;
@@ -83,11 +84,13 @@ impl Content {
             Self::Picture(picture) => {
                 with_image!(&picture.image, image => std::mem::size_of_val(image.pixels()))
             }
-            Self::Mesh(file) => {
-                24 * file.mesh.vertices().len() + 12 * file.mesh.triangles().len()
-            }
+            Self::Mesh(file) => bytes_of(&file.mesh),
         }
     }
+}
+
+fn bytes_of(mesh: &TriMesh) -> usize {
+    24 * mesh.positions().len() + 12 * mesh.triangles().len()
 }
 
 /// A content as a canvas takes it.
@@ -96,7 +99,7 @@ pub enum View {
     /// A picture.
     Picture(Arc<Shown>),
     /// A mesh.
-    Mesh(Arc<TriMesh>),
+    Mesh(Arc<ShownMesh>),
 }
 
 impl View {
@@ -106,7 +109,9 @@ impl View {
             Content::Picture(picture) => {
                 Self::Picture(Arc::new(Shown::exposed(picture.clone(), exposure)))
             }
-            Content::Mesh(file) => Self::Mesh(Arc::new(file.mesh.clone())),
+            Content::Mesh(file) => {
+                Self::Mesh(Arc::new(ShownMesh::new(Arc::new(file.mesh.clone()))))
+            }
         }
     }
 
@@ -119,7 +124,7 @@ impl View {
     }
 
     /// The mesh.
-    pub fn mesh(&self) -> Option<&Arc<TriMesh>> {
+    pub fn mesh(&self) -> Option<&Arc<ShownMesh>> {
         match self {
             Self::Mesh(mesh) => Some(mesh),
             Self::Picture(_) => None,
@@ -129,7 +134,7 @@ impl View {
     fn bytes(&self) -> usize {
         match self {
             Self::Picture(shown) => shown.bytes(),
-            Self::Mesh(mesh) => 24 * mesh.vertices().len() + 12 * mesh.triangles().len(),
+            Self::Mesh(shown) => bytes_of(&shown.mesh),
         }
     }
 }

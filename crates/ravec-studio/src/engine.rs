@@ -95,6 +95,8 @@ pub struct EditInput {
 pub struct Snapshot {
     /// The last good result.
     pub result: Option<Visible>,
+    /// Text that changes with the content of the last good result.
+    pub key: Arc<str>,
     /// The source, as a canvas shows it.
     pub before: Option<View>,
     /// The inputs of the edits of the last good result.
@@ -213,9 +215,14 @@ impl Engine {
         let result = result.as_ref();
         Snapshot {
             result: result.map(|result| result.visible.clone()),
+            key: result.map_or_else(|| "".into(), |result| result.key.clone()),
             before: result.and_then(|result| result.before.clone()),
-            inputs: result.map(|result| result.inputs.clone()).unwrap_or_default(),
-            reports: result.map(|result| result.reports.clone()).unwrap_or_default(),
+            inputs: result
+                .map(|result| result.inputs.clone())
+                .unwrap_or_default(),
+            reports: result
+                .map(|result| result.reports.clone())
+                .unwrap_or_default(),
             frame: result.and_then(|result| result.frame),
             serial: state.serial,
             is_stale: state.serial < state.asked,
@@ -313,6 +320,7 @@ fn work(shared: &Arc<Shared>) {
 #[derive(Clone)]
 struct Evaluated {
     visible: Visible,
+    key: Arc<str>,
     before: Option<View>,
     inputs: Arc<HashMap<EditId, EditInput>>,
     reports: Arc<HashMap<EditId, Arc<Report>>>,
@@ -350,10 +358,12 @@ fn evaluate(
             Some(frame) => Ok(Content::Picture(frame.picture.clone())),
             None => read(&document.source, progress),
         };
-        let content = content.map_err(|message| message.map(|message| Failure {
-            edit: None,
-            message,
-        }))?;
+        let content = content.map_err(|message| {
+            message.map(|message| Failure {
+                edit: None,
+                message,
+            })
+        })?;
         let result = Cached::new(content, *exposure, None);
         cache.insert(&keys[0], result.clone());
         (0, result)
@@ -397,7 +407,9 @@ fn evaluate(
     for (index, edit) in document.edits.iter().enumerate() {
         if edit.is_analysis() {
             let before = document.edits[..index].iter();
-            let links = before.filter(|edit| edit.enabled && !edit.is_analysis()).count();
+            let links = before
+                .filter(|edit| edit.enabled && !edit.is_analysis())
+                .count();
             if let Some(input) = cache.get(&keys[links]) {
                 let key = keys[links].as_str().into();
                 let content = input.visible.content;
@@ -407,6 +419,7 @@ fn evaluate(
     }
     Ok(Evaluated {
         visible: result.visible,
+        key: keys[edits.len()].as_str().into(),
         before: cache.get(&keys[0]).map(|source| source.visible.view),
         inputs: Arc::new(inputs),
         reports: Arc::new(reports),

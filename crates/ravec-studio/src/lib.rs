@@ -35,11 +35,12 @@
 mod assistant;
 pub mod autosave;
 mod background;
-mod content;
 pub mod clip;
+mod content;
 mod document;
 mod engine;
 mod history;
+mod open;
 mod painting;
 mod project;
 pub mod settings;

@@ -65,24 +65,25 @@ impl Painting {
             return Ok(None);
         };
         let known = self.present.take().filter(|present| present.key == *key);
-        let (mut present, region) = match known.map(|present| present.advance(before, last, progress)) {
-            Some(Ok(Some(advanced))) => advanced,
-            Some(Err(error)) => return Err(error),
-            Some(Ok(None)) | None => {
-                let mut done = Strokes::new(input.image.size());
-                done.strokes = before.to_vec();
-                let image = replay(input.convert(), &done, progress)?.image;
-                let brush = Brush::begin(image, last.clone(), progress)?;
-                let picture = input.with_image(brush.image());
-                let present = Present {
-                    key: key.clone(),
-                    brush,
-                    done: done.strokes,
-                    shown: Shown::new(Arc::new(picture)),
-                };
-                (present, Rect::default())
-            }
-        };
+        let (mut present, region) =
+            match known.map(|present| present.advance(before, last, progress)) {
+                Some(Ok(Some(advanced))) => advanced,
+                Some(Err(error)) => return Err(error),
+                Some(Ok(None)) | None => {
+                    let mut done = Strokes::new(input.image.size());
+                    done.strokes = before.to_vec();
+                    let image = replay(input.convert(), &done, progress)?.image;
+                    let brush = Brush::begin(image, last.clone(), progress)?;
+                    let picture = input.with_image(brush.image());
+                    let present = Present {
+                        key: key.clone(),
+                        brush,
+                        done: done.strokes,
+                        shown: Shown::new(Arc::new(picture)),
+                    };
+                    (present, Rect::default())
+                }
+            };
         if !region.is_empty() {
             let picture = patched(present.shown.picture(), present.brush.image(), region);
             present.shown = present.shown.changed(Arc::new(picture), region);
@@ -187,7 +188,8 @@ mod tests {
     fn strokes_that_grow_give_the_picture_of_the_operation() {
         let input = picture();
         let key: Arc<str> = "photo".into();
-        let operator = |mode: &str| json!({"operator": {"mode": mode, "iterations": 1, "noise_sigma": null}});
+        let operator =
+            |mode: &str| json!({"operator": {"mode": mode, "iterations": 1, "noise_sigma": null}});
         let tools = [
             operator("smooth"),
             operator("clean"),
@@ -208,7 +210,11 @@ mod tests {
                 let (expected, _) = run_in_memory(&edit, &content, &Progress::none())
                     .unwrap_or_else(|_| panic!("{tool} paints"));
                 let expected = expected.picture().unwrap().clone();
-                assert_eq!(shown.pixels(), Shown::new(expected.clone()).pixels(), "{tool}");
+                assert_eq!(
+                    shown.pixels(),
+                    Shown::new(expected.clone()).pixels(),
+                    "{tool}"
+                );
                 let finished = painting.finished(&key, &edit, &input).unwrap();
                 assert_eq!(finished.image, expected.image);
             }
@@ -217,7 +223,10 @@ mod tests {
         // an undone stroke is painted away, and another picture begins anew
         let undone = edit(&Value::Array(strokes[..2].to_vec()));
         assert!(painting.finished(&key, &undone, &input).is_none());
-        painting.follow(&key, &undone, &input, &Progress::none()).unwrap().unwrap();
+        painting
+            .follow(&key, &undone, &input, &Progress::none())
+            .unwrap()
+            .unwrap();
         assert!(painting.finished(&key, &undone, &input).is_some());
         assert!(painting.finished("other", &undone, &input).is_none());
     }

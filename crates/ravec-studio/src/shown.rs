@@ -3,7 +3,9 @@
 //! The full size is not converted as a whole: a tile of it is made of the picture when it is seen, so that a picture of any size is
 //! shown as soon as it is read. Smaller sizes are kept; together they take a third of the bytes of the full size in 8 bits.
 
-use ravec::raster::{AnyImage, Color as _, Image, LinearRgba, Rect, Srgb, Srgba, with_image};
+use ravec::raster::{
+    AnyImage, Color as _, Image, LinearRgba, Pixel, Rect, Srgb, Srgba, with_image,
+};
 use ravec_media::Picture;
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -16,7 +18,7 @@ const MIN_SIDE: usize = 64;
 pub const TILE: usize = 512;
 
 /// Red, green, blue and alpha, straight.
-pub type Pixel = [u8; 4];
+pub type Rgba = [u8; 4];
 
 /// Number of the next state of a tile.
 static STAMP: AtomicU64 = AtomicU64::new(1);
@@ -41,7 +43,7 @@ struct Level {
     width: usize,
     height: usize,
     /// Row by row; empty for the full size.
-    pixels: Vec<Pixel>,
+    pixels: Vec<Rgba>,
     /// State of each tile, row by row.
     stamps: Vec<u64>,
 }
@@ -65,7 +67,7 @@ pub struct Tile {
     /// Rows.
     pub height: usize,
     /// Row by row.
-    pub pixels: Vec<Pixel>,
+    pub pixels: Vec<Rgba>,
 }
 
 impl Shown {
@@ -119,7 +121,11 @@ impl Shown {
     #[must_use]
     pub fn changed(&self, picture: Arc<Picture>, region: Rect) -> Self {
         let image = &picture.image;
-        assert_eq!(image.size(), self.picture.image.size(), "the size of a picture stays");
+        assert_eq!(
+            image.size(),
+            self.picture.image.size(),
+            "the size of a picture stays"
+        );
         let mut levels = self.levels.clone();
         let mut region = region.intersection(Rect::of(image.size()));
         levels[0].touch(region);
@@ -228,10 +234,15 @@ impl Shown {
     }
 
     /// A pixel of the picture as the screen shows it; `None` outside.
-    pub fn pixel(&self, col: usize, row: usize) -> Option<Pixel> {
+    pub fn pixel(&self, col: usize, row: usize) -> Option<Rgba> {
         let size = self.picture.image.size();
-        (col < size.width() && row < size.height())
-            .then(|| drawn(&self.picture.image, Rect::new(col, row, 1, 1), self.exposure)[0])
+        (col < size.width() && row < size.height()).then(|| {
+            drawn(
+                &self.picture.image,
+                Rect::new(col, row, 1, 1),
+                self.exposure,
+            )[0]
+        })
     }
 
     /// The stored values of a pixel in words, such as `12 40 255`; `None` outside.
@@ -240,13 +251,17 @@ impl Shown {
         if col >= size.width() || row >= size.height() {
             return None;
         }
-        Some(with_image!(&*self.image, image => format!("{:?}", image[(col, row)].0)))
+        Some(with_image!(&self.picture.image, image => format!("{:?}", image[(col, row)].0)))
             .map(|text| text.trim_matches(['[', ']']).replace(',', ""))
     }
 
     /// All pixels as the screen shows them, row by row.
-    pub fn pixels(&self) -> Vec<Pixel> {
-        drawn(&self.picture.image, Rect::of(self.picture.image.size()), self.exposure)
+    pub fn pixels(&self) -> Vec<Rgba> {
+        drawn(
+            &self.picture.image,
+            Rect::of(self.picture.image.size()),
+            self.exposure,
+        )
     }
 
     /// Bytes of the smaller sizes.
@@ -256,7 +271,7 @@ impl Shown {
 }
 
 impl Level {
-    fn new(width: usize, height: usize, pixels: Vec<Pixel>) -> Self {
+    fn new(width: usize, height: usize, pixels: Vec<Rgba>) -> Self {
         let stamp = next_stamp();
         Self {
             width,
@@ -281,7 +296,7 @@ impl Level {
 }
 
 /// A part of a picture as the screen shows it.
-fn drawn(image: &AnyImage, place: Rect, exposure: f32) -> Vec<Pixel> {
+fn drawn(image: &AnyImage, place: Rect, exposure: f32) -> Vec<Rgba> {
     // 8 bits are on the screen what they are in the file
     match image {
         AnyImage::Srgb8(image) if exposure == 0.0 => {
@@ -299,7 +314,7 @@ fn drawn(image: &AnyImage, place: Rect, exposure: f32) -> Vec<Pixel> {
 }
 
 /// The pixels of a part, row by row.
-fn cut<P>(image: &Image<P>, place: Rect, draw: impl Fn(&P) -> Pixel) -> Vec<Pixel> {
+fn cut<P: Pixel>(image: &Image<P>, place: Rect, draw: impl Fn(&P) -> Rgba) -> Vec<Rgba> {
     let mut pixels = Vec::with_capacity(place.pixels());
     for row in place.row..place.bottom() {
         pixels.extend(image.row(row)[place.col..place.right()].iter().map(&draw));
@@ -308,7 +323,7 @@ fn cut<P>(image: &Image<P>, place: Rect, draw: impl Fn(&P) -> Pixel) -> Vec<Pixe
 }
 
 /// The means of 2 × 2 pixels of two rows of `width` pixels each.
-fn halve_rows(two: &[Pixel], width: usize, out: &mut [Pixel]) {
+fn halve_rows(two: &[Rgba], width: usize, out: &mut [Rgba]) {
     let (upper, lower) = two.split_at(width);
     let pairs = upper.chunks_exact(2).zip(lower.chunks_exact(2));
     for (out, (a, b)) in out.iter_mut().zip(pairs) {
@@ -371,7 +386,11 @@ mod tests {
             let [columns, rows] = fresh.tiles(level);
             for (col, row) in (0..columns).flat_map(|col| (0..rows).map(move |row| (col, row))) {
                 let tile = TileIndex { level, col, row };
-                assert_eq!(patched.tile(tile).pixels, fresh.tile(tile).pixels, "{tile:?}");
+                assert_eq!(
+                    patched.tile(tile).pixels,
+                    fresh.tile(tile).pixels,
+                    "{tile:?}"
+                );
                 let same = patched.stamp(tile) == shown.stamp(tile);
                 let equal = shown.tile(tile).pixels == fresh.tile(tile).pixels;
                 assert!(!same || equal, "{tile:?} is not marked as changed");

@@ -18,6 +18,8 @@ use crate::engine::{EditInput, Snapshot};
 use crate::painting::Painting;
 use crate::shown::Shown;
 use crate::view::canvas::View;
+use crate::view::mesh::{MeshCanvas, ShownMesh};
+use crate::view::timeline::{FrameState, TimelineRow};
 use egui::{Painter, Response, Ui};
 use ravec::progress::Progress;
 use serde_json::{Map, Value, json};
@@ -38,6 +40,44 @@ pub(crate) struct Hand<'a> {
     pub snapshot: &'a Snapshot,
     /// Answers questions beside the window.
     pub assistant: &'a Assistant,
+    /// Number of the frame of a clip that is shown.
+    pub frame: Option<u64>,
+}
+
+/// What a tool for meshes sees of a frame.
+pub(crate) struct MeshHand<'a> {
+    pub ui: &'a Ui,
+    /// The canvas.
+    pub response: &'a Response,
+    pub painter: &'a Painter,
+    pub canvas: &'a mut MeshCanvas,
+    /// The input of the edit, once it is known.
+    pub input: Option<&'a EditInput>,
+    /// The results, of which the last good one is shown.
+    pub snapshot: &'a Snapshot,
+    /// Answers questions beside the window.
+    pub assistant: &'a Assistant,
+}
+
+/// A row below the timeline.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Row {
+    pub label: String,
+    pub states: Vec<FrameState>,
+    pub values: Vec<Option<f32>>,
+    pub marks: Vec<u64>,
+}
+
+impl Row {
+    /// The row as the timeline takes it.
+    pub fn as_row(&self) -> TimelineRow<'_> {
+        TimelineRow {
+            label: &self.label,
+            states: &self.states,
+            values: &self.values,
+            marks: &self.marks,
+        }
+    }
 }
 
 impl Hand<'_> {
@@ -70,9 +110,9 @@ impl Hand<'_> {
     pub fn wheel(&self) -> f32 {
         self.ui.input(|input| {
             let turned = input.events.iter().map(|event| match event {
-                egui::Event::MouseWheel { delta, modifiers, .. }
-                    if modifiers.shift || modifiers.alt =>
-                {
+                egui::Event::MouseWheel {
+                    delta, modifiers, ..
+                } if modifiers.shift || modifiers.alt => {
                     // a wheel with Shift turns sideways
                     (delta.y + delta.x).signum()
                 }
@@ -191,6 +231,25 @@ pub(crate) trait Tool {
     /// Draws the handles of an edit and follows the hand.
     fn canvas_ui(&mut self, _hand: &Hand<'_>, _edit: &Edit) -> Option<Gesture> {
         None
+    }
+
+    /// Draws the handles of an edit of a mesh and follows the hand.
+    fn mesh_ui(&mut self, _hand: MeshHand<'_>, _edit: &Edit) -> Option<Gesture> {
+        None
+    }
+
+    /// The mesh that is shown in place of the result, such as one with marks or colors.
+    fn shown_mesh(
+        &self,
+        _assistant: &Assistant,
+        _shown: Option<&Arc<ShownMesh>>,
+    ) -> Option<Arc<ShownMesh>> {
+        None
+    }
+
+    /// Rows below the timeline of a clip.
+    fn rows(&self, _assistant: &Assistant, _edit: &Edit) -> Vec<Row> {
+        Vec::new()
     }
 
     /// Draws controls of its own above the settings.

@@ -267,7 +267,11 @@ impl<'a> Retouch<'a> {
         for row in 0..part.height {
             for col in 0..part.width {
                 let at = (part.col + col, part.row + row);
-                if self.owners.get(at.0, at.1).is_some_and(|owner| owner != NOBODY) {
+                if self
+                    .owners
+                    .get(at.0, at.1)
+                    .is_some_and(|owner| owner != NOBODY)
+                {
                     let coverage = self.index.hole.at(at.0, at.1);
                     picture[(col, row)] = mixed(image[at], self.canvas.inks[at], coverage);
                 }

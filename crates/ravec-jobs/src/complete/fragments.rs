@@ -60,9 +60,7 @@ pub(super) fn fill(job: &Job, report: &mut Report) -> Result<AnyImage, JobError>
     let Params { undo, .. } = job.operation.params;
     let replayed = match (&job.operation.replay, &job.operation.recorded) {
         (Some(path), None) => Some(checked(read_steps(path, job.context)?, path, size, undo)?),
-        (None, Some(steps)) => {
-            Some(checked(steps.clone(), &job.operation.input, size, undo)?)
-        }
+        (None, Some(steps)) => Some(checked(steps.clone(), &job.operation.input, size, undo)?),
         (None, None) => None,
         (Some(_), Some(_)) => {
             return Err(JobError::Parameter {
@@ -149,7 +147,11 @@ where
     let mut retouch = Retouch::new(&index);
     let mut replaced = 0;
     if let Some(steps) = replayed {
-        let path = job.operation.replay.as_ref().unwrap_or(&job.operation.input);
+        let path = job
+            .operation
+            .replay
+            .as_ref()
+            .unwrap_or(&job.operation.input);
         retouch
             .replay(steps, &job.context.progress)
             .map_err(|cause| match cause {

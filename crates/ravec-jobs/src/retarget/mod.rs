@@ -90,11 +90,25 @@ pub struct Params {
     #[cfg_attr(feature = "cli", arg(long))]
     pub keep_aspect: bool,
     /// The corners X0,Y0,X1,Y1,... of a polygon that is protected, too. May be repeated
-    #[cfg_attr(feature = "cli", arg(long = "protect-polygon", value_name = "X0,Y0,...", allow_hyphen_values = true))]
+    #[cfg_attr(
+        feature = "cli",
+        arg(
+            long = "protect-polygon",
+            value_name = "X0,Y0,...",
+            allow_hyphen_values = true
+        )
+    )]
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub protect_polygons: Vec<Corners>,
     /// The corners of a polygon that may give way, too. May be repeated
-    #[cfg_attr(feature = "cli", arg(long = "give-way-polygon", value_name = "X0,Y0,...", allow_hyphen_values = true))]
+    #[cfg_attr(
+        feature = "cli",
+        arg(
+            long = "give-way-polygon",
+            value_name = "X0,Y0,...",
+            allow_hyphen_values = true
+        )
+    )]
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub give_way_polygons: Vec<Corners>,
     /// Center of the first pixel in points that are given or printed: half is (0.5, 0.5), integer is (0, 0)

@@ -2,7 +2,9 @@
 
 use super::state::{Shared, State};
 use super::thumbnails::Thumbnail;
-use crate::shown::{Shown, ShownLevel};
+use crate::shown::{Shown, Tile};
+use ravec::raster::{AnyImage, Image, Size, Srgba};
+use ravec_media::Picture;
 use std::sync::Arc;
 
 /// A frame that is at hand.
@@ -23,7 +25,10 @@ pub(super) fn work(shared: &Shared) {
     }) {
         let shown = match near {
             Near::Ready(shown) => shown,
-            Near::Small(thumbnail, size) => Arc::new(enlarged(&thumbnail, size)),
+            Near::Small(thumbnail, size) => match enlarged(&thumbnail, size) {
+                Some(shown) => Arc::new(shown),
+                None => continue,
+            },
         };
         shared.show(|state| {
             // the frame itself may have come meanwhile, or one that is nearer
@@ -58,39 +63,17 @@ fn nearest(state: &State, asked: u64) -> Option<(u64, Near)> {
         .filter(|(number, _)| bound.is_none_or(|bound| number.abs_diff(asked) < bound))
 }
 
-/// A thumbnail at the size of the frames. A preview only: pixels are repeated.
-fn enlarged(thumbnail: &Thumbnail, [width, height]: [usize; 2]) -> Shown {
-    let mut levels = Vec::new();
-    let (mut width, mut height) = (width, height);
-    // as many sizes as it takes to come down to the thumbnail
-    loop {
-        levels.push(repeated(&thumbnail.level, width, height));
-        (width, height) = (width / 2, height / 2);
-        if width < thumbnail.level.width || height < thumbnail.level.height {
-            return Shown { levels };
-        }
-    }
-}
-
-fn repeated(level: &ShownLevel, width: usize, height: usize) -> ShownLevel {
-    let cols: Vec<usize> = (0..width).map(|col| col * level.width / width).collect();
-    let mut pixels: Vec<[u8; 4]> = Vec::with_capacity(width * height);
-    let mut before = None;
-    for row in 0..height {
-        let from = row * level.height / height;
-        if before == Some(from) {
-            pixels.extend_from_within(pixels.len() - width..);
-        } else {
-            let source = &level.pixels[from * level.width..][..level.width];
-            pixels.extend(cols.iter().map(|&col| source[col]));
-            before = Some(from);
-        }
-    }
-    ShownLevel {
+/// A thumbnail at the size of the frames. A preview only.
+fn enlarged(thumbnail: &Thumbnail, size: [usize; 2]) -> Option<Shown> {
+    let Tile {
         width,
         height,
         pixels,
-    }
+    } = &thumbnail.tile;
+    let size_of_tile = Size::new(*width, *height).ok()?;
+    let image = Image::from_fn(size_of_tile, |col, row| Srgba(pixels[row * width + col]));
+    let picture = Picture::from_image(AnyImage::from(image));
+    Some(Shown::new(Arc::new(picture)).stretched(size))
 }
 
 #[cfg(test)]
@@ -99,22 +82,14 @@ mod tests {
 
     #[test]
     fn an_enlarged_thumbnail_has_the_size_of_the_frames() {
-        let pixel = |k: usize| [k as u8, 0, 0, 255];
-        let level = ShownLevel {
+        let tile = Tile {
             width: 3,
             height: 2,
-            pixels: (0..6).map(pixel).collect(),
+            pixels: (0..6).map(|k| [k, 0, 0, 255]).collect(),
         };
-        let shown = enlarged(&Thumbnail { frame: 0, level }, [13, 8]);
+        let shown = enlarged(&Thumbnail { frame: 0, tile }, [13, 8]).unwrap();
         assert_eq!(shown.size(), [13, 8]);
-        assert!(shown.levels.len() == 3);
-        for level in &shown.levels {
-            let at = |col, row| level.pixels[row * level.width + col];
-            let (right, bottom) = (level.width - 1, level.height - 1);
-            assert_eq!(at(0, 0), pixel(0));
-            assert_eq!(at(right, 0), pixel(2));
-            assert_eq!(at(0, bottom), pixel(3));
-            assert_eq!(at(right, bottom), pixel(5));
-        }
+        assert_eq!(shown.level_size(0), [3, 2]);
+        assert_eq!(shown.pixel(2, 1), Some([5, 0, 0, 255]));
     }
 }

@@ -245,10 +245,11 @@ impl Frames<'_> {
             None => return Err(Some(self.missing(number))),
         };
         let picture = Picture::from_image(frame.picture.to_image().into_owned());
+        let picture = Arc::new(picture);
         let ready = ReadFrame {
             number,
-            shown: Arc::new(Shown::new(&picture.image)),
-            picture: Arc::new(picture),
+            shown: Arc::new(Shown::new(picture.clone())),
+            picture,
             seconds: frame.time.start as f64 * self.seconds_per_tick,
         };
         self.shared.state().add_ready(ready.clone());

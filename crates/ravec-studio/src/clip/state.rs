@@ -26,8 +26,7 @@ impl ReadFrame {
     fn bytes(&self) -> usize {
         let picture =
             with_image!(&self.picture.image, image => std::mem::size_of_val(image.pixels()));
-        let levels = self.shown.levels.iter();
-        picture + levels.map(|level| 4 * level.pixels.len()).sum::<usize>()
+        picture + self.shown.bytes()
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::reader::open;
 use super::state::{Shared, State};
-use crate::shown::ShownLevel;
+use crate::shown::Tile;
 use ravec::raster::{AnyImage, Image, ResizeFilter, Size, Srgba, resize, with_image};
 use ravec_video::{Clip, FrameSource as _};
 use std::collections::{BTreeMap, BTreeSet};
@@ -23,7 +23,7 @@ pub struct Thumbnail {
     /// Number of the frame.
     pub frame: u64,
     /// The picture, of at most 192 columns and 96 rows.
-    pub level: ShownLevel,
+    pub tile: Tile,
 }
 
 /// Thumbnails by the numbers of their frames. Cheap to clone.
@@ -184,11 +184,8 @@ fn make_round(shared: &Shared, clip: &mut Clip, count: usize, frames: u64) -> bo
         }
         // a frame that cannot be read has no thumbnail
         if let Ok(Some(frame)) = clip.next_frame() {
-            let level = small(&frame.picture.to_image());
-            let thumbnail = Arc::new(Thumbnail {
-                frame: place,
-                level,
-            });
+            let tile = small(&frame.picture.to_image());
+            let thumbnail = Arc::new(Thumbnail { frame: place, tile });
             shared.show(|state| {
                 Arc::make_mut(&mut state.thumbnails.made.0).insert(place, thumbnail);
             });
@@ -202,7 +199,7 @@ fn make_round(shared: &Shared, clip: &mut Clip, count: usize, frames: u64) -> bo
 }
 
 /// A picture that fits into the box of thumbnails.
-fn small(image: &AnyImage) -> ShownLevel {
+fn small(image: &AnyImage) -> Tile {
     let (width, height) = (image.size().width(), image.size().height());
     let by_width = BOX[0] as f64 / width as f64;
     let factor = by_width.min(BOX[1] as f64 / height as f64).min(1.0);
@@ -212,7 +209,7 @@ fn small(image: &AnyImage) -> ShownLevel {
         Ok(size) => resize(&image, size, ResizeFilter::Box),
         Err(_) => image,
     };
-    ShownLevel {
+    Tile {
         width: image.width(),
         height: image.height(),
         pixels: image.pixels().iter().map(|pixel| pixel.0).collect(),
@@ -236,14 +233,14 @@ mod tests {
 
     #[test]
     fn the_nearest_thumbnail_is_found_on_both_sides() {
-        let level = ShownLevel {
+        let tile = Tile {
             width: 1,
             height: 1,
             pixels: vec![[0; 4]],
         };
         let made = [10, 20, 40].map(|frame| {
-            let level = level.clone();
-            (frame, Arc::new(Thumbnail { frame, level }))
+            let tile = tile.clone();
+            (frame, Arc::new(Thumbnail { frame, tile }))
         });
         let thumbnails = Thumbnails(Arc::new(made.into_iter().collect()));
         for (asked, found) in [

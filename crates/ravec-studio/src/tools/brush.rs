@@ -101,7 +101,10 @@ fn stroke(edit: &Edit, tool: Value, points: &[[f64; 2]]) -> Value {
 }
 
 fn strokes(edit: &Edit) -> &[Value] {
-    let strokes = edit.fields.get("strokes").and_then(|strokes| strokes.get("strokes"));
+    let strokes = edit
+        .fields
+        .get("strokes")
+        .and_then(|strokes| strokes.get("strokes"));
     strokes.and_then(Value::as_array).map_or(&[], Vec::as_slice)
 }
 
@@ -162,7 +165,8 @@ impl Tool for Brush {
         let ring = Stroke::new(1.5, Color32::WHITE);
         match hand.response.hover_pos() {
             Some(at) => {
-                hand.painter.circle_stroke(at, radius as f32 * hand.view.zoom, ring);
+                hand.painter
+                    .circle_stroke(at, radius as f32 * hand.view.zoom, ring);
                 self.ask_region(hand, edit, hand.view.to_picture(at), radius);
             }
             None => self.asked = None,
@@ -220,42 +224,54 @@ impl Tool for Brush {
         let mut changed = None;
         ui.horizontal(|ui| {
             ui.label(format!("{} strokes", list.len()));
-            if ui.add_enabled(!list.is_empty(), egui::Button::new("Remove all strokes")).clicked() {
+            if ui
+                .add_enabled(!list.is_empty(), egui::Button::new("Remove all strokes"))
+                .clicked()
+            {
                 changed = Some(Vec::new());
             }
         });
         egui::CollapsingHeader::new("Strokes").show(ui, |ui| {
-            egui::ScrollArea::vertical().max_height(160.0).show(ui, |ui| {
-                for (index, one) in list.iter().enumerate() {
-                    ui.horizontal(|ui| {
-                        let tool = &one["tool"];
-                        let name = match tool.as_object().and_then(|tool| tool.iter().next()) {
-                            Some((name, settings)) => {
-                                settings["mode"].as_str().unwrap_or(name).to_owned()
+            egui::ScrollArea::vertical()
+                .max_height(160.0)
+                .show(ui, |ui| {
+                    for (index, one) in list.iter().enumerate() {
+                        ui.horizontal(|ui| {
+                            let tool = &one["tool"];
+                            let name = match tool.as_object().and_then(|tool| tool.iter().next()) {
+                                Some((name, settings)) => {
+                                    settings["mode"].as_str().unwrap_or(name).to_owned()
+                                }
+                                None => tool.as_str().unwrap_or_default().to_owned(),
+                            };
+                            ui.label(format!("{}: {name}", index + 1));
+                            let remove = ui.small_button("x");
+                            let label = format!("Remove stroke {}", index + 1);
+                            remove.widget_info(|| {
+                                egui::WidgetInfo::labeled(egui::Role::Button, true, &label)
+                            });
+                            let again = ui
+                                .small_button("Set")
+                                .on_hover_text("Give it the settings of the panel");
+                            let label = format!("Set stroke {}", index + 1);
+                            again.widget_info(|| {
+                                egui::WidgetInfo::labeled(egui::Role::Button, true, &label)
+                            });
+                            if remove.clicked() {
+                                let mut list = list.to_vec();
+                                list.remove(index);
+                                changed = Some(list);
+                            } else if again.clicked() {
+                                let points: Vec<[f64; 2]> =
+                                    serde_json::from_value(one["points"].clone())
+                                        .unwrap_or_default();
+                                let mut list = list.to_vec();
+                                list[index] = stroke(edit, self::tool(edit), &points);
+                                changed = Some(list);
                             }
-                            None => tool.as_str().unwrap_or_default().to_owned(),
-                        };
-                        ui.label(format!("{}: {name}", index + 1));
-                        let remove = ui.small_button("x");
-                        let label = format!("Remove stroke {}", index + 1);
-                        remove.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, &label));
-                        let again = ui.small_button("Set").on_hover_text("Give it the settings of the panel");
-                        let label = format!("Set stroke {}", index + 1);
-                        again.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, &label));
-                        if remove.clicked() {
-                            let mut list = list.to_vec();
-                            list.remove(index);
-                            changed = Some(list);
-                        } else if again.clicked() {
-                            let points: Vec<[f64; 2]> =
-                                serde_json::from_value(one["points"].clone()).unwrap_or_default();
-                            let mut list = list.to_vec();
-                            list[index] = stroke(edit, self::tool(edit), &points);
-                            changed = Some(list);
-                        }
-                    });
-                }
-            });
+                        });
+                    }
+                });
         });
         changed.map(|list| Gesture::done(with_strokes(edit, list, size)))
     }
@@ -269,7 +285,9 @@ impl Brush {
             self.asked = None;
             return;
         }
-        let Some(Content::Picture(picture)) = hand.snapshot.result.as_ref().map(|result| &result.content) else {
+        let Some(Content::Picture(picture)) =
+            hand.snapshot.result.as_ref().map(|result| &result.content)
+        else {
             return;
         };
         let dab = Dab {
@@ -289,7 +307,13 @@ impl Brush {
 }
 
 /// The region that a dab touches.
-fn region(picture: &Picture, stroke: Value, at: [f64; 2], radius: f64, progress: &Progress) -> Option<Region> {
+fn region(
+    picture: &Picture,
+    stroke: Value,
+    at: [f64; 2],
+    radius: f64,
+    progress: &Progress,
+) -> Option<Region> {
     let reach = radius.ceil() + 16.0;
     let size = picture.image.size();
     let first = at.map(|value| (value - reach).max(0.0).floor() as usize);
@@ -321,11 +345,17 @@ fn picked(hand: &Hand<'_>, edit: &Edit, at: [f64; 2]) -> Option<Gesture> {
             let points: Vec<[f64; 2]> = serde_json::from_value(stroke["points"].clone()).ok()?;
             points.last().copied()
         });
-        let from = from.unwrap_or([0.5 * hand.input_size[0] as f64, 0.5 * hand.input_size[1] as f64]);
+        let from = from.unwrap_or([
+            0.5 * hand.input_size[0] as f64,
+            0.5 * hand.input_size[1] as f64,
+        ]);
         let offset = [0, 1].map(|k| (at[k] - from[k]).round() as i64);
         return Some(Gesture::done(edit.with_param("offset", json!(offset))));
     }
-    let [r, g, b, _] = hand.snapshot.shown()?.pixel(at[0] as usize, at[1] as usize)?;
+    let [r, g, b, _] = hand
+        .snapshot
+        .shown()?
+        .pixel(at[0] as usize, at[1] as usize)?;
     Some(Gesture::done(edit.with_param("color", json!([r, g, b]))))
 }
 
@@ -333,7 +363,9 @@ fn picked(hand: &Hand<'_>, edit: &Edit, at: [f64; 2]) -> Option<Gesture> {
 fn draft(job: &DraftJob, _memory: &mut Memory, progress: &Progress) -> Option<DraftView> {
     let picture = job.input.content.picture()?;
     let followed = lock(&job.painting).follow(&job.input.key, &job.edit, picture, progress);
-    followed.ok()?.map(|shown| DraftView::whole(View::Picture(shown)))
+    followed
+        .ok()?
+        .map(|shown| DraftView::whole(View::Picture(shown)))
 }
 
 #[cfg(test)]
@@ -376,7 +408,11 @@ mod tests {
     #[test]
     fn the_region_of_a_dab_stops_at_an_edge() {
         let image = Image::from_fn(Size::new(120, 80).unwrap(), |col, _| {
-            ravec::raster::Srgb(if col < 60 { [230u8, 230, 230] } else { [20, 20, 90] })
+            ravec::raster::Srgb(if col < 60 {
+                [230u8, 230, 230]
+            } else {
+                [20, 20, 90]
+            })
         });
         let picture = Picture::from_image(AnyImage::from(image));
         let start = Edit {
@@ -386,11 +422,18 @@ mod tests {
             enabled: true,
         };
         let at = [50.0, 40.0];
-        let stroke = stroke(&start.with_param("radius", 20.0.into()), "mask".into(), &[at]);
+        let stroke = stroke(
+            &start.with_param("radius", 20.0.into()),
+            "mask".into(),
+            &[at],
+        );
         let region = region(&picture, stroke, at, 20.0, &Progress::none()).unwrap();
         let alpha = |col: f64, row: f64| {
             let [left, top, ..] = region.place;
-            region.shown.pixel((col - left) as usize, (row - top) as usize).unwrap()[3]
+            region
+                .shown
+                .pixel((col - left) as usize, (row - top) as usize)
+                .unwrap()[3]
         };
         assert!(alpha(52.0, 40.0) > 60 && alpha(64.0, 40.0) == 0);
     }

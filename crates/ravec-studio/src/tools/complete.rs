@@ -4,11 +4,11 @@ use super::outline::{self, Outline};
 use super::planes::PlaneAids;
 use super::quad::{self, Corners, QuadHandle};
 use super::{Desk, Gesture, Hand, Tool, rectify, with_params};
+use crate::assistant::{Assistant, Memory};
 use crate::content::Content;
 use crate::document::Edit;
 use crate::engine::EditInput;
 use crate::shown::Shown;
-use crate::assistant::{Assistant, Memory};
 use egui::{Color32, Key, Stroke, Ui};
 use glam::DVec2;
 use ravec::completion::{FragmentIndex, Retouch, SearchOptions, Sources, Step, Target};
@@ -102,7 +102,9 @@ impl Tool for Complete {
         match self.mode {
             Mode::Area => "Draw around what is to go, then fill",
             Mode::Planes => "Drag corners; S snaps to edges",
-            Mode::Fragments => "Click sets the fragment; Shift+wheel for the next best, [ and ] for the size",
+            Mode::Fragments => {
+                "Click sets the fragment; Shift+wheel for the next best, [ and ] for the size"
+            }
             Mode::Result => "",
         }
     }
@@ -144,10 +146,21 @@ impl Tool for Complete {
         let holes = outline::polygons(edit, "polygons");
         let planes: Vec<Corners> =
             serde_json::from_value(edit.param("planes").clone()).unwrap_or_default();
-        outline::paint(hand, &holes, HOLE.gamma_multiply(if self.mode == Mode::Area { 1.0 } else { 0.4 }));
+        outline::paint(
+            hand,
+            &holes,
+            HOLE.gamma_multiply(if self.mode == Mode::Area { 1.0 } else { 0.4 }),
+        );
         for plane in &planes {
             let handles = self.mode == Mode::Planes;
-            quad::paint(hand.painter, hand.view, plane, self.aids.drawn_grid(), PLANE, handles);
+            quad::paint(
+                hand.painter,
+                hand.view,
+                plane,
+                self.aids.drawn_grid(),
+                PLANE,
+                handles,
+            );
         }
         match self.mode {
             Mode::Area => {
@@ -181,7 +194,10 @@ impl Tool for Complete {
             Mode::Area => {
                 self.outline.ui(ui);
                 let some = !edit.param("polygons").is_null();
-                if ui.add_enabled(some, egui::Button::new("Remove the area")).clicked() {
+                if ui
+                    .add_enabled(some, egui::Button::new("Remove the area"))
+                    .clicked()
+                {
                     let mut edit = edit.with_param("polygons", Value::Null);
                     edit.fields.remove("recorded");
                     changed = Some(edit);
@@ -197,7 +213,10 @@ impl Tool for Complete {
                         changed = Some(with_plane(edit, rectify::start_corners(size)));
                     }
                     let some = !edit.param("planes").is_null();
-                    if ui.add_enabled(some, egui::Button::new("Remove planes")).clicked() {
+                    if ui
+                        .add_enabled(some, egui::Button::new("Remove planes"))
+                        .clicked()
+                    {
                         changed = Some(edit.with_param("planes", Value::Null));
                     }
                 });
@@ -205,14 +224,22 @@ impl Tool for Complete {
             Mode::Fragments => {
                 ui.horizontal(|ui| {
                     let label = ui.label("Fragment radius");
-                    let value = egui::DragValue::new(&mut self.radius).range(4..=124).suffix(" px");
+                    let value = egui::DragValue::new(&mut self.radius)
+                        .range(4..=124)
+                        .suffix(" px");
                     ui.add(value).labelled_by(label.id);
                 });
-                let count = edit.fields.get("recorded").and_then(|steps| steps["steps"].as_array());
+                let count = edit
+                    .fields
+                    .get("recorded")
+                    .and_then(|steps| steps["steps"].as_array());
                 let count = count.map_or(0, Vec::len);
                 ui.horizontal(|ui| {
                     ui.label(format!("{count} fragments set"));
-                    if ui.add_enabled(count > 0, egui::Button::new("Remove fragments")).clicked() {
+                    if ui
+                        .add_enabled(count > 0, egui::Button::new("Remove fragments"))
+                        .clicked()
+                    {
                         let mut edit = edit.clone();
                         edit.fields.remove("recorded");
                         changed = Some(edit);
@@ -221,7 +248,11 @@ impl Tool for Complete {
                 if let Some(found) = desk.assistant.answer::<Found>(FRAGMENTS) {
                     match &found.problem {
                         Some(problem) => ui.label(problem),
-                        None => ui.label(format!("Match {} of {}", self.choice % found.steps.len().max(1) + 1, found.steps.len())),
+                        None => ui.label(format!(
+                            "Match {} of {}",
+                            self.choice % found.steps.len().max(1) + 1,
+                            found.steps.len()
+                        )),
                     };
                 }
             }
@@ -239,7 +270,12 @@ fn with_plane(edit: &Edit, corners: Corners) -> Edit {
 }
 
 impl Complete {
-    fn follow_planes(&mut self, hand: &Hand<'_>, edit: &Edit, mut planes: Vec<Corners>) -> Option<Gesture> {
+    fn follow_planes(
+        &mut self,
+        hand: &Hand<'_>,
+        edit: &Edit,
+        mut planes: Vec<Corners>,
+    ) -> Option<Gesture> {
         let with = |planes: &[Corners]| edit.with_param("planes", json!(planes));
         if let Some(last) = planes.last().copied()
             && let Some(snapped) = self.aids.follow_snap(hand, &last)
@@ -263,7 +299,10 @@ impl Complete {
 
     fn follow_fragments(&mut self, hand: &Hand<'_>, edit: &Edit) -> Option<Gesture> {
         let (finer, coarser) = hand.ui.input(|input| {
-            (input.key_pressed(Key::OpenBracket), input.key_pressed(Key::CloseBracket))
+            (
+                input.key_pressed(Key::OpenBracket),
+                input.key_pressed(Key::CloseBracket),
+            )
         });
         if finer || coarser {
             let factor = if finer { 0.85 } else { 1.18 };
@@ -275,7 +314,8 @@ impl Complete {
         }
         let at = hand.response.hover_pos()?;
         let ring = self.radius as f32 * hand.view.zoom;
-        hand.painter.circle_stroke(at, ring, Stroke::new(1.5, Color32::WHITE));
+        hand.painter
+            .circle_stroke(at, ring, Stroke::new(1.5, Color32::WHITE));
         let [x, y] = hand.view.to_picture(at);
         let search = Search {
             key: hand.input.key.clone(),
@@ -284,7 +324,11 @@ impl Complete {
             radius: self.radius,
         };
         if self.asked.as_ref() != Some(&search) {
-            if self.asked.as_ref().is_none_or(|asked| asked.at != search.at) {
+            if self
+                .asked
+                .as_ref()
+                .is_none_or(|asked| asked.at != search.at)
+            {
                 self.choice = 0;
             }
             let (input, edit, asked) = (hand.input.clone(), edit.clone(), search.clone());
@@ -294,7 +338,11 @@ impl Complete {
                     Ok(steps) => (steps, None),
                     Err(problem) => (Vec::new(), Some(problem)),
                 };
-                Some(Found { search: asked, steps, problem })
+                Some(Found {
+                    search: asked,
+                    steps,
+                    problem,
+                })
             });
             self.asked = Some(search.clone());
         }
@@ -336,10 +384,14 @@ fn find(
     let words = |error: &dyn std::fmt::Display| error.to_string();
     let geometry = json!([edit.param("polygons"), edit.param("planes")]);
     let key = format!("{} {geometry}", input.key).into();
-    let index = memory.keep("fragment index", &key, || index(picture, &operation, progress))?;
+    let index = memory.keep("fragment index", &key, || {
+        index(picture, &operation, progress)
+    })?;
     let mut retouch = Retouch::new(index);
     if let Some(RecordedSteps { steps, .. }) = &operation.recorded {
-        retouch.replay(steps, progress).map_err(|error| words(&error))?;
+        retouch
+            .replay(steps, progress)
+            .map_err(|error| words(&error))?;
     }
     let at = DVec2::new(search.at[0] as f64 + 0.5, search.at[1] as f64 + 0.5);
     let plane = retouch.index().plane_at(at);
@@ -352,13 +404,16 @@ fn find(
         along_plane: plane.map(Some),
         ..SearchOptions::default()
     };
-    let matches = retouch.best(&target, &options, progress).map_err(|error| words(&error))?;
+    let matches = retouch
+        .best(&target, &options, progress)
+        .map_err(|error| words(&error))?;
     let mut steps = Vec::new();
     for found in &matches {
         let step = retouch.step(&target, found);
         if retouch.apply(&step, progress).is_ok() {
-            let (shown, place) = with_image!(&picture.image, image => ring(&retouch, image, at, search.radius))
-                .ok_or("outside of the picture")?;
+            let (shown, place) =
+                with_image!(&picture.image, image => ring(&retouch, image, at, search.radius))
+                    .ok_or("outside of the picture")?;
             steps.push((step, shown, place));
             retouch.undo();
         }
@@ -367,7 +422,11 @@ fn find(
 }
 
 /// The fragments of a picture.
-fn index(picture: &Picture, operation: &Operation, progress: &Progress) -> Result<FragmentIndex, String> {
+fn index(
+    picture: &Picture,
+    operation: &Operation,
+    progress: &Progress,
+) -> Result<FragmentIndex, String> {
     let size = picture.image.size();
     let mut hole = Mask::empty(size);
     for Polygon(corners) in &operation.params.polygons {
@@ -375,7 +434,9 @@ fn index(picture: &Picture, operation: &Operation, progress: &Progress) -> Resul
         hole = hole.union(&polygon).map_err(|error| error.to_string())?;
     }
     let planes = operation.params.planes.iter();
-    let planes: Vec<[DVec2; 4]> = planes.filter_map(|plane| plane.0.as_slice().try_into().ok()).collect();
+    let planes: Vec<[DVec2; 4]> = planes
+        .filter_map(|plane| plane.0.as_slice().try_into().ok())
+        .collect();
     with_image!(&picture.image, image => {
         let sources = Sources {
             planes: &planes,
@@ -392,18 +453,19 @@ fn ring<P: Color>(
     image: &Image<P>,
     at: DVec2,
     radius: u32,
-) -> Option<(Arc<Shown>, [f64; 4])>
-where
-    AnyImage: From<Image<P>>,
-{
+) -> Option<(Arc<Shown>, [f64; 4])> {
     let reach = f64::from(radius);
     let first = (at - reach).max(DVec2::ZERO).floor();
     let end = (at + reach).ceil();
     let part = Rect::new(
         first.x as usize,
         first.y as usize,
-        (end.x as usize).min(image.width()).checked_sub(first.x as usize)?,
-        (end.y as usize).min(image.height()).checked_sub(first.y as usize)?,
+        (end.x as usize)
+            .min(image.width())
+            .checked_sub(first.x as usize)?,
+        (end.y as usize)
+            .min(image.height())
+            .checked_sub(first.y as usize)?,
     );
     let cut = part.size()?;
     let filled = retouch.picture_in(image, part)?;
@@ -411,7 +473,16 @@ where
     let round = Image::from_fn(cut, |col, row| {
         let place = DVec2::new(first.x + col as f64 + 0.5, first.y + row as f64 + 0.5);
         let Srgba([r, g, b, alpha]) = filled[(col, row)];
-        Srgba([r, g, b, if place.distance(at) <= reach { alpha } else { 0 }])
+        Srgba([
+            r,
+            g,
+            b,
+            if place.distance(at) <= reach {
+                alpha
+            } else {
+                0
+            },
+        ])
     });
     let shown = Shown::new(Arc::new(Picture::from_image(AnyImage::from(round))));
     let place = [first.x, first.y, cut.width() as f64, cut.height() as f64];

@@ -89,15 +89,25 @@ impl Outline {
             && let Some(at) = hand.response.hover_pos()
         {
             let radius = self.radius as f32 * hand.view.zoom;
-            hand.painter.circle_stroke(at, radius, Stroke::new(1.5, color));
+            hand.painter
+                .circle_stroke(at, radius, Stroke::new(1.5, color));
         }
-        let places: Vec<Pos2> = self.points.iter().map(|at| hand.view.to_screen(at[0], at[1])).collect();
+        let places: Vec<Pos2> = self
+            .points
+            .iter()
+            .map(|at| hand.view.to_screen(at[0], at[1]))
+            .collect();
         let width = match self.mode {
             OutlineMode::Brush => (2.0 * self.radius as f32 * hand.view.zoom).max(1.0),
             _ => 2.0,
         };
-        let color = if self.mode == OutlineMode::Brush { color.gamma_multiply(0.4) } else { color };
-        hand.painter.add(Shape::line(places, Stroke::new(width, color)));
+        let color = if self.mode == OutlineMode::Brush {
+            color.gamma_multiply(0.4)
+        } else {
+            color
+        };
+        hand.painter
+            .add(Shape::line(places, Stroke::new(width, color)));
         finished
     }
 
@@ -139,7 +149,10 @@ impl Outline {
 
     fn follow_clicks(&mut self, hand: &Hand<'_>) -> Option<Vec<Polygon>> {
         let (enter, escape) = hand.ui.input(|input| {
-            (input.key_pressed(Key::Enter), input.key_pressed(Key::Escape))
+            (
+                input.key_pressed(Key::Enter),
+                input.key_pressed(Key::Escape),
+            )
         });
         if escape {
             self.points.clear();
@@ -160,7 +173,8 @@ impl Outline {
         }
         if let (Some(last), Some(at)) = (self.points.last(), hand.response.hover_pos()) {
             let line = [hand.view.to_screen(last[0], last[1]), at];
-            hand.painter.line_segment(line, Stroke::new(1.0, Color32::WHITE));
+            hand.painter
+                .line_segment(line, Stroke::new(1.0, Color32::WHITE));
         }
         None
     }
@@ -181,7 +195,8 @@ fn simplified(points: &[[f64; 2]], tolerance: f64) -> Polygon {
             (x * dy - y * dx).abs() / length
         }
     };
-    let far = (1..points.len().saturating_sub(1)).max_by(|&a, &b| off(&points[a]).total_cmp(&off(&points[b])));
+    let far = (1..points.len().saturating_sub(1))
+        .max_by(|&a, &b| off(&points[a]).total_cmp(&off(&points[b])));
     match far {
         Some(k) if off(&points[k]) > tolerance => {
             let mut line = simplified(&points[..=k], tolerance);
@@ -207,11 +222,16 @@ fn brushed(points: &[[f64; 2]], radius: f64, tolerance: f64) -> Vec<Polygon> {
             (0..=CAP_CORNERS).map(move |k| {
                 let angle = start + std::f64::consts::PI * k as f64 / CAP_CORNERS as f64;
                 let round = |value: f64| (100.0 * value).round() / 100.0;
-                [round(center[0] + radius * angle.cos()), round(center[1] + radius * angle.sin())]
+                [
+                    round(center[0] + radius * angle.cos()),
+                    round(center[1] + radius * angle.sin()),
+                ]
             })
         };
         let quarter = std::f64::consts::FRAC_PI_2;
-        cap(b, along - quarter).chain(cap(a, along + quarter)).collect()
+        cap(b, along - quarter)
+            .chain(cap(a, along + quarter))
+            .collect()
     };
     ends.into_iter().map(capsule).collect()
 }
@@ -225,7 +245,11 @@ pub(crate) fn polygons(edit: &Edit, name: &str) -> Vec<Polygon> {
 pub(crate) fn with_polygons(edit: &Edit, name: &str, more: &[Polygon]) -> Edit {
     let mut all = polygons(edit, name);
     all.extend(more.iter().cloned());
-    let value = if all.is_empty() { Value::Null } else { json!(all) };
+    let value = if all.is_empty() {
+        Value::Null
+    } else {
+        json!(all)
+    };
     edit.with_param(name, value)
 }
 
@@ -244,8 +268,14 @@ mod tests {
 
     #[test]
     fn simplified_lines_keep_corners_and_drop_what_lies_between() {
-        let line: Polygon = (0..=20).map(|k| [f64::from(k), 0.0]).chain((1..=10).map(|k| [20.0, f64::from(k)])).collect();
-        assert_eq!(simplified(&line, 0.5), [[0.0, 0.0], [20.0, 0.0], [20.0, 10.0]]);
+        let line: Polygon = (0..=20)
+            .map(|k| [f64::from(k), 0.0])
+            .chain((1..=10).map(|k| [20.0, f64::from(k)]))
+            .collect();
+        assert_eq!(
+            simplified(&line, 0.5),
+            [[0.0, 0.0], [20.0, 0.0], [20.0, 10.0]]
+        );
         assert_eq!(simplified(&[[3.0, 4.0]], 0.5), [[3.0, 4.0]]);
     }
 
@@ -256,7 +286,10 @@ mod tests {
         assert_eq!(polygons.len(), 2);
         let inside = |at: [f64; 2]| {
             polygons.iter().any(|polygon| {
-                let places: Vec<Pos2> = polygon.iter().map(|at| egui::pos2(at[0] as f32, at[1] as f32)).collect();
+                let places: Vec<Pos2> = polygon
+                    .iter()
+                    .map(|at| egui::pos2(at[0] as f32, at[1] as f32))
+                    .collect();
                 super::super::quad::contains(&places, egui::pos2(at[0] as f32, at[1] as f32))
             })
         };

@@ -4,12 +4,11 @@ use super::quad::{self, Corners};
 use super::{Desk, Hand};
 use crate::engine::EditInput;
 use egui::{Color32, Key, Ui};
-use ravec::planar::{
-    QuadGrid, SnapParams, encoded_luminance, focal_px_from_35mm, line_segments, propose_planes,
-    snap, snap_counting,
-};
+use ravec::planar::{QuadGrid, SnapParams, encoded_luminance, propose_planes, snap, snap_counting};
 use ravec::progress::Progress;
 use ravec::raster::{Image, Plane, PremulLinearRgba, with_image};
+use ravec::twocolor::line_segments;
+use ravec_media::focal_px_from_35mm;
 use std::sync::Arc;
 
 /// Columns and rows that are searched for at most: finer grids find edges everywhere.
@@ -53,7 +52,11 @@ impl PlaneAids {
                 let label = ui.label(name);
                 let value = egui::DragValue::new(&mut self.grid[k]).range(0..=100);
                 let shown = value.custom_formatter(|value, _| {
-                    if value == 0.0 { "any".to_owned() } else { value.to_string() }
+                    if value == 0.0 {
+                        "any".to_owned()
+                    } else {
+                        value.to_string()
+                    }
                 });
                 ui.add(shown).labelled_by(label.id);
             }
@@ -78,12 +81,15 @@ impl PlaneAids {
         let Some(proposed) = proposed.filter(|proposed| proposed.key == hand.input.key) else {
             if !hand.assistant.is_asked("planes") {
                 let input = hand.input.clone();
-                hand.assistant.ask("planes", move |_, progress| propose(&input, progress));
+                hand.assistant
+                    .ask("planes", move |_, progress| propose(&input, progress));
             }
             return None;
         };
         let at = hand.response.hover_pos()?;
-        if taken.iter().any(|corners| quad::grip(hand.view, corners, at).is_some_and(|grip| grip != quad::Grip::Inside)) {
+        if taken.iter().any(|corners| {
+            quad::grip(hand.view, corners, at).is_some_and(|grip| grip != quad::Grip::Inside)
+        }) {
             return None;
         }
         let below = proposed.quads.iter().find(|corners| {
@@ -101,7 +107,9 @@ impl PlaneAids {
             let k = usize::from(hand.ui.input(|input| input.modifiers.alt));
             self.grid[k] = self.grid[k].saturating_add_signed(turned as i32).min(100);
         }
-        let pressed = hand.ui.input(|input| input.key_pressed(Key::S) && input.modifiers.is_none());
+        let pressed = hand
+            .ui
+            .input(|input| input.key_pressed(Key::S) && input.modifiers.is_none());
         if pressed && !hand.ui.ctx().egui_wants_keyboard_input() {
             let (input, from, grid) = (hand.input.clone(), *corners, self.grid);
             self.snapping = Some(from);
@@ -143,7 +151,10 @@ fn propose(input: &EditInput, progress: &Progress) -> Option<Proposed> {
     let edges = line_segments(&image, progress).ok()?;
     let extent = glam::dvec2(width as f64, height as f64);
     let found = propose_planes(&edges, extent, focal, progress).ok()?;
-    let quads = found.planes.iter().map(|plane| plane.quad.map(|at| at.to_array()));
+    let quads = found
+        .planes
+        .iter()
+        .map(|plane| plane.quad.map(|at| at.to_array()));
     Some(Proposed {
         key: input.key.clone(),
         quads: quads.collect(),
@@ -159,12 +170,26 @@ fn snapped(
 ) -> Result<(Corners, [u32; 2]), String> {
     let params = SnapParams::default();
     let corners = corners.map(Into::into);
-    let rough = QuadGrid::new(corners, columns.max(1), rows.max(1)).map_err(|error| error.to_string())?;
+    let rough =
+        QuadGrid::new(corners, columns.max(1), rows.max(1)).map_err(|error| error.to_string())?;
     let found = if columns > 0 && rows > 0 {
         snap(plane, &rough, &params, progress)
     } else {
-        let range = |count: u32| if count > 0 { count..=count } else { 1..=MAX_COUNT };
-        snap_counting(plane, &rough, range(columns), range(rows), &params, progress)
+        let range = |count: u32| {
+            if count > 0 {
+                count..=count
+            } else {
+                1..=MAX_COUNT
+            }
+        };
+        snap_counting(
+            plane,
+            &rough,
+            range(columns),
+            range(rows),
+            &params,
+            progress,
+        )
     };
     let grid = found.map_err(|error| error.to_string())?.grid;
     let corners = grid.corners().map(|at| at.to_array());

@@ -147,7 +147,9 @@ pub(crate) fn read(text: &str) -> Option<Corners> {
     let numbers = text.split(',').map(|number| number.trim().parse());
     let numbers: Vec<f64> = numbers.collect::<Result<_, _>>().ok()?;
     let numbers: [f64; 8] = numbers.try_into().ok()?;
-    Some(std::array::from_fn(|k| [numbers[2 * k], numbers[2 * k + 1]]))
+    Some(std::array::from_fn(|k| {
+        [numbers[2 * k], numbers[2 * k + 1]]
+    }))
 }
 
 /// Corners as the text of a parameter.

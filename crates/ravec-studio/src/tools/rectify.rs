@@ -75,7 +75,14 @@ impl Tool for Rectify {
         }
         let corners = corners(edit)?;
         let color = Color32::from_rgb(90, 220, 120);
-        quad::paint(hand.painter, hand.view, &corners, self.aids.drawn_grid(), color, true);
+        quad::paint(
+            hand.painter,
+            hand.view,
+            &corners,
+            self.aids.drawn_grid(),
+            color,
+            true,
+        );
         let with = |corners: &Corners| edit.with_param("quad", quad::text(corners).into());
         if let Some(snapped) = self.aids.follow_snap(hand, &corners) {
             return Some(Gesture::done(with(&snapped)));
@@ -93,7 +100,10 @@ impl Tool for Rectify {
     }
 
     fn panel_ui(&mut self, ui: &mut Ui, desk: &Desk<'_>, _edit: &Edit) -> Option<Gesture> {
-        ui.checkbox(&mut self.shows_result, "Show the rectified picture on the canvas");
+        ui.checkbox(
+            &mut self.shows_result,
+            "Show the rectified picture on the canvas",
+        );
         self.aids.ui(ui, desk);
         if let Some(note) = desk.note {
             ui.label(note);
@@ -120,6 +130,8 @@ fn draft(job: &DraftJob, _memory: &mut Memory, progress: &Progress) -> Option<Dr
     let aspect = result["aspect"].as_f64().unwrap_or_default();
     Some(DraftView {
         note: format!("Width by height {aspect:.3}, {from}"),
-        ..DraftView::whole(View::Picture(Arc::new(Shown::new(output.picture()?.clone()))))
+        ..DraftView::whole(View::Picture(Arc::new(Shown::new(
+            output.picture()?.clone(),
+        ))))
     })
 }

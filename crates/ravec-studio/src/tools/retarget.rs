@@ -8,7 +8,9 @@ use crate::document::Edit;
 use crate::shown::Shown;
 use egui::{Color32, CursorIcon, Pos2, Rect, Stroke, Ui, pos2};
 use ravec::progress::Progress;
-use ravec::raster::{AnyImage, Color, Image, Resample, ResizeFilter, Size, Srgba, resize, with_image};
+use ravec::raster::{
+    AnyImage, Color, Image, Resample, ResizeFilter, Size, Srgba, resize, with_image,
+};
 use ravec::retarget::{Deformation, Painted, Retargeter, WarpFilter};
 use ravec_jobs::retarget::Params;
 use ravec_media::Picture;
@@ -95,7 +97,9 @@ fn size_of(edit: &Edit, input: [usize; 2]) -> [f64; 2] {
 fn with_size(edit: &Edit, size: [f64; 2], input: [usize; 2]) -> Edit {
     let size = [0, 1].map(|k| {
         let input = input[k] as f64;
-        size[k].clamp((MIN_SHARE * input).ceil(), 4.0 * input).round()
+        size[k]
+            .clamp((MIN_SHARE * input).ceil(), 4.0 * input)
+            .round()
     });
     edit.with_param("sizes", json!([format!("{}x{}", size[0], size[1])]))
 }
@@ -171,7 +175,11 @@ impl Tool for Retarget {
             ui.horizontal_wrapped(|ui| {
                 ui.label("Format");
                 for (name, across, down) in FORMATS {
-                    if ui.button(name).on_hover_text("Keeps the longer side").clicked() {
+                    if ui
+                        .button(name)
+                        .on_hover_text("Keeps the longer side")
+                        .clicked()
+                    {
                         let [width, height] = input.map(|side| side as f64);
                         let size = if across / down < width / height {
                             [height * across / down, height]
@@ -190,7 +198,10 @@ impl Tool for Retarget {
                 "give_way_polygons"
             };
             let some = !edit.param(name).is_null();
-            if ui.add_enabled(some, egui::Button::new("Remove areas")).clicked() {
+            if ui
+                .add_enabled(some, egui::Button::new("Remove areas"))
+                .clicked()
+            {
                 changed = Some(edit.with_param(name, Value::Null));
             }
         }
@@ -248,9 +259,13 @@ impl Retarget {
                 let prepared = prepare(&input, &edit, memory, progress)?;
                 let deformation = prepared.solve(wanted)?;
                 let lines = deformation.grid_lines();
-                let lines = lines.map(|line| line.ends.map(|at| at.to_array())).collect();
+                let lines = lines
+                    .map(|line| line.ends.map(|at| at.to_array()))
+                    .collect();
                 let runs = deformation.straight_runs();
-                let runs = runs.map(|run| run.iter().map(|at| at.to_array()).collect()).collect();
+                let runs = runs
+                    .map(|run| run.iter().map(|at| at.to_array()).collect())
+                    .collect();
                 Some(Drawing { edit, lines, runs })
             });
         }
@@ -260,7 +275,8 @@ impl Retarget {
         let place = |at: &[f64; 2]| hand.view.to_screen(at[0], at[1]);
         let thin = Stroke::new(1.0, Color32::from_white_alpha(70));
         for line in &drawing.lines {
-            hand.painter.line_segment([place(&line[0]), place(&line[1])], thin);
+            hand.painter
+                .line_segment([place(&line[0]), place(&line[1])], thin);
         }
         let strong = Stroke::new(2.0, Color32::from_rgb(80, 200, 255));
         for run in &drawing.runs {
@@ -344,9 +360,17 @@ fn prepare<'a>(
 ) -> Option<&'a mut Prepared> {
     let picture = input.content.picture()?;
     let settings = edit.with_param("sizes", Value::Null);
-    let key = format!("{} {}", input.key, serde_json::to_string(&settings.fields).ok()?);
+    let key = format!(
+        "{} {}",
+        input.key,
+        serde_json::to_string(&settings.fields).ok()?
+    );
     let prepared = memory.keep("retargeter", &key.into(), || -> Result<_, ()> {
-        let params = edit.fields.get("params").cloned().unwrap_or_else(|| json!({}));
+        let params = edit
+            .fields
+            .get("params")
+            .cloned()
+            .unwrap_or_else(|| json!({}));
         let params: Params = serde_json::from_value(params).map_err(|_| ())?;
         let size = picture.image.size();
         let masks = params.with_polygons(None, None, size).map_err(|_| ())?;

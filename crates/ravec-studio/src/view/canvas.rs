@@ -137,9 +137,14 @@ impl Canvas {
 
     /// Draws the pictures, and moves them with the wheel and the middle button, or any button while space is held.
     pub fn ui(&mut self, ui: &mut Ui, layers: &Layers<'_>) -> Response {
+        self.ui_named(ui, layers, "Canvas")
+    }
+
+    /// As [`ui`](Self::ui), with an accessible name of its own.
+    pub fn ui_named(&mut self, ui: &mut Ui, layers: &Layers<'_>, name: &str) -> Response {
         let whole = ui.available_rect_before_wrap();
         let response = ui.allocate_rect(whole, Sense::click_and_drag());
-        response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, "Canvas"));
+        response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, name));
         ui.painter_at(whole)
             .rect_filled(whole, 0.0, ui.visuals().extreme_bg_color);
         self.shown = layers.shown.cloned();
@@ -160,29 +165,60 @@ impl Canvas {
         };
         let clip = area;
         let own = place(shown.size(), Vec2::ZERO);
-        self.paint(ui, &Layer { slot: 0, shown, place: own, clip });
+        self.paint(
+            ui,
+            &Layer {
+                slot: 0,
+                shown,
+                place: own,
+                clip,
+            },
+        );
         if let Some((patch, [x, y, width, height])) = layers.patch {
             let place =
                 Rect::from_two_pos(view.to_screen(x, y), view.to_screen(x + width, y + height));
-            self.paint(ui, &Layer { slot: 1, shown: patch, place, clip });
+            self.paint(
+                ui,
+                &Layer {
+                    slot: 1,
+                    shown: patch,
+                    place,
+                    clip,
+                },
+            );
         }
         if let Some(before) = layers.before {
             let (shift, clip) = match self.comparison {
                 Comparison::Off => (Vec2::ZERO, Rect::NOTHING),
                 Comparison::SideBySide => {
                     let half = vec2(whole.center().x - whole.left(), 0.0);
-                    (-half, Rect::from_min_max(whole.min, pos2(area.left(), whole.bottom())))
+                    (
+                        -half,
+                        Rect::from_min_max(whole.min, pos2(area.left(), whole.bottom())),
+                    )
                 }
                 Comparison::Wipe(share) => {
                     let x = self.wiped(ui, &response, share);
-                    (Vec2::ZERO, Rect::from_min_max(whole.min, pos2(x, whole.bottom())))
+                    (
+                        Vec2::ZERO,
+                        Rect::from_min_max(whole.min, pos2(x, whole.bottom())),
+                    )
                 }
             };
             if clip.is_positive() {
                 let place = place(before.size(), shift);
-                self.paint(ui, &Layer { slot: 2, shown: before, place, clip });
+                self.paint(
+                    ui,
+                    &Layer {
+                        slot: 2,
+                        shown: before,
+                        place,
+                        clip,
+                    },
+                );
                 let line = egui::Stroke::new(1.0, Color32::WHITE);
-                ui.painter_at(whole).vline(clip.right(), whole.y_range(), line);
+                ui.painter_at(whole)
+                    .vline(clip.right(), whole.y_range(), line);
             }
         }
         self.tiler.end(ui.ctx());
@@ -215,7 +251,11 @@ impl Canvas {
             let (scroll, pinch) = ui.input(|input| {
                 // the wheel with a key belongs to the tools
                 let plain = input.modifiers.is_none() || input.modifiers.command;
-                let scroll = if plain { input.smooth_scroll_delta().y } else { 0.0 };
+                let scroll = if plain {
+                    input.smooth_scroll_delta().y
+                } else {
+                    0.0
+                };
                 (scroll, input.zoom_delta())
             });
             let factor = pinch * (scroll * 0.004).exp();

@@ -128,8 +128,7 @@ impl Tiler {
 
     fn start(&mut self, context: &egui::Context) {
         self.started = true;
-        let (shared, sender, context) =
-            (self.shared.clone(), self.sender.clone(), context.clone());
+        let (shared, sender, context) = (self.shared.clone(), self.sender.clone(), context.clone());
         let thread = std::thread::Builder::new().name("tiles".to_owned());
         // without a thread the canvas stays empty, and the window still works
         let _ = thread.spawn(move || {

@@ -65,7 +65,7 @@ impl Textures {
 }
 
 fn upload(ui: &Ui, thumbnail: &Thumbnail) -> TextureHandle {
-    let level = &thumbnail.level;
+    let level = &thumbnail.tile;
     let colors = level
         .pixels
         .iter()
