@@ -113,8 +113,8 @@ fn frames_are_those_that_are_read_in_order_whatever_the_order_of_requests() {
             let (_, shown, picture) = reader.shown().unwrap();
             let expected = &truth[number as usize];
             assert!(picture.image == *expected, "{number} of {}", path.display());
-            let expected = Shown::new(expected);
-            assert!(shown.levels[0].pixels == expected.levels[0].pixels);
+            let expected = Shown::new(Arc::new(Picture::from_image(expected.clone())));
+            assert!(shown.pixels() == expected.pixels());
             assert_eq!(reader.failure(), None);
             let (visible, _) = reader.visible().unwrap();
             assert_eq!(visible, number, "no other frame is shown once it is read");
@@ -290,7 +290,7 @@ fn thumbnails_show_their_frames_and_are_made_again_for_another_count() {
         reader.wait_for_thumbnails();
         let made = reader.thumbnails(count);
         for thumbnail in made.iter() {
-            let level = &thumbnail.level;
+            let level = &thumbnail.tile;
             assert_eq!((level.width, level.height), (48, 32));
             let pixel = level.pixels[1 * 48 + 12];
             let expected = self::level(thumbnail.frame);

@@ -87,7 +87,7 @@ fn on_screen(harness: &Harness<'_, Studio>, x: f32, y: f32) -> Pos2 {
 }
 
 fn size(harness: &Harness<'_, Studio>) -> [usize; 2] {
-    harness.state().snapshot().unwrap().shown.unwrap().size()
+    harness.state().snapshot().unwrap().shown().unwrap().clone().size()
 }
 
 #[test]
@@ -124,7 +124,7 @@ fn a_side_that_is_dragged_retargets_the_picture() {
 fn strokes_stay_editable() {
     let folder = tempfile::tempdir().unwrap();
     let mut harness = studio(folder.path(), None);
-    let before = harness.state().snapshot().unwrap().shown.unwrap();
+    let before = harness.state().snapshot().unwrap().shown().unwrap().clone();
     click(&mut harness, "Brush");
     let way = [(50.0, 45.0), (60.0, 50.0), (70.0, 55.0)].map(|(x, y)| on_screen(&harness, x, y));
     drag(&mut harness, &way);
@@ -135,11 +135,11 @@ fn strokes_stay_editable() {
     assert_eq!(strokes.len(), 1);
     let points = strokes[0]["points"].as_array().unwrap();
     assert!(points.len() >= 3, "{points:?}");
-    let after = harness.state().snapshot().unwrap().shown.unwrap();
+    let after = harness.state().snapshot().unwrap().shown().unwrap().clone();
     let place = 50 * 160 + 60;
     assert_ne!(
-        before.levels[0].pixels[place],
-        after.levels[0].pixels[place]
+        before.pixels()[place],
+        after.pixels()[place]
     );
     // the keys change the radius, and with it nothing that is painted
     harness.hover_at(way[0]);
@@ -151,10 +151,10 @@ fn strokes_stay_editable() {
         .unwrap();
     assert!(radius > 32.0);
     click(&mut harness, "Remove Brush");
-    let cleared = harness.state().snapshot().unwrap().shown.unwrap();
+    let cleared = harness.state().snapshot().unwrap().shown().unwrap().clone();
     assert_eq!(
-        before.levels[0].pixels[place],
-        cleared.levels[0].pixels[place]
+        before.pixels()[place],
+        cleared.pixels()[place]
     );
 }
 
@@ -162,13 +162,13 @@ fn strokes_stay_editable() {
 fn an_edit_that_is_switched_off_has_no_effect() {
     let folder = tempfile::tempdir().unwrap();
     let mut harness = studio(folder.path(), None);
-    let before = harness.state().snapshot().unwrap().shown.unwrap();
+    let before = harness.state().snapshot().unwrap().shown().unwrap().clone();
     click(&mut harness, "Two-color view");
-    let drawn = harness.state().snapshot().unwrap().shown.unwrap();
-    assert_ne!(before.levels[0].pixels, drawn.levels[0].pixels);
+    let drawn = harness.state().snapshot().unwrap().shown().unwrap().clone();
+    assert_ne!(before.pixels(), drawn.pixels());
     click(&mut harness, "Use Two-color view");
-    let off = harness.state().snapshot().unwrap().shown.unwrap();
-    assert_eq!(before.levels[0].pixels, off.levels[0].pixels);
+    let off = harness.state().snapshot().unwrap().shown().unwrap().clone();
+    assert_eq!(before.pixels(), off.pixels());
 }
 
 #[test]
