@@ -192,7 +192,13 @@ const CRATES: &[Crate] = &[
     Crate {
         name: "ravec-studio",
         layer: "fronts",
-        uses: &["ravec-jobs", "ravec", "ravec-media", "ravec-files"],
+        uses: &[
+            "ravec-jobs",
+            "ravec",
+            "ravec-media",
+            "ravec-video",
+            "ravec-files",
+        ],
     },
     Crate {
         name: "ravec-scenes",

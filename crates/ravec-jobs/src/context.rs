@@ -84,6 +84,19 @@ impl Context {
         self.stored_picture(name)
     }
 
+    /// Makes a mesh the intermediate result of this name, as [`insert_picture`](Self::insert_picture) does with a picture.
+    pub fn insert_mesh(&self, name: &Path, mesh: Arc<MeshFile>) {
+        self.store(name, Intermediate::Mesh(mesh));
+    }
+
+    /// The mesh that an operation has written to an intermediate result.
+    ///
+    /// # Errors
+    /// [`JobError::NoIntermediate`].
+    pub fn mesh(&self, name: &Path) -> Result<MeshFile, JobError> {
+        self.stored_mesh(name)
+    }
+
     /// True for a path that is an intermediate result here, not a file.
     pub(crate) fn is_intermediate(&self, path: &Path) -> bool {
         self.intermediates.is_some() && is_intermediate(path)

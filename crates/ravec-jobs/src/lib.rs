@@ -32,6 +32,7 @@ pub mod catalogue;
 pub mod compare;
 pub mod complete;
 mod context;
+mod corners;
 mod error;
 mod files;
 mod identity;

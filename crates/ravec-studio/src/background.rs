@@ -1,5 +1,6 @@
 //! Reading and writing of files beside the window.
 
+use crate::content::Kind;
 use crate::document::Document;
 use crate::engine::export;
 use crate::project::Project;
@@ -11,7 +12,7 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 /// The end of a task, each with a sentence if it failed.
 pub(crate) enum Done {
     /// A picture or a project was opened; where it is saved, if it is a project.
-    Opened(PathBuf, Result<Project, String>),
+    Opened(PathBuf, Result<(Project, Kind), String>),
     /// A project was saved.
     Saved(PathBuf, Result<(), String>),
     /// A result was written.
@@ -87,23 +88,28 @@ pub(crate) fn is_project(path: &Path) -> bool {
         .is_some_and(|extension| extension.eq_ignore_ascii_case("json"))
 }
 
-fn open(path: &Path) -> Result<Project, String> {
+fn open(path: &Path) -> Result<(Project, Kind), String> {
     if is_project(path) {
-        return Project::load(path).map_err(|error| error.to_string());
+        let project = Project::load(path).map_err(|error| error.to_string())?;
+        let kind = Kind::of(&project.document.source);
+        return Ok((project, kind));
     }
     let whole = std::path::absolute(path).unwrap_or_else(|_| path.to_path_buf());
-    // a folder or a missing file is refused here; what is no picture by the engine
-    let data = std::fs::metadata(&whole).map_err(|error| format!("{}: {error}", path.display()))?;
-    if data.is_dir() {
-        return Err(format!("{} is a folder, not a picture", path.display()));
+    // a missing file is refused here; what is no picture by the engine
+    let is_pattern = whole.to_string_lossy().contains('%');
+    if !is_pattern {
+        std::fs::metadata(&whole).map_err(|error| format!("{}: {error}", path.display()))?;
     }
+    let kind = Kind::of(&whole);
     let stem = whole
         .file_stem()
         .unwrap_or_default()
         .to_string_lossy()
         .into_owned();
-    Ok(Project {
-        output: whole.with_file_name(format!("{stem}-edited.png")),
+    let name = format!("{stem}-edited.{}", kind.extension());
+    let project = Project {
+        output: whole.with_file_name(name),
         document: Document::new(whole),
-    })
+    };
+    Ok((project, kind))
 }

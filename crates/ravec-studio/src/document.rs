@@ -9,6 +9,12 @@ use std::sync::Arc;
 /// Number of an edit, unique in its document.
 pub type EditId = u64;
 
+/// Operations that look at their input and change nothing.
+const ANALYSES: [&str; 1] = ["track"];
+
+/// Name of the input in the expression of a Boolean operation.
+pub const INPUT_NAME: &str = "a";
+
 /// An operation without its files: these follow from its place in the list.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -55,17 +61,34 @@ impl Edit {
         edit
     }
 
-    /// The operation with these files.
+    /// True for an operation that looks at its input and changes nothing, such as `track`: its output is a file of its own.
+    pub fn is_analysis(&self) -> bool {
+        ANALYSES.contains(&self.operation.as_str())
+    }
+
+    /// The operation with these files. An analysis keeps its own output.
     ///
     /// # Errors
     /// One sentence about a field.
     pub fn step(&self, input: &Path, output: &Path) -> Result<Step, String> {
         let mut fields = self.fields.clone();
-        for (name, path) in [("input", input), ("output", output)] {
-            let text = path
-                .to_str()
-                .ok_or_else(|| format!("{} is not Unicode", path.display()))?;
-            fields.insert(name.to_owned(), text.into());
+        let text = |path: &Path| {
+            let text = path.to_str();
+            text.map(Value::from)
+                .ok_or_else(|| format!("{} is not Unicode", path.display()))
+        };
+        if self.operation == "boolean" {
+            // the input is the first of several
+            let more = fields.remove("files").unwrap_or(Value::Null);
+            let input = format!("{INPUT_NAME}={}", text(input)?.as_str().unwrap_or_default());
+            let mut files = vec![Value::from(input)];
+            files.extend(more.as_array().into_iter().flatten().cloned());
+            fields.insert("files".to_owned(), files.into());
+        } else {
+            fields.insert("input".to_owned(), text(input)?);
+        }
+        if !self.is_analysis() {
+            fields.insert("output".to_owned(), text(output)?);
         }
         fields.insert("operation".to_owned(), self.operation.clone().into());
         serde_json::from_value(Value::Object(fields)).map_err(|error| error.to_string())
@@ -160,6 +183,11 @@ impl Document {
         }
     }
 
+    /// The edits that change what is passed on.
+    pub fn links(&self) -> impl Iterator<Item = &Arc<Edit>> {
+        self.enabled().filter(|edit| !edit.is_analysis())
+    }
+
     /// The edits that are not passed over.
     pub fn enabled(&self) -> impl Iterator<Item = &Arc<Edit>> {
         self.edits.iter().filter(|edit| edit.enabled)
@@ -170,19 +198,21 @@ impl Document {
     /// # Errors
     /// [`EditError`] for the first edit that makes no sense; without an edit there is nothing to run.
     pub fn recipe(&self, output: &Path) -> Result<Recipe, EditError> {
-        let edits: Vec<&Arc<Edit>> = self.enabled().collect();
-        let mut steps = Vec::with_capacity(edits.len());
-        for (index, edit) in edits.iter().enumerate() {
-            let input = if index == 0 {
-                self.source.clone()
-            } else {
-                result_name(index)
+        let links = self.links().count();
+        let mut steps = Vec::new();
+        let mut done = 0;
+        for edit in self.enabled() {
+            let input = match done {
+                0 => self.source.clone(),
+                done if done == links => output.to_path_buf(),
+                done => result_name(done),
             };
-            let last = index + 1 == edits.len();
-            let target = if last {
-                output.to_path_buf()
-            } else {
-                result_name(index + 1)
+            if !edit.is_analysis() {
+                done += 1;
+            }
+            let target = match done {
+                done if done == links => output.to_path_buf(),
+                done => result_name(done),
             };
             steps.push(edit.step(&input, &target).map_err(|reason| EditError {
                 edit: edit.id,

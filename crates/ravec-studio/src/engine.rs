@@ -6,10 +6,13 @@
 //! Guarantees: no call waits for the worker; a picture that is shown belongs to a request that was made, and pictures come in the
 //! order of their requests.
 
+use crate::content::{Content, Kind, View, Visible};
 use crate::document::{Document, Edit, EditId, result_name};
+use crate::painting::Painting;
 use crate::shown::Shown;
+use ravec::mesh_io::{ReadOptions, read_mesh_file_with};
 use ravec::progress::{Progress, Update};
-use ravec_jobs::{Context, JobError};
+use ravec_jobs::{Context, JobError, Report};
 use ravec_media::Picture;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -40,20 +43,71 @@ pub struct Busy {
     pub elapsed: Duration,
 }
 
+/// A frame of a clip as the source of a request.
+#[derive(Debug, Clone)]
+pub struct SourceFrame {
+    /// Number of the frame.
+    pub number: u64,
+    /// Its picture.
+    pub picture: Arc<Picture>,
+}
+
+impl PartialEq for SourceFrame {
+    /// Frames of one clip are equal if their numbers are.
+    fn eq(&self, other: &Self) -> bool {
+        self.number == other.number
+    }
+}
+
+/// A document whose result is asked for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Request {
+    /// The document.
+    pub document: Document,
+    /// The frame of a clip that takes the place of the source.
+    pub frame: Option<SourceFrame>,
+    /// Stops by which results are shown brighter.
+    pub exposure: f32,
+}
+
+impl Request {
+    /// The result of a document whose source is a file.
+    pub fn new(document: Document) -> Self {
+        Self {
+            document,
+            frame: None,
+            exposure: 0.0,
+        }
+    }
+}
+
+/// The input of an edit.
+#[derive(Debug, Clone)]
+pub struct EditInput {
+    /// Text that changes with the content.
+    pub key: Arc<str>,
+    /// The content.
+    pub content: Content,
+}
+
 /// State of the engine at a moment.
 #[derive(Debug, Clone, Default)]
 pub struct Snapshot {
-    /// The last good picture.
-    pub picture: Option<Arc<Picture>>,
-    /// The same, as a screen shows it.
-    pub shown: Option<Arc<Shown>>,
-    /// The source, as a screen shows it.
-    pub before: Option<Arc<Shown>>,
-    /// Columns and rows of the inputs of the edits.
-    pub input_sizes: HashMap<EditId, [usize; 2]>,
+    /// The last good result.
+    pub result: Option<Visible>,
+    /// Text that changes with the content of the last good result.
+    pub key: Arc<str>,
+    /// The source, as a canvas shows it.
+    pub before: Option<View>,
+    /// The inputs of the edits of the last good result.
+    pub inputs: Arc<HashMap<EditId, EditInput>>,
+    /// Reports of the edits of the last good result.
+    pub reports: Arc<HashMap<EditId, Arc<Report>>>,
+    /// Number of the frame of a clip that the result belongs to.
+    pub frame: Option<u64>,
     /// Number of the request that it belongs to, from 1.
     pub serial: u64,
-    /// True if a newer picture was asked for and is not there.
+    /// True if a newer result was asked for and is not there.
     pub is_stale: bool,
     /// The work that is going on.
     pub busy: Option<Busy>,
@@ -61,10 +115,22 @@ pub struct Snapshot {
     pub failure: Option<Failure>,
 }
 
+impl Snapshot {
+    /// The last good picture, as a screen shows it.
+    pub fn shown(&self) -> Option<&Arc<Shown>> {
+        self.result.as_ref()?.view.picture()
+    }
+
+    /// Columns and rows of the last good picture.
+    pub fn size(&self) -> Option<[usize; 2]> {
+        Some(self.shown()?.size())
+    }
+}
+
 #[derive(Default)]
 struct State {
     /// The request that the worker takes next.
-    next: Option<(u64, Document)>,
+    next: Option<(u64, Request)>,
     /// Number of the last request.
     asked: u64,
     running: Option<(Progress, Instant)>,
@@ -79,6 +145,8 @@ struct State {
 struct Shared {
     state: Mutex<State>,
     wake: Condvar,
+    /// The brush in the hand.
+    painting: Arc<Mutex<Painting>>,
     /// Called when there is something new to show.
     repaint: Box<dyn Fn() + Send + Sync>,
 }
@@ -101,6 +169,7 @@ impl Engine {
         let shared = Arc::new(Shared {
             state: Mutex::default(),
             wake: Condvar::new(),
+            painting: Arc::default(),
             repaint: Box::new(repaint),
         });
         let own = shared.clone();
@@ -112,12 +181,12 @@ impl Engine {
         }
     }
 
-    /// Asks for the result of a document, in place of all earlier requests; the number of the request.
-    pub fn request(&self, document: Document) -> u64 {
+    /// Asks for a result, in place of all earlier requests; the number of the request.
+    pub fn request(&self, request: Request) -> u64 {
         let mut state = self.shared.state();
         state.asked += 1;
         let serial = state.asked;
-        state.next = Some((serial, document));
+        state.next = Some((serial, request));
         if let Some((progress, _)) = &state.running {
             progress.cancel();
         }
@@ -142,18 +211,19 @@ impl Engine {
             fraction: state.update.map_or(0.0, |update| update.fraction()),
             elapsed: since.elapsed(),
         });
+        let result = state.result.clone();
+        let result = result.as_ref();
         Snapshot {
-            picture: state.result.as_ref().map(|result| result.picture.clone()),
-            shown: state.result.as_ref().map(|result| result.shown.clone()),
-            before: state
-                .result
-                .as_ref()
-                .and_then(|result| result.before.clone()),
-            input_sizes: state
-                .result
-                .as_ref()
-                .map(|result| result.input_sizes.clone())
+            result: result.map(|result| result.visible.clone()),
+            key: result.map_or_else(|| "".into(), |result| result.key.clone()),
+            before: result.and_then(|result| result.before.clone()),
+            inputs: result
+                .map(|result| result.inputs.clone())
                 .unwrap_or_default(),
+            reports: result
+                .map(|result| result.reports.clone())
+                .unwrap_or_default(),
+            frame: result.and_then(|result| result.frame),
             serial: state.serial,
             is_stale: state.serial < state.asked,
             busy,
@@ -164,6 +234,11 @@ impl Engine {
     /// Number of operations that were run, to see what the cache saves.
     pub fn runs(&self) -> u64 {
         self.shared.state().runs
+    }
+
+    /// The brush in the hand, which the assistant moves.
+    pub(crate) fn painting(&self) -> Arc<Mutex<Painting>> {
+        self.shared.painting.clone()
     }
 
     /// Waits until nothing is asked for or going on: for tests and exports.
@@ -193,7 +268,7 @@ impl Drop for Engine {
 fn work(shared: &Arc<Shared>) {
     let mut cache = Cache::default();
     loop {
-        let (serial, document, progress) = {
+        let (serial, request, progress) = {
             let mut state = shared.state();
             while state.next.is_none() && !state.quits {
                 state = shared
@@ -204,7 +279,7 @@ fn work(shared: &Arc<Shared>) {
             if state.quits {
                 return;
             }
-            let Some((serial, document)) = state.next.take() else {
+            let Some((serial, request)) = state.next.take() else {
                 continue;
             };
             let sink = Arc::downgrade(shared);
@@ -216,9 +291,9 @@ fn work(shared: &Arc<Shared>) {
             });
             state.running = Some((progress.clone(), Instant::now()));
             state.update = None;
-            (serial, document, progress)
+            (serial, request, progress)
         };
-        let outcome = evaluate(&document, &progress, &mut cache, || {
+        let outcome = evaluate(&request, &progress, &mut cache, &shared.painting, || {
             shared.state().runs += 1;
         });
         let mut state = shared.state();
@@ -241,30 +316,33 @@ fn work(shared: &Arc<Shared>) {
     }
 }
 
-/// The result of a document.
+/// The result of a request.
 #[derive(Clone)]
 struct Evaluated {
-    picture: Arc<Picture>,
-    shown: Arc<Shown>,
-    before: Option<Arc<Shown>>,
-    input_sizes: HashMap<EditId, [usize; 2]>,
+    visible: Visible,
+    key: Arc<str>,
+    before: Option<View>,
+    inputs: Arc<HashMap<EditId, EditInput>>,
+    reports: Arc<HashMap<EditId, Arc<Report>>>,
+    frame: Option<u64>,
 }
 
-fn size_of(picture: &Picture) -> [usize; 2] {
-    let size = picture.image.size();
-    [size.width(), size.height()]
-}
-
-/// The result of a document; no failure for a cancelled run.
+/// The result of a request; no failure for a cancelled run.
 fn evaluate(
-    document: &Document,
+    request: &Request,
     progress: &Progress,
     cache: &mut Cache,
+    painting: &Mutex<Painting>,
     mut on_run: impl FnMut(),
 ) -> Result<Evaluated, Option<Failure>> {
-    let edits: Vec<&Arc<Edit>> = document.enabled().collect();
+    let Request {
+        document,
+        frame,
+        exposure,
+    } = request;
+    let edits: Vec<&Arc<Edit>> = document.links().collect();
     // what the results behind each edit are made by
-    let mut keys = vec![source_key(&document.source)];
+    let mut keys = vec![source_key(&document.source, frame.as_ref(), *exposure)];
     for edit in &edits {
         let fields = serde_json::to_string(&edit.fields).unwrap_or_default();
         let before = &keys[keys.len() - 1];
@@ -276,15 +354,17 @@ fn evaluate(
     let (mut done, mut result) = if let Some(known) = known {
         known
     } else {
-        let limits = Context::new(progress).limits;
-        let read = ravec_media::read(&document.source, &limits);
-        let picture = Arc::new(read.map_err(|error| {
-            Some(Failure {
+        let content = match frame {
+            Some(frame) => Ok(Content::Picture(frame.picture.clone())),
+            None => read(&document.source, progress),
+        };
+        let content = content.map_err(|message| {
+            message.map(|message| Failure {
                 edit: None,
-                message: error.to_string(),
+                message,
             })
-        })?);
-        let result = Cached::new(picture);
+        })?;
+        let result = Cached::new(content, *exposure, None);
         cache.insert(&keys[0], result.clone());
         (0, result)
     };
@@ -297,55 +377,143 @@ fn evaluate(
                 message,
             })
         };
-        let picture = match run(edit, &result.picture, progress) {
-            Ok(picture) => Arc::new(picture),
+        let input = EditInput {
+            key: keys[done].as_str().into(),
+            content: result.visible.content.clone(),
+        };
+        let (content, report) = match run(edit, &input, painting, progress) {
+            Ok(done) => done,
             Err(RunError::Edit(reason)) => return Err(failed(reason)),
             Err(RunError::Job(JobError::Cancelled)) => return Err(None),
             Err(RunError::Job(error)) => return Err(failed(error.to_string())),
         };
         done += 1;
-        result = Cached::new(picture);
+        result = Cached::new(content, *exposure, report.map(Arc::new));
         cache.insert(&keys[done], result.clone());
     }
-    let sizes = edits
-        .iter()
-        .zip(&keys)
-        .filter_map(|(edit, key)| Some((edit.id, cache.get(key)?)));
-    let input_sizes = sizes
-        .map(|(id, input)| (id, size_of(&input.picture)))
-        .collect();
+    let mut inputs = HashMap::new();
+    let mut reports = HashMap::new();
+    for (k, edit) in edits.iter().enumerate() {
+        if let Some(input) = cache.get(&keys[k]) {
+            let key = keys[k].as_str().into();
+            let content = input.visible.content;
+            inputs.insert(edit.id, EditInput { key, content });
+        }
+        if let Some(report) = cache.get(&keys[k + 1]).and_then(|output| output.report) {
+            reports.insert(edit.id, report);
+        }
+    }
+    // edits that look at the picture without changing it
+    for (index, edit) in document.edits.iter().enumerate() {
+        if edit.is_analysis() {
+            let before = document.edits[..index].iter();
+            let links = before
+                .filter(|edit| edit.enabled && !edit.is_analysis())
+                .count();
+            if let Some(input) = cache.get(&keys[links]) {
+                let key = keys[links].as_str().into();
+                let content = input.visible.content;
+                inputs.insert(edit.id, EditInput { key, content });
+            }
+        }
+    }
     Ok(Evaluated {
-        picture: result.picture,
-        shown: result.shown,
-        before: cache.get(&keys[0]).map(|source| source.shown),
-        input_sizes,
+        visible: result.visible,
+        key: keys[edits.len()].as_str().into(),
+        before: cache.get(&keys[0]).map(|source| source.visible.view),
+        inputs: Arc::new(inputs),
+        reports: Arc::new(reports),
+        frame: frame.as_ref().map(|frame| frame.number),
     })
 }
 
-enum RunError {
+/// Reads a picture or a mesh; no message if cancelled.
+fn read(path: &Path, progress: &Progress) -> Result<Content, Option<String>> {
+    let context = Context::new(progress);
+    if Kind::of(path) == Kind::Mesh {
+        let options = ReadOptions {
+            limits: context.mesh_limits(),
+            colors: true,
+            texture: true,
+            ..ReadOptions::default()
+        };
+        return match read_mesh_file_with(path, options, progress) {
+            Ok((file, _)) => Ok(Content::Mesh(Arc::new(file))),
+            Err(_) if progress.is_cancelled() => Err(None),
+            Err(error) => Err(Some(error.to_string())),
+        };
+    }
+    let picture = ravec_media::read(path, &context.limits);
+    let picture = picture.map_err(|error| Some(error.to_string()))?;
+    Ok(Content::Picture(Arc::new(picture)))
+}
+
+pub(crate) enum RunError {
     Edit(String),
     Job(JobError),
 }
 
-/// Runs one edit in memory.
-fn run(edit: &Edit, input: &Picture, progress: &Progress) -> Result<Picture, RunError> {
+/// Runs one edit in memory. A brush goes on from the picture in the hand, if there is one.
+fn run(
+    edit: &Edit,
+    input: &EditInput,
+    painting: &Mutex<Painting>,
+    progress: &Progress,
+) -> Result<(Content, Option<Report>), RunError> {
+    if let Some(picture) = input.content.picture() {
+        let mut painting = lock(painting);
+        // strokes that make no sense get their message from the operation
+        if let Ok(Some(_)) = painting.follow(&input.key, edit, picture, progress)
+            && let Some(painted) = painting.finished(&input.key, edit, picture)
+        {
+            return Ok((Content::Picture(Arc::new(painted)), None));
+        }
+    }
+    let (content, report) = run_in_memory(edit, &input.content, progress)?;
+    Ok((content, Some(report)))
+}
+
+/// Runs one edit on a content.
+pub(crate) fn run_in_memory(
+    edit: &Edit,
+    input: &Content,
+    progress: &Progress,
+) -> Result<(Content, Report), RunError> {
     let (from, to) = (result_name(0), result_name(1));
     let step = edit.step(&from, &to).map_err(RunError::Edit)?;
     let context = Context::new(progress).with_intermediates();
-    context.insert_picture(&from, input.clone());
-    step.operation().run(&context).map_err(RunError::Job)?;
-    context.picture(&to).map_err(RunError::Job)
+    match input {
+        Content::Picture(picture) => context.insert_picture(&from, Picture::clone(picture)),
+        Content::Mesh(mesh) => context.insert_mesh(&from, mesh.clone()),
+    }
+    let report = step.operation().run(&context).map_err(RunError::Job)?;
+    let content = match input {
+        Content::Picture(_) => context
+            .picture(&to)
+            .map(|picture| Content::Picture(Arc::new(picture))),
+        Content::Mesh(_) => context.mesh(&to).map(|mesh| Content::Mesh(Arc::new(mesh))),
+    };
+    Ok((content.map_err(RunError::Job)?, report))
+}
+
+/// The value behind a lock, also after a panic of another thread.
+pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Text that changes with the content of a file: its name, length and time.
-fn source_key(path: &Path) -> String {
+fn source_key(path: &Path, frame: Option<&SourceFrame>, exposure: f32) -> String {
     let data = std::fs::metadata(path).ok();
     let length = data.as_ref().map(std::fs::Metadata::len);
     let modified = data.and_then(|data| data.modified().ok());
-    format!("{} {length:?} {modified:?}", path.display())
+    let frame = frame.map(|frame| frame.number);
+    format!(
+        "{} {length:?} {modified:?} {frame:?} {exposure}",
+        path.display()
+    )
 }
 
-/// Pictures by what made them, the ones that were used last.
+/// Results by what made them, the ones that were used last.
 #[derive(Default)]
 struct Cache {
     entries: HashMap<String, Cached>,
@@ -355,25 +523,19 @@ struct Cache {
 
 #[derive(Clone)]
 struct Cached {
-    picture: Arc<Picture>,
-    shown: Arc<Shown>,
+    visible: Visible,
+    report: Option<Arc<Report>>,
     bytes: usize,
     used: u64,
 }
 
 impl Cached {
-    fn new(picture: Arc<Picture>) -> Self {
-        let bytes = ravec::raster::with_image!(&picture.image, image => std::mem::size_of_val(image.pixels()));
-        let shown = Arc::new(Shown::new(&picture.image));
-        let drawn: usize = shown
-            .levels
-            .iter()
-            .map(|level| 4 * level.pixels.len())
-            .sum();
+    fn new(content: Content, exposure: f32, report: Option<Arc<Report>>) -> Self {
+        let visible = Visible::exposed(content, exposure);
         Self {
-            picture,
-            shown,
-            bytes: bytes + drawn,
+            bytes: visible.bytes(),
+            visible,
+            report,
             used: 0,
         }
     }
@@ -460,8 +622,8 @@ mod tests {
     }
 
     fn size_of(snapshot: &Snapshot) -> (usize, usize) {
-        let size = snapshot.picture.as_ref().unwrap().image.size();
-        (size.width(), size.height())
+        let [width, height] = snapshot.size().unwrap();
+        (width, height)
     }
 
     #[test]
@@ -469,20 +631,20 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let engine = Engine::new(|| {});
         let mut document = document(folder.path());
-        engine.request(document.clone());
+        engine.request(Request::new(document.clone()));
         engine.wait();
         assert_eq!(size_of(&engine.snapshot()), (32, 48));
         assert_eq!(engine.runs(), 2);
         let second = document.edits[1].with_param("sizes", json!(["75%x100%"]));
         document.replace(second);
-        let serial = engine.request(document.clone());
+        let serial = engine.request(Request::new(document.clone()));
         engine.wait();
         let snapshot = engine.snapshot();
         assert_eq!((size_of(&snapshot), snapshot.serial), ((48, 48), serial));
         assert_eq!(engine.runs(), 3);
         // back to what is known already
         document.edits.pop();
-        engine.request(document);
+        engine.request(Request::new(document));
         engine.wait();
         assert_eq!(size_of(&engine.snapshot()), (64, 48));
         assert_eq!(engine.runs(), 3);
@@ -496,13 +658,13 @@ mod tests {
         for percent in [90, 80, 70, 60, 50] {
             let edit = document.edits[1].with_param("sizes", json!([format!("{percent}%x100%")]));
             document.replace(edit);
-            engine.request(document.clone());
+            engine.request(Request::new(document.clone()));
         }
         engine.wait();
         assert_eq!(size_of(&engine.snapshot()), (32, 48));
         let wrong = document.edits[1].with_param("saliency", json!(7));
         document.replace(wrong);
-        engine.request(document.clone());
+        engine.request(Request::new(document.clone()));
         engine.wait();
         let snapshot = engine.snapshot();
         assert_eq!(size_of(&snapshot), (32, 48));
@@ -514,7 +676,7 @@ mod tests {
     #[test]
     fn a_source_that_is_missing_is_an_error() {
         let engine = Engine::new(|| {});
-        engine.request(Document::new("no/such.png"));
+        engine.request(Request::new(Document::new("no/such.png")));
         engine.wait();
         let failure = engine.snapshot().failure.unwrap();
         assert_eq!(failure.edit, None);

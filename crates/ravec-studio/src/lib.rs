@@ -32,11 +32,16 @@
 //! Pictures. Tools with gestures: brush, retargeting, rectification; all operations on pictures without further inputs have panels.
 //! Meshes and clips are not opened yet.
 
+mod assistant;
 pub mod autosave;
 mod background;
+pub mod clip;
+mod content;
 mod document;
 mod engine;
 mod history;
+mod open;
+mod painting;
 mod project;
 pub mod settings;
 mod shown;
@@ -44,10 +49,11 @@ mod studio;
 mod tools;
 mod view;
 
+pub use content::{Content, Kind, View, Visible};
 pub use document::{Document, Edit, EditError, EditId};
-pub use engine::{Busy, Engine, Failure, Snapshot, export};
+pub use engine::{Busy, EditInput, Engine, Failure, Request, Snapshot, SourceFrame, export};
 pub use history::History;
 pub use project::{Project, ProjectError};
-pub use shown::{Shown, ShownLevel};
+pub use shown::{Shown, TILE, Tile, TileIndex};
 pub use studio::Studio;
 pub use view::mesh;

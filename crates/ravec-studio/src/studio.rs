@@ -1,23 +1,25 @@
 //! The window: documents, their edits, the canvas and the panels.
 
+mod dialogs;
+mod panels;
+mod work;
+
 use crate::autosave::{Autosave, Session, recover};
 use crate::background::{Background, Done, is_project};
-use crate::document::{Document, Edit, EditId};
-use crate::engine::{Engine, Snapshot};
+use crate::content::Kind;
+use crate::document::Document;
+use crate::engine::Snapshot;
 use crate::history::History;
+use crate::open::Open;
 use crate::project::Project;
-use crate::settings::{self, Form};
-use crate::tools::{self, Hand, Tool};
-use crate::view::canvas::Canvas;
-use crate::view::panel::panel_ui;
-use egui::{CentralPanel, Key, KeyboardShortcut, Modifiers, Panel, RichText, Ui};
+use crate::settings::Form;
+use crate::tools::{self, Tool};
+use crate::view::canvas::Comparison;
+use dialogs::Dialog;
+use egui::{CentralPanel, Key, KeyboardShortcut, Modifiers, Panel, Ui};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::Duration;
-
-/// Time after which work shows its progress and a button that stops it.
-const PATIENCE: Duration = Duration::from_millis(300);
 
 const UNDO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::Z);
 const REDO: KeyboardShortcut =
@@ -25,29 +27,9 @@ const REDO: KeyboardShortcut =
 const SAVE: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::S);
 const EXPORT: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::E);
 const OPEN: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::O);
+const NEXT: KeyboardShortcut = KeyboardShortcut::new(Modifiers::CTRL, Key::Tab);
+const CLOSE: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::W);
 const PALETTE: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::P);
-
-/// A document that is open.
-struct Open {
-    number: u64,
-    name: String,
-    history: History,
-    engine: Engine,
-    canvas: Canvas,
-    selected: Option<EditId>,
-    /// Where the project is saved, once it was.
-    saved: Option<PathBuf>,
-    output: PathBuf,
-    /// The document that the engine was asked for last.
-    asked: Option<Document>,
-}
-
-/// A dialog that asks for a path.
-enum Dialog {
-    Open(String),
-    Save(String),
-    Export(String),
-}
 
 /// The whole program.
 pub struct Studio {
@@ -60,6 +42,9 @@ pub struct Studio {
     autosave: Option<Autosave>,
     dialog: Option<Dialog>,
     palette: Option<String>,
+    shows_shortcuts: bool,
+    /// The setting that was found by name, which the panel marks.
+    highlighted: Option<String>,
     /// The last message for the user, and true if it is an error.
     message: Option<(String, bool)>,
     repaint: Arc<dyn Fn() + Send + Sync>,
@@ -80,6 +65,8 @@ impl Studio {
             autosave: None,
             dialog: None,
             palette: None,
+            shows_shortcuts: false,
+            highlighted: None,
             message: None,
             repaint,
         };
@@ -88,7 +75,8 @@ impl Studio {
             studio.autosave = Session::create(folder).ok().map(Autosave::new);
             let count = recovered.len();
             for project in recovered {
-                studio.take(project, None);
+                let kind = Kind::of(&project.document.source);
+                studio.take(project, None, kind);
             }
             if count > 0 {
                 let text =
@@ -132,31 +120,15 @@ impl Studio {
 
     /// True while files are read or written, or results are computed.
     pub fn is_busy(&self) -> bool {
-        let computes = |open: &Open| {
-            let snapshot = open.engine.snapshot();
-            snapshot.busy.is_some() || (snapshot.is_stale && snapshot.failure.is_none())
-        };
-        self.background.running > 0 || self.open.iter().any(computes)
+        self.background.running > 0 || self.open.iter().any(Open::is_busy)
     }
 
     /// Shows a project as a document in front.
-    fn take(&mut self, project: Project, saved: Option<PathBuf>) {
-        let name = project.document.source.file_name().unwrap_or_default();
-        let repaint = self.repaint.clone();
+    fn take(&mut self, project: Project, saved: Option<PathBuf>, kind: Kind) {
         let number = self.next_number;
         self.next_number += 1;
-        let selected = project.document.edits.last().map(|edit| edit.id);
-        self.open.push(Open {
-            number,
-            name: name.to_string_lossy().into_owned(),
-            history: History::new(project.document),
-            engine: Engine::new(move || repaint()),
-            canvas: Canvas::default(),
-            selected,
-            saved,
-            output: project.output,
-            asked: None,
-        });
+        self.open
+            .push(Open::new(number, project, saved, kind, &self.repaint));
         self.active = self.open.len() - 1;
         self.autosave();
     }
@@ -165,9 +137,9 @@ impl Studio {
     fn take_ended(&mut self) {
         for done in self.background.ended() {
             self.message = match done {
-                Done::Opened(path, Ok(project)) => {
+                Done::Opened(path, Ok((project, kind))) => {
                     let saved = is_project(&path).then_some(path);
-                    self.take(project, saved);
+                    self.take(project, saved, kind);
                     None
                 }
                 Done::Saved(path, Ok(())) => {
@@ -233,6 +205,18 @@ impl Studio {
         }
         if pressed(&PALETTE) {
             self.palette = Some(String::new());
+        }
+        if pressed(&NEXT) && !self.open.is_empty() {
+            self.active = (self.active + 1) % self.open.len();
+        }
+        if pressed(&CLOSE) {
+            self.close(self.active);
+        }
+        if ui.input(|input| input.key_pressed(Key::F1)) {
+            self.shows_shortcuts = !self.shows_shortcuts;
+        }
+        if !ui.ctx().egui_wants_keyboard_input() {
+            self.view_keys(ui);
         }
         let dropped = ui.input(|input| input.raw.dropped_files.clone());
         for file in dropped {
@@ -362,391 +346,46 @@ impl Studio {
             }
         });
         if let Some(index) = closed {
-            let open = self.open.remove(index);
-            if let Some(autosave) = &self.autosave {
-                autosave.forget(open.number);
-            }
-            self.active = self.active.min(self.open.len().saturating_sub(1));
+            self.close(index);
         }
     }
 
-    /// Tools and edits.
-    fn edits_ui(&mut self, ui: &mut Ui) {
-        ui.heading("Tools");
-        let ready = self
-            .open
-            .get(self.active)
-            .is_some_and(|open| open.result_size().is_some());
-        let mut chosen = None;
-        for (index, tool) in self.tools.iter().enumerate() {
-            if ui
-                .add_enabled(ready, egui::Button::new(tool.label()))
-                .clicked()
-            {
-                chosen = Some(index);
-            }
-        }
-        if let Some(index) = chosen {
-            self.add_edit(index);
-        }
-        ui.separator();
-        ui.heading("Edits");
-        let tools = &self.tools;
-        let Some(open) = self.open.get_mut(self.active) else {
-            ui.label("Open a picture, or drop one here.");
+    /// Closes a document.
+    fn close(&mut self, index: usize) {
+        if index >= self.open.len() {
             return;
-        };
-        if open.list_ui(ui, tools) {
-            self.autosave();
         }
+        let open = self.open.remove(index);
+        if let Some(autosave) = &self.autosave {
+            autosave.forget(open.number);
+        }
+        self.active = self.active.min(self.open.len().saturating_sub(1));
     }
 
-    /// The settings of the selected edit.
-    fn settings_ui(&mut self, ui: &mut Ui) {
+    /// Keys that change the view.
+    fn view_keys(&mut self, ui: &Ui) {
+        let pressed = |key| ui.input(|input| input.modifiers.is_none() && input.key_pressed(key));
+        let area = ui.ctx().content_rect();
         let Some(open) = self.open.get_mut(self.active) else {
             return;
         };
-        let Some(edit) = open
-            .selected
-            .and_then(|id| open.history.document().edit(id).cloned())
-        else {
-            ui.label("Choose a tool, or an edit of the list.");
-            return;
-        };
-        let form = self.forms.entry(edit.operation.clone()).or_insert_with(|| {
-            settings::form(&edit.operation).unwrap_or(Form {
-                about: String::new(),
-                settings: Vec::new(),
-            })
-        });
-        ui.heading(label_of(&self.tools, &edit));
-        ui.label(RichText::new(&form.about).weak());
-        let snapshot = open.engine.snapshot();
-        if let Some(failure) = snapshot
-            .failure
-            .filter(|failure| failure.edit == Some(edit.id))
-        {
-            ui.colored_label(ui.visuals().error_fg_color, failure.message);
-        }
-        ui.separator();
-        let change = egui::ScrollArea::vertical()
-            .show(ui, |ui| panel_ui(ui, form, &edit))
-            .inner;
-        if let Some(change) = change {
-            let gesture = format!("{} {}", edit.id, change.name);
-            open.change(
-                edit.with_param(&change.name, change.value),
-                &gesture,
-                change.goes_on,
-            );
-            if !change.goes_on {
-                self.autosave();
+        let toggle = |to: Comparison, now: Comparison| {
+            if std::mem::discriminant(&to) == std::mem::discriminant(&now) {
+                Comparison::Off
+            } else {
+                to
             }
-        } else if open.history.in_gesture() && !ui.input(|input| input.pointer.any_down()) {
-            open.history.end_gesture();
-            self.autosave();
-        }
-    }
-
-    fn status_ui(&mut self, ui: &mut Ui) {
-        ui.horizontal(|ui| {
-            if let Some(open) = self.open.get(self.active) {
-                let snapshot = open.engine.snapshot();
-                if let Some(shown) = &snapshot.shown {
-                    let [width, height] = shown.size();
-                    ui.label(format!("{width} × {height}"));
-                }
-                if let Some(view) = open.canvas.view() {
-                    ui.label(format!("{:.0} %", 100.0 * view.zoom));
-                    ui.weak("hold B to see the source, Space to pan");
-                }
-                if let Some(busy) = &snapshot.busy {
-                    if busy.elapsed > PATIENCE {
-                        let bar = egui::ProgressBar::new(busy.fraction as f32).desired_width(140.0);
-                        ui.add(bar.text(busy.phase));
-                        if ui.button("Stop").clicked() {
-                            open.engine.cancel();
-                        }
-                    }
-                    ui.ctx().request_repaint_after(Duration::from_millis(50));
-                }
-                if snapshot.is_stale {
-                    ui.label(RichText::new("older result").italics());
-                }
-                if let Some(failure) = snapshot.failure.filter(|failure| failure.edit.is_none()) {
-                    ui.colored_label(ui.visuals().error_fg_color, failure.message);
-                }
-            }
-            if let Some((text, wrong)) = &self.message {
-                if *wrong {
-                    ui.colored_label(ui.visuals().error_fg_color, text);
-                } else {
-                    ui.label(text);
-                }
-            }
-        });
-    }
-
-    fn canvas_ui(&mut self, ui: &mut Ui) {
-        let Some(open) = self.open.get_mut(self.active) else {
-            ui.centered_and_justified(|ui| {
-                ui.label("Open a picture or a project, or drop one here.")
-            });
-            return;
         };
-        let tools = &mut self.tools;
-        let edit = open
-            .selected
-            .and_then(|id| open.history.document().edit(id).cloned());
-        let tool = edit.as_ref().and_then(|edit| {
-            let position = tools.iter().position(|tool| tool.made(edit))?;
-            edit.enabled.then_some(position)
-        });
-        let on_input = tool.is_some_and(|tool| tools[tool].works_on_input());
-        open.ask(on_input);
-        let snapshot = open.engine.snapshot();
-        let typing = ui.ctx().egui_wants_keyboard_input();
-        if !typing && ui.input(|input| input.key_down(Key::B)) && snapshot.before.is_some() {
-            open.canvas.ui(ui, snapshot.before.as_ref());
-            return;
+        let now = open.canvas.comparison;
+        if pressed(Key::Num0) {
+            open.canvas.fit();
+        } else if pressed(Key::Num1) {
+            open.canvas.one_to_one(area);
+        } else if pressed(Key::W) {
+            open.canvas.comparison = toggle(Comparison::Wipe(0.5), now);
+        } else if pressed(Key::V) {
+            open.canvas.comparison = toggle(Comparison::SideBySide, now);
         }
-        let response = open.canvas.ui(ui, snapshot.shown.as_ref());
-        let (Some(edit), Some(tool), Some(view)) = (edit, tool, open.canvas.view()) else {
-            return;
-        };
-        let shown = snapshot.shown.map(|shown| shown.size());
-        let own = snapshot.input_sizes.get(&edit.id).copied();
-        let Some(input_size) = own.or(shown.filter(|_| on_input)) else {
-            return;
-        };
-        let painter = ui.painter_at(response.rect);
-        let hand = Hand {
-            ui,
-            response: &response,
-            painter: &painter,
-            view,
-            input_size,
-        };
-        if let Some(gesture) = tools[tool].canvas_ui(&hand, &edit) {
-            let name = format!("{} canvas", edit.id);
-            open.change(gesture.edit, &name, gesture.goes_on);
-            if !gesture.goes_on {
-                self.autosave();
-            }
-        }
-    }
-
-    fn dialog_ui(&mut self, ui: &Ui) {
-        let Some(dialog) = &mut self.dialog else {
-            return;
-        };
-        let (title, action, path) = match dialog {
-            Dialog::Open(path) => ("Open a picture or a project", "Open", path),
-            Dialog::Save(path) => ("Save the project", "Save", path),
-            Dialog::Export(path) => ("Export the picture", "Export", path),
-        };
-        let mut decided = None;
-        egui::Modal::new(egui::Id::unique("path")).show(ui.ctx(), |ui| {
-            ui.heading(title);
-            let label = ui.label("File");
-            let field = ui
-                .add(egui::TextEdit::singleline(path).desired_width(420.0))
-                .labelled_by(label.id);
-            if !field.has_focus() && !field.lost_focus() {
-                field.request_focus();
-            }
-            let entered = field.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
-            ui.horizontal(|ui| {
-                let button = ui.button(action);
-                let name = format!("{title}: {action}");
-                button.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, &name));
-                if button.clicked() || entered {
-                    decided = Some(true);
-                }
-                if ui.button("Cancel").clicked() || ui.input(|input| input.key_pressed(Key::Escape))
-                {
-                    decided = Some(false);
-                }
-            });
-        });
-        match decided {
-            Some(true) => self.decide(),
-            Some(false) => self.dialog = None,
-            None => {}
-        }
-    }
-
-    /// Does what a dialog has asked for.
-    fn decide(&mut self) {
-        let Some(dialog) = self.dialog.take() else {
-            return;
-        };
-        let path = |text: &str| PathBuf::from(text.trim());
-        match dialog {
-            Dialog::Open(text) => self.open(&path(&text)),
-            Dialog::Save(text) => {
-                if let Some(open) = self.open.get(self.active) {
-                    self.background.save(open.project(), path(&text));
-                }
-            }
-            Dialog::Export(text) => {
-                if let Some(open) = self.open.get_mut(self.active) {
-                    open.output = path(&text);
-                    let document = open.history.document().clone();
-                    self.background.export(document, path(&text));
-                }
-            }
-        }
-    }
-
-    /// Finds tools by name.
-    fn palette_ui(&mut self, ui: &Ui) {
-        let Some(text) = &mut self.palette else {
-            return;
-        };
-        let mut chosen = None;
-        let mut closes = false;
-        let tools = &self.tools;
-        egui::Modal::new(egui::Id::unique("palette")).show(ui.ctx(), |ui| {
-            let label = ui.label("Find a tool");
-            let field = ui.text_edit_singleline(text).labelled_by(label.id);
-            field.request_focus();
-            let wanted = text.to_lowercase();
-            let matching = tools
-                .iter()
-                .enumerate()
-                .filter(|(_, tool)| tool.label().to_lowercase().contains(&wanted));
-            for (index, tool) in matching {
-                if ui.button(format!("Add {}", tool.label())).clicked() {
-                    chosen = Some(index);
-                }
-            }
-            closes = ui.input(|input| input.key_pressed(Key::Escape));
-        });
-        if let Some(index) = chosen {
-            self.add_edit(index);
-        }
-        if closes || chosen.is_some() {
-            self.palette = None;
-        }
-    }
-}
-
-/// The name of the tool that makes such an edit.
-fn label_of(tools: &[Box<dyn Tool>], edit: &Edit) -> String {
-    let tool = tools.iter().find(|tool| tool.made(edit));
-    tool.map_or_else(|| edit.operation.clone(), |tool| tool.label().to_owned())
-}
-
-impl Open {
-    fn project(&self) -> Project {
-        Project {
-            document: self.history.document().clone(),
-            output: self.output.clone(),
-        }
-    }
-
-    /// The size of what is shown.
-    fn result_size(&self) -> Option<[usize; 2]> {
-        self.engine.snapshot().shown.map(|shown| shown.size())
-    }
-
-    /// Takes a changed edit.
-    fn change(&mut self, edit: Edit, gesture: &str, goes_on: bool) {
-        let mut document = self.history.document().clone();
-        document.replace(edit);
-        self.history.change(gesture, document);
-        if !goes_on {
-            self.history.end_gesture();
-        }
-    }
-
-    /// Asks the engine for what is to be seen: the whole document, or the input of the selected edit.
-    fn ask(&mut self, on_input: bool) {
-        let mut wanted = self.history.document().clone();
-        if on_input && let Some(id) = self.selected {
-            let end = wanted.edits.iter().position(|edit| edit.id == id);
-            wanted.edits.truncate(end.unwrap_or(wanted.edits.len()));
-        }
-        if self.asked.as_ref() != Some(&wanted) {
-            self.engine.request(wanted.clone());
-            self.asked = Some(wanted);
-        }
-    }
-
-    /// The list of edits; true if it was changed.
-    fn list_ui(&mut self, ui: &mut Ui, tools: &[Box<dyn Tool>]) -> bool {
-        let document = self.history.document().clone();
-        let failure = self.engine.snapshot().failure;
-        let mut changed = document.clone();
-        if ui
-            .selectable_label(self.selected.is_none(), &self.name)
-            .clicked()
-        {
-            self.selected = None;
-        }
-        for edit in &document.edits {
-            let label = label_of(tools, edit);
-            ui.horizontal(|ui| {
-                let mut enabled = edit.enabled;
-                let toggle = ui
-                    .checkbox(&mut enabled, "")
-                    .on_hover_text(format!("Use {label}"));
-                toggle.widget_info(|| {
-                    egui::WidgetInfo::selected(
-                        egui::Role::CheckBox,
-                        true,
-                        enabled,
-                        format!("Use {label}"),
-                    )
-                });
-                if toggle.changed() {
-                    changed.replace(Edit {
-                        enabled,
-                        ..Edit::clone(edit)
-                    });
-                }
-                let failed = failure
-                    .as_ref()
-                    .is_some_and(|failure| failure.edit == Some(edit.id));
-                let name = if failed {
-                    format!("{label} (failed)")
-                } else {
-                    label.clone()
-                };
-                if ui
-                    .selectable_label(self.selected == Some(edit.id), name)
-                    .clicked()
-                {
-                    self.selected = Some(edit.id);
-                }
-                for (sign, places, verb) in [("Up", -1, "Earlier"), ("Down", 1, "Later")] {
-                    let name = format!("{verb}: {label}");
-                    let button = ui.small_button(sign).on_hover_text(&name);
-                    button
-                        .widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, &name));
-                    if button.clicked() {
-                        changed.shift(edit.id, places);
-                    }
-                }
-                let remove = ui
-                    .small_button("×")
-                    .on_hover_text(format!("Remove {label}"));
-                let name = format!("Remove {label}");
-                remove.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, &name));
-                if remove.clicked() {
-                    changed.remove(edit.id);
-                }
-            });
-        }
-        let differs = changed != document;
-        if differs {
-            if self.selected.is_some_and(|id| changed.edit(id).is_none()) {
-                self.selected = changed.edits.last().map(|edit| edit.id);
-            }
-            self.history.commit(changed);
-        }
-        differs
     }
 }
 
@@ -762,9 +401,17 @@ impl eframe::App for Studio {
         Panel::right("settings")
             .default_size(320.0)
             .show(ui, |ui| self.settings_ui(ui));
+        if let Some(open) = self.open.get(self.active)
+            && open.clip.is_some()
+        {
+            Panel::bottom("timeline")
+                .default_size(150.0)
+                .show(ui, |ui| self.timeline_ui(ui));
+        }
         CentralPanel::default().show(ui, |ui| self.canvas_ui(ui));
         self.dialog_ui(ui);
         self.palette_ui(ui);
+        self.shortcuts_ui(ui);
     }
 
     fn on_exit(&mut self) {

@@ -3,14 +3,27 @@
 //! A tool is one file with a type that implements [`Tool`], and a line in [`all`].
 
 mod brush;
+mod complete;
+mod outline;
 mod plain;
+mod planes;
+mod quad;
 mod rectify;
 mod retarget;
 
+use crate::assistant::{Assistant, Memory};
+use crate::content::{Kind, View as Shape};
 use crate::document::Edit;
+use crate::engine::{EditInput, Snapshot};
+use crate::painting::Painting;
+use crate::shown::Shown;
 use crate::view::canvas::View;
+use crate::view::mesh::{MeshCanvas, ShownMesh};
+use crate::view::timeline::{FrameState, TimelineRow};
 use egui::{Painter, Response, Ui};
+use ravec::progress::Progress;
 use serde_json::{Map, Value, json};
+use std::sync::{Arc, Mutex};
 
 /// What a tool sees of a frame.
 pub(crate) struct Hand<'a> {
@@ -19,8 +32,100 @@ pub(crate) struct Hand<'a> {
     pub response: &'a Response,
     pub painter: &'a Painter,
     pub view: View,
+    /// The input of the edit.
+    pub input: &'a EditInput,
     /// Columns and rows of the picture that the edit gets.
     pub input_size: [usize; 2],
+    /// The results, of which the last good one is shown.
+    pub snapshot: &'a Snapshot,
+    /// Answers questions beside the window.
+    pub assistant: &'a Assistant,
+    /// Number of the frame of a clip that is shown.
+    pub frame: Option<u64>,
+}
+
+/// What a tool for meshes sees of a frame.
+pub(crate) struct MeshHand<'a> {
+    pub ui: &'a Ui,
+    /// The canvas.
+    pub response: &'a Response,
+    pub painter: &'a Painter,
+    pub canvas: &'a mut MeshCanvas,
+    /// The input of the edit, once it is known.
+    pub input: Option<&'a EditInput>,
+    /// The results, of which the last good one is shown.
+    pub snapshot: &'a Snapshot,
+    /// Answers questions beside the window.
+    pub assistant: &'a Assistant,
+}
+
+/// A row below the timeline.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Row {
+    pub label: String,
+    pub states: Vec<FrameState>,
+    pub values: Vec<Option<f32>>,
+    pub marks: Vec<u64>,
+}
+
+impl Row {
+    /// The row as the timeline takes it.
+    pub fn as_row(&self) -> TimelineRow<'_> {
+        TimelineRow {
+            label: &self.label,
+            states: &self.states,
+            values: &self.values,
+            marks: &self.marks,
+        }
+    }
+}
+
+impl Hand<'_> {
+    /// The position in the picture where the primary button was pressed in this frame.
+    pub fn pressed(&self) -> Option<[f64; 2]> {
+        let started = self.response.drag_started_by(egui::PointerButton::Primary);
+        let origin = started.then(|| self.ui.input(|input| input.pointer.press_origin()))?;
+        origin.map(|at| self.view.to_picture(at))
+    }
+
+    /// The positions of all motions of this frame in the picture, not only of the last: a fast stroke has corners otherwise.
+    pub fn moves(&self) -> Vec<[f64; 2]> {
+        self.ui.input(|input| {
+            let moves = input.events.iter().filter_map(|event| match event {
+                egui::Event::PointerMoved(at) => Some(self.view.to_picture(*at)),
+                _ => None,
+            });
+            moves.collect()
+        })
+    }
+
+    /// The position of a click of this frame in the picture.
+    pub fn clicked(&self) -> Option<[f64; 2]> {
+        let at = self.response.interact_pointer_pos();
+        at.filter(|_| self.response.clicked())
+            .map(|at| self.view.to_picture(at))
+    }
+
+    /// Turns of the wheel in this frame while a key is held that keeps it from zooming, up positive.
+    pub fn wheel(&self) -> f32 {
+        self.ui.input(|input| {
+            let turned = input.events.iter().map(|event| match event {
+                egui::Event::MouseWheel {
+                    delta, modifiers, ..
+                } if modifiers.shift || modifiers.alt => {
+                    // a wheel with Shift turns sideways
+                    (delta.y + delta.x).signum()
+                }
+                _ => 0.0,
+            });
+            turned.sum()
+        })
+    }
+
+    /// True while the hand moves the canvas.
+    pub fn pans(&self) -> bool {
+        self.ui.input(|input| input.key_down(egui::Key::Space))
+    }
 }
 
 /// An edit that a gesture has changed.
@@ -30,6 +135,48 @@ pub(crate) struct Gesture {
     pub goes_on: bool,
 }
 
+impl Gesture {
+    /// A gesture that has ended.
+    pub fn done(edit: Edit) -> Self {
+        Self {
+            edit,
+            goes_on: false,
+        }
+    }
+}
+
+/// An edit whose result is wanted quickly.
+pub(crate) struct DraftJob {
+    pub edit: Edit,
+    pub input: EditInput,
+    pub painting: Arc<Mutex<Painting>>,
+    /// Left and top, columns and rows of the input that are seen.
+    pub seen: [f64; 4],
+}
+
+/// A quick result.
+pub(crate) struct DraftView {
+    pub shape: Shape,
+    /// Left and top, columns and rows in the whole if it is a part.
+    pub place: Option<[f64; 4]>,
+    /// A sentence about it, for the panel.
+    pub note: String,
+}
+
+impl DraftView {
+    /// A quick result of the whole.
+    pub fn whole(shape: Shape) -> Self {
+        Self {
+            shape,
+            place: None,
+            note: String::new(),
+        }
+    }
+}
+
+/// Computes a quick result.
+pub(crate) type DraftFn = fn(&DraftJob, &mut Memory, &Progress) -> Option<DraftView>;
+
 /// Gestures for an operation.
 pub(crate) trait Tool {
     /// Name of the operation.
@@ -37,6 +184,16 @@ pub(crate) trait Tool {
 
     /// Name of the tool, in words.
     fn label(&self) -> &'static str;
+
+    /// The gestures, in one line.
+    fn hint(&self) -> &'static str {
+        ""
+    }
+
+    /// Kinds of the documents that it works on.
+    fn kinds(&self) -> &'static [Kind] {
+        &[Kind::Picture]
+    }
 
     /// Fields of a new edit for a picture of this size.
     fn start(&self, size: [usize; 2]) -> Map<String, Value>;
@@ -47,14 +204,70 @@ pub(crate) trait Tool {
     }
 
     /// True if the hand works on the input of the edit, which is shown instead of the result.
-    fn works_on_input(&self) -> bool {
+    fn works_on_input(&self, _edit: &Edit) -> bool {
         false
+    }
+
+    /// Computes a quick result while the hand moves; without it the whole result is asked for at each motion.
+    fn draft(&self) -> Option<DraftFn> {
+        None
+    }
+
+    /// True if the quick result is shown in a window of its own, beside the input.
+    fn shows_draft_beside(&self) -> bool {
+        false
+    }
+
+    /// A picture over the canvas, and its place in pixels.
+    fn overlay(&self, _assistant: &Assistant) -> Option<(Arc<Shown>, [f64; 4])> {
+        None
+    }
+
+    /// Parameters that the hand sets, which the panel leaves out.
+    fn hidden(&self) -> &'static [&'static str] {
+        &[]
     }
 
     /// Draws the handles of an edit and follows the hand.
     fn canvas_ui(&mut self, _hand: &Hand<'_>, _edit: &Edit) -> Option<Gesture> {
         None
     }
+
+    /// Draws the handles of an edit of a mesh and follows the hand.
+    fn mesh_ui(&mut self, _hand: MeshHand<'_>, _edit: &Edit) -> Option<Gesture> {
+        None
+    }
+
+    /// The mesh that is shown in place of the result, such as one with marks or colors.
+    fn shown_mesh(
+        &self,
+        _assistant: &Assistant,
+        _shown: Option<&Arc<ShownMesh>>,
+    ) -> Option<Arc<ShownMesh>> {
+        None
+    }
+
+    /// Rows below the timeline of a clip.
+    fn rows(&self, _assistant: &Assistant, _edit: &Edit) -> Vec<Row> {
+        Vec::new()
+    }
+
+    /// Draws controls of its own above the settings.
+    fn panel_ui(&mut self, _ui: &mut Ui, _desk: &Desk<'_>, _edit: &Edit) -> Option<Gesture> {
+        None
+    }
+}
+
+/// What a tool sees of the panel.
+pub(crate) struct Desk<'a> {
+    /// The input of the edit, once it is known.
+    pub input: Option<&'a EditInput>,
+    /// The sentence about the quick result.
+    pub note: Option<&'a str>,
+    /// The results.
+    pub snapshot: &'a Snapshot,
+    /// Answers questions beside the window.
+    pub assistant: &'a Assistant,
 }
 
 /// All tools.
@@ -63,12 +276,14 @@ pub(crate) fn all() -> Vec<Box<dyn Tool>> {
         Box::new(plain::Plain {
             operation: "twocolor",
             label: "Two-color view",
+            kinds: &[Kind::Picture, Kind::Clip],
             fields: || with_params(json!({})),
         }),
         Box::new(brush::Brush::default()),
         Box::new(plain::Plain {
             operation: "brush",
             label: "Filter",
+            kinds: &[Kind::Picture, Kind::Clip],
             fields: || {
                 let mut fields = with_params(json!({"mode": "clean"}));
                 fields.insert("everywhere".to_owned(), true.into());
@@ -77,11 +292,12 @@ pub(crate) fn all() -> Vec<Box<dyn Tool>> {
         }),
         Box::new(retarget::Retarget::default()),
         Box::new(rectify::Rectify::default()),
+        Box::new(complete::Complete::default()),
     ]
 }
 
-/// Fields of an operation with these parameters.
-fn with_params(params: Value) -> Map<String, Value> {
+/// Fields of an edit with these parameters.
+pub(crate) fn with_params(params: Value) -> Map<String, Value> {
     let mut fields = Map::new();
     fields.insert("params".to_owned(), params);
     fields

@@ -3,7 +3,7 @@
 use crate::error::VideoError;
 use crate::frame::{Frame, FramePicture};
 use crate::info::ClipInfo;
-use crate::source::FrameSource;
+use crate::source::{Damage, FrameSource};
 use ravec_raster::with_image;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -59,6 +59,16 @@ impl<S: FrameSource> RandomAccess<S> {
         self.source.info()
     }
 
+    /// The reason why the last frame that was asked for is `None`, if that is damage.
+    pub fn damage(&self) -> Option<&Damage> {
+        self.source.damage()
+    }
+
+    /// True if the frame `index` is in the cache: [`frame`](Self::frame) gives it without reading.
+    pub fn is_cached(&self, index: u64) -> bool {
+        self.cache.contains_key(&index)
+    }
+
     /// The frame `index`, from 0; `None` beyond the end.
     ///
     /// # Errors
@@ -69,21 +79,22 @@ impl<S: FrameSource> RandomAccess<S> {
             cached.used = self.clock;
             return Ok(Some(cached.frame.clone()));
         }
-        let ahead = index.checked_sub(self.position);
+        // after an error or at its end the source is nowhere: what comes next begins with seeking
+        let mut at = std::mem::replace(&mut self.position, u64::MAX);
+        let ahead = index.checked_sub(at);
         if ahead.is_none_or(|ahead| ahead > Self::SKIP) {
             self.source.seek(index)?;
-            self.position = index;
+            at = index;
         }
         loop {
             let Some(frame) = self.source.next_frame()? else {
-                // the source is at its end, wherever that is
-                self.position = u64::MAX;
                 return Ok(None);
             };
-            let (at, frame) = (self.position, Arc::new(frame));
-            self.position += 1;
+            let frame = Arc::new(frame);
             self.store(at, &frame);
-            if at == index {
+            at += 1;
+            if at > index {
+                self.position = at;
                 return Ok(Some(frame));
             }
         }

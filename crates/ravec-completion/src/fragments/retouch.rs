@@ -11,7 +11,7 @@ use crate::rectified::sampled;
 use glam::{DVec2, IVec2};
 use ravec_planar::Homography;
 use ravec_progress::Progress;
-use ravec_raster::{Color, Image};
+use ravec_raster::{Color, Image, Rect};
 
 /// No step gave this pixel.
 pub(super) const NOBODY: u32 = u32::MAX;
@@ -39,6 +39,8 @@ pub(super) const NOBODY: u32 = u32::MAX;
 /// retouch.apply(&retouch.step(&target, &matches[0]), &Progress::none())?;
 /// assert_eq!(retouch.open_px(), 0);
 /// assert_eq!(retouch.picture(&stained), tiles);
+/// let part = ravec_raster::Rect::new(3, 4, 20, 15);
+/// assert_eq!(retouch.picture_in(&stained, part), tiles.crop(3, 4, part.size().unwrap()).ok());
 ///
 /// retouch.undo();
 /// assert_eq!(retouch.picture(&stained), stained);
@@ -254,6 +256,28 @@ impl<'a> Retouch<'a> {
             }
         }
         picture
+    }
+
+    /// A part of [`picture`](Self::picture); `None` if `part` is empty or reaches beyond `image`.
+    pub fn picture_in<P: Color>(&self, image: &Image<P>, part: Rect) -> Option<Image<P>> {
+        if part.is_empty() || part.right() > image.width() || part.bottom() > image.height() {
+            return None;
+        }
+        let mut picture = image.crop(part.col, part.row, part.size()?).ok()?;
+        for row in 0..part.height {
+            for col in 0..part.width {
+                let at = (part.col + col, part.row + row);
+                if self
+                    .owners
+                    .get(at.0, at.1)
+                    .is_some_and(|owner| owner != NOBODY)
+                {
+                    let coverage = self.index.hole.at(at.0, at.1);
+                    picture[(col, row)] = mixed(image[at], self.canvas.inks[at], coverage);
+                }
+            }
+        }
+        Some(picture)
     }
 
     pub(super) fn way_of(&self, step: u32) -> Result<Way<'a>, CompleteError> {

@@ -26,14 +26,18 @@ const MAX_BYTES: u64 = 64 << 20;
 const TARGET_RADIUS_PX: u32 = 24;
 
 /// Steps, with the size of the picture that they were taken on.
-#[derive(Debug, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Log {
-    width: usize,
-    height: usize,
+pub struct RecordedSteps {
+    /// Columns of the picture.
+    pub width: usize,
+    /// Rows of the picture.
+    pub height: usize,
+    /// Convention of the positions.
     #[serde(default, skip_serializing_if = "PixelCenters::is_half")]
-    pixel_centers: PixelCenters,
-    steps: Vec<Step>,
+    pub pixel_centers: PixelCenters,
+    /// The steps in their order.
+    pub steps: Vec<Step>,
 }
 
 /// Result for a picture.
@@ -53,9 +57,18 @@ pub(super) fn fill(job: &Job, report: &mut Report) -> Result<AnyImage, JobError>
         photos.push(files::read(source, report, job.context)?);
     }
     let size = job.picture.size();
-    let replayed = match &job.operation.replay {
-        Some(path) => Some(read_steps(path, size, &job.operation.params, job.context)?),
-        None => None,
+    let Params { undo, .. } = job.operation.params;
+    let replayed = match (&job.operation.replay, &job.operation.recorded) {
+        (Some(path), None) => Some(checked(read_steps(path, job.context)?, path, size, undo)?),
+        (None, Some(steps)) => Some(checked(steps.clone(), &job.operation.input, size, undo)?),
+        (None, None) => None,
+        (Some(_), Some(_)) => {
+            return Err(JobError::Parameter {
+                field: "recorded",
+                value: "given".to_owned(),
+                range: "left out with `replay`",
+            });
+        }
     };
     let filled = report.time(
         "complete",
@@ -88,7 +101,7 @@ pub(super) fn fill(job: &Job, report: &mut Report) -> Result<AnyImage, JobError>
             step.target.at = centers.write(step.target.at);
             step.source.at = centers.write(step.source.at);
         }
-        let steps = Log {
+        let steps = RecordedSteps {
             width: size.width(),
             height: size.height(),
             pixel_centers: centers,
@@ -133,7 +146,12 @@ where
     let index = FragmentIndex::new(&sources, &job.context.progress).map_err(failed)?;
     let mut retouch = Retouch::new(&index);
     let mut replaced = 0;
-    if let (Some(steps), Some(path)) = (replayed, &job.operation.replay) {
+    if let Some(steps) = replayed {
+        let path = job
+            .operation
+            .replay
+            .as_ref()
+            .unwrap_or(&job.operation.input);
         retouch
             .replay(steps, &job.context.progress)
             .map_err(|cause| match cause {
@@ -205,30 +223,35 @@ fn variants(params: &Params) -> Vec<Variant> {
     mirrored.into_iter().chain(turned).chain(scaled).collect()
 }
 
-/// The steps of a file, without those that are undone.
-fn read_steps(
-    path: &Path,
-    size: Size,
-    params: &Params,
-    context: &Context,
-) -> Result<Vec<Step>, JobError> {
+/// The steps of a file.
+fn read_steps(path: &Path, context: &Context) -> Result<RecordedSteps, JobError> {
     let wrong = |reason: String| JobError::Steps {
         path: path.to_path_buf(),
         reason,
     };
     let text =
         files::read_text_in(path, MAX_BYTES, context).map_err(|error| wrong(plain(&error)))?;
-    let mut found: Log = serde_json::from_str(&text)
-        .map_err(|error| wrong(format!("they are not in the form of steps: {error}")))?;
+    serde_json::from_str(&text)
+        .map_err(|error| wrong(format!("they are not in the form of steps: {error}")))
+}
+
+/// Steps that fit a picture of this size, without the last `undo`, with pixel centers at half-integers.
+fn checked(
+    mut found: RecordedSteps,
+    path: &Path,
+    size: Size,
+    undo: usize,
+) -> Result<Vec<Step>, JobError> {
     if (found.width, found.height) != (size.width(), size.height()) {
-        return Err(wrong(format!(
-            "they were taken on a picture of {} x {} pixels, and this one has {size}",
-            found.width, found.height
-        )));
+        return Err(JobError::Steps {
+            path: path.to_path_buf(),
+            reason: format!(
+                "they were taken on a picture of {} x {} pixels, and this one has {size}",
+                found.width, found.height
+            ),
+        });
     }
-    found
-        .steps
-        .truncate(found.steps.len().saturating_sub(params.undo));
+    found.steps.truncate(found.steps.len().saturating_sub(undo));
     for step in &mut found.steps {
         step.target.at = found.pixel_centers.read(step.target.at);
         step.source.at = found.pixel_centers.read(step.source.at);

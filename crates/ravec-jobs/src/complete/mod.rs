@@ -5,7 +5,11 @@
 
 mod fragments;
 
+pub use crate::corners::Corners;
+pub use fragments::RecordedSteps;
+
 use crate::context::Context;
+use crate::corners::{check_polygons, with_polygons};
 use crate::error::JobError;
 use crate::files;
 use crate::mask::read_mask;
@@ -15,11 +19,10 @@ use crate::report::Report;
 use glam::DVec2;
 use ravec::completion::{CompleteError, CompleteParams, CompleteSummary, complete};
 use ravec::progress::Progress;
-use ravec::raster::{AnyImage, Color, Image, Mask, Size, with_image};
+use ravec::raster::{AnyImage, Color, Image, Mask, with_image};
 use ravec_media::WriteOptions;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 
 /// Fill holes in a picture from the rest of it, in perspective where planes are given
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -44,6 +47,10 @@ pub struct Complete {
     #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
     #[serde(default)]
     pub replay: Option<PathBuf>,
+    /// Steps in the operation itself, in place of a file, in the form of such a file
+    #[cfg_attr(feature = "cli", arg(skip))]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub recorded: Option<RecordedSteps>,
     /// Write the steps as JSON; `-` is standard output
     #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
     #[serde(default)]
@@ -171,40 +178,6 @@ pub enum Engine {
     Fragments,
 }
 
-/// Corners as they are given on the command line: x and y in turn, in pixels, x right, y down, pixel centers as
-/// [`Params::pixel_centers`] says. None at all for `none` or an empty text.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-#[serde(transparent)]
-pub struct Corners(pub Vec<DVec2>);
-
-impl FromStr for Corners {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let text = text.trim();
-        if text.is_empty() || text == "none" {
-            return Ok(Self::default());
-        }
-        let number = |word: &str| match word.trim().parse::<f64>() {
-            Ok(number) if number.is_finite() => Ok(number),
-            _ => Err(format!("`{}` is not a number", word.trim())),
-        };
-        let numbers = text.split(',').map(number).collect::<Result<Vec<_>, _>>()?;
-        if numbers.len() % 2 == 1 {
-            return Err(format!(
-                "{} numbers are not pairs of x and y",
-                numbers.len()
-            ));
-        }
-        Ok(Self(
-            numbers
-                .chunks_exact(2)
-                .map(|pair| DVec2::new(pair[0], pair[1]))
-                .collect(),
-        ))
-    }
-}
-
 impl Complete {
     /// The first field that only fragments can honor.
     fn needs_fragments(&self) -> Option<&'static str> {
@@ -218,6 +191,7 @@ impl Complete {
             (self.features.is_some(), "features"),
             (!self.sources.is_empty(), "sources"),
             (self.replay.is_some(), "replay"),
+            (self.recorded.is_some(), "recorded"),
             (self.steps.is_some(), "steps"),
         ];
         needs.into_iter().find(|need| need.0).map(|need| need.1)
@@ -264,17 +238,7 @@ impl Params {
                 "4 corners, that is 8 numbers",
             );
         }
-        if let Some(polygon) = self
-            .polygons
-            .iter()
-            .find(|polygon| matches!(polygon.0.len(), 1 | 2))
-        {
-            return wrong(
-                "polygons",
-                format!("{} corners", polygon.0.len()),
-                "3 corners or more",
-            );
-        }
+        check_polygons("polygons", &self.polygons)?;
         if let Some(target) = self.targets.iter().find(|target| target.0.len() != 1) {
             let given = format!("{} positions", target.0.len());
             return wrong("targets", given, "one position X,Y");
@@ -348,8 +312,8 @@ impl Operation for Complete {
         let mut read = |path: &PathBuf| read_mask(path, input, size, &mut report, context);
         let mask = self.mask.as_ref().map(&mut read).transpose()?;
         let features = self.features.as_ref().map(&mut read).transpose()?;
-        let mut hole = mask.unwrap_or_else(|| Mask::empty(size));
-        add_polygons(&mut hole, size, params)?;
+        let hole = mask.unwrap_or_else(|| Mask::empty(size));
+        let hole = with_polygons(hole, "polygons", &params.polygons, params.pixel_centers)?;
         let job = Job {
             operation: self,
             picture: &picture.image,
@@ -448,25 +412,6 @@ where
 {
     let completed = complete(image, hole, planes, params, progress)?;
     Ok((completed.image.into(), completed.summary))
-}
-
-fn add_polygons(hole: &mut Mask, size: Size, params: &Params) -> Result<(), JobError> {
-    for polygon in params
-        .polygons
-        .iter()
-        .filter(|polygon| !polygon.0.is_empty())
-    {
-        let wrong = |_| JobError::Parameter {
-            field: "polygons",
-            value: "too large".to_owned(),
-            range: "coordinates between -1e9 and 1e9",
-        };
-        let corners = polygon.0.iter().map(|&at| params.pixel_centers.read(at));
-        let corners: Vec<DVec2> = corners.collect();
-        let covered = Mask::from_polygon(size, &corners).map_err(wrong)?;
-        *hole = hole.union(&covered).map_err(wrong)?;
-    }
-    Ok(())
 }
 
 #[cfg(test)]

@@ -15,6 +15,7 @@ use ravec::retarget::clip::{
     ClipFrame, ClipOptions, ClipReport, ClipRetargeter, FrameMotion, Settled,
 };
 use ravec_video::{Clip, Frame, FramePicture, FrameSource as _, FrameTime, Rational};
+use std::borrow::Cow;
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -58,6 +59,7 @@ pub(super) fn run(operation: &Retarget, context: &Context) -> Result<Report, Job
             context,
         )?,
     ];
+    let fixed = params.with_polygons(None, None, size)?;
     let start = Instant::now();
     let mut run = Streaming {
         retargeter,
@@ -74,11 +76,11 @@ pub(super) fn run(operation: &Retarget, context: &Context) -> Result<Report, Job
         context.progress.check()?;
         let [protect, give_way] = &mut masks;
         let (protect, give_way) = (
-            protect.next(operation, size)?,
-            give_way.next(operation, size)?,
+            united(protect.next(operation, size)?, fixed.0.as_ref()),
+            united(give_way.next(operation, size)?, fixed.1.as_ref()),
         );
         let settled = run
-            .push(frame, (protect, give_way), &inner)
+            .push(frame, (protect.as_deref(), give_way.as_deref()), &inner)
             .map_err(failed)?;
         for frame in settled {
             run.outputs
@@ -99,6 +101,14 @@ pub(super) fn run(operation: &Retarget, context: &Context) -> Result<Report, Job
     report.add_time("frames", start);
     record(run.retargeter.report(), &mut report);
     Ok(report)
+}
+
+/// The union of two masks of the same size.
+fn united<'a>(mask: Option<&'a Mask>, fixed: Option<&'a Mask>) -> Option<Cow<'a, Mask>> {
+    match (mask, fixed) {
+        (Some(a), Some(b)) => Some(Cow::Owned(a.union(b).expect("both are of the clip's size"))),
+        (mask, fixed) => mask.or(fixed).map(Cow::Borrowed),
+    }
 }
 
 /// Refuses what a clip does not have, and names that do not distinguish sizes.

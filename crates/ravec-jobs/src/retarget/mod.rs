@@ -6,15 +6,17 @@ mod size;
 pub use size::SizeSpec;
 
 use crate::context::Context;
+use crate::corners::{Corners, check_polygons, with_polygons};
 use crate::error::JobError;
 use crate::files;
 use crate::mask::read_mask;
 use crate::operation::{Operation, paths};
+use crate::pixel_centers::PixelCenters;
 use crate::plane::{draw_line, line_width};
 use crate::report::Report;
 use crate::video::{Encoding, check_no_encoding, is_clip};
 use ravec::progress::Progress;
-use ravec::raster::{AnyImage, Color, Image, LinearRgba, Size, Srgba, with_image};
+use ravec::raster::{AnyImage, Color, Image, LinearRgba, Mask, Size, Srgba, with_image};
 use ravec::retarget::{
     AnalysisSummary, Borders, Deformation, Painted, RetargetError, RetargetParams, Retargeter,
     SolveSummary,
@@ -87,6 +89,32 @@ pub struct Params {
     /// Keep the picture's aspect: a side that is left out follows the other one, and of two the picture fits into both
     #[cfg_attr(feature = "cli", arg(long))]
     pub keep_aspect: bool,
+    /// The corners X0,Y0,X1,Y1,... of a polygon that is protected, too. May be repeated
+    #[cfg_attr(
+        feature = "cli",
+        arg(
+            long = "protect-polygon",
+            value_name = "X0,Y0,...",
+            allow_hyphen_values = true
+        )
+    )]
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub protect_polygons: Vec<Corners>,
+    /// The corners of a polygon that may give way, too. May be repeated
+    #[cfg_attr(
+        feature = "cli",
+        arg(
+            long = "give-way-polygon",
+            value_name = "X0,Y0,...",
+            allow_hyphen_values = true
+        )
+    )]
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub give_way_polygons: Vec<Corners>,
+    /// Center of the first pixel in points that are given or printed: half is (0.5, 0.5), integer is (0, 0)
+    #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "CENTERS", default_value_t = PixelCenters::Half))]
+    #[serde(skip_serializing_if = "PixelCenters::is_half")]
+    pub pixel_centers: PixelCenters,
     /// Cells of the grid along the longer side, 2 to 400 [default: 100, and 50 for pictures of at most 800 pixels a side]. More
     /// follow smaller objects, and cost more
     #[cfg_attr(feature = "cli", arg(long, value_name = "CELLS"))]
@@ -130,6 +158,9 @@ impl Default for Params {
         Self {
             sizes: Vec::new(),
             keep_aspect: false,
+            protect_polygons: Vec::new(),
+            give_way_polygons: Vec::new(),
+            pixel_centers: PixelCenters::default(),
             grid: options.grid_cells,
             adaptive: options.adaptive,
             saliency: options.saliency,
@@ -153,7 +184,8 @@ const RENAMED: [(&str, &str); 3] = [
 ];
 
 impl Params {
-    fn options(&self) -> RetargetParams {
+    /// The parameters of the library.
+    pub fn options(&self) -> RetargetParams {
         RetargetParams {
             grid_cells: self.grid,
             adaptive: self.adaptive,
@@ -163,6 +195,29 @@ impl Params {
             borders: self.borders,
             max_crop: self.crop,
         }
+    }
+
+    /// The masks of what is protected and of what gives way with the polygons of the parameters, in a picture of this size.
+    ///
+    /// # Errors
+    /// [`JobError::Parameter`] for coordinates beyond ±1e9.
+    pub fn with_polygons(
+        &self,
+        protect: Option<Mask>,
+        give_way: Option<Mask>,
+        size: Size,
+    ) -> Result<(Option<Mask>, Option<Mask>), JobError> {
+        let add = |mask: Option<Mask>, field, polygons: &[Corners]| {
+            if polygons.is_empty() {
+                return Ok(mask);
+            }
+            let mask = mask.unwrap_or_else(|| Mask::empty(size));
+            with_polygons(mask, field, polygons, self.pixel_centers).map(Some)
+        };
+        Ok((
+            add(protect, "protect_polygons", &self.protect_polygons)?,
+            add(give_way, "give_way_polygons", &self.give_way_polygons)?,
+        ))
     }
 
     fn check(&self) -> Result<(), JobError> {
@@ -186,6 +241,8 @@ impl Params {
                 range,
             );
         }
+        check_polygons("protect_polygons", &self.protect_polygons)?;
+        check_polygons("give_way_polygons", &self.give_way_polygons)?;
         if self.sizes.is_empty() {
             return Err(JobError::Missing {
                 fields: &["sizes"],
@@ -255,6 +312,7 @@ impl Operation for Retarget {
                 .transpose()
         };
         let (protect, give_way) = (read(self.protect.as_ref())?, read(self.give_way.as_ref())?);
+        let (protect, give_way) = params.with_polygons(protect, give_way, size)?;
         let painted = Painted {
             protect: protect.as_ref(),
             give_way: give_way.as_ref(),

@@ -1,13 +1,27 @@
 //! Tools without gestures: their panel is all.
 
-use super::Tool;
+use super::{DraftFn, DraftJob, DraftView, Tool};
+use crate::assistant::Memory;
+use crate::content::{Content, Kind, View};
 use crate::document::Edit;
+use crate::engine::run_in_memory;
+use crate::shown::Shown;
+use ravec::progress::Progress;
+use ravec::raster::{AnyImage, Rect, with_image};
 use serde_json::{Map, Value};
+use std::sync::Arc;
+
+/// Maximum number of pixels of a quick result.
+const MAX_DRAFT_PX: f64 = 1e6;
+
+/// Borders of the seen part lie on multiples of this, so that blocks of pixels stay where they are in the whole.
+const GRID_PX: usize = 64;
 
 /// A tool that only has settings.
 pub(crate) struct Plain {
     pub operation: &'static str,
     pub label: &'static str,
+    pub kinds: &'static [Kind],
     pub fields: fn() -> Map<String, Value>,
 }
 
@@ -20,11 +34,73 @@ impl Tool for Plain {
         self.label
     }
 
+    fn kinds(&self) -> &'static [Kind] {
+        self.kinds
+    }
+
     fn start(&self, _size: [usize; 2]) -> Map<String, Value> {
         (self.fields)()
     }
 
     fn made(&self, edit: &Edit) -> bool {
         edit.operation == self.operation && !edit.fields.contains_key("strokes")
+    }
+
+    fn draft(&self) -> Option<DraftFn> {
+        Some(draft)
+    }
+}
+
+/// The result of the part that is seen, or of its middle if it is large.
+fn draft(job: &DraftJob, _memory: &mut Memory, progress: &Progress) -> Option<DraftView> {
+    let picture = job.input.content.picture()?;
+    let size = picture.image.size();
+    let part = seen_part(job.seen, [size.width(), size.height()])?;
+    let cut = part.size()?;
+    let cut = with_image!(&picture.image, image => image.crop(part.col, part.row, cut).map(AnyImage::from));
+    let input = Content::Picture(Arc::new(picture.with_pixels(cut.ok()?)));
+    let (output, _) = run_in_memory(&job.edit, &input, progress).ok()?;
+    // an operation may change the scale
+    let scale = [0, 1].map(|k| output.size()[k] as f64 / input.size()[k] as f64);
+    let place = [
+        scale[0] * part.col as f64,
+        scale[1] * part.row as f64,
+        output.size()[0] as f64,
+        output.size()[1] as f64,
+    ];
+    let shown = Arc::new(Shown::new(output.picture()?.clone()));
+    Some(DraftView {
+        place: Some(place),
+        ..DraftView::whole(View::Picture(shown))
+    })
+}
+
+/// The part of a picture of this size that is seen, at most [`MAX_DRAFT_PX`], on a grid of blocks.
+fn seen_part(seen: [f64; 4], [width, height]: [usize; 2]) -> Option<Rect> {
+    let [left, top, columns, rows] = seen;
+    let shrink = (MAX_DRAFT_PX / (columns * rows).max(1.0)).sqrt().min(1.0);
+    let range = |low: f64, length: f64, end: usize| {
+        let margin = 0.5 * length * (1.0 - shrink);
+        let first = (low + margin).max(0.0) as usize / GRID_PX * GRID_PX;
+        let last = (low + length - margin).clamp(0.0, end as f64).ceil() as usize;
+        let last = last.next_multiple_of(GRID_PX).min(end);
+        (first < last).then_some((first, last - first))
+    };
+    let (left, columns) = range(left, columns, width)?;
+    let (top, rows) = range(top, rows, height)?;
+    Some(Rect::new(left, top, columns, rows))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_draft_covers_what_is_seen_within_its_limit() {
+        let part = seen_part([-50.0, 10.0, 400.0, 300.0], [1000, 800]).unwrap();
+        assert_eq!(part, Rect::new(0, 0, 384, 320));
+        let large = seen_part([0.0, 0.0, 8000.0, 6000.0], [8000, 6000]).unwrap();
+        assert!(large.pixels() < 1_400_000 && large.contains(4000, 3000));
+        assert!(seen_part([2000.0, 0.0, 50.0, 50.0], [1000, 800]).is_none());
     }
 }

@@ -1,43 +1,43 @@
-//! Rectification: the corners of a quadrilateral are dragged on the picture, with a grid in perspective.
+//! Planes: a quadrilateral on the picture, with the rectified view beside it.
 
-use super::{Gesture, Hand, Tool, with_params};
+use super::planes::PlaneAids;
+use super::quad::{self, Corners, QuadHandle};
+use super::{Desk, DraftFn, DraftJob, DraftView, Gesture, Hand, Tool, with_params};
+use crate::assistant::Memory;
+use crate::content::{Content, View};
 use crate::document::Edit;
-use crate::view::canvas::distance;
-use egui::{Color32, Pos2, Stroke};
-use ravec::planar::Homography;
+use crate::engine::run_in_memory;
+use crate::shown::Shown;
+use egui::{Color32, Ui};
+use ravec::progress::Progress;
 use serde_json::{Map, Value, json};
+use std::sync::Arc;
 
-/// Distance from a corner within which it is taken, in screen points.
-const REACH: f32 = 14.0;
-
-/// Columns and rows of the grid that is drawn.
-const GRID: usize = 6;
+/// Width of the rectified view beside the picture, in pixels.
+const BESIDE_PX: u32 = 320;
 
 /// Drags the corners.
 #[derive(Default)]
 pub(crate) struct Rectify {
-    held: Option<usize>,
+    handle: QuadHandle,
+    aids: PlaneAids,
+    shows_result: bool,
 }
 
 /// The corners of an edit.
-fn corners(edit: &Edit) -> Option<[[f64; 2]; 4]> {
-    let numbers: Vec<f64> = (edit.param("quad").as_str()?.split(','))
-        .map(|number| number.trim().parse())
-        .collect::<Result<_, _>>()
-        .ok()?;
-    let numbers: [f64; 8] = numbers.try_into().ok()?;
-    Some(std::array::from_fn(|k| {
-        [numbers[2 * k], numbers[2 * k + 1]]
-    }))
+fn corners(edit: &Edit) -> Option<Corners> {
+    quad::read(edit.param("quad").as_str()?)
 }
 
-fn text(corners: &[[f64; 2]; 4]) -> String {
-    let numbers: Vec<String> = corners
-        .iter()
-        .flatten()
-        .map(|number| format!("{number:.2}"))
-        .collect();
-    numbers.join(",")
+/// A quadrilateral in the middle of a picture.
+pub(super) fn start_corners([width, height]: [usize; 2]) -> Corners {
+    let (x, y) = (width as f64, height as f64);
+    [
+        [0.25 * x, 0.25 * y],
+        [0.75 * x, 0.25 * y],
+        [0.75 * x, 0.75 * y],
+        [0.25 * x, 0.75 * y],
+    ]
 }
 
 impl Tool for Rectify {
@@ -49,64 +49,89 @@ impl Tool for Rectify {
         "Rectify"
     }
 
-    fn start(&self, [width, height]: [usize; 2]) -> Map<String, Value> {
-        let (x, y) = (width as f64, height as f64);
-        let quad = [
-            [0.25 * x, 0.25 * y],
-            [0.75 * x, 0.25 * y],
-            [0.75 * x, 0.75 * y],
-            [0.25 * x, 0.75 * y],
-        ];
-        with_params(json!({"quad": text(&quad)}))
+    fn hint(&self) -> &'static str {
+        "Drag corners, sides or the inside; S snaps to edges"
     }
 
-    fn works_on_input(&self) -> bool {
-        true
+    fn start(&self, size: [usize; 2]) -> Map<String, Value> {
+        with_params(json!({"quad": quad::text(&start_corners(size))}))
+    }
+
+    fn works_on_input(&self, _edit: &Edit) -> bool {
+        !self.shows_result
+    }
+
+    fn draft(&self) -> Option<DraftFn> {
+        Some(draft)
+    }
+
+    fn shows_draft_beside(&self) -> bool {
+        !self.shows_result
     }
 
     fn canvas_ui(&mut self, hand: &Hand<'_>, edit: &Edit) -> Option<Gesture> {
-        let mut corners = corners(edit)?;
-        let places = corners.map(|[x, y]| hand.view.to_screen(x, y));
-        paint(hand, &corners, &places);
-        let near = |at: Pos2| (0..4).find(|&k| distance(places[k], at) < REACH);
-        if hand.response.drag_started_by(egui::PointerButton::Primary) {
-            let origin = hand.ui.input(|input| input.pointer.press_origin());
-            self.held = origin.and_then(near);
+        if self.shows_result {
+            return None;
         }
-        let held = self.held?;
-        let at = hand.response.interact_pointer_pos()?;
-        let goes_on = hand.response.dragged();
-        if !goes_on {
-            self.held = None;
+        let corners = corners(edit)?;
+        let color = Color32::from_rgb(90, 220, 120);
+        quad::paint(
+            hand.painter,
+            hand.view,
+            &corners,
+            self.aids.drawn_grid(),
+            color,
+            true,
+        );
+        let with = |corners: &Corners| edit.with_param("quad", quad::text(corners).into());
+        if let Some(snapped) = self.aids.follow_snap(hand, &corners) {
+            return Some(Gesture::done(with(&snapped)));
         }
-        corners[held] = hand.view.to_picture(at);
+        if !self.handle.holds()
+            && let Some(taken) = self.aids.follow_proposals(hand, &[corners])
+        {
+            return Some(Gesture::done(with(&taken)));
+        }
+        let moved = self.handle.follow(hand, &[corners])?;
         Some(Gesture {
-            edit: edit.with_param("quad", text(&corners).into()),
-            goes_on,
+            edit: with(&moved.corners),
+            goes_on: moved.goes_on,
         })
+    }
+
+    fn panel_ui(&mut self, ui: &mut Ui, desk: &Desk<'_>, _edit: &Edit) -> Option<Gesture> {
+        ui.checkbox(
+            &mut self.shows_result,
+            "Show the rectified picture on the canvas",
+        );
+        self.aids.ui(ui, desk);
+        if let Some(note) = desk.note {
+            ui.label(note);
+        }
+        None
     }
 }
 
-fn paint(hand: &Hand<'_>, corners: &[[f64; 2]; 4], places: &[Pos2; 4]) {
-    let color = Color32::from_rgb(90, 220, 120);
-    let quad = corners.map(Into::into);
-    if let Ok(image_from_unit) = Homography::from_unit_square(quad) {
-        let place = |x: f64, y: f64| {
-            let point = image_from_unit.apply((x, y).into());
-            hand.view.to_screen(point.x, point.y)
-        };
-        for k in 1..GRID {
-            let share = k as f64 / GRID as f64;
-            let thin = Stroke::new(1.0, color.gamma_multiply(0.6));
-            hand.painter
-                .line_segment([place(share, 0.0), place(share, 1.0)], thin);
-            hand.painter
-                .line_segment([place(0.0, share), place(1.0, share)], thin);
-        }
+/// The rectified view at the size of a thumbnail, with its proportions in words.
+fn draft(job: &DraftJob, _memory: &mut Memory, progress: &Progress) -> Option<DraftView> {
+    let mut edit = job.edit.clone();
+    if edit.param("width").is_null() && edit.param("height").is_null() {
+        edit = edit.with_param("width", BESIDE_PX.into());
     }
-    for k in 0..4 {
-        let side = [places[k], places[(k + 1) % 4]];
-        hand.painter.line_segment(side, Stroke::new(1.5, color));
-        hand.painter.circle_filled(places[k], 5.0, color);
-    }
+    let input = Content::Picture(job.input.content.picture()?.clone());
+    let (output, report) = run_in_memory(&edit, &input, progress).ok()?;
+    let result = report.result.unwrap_or_default();
+    let from = match result["aspect_from"].as_str().unwrap_or_default() {
+        "hand" => "set by hand",
+        "focal" => "from the focal length",
+        "exif" => "from the focal length in the EXIF data",
+        _ => "from the right angles of the rectangle",
+    };
+    let aspect = result["aspect"].as_f64().unwrap_or_default();
+    Some(DraftView {
+        note: format!("Width by height {aspect:.3}, {from}"),
+        ..DraftView::whole(View::Picture(Arc::new(Shown::new(
+            output.picture()?.clone(),
+        ))))
+    })
 }

@@ -1,22 +1,16 @@
 //! The canvas: a picture that is zoomed and panned, uploaded in tiles as they are seen.
 
-use crate::shown::{Shown, ShownLevel};
-use egui::{
-    Color32, ColorImage, Pos2, Rect, Response, Sense, TextureHandle, TextureOptions, Ui, Vec2,
-    pos2, vec2,
-};
+use super::tiler::Tiler;
+use crate::shown::{Shown, TileIndex};
+use egui::{Color32, Pos2, Rect, Response, Sense, Ui, Vec2, pos2, vec2};
 use std::collections::HashMap;
-use std::collections::hash_map::Entry;
 use std::sync::Arc;
-
-/// Side of a tile in pixels.
-const TILE: usize = 512;
-
-/// Tiles that are uploaded in one frame: more would be felt.
-const UPLOADS: usize = 6;
 
 /// Range of the zoom, in screen pixels a pixel.
 const ZOOM: [f32; 2] = [1.0 / 256.0, 64.0];
+
+/// Zoom from which the values of pixels are written into them.
+const VALUES_ZOOM: f32 = 48.0;
 
 /// Zoom from which the borders of pixels are drawn.
 const GRID_ZOOM: f32 = 12.0;
@@ -61,20 +55,71 @@ impl View {
     }
 }
 
+/// Comparison of a result with what it was made from.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum Comparison {
+    /// The result alone.
+    #[default]
+    Off,
+    /// What it was made from on the left of a line, at this share of the width.
+    Wipe(f32),
+    /// Both beside one another, in one view.
+    SideBySide,
+}
+
+/// Pictures of a canvas.
+#[derive(Default)]
+pub struct Layers<'a> {
+    /// The result.
+    pub shown: Option<&'a Arc<Shown>>,
+    /// A quick result of a part of it: left, top, columns and rows.
+    pub patch: Option<(&'a Arc<Shown>, [f64; 4])>,
+    /// What it was made from.
+    pub before: Option<&'a Arc<Shown>>,
+}
+
 /// The state of a canvas.
 #[derive(Default)]
 pub struct Canvas {
     view: Option<View>,
     /// True once the view was moved by hand: it is no longer fit to the picture.
     moved: bool,
+    /// The way in which the result is compared with its source.
+    pub comparison: Comparison,
+    /// True while the line of a wipe is held.
+    wipes: bool,
     shown: Option<Arc<Shown>>,
-    tiles: HashMap<(usize, usize, usize), TextureHandle>,
+    tiler: Tiler,
+    /// Sizes of the last pictures, and the states of their tiles that were drawn last.
+    drawn: [Drawn; 3],
+}
+
+/// What was drawn last of a layer.
+#[derive(Default)]
+struct Drawn {
+    size: [usize; 2],
+    stamps: HashMap<TileIndex, u64>,
+}
+
+/// A layer as it is painted.
+struct Layer<'a> {
+    slot: usize,
+    shown: &'a Arc<Shown>,
+    /// Screen rectangle of the whole picture.
+    place: Rect,
+    /// Part of the screen that it may paint.
+    clip: Rect,
 }
 
 impl Canvas {
     /// The transform, once something is shown.
     pub fn view(&self) -> Option<View> {
         self.view
+    }
+
+    /// True while tiles are seen that are not there yet.
+    pub fn is_busy(&self) -> bool {
+        self.tiler.is_busy()
     }
 
     /// Shows the whole picture again.
@@ -90,20 +135,108 @@ impl Canvas {
         }
     }
 
-    /// Draws the picture, and moves it with the wheel and the middle button, or any button while space is held.
-    pub fn ui(&mut self, ui: &mut Ui, shown: Option<&Arc<Shown>>) -> Response {
-        let area = ui.available_rect_before_wrap();
-        let response = ui.allocate_rect(area, Sense::click_and_drag());
-        response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, "Canvas"));
-        let painter = ui.painter_at(area);
-        painter.rect_filled(area, 0.0, ui.visuals().extreme_bg_color);
-        self.take(shown);
-        let Some(shown) = self.shown.clone() else {
+    /// Draws the pictures, and moves them with the wheel and the middle button, or any button while space is held.
+    pub fn ui(&mut self, ui: &mut Ui, layers: &Layers<'_>) -> Response {
+        self.ui_named(ui, layers, "Canvas")
+    }
+
+    /// As [`ui`](Self::ui), with an accessible name of its own.
+    pub fn ui_named(&mut self, ui: &mut Ui, layers: &Layers<'_>, name: &str) -> Response {
+        let whole = ui.available_rect_before_wrap();
+        let response = ui.allocate_rect(whole, Sense::click_and_drag());
+        response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, name));
+        ui.painter_at(whole)
+            .rect_filled(whole, 0.0, ui.visuals().extreme_bg_color);
+        self.shown = layers.shown.cloned();
+        let Some(shown) = layers.shown else {
             return response;
         };
+        // the right half is the result, where both are beside one another
+        let mut area = whole;
+        if self.comparison == Comparison::SideBySide && layers.before.is_some() {
+            area.min.x = whole.center().x;
+        }
+        let view = self.moved_view(ui, &response, shown.size(), area);
+        self.view = Some(view);
+        self.tiler.begin(ui.ctx());
+        let place = |size: [usize; 2], shift: Vec2| {
+            let size = vec2(size[0] as f32, size[1] as f32);
+            Rect::from_min_size(view.origin + shift, view.zoom * size)
+        };
+        let clip = area;
+        let own = place(shown.size(), Vec2::ZERO);
+        self.paint(
+            ui,
+            &Layer {
+                slot: 0,
+                shown,
+                place: own,
+                clip,
+            },
+        );
+        if let Some((patch, [x, y, width, height])) = layers.patch {
+            let place =
+                Rect::from_two_pos(view.to_screen(x, y), view.to_screen(x + width, y + height));
+            self.paint(
+                ui,
+                &Layer {
+                    slot: 1,
+                    shown: patch,
+                    place,
+                    clip,
+                },
+            );
+        }
+        if let Some(before) = layers.before {
+            let (shift, clip) = match self.comparison {
+                Comparison::Off => (Vec2::ZERO, Rect::NOTHING),
+                Comparison::SideBySide => {
+                    let half = vec2(whole.center().x - whole.left(), 0.0);
+                    (
+                        -half,
+                        Rect::from_min_max(whole.min, pos2(area.left(), whole.bottom())),
+                    )
+                }
+                Comparison::Wipe(share) => {
+                    let x = self.wiped(ui, &response, share);
+                    (
+                        Vec2::ZERO,
+                        Rect::from_min_max(whole.min, pos2(x, whole.bottom())),
+                    )
+                }
+            };
+            if clip.is_positive() {
+                let place = place(before.size(), shift);
+                self.paint(
+                    ui,
+                    &Layer {
+                        slot: 2,
+                        shown: before,
+                        place,
+                        clip,
+                    },
+                );
+                let line = egui::Stroke::new(1.0, Color32::WHITE);
+                ui.painter_at(whole)
+                    .vline(clip.right(), whole.y_range(), line);
+            }
+        }
+        self.tiler.end(ui.ctx());
+        let painter = ui.painter_at(area);
+        if view.zoom >= GRID_ZOOM {
+            paint_pixel_grid(&painter, shown, view, area);
+        }
+        if view.zoom >= VALUES_ZOOM {
+            paint_values(&painter, shown, view, area);
+        }
+        response
+    }
+
+    /// The view after the motions of this frame.
+    fn moved_view(&mut self, ui: &Ui, response: &Response, size: [usize; 2], area: Rect) -> View {
         // nothing moves under a hand that holds something
         let held = ui.input(|input| input.pointer.any_down() || input.pointer.any_released());
-        let fit = View::fit(shown.size(), area);
+        let fit = View::fit(size, area);
         let mut view = match self.view {
             Some(view) if self.moved || held => view,
             _ => fit,
@@ -115,93 +248,131 @@ impl Canvas {
             self.moved = true;
         }
         if let Some(at) = response.hover_pos() {
-            let (scroll, pinch) =
-                ui.input(|input| (input.smooth_scroll_delta().y, input.zoom_delta()));
+            let (scroll, pinch) = ui.input(|input| {
+                // the wheel with a key belongs to the tools
+                let plain = input.modifiers.is_none() || input.modifiers.command;
+                let scroll = if plain {
+                    input.smooth_scroll_delta().y
+                } else {
+                    0.0
+                };
+                (scroll, input.zoom_delta())
+            });
             let factor = pinch * (scroll * 0.004).exp();
             if factor != 1.0 {
                 view = view.zoomed(factor, at);
                 self.moved = true;
             }
         }
-        self.view = Some(view);
-        self.paint(ui, &painter, &shown, view, area);
-        response
+        view
     }
 
-    /// Drops the tiles of another picture.
-    fn take(&mut self, shown: Option<&Arc<Shown>>) {
-        let same = match (&self.shown, shown) {
-            (Some(a), Some(b)) => Arc::ptr_eq(a, b),
-            (None, None) => true,
-            _ => false,
-        };
-        if !same {
-            self.tiles.clear();
-            self.shown = shown.cloned();
+    /// The screen column of the line of a wipe, which is dragged.
+    fn wiped(&mut self, ui: &Ui, response: &Response, share: f32) -> f32 {
+        let area = response.rect;
+        let mut x = area.left() + share * area.width();
+        let near = |at: Pos2| (at.x - x).abs() < 8.0;
+        if response.hover_pos().is_some_and(near) {
+            ui.ctx().set_cursor_icon(egui::CursorIcon::ResizeHorizontal);
         }
+        if response.drag_started() {
+            let origin = ui.input(|input| input.pointer.press_origin());
+            self.wipes = origin.is_some_and(near);
+        }
+        if self.wipes
+            && let Some(at) = response.interact_pointer_pos()
+        {
+            x = at.x.clamp(area.left(), area.right());
+            self.comparison = Comparison::Wipe((x - area.left()) / area.width().max(1.0));
+            self.wipes = response.dragged();
+        }
+        x
     }
 
-    fn paint(&mut self, ui: &Ui, painter: &egui::Painter, shown: &Shown, view: View, area: Rect) {
-        let pixels = ui.ctx().pixels_per_point();
-        let index = shown.level_for(view.zoom * pixels);
-        let level = &shown.levels[index];
-        let scale = view.zoom * (1u32 << index) as f32;
-        let mut uploads = 0;
-        for top in (0..level.height).step_by(TILE) {
-            for left in (0..level.width).step_by(TILE) {
-                let width = TILE.min(level.width - left);
-                let height = TILE.min(level.height - top);
+    /// True while the hand holds the line of a wipe: tools rest.
+    pub fn is_held(&self) -> bool {
+        self.wipes
+    }
+
+    fn paint(&mut self, ui: &Ui, layer: &Layer<'_>) {
+        let Layer {
+            slot,
+            shown,
+            place,
+            clip,
+        } = *layer;
+        let painter = ui.painter_at(clip);
+        let zoom = place.width() / shown.size()[0] as f32;
+        let fine = shown.level_for(zoom * ui.ctx().pixels_per_point());
+        if self.drawn[slot].size != shown.level_size(0) {
+            self.drawn[slot] = Drawn {
+                size: shown.level_size(0),
+                stamps: HashMap::new(),
+            };
+        }
+        // the coarsest size lies below, for what is not there yet
+        let coarse = shown.levels() - 1;
+        for level in [coarse, fine] {
+            let [width, height] = shown.level_size(level);
+            let scale = place.size() / vec2(width as f32, height as f32);
+            let [columns, rows] = shown.tiles(level);
+            for (row, col) in (0..rows).flat_map(|row| (0..columns).map(move |col| (row, col))) {
+                let tile = TileIndex { level, col, row };
+                let [left, top, width, height] = shown.place(tile).map(|value| value as f32);
                 let place = Rect::from_min_size(
-                    view.origin + scale * vec2(left as f32, top as f32),
-                    scale * vec2(width as f32, height as f32),
+                    place.min + scale * vec2(left, top),
+                    scale * vec2(width, height),
                 );
-                if !place.intersects(area) {
+                if !place.intersects(clip) {
                     continue;
                 }
-                let key = (index, left, top);
-                let tile = match self.tiles.entry(key) {
-                    Entry::Occupied(tile) => tile.into_mut(),
-                    Entry::Vacant(_) if uploads == UPLOADS => {
-                        ui.ctx().request_repaint();
-                        continue;
+                let stamps = &mut self.drawn[slot].stamps;
+                let texture = match self.tiler.texture(shown, tile) {
+                    Some(texture) => {
+                        stamps.insert(tile, shown.stamp(tile));
+                        Some(texture)
                     }
-                    Entry::Vacant(tile) => {
-                        uploads += 1;
-                        tile.insert(upload(ui, level, key, [width, height]))
-                    }
+                    None => stamps
+                        .get(&tile)
+                        .and_then(|&stamp| self.tiler.known((stamp, tile))),
                 };
-                let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
-                painter.image(tile.id(), place, whole, Color32::WHITE);
+                if let Some(texture) = texture {
+                    let all = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
+                    painter.image(texture, place, all, Color32::WHITE);
+                }
             }
-        }
-        if view.zoom >= GRID_ZOOM {
-            paint_pixel_grid(painter, shown, view, area);
+            if coarse == fine {
+                break;
+            }
         }
     }
 }
 
-/// Brings a tile of a level to the screen.
-fn upload(
-    ui: &Ui,
-    level: &ShownLevel,
-    (index, left, top): (usize, usize, usize),
-    [width, height]: [usize; 2],
-) -> TextureHandle {
-    let mut colors = Vec::with_capacity(width * height);
-    for row in top..top + height {
-        let row = &level.pixels[row * level.width + left..][..width];
-        colors.extend(
-            row.iter()
-                .map(|&[r, g, b, a]| Color32::from_rgba_unmultiplied(r, g, b, a)),
-        );
+/// The stored values of the pixels.
+fn paint_values(painter: &egui::Painter, shown: &Shown, view: View, area: Rect) {
+    let low = view.to_picture(area.min);
+    let high = view.to_picture(area.max);
+    let [width, height] = shown.size();
+    let cols = low[0].max(0.0) as usize..(high[0].max(0.0).ceil() as usize).min(width);
+    let font = egui::FontId::monospace(view.zoom / 7.0);
+    for row in low[1].max(0.0) as usize..(high[1].max(0.0).ceil() as usize).min(height) {
+        for col in cols.clone() {
+            let (Some(values), Some([r, g, b, _])) =
+                (shown.values(col, row), shown.pixel(col, row))
+            else {
+                continue;
+            };
+            let bright = 2 * u32::from(r) + 5 * u32::from(g) + u32::from(b) > 1000;
+            let color = if bright {
+                Color32::BLACK
+            } else {
+                Color32::WHITE
+            };
+            let at = view.to_screen(col as f64 + 0.5, row as f64 + 0.5);
+            let text = values.replace(' ', "\n");
+            painter.text(at, egui::Align2::CENTER_CENTER, text, font.clone(), color);
+        }
     }
-    let options = TextureOptions {
-        magnification: egui::TextureFilter::Nearest,
-        ..TextureOptions::LINEAR
-    };
-    let name = format!("tile {index} {left} {top}");
-    let image = ColorImage::new([width, height], colors);
-    ui.ctx().load_texture(name, image, options)
 }
 
 /// Lines between the pixels.

@@ -16,10 +16,20 @@ pub struct Change {
     pub goes_on: bool,
 }
 
-/// Draws the settings of an edit; what was changed.
-pub fn panel_ui(ui: &mut Ui, form: &Form, edit: &Edit) -> Option<Change> {
+/// Draws the settings of an edit but those that are `hidden`, and marks the one that was found by name; what was changed.
+pub fn panel_ui(
+    ui: &mut Ui,
+    form: &Form,
+    edit: &Edit,
+    hidden: &[&str],
+    highlighted: Option<&str>,
+) -> Option<Change> {
     let mut change = None;
-    for setting in &form.settings {
+    let shown = form
+        .settings
+        .iter()
+        .filter(|setting| !hidden.contains(&setting.name.as_str()));
+    for setting in shown {
         let value = edit.param(&setting.name);
         let is_default = value.is_null();
         let label = if is_default {
@@ -30,6 +40,13 @@ pub fn panel_ui(ui: &mut Ui, form: &Form, edit: &Edit) -> Option<Change> {
         let found = ui
             .horizontal(|ui| {
                 let label = ui.label(label).on_hover_text(&setting.help);
+                if highlighted == Some(setting.name.as_str()) {
+                    let frame = egui::Stroke::new(1.5, ui.visuals().selection.bg_fill);
+                    let place = label.rect.expand(2.0);
+                    ui.painter()
+                        .rect_stroke(place, 2.0, frame, egui::StrokeKind::Outside);
+                    label.scroll_to_me(None);
+                }
                 let mut found = control_ui(ui, setting, value, label.id);
                 if !is_default {
                     let hint = if setting.default.is_empty() {

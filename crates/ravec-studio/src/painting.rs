@@ -1,0 +1,233 @@
+//! The brush in the hand: strokes are painted as they grow, and the picture is kept from one to the next.
+
+use crate::document::Edit;
+use crate::shown::Shown;
+use ravec::progress::Progress;
+use ravec::raster::{Color, Image, LinearRgba, Rect, with_image};
+use ravec::twocolor::brush::{Brush, Stroke, StrokeError, Strokes, replay};
+use ravec_media::Picture;
+use std::sync::Arc;
+
+/// A picture that is being painted.
+///
+/// Guarantees: the picture is the one that the operation `brush` gives for the strokes of the edit.
+#[derive(Default)]
+pub(crate) struct Painting {
+    present: Option<Present>,
+}
+
+struct Present {
+    key: Arc<str>,
+    brush: Brush,
+    /// Strokes before the one in the hand.
+    done: Vec<Stroke>,
+    shown: Shown,
+}
+
+/// Strokes of an edit that are in half-integer coordinates of a picture of this size; `None` for what the operation has to judge.
+fn strokes_of(edit: &Edit, picture: &Picture) -> Option<Vec<Stroke>> {
+    let own = |name: &str| edit.param(name).is_null();
+    if edit.operation != "brush" || !own("undo") || !own("pixel_centers") || !own("scale") {
+        return None;
+    }
+    let strokes: Strokes = serde_json::from_value(edit.fields.get("strokes")?.clone()).ok()?;
+    let size = picture.image.size();
+    let same_size = (strokes.width, strokes.height) == (size.width(), size.height());
+    same_size.then_some(strokes.strokes)
+}
+
+impl Painting {
+    /// The picture with the strokes of an edit, if these are the ones that were painted here.
+    pub fn finished(&self, key: &str, edit: &Edit, input: &Picture) -> Option<Picture> {
+        let present = self.present.as_ref()?;
+        let strokes = strokes_of(edit, input)?;
+        let (last, before) = strokes.split_last()?;
+        let same = *present.key == *key && present.done == before && present.brush.stroke() == last;
+        same.then(|| input.with_image(present.brush.image()))
+    }
+
+    /// Paints what is new in the strokes of an edit; the picture as a screen shows it, or `None` if there is no stroke that can be
+    /// painted here.
+    ///
+    /// # Errors
+    /// Those of the strokes.
+    pub fn follow(
+        &mut self,
+        key: &Arc<str>,
+        edit: &Edit,
+        input: &Picture,
+        progress: &Progress,
+    ) -> Result<Option<Arc<Shown>>, StrokeError> {
+        let Some(strokes) = strokes_of(edit, input) else {
+            return Ok(None);
+        };
+        let Some((last, before)) = strokes.split_last() else {
+            return Ok(None);
+        };
+        let known = self.present.take().filter(|present| present.key == *key);
+        let (mut present, region) =
+            match known.map(|present| present.advance(before, last, progress)) {
+                Some(Ok(Some(advanced))) => advanced,
+                Some(Err(error)) => return Err(error),
+                Some(Ok(None)) | None => {
+                    let mut done = Strokes::new(input.image.size());
+                    done.strokes = before.to_vec();
+                    let image = replay(input.convert(), &done, progress)?.image;
+                    let brush = Brush::begin(image, last.clone(), progress)?;
+                    let picture = input.with_image(brush.image());
+                    let present = Present {
+                        key: key.clone(),
+                        brush,
+                        done: done.strokes,
+                        shown: Shown::new(Arc::new(picture)),
+                    };
+                    (present, Rect::default())
+                }
+            };
+        if !region.is_empty() {
+            let picture = patched(present.shown.picture(), present.brush.image(), region);
+            present.shown = present.shown.changed(Arc::new(picture), region);
+        }
+        let shown = Arc::new(present.shown.clone());
+        self.present = Some(present);
+        Ok(Some(shown))
+    }
+}
+
+impl Present {
+    /// Goes on to these strokes and says where the picture has changed; `None` if they are no continuation.
+    fn advance(
+        mut self,
+        before: &[Stroke],
+        last: &Stroke,
+        progress: &Progress,
+    ) -> Result<Option<(Self, Rect)>, StrokeError> {
+        let mut region = Rect::default();
+        if before.len() == self.done.len() + 1
+            && before[..self.done.len()] == self.done[..]
+            && before[self.done.len()] == *self.brush.stroke()
+        {
+            let ended = self.brush.stroke().clone();
+            region = self.brush.next_stroke(
+                Stroke {
+                    points: last.points[..1].to_vec(),
+                    ..last.clone()
+                },
+                progress,
+            )?;
+            self.done.push(ended);
+        } else if before != self.done {
+            return Ok(None);
+        }
+        let stroke = self.brush.stroke();
+        let count = stroke.points.len();
+        let grows = last.points.len() >= count && last.points[..count] == stroke.points[..];
+        let same_settings = Stroke {
+            points: last.points.clone(),
+            ..stroke.clone()
+        } == *last;
+        if !grows || !same_settings {
+            return Ok(None);
+        }
+        for &point in &last.points[count..] {
+            region = region.bounding(self.brush.extend(point, progress)?);
+        }
+        Ok(Some((self, region)))
+    }
+}
+
+/// A picture with a region of it taken from a painted one, in the type of the picture.
+fn patched(picture: &Picture, painted: &Image<LinearRgba>, region: Rect) -> Picture {
+    let mut image = picture.image.clone();
+    with_image!(&mut image, image => for row in region.row..region.bottom() {
+        let columns = region.col..region.right();
+        let painted = &painted.row(row)[columns.clone()];
+        for (pixel, &color) in image.row_mut(row)[columns].iter_mut().zip(painted) {
+            *pixel = Color::from_linear(color);
+        }
+    });
+    picture.with_pixels(image)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::content::Content;
+    use crate::engine::run_in_memory;
+    use ravec::raster::{AnyImage, Size, Srgb};
+    use serde_json::{Value, json};
+
+    fn picture() -> Arc<Picture> {
+        let size = Size::new(96, 80).unwrap();
+        let image = Image::from_fn(size, |col, row| {
+            let noise = ((col * 7919 + row * 104_729) % 23) as u8;
+            let bright = if col + row / 2 > 60 { 150 } else { 40 };
+            Srgb([bright + noise, bright, 90 + noise])
+        });
+        Arc::new(Picture::from_image(AnyImage::from(image)))
+    }
+
+    fn edit(strokes: &Value) -> Edit {
+        let strokes = json!({"version": 1, "width": 96, "height": 80, "strokes": strokes});
+        Edit {
+            id: 1,
+            operation: "brush".to_owned(),
+            fields: [("strokes".to_owned(), strokes)].into_iter().collect(),
+            enabled: true,
+        }
+    }
+
+    fn stroke(tool: &Value, points: &[[f64; 2]]) -> Value {
+        json!({
+            "tool": tool, "points": points, "radius_px": 9.0, "hardness": 0.4, "strength": 0.8,
+            "edge_aware": true,
+        })
+    }
+
+    #[test]
+    fn strokes_that_grow_give_the_picture_of_the_operation() {
+        let input = picture();
+        let key: Arc<str> = "photo".into();
+        let operator =
+            |mode: &str| json!({"operator": {"mode": mode, "iterations": 1, "noise_sigma": null}});
+        let tools = [
+            operator("smooth"),
+            operator("clean"),
+            json!({"color": {"rgb": [200, 30, 20]}}),
+            json!("dodge"),
+        ];
+        let points = [[20.0, 20.0], [35.0, 30.0], [50.0, 32.0], [70.0, 60.0]];
+        let mut painting = Painting::default();
+        let mut strokes = Vec::new();
+        for tool in &tools {
+            for count in [1, 2, points.len()] {
+                let mut now = strokes.clone();
+                now.push(stroke(tool, &points[..count]));
+                let edit = edit(&Value::Array(now));
+                let shown = painting.follow(&key, &edit, &input, &Progress::none());
+                let shown = shown.unwrap().unwrap();
+                let content = Content::Picture(input.clone());
+                let (expected, _) = run_in_memory(&edit, &content, &Progress::none())
+                    .unwrap_or_else(|_| panic!("{tool} paints"));
+                let expected = expected.picture().unwrap().clone();
+                assert_eq!(
+                    shown.pixels(),
+                    Shown::new(expected.clone()).pixels(),
+                    "{tool}"
+                );
+                let finished = painting.finished(&key, &edit, &input).unwrap();
+                assert_eq!(finished.image, expected.image);
+            }
+            strokes.push(stroke(tool, &points));
+        }
+        // an undone stroke is painted away, and another picture begins anew
+        let undone = edit(&Value::Array(strokes[..2].to_vec()));
+        assert!(painting.finished(&key, &undone, &input).is_none());
+        painting
+            .follow(&key, &undone, &input, &Progress::none())
+            .unwrap()
+            .unwrap();
+        assert!(painting.finished(&key, &undone, &input).is_some());
+        assert!(painting.finished("other", &undone, &input).is_none());
+    }
+}

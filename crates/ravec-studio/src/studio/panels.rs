@@ -1,0 +1,185 @@
+//! The panels: tools, edits, settings and the state of the work.
+
+use super::Studio;
+use crate::content::Kind;
+use crate::open::label_of;
+use crate::settings::{self, Form};
+use crate::tools::Desk;
+use crate::view::panel::panel_ui;
+use egui::{RichText, Ui};
+use std::time::Duration;
+
+/// Time after which work shows its progress and a button that stops it.
+const PATIENCE: Duration = Duration::from_millis(300);
+
+impl Studio {
+    /// Tools and edits.
+    pub(super) fn edits_ui(&mut self, ui: &mut Ui) {
+        egui::ScrollArea::vertical().show(ui, |ui| {
+            ui.heading("Tools");
+            let open = self.open.get(self.active);
+            let ready = open.is_some_and(|open| open.result_size().is_some());
+            let kind = open.map_or(Kind::Picture, |open| open.kind);
+            let mut chosen = None;
+            for (index, tool) in self.tools.iter().enumerate() {
+                if tool.kinds().contains(&kind)
+                    && ui
+                        .add_enabled(ready, egui::Button::new(tool.label()))
+                        .on_hover_text(tool.hint())
+                        .clicked()
+                {
+                    chosen = Some(index);
+                }
+            }
+            if let Some(index) = chosen {
+                self.add_edit(index);
+            }
+            ui.separator();
+            ui.heading("Edits");
+            let tools = &self.tools;
+            let Some(open) = self.open.get_mut(self.active) else {
+                ui.label("Open a picture, a mesh or a clip, or drop one here.");
+                return;
+            };
+            if open.list_ui(ui, tools) {
+                self.autosave();
+            }
+        });
+    }
+
+    /// The settings of the selected edit.
+    pub(super) fn settings_ui(&mut self, ui: &mut Ui) {
+        let Some(open) = self.open.get_mut(self.active) else {
+            return;
+        };
+        if let Some(canvas) = &mut open.mesh_canvas {
+            egui::CollapsingHeader::new("View")
+                .default_open(open.selected.is_none())
+                .show(ui, |ui| {
+                    canvas.options_ui(ui);
+                });
+        }
+        let Some(edit) = open.selected_edit() else {
+            ui.label("Choose a tool, or an edit of the list.");
+            return;
+        };
+        let form = self.forms.entry(edit.operation.clone()).or_insert_with(|| {
+            settings::form(&edit.operation).unwrap_or(Form {
+                about: String::new(),
+                settings: Vec::new(),
+            })
+        });
+        ui.heading(label_of(&self.tools, &edit));
+        ui.label(RichText::new(&form.about).weak());
+        let snapshot = open.engine.snapshot();
+        if let Some(failure) = &snapshot.failure
+            && failure.edit == Some(edit.id)
+        {
+            ui.colored_label(ui.visuals().error_fg_color, &failure.message);
+        }
+        ui.separator();
+        let tool = self.tools.iter_mut().find(|tool| tool.made(&edit));
+        let on_input = tool.as_ref().is_some_and(|tool| tool.works_on_input(&edit));
+        let input = open.input_of(edit.id, &snapshot, on_input);
+        let draft = open.draft(&edit);
+        let desk = Desk {
+            input: input.as_ref(),
+            note: draft
+                .as_ref()
+                .map(|draft| draft.note.as_str())
+                .filter(|note| !note.is_empty()),
+            snapshot: &snapshot,
+            assistant: &open.assistant,
+        };
+        let highlighted = self.highlighted.as_deref();
+        let mut drafts = false;
+        let (gesture, change) = egui::ScrollArea::vertical()
+            .show(ui, |ui| {
+                let mut gesture = None;
+                let mut hidden: &[&str] = &[];
+                if let Some(tool) = tool {
+                    gesture = tool.panel_ui(ui, &desk, &edit);
+                    hidden = tool.hidden();
+                    drafts = tool.draft().is_some();
+                    ui.separator();
+                }
+                (gesture, panel_ui(ui, form, &edit, hidden, highlighted))
+            })
+            .inner;
+        if let Some(gesture) = gesture {
+            let name = format!("{} panel", edit.id);
+            open.change(gesture.edit, &name, gesture.goes_on);
+            if !gesture.goes_on {
+                self.autosave();
+            }
+        } else if let Some(change) = change {
+            let gesture = format!("{} {}", edit.id, change.name);
+            let edit = edit.with_param(&change.name, change.value);
+            open.change(edit, &gesture, change.goes_on);
+            if !change.goes_on {
+                self.autosave();
+            }
+        } else if open.history.in_gesture() && !ui.input(|input| input.pointer.any_down()) {
+            open.history.end_gesture();
+            self.autosave();
+        }
+    }
+
+    /// The state of the work.
+    pub(super) fn status_ui(&mut self, ui: &mut Ui) {
+        ui.horizontal(|ui| {
+            if let Some(open) = self.open.get_mut(self.active) {
+                let snapshot = open.engine.snapshot();
+                if let Some(mesh) = snapshot
+                    .result
+                    .as_ref()
+                    .and_then(|result| result.content.mesh())
+                {
+                    ui.label(format!("{} triangles", mesh.mesh.triangles().len()));
+                }
+                if let Some([width, height]) = snapshot.size() {
+                    ui.label(format!("{width} × {height}"));
+                    if let Some(view) = open.canvas.view() {
+                        ui.label(format!("{:.0} %", 100.0 * view.zoom));
+                    }
+                    let label = ui.label("Exposure");
+                    ui.add(
+                        egui::DragValue::new(&mut open.exposure)
+                            .range(-10.0..=10.0)
+                            .speed(0.05)
+                            .suffix(" stops"),
+                    )
+                    .labelled_by(label.id);
+                }
+                let edit = open.selected_edit();
+                let tool = edit.and_then(|edit| self.tools.iter().find(|tool| tool.made(&edit)));
+                if let Some(tool) = tool {
+                    ui.weak(tool.hint());
+                }
+                if let Some(busy) = &snapshot.busy {
+                    if busy.elapsed > PATIENCE {
+                        let bar = egui::ProgressBar::new(busy.fraction as f32).desired_width(140.0);
+                        ui.add(bar.text(busy.phase));
+                        if ui.button("Stop").clicked() {
+                            open.engine.cancel();
+                        }
+                    }
+                    ui.ctx().request_repaint_after(Duration::from_millis(50));
+                }
+                if snapshot.is_stale {
+                    ui.label(RichText::new("older result").italics());
+                }
+                if let Some(failure) = snapshot.failure.filter(|failure| failure.edit.is_none()) {
+                    ui.colored_label(ui.visuals().error_fg_color, failure.message);
+                }
+            }
+            if let Some((text, wrong)) = &self.message {
+                if *wrong {
+                    ui.colored_label(ui.visuals().error_fg_color, text);
+                } else {
+                    ui.label(text);
+                }
+            }
+        });
+    }
+}
