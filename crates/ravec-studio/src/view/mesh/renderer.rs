@@ -31,7 +31,7 @@ const DRAFT_TIME: Duration = Duration::from_millis(80);
 const MANY_TRIANGLES: usize = 400_000;
 
 /// The cover of the ghost.
-const GHOST_ALPHA: f32 = 0.35;
+const GHOST_ALPHA: f32 = 0.3;
 
 const GHOST_COLOR: Rgb8 = [96, 150, 214];
 const MARK_COLOR: Rgb8 = [226, 32, 44];
@@ -570,6 +570,6 @@ mod tests {
     fn a_ghost_tints_what_it_covers() {
         let mut pixels = vec![200, 100, 0, 255, 9, 9, 9, 255];
         blend(&mut pixels, &[100, 100, 200, 255, 255, 255, 255, 0]);
-        assert_eq!(pixels, [165, 100, 70, 255, 9, 9, 9, 255]);
+        assert_eq!(pixels, [170, 100, 60, 255, 9, 9, 9, 255]);
     }
 }
