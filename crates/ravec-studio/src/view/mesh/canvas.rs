@@ -310,7 +310,9 @@ impl MeshCanvas {
         let Some(view) = self.view else {
             return;
         };
-        if response.clicked() {
+        // the key Space clicks what has the focus, too
+        let clicked = response.clicked_by(PointerButton::Primary);
+        if clicked {
             response.request_focus();
         }
         self.drag(ui, response, &view);
@@ -323,9 +325,7 @@ impl MeshCanvas {
                 self.move_to(view.zoomed(f64::from(factor), anchor));
             }
         }
-        let clicked = response
-            .interact_pointer_pos()
-            .filter(|_| response.clicked());
+        let clicked = response.interact_pointer_pos().filter(|_| clicked);
         if self.options.measure {
             if let Some(point) = clicked.and_then(|at| self.measured_point(&view, at)) {
                 self.measuring.add(point);

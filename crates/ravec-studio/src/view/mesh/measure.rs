@@ -73,7 +73,7 @@ impl Measuring {
             if let [Some(a), Some(b)] = ends {
                 painter.line_segment([a, b], shade);
                 painter.line_segment([a, b], line);
-                paint_label(painter, a + 0.5 * (b - a), &Measured { from, to });
+                paint_label(painter, [a, b], &Measured { from, to });
             }
         }
         for &point in self.points.iter().chain(&next) {
@@ -84,7 +84,7 @@ impl Measuring {
     }
 }
 
-fn paint_label(painter: &Painter, at: Pos2, measured: &Measured) {
+fn paint_label(painter: &Painter, [a, b]: [Pos2; 2], measured: &Measured) {
     let delta = measured.delta();
     let text = format!(
         "{}\ndx {}  dy {}  dz {}",
@@ -94,12 +94,19 @@ fn paint_label(painter: &Painter, at: Pos2, measured: &Measured) {
         number(delta.z, DIGITS)
     );
     let text = painter.layout_no_wrap(text, FontId::proportional(13.0), Color32::WHITE);
-    let place = Align2::LEFT_TOP.anchor_size(at + vec2(10.0, 8.0), text.size());
+    // beside the line, on the side that it does not go to
+    let falls = (b - a).x * (b - a).y > 0.0;
+    let (anchor, up) = if falls {
+        (Align2::LEFT_BOTTOM, -8.0)
+    } else {
+        (Align2::LEFT_TOP, 8.0)
+    };
+    let place = anchor.anchor_size(a + 0.5 * (b - a) + vec2(10.0, up), text.size());
     // the label stays within the canvas
     let room = painter.clip_rect().shrink(6.0);
     let shift = vec2(
         (room.right() - place.right()).min(0.0),
-        (room.bottom() - place.bottom()).min(0.0),
+        (room.bottom() - place.bottom()).min(0.0) + (room.top() - place.top()).max(0.0),
     );
     let place = place.translate(shift);
     painter.rect_filled(place.expand(4.0), 3.0, Color32::from_black_alpha(180));

@@ -49,6 +49,7 @@ pub(super) struct Wanted {
 
 /// The look of a picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[expect(clippy::struct_excessive_bools, reason = "each is a switch of its own")]
 pub(super) struct Style {
     pub background: Rgb8,
     pub shaded: bool,
@@ -370,15 +371,12 @@ impl Meshes {
     /// The index of a mesh.
     fn prepared(&mut self, mesh: &Arc<TriMesh>) -> &PreparedMesh {
         let same = |known: &PreparedMesh| Arc::ptr_eq(known.mesh(), mesh);
-        let prepared = match self.known.iter().position(same) {
-            Some(known) => self.known.remove(known),
-            None => {
-                if self.known.len() == KEPT {
-                    self.known.remove(0);
-                }
-                PreparedMesh::new(mesh.clone())
-            }
-        };
+        let known = self.known.iter().position(same);
+        let known = known.map(|known| self.known.remove(known));
+        if self.known.len() == KEPT {
+            self.known.remove(0);
+        }
+        let prepared = known.unwrap_or_else(|| PreparedMesh::new(mesh.clone()));
         self.known.push(prepared);
         &self.known[self.known.len() - 1]
     }
