@@ -87,13 +87,11 @@ impl Prepared {
     }
 
     pub fn edges(&self, mesh: &TriMesh, progress: &Progress) -> Result<&Edges, Cancelled> {
-        match self.edges.get() {
-            Some(edges) => Ok(edges),
-            None => {
-                let edges = Edges::new(mesh, progress)?;
-                Ok(self.edges.get_or_init(|| edges))
-            }
+        if let Some(edges) = self.edges.get() {
+            return Ok(edges);
         }
+        let edges = Edges::new(mesh, progress)?;
+        Ok(self.edges.get_or_init(|| edges))
     }
 
     pub fn kinds(

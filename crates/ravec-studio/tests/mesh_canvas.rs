@@ -269,6 +269,12 @@ fn the_edge_of_a_unit_cube_measures_one() {
     assert_eq!((measured.from, measured.to), (ends[0], ends[1]));
     assert_eq!(measured.distance(), 1.0);
     assert_eq!(measured.delta(), DVec3::new(-1.0, 0.0, 0.0));
+    // a little beside the mesh the corner still counts
+    for end in ends {
+        let at = canvas(&harness).project(end).unwrap() + vec2(-2.0, -4.0);
+        click_at(&mut harness, at);
+    }
+    assert_eq!(canvas(&harness).measured(), Some(measured));
     // away from corners the point of the surface counts
     let at = canvas(&harness)
         .project(ends[0] - DVec3::new(0.4, -0.3, 0.0))

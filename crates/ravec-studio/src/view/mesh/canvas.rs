@@ -3,7 +3,7 @@
 use super::ShownMesh;
 use super::legend::{paint_axes, paint_legend};
 use super::marks::paint_marks;
-use super::measure::{Measured, Measuring, snapped};
+use super::measure::{self, Measured, Measuring};
 use super::options::{self, Command, MeshOptions};
 use super::orbit::{MeshView, OrbitCamera};
 use super::picker::{self, Picked, Picker};
@@ -63,6 +63,8 @@ pub struct MeshCanvas {
     picker: Picker,
     shown: Option<Arc<ShownMesh>>,
     bounds: Aabb,
+    /// Points that are about as large as everything that is shown.
+    extremes: Vec<DVec3>,
     view: Option<MeshView>,
     /// What was asked for last; `true` once a fine picture of it was.
     requested: Option<(Wanted, bool)>,
@@ -84,6 +86,7 @@ impl MeshCanvas {
             picker: Picker::default(),
             shown: None,
             bounds: Aabb::EMPTY,
+            extremes: Vec::new(),
             view: None,
             requested: None,
             drawn: None,
@@ -239,7 +242,12 @@ impl MeshCanvas {
             self.forget();
             return response;
         };
-        self.bounds = ghost.map_or(shown.bounds(), |ghost| shown.bounds().union(ghost.bounds()));
+        self.bounds = shown.bounds();
+        self.extremes = shown.extremes.to_vec();
+        if let Some(ghost) = ghost {
+            self.bounds = self.bounds.union(ghost.bounds());
+            self.extremes.extend_from_slice(&ghost.extremes);
+        }
         self.place_camera(ui, area);
         self.follow(ui, &response, area);
         self.view = self.camera.on(self.bounds, area);
@@ -288,8 +296,12 @@ impl MeshCanvas {
         let changed = before != (self.camera.perspective, self.camera.up);
         // nothing moves under a hand that holds something
         if !self.moved && (!held || changed || self.view.is_none()) {
-            self.camera = self.camera.fit(self.bounds, area.size());
+            self.fit_now(area);
         }
+    }
+
+    fn fit_now(&mut self, area: Rect) {
+        self.camera = self.camera.fit(&self.extremes, self.bounds, area.size());
     }
 
     /// Moves the camera with the hand.
@@ -298,7 +310,9 @@ impl MeshCanvas {
         let Some(view) = self.view else {
             return;
         };
-        if response.clicked() {
+        // the key Space clicks what has the focus, too
+        let clicked = response.clicked_by(PointerButton::Primary);
+        if clicked {
             response.request_focus();
         }
         self.drag(ui, response, &view);
@@ -311,14 +325,10 @@ impl MeshCanvas {
                 self.move_to(view.zoomed(f64::from(factor), anchor));
             }
         }
-        let clicked = response
-            .interact_pointer_pos()
-            .filter(|_| response.clicked());
+        let clicked = response.interact_pointer_pos().filter(|_| clicked);
         if self.options.measure {
-            if let (Some(at), Some(shown)) = (clicked, &self.shown)
-                && let Some(picked) = self.pick(at)
-            {
-                self.measuring.add(snapped(shown, &view, &picked, at));
+            if let Some(point) = clicked.and_then(|at| self.measured_point(&view, at)) {
+                self.measuring.add(point);
             }
         } else if response.double_clicked()
             && let Some(at) = response.interact_pointer_pos()
@@ -338,6 +348,22 @@ impl MeshCanvas {
             Some(picked) => picked.point,
             None => view.at_depth_of(at, self.camera.center),
         }
+    }
+
+    /// The point that a click measures: a corner of a triangle if one is near, else the surface below the cursor.
+    fn measured_point(&self, view: &MeshView, at: Pos2) -> Option<DVec3> {
+        let shown = self.shown.as_ref()?;
+        let around = measure::around(at).filter_map(|at| self.pick(at));
+        let corners = around
+            .filter(|picked| !picked.on_cap)
+            .filter_map(|picked| shown.corners(picked.triangle))
+            .flatten();
+        let section = self.options.section(self.bounds);
+        let is_kept = |corner: &DVec3| {
+            section.is_none_or(|section| section.normal.dot(*corner) <= section.offset)
+        };
+        measure::snapped(corners.filter(is_kept), view, at)
+            .or_else(|| self.pick(at).map(|picked| picked.point))
     }
 
     fn move_to(&mut self, camera: OrbitCamera) {
@@ -421,7 +447,7 @@ impl MeshCanvas {
             self.move_to(view.zoomed(zoom, self.camera.center));
         }
         if pressed(Key::F) {
-            self.camera = self.camera.fit(self.bounds, area.size());
+            self.fit_now(area);
             self.fit();
         }
     }
@@ -532,7 +558,7 @@ impl MeshCanvas {
         }
         if self.options.measure {
             let at = response.hover_pos().filter(|_| self.gesture.is_none());
-            let next = at.and_then(|at| Some(snapped(shown, view, &self.pick(at)?, at)));
+            let next = at.and_then(|at| self.measured_point(view, at));
             self.measuring.paint(painter, view, next);
         }
     }

@@ -12,6 +12,9 @@ const STEPS: usize = 64;
 /// Size of the bar of colors in points.
 const BAR: [f32; 2] = [16.0, 180.0];
 
+/// Digits of the values at the bar.
+const DIGITS: usize = 4;
+
 /// Length of the axes in points.
 const AXIS: f32 = 26.0;
 
@@ -25,7 +28,7 @@ pub(super) fn paint_legend(ui: &Ui, painter: &Painter, area: Rect, title: &str, 
     let font = FontId::proportional(13.0);
     let middle = 0.5 * (legend.low + legend.high);
     let labels: Vec<_> = [legend.high, middle, legend.low]
-        .map(|value| painter.layout_no_wrap(number(value), font.clone(), color))
+        .map(|value| painter.layout_no_wrap(number(value, DIGITS), font.clone(), color))
         .into();
     let title = painter.layout(title.to_owned(), font, color, 0.5 * area.width());
     let widest = labels
@@ -34,7 +37,7 @@ pub(super) fn paint_legend(ui: &Ui, painter: &Painter, area: Rect, title: &str, 
         .fold(0.0, f32::max);
     let width = (BAR[0] + 8.0 + widest).max(title.size().x);
     let top = pos2(area.right() - width - 16.0, area.top() + 16.0);
-    let bar = Rect::from_min_size(top + vec2(0.0, title.size().y + 8.0), vec2(BAR[0], height));
+    let bar = Rect::from_min_size(top + vec2(0.0, title.size().y + 14.0), vec2(BAR[0], height));
     let back = Rect::from_min_max(top, pos2(top.x + width, bar.bottom())).expand(8.0);
     let shade = ui.visuals().window_fill().gamma_multiply(0.8);
     painter.rect_filled(back, 4.0, shade);

@@ -1,13 +1,14 @@
 //! Measuring between two points of the surface.
 
-use super::ShownMesh;
 use super::orbit::MeshView;
-use super::picker::Picked;
 use egui::{Align2, Color32, FontId, Painter, Pos2, Stroke, vec2};
 use glam::DVec3;
 
 /// Distance in points up to which a click takes the corner of a triangle.
 const SNAP: f32 = 8.0;
+
+/// Digits of lengths.
+const DIGITS: usize = 6;
 
 const COLOR: Color32 = Color32::from_rgb(255, 190, 40);
 
@@ -72,7 +73,7 @@ impl Measuring {
             if let [Some(a), Some(b)] = ends {
                 painter.line_segment([a, b], shade);
                 painter.line_segment([a, b], line);
-                paint_label(painter, a + 0.5 * (b - a), &Measured { from, to });
+                paint_label(painter, [a, b], &Measured { from, to });
             }
         }
         for &point in self.points.iter().chain(&next) {
@@ -83,52 +84,66 @@ impl Measuring {
     }
 }
 
-fn paint_label(painter: &Painter, at: Pos2, measured: &Measured) {
+fn paint_label(painter: &Painter, [a, b]: [Pos2; 2], measured: &Measured) {
     let delta = measured.delta();
     let text = format!(
         "{}\ndx {}  dy {}  dz {}",
-        number(measured.distance()),
-        number(delta.x),
-        number(delta.y),
-        number(delta.z)
+        number(measured.distance(), DIGITS),
+        number(delta.x, DIGITS),
+        number(delta.y, DIGITS),
+        number(delta.z, DIGITS)
     );
     let text = painter.layout_no_wrap(text, FontId::proportional(13.0), Color32::WHITE);
-    let place = Align2::LEFT_TOP.anchor_size(at + vec2(10.0, 8.0), text.size());
+    // beside the line, on the side that it does not go to
+    let falls = (b - a).x * (b - a).y > 0.0;
+    let (anchor, up) = if falls {
+        (Align2::LEFT_BOTTOM, -8.0)
+    } else {
+        (Align2::LEFT_TOP, 8.0)
+    };
+    let place = anchor.anchor_size(a + 0.5 * (b - a) + vec2(10.0, up), text.size());
     // the label stays within the canvas
     let room = painter.clip_rect().shrink(6.0);
     let shift = vec2(
         (room.right() - place.right()).min(0.0),
-        (room.bottom() - place.bottom()).min(0.0),
+        (room.bottom() - place.bottom()).min(0.0) + (room.top() - place.top()).max(0.0),
     );
     let place = place.translate(shift);
     painter.rect_filled(place.expand(4.0), 3.0, Color32::from_black_alpha(180));
     painter.galley(place.min, text, Color32::WHITE);
 }
 
-/// The point that a click takes: a corner of the triangle, if one is near on the screen.
-pub(super) fn snapped(shown: &ShownMesh, view: &MeshView, picked: &Picked, at: Pos2) -> DVec3 {
-    if picked.on_cap {
-        return picked.point;
-    }
-    let corners = shown.corners(picked.triangle).into_iter().flatten();
-    let near = corners.filter_map(|corner| Some((view.project(corner)?.distance(at), corner)));
-    let nearest = near.min_by(|a, b| a.0.total_cmp(&b.0));
-    match nearest {
-        Some((distance, corner)) if distance <= SNAP => corner,
-        _ => picked.point,
-    }
+/// Places on the screen about the cursor, whose triangles may have a corner near it.
+pub(super) fn around(at: Pos2) -> impl Iterator<Item = Pos2> {
+    let reach = 0.75 * SNAP;
+    let steps = [0.0, -reach, reach];
+    steps
+        .into_iter()
+        .flat_map(move |x| steps.map(|y| at + vec2(x, y)))
 }
 
-/// A number with six digits that count.
-pub(super) fn number(x: f64) -> String {
+/// The corner that is nearest to the cursor on the screen, if one is near.
+pub(super) fn snapped(
+    corners: impl Iterator<Item = DVec3>,
+    view: &MeshView,
+    at: Pos2,
+) -> Option<DVec3> {
+    let near = corners.filter_map(|corner| Some((view.project(corner)?.distance(at), corner)));
+    let (distance, corner) = near.min_by(|a, b| a.0.total_cmp(&b.0))?;
+    (distance <= SNAP).then_some(corner)
+}
+
+/// A number, rounded to a number of digits that count.
+pub(super) fn number(x: f64, digits: usize) -> String {
     if x == 0.0 {
         return "0".to_owned();
     }
-    let digits = x.abs().log10().floor();
-    if !(-4.0..9.0).contains(&digits) {
-        return format!("{x:.5e}");
+    let power = x.abs().log10().floor();
+    let decimals = digits.saturating_sub(1);
+    if !(-4.0..9.0).contains(&power) {
+        return format!("{x:.decimals$e}");
     }
-    let decimals = (5.0 - digits).max(0.0) as usize;
+    let decimals = (decimals as f64 - power).max(0.0) as usize;
     let text = format!("{x:.decimals$}");
     if decimals == 0 {
         return text;
@@ -153,8 +168,10 @@ mod tests {
             (1.5e-7, "1.50000e-7"),
             (2e12, "2.00000e12"),
         ] {
-            assert_eq!(number(x), text);
+            assert_eq!(number(x, 6), text);
         }
+        assert_eq!(number(-0.0069617, 3), "-0.00696");
+        assert_eq!(number(1234.5, 1), "1234");
     }
 
     #[test]

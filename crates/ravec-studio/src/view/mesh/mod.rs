@@ -60,6 +60,8 @@ pub struct ShownMesh {
     /// Places that are marked, such as defects. Those that the mesh does not have are passed over.
     pub marked: Vec<MarkedPlace>,
     bounds: Aabb,
+    /// Points that reach farthest in many directions: their view is about as large as that of the mesh.
+    extremes: Arc<[DVec3]>,
 }
 
 impl ShownMesh {
@@ -67,6 +69,7 @@ impl ShownMesh {
     pub fn new(mesh: Arc<TriMesh>) -> Self {
         Self {
             bounds: mesh.bounds(),
+            extremes: extremes(&mesh).into(),
             mesh,
             values: None,
             marked: Vec::new(),
@@ -96,5 +99,68 @@ impl ShownMesh {
     /// The corners of a triangle, if the mesh has it.
     fn corners(&self, triangle: u32) -> Option<[DVec3; 3]> {
         ((triangle as usize) < self.mesh.triangles().len()).then(|| self.mesh.corners(triangle))
+    }
+}
+
+/// The vertices of triangles that reach farthest along the axes, the diagonals, and directions between them.
+fn extremes(mesh: &TriMesh) -> Vec<DVec3> {
+    let steps = || (-2..=2).map(f64::from);
+    let all = steps().flat_map(|x| steps().flat_map(move |y| steps().map(move |z| [x, y, z])));
+    let directions = all.map(DVec3::from_array).filter(|direction| {
+        let sizes = direction.abs();
+        sizes.max_element() == 1.0 || sizes.element_sum() == 3.0 && sizes.min_element() == 0.0
+    });
+    let mut farthest: Vec<(DVec3, f64, DVec3)> = directions
+        .map(|direction| (direction, f64::NEG_INFINITY, DVec3::ZERO))
+        .collect();
+    let mut seen = vec![false; mesh.positions().len()];
+    for &vertex in mesh.triangles().iter().flatten() {
+        if std::mem::replace(&mut seen[vertex as usize], true) {
+            continue;
+        }
+        let at = mesh.positions()[vertex as usize];
+        for (direction, most, extreme) in &mut farthest {
+            let reach = direction.dot(at);
+            if reach > *most {
+                (*most, *extreme) = (reach, at);
+            }
+        }
+    }
+    farthest.retain(|&(_, most, _)| most > f64::NEG_INFINITY);
+    farthest
+        .into_iter()
+        .map(|(_, _, extreme)| extreme)
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ravec_scenes::solids::torus;
+
+    #[test]
+    fn extremes_reach_about_as_far_as_the_mesh() {
+        let torus = torus(2.0, 0.7, 60, 30).mesh;
+        let extremes = extremes(&torus);
+        assert!(extremes.len() == 50);
+        let reach = |points: &[DVec3], direction: DVec3| {
+            let reaches = points.iter().map(|at| at.dot(direction));
+            reaches.fold(f64::NEG_INFINITY, f64::max)
+        };
+        for i in 0..200_i32 {
+            let angle = f64::from(i);
+            let direction = DVec3::new(angle.cos(), angle.sin(), (0.7 * angle).sin()).normalize();
+            let whole = reach(torus.positions(), direction);
+            let found = reach(&extremes, direction);
+            // so that a fit to them shows all of the mesh
+            assert!(found <= whole && found > 0.9 * whole, "{found} {whole}");
+        }
+    }
+
+    #[test]
+    fn a_mesh_without_triangles_has_neither_bounds_nor_extremes() {
+        let empty = TriMesh::new(vec![DVec3::ONE], Vec::new()).unwrap();
+        let shown = ShownMesh::new(Arc::new(empty));
+        assert!(shown.bounds().is_empty() && shown.extremes.is_empty());
     }
 }

@@ -34,6 +34,7 @@ impl Default for SectionOptions {
 
 /// What the canvas shows of a mesh.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[expect(clippy::struct_excessive_bools, reason = "each is a switch of its own")]
 pub struct MeshOptions {
     /// `true` in perspective, `false` if parallels stay parallel (default true).
     pub perspective: bool,

@@ -66,9 +66,9 @@ impl OrbitCamera {
         }
     }
 
-    /// The same camera, so that all of `bounds` fits a canvas of a size, and fills it.
+    /// The same camera, so that all of `points` fit a canvas of a size, and fill it. They are within `bounds`.
     #[must_use]
-    pub fn fit(mut self, bounds: Aabb, size: Vec2) -> Self {
+    pub fn fit(mut self, points: &[DVec3], bounds: Aabb, size: Vec2) -> Self {
         let area = Rect::from_min_size(Pos2::ZERO, size.max(Vec2::splat(1.0)));
         if bounds.is_empty() {
             self.center = DVec3::ZERO;
@@ -85,8 +85,9 @@ impl OrbitCamera {
             };
             let middle = area.center();
             let half = 0.5 * area.size();
-            let reach = corners(bounds)
-                .filter_map(|corner| view.project(corner))
+            let reach = points
+                .iter()
+                .filter_map(|&point| view.project(point))
                 .map(|at| ((at - middle) / half).abs().max_elem())
                 .fold(0.0, f32::max);
             if !(reach > 0.0 && reach.is_finite()) {
@@ -203,12 +204,6 @@ impl MeshView {
     }
 }
 
-/// The corners of a box.
-pub(super) fn corners(bounds: Aabb) -> impl Iterator<Item = DVec3> {
-    let ends = [bounds.min, bounds.max];
-    (0..8).map(move |i| DVec3::new(ends[i & 1].x, ends[i >> 1 & 1].y, ends[i >> 2].z))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -216,6 +211,16 @@ mod tests {
 
     fn bounds() -> Aabb {
         Aabb::new(DVec3::new(10.0, -2.0, 0.0), DVec3::new(16.0, 3.0, 2.0))
+    }
+
+    fn corners(bounds: Aabb) -> impl Iterator<Item = DVec3> {
+        let ends = [bounds.min, bounds.max];
+        (0..8).map(move |i| DVec3::new(ends[i & 1].x, ends[i >> 1 & 1].y, ends[i >> 2].z))
+    }
+
+    fn fit(camera: OrbitCamera, bounds: Aabb, size: Vec2) -> OrbitCamera {
+        let corners: Vec<DVec3> = corners(bounds).collect();
+        camera.fit(&corners, bounds, size)
     }
 
     fn area() -> Rect {
@@ -231,7 +236,7 @@ mod tests {
                     perspective,
                     ..OrbitCamera::default()
                 };
-                let camera = camera.fit(bounds(), area().size());
+                let camera = fit(camera, bounds(), area().size());
                 views.push(camera.on(bounds(), area()).unwrap());
             }
         }
@@ -322,7 +327,7 @@ mod tests {
         let line = Aabb::new(DVec3::ZERO, DVec3::new(0.0, 0.0, 1e-9));
         for bounds in [Aabb::EMPTY, point, line] {
             for size in [vec2(1.0, 1.0), vec2(3000.0, 2.0), vec2(0.0, 0.0)] {
-                let camera = OrbitCamera::default().fit(bounds, size);
+                let camera = fit(OrbitCamera::default(), bounds, size);
                 assert!(camera.span > 0.0 && camera.span.is_finite());
                 assert!(camera.center.is_finite());
             }

@@ -24,14 +24,14 @@ const MAX_SIDE: u32 = 8192;
 /// Meshes of which the parts that do not depend on the view are kept.
 const KEPT: usize = 3;
 
-/// Drafts that take longer become coarser, those that take less than a quarter become finer.
-const DRAFT_TIME: Duration = Duration::from_millis(70);
+/// Drafts that take longer become coarser, so that ten appear in a second.
+const DRAFT_TIME: Duration = Duration::from_millis(80);
 
-/// Triangles from which the first drafts have no lines, and a quarter of the pixels: about a tenth of a second on one core.
+/// Triangles from which the first drafts have a quarter of the pixels: a tenth of a second at all of them.
 const MANY_TRIANGLES: usize = 400_000;
 
 /// The cover of the ghost.
-const GHOST_ALPHA: f32 = 0.35;
+const GHOST_ALPHA: f32 = 0.3;
 
 const GHOST_COLOR: Rgb8 = [96, 150, 214];
 const MARK_COLOR: Rgb8 = [226, 32, 44];
@@ -49,6 +49,7 @@ pub(super) struct Wanted {
 
 /// The look of a picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[expect(clippy::struct_excessive_bools, reason = "each is a switch of its own")]
 pub(super) struct Style {
     pub background: Rgb8,
     pub shaded: bool,
@@ -282,10 +283,16 @@ fn work(shared: &Shared) {
             });
             (wanted, fine, progress)
         };
-        let quality = if fine { FINE } else { pace.quality(&wanted) };
+        let quality = if fine {
+            FINE
+        } else {
+            pace.quality(&wanted.shown.mesh)
+        };
         let start = Instant::now();
         let outcome = draw(&mut meshes, &wanted, quality, &progress);
-        if outcome.is_ok() && !fine {
+        if fine {
+            pace.rest();
+        } else if outcome.is_ok() {
             pace.record(start.elapsed());
         }
         let mut state = shared.state();
@@ -315,35 +322,42 @@ fn work(shared: &Shared) {
 struct Pace {
     level: usize,
     mesh: Option<Arc<TriMesh>>,
-    /// `true` if the last draft was the first of its mesh, which takes longer than others.
+    /// The coarsest level that took too long since the hand last rested: drafts that change to and fro would flicker.
+    slow: Option<usize>,
+    /// `true` if the draft that is being made is the first of its mesh, which takes longer than others.
     first: bool,
 }
 
 impl Pace {
-    fn quality(&mut self, wanted: &Wanted) -> Quality {
-        let mesh = &wanted.shown.mesh;
+    fn quality(&mut self, mesh: &Arc<TriMesh>) -> Quality {
         let known = self.mesh.as_ref();
         self.first = !known.is_some_and(|known| Arc::ptr_eq(known, mesh));
         if self.first {
-            self.level = if mesh.triangles().len() > MANY_TRIANGLES {
-                2
-            } else {
-                0
-            };
+            self.level = usize::from(mesh.triangles().len() > MANY_TRIANGLES);
+            self.slow = None;
             self.mesh = Some(mesh.clone());
         }
         DRAFTS[self.level]
     }
 
+    /// Takes note of the time of a draft.
     fn record(&mut self, time: Duration) {
         if self.first {
             return;
         }
+        // all pixels of the screen are four times as many as the next level has
+        let room = if self.level == 1 { 4 } else { 2 };
         if time > DRAFT_TIME {
+            self.slow = self.slow.max(Some(self.level));
             self.level = (self.level + 1).min(DRAFTS.len() - 1);
-        } else if time < DRAFT_TIME / 4 {
-            self.level = self.level.saturating_sub(1);
+        } else if time < DRAFT_TIME / room && self.level > self.slow.map_or(0, |slow| slow + 1) {
+            self.level -= 1;
         }
+    }
+
+    /// Takes note that the hand rests.
+    fn rest(&mut self) {
+        self.slow = None;
     }
 }
 
@@ -357,15 +371,12 @@ impl Meshes {
     /// The index of a mesh.
     fn prepared(&mut self, mesh: &Arc<TriMesh>) -> &PreparedMesh {
         let same = |known: &PreparedMesh| Arc::ptr_eq(known.mesh(), mesh);
-        let prepared = match self.known.iter().position(same) {
-            Some(known) => self.known.remove(known),
-            None => {
-                if self.known.len() == KEPT {
-                    self.known.remove(0);
-                }
-                PreparedMesh::new(mesh.clone())
-            }
-        };
+        let known = self.known.iter().position(same);
+        let known = known.map(|known| self.known.remove(known));
+        if self.known.len() == KEPT {
+            self.known.remove(0);
+        }
+        let prepared = known.unwrap_or_else(|| PreparedMesh::new(mesh.clone()));
         self.known.push(prepared);
         &self.known[self.known.len() - 1]
     }
@@ -507,4 +518,56 @@ fn marked_edges(shown: &ShownMesh) -> Vec<[u32; 2]> {
         }
     }
     edges
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pace() -> Pace {
+        let mesh = TriMesh::new(Vec::new(), Vec::new());
+        let mut pace = Pace::default();
+        let mesh = Arc::new(mesh.unwrap());
+        assert_eq!(pace.quality(&mesh), DRAFTS[0]);
+        // the first draft computes what is kept
+        pace.record(10 * DRAFT_TIME);
+        assert_eq!(pace.quality(&mesh), DRAFTS[0]);
+        pace
+    }
+
+    #[test]
+    fn slow_drafts_become_coarse_and_fast_ones_fine() {
+        let mut pace = pace();
+        for _ in 0..9 {
+            pace.record(2 * DRAFT_TIME);
+        }
+        assert_eq!(pace.level, DRAFTS.len() - 1);
+        pace.rest();
+        for _ in 0..9 {
+            pace.record(DRAFT_TIME / 9);
+        }
+        assert_eq!(pace.level, 0);
+    }
+
+    #[test]
+    fn drafts_do_not_change_to_and_fro_while_the_hand_moves() {
+        let mut pace = pace();
+        let mut levels = Vec::new();
+        for _ in 0..20 {
+            pace.record(if pace.level < 2 {
+                2 * DRAFT_TIME
+            } else {
+                DRAFT_TIME / 9
+            });
+            levels.push(pace.level);
+        }
+        assert!(levels[1..].iter().all(|&level| level == 2), "{levels:?}");
+    }
+
+    #[test]
+    fn a_ghost_tints_what_it_covers() {
+        let mut pixels = vec![200, 100, 0, 255, 9, 9, 9, 255];
+        blend(&mut pixels, &[100, 100, 200, 255, 255, 255, 255, 0]);
+        assert_eq!(pixels, [170, 100, 60, 255, 9, 9, 9, 255]);
+    }
 }
