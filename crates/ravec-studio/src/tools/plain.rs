@@ -84,7 +84,7 @@ fn seen_part(seen: [f64; 4], [width, height]: [usize; 2]) -> Option<Rect> {
         let first = (low + margin).max(0.0) as usize / GRID_PX * GRID_PX;
         let last = (low + length - margin).clamp(0.0, end as f64).ceil() as usize;
         let last = last.next_multiple_of(GRID_PX).min(end);
-        (first < last).then_some((first, last - first))
+        (first < last).then(|| (first, last - first))
     };
     let (left, columns) = range(left, columns, width)?;
     let (top, rows) = range(top, rows, height)?;
