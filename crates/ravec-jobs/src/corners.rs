@@ -67,10 +67,8 @@ pub(crate) fn with_polygons(
     let mut coverage = mask.into_coverage();
     for polygon in polygons.iter().filter(|polygon| !polygon.0.is_empty()) {
         let corners: Vec<DVec2> = polygon.0.iter().map(|&at| centers.read(at)).collect();
-        if corners
-            .iter()
-            .any(|at| !(at.abs().max_element() <= MAX_COORDINATE))
-        {
+        let in_range = |at: &DVec2| at.is_finite() && at.abs().max_element() <= MAX_COORDINATE;
+        if !corners.iter().all(in_range) {
             return Err(JobError::Parameter {
                 field,
                 value: "too large".to_owned(),

@@ -6,22 +6,23 @@
 //! Guarantees: no call waits for the worker; a picture that is shown belongs to a request that was made, and pictures come in the
 //! order of their requests.
 
-use crate::content::{Content, Kind, View, Visible};
-use crate::document::{Document, Edit, EditId, result_name};
+mod cache;
+mod evaluate;
+
+use crate::content::{Content, View, Visible};
+use crate::document::{Document, EditId};
 use crate::painting::Painting;
 use crate::shown::Shown;
-use ravec::mesh_io::{ReadOptions, read_mesh_file_with};
+use cache::Cache;
+use evaluate::{Evaluated, evaluate};
 use ravec::progress::{Progress, Update};
-use ravec_jobs::{Context, JobError, Report};
+use ravec_jobs::{Context, Report};
 use ravec_media::Picture;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
-
-/// Bytes of pixels that are kept in the cache.
-const CACHE_BYTES: usize = 1 << 30;
 
 /// An error of a request.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -316,259 +317,11 @@ fn work(shared: &Arc<Shared>) {
     }
 }
 
-/// The result of a request.
-#[derive(Clone)]
-struct Evaluated {
-    visible: Visible,
-    key: Arc<str>,
-    before: Option<View>,
-    inputs: Arc<HashMap<EditId, EditInput>>,
-    reports: Arc<HashMap<EditId, Arc<Report>>>,
-    frame: Option<u64>,
-}
-
-/// The result of a request; no failure for a cancelled run.
-fn evaluate(
-    request: &Request,
-    progress: &Progress,
-    cache: &mut Cache,
-    painting: &Mutex<Painting>,
-    mut on_run: impl FnMut(),
-) -> Result<Evaluated, Option<Failure>> {
-    let Request {
-        document,
-        frame,
-        exposure,
-    } = request;
-    let edits: Vec<&Arc<Edit>> = document.links().collect();
-    // what the results behind each edit are made by
-    let mut keys = vec![source_key(&document.source, frame.as_ref(), *exposure)];
-    for edit in &edits {
-        let fields = serde_json::to_string(&edit.fields).unwrap_or_default();
-        let before = &keys[keys.len() - 1];
-        keys.push(format!("{before}\n{} {fields}", edit.operation));
-    }
-    let known = (0..keys.len())
-        .rev()
-        .find_map(|k| Some((k, cache.get(&keys[k])?)));
-    let (mut done, mut result) = if let Some(known) = known {
-        known
-    } else {
-        let content = match frame {
-            Some(frame) => Ok(Content::Picture(frame.picture.clone())),
-            None => read(&document.source, progress),
-        };
-        let content = content.map_err(|message| {
-            message.map(|message| Failure {
-                edit: None,
-                message,
-            })
-        })?;
-        let result = Cached::new(content, *exposure, None);
-        cache.insert(&keys[0], result.clone());
-        (0, result)
-    };
-    while done < edits.len() {
-        let edit = edits[done];
-        on_run();
-        let failed = |message: String| {
-            Some(Failure {
-                edit: Some(edit.id),
-                message,
-            })
-        };
-        let input = EditInput {
-            key: keys[done].as_str().into(),
-            content: result.visible.content.clone(),
-        };
-        let (content, report) = match run(edit, &input, painting, progress) {
-            Ok(done) => done,
-            Err(RunError::Edit(reason)) => return Err(failed(reason)),
-            Err(RunError::Job(JobError::Cancelled)) => return Err(None),
-            Err(RunError::Job(error)) => return Err(failed(error.to_string())),
-        };
-        done += 1;
-        result = Cached::new(content, *exposure, report.map(Arc::new));
-        cache.insert(&keys[done], result.clone());
-    }
-    let mut inputs = HashMap::new();
-    let mut reports = HashMap::new();
-    for (k, edit) in edits.iter().enumerate() {
-        if let Some(input) = cache.get(&keys[k]) {
-            let key = keys[k].as_str().into();
-            let content = input.visible.content;
-            inputs.insert(edit.id, EditInput { key, content });
-        }
-        if let Some(report) = cache.get(&keys[k + 1]).and_then(|output| output.report) {
-            reports.insert(edit.id, report);
-        }
-    }
-    // edits that look at the picture without changing it
-    for (index, edit) in document.edits.iter().enumerate() {
-        if edit.is_analysis() {
-            let before = document.edits[..index].iter();
-            let links = before
-                .filter(|edit| edit.enabled && !edit.is_analysis())
-                .count();
-            if let Some(input) = cache.get(&keys[links]) {
-                let key = keys[links].as_str().into();
-                let content = input.visible.content;
-                inputs.insert(edit.id, EditInput { key, content });
-            }
-        }
-    }
-    Ok(Evaluated {
-        visible: result.visible,
-        key: keys[edits.len()].as_str().into(),
-        before: cache.get(&keys[0]).map(|source| source.visible.view),
-        inputs: Arc::new(inputs),
-        reports: Arc::new(reports),
-        frame: frame.as_ref().map(|frame| frame.number),
-    })
-}
-
-/// Reads a picture or a mesh; no message if cancelled.
-fn read(path: &Path, progress: &Progress) -> Result<Content, Option<String>> {
-    let context = Context::new(progress);
-    if Kind::of(path) == Kind::Mesh {
-        let options = ReadOptions {
-            limits: context.mesh_limits(),
-            colors: true,
-            texture: true,
-            ..ReadOptions::default()
-        };
-        return match read_mesh_file_with(path, options, progress) {
-            Ok((file, _)) => Ok(Content::Mesh(Arc::new(file))),
-            Err(_) if progress.is_cancelled() => Err(None),
-            Err(error) => Err(Some(error.to_string())),
-        };
-    }
-    let picture = ravec_media::read(path, &context.limits);
-    let picture = picture.map_err(|error| Some(error.to_string()))?;
-    Ok(Content::Picture(Arc::new(picture)))
-}
-
-pub(crate) enum RunError {
-    Edit(String),
-    Job(JobError),
-}
-
-/// Runs one edit in memory. A brush goes on from the picture in the hand, if there is one.
-fn run(
-    edit: &Edit,
-    input: &EditInput,
-    painting: &Mutex<Painting>,
-    progress: &Progress,
-) -> Result<(Content, Option<Report>), RunError> {
-    if let Some(picture) = input.content.picture() {
-        let mut painting = lock(painting);
-        // strokes that make no sense get their message from the operation
-        if let Ok(Some(_)) = painting.follow(&input.key, edit, picture, progress)
-            && let Some(painted) = painting.finished(&input.key, edit, picture)
-        {
-            return Ok((Content::Picture(Arc::new(painted)), None));
-        }
-    }
-    let (content, report) = run_in_memory(edit, &input.content, progress)?;
-    Ok((content, Some(report)))
-}
-
-/// Runs one edit on a content.
-pub(crate) fn run_in_memory(
-    edit: &Edit,
-    input: &Content,
-    progress: &Progress,
-) -> Result<(Content, Report), RunError> {
-    let (from, to) = (result_name(0), result_name(1));
-    let step = edit.step(&from, &to).map_err(RunError::Edit)?;
-    let context = Context::new(progress).with_intermediates();
-    match input {
-        Content::Picture(picture) => context.insert_picture(&from, Picture::clone(picture)),
-        Content::Mesh(mesh) => context.insert_mesh(&from, mesh.clone()),
-    }
-    let report = step.operation().run(&context).map_err(RunError::Job)?;
-    let content = match input {
-        Content::Picture(_) => context
-            .picture(&to)
-            .map(|picture| Content::Picture(Arc::new(picture))),
-        Content::Mesh(_) => context.mesh(&to).map(|mesh| Content::Mesh(Arc::new(mesh))),
-    };
-    Ok((content.map_err(RunError::Job)?, report))
-}
+pub(crate) use evaluate::run_in_memory;
 
 /// The value behind a lock, also after a panic of another thread.
 pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// Text that changes with the content of a file: its name, length and time.
-fn source_key(path: &Path, frame: Option<&SourceFrame>, exposure: f32) -> String {
-    let data = std::fs::metadata(path).ok();
-    let length = data.as_ref().map(std::fs::Metadata::len);
-    let modified = data.and_then(|data| data.modified().ok());
-    let frame = frame.map(|frame| frame.number);
-    format!(
-        "{} {length:?} {modified:?} {frame:?} {exposure}",
-        path.display()
-    )
-}
-
-/// Results by what made them, the ones that were used last.
-#[derive(Default)]
-struct Cache {
-    entries: HashMap<String, Cached>,
-    bytes: usize,
-    clock: u64,
-}
-
-#[derive(Clone)]
-struct Cached {
-    visible: Visible,
-    report: Option<Arc<Report>>,
-    bytes: usize,
-    used: u64,
-}
-
-impl Cached {
-    fn new(content: Content, exposure: f32, report: Option<Arc<Report>>) -> Self {
-        let visible = Visible::exposed(content, exposure);
-        Self {
-            bytes: visible.bytes(),
-            visible,
-            report,
-            used: 0,
-        }
-    }
-}
-
-impl Cache {
-    fn get(&mut self, key: &str) -> Option<Cached> {
-        self.clock += 1;
-        let cached = self.entries.get_mut(key)?;
-        cached.used = self.clock;
-        Some(cached.clone())
-    }
-
-    fn insert(&mut self, key: &str, cached: Cached) {
-        self.clock += 1;
-        self.bytes += cached.bytes;
-        let used = self.clock;
-        if let Some(replaced) = self
-            .entries
-            .insert(key.to_owned(), Cached { used, ..cached })
-        {
-            self.bytes -= replaced.bytes;
-        }
-        while self.bytes > CACHE_BYTES && self.entries.len() > 1 {
-            let oldest = self.entries.iter().min_by_key(|(_, cached)| cached.used);
-            let Some(key) = oldest.map(|(key, _)| key.clone()) else {
-                break;
-            };
-            if let Some(removed) = self.entries.remove(&key) {
-                self.bytes -= removed.bytes;
-            }
-        }
-    }
 }
 
 /// Runs the recipe of a document as `ravec run` does, and writes `output`: the same bytes.

@@ -4,7 +4,7 @@ use crate::assistant::Assistant;
 use crate::clip::ClipReader;
 use crate::content::{Kind, View};
 use crate::document::{Document, Edit, EditId};
-use crate::engine::{Engine, Request, Snapshot, SourceFrame};
+use crate::engine::{EditInput, Engine, Request, Snapshot, SourceFrame};
 use crate::history::History;
 use crate::project::Project;
 use crate::tools::{DraftFn, DraftJob, Tool};
@@ -171,7 +171,7 @@ impl Open {
 
     /// Asks for a quick result of an edit, if it has changed.
     pub fn ask_draft(&mut self, edit: &Edit, draft: DraftFn, snapshot: &Snapshot, on_input: bool) {
-        let Some(input) = self.input_of(edit.id, snapshot, on_input) else {
+        let Some(input) = input_of(edit.id, snapshot, on_input) else {
             return;
         };
         let wanted = (edit.clone(), input.key.clone());
@@ -194,23 +194,6 @@ impl Open {
                 note: found.note,
             })
         });
-    }
-
-    /// The input of an edit: as it was for the last result, or the result itself where the input is shown.
-    pub fn input_of(
-        &self,
-        id: EditId,
-        snapshot: &Snapshot,
-        on_input: bool,
-    ) -> Option<crate::engine::EditInput> {
-        if on_input && !snapshot.is_stale {
-            let content = snapshot.result.as_ref()?.content.clone();
-            return Some(crate::engine::EditInput {
-                key: snapshot.key.clone(),
-                content,
-            });
-        }
-        snapshot.inputs.get(&id).cloned()
     }
 
     /// The quick result that stands for the result of an edit, which is not there yet.
@@ -296,6 +279,18 @@ impl Open {
             changed.remove(edit.id);
         }
     }
+}
+
+/// The input of an edit: as it was for the last result, or the result itself where the input is shown.
+pub(crate) fn input_of(id: EditId, snapshot: &Snapshot, on_input: bool) -> Option<EditInput> {
+    if on_input && !snapshot.is_stale {
+        let content = snapshot.result.as_ref()?.content.clone();
+        return Some(EditInput {
+            key: snapshot.key.clone(),
+            content,
+        });
+    }
+    snapshot.inputs.get(&id).cloned()
 }
 
 /// The name of the tool that makes such an edit.

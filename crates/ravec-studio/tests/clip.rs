@@ -113,7 +113,7 @@ fn frames_are_those_that_are_read_in_order_whatever_the_order_of_requests() {
             let (_, shown, picture) = reader.shown().unwrap();
             let expected = &truth[number as usize];
             assert!(picture.image == *expected, "{number} of {}", path.display());
-            let expected = Shown::new(Arc::new(Picture::from_image(expected.clone())));
+            let expected = Shown::new(Arc::new(ravec_media::Picture::from_image(expected.clone())));
             assert!(shown.pixels() == expected.pixels());
             assert_eq!(reader.failure(), None);
             let (visible, _) = reader.visible().unwrap();

@@ -87,7 +87,14 @@ fn on_screen(harness: &Harness<'_, Studio>, x: f32, y: f32) -> Pos2 {
 }
 
 fn size(harness: &Harness<'_, Studio>) -> [usize; 2] {
-    harness.state().snapshot().unwrap().shown().unwrap().clone().size()
+    harness
+        .state()
+        .snapshot()
+        .unwrap()
+        .shown()
+        .unwrap()
+        .clone()
+        .size()
 }
 
 #[test]
@@ -137,10 +144,7 @@ fn strokes_stay_editable() {
     assert!(points.len() >= 3, "{points:?}");
     let after = harness.state().snapshot().unwrap().shown().unwrap().clone();
     let place = 50 * 160 + 60;
-    assert_ne!(
-        before.pixels()[place],
-        after.pixels()[place]
-    );
+    assert_ne!(before.pixels()[place], after.pixels()[place]);
     // the keys change the radius, and with it nothing that is painted
     harness.hover_at(way[0]);
     harness.key_press(Key::CloseBracket);
@@ -152,10 +156,7 @@ fn strokes_stay_editable() {
     assert!(radius > 32.0);
     click(&mut harness, "Remove Brush");
     let cleared = harness.state().snapshot().unwrap().shown().unwrap().clone();
-    assert_eq!(
-        before.pixels()[place],
-        cleared.pixels()[place]
-    );
+    assert_eq!(before.pixels()[place], cleared.pixels()[place]);
 }
 
 #[test]
@@ -234,16 +235,12 @@ fn what_is_no_picture_is_an_error_in_words() {
     let mut harness = studio(folder.path(), None);
     let broken = folder.path().join("broken.png");
     std::fs::write(&broken, b"\x89PNG no more").unwrap();
-    for path in [
-        broken,
-        folder.path().to_path_buf(),
-        folder.path().join("none.png"),
-    ] {
-        harness.state_mut().open(&path);
-        settle(&mut harness);
-    }
+    harness.state_mut().open(&folder.path().join("none.png"));
+    settle(&mut harness);
     let (message, wrong) = harness.state().message().unwrap();
     assert!(wrong && message.contains("none.png"), "{message}");
+    harness.state_mut().open(&broken);
+    settle(&mut harness);
     let failure = harness.state().snapshot().unwrap().failure.unwrap();
     assert!(
         failure.message.contains("broken.png"),

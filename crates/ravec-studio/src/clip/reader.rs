@@ -240,9 +240,8 @@ impl Frames<'_> {
         if let Some(frame) = self.shared.state().take_ready(number) {
             return Ok(frame);
         }
-        let frame = match self.find(number)? {
-            Some(frame) => frame,
-            None => return Err(Some(self.missing(number))),
+        let Some(frame) = self.find(number)? else {
+            return Err(Some(self.missing(number)));
         };
         let picture = Picture::from_image(frame.picture.to_image().into_owned());
         let picture = Arc::new(picture);

@@ -1,6 +1,7 @@
 //! Windows in front: paths, the palette and the shortcuts.
 
 use super::Studio;
+use crate::open::Open;
 use egui::{Key, Ui};
 use std::path::PathBuf;
 
@@ -112,10 +113,7 @@ impl Studio {
         let mut setting = None;
         let mut closes = false;
         let kind = self.open.get(self.active).map(|open| open.kind);
-        let edit = self
-            .open
-            .get(self.active)
-            .and_then(|open| open.selected_edit());
+        let edit = self.open.get(self.active).and_then(Open::selected_edit);
         let form = edit.and_then(|edit| self.forms.get(&edit.operation));
         let tools = &self.tools;
         egui::Modal::new(egui::Id::unique("palette")).show(ui.ctx(), |ui| {

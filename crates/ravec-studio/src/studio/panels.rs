@@ -2,7 +2,7 @@
 
 use super::Studio;
 use crate::content::Kind;
-use crate::open::label_of;
+use crate::open::{input_of, label_of};
 use crate::settings::{self, Form};
 use crate::tools::Desk;
 use crate::view::panel::panel_ui;
@@ -80,7 +80,7 @@ impl Studio {
         ui.separator();
         let tool = self.tools.iter_mut().find(|tool| tool.made(&edit));
         let on_input = tool.as_ref().is_some_and(|tool| tool.works_on_input(&edit));
-        let input = open.input_of(edit.id, &snapshot, on_input);
+        let input = input_of(edit.id, &snapshot, on_input);
         let draft = open.draft(&edit);
         let desk = Desk {
             input: input.as_ref(),

@@ -1,8 +1,7 @@
 //! The middle of the window: canvases, and the tools on them.
 
 use super::Studio;
-use crate::engine::EditInput;
-use crate::open::{Open, mesh_of};
+use crate::open::{Open, input_of, mesh_of};
 use crate::tools::{Hand, MeshHand};
 use crate::view::canvas::{Comparison, Layers};
 use egui::{Key, Ui};
@@ -44,7 +43,7 @@ impl Studio {
         if open.mesh_canvas.is_some() {
             let input = edit
                 .as_ref()
-                .and_then(|edit| open.input_of(edit.id, &snapshot, on_input));
+                .and_then(|edit| input_of(edit.id, &snapshot, on_input));
             let result = snapshot.result.as_ref().map(|result| &result.view);
             let shown = stands.as_ref().map(|draft| &draft.view).or(result);
             let shown = mesh_of(shown).cloned();
@@ -133,7 +132,7 @@ impl Studio {
         if open.canvas.is_held() {
             return;
         }
-        let Some(input) = input_for(open, &edit, &snapshot, on_input) else {
+        let Some(input) = input_of(edit.id, &snapshot, on_input) else {
             return;
         };
         let painter = ui.painter_at(response.rect);
@@ -181,16 +180,6 @@ impl Studio {
             clip.timeline.ui(ui, &clip.reader, &rows);
         }
     }
-}
-
-/// The input of an edit on the canvas.
-fn input_for(
-    open: &Open,
-    edit: &crate::document::Edit,
-    snapshot: &crate::engine::Snapshot,
-    on_input: bool,
-) -> Option<EditInput> {
-    open.input_of(edit.id, snapshot, on_input)
 }
 
 /// The quick result in a window over the canvas.

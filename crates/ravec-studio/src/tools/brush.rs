@@ -89,7 +89,7 @@ fn tool(edit: &Edit) -> Value {
 }
 
 /// A stroke with the settings of an edit.
-fn stroke(edit: &Edit, tool: Value, points: &[[f64; 2]]) -> Value {
+fn stroke(edit: &Edit, tool: &Value, points: &[[f64; 2]]) -> Value {
     json!({
         "tool": tool,
         "points": points,
@@ -119,7 +119,7 @@ fn with_strokes(edit: &Edit, list: Vec<Value>, [width, height]: [usize; 2]) -> E
 /// An edit with one more stroke.
 fn with_stroke(edit: &Edit, points: &[[f64; 2]], size: [usize; 2]) -> Edit {
     let mut list = strokes(edit).to_vec();
-    list.push(stroke(edit, tool(edit), points));
+    list.push(stroke(edit, &tool(edit), points));
     with_strokes(edit, list, size)
 }
 
@@ -266,7 +266,7 @@ impl Tool for Brush {
                                     serde_json::from_value(one["points"].clone())
                                         .unwrap_or_default();
                                 let mut list = list.to_vec();
-                                list[index] = stroke(edit, self::tool(edit), &points);
+                                list[index] = stroke(edit, &self::tool(edit), &points);
                                 changed = Some(list);
                             }
                         });
@@ -293,7 +293,7 @@ impl Brush {
         let dab = Dab {
             key: format!("{} {}", hand.input.key, hand.snapshot.serial).into(),
             at: at.map(|value| value.floor() as i64),
-            stroke: stroke(edit, "mask".into(), &[at]),
+            stroke: stroke(edit, &"mask".into(), &[at]),
         };
         if self.asked.as_ref() == Some(&dab) {
             return;
@@ -424,7 +424,7 @@ mod tests {
         let at = [50.0, 40.0];
         let stroke = stroke(
             &start.with_param("radius", 20.0.into()),
-            "mask".into(),
+            &"mask".into(),
             &[at],
         );
         let region = region(&picture, stroke, at, 20.0, &Progress::none()).unwrap();

@@ -78,11 +78,13 @@ struct Search {
     radius: u32,
 }
 
+/// A step with the picture inside of the ring, and its place.
+type Preview = (Step, Arc<Shown>, [f64; 4]);
+
 /// Fragments that fit at a position, the best one first.
 struct Found {
     search: Search,
-    /// Each a step with the picture inside of the ring, and its place.
-    steps: Vec<(Step, Arc<Shown>, [f64; 4])>,
+    steps: Vec<Preview>,
     problem: Option<String>,
 }
 
@@ -370,7 +372,7 @@ fn find(
     search: &Search,
     memory: &mut Memory,
     progress: &Progress,
-) -> Result<Vec<(Step, Arc<Shown>, [f64; 4])>, String> {
+) -> Result<Vec<Preview>, String> {
     let Content::Picture(picture) = &input.content else {
         return Err("fragments are for pictures".to_owned());
     };

@@ -47,11 +47,6 @@ impl Outline {
         }
     }
 
-    /// True while an area is being drawn.
-    pub fn draws(&self) -> bool {
-        !self.points.is_empty()
-    }
-
     /// The controls of the way of drawing.
     pub fn ui(&mut self, ui: &mut egui::Ui) {
         ui.horizontal(|ui| {
@@ -138,13 +133,11 @@ impl Outline {
             return None;
         }
         let points = std::mem::take(&mut self.points);
-        match self.mode {
-            OutlineMode::Brush => Some(brushed(&points, self.radius, tolerance)),
-            _ => {
-                let points = simplified(&points, tolerance);
-                (points.len() > 2).then(|| vec![points])
-            }
+        if self.mode == OutlineMode::Brush {
+            return Some(brushed(&points, self.radius, tolerance));
         }
+        let points = simplified(&points, tolerance);
+        (points.len() > 2).then(|| vec![points])
     }
 
     fn follow_clicks(&mut self, hand: &Hand<'_>) -> Option<Vec<Polygon>> {

@@ -144,7 +144,7 @@ impl Tool for Retarget {
         let (name, color) = match self.mode {
             Mode::Frame => {
                 if self.shows_grid {
-                    self.paint_grid(hand, edit);
+                    paint_grid(hand, edit);
                 }
                 return self.follow_frame(hand, edit);
             }
@@ -247,42 +247,42 @@ impl Retarget {
             goes_on,
         })
     }
+}
 
-    /// Draws the deformed grid and the straight lines of the size of an edit.
-    fn paint_grid(&self, hand: &Hand<'_>, edit: &Edit) {
-        let wanted = size_of(edit, hand.input_size);
-        let (input, edit) = (hand.input.clone(), edit.clone());
-        let known = hand.assistant.answer::<Drawing>("grid");
-        let current = known.as_ref().is_some_and(|drawing| drawing.edit == edit);
-        if !current && !hand.assistant.is_asked("grid") {
-            hand.assistant.ask("grid", move |memory, progress| {
-                let prepared = prepare(&input, &edit, memory, progress)?;
-                let deformation = prepared.solve(wanted)?;
-                let lines = deformation.grid_lines();
-                let lines = lines
-                    .map(|line| line.ends.map(|at| at.to_array()))
-                    .collect();
-                let runs = deformation.straight_runs();
-                let runs = runs
-                    .map(|run| run.iter().map(|at| at.to_array()).collect())
-                    .collect();
-                Some(Drawing { edit, lines, runs })
-            });
-        }
-        let Some(drawing) = known else {
-            return;
-        };
-        let place = |at: &[f64; 2]| hand.view.to_screen(at[0], at[1]);
-        let thin = Stroke::new(1.0, Color32::from_white_alpha(70));
-        for line in &drawing.lines {
-            hand.painter
-                .line_segment([place(&line[0]), place(&line[1])], thin);
-        }
-        let strong = Stroke::new(2.0, Color32::from_rgb(80, 200, 255));
-        for run in &drawing.runs {
-            let line = egui::Shape::line(run.iter().map(place).collect(), strong);
-            hand.painter.add(line);
-        }
+/// Draws the deformed grid and the straight lines of the size of an edit.
+fn paint_grid(hand: &Hand<'_>, edit: &Edit) {
+    let wanted = size_of(edit, hand.input_size);
+    let (input, edit) = (hand.input.clone(), edit.clone());
+    let known = hand.assistant.answer::<Drawing>("grid");
+    let current = known.as_ref().is_some_and(|drawing| drawing.edit == edit);
+    if !current && !hand.assistant.is_asked("grid") {
+        hand.assistant.ask("grid", move |memory, progress| {
+            let prepared = prepare(&input, &edit, memory, progress)?;
+            let deformation = prepared.solve(wanted)?;
+            let lines = deformation.grid_lines();
+            let lines = lines
+                .map(|line| line.ends.map(|at| at.to_array()))
+                .collect();
+            let runs = deformation.straight_runs();
+            let runs = runs
+                .map(|run| run.iter().map(glam::DVec2::to_array).collect())
+                .collect();
+            Some(Drawing { edit, lines, runs })
+        });
+    }
+    let Some(drawing) = known else {
+        return;
+    };
+    let place = |at: &[f64; 2]| hand.view.to_screen(at[0], at[1]);
+    let thin = Stroke::new(1.0, Color32::from_white_alpha(70));
+    for line in &drawing.lines {
+        hand.painter
+            .line_segment([place(&line[0]), place(&line[1])], thin);
+    }
+    let strong = Stroke::new(2.0, Color32::from_rgb(80, 200, 255));
+    for run in &drawing.runs {
+        let line = egui::Shape::line(run.iter().map(place).collect(), strong);
+        hand.painter.add(line);
     }
 }
 

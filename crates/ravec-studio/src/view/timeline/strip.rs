@@ -353,7 +353,7 @@ fn paint_ruler(ui: &Ui, painter: &Painter, facts: &ClipFacts, area: Rect, scale:
     let step = scale.label_step();
     let visible = scale.visible();
     let color = visuals.text_color();
-    let minor = if step % LONG_STEP == 0 {
+    let minor = if step.is_multiple_of(LONG_STEP) {
         step / LONG_STEP
     } else {
         1

@@ -1,0 +1,194 @@
+//! The results of a document, one edit after the other.
+
+use super::cache::{Cache, Cached, source_key};
+use super::{EditInput, Failure, Request, lock};
+use crate::content::{Content, Kind, View, Visible};
+use crate::document::{Edit, EditId, result_name};
+use crate::painting::Painting;
+use ravec::mesh_io::{ReadOptions, read_mesh_file_with};
+use ravec::progress::Progress;
+use ravec_jobs::{Context, JobError, Report};
+use ravec_media::Picture;
+use std::collections::HashMap;
+use std::path::Path;
+use std::sync::{Arc, Mutex};
+
+/// The result of a request.
+#[derive(Clone)]
+pub(super) struct Evaluated {
+    pub visible: Visible,
+    pub key: Arc<str>,
+    pub before: Option<View>,
+    pub inputs: Arc<HashMap<EditId, EditInput>>,
+    pub reports: Arc<HashMap<EditId, Arc<Report>>>,
+    pub frame: Option<u64>,
+}
+
+/// The result of a request; no failure for a cancelled run.
+pub(super) fn evaluate(
+    request: &Request,
+    progress: &Progress,
+    cache: &mut Cache,
+    painting: &Mutex<Painting>,
+    mut on_run: impl FnMut(),
+) -> Result<Evaluated, Option<Failure>> {
+    let Request {
+        document,
+        frame,
+        exposure,
+    } = request;
+    let edits: Vec<&Arc<Edit>> = document.links().collect();
+    // what the results behind each edit are made by
+    let mut keys = vec![source_key(&document.source, frame.as_ref(), *exposure)];
+    for edit in &edits {
+        let fields = serde_json::to_string(&edit.fields).unwrap_or_default();
+        let before = &keys[keys.len() - 1];
+        keys.push(format!("{before}\n{} {fields}", edit.operation));
+    }
+    let known = (0..keys.len())
+        .rev()
+        .find_map(|k| Some((k, cache.get(&keys[k])?)));
+    let (mut done, mut result) = if let Some(known) = known {
+        known
+    } else {
+        let content = match frame {
+            Some(frame) => Ok(Content::Picture(frame.picture.clone())),
+            None => read(&document.source, progress),
+        };
+        let content = content.map_err(|message| {
+            message.map(|message| Failure {
+                edit: None,
+                message,
+            })
+        })?;
+        let result = Cached::new(content, *exposure, None);
+        cache.insert(&keys[0], result.clone());
+        (0, result)
+    };
+    while done < edits.len() {
+        let edit = edits[done];
+        on_run();
+        let failed = |message: String| {
+            Some(Failure {
+                edit: Some(edit.id),
+                message,
+            })
+        };
+        let input = EditInput {
+            key: keys[done].as_str().into(),
+            content: result.visible.content.clone(),
+        };
+        let (content, report) = match run(edit, &input, painting, progress) {
+            Ok(done) => done,
+            Err(RunError::Edit(reason)) => return Err(failed(reason)),
+            Err(RunError::Job(JobError::Cancelled)) => return Err(None),
+            Err(RunError::Job(error)) => return Err(failed(error.to_string())),
+        };
+        done += 1;
+        result = Cached::new(content, *exposure, report.map(Arc::new));
+        cache.insert(&keys[done], result.clone());
+    }
+    let mut inputs = HashMap::new();
+    let mut reports = HashMap::new();
+    for (k, edit) in edits.iter().enumerate() {
+        if let Some(input) = cache.get(&keys[k]) {
+            let key = keys[k].as_str().into();
+            let content = input.visible.content;
+            inputs.insert(edit.id, EditInput { key, content });
+        }
+        if let Some(report) = cache.get(&keys[k + 1]).and_then(|output| output.report) {
+            reports.insert(edit.id, report);
+        }
+    }
+    // edits that look at the picture without changing it
+    for (index, edit) in document.edits.iter().enumerate() {
+        if edit.is_analysis() {
+            let before = document.edits[..index].iter();
+            let links = before
+                .filter(|edit| edit.enabled && !edit.is_analysis())
+                .count();
+            if let Some(input) = cache.get(&keys[links]) {
+                let key = keys[links].as_str().into();
+                let content = input.visible.content;
+                inputs.insert(edit.id, EditInput { key, content });
+            }
+        }
+    }
+    Ok(Evaluated {
+        visible: result.visible,
+        key: keys[edits.len()].as_str().into(),
+        before: cache.get(&keys[0]).map(|source| source.visible.view),
+        inputs: Arc::new(inputs),
+        reports: Arc::new(reports),
+        frame: frame.as_ref().map(|frame| frame.number),
+    })
+}
+
+/// Reads a picture or a mesh; no message if cancelled.
+fn read(path: &Path, progress: &Progress) -> Result<Content, Option<String>> {
+    let context = Context::new(progress);
+    if Kind::of(path) == Kind::Mesh {
+        let options = ReadOptions {
+            limits: context.mesh_limits(),
+            colors: true,
+            texture: true,
+            ..ReadOptions::default()
+        };
+        return match read_mesh_file_with(path, options, progress) {
+            Ok((file, _)) => Ok(Content::Mesh(Arc::new(file))),
+            Err(_) if progress.is_cancelled() => Err(None),
+            Err(error) => Err(Some(error.to_string())),
+        };
+    }
+    let picture = ravec_media::read(path, &context.limits);
+    let picture = picture.map_err(|error| Some(error.to_string()))?;
+    Ok(Content::Picture(Arc::new(picture)))
+}
+
+pub(crate) enum RunError {
+    Edit(String),
+    Job(JobError),
+}
+
+/// Runs one edit in memory. A brush goes on from the picture in the hand, if there is one.
+fn run(
+    edit: &Edit,
+    input: &EditInput,
+    painting: &Mutex<Painting>,
+    progress: &Progress,
+) -> Result<(Content, Option<Report>), RunError> {
+    if let Some(picture) = input.content.picture() {
+        let mut painting = lock(painting);
+        // strokes that make no sense get their message from the operation
+        if let Ok(Some(_)) = painting.follow(&input.key, edit, picture, progress)
+            && let Some(painted) = painting.finished(&input.key, edit, picture)
+        {
+            return Ok((Content::Picture(Arc::new(painted)), None));
+        }
+    }
+    let (content, report) = run_in_memory(edit, &input.content, progress)?;
+    Ok((content, Some(report)))
+}
+
+/// Runs one edit on a content.
+pub(crate) fn run_in_memory(
+    edit: &Edit,
+    input: &Content,
+    progress: &Progress,
+) -> Result<(Content, Report), RunError> {
+    let (from, to) = (result_name(0), result_name(1));
+    let step = edit.step(&from, &to).map_err(RunError::Edit)?;
+    let context = Context::new(progress).with_intermediates();
+    match input {
+        Content::Picture(picture) => context.insert_picture(&from, Picture::clone(picture)),
+        Content::Mesh(mesh) => context.insert_mesh(&from, mesh.clone()),
+    }
+    let report = step.operation().run(&context).map_err(RunError::Job)?;
+    let content = match input {
+        Content::Picture(_) => context
+            .picture(&to)
+            .map(|picture| Content::Picture(Arc::new(picture))),
+        Content::Mesh(_) => context.mesh(&to).map(|mesh| Content::Mesh(Arc::new(mesh))),
+    };
+    Ok((content.map_err(RunError::Job)?, report))
+}
