@@ -99,18 +99,6 @@ impl Assistant {
         self.shared.wake.notify_all();
     }
 
-    /// Stops a question of this kind and drops its answer.
-    pub fn forget(&self, kind: &'static str) {
-        let mut state = lock(&self.shared.state);
-        state.waiting.retain(|(other, _)| *other != kind);
-        state.answers.remove(kind);
-        if let Some((running, progress)) = &state.running
-            && *running == kind
-        {
-            progress.cancel();
-        }
-    }
-
     /// The last answer of a kind.
     pub fn answer<A: Any + Send + Sync>(&self, kind: &'static str) -> Option<Arc<A>> {
         let state = lock(&self.shared.state);
@@ -215,7 +203,6 @@ mod tests {
         });
         wait(&assistant);
         assert_eq!(*assistant.answer::<i32>("sum").unwrap(), 1);
-        assistant.forget("sum");
-        assert!(assistant.answer::<i32>("sum").is_none());
+        assert!(assistant.answer::<i32>("other").is_none());
     }
 }

@@ -29,8 +29,9 @@
 //!
 //! # Current status
 //!
-//! Pictures. Tools with gestures: brush, retargeting, rectification; all operations on pictures without further inputs have panels.
-//! Meshes and clips are not opened yet.
+//! Pictures, meshes and clips. Tools with gestures: brush, retargeting with areas, planes, completion as a whole and by fragments. Meshes
+//! have offsets, simplification and repair by their panels, with a list of defects. Clips are shown on a timeline; edits of them show a
+//! frame. Tracks, mosaics and Booleans of several meshes have no tool yet.
 
 mod assistant;
 pub mod autosave;

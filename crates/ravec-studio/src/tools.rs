@@ -4,6 +4,7 @@
 
 mod brush;
 mod complete;
+mod mesh;
 mod outline;
 mod plain;
 mod planes;
@@ -40,16 +41,10 @@ pub(crate) struct Hand<'a> {
     pub snapshot: &'a Snapshot,
     /// Answers questions beside the window.
     pub assistant: &'a Assistant,
-    /// Number of the frame of a clip that is shown.
-    pub frame: Option<u64>,
 }
 
 /// What a tool for meshes sees of a frame.
 pub(crate) struct MeshHand<'a> {
-    pub ui: &'a Ui,
-    /// The canvas.
-    pub response: &'a Response,
-    pub painter: &'a Painter,
     pub canvas: &'a mut MeshCanvas,
     /// The input of the edit, once it is known.
     pub input: Option<&'a EditInput>,
@@ -293,7 +288,40 @@ pub(crate) fn all() -> Vec<Box<dyn Tool>> {
         Box::new(retarget::Retarget::default()),
         Box::new(rectify::Rectify::default()),
         Box::new(complete::Complete::default()),
+        Box::new(mesh::MeshTool {
+            draft: Some(mesh::coarse_offset),
+            ..mesh::MeshTool::new(
+                "offset",
+                "Offset",
+                "Set the distance, such as 0.5, 2% or 2mm",
+                || with_params(json!({"distance": "2%"})),
+            )
+        }),
+        Box::new(mesh::MeshTool::new(
+            "mesh simplify",
+            "Simplify",
+            "Set the number of triangles or the largest error",
+            || with_params(json!({"error": "0.1%"})),
+        )),
+        Box::new(mesh::MeshTool {
+            made: is_repair,
+            ..mesh::MeshTool::new(
+                "boolean",
+                "Repair to a solid",
+                "Makes one closed surface of overlapping parts",
+                || {
+                    let mut fields = with_params(json!({}));
+                    fields.insert("expression".to_owned(), "a".into());
+                    fields
+                },
+            )
+        }),
     ]
+}
+
+/// True for a Boolean of the document's mesh alone.
+fn is_repair(edit: &Edit) -> bool {
+    !edit.fields.contains_key("files")
 }
 
 /// Fields of an edit with these parameters.

@@ -214,7 +214,7 @@ fn the_good_part_of_a_damaged_clip_is_shown() {
             let mut broken = bytes.clone();
             let (data, index) = (position(&bytes, b"mdat"), position(&bytes, b"moov"));
             let end = if index > data { index - 4 } else { bytes.len() };
-            broken[(data + end) / 2..end].fill(0xff);
+            broken[usize::midpoint(data, end)..end].fill(0xff);
             std::fs::write(&path, broken).unwrap();
         } else {
             std::fs::write(&path, &bytes[..bytes.len() * 2 / 3]).unwrap();
@@ -292,7 +292,7 @@ fn thumbnails_show_their_frames_and_are_made_again_for_another_count() {
         for thumbnail in made.iter() {
             let level = &thumbnail.tile;
             assert_eq!((level.width, level.height), (48, 32));
-            let pixel = level.pixels[1 * 48 + 12];
+            let pixel = level.pixels[48 + 12];
             let expected = self::level(thumbnail.frame);
             assert!(pixel[0].abs_diff(expected) < 12, "{pixel:?} {expected}");
         }

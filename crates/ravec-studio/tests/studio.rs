@@ -28,6 +28,20 @@ fn photo(folder: &Path) -> PathBuf {
     path
 }
 
+fn write_mesh(path: &Path, mesh: &ravec::mesh::TriMesh) {
+    let (positions, triangles) = (mesh.positions(), mesh.triangles());
+    let mut lines = vec![
+        "OFF".to_owned(),
+        format!("{} {} 0", positions.len(), triangles.len()),
+    ];
+    let positions = positions.iter();
+    lines.extend(positions.map(|at| format!("{} {} {}", at.x, at.y, at.z)));
+    let triangles = triangles.iter();
+    lines.extend(triangles.map(|[a, b, c]| format!("3 {a} {b} {c}")));
+    let text = lines.join("\n");
+    std::fs::write(path, text).unwrap();
+}
+
 /// A studio with a photo open.
 fn studio(folder: &Path, autosave: Option<&Path>) -> Harness<'static, Studio> {
     let photo = photo(folder);
@@ -279,6 +293,69 @@ fn settings_change_an_edit_and_go_back() {
     click(&mut harness, "Set Grid");
     let document = harness.state().document().unwrap();
     assert_eq!(document.edits[0].param("grid"), 201);
+}
+
+#[test]
+fn a_mesh_is_offset_checked_and_exported() {
+    let folder = tempfile::tempdir().unwrap();
+    let mesh = ravec_scenes::solids::cuboid([1.0, 2.0, 3.0].into()).mesh;
+    let path = folder.path().join("box.off");
+    write_mesh(&path, &mesh);
+    let mut harness = studio(folder.path(), None);
+    harness.state_mut().open(&path);
+    settle(&mut harness);
+    click(&mut harness, "Offset");
+    let snapshot = harness.state().snapshot().unwrap();
+    assert_eq!(snapshot.failure, None);
+    let result = snapshot.result.unwrap();
+    assert!(result.content.mesh().unwrap().mesh.triangles().len() > 12);
+    click(&mut harness, "List defects");
+    assert!(harness.query_by_label("No defects").is_some());
+    harness.key_press_modifiers(Modifiers::COMMAND, Key::S);
+    settle(&mut harness);
+    click(&mut harness, "Save the project: Save");
+    click(&mut harness, "Export…");
+    click(&mut harness, "Export the picture: Export");
+    let exported = folder.path().join("box-edited.ply");
+    let studio =
+        std::fs::read(&exported).unwrap_or_else(|_| panic!("{:?}", harness.state().message()));
+    std::fs::remove_file(&exported).unwrap();
+    let run = recipe::Run {
+        file: folder.path().join("box.ravec.json"),
+        params: recipe::Params::default(),
+    };
+    run.run(&Context::default()).unwrap();
+    assert!(std::fs::read(&exported).unwrap() == studio);
+}
+
+#[test]
+fn an_area_that_is_drawn_is_filled() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut harness = studio(folder.path(), None);
+    let before = harness.state().snapshot().unwrap().shown().unwrap().clone();
+    click(&mut harness, "Complete");
+    let corners = [
+        (35.0, 30.0),
+        (85.0, 30.0),
+        (85.0, 75.0),
+        (35.0, 75.0),
+        (35.0, 31.0),
+    ];
+    let way = corners.map(|(x, y)| on_screen(&harness, x, y));
+    drag(&mut harness, &way);
+    let document = harness.state().document().unwrap().clone();
+    let polygons = document.edits[0]
+        .param("polygons")
+        .as_array()
+        .unwrap()
+        .len();
+    assert_eq!(polygons, 1);
+    click(&mut harness, "Fill");
+    let snapshot = harness.state().snapshot().unwrap();
+    assert_eq!(snapshot.failure, None);
+    let after = snapshot.shown().unwrap();
+    assert_ne!(before.pixel(60, 50), after.pixel(60, 50));
+    assert_eq!(before.pixel(10, 10), after.pixel(10, 10));
 }
 
 #[test]

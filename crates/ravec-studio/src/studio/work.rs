@@ -56,13 +56,9 @@ impl Studio {
             let Some(canvas) = &mut open.mesh_canvas else {
                 return;
             };
-            let response = canvas.ui(ui, shown.as_ref(), ghost.as_ref());
+            canvas.ui(ui, shown.as_ref(), ghost.as_ref());
             if let (Some(edit), Some(tool)) = (edit, tool) {
-                let painter = ui.painter_at(response.rect);
                 let hand = MeshHand {
-                    ui,
-                    response: &response,
-                    painter: &painter,
                     canvas,
                     input: input.as_ref(),
                     snapshot: &snapshot,
@@ -145,7 +141,6 @@ impl Studio {
             input: &input,
             snapshot: &snapshot,
             assistant: &open.assistant,
-            frame: snapshot.frame,
         };
         let gesture = tools[tool].canvas_ui(&hand, &edit);
         if let Some(gesture) = gesture {
