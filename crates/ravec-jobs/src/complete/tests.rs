@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::ErrorKind;
-use ravec::raster::{Rect, Srgb};
+use ravec::raster::{Rect, Size, Srgb};
 use ravec_media::Picture;
 
 fn tile(col: usize, row: usize) -> Srgb<u8> {
@@ -33,11 +33,12 @@ fn done(
 }
 
 /// Files of [`run`] beside the picture and the output.
-#[derive(Default)]
+#[derive(Clone, Default)]
 struct Files {
     mask: Option<PathBuf>,
     photos: Vec<PathBuf>,
     replay: Option<PathBuf>,
+    recorded: Option<RecordedSteps>,
     steps: Option<PathBuf>,
 }
 
@@ -48,6 +49,7 @@ fn run(input: &Path, files: &Files, output: &Path, params: &Params) -> Result<Re
         features: None,
         sources: files.photos.clone(),
         replay: files.replay.clone(),
+        recorded: files.recorded.clone(),
         steps: files.steps.clone(),
         output: output.to_path_buf(),
         params: params.clone(),
@@ -240,6 +242,18 @@ fn steps_are_written_replayed_to_the_same_bytes_and_undone() {
     let bytes = |name: &str| std::fs::read(at(name)).unwrap();
     assert_eq!(bytes("a.png"), bytes("b.png"));
     assert_eq!(bytes("steps.json"), bytes("again.json"));
+    let inline = Files {
+        replay: None,
+        recorded: Some(serde_json::from_slice(&bytes("steps.json")).unwrap()),
+        ..again.clone()
+    };
+    run(&input, &inline, &at("d.png"), &Params::default()).unwrap();
+    assert_eq!(bytes("a.png"), bytes("d.png"));
+    let both = Files {
+        replay: again.replay.clone(),
+        ..inline
+    };
+    assert!(run(&input, &both, &at("e.png"), &Params::default()).is_err());
     let undo = Params {
         undo: steps as usize,
         ..Params::default()

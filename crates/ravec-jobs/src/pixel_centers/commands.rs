@@ -257,6 +257,7 @@ fn holes_and_planes_are_the_same_and_steps_say_their_convention() {
             features: None,
             sources: Vec::new(),
             replay,
+            recorded: None,
             steps: fragments.then(|| steps.clone()),
             output: output.clone(),
             params: complete::Params {

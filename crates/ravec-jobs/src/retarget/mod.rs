@@ -591,6 +591,48 @@ mod tests {
     }
 
     #[test]
+    fn polygons_protect_as_a_mask_of_them_does() {
+        let (folder, input) = folder();
+        let size = ravec_media::read(&input, &ravec_media::Limits::default())
+            .unwrap()
+            .image
+            .size();
+        let corners = "6.5,4,30,5,28,40,8,36";
+        let polygon: Corners = corners.parse().unwrap();
+        let mask = Mask::from_polygon(size, &polygon.0).unwrap();
+        // 16 bits, as coverage has many steps
+        let gray = mask
+            .coverage()
+            .map(|value| Srgb([(65535.0 * value).round() as u16; 3]));
+        let extras = Extras {
+            protect: Some(write(folder.path(), "mask.png", gray)),
+            ..Extras::default()
+        };
+        let outputs = ["a.png", "b.png", "c.png"].map(|name| folder.path().join(name));
+        let plain = params(&["60x80"]);
+        run(&input, &outputs[0], &extras, &plain).unwrap();
+        let drawn = Params {
+            protect_polygons: vec![polygon],
+            ..plain.clone()
+        };
+        run(&input, &outputs[1], &Extras::default(), &drawn).unwrap();
+        run(&input, &outputs[2], &Extras::default(), &plain).unwrap();
+        let [a, b, c] = outputs.map(|path| std::fs::read(path).unwrap());
+        assert!(a == b && b != c);
+        let two = Params {
+            give_way_polygons: vec![Corners(vec![glam::DVec2::ZERO; 2])],
+            ..plain
+        };
+        let error = run(
+            &input,
+            &folder.path().join("d.png"),
+            &Extras::default(),
+            &two,
+        );
+        assert!(error.unwrap_err().to_string().contains("3 corners"));
+    }
+
+    #[test]
     fn parameters_out_of_range_are_named() {
         let (folder, input) = folder();
         let output = folder.path().join("out.png");
