@@ -4,11 +4,11 @@ use clap::Parser;
 use ravec_studio::{Studio, autosave};
 use std::path::PathBuf;
 
-/// Work on pictures by hand: every operation of Ravec as a tool, with undo without end
+/// Work on pictures, meshes and clips by hand: operations of Ravec as tools, with undo without end
 #[derive(Parser)]
 #[command(version)]
 struct Arguments {
-    /// Pictures or projects to open
+    /// Pictures, meshes, clips or projects to open
     files: Vec<PathBuf>,
 }
 
