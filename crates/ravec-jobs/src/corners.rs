@@ -3,7 +3,7 @@
 use crate::error::JobError;
 use crate::pixel_centers::PixelCenters;
 use glam::DVec2;
-use ravec::raster::{Mask, Plane, Rect};
+use ravec::raster::{Mask, Plane, Rect, Size};
 use serde::{Deserialize, Serialize};
 use std::str::FromStr;
 
@@ -75,21 +75,37 @@ pub(crate) fn with_polygons(
                 range: "coordinates between -1e9 and 1e9",
             });
         }
-        let low = corners.iter().copied().fold(DVec2::INFINITY, DVec2::min);
-        let high = corners
-            .iter()
-            .copied()
-            .fold(DVec2::NEG_INFINITY, DVec2::max);
-        let (first, end) = (low.max(DVec2::ZERO).floor(), high.max(DVec2::ZERO).ceil());
-        let box_ = Rect::new(
-            first.x as usize,
-            first.y as usize,
-            (end.x - first.x).max(0.0) as usize,
-            (end.y - first.y).max(0.0) as usize,
+        add(
+            &mut coverage,
+            bounding_box(&corners).clipped(size),
+            &corners,
         );
-        add(&mut coverage, box_.clipped(size), &corners);
     }
     Ok(Mask::from_coverage(&coverage))
+}
+
+impl Corners {
+    /// True for corners whose bounding box has no pixel of a picture of this size; false without corners.
+    pub(crate) fn is_outside(&self, size: Size, centers: PixelCenters) -> bool {
+        let corners: Vec<DVec2> = self.0.iter().map(|&at| centers.read(at)).collect();
+        !corners.is_empty() && bounding_box(&corners).clipped(size).is_empty()
+    }
+}
+
+/// The pixels between the extreme coordinates of corners, cut off at column and row 0.
+fn bounding_box(corners: &[DVec2]) -> Rect {
+    let low = corners.iter().copied().fold(DVec2::INFINITY, DVec2::min);
+    let high = corners
+        .iter()
+        .copied()
+        .fold(DVec2::NEG_INFINITY, DVec2::max);
+    let (first, end) = (low.max(DVec2::ZERO).floor(), high.max(DVec2::ZERO).ceil());
+    Rect::new(
+        first.x as usize,
+        first.y as usize,
+        (end.x - first.x) as usize,
+        (end.y - first.y) as usize,
+    )
 }
 
 /// The largest coordinate of a corner.
@@ -114,7 +130,6 @@ fn add(coverage: &mut Plane, part: Rect, corners: &[DVec2]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ravec::raster::Size;
 
     #[test]
     fn polygons_cover_what_masks_of_the_whole_picture_do() {

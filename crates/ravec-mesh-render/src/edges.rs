@@ -30,7 +30,7 @@ pub(super) enum EdgeKind {
 /// The edges by their lower, then their higher vertex.
 pub(super) struct Edges {
     sides: Vec<Side>,
-    /// Where the sides of each edge begin, and their number.
+    /// Index of the first side of each edge, followed by the number of all sides.
     first: Vec<u32>,
 }
 

@@ -107,7 +107,7 @@ impl Prepared {
     }
 }
 
-/// What is kept for an angle, or what is found for it now. The lock is not held during the work.
+/// The cached value for an angle, computed if it is missing. The lock is released during the computation.
 fn by_angle<T>(
     kept: &ByAngle<T>,
     angle_deg: f64,

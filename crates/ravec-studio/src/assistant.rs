@@ -17,7 +17,7 @@ type Answer = Arc<dyn Any + Send + Sync>;
 /// A question.
 type Job = Box<dyn FnOnce(&mut Memory, &Progress) -> Option<Answer> + Send>;
 
-/// What was prepared for questions, by their kind.
+/// Prepared data, such as indices of pictures, by the kind of question.
 #[derive(Default)]
 pub(crate) struct Memory {
     kept: HashMap<&'static str, (Arc<str>, Box<dyn Any + Send>)>,

@@ -13,8 +13,8 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 pub(crate) enum Done {
     /// A picture or a project was opened; where it is saved, if it is a project.
     Opened(PathBuf, Result<(Project, Kind), String>),
-    /// A project was saved.
-    Saved(PathBuf, Result<(), String>),
+    /// The project of the document with this number was saved, in this state.
+    Saved(u64, PathBuf, Result<Document, String>),
     /// A result was written.
     Exported(PathBuf, Result<(), String>),
 }
@@ -59,10 +59,10 @@ impl Background {
     }
 
     /// Saves a project.
-    pub fn save(&mut self, project: Project, path: PathBuf) {
+    pub fn save(&mut self, number: u64, project: Project, path: PathBuf) {
         self.spawn(move || {
             let saved = project.save(&path).map_err(|error| error.to_string());
-            Done::Saved(path, saved)
+            Done::Saved(number, path, saved.map(|()| project.document))
         });
     }
 

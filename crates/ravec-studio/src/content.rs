@@ -2,7 +2,6 @@
 
 use crate::shown::Shown;
 use crate::view::mesh::ShownMesh;
-use ravec::mesh::TriMesh;
 use ravec::mesh_io::{MeshFile, MeshFormat};
 use ravec::raster::with_image;
 use ravec_media::Picture;
@@ -44,7 +43,7 @@ impl Kind {
     }
 }
 
-/// What an edit gets or gives. Clones share it.
+/// Input or output of an edit. Clones share the data.
 #[derive(Debug, Clone)]
 pub enum Content {
     /// A picture, or a frame of a clip.
@@ -84,13 +83,9 @@ impl Content {
             Self::Picture(picture) => {
                 with_image!(&picture.image, image => std::mem::size_of_val(image.pixels()))
             }
-            Self::Mesh(file) => bytes_of(&file.mesh),
+            Self::Mesh(file) => 24 * file.mesh.positions().len() + 12 * file.mesh.triangles().len(),
         }
     }
-}
-
-fn bytes_of(mesh: &TriMesh) -> usize {
-    24 * mesh.positions().len() + 12 * mesh.triangles().len()
 }
 
 /// A content as a canvas takes it.
@@ -130,13 +125,6 @@ impl View {
             Self::Picture(_) => None,
         }
     }
-
-    fn bytes(&self) -> usize {
-        match self {
-            Self::Picture(shown) => shown.bytes(),
-            Self::Mesh(shown) => bytes_of(&shown.mesh),
-        }
-    }
 }
 
 /// A content with its view.
@@ -146,17 +134,4 @@ pub struct Visible {
     pub content: Content,
     /// Its view.
     pub view: View,
-}
-
-impl Visible {
-    /// A content with the view of it, brighter by a number of stops.
-    pub fn exposed(content: Content, exposure: f32) -> Self {
-        let view = View::new(&content, exposure);
-        Self { content, view }
-    }
-
-    /// Bytes in memory.
-    pub fn bytes(&self) -> usize {
-        self.content.bytes() + self.view.bytes()
-    }
 }

@@ -8,7 +8,7 @@ pub struct History {
     present: Document,
     past: Vec<Document>,
     future: Vec<Document>,
-    /// What the present state was made by, while the same gesture goes on.
+    /// Name of the gesture that made the present state, until it ends.
     gesture: Option<String>,
 }
 

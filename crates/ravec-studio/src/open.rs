@@ -49,8 +49,10 @@ pub(crate) struct Open {
     pub mesh_canvas: Option<MeshCanvas>,
     pub clip: Option<ClipDesk>,
     pub selected: Option<EditId>,
-    /// Where the project is saved, once it was.
+    /// File of the project, once it is saved.
     pub saved: Option<PathBuf>,
+    /// The document as it was saved last.
+    pub saved_document: Option<Document>,
     pub output: PathBuf,
     /// Stops by which pictures are shown brighter.
     pub exposure: f32,
@@ -60,7 +62,7 @@ pub(crate) struct Open {
     drafted: Option<(Edit, Arc<str>)>,
     /// Left and top, columns and rows of the picture that were seen last.
     pub seen: [f64; 4],
-    /// A picture of the canvas beside the input, with its texture.
+    /// The canvas of quick results in the panel.
     pub beside: Canvas,
 }
 
@@ -89,6 +91,7 @@ impl Open {
             mesh_canvas: (kind == Kind::Mesh).then(|| MeshCanvas::new(repaint.clone())),
             clip,
             selected: document.edits.last().map(|edit| edit.id),
+            saved_document: saved.is_some().then(|| document.clone()),
             history: History::new(document),
             saved,
             output,
@@ -107,6 +110,12 @@ impl Open {
         let reads = self.clip.as_ref().is_some_and(|clip| clip.reader.is_busy());
         let draws = self.mesh_canvas.as_ref().is_some_and(MeshCanvas::is_busy);
         computes || reads || draws || self.assistant.is_busy() || self.canvas.is_busy()
+    }
+
+    /// True if nothing is lost without a copy: the document is saved as it is, or has no edits.
+    pub fn is_saved(&self) -> bool {
+        let document = self.history.document();
+        document.edits.is_empty() || self.saved_document.as_ref() == Some(document)
     }
 
     pub fn project(&self) -> Project {

@@ -54,7 +54,7 @@ pub struct Setting {
 /// An operation with its settings.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Form {
-    /// What the operation does, in one sentence.
+    /// Purpose of the operation, in one sentence.
     pub about: String,
     /// Its parameters, in the order of the command line.
     pub settings: Vec<Setting>,

@@ -29,6 +29,8 @@ const EXPORT: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::
 const OPEN: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::O);
 const NEXT: KeyboardShortcut = KeyboardShortcut::new(Modifiers::CTRL, Key::Tab);
 const CLOSE: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::W);
+const REOPEN: KeyboardShortcut =
+    KeyboardShortcut::new(Modifiers::COMMAND.plus(Modifiers::SHIFT), Key::T);
 const PALETTE: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::P);
 
 /// The whole program.
@@ -43,6 +45,8 @@ pub struct Studio {
     dialog: Option<Dialog>,
     palette: Option<String>,
     shows_shortcuts: bool,
+    /// Documents that were closed, with the files of their projects.
+    closed: Vec<(Project, Option<PathBuf>, Kind)>,
     /// The setting that was found by name, which the panel marks.
     highlighted: Option<String>,
     /// The last message for the user, and true if it is an error.
@@ -66,6 +70,7 @@ impl Studio {
             dialog: None,
             palette: None,
             shows_shortcuts: false,
+            closed: Vec::new(),
             highlighted: None,
             message: None,
             repaint,
@@ -79,8 +84,7 @@ impl Studio {
                 studio.take(project, None, kind);
             }
             if count > 0 {
-                let text =
-                    format!("{count} documents of a run that was interrupted are open again");
+                let text = format!("{count} documents that were not saved are open again");
                 studio.message = Some((text, false));
             }
         }
@@ -142,10 +146,11 @@ impl Studio {
                     self.take(project, saved, kind);
                     None
                 }
-                Done::Saved(path, Ok(())) => {
+                Done::Saved(number, path, Ok(document)) => {
                     let text = format!("{} is saved", path.display());
-                    if let Some(open) = self.open.get_mut(self.active) {
+                    if let Some(open) = self.open.iter_mut().find(|open| open.number == number) {
                         open.saved = Some(path);
+                        open.saved_document = Some(document);
                     }
                     Some((text, false))
                 }
@@ -153,7 +158,7 @@ impl Studio {
                     Some((format!("{} is written", path.display()), false))
                 }
                 Done::Opened(_, Err(reason))
-                | Done::Saved(_, Err(reason))
+                | Done::Saved(_, _, Err(reason))
                 | Done::Exported(_, Err(reason)) => Some((reason, true)),
             };
         }
@@ -212,6 +217,11 @@ impl Studio {
         if pressed(&CLOSE) {
             self.close(self.active);
         }
+        if pressed(&REOPEN)
+            && let Some((project, saved, kind)) = self.closed.pop()
+        {
+            self.take(project, saved, kind);
+        }
         if ui.input(|input| input.key_pressed(Key::F1)) {
             self.shows_shortcuts = !self.shows_shortcuts;
         }
@@ -236,7 +246,7 @@ impl Studio {
             return;
         };
         if let Some(path) = open.saved.clone() {
-            self.background.save(open.project(), path);
+            self.background.save(open.number, open.project(), path);
         } else {
             let path = open.history.document().source.with_extension("ravec.json");
             self.dialog = Some(Dialog::Save(path.display().to_string()));
@@ -350,7 +360,7 @@ impl Studio {
         }
     }
 
-    /// Closes a document.
+    /// Closes a document, which can be opened again until the program ends.
     fn close(&mut self, index: usize) {
         if index >= self.open.len() {
             return;
@@ -359,6 +369,8 @@ impl Studio {
         if let Some(autosave) = &self.autosave {
             autosave.forget(open.number);
         }
+        self.closed
+            .push((open.project(), open.saved.clone(), open.kind));
         self.active = self.active.min(self.open.len().saturating_sub(1));
     }
 
@@ -414,8 +426,20 @@ impl eframe::App for Studio {
         self.shortcuts_ui(ui);
     }
 
+    /// Drops the copies of documents that are saved; the others are open again at the next start.
     fn on_exit(&mut self) {
-        if let Some(session) = self.autosave.take().and_then(Autosave::finish) {
+        let Some(autosave) = self.autosave.take() else {
+            return;
+        };
+        let (saved, unsaved): (Vec<&Open>, Vec<&Open>) =
+            self.open.iter().partition(|open| open.is_saved());
+        for open in saved {
+            autosave.forget(open.number);
+        }
+        let session = autosave.finish();
+        if unsaved.is_empty()
+            && let Some(session) = session
+        {
             session.end();
         }
     }

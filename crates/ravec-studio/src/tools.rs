@@ -26,7 +26,7 @@ use ravec::progress::Progress;
 use serde_json::{Map, Value, json};
 use std::sync::{Arc, Mutex};
 
-/// What a tool sees of a frame.
+/// State of the window for a tool for pictures, in one frame.
 pub(crate) struct Hand<'a> {
     pub ui: &'a Ui,
     /// The canvas.
@@ -43,7 +43,7 @@ pub(crate) struct Hand<'a> {
     pub assistant: &'a Assistant,
 }
 
-/// What a tool for meshes sees of a frame.
+/// State of the window for a tool for meshes, in one frame.
 pub(crate) struct MeshHand<'a> {
     pub canvas: &'a mut MeshCanvas,
     /// The input of the edit, once it is known.
@@ -208,7 +208,12 @@ pub(crate) trait Tool {
         None
     }
 
-    /// True if the quick result is shown in a window of its own, beside the input.
+    /// True if a quick result is shown first after every change, until the whole one is there.
+    fn drafts_first(&self) -> bool {
+        false
+    }
+
+    /// True if the quick result is shown in the panel, beside the input.
     fn shows_draft_beside(&self) -> bool {
         false
     }
@@ -253,7 +258,7 @@ pub(crate) trait Tool {
     }
 }
 
-/// What a tool sees of the panel.
+/// State of the window for the panel of a tool.
 pub(crate) struct Desk<'a> {
     /// The input of the edit, once it is known.
     pub input: Option<&'a EditInput>,

@@ -1,5 +1,8 @@
 //! Reading of clips beside the window, and the timeline, driven by clicks, drags and keys without a window.
 
+mod common;
+
+use common::drag_through;
 use egui::accesskit::Role;
 use egui::{Key, Modifiers, Pos2, Vec2, pos2};
 use egui_kittest::Harness;
@@ -315,6 +318,9 @@ fn a_reader_is_dropped_while_it_reads() {
         reader.thumbnails(30);
         reader.request(59 - number);
     }
+    // the threads of all of them have ended, and the next one reads as ever
+    let reader = open(&path);
+    assert_eq!(read(&reader, 59), Some(59));
 }
 
 /// A window with a timeline alone.
@@ -389,14 +395,7 @@ fn place(harness: &Harness<'_, App>, frame: u64) -> Pos2 {
 }
 
 fn drag(harness: &mut Harness<'_, App>, points: &[Pos2]) {
-    harness.hover_at(points[0]);
-    harness.step();
-    harness.drag_at(points[0]);
-    harness.step();
-    for &point in &points[1..] {
-        harness.hover_at(point);
-        harness.step();
-    }
+    drag_through(harness, points);
     assert!(harness.state().last.is_dragging);
     harness.drop_at(points[points.len() - 1]);
     settle(harness);

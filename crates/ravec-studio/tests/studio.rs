@@ -1,5 +1,8 @@
 //! The studio, driven by clicks, drags and keys without a window.
 
+mod common;
+
+use common::drag_through;
 use egui::{Key, Modifiers, Pos2, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable as _;
@@ -79,14 +82,7 @@ fn click(harness: &mut Harness<'_, Studio>, label: &str) {
 }
 
 fn drag(harness: &mut Harness<'_, Studio>, points: &[Pos2]) {
-    harness.hover_at(points[0]);
-    harness.step();
-    harness.drag_at(points[0]);
-    harness.step();
-    for &point in &points[1..] {
-        harness.hover_at(point);
-        harness.step();
-    }
+    drag_through(harness, points);
     harness.drop_at(points[points.len() - 1]);
     settle(harness);
 }
@@ -203,7 +199,7 @@ fn an_export_has_the_bytes_that_the_saved_project_gives() {
     let project = folder.path().join("photo.ravec.json");
     assert!(project.exists(), "{:?}", harness.state().message());
     click(&mut harness, "Export…");
-    click(&mut harness, "Export the picture: Export");
+    click(&mut harness, "Export the result: Export");
     let exported = folder.path().join("photo-edited.png");
     let studio =
         std::fs::read(&exported).unwrap_or_else(|_| panic!("{:?}", harness.state().message()));
@@ -315,7 +311,7 @@ fn a_mesh_is_offset_checked_and_exported() {
     settle(&mut harness);
     click(&mut harness, "Save the project: Save");
     click(&mut harness, "Export…");
-    click(&mut harness, "Export the picture: Export");
+    click(&mut harness, "Export the result: Export");
     let exported = folder.path().join("box-edited.ply");
     let studio =
         std::fs::read(&exported).unwrap_or_else(|_| panic!("{:?}", harness.state().message()));
@@ -356,6 +352,211 @@ fn an_area_that_is_drawn_is_filled() {
     let after = snapshot.shown().unwrap();
     assert_ne!(before.pixel(60, 50), after.pixel(60, 50));
     assert_eq!(before.pixel(10, 10), after.pixel(10, 10));
+}
+
+/// Saves the project and exports; the exported bytes are those of `ravec run`.
+fn assert_export_is_that_of_run(harness: &mut Harness<'_, Studio>, folder: &Path) {
+    harness.key_press_modifiers(Modifiers::COMMAND, Key::S);
+    settle(harness);
+    click(harness, "Save the project: Save");
+    click(harness, "Export…");
+    click(harness, "Export the result: Export");
+    let exported = folder.join("photo-edited.png");
+    let studio =
+        std::fs::read(&exported).unwrap_or_else(|_| panic!("{:?}", harness.state().message()));
+    let snapshot = harness.state().snapshot().unwrap();
+    let shown = snapshot.result.unwrap();
+    let written = ravec_media::read(&exported, &ravec_media::Limits::default()).unwrap();
+    assert_eq!(shown.content.picture().unwrap().image, written.image);
+    std::fs::remove_file(&exported).unwrap();
+    let run = recipe::Run {
+        file: folder.join("photo.ravec.json"),
+        params: recipe::Params::default(),
+    };
+    run.run(&Context::default()).unwrap();
+    assert!(std::fs::read(&exported).unwrap() == studio);
+}
+
+#[test]
+fn painted_strokes_are_exported_as_they_are_shown() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut harness = studio(folder.path(), None);
+    click(&mut harness, "Brush");
+    for way in [
+        [(30.0, 45.0), (60.0, 50.0), (100.0, 55.0)],
+        [(90.0, 100.0), (60.0, 60.0), (30.0, 20.0)],
+    ] {
+        let way = way.map(|(x, y)| on_screen(&harness, x, y));
+        drag(&mut harness, &way);
+    }
+    let strokes = &harness.state().document().unwrap().edits[0].fields["strokes"];
+    assert_eq!(strokes["strokes"].as_array().unwrap().len(), 2);
+    // a stroke in two motions is undone at once
+    click(&mut harness, "Undo");
+    let strokes = &harness.state().document().unwrap().edits[0].fields["strokes"];
+    assert_eq!(strokes["strokes"].as_array().unwrap().len(), 1);
+    click(&mut harness, "Redo");
+    assert_export_is_that_of_run(&mut harness, folder.path());
+}
+
+#[test]
+fn the_left_side_is_dragged_and_an_area_is_protected() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut harness = studio(folder.path(), None);
+    click(&mut harness, "Retarget");
+    click(&mut harness, "Protect areas");
+    let area = [(35.0, 25.0), (85.0, 25.0), (85.0, 78.0), (35.0, 78.0)];
+    let area = area.map(|(x, y)| on_screen(&harness, x, y));
+    drag(&mut harness, &area);
+    click(&mut harness, "Drag the frame");
+    let (from, to) = (
+        on_screen(&harness, 0.0, 60.0),
+        on_screen(&harness, 50.0, 60.0),
+    );
+    drag(&mut harness, &[from, from.lerp(to, 0.5), to]);
+    let edit = harness.state().document().unwrap().edits[0].clone();
+    assert_eq!(edit.param("protect_polygons").as_array().unwrap().len(), 1);
+    assert!(size(&harness)[0].abs_diff(110) <= 1, "{:?}", size(&harness));
+    assert_export_is_that_of_run(&mut harness, folder.path());
+}
+
+#[test]
+fn corners_of_a_plane_are_dragged() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut harness = studio(folder.path(), None);
+    click(&mut harness, "Rectify");
+    // a rectangle as a camera may see it
+    for (from, to) in [
+        ((120.0, 30.0), (110.0, 38.0)),
+        ((120.0, 90.0), (112.0, 88.0)),
+        ((40.0, 90.0), (36.0, 95.0)),
+    ] {
+        let [from, to] = [from, to].map(|(x, y)| on_screen(&harness, x, y));
+        drag(&mut harness, &[from, from.lerp(to, 0.5), to]);
+    }
+    let edit = harness.state().document().unwrap().edits[0].clone();
+    let quad = edit.param("quad").as_str().unwrap().split(',');
+    let expected = [40.0, 30.0, 110.0, 38.0, 112.0, 88.0, 36.0, 95.0];
+    for (found, expected) in quad.zip(expected) {
+        let found: f64 = found.parse().unwrap();
+        assert!((found - expected).abs() < 0.5, "{found} {expected}");
+    }
+    click(&mut harness, "Show the rectified picture on the canvas");
+    assert_export_is_that_of_run(&mut harness, folder.path());
+}
+
+#[test]
+fn fragments_are_set_by_clicks() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut harness = studio(folder.path(), None);
+    click(&mut harness, "Complete");
+    let area = [(50.0, 80.0), (70.0, 80.0), (70.0, 100.0), (50.0, 100.0)];
+    let area = area.map(|(x, y)| on_screen(&harness, x, y));
+    drag(&mut harness, &area);
+    click(&mut harness, "Fragments");
+    let at = on_screen(&harness, 60.0, 90.0);
+    harness.hover_at(at);
+    settle(&mut harness);
+    harness.drag_at(at);
+    harness.step();
+    harness.drop_at(at);
+    settle(&mut harness);
+    let edit = harness.state().document().unwrap().edits[0].clone();
+    let steps = edit.fields["recorded"]["steps"].as_array().unwrap();
+    assert_eq!(steps.len(), 1);
+    assert_export_is_that_of_run(&mut harness, folder.path());
+}
+
+#[test]
+fn documents_that_are_not_saved_come_back_after_quitting_and_closing() {
+    use eframe::App as _;
+    let folder = tempfile::tempdir().unwrap();
+    let autosave = folder.path().join("autosave");
+    let mut harness = studio(folder.path(), Some(&autosave));
+    click(&mut harness, "Filter");
+    let document = harness.state().document().unwrap().clone();
+    click(&mut harness, "Retarget");
+    harness.key_press_modifiers(Modifiers::COMMAND, Key::W);
+    settle(&mut harness);
+    assert_eq!(harness.state().documents(), 0);
+    harness.key_press_modifiers(Modifiers::COMMAND.plus(Modifiers::SHIFT), Key::T);
+    settle(&mut harness);
+    assert_eq!(harness.state().document().unwrap().edits.len(), 2);
+    click(&mut harness, "Remove Retarget");
+    harness.state_mut().on_exit();
+    drop(harness);
+    let start = |autosave: &Path| {
+        let autosave = autosave.to_path_buf();
+        let mut again = Harness::builder()
+            .build_eframe(move |context| Studio::new(&context.egui_ctx, Some(&autosave)));
+        settle(&mut again);
+        again
+    };
+    let mut again = start(&autosave);
+    assert_eq!(again.state().document().unwrap().edits, document.edits);
+    // once it is saved, quitting forgets it
+    again.key_press_modifiers(Modifiers::COMMAND, Key::S);
+    settle(&mut again);
+    click(&mut again, "Save the project: Save");
+    again.state_mut().on_exit();
+    drop(again);
+    assert_eq!(start(&autosave).state().documents(), 0);
+}
+
+#[test]
+fn files_of_all_kinds_are_opened_or_refused_in_words() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut harness = studio(folder.path(), None);
+    let size = Size::new(1, 1).unwrap();
+    let pixel = folder.path().join("pixel.png");
+    let picture = Picture::from_image(AnyImage::from(Image::new(size, Srgb([9u8, 8, 7]))));
+    ravec_media::write(&pixel, &picture, &WriteOptions::default()).unwrap();
+    harness.state_mut().open(&pixel);
+    settle(&mut harness);
+    assert_eq!(harness.state().snapshot().unwrap().size(), Some([1, 1]));
+    for tool in [
+        "Two-color view",
+        "Brush",
+        "Filter",
+        "Retarget",
+        "Rectify",
+        "Complete",
+    ] {
+        click(&mut harness, tool);
+    }
+    for (name, content) in [
+        ("empty.png", &b""[..]),
+        ("empty.ply", b""),
+        ("empty.mp4", b""),
+        ("empty.json", b""),
+        ("nan.off", b"OFF\n3 1 0\n0 0 nan\n1 0 0\n0 1 0\n3 0 1 2\n"),
+        ("text.png", b"no picture"),
+    ] {
+        let path = folder.path().join(name);
+        std::fs::write(&path, content).unwrap();
+        let before = harness.state().documents();
+        harness.state_mut().open(&path);
+        settle(&mut harness);
+        let message = if harness.state().documents() == before {
+            harness.state().message().unwrap().0.to_owned()
+        } else if let Some(failure) = harness.state().snapshot().unwrap().failure {
+            failure.message
+        } else {
+            message_of_timeline(&harness)
+        };
+        assert!(message.contains(name), "{name}: {message}");
+    }
+}
+
+/// The message of the timeline of a clip that cannot be opened.
+fn message_of_timeline(harness: &Harness<'_, Studio>) -> String {
+    let labels = harness.query_all_by_label_contains("empty.mp4");
+    let texts: Vec<String> = labels.filter_map(|node| node.value()).collect();
+    // beside the name of the document
+    texts
+        .into_iter()
+        .max_by_key(String::len)
+        .unwrap_or_default()
 }
 
 #[test]

@@ -60,6 +60,7 @@ pub(super) fn run(operation: &Retarget, context: &Context) -> Result<Report, Job
         )?,
     ];
     let fixed = params.with_polygons(None, None, size)?;
+    params.warn_of_polygons_outside(size, &mut report);
     let start = Instant::now();
     let mut run = Streaming {
         retargeter,

@@ -220,6 +220,23 @@ impl Params {
         ))
     }
 
+    /// Warns of polygons whose bounding box lies beside the picture.
+    fn warn_of_polygons_outside(&self, size: Size, report: &mut Report) {
+        for (name, polygons) in [
+            ("protect", &self.protect_polygons),
+            ("give-way", &self.give_way_polygons),
+        ] {
+            for (index, polygon) in polygons.iter().enumerate() {
+                if polygon.is_outside(size, self.pixel_centers) {
+                    report.warn(format!(
+                        "nothing of {name} polygon {} lies in the picture of {size} pixels",
+                        index + 1
+                    ));
+                }
+            }
+        }
+    }
+
     fn check(&self) -> Result<(), JobError> {
         let wrong = |field, value: String, range| {
             Err(JobError::Parameter {
@@ -313,6 +330,7 @@ impl Operation for Retarget {
         };
         let (protect, give_way) = (read(self.protect.as_ref())?, read(self.give_way.as_ref())?);
         let (protect, give_way) = params.with_polygons(protect, give_way, size)?;
+        params.warn_of_polygons_outside(size, &mut report);
         let painted = Painted {
             protect: protect.as_ref(),
             give_way: give_way.as_ref(),
@@ -619,6 +637,14 @@ mod tests {
         run(&input, &outputs[2], &Extras::default(), &plain).unwrap();
         let [a, b, c] = outputs.map(|path| std::fs::read(path).unwrap());
         assert!(a == b && b != c);
+        let beside = Params {
+            protect_polygons: vec!["900,4,930,5,928,40".parse().unwrap()],
+            ..plain.clone()
+        };
+        let output = folder.path().join("e.png");
+        let report = run(&input, &output, &Extras::default(), &beside).unwrap();
+        assert!(report.warnings[0].starts_with("nothing of protect polygon 1"));
+        assert!(std::fs::read(output).unwrap() == c);
         let two = Params {
             give_way_polygons: vec![Corners(vec![glam::DVec2::ZERO; 2])],
             ..plain

@@ -77,8 +77,8 @@ impl ClipReader {
         Some((frame.number, frame.shown.clone(), frame.picture.clone()))
     }
 
-    /// What a screen shows now: the frame that was read last, or one nearer to the request until that is read, which may be a
-    /// thumbnail that was enlarged to the size of the frames.
+    /// Number and picture of the frame to show: the last frame that was read or, until the requested one is, a nearer one, which may be
+    /// an enlarged thumbnail.
     pub fn visible(&self) -> Option<(u64, Arc<Shown>)> {
         let state = self.shared.state();
         if let Some((number, shown)) = &state.preview {

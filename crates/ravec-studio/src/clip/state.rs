@@ -1,4 +1,4 @@
-//! What the threads of a reader share with the window.
+//! State that the threads of a reader share with the window.
 
 use super::facts::ClipFacts;
 use super::thumbnails::ThumbnailState;

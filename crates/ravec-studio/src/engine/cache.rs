@@ -1,49 +1,51 @@
 //! Results of edits by what made them.
 
 use super::SourceFrame;
-use crate::content::{Content, Visible};
+use crate::content::{Content, View};
 use ravec_jobs::Report;
-use std::collections::HashMap;
+use std::collections::{HashMap, VecDeque};
 use std::path::Path;
 use std::sync::Arc;
 
 /// Bytes of results that are kept.
 const CACHE_BYTES: usize = 1 << 30;
 
+/// Views that are kept: those of the result and of the source, and as many before them.
+const MAX_VIEWS: usize = 4;
+
 /// Text that changes with the content of a file: its name, length and time.
-pub(super) fn source_key(path: &Path, frame: Option<&SourceFrame>, exposure: f32) -> String {
+pub(super) fn source_key(path: &Path, frame: Option<&SourceFrame>) -> String {
     let data = std::fs::metadata(path).ok();
     let length = data.as_ref().map(std::fs::Metadata::len);
     let modified = data.and_then(|data| data.modified().ok());
     let frame = frame.map(|frame| frame.number);
-    format!(
-        "{} {length:?} {modified:?} {frame:?} {exposure}",
-        path.display()
-    )
+    format!("{} {length:?} {modified:?} {frame:?}", path.display())
 }
 
-/// Results by what made them, the ones that were used last.
+/// Results by what made them, the ones that were used last, and the views of a few.
 #[derive(Default)]
 pub(super) struct Cache {
     entries: HashMap<String, Cached>,
     bytes: usize,
     clock: u64,
+    /// Views with their keys and exposures, the last one first.
+    views: VecDeque<(String, f32, View)>,
 }
 
+/// The result of an edit.
 #[derive(Clone)]
 pub(super) struct Cached {
-    pub visible: Visible,
+    pub content: Content,
     pub report: Option<Arc<Report>>,
     bytes: usize,
     used: u64,
 }
 
 impl Cached {
-    pub fn new(content: Content, exposure: f32, report: Option<Arc<Report>>) -> Self {
-        let visible = Visible::exposed(content, exposure);
+    pub fn new(content: Content, report: Option<Arc<Report>>) -> Self {
         Self {
-            bytes: visible.bytes(),
-            visible,
+            bytes: content.bytes(),
+            content,
             report,
             used: 0,
         }
@@ -51,6 +53,22 @@ impl Cached {
 }
 
 impl Cache {
+    /// The view of a content. Only what is shown has one: results between edits do not.
+    pub fn view(&mut self, key: &str, content: &Content, exposure: f32) -> View {
+        let known = self
+            .views
+            .iter()
+            .position(|(of, at, _)| of == key && *at == exposure);
+        let found = match known.and_then(|index| self.views.remove(index)) {
+            Some((_, _, view)) => view,
+            None => View::new(content, exposure),
+        };
+        self.views
+            .push_front((key.to_owned(), exposure, found.clone()));
+        self.views.truncate(MAX_VIEWS);
+        found
+    }
+
     pub fn get(&mut self, key: &str) -> Option<Cached> {
         self.clock += 1;
         let cached = self.entries.get_mut(key)?;

@@ -38,8 +38,8 @@ pub(super) fn evaluate(
         exposure,
     } = request;
     let edits: Vec<&Arc<Edit>> = document.links().collect();
-    // what the results behind each edit are made by
-    let mut keys = vec![source_key(&document.source, frame.as_ref(), *exposure)];
+    // the edits that each result is made by
+    let mut keys = vec![source_key(&document.source, frame.as_ref())];
     for edit in &edits {
         let fields = serde_json::to_string(&edit.fields).unwrap_or_default();
         let before = &keys[keys.len() - 1];
@@ -61,7 +61,7 @@ pub(super) fn evaluate(
                 message,
             })
         })?;
-        let result = Cached::new(content, *exposure, None);
+        let result = Cached::new(content, None);
         cache.insert(&keys[0], result.clone());
         (0, result)
     };
@@ -76,7 +76,7 @@ pub(super) fn evaluate(
         };
         let input = EditInput {
             key: keys[done].as_str().into(),
-            content: result.visible.content.clone(),
+            content: result.content.clone(),
         };
         let (content, report) = match run(edit, &input, painting, progress) {
             Ok(done) => done,
@@ -85,7 +85,7 @@ pub(super) fn evaluate(
             Err(RunError::Job(error)) => return Err(failed(error.to_string())),
         };
         done += 1;
-        result = Cached::new(content, *exposure, report.map(Arc::new));
+        result = Cached::new(content, report.map(Arc::new));
         cache.insert(&keys[done], result.clone());
     }
     let mut inputs = HashMap::new();
@@ -93,7 +93,7 @@ pub(super) fn evaluate(
     for (k, edit) in edits.iter().enumerate() {
         if let Some(input) = cache.get(&keys[k]) {
             let key = keys[k].as_str().into();
-            let content = input.visible.content;
+            let content = input.content;
             inputs.insert(edit.id, EditInput { key, content });
         }
         if let Some(report) = cache.get(&keys[k + 1]).and_then(|output| output.report) {
@@ -109,15 +109,21 @@ pub(super) fn evaluate(
                 .count();
             if let Some(input) = cache.get(&keys[links]) {
                 let key = keys[links].as_str().into();
-                let content = input.visible.content;
+                let content = input.content;
                 inputs.insert(edit.id, EditInput { key, content });
             }
         }
     }
+    let key = &keys[edits.len()];
+    let view = cache.view(key, &result.content, *exposure);
+    let source = cache.get(&keys[0]);
     Ok(Evaluated {
-        visible: result.visible,
-        key: keys[edits.len()].as_str().into(),
-        before: cache.get(&keys[0]).map(|source| source.visible.view),
+        visible: Visible {
+            content: result.content,
+            view,
+        },
+        key: key.as_str().into(),
+        before: source.map(|source| cache.view(&keys[0], &source.content, *exposure)),
         inputs: Arc::new(inputs),
         reports: Arc::new(reports),
         frame: frame.as_ref().map(|frame| frame.number),

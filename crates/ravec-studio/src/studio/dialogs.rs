@@ -20,7 +20,7 @@ const SHORTCUTS: [(&str, &str); 20] = [
     ("Ctrl+Z, Ctrl+Shift+Z", "Undo, redo"),
     ("Ctrl+P", "Find a tool or a setting"),
     ("Ctrl+Tab", "Next document"),
-    ("Ctrl+W", "Close the document"),
+    ("Ctrl+W, Ctrl+Shift+T", "Close the document, open it again"),
     ("F1", "This list"),
     ("B (hold)", "Show the source"),
     ("Space (hold)", "Pan"),
@@ -45,9 +45,9 @@ impl Studio {
             return;
         };
         let (title, action, path) = match dialog {
-            Dialog::Open(path) => ("Open a picture or a project", "Open", path),
+            Dialog::Open(path) => ("Open a picture, a mesh, a clip or a project", "Open", path),
             Dialog::Save(path) => ("Save the project", "Save", path),
-            Dialog::Export(path) => ("Export the picture", "Export", path),
+            Dialog::Export(path) => ("Export the result", "Export", path),
         };
         let mut decided = None;
         egui::Modal::new(egui::Id::unique("path")).show(ui.ctx(), |ui| {
@@ -90,7 +90,8 @@ impl Studio {
             Dialog::Open(text) => self.open(&path(&text)),
             Dialog::Save(text) => {
                 if let Some(open) = self.open.get(self.active) {
-                    self.background.save(open.project(), path(&text));
+                    self.background
+                        .save(open.number, open.project(), path(&text));
                 }
             }
             Dialog::Export(text) => {

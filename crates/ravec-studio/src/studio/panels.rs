@@ -5,12 +5,16 @@ use crate::content::Kind;
 use crate::open::{input_of, label_of};
 use crate::settings::{self, Form};
 use crate::tools::Desk;
+use crate::view::canvas::Layers;
 use crate::view::panel::panel_ui;
 use egui::{RichText, Ui};
 use std::time::Duration;
 
 /// Time after which work shows its progress and a button that stops it.
 const PATIENCE: Duration = Duration::from_millis(300);
+
+/// Height of the picture of a quick result in the panel, in points.
+const BESIDE_HEIGHT: f32 = 200.0;
 
 impl Studio {
     /// Tools and edits.
@@ -91,8 +95,23 @@ impl Studio {
             snapshot: &snapshot,
             assistant: &open.assistant,
         };
+        let beside = tool
+            .as_ref()
+            .filter(|tool| tool.shows_draft_beside())
+            .and(draft.as_ref())
+            .and_then(|draft| draft.view.picture());
+        if let Some(picture) = beside {
+            let size = egui::vec2(ui.available_width(), BESIDE_HEIGHT);
+            let layers = Layers {
+                shown: Some(picture),
+                ..Layers::default()
+            };
+            ui.allocate_ui(size, |ui| {
+                ui.set_max_height(BESIDE_HEIGHT);
+                open.beside.ui_named(ui, &layers, "Rectified view");
+            });
+        }
         let highlighted = self.highlighted.as_deref();
-        let mut drafts = false;
         let (gesture, change) = egui::ScrollArea::vertical()
             .show(ui, |ui| {
                 let mut gesture = None;
@@ -100,7 +119,6 @@ impl Studio {
                 if let Some(tool) = tool {
                     gesture = tool.panel_ui(ui, &desk, &edit);
                     hidden = tool.hidden();
-                    drafts = tool.draft().is_some();
                     ui.separator();
                 }
                 (gesture, panel_ui(ui, form, &edit, hidden, highlighted))

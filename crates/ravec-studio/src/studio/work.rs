@@ -1,10 +1,25 @@
 //! The middle of the window: canvases, and the tools on them.
 
 use super::Studio;
-use crate::open::{Open, input_of, mesh_of};
-use crate::tools::{Hand, MeshHand};
+use crate::document::Edit;
+use crate::engine::Snapshot;
+use crate::open::{Draft, Open, input_of, mesh_of};
+use crate::shown::Shown;
+use crate::tools::{Gesture, Hand, MeshHand, Tool};
 use crate::view::canvas::{Comparison, Layers};
 use egui::{Key, Ui};
+use std::sync::Arc;
+
+/// The selected edit with its tool, and the state of its results in this frame.
+struct Scene<'a> {
+    edit: Option<Arc<Edit>>,
+    tool: Option<&'a mut Box<dyn Tool>>,
+    /// True if the input of the edit is shown instead of the result.
+    on_input: bool,
+    snapshot: Snapshot,
+    /// The quick result that takes the place of the one that is not there yet.
+    draft: Option<Arc<Draft>>,
+}
 
 impl Studio {
     /// The canvas of the document in front.
@@ -15,145 +30,24 @@ impl Studio {
             });
             return;
         };
-        let tools = &mut self.tools;
-        let edit = open.selected_edit();
-        let tool = edit.as_ref().and_then(|edit| {
-            let position = tools.iter().position(|tool| tool.made(edit))?;
-            edit.enabled.then_some(position)
-        });
-        let on_input = match (&edit, tool) {
-            (Some(edit), Some(tool)) => tools[tool].works_on_input(edit),
-            _ => false,
+        let mut scene = scene(open, &mut self.tools);
+        let gesture = if open.mesh_canvas.is_some() {
+            mesh_canvas_ui(ui, open, &mut scene)
+        } else {
+            picture_canvas_ui(ui, open, &mut scene)
         };
-        let drafts = tool.and_then(|tool| tools[tool].draft());
-        // while the hand moves, a quick result takes the place of the whole one
-        if drafts.is_none() || on_input || !open.history.in_gesture() {
-            open.ask(on_input);
-        }
-        let snapshot = open.engine.snapshot();
-        let beside = tool.is_some_and(|tool| tools[tool].shows_draft_beside());
-        if let (Some(edit), Some(draft)) = (&edit, drafts)
-            && (beside || open.history.in_gesture())
+        let Some(gesture) = gesture else {
+            return;
+        };
+        if let Some(draft) = scene.tool.and_then(|tool| tool.draft())
+            && !scene.on_input
         {
-            open.ask_draft(edit, draft, &snapshot, on_input);
+            open.ask_draft(&gesture.edit, draft, &scene.snapshot, false);
         }
-        let draft = edit.as_ref().and_then(|edit| open.draft(edit));
-        let stands = draft
-            .filter(|_| !beside && !on_input && (open.history.in_gesture() || snapshot.is_stale));
-        if open.mesh_canvas.is_some() {
-            let input = edit
-                .as_ref()
-                .and_then(|edit| input_of(edit.id, &snapshot, on_input));
-            let result = snapshot.result.as_ref().map(|result| &result.view);
-            let shown = stands.as_ref().map(|draft| &draft.view).or(result);
-            let shown = mesh_of(shown).cloned();
-            let ghost = mesh_of(snapshot.before.as_ref()).cloned();
-            let changed = open.history.document().links().next().is_some();
-            let ghost = ghost.filter(|_| changed && tool.is_some());
-            let marked =
-                tool.and_then(|tool| tools[tool].shown_mesh(&open.assistant, shown.as_ref()));
-            let shown = marked.or(shown);
-            let Some(canvas) = &mut open.mesh_canvas else {
-                return;
-            };
-            canvas.ui(ui, shown.as_ref(), ghost.as_ref());
-            if let (Some(edit), Some(tool)) = (edit, tool) {
-                let hand = MeshHand {
-                    canvas,
-                    input: input.as_ref(),
-                    snapshot: &snapshot,
-                    assistant: &open.assistant,
-                };
-                if let Some(gesture) = tools[tool].mesh_ui(hand, &edit) {
-                    let name = format!("{} canvas", edit.id);
-                    open.change(gesture.edit, &name, gesture.goes_on);
-                    if !gesture.goes_on {
-                        self.autosave();
-                    }
-                }
-            }
-            return;
-        }
-        let typing = ui.ctx().egui_wants_keyboard_input();
-        let before = snapshot
-            .before
-            .as_ref()
-            .and_then(|view| view.picture())
-            .cloned();
-        if !typing && ui.input(|input| input.key_down(Key::B)) && before.is_some() {
-            let layers = Layers {
-                shown: before.as_ref(),
-                ..Layers::default()
-            };
-            open.canvas.ui(ui, &layers);
-            return;
-        }
-        let played = open.clip.as_ref().and_then(|clip| clip.reader.visible());
-        let plain = open.history.document().links().next().is_none() && open.exposure == 0.0;
-        let mut shown = snapshot.shown().cloned();
-        if plain && let Some((_, frame)) = played {
-            shown = Some(frame);
-        }
-        let mut patch = tool.and_then(|tool| tools[tool].overlay(&open.assistant));
-        let whole = stands.as_ref().and_then(|draft| {
-            let picture = draft.view.picture()?.clone();
-            match draft.place {
-                None => Some(picture),
-                Some(place) => {
-                    patch = Some((picture, place));
-                    None
-                }
-            }
-        });
-        let shown = whole.or(shown);
-        let compares = open.canvas.comparison != Comparison::Off;
-        let layers = Layers {
-            shown: shown.as_ref(),
-            patch: patch.as_ref().map(|(shown, place)| (shown, *place)),
-            before: before.as_ref().filter(|_| compares),
-        };
-        let response = open.canvas.ui(ui, &layers);
-        let Some(view) = open.canvas.view() else {
-            return;
-        };
-        let [left, top] = view.to_picture(response.rect.min);
-        let [right, bottom] = view.to_picture(response.rect.max);
-        open.seen = [left, top, right - left, bottom - top];
-        let (Some(edit), Some(tool)) = (edit, tool) else {
-            return;
-        };
-        if beside {
-            show_beside(ui, open, &edit);
-        }
-        if open.canvas.is_held() {
-            return;
-        }
-        let Some(input) = input_of(edit.id, &snapshot, on_input) else {
-            return;
-        };
-        let painter = ui.painter_at(response.rect);
-        let hand = Hand {
-            ui,
-            response: &response,
-            painter: &painter,
-            view,
-            input_size: input.content.size(),
-            input: &input,
-            snapshot: &snapshot,
-            assistant: &open.assistant,
-        };
-        let gesture = tools[tool].canvas_ui(&hand, &edit);
-        if let Some(gesture) = gesture {
-            let name = format!("{} canvas", edit.id);
-            if let Some(draft) = drafts
-                && !on_input
-            {
-                open.ask_draft(&gesture.edit, draft, &snapshot, on_input);
-            }
-            open.change(gesture.edit, &name, gesture.goes_on);
-            if !gesture.goes_on {
-                self.autosave();
-            }
+        let name = format!("{} canvas", gesture.edit.id);
+        open.change(gesture.edit, &name, gesture.goes_on);
+        if !gesture.goes_on {
+            self.autosave();
         }
     }
 
@@ -177,23 +71,145 @@ impl Studio {
     }
 }
 
-/// The quick result in a window over the canvas.
-fn show_beside(ui: &Ui, open: &mut Open, edit: &crate::document::Edit) {
-    let Some(draft) = open.draft(edit) else {
-        return;
+/// Asks for the results that this frame shows, whole or quick.
+fn scene<'a>(open: &mut Open, tools: &'a mut [Box<dyn Tool>]) -> Scene<'a> {
+    let edit = open.selected_edit();
+    let tool = edit.as_ref().and_then(|edit| {
+        let tool = tools.iter_mut().find(|tool| tool.made(edit));
+        tool.filter(|_| edit.enabled)
+    });
+    let on_input = match (&edit, &tool) {
+        (Some(edit), Some(tool)) => tool.works_on_input(edit),
+        _ => false,
     };
-    let Some(picture) = draft.view.picture() else {
-        return;
+    let drafts = tool.as_ref().and_then(|tool| tool.draft());
+    let moving = open.history.in_gesture();
+    // while the hand moves, a quick result takes the place of the whole one
+    if drafts.is_none() || on_input || !moving {
+        open.ask(on_input);
+    }
+    let snapshot = open.engine.snapshot();
+    let beside = tool.as_ref().is_some_and(|tool| tool.shows_draft_beside());
+    let first = tool.as_ref().is_some_and(|tool| tool.drafts_first());
+    if let (Some(edit), Some(draft)) = (&edit, drafts)
+        && (beside || moving || (first && snapshot.is_stale))
+    {
+        open.ask_draft(edit, draft, &snapshot, on_input);
+    }
+    let draft = edit.as_ref().and_then(|edit| open.draft(edit));
+    let stands = !beside && !on_input && (moving || snapshot.is_stale);
+    Scene {
+        edit,
+        tool,
+        on_input,
+        snapshot,
+        draft: draft.filter(|_| stands),
+    }
+}
+
+/// The canvas of a mesh; what the tool has changed.
+fn mesh_canvas_ui(ui: &mut Ui, open: &mut Open, scene: &mut Scene<'_>) -> Option<Gesture> {
+    let snapshot = &scene.snapshot;
+    let result = snapshot.result.as_ref().map(|result| &result.view);
+    let shown = scene.draft.as_ref().map(|draft| &draft.view).or(result);
+    let mut shown = mesh_of(shown).cloned();
+    let changed = open.history.document().links().next().is_some();
+    let ghost = mesh_of(snapshot.before.as_ref()).cloned();
+    let ghost = ghost.filter(|_| changed && scene.tool.is_some());
+    let marked = scene
+        .tool
+        .as_ref()
+        .and_then(|tool| tool.shown_mesh(&open.assistant, shown.as_ref()));
+    shown = marked.or(shown);
+    let canvas = open.mesh_canvas.as_mut()?;
+    canvas.ui(ui, shown.as_ref(), ghost.as_ref());
+    let (Some(edit), Some(tool)) = (&scene.edit, &mut scene.tool) else {
+        return None;
     };
-    let canvas = &mut open.beside;
-    egui::Window::new("Rectified")
-        .default_size([260.0, 220.0])
-        .default_pos(ui.max_rect().right_top() + egui::vec2(-290.0, 20.0))
-        .show(ui.ctx(), |ui| {
-            let layers = Layers {
-                shown: Some(picture),
-                ..Layers::default()
-            };
-            canvas.ui_named(ui, &layers, "Rectified view");
-        });
+    let input = input_of(edit.id, snapshot, scene.on_input);
+    let hand = MeshHand {
+        canvas,
+        input: input.as_ref(),
+        snapshot,
+        assistant: &open.assistant,
+    };
+    tool.mesh_ui(hand, edit)
+}
+
+/// The picture that a canvas shows, and a part of it that is drawn over.
+#[derive(Default)]
+struct Pictures {
+    shown: Option<Arc<Shown>>,
+    patch: Option<(Arc<Shown>, [f64; 4])>,
+}
+
+/// The last good picture or what takes its place: a frame that is played, or a quick result.
+fn pictures(open: &Open, scene: &Scene<'_>) -> Pictures {
+    let tool = scene.tool.as_ref();
+    let mut pictures = Pictures {
+        shown: scene.snapshot.shown().cloned(),
+        patch: tool.and_then(|tool| tool.overlay(&open.assistant)),
+    };
+    let plain = open.history.document().links().next().is_none() && open.exposure == 0.0;
+    let played = open.clip.as_ref().and_then(|clip| clip.reader.visible());
+    if plain && let Some((_, frame)) = played {
+        pictures.shown = Some(frame);
+    }
+    if let Some(draft) = &scene.draft
+        && let Some(picture) = draft.view.picture()
+    {
+        match draft.place {
+            None => pictures.shown = Some(picture.clone()),
+            Some(place) => pictures.patch = Some((picture.clone(), place)),
+        }
+    }
+    pictures
+}
+
+/// The canvas of a picture or of a frame; what the tool has changed.
+fn picture_canvas_ui(ui: &mut Ui, open: &mut Open, scene: &mut Scene<'_>) -> Option<Gesture> {
+    let typing = ui.ctx().egui_wants_keyboard_input();
+    let before = scene.snapshot.before.as_ref();
+    let before = before.and_then(|view| view.picture()).cloned();
+    if !typing && ui.input(|input| input.key_down(Key::B)) && before.is_some() {
+        let layers = Layers {
+            shown: before.as_ref(),
+            ..Layers::default()
+        };
+        open.canvas.ui(ui, &layers);
+        return None;
+    }
+    let pictures = pictures(open, scene);
+    let compares = open.canvas.comparison != Comparison::Off;
+    let layers = Layers {
+        shown: pictures.shown.as_ref(),
+        patch: pictures
+            .patch
+            .as_ref()
+            .map(|(shown, place)| (shown, *place)),
+        before: before.as_ref().filter(|_| compares),
+    };
+    let response = open.canvas.ui(ui, &layers);
+    let view = open.canvas.view()?;
+    let [left, top] = view.to_picture(response.rect.min);
+    let [right, bottom] = view.to_picture(response.rect.max);
+    open.seen = [left, top, right - left, bottom - top];
+    let edit = scene.edit.as_ref()?;
+    let tool = scene.tool.as_mut()?;
+    if open.canvas.is_held() {
+        return None;
+    }
+    let input = input_of(edit.id, &scene.snapshot, scene.on_input)?;
+    let painter = ui.painter_at(response.rect);
+    let hand = Hand {
+        ui,
+        response: &response,
+        painter: &painter,
+        view,
+        input_size: input.content.size(),
+        input: &input,
+        snapshot: &scene.snapshot,
+        assistant: &open.assistant,
+    };
+    tool.canvas_ui(&hand, edit)
 }

@@ -147,6 +147,11 @@ impl Tool for Brush {
         edit.operation == "brush" && edit.fields.contains_key("strokes")
     }
 
+    /// Settings that strokes do not have: undo is that of the window.
+    fn hidden(&self) -> &'static [&'static str] {
+        &["undo", "pixel_centers", "seed", "scale", "window"]
+    }
+
     fn draft(&self) -> Option<DraftFn> {
         Some(draft)
     }

@@ -27,7 +27,7 @@ const PLANE: Color32 = Color32::from_rgb(90, 220, 120);
 /// Fragments that are found for a position.
 const MATCHES: usize = 12;
 
-/// What the hand does on the canvas.
+/// Effect of gestures on the canvas.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 enum Mode {
     /// Draws the area to fill.

@@ -193,6 +193,10 @@ impl Tool for MeshTool {
         self.draft
     }
 
+    fn drafts_first(&self) -> bool {
+        true
+    }
+
     fn shown_mesh(
         &self,
         assistant: &Assistant,

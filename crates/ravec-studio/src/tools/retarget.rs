@@ -36,7 +36,7 @@ const FORMATS: [(&str, f64, f64); 6] = [
     ("2:1", 2.0, 1.0),
 ];
 
-/// What the hand does on the canvas.
+/// Effect of gestures on the canvas.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 enum Mode {
     /// Drags the sides of the frame.

@@ -55,13 +55,13 @@ impl View {
     }
 }
 
-/// Comparison of a result with what it was made from.
+/// Comparison of a result with its source.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Comparison {
     /// The result alone.
     #[default]
     Off,
-    /// What it was made from on the left of a line, at this share of the width.
+    /// The source on the left of a line, at this share of the width.
     Wipe(f32),
     /// Both beside one another, in one view.
     SideBySide,
@@ -74,7 +74,7 @@ pub struct Layers<'a> {
     pub shown: Option<&'a Arc<Shown>>,
     /// A quick result of a part of it: left, top, columns and rows.
     pub patch: Option<(&'a Arc<Shown>, [f64; 4])>,
-    /// What it was made from.
+    /// The source.
     pub before: Option<&'a Arc<Shown>>,
 }
 
@@ -94,7 +94,7 @@ pub struct Canvas {
     drawn: [Drawn; 3],
 }
 
-/// What was drawn last of a layer.
+/// Tiles of a layer that were drawn last.
 #[derive(Default)]
 struct Drawn {
     size: [usize; 2],

@@ -66,7 +66,7 @@ pub struct MeshCanvas {
     /// Points that are about as large as everything that is shown.
     extremes: Vec<DVec3>,
     view: Option<MeshView>,
-    /// What was asked for last; `true` once a fine picture of it was.
+    /// The last request; `true` once a fine picture of it was requested.
     requested: Option<(Wanted, bool)>,
     drawn: Option<(Drawn, TextureHandle)>,
     gesture: Option<Gesture>,
@@ -96,7 +96,7 @@ impl MeshCanvas {
         }
     }
 
-    /// What is shown of a mesh.
+    /// Display options.
     pub fn options(&self) -> &MeshOptions {
         &self.options
     }

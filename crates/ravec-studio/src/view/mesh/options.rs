@@ -32,7 +32,7 @@ impl Default for SectionOptions {
     }
 }
 
-/// What the canvas shows of a mesh.
+/// Display options of a mesh.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[expect(clippy::struct_excessive_bools, reason = "each is a switch of its own")]
 pub struct MeshOptions {

@@ -51,7 +51,7 @@ pub struct TimelineRow<'a> {
     pub marks: &'a [u64],
 }
 
-/// What is drawn in one column of the screen: the worst state and the largest value of its frames.
+/// One column of the screen: the worst state and the largest value of its frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Column {
     x: Range2,

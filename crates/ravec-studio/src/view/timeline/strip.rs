@@ -26,7 +26,7 @@ const UPLOADS: usize = 4;
 const PLAYHEAD: Color32 = Color32::from_rgb(230, 70, 60);
 const RANGE: Color32 = Color32::from_rgb(70, 140, 230);
 
-/// What is kept of the strip from one frame of the window to the next.
+/// State of the strip between frames of the window.
 #[derive(Default)]
 pub(super) struct Strip {
     /// The widget that has the keys of the timeline when it is focused.
