@@ -1,11 +1,11 @@
-//! Surroundings of a run: progress, limits, and intermediate results in memory.
+//! Surroundings of a run: progress, limits, and intermediate results in memory or, for clips, in files without a name.
 
 use crate::error::JobError;
 use crate::files;
 use ravec::mesh_io::{MeshFile, MeshLimits};
 use ravec::progress::Progress;
 use ravec_media::{Limits, Picture};
-use ravec_video::VideoLimits;
+use ravec_video::{CopiedTracks, ScratchClip, VideoLimits};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -165,6 +165,19 @@ impl Context {
         }
     }
 
+    /// The clip of that name.
+    pub(crate) fn stored_clip(&self, path: &Path) -> Result<StoredClip, JobError> {
+        match self.stored(path)? {
+            Intermediate::Clip(clip) => Ok(clip),
+            _ => Err(wrong_kind(path, "a clip")),
+        }
+    }
+
+    /// True for an intermediate result that is a clip.
+    pub(crate) fn is_stored_clip(&self, path: &Path) -> bool {
+        self.is_intermediate(path) && self.stored_clip(path).is_ok()
+    }
+
     /// The text of that name.
     pub(crate) fn stored_text(&self, path: &Path) -> Result<String, JobError> {
         match self.stored(path)? {
@@ -193,8 +206,22 @@ pub(crate) enum Intermediate {
     Picture(Picture),
     /// Coordinates as they were computed, with attributes.
     Mesh(Arc<MeshFile>),
+    /// Frames as they were computed, in a file without a name.
+    Clip(StoredClip),
     /// JSON, or numbers.
     Text(String),
+}
+
+/// A clip between two operations.
+#[derive(Clone)]
+pub(crate) struct StoredClip {
+    pub clip: ScratchClip,
+    /// Sound and subtitles of the file that it was made from.
+    pub tracks: Option<CopiedTracks>,
+    /// Number of the first picture of a pattern.
+    pub first_number: u64,
+    /// Text that changes with the operations and files that it was made by.
+    pub identity: String,
 }
 
 /// Intermediate results by name.

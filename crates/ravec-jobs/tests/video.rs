@@ -336,6 +336,47 @@ fn operations_on_pictures_take_clips() {
 }
 
 #[test]
+fn clips_pass_from_step_to_step_as_they_were_computed() {
+    let folder = tempfile::tempdir().unwrap();
+    let name = |name: &str| folder.path().join(name);
+    // an uneven rate, which the last step still has
+    let input = name("in.apng");
+    let stamps = [(0, 40), (40, 40), (80, 100), (180, 40)];
+    write_clip(&input, stamps.into_iter(), 1000);
+    let steps = |between: [PathBuf; 2], output: PathBuf| {
+        let [first, second] = between;
+        serde_json::json!({"version": 1, "steps": [
+            {"operation": "brush", "input": input, "output": first, "everywhere": true,
+                "params": {"mode": "smooth"}},
+            {"operation": "retarget", "input": first, "output": second,
+                "params": {"sizes": ["75%x100%"]}},
+            {"operation": "video convert", "input": second, "output": output,
+                "params": {"frames": "1.."}},
+        ]})
+    };
+    let run = |steps: serde_json::Value| {
+        let file = name("recipe.json");
+        std::fs::write(&file, steps.to_string()).unwrap();
+        let params = ravec_jobs::recipe::Params::default();
+        ravec_jobs::recipe::Run { file, params }.run(&Context::default())
+    };
+    let files = [name("a.apng"), name("b.apng")];
+    run(steps(files, name("by-files.apng"))).unwrap();
+    let names = ["@a", "@b"].map(PathBuf::from);
+    let report = run(steps(names.clone(), name("by-names.apng"))).unwrap();
+    let bytes = |file: &str| std::fs::read(name(file)).unwrap();
+    assert_eq!(bytes("by-names.apng"), bytes("by-files.apng"));
+    assert_eq!(images(&name("by-names.apng")).len(), 3);
+    assert_eq!(report.outputs.len(), 1);
+    // a clip is not a picture
+    let mut wrong = steps(names, name("wrong.apng"));
+    wrong["steps"][1] = serde_json::json!({"operation": "rectify", "input": "@a",
+        "output": "@b", "params": {"quad": "2,2,20,2,20,14,2,14"}});
+    let error = run(wrong).unwrap_err();
+    assert!(error.to_string().contains("a picture"), "{error}");
+}
+
+#[test]
 fn flags_of_clips_are_refused_for_pictures() {
     let folder = tempfile::tempdir().unwrap();
     let mut params = twocolor::Params::default();

@@ -9,6 +9,7 @@ use crate::limits::VideoLimits;
 #[cfg(feature = "h264")]
 use crate::mp4::Mp4Source;
 use crate::pictures::{Pattern, PictureSource};
+use crate::scratch::ScratchClip;
 use crate::source::{Damage, FrameSource};
 use crate::time::Rational;
 use crate::y4m::Y4mSource;
@@ -130,6 +131,14 @@ impl Clip {
             first_number,
             warnings,
             ..Self::of(source)
+        }
+    }
+
+    /// A clip that lies between two operations. Its pictures have numbers from `first_number`.
+    pub fn from_scratch(clip: &ScratchClip, first_number: u64) -> Self {
+        Self {
+            first_number,
+            ..Self::of(clip.source())
         }
     }
 

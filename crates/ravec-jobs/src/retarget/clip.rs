@@ -65,7 +65,7 @@ pub(super) fn run(operation: &Retarget, context: &Context) -> Result<Report, Job
     let mut run = Streaming {
         retargeter,
         camera: camera(operation, size),
-        outputs: Outputs::create(operation, &clip, &sizes, &report)?,
+        outputs: Outputs::create(operation, &clip, &sizes, &report, context)?,
         times: VecDeque::new(),
     };
     let phase = context
@@ -247,6 +247,7 @@ impl Outputs {
         clip: &Clip,
         sizes: &[Size],
         report: &Report,
+        context: &Context,
     ) -> Result<Self, JobError> {
         let key = key_of(operation);
         let create = |path: &Path| -> Result<Vec<ClipOutput>, JobError> {
@@ -255,7 +256,14 @@ impl Outputs {
                 report.check_output(&path)?;
                 let input = (operation.input.as_path(), clip);
                 let shape = OutputShape::all(size);
-                ClipOutput::create(&path, input, &shape, &operation.params.encoding, &key)
+                ClipOutput::create(
+                    &path,
+                    input,
+                    &shape,
+                    &operation.params.encoding,
+                    &key,
+                    context,
+                )
             });
             outputs.collect()
         };

@@ -6,7 +6,7 @@ use crate::files::is_stream;
 use crate::operation::{Operation, paths};
 use crate::report::Report;
 use crate::track::file::TrackFile;
-use crate::track::follow::{Followers, Reader, Shot};
+use crate::track::follow::{Followers, Reader, Shot, unwatched};
 use crate::track::rewrite::{Target, rewrite};
 use crate::track::summary::{in_words, lost_ranges};
 use crate::track::{Precision, read_track};
@@ -274,7 +274,7 @@ impl Stabilize {
     }
 
     /// A tracker of the whole picture.
-    fn tracker(&self, first: &Shot) -> Result<Followers, JobError> {
+    fn tracker(&self, first: &Shot) -> Result<Followers<'static>, JobError> {
         let size = first.image.size();
         let start = Instant::now();
         let params = TrackParams {
@@ -290,6 +290,7 @@ impl Stabilize {
             trackers: vec![tracker],
             cuts: Vec::new(),
             spent: start.elapsed(),
+            watch: &unwatched,
         })
     }
 

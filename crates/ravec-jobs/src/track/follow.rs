@@ -183,16 +183,24 @@ impl<'a> Reader<'a> {
     }
 }
 
+/// Gets the number of each frame and the planes in it, as soon as they are tracked.
+pub(crate) type Watch<'a> = &'a (dyn Fn(u64, &[TrackedFrame]) + Sync);
+
+/// A [`Watch`] for runs that nobody watches.
+pub(crate) fn unwatched(_frame: u64, _planes: &[TrackedFrame]) {}
+
 /// Trackers of several planes that see the same frames.
-pub(crate) struct Followers {
+pub(crate) struct Followers<'a> {
     pub trackers: Vec<PlaneTracker>,
     /// Frames before which the picture changes.
     pub cuts: Vec<u64>,
     /// Time spent on tracking.
     pub spent: Duration,
+    /// Told of each frame.
+    pub watch: Watch<'a>,
 }
 
-impl Followers {
+impl Followers<'_> {
     /// The planes in a frame. `before` is the frame that was tracked before it.
     pub fn push(&mut self, shot: &Shot, before: u64) -> Vec<TrackedFrame> {
         let start = Instant::now();
@@ -204,8 +212,9 @@ impl Followers {
             }
             tracker.push(&shot.image, shot.exclude.as_ref())
         });
-        let tracked = tracked.collect();
+        let tracked: Vec<TrackedFrame> = tracked.collect();
         self.spent += start.elapsed();
+        (self.watch)(shot.index, &tracked);
         tracked
     }
 

@@ -25,10 +25,13 @@ use crate::report::Report;
 use crate::video::{Encoding, FrameRange, check_clip_target, check_no_encoding, open_clip};
 use exclusions::{Exclusions, MaskFiles};
 use file::TrackFile;
-use follow::{Followers, Reader, Shot};
+use follow::{Followers, Reader, Shot, Watch, unwatched};
 use glam::DVec2;
 use photo::Photo;
-use ravec::planar::track::{Correction, PlaneTracker, TrackError, TrackParams, TrackRegion};
+use ravec::planar::track::{
+    Correction, PlaneTracker, Track as PlaneTrack, TrackError, TrackParams, TrackRegion,
+    TrackedFrame,
+};
 use ravec::raster::{Mask, Size};
 use ravec_video::{Container, FrameSource as _, Rational};
 use serde::{Deserialize, Serialize};
@@ -223,7 +226,7 @@ impl Operation for Track {
         };
         let mut file = match &self.track {
             Some(path) => read_track(path, &self.input, info.size, &mut report, context)?,
-            None => self.follow(clip, &mut report, context)?,
+            None => self.follow(clip, &unwatched, &mut report, context)?,
         };
         file.centers = self.params.pixel_centers;
         self.correct(&mut file)?;
@@ -371,10 +374,51 @@ impl Track {
         Ok(())
     }
 
+    /// Tracks the planes as [`run`](Operation::run) does, without corrections by hand, and writes nothing. `watch` gets the number
+    /// of each frame and the planes in it as soon as they are tracked: the reference frame, then those behind it, then those before
+    /// it backward. The result may differ from what `watch` got by a last refinement over all frames.
+    ///
+    /// # Errors
+    /// [`JobError::Missing`] without a quadrilateral, and those of `run` for input, masks and tracking.
+    pub fn measure(
+        &self,
+        watch: &(dyn Fn(u64, &[TrackedFrame]) + Sync),
+        context: &Context,
+    ) -> Result<Vec<PlaneTrack>, JobError> {
+        if self.params.quads.is_empty() {
+            return Err(JobError::Missing {
+                fields: &["quads"],
+                expected: "give the corners of a plane",
+            });
+        }
+        let mut report = Report::of(self, &self.params);
+        let clip = open_clip(&self.input, None, &mut report, context)?;
+        Ok(self.follow(clip, watch, &mut report, context)?.planes)
+    }
+
+    /// A measured track of the only plane with the corrections by hand.
+    ///
+    /// # Errors
+    /// [`JobError::Correct`].
+    pub fn corrected(&self, measured: &PlaneTrack) -> Result<PlaneTrack, JobError> {
+        let centers = self.params.pixel_centers;
+        let corrections = self.params.corrections.iter().map(|given| Correction {
+            frame: given.frame,
+            corners: centers.read_all(given.quad.0),
+        });
+        let corrections: Vec<_> = corrections.collect();
+        if corrections.is_empty() {
+            return Ok(measured.clone());
+        }
+        let corrected = measured.corrected(&corrections);
+        corrected.map_err(|cause| JobError::Correct { cause })
+    }
+
     /// Tracks the planes.
     fn follow(
         &self,
         clip: ravec_video::Clip,
+        watch: Watch<'_>,
         report: &mut Report,
         context: &Context,
     ) -> Result<TrackFile, JobError> {
@@ -423,7 +467,11 @@ impl Track {
             })?,
             cuts: params.cuts.clone(),
             spent: start.elapsed(),
+            watch,
         };
+        let itself = followers.trackers.iter();
+        let itself: Vec<_> = itself.map(PlaneTracker::reference_frame).collect();
+        watch(reference, &itself);
         phase.advance(1);
         let found = followers.follow(&mut reader, reference, &phase, context)?;
         let planes = followers.tracks(found, reference, size);
@@ -488,13 +536,7 @@ impl Track {
                 "left out for several planes",
             ));
         };
-        let corrections = params.corrections.iter().map(|given| Correction {
-            frame: given.frame,
-            corners: params.pixel_centers.read_all(given.quad.0),
-        });
-        let corrections: Vec<_> = corrections.collect();
-        let corrected = plane.corrected(&corrections);
-        *plane = corrected.map_err(|cause| JobError::Correct { cause })?;
+        *plane = self.corrected(plane)?;
         Ok(())
     }
 }

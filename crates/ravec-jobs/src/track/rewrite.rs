@@ -43,8 +43,14 @@ pub(crate) fn rewrite(
         ..OutputShape::all(reader.clip().info().size)
     };
     let source = (target.input, reader.clip());
-    let mut written =
-        ClipOutput::create(target.output, source, &shape, target.encoding, target.key)?;
+    let mut written = ClipOutput::create(
+        target.output,
+        source,
+        &shape,
+        target.encoding,
+        target.key,
+        context,
+    )?;
     let (name, frames) = target.phase;
     let phase = context.progress.phase(name, frames.unwrap_or(1));
     let resumed = written.resumed_frames();

@@ -255,6 +255,34 @@ fn corners_corrected_by_hand_are_kept_exactly() {
 }
 
 #[test]
+fn a_measurement_is_watched_frame_by_frame_and_equals_the_run() {
+    let wall = Wall::new();
+    let mut operation = wall.operation("track.json");
+    operation.params.reference = Some(4);
+    let moved = wall.map(6, 4);
+    operation.params.corrections = vec![FrameQuad {
+        frame: 6,
+        quad: Quad(quad().map(|corner| moved.apply(corner) + dvec2(0.5, 0.5))),
+    }];
+    let (track, _) = wall.tracked(&operation);
+    let seen = std::sync::Mutex::new(Vec::new());
+    let watch = |frame: u64, planes: &[TrackedFrame]| {
+        assert_eq!(planes.len(), 1);
+        seen.lock().unwrap().push(frame);
+    };
+    let measured = operation.measure(&watch, &Context::default()).unwrap();
+    assert_eq!(seen.into_inner().unwrap(), [4, 5, 6, 7, 8, 3, 2, 1, 0]);
+    let corrected = operation.corrected(&measured[0]).unwrap();
+    let written = operation.params.pixel_centers;
+    let file = TrackFile {
+        centers: written,
+        planes: vec![corrected],
+    };
+    let read = TrackFile::from_json(&file.to_json(), 100).unwrap();
+    assert_eq!(read.planes[0], track);
+}
+
+#[test]
 fn frames_of_noise_are_named_and_nothing_but_noise_is_a_failure() {
     let wall = Wall::with(|index, image| {
         if matches!(index, 4 | 5) {

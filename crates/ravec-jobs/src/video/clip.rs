@@ -1,7 +1,7 @@
 //! Clips for all operations: opened, recorded in the report, and written.
 
 use super::Encoding;
-use crate::context::Context;
+use crate::context::{Context, Intermediate, StoredClip};
 use crate::error::JobError;
 use crate::files::is_stream;
 use crate::report::{FileReport, Report};
@@ -9,15 +9,18 @@ use ravec::raster::Size;
 use ravec_files::check_writable;
 use ravec_video::{
     Clip, ClipInfo, ClipWriter, Container, CopiedTracks, CreateOptions, EncodeOptions, Frame,
-    FrameSource as _, FrameTime, OpenOptions, Pattern, PixelKind, Rational, SinkFormat, TrackKind,
-    VideoError, VideoLimits, container_for, is_clip_name,
+    FrameSource as _, FrameTime, OpenOptions, Pattern, PixelKind, Rational, ScratchWriter,
+    SinkFormat, TrackKind, VideoError, VideoLimits, container_for, is_clip_name,
 };
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 /// True if an operation on pictures is to take this input as a clip.
 pub(crate) fn is_clip(path: &Path, context: &Context) -> bool {
-    !context.is_intermediate(path) && !is_stream(path) && is_clip_name(path)
+    if context.is_intermediate(path) {
+        return context.is_stored_clip(path);
+    }
+    !is_stream(path) && is_clip_name(path)
 }
 
 /// An error of reading a clip.
@@ -54,10 +57,25 @@ fn format_name(container: Container, codec: &str) -> String {
     format!("{container} ({codec})")
 }
 
+/// Format of intermediate results in reports.
+const IN_BETWEEN: &str = "intermediate result";
+
+/// A clip as a report lists it.
+fn described(path: &Path, format: String, info: &ClipInfo) -> FileReport {
+    FileReport {
+        path: path.display().to_string(),
+        format,
+        width: Some(info.size.width()),
+        height: Some(info.size.height()),
+        frames: info.frames,
+        ..FileReport::default()
+    }
+}
+
 /// Opens a clip for an operation: records it and its warnings in the report, and protects its files from the outputs of the run.
 ///
 /// # Errors
-/// [`JobError::ReadClip`], [`JobError::NotInMemory`] for an intermediate result.
+/// [`JobError::ReadClip`], [`JobError::NoIntermediate`].
 pub(crate) fn open_clip(
     path: &Path,
     rate: Option<Rational>,
@@ -65,7 +83,13 @@ pub(crate) fn open_clip(
     context: &Context,
 ) -> Result<Clip, JobError> {
     context.progress.check()?;
-    context.check_is_file(path)?;
+    if context.is_intermediate(path) {
+        let stored = context.stored_clip(path)?;
+        let clip = Clip::from_scratch(&stored.clip, stored.first_number);
+        let file = described(path, IN_BETWEEN.to_owned(), clip.info());
+        report.inputs.push(file);
+        return Ok(clip);
+    }
     tracing::info!("reading {}", path.display());
     let options = OpenOptions {
         rate,
@@ -79,14 +103,8 @@ pub(crate) fn open_clip(
         report.warn(format!("{}: {warning}", path.display()));
     }
     let info = clip.info();
-    report.inputs.push(FileReport {
-        path: path.display().to_string(),
-        format: format_name(info.container, &info.codec),
-        width: Some(info.size.width()),
-        height: Some(info.size.height()),
-        frames: info.frames,
-        ..FileReport::default()
-    });
+    let format = format_name(info.container, &info.codec);
+    report.inputs.push(described(path, format, info));
     report.protect(path);
     for file in clip.files() {
         report.protect(file);
@@ -101,9 +119,11 @@ pub(crate) fn open_clip(
 /// Refuses an output that cannot be a clip or cannot be written, before any work is done for it.
 ///
 /// # Errors
-/// [`JobError::WriteClip`], [`JobError::NotInMemory`].
+/// [`JobError::WriteClip`].
 pub(crate) fn check_clip_target(path: &Path, context: &Context) -> Result<(), JobError> {
-    context.check_is_file(path)?;
+    if context.is_intermediate(path) {
+        return Ok(());
+    }
     container_for(path).map_err(write_error(path))?;
     let first = Pattern::parse(path).map(|pattern| pattern.path(0));
     let file = first.as_deref().unwrap_or(path);
@@ -113,9 +133,40 @@ pub(crate) fn check_clip_target(path: &Path, context: &Context) -> Result<(), Jo
     check_writable(file).map_err(|cause| write_error(path)(cause.into()))
 }
 
+/// Where the frames of an output go.
+enum Target {
+    File(ClipWriter),
+    Between(Box<Between>),
+}
+
+/// A clip that is being written for a later operation.
+struct Between {
+    writer: ScratchWriter,
+    context: Context,
+    tracks: Option<CopiedTracks>,
+    first_number: u64,
+    identity: String,
+}
+
+impl Target {
+    fn resumed_frames(&self) -> u64 {
+        match self {
+            Self::File(writer) => writer.resumed_frames(),
+            Self::Between(_) => 0,
+        }
+    }
+
+    fn write(&mut self, frame: Frame) -> Result<(), VideoError> {
+        match self {
+            Self::File(writer) => writer.write(&frame),
+            Self::Between(between) => between.writer.write(frame),
+        }
+    }
+}
+
 /// A clip that is being written by an operation.
 pub(crate) struct ClipOutput {
-    writer: ClipWriter,
+    target: Target,
     path: PathBuf,
     format: SinkFormat,
     /// Stamp of the first frame.
@@ -162,6 +213,7 @@ impl ClipOutput {
         shape: &OutputShape,
         encoding: &Encoding,
         key: &str,
+        context: &Context,
     ) -> Result<Self, JobError> {
         let info = clip.info();
         let format = SinkFormat {
@@ -175,11 +227,48 @@ impl ClipOutput {
             .other_tracks
             .iter()
             .any(|track| track.kind != TrackKind::Data);
-        let tracks = (has_tracks && !encoding.no_audio).then(|| CopiedTracks {
-            path: input.to_path_buf(),
-            start_secs: shape.start_secs,
-            end_secs: shape.end_secs,
-        });
+        let stored = context.is_intermediate(input);
+        let stored = stored.then(|| context.stored_clip(input)).transpose()?;
+        let tracks = match &stored {
+            None => has_tracks.then(|| CopiedTracks {
+                path: input.to_path_buf(),
+                start_secs: shape.start_secs,
+                end_secs: shape.end_secs,
+            }),
+            Some(stored) => stored.tracks.as_ref().map(|tracks| excerpt(tracks, shape)),
+        };
+        let tracks = tracks.filter(|_| !encoding.no_audio);
+        let made_from = match stored {
+            None => identity(input, clip),
+            Some(stored) => stored.identity,
+        };
+        let key = format!("{key}\n{made_from}");
+        let create = |target, format| Self {
+            target,
+            path: path.to_path_buf(),
+            format,
+            origin: None,
+            end: 0,
+            uneven: false,
+            frames: 0,
+        };
+        if context.is_intermediate(path) {
+            let info = ClipInfo {
+                size: shape.size,
+                time_base: format.time_base,
+                rate: format.rate,
+                ..info.clone()
+            };
+            let writer = ScratchWriter::new(info).map_err(write_error(path))?;
+            let between = Between {
+                writer,
+                context: context.clone(),
+                tracks,
+                first_number: clip.first_number(),
+                identity: key,
+            };
+            return Ok(create(Target::Between(Box::new(between)), format));
+        }
         let options = CreateOptions {
             encode: EncodeOptions {
                 codec: encoding.codec.clone(),
@@ -188,7 +277,7 @@ impl ClipOutput {
             },
             first_number: clip.first_number(),
             resume: encoding.resume,
-            key: format!("{key}\n{}", identity(input, clip)),
+            key,
             tracks,
         };
         tracing::info!("writing {}", path.display());
@@ -196,20 +285,12 @@ impl ClipOutput {
         if writer.resumed_frames() > 0 {
             tracing::info!("going on behind frame {}", writer.resumed_frames());
         }
-        Ok(Self {
-            writer,
-            path: path.to_path_buf(),
-            format,
-            origin: None,
-            end: 0,
-            uneven: false,
-            frames: 0,
-        })
+        Ok(create(Target::File(writer), format))
     }
 
     /// Frames that an earlier run has written: calls of [`write`](Self::write) for them do nothing.
     pub fn resumed_frames(&self) -> u64 {
-        self.writer.resumed_frames()
+        self.target.resumed_frames()
     }
 
     /// Declares the first `count` frames to be behind, whose stamps are known: for sources that seek over them.
@@ -220,7 +301,7 @@ impl ClipOutput {
 
     /// True if the frame that is written next is there already.
     pub fn is_done(&self) -> bool {
-        self.frames < self.writer.resumed_frames()
+        self.frames < self.target.resumed_frames()
     }
 
     /// Passes over a frame that an earlier run has written.
@@ -254,11 +335,13 @@ impl ClipOutput {
         if done {
             return Ok(());
         }
-        if let Some(pattern) = Pattern::parse(&self.path) {
-            report.check_output(&pattern.path(self.writer.next_number()))?;
+        if let Target::File(writer) = &self.target
+            && let Some(pattern) = Pattern::parse(&self.path)
+        {
+            report.check_output(&pattern.path(writer.next_number()))?;
         }
-        self.writer
-            .write(&Frame { time, ..frame })
+        self.target
+            .write(Frame { time, ..frame })
             .map_err(write_error(&self.path))
     }
 
@@ -278,13 +361,17 @@ impl ClipOutput {
     /// [`JobError::WriteClip`], [`JobError::OverwritesInput`].
     pub fn finish(self, report: &mut Report) -> Result<(), JobError> {
         let Self {
-            writer,
+            target,
             path,
             format,
             uneven,
             frames,
             ..
         } = self;
+        let writer = match target {
+            Target::File(writer) => writer,
+            Target::Between(between) => return between.finish(&path, report),
+        };
         report.check_output(&path)?;
         let (container, codec) = (writer.container(), writer.codec());
         let warnings = writer.finish().map_err(write_error(&path))?;
@@ -306,6 +393,36 @@ impl ClipOutput {
             ..FileReport::default()
         });
         Ok(())
+    }
+}
+
+impl Between {
+    /// Completes the clip and keeps it for later operations.
+    fn finish(self, path: &Path, report: &mut Report) -> Result<(), JobError> {
+        let clip = self.writer.finish().map_err(write_error(path))?;
+        let file = described(path, IN_BETWEEN.to_owned(), clip.info());
+        report.outputs.push(file);
+        let stored = StoredClip {
+            clip,
+            tracks: self.tracks,
+            first_number: self.first_number,
+            identity: self.identity,
+        };
+        self.context.store(path, Intermediate::Clip(stored));
+        Ok(())
+    }
+}
+
+/// The part of sound and subtitles that belongs to a part of a clip.
+fn excerpt(tracks: &CopiedTracks, shape: &OutputShape) -> CopiedTracks {
+    let end = shape.end_secs.map(|end| tracks.start_secs + end);
+    CopiedTracks {
+        path: tracks.path.clone(),
+        start_secs: tracks.start_secs + shape.start_secs,
+        end_secs: match (end, tracks.end_secs) {
+            (Some(a), Some(b)) => Some(a.min(b)),
+            (a, b) => a.or(b),
+        },
     }
 }
 

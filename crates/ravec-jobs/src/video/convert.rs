@@ -120,8 +120,14 @@ impl Operation for Convert {
             end_secs: range.end_secs(&info, first.origin),
         };
         let key = key_of(self);
-        let mut written =
-            ClipOutput::create(output, (input, &clip), &shape, &params.encoding, &key)?;
+        let mut written = ClipOutput::create(
+            output,
+            (input, &clip),
+            &shape,
+            &params.encoding,
+            &key,
+            context,
+        )?;
         let total = range.frames(&info).unwrap_or(1);
         let phase = context.progress.phase("frames", total);
         let mut pace = params.rate.map(|rate| Pace::new(info.time_base, rate));

@@ -89,7 +89,7 @@ pub(crate) fn map_clip<O: Operation>(
     let total = clip.info().frames.unwrap_or(1);
     let shape = OutputShape::all(size);
     let key = key_of(operation);
-    let mut written = ClipOutput::create(output, (input, &clip), &shape, encoding, &key)?;
+    let mut written = ClipOutput::create(output, (input, &clip), &shape, encoding, &key, context)?;
     let phase = context.progress.phase("frames", total);
     if written.resumed_frames() > 0 {
         let first = clip.next_frame().map_err(read_error(input))?;
