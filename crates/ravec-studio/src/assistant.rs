@@ -5,6 +5,7 @@
 //! index of a picture, is kept as long as the questions are about the same picture.
 
 use crate::engine::lock;
+use crate::tracking::Tracking;
 use ravec::progress::Progress;
 use std::any::Any;
 use std::collections::HashMap;
@@ -56,11 +57,13 @@ struct State {
 struct Shared {
     state: Mutex<State>,
     wake: Condvar,
-    repaint: Box<dyn Fn() + Send + Sync>,
+    repaint: Arc<dyn Fn() + Send + Sync>,
 }
 
 /// Answers questions about one document.
 pub(crate) struct Assistant {
+    /// Measures a plane, which takes long.
+    pub tracking: Tracking,
     shared: Arc<Shared>,
     worker: Option<JoinHandle<()>>,
 }
@@ -68,14 +71,17 @@ pub(crate) struct Assistant {
 impl Assistant {
     /// An idle assistant. `repaint` is called, from another thread, when there is an answer.
     pub fn new(repaint: impl Fn() + Send + Sync + 'static) -> Self {
+        let repaint: Arc<dyn Fn() + Send + Sync> = Arc::new(repaint);
+        let tracking = Tracking::new(repaint.clone());
         let shared = Arc::new(Shared {
             state: Mutex::default(),
             wake: Condvar::new(),
-            repaint: Box::new(repaint),
+            repaint,
         });
         let own = shared.clone();
         let worker = std::thread::Builder::new().name("assistant".to_owned());
         Self {
+            tracking,
             shared,
             // without a thread nothing is answered, and the window still works
             worker: worker.spawn(move || work(&own)).ok(),
@@ -118,7 +124,7 @@ impl Assistant {
     /// True while any question is open.
     pub fn is_busy(&self) -> bool {
         let state = lock(&self.shared.state);
-        state.running.is_some() || !state.waiting.is_empty()
+        state.running.is_some() || !state.waiting.is_empty() || self.tracking.is_busy()
     }
 }
 

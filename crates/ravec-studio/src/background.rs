@@ -3,11 +3,13 @@
 use crate::content::Kind;
 use crate::document::Document;
 use crate::engine::export;
+use crate::engine::lock;
 use crate::project::Project;
-use ravec::progress::Progress;
+use ravec::progress::{Progress, Update};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
 
 /// The end of a task, each with a sentence if it failed.
 pub(crate) enum Done {
@@ -15,8 +17,33 @@ pub(crate) enum Done {
     Opened(PathBuf, Result<(Project, Kind), String>),
     /// The project of the document with this number was saved, in this state.
     Saved(u64, PathBuf, Result<Document, String>),
-    /// A result was written.
-    Exported(PathBuf, Result<(), String>),
+    /// The export with this number has ended: the files that it has written.
+    Exported(u64, Result<Vec<PathBuf>, String>),
+}
+
+/// An export that is going on.
+pub(crate) struct Export {
+    number: u64,
+    progress: Progress,
+    update: Arc<Mutex<Option<Update>>>,
+    since: Instant,
+}
+
+impl Export {
+    /// Name of the phase, and the share of it that is done.
+    pub fn state(&self) -> (&'static str, f64) {
+        lock(&self.update).map_or(("export", 0.0), |update| (update.phase, update.fraction()))
+    }
+
+    /// Time since it began.
+    pub fn elapsed(&self) -> Duration {
+        self.since.elapsed()
+    }
+
+    /// Stops it. Files are whole or absent.
+    pub fn stop(&self) {
+        self.progress.cancel();
+    }
 }
 
 /// Tasks on files.
@@ -26,6 +53,9 @@ pub(crate) struct Background {
     repaint: Arc<dyn Fn() + Send + Sync>,
     /// Tasks that have not ended.
     pub running: usize,
+    /// The exports among them.
+    pub exports: Vec<Export>,
+    next_export: u64,
 }
 
 impl Background {
@@ -36,6 +66,8 @@ impl Background {
             receiver,
             repaint,
             running: 0,
+            exports: Vec::new(),
+            next_export: 0,
         }
     }
 
@@ -68,16 +100,32 @@ impl Background {
 
     /// Writes the result of a document.
     pub fn export(&mut self, document: Document, path: PathBuf) {
-        self.spawn(move || {
-            let done = export(&document, &path, &Progress::none());
-            Done::Exported(path, done.map(|_| ()))
+        let number = self.next_export;
+        self.next_export += 1;
+        let update = Arc::new(Mutex::new(None));
+        let (own, repaint) = (update.clone(), self.repaint.clone());
+        let progress = Progress::new(move |update| {
+            *lock(&own) = Some(update);
+            repaint();
         });
+        self.exports.push(Export {
+            number,
+            progress: progress.clone(),
+            update,
+            since: Instant::now(),
+        });
+        self.spawn(move || Done::Exported(number, export(&document, &path, &progress)));
     }
 
     /// The tasks that have ended since the last call.
     pub fn ended(&mut self) -> Vec<Done> {
         let ended: Vec<Done> = self.receiver.try_iter().collect();
         self.running -= ended.len();
+        for done in &ended {
+            if let Done::Exported(number, _) = done {
+                self.exports.retain(|export| export.number != *number);
+            }
+        }
         ended
     }
 }

@@ -122,6 +122,11 @@ pub(crate) fn result_name(count: usize) -> PathBuf {
     PathBuf::from(format!("@{count}"))
 }
 
+/// True for the name of an intermediate result.
+pub(crate) fn is_result_name(path: &Path) -> bool {
+    path.to_string_lossy().starts_with('@')
+}
+
 impl Document {
     /// A document without edits.
     pub fn new(source: impl Into<PathBuf>) -> Self {
@@ -191,6 +196,11 @@ impl Document {
     /// The edits that are not passed over.
     pub fn enabled(&self) -> impl Iterator<Item = &Arc<Edit>> {
         self.edits.iter().filter(|edit| edit.enabled)
+    }
+
+    /// True if all that is written are files of edits which look at the source, such as tracks.
+    pub fn has_analyses_only(&self) -> bool {
+        self.enabled().next().is_some() && self.links().next().is_none()
     }
 
     /// The recipe that makes `output` of the source.

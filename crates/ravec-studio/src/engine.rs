@@ -10,7 +10,7 @@ mod cache;
 mod evaluate;
 
 use crate::content::{Content, View, Visible};
-use crate::document::{Document, EditId};
+use crate::document::{Document, EditId, is_result_name};
 use crate::painting::Painting;
 use crate::shown::Shown;
 use cache::Cache;
@@ -324,22 +324,31 @@ pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Runs the recipe of a document as `ravec run` does, and writes `output`: the same bytes.
+/// Runs the recipe of a document as `ravec run` does, and writes `output`: the same bytes. Gives the files that were written,
+/// which are more where edits have files of their own, such as tracks.
 ///
 /// # Errors
 /// One sentence.
-pub fn export(document: &Document, output: &Path, progress: &Progress) -> Result<PathBuf, String> {
+pub fn export(
+    document: &Document,
+    output: &Path,
+    progress: &Progress,
+) -> Result<Vec<PathBuf>, String> {
     let recipe = document.recipe(output).map_err(|error| error.to_string())?;
     if recipe.steps.is_empty() {
         return Err("there is no edit to export".to_owned());
     }
     let context = Context::new(progress).with_intermediates();
+    let mut written = Vec::new();
     for step in &recipe.steps {
-        step.operation()
+        let report = step
+            .operation()
             .run(&context)
             .map_err(|error| error.to_string())?;
+        let files = report.outputs.iter().map(|file| PathBuf::from(&file.path));
+        written.extend(files.filter(|path| !is_result_name(path)));
     }
-    Ok(output.to_path_buf())
+    Ok(written)
 }
 
 #[cfg(test)]

@@ -48,6 +48,7 @@ pub mod settings;
 mod shown;
 mod studio;
 mod tools;
+mod tracking;
 mod view;
 
 pub use content::{Content, Kind, View, Visible};

@@ -154,8 +154,12 @@ impl Studio {
                     }
                     Some((text, false))
                 }
-                Done::Exported(path, Ok(())) => {
-                    Some((format!("{} is written", path.display()), false))
+                Done::Exported(_, Ok(paths)) => {
+                    let paths: Vec<_> = paths
+                        .iter()
+                        .map(|path| path.display().to_string())
+                        .collect();
+                    Some((format!("Written: {}", paths.join(", ")), false))
                 }
                 Done::Opened(_, Err(reason))
                 | Done::Saved(_, _, Err(reason))
@@ -255,6 +259,13 @@ impl Studio {
 
     fn ask_export(&mut self) {
         if let Some(open) = self.open.get(self.active) {
+            let document = open.history.document();
+            if document.has_analyses_only() {
+                // the files are those of the edits
+                self.background
+                    .export(document.clone(), open.output.clone());
+                return;
+            }
             self.dialog = Some(Dialog::Export(open.output.display().to_string()));
         }
     }

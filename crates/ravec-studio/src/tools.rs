@@ -11,10 +11,11 @@ mod planes;
 mod quad;
 mod rectify;
 mod retarget;
+mod track;
 
 use crate::assistant::{Assistant, Memory};
 use crate::content::{Kind, View as Shape};
-use crate::document::Edit;
+use crate::document::{Document, Edit};
 use crate::engine::{EditInput, Snapshot};
 use crate::painting::Painting;
 use crate::shown::Shown;
@@ -39,6 +40,10 @@ pub(crate) struct Hand<'a> {
     pub input_size: [usize; 2],
     /// The results, of which the last good one is shown.
     pub snapshot: &'a Snapshot,
+    /// The frame of a clip that is shown.
+    pub frame: Option<u64>,
+    /// The document that the edit belongs to.
+    pub document: &'a Document,
     /// Answers questions beside the window.
     pub assistant: &'a Assistant,
 }
@@ -247,6 +252,16 @@ pub(crate) trait Tool {
         None
     }
 
+    /// A picture of its own in the panel, beside the input.
+    fn beside(&self, _assistant: &Assistant, _edit: &Edit) -> Option<Arc<Shown>> {
+        None
+    }
+
+    /// The frame of a clip that the playhead is to move to.
+    fn wanted_frame(&mut self, _assistant: &Assistant, _edit: &Edit) -> Option<u64> {
+        None
+    }
+
     /// Rows below the timeline of a clip.
     fn rows(&self, _assistant: &Assistant, _edit: &Edit) -> Vec<Row> {
         Vec::new()
@@ -264,6 +279,8 @@ pub(crate) struct Desk<'a> {
     pub input: Option<&'a EditInput>,
     /// The sentence about the quick result.
     pub note: Option<&'a str>,
+    /// The document that the edit belongs to.
+    pub document: &'a Document,
     /// The results.
     pub snapshot: &'a Snapshot,
     /// Answers questions beside the window.
@@ -293,6 +310,7 @@ pub(crate) fn all() -> Vec<Box<dyn Tool>> {
         Box::new(retarget::Retarget::default()),
         Box::new(rectify::Rectify::default()),
         Box::new(complete::Complete::default()),
+        Box::new(track::Track::default()),
         Box::new(mesh::MeshTool {
             draft: Some(mesh::coarse_offset),
             ..mesh::MeshTool::new(

@@ -1,9 +1,11 @@
 //! The studio, driven by clicks, drags and keys without a window.
 
 mod common;
+#[path = "common/desk.rs"]
+mod desk;
 
-use common::drag_through;
-use egui::{Key, Modifiers, Pos2, Vec2};
+use desk::{HANG, click, drag, on_screen, settle, size};
+use egui::{Key, Modifiers, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable as _;
 use ravec::raster::{AnyImage, Image, Size, Srgb};
@@ -12,9 +14,6 @@ use ravec_media::{Picture, WriteOptions};
 use ravec_studio::Studio;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
-
-/// A bound on the time that background work may take, far beyond what it takes.
-const HANG: Duration = Duration::from_mins(1);
 
 fn photo(folder: &Path) -> PathBuf {
     let image: Image<Srgb<u8>> = Image::from_fn(Size::new(160, 120).unwrap(), |col, row| {
@@ -58,53 +57,6 @@ fn studio(folder: &Path, autosave: Option<&Path>) -> Harness<'static, Studio> {
         });
     settle(&mut harness);
     harness
-}
-
-/// Lets the studio run until nothing is going on.
-fn settle(harness: &mut Harness<'_, Studio>) {
-    let start = Instant::now();
-    let mut quiet = 0;
-    while quiet < 4 {
-        harness.step();
-        if harness.state().is_busy() {
-            quiet = 0;
-            std::thread::sleep(Duration::from_millis(5));
-        } else {
-            quiet += 1;
-        }
-        assert!(start.elapsed() < HANG, "the studio hangs");
-    }
-}
-
-fn click(harness: &mut Harness<'_, Studio>, label: &str) {
-    harness.get_by_label(label).click();
-    settle(harness);
-}
-
-fn drag(harness: &mut Harness<'_, Studio>, points: &[Pos2]) {
-    drag_through(harness, points);
-    harness.drop_at(points[points.len() - 1]);
-    settle(harness);
-}
-
-/// The screen position of a point of a picture that is fit into the canvas.
-fn on_screen(harness: &Harness<'_, Studio>, x: f32, y: f32) -> Pos2 {
-    let area = harness.get_by_label("Canvas").rect();
-    let size = size(harness);
-    let size = Vec2::new(size[0] as f32, size[1] as f32);
-    let zoom = (area.size() / size).min_elem() * 0.96;
-    area.center() + zoom * (Vec2::new(x, y) - 0.5 * size)
-}
-
-fn size(harness: &Harness<'_, Studio>) -> [usize; 2] {
-    harness
-        .state()
-        .snapshot()
-        .unwrap()
-        .shown()
-        .unwrap()
-        .clone()
-        .size()
 }
 
 #[test]

@@ -136,7 +136,7 @@ pub(crate) fn check_clip_target(path: &Path, context: &Context) -> Result<(), Jo
 /// Where the frames of an output go.
 enum Target {
     File(ClipWriter),
-    Between(Box<Between>),
+    Between(Between),
 }
 
 /// A clip that is being written for a later operation.
@@ -267,7 +267,7 @@ impl ClipOutput {
                 first_number: clip.first_number(),
                 identity: key,
             };
-            return Ok(create(Target::Between(Box::new(between)), format));
+            return Ok(create(Target::Between(between), format));
         }
         let options = CreateOptions {
             encode: EncodeOptions {

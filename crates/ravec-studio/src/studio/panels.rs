@@ -86,21 +86,32 @@ impl Studio {
         let on_input = tool.as_ref().is_some_and(|tool| tool.works_on_input(&edit));
         let input = input_of(edit.id, &snapshot, on_input);
         let draft = open.draft(&edit);
+        let document = open.history.document().clone();
         let desk = Desk {
             input: input.as_ref(),
             note: draft
                 .as_ref()
                 .map(|draft| draft.note.as_str())
                 .filter(|note| !note.is_empty()),
+            document: &document,
             snapshot: &snapshot,
             assistant: &open.assistant,
         };
+        let own = tool
+            .as_ref()
+            .and_then(|tool| tool.beside(&open.assistant, &edit));
         let beside = tool
             .as_ref()
             .filter(|tool| tool.shows_draft_beside())
             .and(draft.as_ref())
-            .and_then(|draft| draft.view.picture());
+            .and_then(|draft| draft.view.picture())
+            .or(own.as_ref());
         if let Some(picture) = beside {
+            let name = if own.is_some() {
+                "Stabilized plane"
+            } else {
+                "Rectified view"
+            };
             let size = egui::vec2(ui.available_width(), BESIDE_HEIGHT);
             let layers = Layers {
                 shown: Some(picture),
@@ -108,7 +119,7 @@ impl Studio {
             };
             ui.allocate_ui(size, |ui| {
                 ui.set_max_height(BESIDE_HEIGHT);
-                open.beside.ui_named(ui, &layers, "Rectified view");
+                open.beside.ui_named(ui, &layers, name);
             });
         }
         let highlighted = self.highlighted.as_deref();
@@ -190,6 +201,17 @@ impl Studio {
                 if let Some(failure) = snapshot.failure.filter(|failure| failure.edit.is_none()) {
                     ui.colored_label(ui.visuals().error_fg_color, failure.message);
                 }
+            }
+            for export in &self.background.exports {
+                if export.elapsed() > PATIENCE {
+                    let (phase, fraction) = export.state();
+                    let bar = egui::ProgressBar::new(fraction as f32).desired_width(140.0);
+                    ui.add(bar.text(format!("Export: {phase}")));
+                    if ui.button("Stop export").clicked() {
+                        export.stop();
+                    }
+                }
+                ui.ctx().request_repaint_after(Duration::from_millis(50));
             }
             if let Some((text, wrong)) = &self.message {
                 if *wrong {

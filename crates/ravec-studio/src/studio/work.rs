@@ -59,13 +59,19 @@ impl Studio {
         let edit = open.selected_edit();
         let tool = edit
             .as_ref()
-            .and_then(|edit| self.tools.iter().find(|tool| tool.made(edit)));
-        let rows = match (tool, &edit) {
-            (Some(tool), Some(edit)) => tool.rows(&open.assistant, edit),
-            _ => Vec::new(),
+            .and_then(|edit| self.tools.iter_mut().find(|tool| tool.made(edit)));
+        let (rows, wanted) = match (tool, &edit) {
+            (Some(tool), Some(edit)) => (
+                tool.rows(&open.assistant, edit),
+                tool.wanted_frame(&open.assistant, edit),
+            ),
+            _ => (Vec::new(), None),
         };
         let rows: Vec<_> = rows.iter().map(crate::tools::Row::as_row).collect();
         if let Some(clip) = &mut open.clip {
+            if let Some(wanted) = wanted {
+                clip.timeline.current = wanted;
+            }
             clip.timeline.ui(ui, &clip.reader, &rows);
         }
     }
@@ -141,6 +147,8 @@ fn mesh_canvas_ui(ui: &mut Ui, open: &mut Open, scene: &mut Scene<'_>) -> Option
 struct Pictures {
     shown: Option<Arc<Shown>>,
     patch: Option<(Arc<Shown>, [f64; 4])>,
+    /// The frame of a clip that it is.
+    frame: Option<u64>,
 }
 
 /// The last good picture or what takes its place: a frame that is played, or a quick result.
@@ -149,10 +157,12 @@ fn pictures(open: &Open, scene: &Scene<'_>) -> Pictures {
     let mut pictures = Pictures {
         shown: scene.snapshot.shown().cloned(),
         patch: tool.and_then(|tool| tool.overlay(&open.assistant)),
+        frame: scene.snapshot.frame,
     };
     let plain = open.history.document().links().next().is_none() && open.exposure == 0.0;
     let played = open.clip.as_ref().and_then(|clip| clip.reader.visible());
-    if plain && let Some((_, frame)) = played {
+    if plain && let Some((number, frame)) = played {
+        pictures.frame = Some(number);
         pictures.shown = Some(frame);
     }
     if let Some(draft) = &scene.draft
@@ -209,6 +219,8 @@ fn picture_canvas_ui(ui: &mut Ui, open: &mut Open, scene: &mut Scene<'_>) -> Opt
         input_size: input.content.size(),
         input: &input,
         snapshot: &scene.snapshot,
+        frame: pictures.frame,
+        document: open.history.document(),
         assistant: &open.assistant,
     };
     tool.canvas_ui(&hand, edit)
