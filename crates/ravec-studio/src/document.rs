@@ -25,6 +25,9 @@ pub struct Edit {
     pub operation: String,
     /// Fields of the operation but `input` and `output`, as in a recipe.
     pub fields: Map<String, Value>,
+    /// Further sizes that a retargeting at the end of the list is exported in, each in a file of its own.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub more_sizes: Vec<String>,
     /// False for an edit that is passed over.
     #[serde(default = "yes", skip_serializing_if = "Clone::clone")]
     pub enabled: bool,
@@ -64,6 +67,18 @@ impl Edit {
     /// True for an operation that looks at its input and changes nothing, such as `track`: its output is a file of its own.
     pub fn is_analysis(&self) -> bool {
         ANALYSES.contains(&self.operation.as_str())
+    }
+
+    /// The operation that writes the further sizes, with the size in the name of each file; `None` if there are none.
+    fn more_sizes_step(&self, input: &Path, output: &Path) -> Result<Option<Step>, String> {
+        if self.more_sizes.is_empty() {
+            return Ok(None);
+        }
+        let stem = output.file_stem().unwrap_or_default().to_string_lossy();
+        let extension = output.extension().unwrap_or_default().to_string_lossy();
+        let named = output.with_file_name(format!("{stem}-{{size}}.{extension}"));
+        let edit = self.with_param("sizes", self.more_sizes.clone().into());
+        edit.step(input, &named).map(Some)
     }
 
     /// The operation with these files. An analysis keeps its own output.
@@ -156,6 +171,7 @@ impl Document {
             id,
             operation: operation.to_owned(),
             fields,
+            more_sizes: Vec::new(),
             enabled: true,
         }));
         id
@@ -224,11 +240,15 @@ impl Document {
                 done if done == links => output.to_path_buf(),
                 done => result_name(done),
             };
-            steps.push(edit.step(&input, &target).map_err(|reason| EditError {
+            let wrong = |reason| EditError {
                 edit: edit.id,
                 operation: edit.operation.clone(),
                 reason,
-            })?);
+            };
+            steps.push(edit.step(&input, &target).map_err(wrong)?);
+            if target == output {
+                steps.extend(edit.more_sizes_step(&input, output).map_err(wrong)?);
+            }
         }
         Ok(Recipe::new(steps))
     }
@@ -269,6 +289,25 @@ mod tests {
             paths,
             expected.map(|(a, b)| (PathBuf::from(a), PathBuf::from(b)))
         );
+    }
+
+    #[test]
+    fn further_sizes_are_written_by_the_last_edit_only() {
+        let mut document = document();
+        let more = |edit: &Arc<Edit>| Edit {
+            more_sizes: vec!["100x100".to_owned(), "90x160".to_owned()],
+            ..Edit::clone(edit)
+        };
+        document.replace(more(&document.edits[1]));
+        let recipe = document.recipe(Path::new("out.png")).unwrap();
+        assert_eq!(recipe.steps.len(), 3);
+        let last = recipe.steps[2].operation();
+        assert_eq!(last.inputs(), [Path::new("@1")]);
+        assert_eq!(last.outputs(), [Path::new("out-{size}.png")]);
+        document.push("twocolor", fields(json!({})));
+        let recipe = document.recipe(Path::new("out.png")).unwrap();
+        assert_eq!(recipe.steps.len(), 3);
+        assert_eq!(recipe.steps[2].operation().name(), "twocolor");
     }
 
     #[test]

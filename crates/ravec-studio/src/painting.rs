@@ -173,6 +173,7 @@ mod tests {
             id: 1,
             operation: "brush".to_owned(),
             fields: [("strokes".to_owned(), strokes)].into_iter().collect(),
+            more_sizes: Vec::new(),
             enabled: true,
         }
     }

@@ -418,12 +418,15 @@ impl eframe::App for Studio {
         self.shortcuts(ui);
         Panel::top("menu").show(ui, |ui| self.menu_ui(ui));
         Panel::bottom("status").show(ui, |ui| self.status_ui(ui));
-        Panel::left("edits")
-            .default_size(200.0)
-            .show(ui, |ui| self.edits_ui(ui));
-        Panel::right("settings")
-            .default_size(320.0)
-            .show(ui, |ui| self.settings_ui(ui));
+        Panel::left("edits").default_size(260.0).show(ui, |ui| {
+            // what is in a panel does not change its width, so that the canvas stays where it is
+            ui.set_min_width(ui.available_width());
+            self.edits_ui(ui);
+        });
+        Panel::right("settings").default_size(320.0).show(ui, |ui| {
+            ui.set_min_width(ui.available_width());
+            self.settings_ui(ui);
+        });
         if let Some(open) = self.open.get(self.active)
             && open.clip.is_some()
         {

@@ -369,7 +369,16 @@ fn the_left_side_is_dragged_and_an_area_is_protected() {
     let edit = harness.state().document().unwrap().edits[0].clone();
     assert_eq!(edit.param("protect_polygons").as_array().unwrap().len(), 1);
     assert!(size(&harness)[0].abs_diff(110) <= 1, "{:?}", size(&harness));
+    click(&mut harness, "Export also as 1:1");
+    click(&mut harness, "Export also as 9:16");
     assert_export_is_that_of_run(&mut harness, folder.path());
+    // further formats in files of their own
+    for (name, size) in [("120x120", [120, 120]), ("68x120", [68, 120])] {
+        let path = folder.path().join(format!("photo-edited-{name}.png"));
+        let picture = ravec_media::read(&path, &ravec_media::Limits::default()).unwrap();
+        let found = picture.image.size();
+        assert_eq!([found.width(), found.height()], size);
+    }
 }
 
 #[test]

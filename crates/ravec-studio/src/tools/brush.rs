@@ -383,6 +383,7 @@ mod tests {
             id: 1,
             operation: "brush".to_owned(),
             fields: Brush::default().start([64, 48]),
+            more_sizes: Vec::new(),
             enabled: true,
         };
         let modes = [
@@ -424,6 +425,7 @@ mod tests {
             id: 1,
             operation: "brush".to_owned(),
             fields: Brush::default().start([120, 80]),
+            more_sizes: Vec::new(),
             enabled: true,
         };
         let at = [50.0, 40.0];

@@ -94,6 +94,16 @@ fn size_of(edit: &Edit, input: [usize; 2]) -> [f64; 2] {
     }
 }
 
+/// The size of a format that keeps the longer side.
+fn format_size(input: [usize; 2], aspect: f64) -> [f64; 2] {
+    let [width, height] = input.map(|side| side as f64);
+    if aspect < width / height {
+        [height * aspect, height]
+    } else {
+        [width, width / aspect]
+    }
+}
+
 fn with_size(edit: &Edit, size: [f64; 2], input: [usize; 2]) -> Edit {
     let size = [0, 1].map(|k| {
         let input = input[k] as f64;
@@ -180,13 +190,30 @@ impl Tool for Retarget {
                         .on_hover_text("Keeps the longer side")
                         .clicked()
                     {
-                        let [width, height] = input.map(|side| side as f64);
-                        let size = if across / down < width / height {
-                            [height * across / down, height]
-                        } else {
-                            [width, width * down / across]
-                        };
+                        let size = format_size(input, across / down);
                         changed = Some(with_size(edit, size, input));
+                    }
+                }
+            });
+            ui.horizontal_wrapped(|ui| {
+                ui.label("Export also");
+                for (name, across, down) in FORMATS {
+                    let [width, height] = format_size(input, across / down);
+                    let size = format!("{}x{}", width.round(), height.round());
+                    let mut on = edit.more_sizes.contains(&size);
+                    let toggle = ui.checkbox(&mut on, name);
+                    let name = format!("Export also as {name}");
+                    toggle.widget_info(|| {
+                        egui::WidgetInfo::selected(egui::Role::CheckBox, true, on, &name)
+                    });
+                    let hint = format!("{size} pixels, in a file of its own");
+                    if toggle.on_hover_text(hint).changed() {
+                        let mut edit = edit.clone();
+                        edit.more_sizes.retain(|other| *other != size);
+                        if on {
+                            edit.more_sizes.push(size);
+                        }
+                        changed = Some(edit);
                     }
                 }
             });
@@ -428,6 +455,7 @@ mod tests {
             id: 1,
             operation: "retarget".to_owned(),
             fields: with_params(json!({"sizes": [text]})),
+            more_sizes: Vec::new(),
             enabled: true,
         };
         assert_eq!(size_of(&edit("50%x100%"), [200, 80]), [100.0, 80.0]);

@@ -7,6 +7,7 @@ use crate::content::Kind;
 use crate::document::{Document, Edit};
 use crate::engine::lock;
 use crate::shown::Shown;
+use crate::view::panel::text_ui;
 use crate::view::timeline::FrameState;
 use egui::{Color32, Key, Stroke, Ui};
 use ravec::planar::track::{Track as PlaneTrack, TrackState, TrackedFrame};
@@ -384,20 +385,10 @@ impl Track {
         let mut changed = None;
         ui.label("Written by Export:");
         let label = ui.label("Track");
-        let mut output = edit
-            .fields
-            .get("output")
-            .and_then(Value::as_str)
-            .unwrap_or_default()
-            .to_owned();
-        if ui
-            .text_edit_singleline(&mut output)
-            .labelled_by(label.id)
-            .changed()
-        {
-            let mut edit = edit.clone();
-            edit.fields.insert("output".to_owned(), output.into());
-            changed = Some(edit);
+        let output = edit.fields.get("output").and_then(Value::as_str);
+        let output = output.unwrap_or_default();
+        if let Some(path) = text_ui(ui, "output", output, label.id) {
+            changed = Some(with_field(edit, "output", false, path.into()));
         }
         let exports = edit.fields.get("exports").and_then(Value::as_array);
         let exports: Vec<String> = exports
@@ -432,6 +423,13 @@ impl Track {
             let path = beside(&document.source, "-grid.mp4");
             let path = path.to_string_lossy().into_owned();
             changed = Some(with_field(edit, "show", !shows, path.into()));
+        }
+        let label = ui
+            .label("Mask of what is never the plane")
+            .on_hover_text("A picture for all frames, or a clip of masks, white on black");
+        let mask = edit.fields.get("exclude").and_then(Value::as_str);
+        if let Some(path) = text_ui(ui, "exclude", mask.unwrap_or_default(), label.id) {
+            changed = Some(with_field(edit, "exclude", path.is_empty(), path.into()));
         }
         changed.map(Gesture::done)
     }
@@ -503,7 +501,17 @@ impl Tool for Track {
     }
 
     fn hidden(&self) -> &'static [&'static str] {
-        &["quads", "reference", "corrections", "pixel_centers"]
+        &[
+            "quads",
+            "reference",
+            "corrections",
+            "exports",
+            "show",
+            "track",
+            "exclude",
+            "strokes",
+            "photo",
+        ]
     }
 
     fn beside(&self, assistant: &Assistant, edit: &Edit) -> Option<Arc<Shown>> {
@@ -541,10 +549,8 @@ impl Tool for Track {
         Self::draw_plane(hand, &known, &corners);
         self.ask_stabilized(hand, &corners);
         let measurement = hand.assistant.tracking.measurement(&measure_key(edit))?;
-        if lock(&measurement).track().is_none() {
-            // corrections are of a whole track
-            return None;
-        }
+        // corrections are of a whole track
+        lock(&measurement).track()?;
         let moved = self.handle.follow(hand, &[corners])?;
         Some(Gesture {
             edit: corrected_at(edit, frame, &moved.corners),

@@ -136,21 +136,25 @@ fn control_ui(
             response.changed().then(|| (value, response.dragged()))
         }
         Kind::Text | Kind::List => {
-            // what is being typed is no value yet
-            let id = ui.scope_id().with(("text", &setting.name));
-            let mut typed = ui
-                .data(|data| data.get_temp::<String>(id))
-                .unwrap_or_else(|| text.clone());
-            let response = ui
-                .add(TextEdit::singleline(&mut typed).desired_width(120.0))
-                .labelled_by(label);
-            if response.has_focus() {
-                ui.data_mut(|data| data.insert_temp(id, typed));
-                return None;
-            }
-            ui.data_mut(|data| data.remove::<String>(id));
-            (response.lost_focus() && typed != text)
-                .then(|| (to_json(&setting.kind, &typed), false))
+            let typed = text_ui(ui, &setting.name, &text, label)?;
+            Some((to_json(&setting.kind, &typed), false))
         }
     }
+}
+
+/// A field with a text; the new text once the field is left, since what is being typed is no value yet.
+pub(crate) fn text_ui(ui: &mut Ui, name: &str, text: &str, label: egui::Id) -> Option<String> {
+    let id = ui.scope_id().with(("text", name));
+    let mut typed = ui
+        .data(|data| data.get_temp::<String>(id))
+        .unwrap_or_else(|| text.to_owned());
+    let response = ui
+        .add(TextEdit::singleline(&mut typed).desired_width(120.0))
+        .labelled_by(label);
+    if response.has_focus() {
+        ui.data_mut(|data| data.insert_temp(id, typed));
+        return None;
+    }
+    ui.data_mut(|data| data.remove::<String>(id));
+    (response.lost_focus() && typed != text).then_some(typed)
 }
