@@ -8,7 +8,7 @@ use crate::engine::lock;
 use crate::tracking::Tracking;
 use ravec::progress::Progress;
 use std::any::Any;
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::thread::JoinHandle;
 
@@ -17,6 +17,9 @@ type Answer = Arc<dyn Any + Send + Sync>;
 
 /// A question.
 type Job = Box<dyn FnOnce(&mut Memory, &Progress) -> Option<Answer> + Send>;
+
+/// Numbers of the last question of each kind and of the last one with an answer; zeros where there is none.
+pub(crate) type QuestionCounts = BTreeMap<&'static str, [u64; 2]>;
 
 /// Prepared data, such as indices of pictures, by the kind of question.
 #[derive(Default)]
@@ -48,7 +51,10 @@ impl Memory {
 
 #[derive(Default)]
 struct State {
-    waiting: Vec<(&'static str, Job)>,
+    waiting: Vec<(&'static str, u64, Job)>,
+    /// Number of the last question.
+    asked: u64,
+    counts: QuestionCounts,
     running: Option<(&'static str, Progress)>,
     answers: HashMap<&'static str, Answer>,
     quits: bool,
@@ -98,9 +104,12 @@ impl Assistant {
             job(memory, progress).map(|answer| Arc::new(answer) as Answer)
         });
         let mut state = lock(&self.shared.state);
-        match state.waiting.iter_mut().find(|(other, _)| *other == kind) {
-            Some(place) => place.1 = job,
-            None => state.waiting.push((kind, job)),
+        state.asked += 1;
+        let number = state.asked;
+        state.counts.entry(kind).or_default()[0] = number;
+        match state.waiting.iter_mut().find(|(other, ..)| *other == kind) {
+            Some(place) => (place.1, place.2) = (number, job),
+            None => state.waiting.push((kind, number, job)),
         }
         self.shared.wake.notify_all();
     }
@@ -118,7 +127,12 @@ impl Assistant {
             .running
             .as_ref()
             .is_some_and(|running| running.0 == kind);
-        running || state.waiting.iter().any(|(other, _)| *other == kind)
+        running || state.waiting.iter().any(|(other, ..)| *other == kind)
+    }
+
+    /// Numbers of questions and answers.
+    pub fn counts(&self) -> QuestionCounts {
+        lock(&self.shared.state).counts.clone()
     }
 
     /// True while any question is open.
@@ -148,7 +162,7 @@ impl Drop for Assistant {
 fn work(shared: &Shared) {
     let mut memory = Memory::default();
     loop {
-        let (kind, job, progress) = {
+        let (kind, number, job, progress) = {
             let mut state = lock(&shared.state);
             while state.waiting.is_empty() && !state.quits {
                 let waited = shared.wake.wait(state);
@@ -157,10 +171,10 @@ fn work(shared: &Shared) {
             if state.quits {
                 return;
             }
-            let (kind, job) = state.waiting.remove(0);
+            let (kind, number, job) = state.waiting.remove(0);
             let progress = Progress::new(|_| {});
             state.running = Some((kind, progress.clone()));
-            (kind, job, progress)
+            (kind, number, job, progress)
         };
         let answer = job(&mut memory, &progress);
         let mut state = lock(&shared.state);
@@ -169,6 +183,7 @@ fn work(shared: &Shared) {
             && !progress.is_cancelled()
         {
             state.answers.insert(kind, answer);
+            state.counts.entry(kind).or_default()[1] = number;
         }
         drop(state);
         (shared.repaint)();

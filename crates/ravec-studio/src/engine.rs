@@ -237,6 +237,12 @@ impl Engine {
         self.shared.state().runs
     }
 
+    /// Number of the last request, and of the one that the last result or failure belongs to.
+    pub(crate) fn counts(&self) -> [u64; 2] {
+        let state = self.shared.state();
+        [state.asked, state.serial]
+    }
+
     /// The brush in the hand, which the assistant moves.
     pub(crate) fn painting(&self) -> Arc<Mutex<Painting>> {
         self.shared.painting.clone()

@@ -1,8 +1,10 @@
 //! The program `ravec-studio`.
 
 use clap::Parser;
-use ravec_studio::{Studio, autosave};
-use std::path::PathBuf;
+use ravec_studio::measure::{Script, measure};
+use ravec_studio::{Controls, Studio, autosave};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
 
 /// Work on pictures, meshes and clips by hand: operations of Ravec as tools, with undo without end
 #[derive(Parser)]
@@ -10,10 +12,52 @@ use std::path::PathBuf;
 struct Arguments {
     /// Pictures, meshes, clips or projects to open
     files: Vec<PathBuf>,
+    /// Play the gestures of a script without a window, and print the times from event to shown picture
+    #[arg(long, value_name = "SCRIPT.json", conflicts_with = "files")]
+    measure: Option<PathBuf>,
+    /// Print the figures as JSON
+    #[arg(long, requires = "measure")]
+    json: bool,
+    /// Play the script in a window, on the adapter at hand
+    #[arg(long, requires = "measure")]
+    window: bool,
+    /// Keep a list of the controls in this file as JSON, with names and places, for programs that press them
+    #[arg(long, value_name = "FILE", conflicts_with = "measure")]
+    controls: Option<PathBuf>,
 }
 
-fn main() -> eframe::Result {
-    let Arguments { files } = Arguments::parse();
+fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    let outcome = match &arguments.measure {
+        Some(script) => print_times(script, &arguments),
+        None => open_window(arguments),
+    };
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(reason) => {
+            eprintln!("error: {reason}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn print_times(path: &Path, arguments: &Arguments) -> Result<(), String> {
+    let script = Script::load(path)?;
+    let base = path.parent().unwrap_or(Path::new(""));
+    let found = measure(&script, base, arguments.window)?;
+    if arguments.json {
+        let text = serde_json::to_string_pretty(&found).map_err(|error| error.to_string())?;
+        println!("{text}");
+    } else {
+        print!("{found}");
+    }
+    Ok(())
+}
+
+fn open_window(arguments: Arguments) -> Result<(), String> {
+    let Arguments {
+        files, controls, ..
+    } = arguments;
     let options = eframe::NativeOptions {
         viewport: egui::ViewportBuilder::default()
             .with_title("Ravec Studio")
@@ -22,15 +66,19 @@ fn main() -> eframe::Result {
         ..eframe::NativeOptions::default()
     };
     let folder = autosave::default_folder();
-    eframe::run_native(
+    let run = eframe::run_native(
         "ravec-studio",
         options,
         Box::new(move |context| {
+            if let Some(file) = controls {
+                Controls::watch(&context.egui_ctx, Some(file));
+            }
             let mut studio = Studio::new(&context.egui_ctx, folder.as_deref());
             for file in &files {
                 studio.open(file);
             }
             Ok(Box::new(studio))
         }),
-    )
+    );
+    run.map_err(|error| format!("there is no window: {error}"))
 }

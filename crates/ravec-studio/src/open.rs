@@ -16,7 +16,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 /// Kind of the questions about quick results.
-const DRAFT: &str = "draft";
+pub(crate) const DRAFT: &str = "draft";
 
 /// A quick result of an edit, in place of the one that is not there yet.
 #[derive(Debug, Clone)]

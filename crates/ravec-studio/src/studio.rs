@@ -1,5 +1,6 @@
 //! The window: documents, their edits, the canvas and the panels.
 
+mod counts;
 mod dialogs;
 mod panels;
 mod work;
@@ -15,6 +16,7 @@ use crate::project::Project;
 use crate::settings::Form;
 use crate::tools::{self, Tool};
 use crate::view::canvas::Comparison;
+pub(crate) use counts::{Count, Counts, Source};
 use dialogs::Dialog;
 use egui::{CentralPanel, Key, KeyboardShortcut, Modifiers, Panel, Ui};
 use std::collections::HashMap;
@@ -412,8 +414,9 @@ impl Studio {
     }
 }
 
-impl eframe::App for Studio {
-    fn ui(&mut self, ui: &mut Ui, _frame: &mut eframe::Frame) {
+impl Studio {
+    /// Draws the window, and follows the input of a frame.
+    pub fn window_ui(&mut self, ui: &mut Ui) {
         self.take_ended();
         self.shortcuts(ui);
         Panel::top("menu").show(ui, |ui| self.menu_ui(ui));
@@ -438,6 +441,12 @@ impl eframe::App for Studio {
         self.dialog_ui(ui);
         self.palette_ui(ui);
         self.shortcuts_ui(ui);
+    }
+}
+
+impl eframe::App for Studio {
+    fn ui(&mut self, ui: &mut Ui, _frame: &mut eframe::Frame) {
+        self.window_ui(ui);
     }
 
     /// Drops the copies of documents that are saved; the others are open again at the next start.

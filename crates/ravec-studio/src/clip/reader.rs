@@ -64,10 +64,16 @@ impl ClipReader {
     pub fn request(&self, frame: u64) {
         self.shared.change(|state| {
             state.asked = Some(frame);
+            state.counts[0] += 1;
             if !state.ended {
                 state.wanted = Some(frame);
             }
         });
+    }
+
+    /// Number of the last request, and of the one that the last frame was read for.
+    pub(crate) fn counts(&self) -> [u64; 2] {
+        self.shared.state().counts
     }
 
     /// The last frame that was read: its number, as a screen shows it, and the picture.
@@ -205,16 +211,19 @@ fn work(shared: &Shared) {
         last: None,
     };
     shared.show(|state| state.facts = Some(facts));
-    while let Some(number) = shared.wait_for(|state| {
+    while let Some((number, request)) = shared.wait_for(|state| {
         let number = state.wanted.take()?;
         state.running = Some(number);
-        Some(number)
+        Some((number, state.counts[0]))
     }) {
         let read = frames.read(number);
         shared.show(|state| {
             state.running = None;
             match read {
-                Ok(frame) => state.publish(frame),
+                Ok(frame) => {
+                    state.publish(frame);
+                    state.counts[1] = request;
+                }
                 Err(None) => {}
                 Err(Some(failure)) => state.failure = Some(failure),
             }

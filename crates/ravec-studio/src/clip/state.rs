@@ -39,6 +39,8 @@ pub(super) struct State {
     pub running: Option<u64>,
     /// The last request.
     pub asked: Option<u64>,
+    /// Number of the last request, and of the one that the last frame was read for.
+    pub counts: [u64; 2],
     /// The last frame that was read.
     pub shown: Option<ReadFrame>,
     /// A frame near the last request, until that one is there.

@@ -90,8 +90,25 @@ pub struct Canvas {
     wipes: bool,
     shown: Option<Arc<Shown>>,
     tiler: Tiler,
+    /// Tiles that were seen in the last frame.
+    seen: Vec<SeenTile>,
     /// Sizes of the last pictures, and the states of their tiles that were drawn last.
     drawn: [Drawn; 3],
+}
+
+/// A tile of a layer in the last frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SeenTile {
+    /// Number of the layer: the result, the part that is drawn over it, the source.
+    pub slot: usize,
+    /// The tile.
+    pub tile: TileIndex,
+    /// True for one of the size that suits the zoom, false for a coarse one below.
+    pub is_fine: bool,
+    /// The state that is to be shown.
+    pub wanted: u64,
+    /// The state that was drawn.
+    pub drawn: Option<u64>,
 }
 
 /// Tiles of a layer that were drawn last.
@@ -122,6 +139,11 @@ impl Canvas {
         self.tiler.is_busy()
     }
 
+    /// Tiles that were seen in the last frame.
+    pub fn seen(&self) -> &[SeenTile] {
+        &self.seen
+    }
+
     /// Shows the whole picture again.
     pub fn fit(&mut self) {
         self.moved = false;
@@ -147,6 +169,7 @@ impl Canvas {
         response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, name));
         ui.painter_at(whole)
             .rect_filled(whole, 0.0, ui.visuals().extreme_bg_color);
+        self.seen.clear();
         self.shown = layers.shown.cloned();
         let Some(shown) = layers.shown else {
             return response;
@@ -327,16 +350,26 @@ impl Canvas {
                     continue;
                 }
                 let stamps = &mut self.drawn[slot].stamps;
+                let wanted = shown.stamp(tile);
                 let texture = match self.tiler.texture(shown, tile) {
                     Some(texture) => {
-                        stamps.insert(tile, shown.stamp(tile));
-                        Some(texture)
+                        stamps.insert(tile, wanted);
+                        Some((texture, wanted))
                     }
-                    None => stamps
-                        .get(&tile)
-                        .and_then(|&stamp| self.tiler.known((stamp, tile))),
+                    None => stamps.get(&tile).and_then(|&stamp| {
+                        self.tiler
+                            .known((stamp, tile))
+                            .map(|texture| (texture, stamp))
+                    }),
                 };
-                if let Some(texture) = texture {
+                self.seen.push(SeenTile {
+                    slot,
+                    tile,
+                    is_fine: level == fine,
+                    wanted,
+                    drawn: texture.map(|(_, stamp)| stamp),
+                });
+                if let Some((texture, _)) = texture {
                     let all = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
                     painter.image(texture, place, all, Color32::WHITE);
                 }

@@ -201,6 +201,12 @@ impl MeshCanvas {
         !drawn.is_some_and(|(drawn, _)| is_there(drawn)) && self.renderer.failure(wanted).is_none()
     }
 
+    /// Number of the last request for a picture, and of the one that is shown.
+    pub(crate) fn counts(&self) -> [u64; 2] {
+        let shown = self.drawn.as_ref().map_or(0, |(drawn, _)| drawn.request);
+        [self.renderer.requests(), shown]
+    }
+
     /// Number of pictures that were made.
     pub fn pictures(&self) -> u64 {
         self.renderer.pictures()

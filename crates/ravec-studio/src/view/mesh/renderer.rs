@@ -131,6 +131,8 @@ pub(super) struct Drawn {
     pub fine: bool,
     /// The number of pictures up to this one.
     pub serial: u64,
+    /// Number of the last request when it was begun.
+    pub request: u64,
     pub image: Arc<ColorImage>,
     pub legend: Option<Legend>,
 }
@@ -142,6 +144,8 @@ struct State {
     running: Option<Running>,
     drawn: Option<Drawn>,
     failure: Option<(Wanted, String)>,
+    /// Number of requests for drafts.
+    requests: u64,
     pictures: u64,
     quits: bool,
 }
@@ -196,6 +200,7 @@ impl Renderer {
             running.progress.cancel();
         }
         state.fine = None;
+        state.requests += 1;
         state.draft = Some(wanted);
         self.shared.wake.notify_all();
     }
@@ -236,6 +241,11 @@ impl Renderer {
         (failed == wanted).then(|| message.clone())
     }
 
+    /// Number of the last request for a draft.
+    pub fn requests(&self) -> u64 {
+        self.shared.state().requests
+    }
+
     /// Number of pictures that were made.
     pub fn pictures(&self) -> u64 {
         self.shared.state().pictures
@@ -259,7 +269,7 @@ fn work(shared: &Shared) {
     let mut meshes = Meshes::default();
     let mut pace = Pace::default();
     loop {
-        let (wanted, fine, progress) = {
+        let (wanted, fine, request, progress) = {
             let mut state = shared.state();
             while state.draft.is_none() && state.fine.is_none() && !state.quits {
                 let waited = shared.wake.wait(state);
@@ -281,7 +291,7 @@ fn work(shared: &Shared) {
                 fine,
                 progress: progress.clone(),
             });
-            (wanted, fine, progress)
+            (wanted, fine, state.requests, progress)
         };
         let quality = if fine {
             FINE
@@ -304,6 +314,7 @@ fn work(shared: &Shared) {
                     wanted,
                     fine,
                     serial: state.pictures,
+                    request,
                     image: Arc::new(image),
                     legend,
                 });
