@@ -16,7 +16,9 @@ use crate::project::Project;
 use crate::settings::Form;
 use crate::tools::{self, Tool};
 use crate::view::canvas::Comparison;
-pub(crate) use counts::{Count, Counts, Source};
+#[cfg(test)]
+pub(crate) use counts::Count;
+pub(crate) use counts::{Counts, Source};
 use dialogs::Dialog;
 use egui::{CentralPanel, Key, KeyboardShortcut, Modifiers, Panel, Ui};
 use std::collections::HashMap;
@@ -415,7 +417,8 @@ impl Studio {
 }
 
 impl Studio {
-    /// Draws the window, and follows the input of a frame.
+    /// Draws the window, and follows the input of a frame. Without a window of the system, such as in measurements, it is called
+    /// with an interface of its own.
     pub fn window_ui(&mut self, ui: &mut Ui) {
         self.take_ended();
         self.shortcuts(ui);
