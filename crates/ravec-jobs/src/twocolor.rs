@@ -239,6 +239,30 @@ impl Operation for TwoColor {
     }
 }
 
+/// The lines of the two-color pixels of a picture, each from end to end in pixels, as [`TwoColor`] fits them.
+///
+/// # Errors
+/// [`JobError::Parameter`], [`JobError::Cancelled`].
+pub fn lines(
+    image: &AnyImage,
+    params: &Params,
+    context: &Context,
+) -> Result<Vec<[[f64; 2]; 2]>, JobError> {
+    params.check()?;
+    let mut report = Report::new(TwoColor::NAME, params);
+    Ok(match fitted(image, params, &mut report, context)? {
+        Fitted::Adaptive(field) => segments(&field),
+        Fitted::Regular(field) => segments(&field),
+    })
+}
+
+fn segments(field: &impl BlockField) -> Vec<[[f64; 2]; 2]> {
+    let size = field.image_size();
+    let segments = field.placed_blocks();
+    let segments = segments.filter_map(|block| block.segment_in_image(size));
+    segments.map(|ends| ends.map(Into::into)).collect()
+}
+
 /// The two-color pixels of a picture.
 enum Fitted {
     Adaptive(AdaptiveField),

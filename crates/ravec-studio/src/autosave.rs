@@ -72,6 +72,7 @@ impl Session {
 enum Message {
     Save(u64, Project),
     Forget(u64),
+    Discard(EndedRuns),
 }
 
 /// Saves documents beside the window, of each document the last state.
@@ -99,6 +100,12 @@ impl Autosave {
     /// Forgets a document that was closed.
     pub fn forget(&self, number: u64) {
         self.send(Message::Forget(number));
+    }
+
+    /// Removes the copies of runs that have ended, once everything that was to be saved before is saved. If that fails they stay
+    /// and are offered again.
+    pub fn discard(&self, runs: EndedRuns) {
+        self.send(Message::Discard(runs));
     }
 
     fn send(&self, message: Message) {
@@ -130,29 +137,56 @@ impl Drop for Autosave {
 fn write(session: Session, receiver: &Receiver<Message>) -> Session {
     while let Ok(first) = receiver.recv() {
         let mut states: BTreeMap<u64, Option<Project>> = BTreeMap::new();
+        let mut ended = Vec::new();
         for message in std::iter::once(first).chain(receiver.try_iter()) {
             match message {
-                Message::Save(number, project) => states.insert(number, Some(project)),
-                Message::Forget(number) => states.insert(number, None),
-            };
+                Message::Save(number, project) => {
+                    states.insert(number, Some(project));
+                }
+                Message::Forget(number) => {
+                    states.insert(number, None);
+                }
+                Message::Discard(runs) => ended.push(runs),
+            }
         }
+        let mut all_saved = true;
         for (number, project) in states {
             let file = session.file(number);
             // a full disk is met again at the next gesture, and by the next save of the user, who is told
-            let _ = match project {
-                Some(project) => project.save(&file).map_err(std::io::Error::other),
-                None => std::fs::remove_file(&file),
-            };
+            match project {
+                Some(project) => all_saved &= project.save(&file).is_ok(),
+                None => {
+                    let _ = std::fs::remove_file(&file);
+                }
+            }
+        }
+        if all_saved {
+            ended.into_iter().for_each(EndedRuns::remove);
         }
     }
     session
 }
 
-/// The documents of runs that have ended without closing them; their folders are removed.
-pub fn recover(folder: &Path) -> Vec<Project> {
+/// Folders of runs that have ended without closing their documents, locked against other runs that look for them.
+pub struct EndedRuns(Vec<(PathBuf, File)>);
+
+impl EndedRuns {
+    /// Removes the folders.
+    fn remove(self) {
+        for (folder, _lock) in self.0 {
+            // what cannot be removed is offered again
+            let _ = std::fs::remove_dir_all(folder);
+        }
+    }
+}
+
+/// The documents of runs that have ended without closing them, and the folders of these runs, to be
+/// [discarded](Autosave::discard) once the documents are saved again.
+pub fn recover(folder: &Path) -> (Vec<Project>, EndedRuns) {
     let mut found = Vec::new();
+    let mut ended = EndedRuns(Vec::new());
     let Ok(runs) = std::fs::read_dir(folder) else {
-        return found;
+        return (found, ended);
     };
     let mut runs: Vec<PathBuf> = runs.flatten().map(|entry| entry.path()).collect();
     runs.sort();
@@ -176,11 +210,10 @@ pub fn recover(folder: &Path) -> Vec<Project> {
         let whole = projects.iter().all(Result::is_ok);
         found.extend(projects.into_iter().flatten());
         if whole {
-            // what cannot be removed is offered again
-            let _ = std::fs::remove_dir_all(&run);
+            ended.0.push((run, lock));
         }
     }
-    found
+    (found, ended)
 }
 
 #[cfg(test)]
@@ -209,9 +242,19 @@ mod tests {
         drop(killed.finish().unwrap());
         let running = Autosave::new(Session::create(folder.path()).unwrap());
         running.save(1, project("c.png"));
-        assert_eq!(recover(folder.path()), [project("a.png")]);
-        assert_eq!(recover(folder.path()), []);
-        running.finish().unwrap().end();
+        let (projects, ended) = recover(folder.path());
+        assert_eq!(projects, [project("a.png")]);
+        assert_eq!(recover(folder.path()).0, [], "another run has them");
+        // a kill before they are saved again loses nothing
+        drop(ended);
+        let (projects, ended) = recover(folder.path());
+        assert_eq!(projects, [project("a.png")]);
+        running.save(2, project("a.png"));
+        running.discard(ended);
+        let session = running.finish().unwrap();
+        assert!(session.file(2).exists());
+        assert_eq!(recover(folder.path()).0, []);
+        session.end();
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
     }
 }

@@ -1,5 +1,6 @@
 //! Reading and writing of files beside the window.
 
+use crate::autosave::{EndedRuns, Session, recover};
 use crate::content::Kind;
 use crate::document::Document;
 use crate::engine::export;
@@ -17,6 +18,8 @@ pub(crate) enum Done {
     Opened(PathBuf, Result<(Project, Kind), String>),
     /// The project of the document with this number was saved, in this state.
     Saved(u64, PathBuf, Result<Document, String>),
+    /// Documents of runs that have ended without closing them were found; the session of this run, if there can be one.
+    Recovered(Vec<(Project, Kind)>, EndedRuns, Option<Session>),
     /// The export with this number has ended: the files that it has written.
     Exported(u64, Result<Vec<PathBuf>, String>),
 }
@@ -78,6 +81,19 @@ impl Background {
             // the window may be closed
             let _ = sender.send(task());
             repaint();
+        });
+    }
+
+    /// Looks for documents of runs that have ended without closing them, and begins the session of this one.
+    pub fn recover(&mut self, folder: &Path) {
+        let folder = folder.to_path_buf();
+        self.spawn(move || {
+            let (projects, ended) = recover(&folder);
+            let projects = projects.into_iter().map(|project| {
+                let kind = Kind::of(&project.document.source);
+                (project, kind)
+            });
+            Done::Recovered(projects.collect(), ended, Session::create(&folder).ok())
         });
     }
 

@@ -12,6 +12,9 @@ pub type EditId = u64;
 /// Operations that look at their input and change nothing.
 const ANALYSES: [&str; 1] = ["track"];
 
+/// Fields of operations for files that are written beside the result.
+const SIDE_OUTPUTS: [&str; 2] = ["svg", "show_grid"];
+
 /// Name of the input in the expression of a Boolean operation.
 pub const INPUT_NAME: &str = "a";
 
@@ -60,6 +63,15 @@ impl Edit {
             } else {
                 params.insert(name.to_owned(), value);
             }
+        }
+        edit
+    }
+
+    /// The same edit without the files that it writes beside its result: these belong to exports.
+    pub(crate) fn without_side_outputs(&self) -> Self {
+        let mut edit = self.clone();
+        for name in SIDE_OUTPUTS {
+            edit.fields.remove(name);
         }
         edit
     }

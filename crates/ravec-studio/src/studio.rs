@@ -5,7 +5,7 @@ mod dialogs;
 mod panels;
 mod work;
 
-use crate::autosave::{Autosave, Session, recover};
+use crate::autosave::Autosave;
 use crate::background::{Background, Done, is_project};
 use crate::content::Kind;
 use crate::document::Document;
@@ -80,17 +80,7 @@ impl Studio {
             repaint,
         };
         if let Some(folder) = folder {
-            let recovered = recover(folder);
-            studio.autosave = Session::create(folder).ok().map(Autosave::new);
-            let count = recovered.len();
-            for project in recovered {
-                let kind = Kind::of(&project.document.source);
-                studio.take(project, None, kind);
-            }
-            if count > 0 {
-                let text = format!("{count} documents that were not saved are open again");
-                studio.message = Some((text, false));
-            }
+            studio.background.recover(folder);
         }
         studio
     }
@@ -158,6 +148,20 @@ impl Studio {
                     }
                     Some((text, false))
                 }
+                Done::Recovered(projects, ended, session) => {
+                    self.autosave = session.map(Autosave::new);
+                    // files that were opened meanwhile
+                    self.save_copies();
+                    let count = projects.len();
+                    for (project, kind) in projects {
+                        self.take(project, None, kind);
+                    }
+                    if let Some(autosave) = &self.autosave {
+                        autosave.discard(ended);
+                    }
+                    let text = format!("{count} documents that were not saved are open again");
+                    (count > 0).then_some((text, false))
+                }
                 Done::Exported(_, Ok(paths)) => {
                     let paths: Vec<_> = paths
                         .iter()
@@ -179,6 +183,15 @@ impl Studio {
     fn autosave(&self) {
         if let (Some(autosave), Some(open)) = (&self.autosave, self.open.get(self.active)) {
             autosave.save(open.number, open.project());
+        }
+    }
+
+    /// Saves copies of all documents.
+    fn save_copies(&self) {
+        if let Some(autosave) = &self.autosave {
+            for open in &self.open {
+                autosave.save(open.number, open.project());
+            }
         }
     }
 

@@ -12,6 +12,7 @@ mod quad;
 mod rectify;
 mod retarget;
 mod track;
+mod twocolor;
 
 use crate::assistant::{Assistant, Memory};
 use crate::content::{Kind, View as Shape};
@@ -290,12 +291,7 @@ pub(crate) struct Desk<'a> {
 /// All tools.
 pub(crate) fn all() -> Vec<Box<dyn Tool>> {
     vec![
-        Box::new(plain::Plain {
-            operation: "twocolor",
-            label: "Two-color view",
-            kinds: &[Kind::Picture, Kind::Clip],
-            fields: || with_params(json!({})),
-        }),
+        Box::new(twocolor::TwoColor::default()),
         Box::new(brush::Brush::default()),
         Box::new(plain::Plain {
             operation: "brush",

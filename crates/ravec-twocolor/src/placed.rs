@@ -33,6 +33,34 @@ impl PlacedBlock<'_> {
         self.pixel.line.map(|line| line.relative_to(-center))
     }
 
+    /// The part of the line that lies in the block and on the image, from end to end; nothing for a flat block or a line that
+    /// misses it.
+    pub fn segment_in_image(&self, image_size: Size) -> Option<[DVec2; 2]> {
+        let line = self.line_in_image()?;
+        let rect = self.rect(image_size);
+        let along = line.normal.perp();
+        let foot = line.offset_px * line.normal;
+        let borders = [
+            (rect.col, rect.right(), foot.x, along.x),
+            (rect.row, rect.bottom(), foot.y, along.y),
+        ];
+        // the range of the line's parameter in which it lies between each pair of borders
+        let (mut first, mut last) = (f64::NEG_INFINITY, f64::INFINITY);
+        for (low, high, start, slope) in borders {
+            let (low, high) = (low as f64, high as f64);
+            if slope.abs() < 1e-12 {
+                if start < low || start > high {
+                    return None;
+                }
+                continue;
+            }
+            let (a, b) = ((low - start) / slope, (high - start) / slope);
+            first = first.max(a.min(b));
+            last = last.min(a.max(b));
+        }
+        (first < last).then(|| [first, last].map(|at| foot + at * along))
+    }
+
     /// Number of the block's pixels with their center on side 0 and on side 1; all count for side 0 in a flat block.
     pub fn pixels_per_side(&self, image_size: Size) -> [usize; 2] {
         let rect = self.rect(image_size);
@@ -136,6 +164,44 @@ mod tests {
                 assert!((f64::from(found) - sum / weight).abs() < 1e-5);
             }
         }
+    }
+
+    #[test]
+    fn segments_lie_on_their_lines_and_end_on_the_borders_of_their_blocks() {
+        let image = noisy(19, 13);
+        let field = TwoColorField::fit(&image, &FitParams::default(), &Progress::none()).unwrap();
+        let mut found = 0;
+        for block in field.placed_blocks() {
+            let Some(ends) = block.segment_in_image(image.size()) else {
+                continue;
+            };
+            found += 1;
+            let line = block.line_in_image().unwrap();
+            let rect = block.rect(image.size());
+            for end in ends {
+                assert!(line.signed_distance(end).abs() < 1e-9);
+                let borders = [
+                    end.x - rect.col as f64,
+                    rect.right() as f64 - end.x,
+                    end.y - rect.row as f64,
+                    rect.bottom() as f64 - end.y,
+                ];
+                assert!(borders.iter().all(|distance| *distance > -1e-9));
+                assert!(borders.iter().any(|distance| distance.abs() < 1e-9));
+            }
+        }
+        assert!(found > 3);
+        let pixel = TwoColorPixel {
+            line: Some(Line::from_angle(0.0, 40.0)),
+            ..TwoColorPixel::flat(Oklab([0.5, 0.0, 0.0]), 1.0, 0.0)
+        };
+        let beyond = PlacedBlock {
+            col_px: 0,
+            row_px: 0,
+            side_px: 8,
+            pixel: &pixel,
+        };
+        assert_eq!(beyond.segment_in_image(image.size()), None);
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use super::cache::{Cache, Cached, source_key};
 use super::{EditInput, Failure, Request, lock};
 use crate::content::{Content, Kind, View, Visible};
-use crate::document::{Edit, EditId, result_name};
+use crate::document::{Edit, EditId, is_result_name, result_name};
 use crate::painting::Painting;
 use ravec::mesh_io::{ReadOptions, read_mesh_file_with};
 use ravec::progress::Progress;
@@ -43,7 +43,8 @@ pub(super) fn evaluate(
     for edit in &edits {
         let fields = serde_json::to_string(&edit.fields).unwrap_or_default();
         let before = &keys[keys.len() - 1];
-        keys.push(format!("{before}\n{} {fields}", edit.operation));
+        let files = files_key(edit);
+        keys.push(format!("{before}\n{} {fields}{files}", edit.operation));
     }
     let known = (0..keys.len())
         .rev()
@@ -130,6 +131,20 @@ pub(super) fn evaluate(
     })
 }
 
+/// Text that changes with the further files of an edit, such as masks.
+fn files_key(edit: &Edit) -> String {
+    let names = [result_name(0), result_name(1)];
+    let Ok(step) = edit.step(&names[0], &names[1]) else {
+        // the run says what is wrong
+        return String::new();
+    };
+    let inputs = step.operation().inputs();
+    let files = inputs.into_iter().filter(|path| !is_result_name(path));
+    files
+        .map(|path| format!("\n{}", source_key(path, None)))
+        .collect()
+}
+
 /// Reads a picture or a mesh; no message if cancelled.
 fn read(path: &Path, progress: &Progress) -> Result<Content, Option<String>> {
     let context = Context::new(progress);
@@ -183,6 +198,7 @@ pub(crate) fn run_in_memory(
     progress: &Progress,
 ) -> Result<(Content, Report), RunError> {
     let (from, to) = (result_name(0), result_name(1));
+    let edit = edit.without_side_outputs();
     let step = edit.step(&from, &to).map_err(RunError::Edit)?;
     let context = Context::new(progress).with_intermediates();
     match input {

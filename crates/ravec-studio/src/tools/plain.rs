@@ -52,7 +52,11 @@ impl Tool for Plain {
 }
 
 /// The result of the part that is seen, or of its middle if it is large.
-fn draft(job: &DraftJob, _memory: &mut Memory, progress: &Progress) -> Option<DraftView> {
+pub(super) fn draft(
+    job: &DraftJob,
+    _memory: &mut Memory,
+    progress: &Progress,
+) -> Option<DraftView> {
     let picture = job.input.content.picture()?;
     let size = picture.image.size();
     let part = seen_part(job.seen, [size.width(), size.height()])?;
@@ -76,7 +80,7 @@ fn draft(job: &DraftJob, _memory: &mut Memory, progress: &Progress) -> Option<Dr
 }
 
 /// The part of a picture of this size that is seen, at most [`MAX_DRAFT_PX`], on a grid of blocks.
-fn seen_part(seen: [f64; 4], [width, height]: [usize; 2]) -> Option<Rect> {
+pub(super) fn seen_part(seen: [f64; 4], [width, height]: [usize; 2]) -> Option<Rect> {
     let [left, top, columns, rows] = seen;
     let shrink = (MAX_DRAFT_PX / (columns * rows).max(1.0)).sqrt().min(1.0);
     let range = |low: f64, length: f64, end: usize| {
