@@ -16,7 +16,9 @@ use crate::project::Project;
 use crate::settings::Form;
 use crate::tools::{self, Tool};
 use crate::view::canvas::Comparison;
-pub(crate) use counts::{Count, Counts, Source};
+#[cfg(test)]
+pub(crate) use counts::Count;
+pub(crate) use counts::{Counts, Source};
 use dialogs::Dialog;
 use egui::{CentralPanel, Key, KeyboardShortcut, Modifiers, Panel, Ui};
 use std::collections::HashMap;

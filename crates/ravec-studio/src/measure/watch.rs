@@ -94,11 +94,6 @@ impl<E: Clone> Watch<E> {
         });
     }
 
-    /// True while events wait for their pictures.
-    pub fn is_waiting(&self) -> bool {
-        !self.followed.is_empty()
-    }
-
     /// True if the next frame says more about an event.
     pub fn wants_frame(&self) -> bool {
         let soon =
@@ -249,7 +244,7 @@ mod tests {
         let drawn = counts(&[(Source::Results, 4, 3)], Some((12, Some(9))));
         let fates = watch.end_frame(&drawn, drawn.clone());
         assert_eq!(fates, [("first", Fate::Shown), ("second", Fate::Shown)]);
-        assert!(!watch.is_waiting());
+        assert_eq!(watch.forget(), [""; 0]);
     }
 
     #[test]
