@@ -179,7 +179,7 @@ mod tests {
         let controls = Controls::watch(&context, None);
         let mut number = 7.0;
         let mut place = Rect::NOTHING;
-        let _ = context.run_ui(RawInput::default(), |ui| {
+        let mut output = context.run_ui(RawInput::default(), |ui| {
             place = ui.button("Fill").rect;
             ui.horizontal(|ui| {
                 let label = ui.label("Radius");
@@ -188,6 +188,7 @@ mod tests {
             });
             ui.add_enabled(false, egui::Button::new("Undo"));
         });
+        output.textures_delta.clear();
         assert_eq!(controls.find("Fill").unwrap().rect(), place);
         assert!(!controls.find("Undo").unwrap().enabled);
         let slider = controls.find("Radius").unwrap();

@@ -244,7 +244,7 @@ mod tests {
         let drawn = counts(&[(Source::Results, 4, 3)], Some((12, Some(9))));
         let fates = watch.end_frame(&drawn, drawn.clone());
         assert_eq!(fates, [("first", Fate::Shown), ("second", Fate::Shown)]);
-        assert!(watch.followed.is_empty());
+        assert_eq!(watch.forget(), [""; 0]);
     }
 
     #[test]
