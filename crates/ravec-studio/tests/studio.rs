@@ -382,6 +382,19 @@ fn the_left_side_is_dragged_and_an_area_is_protected() {
 }
 
 #[test]
+fn the_drawing_of_two_color_pixels_is_written_by_exports_only() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut harness = studio(folder.path(), None);
+    click(&mut harness, "Two-color view");
+    click(&mut harness, "Show lines");
+    click(&mut harness, "Export the drawing also (.svg)");
+    let drawing = folder.path().join("photo.svg");
+    assert!(!drawing.exists());
+    assert_export_is_that_of_run(&mut harness, folder.path());
+    assert!(std::fs::read_to_string(drawing).unwrap().contains("<svg"));
+}
+
+#[test]
 fn corners_of_a_plane_are_dragged() {
     let folder = tempfile::tempdir().unwrap();
     let mut harness = studio(folder.path(), None);
