@@ -310,6 +310,31 @@ fn thumbnails_show_their_frames_and_are_made_again_for_another_count() {
 }
 
 #[test]
+fn a_small_copy_of_the_frame_stands_in_until_it_is_decoded() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = clip(folder.path(), "clip.mp4", 60);
+    let reader = open(&path);
+    assert_eq!(read(&reader, 0), Some(0));
+    reader.thumbnails(4);
+    reader.wait_for_thumbnails();
+    reader.wait_for_proxies();
+    // the copy or the frame: never another one, once one of them is there
+    reader.request(47);
+    let shown = loop {
+        match reader.visible() {
+            Some((47, shown)) => break shown,
+            _ => std::thread::yield_now(),
+        }
+    };
+    assert_eq!(shown.size(), [48, 32]);
+    let found = shown.pixel(12, 16).unwrap();
+    assert!(found[0].abs_diff(level(47)) < 12, "{found:?}");
+    reader.wait();
+    let (_, exact, _) = reader.shown().unwrap();
+    assert!(exact.pixels() == reader.visible().unwrap().1.pixels());
+}
+
+#[test]
 fn a_reader_is_dropped_while_it_reads() {
     let folder = tempfile::tempdir().unwrap();
     let path = clip(folder.path(), "clip.mp4", 60);

@@ -6,6 +6,7 @@
 mod facts;
 mod player;
 mod preview;
+mod proxies;
 mod reader;
 mod state;
 mod thumbnails;

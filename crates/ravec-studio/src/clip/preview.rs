@@ -4,12 +4,14 @@ use super::state::{Shared, State};
 use super::thumbnails::Thumbnail;
 use crate::shown::{Shown, Tile};
 use ravec::raster::{AnyImage, Image, Size, Srgba};
-use ravec_media::Picture;
+use ravec_media::{Limits, Picture};
+use std::io::Cursor;
 use std::sync::Arc;
 
 /// A frame that is at hand.
 enum Near {
     Ready(Arc<Shown>),
+    Proxy(Arc<[u8]>, [usize; 2]),
     Small(Arc<Thumbnail>, [usize; 2]),
 }
 
@@ -25,6 +27,10 @@ pub(super) fn work(shared: &Shared) {
     }) {
         let shown = match near {
             Near::Ready(shown) => shown,
+            Near::Proxy(copy, size) => match decoded(&copy, size) {
+                Some(shown) => Arc::new(shown),
+                None => continue,
+            },
             Near::Small(thumbnail, size) => match enlarged(&thumbnail, size) {
                 Some(shown) => Arc::new(shown),
                 None => continue,
@@ -36,6 +42,9 @@ pub(super) fn work(shared: &Shared) {
                 && distance(state, asked).is_none_or(|shown| number.abs_diff(asked) < shown);
             if still {
                 state.preview = Some((number, shown));
+                if number == asked {
+                    state.counts[1] = state.counts[0];
+                }
             }
         });
     }
@@ -55,12 +64,21 @@ fn nearest(state: &State, asked: u64) -> Option<(u64, Near)> {
     let ready = state
         .ready()
         .map(|frame| (frame.number, Near::Ready(frame.shown.clone())));
+    let proxy = state.proxies.get(asked);
+    let proxy = proxy.map(|copy| (asked, Near::Proxy(copy.clone(), size)));
     let small = state.thumbnails.made.nearest(asked);
     let small = small.map(|thumbnail| (thumbnail.frame, Near::Small(thumbnail.clone(), size)));
     ready
+        .chain(proxy)
         .chain(small)
         .min_by_key(|(number, _)| number.abs_diff(asked))
         .filter(|(number, _)| bound.is_none_or(|bound| number.abs_diff(asked) < bound))
+}
+
+/// A small copy at the size of the frames.
+fn decoded(copy: &[u8], size: [usize; 2]) -> Option<Shown> {
+    let picture = ravec_media::decode(Cursor::new(copy), &Limits::default()).ok()?;
+    Some(Shown::new(Arc::new(picture)).stretched(size))
 }
 
 /// A thumbnail at the size of the frames. A preview only.

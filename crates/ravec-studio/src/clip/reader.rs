@@ -2,6 +2,7 @@
 
 use super::facts::ClipFacts;
 use super::preview;
+use super::proxies;
 use super::state::{ReadFrame, Shared};
 use super::thumbnails::{self, Thumbnails};
 use crate::shown::Shown;
@@ -27,7 +28,7 @@ const FRAMES_AHEAD: u64 = 4;
 ///
 /// Guarantees: a frame that is shown is the one that reading from the start gives under its number, whatever was asked for before;
 /// frames behind a damage are shown if they can be reached by seeking.
-/// At most 512 MiB of frames are kept, and the last one whatever its size. A clip that is damaged, changes or vanishes gives a
+/// At most 512 MiB of frames are kept, and the last one whatever its size; and small copies of all frames in at most 256 MiB. A clip that is damaged, changes or vanishes gives a
 /// sentence. Does not guarantee a time: a frame of H.264 is decoded from the key frame before it.
 pub struct ClipReader {
     shared: Arc<Shared>,
@@ -47,6 +48,7 @@ impl ClipReader {
         }
         spawn(&shared, "clip thumbnails", thumbnails::work);
         spawn(&shared, "clip previews", preview::work);
+        spawn(&shared, "clip proxies", proxies::work);
         Self { shared }
     }
 
@@ -71,7 +73,7 @@ impl ClipReader {
         });
     }
 
-    /// Number of the last request, and of the one that the last frame was read for.
+    /// Number of the last request, and of the last one whose frame was read or whose small copy is shown.
     pub(crate) fn counts(&self) -> [u64; 2] {
         self.shared.state().counts
     }
@@ -84,7 +86,7 @@ impl ClipReader {
     }
 
     /// Number and picture of the frame to show: the last frame that was read or, until the requested one is, a nearer one, which may be
-    /// an enlarged thumbnail.
+    /// an enlarged thumbnail, or an enlarged small copy of the frame itself.
     pub fn visible(&self) -> Option<(u64, Arc<Shown>)> {
         let state = self.shared.state();
         if let Some((number, shown)) = &state.preview {
@@ -126,6 +128,15 @@ impl ClipReader {
         }
     }
 
+    /// Waits until the small copies of all frames are made: for tests and measurements.
+    pub fn wait_for_proxies(&self) {
+        let mut state = self.shared.state();
+        while !state.ended && !state.proxies.ended {
+            let woken = self.shared.wake.wait(state);
+            state = woken.unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+
     /// Waits until the frames are counted and the thumbnails made: for tests and measurements.
     pub fn wait_for_thumbnails(&self) {
         let mut state = self.shared.state();
@@ -148,7 +159,10 @@ fn spawn(shared: &Arc<Shared>, name: &str, work: fn(&Shared)) {
     let own = shared.clone();
     let thread = std::thread::Builder::new().name(name.to_owned());
     if thread.spawn(move || work(&own)).is_err() {
-        shared.change(|state| state.thumbnails.ended = true);
+        shared.change(|state| {
+            state.thumbnails.ended = true;
+            state.proxies.ended = true;
+        });
     }
 }
 

@@ -1,6 +1,7 @@
 //! State that the threads of a reader share with the window.
 
 use super::facts::ClipFacts;
+use super::proxies::ProxyState;
 use super::thumbnails::ThumbnailState;
 use crate::shown::Shown;
 use ravec::raster::with_image;
@@ -39,7 +40,7 @@ pub(super) struct State {
     pub running: Option<u64>,
     /// The last request.
     pub asked: Option<u64>,
-    /// Number of the last request, and of the one that the last frame was read for.
+    /// Number of the last request, and of the last one whose frame was read or whose small copy is shown.
     pub counts: [u64; 2],
     /// The last frame that was read.
     pub shown: Option<ReadFrame>,
@@ -49,6 +50,8 @@ pub(super) struct State {
     ready: VecDeque<ReadFrame>,
     ready_bytes: usize,
     pub thumbnails: ThumbnailState,
+    /// Small copies of all frames.
+    pub proxies: ProxyState,
     /// True once the worker has ended: nothing will be read.
     pub ended: bool,
     pub quits: bool,
