@@ -121,7 +121,8 @@ impl Session {
             if let Some(record) = self.record
                 && !matches!(event, Event::ModifiersChanged(_))
             {
-                self.watch.follow(Followed { record, due: at });
+                let chooses = matches!(event, Event::MouseWheel { .. } | Event::Key { .. });
+                self.watch.follow(Followed { record, due: at }, chooses);
             }
             self.last_event = at;
             events.push(event);

@@ -5,6 +5,7 @@
 //! of a dab is so only where none of these is asked for. The event is shown at the end of the frame that draws the picture: with all
 //! tiles that are seen, or the picture of the mesh.
 
+use crate::shown::TileIndex;
 use crate::studio::{Counts, Source};
 use crate::view::canvas::SeenTile;
 
@@ -21,6 +22,8 @@ pub(super) enum Fate {
 #[derive(Debug, Clone)]
 struct Followed<E> {
     event: E,
+    /// True if another picture in its frame is its own.
+    chooses: bool,
     stage: Stage,
 }
 
@@ -86,10 +89,12 @@ impl<E: Clone> Watch<E> {
         }
     }
 
-    /// Follows an event of the frame that begins.
-    pub fn follow(&mut self, event: E) {
+    /// Follows an event of the frame that begins. One that `chooses` among pictures which are there already, such as a key or a turn of
+    /// the wheel, has caused another picture in its frame; a motion has not.
+    pub fn follow(&mut self, event: E, chooses: bool) {
         self.followed.push(Followed {
             event,
+            chooses,
             stage: Stage::New,
         });
     }
@@ -105,6 +110,7 @@ impl<E: Clone> Watch<E> {
     pub fn end_frame(&mut self, before: &Counts, after: Counts) -> Vec<(E, Fate)> {
         let changed = after.has_other_edits(&self.last);
         let moved = after.view != self.last.view;
+        let chosen = !fine(&after).map(state).eq(fine(&self.last).map(state));
         let (meshes, asked): (Vec<_>, Vec<_>) = asked(&self.last, &after)
             .into_iter()
             .partition(|(source, _)| *source == Source::Meshes);
@@ -119,7 +125,9 @@ impl<E: Clone> Watch<E> {
                         followed.stage = Stage::Changed;
                         return true;
                     }
-                    Stage::New if moved => Stage::Drawing(Wanted::of(&after)),
+                    Stage::New if moved || (chosen && followed.chooses) => {
+                        Stage::Drawing(Wanted::of(&after))
+                    }
                     Stage::New => {
                         fates.push((followed.event.clone(), Fate::WithoutEffect));
                         return false;
@@ -167,6 +175,11 @@ fn fine(counts: &Counts) -> impl Iterator<Item = &SeenTile> {
     counts.tiles.iter().filter(|seen| seen.is_fine)
 }
 
+/// The state of a tile that is to be shown.
+fn state(seen: &SeenTile) -> (usize, TileIndex, u64) {
+    (seen.slot, seen.tile, seen.wanted)
+}
+
 fn is_answer(source: Source) -> bool {
     matches!(source, Source::Answers(_))
 }
@@ -197,7 +210,6 @@ fn pictures(asked: &[(Source, u64)]) -> Vec<(Source, u64)> {
 mod tests {
     use super::*;
     use crate::document::Edit;
-    use crate::shown::TileIndex;
     use crate::studio::Count;
     use std::sync::Arc;
 
@@ -230,11 +242,11 @@ mod tests {
         let mut watch = Watch::new();
         let idle = counts(&[(Source::Results, 1, 1)], Some((5, Some(5))));
         watch.end_frame(&idle, idle.clone());
-        watch.follow("first");
+        watch.follow("first", false);
         let asked = counts(&[(Source::Results, 2, 1)], Some((5, Some(5))));
         assert!(watch.end_frame(&idle, asked.clone()).is_empty());
         // a later request of the same kind takes its place
-        watch.follow("second");
+        watch.follow("second", false);
         let again = counts(&[(Source::Results, 3, 1)], Some((5, Some(5))));
         assert!(watch.end_frame(&asked, again).is_empty());
         // the answer is there, its tile is not
@@ -252,7 +264,7 @@ mod tests {
         let mut watch = Watch::new();
         let idle = counts(&[(Source::Drafts, 1, 1)], None);
         watch.end_frame(&idle, idle.clone());
-        watch.follow(1);
+        watch.follow(1, false);
         let asked = counts(&[(Source::Drafts, 2, 1)], None);
         watch.end_frame(&idle, asked.clone());
         let done = counts(&[(Source::Drafts, 2, 2)], None);
@@ -264,7 +276,7 @@ mod tests {
     fn answers_count_only_where_no_result_is_asked_for() {
         let region = Source::Answers("region");
         let mut watch = Watch::new();
-        watch.follow(1);
+        watch.follow(1, false);
         let asked = counts(&[(region, 1, 0), (Source::Drafts, 1, 0)], None);
         watch.end_frame(&Counts::default(), asked);
         let region_done = counts(&[(region, 1, 1), (Source::Drafts, 1, 0)], None);
@@ -281,9 +293,21 @@ mod tests {
         let mut watch = Watch::new();
         let idle = counts(&[(Source::Results, 1, 1)], Some((5, Some(5))));
         watch.end_frame(&idle, idle.clone());
-        watch.follow(1);
+        watch.follow(1, false);
         let fates = watch.end_frame(&idle, idle.clone());
         assert_eq!(fates, [(1, Fate::WithoutEffect)]);
+    }
+
+    #[test]
+    fn a_key_may_choose_another_picture_and_a_motion_may_not() {
+        let idle = counts(&[], Some((5, Some(5))));
+        let other = counts(&[], Some((6, Some(6))));
+        for (chooses, fate) in [(true, Fate::Shown), (false, Fate::WithoutEffect)] {
+            let mut watch = Watch::new();
+            watch.end_frame(&idle, idle.clone());
+            watch.follow(1, chooses);
+            assert_eq!(watch.end_frame(&idle, other.clone()), [(1, fate)]);
+        }
     }
 
     #[test]
@@ -291,7 +315,7 @@ mod tests {
         let mut watch = Watch::new();
         let idle = counts(&[(Source::Results, 1, 1)], None);
         watch.end_frame(&idle, idle.clone());
-        watch.follow(1);
+        watch.follow(1, false);
         let edit = Edit {
             id: 1,
             operation: "brush".to_owned(),

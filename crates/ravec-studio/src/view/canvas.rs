@@ -116,6 +116,11 @@ pub struct SeenTile {
 struct Drawn {
     size: [usize; 2],
     stamps: HashMap<TileIndex, u64>,
+    /// Tiles of the last picture that was drawn whole, with their places as shares of it: they stand for a picture of another size
+    /// whose tiles are not there yet.
+    last: Vec<((u64, TileIndex), Rect)>,
+    /// Size of that picture.
+    last_size: [usize; 2],
 }
 
 /// A layer as it is painted.
@@ -328,14 +333,17 @@ impl Canvas {
         let zoom = place.width() / shown.size()[0] as f32;
         let fine = shown.level_for(zoom * ui.ctx().pixels_per_point());
         if self.drawn[slot].size != shown.level_size(0) {
-            self.drawn[slot] = Drawn {
-                size: shown.level_size(0),
-                stamps: HashMap::new(),
-            };
+            self.drawn[slot].size = shown.level_size(0);
+            self.drawn[slot].stamps.clear();
         }
         // the coarsest size lies below, for what is not there yet
         let coarse = shown.levels() - 1;
+        let mut drawn = Vec::new();
+        let mut is_whole = true;
         for level in [coarse, fine] {
+            if level == fine {
+                self.paint_last(&painter, slot, place);
+            }
             let [width, height] = shown.level_size(level);
             let scale = place.size() / vec2(width as f32, height as f32);
             let [columns, rows] = shown.tiles(level);
@@ -369,16 +377,57 @@ impl Canvas {
                     wanted,
                     drawn: texture.map(|(_, stamp)| stamp),
                 });
-                if let Some((texture, _)) = texture {
-                    let all = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
-                    painter.image(texture, place, all, Color32::WHITE);
+                match texture {
+                    Some((texture, stamp)) => {
+                        painter.image(texture, place, WHOLE, Color32::WHITE);
+                        drawn.push(((stamp, tile), shares(place, layer.place)));
+                    }
+                    None => is_whole &= level != fine,
                 }
             }
             if coarse == fine {
                 break;
             }
         }
+        if is_whole {
+            self.drawn[slot].last = drawn;
+            self.drawn[slot].last_size = shown.level_size(0);
+        }
     }
+
+    /// Paints the last whole picture in the place of one of another size, whose tiles are not there yet.
+    fn paint_last(&mut self, painter: &egui::Painter, slot: usize, place: Rect) {
+        let drawn = &self.drawn[slot];
+        if drawn.last_size == drawn.size {
+            return;
+        }
+        for &((stamp, tile), shares) in &drawn.last {
+            if let Some(texture) = self.tiler.known((stamp, tile)) {
+                let at = |share: Pos2| place.min + share.to_vec2() * place.size();
+                let place = Rect::from_min_max(at(shares.min), at(shares.max));
+                painter.image(texture, place, WHOLE, Color32::WHITE);
+                self.seen.push(SeenTile {
+                    slot,
+                    tile,
+                    is_fine: false,
+                    wanted: stamp,
+                    drawn: Some(stamp),
+                });
+            }
+        }
+    }
+}
+
+/// All of a texture.
+const WHOLE: Rect = Rect {
+    min: pos2(0.0, 0.0),
+    max: pos2(1.0, 1.0),
+};
+
+/// A part of a rectangle in shares of it.
+fn shares(part: Rect, whole: Rect) -> Rect {
+    let at = |corner: Pos2| ((corner - whole.min) / whole.size()).to_pos2();
+    Rect::from_min_max(at(part.min), at(part.max))
 }
 
 /// The stored values of the pixels.
@@ -452,6 +501,14 @@ mod tests {
         assert!((after.zoom - 1.5).abs() < 1e-6);
         let found = after.to_picture(at);
         assert!((found[0] - before[0]).abs() < 1e-3 && (found[1] - before[1]).abs() < 1e-3);
+    }
+
+    #[test]
+    fn shares_of_a_rectangle_are_those_of_its_sides() {
+        let whole = Rect::from_min_max(pos2(10.0, 20.0), pos2(210.0, 120.0));
+        let part = Rect::from_min_max(pos2(60.0, 20.0), pos2(110.0, 70.0));
+        let expected = Rect::from_min_max(pos2(0.25, 0.0), pos2(0.5, 0.5));
+        assert_eq!(shares(part, whole), expected);
     }
 
     #[test]
