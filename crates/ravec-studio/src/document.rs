@@ -40,13 +40,38 @@ fn yes() -> bool {
     true
 }
 
+/// Sets a field of an object, or a field of a field; null removes it, and what is empty then.
+fn set(object: &mut Value, name: &str, value: Value) {
+    let Value::Object(fields) = object else {
+        return;
+    };
+    match name.split_once('.') {
+        Some((group, rest)) => {
+            let inner = fields
+                .entry(group)
+                .or_insert_with(|| Value::Object(Map::new()));
+            set(inner, rest, value);
+            if inner.as_object().is_some_and(Map::is_empty) {
+                fields.remove(group);
+            }
+        }
+        None if value.is_null() => {
+            fields.remove(name);
+        }
+        None => {
+            fields.insert(name.to_owned(), value);
+        }
+    }
+}
+
 impl Edit {
-    /// A parameter by its name in JSON; null if it has its default.
+    /// A parameter by its name in JSON, such as `size`, or `encoding.codec` for a field of another one; null if it has its default.
     pub fn param(&self, name: &str) -> &Value {
-        let params = self.fields.get("params");
-        params
-            .and_then(|params| params.get(name))
-            .unwrap_or(&Value::Null)
+        let mut value = self.fields.get("params");
+        for part in name.split('.') {
+            value = value.and_then(|value| value.get(part));
+        }
+        value.unwrap_or(&Value::Null)
     }
 
     /// The same edit with another value of a parameter; null gives it its default.
@@ -57,13 +82,7 @@ impl Edit {
             .fields
             .entry("params")
             .or_insert_with(|| Value::Object(Map::new()));
-        if let Value::Object(params) = params {
-            if value.is_null() {
-                params.remove(name);
-            } else {
-                params.insert(name.to_owned(), value);
-            }
-        }
+        set(params, name, value);
         edit
     }
 
@@ -73,7 +92,13 @@ impl Edit {
         for name in SIDE_OUTPUTS {
             edit.fields.remove(name);
         }
-        edit
+        // a frame has none
+        edit.with_param("encoding", Value::Null)
+    }
+
+    /// True for an operation on a whole clip that leaves its frames as they are.
+    pub fn is_of_whole_clips(&self) -> bool {
+        self.operation == "video convert"
     }
 
     /// True for an operation that looks at its input and changes nothing, such as `track`: its output is a file of its own.
@@ -221,6 +246,11 @@ impl Document {
         self.enabled().filter(|edit| !edit.is_analysis())
     }
 
+    /// The edits that change the picture or the mesh that is shown.
+    pub fn shown_links(&self) -> impl Iterator<Item = &Arc<Edit>> {
+        self.links().filter(|edit| !edit.is_of_whole_clips())
+    }
+
     /// The edits that are not passed over.
     pub fn enabled(&self) -> impl Iterator<Item = &Arc<Edit>> {
         self.edits.iter().filter(|edit| edit.enabled)
@@ -366,5 +396,9 @@ mod tests {
         let changed = edit.with_param("saliency", 0.25.into());
         assert_eq!(changed.param("saliency"), 0.25);
         assert_eq!(changed.with_param("saliency", Value::Null), edit);
+        let inner = edit.with_param("encoding.codec", "h264".into());
+        assert_eq!(inner.param("encoding.codec"), "h264");
+        assert_eq!(inner.param("encoding"), &json!({"codec": "h264"}));
+        assert_eq!(inner.with_param("encoding.codec", Value::Null), edit);
     }
 }

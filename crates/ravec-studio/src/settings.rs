@@ -5,7 +5,7 @@
 
 use clap::{Arg, ArgAction, Command};
 use ravec_jobs::Step;
-use serde_json::Value;
+use serde_json::{Value, json};
 
 /// The kind of control of a setting.
 #[derive(Debug, Clone, PartialEq)]
@@ -60,28 +60,34 @@ pub struct Form {
     pub settings: Vec<Setting>,
 }
 
-/// Fields of operations that are files or belong to the command line: the studio sets them.
-const NOT_SETTINGS: &[&str] = &[
-    "input",
-    "output",
-    "help",
-    "version",
-    "stroke",
-    "mask",
-    "svg",
-    "show_grid",
-    "protect",
-    "give_way",
-    "everywhere",
-    "codec",
-    "video_quality",
-    "lossless",
-    "no_audio",
-    "resume",
-    "pixel_centers",
-    "look_ahead",
-    "still_camera",
-];
+/// Parameters that belong to the command line, or that the tools set.
+const NOT_SETTINGS: [&str; 3] = ["resume", "pixel_centers", "input_rate"];
+
+/// Parameters that have fields of their own, which are flags of the command line like others.
+const GROUPS: [&str; 2] = [ENCODING, "output"];
+
+/// The group of the encoding of clips.
+const ENCODING: &str = "encoding";
+
+/// Parameters that only clips have, beside their encoding.
+const OF_CLIPS: [&str; 2] = ["look_ahead", "still_camera"];
+
+/// Name of a parameter of an operation in an edit: with that of its group if it has one, as in `encoding.codec`. `None` for a flag
+/// that is no parameter, such as a file.
+fn name_in_edit(operation: &str, name: &str) -> Option<String> {
+    let is_known = |params: Value| {
+        let step = json!({"operation": operation, "params": params});
+        // whatever else is wrong with it, such as files that are missing
+        let wrong = serde_json::from_value::<Step>(step).err();
+        wrong.is_none_or(|error| !error.to_string().contains("unknown field"))
+    };
+    if is_known(json!({name: null})) {
+        return Some(name.to_owned());
+    }
+    let mut groups = GROUPS.iter();
+    let group = groups.find(|group| is_known(json!({**group: {name: null}})))?;
+    Some(format!("{group}.{name}"))
+}
 
 /// The form of an operation; `None` if there is no operation of that name.
 pub fn form(operation: &str) -> Option<Form> {
@@ -94,11 +100,12 @@ pub fn form(operation: &str) -> Option<Form> {
         .get_about()
         .map(ToString::to_string)
         .unwrap_or_default();
-    let settings = command.get_arguments().filter_map(setting).collect();
+    let settings = command.get_arguments();
+    let settings = settings.filter_map(|arg| setting(operation, arg)).collect();
     Some(Form { about, settings })
 }
 
-fn setting(arg: &Arg) -> Option<Setting> {
+fn setting(operation: &str, arg: &Arg) -> Option<Setting> {
     let name = arg.get_id().as_str();
     if NOT_SETTINGS.contains(&name) || arg.is_hide_set() {
         return None;
@@ -111,12 +118,19 @@ fn setting(arg: &Arg) -> Option<Setting> {
         .collect();
     let default = defaults.join(" ");
     Some(Setting {
-        name: name.to_owned(),
+        name: name_in_edit(operation, name)?,
         label: label_of(name),
         kind: kind(arg, &help, &default),
         help,
         default,
     })
+}
+
+impl Setting {
+    /// True for a setting of clips alone.
+    pub fn is_of_clips(&self) -> bool {
+        self.name.split('.').next() == Some(ENCODING) || OF_CLIPS.contains(&self.name.as_str())
+    }
 }
 
 /// `object_scale` as `Object scale`.

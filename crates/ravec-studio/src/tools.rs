@@ -12,6 +12,7 @@ mod quad;
 mod rectify;
 mod retarget;
 mod track;
+mod trim;
 mod twocolor;
 
 use crate::assistant::{Assistant, Memory};
@@ -278,6 +279,8 @@ pub(crate) trait Tool {
 pub(crate) struct Desk<'a> {
     /// The input of the edit, once it is known.
     pub input: Option<&'a EditInput>,
+    /// The frames between the in and the out point of a clip, if they are set.
+    pub range: Option<std::ops::Range<u64>>,
     /// The sentence about the quick result.
     pub note: Option<&'a str>,
     /// The document that the edit belongs to.
@@ -307,6 +310,7 @@ pub(crate) fn all() -> Vec<Box<dyn Tool>> {
         Box::new(rectify::Rectify::default()),
         Box::new(complete::Complete::default()),
         Box::new(track::Track::default()),
+        Box::new(trim::Trim),
         Box::new(mesh::MeshTool {
             draft: Some(mesh::coarse_offset),
             ..mesh::MeshTool::new(
@@ -343,9 +347,62 @@ fn is_repair(edit: &Edit) -> bool {
     !edit.fields.contains_key("files")
 }
 
+/// A button that makes the range of the timeline the frames of an edit.
+pub(crate) fn range_ui(ui: &mut Ui, desk: &Desk<'_>, edit: &Edit) -> Option<Gesture> {
+    let button = egui::Button::new("Take the range of the timeline");
+    let button = ui.add_enabled(desk.range.is_some(), button);
+    let range = desk.range.as_ref().filter(|_| button.clicked())?;
+    let text = format!("{}..{}", range.start, range.end);
+    Some(Gesture::done(edit.with_param("frames", text.into())))
+}
+
 /// Fields of an edit with these parameters.
 pub(crate) fn with_params(params: Value) -> Map<String, Value> {
     let mut fields = Map::new();
     fields.insert("params".to_owned(), params);
     fields
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::document::Document;
+    use crate::settings::{Kind as SettingKind, form, to_json};
+    use std::path::Path;
+
+    /// Settings that are shown have their place in the operation, whatever group they belong to.
+    #[test]
+    fn every_setting_of_every_tool_is_a_parameter_of_its_operation() {
+        let mut count = 0;
+        for tool in all() {
+            let mut document = Document::new("input");
+            let id = document.push(tool.operation(), tool.start([640, 480]));
+            let edit = document.edit(id).unwrap();
+            let settings = form(tool.operation()).unwrap().settings;
+            let shown = settings
+                .iter()
+                .filter(|setting| !tool.hidden().contains(&setting.name.as_str()));
+            for setting in shown {
+                count += 1;
+                let text = match &setting.kind {
+                    SettingKind::Switch => "true",
+                    SettingKind::Choice(values) => &values[0].name,
+                    _ if setting.default.is_empty() => "1",
+                    _ => &setting.default,
+                };
+                let value = to_json(&setting.kind, text);
+                let changed = edit.with_param(&setting.name, value);
+                assert_ne!(changed.param(&setting.name), &Value::Null);
+                if let Err(reason) = changed.step(Path::new("@1"), Path::new("@2")) {
+                    let name = &setting.name;
+                    assert!(
+                        !reason.contains("unknown field"),
+                        "{}, {name}: {reason}",
+                        tool.label()
+                    );
+                }
+            }
+        }
+        assert!(count > 50);
+    }
 }

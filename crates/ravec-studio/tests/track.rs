@@ -14,6 +14,7 @@ use ravec_jobs::{Context, Operation as _, recipe};
 use ravec_scenes::Seed;
 use ravec_scenes::clip::{Clip, ClipId, clip};
 use ravec_studio::Studio;
+use ravec_video::FrameSource as _;
 use serde_json::Value;
 use std::path::Path;
 
@@ -181,6 +182,32 @@ fn a_plane_that_nothing_is_seen_of_is_a_sentence_in_the_panel() {
     settle(&mut harness);
     draw_plane(&mut harness);
     assert!(harness.query_by_label("Track again").is_none());
+}
+
+#[test]
+fn a_range_of_the_timeline_is_what_is_exported() {
+    let folder = tempfile::tempdir().unwrap();
+    let (_, mut harness) = wall(folder.path());
+    click(&mut harness, "Two-color view");
+    click(&mut harness, "Trim and encode");
+    go_to(&mut harness, 2);
+    harness.key_press(Key::I);
+    go_to(&mut harness, 5);
+    harness.key_press(Key::O);
+    settle(&mut harness);
+    click(&mut harness, "Take the range of the timeline");
+    let snapshot = harness.state().snapshot().unwrap();
+    assert!(snapshot.failure.is_none(), "{:?}", snapshot.failure);
+    click(&mut harness, "Export…");
+    click(&mut harness, "Export the result: Export");
+    let output = folder.path().join("shot-edited.mp4");
+    let clip = ravec_video::Clip::open(&output, &ravec_video::OpenOptions::default()).unwrap();
+    assert_eq!(
+        clip.info().frames,
+        Some(4),
+        "{:?}",
+        harness.state().message()
+    );
 }
 
 #[test]

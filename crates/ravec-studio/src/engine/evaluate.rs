@@ -37,7 +37,7 @@ pub(super) fn evaluate(
         frame,
         exposure,
     } = request;
-    let edits: Vec<&Arc<Edit>> = document.links().collect();
+    let edits: Vec<&Arc<Edit>> = document.shown_links().collect();
     // the edits that each result is made by
     let mut keys = vec![source_key(&document.source, frame.as_ref())];
     for edit in &edits {
@@ -103,10 +103,10 @@ pub(super) fn evaluate(
     }
     // edits that look at the picture without changing it
     for (index, edit) in document.edits.iter().enumerate() {
-        if edit.is_analysis() {
+        if edit.is_analysis() || edit.is_of_whole_clips() {
             let before = document.edits[..index].iter();
             let links = before
-                .filter(|edit| edit.enabled && !edit.is_analysis())
+                .filter(|edit| edit.enabled && !edit.is_analysis() && !edit.is_of_whole_clips())
                 .count();
             if let Some(input) = cache.get(&keys[links]) {
                 let key = keys[links].as_str().into();

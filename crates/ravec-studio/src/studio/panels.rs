@@ -87,6 +87,10 @@ impl Studio {
         let input = input_of(edit.id, &snapshot, on_input);
         let draft = open.draft(&edit);
         let document = open.history.document().clone();
+        let range = open.clip.as_ref().and_then(|clip| {
+            let range = clip.timeline.range.clone();
+            (!range.is_empty()).then_some(range)
+        });
         let desk = Desk {
             input: input.as_ref(),
             note: draft
@@ -94,6 +98,7 @@ impl Studio {
                 .map(|draft| draft.note.as_str())
                 .filter(|note| !note.is_empty()),
             document: &document,
+            range: range.clone(),
             snapshot: &snapshot,
             assistant: &open.assistant,
         };
@@ -132,7 +137,11 @@ impl Studio {
                     hidden = tool.hidden();
                     ui.separator();
                 }
-                (gesture, panel_ui(ui, form, &edit, hidden, highlighted))
+                let is_clip = open.kind == Kind::Clip;
+                (
+                    gesture,
+                    panel_ui(ui, form, &edit, hidden, is_clip, highlighted),
+                )
             })
             .inner;
         if let Some(gesture) = gesture {

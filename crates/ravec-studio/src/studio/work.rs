@@ -159,7 +159,7 @@ fn pictures(open: &Open, scene: &Scene<'_>) -> Pictures {
         patch: tool.and_then(|tool| tool.overlay(&open.assistant)),
         frame: scene.snapshot.frame,
     };
-    let plain = open.history.document().links().next().is_none() && open.exposure == 0.0;
+    let plain = open.history.document().shown_links().next().is_none() && open.exposure == 0.0;
     let played = open.clip.as_ref().and_then(|clip| clip.reader.visible());
     if plain && let Some((number, frame)) = played {
         pictures.frame = Some(number);

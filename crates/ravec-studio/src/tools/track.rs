@@ -1,7 +1,7 @@
 //! Tracking: a plane is drawn in a frame and followed through the clip while one watches; corners are corrected in any frame.
 
 use super::quad::{self, Corners, QuadHandle};
-use super::{Desk, Gesture, Hand, Row, Tool, with_params};
+use super::{Desk, Gesture, Hand, Row, Tool, range_ui, with_params};
 use crate::assistant::Assistant;
 use crate::content::Kind;
 use crate::document::{Document, Edit};
@@ -629,7 +629,8 @@ impl Tool for Track {
             ui.colored_label(ui.visuals().error_fg_color, reason);
         }
         let gesture = self.state_ui(ui, desk, edit);
+        let range = range_ui(ui, desk, edit);
         let files = Self::files_ui(ui, desk.document, edit);
-        gesture.or(files)
+        gesture.or(range).or(files)
     }
 }

@@ -16,19 +16,21 @@ pub struct Change {
     pub goes_on: bool,
 }
 
-/// Draws the settings of an edit but those that are `hidden`, and marks the one that was found by name; what was changed.
+/// Draws the settings of an edit but those that are `hidden` and, unless it is of a clip, those of clips; and marks the one that was found by name; what was changed.
 pub fn panel_ui(
     ui: &mut Ui,
     form: &Form,
     edit: &Edit,
     hidden: &[&str],
+    is_clip: bool,
     highlighted: Option<&str>,
 ) -> Option<Change> {
     let mut change = None;
     let shown = form
         .settings
         .iter()
-        .filter(|setting| !hidden.contains(&setting.name.as_str()));
+        .filter(|setting| !hidden.contains(&setting.name.as_str()))
+        .filter(|setting| is_clip || !setting.is_of_clips());
     for setting in shown {
         let value = edit.param(&setting.name);
         let is_default = value.is_null();
