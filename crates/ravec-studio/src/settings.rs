@@ -81,6 +81,10 @@ const NOT_SETTINGS: &[&str] = &[
     "pixel_centers",
     "look_ahead",
     "still_camera",
+    "expression",
+    "files",
+    "origins",
+    "picture",
 ];
 
 /// The form of an operation; `None` if there is no operation of that name.
