@@ -10,7 +10,7 @@ use crate::{
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::{Map, Value};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Lists the operations: one variant each.
 macro_rules! operations {
@@ -137,49 +137,95 @@ operations! {
     VideoFrames(video::frames::Frames),
 }
 
+/// Fields that are no files, whatever they say.
+const NOT_FILES: [&str; 3] = ["operation", "params", "expression"];
+
 impl Step {
     /// The same step, of which the relative paths of files start from `folder`.
     ///
     /// # Errors
     /// A path that is not Unicode, which JSON cannot hold.
     pub(crate) fn rebased(&self, folder: &Path) -> Result<Self, serde_json::Error> {
-        let operation = self.operation();
+        let mut fields = Map::deserialize(self.tagged()?).map_err(serde_json::Error::custom)?;
+        Self::map_paths(&mut fields, &|path| folder.join(path))?;
+        serde_json::from_value(Value::Object(fields))
+    }
+
+    /// Replaces the path of each file and folder in the fields of a step as JSON, with its `operation`; standard input and output
+    /// and intermediate results such as `@wide` stay. Parameters are not looked at, and may be wrong.
+    ///
+    /// ```
+    /// use serde_json::json;
+    ///
+    /// let mut step = json!({
+    ///     "operation": "boolean", "expression": "a - drill", "files": ["a=@0", "drill=drill.ply"], "output": "out.ply",
+    /// });
+    /// ravec_jobs::Step::map_paths(step.as_object_mut().unwrap(), &|path| std::path::Path::new("parts").join(path))?;
+    /// assert_eq!(step["files"], json!(["a=@0", "drill=parts/drill.ply"]));
+    /// # Ok::<(), serde_json::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// Fields that are no operation; a path that is not Unicode, which JSON cannot hold. The fields are partly changed then.
+    pub fn map_paths(
+        fields: &mut Map<String, Value>,
+        change: &dyn Fn(&Path) -> PathBuf,
+    ) -> Result<(), serde_json::Error> {
+        let mut plain = fields.clone();
+        plain.remove("params");
+        let step: Self = serde_json::from_value(Value::Object(plain))?;
+        let operation = step.operation();
         let paths: Vec<&Path> = (operation.inputs().into_iter())
             .chain(operation.outputs())
             .chain(operation.folders())
+            .filter(|path| !is_intermediate(path) && !is_stream(path))
             .collect();
-        let mut fields = self.tagged()?;
         // files are fields of the operation itself, not of its parameters
-        let all = fields.as_object_mut().into_iter().flatten();
-        for (_, field) in all.filter(|(name, _)| *name != "params" && *name != "operation") {
-            rebase(field, &paths, folder);
+        for (name, field) in fields {
+            if !NOT_FILES.contains(&name.as_str()) {
+                map_strings(field, &paths, change)?;
+            }
         }
-        serde_json::from_value(fields)
+        Ok(())
     }
 }
 
-/// Lets strings that are one of the `paths` start from `folder`.
-fn rebase(field: &mut Value, paths: &[&Path], folder: &Path) {
+/// Replaces strings that are one of the `paths`, or end in one after a word and an equals sign.
+fn map_strings(
+    field: &mut Value,
+    paths: &[&Path],
+    change: &dyn Fn(&Path) -> PathBuf,
+) -> Result<(), serde_json::Error> {
     match field {
         Value::String(text) => {
-            let path = Path::new(text.as_str());
-            let is_file = !is_intermediate(path) && !is_stream(path);
-            if is_file && path.is_relative() && paths.contains(&path) {
-                *text = folder.join(path).to_string_lossy().into_owned();
-            }
+            let is_file = |text: &str| paths.contains(&Path::new(text));
+            let (word, path) = match text.split_once('=') {
+                Some((word, path)) if !is_file(text) && is_file(path) => (Some(word), path),
+                _ if is_file(text) => (None, text.as_str()),
+                _ => return Ok(()),
+            };
+            let changed = change(Path::new(path));
+            let changed = changed.to_str().ok_or_else(|| {
+                serde_json::Error::custom(format_args!("{} is not Unicode", changed.display()))
+            })?;
+            *text = match word {
+                Some(word) => format!("{word}={changed}"),
+                None => changed.to_owned(),
+            };
         }
         Value::Array(values) => {
             for value in values {
-                rebase(value, paths, folder);
+                map_strings(value, paths, change)?;
             }
         }
         Value::Object(fields) => {
             for (_, value) in fields {
-                rebase(value, paths, folder);
+                map_strings(value, paths, change)?;
             }
         }
         _ => {}
     }
+    Ok(())
 }
 
 /// The fields of an operation as JSON, with its name.
@@ -232,5 +278,58 @@ impl<'de> Deserialize<'de> for Step {
             None => return Err(D::Error::missing_field("operation")),
         };
         Self::from_fields(&name, Value::Object(fields)).map_err(D::Error::custom)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    fn moved(step: Value) -> Value {
+        let Value::Object(mut fields) = step else {
+            panic!("no object")
+        };
+        Step::map_paths(&mut fields, &|path| Path::new("/there").join(path)).unwrap();
+        Value::Object(fields)
+    }
+
+    #[test]
+    fn paths_of_all_notations_are_replaced_and_nothing_else() {
+        let track = json!({
+            "operation": "track", "input": "@0", "output": "csv=corners.txt", "exports": ["pin.nk", "json=a=b.txt"],
+            "show": "/elsewhere/show.mp4", "track": "t.json", "params": {"frames": 7, "correct": ["pin.nk"]},
+        });
+        let expected = json!({
+            "operation": "track", "input": "@0", "output": "csv=/there/corners.txt",
+            "exports": ["/there/pin.nk", "json=/there/a=b.txt"],
+            "show": "/elsewhere/show.mp4", "track": "/there/t.json", "params": {"frames": 7, "correct": ["pin.nk"]},
+        });
+        assert_eq!(moved(track), expected);
+        let boolean = json!({
+            "operation": "boolean", "expression": "a", "files": ["a=@1", "a", "x=y.ply", "./p=q.ply", "-"],
+            "output": "o.ply", "origins": "o.csv",
+        });
+        let expected = json!({
+            "operation": "boolean", "expression": "a",
+            "files": ["a=@1", "/there/a", "x=/there/y.ply", "/there/./p=q.ply", "-"],
+            "output": "/there/o.ply", "origins": "/there/o.csv",
+        });
+        assert_eq!(moved(boolean), expected);
+        let mosaic = json!({
+            "operation": "mosaic", "input": "a.png", "catalogue": "photos.db", "output": "@1", "deep_zoom": "zoom",
+        });
+        let expected = json!({
+            "operation": "mosaic", "input": "/there/a.png", "catalogue": "/there/photos.db", "output": "@1",
+            "deep_zoom": "/there/zoom",
+        });
+        assert_eq!(moved(mosaic), expected);
+    }
+
+    #[test]
+    fn fields_that_are_no_operation_are_an_error() {
+        let mut fields = Map::new();
+        fields.insert("operation".to_owned(), "no such".into());
+        assert!(Step::map_paths(&mut fields, &Path::to_path_buf).is_err());
     }
 }

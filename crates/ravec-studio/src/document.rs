@@ -123,6 +123,12 @@ impl Edit {
     /// # Errors
     /// One sentence about a field.
     pub fn step(&self, input: &Path, output: &Path) -> Result<Step, String> {
+        let fields = self.whole(input, output)?;
+        serde_json::from_value(Value::Object(fields)).map_err(|error| error.to_string())
+    }
+
+    /// The fields of the operation with these files, and its name.
+    fn whole(&self, input: &Path, output: &Path) -> Result<Map<String, Value>, String> {
         let mut fields = self.fields.clone();
         let text = |path: &Path| {
             let text = path.to_str();
@@ -143,7 +149,33 @@ impl Edit {
             fields.insert("output".to_owned(), text(output)?);
         }
         fields.insert("operation".to_owned(), self.operation.clone().into());
-        serde_json::from_value(Value::Object(fields)).map_err(|error| error.to_string())
+        Ok(fields)
+    }
+
+    /// The same edit with other paths of its own files, such as masks and the meshes of a Boolean operation. An edit that makes no
+    /// sense stays as it is.
+    #[must_use]
+    pub fn with_paths(&self, change: &dyn Fn(&Path) -> PathBuf) -> Self {
+        let mut edit = self.clone();
+        let Ok(mut whole) = self.whole(&result_name(0), &result_name(1)) else {
+            return edit;
+        };
+        if Step::map_paths(&mut whole, change).is_err() {
+            return edit;
+        }
+        for (name, field) in &mut edit.fields {
+            let Some(changed) = whole.remove(name) else {
+                continue;
+            };
+            *field = match changed {
+                // without the input
+                Value::Array(files) if self.operation == "boolean" && name == "files" => {
+                    files.into_iter().skip(1).collect()
+                }
+                changed => changed,
+            };
+        }
+        edit
     }
 }
 

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Maximum size of a project in bytes.
 const MAX_BYTES: u64 = 64 << 20;
@@ -59,7 +60,7 @@ pub struct Project {
 }
 
 impl Project {
-    /// The project as the text of a recipe in `folder`; paths inside the folder become relative to it.
+    /// The project as the text of a recipe in `folder`; paths inside the folder become relative to it, those of edits included.
     ///
     /// # Errors
     /// [`ProjectError::Edit`], [`ProjectError::Format`] for a path that is not Unicode.
@@ -67,11 +68,11 @@ impl Project {
         let mut document = self.document.clone();
         document.source = relative(&document.source, folder);
         let output = relative(&self.output, folder);
-        let edits = document
-            .edits
-            .iter()
-            .map(|edit| Edit::clone(edit))
+        let edits = document.edits.iter();
+        let edits: Vec<Edit> = edits
+            .map(|edit| edit.with_paths(&|path| relative(path, folder)))
             .collect();
+        document.edits = edits.iter().cloned().map(Arc::new).collect();
         let mut recipe = if document.enabled().next().is_some() {
             document.recipe(&output)?
         } else {
@@ -101,8 +102,10 @@ impl Project {
         let editor = recipe.editor.unwrap_or(Value::Null);
         let editor: Editor = serde_json::from_value(editor)
             .map_err(|error| format!("the field `editor` is not that of the studio: {error}"))?;
+        let edits = editor.edits.iter();
+        let edits = edits.map(|edit| edit.with_paths(&|path| absolute(path, folder)));
         Ok(Self {
-            document: Document::from_edits(absolute(&editor.source, folder), editor.edits),
+            document: Document::from_edits(absolute(&editor.source, folder), edits.collect()),
             output: absolute(&editor.output, folder),
         })
     }
@@ -149,15 +152,22 @@ fn folder_of(path: &Path) -> PathBuf {
     std::path::absolute(folder).unwrap_or_else(|_| folder.to_path_buf())
 }
 
-/// A path inside a folder as one from there.
+/// A path inside a folder as one from there; any other becomes absolute.
 fn relative(path: &Path, folder: &Path) -> PathBuf {
     let whole = std::path::absolute(path).unwrap_or_else(|_| path.to_path_buf());
-    match whole.strip_prefix(folder) {
-        Ok(inside) => inside.to_path_buf(),
-        Err(_) => whole,
+    let Ok(inside) = whole.strip_prefix(folder) else {
+        return whole;
+    };
+    // not to be taken for an intermediate result, standard input or a file with a name
+    let starts = inside.to_str().unwrap_or_default();
+    if starts.starts_with('@') || starts == "-" || starts.contains('=') {
+        Path::new(".").join(inside)
+    } else {
+        inside.to_path_buf()
     }
 }
 
 fn absolute(path: &Path, folder: &Path) -> PathBuf {
-    folder.join(path)
+    // no dots that were added when it was saved
+    folder.join(path.strip_prefix(".").unwrap_or(path))
 }

@@ -4,6 +4,7 @@ mod attributes;
 mod named;
 mod origins;
 mod picture;
+mod place;
 
 use super::convert::{Output, rounds, scaled};
 use super::rounded::rounded;
@@ -24,8 +25,9 @@ use ravec::progress::Progress;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-pub use named::NamedFile;
+pub use named::{NamedFile, names};
 pub use picture::{origin_colors, with_seams};
+pub use place::Placement;
 
 /// Combine meshes by a Boolean expression, exactly; triangles away from the cuts stay unchanged
 ///
@@ -67,6 +69,7 @@ Examples:
   ravec boolean '(a | b) - a & b' part.stl other.ply -o both.ply --picture both.png
   ravec boolean 'part - drill' part=part.stl drill=other.ply -o drilled.3mf
   ravec boolean union part.stl other.ply -o hull.ply --inside outer-hull --json -
+  ravec boolean a-b part.stl other.ply -o moved.ply --place b:0,0,0.5,90,0,0
 
 Names are letters, digits and underscores. & comes before the other operators, which go from left to right: a | b - c & d is \
 (a | b) - (c & d). A file that the expression does not name is not read.
@@ -76,6 +79,10 @@ one is closed first: edges that nearly meet are joined, holes filled by surfaces
 is a warning and stands in the report. Triangles that no other mesh touches come out as they went in. The result is solid if it \
 is closed, manifold and does not meet itself; if it is not, it is written all the same, a warning says what is wrong, and the exit code \
 is 5. An empty result is an empty mesh, and no error. Binary STL and glTF round its vertices to 32-bit floats; a warning says if that does harm.
+
+--place NAME:tx,ty,tz,rx,ry,rz,s moves a mesh before it is combined: it is scaled by s about the center of its bounding box, turned there \
+by rx degrees about the x axis, then ry about y, then rz about z (the axes stay where they are; counter-clockwise seen from their tips), and \
+shifted by tx,ty,tz in units of the first mesh. Scale, or turns and scale, may be left out. Quarter turns are exact.
 
 Colors of the vertices of PLY files follow into a PLY file, texture coordinates of OBJ and glTF files into one of these. --origins has a row for each triangle: mesh, triangle (none for one that \
 closes a hole), whether it was turned, and whether it is whole.
@@ -92,6 +99,13 @@ pub struct Params {
     /// The places that each mesh stands for
     #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "RULE", default_value_t = Params::default().inside))]
     pub inside: Inside,
+    /// Place of a mesh: shift in units of the first mesh, turns about x, then y, then z in degrees, scale; turned and scaled about
+    /// the center of its box. May be repeated
+    #[cfg_attr(
+        feature = "cli",
+        arg(long, value_name = "NAME:tx,ty,tz[,rx,ry,rz[,s]]")
+    )]
+    pub place: Vec<Placement>,
     /// The most memory to work in, such as 2GiB [default: as much as it takes]
     #[cfg_attr(feature = "cli", arg(long, value_name = "SIZE"))]
     pub memory: Option<ByteSize>,
@@ -110,6 +124,7 @@ impl Default for Params {
     fn default() -> Self {
         Self {
             inside: Inside::default(),
+            place: Vec::new(),
             memory: None,
             unit: None,
             view: Viewpoint(View::ISO),
@@ -161,7 +176,7 @@ impl Operation for Boolean {
     /// all others) and `symmetric-difference`, over all files in their order. Files without a name are called a, b, c and so on. A
     /// file that the expression does not name is not read; a warning says so.
     ///
-    /// If files name different units, meshes are scaled to that of the first. Colors of the vertices of PLY files follow into a
+    /// If files name different units, meshes are scaled to that of the first. After that they are moved to their [`Placement`]. Colors of the vertices of PLY files follow into a
     /// PLY file: between the corners of a triangle they are mixed, and vertices where meshes meet take that of one of them. Texture
     /// coordinates of OBJ and glTF files follow into one of these: each piece of a triangle shows what was there.
     ///
@@ -186,9 +201,10 @@ impl Operation for Boolean {
             ..
         } = self;
         let progress = &context.progress;
-        let names = named::names(files)?;
+        let names = names(files)?;
         let expr = parsed(&self.expression, &names)?;
         let used = expr.meshes();
+        let places = place::placements(&params.place, &names)?;
         params.output.check(output, context)?;
         if let Some(path) = &self.picture {
             check_target(path, context)?;
@@ -207,7 +223,7 @@ impl Operation for Boolean {
                 ));
             }
         }
-        let read = self.read_all(&used, &mut report, context)?;
+        let read = self.read_all(&used, &places, &mut report, context)?;
         let Inputs {
             meshes,
             colors,
@@ -267,6 +283,12 @@ impl Operation for Boolean {
     }
 }
 
+/// Scale of coordinates in a unit to those in that of the first mesh, if both are known and differ.
+pub fn unit_scale(unit: Option<LengthUnit>, first: Option<LengthUnit>) -> Option<f64> {
+    let (unit, first) = unit.zip(first)?;
+    (unit != first).then(|| unit.in_meters() / first.in_meters())
+}
+
 /// Input as read.
 struct Inputs {
     /// By index; those that are not used are empty.
@@ -281,10 +303,11 @@ struct Inputs {
 }
 
 impl Boolean {
-    /// Reads the meshes that are used, and scales them to the unit of the first.
+    /// Reads the meshes that are used, scales them to the unit of the first, and moves them to their places.
     fn read_all(
         &self,
         used: &[usize],
+        places: &[Option<&Placement>],
         report: &mut Report,
         context: &Context,
     ) -> Result<Inputs, JobError> {
@@ -315,14 +338,16 @@ impl Boolean {
                 }
             };
             if let (Some(from), Some(to)) = (unit, target.unit)
-                && from != to
+                && let Some(scale) = unit_scale(unit, target.unit)
             {
-                let scale = from.in_meters() / to.in_meters();
                 report.warn(format!(
                 "{} is in units of one {from}: it was scaled by {scale} to the {to} of the first mesh",
                 path.display()
             ));
                 file.mesh = scaled(file.mesh, scale, path)?;
+            }
+            if let Some(placement) = places[i] {
+                file.mesh = placement.place(file.mesh)?;
             }
             // results in memory hold all attributes
             if !context.is_intermediate(&self.output) {

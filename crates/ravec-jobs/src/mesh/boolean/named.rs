@@ -68,12 +68,16 @@ impl From<NamedFile> for String {
     }
 }
 
-fn is_name(text: &str) -> bool {
+/// True for the name of a mesh.
+pub(super) fn is_name(text: &str) -> bool {
     !text.is_empty() && text.chars().all(|c| c.is_alphanumeric() || c == '_')
 }
 
-/// The names of files: those without one take the letters a, b, c, … z, aa, ab, … in turn, without those that are given.
-pub(super) fn names(files: &[NamedFile]) -> Result<Vec<String>, JobError> {
+/// The names of files in expressions: those without one take the letters a, b, c, … z, aa, ab, … in turn, without those that are given.
+///
+/// # Errors
+/// [`JobError::NameTwice`].
+pub fn names(files: &[NamedFile]) -> Result<Vec<String>, JobError> {
     let mut given: Vec<&str> = Vec::new();
     for name in files.iter().filter_map(|file| file.name.as_deref()) {
         if given.contains(&name) {

@@ -98,6 +98,90 @@ fn expressions_and_words_give_the_volumes_of_boxes() {
 }
 
 #[test]
+fn meshes_are_combined_at_their_places() {
+    let studio = Studio::new();
+    let placed = |expression: &str, line: &str, places: &[&str]| {
+        let mut operation = studio.operation(expression, line, "out.ply");
+        let places = places.iter().map(|place| place.parse().unwrap());
+        operation.params.place = places.collect();
+        let report = operation.run(&Context::default()).unwrap();
+        assert_eq!(report.passed, Some(true), "{expression} {report:?}");
+        measure(&studio.mesh("out.ply")).volume
+    };
+    let line = "block.off pin.off far.off";
+    for (expression, places, volume) in [
+        // the far cube, of side 1 about (9, 0, 0), by half into the right face of the block
+        ("a | c", &["c:-7,0,0"][..], 64.5),
+        // the pin of 1 x 1 x 8 lies along x and reaches 2 out of the block on both sides
+        ("a | b", &["b:0,0,0,0,90,0"], 68.0),
+        ("a - b", &["b:-0.25,0,2,0,90,0"], 62.0),
+        // as large as the block and on it
+        ("a & c", &["c:-9,0,0,0,0,0,4"], 64.0),
+        ("a | b", &["b:20,0,0", "a:0,0,0,0,0,0,0.5"], 16.0),
+        // turned by an eighth about z, the corner of the cube reaches into the block
+        ("a & c", &["c:-7,0,0,0,0,45"], 0.5),
+        // both move together
+        ("a - b", &["a:1,2,3,0,0,90", "b:0.75,2.25,3"], 60.0),
+    ] {
+        let found = placed(expression, line, places);
+        assert!((found - volume).abs() < 1e-9, "{places:?}: {found}");
+    }
+}
+
+#[test]
+fn a_mesh_at_its_own_place_comes_out_byte_by_byte() {
+    let studio = Studio::new();
+    studio.run("a - b", "block.off pin.off", "out.ply").unwrap();
+    let plain = std::fs::read(studio.at("out.ply")).unwrap();
+    let mut operation = studio.operation("a - b", "block.off pin.off", "out.ply");
+    operation.params.place = vec!["b:0,0,0,0,0,0,1".parse().unwrap()];
+    operation.run(&Context::default()).unwrap();
+    assert!(std::fs::read(studio.at("out.ply")).unwrap() == plain);
+}
+
+#[test]
+fn a_place_is_in_the_unit_of_the_first_mesh() {
+    let studio = Studio::new();
+    studio.put(
+        "inches.3mf",
+        &block([4.0; 3], [0.0; 3]),
+        Some(LengthUnit::Inch),
+    );
+    let millimeters = block([25.4; 3], [0.0; 3]);
+    studio.put("cube.3mf", &millimeters, Some(LengthUnit::Millimeter));
+    let mut operation = studio.operation("a | b", "inches.3mf cube.3mf", "out.3mf");
+    operation.params.place = vec!["b:2,0,0".parse().unwrap()];
+    let report = operation.run(&Context::default()).unwrap();
+    assert!((report.figures["volume"] - 64.5).abs() < 1e-9);
+}
+
+#[test]
+fn a_wrong_place_is_refused_before_anything_is_read() {
+    let studio = Studio::new();
+    for (places, reason) in [
+        (
+            &["c:1,2,3"][..],
+            "`place` is c:1,2,3, but must be the place of a mesh that has this name",
+        ),
+        (
+            &["b:1,0,0", "b:2,0,0"],
+            "must be the only place of the mesh",
+        ),
+    ] {
+        let mut operation = studio.operation("a | b", "missing.off pin.off", "out.ply");
+        operation.params.place = places.iter().map(|place| place.parse().unwrap()).collect();
+        let error = operation.run(&Context::default()).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::Request);
+        assert!(error.to_string().contains(reason), "{error}");
+    }
+    let mut operation = studio.operation("a | b", "block.off pin.off", "out.ply");
+    operation.params.place = vec!["b:0,0,0,0,0,0,1e308".parse().unwrap()];
+    let error = operation.run(&Context::default()).unwrap_err();
+    assert!(error.to_string().contains("stay finite"), "{error}");
+    assert!(!studio.at("out.ply").exists());
+}
+
+#[test]
 fn an_empty_result_is_an_empty_mesh_and_a_note() {
     let studio = Studio::new();
     for out in [
