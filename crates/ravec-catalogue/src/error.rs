@@ -3,6 +3,7 @@
 use ravec_media::WriteError;
 use ravec_mosaic::ChooseError;
 use ravec_progress::Cancelled;
+use ravec_raster::Rect;
 use std::path::PathBuf;
 
 /// Why something could not be done with a catalogue.
@@ -177,6 +178,77 @@ pub enum CatalogueError {
         width: usize,
         /// Of a tile.
         height: usize,
+    },
+    /// A photo that is set by hand is not known.
+    #[error(
+        "the catalogue {} has no photo {} that can be used: ravec library list names its photos",
+        .catalogue.display(), .photo.display()
+    )]
+    NoSuchPhoto {
+        /// The file of the catalogue.
+        catalogue: PathBuf,
+        /// The photo.
+        photo: PathBuf,
+    },
+    /// A photo that is pinned cannot be used.
+    #[error("cannot pin {}: it {reason}", .photo.display())]
+    CannotPin {
+        /// The photo.
+        photo: PathBuf,
+        /// What is wrong with it.
+        reason: &'static str,
+    },
+    /// A tile that is set by hand is not in the grid.
+    #[error(
+        "there is no tile {col},{row}: the grid has {columns} columns and {rows} rows, counted from 0"
+    )]
+    NoSuchTile {
+        /// Column of the tile.
+        col: usize,
+        /// Row of the tile.
+        row: usize,
+        /// Columns of the grid.
+        columns: usize,
+        /// Rows of the grid.
+        rows: usize,
+    },
+    /// A rectangle is not that of a tile.
+    #[error(
+        "no tile can have {} x {} pixels at column {} and row {} of the mosaic",
+        .place.width, .place.height, .place.col, .place.row
+    )]
+    NoSuchPlace {
+        /// The rectangle in pixels.
+        place: Rect,
+    },
+    /// Two photos are pinned to one tile.
+    #[error("two photos are pinned to tile {col},{row}: remove one of the pins")]
+    PinnedTwice {
+        /// Column of the tile.
+        col: usize,
+        /// Row of the tile.
+        row: usize,
+    },
+    /// A photo is pinned and banned.
+    #[error("{} is both pinned and banned: remove the pin or the ban", .photo.display())]
+    PinnedAndBanned {
+        /// The photo.
+        photo: PathBuf,
+    },
+    /// Tiles off the grid cannot be named.
+    #[error(
+        "the tiles of an adaptive mosaic have no columns and rows: pin photos and ban them at single tiles without `adaptive`"
+    )]
+    NoGrid,
+    /// No photo is left for a tile.
+    #[error(
+        "no photo is left for tile {col},{row} beside those that are banned or used up: lift a ban"
+    )]
+    NothingLeft {
+        /// Column of the tile.
+        col: usize,
+        /// Row of the tile.
+        row: usize,
     },
     /// Photos cannot be put into tiles under the rules.
     #[error(transparent)]

@@ -102,11 +102,8 @@ impl Layout {
         progress: &Progress,
     ) -> Result<Tiling, Cancelled> {
         let (columns, rows) = (self.columns, self.rows);
-        let ChooseParams {
-            weights, features, ..
-        } = params.choose;
-        let degree = features.map_or(0, |features| features.degree);
-        let degree = degree.max(weights.degree);
+        let features = params.choose.features;
+        let degree = degree(&params.choose);
         let mut tiling = match params.adaptive {
             Some(seed) => {
                 let sides = [columns, rows];
@@ -121,6 +118,45 @@ impl Layout {
             mark_features(picture, frame, &mut tiling, progress)?;
         }
         Ok(tiling)
+    }
+
+    /// The tile whose rectangle is `place` in the mosaic; none if no tile can lie there.
+    pub fn tile_at(
+        &self,
+        picture: &Image<Oklab>,
+        frame: Frame,
+        place: Rect,
+        params: &MosaicParams,
+        progress: &Progress,
+    ) -> Result<Option<Tile>, Cancelled> {
+        let units = if params.adaptive.is_some() {
+            ADAPTIVE_UNITS
+        } else {
+            1
+        };
+        let mut tiling = Tiling {
+            tiles: Vec::new(),
+            columns: units * self.columns,
+            rows: units * self.rows,
+            units,
+            start: Vec::new(),
+        };
+        let (width, height) = (self.tile.width(), self.tile.height());
+        let count = |pixels: usize, side: usize| (pixels * units).div_ceil(side);
+        let (col, row) = (count(place.col, width), count(place.row, height));
+        let side = count(place.right(), width).saturating_sub(col);
+        let fits = side > 0 && col + side <= tiling.columns && row + side <= tiling.rows;
+        if !fits {
+            return Ok(None);
+        }
+        tiling.describe(picture, frame, [col, row], side, degree(&params.choose));
+        if self.place(&tiling, &tiling.tiles[0]) != place {
+            return Ok(None);
+        }
+        if params.choose.features.is_some() {
+            mark_features(picture, frame, &mut tiling, progress)?;
+        }
+        Ok(tiling.tiles.pop())
     }
 
     /// Bytes that [`reduced`](Self::reduced) takes at most: the picture in linear light, and smaller ones on the way.
@@ -180,4 +216,10 @@ impl Layout {
     pub fn tile_px(&self) -> usize {
         self.tile.height()
     }
+}
+
+/// The degree of the polynomials that tiles of both kinds are compared by.
+fn degree(choose: &ChooseParams) -> usize {
+    let of_features = choose.features.map_or(0, |features| features.degree);
+    of_features.max(choose.weights.degree)
 }

@@ -33,6 +33,7 @@
 //! more; of the catalogue, 5 KB a photo.
 
 mod add;
+mod by_hand;
 mod catalogue;
 mod deep_zoom;
 mod error;
@@ -40,13 +41,16 @@ mod layout;
 mod manage;
 mod mosaic;
 mod painter;
+mod photo_set;
 mod plan;
 mod pyramid;
 mod thumbnail;
 mod workers;
 
 pub use add::{Added, add, would_read};
+pub use by_hand::{Ban, Pin};
 pub use catalogue::{Catalogue, Entry, belongs_to_catalogue, leads_into};
 pub use error::CatalogueError;
 pub use manage::{Dropped, Stats, clean, remove, stats};
-pub use mosaic::{Mosaic, MosaicParams, Outputs, mosaic};
+pub use mosaic::{Mosaic, MosaicParams, Outputs, mosaic, mosaic_in_memory};
+pub use photo_set::{PhotoSet, TileCandidate};

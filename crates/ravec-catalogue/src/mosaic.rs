@@ -3,23 +3,22 @@
 //! Looks come from the small pictures in the catalogue; only the photos that were chosen are decoded, at full size, and scaled
 //! once. The mosaic is made one row of tiles at a time, or in lower strips if the memory does not suffice for that.
 
-use crate::add::modified;
-use crate::catalogue::{Catalogue, Entry, Loaded, leads_into, protected};
+use crate::by_hand::{Ban, Pin, resolve};
+use crate::catalogue::{Catalogue, leads_into, protected};
 use crate::deep_zoom::{DeepZoom, check_place};
 use crate::error::CatalogueError;
 use crate::layout::Layout;
 use crate::painter::{Candidate, Painter, Source, Unpainted};
+use crate::photo_set::PhotoSet;
 use crate::plan::{Plan, reserve, reserve_choice};
 use crate::workers::Workers;
 use ravec_media::{Limits, RowsError, write_rows};
 use ravec_memory::{MemoryBudget, Reservation};
 use ravec_mosaic::{
-    Choice, ChooseParams, Crop, Descriptor, Frame, MAX_DEGREE, NEAR_DUPLICATE, Photos, Rules,
-    Tiling, choose, near_duplicates,
+    Choice, ChooseError, ChooseParams, Crop, Frame, Photos, Rules, Tiling, choose_by_hand,
 };
-use ravec_progress::{Cancelled, Progress};
-use ravec_raster::{AnyImage, Rect, Size, Srgb};
-use rayon::prelude::*;
+use ravec_progress::Progress;
+use ravec_raster::{AnyImage, Image, Oklab, Rect, Size, Srgb};
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -45,6 +44,10 @@ pub struct MosaicParams {
     pub quality: u8,
     /// Bytes of scaled photos that are kept for later rows.
     pub kept_bytes: usize,
+    /// Tiles of the grid whose photo is set by hand; none in an adaptive mosaic.
+    pub pins: Vec<Pin>,
+    /// Photos that are not used, or not at a tile of the grid.
+    pub bans: Vec<Ban>,
     /// For a preview: the mosaic has at most this many pixels on its longer side, and is made of the small pictures in the
     /// catalogue; none for the mosaic itself.
     pub preview_px: Option<usize>,
@@ -105,38 +108,169 @@ pub fn mosaic(
 ) -> Result<Mosaic, CatalogueError> {
     let layout = Layout::new(picture.size(), params)?;
     check_outputs(catalogue, &layout, outputs, limits, progress)?;
+    let mut sink = Sink::to_files(*outputs);
+    make(
+        catalogue, picture, &layout, &mut sink, params, limits, progress,
+    )
+}
+
+/// Makes a mosaic as [`mosaic()`] does, and returns its pixels, which take memory from the budget of `limits` as well. A page may be
+/// written besides.
+///
+/// # Errors
+/// [`CatalogueError`]; the page is then as it was.
+pub fn mosaic_in_memory(
+    catalogue: &Catalogue,
+    picture: &AnyImage,
+    deep_zoom: Option<&Path>,
+    params: &MosaicParams,
+    limits: &Limits,
+    progress: &Progress,
+) -> Result<(Mosaic, Image<Srgb<u8>>), CatalogueError> {
+    let layout = Layout::new(picture.size(), params)?;
+    let mut sink = Sink::in_memory(layout.size, deep_zoom, &limits.memory)?;
+    check_outputs(catalogue, &layout, &sink.outputs, limits, progress)?;
+    let made = make(
+        catalogue, picture, &layout, &mut sink, params, limits, progress,
+    )?;
+    Ok((made, sink.into_image(layout.size)))
+}
+
+/// Where the pixels of a mosaic go.
+pub(crate) struct Sink<'a> {
+    pub outputs: Outputs<'a>,
+    /// All pixels, if they are wanted in memory.
+    pixels: Option<Vec<Srgb<u8>>>,
+    _memory: Option<Reservation>,
+}
+
+impl<'a> Sink<'a> {
+    fn to_files(outputs: Outputs<'a>) -> Self {
+        Self {
+            outputs,
+            pixels: None,
+            _memory: None,
+        }
+    }
+
+    pub fn in_memory(
+        size: Size,
+        deep_zoom: Option<&'a Path>,
+        memory: &MemoryBudget,
+    ) -> Result<Self, CatalogueError> {
+        let bytes = 3 * size.pixels() as u64;
+        let reserved = reserve(memory, bytes, "the mosaic")?;
+        Ok(Self {
+            outputs: Outputs {
+                picture: None,
+                deep_zoom,
+            },
+            pixels: Some(Vec::with_capacity(size.pixels())),
+            _memory: Some(reserved),
+        })
+    }
+
+    pub fn into_image(self, size: Size) -> Image<Srgb<u8>> {
+        let image = Image::from_vec(size.width(), self.pixels.unwrap_or_default());
+        image.expect("every strip of the mosaic was painted")
+    }
+}
+
+/// The picture that a mosaic is made of, with as many pixels as looks need.
+pub(crate) struct Scene {
+    pub picture: Image<Oklab>,
+    /// The part of it that is shown.
+    pub frame: Frame,
+}
+
+impl Scene {
+    /// The reduced picture, and the memory that it takes.
+    pub fn new(
+        layout: &Layout,
+        picture: &AnyImage,
+        memory: &MemoryBudget,
+    ) -> Result<(Self, Reservation), CatalogueError> {
+        let reducing = reserve(
+            memory,
+            layout.bytes_to_reduce(picture.size()),
+            "the picture",
+        )?;
+        let (picture, frame) = layout.reduced(picture);
+        drop(reducing);
+        let small = 12 * picture.size().pixels() as u64;
+        let memory = reserve(memory, small, "the picture")?;
+        Ok((Self { picture, frame }, memory))
+    }
+}
+
+/// Makes a mosaic of `picture` from the photos of a catalogue.
+fn make(
+    catalogue: &Catalogue,
+    picture: &AnyImage,
+    layout: &Layout,
+    sink: &mut Sink<'_>,
+    params: &MosaicParams,
+    limits: &Limits,
+    progress: &Progress,
+) -> Result<Mosaic, CatalogueError> {
     let mut warnings = layout.warning(picture.size());
     let memory = &limits.memory;
-    let (mut photos, _of_entries) = candidates(catalogue, params, memory, &mut warnings)?;
-    let reducing = reserve(
-        memory,
-        layout.bytes_to_reduce(picture.size()),
-        "the picture",
-    )?;
-    let (picture, frame) = layout.reduced(picture);
-    drop(reducing);
-    let small = 12 * picture.size().pixels() as u64;
-    let _of_picture = reserve(memory, small, "the picture")?;
-    let _of_choice = reserve_choice(&layout, params, photos.len(), memory)?;
-    let plan = Plan::new(&layout, outputs, params, limits)?;
+    let mut set = PhotoSet::fitting(catalogue, params.tile, params.crop, memory)?;
+    // what is set by hand is checked before any work is done for it
+    resolve(&set, layout, params)?;
+    warnings.extend_from_slice(set.warnings());
+    let (scene, _of_picture) = Scene::new(layout, picture, memory)?;
+    let _of_choice = reserve_choice(layout, params, set.len(), memory)?;
+    let plan = Plan::new(layout, &sink.outputs, params, limits)?;
     let workers = Workers::new()?;
-    let mut descriptors = describe_all(&photos, progress)?;
+    set.describe(progress)?;
     if params.preview_px.is_none() {
         // the descriptors hold all that is needed of the small pictures
-        for photo in &mut photos {
+        for photo in &mut set.photos {
             photo.entry.thumbnail = None;
         }
     }
+    let mut made = compose(
+        &mut set, layout, &scene, sink, params, &plan, &workers, progress,
+    )?;
+    made.warnings.splice(0..0, warnings);
+    Ok(made)
+}
+
+/// Chooses photos and paints the mosaic. Photos that cannot be read are taken out of the set.
+#[expect(clippy::too_many_arguments, reason = "all that a mosaic is made from")]
+pub(crate) fn compose(
+    set: &mut PhotoSet,
+    layout: &Layout,
+    scene: &Scene,
+    sink: &mut Sink<'_>,
+    params: &MosaicParams,
+    plan: &Plan,
+    workers: &Workers,
+    progress: &Progress,
+) -> Result<Mosaic, CatalogueError> {
+    let mut warnings = Vec::new();
     let mut cut = None;
     loop {
-        let groups = near_duplicates(&descriptors, NEAR_DUPLICATE, progress)?;
-        let library = Photos::new(&descriptors, groups.clone(), &params.choose);
+        let hand = resolve(set, layout, params)?;
+        let mut library = Photos::new(&set.descriptors, set.groups.clone(), &params.choose);
+        for photo in hand.banned {
+            library.ban(photo);
+        }
         // the tiles stay when photos are replaced
         let tiling = match &mut cut {
             Some(tiling) => &*tiling,
-            none => none.insert(layout.tiles(&picture, frame, &library, params, progress)?),
+            none => none.insert(layout.tiles(
+                &scene.picture,
+                scene.frame,
+                &library,
+                params,
+                progress,
+            )?),
         };
-        let choice = choose(tiling, &library, &params.rules, &params.choose, progress)?;
+        let (rules, choose) = (&params.rules, &params.choose);
+        let choice = choose_by_hand(tiling, &library, rules, &hand.by_hand, choose, progress)
+            .map_err(|error| of_tile(error, tiling))?;
         let places: Vec<(u32, Rect)> = tiling
             .tiles
             .iter()
@@ -149,26 +283,26 @@ pub fn mosaic(
             Source::Photos(params.crop, &plan.photos)
         };
         let painter = Painter::new(
-            &photos,
+            &set.photos,
             &places,
             (layout.size, plan.strip_px),
             source,
             plan.room,
-            &workers,
+            workers,
             progress,
         );
         let named: Vec<(&Path, Rect)> = places
             .iter()
-            .map(|&(photo, place)| (photos[photo as usize].entry.path.as_path(), place))
+            .map(|&(photo, place)| (set.photos[photo as usize].entry.path.as_path(), place))
             .collect();
         let size = (layout.size, plan.strip_px);
-        let broken = match write(outputs, size, &named, painter, params.quality, progress) {
+        let broken = match write(sink, size, &named, painter, params.quality, progress) {
             Ok(kept) => {
                 warnings.extend(kept.as_deref().map(kept_warning));
                 return Ok(described(
-                    &layout,
-                    &photos,
-                    &groups,
+                    layout,
+                    &set.photos,
+                    &set.groups,
                     library.different(),
                     choice,
                     tiling,
@@ -180,19 +314,24 @@ pub fn mosaic(
             Err(Unpainted::Cancelled(cancelled)) => return Err(cancelled.into()),
             Err(Unpainted::Photos(broken)) => broken,
         };
-        warnings.extend(replaced(&broken, &photos));
+        warnings.extend(replaced(&broken, &set.photos));
         if let Some(tiling) = &mut cut {
             // photos get other numbers
             tiling.start.clear();
         }
         let gone: HashSet<u32> = broken.iter().map(|(photo, _)| *photo).collect();
-        remove(&gone, &mut photos);
-        remove(&gone, &mut descriptors);
-        if photos.is_empty() {
-            return Err(CatalogueError::Empty {
-                path: catalogue.path().into(),
-            });
-        }
+        set.remove(&gone, progress)?;
+    }
+}
+
+/// Errors about a tile by its place in the grid.
+fn of_tile(error: ChooseError, tiling: &Tiling) -> CatalogueError {
+    match error {
+        ChooseError::NothingLeft { tile } => CatalogueError::NothingLeft {
+            col: tiling.tiles[tile].col,
+            row: tiling.tiles[tile].row,
+        },
+        error => error.into(),
     }
 }
 
@@ -224,19 +363,6 @@ fn check_outputs(
     Ok(())
 }
 
-/// The descriptors of all photos.
-fn describe_all(photos: &[Candidate], progress: &Progress) -> Result<Vec<Descriptor>, Cancelled> {
-    let phase = progress.phase("photos", photos.len() as u64);
-    photos
-        .par_iter()
-        .map(|photo| {
-            progress.check()?;
-            phase.advance(1);
-            Ok(describe(photo))
-        })
-        .collect()
-}
-
 /// A warning about a folder that holds what was put into the old page.
 fn kept_warning(folder: &Path) -> String {
     format!(
@@ -258,21 +384,20 @@ fn replaced(broken: &[(u32, String)], photos: &[Candidate]) -> Vec<String> {
         .collect()
 }
 
-/// Removes the members with these numbers.
-fn remove<T>(gone: &HashSet<u32>, list: &mut Vec<T>) {
-    let mut number = 0..;
-    list.retain(|_| number.next().is_some_and(|number| !gone.contains(&number)));
-}
-
 /// Paints the mosaic into all outputs at once. Returns a folder that is kept, with what was put into a page that was replaced.
 fn write(
-    outputs: &Outputs<'_>,
+    sink: &mut Sink<'_>,
     (size, strip_px): (Size, usize),
     photos: &[(&Path, Rect)],
     mut painter: Painter<'_>,
     quality: u8,
     progress: &Progress,
 ) -> Result<Option<PathBuf>, Unpainted> {
+    let outputs = sink.outputs;
+    if let Some(all) = &mut sink.pixels {
+        // a second attempt begins anew
+        all.clear();
+    }
     let phase = progress.phase("write", size.height().div_ceil(strip_px) as u64);
     let mut zoom = match outputs.deep_zoom {
         Some(folder) => Some(DeepZoom::new(folder, size, quality)?),
@@ -282,6 +407,9 @@ fn write(
         painter.rows(&rows, pixels)?;
         if let Some(zoom) = &mut zoom {
             zoom.push(pixels, progress)?;
+        }
+        if let Some(all) = &mut sink.pixels {
+            all.extend_from_slice(pixels);
         }
         phase.advance(1);
         Ok::<(), Unpainted>(())
@@ -303,94 +431,6 @@ fn write(
         return Ok(zoom.finish(photos.iter().copied(), progress)?);
     }
     Ok(None)
-}
-
-/// The photos that fit the tiles.
-fn candidates(
-    catalogue: &Catalogue,
-    params: &MosaicParams,
-    memory: &MemoryBudget,
-    warnings: &mut Vec<String>,
-) -> Result<(Vec<Candidate>, Reservation), CatalogueError> {
-    let Loaded { entries, memory } = there(catalogue, memory, warnings)?;
-    if entries.is_empty() {
-        return Err(CatalogueError::Empty {
-            path: catalogue.path().into(),
-        });
-    }
-    let total = entries.len();
-    let aspect = params.tile.width() as f64 / params.tile.height() as f64;
-    let fitting: Vec<Candidate> = entries
-        .into_iter()
-        .filter_map(|entry| {
-            let size = Size::new(entry.width, entry.height).ok()?;
-            let frame = params.crop.frame(size, aspect)?;
-            Some(Candidate { entry, frame })
-        })
-        .collect();
-    if fitting.is_empty() {
-        return Err(CatalogueError::NoneFits {
-            photos: total,
-            width: params.tile.width(),
-            height: params.tile.height(),
-        });
-    }
-    Ok((fitting, memory))
-}
-
-/// The photos whose files are as they were when they were added.
-fn there(
-    catalogue: &Catalogue,
-    memory: &MemoryBudget,
-    warnings: &mut Vec<String>,
-) -> Result<Loaded, CatalogueError> {
-    let Loaded {
-        mut entries,
-        memory,
-    } = catalogue.usable(memory)?;
-    let flaw = |entry: &Entry| match entry.path.metadata() {
-        Ok(metadata) if !metadata.is_file() => Some("is no longer a plain file"),
-        Ok(metadata) if metadata.len() == entry.bytes && modified(&metadata) == entry.modified => {
-            None
-        }
-        Ok(_) => Some("changed since it was added (add it again)"),
-        Err(_) => Some("is no longer there"),
-    };
-    let flaws: Vec<Option<&str>> = entries.par_iter().map(flaw).collect();
-    let mut flaws = flaws.into_iter();
-    entries.retain(|entry| {
-        let Some(reason) = flaws.next().flatten() else {
-            return true;
-        };
-        warnings.push(format!(
-            "{}: {reason}; others took its place",
-            entry.path.display()
-        ));
-        false
-    });
-    Ok(Loaded { entries, memory })
-}
-
-/// Descriptor of the part of a photo that a tile shows.
-fn describe(Candidate { entry, frame }: &Candidate) -> Descriptor {
-    let Some(small) = &entry.thumbnail else {
-        // only photos with a small picture come here
-        return Descriptor {
-            coefficients: Vec::new(),
-            quarters: [[0.0; 3]; 4],
-        };
-    };
-    let (x, y) = (
-        small.width() as f64 / entry.width as f64,
-        small.height() as f64 / entry.height as f64,
-    );
-    let frame = Frame {
-        left: frame.left * x,
-        top: frame.top * y,
-        width: frame.width * x,
-        height: frame.height * y,
-    };
-    Descriptor::of_srgb(small, frame, MAX_DEGREE)
 }
 
 #[expect(clippy::too_many_arguments, reason = "the parameters of a mosaic")]

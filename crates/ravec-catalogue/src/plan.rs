@@ -50,6 +50,14 @@ pub(crate) fn reserve_choice(
     reserve(memory, bytes, "the choice of photos")
 }
 
+/// Reserves memory for the looks of photos that are kept from one choice to the next.
+pub(crate) fn reserve_photos(
+    photos: usize,
+    memory: &MemoryBudget,
+) -> Result<Reservation, CatalogueError> {
+    reserve(memory, photos as u64 * PHOTO_BYTES, "the looks of photos")
+}
+
 /// Reserves `bytes`, or says that the mosaic needs them for a purpose.
 pub(crate) fn reserve(
     memory: &MemoryBudget,

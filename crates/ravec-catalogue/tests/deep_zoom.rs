@@ -65,6 +65,8 @@ fn make(
         quality: 95,
         kept_bytes: 1 << 20,
         adaptive: None,
+        pins: Vec::new(),
+        bans: Vec::new(),
         preview_px: None,
     };
     let outputs = Outputs {

@@ -159,6 +159,8 @@ fn params(columns: usize, rows: usize, tile: (usize, usize)) -> MosaicParams {
         quality: 90,
         kept_bytes: 128 << 20,
         adaptive: None,
+        pins: Vec::new(),
+        bans: Vec::new(),
         preview_px: None,
     }
 }

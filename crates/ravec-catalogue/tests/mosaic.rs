@@ -64,6 +64,8 @@ fn params(columns: usize, rows: usize, tile: (usize, usize), crop: Crop) -> Mosa
         quality: 92,
         kept_bytes: 1 << 16,
         adaptive: None,
+        pins: Vec::new(),
+        bans: Vec::new(),
         preview_px: None,
     }
 }

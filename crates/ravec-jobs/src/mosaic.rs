@@ -1,5 +1,12 @@
 //! `mosaic`: a picture made of whole, unchanged photos.
 
+mod by_hand;
+mod desk;
+
+pub use by_hand::{BannedPhoto, PinnedPhoto};
+pub use desk::{MosaicDesk, Preview};
+pub use ravec_catalogue::TileCandidate;
+
 use crate::catalogue::{check_side_outputs, journals};
 use crate::context::Context;
 use crate::error::JobError;
@@ -8,8 +15,10 @@ use crate::operation::Operation;
 use crate::report::{FileReport, Report};
 use ravec::mosaic::{ChooseParams, Crop, Features, MAX_DEGREE, Rules, Weights};
 use ravec::raster::Size;
-use ravec_catalogue::{Catalogue, CatalogueError, MosaicParams, Outputs, leads_into};
-use ravec_media::Format;
+use ravec_catalogue::{
+    Catalogue, CatalogueError, MosaicParams, Outputs, leads_into, mosaic_in_memory,
+};
+use ravec_media::{Format, Picture, WriteOptions};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -135,6 +144,10 @@ lists the files of a page, and a folder with anything else in it, or with a chan
 there would be on it. --tile-size must be a multiple of 3. --feature-degree compares tiles through which an edge runs by their \
 structure, and the others by --degree.
 
+--pin 3,0:/photos/a.jpg gives the tile in column 3 and row 0, counted from 0, that photo, and --ban /photos/b.jpg uses that one and its \
+near-duplicates nowhere, --ban 3,0:/photos/b.jpg not at that tile. Photos have the paths that ravec library list prints. Pinned \
+photos count for the limits on repeats of all other tiles, and keep none among themselves.
+
 --preview takes the small pictures in the catalogue in place of the photos, for trying out the other options.
 
 Figures: columns, rows, tiles, features (tiles with an edge), photos (that fit the tiles), different (of these, to the eye), used, most_uses, nearest_repeat (in tiles; \
@@ -185,6 +198,12 @@ pub struct Params {
     /// Seed of the tiles that are off the grid
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = Self::default().seed))]
     pub seed: u64,
+    /// A tile and the photo that it has, as in 3,0:/photos/a.jpg; not with --adaptive. May be repeated
+    #[cfg_attr(feature = "cli", arg(long = "pin", value_name = "COL,ROW:PHOTO"))]
+    pub pins: Vec<PinnedPhoto>,
+    /// A photo that is not used, as in /photos/b.jpg, or not at a tile, as in 3,0:/photos/b.jpg. May be repeated
+    #[cfg_attr(feature = "cli", arg(long = "ban", value_name = "[COL,ROW:]PHOTO"))]
+    pub bans: Vec<BannedPhoto>,
     /// Weight with which neighbors compensate one another's errors, 0 to 1; 0 treats each tile alone
     #[cfg_attr(feature = "cli", arg(long, value_name = "SHARE", default_value_t = Self::default().blend))]
     pub blend: f64,
@@ -218,6 +237,8 @@ impl Default for Params {
             feature_weight: 1.0,
             adaptive: false,
             seed: 0,
+            pins: Vec::new(),
+            bans: Vec::new(),
             blend: choose.blend,
             rounds: choose.rounds,
             tiling_rounds: None,
@@ -263,7 +284,7 @@ impl Operation for Mosaic {
 
     /// Composes the picture from the photos of the catalogue, each scaled and, on request, cropped, and nothing else.
     ///
-    /// No output may be the catalogue or a photo that it knows.
+    /// No output may be the catalogue or a photo that it knows. The picture may stay in memory.
     ///
     /// Figures: `columns`, `rows`, `tiles`, `features` (tiles with an edge, if compared in their own way), `photos` (that fit the tiles), `different` (of these, to the eye), `used`, `most_uses`,
     /// `nearest_repeat` (in tiles; infinite if no photo is there twice), `cost` (the sum over tiles of the mean squared
@@ -282,23 +303,20 @@ impl Operation for Mosaic {
             ..
         } = self;
         let progress = &context.progress;
+        let output = self.output.as_deref();
+        let in_memory = output.filter(|path| context.is_intermediate(path));
         let outputs = &Outputs {
-            picture: self.output.as_deref(),
+            picture: output.filter(|_| in_memory.is_none()),
             deep_zoom: self.deep_zoom.as_deref(),
         };
         let settings = checked(params)?;
-        if outputs.picture.is_none() && outputs.deep_zoom.is_none() {
+        if output.is_none() && outputs.deep_zoom.is_none() {
             return Err(JobError::Missing {
                 fields: &["output", "deep_zoom"],
                 expected: "give a file or a folder to write",
             });
         }
-        for path in self
-            .outputs()
-            .into_iter()
-            .chain(self.folders())
-            .chain([&**catalogue])
-        {
+        for path in self.folders().into_iter().chain([&**catalogue]) {
             context.check_is_file(path)?;
         }
         let format = outputs.picture.and_then(Format::from_extension);
@@ -320,19 +338,27 @@ impl Operation for Mosaic {
         check_outputs(&catalogue, outputs, context).map_err(JobError::from_catalogue)?;
         let mut report = Report::of(self, params);
         let picture = files::read(input, &mut report, context)?;
+        let (limits, image) = (&context.limits, &picture.image);
         let mosaic = report.time("mosaic", || {
-            ravec_catalogue::mosaic(
-                &catalogue,
-                &picture.image,
-                outputs,
-                &settings,
-                &context.limits,
-                progress,
-            )
+            if in_memory.is_some() {
+                let page = outputs.deep_zoom;
+                let made = mosaic_in_memory(&catalogue, image, page, &settings, limits, progress)?;
+                Ok((made.0, Some(made.1)))
+            } else {
+                let made = ravec_catalogue::mosaic(
+                    &catalogue, image, outputs, &settings, limits, progress,
+                );
+                Ok((made?, None))
+            }
         });
-        let mosaic = mosaic.map_err(JobError::from_catalogue)?;
+        let (mosaic, pixels) = mosaic.map_err(JobError::from_catalogue)?;
         for warning in &mosaic.warnings {
             report.warn(warning.clone());
+        }
+        if let (Some(output), Some(pixels)) = (in_memory, pixels) {
+            let picture = Picture::from_image(pixels);
+            let options = WriteOptions::default();
+            files::write(output, &picture, &options, &mut report, context)?;
         }
         let written = [
             (outputs.picture, format.map_or("", Format::name)),
@@ -505,6 +531,8 @@ fn checked(params: &Params) -> Result<MosaicParams, JobError> {
         },
         adaptive: params.adaptive.then_some(params.seed),
         quality: params.quality,
+        pins: params.pins.iter().map(Into::into).collect(),
+        bans: params.bans.iter().map(Into::into).collect(),
         kept_bytes: KEPT_BYTES,
         preview_px: params.preview.then_some(PREVIEW_PX),
     })

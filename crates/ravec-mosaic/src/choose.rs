@@ -6,11 +6,14 @@
 //!    tile and photo first; if that leads into a dead end and the problem is small, by search (see the module `fill`).
 //! 3. *Improvement* (see the module `improve`): photos change, and tiles swap, as long as the energy falls.
 //!
-//! Guarantees: the rules hold; the same choice on any number of threads; of small problems (a few hundred tiles and a
+//! Tiles that are pinned have their photo from the start and keep it; photos that are banned are no candidates.
+//!
+//! Guarantees: the rules hold for all tiles that are not pinned; the same choice on any number of threads; of small problems (a few hundred tiles and a
 //! dozen photos, or the other way round) an answer if there is one, unless the search for it runs out of steps. Does
 //! not guarantee: the optimum under a repeat distance, which is a hard problem, as is to find any answer if photos
 //! hardly suffice; the distance of the cost from a lower bound is reported.
 
+use crate::by_hand::{ByHand, Hand};
 use crate::descriptor::{Descriptor, Weights};
 use crate::fill::fill;
 use crate::improve;
@@ -76,6 +79,10 @@ pub struct Photos {
     quarters: Vec<[[f32; 3]; 4]>,
     groups: Vec<u32>,
     different: usize,
+    /// The groups that are banned.
+    banned: Vec<bool>,
+    /// Photos in these groups.
+    banned_photos: usize,
 }
 
 /// Photos as tiles of one kind see them.
@@ -127,6 +134,7 @@ impl Photos {
             };
             Class::new(descriptors, weights, features.weight)
         });
+        let different = groups.iter().max().map_or(0, |&group| group as usize + 1);
         Self {
             classes: std::iter::once(Class::new(descriptors, params.weights, 1.0))
                 .chain(features)
@@ -135,13 +143,47 @@ impl Photos {
                 .iter()
                 .map(|descriptor| descriptor.quarters)
                 .collect(),
-            different: groups.iter().max().map_or(0, |&group| group as usize + 1),
+            different,
             groups,
+            banned: vec![false; different],
+            banned_photos: 0,
         }
     }
 
-    fn is_empty(&self) -> bool {
+    /// Takes a photo and its near-duplicates out of the choice. Only tiles that are pinned may still have them.
+    ///
+    /// # Panics
+    /// If there is no such photo.
+    pub fn ban(&mut self, photo: u32) {
+        let group = self.group(photo);
+        if !std::mem::replace(&mut self.banned[group], true) {
+            self.banned_photos += self.size_of(group);
+        }
+    }
+
+    /// Number of photos, with those that are banned.
+    pub fn len(&self) -> usize {
+        self.groups.len()
+    }
+
+    /// Returns `true` if there is no photo.
+    pub fn is_empty(&self) -> bool {
         self.groups.is_empty()
+    }
+
+    pub(crate) fn banned_groups(&self) -> &[bool] {
+        &self.banned
+    }
+
+    /// Groups that are not banned.
+    pub(crate) fn allowed(&self) -> usize {
+        self.banned.iter().filter(|&&banned| !banned).count()
+    }
+
+    /// Photos of a group.
+    fn size_of(&self, group: usize) -> usize {
+        let groups = self.groups.iter();
+        groups.filter(|&&other| other as usize == group).count()
     }
 
     fn class_of(&self, tile: &Tile) -> usize {
@@ -173,10 +215,28 @@ impl Photos {
             .distance_sq(&class.vector(&tile.descriptor), photo)
     }
 
-    /// The `count` photos nearest to a tile, one of each group.
+    /// The `count` photos nearest to a tile that are not banned, one of each group.
     pub(crate) fn candidates(&self, tile: &Tile, count: usize) -> Vec<Near> {
         let class = self.class(tile);
-        self.one_of_each_group(class.index.nearest(&class.vector(&tile.descriptor), count))
+        let query = class.vector(&tile.descriptor);
+        let mut near = class.index.nearest(&query, count + self.banned_photos);
+        near.retain(|near| !self.banned[self.group(near.photo)]);
+        near.truncate(count);
+        self.one_of_each_group(near)
+    }
+
+    /// The `count` photos nearest to a tile, the nearest first, by the squared distances that [`choose()`] compares. Of
+    /// near-duplicates only the nearest is there, and none that is banned; there are fewer if there are not so many.
+    pub fn nearest(&self, tile: &Tile, count: usize) -> Vec<Near> {
+        let mut asked = count;
+        loop {
+            let mut near = self.candidates(tile, asked);
+            if near.len() >= count || asked >= self.len() {
+                near.truncate(count);
+                return near;
+            }
+            asked = (2 * asked).min(self.len());
+        }
     }
 
     /// Photos in the order of their distance, the nearest of each group only.
@@ -210,6 +270,7 @@ pub(crate) struct Problem<'a> {
     pub tiles: &'a [Tile],
     pub photos: &'a Photos,
     queries: Vec<Vec<f32>>,
+    pub hand: Hand,
     pub candidates: Vec<Vec<Near>>,
 }
 
@@ -227,33 +288,37 @@ impl Problem<'_> {
         self.index(tile).all(&self.queries[tile])
     }
 
-    /// All groups by their nearest photo, the nearest first.
+    /// All groups that a tile may have by their nearest photo, the nearest first.
     pub fn everything(&self, tile: usize) -> Vec<Near> {
-        let index = self.index(tile);
-        let all = index.nearest(&self.queries[tile], index.len());
-        self.photos.one_of_each_group(all)
+        self.nearest(tile, self.index(tile).len())
     }
-}
 
-/// The nearest photos of each tile, one of each group of near-duplicates.
-fn candidates(
-    tiles: &[Tile],
-    queries: &[Vec<f32>],
-    photos: &Photos,
-    count: usize,
-    progress: &Progress,
-) -> Result<Vec<Vec<Near>>, Cancelled> {
-    let phase = progress.phase("search", tiles.len() as u64);
-    tiles
-        .par_iter()
-        .zip(queries)
-        .map(|(tile, query)| {
-            progress.check()?;
-            let near = photos.class(tile).index.nearest(query, count);
-            phase.advance(1);
-            Ok(photos.one_of_each_group(near))
-        })
-        .collect()
+    /// The `count` nearest photos that a tile may have, one of each group of near-duplicates.
+    fn nearest(&self, tile: usize, count: usize) -> Vec<Near> {
+        let (photos, hand) = (self.photos, &self.hand);
+        let banned_here = hand.banned_at(tile).map(|group| photos.size_of(group));
+        let banned = photos.banned_photos + banned_here.sum::<usize>();
+        let mut near = self
+            .index(tile)
+            .nearest(&self.queries[tile], count.saturating_add(banned));
+        near.retain(|near| !hand.bans(tile, photos.group(near.photo)));
+        near.truncate(count);
+        photos.one_of_each_group(near)
+    }
+
+    /// The `count` nearest photos that each tile may have.
+    fn candidates(&self, count: usize, progress: &Progress) -> Result<Vec<Vec<Near>>, Cancelled> {
+        let phase = progress.phase("search", self.tiles.len() as u64);
+        (0..self.tiles.len())
+            .into_par_iter()
+            .map(|tile| {
+                progress.check()?;
+                let near = self.nearest(tile, count);
+                phase.advance(1);
+                Ok(near)
+            })
+            .collect()
+    }
 }
 
 /// Assignment of photos to tiles, and its cost.
@@ -283,9 +348,31 @@ pub fn choose(
     params: &ChooseParams,
     progress: &Progress,
 ) -> Result<Choice, ChooseError> {
+    choose_by_hand(tiling, photos, rules, &ByHand::default(), params, progress)
+}
+
+/// Chooses a photo for each tile around those that are set by hand.
+///
+/// Tiles that are pinned have their photo, whatever the rules say. For all others the rules hold, also towards pinned tiles.
+/// Without anything set by hand the choice is that of [`choose()`].
+///
+/// # Errors
+/// [`ChooseError`] if what is set by hand makes no sense, or the rules cannot be kept or were not found to be possible to keep.
+pub fn choose_by_hand(
+    tiling: &Tiling,
+    photos: &Photos,
+    rules: &Rules,
+    by_hand: &ByHand,
+    params: &ChooseParams,
+    progress: &Progress,
+) -> Result<Choice, ChooseError> {
     let tiles = &tiling.tiles[..];
     let different = photos.different;
-    check_counts(tiles.len(), photos, rules)?;
+    if photos.is_empty() {
+        return Err(ChooseError::NoPhotos);
+    }
+    let hand = Hand::new(by_hand, tiles.len(), photos)?;
+    check_counts(tiles.len(), photos, rules, &hand)?;
     if tiles.is_empty() {
         return Ok(Choice {
             photos: Vec::new(),
@@ -298,27 +385,41 @@ pub fn choose(
         .iter()
         .map(|tile| photos.class(tile).vector(&tile.descriptor))
         .collect();
-    let candidates = candidates(tiles, &queries, photos, params.candidates.max(1), progress)?;
     let mut problem = Problem {
         tiling,
         tiles,
         photos,
         queries,
-        candidates,
+        hand,
+        candidates: Vec::new(),
     };
+    problem.candidates = problem.candidates(params.candidates.max(1), progress)?;
+    let hand = problem.hand.clone();
+    let without = (0..tiles.len())
+        .find(|&tile| hand.pinned(tile).is_none() && problem.candidates[tile].is_empty());
+    if let Some(tile) = without {
+        return Err(ChooseError::NothingLeft { tile });
+    }
     let centers = tiling.centers();
-    let mut placement = Placement::new(*rules, &centers, &photos.groups, different);
+    let mut placement = Placement::new(*rules, &centers, &photos.groups, different).with(&hand);
+    for (tile, photo) in hand.pins() {
+        placement.put(tile, Some(photo));
+    }
     let nearest_sum: f64 = problem
         .candidates
         .iter()
-        .filter_map(|near| near.first())
-        .map(|near| f64::from(near.distance_sq))
+        .enumerate()
+        .filter_map(|(tile, near)| match hand.pinned(tile) {
+            Some(photo) => Some(problem.cost(tile, photo)),
+            None => near.first().map(|near| near.distance_sq),
+        })
+        .map(f64::from)
         .sum();
     let counted = rules.max_uses.is_some() || rules.use_all;
     let spread = rules.min_repeat_distance > 1.0;
     let mut bound = nearest_sum;
     if counted && tiles.len().saturating_mul(different) <= MAX_COSTS {
-        let best = cheapest_of_groups(&problem, rules, progress)?;
+        let best = cheapest_of_groups(&problem, &placement, progress)?;
         bound = best
             .iter()
             .enumerate()
@@ -348,6 +449,12 @@ pub fn choose(
                     return Err(error);
                 }
             }
+            // a photo may be banned at the tiles that were left for it
+            Ok(()) if rules.use_all && unused(&placement).next().is_some() => {
+                if !fill(&problem, &mut placement, progress)? {
+                    return Err(ChooseError::NotAllUsed);
+                }
+            }
             done => done?,
         }
     }
@@ -374,59 +481,124 @@ pub fn choose(
     })
 }
 
+/// The groups that are not banned and that no tile has.
+fn unused<'a>(placement: &'a Placement<'_>) -> impl Iterator<Item = usize> + 'a {
+    (0..placement.different()).filter(|&group| {
+        placement.tiles_of(group).is_empty() && !placement.is_banned_everywhere(group)
+    })
+}
+
 /// Checks that there are as many photos as the rules ask for.
-fn check_counts(tiles: usize, photos: &Photos, rules: &Rules) -> Result<(), ChooseError> {
-    let different = photos.different;
-    if photos.is_empty() {
-        return Err(ChooseError::NoPhotos);
+fn check_counts(
+    tiles: usize,
+    photos: &Photos,
+    rules: &Rules,
+    hand: &Hand,
+) -> Result<(), ChooseError> {
+    let allowed = photos.allowed();
+    let mut pinned = vec![0usize; photos.different];
+    for (_, photo) in hand.pins() {
+        pinned[photos.group(photo)] += 1;
     }
-    if let Some(max_uses) = rules.max_uses
-        && (max_uses as usize).saturating_mul(different) < tiles
-    {
-        return Err(ChooseError::TooFew {
+    let free = tiles - hand.pins().count();
+    let groups = || (0..photos.different).filter(|&group| !hand.bans_everywhere(group));
+    if let Some(max_uses) = rules.max_uses {
+        let left = groups().map(|group| (max_uses as usize).saturating_sub(pinned[group]));
+        if left.fold(0, usize::saturating_add) < free {
+            return Err(ChooseError::TooFew {
+                tiles,
+                different: allowed,
+                max_uses,
+            });
+        }
+    }
+    if rules.use_all && groups().filter(|&group| pinned[group] == 0).count() > free {
+        return Err(ChooseError::TooMany {
             tiles,
-            different,
-            max_uses,
+            different: allowed,
         });
-    }
-    if rules.use_all && different > tiles {
-        return Err(ChooseError::TooMany { tiles, different });
     }
     Ok(())
 }
 
-/// The cheapest assignment under limits on numbers alone.
+/// The cheapest assignment under limits on numbers alone, around the tiles that are pinned.
 fn cheapest_of_groups(
     problem: &Problem<'_>,
-    rules: &Rules,
+    placement: &Placement<'_>,
     progress: &Progress,
-) -> Result<Vec<u32>, Cancelled> {
-    let photos = problem.photos;
-    let (tiles, different) = (problem.tiles.len(), photos.different);
-    let mut costs = vec![f32::INFINITY; tiles * different];
-    let mut best = vec![0u32; tiles * different];
+) -> Result<Vec<u32>, ChooseError> {
+    let (photos, hand, rules) = (problem.photos, &problem.hand, placement.rules);
+    let groups: Vec<usize> = (0..photos.different)
+        .filter(|&group| !hand.bans_everywhere(group))
+        .collect();
+    let mut column = vec![None; photos.different];
+    for (number, &group) in groups.iter().enumerate() {
+        column[group] = Some(number);
+    }
+    let free: Vec<usize> = (0..problem.tiles.len())
+        .filter(|&tile| hand.pinned(tile).is_none())
+        .collect();
+    let mut chosen: Vec<u32> = (0..problem.tiles.len())
+        .map(|tile| hand.pinned(tile).unwrap_or(0))
+        .collect();
+    if free.is_empty() {
+        return Ok(chosen);
+    }
+    // a free tile has a candidate, and so there is a group
+    let columns = groups.len();
+    let mut costs = vec![f32::INFINITY; free.len() * columns];
+    let mut best = vec![0u32; free.len() * columns];
     costs
-        .par_chunks_exact_mut(different)
-        .zip(best.par_chunks_exact_mut(different))
-        .enumerate()
-        .try_for_each(|(tile, (costs, best))| {
+        .par_chunks_exact_mut(columns)
+        .zip(best.par_chunks_exact_mut(columns))
+        .zip(&free)
+        .try_for_each(|((costs, best), &tile)| {
             progress.check()?;
             for (photo, cost) in problem.costs(tile).into_iter().enumerate() {
-                let group = photos.groups[photo] as usize;
-                if cost < costs[group] {
-                    costs[group] = cost;
-                    best[group] = photo as u32;
+                let Some(column) = column[photos.groups[photo] as usize] else {
+                    continue;
+                };
+                if cost < costs[column] {
+                    costs[column] = cost;
+                    best[column] = photo as u32;
                 }
             }
             Ok::<(), Cancelled>(())
         })?;
-    let most = rules.max_uses.unwrap_or(u32::MAX).min(tiles as u32);
-    let found = cheapest(&costs, &vec![most; different], rules.use_all, progress)?;
-    Ok(found
+    if hand.has_bans_of_tiles() {
+        // more than all other costs together, so that it is paid only where nothing else is left
+        let largest = costs.iter().fold(0.0f32, |most, &cost| most.max(cost));
+        let forbidden = (largest + 1.0) * (free.len() + 1) as f32;
+        for (costs, &tile) in costs.chunks_exact_mut(columns).zip(&free) {
+            for (cost, &group) in costs.iter_mut().zip(&groups) {
+                if hand.bans(tile, group) {
+                    *cost = forbidden;
+                }
+            }
+        }
+    }
+    let most = rules.max_uses.unwrap_or(u32::MAX);
+    let uses = |&group: &usize| placement.tiles_of(group).len() as u32;
+    let capacity: Vec<u32> = groups
         .iter()
-        .enumerate()
-        .map(|(tile, &group)| best[tile * different + group as usize])
-        .collect())
+        .map(|group| most.saturating_sub(uses(group)).min(free.len() as u32))
+        .collect();
+    let required: Vec<bool> = groups
+        .iter()
+        .map(|group| rules.use_all && uses(group) == 0)
+        .collect();
+    let found = cheapest(&costs, &capacity, &required, progress)?;
+    for (row, (&tile, &number)) in free.iter().zip(&found).enumerate() {
+        if hand.bans(tile, groups[number as usize]) {
+            return Err(if rules.use_all {
+                ChooseError::NotAllUsed
+            } else {
+                ChooseError::NothingLeft { tile }
+            });
+        }
+        chosen[tile] = best[row * columns + number as usize];
+    }
+    Ok(chosen)
 }
 
 /// A pair of tile and photo; the cheapest is the greatest, as heaps have it.
@@ -513,8 +685,15 @@ fn use_each_once(
     let mut wanted: Vec<Vec<(f32, u32, u32)>> = vec![Vec::new(); photos.different];
     for tile in 0..problem.tiles.len() {
         progress.check()?;
+        if placement.is_pinned(tile) {
+            continue;
+        }
         for (photo, cost) in problem.costs(tile).into_iter().enumerate() {
-            let list = &mut wanted[photos.groups[photo] as usize];
+            let group = photos.groups[photo] as usize;
+            if problem.hand.bans(tile, group) {
+                continue;
+            }
+            let list = &mut wanted[group];
             if list.len() == REMEMBERED && list.last().is_some_and(|last| last.0 <= cost) {
                 continue;
             }
@@ -532,15 +711,17 @@ fn use_each_once(
         }
     }
     for photo in 0..photos.groups.len() as u32 {
-        if !placement.tiles_of(placement.group(photo)).is_empty() {
+        let group = placement.group(photo);
+        if !placement.tiles_of(group).is_empty() {
             continue;
         }
         progress.check()?;
-        let free = (0..problem.tiles.len()).filter(|&tile| placement.photo(tile).is_none());
+        let free = (0..problem.tiles.len())
+            .filter(|&tile| placement.photo(tile).is_none() && !problem.hand.bans(tile, group));
         let best = free
             .map(|tile| (problem.cost(tile, photo), tile))
             .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        // there are at least as many tiles as groups, which the caller has checked
+        // there are at least as many tiles as groups, which the caller has checked, but bans may leave none
         if let Some((_, tile)) = best {
             placement.put(tile, Some(photo));
         }
@@ -549,4 +730,4 @@ fn use_each_once(
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

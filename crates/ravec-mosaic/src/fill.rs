@@ -1,7 +1,8 @@
 //! Photos for all tiles where taking the cheapest led into a dead end.
 //!
 //! A search with steps back: of the empty tiles that with the fewest photos left is filled, the cheapest photo first. Photos
-//! that are nowhere yet are as good as one another for what can be done at all, so only the cheapest of them is tried.
+//! that are nowhere yet are as good as one another for what can be done at all, so only the cheapest of them is tried,
+//! unless some are banned at single tiles.
 //!
 //! Source: the order is that of Brélaz, "New Methods to Color the Vertices of a Graph", 1979.
 //!
@@ -20,14 +21,14 @@ const MAX_PAIRS: usize = 4096;
 /// in a hundredth of that.
 const MAX_STEPS: usize = 20_000;
 
-/// Fills all tiles anew. Returns whether that was possible; if not, tiles are empty.
+/// Fills all tiles anew but those that are pinned. Returns whether that was possible; if not, tiles are empty.
 pub(crate) fn fill(
     problem: &Problem<'_>,
     placement: &mut Placement<'_>,
     progress: &Progress,
 ) -> Result<bool, Cancelled> {
     let tiles = problem.tiles.len();
-    for tile in 0..tiles {
+    for tile in (0..tiles).filter(|&tile| problem.hand.pinned(tile).is_none()) {
         placement.put(tile, None);
     }
     let different = problem.photos.different();
@@ -37,6 +38,7 @@ pub(crate) fn fill(
     let mut search = Search {
         options: (0..tiles).map(|tile| problem.everything(tile)).collect(),
         different,
+        alike: !problem.hand.has_bans_of_tiles(),
         steps: 0,
         progress,
     };
@@ -47,6 +49,8 @@ struct Search<'a> {
     /// For each tile the nearest photo of each group.
     options: Vec<Vec<Near>>,
     different: usize,
+    /// True if photos that are nowhere yet are as good as one another.
+    alike: bool,
     steps: usize,
     progress: &'a Progress,
 }
@@ -58,7 +62,9 @@ impl Search<'_> {
             .filter(|&tile| placement.photo(tile).is_none())
             .collect();
         if placement.rules.use_all {
-            let unused = (0..self.different).filter(|&group| placement.tiles_of(group).is_empty());
+            let unused = (0..self.different).filter(|&group| {
+                placement.tiles_of(group).is_empty() && !placement.is_banned_everywhere(group)
+            });
             if unused.count() > empty.len() {
                 return Ok(false);
             }
@@ -76,7 +82,7 @@ impl Search<'_> {
         for option in 0..self.options[tile].len() {
             let photo = self.options[tile][option].photo;
             let new = placement.tiles_of(placement.group(photo)).is_empty();
-            if (new && tried_new) || !placement.allows(tile, photo) {
+            if (new && tried_new && self.alike) || !placement.allows(tile, photo) {
                 continue;
             }
             tried_new |= new;

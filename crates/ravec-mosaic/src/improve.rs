@@ -52,6 +52,9 @@ pub(crate) fn improve(
         let before = changes;
         for tile in 0..tiles.len() {
             progress.check()?;
+            if placement.is_pinned(tile) {
+                continue;
+            }
             changes += usize::from(round.visit(tile, placement));
         }
         phase.advance(1);

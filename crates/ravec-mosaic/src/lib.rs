@@ -32,6 +32,7 @@
 //! | photos not worth a tile | [`flaw`] |
 //! | tiles of a picture | [`grid_tiles`], [`adaptive_tiles`], [`mark_features`] |
 //! | which photo goes where | [`choose()`], [`Rules`], [`violations`] |
+//! | photos that are set by hand | [`choose_by_hand`], [`ByHand`], [`Photos::ban`], [`Photos::nearest`] |
 //! | a photo as it stands in a tile | [`scaled_photo`], [`Crop`] |
 //!
 //! Guarantees: rules hold or an error says why they cannot; the same choice on any number of threads. Does not
@@ -46,6 +47,7 @@
 
 mod adaptive;
 mod basis;
+mod by_hand;
 mod choose;
 mod clean;
 mod descriptor;
@@ -62,7 +64,8 @@ mod tile;
 mod tiling;
 
 pub use adaptive::{ADAPTIVE_UNITS, adaptive_tiles};
-pub use choose::{Choice, ChooseParams, Features, Photos, choose};
+pub use by_hand::{ByHand, TilePhoto};
+pub use choose::{Choice, ChooseParams, Features, Photos, choose, choose_by_hand};
 pub use clean::{Flaw, MIN_SIDE, flaw};
 pub use descriptor::{Descriptor, Frame, MAX_DEGREE, Weights};
 pub use feature::mark_features;

@@ -2,7 +2,7 @@
 //!
 //! Each tile gets one photo, each photo at most as many tiles as it has capacity. Tiles that can have their cheapest photo
 //! get it; each further one is put in along a shortest path of exchanges, found by Dijkstra's algorithm on costs that are
-//! reduced by prices. The rule that every photo is used is enforced by a bonus on its first use that outweighs all costs.
+//! reduced by prices. The rule that a photo is used is enforced by a bonus on its first use that outweighs all costs.
 //!
 //! Source: Jonker, Volgenant, "A Shortest Augmenting Path Algorithm for Dense and Sparse Linear Assignment Problems", 1987,
 //! with capacities. Guarantees: an optimum up to rounding of doubles. Cost: tiles² × photos at worst, far less as a rule;
@@ -11,16 +11,17 @@
 use ravec_progress::{Cancelled, Progress};
 
 /// The cheapest assignment: for each tile its photo. `costs` has for each tile those of all photos; the capacities add up to
-/// at least the number of tiles, and if every photo must be used, there are at most as many as tiles.
+/// at least the number of tiles, and of photos that are `required` to be used there are at most as many as tiles.
 pub(crate) fn cheapest(
     costs: &[f32],
     capacity: &[u32],
-    use_all: bool,
+    required: &[bool],
     progress: &Progress,
 ) -> Result<Vec<u32>, Cancelled> {
     let photos = capacity.len();
     let tiles = costs.len() / photos;
     let largest = costs.iter().fold(0.0f32, |most, &cost| most.max(cost));
+    let use_all = required.contains(&true);
     let bonus = f64::from(largest) * tiles as f64 + 1.0;
     // with a bonus, a photo is two columns: its first use and the others
     let mut room: Vec<usize> = capacity.iter().map(|&uses| uses as usize).collect();
@@ -37,7 +38,9 @@ pub(crate) fn cheapest(
     let columns = room.len();
     let mut first_use = vec![0.0; columns];
     if use_all {
-        first_use[..photos].fill(bonus);
+        for (first_use, &required) in first_use.iter_mut().zip(required) {
+            *first_use = if required { bonus } else { 0.0 };
+        }
     }
     // the costs of a tile for all columns
     let costs_of = |tile: usize| {
@@ -173,10 +176,19 @@ mod tests {
     use proptest::prelude::*;
 
     /// The least total of all assignments.
-    fn brute_force(costs: &[f32], capacity: &[u32], use_all: bool) -> Option<f64> {
-        fn go(costs: &[f32], left: &mut [u32], used: &mut [bool], use_all: bool) -> Option<f64> {
+    fn brute_force(costs: &[f32], capacity: &[u32], required: &[bool]) -> Option<f64> {
+        fn go(
+            costs: &[f32],
+            left: &mut [u32],
+            used: &mut [bool],
+            required: &[bool],
+        ) -> Option<f64> {
             if costs.is_empty() {
-                return (!use_all || used.iter().all(|&used| used)).then_some(0.0);
+                let mut missing = required
+                    .iter()
+                    .zip(used)
+                    .filter(|(required, used)| **required && !**used);
+                return missing.next().is_none().then_some(0.0);
             }
             let (row, rest) = costs.split_at(left.len());
             let mut best: Option<f64> = None;
@@ -186,7 +198,7 @@ mod tests {
                 }
                 left[photo] -= 1;
                 let before = std::mem::replace(&mut used[photo], true);
-                if let Some(total) = go(rest, left, used, use_all) {
+                if let Some(total) = go(rest, left, used, required) {
                     let total = total + f64::from(row[photo]);
                     best = Some(best.map_or(total, |best| best.min(total)));
                 }
@@ -196,7 +208,7 @@ mod tests {
             best
         }
         let mut left = capacity.to_vec();
-        go(costs, &mut left, &mut vec![false; capacity.len()], use_all)
+        go(costs, &mut left, &mut vec![false; capacity.len()], required)
     }
 
     proptest! {
@@ -204,13 +216,14 @@ mod tests {
         #[test]
         fn the_total_is_that_of_brute_force(
             photos in 1usize..5, tiles in 1usize..6, numbers in proptest::collection::vec(0u32..20, 25),
-            capacities in proptest::collection::vec(1u32..4, 5), use_all: bool,
+            capacities in proptest::collection::vec(0u32..4, 5), required in proptest::collection::vec(proptest::bool::ANY, 5),
         ) {
             let costs: Vec<f32> = numbers.iter().cycle().take(photos * tiles).map(|&n| n as f32).collect();
             let capacity = &capacities[..photos];
             prop_assume!(capacity.iter().sum::<u32>() as usize >= tiles);
-            prop_assume!(!use_all || photos <= tiles);
-            let found = cheapest(&costs, capacity, use_all, &Progress::none()).unwrap();
+            let required: Vec<bool> = required[..photos].iter().zip(capacity).map(|(&required, &uses)| required && uses > 0).collect();
+            prop_assume!(required.iter().filter(|&&required| required).count() <= tiles);
+            let found = cheapest(&costs, capacity, &required, &Progress::none()).unwrap();
             let mut uses = vec![0; photos];
             let mut total = 0.0;
             for (tile, &photo) in found.iter().enumerate() {
@@ -218,9 +231,9 @@ mod tests {
                 total += f64::from(costs[tile * photos + photo as usize]);
             }
             prop_assert!(uses.iter().zip(capacity).all(|(uses, most)| uses <= most));
-            prop_assert!(!use_all || uses.iter().all(|&uses| uses > 0));
+            prop_assert!(uses.iter().zip(&required).all(|(&uses, &required)| uses > 0 || !required));
             // whole numbers add without rounding
-            prop_assert_eq!(Some(total), brute_force(&costs, capacity, use_all));
+            prop_assert_eq!(Some(total), brute_force(&costs, capacity, &required));
         }
     }
 }

@@ -100,7 +100,7 @@ pub(crate) fn retile(
     progress: &Progress,
 ) -> Result<Tiled, Cancelled> {
     let (columns, rows) = (empty.columns, empty.rows);
-    if source.photos.different() == 0 {
+    if source.photos.allowed() == 0 {
         // the choice of photos will say what is missing
         let tile = |&place| Tile::of(source.picture, empty, source.frame, place, source.degree);
         return Ok(Tiled {

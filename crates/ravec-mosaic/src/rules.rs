@@ -1,5 +1,8 @@
 //! Rules of a mosaic, and the record of the photos in use that enforces them.
 
+use crate::by_hand::Hand;
+use std::borrow::Cow;
+
 /// Limits on how often and how near to each other a photo may be used.
 ///
 /// They hold for groups of near-duplicates: two photos that cannot be distinguished are one photo to the eye.
@@ -62,6 +65,43 @@ pub enum ChooseError {
         /// [`Rules::min_repeat_distance`].
         distance: f64,
     },
+    /// No photo is left for a tile.
+    #[error("no photo is left for tile {tile} beside those that are banned or used up: lift a ban")]
+    NothingLeft {
+        /// Number of the tile.
+        tile: usize,
+    },
+    /// Bans leave no way to use all photos.
+    #[error("not all photos can be used under these bans: lift a ban, or do not use all photos")]
+    NotAllUsed,
+    /// A photo is set by hand for a tile that does not exist.
+    #[error("there is no tile {tile}: there are {tiles}, counted from 0")]
+    NoSuchTile {
+        /// Number of the tile.
+        tile: usize,
+        /// Tiles in all.
+        tiles: usize,
+    },
+    /// A photo that does not exist is set by hand.
+    #[error("there is no photo {photo}: there are {photos}, counted from 0")]
+    NoSuchPhoto {
+        /// Number of the photo.
+        photo: u32,
+        /// Photos in all.
+        photos: usize,
+    },
+    /// Two photos are pinned to one tile.
+    #[error("two photos are pinned to tile {tile}: remove one of the pins")]
+    PinnedTwice {
+        /// Number of the tile.
+        tile: usize,
+    },
+    /// A photo is pinned to a tile at which it is banned.
+    #[error("one photo is both pinned to tile {tile} and banned there: remove the pin or the ban")]
+    PinnedAndBanned {
+        /// Number of the tile.
+        tile: usize,
+    },
     /// The caller cancelled the work.
     #[error(transparent)]
     Cancelled(#[from] ravec_progress::Cancelled),
@@ -76,6 +116,7 @@ pub(crate) struct Placement<'a> {
     photos: Vec<Option<u32>>,
     /// The tiles of each group.
     tiles: Vec<Vec<u32>>,
+    hand: Cow<'a, Hand>,
 }
 
 impl<'a> Placement<'a> {
@@ -86,7 +127,28 @@ impl<'a> Placement<'a> {
             groups,
             photos: vec![None; centers.len()],
             tiles: vec![Vec::new(); different],
+            hand: Cow::Owned(Hand::nothing(different)),
         }
+    }
+
+    /// The same placement, in which photos that are banned are not allowed, and pinned tiles do not give up their photos.
+    pub fn with(self, hand: &'a Hand) -> Self {
+        Self {
+            hand: Cow::Borrowed(hand),
+            ..self
+        }
+    }
+
+    pub fn different(&self) -> usize {
+        self.tiles.len()
+    }
+
+    pub fn is_pinned(&self, tile: usize) -> bool {
+        self.hand.pinned(tile).is_some()
+    }
+
+    pub fn is_banned_everywhere(&self, group: usize) -> bool {
+        self.hand.bans_everywhere(group)
     }
 
     pub fn group(&self, photo: u32) -> usize {
@@ -124,6 +186,9 @@ impl<'a> Placement<'a> {
     /// Returns `true` if a photo may be put into a tile, in place of what is there.
     pub fn allows(&self, tile: usize, photo: u32) -> bool {
         let group = self.group(photo);
+        if self.is_pinned(tile) || self.hand.bans(tile, group) {
+            return false;
+        }
         let others = || {
             self.tiles[group]
                 .iter()
@@ -141,7 +206,8 @@ impl<'a> Placement<'a> {
             || self.photos[tile].is_none_or(|photo| self.tiles[self.group(photo)].len() > 1)
     }
 
-    /// The tiles that would have to give up a photo of this group, if `tile` had it: none if there are too many ways.
+    /// The tiles that would have to give up a photo of this group, if `tile` had it: none if there are too many ways, or if one
+    /// that is pinned is in the way.
     pub fn in_the_way(&self, tile: usize, photo: u32) -> Vec<u32> {
         let tiles = &self.tiles[self.group(photo)];
         let others = || {
@@ -153,11 +219,13 @@ impl<'a> Placement<'a> {
         let near: Vec<u32> = others()
             .filter(|&other| self.too_near(tile, other as usize))
             .collect();
-        match near.len() {
+        let mut found = match near.len() {
             0 if others().count() <= 4 => others().collect(),
             1 => near,
             _ => Vec::new(),
-        }
+        };
+        found.retain(|&other| !self.is_pinned(other as usize));
+        found
     }
 }
 

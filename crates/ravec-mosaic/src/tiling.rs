@@ -96,6 +96,20 @@ impl Tiling {
         }
     }
 
+    /// Adds the tile of `side` units that begins at this column and row of units, as it looks in a frame of the picture, with
+    /// polynomials up to `degree`.
+    pub fn describe(
+        &mut self,
+        picture: &Image<Oklab>,
+        frame: Frame,
+        [col, row]: [usize; 2],
+        side: usize,
+        degree: usize,
+    ) {
+        let tile = Tile::of(picture, self, frame, (side, col, row), degree);
+        self.tiles.push(tile);
+    }
+
     /// The tiles on each unit, row by row of units; a tiling that covers the picture exactly has one everywhere.
     pub fn covered(&self) -> Vec<u32> {
         let mut covered = vec![0; self.columns * self.rows];

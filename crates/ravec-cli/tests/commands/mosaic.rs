@@ -67,6 +67,76 @@ fn a_missing_photo_is_a_warning_and_the_report_says_which_photo_is_where() {
 }
 
 #[test]
+fn photos_are_pinned_and_banned_by_the_paths_that_the_catalogue_lists() {
+    let folder = studio();
+    let path = folder.path();
+    let flags = [
+        "--tiles",
+        "4x3",
+        "--tile-size",
+        "32x24",
+        "--min-repeat-distance",
+        "0",
+        "--json",
+        "r.json",
+    ];
+    let photos = || -> Vec<String> {
+        let text = std::fs::read_to_string(path.join("r.json")).unwrap();
+        let report: serde_json::Value = serde_json::from_str(&text).unwrap();
+        serde_json::from_value(report["result"]["photos"].clone()).unwrap()
+    };
+    assert_eq!(code(&mosaic(path, &flags)), 0);
+    let free = photos();
+    let listed = ravec(path, &["library", "list", "--catalogue", "c.ravec"]);
+    let listed: serde_json::Value = serde_json::from_slice(&listed.stdout).unwrap();
+    let listed = listed.as_array().unwrap().iter();
+    let listed: Vec<&str> = listed
+        .map(|photo| photo["path"].as_str().unwrap())
+        .collect();
+    let pinned = *listed
+        .iter()
+        .find(|photo| free.iter().all(|other| other != *photo))
+        .unwrap();
+    let banned = &free[0];
+    let pin = format!("2,1:{pinned}");
+    let ban_here = format!("3,2:{}", free[11]);
+    let by_hand = ["--pin", &pin, "--ban", banned, "--ban", &ban_here];
+    let made = mosaic(path, &[&flags[..], &by_hand].concat());
+    assert_eq!(code(&made), 0, "{}", stderr(&made));
+    let chosen = photos();
+    assert_eq!(chosen[6], pinned);
+    assert!(chosen.iter().all(|photo| photo != banned));
+    assert_ne!(chosen[11], free[11]);
+    // from the present folder
+    let relative = mosaic(
+        path,
+        &[&flags[..], &["--pin", "0,0:photos/29.bmp"]].concat(),
+    );
+    assert_eq!(code(&relative), 0, "{}", stderr(&relative));
+    assert!(photos()[0].ends_with("photos/29.bmp"));
+
+    let refused = |more: &[&str], expected: i32, words: &str| {
+        let made = mosaic(path, &[&flags[..], more].concat());
+        assert_refused(&made, expected, &[words]);
+    };
+    refused(
+        &["--ban", "none.bmp"],
+        3,
+        "has no photo none.bmp that can be used",
+    );
+    refused(&["--pin", "4,0:photos/00.bmp"], 2, "there is no tile 4,0");
+    let both = ["--pin", "1,1:photos/03.bmp", "--ban", "photos/03.bmp"];
+    refused(&both, 2, "photos/03.bmp is both pinned and banned");
+    let adaptive = ["--adaptive", "--tile-size", "33x24", "--crop", "center"];
+    let off_the_grid = [&adaptive[..], &["--pin", "1,1:photos/03.bmp"]].concat();
+    let made = mosaic(path, &[&["--tiles", "4x3"], &off_the_grid[..]].concat());
+    assert_refused(&made, 2, &["an adaptive mosaic have no columns and rows"]);
+    let wrong = mosaic(path, &[&flags[..], &["--pin", "photos/03.bmp"]].concat());
+    assert_eq!(code(&wrong), 2);
+    assert!(stderr(&wrong).contains("write COL,ROW:PHOTO"));
+}
+
+#[test]
 fn a_page_that_zooms_is_a_folder_and_a_preview_is_small() {
     let folder = studio();
     let path = folder.path();

@@ -179,16 +179,32 @@ fn recipes_that_cannot_run_are_refused_before_their_first_step() {
 }
 
 #[test]
-fn what_is_written_piece_by_piece_needs_a_file() {
+fn a_mosaic_stays_in_memory_and_its_page_does_not() {
     let folder = folder();
     done(
         folder.path(),
         "-q library add a.bmp b.bmp --catalogue photos.ravec",
     );
+    let params = json!({ "tiles": "4x3", "tile_size": "16x12", "min_repeat_distance": 0.0, "crop": "center" });
     put(
         folder.path(),
-        &json!([{ "operation": "mosaic", "input": "a.bmp", "catalogue": "photos.ravec", "output": "@m" }]),
+        &json!([
+            { "operation": "mosaic", "input": "a.bmp", "catalogue": "photos.ravec", "output": "@m", "params": params },
+            { "operation": "twocolor", "input": "@m", "output": "one.png" }
+        ]),
+    );
+    done(folder.path(), "-q run recipe.json");
+    done(
+        folder.path(),
+        "-q mosaic a.bmp --catalogue photos.ravec -o m.png --tiles 4x3 --tile-size 16x12 --min-repeat-distance 0 --crop center",
+    );
+    done(folder.path(), "-q twocolor m.png -o two.png");
+    let read = |name: &str| fs::read(folder.path().join(name)).unwrap();
+    assert!(read("one.png") == read("two.png"));
+    put(
+        folder.path(),
+        &json!([{ "operation": "mosaic", "input": "a.bmp", "catalogue": "photos.ravec", "deep_zoom": "@z" }]),
     );
     let output = ravec(folder.path(), &["run", "recipe.json"]);
-    assert_refused(&output, 2, &["@m cannot stay in memory"]);
+    assert_refused(&output, 2, &["@z cannot stay in memory"]);
 }

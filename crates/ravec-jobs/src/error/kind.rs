@@ -134,11 +134,18 @@ fn catalogue_kind(cause: &CatalogueError) -> ErrorKind {
         CatalogueError::TooLarge { .. }
         | CatalogueError::TooManyPixels { .. }
         | CatalogueError::NoThirds { .. }
+        | CatalogueError::NoGrid
+        | CatalogueError::NoSuchTile { .. }
+        | CatalogueError::NoSuchPlace { .. }
+        | CatalogueError::PinnedTwice { .. }
+        | CatalogueError::PinnedAndBanned { .. }
         | CatalogueError::Protected { .. } => ErrorKind::Request,
         CatalogueError::Change { .. } | CatalogueError::Busy { writing: true, .. } => {
             ErrorKind::Output
         }
-        CatalogueError::Choose(_) | CatalogueError::Threads { .. } => ErrorKind::Failure,
+        CatalogueError::Choose(_)
+        | CatalogueError::NothingLeft { .. }
+        | CatalogueError::Threads { .. } => ErrorKind::Failure,
         CatalogueError::Write(error) if matches!(error.cause, EncodeError::UnknownExtension) => {
             ErrorKind::Request
         }

@@ -2,7 +2,7 @@ use super::*;
 use crate::rules::violations;
 use proptest::prelude::*;
 
-fn descriptors(count: usize, seed: u64) -> Vec<Descriptor> {
+pub(crate) fn descriptors(count: usize, seed: u64) -> Vec<Descriptor> {
     let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
     let mut number = move || {
         state ^= state << 13;
@@ -22,7 +22,7 @@ fn descriptors(count: usize, seed: u64) -> Vec<Descriptor> {
         .collect()
 }
 
-fn grid(columns: usize, rows: usize, seed: u64) -> Tiling {
+pub(crate) fn grid(columns: usize, rows: usize, seed: u64) -> Tiling {
     let tiles = descriptors(columns * rows, seed)
         .into_iter()
         .enumerate()
@@ -43,7 +43,7 @@ fn grid(columns: usize, rows: usize, seed: u64) -> Tiling {
     }
 }
 
-fn params(blend: f64) -> ChooseParams {
+pub(crate) fn params(blend: f64) -> ChooseParams {
     ChooseParams {
         weights: Weights {
             degree: 1,
