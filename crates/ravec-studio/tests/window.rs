@@ -4,27 +4,40 @@
 
 use ravec_jobs::{Context, Operation as _, Step, recipe};
 use ravec_studio::Control;
-use serde_json::json;
+use serde_json::{Value, json};
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 /// A bound on the time that anything may take, far beyond what it takes.
-const HANG: Duration = Duration::from_mins(3);
+const HANG: Duration = Duration::from_mins(1);
 /// Time between two looks.
 const POLL: Duration = Duration::from_millis(40);
-/// Time between two events of the hand.
-const HAND: Duration = Duration::from_millis(30);
+/// Times between two events of the hand, from a quick one to a slow one: where all events of a drag come to one frame of the window,
+/// which takes long without a GPU on a machine that is busy, the drag is none.
+const HAND: [Duration; 4] = [
+    Duration::from_millis(30),
+    Duration::from_millis(100),
+    Duration::from_millis(300),
+    Duration::from_millis(900),
+];
+/// Time after which a drag without effect is tried again.
+const RETRY: Duration = Duration::from_secs(10);
 
 /// Looks until something is there.
-fn wait<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
+fn wait<T>(what: &str, look: impl FnMut() -> Option<T>) -> T {
+    wait_for(HANG, look).unwrap_or_else(|| panic!("waited in vain for {what}"))
+}
+
+/// Looks until something is there, or some time has passed.
+fn wait_for<T>(time: Duration, mut look: impl FnMut() -> Option<T>) -> Option<T> {
     let start = Instant::now();
     loop {
-        if let Some(found) = look() {
+        let found = look();
+        if found.is_some() || start.elapsed() > time {
             return found;
         }
-        assert!(start.elapsed() < HANG, "waited in vain for {what}");
         std::thread::sleep(POLL);
     }
 }
@@ -127,6 +140,22 @@ impl Desk {
         window
     }
 
+    /// The copy of a document that the program keeps while it runs.
+    fn copy(&self, number: u32) -> String {
+        let runs = std::fs::read_dir(self.path("state/ravec/studio"));
+        let runs = runs.into_iter().flatten().flatten();
+        let texts = runs.map(|run| text_of(&run.path().join(format!("{number}.json"))));
+        texts.collect()
+    }
+
+    /// The planes in the copy of the first document.
+    fn planes(&self) -> Option<Value> {
+        let project: Value = serde_json::from_str(&self.copy(1)).ok()?;
+        let edits = project["editor"]["edits"].as_array()?;
+        let planes = &edits.last()?["fields"]["params"]["planes"];
+        (!planes.is_null()).then(|| planes.clone())
+    }
+
     fn hand(&self, arguments: &[&str]) -> String {
         let output = Command::new("xdotool")
             .args(arguments)
@@ -134,7 +163,7 @@ impl Desk {
             .output()
             .unwrap();
         assert!(output.status.success(), "xdotool {arguments:?}: {output:?}");
-        std::thread::sleep(HAND);
+        std::thread::sleep(HAND[0]);
         String::from_utf8(output.stdout).unwrap()
     }
 }
@@ -167,7 +196,7 @@ impl Window<'_> {
             .cloned()
     }
 
-    fn wait_for(&self, name: &str) -> Control {
+    fn see(&self, name: &str) -> Control {
         wait(name, || self.find(name))
     }
 
@@ -193,15 +222,25 @@ impl Window<'_> {
     }
 
     fn click(&self, name: &str) {
-        let place = self.wait_for(name).rect().center();
+        let place = self.see(name).rect().center();
         self.move_to([place.x, place.y]);
         self.desk.hand(&["mousedown", "1"]);
         self.desk.hand(&["mouseup", "1"]);
     }
 
-    /// Drags through points of the picture, given in pixels of it.
-    fn drag(&self, points: &[[f32; 2]]) {
-        let area = self.wait_for("Canvas").rect();
+    /// Drags through points of the picture, given in pixels of it, until this has an effect.
+    fn drag<T>(&self, what: &str, points: &[[f32; 2]], effect: impl Fn() -> Option<T>) -> T {
+        for pause in HAND {
+            self.drag_once(points, pause);
+            if let Some(found) = wait_for(RETRY, &effect) {
+                return found;
+            }
+        }
+        panic!("dragged in vain for {what}");
+    }
+
+    fn drag_once(&self, points: &[[f32; 2]], pause: Duration) {
+        let area = self.see("Canvas").rect();
         let [width, height] = wait("the size of the picture", || self.size());
         let zoom = (area.width() / width).min(area.height() / height) * 0.96;
         let place = |[x, y]: [f32; 2]| {
@@ -213,11 +252,13 @@ impl Window<'_> {
         };
         self.move_to(place(points[0]));
         self.desk.hand(&["mousedown", "1"]);
+        std::thread::sleep(pause);
         for pair in points.windows(2) {
             for step in 1..=4 {
                 let share = step as f32 / 4.0;
                 let at = [0, 1].map(|k| pair[0][k] + share * (pair[1][k] - pair[0][k]));
                 self.move_to(place(at));
+                std::thread::sleep(pause);
             }
         }
         self.desk.hand(&["mouseup", "1"]);
@@ -230,7 +271,7 @@ impl Window<'_> {
     /// Opens a file by its path.
     fn open(&self, path: &Path) {
         self.press("ctrl+o");
-        self.wait_for("Open a picture, a mesh, a clip or a project: Open");
+        self.see("Open a picture, a mesh, a clip or a project: Open");
         self.desk
             .hand(&["type", "--delay", "8", path.to_str().unwrap()]);
         wait("the path that is typed", || {
@@ -246,7 +287,7 @@ impl Window<'_> {
     /// Presses keys, and Enter in the dialog that they open.
     fn confirm(&self, keys: &str, button: &str) {
         self.press(keys);
-        self.wait_for(button);
+        self.see(button);
         self.press("Return");
         wait("the end of the dialog", || {
             self.find(button).is_none().then_some(())
@@ -304,13 +345,18 @@ fn a_session_in_a_window_outlives_a_kill() {
     let mut window = desk.start();
     window.open(&desk.path("facade.png"));
     window.click("Brush");
-    window.wait_for("Remove Brush");
-    window.drag(&[[40.0, 40.0], [120.0, 60.0], [180.0, 120.0]]);
-    window.wait_for("1 strokes");
+    // the panel knows the picture: the tool is ready
+    window.see("0 strokes");
+    let way = [[40.0, 40.0], [120.0, 60.0], [180.0, 120.0]];
+    window.drag("a stroke", &way, || window.find("1 strokes"));
 
     window.click("Retarget");
-    window.wait_for("Remove Retarget");
-    window.drag(&[[240.0, 80.0], [200.0, 80.0]]);
+    window.see("Drag the frame");
+    window.wait_for_result();
+    window.drag("a narrower frame", &[[240.0, 80.0], [200.0, 80.0]], || {
+        let sizes = window.find("Sizes")?.value?;
+        (sizes != "240x160").then_some(())
+    });
     let [width, height] = wait("a narrower picture", || {
         window.size().filter(|size| size[0] < 220.0)
     });
@@ -321,19 +367,25 @@ fn a_session_in_a_window_outlives_a_kill() {
     window.wait_for_result();
 
     window.click("Complete");
-    window.wait_for("Remove Complete");
-    window.drag(&[
+    window.see("Remove Complete");
+    window.wait_for_result();
+    let around = [
         [80.0, 60.0],
         [120.0, 60.0],
         [120.0, 100.0],
         [80.0, 100.0],
         [80.0, 62.0],
-    ]);
-    wait("an area to fill", || window.find("Remove the area"));
+    ];
+    window.drag("an area to fill", &around, || {
+        window.find("Remove the area")
+    });
     window.click("Planes");
     window.click("Add a plane");
     wait("a plane", || window.find("Remove planes"));
-    window.drag(&[[50.0, 40.0], [40.0, 30.0]]);
+    let start = wait("the plane in the copy", || desk.planes());
+    window.drag("another corner", &[[50.0, 40.0], [40.0, 30.0]], || {
+        desk.planes().filter(|planes| *planes != start)
+    });
     window.click("Fill");
     window.wait_for_result();
 
@@ -358,35 +410,28 @@ fn a_session_in_a_window_outlives_a_kill() {
     window.wait_for_result();
 
     window.press("ctrl+Tab");
-    window.wait_for("Remove Complete");
+    window.see("Remove Complete");
     window.click("Two-color view");
-    window.wait_for("Remove Two-color view");
+    window.see("Remove Two-color view");
     wait("the copies of both documents", || {
-        let runs = std::fs::read_dir(desk.path("state/ravec/studio")).ok()?;
-        let texts: Vec<[String; 2]> = runs
-            .flatten()
-            .map(|run| ["1.json", "2.json"].map(|name| text_of(&run.path().join(name))))
-            .collect();
-        let both = |[picture, mesh]: &[String; 2]| {
-            picture.contains("twocolor") && mesh.contains("\"offset\"")
-        };
-        texts.iter().any(both).then_some(())
+        let both = desk.copy(1).contains("twocolor") && desk.copy(2).contains("\"offset\"");
+        both.then_some(())
     });
     window.program.kill();
 
     let window = desk.start();
-    window.wait_for("2 documents that were not saved are open again");
+    window.see("2 documents that were not saved are open again");
     let (mesh_project, mesh) = (desk.path("box.ravec.json"), desk.path("box-edited.ply"));
     for (tool, project, output) in [
         ("Remove Offset", &mesh_project, &mesh),
         ("Remove Two-color view", &picture_project, &picture),
     ] {
-        window.wait_for(tool);
+        window.see(tool);
         window.wait_for_result();
         window.confirm("ctrl+e", "Export the result: Export");
-        window.wait_for(&format!("{} is written", output.display()));
+        window.see(&format!("{} is written", output.display()));
         window.confirm("ctrl+s", "Save the project: Save");
-        window.wait_for(&format!("{} is saved", project.display()));
+        window.see(&format!("{} is saved", project.display()));
         let exported = std::fs::read(output).unwrap();
         assert!(
             bytes_of_run(project, output) == exported,
