@@ -152,7 +152,7 @@ impl Step {
     }
 
     /// Replaces the path of each file and folder in the fields of a step as JSON, with its `operation`; standard input and output
-    /// and intermediate results such as `@wide` stay. Parameters are not looked at, and may be wrong.
+    /// and intermediate results such as `@wide` stay. Parameters stay, and may be wrong where an operation needs none.
     ///
     /// ```
     /// use serde_json::json;
@@ -171,9 +171,12 @@ impl Step {
         fields: &mut Map<String, Value>,
         change: &dyn Fn(&Path) -> PathBuf,
     ) -> Result<(), serde_json::Error> {
-        let mut plain = fields.clone();
-        plain.remove("params");
-        let step: Self = serde_json::from_value(Value::Object(plain))?;
+        let step = serde_json::from_value(Value::Object(fields.clone())).or_else(|_| {
+            // without parameters that make no sense
+            let mut plain = fields.clone();
+            plain.remove("params");
+            serde_json::from_value::<Self>(Value::Object(plain))
+        })?;
         let operation = step.operation();
         let paths: Vec<&Path> = (operation.inputs().into_iter())
             .chain(operation.outputs())
