@@ -171,3 +171,158 @@ fn absolute(path: &Path, folder: &Path) -> PathBuf {
     // no dots that were added when it was saved
     folder.join(path.strip_prefix(".").unwrap_or(path))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::engine::export;
+    use glam::DVec3;
+    use ravec::mesh::TriMesh;
+    use ravec::mesh_io::MeshFormat;
+    use ravec::progress::Progress;
+    use ravec::raster::{AnyImage, Image, Size, Srgb};
+    use ravec_jobs::mesh::{MeshTarget, write_mesh_file};
+    use ravec_jobs::{Context, Operation as _, recipe};
+    use ravec_media::{Picture, WriteOptions};
+    use serde_json::{Map, json};
+
+    fn fields(value: Value) -> Map<String, Value> {
+        match value {
+            Value::Object(fields) => fields,
+            other => panic!("no object: {other}"),
+        }
+    }
+
+    fn put_mesh(path: &Path, mesh: &TriMesh) {
+        let target = MeshTarget::of(path, MeshFormat::Off).unwrap();
+        write_mesh_file(path, mesh, &target, &Progress::none()).unwrap();
+    }
+
+    fn put_frame(path: &Path, number: usize) {
+        let image: Image<Srgb<u8>> = Image::from_fn(Size::new(96, 72).unwrap(), |col, row| {
+            let (x, y) = (col + 2 * number, row + number);
+            let tone = ((x * 37 + y * 91 + (x / 5) * (y / 4) * 53) % 200) as u8;
+            Srgb([tone, 255 - tone, 40 + tone / 2])
+        });
+        let picture = Picture::from_image(AnyImage::from(image));
+        ravec_media::write(path, &picture, &WriteOptions::default()).unwrap();
+    }
+
+    /// Saves a project in a folder, and moves the folder.
+    fn saved_and_moved(folder: &Path, document: Document, output: &Path) -> PathBuf {
+        let project = Project {
+            document,
+            output: output.to_path_buf(),
+        };
+        let file = folder.join("here/all.ravec.json");
+        project.save(&file).unwrap();
+        assert_eq!(Project::load(&file).unwrap(), project);
+        let text = std::fs::read_to_string(&file).unwrap();
+        assert!(!text.contains("here/"), "{text}");
+        std::fs::rename(folder.join("here"), folder.join("there")).unwrap();
+        folder.join("there/all.ravec.json")
+    }
+
+    /// The bytes of files that the studio exports, which are those that `ravec run` writes.
+    fn exported(project: &Path, files: &[PathBuf]) -> Vec<Vec<u8>> {
+        let read = || -> Vec<Vec<u8>> {
+            let bytes = files.iter().map(|file| std::fs::read(file).unwrap());
+            bytes.collect()
+        };
+        let loaded = Project::load(project).unwrap();
+        export(&loaded.document, &loaded.output, &Progress::none()).unwrap();
+        let studio = read();
+        for file in files {
+            std::fs::remove_file(file).unwrap();
+        }
+        let run = recipe::Run {
+            file: project.to_path_buf(),
+            params: recipe::Params::default(),
+        };
+        run.run(&Context::default()).unwrap();
+        assert!(read() == studio);
+        studio
+    }
+
+    #[test]
+    fn a_boolean_moves_with_its_folder() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        std::fs::create_dir_all(at("here/parts")).unwrap();
+        let cube = |side: f64| ravec_scenes::solids::cuboid(DVec3::splat(side));
+        put_mesh(&at("here/block.off"), &cube(4.0).mesh);
+        put_mesh(
+            &at("here/parts/drill.off"),
+            &cube(2.0).shifted(DVec3::splat(1.5)).mesh,
+        );
+        // a name that would be one of a mesh, and a file, without its folder
+        put_mesh(&at("here/c=d.off"), &cube(1.0).mesh);
+        put_mesh(&at("outside.off"), &cube(0.5).mesh);
+        let text = |name: &str| at(name).to_str().unwrap().to_owned();
+        let mut document = Document::new(at("here/block.off"));
+        let files = [
+            format!("b={}", text("here/parts/drill.off")),
+            text("here/c=d.off"),
+            format!("e={}", text("outside.off")),
+        ];
+        document.push(
+            "boolean",
+            fields(json!({
+                "expression": "a - b - c - e", "files": files, "origins": text("here/origins.csv"),
+                "params": {"place": ["e:1.75,-1.75,0"]},
+            })),
+        );
+        let wrong = document.push(
+            "boolean",
+            fields(json!({
+                "expression": "a", "files": [text("here/parts/drill.off")], "params": {"inside": "no such"},
+            })),
+        );
+        let wrong = Edit {
+            enabled: false,
+            ..Edit::clone(document.edit(wrong).unwrap())
+        };
+        document.replace(wrong);
+        let project = saved_and_moved(folder.path(), document, &at("here/out.ply"));
+        let moved = Project::load(&project).unwrap();
+        assert_eq!(
+            moved.document.edits[1].fields["files"],
+            json!([text("there/parts/drill.off")])
+        );
+        let files = [at("there/out.ply"), at("there/origins.csv")];
+        let bytes = exported(&project, &files);
+        assert!(bytes.iter().all(|bytes| !bytes.is_empty()));
+        let read = ravec_jobs::mesh::read_mesh_file(
+            &files[0],
+            &Context::default().mesh_limits(),
+            &Progress::none(),
+        );
+        let volume = ravec::mesh::measure(&read.unwrap().mesh).volume;
+        // the drill takes 1.5³ of the block, the cubes 1 and 0.5³
+        let expected = 64.0 - 3.375 - 1.0 - 0.125;
+        assert!((volume - expected).abs() < 1e-9, "{volume}");
+    }
+
+    #[test]
+    fn a_track_moves_with_its_folder() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        std::fs::create_dir_all(at("here/frames")).unwrap();
+        for number in 0..3 {
+            put_frame(&at(&format!("here/frames/{number}.png")), number);
+        }
+        let text = |name: &str| at(name).to_str().unwrap().to_owned();
+        let mut document = Document::new(at("here/frames"));
+        document.push(
+            "track",
+            fields(json!({
+                "output": text("here/track.json"), "exports": [format!("csv={}", text("here/corners.dat"))],
+                "show": text("here/show.y4m"), "params": {"quads": ["20,16,76,16,76,56,20,56"]},
+            })),
+        );
+        let project = saved_and_moved(folder.path(), document, &at("here/out.mp4"));
+        let files = ["there/track.json", "there/corners.dat", "there/show.y4m"].map(at);
+        let bytes = exported(&project, &files);
+        assert!(bytes[1].starts_with(b"frame"), "{:?}", bytes[1]);
+    }
+}

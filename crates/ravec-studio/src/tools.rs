@@ -6,6 +6,7 @@ mod brush;
 mod complete;
 mod mesh;
 mod outline;
+mod parts;
 mod plain;
 mod planes;
 mod quad;
@@ -52,6 +53,9 @@ pub(crate) struct Hand<'a> {
 
 /// State of the window for a tool for meshes, in one frame.
 pub(crate) struct MeshHand<'a> {
+    pub ui: &'a Ui,
+    /// The canvas as a widget.
+    pub response: &'a Response,
     pub canvas: &'a mut MeshCanvas,
     /// The input of the edit, once it is known.
     pub input: Option<&'a EditInput>,
@@ -264,6 +268,11 @@ pub(crate) trait Tool {
         None
     }
 
+    /// The translucent mesh over the result, in place of the source.
+    fn ghost(&self, _assistant: &Assistant, _edit: &Edit) -> Option<Arc<ShownMesh>> {
+        None
+    }
+
     /// Rows below the timeline of a clip.
     fn rows(&self, _assistant: &Assistant, _edit: &Edit) -> Vec<Row> {
         Vec::new()
@@ -326,6 +335,7 @@ pub(crate) fn all() -> Vec<Box<dyn Tool>> {
             "Set the number of triangles or the largest error",
             || with_params(json!({"error": "0.1%"})),
         )),
+        Box::new(parts::Parts::default()),
         Box::new(mesh::MeshTool {
             made: is_repair,
             ..mesh::MeshTool::new(

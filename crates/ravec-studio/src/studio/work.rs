@@ -127,13 +127,22 @@ fn mesh_canvas_ui(ui: &mut Ui, open: &mut Open, scene: &mut Scene<'_>) -> Option
         .as_ref()
         .and_then(|tool| tool.shown_mesh(&open.assistant, shown.as_ref()));
     shown = marked.or(shown);
+    let own = match (&scene.edit, &scene.tool) {
+        (Some(edit), Some(tool)) => tool.ghost(&open.assistant, edit),
+        _ => None,
+    };
+    let ghost = own.or(ghost);
     let canvas = open.mesh_canvas.as_mut()?;
-    canvas.ui(ui, shown.as_ref(), ghost.as_ref());
+    let response = canvas.ui(ui, shown.as_ref(), ghost.as_ref());
+    // a tool locks it anew while the hand is on one of its handles
+    canvas.lock_orbit(false);
     let (Some(edit), Some(tool)) = (&scene.edit, &mut scene.tool) else {
         return None;
     };
     let input = input_of(edit.id, snapshot, scene.on_input);
     let hand = MeshHand {
+        ui,
+        response: &response,
         canvas,
         input: input.as_ref(),
         snapshot,

@@ -4,7 +4,7 @@
 
 use crate::view::mesh::MeshView;
 use egui::{Color32, Painter, Pos2, Shape, Stroke, Vec2};
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 use ravec::mesh_render::Sight;
 use ravec_jobs::mesh::boolean::Placement;
 
@@ -151,7 +151,9 @@ impl Handle {
                     .ring(axis)
                     .map(|(point, _)| self.view.project(point))
                     .collect();
-                let sides = points.windows(2).filter_map(|side| Some([side[0]?, side[1]?]));
+                let sides = points
+                    .windows(2)
+                    .filter_map(|side| Some([side[0]?, side[1]?]));
                 sides
                     .map(|side| to_segment(at, side))
                     .fold(f32::INFINITY, f32::min)
@@ -230,7 +232,13 @@ impl Handle {
     /// Draws the handle.
     pub fn paint(&self, painter: &Painter, active: Option<Grip>) {
         for axis in 0..3 {
-            let color = |grip: Grip| if active == Some(grip) { ACTIVE } else { COLORS[axis] };
+            let color = |grip: Grip| {
+                if active == Some(grip) {
+                    ACTIVE
+                } else {
+                    COLORS[axis]
+                }
+            };
             let ring = color(Grip::Ring(axis));
             let points: Vec<(DVec3, bool)> = self.ring(axis).collect();
             for side in points.windows(2) {
@@ -239,7 +247,11 @@ impl Handle {
                     continue;
                 };
                 let front = side[0].1 && side[1].1;
-                let color = if front { ring } else { ring.gamma_multiply(0.35) };
+                let color = if front {
+                    ring
+                } else {
+                    ring.gamma_multiply(0.35)
+                };
                 painter.line_segment([a, b], Stroke::new(2.0, color));
             }
         }
@@ -287,6 +299,7 @@ mod tests {
     use super::*;
     use crate::view::mesh::OrbitCamera;
     use egui::{Rect, pos2, vec2};
+    use glam::DMat3;
     use ravec::mesh::Aabb;
     use ravec::mesh_render::View;
 
