@@ -1,7 +1,7 @@
 //! The program `ravec-studio`.
 
 use clap::Parser;
-use ravec_studio::measure::{Script, measure};
+use ravec_studio::measure::{Script, Stage, measure};
 use ravec_studio::{Controls, Studio, autosave};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -21,6 +21,9 @@ struct Arguments {
     /// Play the script in a window, on the adapter at hand
     #[arg(long, requires = "measure")]
     window: bool,
+    /// Write the pictures that the script takes of the window into this folder
+    #[arg(long, value_name = "DIR", requires = "window")]
+    pictures: Option<PathBuf>,
     /// Keep a list of the controls in this file as JSON, with names and places, for programs that press them
     #[arg(long, value_name = "FILE", conflicts_with = "measure")]
     controls: Option<PathBuf>,
@@ -44,7 +47,12 @@ fn main() -> ExitCode {
 fn print_times(path: &Path, arguments: &Arguments) -> Result<(), String> {
     let script = Script::load(path)?;
     let base = path.parent().unwrap_or(Path::new(""));
-    let found = measure(&script, base, arguments.window)?;
+    let stage = if arguments.window {
+        Stage::Window(arguments.pictures.clone())
+    } else {
+        Stage::Nowhere
+    };
+    let found = measure(&script, base, stage)?;
     if arguments.json {
         let text = serde_json::to_string_pretty(&found).map_err(|error| error.to_string())?;
         println!("{text}");

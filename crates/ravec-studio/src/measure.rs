@@ -22,21 +22,29 @@ use crate::Studio;
 use egui::{Context, RawInput, Rect, Vec2, pos2};
 use session::Session;
 use source::{Folder, prepare};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Plays a script and measures; in a window on the adapter at hand if `in_window`. `base` is the folder of the script.
+/// Where a script is played.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Stage {
+    /// Without a window.
+    Nowhere,
+    /// In a window on the adapter at hand; pictures of it are written into the folder, if there is one.
+    Window(Option<PathBuf>),
+}
+
+/// Plays a script and measures. `base` is the folder of the script.
 ///
 /// # Errors
 /// One sentence if the input cannot be opened, or a step finds no control of its name.
-pub fn measure(script: &Script, base: &Path, in_window: bool) -> Result<Measurement, String> {
+pub fn measure(script: &Script, base: &Path, stage: Stage) -> Result<Measurement, String> {
     let folder = Folder::create()?;
     let file = prepare(&script.open, base, &folder)?;
-    if in_window {
-        window::measure(script, &file)
-    } else {
-        measure_without_window(script, &file)
+    match stage {
+        Stage::Nowhere => measure_without_window(script, &file),
+        Stage::Window(pictures) => window::measure(script, &file, pictures),
     }
 }
 
@@ -96,7 +104,7 @@ fn measure_without_window(script: &Script, file: &Path) -> Result<Measurement, S
     context.set_request_repaint_callback(move |info| ring.set(info.delay));
     let mut studio = Studio::new(&context, None);
     studio.open(file);
-    let mut session = Session::new(&context, studio, script);
+    let mut session = Session::new(&context, studio, script, None);
     let start = Instant::now();
     let size = Vec2::new(script.window[0] as f32, script.window[1] as f32);
     while !session.has_ended() {

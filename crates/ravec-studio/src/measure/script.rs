@@ -121,6 +121,11 @@ pub enum Step {
         #[serde(default)]
         measure: Option<String>,
     },
+    /// Takes a picture of the window, which a script that is played without one cannot.
+    Picture {
+        /// Name of the file without its extension: small letters, digits and hyphens.
+        name: String,
+    },
     /// Does some steps several times.
     Repeat {
         /// How often, 1 to 1000.
@@ -325,6 +330,16 @@ impl Step {
                 }
                 Ok(u64::from(notches.unsigned_abs()) + 1)
             }
+            Self::Picture { name } => {
+                check_text(name)?;
+                let plain = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
+                if name.is_empty() || !name.chars().all(plain) {
+                    return Err(format!(
+                        "the name of a picture has small letters, digits and hyphens, not {name:?}"
+                    ));
+                }
+                Ok(1)
+            }
             Self::Repeat { .. } => Err("repeated steps may not repeat steps".to_owned()),
         }
     }
@@ -338,7 +353,7 @@ impl Step {
             | Self::Turn { measure, .. }
             | Self::Drag(Way { measure, .. })
             | Self::Move(Way { measure, .. }) => measure.as_deref(),
-            Self::Repeat { .. } => None,
+            Self::Picture { .. } | Self::Repeat { .. } => None,
         }
     }
 }
@@ -416,6 +431,7 @@ mod tests {
                 "a second",
             ),
             (TORUS, r#"{"do": "turn", "notches": 0}"#, "notches"),
+            (TORUS, r#"{"do": "picture", "name": "../a"}"#, "hyphens"),
             (
                 TORUS,
                 r#"{"do": "repeat", "times": 2, "steps": [{"do": "repeat", "times": 2, "steps": []}]}"#,

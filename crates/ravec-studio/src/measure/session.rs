@@ -4,12 +4,17 @@ use super::figures::Record;
 use super::script::{Script, Step, Way};
 use super::watch::{Fate, Watch};
 use crate::controls::{Control, Controls};
+use crate::engine::lock;
 use crate::studio::{Counts, Studio};
 use egui::{
-    Context, Event, Key, Modifiers, MouseWheelSource, MouseWheelUnit, PointerButton, Pos2, Rect,
-    TouchPhase, pos2, vec2,
+    ColorImage, Context, Event, Key, Modifiers, MouseWheelSource, MouseWheelUnit, PointerButton,
+    Pos2, Rect, TouchPhase, pos2, vec2,
 };
+use ravec::raster::{AnyImage, Image, Size, Srgb};
+use ravec_media::{Picture, WriteOptions};
 use std::collections::VecDeque;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 /// Time between the events of a click or of a word.
@@ -18,6 +23,8 @@ const PAUSE: Duration = Duration::from_millis(20);
 const NOTCH: Duration = Duration::from_millis(60);
 /// Frames in which nothing goes on after which a step has ended.
 const QUIET_FRAMES: u32 = 4;
+/// Quality of pictures of the window as JPEG: letters stay clear, and a picture has about 100 kB.
+const PICTURE_QUALITY: u8 = 85;
 /// Longest time of a step after its last event.
 const PATIENCE: Duration = Duration::from_mins(5);
 
@@ -30,6 +37,8 @@ enum State {
     Settles(u32, Option<Instant>),
     /// The next frame says the names of the controls.
     Names,
+    /// A picture of the window is taken.
+    Pictures,
     /// All steps are done.
     Ended,
 }
@@ -63,10 +72,22 @@ pub(super) struct Session {
     before: Counts,
     last_event: Instant,
     pub size: [usize; 2],
+    /// Folder of the pictures; `None` where none can be taken.
+    pictures: Option<PathBuf>,
+    /// Name of the picture that is taken.
+    picture: String,
+    /// The picture that was taken.
+    taken: Arc<Mutex<Option<Arc<ColorImage>>>>,
 }
 
 impl Session {
-    pub fn new(context: &Context, studio: Studio, script: &Script) -> Self {
+    /// Pictures of the window are written into the folder `pictures`.
+    pub fn new(
+        context: &Context,
+        studio: Studio,
+        script: &Script,
+        pictures: Option<PathBuf>,
+    ) -> Self {
         let controls = Controls::watch(context, None);
         // names cost time in each frame, and are read between the steps only
         context.disable_accesskit();
@@ -83,6 +104,9 @@ impl Session {
             before: Counts::default(),
             last_event: Instant::now(),
             size: [0, 0],
+            pictures,
+            picture: String::new(),
+            taken: Arc::default(),
         }
     }
 
@@ -100,7 +124,7 @@ impl Session {
             _ if self.watch.wants_frame() => now,
             State::Plays => self.queue.front().map_or(now, |due| due.at),
             State::Settles(..) => now + Duration::from_millis(3),
-            State::Names | State::Ended => now,
+            State::Names | State::Pictures | State::Ended => now,
         }
     }
 
@@ -154,11 +178,12 @@ impl Session {
         }
         match self.state {
             State::Plays if self.queue.is_empty() => self.state = State::Settles(0, None),
+            State::Pictures => self.take_picture()?,
             State::Plays | State::Ended => {}
             State::Settles(quiet, since) => self.settle(quiet, since, shown)?,
             State::Names => {
                 context.disable_accesskit();
-                self.begin_step()?;
+                self.begin_step(context)?;
             }
         }
         Ok(())
@@ -217,7 +242,17 @@ impl Session {
         Ok(())
     }
 
-    fn begin_step(&mut self) -> Result<(), String> {
+    /// Writes the picture of the window, once it is taken.
+    fn take_picture(&mut self) -> Result<(), String> {
+        let taken = lock(&self.taken).take();
+        if let (Some(image), Some(folder)) = (taken, &self.pictures) {
+            write_picture(&image, &folder.join(format!("{}.jpg", self.picture)))?;
+            self.state = State::Settles(0, None);
+        }
+        Ok(())
+    }
+
+    fn begin_step(&mut self, context: &Context) -> Result<(), String> {
         let Some(step) = self.steps.pop_front() else {
             self.state = State::Ended;
             return Ok(());
@@ -233,6 +268,19 @@ impl Session {
                 self.records.len() - 1
             })
         });
+        if let Step::Picture { name } = &step {
+            if self.pictures.is_none() {
+                return Err(format!(
+                    "step {}: pictures are taken in a window, with a folder for them",
+                    self.done
+                ));
+            }
+            self.picture.clone_from(name);
+            self.state = State::Pictures;
+            let taken = self.taken.clone();
+            context.request_screenshot(move |image| *lock(&taken) = Some(image));
+            return Ok(());
+        }
         let events = self
             .events(&step)
             .map_err(|reason| format!("step {}: {reason}", self.done))?;
@@ -310,7 +358,7 @@ impl Session {
                 events.extend(with_modifiers(modifiers, turns.collect()));
                 events
             }
-            Step::Repeat { .. } => return Err("repeated steps may not repeat steps".to_owned()),
+            Step::Picture { .. } | Step::Repeat { .. } => Vec::new(),
         })
     }
 
@@ -354,6 +402,23 @@ impl Session {
         let moves = way.moves as f32;
         Ok((0..=way.moves).map(|k| at(k as f32 / moves)).collect())
     }
+}
+
+/// Writes a picture of the window.
+fn write_picture(image: &ColorImage, path: &Path) -> Result<(), String> {
+    let [width, height] = image.size;
+    let size = Size::new(width, height).map_err(|error| error.to_string())?;
+    let pixels: Image<Srgb<u8>> = Image::from_fn(size, |col, row| {
+        let color = image.pixels[row * width + col];
+        Srgb([color.r(), color.g(), color.b()])
+    });
+    let picture = Picture::from_image(AnyImage::from(pixels));
+    let options = WriteOptions {
+        quality: PICTURE_QUALITY,
+        ..WriteOptions::default()
+    };
+    ravec_media::write(path, &picture, &options).map_err(|error| error.to_string())?;
+    Ok(())
 }
 
 fn inside(area: Rect, [x, y]: [f64; 2]) -> Pos2 {

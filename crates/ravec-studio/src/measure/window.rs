@@ -6,7 +6,7 @@ use super::{Measurement, measurement};
 use crate::Studio;
 use crate::engine::lock;
 use egui::{Context, RawInput, Ui, ViewportCommand};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
@@ -64,7 +64,11 @@ impl eframe::App for Player {
     }
 }
 
-pub(super) fn measure(script: &Script, file: &Path) -> Result<Measurement, String> {
+pub(super) fn measure(
+    script: &Script,
+    file: &Path,
+    pictures: Option<PathBuf>,
+) -> Result<Measurement, String> {
     let outcome = Outcome::default();
     let (for_player, script, file) = (outcome.clone(), script.clone(), file.to_path_buf());
     let [width, height] = script.window.map(|side| side as f32);
@@ -85,7 +89,7 @@ pub(super) fn measure(script: &Script, file: &Path) -> Result<Measurement, Strin
             });
             let mut studio = Studio::new(&context.egui_ctx, None);
             studio.open(&file);
-            let session = Session::new(&context.egui_ctx, studio, &script);
+            let session = Session::new(&context.egui_ctx, studio, &script, pictures);
             Ok(Box::new(Player {
                 script,
                 session: Some(session),
