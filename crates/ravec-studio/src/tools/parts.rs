@@ -635,6 +635,7 @@ mod tests {
             id: 1,
             operation: "boolean".to_owned(),
             fields: Parts::default().start([0, 0]),
+            more_sizes: Vec::new(),
             enabled: true,
         }
     }
