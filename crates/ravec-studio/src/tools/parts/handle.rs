@@ -7,6 +7,7 @@ use egui::{Color32, Painter, Pos2, Shape, Stroke, Vec2};
 use glam::DVec3;
 use ravec::mesh_render::Sight;
 use ravec_jobs::mesh::boolean::Placement;
+use std::f64::consts::FRAC_PI_2;
 
 /// Length of an arrow in screen points.
 const ARROW: f64 = 96.0;
@@ -128,14 +129,15 @@ impl Handle {
             Grip::Arrow(axis) => self.arrow(axis).map(|[_, tip]| tip),
             Grip::Ring(axis) => {
                 let [_, _, toward] = self.view.axes();
-                // between two arrows, on the side of the eye
-                let angles = [0.25, 0.75, 1.25, 1.75].map(|turn| turn * std::f64::consts::PI);
-                let points = angles.map(|angle| self.on_ring(axis, angle));
+                // far from arrows if possible, on the side of the eye
+                let eighths = (0..8).map(|k| 0.25 * f64::from(2 * k + 1) * FRAC_PI_2);
+                let mut points: Vec<DVec3> =
+                    eighths.map(|angle| self.on_ring(axis, angle)).collect();
                 let nearness = |at: &DVec3| (*at - self.center).dot(toward);
-                let nearest = points
-                    .into_iter()
-                    .max_by(|a, b| nearness(a).total_cmp(&nearness(b)));
-                self.view.project(nearest?)
+                points.sort_by(|a, b| nearness(b).total_cmp(&nearness(a)));
+                let mut places = points.iter().filter_map(|point| self.view.project(*point));
+                let nearest = places.clone().next();
+                places.find(|at| self.grip(*at) == Some(grip)).or(nearest)
             }
         }
     }
