@@ -222,7 +222,9 @@ fn the_part_follows_while_the_hand_moves() {
     settle(&mut harness);
     // the handle is below the hand, and the result that of this moment
     let tip = place(&harness, "Move b along z");
-    assert!(tip.distance(from + 60.0 * up) < 2.0, "{tip}");
+    let miss = tip.distance(from + 60.0 * up);
+    // the arrow keeps its length on the screen, also in perspective
+    assert!(miss < 4.0, "{miss}");
     let z = places(&harness)[0].shift[2];
     assert!(z > 0.5, "{z}");
     let inside = (4.0 - z).max(0.0) + 2.0;

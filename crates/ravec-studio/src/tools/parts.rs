@@ -12,6 +12,7 @@ use crate::assistant::Assistant;
 use crate::content::Kind;
 use crate::document::{Edit, EditId, INPUT_NAME};
 use crate::view::mesh::ShownMesh;
+use crate::view::panel::text_ui;
 use egui::{
     Color32, DragValue, Key, Painter, PointerButton, Pos2, Rect, Sense, Stroke, TextEdit, Ui, Vec2,
 };
@@ -75,8 +76,6 @@ pub(crate) struct Parts {
     clicks: u64,
     /// The path that is typed, while a mesh is being added.
     adding: Option<String>,
-    /// The expression that is typed.
-    typed: Option<String>,
 }
 
 impl Default for Parts {
@@ -90,7 +89,6 @@ impl Default for Parts {
             clicked: None,
             clicks: 0,
             adding: None,
-            typed: None,
         }
     }
 }
@@ -226,15 +224,14 @@ fn with_files(edit: &Edit, files: Vec<NamedFile>) -> Edit {
 }
 
 impl Parts {
-    /// The selected part: the last one if it is no part of this edit.
-    fn selected(&mut self, edit: &Edit) -> String {
+    /// The selected part; the last one if it is no part of this edit, such as one that is added in this frame.
+    fn selected(&self, edit: &Edit) -> String {
         let parts = parts(edit);
-        if !parts.iter().any(|(name, _)| *name == self.selected)
-            && let Some((last, _)) = parts.last()
-        {
-            self.selected.clone_from(last);
+        let is_there = parts.iter().any(|(name, _)| *name == self.selected);
+        match parts.last() {
+            Some((last, _)) if !is_there => last.clone(),
+            _ => self.selected.clone(),
         }
-        self.selected.clone()
     }
 
     /// Asks for the meshes of an edit.
@@ -440,14 +437,7 @@ impl Parts {
             let label = ui.label("Expression").on_hover_text(
                 "| is union, & intersection, - difference, ^ symmetric difference; & comes before the others",
             );
-            let mut typed = self.typed.clone().unwrap_or_else(|| present.to_owned());
-            let field = ui
-                .add(TextEdit::singleline(&mut typed).desired_width(160.0))
-                .labelled_by(label.id);
-            if field.has_focus() {
-                // what is being typed is no expression yet
-                self.typed = Some(typed);
-            } else if self.typed.take().is_some() && typed.trim() != present {
+            if let Some(typed) = text_ui(ui, "expression", present, label.id) {
                 gesture = Some(Gesture::done(with_expression(edit, typed.trim())));
             }
         });

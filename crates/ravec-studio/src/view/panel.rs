@@ -144,19 +144,20 @@ fn control_ui(
     }
 }
 
-/// A field with a text; the new text once the field is left, since what is being typed is no value yet.
+/// A field with a text; the new text once the field is left, since what is being typed is no value yet. What was typed is dropped if
+/// the text changes meanwhile, such as by an undo.
 pub(crate) fn text_ui(ui: &mut Ui, name: &str, text: &str, label: egui::Id) -> Option<String> {
     let id = ui.scope_id().with(("text", name));
-    let mut typed = ui
-        .data(|data| data.get_temp::<String>(id))
-        .unwrap_or_else(|| text.to_owned());
+    let kept = ui.data(|data| data.get_temp::<(String, String)>(id));
+    let kept = kept.filter(|(of, _)| of == text);
+    let mut typed = kept.map_or_else(|| text.to_owned(), |(_, typed)| typed);
     let response = ui
         .add(TextEdit::singleline(&mut typed).desired_width(120.0))
         .labelled_by(label);
     if response.has_focus() {
-        ui.data_mut(|data| data.insert_temp(id, typed));
+        ui.data_mut(|data| data.insert_temp(id, (text.to_owned(), typed)));
         return None;
     }
-    ui.data_mut(|data| data.remove::<String>(id));
+    ui.data_mut(|data| data.remove::<(String, String)>(id));
     (response.lost_focus() && typed != text).then_some(typed)
 }

@@ -58,6 +58,8 @@ pub struct MeshCanvas {
     camera: OrbitCamera,
     /// `true` once the view was moved by hand: it is no longer fit to the mesh.
     moved: bool,
+    /// `true` if the hand held something in the last frame: then there are drafts only.
+    held: bool,
     repaint: Arc<dyn Fn() + Send + Sync>,
     renderer: Renderer,
     picker: Picker,
@@ -81,6 +83,7 @@ impl MeshCanvas {
             options: MeshOptions::default(),
             camera: OrbitCamera::default(),
             moved: false,
+            held: false,
             renderer: Renderer::new(repaint.clone()),
             repaint,
             picker: Picker::default(),
@@ -191,12 +194,13 @@ impl MeshCanvas {
         self.measuring.measured()
     }
 
-    /// `true` while the picture that is shown is not the one of the present view at full quality.
+    /// `true` while the picture that is shown is not the one of the present view at full quality, or as a draft while the hand holds
+    /// something.
     pub fn is_busy(&self) -> bool {
         let Some((wanted, _)) = &self.requested else {
             return false;
         };
-        let is_there = |drawn: &Drawn| drawn.fine && drawn.wanted == *wanted;
+        let is_there = |drawn: &Drawn| (drawn.fine || self.held) && drawn.wanted == *wanted;
         let drawn = self.drawn.as_ref();
         !drawn.is_some_and(|(drawn, _)| is_there(drawn)) && self.renderer.failure(wanted).is_none()
     }
@@ -475,14 +479,14 @@ impl MeshCanvas {
 
     /// Asks for a draft of what is new, and for a fine picture once the hand rests.
     fn request(&mut self, ui: &Ui, wanted: Wanted) {
+        self.held = ui.input(|input| input.pointer.any_down());
         let known = self.requested.take();
         let fine = match known {
             Some((known, fine)) if known == wanted => {
-                let held = ui.input(|input| input.pointer.any_down());
-                if !fine && !held {
+                if !fine && !self.held {
                     self.renderer.request_fine(wanted.clone());
                 }
-                fine || !held
+                fine || !self.held
             }
             _ => {
                 self.renderer.request_draft(wanted.clone());
