@@ -33,7 +33,7 @@ pub struct PhotoSet {
     /// The catalogue.
     path: PathBuf,
     warnings: Vec<String>,
-    _memory: Vec<Reservation>,
+    reservations: Vec<Reservation>,
 }
 
 /// A photo for a tile.
@@ -60,7 +60,8 @@ impl PhotoSet {
         progress: &Progress,
     ) -> Result<Self, CatalogueError> {
         let mut set = Self::fitting(catalogue, tile, crop, memory)?;
-        set._memory.push(reserve_photos(set.photos.len(), memory)?);
+        set.reservations
+            .push(reserve_photos(set.photos.len(), memory)?);
         set.describe(progress)?;
         Ok(set)
     }
@@ -104,7 +105,7 @@ impl PhotoSet {
             left_out,
             path: catalogue.path().into(),
             warnings,
-            _memory: vec![memory],
+            reservations: vec![memory],
         })
     }
 

@@ -34,6 +34,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         quality: 92,
         kept_bytes: 64 << 20,
         preview_px: None,
+        pins: Vec::new(),
+        bans: Vec::new(),
     };
     let outputs = Outputs {
         picture: Some(Path::new(output)),

@@ -82,7 +82,7 @@ pub struct Photos {
     /// The groups that are banned.
     banned: Vec<bool>,
     /// Photos in these groups.
-    banned_photos: usize,
+    banned_count: usize,
 }
 
 /// Photos as tiles of one kind see them.
@@ -146,7 +146,7 @@ impl Photos {
             different,
             groups,
             banned: vec![false; different],
-            banned_photos: 0,
+            banned_count: 0,
         }
     }
 
@@ -157,7 +157,7 @@ impl Photos {
     pub fn ban(&mut self, photo: u32) {
         let group = self.group(photo);
         if !std::mem::replace(&mut self.banned[group], true) {
-            self.banned_photos += self.size_of(group);
+            self.banned_count += self.size_of(group);
         }
     }
 
@@ -219,7 +219,7 @@ impl Photos {
     pub(crate) fn candidates(&self, tile: &Tile, count: usize) -> Vec<Near> {
         let class = self.class(tile);
         let query = class.vector(&tile.descriptor);
-        let mut near = class.index.nearest(&query, count + self.banned_photos);
+        let mut near = class.index.nearest(&query, count + self.banned_count);
         near.retain(|near| !self.banned[self.group(near.photo)]);
         near.truncate(count);
         self.one_of_each_group(near)
@@ -297,7 +297,7 @@ impl Problem<'_> {
     fn nearest(&self, tile: usize, count: usize) -> Vec<Near> {
         let (photos, hand) = (self.photos, &self.hand);
         let banned_here = hand.banned_at(tile).map(|group| photos.size_of(group));
-        let banned = photos.banned_photos + banned_here.sum::<usize>();
+        let banned = photos.banned_count + banned_here.sum::<usize>();
         let mut near = self
             .index(tile)
             .nearest(&self.queries[tile], count.saturating_add(banned));

@@ -44,7 +44,7 @@ pub(super) fn evaluate(
         let fields = serde_json::to_string(&edit.fields).unwrap_or_default();
         let before = &keys[keys.len() - 1];
         let files = files_key(edit);
-        keys.push(format!("{before}\n{} {fields}{files}", edit.operation));
+        keys.push(format!("{before}\n{} {fields}\n{files}", edit.operation));
     }
     let known = (0..keys.len())
         .rev()
@@ -140,9 +140,8 @@ fn files_key(edit: &Edit) -> String {
     };
     let inputs = step.operation().inputs();
     let files = inputs.into_iter().filter(|path| !is_result_name(path));
-    files
-        .map(|path| format!("\n{}", source_key(path, None)))
-        .collect()
+    let keys: Vec<String> = files.map(|path| source_key(path, None)).collect();
+    keys.join("\n")
 }
 
 /// Reads a picture or a mesh; no message if cancelled.

@@ -119,7 +119,9 @@ impl<E: Clone> Watch<E> {
         self.followed.retain_mut(|followed| {
             loop {
                 followed.stage = match &followed.stage {
-                    Stage::New if !asked.is_empty() => Stage::Asked(pictures(&asked)),
+                    Stage::New | Stage::Changed if !asked.is_empty() => {
+                        Stage::Asked(pictures(&asked))
+                    }
                     Stage::New if turned => Stage::Drawing(Wanted::of(&after)),
                     Stage::New if changed => {
                         followed.stage = Stage::Changed;
@@ -132,7 +134,6 @@ impl<E: Clone> Watch<E> {
                         fates.push((followed.event.clone(), Fate::WithoutEffect));
                         return false;
                     }
-                    Stage::Changed if !asked.is_empty() => Stage::Asked(pictures(&asked)),
                     // the change is drawn by the window itself
                     Stage::Changed | Stage::Answered => Stage::Drawing(Wanted::of(&after)),
                     Stage::Asked(tickets) => {

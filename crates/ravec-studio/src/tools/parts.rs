@@ -133,10 +133,8 @@ fn with_expression(edit: &Edit, expression: &str) -> Edit {
 /// The operator that an expression has between all parts in turn, if it is as plain as that.
 fn operator(expression: &str, names: &[String]) -> Option<&'static str> {
     let plain: String = expression.split_whitespace().collect();
-    let operators = OPERATORS.iter().map(|(_, operator, _)| *operator);
-    operators
-        .filter(|operator| names.join(operator.trim()) == plain)
-        .next()
+    let mut operators = OPERATORS.iter().map(|(_, operator, _)| *operator);
+    operators.find(|operator| names.join(operator.trim()) == plain)
 }
 
 /// The names of the parts that an expression uses; all if it makes no sense.
@@ -430,7 +428,7 @@ impl Parts {
     }
 
     /// The expression, and buttons for those that are common; a change.
-    fn expression_ui(&mut self, ui: &mut Ui, edit: &Edit) -> Option<Gesture> {
+    fn expression_ui(ui: &mut Ui, edit: &Edit) -> Option<Gesture> {
         let mut gesture = None;
         let present = expression(edit);
         ui.horizontal(|ui| {
@@ -557,7 +555,7 @@ impl Tool for Parts {
         let scene = desk.assistant.answer::<Scene>(SCENE);
         let scene = scene.as_deref().filter(|scene| scene.job.edit == edit.id);
         let list = self.list_ui(ui, edit, scene);
-        let expression = self.expression_ui(ui, edit);
+        let expression = Self::expression_ui(ui, edit);
         let numbers = self.numbers_ui(ui, edit, scene);
         ui.separator();
         self.result.panel_ui(ui, desk, edit);
@@ -584,7 +582,7 @@ impl Parts {
                 painter.line_segment([a, b], Stroke::new(1.0, SELECTED));
             }
         }
-        let handle = Handle::new(view, part.center(&placement)?)?;
+        let handle = Handle::new(&view, part.center(&placement)?)?;
         let gesture = self.follow(hand, edit, &handle, &placement);
         let hovered = hand.response.hover_pos().and_then(|at| handle.grip(at));
         let held = self.held.as_ref().map(|held| held.grip);

@@ -92,7 +92,7 @@ pub fn names(files: &[NamedFile]) -> Result<Vec<String>, JobError> {
         .filter(|name| !given.contains(&name.as_str()));
     let names = files.iter().map(|file| match &file.name {
         Some(name) => name.clone(),
-        None => free.next().expect("there are infinitely many"),
+        None => free.next().unwrap_or_default(),
     });
     Ok(names.collect())
 }

@@ -87,11 +87,11 @@ pub(super) struct Handle {
 
 impl Handle {
     /// The handle about a point; `None` if the point is not seen.
-    pub fn new(view: MeshView, center: DVec3) -> Option<Self> {
+    pub fn new(view: &MeshView, center: DVec3) -> Option<Self> {
         view.project(center)?;
         let point = 1.0 / view.points_per_unit(center);
         (point.is_finite() && point > 0.0).then_some(Self {
-            view,
+            view: *view,
             center,
             point,
         })
@@ -233,13 +233,9 @@ impl Handle {
 
     /// Draws the handle.
     pub fn paint(&self, painter: &Painter, active: Option<Grip>) {
-        for axis in 0..3 {
+        for (axis, plain) in COLORS.into_iter().enumerate() {
             let color = |grip: Grip| {
-                if active == Some(grip) {
-                    ACTIVE
-                } else {
-                    COLORS[axis]
-                }
+                if active == Some(grip) { ACTIVE } else { plain }
             };
             let ring = color(Grip::Ring(axis));
             let points: Vec<(DVec3, bool)> = self.ring(axis).collect();
@@ -257,14 +253,14 @@ impl Handle {
                 painter.line_segment([a, b], Stroke::new(2.0, color));
             }
         }
-        for axis in 0..3 {
+        for (axis, plain) in COLORS.into_iter().enumerate() {
             let Some([root, tip]) = self.arrow(axis) else {
                 continue;
             };
             let color = if active == Some(Grip::Arrow(axis)) {
                 ACTIVE
             } else {
-                COLORS[axis]
+                plain
             };
             let along = (tip - root).normalized();
             let across = Vec2::new(-along.y, along.x);
@@ -320,7 +316,7 @@ mod tests {
         });
         let views = cameras.map(|camera| camera.on(bounds, area).unwrap());
         views
-            .map(|view| Handle::new(view, DVec3::new(3.0, 8.0, 12.0)).unwrap())
+            .map(|view| Handle::new(&view, DVec3::new(3.0, 8.0, 12.0)).unwrap())
             .collect()
     }
 
