@@ -39,4 +39,4 @@ pub use atomic::{
 };
 pub use message::message_without_code;
 pub use stream::is_stream;
-pub use temporary::{TemporaryFolder, abandon_outputs, remove_stale_in};
+pub use temporary::{TemporaryFolder, abandon_outputs, nameless_file, remove_stale_in};

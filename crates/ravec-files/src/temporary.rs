@@ -367,6 +367,15 @@ fn sync_folder(folder: &Path) {
     }
 }
 
+/// A new file in the system's folder for temporary files, without a name: it is gone when it is closed, whatever happens to the
+/// program.
+///
+/// # Errors
+/// Those of the file system.
+pub fn nameless_file() -> std::io::Result<std::fs::File> {
+    tempfile::tempfile()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -59,7 +59,7 @@ impl ScratchWriter {
     /// [`VideoError::Io`].
     pub fn new(info: ClipInfo) -> Result<Self, VideoError> {
         Ok(Self {
-            file: BufWriter::new(tempfile::tempfile()?),
+            file: BufWriter::new(ravec_files::nameless_file()?),
             length: 0,
             entries: Vec::new(),
             info,
