@@ -81,6 +81,9 @@ fn name_in_edit(operation: &str, name: &str) -> Option<String> {
         let wrong = serde_json::from_value::<Step>(step).err();
         wrong.is_none_or(|error| !error.to_string().contains("unknown field"))
     };
+    if GROUPS.contains(&name) {
+        return None;
+    }
     if is_known(json!({name: null})) {
         return Some(name.to_owned());
     }
