@@ -226,15 +226,16 @@ fn with_files(edit: &Edit, files: Vec<NamedFile>) -> Edit {
 }
 
 impl Parts {
-    /// The selected part: the last one if it is no part of this edit.
-    fn selected(&mut self, edit: &Edit) -> String {
-        let parts = parts(edit);
-        if !parts.iter().any(|(name, _)| *name == self.selected)
-            && let Some((last, _)) = parts.last()
-        {
-            self.selected.clone_from(last);
-        }
-        self.selected.clone()
+    /// The selected part: the last one if what was selected is no part of this edit.
+    fn selected(&self, edit: &Edit) -> String {
+        let mut names = parts(edit)
+            .into_iter()
+            .map(|(name, _)| name)
+            .rev()
+            .peekable();
+        let last = names.peek().cloned();
+        let found = names.find(|name| *name == self.selected);
+        found.or(last).unwrap_or_else(|| INPUT_NAME.to_owned())
     }
 
     /// Asks for the meshes of an edit.
@@ -333,7 +334,7 @@ impl Parts {
             self.held = Some(Held {
                 edit: edit.id,
                 grip,
-                handle: *handle,
+                handle: handle.clone(),
                 from,
                 start: placement.clone(),
             });
