@@ -135,7 +135,7 @@ fn expression(harness: &Window) -> String {
 /// The places of the parts that are not where their files say.
 fn places(harness: &Window) -> Vec<Placement> {
     let edit = edit(harness);
-    let places = edit.param("place").as_array();
+    let places = edit.param("places").as_array();
     let texts = places.into_iter().flatten();
     texts
         .map(|text| text.as_str().unwrap().parse().unwrap())
@@ -263,10 +263,10 @@ fn numbers_move_and_turn_a_part() {
     // along x at the height of the upper face: half of its width is in the block
     enter(&mut harness, "Turn y", "90");
     enter(&mut harness, "Move z", "2");
-    assert_eq!(edit(&harness).param("place"), &json!(["b:0,0,2,0,90,0"]));
+    assert_eq!(edit(&harness).param("places"), &json!(["b:0,0,2,0,90,0"]));
     assert!((volume(&harness) - 70.0).abs() < 1e-9);
     enter(&mut harness, "Scale", "2");
-    assert_eq!(edit(&harness).param("place"), &json!(["b:0,0,2,0,90,0,2"]));
+    assert_eq!(edit(&harness).param("places"), &json!(["b:0,0,2,0,90,0,2"]));
     // 2 × 2 × 16, of which 4 × 2 × 1 is in the block
     assert!((volume(&harness) - 120.0).abs() < 1e-9);
     assert_export_is_that_of_the_command_line(&mut harness, folder.path());
@@ -274,7 +274,7 @@ fn numbers_move_and_turn_a_part() {
     assert!((volume(&harness) - 68.0).abs() < 1e-9);
     click(&mut harness, "a: this mesh");
     enter(&mut harness, "Move x", "-2.25");
-    assert_eq!(edit(&harness).param("place"), &json!(["a:-2.25,0,0"]));
+    assert_eq!(edit(&harness).param("places"), &json!(["a:-2.25,0,0"]));
     // a quarter of the pin is still in the block
     assert!((volume(&harness) - 71.0).abs() < 1e-9);
 }

@@ -151,7 +151,7 @@ fn used(expression: &str, names: &[String]) -> Vec<String> {
 
 /// The places of the parts of an edit; those that make no sense are left out.
 fn placements(edit: &Edit) -> Vec<Placement> {
-    let places = edit.param("place").as_array();
+    let places = edit.param("places").as_array();
     let texts = places.into_iter().flatten().filter_map(Value::as_str);
     texts.filter_map(|text| text.parse().ok()).collect()
 }
@@ -175,7 +175,7 @@ fn with_placements(edit: &Edit, mut all: Vec<Placement>) -> Edit {
     } else {
         texts.into()
     };
-    edit.with_param("place", value)
+    edit.with_param("places", value)
 }
 
 /// The same edit with one more part, and its name. A plain expression takes it in.
@@ -498,6 +498,8 @@ impl Parts {
         let value = DragValue::new(&mut placement.scale)
             .speed(0.005)
             .range(1e-6..=1e6)
+            // what a project says stays until it is changed by hand
+            .clamp_existing_to_range(false)
             .max_decimals(6);
         number(ui, "Scale", "About the middle of the part", value);
         if !before.is_identity() && ui.button("Back to its place in the file").clicked() {
@@ -541,7 +543,7 @@ impl Tool for Parts {
     }
 
     fn hidden(&self) -> &'static [&'static str] {
-        &["place"]
+        &["places"]
     }
 
     fn shown_mesh(
@@ -665,7 +667,7 @@ mod tests {
             (names_of(&less).join(" ").as_str(), expression(&less)),
             ("a c", "a - c")
         );
-        assert_eq!(*less.param("place"), json!(["c:0,2,0"]));
+        assert_eq!(*less.param("places"), json!(["c:0,2,0"]));
         assert_eq!(with_part(&less, Path::new("/x/four.ply")).1, "b");
     }
 
@@ -677,12 +679,12 @@ mod tests {
             .step(Path::new("in.ply"), Path::new("out.ply"))
             .unwrap();
         let fields = serde_json::to_value(&step).unwrap();
-        assert_eq!(fields["params"]["place"], json!(["b:1,2.5,0,0,0,90"]));
+        assert_eq!(fields["params"]["places"], json!(["b:1,2.5,0,0,0,90"]));
         assert_eq!(fields["files"], json!(["a=in.ply", "b=/x/one.ply"]));
         // where it was is no parameter
         assert!(
             with_placement(&edit, &Placement::new("b"))
-                .param("place")
+                .param("places")
                 .is_null()
         );
     }
