@@ -232,6 +232,12 @@ impl Engine {
         }
     }
 
+    /// True while a request waits or is worked on.
+    pub fn is_busy(&self) -> bool {
+        let state = self.shared.state();
+        state.next.is_some() || state.running.is_some()
+    }
+
     /// Number of operations that were run, to see what the cache saves.
     pub fn runs(&self) -> u64 {
         self.shared.state().runs

@@ -30,8 +30,8 @@
 //! # Current status
 //!
 //! Pictures, meshes and clips. Tools with gestures: brush, retargeting with areas, planes, completion as a whole and by fragments. Meshes
-//! have offsets, simplification and repair by their panels, with a list of defects. Clips are shown on a timeline; edits of them show a
-//! frame. Tracks, mosaics and Booleans of several meshes have no tool yet.
+//! have offsets, simplification and repair by their panels, with a list of defects, and Booleans whose parts are moved and turned by a
+//! handle. Clips are shown on a timeline; edits of them show a frame. Tracks and mosaics have no tool yet.
 
 mod assistant;
 pub mod autosave;

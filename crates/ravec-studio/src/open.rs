@@ -105,11 +105,9 @@ impl Open {
 
     /// True while results are computed or read.
     pub fn is_busy(&self) -> bool {
-        let snapshot = self.engine.snapshot();
-        let computes = snapshot.busy.is_some() || (snapshot.is_stale && snapshot.failure.is_none());
         let reads = self.clip.as_ref().is_some_and(|clip| clip.reader.is_busy());
         let draws = self.mesh_canvas.as_ref().is_some_and(MeshCanvas::is_busy);
-        computes || reads || draws || self.assistant.is_busy() || self.canvas.is_busy()
+        self.engine.is_busy() || reads || draws || self.assistant.is_busy() || self.canvas.is_busy()
     }
 
     /// True if nothing is lost without a copy: the document is saved as it is, or has no edits.

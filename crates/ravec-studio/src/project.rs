@@ -269,7 +269,7 @@ mod tests {
             "boolean",
             fields(json!({
                 "expression": "a - b - c - e", "files": files, "origins": text("here/origins.csv"),
-                "params": {"place": ["e:1.75,-1.75,0"]},
+                "params": {"places": ["e:1.75,-1.75,0"]},
             })),
         );
         let wrong = document.push(

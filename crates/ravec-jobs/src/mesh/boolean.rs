@@ -103,9 +103,9 @@ pub struct Params {
     /// the center of its box. May be repeated
     #[cfg_attr(
         feature = "cli",
-        arg(long, value_name = "NAME:tx,ty,tz[,rx,ry,rz[,s]]")
+        arg(long = "place", value_name = "NAME:tx,ty,tz[,rx,ry,rz[,s]]")
     )]
-    pub place: Vec<Placement>,
+    pub places: Vec<Placement>,
     /// The most memory to work in, such as 2GiB [default: as much as it takes]
     #[cfg_attr(feature = "cli", arg(long, value_name = "SIZE"))]
     pub memory: Option<ByteSize>,
@@ -124,7 +124,7 @@ impl Default for Params {
     fn default() -> Self {
         Self {
             inside: Inside::default(),
-            place: Vec::new(),
+            places: Vec::new(),
             memory: None,
             unit: None,
             view: Viewpoint(View::ISO),
@@ -204,7 +204,7 @@ impl Operation for Boolean {
         let names = names(files)?;
         let expr = parsed(&self.expression, &names)?;
         let used = expr.meshes();
-        let places = place::placements(&params.place, &names)?;
+        let places = place::placements(&params.places, &names)?;
         params.output.check(output, context)?;
         if let Some(path) = &self.picture {
             check_target(path, context)?;

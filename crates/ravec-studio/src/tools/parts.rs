@@ -12,7 +12,6 @@ use crate::assistant::Assistant;
 use crate::content::Kind;
 use crate::document::{Edit, EditId, INPUT_NAME};
 use crate::view::mesh::ShownMesh;
-use crate::view::panel::text_ui;
 use egui::{
     Color32, DragValue, Key, Painter, PointerButton, Pos2, Rect, Sense, Stroke, TextEdit, Ui, Vec2,
 };
@@ -76,6 +75,8 @@ pub(crate) struct Parts {
     clicks: u64,
     /// The path that is typed, while a mesh is being added.
     adding: Option<String>,
+    /// The expression that is typed.
+    typed: Option<String>,
 }
 
 impl Default for Parts {
@@ -89,6 +90,7 @@ impl Default for Parts {
             clicked: None,
             clicks: 0,
             adding: None,
+            typed: None,
         }
     }
 }
@@ -133,8 +135,10 @@ fn with_expression(edit: &Edit, expression: &str) -> Edit {
 /// The operator that an expression has between all parts in turn, if it is as plain as that.
 fn operator(expression: &str, names: &[String]) -> Option<&'static str> {
     let plain: String = expression.split_whitespace().collect();
-    let mut operators = OPERATORS.iter().map(|(_, operator, _)| *operator);
-    operators.find(|operator| names.join(operator.trim()) == plain)
+    let operators = OPERATORS.iter().map(|(_, operator, _)| *operator);
+    operators
+        .filter(|operator| names.join(operator.trim()) == plain)
+        .next()
 }
 
 /// The names of the parts that an expression uses; all if it makes no sense.
@@ -147,7 +151,7 @@ fn used(expression: &str, names: &[String]) -> Vec<String> {
 
 /// The places of the parts of an edit; those that make no sense are left out.
 fn placements(edit: &Edit) -> Vec<Placement> {
-    let places = edit.param("place").as_array();
+    let places = edit.param("places").as_array();
     let texts = places.into_iter().flatten().filter_map(Value::as_str);
     texts.filter_map(|text| text.parse().ok()).collect()
 }
@@ -171,7 +175,7 @@ fn with_placements(edit: &Edit, mut all: Vec<Placement>) -> Edit {
     } else {
         texts.into()
     };
-    edit.with_param("place", value)
+    edit.with_param("places", value)
 }
 
 /// The same edit with one more part, and its name. A plain expression takes it in.
@@ -222,14 +226,16 @@ fn with_files(edit: &Edit, files: Vec<NamedFile>) -> Edit {
 }
 
 impl Parts {
-    /// The selected part; the last one if it is no part of this edit, such as one that is added in this frame.
+    /// The selected part: the last one if what was selected is no part of this edit.
     fn selected(&self, edit: &Edit) -> String {
-        let parts = parts(edit);
-        let is_there = parts.iter().any(|(name, _)| *name == self.selected);
-        match parts.last() {
-            Some((last, _)) if !is_there => last.clone(),
-            _ => self.selected.clone(),
-        }
+        let mut names = parts(edit)
+            .into_iter()
+            .map(|(name, _)| name)
+            .rev()
+            .peekable();
+        let last = names.peek().cloned();
+        let found = names.find(|name| *name == self.selected);
+        found.or(last).unwrap_or_else(|| INPUT_NAME.to_owned())
     }
 
     /// Asks for the meshes of an edit.
@@ -328,7 +334,7 @@ impl Parts {
             self.held = Some(Held {
                 edit: edit.id,
                 grip,
-                handle: *handle,
+                handle: handle.clone(),
                 from,
                 start: placement.clone(),
             });
@@ -428,14 +434,21 @@ impl Parts {
     }
 
     /// The expression, and buttons for those that are common; a change.
-    fn expression_ui(ui: &mut Ui, edit: &Edit) -> Option<Gesture> {
+    fn expression_ui(&mut self, ui: &mut Ui, edit: &Edit) -> Option<Gesture> {
         let mut gesture = None;
         let present = expression(edit);
         ui.horizontal(|ui| {
             let label = ui.label("Expression").on_hover_text(
                 "| is union, & intersection, - difference, ^ symmetric difference; & comes before the others",
             );
-            if let Some(typed) = text_ui(ui, "expression", present, label.id) {
+            let mut typed = self.typed.clone().unwrap_or_else(|| present.to_owned());
+            let field = ui
+                .add(TextEdit::singleline(&mut typed).desired_width(160.0))
+                .labelled_by(label.id);
+            if field.has_focus() {
+                // what is being typed is no expression yet
+                self.typed = Some(typed);
+            } else if self.typed.take().is_some() && typed.trim() != present {
                 gesture = Some(Gesture::done(with_expression(edit, typed.trim())));
             }
         });
@@ -485,6 +498,8 @@ impl Parts {
         let value = DragValue::new(&mut placement.scale)
             .speed(0.005)
             .range(1e-6..=1e6)
+            // what a project says stays until it is changed by hand
+            .clamp_existing_to_range(false)
             .max_decimals(6);
         number(ui, "Scale", "About the middle of the part", value);
         if !before.is_identity() && ui.button("Back to its place in the file").clicked() {
@@ -528,7 +543,7 @@ impl Tool for Parts {
     }
 
     fn hidden(&self) -> &'static [&'static str] {
-        &["place"]
+        &["places"]
     }
 
     fn shown_mesh(
@@ -555,7 +570,7 @@ impl Tool for Parts {
         let scene = desk.assistant.answer::<Scene>(SCENE);
         let scene = scene.as_deref().filter(|scene| scene.job.edit == edit.id);
         let list = self.list_ui(ui, edit, scene);
-        let expression = Self::expression_ui(ui, edit);
+        let expression = self.expression_ui(ui, edit);
         let numbers = self.numbers_ui(ui, edit, scene);
         ui.separator();
         self.result.panel_ui(ui, desk, edit);
@@ -582,7 +597,7 @@ impl Parts {
                 painter.line_segment([a, b], Stroke::new(1.0, SELECTED));
             }
         }
-        let handle = Handle::new(&view, part.center(&placement)?)?;
+        let handle = Handle::new(view, part.center(&placement)?)?;
         let gesture = self.follow(hand, edit, &handle, &placement);
         let hovered = hand.response.hover_pos().and_then(|at| handle.grip(at));
         let held = self.held.as_ref().map(|held| held.grip);
@@ -623,7 +638,6 @@ mod tests {
             id: 1,
             operation: "boolean".to_owned(),
             fields: Parts::default().start([0, 0]),
-            more_sizes: Vec::new(),
             enabled: true,
         }
     }
@@ -653,7 +667,7 @@ mod tests {
             (names_of(&less).join(" ").as_str(), expression(&less)),
             ("a c", "a - c")
         );
-        assert_eq!(*less.param("place"), json!(["c:0,2,0"]));
+        assert_eq!(*less.param("places"), json!(["c:0,2,0"]));
         assert_eq!(with_part(&less, Path::new("/x/four.ply")).1, "b");
     }
 
@@ -665,12 +679,12 @@ mod tests {
             .step(Path::new("in.ply"), Path::new("out.ply"))
             .unwrap();
         let fields = serde_json::to_value(&step).unwrap();
-        assert_eq!(fields["params"]["place"], json!(["b:1,2.5,0,0,0,90"]));
+        assert_eq!(fields["params"]["places"], json!(["b:1,2.5,0,0,0,90"]));
         assert_eq!(fields["files"], json!(["a=in.ply", "b=/x/one.ply"]));
         // where it was is no parameter
         assert!(
             with_placement(&edit, &Placement::new("b"))
-                .param("place")
+                .param("places")
                 .is_null()
         );
     }

@@ -116,7 +116,7 @@ impl Placement {
 
     fn wrong(&self, range: &'static str) -> JobError {
         JobError::Parameter {
-            field: "place",
+            field: "places",
             value: self.to_string(),
             range,
         }

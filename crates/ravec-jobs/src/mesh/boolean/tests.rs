@@ -103,7 +103,7 @@ fn meshes_are_combined_at_their_places() {
     let placed = |expression: &str, line: &str, places: &[&str]| {
         let mut operation = studio.operation(expression, line, "out.ply");
         let places = places.iter().map(|place| place.parse().unwrap());
-        operation.params.place = places.collect();
+        operation.params.places = places.collect();
         let report = operation.run(&Context::default()).unwrap();
         assert_eq!(report.passed, Some(true), "{expression} {report:?}");
         measure(&studio.mesh("out.ply")).volume
@@ -134,7 +134,7 @@ fn a_mesh_at_its_own_place_comes_out_byte_by_byte() {
     studio.run("a - b", "block.off pin.off", "out.ply").unwrap();
     let plain = std::fs::read(studio.at("out.ply")).unwrap();
     let mut operation = studio.operation("a - b", "block.off pin.off", "out.ply");
-    operation.params.place = vec!["b:0,0,0,0,0,0,1".parse().unwrap()];
+    operation.params.places = vec!["b:0,0,0,0,0,0,1".parse().unwrap()];
     operation.run(&Context::default()).unwrap();
     assert!(std::fs::read(studio.at("out.ply")).unwrap() == plain);
 }
@@ -150,7 +150,7 @@ fn a_place_is_in_the_unit_of_the_first_mesh() {
     let millimeters = block([25.4; 3], [0.0; 3]);
     studio.put("cube.3mf", &millimeters, Some(LengthUnit::Millimeter));
     let mut operation = studio.operation("a | b", "inches.3mf cube.3mf", "out.3mf");
-    operation.params.place = vec!["b:2,0,0".parse().unwrap()];
+    operation.params.places = vec!["b:2,0,0".parse().unwrap()];
     let report = operation.run(&Context::default()).unwrap();
     assert!((report.figures["volume"] - 64.5).abs() < 1e-9);
 }
@@ -161,7 +161,7 @@ fn a_wrong_place_is_refused_before_anything_is_read() {
     for (places, reason) in [
         (
             &["c:1,2,3"][..],
-            "`place` is c:1,2,3, but must be the place of a mesh that has this name",
+            "`places` is c:1,2,3, but must be the place of a mesh that has this name",
         ),
         (
             &["b:1,0,0", "b:2,0,0"],
@@ -169,13 +169,13 @@ fn a_wrong_place_is_refused_before_anything_is_read() {
         ),
     ] {
         let mut operation = studio.operation("a | b", "missing.off pin.off", "out.ply");
-        operation.params.place = places.iter().map(|place| place.parse().unwrap()).collect();
+        operation.params.places = places.iter().map(|place| place.parse().unwrap()).collect();
         let error = operation.run(&Context::default()).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::Request);
         assert!(error.to_string().contains(reason), "{error}");
     }
     let mut operation = studio.operation("a | b", "block.off pin.off", "out.ply");
-    operation.params.place = vec!["b:0,0,0,0,0,0,1e308".parse().unwrap()];
+    operation.params.places = vec!["b:0,0,0,0,0,0,1e308".parse().unwrap()];
     let error = operation.run(&Context::default()).unwrap_err();
     assert!(error.to_string().contains("stay finite"), "{error}");
     assert!(!studio.at("out.ply").exists());

@@ -7,7 +7,6 @@ use egui::{Color32, Painter, Pos2, Shape, Stroke, Vec2};
 use glam::DVec3;
 use ravec::mesh_render::Sight;
 use ravec_jobs::mesh::boolean::Placement;
-use std::f64::consts::FRAC_PI_2;
 
 /// Length of an arrow in screen points.
 const ARROW: f64 = 96.0;
@@ -77,91 +76,99 @@ impl Grip {
 }
 
 /// A handle in a view.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(super) struct Handle {
     view: MeshView,
     center: DVec3,
     /// Length of a screen point at the center.
     point: f64,
+    /// The ends of the arrows on the screen that can be dragged.
+    arrows: [Option<[Pos2; 2]>; 3],
+    /// The rings on the screen, as closed lines.
+    rings: [Vec<RingPoint>; 3],
+}
+
+/// A point of a ring.
+#[derive(Debug, Clone, Copy)]
+struct RingPoint {
+    point: DVec3,
+    at: Pos2,
+    /// True on the side of the eye.
+    front: bool,
 }
 
 impl Handle {
     /// The handle about a point; `None` if the point is not seen.
-    pub fn new(view: &MeshView, center: DVec3) -> Option<Self> {
+    pub fn new(view: MeshView, center: DVec3) -> Option<Self> {
         view.project(center)?;
         let point = 1.0 / view.points_per_unit(center);
-        (point.is_finite() && point > 0.0).then_some(Self {
-            view: *view,
+        if !(point.is_finite() && point > 0.0) {
+            return None;
+        }
+        let arrow = |axis: usize| {
+            let at = |share: f64| view.project(center + share * ARROW * point * DVec3::AXES[axis]);
+            let ends = [at(ROOT)?, at(1.0)?];
+            (ends[0].distance(ends[1]) > MIN_ARROW).then_some(ends)
+        };
+        let [_, _, toward] = view.axes();
+        let ring = |axis: usize| {
+            let angles = (0..=SEGMENTS).map(|k| std::f64::consts::TAU * k as f64 / SEGMENTS as f64);
+            let points = angles.filter_map(|angle| {
+                let offset = RING * point * on_circle(axis, angle);
+                Some(RingPoint {
+                    point: center + offset,
+                    at: view.project(center + offset)?,
+                    front: offset.dot(toward) > -1e-9 * point,
+                })
+            });
+            points.collect()
+        };
+        Some(Self {
+            view,
             center,
             point,
+            arrows: [0, 1, 2].map(arrow),
+            rings: [0, 1, 2].map(ring),
         })
     }
 
-    /// The ends of an arrow on the screen, if it can be dragged.
-    fn arrow(&self, axis: usize) -> Option<[Pos2; 2]> {
-        let at = |share: f64| {
-            let along = share * ARROW * self.point * DVec3::AXES[axis];
-            self.view.project(self.center + along)
-        };
-        let ends = [at(ROOT)?, at(1.0)?];
-        (ends[0].distance(ends[1]) > MIN_ARROW).then_some(ends)
+    /// The distance of a place of the screen from a part of the handle, in points.
+    fn distance(&self, grip: Grip, at: Pos2) -> f32 {
+        match grip {
+            Grip::Arrow(axis) => {
+                self.arrows[axis].map_or(f32::INFINITY, |ends| to_segment(at, ends))
+            }
+            Grip::Ring(axis) => {
+                let sides = self.rings[axis].windows(2);
+                let distances = sides.map(|side| to_segment(at, [side[0].at, side[1].at]));
+                distances.fold(f32::INFINITY, f32::min)
+            }
+        }
     }
 
-    /// A point of a ring, by its angle.
-    fn on_ring(&self, axis: usize, angle: f64) -> DVec3 {
-        let [a, b] = [1, 2].map(|k| DVec3::AXES[(axis + k) % 3]);
-        self.center + RING * self.point * (angle.cos() * a + angle.sin() * b)
-    }
-
-    /// The points of a ring, closed, with `true` for those on the side of the eye.
-    fn ring(&self, axis: usize) -> impl Iterator<Item = (DVec3, bool)> {
-        let [_, _, toward] = self.view.axes();
-        (0..=SEGMENTS).map(move |k| {
-            let angle = std::f64::consts::TAU * k as f64 / SEGMENTS as f64;
-            let at = self.on_ring(axis, angle);
-            (at, (at - self.center).dot(toward) > -1e-9 * self.point)
-        })
-    }
-
-    /// The place of a part of the handle where a hand would take it.
+    /// The place of a part of the handle where a hand would take it: the tip of an arrow; the place of a ring on the side of the
+    /// eye that is farthest from all else.
     pub fn place(&self, grip: Grip) -> Option<Pos2> {
         match grip {
-            Grip::Arrow(axis) => self.arrow(axis).map(|[_, tip]| tip),
+            Grip::Arrow(axis) => self.arrows[axis].map(|[_, tip]| tip),
             Grip::Ring(axis) => {
-                let [_, _, toward] = self.view.axes();
-                // far from arrows if possible, on the side of the eye
-                let eighths = (0..8).map(|k| 0.25 * f64::from(2 * k + 1) * FRAC_PI_2);
-                let mut points: Vec<DVec3> =
-                    eighths.map(|angle| self.on_ring(axis, angle)).collect();
-                let nearness = |at: &DVec3| (*at - self.center).dot(toward);
-                points.sort_by(|a, b| nearness(b).total_cmp(&nearness(a)));
-                let mut places = points.iter().filter_map(|point| self.view.project(*point));
-                let nearest = places.clone().next();
-                places.find(|at| self.grip(*at) == Some(grip)).or(nearest)
+                let clearance = |at: Pos2| {
+                    let others = Grip::ALL.into_iter().filter(|other| *other != grip);
+                    let distances = others.map(|other| self.distance(other, at));
+                    distances.fold(f32::INFINITY, f32::min)
+                };
+                let places = self.rings[axis].iter().step_by(3);
+                let places = places.filter(|point| point.front);
+                let clear = places.map(|point| (clearance(point.at), point.at));
+                let best = clear.max_by(|a, b| a.0.total_cmp(&b.0));
+                best.map(|(_, at)| at)
             }
         }
     }
 
     /// The part of the handle at a place of the screen.
     pub fn grip(&self, at: Pos2) -> Option<Grip> {
-        let distance = |grip: Grip| match grip {
-            Grip::Arrow(axis) => self
-                .arrow(axis)
-                .map_or(f32::INFINITY, |ends| to_segment(at, ends)),
-            Grip::Ring(axis) => {
-                let points: Vec<Option<Pos2>> = self
-                    .ring(axis)
-                    .map(|(point, _)| self.view.project(point))
-                    .collect();
-                let sides = points
-                    .windows(2)
-                    .filter_map(|side| Some([side[0]?, side[1]?]));
-                sides
-                    .map(|side| to_segment(at, side))
-                    .fold(f32::INFINITY, f32::min)
-            }
-        };
-        let near = Grip::ALL.map(|grip| (distance(grip), grip));
+        let near = Grip::ALL.map(|grip| (self.distance(grip, at), grip));
         let nearest = near.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
         nearest
             .filter(|(distance, _)| *distance < REACH)
@@ -220,8 +227,8 @@ impl Handle {
             return Some(normal.dot(a.cross(b)).atan2(a.dot(b)));
         }
         // seen from the edge: the hand rolls the ring
-        let points = self.ring(axis).filter(|(_, front)| *front);
-        let near = points.filter_map(|(at, _)| Some((self.view.project(at)?.distance(from), at)));
+        let points = self.rings[axis].iter().filter(|point| point.front);
+        let near = points.map(|point| (point.at.distance(from), point.point));
         let (_, taken) = near.min_by(|a, b| a.0.total_cmp(&b.0))?;
         let tangent = normal.cross(taken - self.center);
         let step = 1e-3;
@@ -233,35 +240,27 @@ impl Handle {
 
     /// Draws the handle.
     pub fn paint(&self, painter: &Painter, active: Option<Grip>) {
-        for (axis, plain) in COLORS.into_iter().enumerate() {
-            let color = |grip: Grip| {
-                if active == Some(grip) { ACTIVE } else { plain }
-            };
-            let ring = color(Grip::Ring(axis));
-            let points: Vec<(DVec3, bool)> = self.ring(axis).collect();
+        let color = |grip: Grip| match grip {
+            _ if active == Some(grip) => ACTIVE,
+            Grip::Arrow(axis) | Grip::Ring(axis) => COLORS[axis],
+        };
+        for (axis, points) in self.rings.iter().enumerate() {
+            let color = color(Grip::Ring(axis));
             for side in points.windows(2) {
-                let ends = [side[0].0, side[1].0].map(|point| self.view.project(point));
-                let [Some(a), Some(b)] = ends else {
-                    continue;
-                };
-                let front = side[0].1 && side[1].1;
+                let front = side[0].front && side[1].front;
                 let color = if front {
-                    ring
+                    color
                 } else {
-                    ring.gamma_multiply(0.35)
+                    color.gamma_multiply(0.35)
                 };
-                painter.line_segment([a, b], Stroke::new(2.0, color));
+                painter.line_segment([side[0].at, side[1].at], Stroke::new(2.0, color));
             }
         }
-        for (axis, plain) in COLORS.into_iter().enumerate() {
-            let Some([root, tip]) = self.arrow(axis) else {
+        for (axis, arrow) in self.arrows.iter().enumerate() {
+            let Some([root, tip]) = *arrow else {
                 continue;
             };
-            let color = if active == Some(Grip::Arrow(axis)) {
-                ACTIVE
-            } else {
-                plain
-            };
+            let color = color(Grip::Arrow(axis));
             let along = (tip - root).normalized();
             let across = Vec2::new(-along.y, along.x);
             let neck = tip - 14.0 * along;
@@ -270,6 +269,12 @@ impl Handle {
             painter.add(Shape::convex_polygon(head, color, Stroke::NONE));
         }
     }
+}
+
+/// The unit vector at an angle of the circle about an axis.
+fn on_circle(axis: usize, angle: f64) -> DVec3 {
+    let [a, b] = [1, 2].map(|k| DVec3::AXES[(axis + k) % 3]);
+    angle.cos() * a + angle.sin() * b
 }
 
 /// The multiple of a step that is nearest to a number.
@@ -316,7 +321,7 @@ mod tests {
         });
         let views = cameras.map(|camera| camera.on(bounds, area).unwrap());
         views
-            .map(|view| Handle::new(&view, DVec3::new(3.0, 8.0, 12.0)).unwrap())
+            .map(|view| Handle::new(view, DVec3::new(3.0, 8.0, 12.0)).unwrap())
             .collect()
     }
 
@@ -356,8 +361,8 @@ mod tests {
             for axis in 0..3 {
                 for [a, b] in [[0.3, 1.1], [2.0, 1.2], [3.0, 5.5]] {
                     let places = [a, b].map(|angle| {
-                        let at = handle.on_ring(axis, angle);
-                        handle.view.project(at).unwrap()
+                        let spoke = RING * handle.point * on_circle(axis, angle);
+                        handle.view.project(handle.center + spoke).unwrap()
                     });
                     let start: Placement = "b:1,2,3,10,20,30,2".parse().unwrap();
                     let grip = Grip::Ring(axis);
@@ -374,12 +379,13 @@ mod tests {
 
     #[test]
     fn a_ring_that_is_seen_from_its_edge_rolls() {
-        let mut handle = handles().remove(0);
+        let other = handles().remove(0);
         let camera = OrbitCamera {
             view: View::FRONT,
-            ..handle.view.camera
+            ..other.view.camera
         };
-        handle.view = camera.on(handle.view.bounds, handle.view.area).unwrap();
+        let view = camera.on(other.view.bounds, other.view.area).unwrap();
+        let handle = Handle::new(view, other.center).unwrap();
         let from = handle.view.project(handle.center).unwrap();
         let per_radian = (RING * handle.point * handle.view.points_per_unit(handle.center)) as f32;
         let to = from + vec2(0.5 * per_radian, 0.0);
