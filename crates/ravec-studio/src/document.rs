@@ -12,6 +12,12 @@ pub type EditId = u64;
 /// Operations that look at their input and change nothing.
 const ANALYSES: [&str; 1] = ["track"];
 
+/// Fields of operations that are files to read, beside the input.
+const FILE_FIELDS: [&str; 1] = ["catalogue"];
+
+/// Fields of operations that are written besides the output.
+const SIDE_OUTPUTS: [&str; 1] = ["deep_zoom"];
+
 /// Name of the input in the expression of a Boolean operation.
 pub const INPUT_NAME: &str = "a";
 
@@ -64,6 +70,21 @@ impl Edit {
     /// True for an operation that looks at its input and changes nothing, such as `track`: its output is a file of its own.
     pub fn is_analysis(&self) -> bool {
         ANALYSES.contains(&self.operation.as_str())
+    }
+
+    /// The files beside the input that the result depends on.
+    pub(crate) fn read_files(&self) -> impl Iterator<Item = PathBuf> {
+        let files = FILE_FIELDS.iter().filter_map(|name| self.fields.get(*name));
+        files.filter_map(Value::as_str).map(PathBuf::from)
+    }
+
+    /// The same edit without what it writes besides its output: while it is edited, nothing is written.
+    pub(crate) fn without_side_outputs(&self) -> Self {
+        let mut edit = self.clone();
+        for name in SIDE_OUTPUTS {
+            edit.fields.remove(name);
+        }
+        edit
     }
 
     /// The operation with these files. An analysis keeps its own output.

@@ -5,6 +5,7 @@
 mod brush;
 mod complete;
 mod mesh;
+mod mosaic;
 mod outline;
 mod plain;
 mod planes;
@@ -293,6 +294,7 @@ pub(crate) fn all() -> Vec<Box<dyn Tool>> {
         Box::new(retarget::Retarget::default()),
         Box::new(rectify::Rectify::default()),
         Box::new(complete::Complete::default()),
+        Box::new(mosaic::Mosaic::default()),
         Box::new(mesh::MeshTool {
             draft: Some(mesh::coarse_offset),
             ..mesh::MeshTool::new(

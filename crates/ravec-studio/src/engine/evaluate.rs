@@ -43,7 +43,9 @@ pub(super) fn evaluate(
     for edit in &edits {
         let fields = serde_json::to_string(&edit.fields).unwrap_or_default();
         let before = &keys[keys.len() - 1];
-        keys.push(format!("{before}\n{} {fields}", edit.operation));
+        let files = edit.read_files().map(|path| source_key(&path, None));
+        let files: String = files.collect();
+        keys.push(format!("{before}\n{} {fields}{files}", edit.operation));
     }
     let known = (0..keys.len())
         .rev()
@@ -183,7 +185,8 @@ pub(crate) fn run_in_memory(
     progress: &Progress,
 ) -> Result<(Content, Report), RunError> {
     let (from, to) = (result_name(0), result_name(1));
-    let step = edit.step(&from, &to).map_err(RunError::Edit)?;
+    let step = edit.without_side_outputs();
+    let step = step.step(&from, &to).map_err(RunError::Edit)?;
     let context = Context::new(progress).with_intermediates();
     match input {
         Content::Picture(picture) => context.insert_picture(&from, Picture::clone(picture)),
