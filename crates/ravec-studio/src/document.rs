@@ -13,7 +13,7 @@ pub type EditId = u64;
 const ANALYSES: [&str; 1] = ["track"];
 
 /// Fields of operations for files that are written beside the result.
-const SIDE_OUTPUTS: [&str; 2] = ["svg", "show_grid"];
+const SIDE_OUTPUTS: [&str; 3] = ["svg", "show_grid", "deep_zoom"];
 
 /// Name of the input in the expression of a Boolean operation.
 pub const INPUT_NAME: &str = "a";

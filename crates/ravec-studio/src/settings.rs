@@ -6,6 +6,7 @@
 use clap::{Arg, ArgAction, Command};
 use ravec_jobs::Step;
 use serde_json::{Value, json};
+use std::any::TypeId;
 
 /// The kind of control of a setting.
 #[derive(Debug, Clone, PartialEq)]
@@ -165,6 +166,9 @@ fn kind(arg: &Arg, help: &str, default: &str) -> Kind {
     }
     let range = range_in(help);
     if default.parse::<f64>().is_ok() || (default.is_empty() && range.is_some()) {
+        if is_integer(arg) {
+            return Kind::Number { range, whole: true };
+        }
         let ends_whole = range.is_none_or(|range| range.iter().all(|end| end.fract() == 0.0));
         let whole = if default.is_empty() {
             ends_whole
@@ -174,6 +178,16 @@ fn kind(arg: &Arg, help: &str, default: &str) -> Kind {
         return Kind::Number { range, whole };
     }
     Kind::Text
+}
+
+/// True if the parameter itself is an integer.
+fn is_integer(arg: &Arg) -> bool {
+    let of = arg.get_value_parser().type_id();
+    of == TypeId::of::<usize>()
+        || of == TypeId::of::<u64>()
+        || of == TypeId::of::<u32>()
+        || of == TypeId::of::<u8>()
+        || of == TypeId::of::<i32>()
 }
 
 /// True if a help text is about things that are counted.
@@ -279,6 +293,16 @@ mod tests {
         assert!(matches!(&find("borders").kind, Kind::Choice(values) if values.len() > 1));
         assert!(!find("lines").help.is_empty() && !find("lines").default.is_empty());
         assert!(form.settings.iter().all(|setting| setting.name != "input"));
+    }
+
+    #[test]
+    fn parameters_that_are_integers_take_whole_numbers() {
+        let form = form("mosaic").unwrap();
+        for (name, range) in [("rounds", Some([0.0, 100.0])), ("degree", None)] {
+            let mut settings = form.settings.iter();
+            let setting = settings.find(|setting| setting.name == name).unwrap();
+            assert_eq!(setting.kind, Kind::Number { range, whole: true }, "{name}");
+        }
     }
 
     #[test]

@@ -5,6 +5,7 @@
 mod brush;
 mod complete;
 mod mesh;
+mod mosaic;
 mod outline;
 mod parts;
 mod plain;
@@ -320,6 +321,7 @@ pub(crate) fn all() -> Vec<Box<dyn Tool>> {
         Box::new(complete::Complete::default()),
         Box::new(track::Track::default()),
         Box::new(trim::Trim),
+        Box::new(mosaic::Mosaic::default()),
         Box::new(mesh::MeshTool {
             draft: Some(mesh::coarse_offset),
             ..mesh::MeshTool::new(
