@@ -7,7 +7,9 @@
 //! | `crash` | kills the program at random moments and checks the files it left |
 //! | `deny` | checks licenses, sources and advisories of dependencies, where `cargo-deny` is installed |
 //! | `fuzz` | runs the fuzz targets of all readers, or replays their inputs |
+//! | `guide-pictures` | takes the pictures of the studio's guide from the running program |
 //! | `spelling` | checks the spelling of code and documents, where `typos` is installed |
+//! | `window` | drives the studio in a real window, where `Xvfb` and `xdotool` are installed |
 
 mod arrows;
 mod check;
@@ -16,6 +18,7 @@ mod deny;
 mod fuzz;
 mod sources;
 mod spelling;
+mod studio;
 mod tool;
 
 use anyhow::{Context as _, bail};
@@ -66,8 +69,12 @@ enum Chore {
         #[arg(long, conflicts_with_all = ["minutes", "target"])]
         replay: bool,
     },
+    /// Take the pictures of the studio's guide from the running program
+    GuidePictures,
     /// Check the spelling of code and documents
     Spelling,
+    /// Drive the studio in a real window
+    Window,
 }
 
 fn main() -> anyhow::Result<()> {
@@ -84,7 +91,9 @@ fn main() -> anyhow::Result<()> {
         Chore::Fuzz {
             minutes, target, ..
         } => fuzz::fuzz(minutes, &target),
+        Chore::GuidePictures => studio::guide_pictures(),
         Chore::Spelling => spelling::spelling(),
+        Chore::Window => studio::window(),
     }
 }
 

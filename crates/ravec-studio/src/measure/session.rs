@@ -19,6 +19,8 @@ use std::time::{Duration, Instant};
 
 /// Time between the events of a click or of a word.
 const PAUSE: Duration = Duration::from_millis(20);
+/// Time after which a field that was clicked takes keys, in a window whose frames take long.
+const FOCUS: Duration = Duration::from_millis(300);
 /// Time between two notches of the wheel.
 const NOTCH: Duration = Duration::from_millis(60);
 /// Frames in which nothing goes on after which a step has ended.
@@ -316,7 +318,9 @@ impl Session {
                 };
                 let mut events = click(field.rect().center());
                 let all = Modifiers::COMMAND | Modifiers::CTRL;
-                events.extend(with_modifiers(all, press(Key::A, all)));
+                let mut selects = with_modifiers(all, press(Key::A, all));
+                selects[0].0 = FOCUS;
+                events.extend(selects);
                 events.push((PAUSE, Event::Text(text.clone())));
                 events.extend(press(Key::Enter, Modifiers::NONE));
                 events
