@@ -137,6 +137,23 @@ const CRATES: &[Crate] = &[
         uses: &["ravec-twocolor", "ravec-raster", "ravec-progress"],
     },
     Crate {
+        name: "ravec-matting",
+        layer: "systems",
+        uses: &["ravec-raster", "ravec-numeric", "ravec-progress"],
+    },
+    Crate {
+        name: "ravec-video-edit",
+        layer: "assembly",
+        uses: &[
+            "ravec-completion",
+            "ravec-matting",
+            "ravec-planar",
+            "ravec-raster",
+            "ravec-numeric",
+            "ravec-progress",
+        ],
+    },
+    Crate {
         name: "ravec-catalogue",
         layer: "assembly",
         uses: &[
@@ -155,6 +172,8 @@ const CRATES: &[Crate] = &[
             "ravec-twocolor",
             "ravec-planar",
             "ravec-completion",
+            "ravec-matting",
+            "ravec-video-edit",
             "ravec-retarget",
             "ravec-mosaic",
             "ravec-offset",
@@ -257,6 +276,7 @@ const QUARANTINE: &[(&[&str], &[&str])] = &[
             "ravec-cli",
             "ravec-demo",
             "ravec-jobs",
+            "ravec-matting",
             "ravec-mesh-io",
             "ravec-mesh-render",
             "ravec-mosaic",
@@ -264,6 +284,7 @@ const QUARANTINE: &[(&[&str], &[&str])] = &[
             "ravec-planar",
             "ravec-retarget",
             "ravec-studio",
+            "ravec-video-edit",
             "xtask",
         ],
     ),

@@ -8,8 +8,8 @@ use ravec_jobs::{Context, Operation as _, recipe};
 use ravec_media::{Limits, Picture, WriteOptions, read, write};
 use ravec_scenes::Seed;
 use ravec_scenes::swatches::swatches;
+use ravec_studio::Edit;
 use ravec_studio::Studio;
-use ravec_studio::document::Edit;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -220,10 +220,7 @@ fn a_page_is_written_now_and_with_exports_but_not_while_editing() {
     let page = folder.path().join("page");
     type_into(&mut harness, "Folder of the page", page.to_str().unwrap());
     click(&mut harness, "Write it with every export");
-    assert_eq!(
-        edit(&harness).fields["deep_zoom"],
-        page.to_str().unwrap()
-    );
+    assert_eq!(edit(&harness).fields["deep_zoom"], page.to_str().unwrap());
     assert!(!page.exists());
     click(&mut harness, "Write the page");
     assert!(page.join("index.html").is_file());

@@ -9,6 +9,8 @@
 //! | [`twocolor`] | two-color pixels, and filters that do not cross edges |
 //! | [`planar`] | homographies, matching of photos, grids in perspective, rectification |
 //! | [`completion`] | holes filled from the rest of a picture, in perspective where planes are known |
+//! | [`matting`] | alpha and foreground colors of pictures and clips |
+//! | [`video_edit`] | shots edited like one picture: background plates, removal, replacement, enhancement, paste |
 //! | [`retarget`] | one picture in many formats, with objects in shape and lines straight |
 //! | [`mesh`] | triangle meshes: measures, checks, distances, simplification |
 //! | [`mesh_io`] | files of meshes: STL, PLY, OBJ, OFF, 3MF, glTF |
@@ -221,6 +223,7 @@
 
 pub use ravec_boolean as boolean;
 pub use ravec_completion as completion;
+pub use ravec_matting as matting;
 pub use ravec_memory as memory;
 pub use ravec_mesh as mesh;
 pub use ravec_mesh_io as mesh_io;
@@ -232,6 +235,7 @@ pub use ravec_progress as progress;
 pub use ravec_raster as raster;
 pub use ravec_retarget as retarget;
 pub use ravec_twocolor as twocolor;
+pub use ravec_video_edit as video_edit;
 
 /// Runs the examples of the readme.
 #[cfg(doctest)]

@@ -74,6 +74,7 @@ mod tests {
             operation: "mosaic".to_owned(),
             fields: with_params(json!({})),
             enabled: true,
+            more_sizes: Vec::new(),
         };
         let [a, b] = ["/a.jpg", "/b.jpg"].map(Path::new);
         let pinned = with_pin(&with_pin(&edit, [1, 2], a), [3, 0], b);

@@ -1,0 +1,1 @@
+//! A shot edited like one picture: background plates, removal, replacement, enhancement, paste.
