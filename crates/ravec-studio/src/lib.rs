@@ -29,9 +29,10 @@
 //!
 //! # Current status
 //!
-//! Pictures, meshes and clips. Tools with gestures: brush, retargeting with areas, planes, completion as a whole and by fragments. Meshes
-//! have offsets, simplification and repair by their panels, with a list of defects, and Booleans whose parts are moved and turned by a
-//! handle. Clips are shown on a timeline; edits of them show a frame. Tracks and mosaics have no tool yet.
+//! Pictures, meshes and clips. Tools with gestures: brush, retargeting with areas, planes, completion as a whole and by fragments,
+//! photo mosaics whose tiles are pinned and banned. Meshes have offsets, simplification and repair by their panels, with a list of
+//! defects, and Booleans whose parts are moved and turned by a handle. Clips are shown on a timeline; edits of them show a frame, and
+//! planes are tracked while one watches.
 
 mod assistant;
 pub mod autosave;

@@ -171,7 +171,7 @@ fn photos_are_pinned_and_banned_by_clicks_and_exported_as_they_are_shown() {
     };
     let pin = |harness: &Harness<'_, Studio>, photo: &Path| {
         let label = format!("Pin {}", name(photo));
-        harness.query_by_label(&label).map(|_| label)
+        harness.query_by_label(&label).is_some().then_some(label)
     };
     let (wanted, label) = all
         .iter()

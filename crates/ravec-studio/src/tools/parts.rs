@@ -12,6 +12,7 @@ use crate::assistant::Assistant;
 use crate::content::Kind;
 use crate::document::{Edit, EditId, INPUT_NAME};
 use crate::view::mesh::ShownMesh;
+use crate::view::panel::text_ui;
 use egui::{
     Color32, DragValue, Key, Painter, PointerButton, Pos2, Rect, Sense, Stroke, TextEdit, Ui, Vec2,
 };
@@ -75,8 +76,6 @@ pub(crate) struct Parts {
     clicks: u64,
     /// The path that is typed, while a mesh is being added.
     adding: Option<String>,
-    /// The expression that is typed.
-    typed: Option<String>,
 }
 
 impl Default for Parts {
@@ -90,7 +89,6 @@ impl Default for Parts {
             clicked: None,
             clicks: 0,
             adding: None,
-            typed: None,
         }
     }
 }
@@ -135,10 +133,8 @@ fn with_expression(edit: &Edit, expression: &str) -> Edit {
 /// The operator that an expression has between all parts in turn, if it is as plain as that.
 fn operator(expression: &str, names: &[String]) -> Option<&'static str> {
     let plain: String = expression.split_whitespace().collect();
-    let operators = OPERATORS.iter().map(|(_, operator, _)| *operator);
-    operators
-        .filter(|operator| names.join(operator.trim()) == plain)
-        .next()
+    let mut operators = OPERATORS.iter().map(|(_, operator, _)| *operator);
+    operators.find(|operator| names.join(operator.trim()) == plain)
 }
 
 /// The names of the parts that an expression uses; all if it makes no sense.
@@ -226,16 +222,14 @@ fn with_files(edit: &Edit, files: Vec<NamedFile>) -> Edit {
 }
 
 impl Parts {
-    /// The selected part: the last one if what was selected is no part of this edit.
+    /// The selected part; the last one if it is no part of this edit, such as one that is added in this frame.
     fn selected(&self, edit: &Edit) -> String {
-        let mut names = parts(edit)
-            .into_iter()
-            .map(|(name, _)| name)
-            .rev()
-            .peekable();
-        let last = names.peek().cloned();
-        let found = names.find(|name| *name == self.selected);
-        found.or(last).unwrap_or_else(|| INPUT_NAME.to_owned())
+        let parts = parts(edit);
+        let is_there = parts.iter().any(|(name, _)| *name == self.selected);
+        match parts.last() {
+            Some((last, _)) if !is_there => last.clone(),
+            _ => self.selected.clone(),
+        }
     }
 
     /// Asks for the meshes of an edit.
@@ -434,21 +428,14 @@ impl Parts {
     }
 
     /// The expression, and buttons for those that are common; a change.
-    fn expression_ui(&mut self, ui: &mut Ui, edit: &Edit) -> Option<Gesture> {
+    fn expression_ui(ui: &mut Ui, edit: &Edit) -> Option<Gesture> {
         let mut gesture = None;
         let present = expression(edit);
         ui.horizontal(|ui| {
             let label = ui.label("Expression").on_hover_text(
                 "| is union, & intersection, - difference, ^ symmetric difference; & comes before the others",
             );
-            let mut typed = self.typed.clone().unwrap_or_else(|| present.to_owned());
-            let field = ui
-                .add(TextEdit::singleline(&mut typed).desired_width(160.0))
-                .labelled_by(label.id);
-            if field.has_focus() {
-                // what is being typed is no expression yet
-                self.typed = Some(typed);
-            } else if self.typed.take().is_some() && typed.trim() != present {
+            if let Some(typed) = text_ui(ui, "expression", present, label.id) {
                 gesture = Some(Gesture::done(with_expression(edit, typed.trim())));
             }
         });
@@ -570,7 +557,7 @@ impl Tool for Parts {
         let scene = desk.assistant.answer::<Scene>(SCENE);
         let scene = scene.as_deref().filter(|scene| scene.job.edit == edit.id);
         let list = self.list_ui(ui, edit, scene);
-        let expression = self.expression_ui(ui, edit);
+        let expression = Self::expression_ui(ui, edit);
         let numbers = self.numbers_ui(ui, edit, scene);
         ui.separator();
         self.result.panel_ui(ui, desk, edit);
@@ -638,6 +625,7 @@ mod tests {
             id: 1,
             operation: "boolean".to_owned(),
             fields: Parts::default().start([0, 0]),
+            more_sizes: Vec::new(),
             enabled: true,
         }
     }
