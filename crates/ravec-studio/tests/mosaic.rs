@@ -25,7 +25,7 @@ fn folder() -> tempfile::TempDir {
     let photos = folder.path().join("photos");
     std::fs::create_dir(&photos).unwrap();
     let options = WriteOptions::default();
-    for number in 0..40 {
+    for number in 0..120 {
         let (image, _) = swatches(Size::new(96, 72).unwrap(), Seed(number));
         let image: Image<Srgb<u8>> = image.convert();
         let path = photos.join(format!("{number:02}.png"));
@@ -223,7 +223,8 @@ fn a_page_is_written_now_and_with_exports_but_not_while_editing() {
     assert_eq!(edit(&harness).fields["deep_zoom"], page.to_str().unwrap());
     assert!(!page.exists());
     click(&mut harness, "Write the page");
-    assert!(page.join("index.html").is_file());
+    let message = harness.query_by_label_contains("is written");
+    assert!(message.is_some() && page.join("index.html").is_file());
     std::fs::remove_dir_all(&page).unwrap();
     assert_export_is_that_of_run(&mut harness, folder.path());
     assert!(page.join("index.html").is_file());
