@@ -5,6 +5,7 @@ use ravec::progress::Progress;
 use ravec_jobs::{Context, Step};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -62,7 +63,8 @@ pub(super) fn prepare(opened: &Opened, base: &Path, folder: &Folder) -> Result<P
         }
         Opened::Torus { triangles } => {
             let path = folder.join("torus.off");
-            std::fs::write(&path, torus(*triangles))
+            let text = torus(*triangles);
+            ravec_files::write_atomically(&path, |file| file.write_all(text.as_bytes()))
                 .map_err(|error| format!("{}: {error}", path.display()))?;
             Ok(path)
         }

@@ -23,6 +23,9 @@ use task::{Outcome, Task};
 /// Photos that are listed for a tile.
 const CANDIDATES: usize = 12;
 
+/// A small picture of a photo.
+type Small = Image<Srgb<u8>>;
+
 /// Height of small pictures in the panel, in points.
 const SMALL: f32 = 36.0;
 
@@ -114,7 +117,7 @@ struct Found {
     question: Question,
     candidates: Result<Vec<TileCandidate>, String>,
     /// The photo that the tile has.
-    current: Option<(PathBuf, Image<Srgb<u8>>)>,
+    current: Option<(PathBuf, Small)>,
 }
 
 impl Tool for Mosaic {
@@ -422,7 +425,7 @@ impl Mosaic {
     }
 
     /// Draws the small picture of a photo.
-    fn small_ui(&mut self, ui: &mut Ui, found: &Arc<Found>, photo: &Path, small: &Image<Srgb<u8>>) {
+    fn small_ui(&mut self, ui: &mut Ui, found: &Arc<Found>, photo: &Path, small: &Small) {
         let current = self.textures.take();
         let current = current.filter(|(of, _)| Arc::ptr_eq(of, found));
         let (_, textures) = self
@@ -466,7 +469,7 @@ impl Mosaic {
                 let (edit, folder) = (edit.clone(), typed(&self.page));
                 self.message = None;
                 let number = edit.id;
-                let job = move |progress: &Progress| write_page(&edit, &input, folder, progress);
+                let job = move |progress: &Progress| write_page(&edit, &input, &folder, progress);
                 self.task = Some(Task::start(ui, desk.assistant, number, false, job));
             }
             let mut with_exports = known.is_some();
@@ -633,10 +636,10 @@ fn operation(edit: &Edit) -> Result<Operation, String> {
 }
 
 /// Writes the page of an edit.
-fn write_page(edit: &Edit, input: &EditInput, folder: PathBuf, progress: &Progress) -> Outcome {
+fn write_page(edit: &Edit, input: &EditInput, folder: &Path, progress: &Progress) -> Outcome {
     let operation = Operation {
         output: None,
-        deep_zoom: Some(folder.clone()),
+        deep_zoom: Some(folder.to_path_buf()),
         ..operation(edit)?
     };
     let picture = input.content.picture().ok_or("mosaics are of pictures")?;
@@ -672,7 +675,7 @@ fn find(
     photo: &Path,
     memory: &mut Memory,
     progress: &Progress,
-) -> Result<(Vec<TileCandidate>, Option<Image<Srgb<u8>>>), String> {
+) -> Result<(Vec<TileCandidate>, Option<Small>), String> {
     let picture = input.content.picture().ok_or("mosaics are of pictures")?;
     let operation = operation(edit)?;
     let context = Context::new(progress);

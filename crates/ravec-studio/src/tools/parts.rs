@@ -584,7 +584,7 @@ impl Parts {
                 painter.line_segment([a, b], Stroke::new(1.0, SELECTED));
             }
         }
-        let handle = Handle::new(view, part.center(&placement)?)?;
+        let handle = Handle::new(&view, part.center(&placement)?)?;
         let gesture = self.follow(hand, edit, &handle, &placement);
         let hovered = hand.response.hover_pos().and_then(|at| handle.grip(at));
         let held = self.held.as_ref().map(|held| held.grip);

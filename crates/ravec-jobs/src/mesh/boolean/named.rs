@@ -77,7 +77,6 @@ pub(super) fn is_name(text: &str) -> bool {
 ///
 /// # Errors
 /// [`JobError::NameTwice`].
-#[expect(clippy::missing_panics_doc, reason = "letters do not run out")]
 pub fn names(files: &[NamedFile]) -> Result<Vec<String>, JobError> {
     let mut given: Vec<&str> = Vec::new();
     for name in files.iter().filter_map(|file| file.name.as_deref()) {

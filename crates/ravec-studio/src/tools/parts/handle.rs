@@ -99,7 +99,7 @@ struct RingPoint {
 
 impl Handle {
     /// The handle about a point; `None` if the point is not seen.
-    pub fn new(view: MeshView, center: DVec3) -> Option<Self> {
+    pub fn new(view: &MeshView, center: DVec3) -> Option<Self> {
         view.project(center)?;
         let point = 1.0 / view.points_per_unit(center);
         if !(point.is_finite() && point > 0.0) {
@@ -124,7 +124,7 @@ impl Handle {
             points.collect()
         };
         Some(Self {
-            view,
+            view: *view,
             center,
             point,
             arrows: [0, 1, 2].map(arrow),
@@ -321,7 +321,7 @@ mod tests {
         });
         let views = cameras.map(|camera| camera.on(bounds, area).unwrap());
         views
-            .map(|view| Handle::new(view, DVec3::new(3.0, 8.0, 12.0)).unwrap())
+            .map(|view| Handle::new(&view, DVec3::new(3.0, 8.0, 12.0)).unwrap())
             .collect()
     }
 
@@ -385,7 +385,7 @@ mod tests {
             ..other.view.camera
         };
         let view = camera.on(other.view.bounds, other.view.area).unwrap();
-        let handle = Handle::new(view, other.center).unwrap();
+        let handle = Handle::new(&view, other.center).unwrap();
         let from = handle.view.project(handle.center).unwrap();
         let per_radian = (RING * handle.point * handle.view.points_per_unit(handle.center)) as f32;
         let to = from + vec2(0.5 * per_radian, 0.0);
