@@ -430,7 +430,7 @@ fn a_session_in_a_window_outlives_a_kill() {
         window.see(tool);
         window.wait_for_result();
         window.confirm("ctrl+e", "Export the result: Export");
-        window.see(&format!("{} is written", output.display()));
+        window.see(&format!("Written: {}", output.display()));
         window.confirm("ctrl+s", "Save the project: Save");
         window.see(&format!("{} is saved", project.display()));
         let exported = std::fs::read(output).unwrap();
