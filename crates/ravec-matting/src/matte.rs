@@ -44,7 +44,7 @@ impl Constraint {
 pub type Constraints = Image<u8>;
 
 /// Reasons why there is no matte.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MattingError {
     /// Two images that belong together have different sizes.
