@@ -1,0 +1,288 @@
+//! Light of a frame against the plate: gain and offset of each channel, a small shift, and blur.
+//!
+//! A frame is taken as `gain · plate + offset` plus a linear combination of the first and second derivatives of the plate,
+//! which a shift below a pixel and a blur of a few tenths of a pixel are to second order. The eleven numbers are fitted by
+//! least squares with Tukey's biweight, so that foreground, which fits nowhere, has no weight.
+
+use crate::matte::Colors;
+use ravec_numeric::solve_positive;
+use ravec_raster::{Image, Plane};
+use rayon::prelude::*;
+
+/// Samples that the fit reads at most.
+const MAX_SAMPLES: usize = 9000;
+/// Rounds of reweighting.
+const ROUNDS: usize = 6;
+/// Limit of Tukey's biweight in standard deviations.
+const TUKEY: f32 = 4.685;
+/// Standard deviation of values in 8 bit that have no noise but rounding, 0.5 of a step with room.
+const MIN_SIGMA: f32 = 0.5 / 255.0;
+/// Unknowns: gains, offsets, two first and three second derivatives.
+const UNKNOWNS: usize = 11;
+
+/// How a frame shows the plate.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PlateLight {
+    /// Factor of each channel.
+    pub gain: [f32; 3],
+    /// Value that is added to each channel.
+    pub offset: [f32; 3],
+    /// Factors of the derivatives of the plate: x, y, xx, xy, yy.
+    pub derivatives: [f32; 5],
+    /// Standard deviation of the noise of each channel.
+    pub sigma: [f32; 3],
+    /// Variance that is added for each unit of the squared gradient, in units of the variance of the noise: the plate is
+    /// not exact at its edges.
+    pub edge_variance: f32,
+}
+
+/// First and second differences of a pixel of the plate in one channel.
+fn derivatives(plate: &Colors, col: usize, row: usize, channel: usize) -> [f32; 5] {
+    let (width, height) = (plate.width(), plate.height());
+    let (west, east) = (col.saturating_sub(1), (col + 1).min(width - 1));
+    let (north, south) = (row.saturating_sub(1), (row + 1).min(height - 1));
+    let rows = [plate.row(north), plate.row(row), plate.row(south)];
+    let at = |row: usize, col: usize| rows[row][col][channel];
+    [
+        0.5 * (at(1, east) - at(1, west)),
+        0.5 * (at(2, col) - at(0, col)),
+        at(1, east) - 2.0 * at(1, col) + at(1, west),
+        0.25 * (at(2, east) - at(2, west) - at(0, east) + at(0, west)),
+        at(2, col) - 2.0 * at(1, col) + at(0, col),
+    ]
+}
+
+/// A pixel that the fit looks at.
+struct Sample {
+    frame: [f32; 3],
+    plate: [f32; 3],
+    derivatives: [[f32; 5]; 3],
+}
+
+impl Sample {
+    fn residual(&self, light: &PlateLight, channel: usize) -> f32 {
+        let shown = light.gain[channel] * self.plate[channel] + light.offset[channel];
+        self.frame[channel] - shown - dot(&self.derivatives[channel], &light.derivatives)
+    }
+
+    /// Squared gradient, summed over the channels.
+    fn gradient_squared(&self) -> f32 {
+        self.derivatives
+            .iter()
+            .map(|d| d[0] * d[0] + d[1] * d[1])
+            .sum()
+    }
+}
+
+fn dot(a: &[f32; 5], b: &[f32; 5]) -> f32 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// The value in the middle of `values`, 0 if there are none. Changes their order.
+fn median(values: &mut [f32]) -> f32 {
+    let middle = values.len() / 2;
+    if values.is_empty() {
+        return 0.0;
+    }
+    *values.select_nth_unstable_by(middle, f32::total_cmp).1
+}
+
+impl PlateLight {
+    /// A frame that shows the plate as it is, with noise of a step of 8 bit.
+    const SAME: Self = Self {
+        gain: [1.0; 3],
+        offset: [0.0; 3],
+        derivatives: [0.0; 5],
+        sigma: [2.0 * MIN_SIGMA; 3],
+        edge_variance: 0.0,
+    };
+
+    /// Fits the light to the pixels that `usable` allows; all if it is `None`. Up to a third of them may be foreground.
+    pub(crate) fn fit(
+        frame: &Colors,
+        plate: &Colors,
+        usable: Option<&dyn Fn(usize, usize) -> bool>,
+    ) -> Self {
+        let step = ((frame.size().pixels() as f64 / MAX_SAMPLES as f64)
+            .sqrt()
+            .ceil() as usize)
+            .max(1);
+        let mut samples = Vec::new();
+        for row in (step / 2..frame.height()).step_by(step) {
+            // every other row starts half a step later, so that no column of a pattern is missed
+            let start = if (row / step) % 2 == 0 { step / 2 } else { 0 };
+            for col in (start..frame.width()).step_by(step) {
+                let (frame, shown) = (frame[(col, row)], plate[(col, row)]);
+                let clipped = frame
+                    .iter()
+                    .any(|value| *value >= 0.99 || !value.is_finite());
+                if clipped || !shown.iter().all(|value| value.is_finite()) {
+                    continue;
+                }
+                if usable.is_some_and(|usable| !usable(col, row)) {
+                    continue;
+                }
+                let derivatives = [0, 1, 2].map(|channel| derivatives(plate, col, row, channel));
+                samples.push(Sample {
+                    frame,
+                    plate: shown,
+                    derivatives,
+                });
+            }
+        }
+        if samples.len() < 4 * UNKNOWNS {
+            return Self::SAME;
+        }
+        let mut light = Self::SAME;
+        for round in 0..ROUNDS {
+            let scale = light.scales(&samples);
+            // gain and offset first: a shift that is fitted to a wrong light is none
+            let with_derivatives = round >= 2;
+            light = light
+                .refitted(&samples, scale, with_derivatives)
+                .unwrap_or(light);
+        }
+        light.with_noise(&samples)
+    }
+
+    /// Robust standard deviation of each channel.
+    fn scales(&self, samples: &[Sample]) -> [f32; 3] {
+        [0, 1, 2].map(|channel| {
+            let mut sizes: Vec<f32> = samples
+                .iter()
+                .map(|sample| sample.residual(self, channel).abs())
+                .collect();
+            (1.4826 * median(&mut sizes)).max(MIN_SIGMA)
+        })
+    }
+
+    /// One round of weighted least squares.
+    fn refitted(
+        &self,
+        samples: &[Sample],
+        scale: [f32; 3],
+        with_derivatives: bool,
+    ) -> Option<Self> {
+        let mut matrix = [[0.0f64; UNKNOWNS]; UNKNOWNS];
+        let mut right = [0.0f64; UNKNOWNS];
+        let active = if with_derivatives { 7 } else { 2 };
+        for sample in samples {
+            let distance: f32 = (0..3)
+                .map(|channel| (sample.residual(self, channel) / scale[channel]).powi(2))
+                .sum();
+            // three channels: the biweight of the largest sphere that one channel would have
+            let share = 1.0 - distance / (3.0 * TUKEY * TUKEY);
+            if share <= 0.0 {
+                continue;
+            }
+            let weight = share * share;
+            for channel in 0..3 {
+                let d = &sample.derivatives[channel];
+                let row = [sample.plate[channel], 1.0, d[0], d[1], d[2], d[3], d[4]];
+                let weight = f64::from(weight / (scale[channel] * scale[channel]));
+                let index = |k: usize| if k < 2 { 2 * channel + k } else { 4 + k };
+                for a in 0..active {
+                    let scaled = weight * f64::from(row[a]);
+                    right[index(a)] += scaled * f64::from(sample.frame[channel]);
+                    for b in 0..active {
+                        matrix[index(a)][index(b)] += scaled * f64::from(row[b]);
+                    }
+                }
+            }
+        }
+        // a plate without contrast leaves gain and offset, one without texture the derivatives open
+        for (k, row) in matrix.iter_mut().enumerate() {
+            let (pull, toward) = match k {
+                0 | 2 | 4 => (1e-3 * row[k + 1], 1.0),
+                1 | 3 | 5 => (1e-6 * row[k], 0.0),
+                _ => (1e-3 * row[k] + 1.0, 0.0),
+            };
+            row[k] += pull + 1e-9;
+            right[k] += pull * toward;
+        }
+        let solution = solve_positive(&matrix, &right)?;
+        let value = |k: usize| solution[k] as f32;
+        let light = Self {
+            gain: [value(0), value(2), value(4)],
+            offset: [value(1), value(3), value(5)],
+            derivatives: [6, 7, 8, 9, 10].map(value),
+            ..*self
+        };
+        let sane = light.gain.iter().all(|gain| (0.05..20.0).contains(gain));
+        sane.then_some(light)
+    }
+
+    /// Noise of flat places, and what edges add.
+    fn with_noise(mut self, samples: &[Sample]) -> Self {
+        let mut gradients: Vec<f32> = samples.iter().map(Sample::gradient_squared).collect();
+        let limit = median(&mut gradients);
+        let scale = self.scales(samples);
+        let fits =
+            |sample: &&Sample| (0..3).all(|c| sample.residual(&self, c).abs() < TUKEY * scale[c]);
+        let flat: Vec<_> = samples
+            .iter()
+            .filter(fits)
+            .filter(|sample| sample.gradient_squared() <= limit)
+            .collect();
+        let edges: Vec<_> = samples
+            .iter()
+            .filter(fits)
+            .filter(|sample| sample.gradient_squared() > limit)
+            .collect();
+        let spread = |of: &[&Sample], channel: usize| {
+            let mut sizes: Vec<f32> = of
+                .iter()
+                .map(|sample| sample.residual(&self, channel).abs())
+                .collect();
+            1.4826 * median(&mut sizes)
+        };
+        let sigma = [0, 1, 2].map(|channel| spread(&flat, channel).max(MIN_SIGMA));
+        let mean_gradient = edges
+            .iter()
+            .map(|sample| sample.gradient_squared())
+            .sum::<f32>()
+            / edges.len().max(1) as f32;
+        let excess: f32 = (0..3)
+            .map(|channel| (spread(&edges, channel) / sigma[channel]).powi(2) - 1.0)
+            .sum::<f32>()
+            / 3.0;
+        self.sigma = sigma;
+        if mean_gradient > 1e-9 {
+            self.edge_variance = (excess / mean_gradient).max(0.0);
+        }
+        self
+    }
+
+    /// The plate in this light, and the variance of its difference to the frame relative to that of the noise.
+    pub(crate) fn relit(&self, plate: &Colors) -> (Colors, Plane) {
+        let mut lit = plate.clone();
+        let mut variance = Plane::new(plate.size(), 1.0);
+        lit.par_rows_mut()
+            .zip(variance.par_rows_mut())
+            .enumerate()
+            .for_each(|(row, (lit, variance))| self.relight_row(plate, row, lit, variance));
+        (lit, variance)
+    }
+
+    fn relight_row(&self, plate: &Colors, row: usize, lit: &mut [[f32; 3]], variance: &mut [f32]) {
+        for (col, (lit, variance)) in lit.iter_mut().zip(variance).enumerate() {
+            let mut gradient = 0.0;
+            for channel in 0..3 {
+                let d = derivatives(plate, col, row, channel);
+                gradient += d[0] * d[0] + d[1] * d[1];
+                lit[channel] = self.gain[channel] * lit[channel]
+                    + self.offset[channel]
+                    + dot(&d, &self.derivatives);
+            }
+            *variance = 1.0 + self.edge_variance * gradient;
+        }
+    }
+
+    /// Colors in units of the noise.
+    pub(crate) fn whitened(&self, colors: &Colors) -> [Plane; 3] {
+        [0, 1, 2].map(|channel| {
+            let scale = 1.0 / self.sigma[channel];
+            Image::map(colors, |color| color[channel] * scale)
+        })
+    }
+}

@@ -1,0 +1,521 @@
+//! Mattes of frames whose background is known.
+//!
+//! The steps, each a module of its own:
+//!
+//! 1. *Light* (`light`): gain, offset, shift and blur of the plate in the frame, and the noise; from here on colors are in units of
+//!    the noise.
+//! 2. *Detection*: the normalized squared difference χ² is large where there is foreground. All that follows is done in the rectangle
+//!    around it.
+//! 3. *Texture cue* (`texture`): foreground hides the texture of the plate, even where colors agree.
+//! 4. *Foreground field* (`field`): mean and covariance of the foreground's colors from what is certain nearby.
+//! 5. *Likelihood* (`posterior`) of nine values of alpha under noise and covariance.
+//! 6. *Pooling*: certain neighbors give ambiguous pixels a prior.
+//! 7. Alpha between median and mean of the posterior. Steps 4 to 7 are done once more with it.
+//!
+//! Source: Chuang et al., *A Bayesian approach to digital matting*, 2001, with a known background instead of its model.
+
+use crate::field::{ColorField, color_field};
+use crate::half::{doubled, halve, spread};
+use crate::light::PlateLight;
+use crate::matte::{Colors, Constraint, Constraints, Matte, MattingError};
+use crate::posterior::{Evidence, Likelihood, Prior};
+use crate::texture::{TextureCue, texture_cue};
+use ravec_progress::Progress;
+use ravec_raster::{Image, Plane, Rect, Size, gaussian_blur};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// χ² of three channels above which a pixel is foreground for certain, by itself and smoothed.
+const CERTAIN: f32 = 20.0;
+const CERTAIN_SMOOTH: f32 = 30.0;
+/// Smoothed χ² above which a pixel may be foreground.
+const SUSPECT_SMOOTH: f32 = 10.0;
+/// Pixels by which the rectangle is larger than what is suspect.
+const MARGIN_PX: usize = 16;
+/// Radius of the window whose largest difference stands for opaque foreground at the start.
+const START_RADIUS: usize = 3;
+/// Standard deviations of the windows of the foreground field in the two passes, in pixels of half the size.
+const FIELD_SIGMA_PX: [f64; 2] = [2.0, 1.0];
+/// Standard deviation of the pooling, in pixels of half the size.
+const POOL_SIGMA_PX: f64 = 1.5;
+/// Weight of distant places in the pooling.
+const POOL_PULL: f32 = 0.02;
+/// Largest share that a prior gives to one end.
+const MAX_SHARE: f32 = 0.98;
+/// Squared contrast, in units of the noise, at which a pixel counts half in the pooling.
+const POOL_CONTRAST: f32 = 60.0;
+/// Precision of the texture cue from which colors are separated by it.
+const PRECISE: f32 = 25.0;
+/// Variance, in units of that of the noise, of a plate that is not known.
+const UNKNOWN_VARIANCE: f32 = 1e4;
+
+/// Parameters of [`plate_matte`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+#[cfg_attr(feature = "clap", derive(clap::Args))]
+pub struct PlateParams {
+    /// Set alpha to 0 up to this value, and to 1 from one less it, 0 to 0.25
+    #[cfg_attr(feature = "clap", arg(long, value_name = "ALPHA", default_value_t = Self::default().snap))]
+    pub snap: f32,
+}
+
+impl Default for PlateParams {
+    fn default() -> Self {
+        Self { snap: 0.02 }
+    }
+}
+
+/// A frame, its background and what else is known.
+#[derive(Debug, Clone, Copy)]
+pub struct PlateFrame<'a> {
+    /// The frame.
+    pub frame: &'a Colors,
+    /// The background as the frame would show it, in any light that a gain and an offset of each channel describe.
+    pub plate: &'a Colors,
+    /// Share of certainty of each pixel of the plate, 0 to 1; `None` for 1 everywhere.
+    pub known: Option<&'a Plane>,
+    /// Strokes in this frame.
+    pub strokes: Option<&'a Constraints>,
+    /// Strokes that were carried here from other frames: they shift alpha, but do not hold it.
+    pub carried: Option<&'a Constraints>,
+}
+
+impl<'a> PlateFrame<'a> {
+    /// A frame before a plate that is known everywhere.
+    pub fn new(frame: &'a Colors, plate: &'a Colors) -> Self {
+        Self {
+            frame,
+            plate,
+            known: None,
+            strokes: None,
+            carried: None,
+        }
+    }
+
+    fn check(&self) -> Result<Size, MattingError> {
+        let expected = self.frame.size();
+        let sizes = [
+            ("plate", Some(self.plate.size())),
+            ("certainty of the plate", self.known.map(Plane::size)),
+            ("picture of strokes", self.strokes.map(Image::size)),
+            ("picture of carried strokes", self.carried.map(Image::size)),
+        ];
+        for (what, found) in sizes {
+            if let Some(found) = found.filter(|found| *found != expected) {
+                return Err(MattingError::SizesDiffer {
+                    what,
+                    found,
+                    expected,
+                });
+            }
+        }
+        Ok(expected)
+    }
+
+    fn stroke(&self, col: usize, row: usize) -> Constraint {
+        self.strokes.map_or(Constraint::Unknown, |strokes| {
+            Constraint::of(strokes[(col, row)])
+        })
+    }
+
+    fn carried(&self, col: usize, row: usize) -> Constraint {
+        self.carried.map_or(Constraint::Unknown, |strokes| {
+            Constraint::of(strokes[(col, row)])
+        })
+    }
+}
+
+/// A matte before a plate.
+#[derive(Debug, Clone)]
+pub struct PlateMatte {
+    /// Alpha and foreground.
+    pub matte: Matte,
+    /// The plate in the light of the frame, sRGB-encoded: `alpha · foreground + (1 − alpha) · background` is the frame.
+    pub background: Colors,
+    /// Light of the frame.
+    pub light: PlateLight,
+}
+
+/// Solves for alpha and foreground of a frame with a known background.
+///
+/// Alpha is exactly 0 and 1 where strokes say so, and 0 in a frame that differs from its plate only by light and noise.
+/// The same input gives the same bytes on any number of threads. Foreground that has the colors of the plate and no texture of
+/// its own, over a plate without texture, cannot be seen: strokes help.
+///
+/// # Errors
+/// [`MattingError::SizesDiffer`], [`MattingError::Parameter`], [`MattingError::Cancelled`].
+pub fn plate_matte(
+    input: &PlateFrame<'_>,
+    params: &PlateParams,
+    progress: &Progress,
+) -> Result<PlateMatte, MattingError> {
+    let size = input.check()?;
+    if !(0.0..=0.25).contains(&params.snap) {
+        let value = f64::from(params.snap);
+        return Err(MattingError::Parameter {
+            field: "snap",
+            value,
+            range: "0 to 0.25",
+        });
+    }
+    progress.check()?;
+    let usable = |col: usize, row: usize| {
+        let known = input.known.is_none_or(|known| known[(col, row)] >= 0.5);
+        known && input.stroke(col, row) != Constraint::Foreground
+    };
+    let light = PlateLight::fit(input.frame, input.plate, Some(&usable));
+    let (background, mut variance) = light.relit(input.plate);
+    if let Some(known) = input.known {
+        for (variance, known) in variance.pixels_mut().iter_mut().zip(known.pixels()) {
+            *variance += UNKNOWN_VARIANCE * (1.0 - known.clamp(0.0, 1.0));
+        }
+    }
+    let mut alpha = Plane::new(size, 0.0);
+    let mut foreground = input.frame.clone();
+    if let Some(part) = Part::detect(input, &light, &background, &variance) {
+        progress.check()?;
+        part.solve(input, &light, params, &mut alpha, &mut foreground, progress)?;
+    }
+    hold_strokes(input, &mut alpha, &mut foreground);
+    Ok(PlateMatte {
+        matte: Matte { alpha, foreground },
+        background,
+        light,
+    })
+}
+
+/// Sets what strokes say.
+fn hold_strokes(input: &PlateFrame<'_>, alpha: &mut Plane, foreground: &mut Colors) {
+    let Some(strokes) = input.strokes else { return };
+    for (at, stroke) in strokes.pixels().iter().enumerate() {
+        match Constraint::of(*stroke) {
+            Constraint::Unknown => {}
+            Constraint::Background => alpha.pixels_mut()[at] = 0.0,
+            Constraint::Foreground => {
+                alpha.pixels_mut()[at] = 1.0;
+                foreground.pixels_mut()[at] = input.frame.pixels()[at];
+            }
+        }
+    }
+}
+
+/// The rectangle of a frame in which there may be foreground, in units of the noise.
+struct Part {
+    rect: Rect,
+    frame: [Plane; 3],
+    plate: [Plane; 3],
+    variance: Plane,
+    /// Alpha to start with.
+    start: Plane,
+}
+
+impl Part {
+    /// Looks for differences, smooths them, and takes the rectangle around what is suspect. `None` for a frame without foreground.
+    fn detect(
+        input: &PlateFrame<'_>,
+        light: &PlateLight,
+        background: &Colors,
+        variance: &Plane,
+    ) -> Option<Self> {
+        let size = variance.size();
+        let scale = light.sigma.map(|sigma| 1.0 / sigma);
+        let mut difference = Plane::new(size, 0.0);
+        difference
+            .par_rows_mut()
+            .enumerate()
+            .for_each(|(row, out)| {
+                let (frame, plate, variance) =
+                    (input.frame.row(row), background.row(row), variance.row(row));
+                for (col, out) in out.iter_mut().enumerate() {
+                    let square: f32 = (0..3)
+                        .map(|c| ((frame[col][c] - plate[col][c]) * scale[c]).powi(2))
+                        .sum();
+                    *out = if square.is_finite() {
+                        (square / variance[col]).min(1e6)
+                    } else {
+                        0.0
+                    };
+                }
+            });
+        let smooth = gaussian_blur(&difference, 1.0);
+        let marked = |col: usize, row: usize| {
+            input.stroke(col, row) == Constraint::Foreground
+                || input.carried(col, row) == Constraint::Foreground
+        };
+        let mut bounds: Option<[usize; 4]> = None;
+        let mut certain = false;
+        for row in 0..size.height() {
+            for col in 0..size.width() {
+                let marked =
+                    (input.strokes.is_some() || input.carried.is_some()) && marked(col, row);
+                let smooth = smooth[(col, row)];
+                certain |= marked || (smooth > CERTAIN_SMOOTH && difference[(col, row)] > CERTAIN);
+                if marked || smooth > SUSPECT_SMOOTH {
+                    let [left, top, right, bottom] = bounds.unwrap_or([col, row, col, row]);
+                    bounds = Some([left.min(col), top.min(row), right.max(col), bottom.max(row)]);
+                }
+            }
+        }
+        let [left, top, right, bottom] = bounds.filter(|_| certain)?;
+        // even corners, so that halves of all parts have the same grid
+        let (left, top) = (
+            left.saturating_sub(MARGIN_PX) & !1,
+            top.saturating_sub(MARGIN_PX) & !1,
+        );
+        let (right, bottom) = (
+            (right + 1 + MARGIN_PX).min(size.width()),
+            (bottom + 1 + MARGIN_PX).min(size.height()),
+        );
+        let part = Size::new(right - left, bottom - top).ok()?;
+        let rect = Rect {
+            col: left,
+            row: top,
+            width: part.width(),
+            height: part.height(),
+        };
+        let frame = input.frame.crop(left, top, part).ok()?.map(finite);
+        let plate = background.crop(left, top, part).ok()?.map(finite);
+        let difference = difference.crop(left, top, part).ok()?;
+        let smooth = smooth.crop(left, top, part).ok()?;
+        let mut start = start_of(&difference, &smooth);
+        for (row, cells) in (top..).zip(0..part.height()) {
+            for col in 0..part.width() {
+                match input.stroke(left + col, row) {
+                    Constraint::Foreground => start[(col, cells)] = 1.0,
+                    Constraint::Background => start[(col, cells)] = 0.0,
+                    Constraint::Unknown
+                        if input.carried(left + col, row) == Constraint::Foreground =>
+                    {
+                        start[(col, cells)] = 1.0
+                    }
+                    Constraint::Unknown => {}
+                }
+            }
+        }
+        Some(Self {
+            rect,
+            frame: light.whitened(&frame),
+            plate: light.whitened(&plate),
+            variance: variance.crop(left, top, part).ok()?,
+            start,
+        })
+    }
+
+    fn solve(
+        &self,
+        input: &PlateFrame<'_>,
+        light: &PlateLight,
+        params: &PlateParams,
+        alpha: &mut Plane,
+        foreground: &mut Colors,
+        progress: &Progress,
+    ) -> Result<(), MattingError> {
+        let cue = texture_cue(&self.frame, &self.plate);
+        let mut found = self.start.clone();
+        let mut field = None;
+        for (pass, sigma_px) in FIELD_SIGMA_PX.into_iter().enumerate() {
+            progress.check()?;
+            let next = self.foreground_field(&found, (pass > 0).then_some(&cue), sigma_px);
+            let evidence = self.evidence(&next, &cue);
+            let likelihood = Likelihood::of(&evidence);
+            let prior = self.pooled(&likelihood, input);
+            found = likelihood.alpha(&prior);
+            self.hold(input, &mut found);
+            field = Some(next);
+        }
+        let Some(field) = field else { return Ok(()) };
+        for value in found.pixels_mut() {
+            if *value <= params.snap {
+                *value = 0.0;
+            } else if *value >= 1.0 - params.snap {
+                *value = 1.0;
+            }
+        }
+        let colors = Likelihood::foreground(&self.evidence(&field, &cue), &found);
+        for row in 0..self.rect.height {
+            let to = self.rect.row + row;
+            alpha.row_mut(to)[self.rect.col..][..self.rect.width].copy_from_slice(found.row(row));
+            for (col, out) in foreground.row_mut(to)[self.rect.col..][..self.rect.width]
+                .iter_mut()
+                .enumerate()
+            {
+                *out = [0, 1, 2].map(|c| (colors[c][(col, row)] * light.sigma[c]).clamp(0.0, 1.0));
+            }
+        }
+        Ok(())
+    }
+
+    fn evidence<'a>(&'a self, field: &'a ColorField, cue: &'a TextureCue) -> Evidence<'a> {
+        Evidence {
+            frame: &self.frame,
+            plate: &self.plate,
+            variance: &self.variance,
+            field,
+            cue,
+        }
+    }
+
+    /// Colors where alpha is almost 1; where the texture cue is precise, colors that are separated from the plate.
+    fn foreground_field(
+        &self,
+        alpha: &Plane,
+        cue: Option<&TextureCue>,
+        sigma_px: f64,
+    ) -> ColorField {
+        let weight = alpha.map(|alpha| {
+            let squared = alpha * alpha;
+            let fourth = squared * squared;
+            let tenth = fourth * fourth * squared;
+            if tenth < 1e-4 { 0.0 } else { tenth }
+        });
+        let Some(cue) = cue else {
+            return color_field(&self.frame, &weight, sigma_px);
+        };
+        let precision = doubled(&cue.precision, alpha.size());
+        let colors = [0, 1, 2].map(|channel| {
+            let mut colors = self.frame[channel].clone();
+            let (plate, precision) = (self.plate[channel].pixels(), precision.pixels());
+            for (at, color) in colors.pixels_mut().iter_mut().enumerate() {
+                let alpha = alpha.pixels()[at];
+                if alpha > 0.5 && alpha < 1.0 && precision[at] > PRECISE {
+                    *color = plate[at] + (*color - plate[at]) / alpha;
+                }
+            }
+            colors
+        });
+        color_field(&colors, &weight, sigma_px)
+    }
+
+    /// Shares of both ends from the neighbors that are sure, each with its contrast as weight.
+    fn pooled(&self, likelihood: &Likelihood, input: &PlateFrame<'_>) -> Prior {
+        let [background, foreground] = likelihood.ends();
+        let weight = likelihood
+            .contrast
+            .map(|contrast| contrast / (contrast + POOL_CONTRAST));
+        let weighted = |share: &Plane| {
+            let mut sum = share.clone();
+            for (sum, weight) in sum.pixels_mut().iter_mut().zip(weight.pixels()) {
+                *sum *= weight;
+            }
+            halve(&sum)
+        };
+        let spread = spread(
+            &halve(&weight),
+            [weighted(&background), weighted(&foreground)],
+            POOL_SIGMA_PX,
+            POOL_PULL,
+        );
+        let size = self.variance.size();
+        let [mut background, mut foreground] = spread.each_ref().map(|share| doubled(share, size));
+        let limit = |share: f32| 0.5 * (1.0 - MAX_SHARE) + MAX_SHARE * share.clamp(0.0, 1.0);
+        background
+            .pixels_mut()
+            .iter_mut()
+            .for_each(|share| *share = limit(*share));
+        foreground
+            .pixels_mut()
+            .iter_mut()
+            .for_each(|share| *share = limit(*share));
+        // both may not take all
+        for (background, foreground) in background
+            .pixels_mut()
+            .iter_mut()
+            .zip(foreground.pixels_mut())
+        {
+            let total = (*background + *foreground).max(MAX_SHARE) / MAX_SHARE;
+            *background /= total;
+            *foreground /= total;
+        }
+        if input.carried.is_some() {
+            self.lean_on_carried(input, &mut background, &mut foreground);
+        }
+        Prior {
+            background,
+            foreground,
+        }
+    }
+
+    /// Carried strokes as shares before a pixel is looked at.
+    fn lean_on_carried(
+        &self,
+        input: &PlateFrame<'_>,
+        background: &mut Plane,
+        foreground: &mut Plane,
+    ) {
+        for row in 0..self.rect.height {
+            for col in 0..self.rect.width {
+                let at = (col, row);
+                (background[at], foreground[at]) =
+                    match input.carried(self.rect.col + col, self.rect.row + row) {
+                        Constraint::Unknown => continue,
+                        Constraint::Background => (MAX_SHARE, 0.5 * (1.0 - MAX_SHARE)),
+                        Constraint::Foreground => (0.5 * (1.0 - MAX_SHARE), MAX_SHARE),
+                    };
+            }
+        }
+    }
+
+    fn hold(&self, input: &PlateFrame<'_>, alpha: &mut Plane) {
+        if input.strokes.is_none() {
+            return;
+        }
+        for row in 0..self.rect.height {
+            for col in 0..self.rect.width {
+                match input.stroke(self.rect.col + col, self.rect.row + row) {
+                    Constraint::Unknown => {}
+                    Constraint::Background => alpha[(col, row)] = 0.0,
+                    Constraint::Foreground => alpha[(col, row)] = 1.0,
+                }
+            }
+        }
+    }
+}
+
+fn finite(color: [f32; 3]) -> [f32; 3] {
+    color.map(|value| if value.is_finite() { value } else { 0.0 })
+}
+
+/// The first alpha: the difference as a share of the largest one nearby, where there may be foreground at all.
+fn start_of(difference: &Plane, smooth: &Plane) -> Plane {
+    let size = difference.size();
+    let mut distance = difference.map(f32::sqrt);
+    let largest = largest_within(&distance, START_RADIUS);
+    for row in 0..size.height() {
+        for col in 0..size.width() {
+            let at = (col, row);
+            distance[at] = if smooth[at] > SUSPECT_SMOOTH
+                && difference[at] > CERTAIN
+                && smooth[at] > CERTAIN_SMOOTH
+            {
+                distance[at] / largest[at].max(1e-6)
+            } else {
+                0.0
+            };
+        }
+    }
+    distance
+}
+
+/// Largest value of each square window.
+fn largest_within(plane: &Plane, radius: usize) -> Plane {
+    let size = plane.size();
+    let mut across = plane.clone();
+    across.par_rows_mut().enumerate().for_each(|(row, out)| {
+        let line = plane.row(row);
+        for offset in 1..=radius {
+            for col in offset..line.len() {
+                out[col] = out[col].max(line[col - offset]);
+                out[col - offset] = out[col - offset].max(line[col]);
+            }
+        }
+    });
+    let mut both = across.clone();
+    both.par_rows_mut().enumerate().for_each(|(row, out)| {
+        for other in row.saturating_sub(radius)..(row + radius + 1).min(size.height()) {
+            for (out, value) in out.iter_mut().zip(across.row(other)) {
+                *out = out.max(*value);
+            }
+        }
+    });
+    both
+}
