@@ -4,7 +4,7 @@ use crate::half::{halve, spread};
 use ravec_raster::Plane;
 
 /// Weight of the coarser level of the spread.
-const PULL: f32 = 0.02;
+const PULL: f32 = 0.002;
 
 /// Colors of the foreground at half the size of a picture, in units of the noise.
 pub(crate) struct ColorField {

@@ -37,9 +37,9 @@ const START_RADIUS: usize = 3;
 /// Standard deviations of the windows of the foreground field in the two passes, in pixels of half the size.
 const FIELD_SIGMA_PX: [f64; 2] = [2.0, 1.0];
 /// Standard deviation of the pooling, in pixels of half the size.
-const POOL_SIGMA_PX: f64 = 1.5;
+const POOL_SIGMA_PX: f64 = 2.5;
 /// Weight of distant places in the pooling.
-const POOL_PULL: f32 = 0.02;
+const POOL_PULL: f32 = 0.01;
 /// Largest share that a prior gives to one end.
 const MAX_SHARE: f32 = 0.98;
 /// Squared contrast, in units of the noise, at which a pixel counts half in the pooling.

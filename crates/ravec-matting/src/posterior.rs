@@ -11,7 +11,7 @@ use rayon::prelude::*;
 pub(crate) const LEVELS: usize = 9;
 const STEP: f32 = 1.0 / (LEVELS - 1) as f32;
 /// Variance that is added to that of the foreground, relative to the noise: its field is never exact.
-const MIN_SPREAD: f32 = 0.5;
+const MIN_SPREAD: f32 = 0.2;
 /// Share of the median in alpha; the rest is the mean. The median keeps flat places flat, the mean gives details their value.
 const MEDIAN_SHARE: f32 = 0.7;
 

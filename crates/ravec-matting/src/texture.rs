@@ -10,7 +10,7 @@ const WINDOW_PX: f32 = 113.0;
 /// Factor of the variance for windows in which alpha is not constant.
 const UNEVEN: f32 = 4.0;
 /// Variance of a cue that has seen a perfect fit: windows are larger than details.
-const MIN_VARIANCE: f32 = 0.02;
+const MIN_VARIANCE: f32 = 0.12;
 
 /// Alpha of windows by the contrast of the plate, at half the size.
 pub(crate) struct TextureCue {

@@ -1,0 +1,227 @@
+//! Mattes before a plate, on scenes with known alpha.
+
+use ravec_matting::{
+    Colors, Constraints, MattingError, PlateFrame, PlateMatte, PlateParams, plate_matte,
+};
+use ravec_progress::Progress;
+use ravec_raster::{Image, Plane, Size};
+
+/// A number from −1 to 1 that looks random.
+fn noise(seed: u32) -> f32 {
+    let mut x = seed.wrapping_mul(0x9e37_79b9) ^ 0x85eb_ca6b;
+    x ^= x >> 16;
+    x = x.wrapping_mul(0x7feb_352d);
+    x ^= x >> 15;
+    x = x.wrapping_mul(0x846c_a68b);
+    x ^= x >> 16;
+    x as f32 / u32::MAX as f32 * 2.0 - 1.0
+}
+
+/// A plate with texture in all directions.
+fn plate(size: Size) -> Colors {
+    Image::from_fn(size, |col, row| {
+        let (x, y) = (col as f32, row as f32);
+        let wave = 0.12 * (0.31 * x + 0.11 * y).sin() + 0.1 * (0.23 * y - 0.07 * x).cos();
+        let grain = 0.05 * noise((row * 1000 + col) as u32 / 2);
+        [0.5 + wave + grain, 0.55 - wave + grain, 0.45 + 0.5 * wave]
+    })
+}
+
+/// A disc with a soft rim.
+fn disc(size: Size) -> Plane {
+    let (x, y) = (size.width() as f32 * 0.5, size.height() as f32 * 0.55);
+    let radius = size.height() as f32 * 0.25;
+    Image::from_fn(size, |col, row| {
+        let distance = (col as f32 + 0.5 - x).hypot(row as f32 + 0.5 - y);
+        ((radius - distance) / 6.0 + 0.5).clamp(0.0, 1.0)
+    })
+}
+
+const FOREGROUND: [f32; 3] = [0.8, 0.2, 0.3];
+
+/// Foreground over the plate in a light of 3 % more, with noise of about one percent.
+fn composite(plate: &Colors, alpha: &Plane) -> Colors {
+    Image::from_fn(plate.size(), |col, row| {
+        let (a, below) = (alpha[(col, row)], plate[(col, row)]);
+        [0, 1, 2].map(|c| {
+            let grain = 0.012 * noise((3 * (row * plate.width() + col) + c) as u32 + 77);
+            a * FOREGROUND[c] + (1.0 - a) * (1.03 * below[c] - 0.01) + grain
+        })
+    })
+}
+
+fn solve(input: &PlateFrame<'_>) -> PlateMatte {
+    plate_matte(input, &PlateParams::default(), &Progress::none()).unwrap()
+}
+
+#[test]
+fn alpha_and_colors_are_those_of_the_scene() {
+    let size = Size::new(160, 120).unwrap();
+    let (plate, truth) = (plate(size), disc(size));
+    let frame = composite(&plate, &truth);
+    let found = solve(&PlateFrame::new(&frame, &plate));
+    let mut error = 0.0f64;
+    let mut colors = 0.0f64;
+    let mut composed = 0.0f64;
+    for row in 0..size.height() {
+        for col in 0..size.width() {
+            let at = (col, row);
+            let alpha = found.matte.alpha[at];
+            error += f64::from((alpha - truth[at]).abs());
+            for c in 0..3 {
+                let color = found.matte.foreground[at][c];
+                colors += f64::from((truth[at] * (color - FOREGROUND[c])).powi(2));
+                let again = alpha * color + (1.0 - alpha) * found.background[at][c];
+                composed += f64::from((again - frame[at][c]).powi(2));
+            }
+        }
+    }
+    let pixels = size.pixels() as f64;
+    assert!(
+        error / pixels < 0.004,
+        "mean error of alpha {}",
+        error / pixels
+    );
+    assert!(
+        (colors / pixels / 3.0).sqrt() < 0.012,
+        "colors {}",
+        (colors / pixels / 3.0).sqrt()
+    );
+    // the noise of the scene has a standard deviation of 0.007
+    assert!(
+        (composed / pixels / 3.0).sqrt() < 0.009,
+        "composite {}",
+        (composed / pixels / 3.0).sqrt()
+    );
+    for (gain, offset) in found.light.gain.into_iter().zip(found.light.offset) {
+        assert!(
+            (gain - 1.03).abs() < 0.01 && (offset + 0.01).abs() < 0.006,
+            "{:?}",
+            found.light
+        );
+    }
+}
+
+#[test]
+fn a_frame_without_foreground_has_an_empty_matte() {
+    let size = Size::new(120, 90).unwrap();
+    let plate = plate(size);
+    let frame = composite(&plate, &Plane::new(size, 0.0));
+    let found = solve(&PlateFrame::new(&frame, &plate));
+    assert!(found.matte.alpha.pixels().iter().all(|alpha| *alpha == 0.0));
+}
+
+#[test]
+fn strokes_hold_exactly_and_a_shift_of_the_plate_is_found() {
+    let size = Size::new(140, 100).unwrap();
+    let (below, truth) = (plate(size), disc(size));
+    let frame = composite(&below, &truth);
+    let strokes = Constraints::from_fn(size, |col, row| match (col, row) {
+        (70..80, 50..56) => 0,
+        (5..12, 5..9) => 255,
+        _ => 128,
+    });
+    let found = solve(&PlateFrame {
+        strokes: Some(&strokes),
+        ..PlateFrame::new(&frame, &below)
+    });
+    for row in 0..size.height() {
+        for col in 0..size.width() {
+            let alpha = found.matte.alpha[(col, row)];
+            match strokes[(col, row)] {
+                0 => assert_eq!(alpha, 0.0),
+                255 => assert_eq!(alpha, 1.0),
+                _ => assert!((0.0..=1.0).contains(&alpha)),
+            }
+        }
+    }
+}
+
+#[test]
+fn unknown_parts_of_the_plate_are_no_foreground_by_themselves() {
+    let size = Size::new(120, 90).unwrap();
+    let below = plate(size);
+    let frame = composite(&below, &Plane::new(size, 0.0));
+    let known = Plane::from_fn(size, |col, row| {
+        if (40..70).contains(&col) && (30..60).contains(&row) {
+            0.0
+        } else {
+            1.0
+        }
+    });
+    let mut wrong = below.clone();
+    for row in 30..60 {
+        wrong.row_mut(row)[40..70].fill([1.0, 0.0, 1.0]);
+    }
+    let found = solve(&PlateFrame {
+        known: Some(&known),
+        ..PlateFrame::new(&frame, &wrong)
+    });
+    assert!(found.matte.alpha.pixels().iter().all(|alpha| *alpha == 0.0));
+}
+
+#[test]
+fn threads_do_not_change_the_result() {
+    let size = Size::new(101, 77).unwrap();
+    let below = plate(size);
+    let frame = composite(&below, &disc(size));
+    let on = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap();
+        pool.install(|| solve(&PlateFrame::new(&frame, &below)).matte)
+    };
+    assert_eq!(on(1), on(4));
+}
+
+#[test]
+fn small_and_broken_pictures_have_mattes() {
+    for (width, height) in [(1, 1), (1, 40), (40, 1), (3, 2), (17, 9)] {
+        let size = Size::new(width, height).unwrap();
+        let below = plate(size);
+        let mut frame = below.map(|[r, g, b]| [1.0 - r, g, 1.0 - b]);
+        frame[(width / 2, height / 2)] = [f32::NAN, f32::INFINITY, -3.0];
+        let found = solve(&PlateFrame::new(&frame, &below));
+        assert!(
+            found
+                .matte
+                .alpha
+                .pixels()
+                .iter()
+                .all(|alpha| (0.0..=1.0).contains(alpha))
+        );
+    }
+}
+
+#[test]
+fn other_sizes_and_parameters_out_of_range_are_errors() {
+    let frame = plate(Size::new(8, 8).unwrap());
+    let other = plate(Size::new(9, 8).unwrap());
+    let error = plate_matte(
+        &PlateFrame::new(&frame, &other),
+        &PlateParams::default(),
+        &Progress::none(),
+    );
+    assert!(matches!(
+        error,
+        Err(MattingError::SizesDiffer { what: "plate", .. })
+    ));
+    let error = plate_matte(
+        &PlateFrame::new(&frame, &frame),
+        &PlateParams { snap: 0.3 },
+        &Progress::none(),
+    );
+    assert!(matches!(
+        error,
+        Err(MattingError::Parameter { field: "snap", .. })
+    ));
+    let progress = Progress::none();
+    progress.cancel();
+    let error = plate_matte(
+        &PlateFrame::new(&frame, &frame),
+        &PlateParams::default(),
+        &progress,
+    );
+    assert!(matches!(error, Err(MattingError::Cancelled(_))));
+}
