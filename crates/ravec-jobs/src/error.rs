@@ -8,6 +8,7 @@ pub use kind::ErrorKind;
 
 use ravec::boolean::{BooleanError, ParseExprError};
 use ravec::completion::CompleteError;
+use ravec::matting::MattingError;
 use ravec::mesh::SimplifyError;
 use ravec::mesh_io::{
     MeshFormat, ReadMeshError, ReadMeshFileError, UnknownMeshExtension, WriteMeshError,
@@ -365,6 +366,28 @@ pub enum JobError {
     /// The caller cancelled the work.
     #[error("interrupted; nothing half-written is left")]
     Cancelled,
+}
+
+impl From<MattingError> for JobError {
+    fn from(error: MattingError) -> Self {
+        match error {
+            MattingError::Cancelled(_) => Self::Cancelled,
+            MattingError::Parameter {
+                field,
+                value,
+                range,
+            } => Self::Parameter {
+                field,
+                value: value.to_string(),
+                range,
+            },
+            other => Self::Parameter {
+                field: "plate",
+                value: other.to_string(),
+                range: "of the size of the frames",
+            },
+        }
+    }
 }
 
 impl JobError {

@@ -4,8 +4,8 @@ use crate::context::is_intermediate;
 use crate::files::is_stream;
 use crate::operation::{AnyOperation, Operation};
 use crate::{
-    brush, catalogue, compare, complete, match_photos, mesh, mosaic, plane, retarget, scenes,
-    stabilize, track, twocolor, video,
+    brush, catalogue, compare, complete, match_photos, matte, mesh, mosaic, plane, retarget,
+    scenes, stabilize, track, twocolor, video,
 };
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -113,6 +113,7 @@ operations! {
     Planes(plane::planes::Planes),
     Track(track::Track),
     Stabilize(stabilize::Stabilize),
+    Matte(matte::Matte),
     Complete(complete::Complete),
     Retarget(retarget::Retarget),
     TwoColor(twocolor::TwoColor),

@@ -25,6 +25,11 @@ const LINES: &[(&str, &str, &str)] = &[
         "c",
     ),
     ("ravec stabilize a -o b --track c", "a c", "b"),
+    (
+        "ravec matte a -o b --plate c --track d --strokes e",
+        "a d e c",
+        "b",
+    ),
     ("ravec complete a --mask b -o c", "a b", "c"),
     (
         "ravec retarget a -o b -s 50% --protect c --give-way d --show-grid e",

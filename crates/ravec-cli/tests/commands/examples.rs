@@ -6,13 +6,14 @@ use crate::program::{code, done, files, photos, stderr};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-const COMMANDS: [&str; 35] = [
+const COMMANDS: [&str; 36] = [
     "compare",
     "rectify",
     "snap",
     "planes",
     "track",
     "stabilize",
+    "matte",
     "complete",
     "retarget",
     "twocolor",
@@ -100,6 +101,11 @@ fn clips(folder: &Path) {
         });
         std::fs::write(folder.join(format!("shot_{number:02}.bmp")), frame).unwrap();
     }
+    // the same place without the disc
+    let empty = bmp(64, 48, |col, row| {
+        [200, (150 + col) as u8, (180 + row) as u8]
+    });
+    std::fs::write(folder.join("empty.png"), empty).unwrap();
     done(folder, "-q video convert shot_%02d.bmp clip.y4m");
     done(folder, "-q video convert clip.y4m clip.mp4");
     done(folder, "-q twocolor clip.y4m -o blocks.y4m");

@@ -385,6 +385,7 @@ impl Stabilize {
             output: &self.output,
             encoding: &self.params.encoding,
             key,
+            pixels: None,
             phase: ("frames", frames),
         }
     }
@@ -525,7 +526,7 @@ fn whole(size: Size) -> [DVec2; 4] {
 }
 
 /// The map to each frame from the reference; where the plane is lost, that of the last frame in which it is not.
-fn held(frames: &[TrackedFrame]) -> Vec<Homography> {
+pub(crate) fn held(frames: &[TrackedFrame]) -> Vec<Homography> {
     let found = |frame: &&TrackedFrame| frame.state != TrackState::Lost;
     let mut last = frames
         .iter()

@@ -1,7 +1,7 @@
 //! `track`: planes through a clip, as homographies and corners for each frame.
 
 mod choices;
-mod exclusions;
+pub(crate) mod exclusions;
 pub mod export;
 pub(crate) mod file;
 pub(crate) mod follow;

@@ -6,7 +6,7 @@ use crate::error::JobError;
 use crate::report::Report;
 use crate::video::{ClipOutput, Encoding, OutputShape};
 use ravec::raster::AnyImage;
-use ravec_video::{Frame, FramePicture, FrameSource as _, FrameTime};
+use ravec_video::{Frame, FramePicture, FrameSource as _, FrameTime, PixelKind};
 use std::path::Path;
 
 /// The output of [`rewrite`].
@@ -18,6 +18,8 @@ pub(crate) struct Target<'a> {
     pub encoding: &'a Encoding,
     /// Text that is equal for runs which make the same clip.
     pub key: &'a str,
+    /// Kind of the pixels, unless it is that of the source.
+    pub pixels: Option<PixelKind>,
     /// Name of the phase, and its frames if they are known.
     pub phase: (&'static str, Option<u64>),
 }
@@ -40,6 +42,7 @@ pub(crate) fn rewrite(
     let shape = OutputShape {
         start_secs: current.as_ref().map_or(0.0, |shot| shot.time.start as f64) * base,
         end_secs: reader.end_secs(),
+        pixels: target.pixels,
         ..OutputShape::all(reader.clip().info().size)
     };
     let source = (target.input, reader.clip());

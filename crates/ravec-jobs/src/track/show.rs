@@ -48,6 +48,7 @@ pub(super) fn show(
         encoding: &operation.params.encoding,
         key: &key_of(operation),
         phase: ("show", Some(range.end - range.start)),
+        pixels: None,
     };
     let start = std::time::Instant::now();
     let progress = context.progress.silent();

@@ -188,6 +188,8 @@ pub(crate) struct OutputShape {
     pub start_secs: f64,
     /// The end of the last one, unless it is the end of the clip.
     pub end_secs: Option<f64>,
+    /// Kind of the pixels, unless it is that of the source.
+    pub pixels: Option<PixelKind>,
 }
 
 impl OutputShape {
@@ -198,6 +200,7 @@ impl OutputShape {
             rate: None,
             start_secs: 0.0,
             end_secs: None,
+            pixels: None,
         }
     }
 }
@@ -218,7 +221,7 @@ impl ClipOutput {
         let info = clip.info();
         let format = SinkFormat {
             size: shape.size,
-            pixels: info.pixels,
+            pixels: shape.pixels.unwrap_or(info.pixels),
             time_base: shape.rate.map_or(info.time_base, Rational::recip),
             rate: shape.rate.or(info.rate),
             pixel_aspect: info.pixel_aspect,

@@ -118,6 +118,7 @@ impl Operation for Convert {
             rate: params.rate,
             start_secs: first.frame.time.start as f64 * base,
             end_secs: range.end_secs(&info, first.origin),
+            pixels: None,
         };
         let key = key_of(self);
         let mut written = ClipOutput::create(

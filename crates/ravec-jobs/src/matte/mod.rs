@@ -1,0 +1,409 @@
+//! `matte`: alpha and foreground of a picture or a clip with a known background.
+
+use crate::context::Context;
+use crate::error::JobError;
+use crate::files;
+use crate::operation::{Operation, paths};
+use crate::pixel_centers::PixelCenters;
+use crate::report::Report;
+use crate::shot::{ShotPlate, ShotTrack, TrackChoice};
+use crate::track::exclusions::{Exclusions, MaskFiles};
+use crate::track::follow::Reader;
+use crate::track::rewrite::{Target, rewrite};
+use crate::video::{Encoding, FrameRange, check_clip_target, is_clip, key_of, open_clip};
+use ravec::matting::{Colors, Constraints, PlateFrame, PlateMatte, PlateParams, plate_matte};
+use ravec::planar::Homography;
+use ravec::raster::{AnyImage, Image, Size, Srgb, Srgba};
+use ravec_media::{Picture, WriteOptions};
+use ravec_video::{FrameSource as _, PixelKind};
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// Separate the foreground of a picture or clip from a known background: alpha, or colors without the background
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "cli", derive(clap::Args), command(after_help = HELP))]
+pub struct Matte {
+    /// Picture, or clip: a file, a folder of pictures, a pattern such as frame_%04d.png
+    pub input: PathBuf,
+    /// Output: a picture for a picture; for a clip a file, a folder that is there, or a pattern such as alpha_%04d.png
+    #[cfg_attr(feature = "cli", arg(short, long, value_name = "FILE"))]
+    pub output: PathBuf,
+    /// Picture of the background without foreground; transparent pixels are not known
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
+    pub plate: PathBuf,
+    /// Track of the background in the clip, as ravec track writes it to a .json file [default: the camera stands still]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
+    #[serde(default)]
+    pub track: Option<PathBuf>,
+    /// Strokes: a picture for one frame, or a folder of pictures with the number of a frame in their names; white is foreground,
+    /// black is background, gray and transparent say nothing
+    #[cfg_attr(feature = "cli", arg(long, value_name = "PATH"))]
+    #[serde(default)]
+    pub strokes: Option<PathBuf>,
+    /// Parameters.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    #[serde(default)]
+    pub params: Params,
+}
+
+#[cfg(feature = "cli")]
+const HELP: &str = "\
+Examples:
+  ravec matte shot_06.bmp --plate empty.png -o alpha.png
+  ravec matte clip.y4m --plate empty.png -o alpha.y4m
+  ravec matte clip.y4m --plate empty.png --content foreground -o cut_%04d.png
+
+Light, noise and small shifts of the background are followed frame by frame; a plate from another light is fine. With --track the \
+plate belongs to the reference frame of the track, and may be larger by --pad pixels on each side.
+
+Foreground that has the colors of the background cannot be seen where neither has texture: strokes set it. Shadows are a part of \
+the foreground.
+
+Figures: frames, foreground_percent (mean of alpha), empty (frames without foreground).";
+
+/// Parameters of [`Matte`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+pub struct Params {
+    /// Content of the output
+    #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t = Content::Alpha))]
+    pub content: Content,
+    /// Pixels by which the plate is larger than a frame on each side
+    #[cfg_attr(feature = "cli", arg(long, value_name = "PIXELS", default_value_t = 0))]
+    pub pad: usize,
+    /// Number of the plane of a track with several, from 1
+    #[cfg_attr(
+        feature = "cli",
+        arg(long, value_name = "NUMBER", requires = "track", default_value_t = 1)
+    )]
+    pub plane: usize,
+    /// Convention of a track of another program, which does not state its own
+    #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t = PixelCenters::Half))]
+    pub pixel_centers: PixelCenters,
+    /// Parameters of the matte.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub matte: PlateParams,
+    /// Encoding of an output clip.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub encoding: Encoding,
+}
+
+impl Default for Params {
+    fn default() -> Self {
+        Self {
+            content: Content::Alpha,
+            pad: 0,
+            plane: 1,
+            pixel_centers: PixelCenters::Half,
+            matte: PlateParams::default(),
+            encoding: Encoding::default(),
+        }
+    }
+}
+
+/// Content of a matte's output.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+pub enum Content {
+    /// Alpha as gray values: white is foreground
+    #[default]
+    Alpha,
+    /// Colors of the foreground without those of the background, with alpha
+    Foreground,
+}
+
+/// Sums over the frames.
+#[derive(Default)]
+struct Figures {
+    frames: u64,
+    empty: u64,
+    alpha: f64,
+}
+
+impl Figures {
+    fn add(&mut self, found: &PlateMatte) {
+        let alpha = found.matte.alpha.pixels();
+        let sum: f64 = alpha.iter().map(|alpha| f64::from(*alpha)).sum();
+        self.frames += 1;
+        self.empty += u64::from(sum == 0.0);
+        self.alpha += sum / alpha.len() as f64;
+    }
+
+    fn record(&self, report: &mut Report) {
+        let mean = self.alpha / self.frames.max(1) as f64;
+        for (name, figure) in [
+            ("frames", self.frames as f64),
+            ("empty", self.empty as f64),
+            ("foreground_percent", 100.0 * mean),
+        ] {
+            report.figures.insert(name, figure);
+        }
+    }
+}
+
+impl Operation for Matte {
+    const NAME: &'static str = "matte";
+
+    fn inputs(&self) -> Vec<&Path> {
+        let mut inputs = paths(&self.input, [&self.track, &self.strokes]);
+        inputs.push(&self.plate);
+        inputs
+    }
+
+    fn outputs(&self) -> Vec<&Path> {
+        vec![&self.output]
+    }
+
+    /// Writes alpha or the foreground of a picture or of all frames of a clip.
+    ///
+    /// Figures: `frames`, `empty`, `foreground_percent`.
+    ///
+    /// # Errors
+    /// [`JobError::Parameter`], [`JobError::Read`], [`JobError::ReadClip`], [`JobError::WriteClip`], [`JobError::SizesDiffer`],
+    /// [`JobError::Strokes`], [`JobError::TrackFile`], what [`check_files`](crate::check_files) refuses,
+    /// [`JobError::Cancelled`].
+    fn run(&self, context: &Context) -> Result<Report, JobError> {
+        let params = &self.params;
+        if params.plane == 0 {
+            return Err(JobError::Parameter {
+                field: "plane",
+                value: "0".to_owned(),
+                range: "at least 1",
+            });
+        }
+        // a plate is a picture: more is a mistake, and sums of it stay far from overflow
+        if params.pad > 1 << 20 {
+            return Err(JobError::Parameter {
+                field: "pad",
+                value: params.pad.to_string(),
+                range: "at most 1048576",
+            });
+        }
+        if !(0.0..=0.25).contains(&params.matte.snap) {
+            return Err(JobError::Parameter {
+                field: "snap",
+                value: params.matte.snap.to_string(),
+                range: "0 to 0.25",
+            });
+        }
+        let clip = is_clip(&self.input, context);
+        if !clip && self.track.is_some() {
+            return Err(JobError::Parameter {
+                field: "track",
+                value: "given".to_owned(),
+                range: "left out for a picture",
+            });
+        }
+        let mut report = Report::of(self, params);
+        if clip {
+            self.clip(&mut report, context)?;
+        } else {
+            context.check_files(&self.inputs(), &self.outputs())?;
+            self.still(&mut report, context)?;
+        }
+        Ok(report)
+    }
+}
+
+impl Matte {
+    fn still(&self, report: &mut Report, context: &Context) -> Result<(), JobError> {
+        let picture = files::read(&self.input, report, context)?;
+        let size = picture.image.size();
+        let plate = self.plate(size, report, context)?;
+        let strokes = self.strokes(size, report, context)?;
+        let mut figures = Figures::default();
+        let map = Homography::IDENTITY;
+        let strokes = (&strokes, 0);
+        let made = self.frame(&picture.image, &plate, &map, strokes, &mut figures, context)?;
+        figures.record(report);
+        let made = Picture::from_image(made);
+        files::write(
+            &self.output,
+            &made,
+            &WriteOptions::default(),
+            report,
+            context,
+        )
+    }
+
+    fn clip(&self, report: &mut Report, context: &Context) -> Result<(), JobError> {
+        // a folder is as good as a pattern in it
+        let folder = !context.is_intermediate(&self.output) && self.output.is_dir();
+        let output = if folder {
+            self.output.join("frame_%04d.png")
+        } else {
+            self.output.clone()
+        };
+        check_clip_target(&output, context)?;
+        context.check_files(&self.inputs(), &[&output])?;
+        let clip = open_clip(&self.input, None, report, context)?;
+        report.check_output(&output)?;
+        let size = clip.info().size;
+        let total = clip.info().frames;
+        let source = clip.info().pixels;
+        let plate = self.plate(size, report, context)?;
+        let track = match &self.track {
+            Some(path) => {
+                let choice = TrackChoice {
+                    path,
+                    plane: self.params.plane,
+                    centers: self.params.pixel_centers,
+                };
+                Some(ShotTrack::read(&choice, report, context)?)
+            }
+            None => None,
+        };
+        let mut strokes = self.strokes(size, report, context)?;
+        let mut reader = Reader::new(clip, &self.input, FrameRange::default())?;
+        let key = key_of(self);
+        let target = Target {
+            input: &self.input,
+            output: &output,
+            encoding: &self.params.encoding,
+            key: &key,
+            pixels: (self.params.content == Content::Foreground).then(|| with_alpha(source)),
+            phase: ("matte", total),
+        };
+        let mut figures = Figures::default();
+        let rewritten = rewrite(&target, &mut reader, report, context, |shot, done| {
+            if done {
+                return Ok(None);
+            }
+            let known = track.as_ref().map(|track| track.map(shot.index));
+            let map = match known {
+                None => Some(&Homography::IDENTITY),
+                Some(map) => map,
+            };
+            let Some(map) = map else {
+                return Err(JobError::TrackFile {
+                    path: self.track.clone().unwrap_or_default(),
+                    reason: format!("it lacks frame {}", shot.index),
+                });
+            };
+            // borrowed for this thread alone: a clip of masks cannot be shared
+            let strokes = &mut strokes;
+            let marks = (&*strokes, shot.index);
+            let made = self.frame(&shot.image, &plate, map, marks, &mut figures, context)?;
+            Ok(Some(made))
+        })?;
+        reader.warn(report);
+        figures.record(report);
+        rewritten.finish(report)
+    }
+
+    /// Reads the plate of frames of this size.
+    fn plate(
+        &self,
+        size: Size,
+        report: &mut Report,
+        context: &Context,
+    ) -> Result<ShotPlate, JobError> {
+        let picture = files::read(&self.plate, report, context)?;
+        let plate = ShotPlate::new(&picture.image, self.params.pad);
+        if plate.frame_size() != Some(size) {
+            return Err(JobError::SizesDiffer {
+                a: self.input.clone(),
+                a_size: size,
+                b: self.plate.clone(),
+                b_size: picture.image.size(),
+            });
+        }
+        Ok(plate)
+    }
+
+    fn strokes(
+        &self,
+        size: Size,
+        report: &mut Report,
+        context: &Context,
+    ) -> Result<Exclusions, JobError> {
+        let files = MaskFiles {
+            input: &self.input,
+            exclude: None,
+            strokes: self.strokes.as_deref(),
+        };
+        Exclusions::open(&files, size, 0, report, context)
+    }
+
+    /// The output of a frame.
+    fn frame(
+        &self,
+        frame: &AnyImage,
+        plate: &ShotPlate,
+        frame_from_reference: &Homography,
+        (strokes, index): (&Exclusions, u64),
+        figures: &mut Figures,
+        context: &Context,
+    ) -> Result<AnyImage, JobError> {
+        let colors = encoded(frame);
+        let plate = plate.in_frame(frame_from_reference, colors.size(), context)?;
+        let strokes = strokes.strokes(index)?.map(|[foreground, background]| {
+            Constraints::from_fn(colors.size(), |col, row| {
+                if foreground.at(col, row) > 0.0 {
+                    255
+                } else if background.at(col, row) > 0.0 {
+                    0
+                } else {
+                    128
+                }
+            })
+        });
+        let input = PlateFrame {
+            known: Some(&plate.known),
+            strokes: strokes.as_ref(),
+            ..PlateFrame::new(&colors, &plate.colors)
+        };
+        let found = plate_matte(&input, &self.params.matte, &context.progress.silent())?;
+        figures.add(&found);
+        Ok(self.drawn(&found, frame))
+    }
+
+    /// The content that is asked for, with as many bits as the frame has.
+    fn drawn(&self, found: &PlateMatte, frame: &AnyImage) -> AnyImage {
+        let deep = !matches!(frame, AnyImage::Srgb8(_) | AnyImage::Srgba8(_));
+        let matte = &found.matte;
+        match self.params.content {
+            Content::Alpha if deep => {
+                let gray = matte.alpha.map(|alpha| Srgb([alpha; 3]));
+                AnyImage::Srgb16(gray.convert())
+            }
+            Content::Alpha => {
+                let gray = matte.alpha.map(|alpha| Srgb([alpha; 3]));
+                AnyImage::Srgb8(gray.convert())
+            }
+            Content::Foreground => {
+                let cut: Image<Srgba<f32>> = Image::from_fn(matte.alpha.size(), |col, row| {
+                    let [r, g, b] = matte.foreground[(col, row)];
+                    Srgba([r, g, b, matte.alpha[(col, row)]])
+                });
+                if deep {
+                    AnyImage::Srgba16(cut.convert())
+                } else {
+                    AnyImage::Srgba8(cut.convert())
+                }
+            }
+        }
+    }
+}
+
+/// Values of a picture as files hold them, 0 to 1.
+fn encoded(image: &AnyImage) -> Colors {
+    let encoded: Image<Srgb<f32>> = image.convert();
+    encoded.map(|Srgb(values)| values)
+}
+
+/// Pixels with alpha, of as many bits as those of the source.
+fn with_alpha(source: PixelKind) -> PixelKind {
+    let depth = match source {
+        PixelKind::Rgb { depth: 8, .. } => 8,
+        PixelKind::Rgb { .. } => 16,
+        PixelKind::Yuv { .. } => 8,
+    };
+    PixelKind::Rgb { depth, alpha: true }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,177 @@
+//! `matte` on pictures and clips whose alpha is known.
+
+use super::*;
+use crate::ErrorKind;
+use ravec_media::Limits;
+
+const SIZE: (usize, usize) = (96, 72);
+
+fn size() -> Size {
+    Size::new(SIZE.0, SIZE.1).unwrap()
+}
+
+/// A wall with a pattern, `shift` pixels to the left, under `pad` pixels more on each side.
+fn wall(shift: f64, pad: usize) -> Image<Srgb<u8>> {
+    let size = Size::new(SIZE.0 + 2 * pad, SIZE.1 + 2 * pad).unwrap();
+    Image::from_fn(size, |col, row| {
+        let (x, y) = (col as f64 - pad as f64 + shift, row as f64 - pad as f64);
+        let wave = 40.0 * (0.4 * x).sin() * (0.3 * y).cos() + 25.0 * (0.9 * y + 0.2 * x).sin();
+        Srgb([
+            (140.0 + wave) as u8,
+            (130.0 - wave) as u8,
+            (120.0 + 0.5 * wave) as u8,
+        ])
+    })
+}
+
+/// True in the square before the wall.
+fn inside(frame: usize, col: usize, row: usize) -> bool {
+    (20 + frame..40 + frame).contains(&col) && (20..50).contains(&row)
+}
+
+/// A frame: a square that moves before the wall.
+fn frame(index: usize, shift: f64) -> Image<Srgb<u8>> {
+    let wall = wall(shift, 0);
+    Image::from_fn(size(), |col, row| {
+        if inside(index, col, row) {
+            Srgb([220, 40, 60])
+        } else {
+            wall[(col, row)]
+        }
+    })
+}
+
+fn save(path: &Path, image: Image<Srgb<u8>>) {
+    let picture = Picture::from_image(AnyImage::from(image));
+    ravec_media::write(path, &picture, &WriteOptions::default()).unwrap();
+}
+
+fn operation(folder: &Path, input: &str, output: &str) -> Matte {
+    Matte {
+        input: folder.join(input),
+        output: folder.join(output),
+        plate: folder.join("plate.png"),
+        track: None,
+        strokes: None,
+        params: Params::default(),
+    }
+}
+
+fn alpha(path: &Path) -> Image<Srgb<u8>> {
+    ravec_media::read(path, &Limits::default())
+        .unwrap()
+        .convert()
+}
+
+/// Asserts that alpha is that of the square, but for pixels at its border.
+fn assert_square(found: &Image<Srgb<u8>>, index: usize) {
+    let mut wrong = 0;
+    for row in 0..SIZE.1 {
+        for col in 0..SIZE.0 {
+            let expected = if inside(index, col, row) { 255 } else { 0 };
+            wrong += usize::from(found[(col, row)].0[0].abs_diff(expected) > 25);
+        }
+    }
+    assert!(wrong < 20, "{wrong} pixels of frame {index} are wrong");
+}
+
+#[test]
+fn a_picture_and_its_foreground() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    save(&at("plate.png"), wall(0.0, 0));
+    save(&at("a.png"), frame(0, 0.0));
+    let mut matte = operation(folder.path(), "a.png", "alpha.png");
+    let report = matte.run(&Context::default()).unwrap();
+    assert_square(&alpha(&at("alpha.png")), 0);
+    let share = 100.0 * 600.0 / (SIZE.0 * SIZE.1) as f64;
+    assert!((report.figures["foreground_percent"] - share).abs() < 0.3);
+    matte.params.content = Content::Foreground;
+    matte.output = at("cut.png");
+    matte.run(&Context::default()).unwrap();
+    let cut: Image<Srgba<u8>> = ravec_media::read(at("cut.png"), &Limits::default())
+        .unwrap()
+        .convert();
+    assert_eq!(cut[(30, 30)].0[3], 255);
+    assert!(cut[(30, 30)].0[0].abs_diff(220) < 4);
+    assert_eq!(cut[(80, 10)].0[3], 0);
+}
+
+#[test]
+fn a_clip_along_a_track_with_strokes_and_again_on_one_thread() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    save(&at("plate.png"), wall(0.0, 8));
+    let mut maps = Vec::new();
+    for index in 0..4 {
+        let shift = 1.5 * index as f64;
+        save(&at(&format!("f_{index}.png")), frame(index, shift));
+        maps.push([1.0, 0.0, -shift, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
+    }
+    let track = serde_json::json!({ "frame_from_reference": maps });
+    crate::files::write_text(&at("track.json"), &track.to_string()).unwrap();
+    let stroke = Image::from_fn(size(), |col, row| match (col, row) {
+        (2..6, 2..6) => Srgb([255u8; 3]),
+        (30..34, 30..34) => Srgb([0; 3]),
+        _ => Srgb([128; 3]),
+    });
+    save(&at("stroke_0002.png"), stroke);
+    for name in ["out", "again"] {
+        crate::make_folder(&at(name)).unwrap();
+        let mut matte = operation(folder.path(), "f_%d.png", name);
+        matte.track = Some(at("track.json"));
+        matte.strokes = Some(at("stroke_%04d.png"));
+        matte.params.pad = 8;
+        let threads = if name == "out" { 2 } else { 1 };
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap();
+        let report = pool.install(|| matte.run(&Context::default())).unwrap();
+        assert_eq!(report.figures["frames"], 4.0);
+    }
+    for index in 0..4 {
+        let name = format!("frame_{index:04}.png");
+        let bytes = |folder: &str| std::fs::read(at(folder).join(&name)).unwrap();
+        assert_eq!(bytes("out"), bytes("again"));
+        let found = alpha(&at("out").join(&name));
+        if index == 2 {
+            assert_eq!(found[(3, 3)].0[0], 255);
+            assert_eq!(found[(31, 31)].0[0], 0);
+        } else {
+            assert_square(&found, index);
+        }
+    }
+}
+
+#[test]
+fn wrong_sizes_tracks_and_parameters_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    save(&at("plate.png"), wall(0.0, 4));
+    save(&at("a.png"), frame(0, 0.0));
+    save(&at("f_0.png"), frame(0, 0.0));
+    let run = |matte: &Matte| matte.run(&Context::default()).unwrap_err();
+    let matte = operation(folder.path(), "a.png", "o.png");
+    assert!(matches!(run(&matte), JobError::SizesDiffer { .. }));
+    let mut other = matte.clone();
+    other.params.matte.snap = 0.4;
+    assert_eq!(run(&other).kind(), ErrorKind::Request);
+    let mut other = operation(folder.path(), "f_%d.png", "o_%d.png");
+    other.params.pad = 4;
+    for (text, part) in [
+        ("{}", "format"),
+        ("{\"frame_from_reference\": []}", "no frames"),
+        (
+            "{\"frame_from_reference\": [[0,0,0,0,0,0,0,0,0]]}",
+            "no map",
+        ),
+        ("nonsense", "form of a track"),
+    ] {
+        crate::files::write_text(&at("track.json"), text).unwrap();
+        other.track = Some(at("track.json"));
+        let error = run(&other).to_string();
+        assert!(error.contains(part), "{error}");
+    }
+    assert!(!at("o.png").exists() && !at("o_0.png").exists());
+}

@@ -1,0 +1,173 @@
+//! What edits of a tracked shot share: the maps of a track, and a background plate seen in a frame.
+
+use crate::context::Context;
+use crate::error::JobError;
+use crate::files;
+use crate::pixel_centers::PixelCenters;
+use crate::report::{FileReport, Report};
+use crate::stabilize::held;
+use crate::track::file::TrackFile;
+use glam::{DMat3, DVec2};
+use ravec::matting::Colors;
+use ravec::planar::{Beyond, Homography, warp};
+use ravec::raster::{AnyImage, Image, Plane, Size, Srgba};
+use serde::Deserialize;
+use std::path::Path;
+
+/// The largest file of a track that is read, in bytes.
+const MAX_TRACK_BYTES: u64 = 256 << 20;
+/// Share of the plate in a pixel below which its color says nothing.
+const MIN_SHARE: f32 = 1e-3;
+
+/// Maps of a plane to the frames of a shot.
+pub(crate) struct ShotTrack {
+    /// Number of the first frame that has a map.
+    first: u64,
+    frame_from_reference: Vec<Homography>,
+}
+
+/// A track of other programs: maps for all frames from the first one on.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct BareTrack {
+    frame_from_reference: Vec<[f64; 9]>,
+}
+
+/// Choice of a plane and convention of a [`BareTrack`].
+pub(crate) struct TrackChoice<'a> {
+    pub path: &'a Path,
+    /// Number of the plane, from 1.
+    pub plane: usize,
+    /// Of files that do not state their own.
+    pub centers: PixelCenters,
+}
+
+impl ShotTrack {
+    /// Reads a track as `ravec track` writes it, or an object with nothing but `frame_from_reference`. Where the plane is lost, the
+    /// last known map is kept.
+    ///
+    /// # Errors
+    /// [`JobError::TrackFile`], [`JobError::Parameter`] for a plane that the file lacks.
+    pub fn read(
+        choice: &TrackChoice<'_>,
+        report: &mut Report,
+        context: &Context,
+    ) -> Result<Self, JobError> {
+        let path = choice.path;
+        let failed = |reason: String| JobError::TrackFile {
+            path: path.to_path_buf(),
+            reason,
+        };
+        let text = files::read_text_in(path, MAX_TRACK_BYTES, context)
+            .map_err(|error| failed(error.to_string()))?;
+        if !context.is_intermediate(path) {
+            report.protect(path);
+        }
+        report.inputs.push(FileReport {
+            path: path.display().to_string(),
+            format: "json".to_owned(),
+            ..FileReport::default()
+        });
+        if let Ok(bare) = serde_json::from_str::<BareTrack>(&text) {
+            let maps = bare.frame_from_reference.iter().enumerate();
+            let maps = maps.map(|(frame, rows)| {
+                Homography::from_matrix(DMat3::from_cols_array(rows).transpose())
+                    .map(|map| choice.centers.read_map(&map))
+                    .map_err(|cause| {
+                        let place = "`frame_from_reference` is no map between frames";
+                        failed(format!("frame {frame}: {place}: {cause}"))
+                    })
+            });
+            let frame_from_reference: Vec<_> = maps.collect::<Result<_, _>>()?;
+            if frame_from_reference.is_empty() {
+                return Err(failed("it has no frames".to_owned()));
+            }
+            return Ok(Self {
+                first: 0,
+                frame_from_reference,
+            });
+        }
+        let file = TrackFile::from_json(&text, context.max_frames).map_err(failed)?;
+        let planes = file.planes.len();
+        let plane = choice
+            .plane
+            .checked_sub(1)
+            .and_then(|index| file.planes.into_iter().nth(index));
+        let track = plane.ok_or_else(|| JobError::Parameter {
+            field: "plane",
+            value: format!("{}, and the track has {planes}", choice.plane),
+            range: "the number of one of its planes",
+        })?;
+        Ok(Self {
+            first: track.first,
+            frame_from_reference: held(&track.frames),
+        })
+    }
+
+    /// Map to a frame from the reference frame; `None` for a frame that the track lacks.
+    pub fn map(&self, frame: u64) -> Option<&Homography> {
+        let index = frame.checked_sub(self.first)?;
+        self.frame_from_reference.get(usize::try_from(index).ok()?)
+    }
+}
+
+/// A background plate: colors that are multiplied with the share of certainty, and that share.
+pub(crate) struct ShotPlate {
+    pixels: Image<[f32; 4]>,
+    pad_px: usize,
+}
+
+/// A plate as one frame would show it.
+pub(crate) struct PlateInFrame {
+    pub colors: Colors,
+    /// Share of certainty, 0 where the plate shows nothing.
+    pub known: Plane,
+}
+
+impl ShotPlate {
+    /// Takes a picture that is `pad_px` larger on each side than the reference frame. Transparent pixels are not known.
+    pub fn new(picture: &AnyImage, pad_px: usize) -> Self {
+        let encoded: Image<Srgba<f32>> = picture.convert();
+        let pixels =
+            encoded.map(|Srgba([r, g, b, alpha])| [r * alpha, g * alpha, b * alpha, alpha]);
+        Self { pixels, pad_px }
+    }
+
+    /// The size of the frames to which the plate belongs.
+    pub fn frame_size(&self) -> Option<Size> {
+        let side = |length: usize| length.checked_sub(2 * self.pad_px);
+        let size = self.pixels.size();
+        Size::new(side(size.width())?, side(size.height())?).ok()
+    }
+
+    /// The plate in a frame of this size, to which `frame_from_reference` leads.
+    ///
+    /// # Errors
+    /// [`JobError::Cancelled`].
+    pub fn in_frame(
+        &self,
+        frame_from_reference: &Homography,
+        size: Size,
+        context: &Context,
+    ) -> Result<PlateInFrame, JobError> {
+        let still = *frame_from_reference == Homography::IDENTITY;
+        let cropped = still.then(|| self.pixels.crop(self.pad_px, self.pad_px, size));
+        let warped = match cropped {
+            Some(Ok(cropped)) => cropped,
+            _ => {
+                let shift = Homography::from_translation(DVec2::splat(self.pad_px as f64));
+                let shift = shift.unwrap_or(Homography::IDENTITY);
+                let plate_from_frame = shift * frame_from_reference.inverse();
+                let progress = context.progress.silent();
+                let nothing = Beyond::Pixel([0.0; 4]);
+                warp(&self.pixels, &plate_from_frame, size, nothing, &progress)?
+            }
+        };
+        let colors = warped.map(|[r, g, b, share]| {
+            let scale = if share > MIN_SHARE { 1.0 / share } else { 0.0 };
+            [r * scale, g * scale, b * scale]
+        });
+        let known = warped.map(|[_, _, _, share]| share.clamp(0.0, 1.0));
+        Ok(PlateInFrame { colors, known })
+    }
+}
