@@ -152,16 +152,15 @@ impl ShotPlate {
     ) -> Result<PlateInFrame, JobError> {
         let still = *frame_from_reference == Homography::IDENTITY;
         let cropped = still.then(|| self.pixels.crop(self.pad_px, self.pad_px, size));
-        let warped = match cropped {
-            Some(Ok(cropped)) => cropped,
-            _ => {
-                let shift = Homography::from_translation(DVec2::splat(self.pad_px as f64));
-                let shift = shift.unwrap_or(Homography::IDENTITY);
-                let plate_from_frame = shift * frame_from_reference.inverse();
-                let progress = context.progress.silent();
-                let nothing = Beyond::Pixel([0.0; 4]);
-                warp(&self.pixels, &plate_from_frame, size, nothing, &progress)?
-            }
+        let warped = if let Some(Ok(cropped)) = cropped {
+            cropped
+        } else {
+            let shift = Homography::from_translation(DVec2::splat(self.pad_px as f64));
+            let shift = shift.unwrap_or(Homography::IDENTITY);
+            let plate_from_frame = shift * frame_from_reference.inverse();
+            let progress = context.progress.silent();
+            let nothing = Beyond::Pixel([0.0; 4]);
+            warp(&self.pixels, &plate_from_frame, size, nothing, &progress)?
         };
         let colors = warped.map(|[r, g, b, share]| {
             let scale = if share > MIN_SHARE { 1.0 / share } else { 0.0 };

@@ -14,7 +14,7 @@ pub(crate) fn halve(plane: &Plane) -> Plane {
 pub(crate) fn doubled_row(half: &Plane, row: usize, scratch: &mut Vec<f32>, out: &mut [f32]) {
     let last = half.height() - 1;
     let near = (row / 2).min(last);
-    let far = if row % 2 == 0 {
+    let far = if row.is_multiple_of(2) {
         near.saturating_sub(1)
     } else {
         (near + 1).min(last)
@@ -43,7 +43,7 @@ pub(crate) fn doubled(half: &Plane, size: Size) -> Plane {
     full.par_rows_mut()
         .enumerate()
         .for_each_init(Vec::new, |scratch, (row, out)| {
-            doubled_row(half, row, scratch, out)
+            doubled_row(half, row, scratch, out);
         });
     full
 }

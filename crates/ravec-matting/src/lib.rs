@@ -1,4 +1,51 @@
-//! Alpha matting: with a known background, or with a trimap or strokes alone.
+//! Alpha matting: the share of foreground in each pixel, and its colors without those of the background.
+//!
+//! A pixel of a picture is `alpha · foreground + (1 − alpha) · background`. With a known background, the *plate*, seven numbers of it
+//! are known or follow from the surroundings, and alpha can be found even in hair and veils.
+//!
+//! ```
+//! use ravec_matting::{Colors, PlateFrame, PlateParams, plate_matte};
+//! use ravec_progress::Progress;
+//! use ravec_raster::{Image, Size};
+//!
+//! // a wall with a pattern, and a red square before it
+//! let size = Size::new(64, 48)?;
+//! let plate: Colors = Image::from_fn(size, |col, row| {
+//!     let wave = 0.2 * (0.5 * col as f32).sin() * (0.4 * row as f32).cos();
+//!     [0.5 + wave, 0.5 - wave, 0.4]
+//! });
+//! let mut frame = plate.clone();
+//! for row in 12..30 {
+//!     frame.row_mut(row)[20..40].fill([0.9, 0.1, 0.1]);
+//! }
+//! let found = plate_matte(&PlateFrame::new(&frame, &plate), &PlateParams::default(), &Progress::none())?;
+//! assert!(found.matte.alpha[(30, 20)] > 0.95 && found.matte.alpha[(5, 5)] == 0.0);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! # Conventions
+//!
+//! - Colors are sRGB-encoded, 0 to 1 ([`Colors`]): noise is about even there.
+//! - Internally they are in units of the noise of each channel.
+//! - Lengths are in pixels of the picture; what is smooth is computed at half its size.
+//!
+//! # Guarantees
+//!
+//! - Alpha is exactly 0 and 1 where strokes say so.
+//! - A frame that differs from its plate only by light and noise has an empty matte.
+//! - The same input gives the same bytes on any number of threads; work runs in the caller's `rayon` pool.
+//! - No function panics because of what the numbers of a picture are.
+//!
+//! # Not guaranteed
+//!
+//! - Alpha where foreground has the colors of the plate and neither has texture: strokes help.
+//! - Shadows are foreground.
+//! - A shift of the plate above about a pixel is not found: align the plate first.
+//!
+//! # Current status
+//!
+//! Mattes before a plate. Mattes by a trimap or strokes alone, strokes that are carried through a shot, and shadows are to come;
+//! [`PlateFrame::carried`] takes strokes that a caller has carried.
 
 mod approximate;
 mod field;

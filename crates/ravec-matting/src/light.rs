@@ -110,7 +110,11 @@ impl PlateLight {
         let mut samples = Vec::new();
         for row in (step / 2..frame.height()).step_by(step) {
             // every other row starts half a step later, so that no column of a pattern is missed
-            let start = if (row / step) % 2 == 0 { step / 2 } else { 0 };
+            let start = if (row / step).is_multiple_of(2) {
+                step / 2
+            } else {
+                0
+            };
             for col in (start..frame.width()).step_by(step) {
                 let (frame, shown) = (frame[(col, row)], plate[(col, row)]);
                 let clipped = frame
@@ -176,10 +180,10 @@ impl PlateLight {
                 continue;
             }
             let weight = share * share;
-            for channel in 0..3 {
+            for (channel, scale) in scale.iter().enumerate() {
                 let d = &sample.derivatives[channel];
                 let row = [sample.plate[channel], 1.0, d[0], d[1], d[2], d[3], d[4]];
-                let weight = f64::from(weight / (scale[channel] * scale[channel]));
+                let weight = f64::from(weight / (scale * scale));
                 let index = |k: usize| if k < 2 { 2 * channel + k } else { 4 + k };
                 for a in 0..active {
                     let scaled = weight * f64::from(row[a]);
@@ -267,12 +271,11 @@ impl PlateLight {
     fn relight_row(&self, plate: &Colors, row: usize, lit: &mut [[f32; 3]], variance: &mut [f32]) {
         for (col, (lit, variance)) in lit.iter_mut().zip(variance).enumerate() {
             let mut gradient = 0.0;
-            for channel in 0..3 {
+            for (channel, lit) in lit.iter_mut().enumerate() {
                 let d = derivatives(plate, col, row, channel);
                 gradient += d[0] * d[0] + d[1] * d[1];
-                lit[channel] = self.gain[channel] * lit[channel]
-                    + self.offset[channel]
-                    + dot(&d, &self.derivatives);
+                *lit =
+                    self.gain[channel] * *lit + self.offset[channel] + dot(&d, &self.derivatives);
             }
             *variance = 1.0 + self.edge_variance * gradient;
         }

@@ -286,7 +286,7 @@ impl Part {
                     Constraint::Unknown
                         if input.carried(left + col, row) == Constraint::Foreground =>
                     {
-                        start[(col, cells)] = 1.0
+                        start[(col, cells)] = 1.0;
                     }
                     Constraint::Unknown => {}
                 }

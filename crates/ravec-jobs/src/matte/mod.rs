@@ -398,9 +398,8 @@ fn encoded(image: &AnyImage) -> Colors {
 /// Pixels with alpha, of as many bits as those of the source.
 fn with_alpha(source: PixelKind) -> PixelKind {
     let depth = match source {
-        PixelKind::Rgb { depth: 8, .. } => 8,
-        PixelKind::Rgb { .. } => 16,
-        PixelKind::Yuv { .. } => 8,
+        PixelKind::Rgb { depth: 16.., .. } => 16,
+        PixelKind::Rgb { .. } | PixelKind::Yuv { .. } => 8,
     };
     PixelKind::Rgb { depth, alpha: true }
 }
