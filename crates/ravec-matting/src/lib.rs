@@ -45,7 +45,7 @@
 //! # Current status
 //!
 //! Mattes before a plate. Mattes by a trimap or strokes alone, strokes that are carried through a shot, and shadows are to come;
-//! [`PlateFrame::carried`] takes strokes that a caller has carried.
+//! [`carried`](field@PlateFrame::carried) takes strokes that a caller has carried.
 
 mod approximate;
 mod field;
