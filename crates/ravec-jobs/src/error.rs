@@ -381,6 +381,11 @@ impl From<MattingError> for JobError {
                 value: value.to_string(),
                 range,
             },
+            MattingError::Unmarked(side) => Self::Parameter {
+                field: "trimap",
+                value: format!("without {side}"),
+                range: "with pixels of foreground and of background, as strokes do",
+            },
             other => Self::Parameter {
                 field: "plate",
                 value: other.to_string(),

@@ -1,4 +1,4 @@
-//! What edits of a tracked shot share: the maps of a track, and a background plate seen in a frame.
+//! Maps of a track, and a background plate warped into a frame, for all edits of a tracked shot.
 
 use crate::context::Context;
 use crate::error::JobError;

@@ -1,7 +1,8 @@
 //! Alpha matting: the share of foreground in each pixel, and its colors without those of the background.
 //!
-//! A pixel of a picture is `alpha · foreground + (1 − alpha) · background`. With a known background, the *plate*, seven numbers of it
-//! are known or follow from the surroundings, and alpha can be found even in hair and veils.
+//! A pixel of a picture is `alpha · foreground + (1 − alpha) · background`. With a known background, the *plate*,
+//! three of the seven unknowns of a pixel are given, and alpha can be found even in hair and veils ([`plate_matte`]). Without one, a
+//! trimap or strokes mark pixels of both sides ([`still_matte`]).
 //!
 //! ```
 //! use ravec_matting::{Colors, PlateFrame, PlateParams, plate_matte};
@@ -44,18 +45,20 @@
 //!
 //! # Current status
 //!
-//! Mattes before a plate. Mattes by a trimap or strokes alone, strokes that are carried through a shot, and shadows are to come;
-//! [`carried`](field@PlateFrame::carried) takes strokes that a caller has carried.
+//! Mattes before a plate, and mattes by a trimap or strokes. Strokes that are carried through a shot and shadows are to come.
 
 mod approximate;
 mod field;
 mod half;
+mod laplacian;
 mod light;
 mod matte;
 mod plate;
 mod posterior;
+mod still;
 mod texture;
 
 pub use light::PlateLight;
 pub use matte::{Colors, Constraint, Constraints, Matte, MattingError};
 pub use plate::{PlateFrame, PlateMatte, PlateParams, plate_matte};
+pub use still::{StillMatte, still_matte};

@@ -20,7 +20,7 @@ const MIN_SIGMA: f32 = 0.5 / 255.0;
 /// Unknowns: gains, offsets, two first and three second derivatives.
 const UNKNOWNS: usize = 11;
 
-/// How a frame shows the plate.
+/// Photometric and geometric difference between a frame and its plate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlateLight {
     /// Factor of each channel.

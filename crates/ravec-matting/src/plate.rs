@@ -44,8 +44,6 @@ const POOL_PULL: f32 = 0.01;
 const MAX_SHARE: f32 = 0.98;
 /// Squared contrast, in units of the noise, at which a pixel counts half in the pooling.
 const POOL_CONTRAST: f32 = 60.0;
-/// Precision of the texture cue from which colors are separated by it.
-const PRECISE: f32 = 25.0;
 /// Variance, in units of that of the noise, of a plate that is not known.
 const UNKNOWN_VARIANCE: f32 = 1e4;
 
@@ -76,8 +74,6 @@ pub struct PlateFrame<'a> {
     pub known: Option<&'a Plane>,
     /// Strokes in this frame.
     pub strokes: Option<&'a Constraints>,
-    /// Strokes that were carried here from other frames: they shift alpha, but do not hold it.
-    pub carried: Option<&'a Constraints>,
 }
 
 impl<'a> PlateFrame<'a> {
@@ -88,7 +84,6 @@ impl<'a> PlateFrame<'a> {
             plate,
             known: None,
             strokes: None,
-            carried: None,
         }
     }
 
@@ -98,7 +93,6 @@ impl<'a> PlateFrame<'a> {
             ("plate", Some(self.plate.size())),
             ("certainty of the plate", self.known.map(Plane::size)),
             ("picture of strokes", self.strokes.map(Image::size)),
-            ("picture of carried strokes", self.carried.map(Image::size)),
         ];
         for (what, found) in sizes {
             if let Some(found) = found.filter(|found| *found != expected) {
@@ -114,12 +108,6 @@ impl<'a> PlateFrame<'a> {
 
     fn stroke(&self, col: usize, row: usize) -> Constraint {
         self.strokes.map_or(Constraint::Unknown, |strokes| {
-            Constraint::of(strokes[(col, row)])
-        })
-    }
-
-    fn carried(&self, col: usize, row: usize) -> Constraint {
-        self.carried.map_or(Constraint::Unknown, |strokes| {
             Constraint::of(strokes[(col, row)])
         })
     }
@@ -238,16 +226,11 @@ impl Part {
                 }
             });
         let smooth = gaussian_blur(&difference, 1.0);
-        let marked = |col: usize, row: usize| {
-            input.stroke(col, row) == Constraint::Foreground
-                || input.carried(col, row) == Constraint::Foreground
-        };
         let mut bounds: Option<[usize; 4]> = None;
         let mut certain = false;
         for row in 0..size.height() {
             for col in 0..size.width() {
-                let marked =
-                    (input.strokes.is_some() || input.carried.is_some()) && marked(col, row);
+                let marked = input.stroke(col, row) == Constraint::Foreground;
                 let smooth = smooth[(col, row)];
                 certain |= marked || (smooth > CERTAIN_SMOOTH && difference[(col, row)] > CERTAIN);
                 if marked || smooth > SUSPECT_SMOOTH {
@@ -283,11 +266,6 @@ impl Part {
                 match input.stroke(left + col, row) {
                     Constraint::Foreground => start[(col, cells)] = 1.0,
                     Constraint::Background => start[(col, cells)] = 0.0,
-                    Constraint::Unknown
-                        if input.carried(left + col, row) == Constraint::Foreground =>
-                    {
-                        start[(col, cells)] = 1.0;
-                    }
                     Constraint::Unknown => {}
                 }
             }
@@ -313,12 +291,12 @@ impl Part {
         let cue = texture_cue(&self.frame, &self.plate);
         let mut found = self.start.clone();
         let mut field = None;
-        for (pass, sigma_px) in FIELD_SIGMA_PX.into_iter().enumerate() {
+        for sigma_px in FIELD_SIGMA_PX {
             progress.check()?;
-            let next = self.foreground_field(&found, (pass > 0).then_some(&cue), sigma_px);
+            let next = self.foreground_field(&found, sigma_px);
             let evidence = self.evidence(&next, &cue);
             let likelihood = Likelihood::of(&evidence);
-            let prior = self.pooled(&likelihood, input);
+            let prior = self.pooled(&likelihood);
             found = likelihood.alpha(&prior);
             self.hold(input, &mut found);
             field = Some(next);
@@ -355,39 +333,19 @@ impl Part {
         }
     }
 
-    /// Colors where alpha is almost 1; where the texture cue is precise, colors that are separated from the plate.
-    fn foreground_field(
-        &self,
-        alpha: &Plane,
-        cue: Option<&TextureCue>,
-        sigma_px: f64,
-    ) -> ColorField {
+    /// Colors of the frame where alpha is almost 1.
+    fn foreground_field(&self, alpha: &Plane, sigma_px: f64) -> ColorField {
         let weight = alpha.map(|alpha| {
             let squared = alpha * alpha;
             let fourth = squared * squared;
             let tenth = fourth * fourth * squared;
             if tenth < 1e-4 { 0.0 } else { tenth }
         });
-        let Some(cue) = cue else {
-            return color_field(&self.frame, &weight, sigma_px);
-        };
-        let precision = doubled(&cue.precision, alpha.size());
-        let colors = [0, 1, 2].map(|channel| {
-            let mut colors = self.frame[channel].clone();
-            let (plate, precision) = (self.plate[channel].pixels(), precision.pixels());
-            for (at, color) in colors.pixels_mut().iter_mut().enumerate() {
-                let alpha = alpha.pixels()[at];
-                if alpha > 0.5 && alpha < 1.0 && precision[at] > PRECISE {
-                    *color = plate[at] + (*color - plate[at]) / alpha;
-                }
-            }
-            colors
-        });
-        color_field(&colors, &weight, sigma_px)
+        color_field(&self.frame, &weight, sigma_px)
     }
 
     /// Shares of both ends from the neighbors that are sure, each with its contrast as weight.
-    fn pooled(&self, likelihood: &Likelihood, input: &PlateFrame<'_>) -> Prior {
+    fn pooled(&self, likelihood: &Likelihood) -> Prior {
         let [background, foreground] = likelihood.ends();
         let weight = likelihood
             .contrast
@@ -426,32 +384,9 @@ impl Part {
             *background /= total;
             *foreground /= total;
         }
-        if input.carried.is_some() {
-            self.lean_on_carried(input, &mut background, &mut foreground);
-        }
         Prior {
             background,
             foreground,
-        }
-    }
-
-    /// Carried strokes as shares before a pixel is looked at.
-    fn lean_on_carried(
-        &self,
-        input: &PlateFrame<'_>,
-        background: &mut Plane,
-        foreground: &mut Plane,
-    ) {
-        for row in 0..self.rect.height {
-            for col in 0..self.rect.width {
-                let at = (col, row);
-                (background[at], foreground[at]) =
-                    match input.carried(self.rect.col + col, self.rect.row + row) {
-                        Constraint::Unknown => continue,
-                        Constraint::Background => (MAX_SHARE, 0.5 * (1.0 - MAX_SHARE)),
-                        Constraint::Foreground => (0.5 * (1.0 - MAX_SHARE), MAX_SHARE),
-                    };
-            }
         }
     }
 

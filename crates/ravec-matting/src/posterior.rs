@@ -15,7 +15,7 @@ const MIN_SPREAD: f32 = 0.2;
 /// Share of the median in alpha; the rest is the mean. The median keeps flat places flat, the mean gives details their value.
 const MEDIAN_SHARE: f32 = 0.7;
 
-/// What the likelihood of a picture is computed from, in units of the noise.
+/// Inputs of the likelihood, in units of the noise.
 pub(crate) struct Evidence<'a> {
     pub frame: &'a [Plane; 3],
     pub plate: &'a [Plane; 3],
@@ -266,7 +266,7 @@ impl Row {
         );
     }
 
-    /// What the picture adds to the mean of the foreground: α·Σ·(noise + α²·Σ)⁻¹ times the residual.
+    /// Update of the mean foreground color by the pixel (a Kalman gain): α·Σ·(noise + α²·Σ)⁻¹ times the residual.
     fn correction(&self, alpha: f32, variance: f32, col: usize) -> [f32; 3] {
         let [xx, yy, zz, xy, xz, yz] = self.covariance.each_ref().map(|line| line[col]);
         let sigma = [

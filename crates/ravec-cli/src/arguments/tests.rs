@@ -26,8 +26,8 @@ const LINES: &[(&str, &str, &str)] = &[
     ),
     ("ravec stabilize a -o b --track c", "a c", "b"),
     (
-        "ravec matte a -o b --plate c --track d --strokes e",
-        "a d e c",
+        "ravec matte a -o b --plate c --trimap f --track d --strokes e",
+        "a c f d e",
         "b",
     ),
     ("ravec complete a --mask b -o c", "a b", "c"),

@@ -106,6 +106,16 @@ fn clips(folder: &Path) {
         [200, (150 + col) as u8, (180 + row) as u8]
     });
     std::fs::write(folder.join("empty.png"), empty).unwrap();
+    // marks on shot_06.bmp: inside the disc, and around it
+    let marks = bmp(64, 48, |col, row| {
+        match (col as f64 - 32.0).hypot(row as f64 - 24.0) {
+            distance if distance < 6.0 => [255; 3],
+            distance if distance > 12.0 => [0; 3],
+            _ => [128; 3],
+        }
+    });
+    std::fs::write(folder.join("trimap.png"), &marks).unwrap();
+    std::fs::write(folder.join("strokes.png"), &marks).unwrap();
     done(folder, "-q video convert shot_%02d.bmp clip.y4m");
     done(folder, "-q video convert clip.y4m clip.mp4");
     done(folder, "-q twocolor clip.y4m -o blocks.y4m");

@@ -1,4 +1,4 @@
-//! `matte`: alpha and foreground of a picture or a clip with a known background.
+//! `matte`: alpha and foreground of a picture or a clip, with a known background or marked pixels.
 
 use crate::context::Context;
 use crate::error::JobError;
@@ -11,15 +11,19 @@ use crate::track::exclusions::{Exclusions, MaskFiles};
 use crate::track::follow::Reader;
 use crate::track::rewrite::{Target, rewrite};
 use crate::video::{Encoding, FrameRange, check_clip_target, is_clip, key_of, open_clip};
-use ravec::matting::{Colors, Constraints, PlateFrame, PlateMatte, PlateParams, plate_matte};
+use ravec::matting::{
+    Colors, Constraints, Matte as Solution, MattingError, PlateFrame, PlateParams, plate_matte,
+    still_matte,
+};
 use ravec::planar::Homography;
-use ravec::raster::{AnyImage, Image, Size, Srgb, Srgba};
+use ravec::progress::Progress;
+use ravec::raster::{AnyImage, Image, Mask, Plane, Size, Srgb, Srgba};
 use ravec_media::{Picture, WriteOptions};
 use ravec_video::{FrameSource as _, PixelKind};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// Separate the foreground of a picture or clip from a known background: alpha, or colors without the background
+/// Separate the foreground of a picture or clip from its background: alpha, or colors without the background
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[cfg_attr(feature = "cli", derive(clap::Args), command(after_help = HELP))]
@@ -29,9 +33,15 @@ pub struct Matte {
     /// Output: a picture for a picture; for a clip a file, a folder that is there, or a pattern such as alpha_%04d.png
     #[cfg_attr(feature = "cli", arg(short, long, value_name = "FILE"))]
     pub output: PathBuf,
-    /// Picture of the background without foreground; transparent pixels are not known
+    /// Picture of the background without foreground; transparent pixels are not known. A clip needs it, a picture can do with
+    /// --trimap or --strokes
     #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
-    pub plate: PathBuf,
+    #[serde(default)]
+    pub plate: Option<PathBuf>,
+    /// Picture of what is known of a picture: white is foreground, black is background, gray and transparent are to be found
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
+    #[serde(default)]
+    pub trimap: Option<PathBuf>,
     /// Track of the background in the clip, as ravec track writes it to a .json file [default: the camera stands still]
     #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
     #[serde(default)]
@@ -50,12 +60,16 @@ pub struct Matte {
 #[cfg(feature = "cli")]
 const HELP: &str = "\
 Examples:
+  ravec matte shot_06.bmp --trimap trimap.png --content foreground -o cut.png
   ravec matte shot_06.bmp --plate empty.png -o alpha.png
   ravec matte clip.y4m --plate empty.png -o alpha.y4m
   ravec matte clip.y4m --plate empty.png --content foreground -o cut_%04d.png
 
 Light, noise and small shifts of the background are followed frame by frame; a plate from another light is fine. With --track the \
 plate belongs to the reference frame of the track, and may be larger by --pad pixels on each side.
+
+Without a plate, the pixels that a trimap or strokes leave open are found from the colors of the marked ones nearby: the closer the \
+marks to the border, the better.
 
 Foreground that has the colors of the background cannot be seen where neither has texture: strokes set it. Shadows are a part of \
 the foreground.
@@ -115,6 +129,17 @@ pub enum Content {
     Foreground,
 }
 
+/// Gray value of a pixel about which nothing is known.
+const UNKNOWN: u8 = 128;
+
+/// Inputs of the matte of a picture or a frame.
+struct Frame<'a> {
+    image: &'a AnyImage,
+    plate: Option<&'a ShotPlate>,
+    from_reference: &'a Homography,
+    constraints: Option<&'a Constraints>,
+}
+
 /// Sums over the frames.
 #[derive(Default)]
 struct Figures {
@@ -124,8 +149,8 @@ struct Figures {
 }
 
 impl Figures {
-    fn add(&mut self, found: &PlateMatte) {
-        let alpha = found.matte.alpha.pixels();
+    fn add(&mut self, alpha: &Plane) {
+        let alpha = alpha.pixels();
         let sum: f64 = alpha.iter().map(|alpha| f64::from(*alpha)).sum();
         self.frames += 1;
         self.empty += u64::from(sum == 0.0);
@@ -148,9 +173,8 @@ impl Operation for Matte {
     const NAME: &'static str = "matte";
 
     fn inputs(&self) -> Vec<&Path> {
-        let mut inputs = paths(&self.input, [&self.track, &self.strokes]);
-        inputs.push(&self.plate);
-        inputs
+        let optional = [&self.plate, &self.trimap, &self.track, &self.strokes];
+        paths(&self.input, optional)
     }
 
     fn outputs(&self) -> Vec<&Path> {
@@ -190,11 +214,22 @@ impl Operation for Matte {
             });
         }
         let clip = is_clip(&self.input, context);
-        if !clip && self.track.is_some() {
+        let given = |file: &Option<PathBuf>| file.is_some();
+        let marked = given(&self.trimap) || given(&self.strokes);
+        let wrong = match clip {
+            true if !given(&self.plate) => Some(("plate", "left out", "given for a clip")),
+            true if given(&self.trimap) => Some(("trimap", "given", "left out for a clip")),
+            false if given(&self.track) => Some(("track", "given", "left out for a picture")),
+            false if !given(&self.plate) && !marked => {
+                Some(("plate", "left out", "given, or a trimap or strokes instead"))
+            }
+            _ => None,
+        };
+        if let Some((field, value, range)) = wrong {
             return Err(JobError::Parameter {
-                field: "track",
-                value: "given".to_owned(),
-                range: "left out for a picture",
+                field,
+                value: value.to_owned(),
+                range,
             });
         }
         let mut report = Report::of(self, params);
@@ -213,11 +248,17 @@ impl Matte {
         let picture = files::read(&self.input, report, context)?;
         let size = picture.image.size();
         let plate = self.plate(size, report, context)?;
+        let trimap = self.trimap(size, report, context)?;
         let strokes = self.strokes(size, report, context)?;
+        let marks = constraints(strokes.strokes(0)?, trimap, size);
+        let frame = Frame {
+            image: &picture.image,
+            plate: plate.as_ref(),
+            from_reference: &Homography::IDENTITY,
+            constraints: marks.as_ref(),
+        };
         let mut figures = Figures::default();
-        let map = Homography::IDENTITY;
-        let strokes = (&strokes, 0);
-        let made = self.frame(&picture.image, &plate, &map, strokes, &mut figures, context)?;
+        let made = self.solve(&frame, &mut figures, &context.progress, context)?;
         figures.record(report);
         let made = Picture::from_image(made);
         files::write(
@@ -285,8 +326,15 @@ impl Matte {
             };
             // borrowed for this thread alone: a clip of masks cannot be shared
             let strokes = &mut strokes;
-            let marks = (&*strokes, shot.index);
-            let made = self.frame(&shot.image, &plate, map, marks, &mut figures, context)?;
+            let marks = constraints(strokes.strokes(shot.index)?, None, size);
+            let frame = Frame {
+                image: &shot.image,
+                plate: plate.as_ref(),
+                from_reference: map,
+                constraints: marks.as_ref(),
+            };
+            let progress = context.progress.silent();
+            let made = self.solve(&frame, &mut figures, &progress, context)?;
             Ok(Some(made))
         })?;
         reader.warn(report);
@@ -300,18 +348,21 @@ impl Matte {
         size: Size,
         report: &mut Report,
         context: &Context,
-    ) -> Result<ShotPlate, JobError> {
-        let picture = files::read(&self.plate, report, context)?;
+    ) -> Result<Option<ShotPlate>, JobError> {
+        let Some(path) = &self.plate else {
+            return Ok(None);
+        };
+        let picture = files::read(path, report, context)?;
         let plate = ShotPlate::new(&picture.image, self.params.pad);
         if plate.frame_size() != Some(size) {
             return Err(JobError::SizesDiffer {
                 a: self.input.clone(),
                 a_size: size,
-                b: self.plate.clone(),
+                b: path.clone(),
                 b_size: picture.image.size(),
             });
         }
-        Ok(plate)
+        Ok(Some(plate))
     }
 
     fn strokes(
@@ -328,43 +379,61 @@ impl Matte {
         Exclusions::open(&files, size, 0, report, context)
     }
 
-    /// The output of a frame.
-    fn frame(
+    /// Reads the trimap of a picture of this size.
+    fn trimap(
         &self,
-        frame: &AnyImage,
-        plate: &ShotPlate,
-        frame_from_reference: &Homography,
-        (strokes, index): (&Exclusions, u64),
+        size: Size,
+        report: &mut Report,
+        context: &Context,
+    ) -> Result<Option<Constraints>, JobError> {
+        let Some(path) = &self.trimap else {
+            return Ok(None);
+        };
+        let picture = files::read(path, report, context)?;
+        if picture.image.size() != size {
+            return Err(JobError::SizesDiffer {
+                a: self.input.clone(),
+                a_size: size,
+                b: path.clone(),
+                b_size: picture.image.size(),
+            });
+        }
+        let image: Image<Srgba<u8>> = picture.convert();
+        Ok(Some(image.map(|Srgba([r, g, b, alpha])| {
+            let gray = (u32::from(r) + u32::from(g) + u32::from(b)) / 3;
+            if alpha < 128 { UNKNOWN } else { gray as u8 }
+        })))
+    }
+
+    /// The output of a frame.
+    fn solve(
+        &self,
+        frame: &Frame<'_>,
         figures: &mut Figures,
+        progress: &Progress,
         context: &Context,
     ) -> Result<AnyImage, JobError> {
-        let colors = encoded(frame);
-        let plate = plate.in_frame(frame_from_reference, colors.size(), context)?;
-        let strokes = strokes.strokes(index)?.map(|[foreground, background]| {
-            Constraints::from_fn(colors.size(), |col, row| {
-                if foreground.at(col, row) > 0.0 {
-                    255
-                } else if background.at(col, row) > 0.0 {
-                    0
-                } else {
-                    128
-                }
-            })
-        });
-        let input = PlateFrame {
-            known: Some(&plate.known),
-            strokes: strokes.as_ref(),
-            ..PlateFrame::new(&colors, &plate.colors)
+        let colors = encoded(frame.image);
+        let found = match (frame.plate, frame.constraints) {
+            (Some(plate), constraints) => {
+                let plate = plate.in_frame(frame.from_reference, colors.size(), context)?;
+                let input = PlateFrame {
+                    known: Some(&plate.known),
+                    strokes: constraints,
+                    ..PlateFrame::new(&colors, &plate.colors)
+                };
+                plate_matte(&input, &self.params.matte, progress)?.matte
+            }
+            (None, Some(constraints)) => still_matte(&colors, constraints, progress)?.matte,
+            (None, None) => return Err(MattingError::Unmarked("foreground").into()),
         };
-        let found = plate_matte(&input, &self.params.matte, &context.progress.silent())?;
-        figures.add(&found);
-        Ok(self.drawn(&found, frame))
+        figures.add(&found.alpha);
+        Ok(self.drawn(&found, frame.image))
     }
 
     /// The content that is asked for, with as many bits as the frame has.
-    fn drawn(&self, found: &PlateMatte, frame: &AnyImage) -> AnyImage {
+    fn drawn(&self, matte: &Solution, frame: &AnyImage) -> AnyImage {
         let deep = !matches!(frame, AnyImage::Srgb8(_) | AnyImage::Srgba8(_));
-        let matte = &found.matte;
         match self.params.content {
             Content::Alpha if deep => {
                 let gray = matte.alpha.map(|alpha| Srgb([alpha; 3]));
@@ -387,6 +456,26 @@ impl Matte {
             }
         }
     }
+}
+
+/// Constraints of strokes, `[foreground, background]`, and below them those of a trimap.
+fn constraints(
+    strokes: Option<[Mask; 2]>,
+    trimap: Option<Constraints>,
+    size: Size,
+) -> Option<Constraints> {
+    let Some([foreground, background]) = strokes else {
+        return trimap;
+    };
+    Some(Constraints::from_fn(size, |col, row| {
+        if foreground.at(col, row) > 0.0 {
+            u8::MAX
+        } else if background.at(col, row) > 0.0 {
+            0
+        } else {
+            trimap.as_ref().map_or(UNKNOWN, |trimap| trimap[(col, row)])
+        }
+    }))
 }
 
 /// Values of a picture as files hold them, 0 to 1.

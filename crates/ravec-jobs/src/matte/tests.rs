@@ -50,7 +50,8 @@ fn operation(folder: &Path, input: &str, output: &str) -> Matte {
     Matte {
         input: folder.join(input),
         output: folder.join(output),
-        plate: folder.join("plate.png"),
+        plate: Some(folder.join("plate.png")),
+        trimap: None,
         track: None,
         strokes: None,
         params: Params::default(),
@@ -174,4 +175,84 @@ fn wrong_sizes_tracks_and_parameters_are_refused() {
         assert!(error.contains(part), "{error}");
     }
     assert!(!at("o.png").exists() && !at("o_0.png").exists());
+}
+
+#[test]
+fn a_picture_with_a_trimap_and_strokes_needs_no_plate() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    save(&at("a.png"), frame(0, 0.0));
+    // unknown: a frame of 5 pixels on both sides of the border
+    let trimap = |inner: u8| {
+        Image::from_fn(size(), |col, row| {
+            let near = (15..45).contains(&col) && (15..55).contains(&row);
+            let deep = (25..35).contains(&col) && (25..45).contains(&row);
+            Srgb(
+                [if deep {
+                    inner
+                } else if near {
+                    128
+                } else {
+                    0
+                }; 3],
+            )
+        })
+    };
+    save(&at("trimap.png"), trimap(255));
+    save(&at("empty.png"), trimap(128));
+    let stroke = Image::from_fn(size(), |col, row| {
+        Srgb(
+            [if (28..32).contains(&col) && (26..44).contains(&row) {
+                255
+            } else {
+                128
+            }; 3],
+        )
+    });
+    save(&at("stroke.png"), stroke);
+    let mut matte = operation(folder.path(), "a.png", "alpha.png");
+    matte.plate = None;
+    matte.trimap = Some(at("trimap.png"));
+    matte.run(&Context::default()).unwrap();
+    assert_square(&alpha(&at("alpha.png")), 0);
+    matte.trimap = Some(at("empty.png"));
+    let error = matte.run(&Context::default()).unwrap_err();
+    assert_eq!(error.kind(), ErrorKind::Request);
+    assert!(error.to_string().contains("without foreground"), "{error}");
+    matte.strokes = Some(at("stroke.png"));
+    matte.run(&Context::default()).unwrap();
+    assert_square(&alpha(&at("alpha.png")), 0);
+}
+
+#[test]
+fn what_is_needed_differs_between_pictures_and_clips() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    save(&at("plate.png"), wall(0.0, 0));
+    save(&at("a.png"), frame(0, 0.0));
+    save(&at("f_0.png"), frame(0, 0.0));
+    let picture = operation(folder.path(), "a.png", "o.png");
+    let clip = operation(folder.path(), "f_%d.png", "o_%d.png");
+    let without = |matte: &Matte| Matte {
+        plate: None,
+        ..matte.clone()
+    };
+    let trimap = Matte {
+        trimap: Some(at("a.png")),
+        ..clip.clone()
+    };
+    let track = Matte {
+        track: Some(at("track.json")),
+        ..picture.clone()
+    };
+    for (matte, field) in [
+        (without(&picture), "plate"),
+        (without(&clip), "plate"),
+        (trimap, "trimap"),
+        (track, "track"),
+    ] {
+        let error = matte.run(&Context::default()).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::Request);
+        assert!(error.to_string().contains(field), "{error}");
+    }
 }
