@@ -22,6 +22,7 @@ use ravec::raster::Size;
 use ravec::retarget::RetargetError;
 use ravec::twocolor::brush::StrokeError;
 use ravec::twocolor::{EnlargeError, FilterError, FitError, RenderError};
+use ravec::video_edit::VideoEditError;
 use ravec_catalogue::CatalogueError;
 pub(crate) use ravec_files::message_without_code as plain;
 use ravec_media::{DecodeError, EncodeError, ReadError, WriteError};
@@ -363,6 +364,9 @@ pub enum JobError {
     /// The rendering refuses its input.
     #[error(transparent)]
     Render(RenderError),
+    /// The frames of a shot do not go together.
+    #[error(transparent)]
+    Shot(VideoEditError),
     /// The caller cancelled the work.
     #[error("interrupted; nothing half-written is left")]
     Cancelled,
@@ -391,6 +395,15 @@ impl From<MattingError> for JobError {
                 value: other.to_string(),
                 range: "of the size of the frames",
             },
+        }
+    }
+}
+
+impl From<VideoEditError> for JobError {
+    fn from(error: VideoEditError) -> Self {
+        match error {
+            VideoEditError::Cancelled(_) => Self::Cancelled,
+            other => Self::Shot(other),
         }
     }
 }

@@ -44,6 +44,7 @@ pub mod mosaic;
 mod operation;
 mod pixel_centers;
 pub mod plane;
+pub mod plate;
 pub mod recipe;
 mod report;
 pub mod retarget;

@@ -9,13 +9,16 @@ use crate::stabilize::held;
 use crate::track::file::TrackFile;
 use glam::{DMat3, DVec2};
 use ravec::matting::Colors;
+use ravec::planar::track::TrackState;
 use ravec::planar::{Beyond, Homography, warp};
-use ravec::raster::{AnyImage, Image, Plane, Size, Srgba};
+use ravec::raster::{AnyImage, Image, Plane, Size, Srgb, Srgba};
 use serde::Deserialize;
 use std::path::Path;
 
 /// The largest file of a track that is read, in bytes.
 const MAX_TRACK_BYTES: u64 = 256 << 20;
+/// Pixels that a plate may have more on each side.
+const MAX_PAD_PX: usize = 1 << 14;
 /// Share of the plate in a pixel below which its color says nothing.
 const MIN_SHARE: f32 = 1e-3;
 
@@ -24,6 +27,10 @@ pub(crate) struct ShotTrack {
     /// Number of the first frame that has a map.
     first: u64,
     frame_from_reference: Vec<Homography>,
+    /// Frames in which the plane is lost.
+    lost: Vec<bool>,
+    /// Number of the frame in which the plane is given.
+    reference: u64,
 }
 
 /// A track of other programs: maps for all frames from the first one on.
@@ -84,7 +91,9 @@ impl ShotTrack {
             }
             return Ok(Self {
                 first: 0,
+                lost: vec![false; frame_from_reference.len()],
                 frame_from_reference,
+                reference: 0,
             });
         }
         let file = TrackFile::from_json(&text, context.max_frames).map_err(failed)?;
@@ -101,6 +110,10 @@ impl ShotTrack {
         Ok(Self {
             first: track.first,
             frame_from_reference: held(&track.frames),
+            lost: (track.frames.iter())
+                .map(|frame| frame.state == TrackState::Lost)
+                .collect(),
+            reference: track.reference,
         })
     }
 
@@ -108,6 +121,18 @@ impl ShotTrack {
     pub fn map(&self, frame: u64) -> Option<&Homography> {
         let index = frame.checked_sub(self.first)?;
         self.frame_from_reference.get(usize::try_from(index).ok()?)
+    }
+
+    /// True where the plane was found in a frame.
+    pub fn is_found(&self, frame: u64) -> bool {
+        let index = frame.checked_sub(self.first);
+        let index = index.and_then(|index| usize::try_from(index).ok());
+        index.and_then(|index| self.lost.get(index)) == Some(&false)
+    }
+
+    /// Number of the reference frame.
+    pub fn reference(&self) -> u64 {
+        self.reference
     }
 }
 
@@ -169,4 +194,39 @@ impl ShotPlate {
         let known = warped.map(|[_, _, _, share]| share.clamp(0.0, 1.0));
         Ok(PlateInFrame { colors, known })
     }
+}
+
+/// Refuses planes before the first one.
+pub(crate) fn check_plane(plane: usize) -> Result<(), JobError> {
+    if plane > 0 {
+        return Ok(());
+    }
+    Err(JobError::Parameter {
+        field: "plane",
+        value: "0".to_owned(),
+        range: "at least 1",
+    })
+}
+
+/// Refuses what is more than a plate can have on each side: more is a mistake, and sums of it stay far from overflow.
+pub(crate) fn check_pad(pad_px: usize) -> Result<(), JobError> {
+    if pad_px <= MAX_PAD_PX {
+        return Ok(());
+    }
+    Err(JobError::Parameter {
+        field: "pad",
+        value: pad_px.to_string(),
+        range: "at most 16384",
+    })
+}
+
+/// Values of a picture as files hold them, 0 to 1.
+pub(crate) fn encoded(image: &AnyImage) -> Colors {
+    let encoded: Image<Srgb<f32>> = image.convert();
+    encoded.map(|Srgb(values)| values)
+}
+
+/// True for a picture of more than 8 bits.
+pub(crate) fn is_deep(image: &AnyImage) -> bool {
+    !matches!(image, AnyImage::Srgb8(_) | AnyImage::Srgba8(_))
 }

@@ -4,7 +4,7 @@ use crate::context::is_intermediate;
 use crate::files::is_stream;
 use crate::operation::{AnyOperation, Operation};
 use crate::{
-    brush, catalogue, compare, complete, match_photos, matte, mesh, mosaic, plane, retarget,
+    brush, catalogue, compare, complete, match_photos, matte, mesh, mosaic, plane, plate, retarget,
     scenes, stabilize, track, twocolor, video,
 };
 use serde::de::Error as _;
@@ -113,6 +113,7 @@ operations! {
     Planes(plane::planes::Planes),
     Track(track::Track),
     Stabilize(stabilize::Stabilize),
+    Plate(plate::Plate),
     Matte(matte::Matte),
     Complete(complete::Complete),
     Retarget(retarget::Retarget),

@@ -121,6 +121,7 @@ impl JobError {
             | Self::Retarget { .. }
             | Self::Fit(_)
             | Self::Filter(_)
+            | Self::Shot(_)
             | Self::Render(_) => ErrorKind::Failure,
             Self::Catalogue(cause) => catalogue_kind(cause),
             Self::Step { cause, .. } => cause.kind(),

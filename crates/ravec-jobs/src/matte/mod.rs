@@ -6,14 +6,13 @@ use crate::files;
 use crate::operation::{Operation, paths};
 use crate::pixel_centers::PixelCenters;
 use crate::report::Report;
-use crate::shot::{ShotPlate, ShotTrack, TrackChoice};
+use crate::shot::{ShotPlate, ShotTrack, TrackChoice, check_pad, check_plane, encoded, is_deep};
 use crate::track::exclusions::{Exclusions, MaskFiles};
 use crate::track::follow::Reader;
 use crate::track::rewrite::{Target, rewrite};
 use crate::video::{Encoding, FrameRange, check_clip_target, is_clip, key_of, open_clip};
 use ravec::matting::{
-    Colors, Constraints, Matte as Solution, MattingError, PlateFrame, PlateParams, plate_matte,
-    still_matte,
+    Constraints, Matte as Solution, MattingError, PlateFrame, PlateParams, plate_matte, still_matte,
 };
 use ravec::planar::Homography;
 use ravec::progress::Progress;
@@ -191,21 +190,8 @@ impl Operation for Matte {
     /// [`JobError::Cancelled`].
     fn run(&self, context: &Context) -> Result<Report, JobError> {
         let params = &self.params;
-        if params.plane == 0 {
-            return Err(JobError::Parameter {
-                field: "plane",
-                value: "0".to_owned(),
-                range: "at least 1",
-            });
-        }
-        // a plate is a picture: more is a mistake, and sums of it stay far from overflow
-        if params.pad > 1 << 20 {
-            return Err(JobError::Parameter {
-                field: "pad",
-                value: params.pad.to_string(),
-                range: "at most 1048576",
-            });
-        }
+        check_plane(params.plane)?;
+        check_pad(params.pad)?;
         if !(0.0..=0.25).contains(&params.matte.snap) {
             return Err(JobError::Parameter {
                 field: "snap",
@@ -433,7 +419,7 @@ impl Matte {
 
     /// The content that is asked for, with as many bits as the frame has.
     fn drawn(&self, matte: &Solution, frame: &AnyImage) -> AnyImage {
-        let deep = !matches!(frame, AnyImage::Srgb8(_) | AnyImage::Srgba8(_));
+        let deep = is_deep(frame);
         match self.params.content {
             Content::Alpha if deep => {
                 let gray = matte.alpha.map(|alpha| Srgb([alpha; 3]));
@@ -476,12 +462,6 @@ fn constraints(
             trimap.as_ref().map_or(UNKNOWN, |trimap| trimap[(col, row)])
         }
     }))
-}
-
-/// Values of a picture as files hold them, 0 to 1.
-fn encoded(image: &AnyImage) -> Colors {
-    let encoded: Image<Srgb<f32>> = image.convert();
-    encoded.map(|Srgb(values)| values)
 }
 
 /// Pixels with alpha, of as many bits as those of the source.

@@ -1,0 +1,371 @@
+//! `plate`: a picture of the background of a shot, without what moves before it.
+
+use crate::context::Context;
+use crate::error::JobError;
+use crate::files;
+use crate::operation::{Operation, paths};
+use crate::pixel_centers::PixelCenters;
+use crate::plane::Quad;
+use crate::report::Report;
+use crate::shot::{ShotTrack, TrackChoice, check_pad, check_plane, encoded, is_deep};
+use crate::track::exclusions::{Exclusions, MaskFiles};
+use crate::track::follow::{Reader, Shot};
+use crate::video::{FrameRange, open_clip};
+use glam::DVec2;
+use ravec::completion::{CompleteParams, complete};
+use ravec::planar::Homography;
+use ravec::raster::{AnyImage, Image, Mask, Plane, Srgb, Srgba};
+use ravec::video_edit::{Plate as BackgroundPlate, PlateSamples, ShotFrame};
+use ravec_media::{Picture, WriteOptions};
+use ravec_video::FrameSource as _;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// Make a picture of the background of a clip, without what moves before it
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "cli", derive(clap::Args), command(after_help = HELP))]
+pub struct Plate {
+    /// Clip: a file, a folder of pictures, a pattern such as frame_%04d.png
+    pub input: PathBuf,
+    /// Output picture
+    #[cfg_attr(feature = "cli", arg(short, long, value_name = "FILE"))]
+    pub output: PathBuf,
+    /// Track of the background in the clip, as ravec track writes it to a .json file [default: the camera stands still]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
+    #[serde(default)]
+    pub track: Option<PathBuf>,
+    /// Mask of what is never the background, white on black: a picture for all frames, or a clip of masks
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
+    #[serde(default)]
+    pub exclude: Option<PathBuf>,
+    /// Strokes: a picture for one frame, or a folder of pictures with the number of a frame in their names; white is foreground,
+    /// black is background, gray and transparent say nothing
+    #[cfg_attr(feature = "cli", arg(long, value_name = "PATH"))]
+    #[serde(default)]
+    pub strokes: Option<PathBuf>,
+    /// Write a map of what was seen: white was seen in some frame, black is invented
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
+    #[serde(default)]
+    pub seen: Option<PathBuf>,
+    /// Write a map of certainty: white where all frames agree
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
+    #[serde(default)]
+    pub certainty: Option<PathBuf>,
+    /// Parameters.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    #[serde(default)]
+    pub params: Params,
+}
+
+#[cfg(feature = "cli")]
+const HELP: &str = "\
+Examples:
+  ravec plate clip.y4m -o background.png
+  ravec plate clip.y4m --strokes strokes.png --seen seen.png -o background.png
+
+Each pixel gets the color that most frames show there; what moves is left out even if several things pass. The exposure of the clip \
+is followed, and the plate has that of the reference frame of the track. What no frame shows is completed from the rest, along the \
+plane of --quad.
+
+Things that cover a place most of the time must be marked: by --exclude, or by strokes in a few frames.
+
+Figures: frames, seen_percent, certainty (mean where something was seen), invented_px.";
+
+/// Parameters of [`Plate`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+pub struct Params {
+    /// Pixels by which the plate is larger than a frame on each side
+    #[cfg_attr(feature = "cli", arg(long, value_name = "PIXELS", default_value_t = 0))]
+    pub pad: usize,
+    /// Corners of a rectangle on the plane in the reference frame: what is invented follows its perspective
+    #[cfg_attr(
+        feature = "cli",
+        arg(long, value_name = "X,Y,X,Y,X,Y,X,Y", allow_hyphen_values = true)
+    )]
+    pub quad: Option<Quad>,
+    /// Number of the plane of a track with several, from 1
+    #[cfg_attr(
+        feature = "cli",
+        arg(long, value_name = "NUMBER", requires = "track", default_value_t = 1)
+    )]
+    pub plane: usize,
+    /// Frames to use, from 0: 100..200 (without frame 200), 100.., ..200, or seconds, as in 1.5s..4s
+    #[cfg_attr(feature = "cli", arg(long, value_name = "RANGE"))]
+    pub frames: Option<FrameRange>,
+    /// Content of places that no frame shows
+    #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t = Unseen::Completed))]
+    pub unseen: Unseen,
+    /// Convention of the corners, and of a track of another program, which does not state its own
+    #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t = PixelCenters::Half))]
+    pub pixel_centers: PixelCenters,
+}
+
+impl Default for Params {
+    fn default() -> Self {
+        Self {
+            pad: 0,
+            quad: None,
+            plane: 1,
+            frames: None,
+            unseen: Unseen::Completed,
+            pixel_centers: PixelCenters::Half,
+        }
+    }
+}
+
+/// Content of places that no frame shows.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+pub enum Unseen {
+    /// Holes are completed from the rest of the plate; what lies beyond all frames continues smoothly
+    #[default]
+    Completed,
+    /// The colors of the surroundings continue smoothly
+    Smooth,
+    /// Nothing: pixels are transparent
+    Transparent,
+}
+
+impl Operation for Plate {
+    const NAME: &'static str = "plate";
+
+    fn inputs(&self) -> Vec<&Path> {
+        paths(&self.input, [&self.track, &self.exclude, &self.strokes])
+    }
+
+    fn outputs(&self) -> Vec<&Path> {
+        paths(&self.output, [&self.seen, &self.certainty])
+    }
+
+    /// Writes the plate, and the maps that are asked for.
+    ///
+    /// Figures: `frames`, `seen_percent`, `certainty`, `invented_px`.
+    ///
+    /// # Errors
+    /// [`JobError::Parameter`], [`JobError::Quad`], [`JobError::Outside`], [`JobError::ReadClip`], [`JobError::EmptyRange`],
+    /// [`JobError::SizesDiffer`], [`JobError::Strokes`], [`JobError::TrackFile`], [`JobError::Shot`], [`JobError::Write`], what
+    /// [`check_files`](crate::check_files) refuses, [`JobError::Cancelled`].
+    fn run(&self, context: &Context) -> Result<Report, JobError> {
+        let params = &self.params;
+        let mut report = Report::of(self, params);
+        check_plane(params.plane)?;
+        check_pad(params.pad)?;
+        context.check_files(&self.inputs(), &self.outputs())?;
+        let clip = open_clip(&self.input, None, &mut report, context)?;
+        let (size, total) = (clip.info().size, clip.info().frames);
+        let quad = match &params.quad {
+            Some(quad) => Some(quad.check(params.pixel_centers, size)?),
+            None => None,
+        };
+        let track = match &self.track {
+            Some(path) => {
+                let choice = TrackChoice {
+                    path,
+                    plane: params.plane,
+                    centers: params.pixel_centers,
+                };
+                Some(ShotTrack::read(&choice, &mut report, context)?)
+            }
+            None => None,
+        };
+        let masks = MaskFiles {
+            input: &self.input,
+            exclude: self.exclude.as_deref(),
+            strokes: self.strokes.as_deref(),
+        };
+        let masks = Exclusions::open(&masks, size, 0, &mut report, context)?;
+        let range = params.frames.clone().unwrap_or_default();
+        let mut reader = Reader::new(clip, &self.input, range)?;
+        reader.exclude(masks);
+        let mut pass = Passes {
+            reader,
+            track: track.as_ref(),
+            total,
+            frames: 0,
+            deep: false,
+        };
+        let mut samples = PlateSamples::new(size, params.pad, total)?;
+        pass.run("samples", context, |frame| Ok(samples.add(frame)?))?;
+        let mut modes = samples.modes(&context.progress)?;
+        pass.run("average", context, |frame| Ok(modes.add(frame)?))?;
+        pass.reader.warn(&mut report);
+        let plate = modes.plate();
+        self.write(&plate, quad, pass.deep, &mut report, context)?;
+        report.figures.insert("frames", pass.frames as f64);
+        Ok(report)
+    }
+}
+
+/// Passes over the frames of a shot.
+struct Passes<'a> {
+    reader: Reader<'a>,
+    track: Option<&'a ShotTrack>,
+    /// Number of frames, if it is known.
+    total: Option<u64>,
+    /// Number of frames of the last pass.
+    frames: u64,
+    /// True if some frame has more than 8 bits.
+    deep: bool,
+}
+
+impl Passes<'_> {
+    /// Calls `take` with each frame in which the plane is found. The next frame is read meanwhile.
+    fn run(
+        &mut self,
+        name: &'static str,
+        context: &Context,
+        mut take: impl FnMut(&ShotFrame<'_>) -> Result<(), JobError> + Send,
+    ) -> Result<(), JobError> {
+        self.reader.seek(self.reader.first())?;
+        self.frames = 0;
+        let phase = context.progress.phase(name, self.total.unwrap_or(1));
+        let mut current = self.reader.next()?;
+        while let Some(shot) = current {
+            context.progress.check()?;
+            let background = match self.reader.exclusions() {
+                Some(masks) => masks.strokes(shot.index)?.map(|[_, background]| background),
+                None => None,
+            };
+            self.deep |= is_deep(&shot.image);
+            let track = self.track;
+            let (next, taken) = rayon::join(
+                || self.reader.next(),
+                || match map_of(track, &shot) {
+                    None => Ok(()),
+                    Some(map) => take(&ShotFrame {
+                        colors: &encoded(&shot.image),
+                        frame_from_reference: map,
+                        foreground: shot.exclude.as_ref(),
+                        background: background.as_ref(),
+                        is_reference: track.map_or(0, ShotTrack::reference) == shot.index,
+                    }),
+                },
+            );
+            taken?;
+            self.frames += 1;
+            phase.advance(1);
+            current = next?;
+        }
+        Ok(())
+    }
+}
+
+/// The map to a frame; `None` where the plane is lost.
+fn map_of<'a>(track: Option<&'a ShotTrack>, shot: &Shot) -> Option<&'a Homography> {
+    match track {
+        None => Some(&Homography::IDENTITY),
+        Some(track) if track.is_found(shot.index) => track.map(shot.index),
+        Some(_) => None,
+    }
+}
+
+impl Plate {
+    /// Writes the plate and the maps.
+    fn write(
+        &self,
+        plate: &BackgroundPlate,
+        quad: Option<[DVec2; 4]>,
+        deep: bool,
+        report: &mut Report,
+        context: &Context,
+    ) -> Result<(), JobError> {
+        let colors = plate.colors.map(Srgb);
+        let seen = plate.seen.coverage();
+        let count = seen.pixels().iter().filter(|&&seen| seen > 0.0).count();
+        let mut colors = colors;
+        if self.params.unseen == Unseen::Completed && count > 0 {
+            let hole = enclosed(&plate.seen);
+            let shift = DVec2::splat(self.params.pad as f64);
+            let planes: Vec<_> = quad
+                .map(|quad| quad.map(|at| at + shift))
+                .into_iter()
+                .collect();
+            if !hole.is_empty() {
+                let params = CompleteParams::default();
+                match complete(&colors, &hole, &planes, &params, &context.progress) {
+                    Ok(completed) => colors = completed.image,
+                    Err(ravec::completion::CompleteError::Cancelled(_)) => {
+                        return Err(JobError::Cancelled);
+                    }
+                    Err(reason) => report.warn(format!(
+                        "what no frame shows continues smoothly, for it cannot be completed: {reason}"
+                    )),
+                }
+            }
+        }
+        let picture: AnyImage = if self.params.unseen == Unseen::Transparent {
+            let pixels: Image<Srgba<f32>> = Image::from_fn(colors.size(), |col, row| {
+                let Srgb([r, g, b]) = colors[(col, row)];
+                Srgba([r, g, b, plate.seen.at(col, row)])
+            });
+            if deep {
+                AnyImage::Srgba16(pixels.convert())
+            } else {
+                AnyImage::Srgba8(pixels.convert())
+            }
+        } else if deep {
+            AnyImage::Srgb16(colors.convert())
+        } else {
+            AnyImage::Srgb8(colors.convert())
+        };
+        let gray = |plane: &Plane| -> AnyImage {
+            let gray: Image<Srgb<u8>> = plane.map(|value| Srgb([value; 3])).convert();
+            gray.into()
+        };
+        let options = WriteOptions::default();
+        let mut save = |path: &Path, image: AnyImage| {
+            files::write(path, &Picture::from_image(image), &options, report, context)
+        };
+        save(&self.output, picture)?;
+        if let Some(path) = &self.seen {
+            save(path, gray(seen))?;
+        }
+        if let Some(path) = &self.certainty {
+            save(path, gray(&plate.certainty))?;
+        }
+        let pixels = seen.pixels().len();
+        let sum: f64 = plate
+            .certainty
+            .pixels()
+            .iter()
+            .map(|&value| f64::from(value))
+            .sum();
+        for (name, figure) in [
+            ("seen_percent", 100.0 * count as f64 / pixels as f64),
+            ("certainty", sum / count.max(1) as f64),
+            ("invented_px", (pixels - count) as f64),
+        ] {
+            report.figures.insert(name, figure);
+        }
+        Ok(())
+    }
+}
+
+/// Pixels that were not seen and have no connection, over such pixels, to the border of the plate.
+fn enclosed(seen: &Mask) -> Mask {
+    let size = seen.size();
+    let (width, height) = (size.width(), size.height());
+    let unseen = |col: usize, row: usize| seen.at(col, row) <= 0.0;
+    let mut outside: Image<u8> = Image::new(size, 0);
+    let mut open: Vec<(usize, usize)> = (0..width)
+        .flat_map(|col| [(col, 0), (col, height - 1)])
+        .chain((0..height).flat_map(|row| [(0, row), (width - 1, row)]))
+        .collect();
+    while let Some((col, row)) = open.pop() {
+        if outside[(col, row)] == 1 || !unseen(col, row) {
+            continue;
+        }
+        outside[(col, row)] = 1;
+        open.extend((col > 0).then(|| (col - 1, row)));
+        open.extend((row > 0).then(|| (col, row - 1)));
+        open.extend((col + 1 < width).then_some((col + 1, row)));
+        open.extend((row + 1 < height).then_some((col, row + 1)));
+    }
+    Mask::from_fn(size, |col, row| {
+        unseen(col, row) && outside[(col, row)] == 0
+    })
+}

@@ -1,0 +1,155 @@
+//! The most frequent color of each pixel among samples, by mean shift.
+//!
+//! Source: Comaniciu and Meer, *Mean shift: a robust approach toward feature space analysis*, 2002; the kernel is the biweight, which
+//! ends at its radius.
+
+/// Mean-shift steps from each start.
+const STEPS: usize = 4;
+/// Starts that are tried at most.
+const MAX_STARTS: usize = 12;
+/// Share of the samples that ends the search: no other mode can be denser.
+const ENOUGH: f32 = 0.6;
+
+/// Colors of a pixel in several frames, by channel.
+#[derive(Default)]
+pub(crate) struct Samples {
+    channels: [Vec<f32>; 3],
+}
+
+/// A color around which samples are dense.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Mode {
+    pub color: [f32; 3],
+    /// Samples at the color, each weighted by the kernel.
+    pub density: f32,
+}
+
+impl Samples {
+    pub fn clear(&mut self) {
+        self.channels.iter_mut().for_each(Vec::clear);
+    }
+
+    pub fn push(&mut self, color: [f32; 3]) {
+        for (channel, value) in self.channels.iter_mut().zip(color) {
+            channel.push(value);
+        }
+    }
+
+    pub fn len(&self) -> usize {
+        self.channels[0].len()
+    }
+
+    fn color(&self, index: usize) -> [f32; 3] {
+        self.channels.each_ref().map(|channel| channel[index])
+    }
+
+    /// The densest mode within `radius`; `guess` is tried first.
+    pub fn densest(&self, guess: [f32; 3], radius: f32) -> Option<Mode> {
+        let count = self.len();
+        if count == 0 {
+            return None;
+        }
+        let starts = count.min(MAX_STARTS);
+        let at = |start: usize| self.color(start * count / starts);
+        let mut best: Option<Mode> = None;
+        for start in std::iter::once(guess).chain((0..starts).map(at)) {
+            let mode = self.climbed(start, radius);
+            if best.is_none_or(|best| mode.density > best.density) {
+                best = Some(mode);
+                if mode.density > ENOUGH * count as f32 {
+                    break;
+                }
+            }
+        }
+        best
+    }
+
+    /// The mode to which mean shift leads.
+    pub fn climbed(&self, start: [f32; 3], radius: f32) -> Mode {
+        let mut mode = Mode {
+            color: start,
+            density: 0.0,
+        };
+        for _ in 0..STEPS {
+            let [weight, r, g, b] = self.sums(mode.color, radius);
+            if weight <= 0.0 {
+                return mode;
+            }
+            let color = [r / weight, g / weight, b / weight];
+            let moved = (0..3)
+                .map(|c| (color[c] - mode.color[c]).abs())
+                .sum::<f32>();
+            mode = Mode {
+                color,
+                density: weight,
+            };
+            if moved < 0.01 * radius {
+                break;
+            }
+        }
+        mode
+    }
+
+    /// Weight of the samples around `center`, and their weighted sums.
+    fn sums(&self, center: [f32; 3], radius: f32) -> [f32; 4] {
+        const LANES: usize = 8;
+        let scale = 1.0 / (radius * radius);
+        let [x, y, z] = self.channels.each_ref().map(Vec::as_slice);
+        let mut sums = [[0.0f32; LANES]; 4];
+        let mut add = |x: &[f32], y: &[f32], z: &[f32]| {
+            for lane in 0..x.len().min(LANES) {
+                let weight = biweight(
+                    [
+                        x[lane] - center[0],
+                        y[lane] - center[1],
+                        z[lane] - center[2],
+                    ],
+                    scale,
+                );
+                sums[0][lane] += weight;
+                sums[1][lane] += weight * x[lane];
+                sums[2][lane] += weight * y[lane];
+                sums[3][lane] += weight * z[lane];
+            }
+        };
+        let whole = x.len() - x.len() % LANES;
+        for at in (0..whole).step_by(LANES) {
+            let lanes = at..at + LANES;
+            add(&x[lanes.clone()], &y[lanes.clone()], &z[lanes]);
+        }
+        add(&x[whole..], &y[whole..], &z[whole..]);
+        sums.map(|lanes| lanes.iter().sum())
+    }
+}
+
+/// Tukey's biweight of a difference of colors; `scale` is one over the squared radius.
+pub(crate) fn biweight(difference: [f32; 3], scale: f32) -> f32 {
+    let [x, y, z] = difference;
+    let share = (1.0 - (x * x + y * y + z * z) * scale).max(0.0);
+    share * share
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_densest_of_two_modes_wins_from_any_guess() {
+        let mut samples = Samples::default();
+        for k in 0..40 {
+            let wave = 0.01 * ((k * 7) as f32).sin();
+            let color = if k % 5 < 2 {
+                [0.2 + wave; 3]
+            } else {
+                [0.6 - wave, 0.5, 0.4]
+            };
+            samples.push(color);
+        }
+        for guess in [[0.2; 3], [0.9; 3], [0.6, 0.5, 0.4]] {
+            let mode = samples.densest(guess, 0.08).unwrap();
+            assert!((mode.color[0] - 0.6).abs() < 0.005, "{mode:?}");
+            assert!(mode.density > 20.0 && mode.density <= 24.0);
+        }
+        assert_eq!(Samples::default().densest([0.0; 3], 0.1), None);
+    }
+}
