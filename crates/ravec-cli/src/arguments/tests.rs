@@ -26,6 +26,11 @@ const LINES: &[(&str, &str, &str)] = &[
     ),
     ("ravec stabilize a -o b --track c", "a c", "b"),
     (
+        "ravec plate a -o b --track c --exclude d --strokes e --seen f --certainty g",
+        "a c d e",
+        "b f g",
+    ),
+    (
         "ravec matte a -o b --plate c --trimap f --track d --strokes e",
         "a c f d e",
         "b",

@@ -6,13 +6,14 @@ use crate::program::{code, done, files, photos, stderr};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-const COMMANDS: [&str; 36] = [
+const COMMANDS: [&str; 37] = [
     "compare",
     "rectify",
     "snap",
     "planes",
     "track",
     "stabilize",
+    "plate",
     "matte",
     "complete",
     "retarget",

@@ -17,6 +17,7 @@ const OPERATIONS: &[&str] = &[
     "track <clip.y4m --quad 0,0,9,0,9,9,0,9 --show >out.y4m",
     "track clip.y4m --track <steps.json -o >out.json --export >more.json",
     "stabilize <clip.y4m -o >out.y4m",
+    "plate <clip.y4m --exclude <a.bmp --strokes <c.bmp --seen >seen.png --certainty >certainty.png -o >out.png",
     "matte <a.bmp --plate <b.bmp --trimap <d.bmp --strokes <c.bmp -o >out.png",
     "complete <a.bmp --mask <b.bmp --features <c.bmp --source <d.bmp --replay <steps.json --steps >s.json -o >out.png",
     "retarget <a.bmp --protect <b.bmp --give-way <c.bmp --size 50% --show-grid >grid.svg -o >out.png",

@@ -178,7 +178,7 @@ impl Operation for Plate {
             strokes: self.strokes.as_deref(),
         };
         let masks = Exclusions::open(&masks, size, 0, &mut report, context)?;
-        let range = params.frames.clone().unwrap_or_default();
+        let range = params.frames.unwrap_or_default();
         let mut reader = Reader::new(clip, &self.input, range)?;
         reader.exclude(masks);
         let mut pass = Passes {
@@ -226,8 +226,8 @@ impl Passes<'_> {
         let mut current = self.reader.next()?;
         while let Some(shot) = current {
             context.progress.check()?;
-            let background = match self.reader.exclusions() {
-                Some(masks) => masks.strokes(shot.index)?.map(|[_, background]| background),
+            let strokes = match self.reader.exclusions() {
+                Some(masks) => masks.strokes(shot.index)?,
                 None => None,
             };
             self.deep |= is_deep(&shot.image);
@@ -240,7 +240,8 @@ impl Passes<'_> {
                         colors: &encoded(&shot.image),
                         frame_from_reference: map,
                         foreground: shot.exclude.as_ref(),
-                        background: background.as_ref(),
+                        strokes: strokes.as_ref().map(|[foreground, _]| foreground),
+                        background: strokes.as_ref().map(|[_, background]| background),
                         is_reference: track.map_or(0, ShotTrack::reference) == shot.index,
                     }),
                 },
@@ -369,3 +370,6 @@ fn enclosed(seen: &Mask) -> Mask {
         unseen(col, row) && outside[(col, row)] == 0
     })
 }
+
+#[cfg(test)]
+mod tests;

@@ -10,12 +10,14 @@
 //!
 //! Modes are robust, averages of all frames are free of noise and of the rounding that the samples of the first pass have.
 
+mod hidden;
 mod modes;
 mod stabilized;
 
 use crate::exposure::{Exposure, Pair, median};
 use crate::{Colors, VideoEditError};
 use glam::DVec2;
+use hidden::Mark;
 use modes::{Samples, biweight};
 use ravec_planar::Homography;
 use ravec_progress::Progress;
@@ -46,10 +48,26 @@ pub struct ShotFrame<'a> {
     pub frame_from_reference: &'a Homography,
     /// Pixels that show foreground.
     pub foreground: Option<&'a Mask>,
+    /// Those of them that belong to something that may cover a place most of the time.
+    pub strokes: Option<&'a Mask>,
     /// Pixels that show the plane for certain.
     pub background: Option<&'a Mask>,
     /// True for the frame whose exposure the plate gets.
     pub is_reference: bool,
+}
+
+impl<'a> ShotFrame<'a> {
+    /// A frame without marks.
+    pub fn new(colors: &'a Colors, frame_from_reference: &'a Homography) -> Self {
+        Self {
+            colors,
+            frame_from_reference,
+            foreground: None,
+            strokes: None,
+            background: None,
+            is_reference: false,
+        }
+    }
 }
 
 /// A background plate.
@@ -152,6 +170,8 @@ pub struct PlateSamples {
     frames: u64,
     /// Sums of colors in one exposure, and their number.
     mean: Image<[f32; 4]>,
+    /// Pixels that strokes mark as foreground in some frame, and their colors in steps of 8 bits.
+    marks: Vec<Mark>,
 }
 
 impl PlateSamples {
@@ -179,6 +199,7 @@ impl PlateSamples {
             stride,
             frames: 0,
             mean: Image::new(plate, [0.0; 4]),
+            marks: Vec::new(),
         })
     }
 
@@ -220,6 +241,25 @@ impl PlateSamples {
                     *layer = [r, g, b, Says::Sample as u8];
                 }
             });
+        if let Some(mask) = frame.strokes {
+            let marked = self.geometry.marked(frame, mask);
+            let whole = self.geometry.stabilized(&ShotFrame {
+                foreground: None,
+                ..*frame
+            })?;
+            for row in 0..marked.size().height() {
+                for col in 0..marked.size().width() {
+                    let [r, g, b, known] = whole[(col, row)];
+                    if marked.at(col, row) > 0.0 && known > 0.0 {
+                        let color = exposure.undone([r, g, b]).map(|value| 255.0 * value);
+                        self.marks.push(Mark {
+                            at: (col, row),
+                            color,
+                        });
+                    }
+                }
+            }
+        }
         if let Some(mask) = frame.background {
             let marked = self.geometry.marked(frame, mask);
             for (pixel, marked) in layer
@@ -256,28 +296,36 @@ impl PlateSamples {
         let size = self.geometry.plate;
         let phase = progress.phase("modes", size.height() as u64);
         let mut modes = Image::new(size, [0.0f32; 4]);
-        modes.par_rows_mut().enumerate().try_for_each_init(
-            Samples::default,
-            |samples, (row, modes)| {
+        let mut share = Plane::new(size, 0.0);
+        modes
+            .par_rows_mut()
+            .zip(share.par_rows_mut())
+            .enumerate()
+            .try_for_each_init(Samples::default, |samples, (row, (modes, share))| {
                 progress.check()?;
                 let mut guess = [128.0; 3];
-                for (col, mode) in modes.iter_mut().enumerate() {
-                    samples.clear();
-                    let certain = self.collect(col, row, Says::Background, samples);
-                    if certain == 0 {
-                        self.collect(col, row, Says::Sample, samples);
-                    }
+                for (col, (mode, share)) in modes.iter_mut().zip(share).enumerate() {
+                    self.collect(col, row, samples);
                     let Some(found) = samples.densest(guess, radius) else {
                         continue;
                     };
                     guess = found.color;
-                    let [r, g, b] = found.color.map(|value| value / 255.0);
+                    let [r, g, b] = found.color;
                     *mode = [r, g, b, 1.0];
+                    *share = found.density / samples.len() as f32;
                 }
                 phase.advance(1);
                 Ok::<(), VideoEditError>(())
-            },
-        )?;
+            })?;
+        if !self.marks.is_empty() {
+            let samples = |col: usize, row: usize| {
+                let mut samples = Samples::default();
+                self.collect(col, row, &mut samples);
+                samples
+            };
+            hidden::uncover(&mut modes, &share, &self.marks, radius, &samples);
+        }
+        let modes = modes.map(|[r, g, b, known]| [r / 255.0, g / 255.0, b / 255.0, known]);
         Ok(PlateModes {
             geometry: self.geometry,
             radius: radius / 255.0,
@@ -288,15 +336,20 @@ impl PlateSamples {
         })
     }
 
-    /// Collects the samples of a pixel that say at least `says`; returns their number.
-    fn collect(&self, col: usize, row: usize, says: Says, samples: &mut Samples) -> usize {
-        for layer in &self.layers {
-            let [r, g, b, said] = layer[(col, row)];
-            if said >= says as u8 && said != Says::Nothing as u8 {
-                samples.push([r, g, b].map(f32::from));
+    /// Collects the samples of a pixel; those that strokes mark as background alone, if there are some.
+    fn collect(&self, col: usize, row: usize, samples: &mut Samples) {
+        samples.clear();
+        for says in [Says::Background, Says::Sample] {
+            for layer in &self.layers {
+                let [r, g, b, said] = layer[(col, row)];
+                if said == says as u8 {
+                    samples.push([r, g, b].map(f32::from));
+                }
+            }
+            if samples.len() > 0 {
+                return;
             }
         }
-        samples.len()
     }
 }
 

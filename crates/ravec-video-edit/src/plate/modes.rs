@@ -39,7 +39,7 @@ impl Samples {
         self.channels[0].len()
     }
 
-    fn color(&self, index: usize) -> [f32; 3] {
+    pub fn color(&self, index: usize) -> [f32; 3] {
         self.channels.each_ref().map(|channel| channel[index])
     }
 
@@ -62,6 +62,22 @@ impl Samples {
             }
         }
         best
+    }
+
+    /// All modes within `radius`, those of fewer samples than one apart.
+    pub fn modes(&self, radius: f32) -> Vec<Mode> {
+        let mut modes: Vec<Mode> = Vec::new();
+        for start in 0..self.len() {
+            let mode = self.climbed(self.color(start), radius);
+            let near = |other: &Mode| {
+                let apart = [0, 1, 2].map(|c| mode.color[c] - other.color[c]);
+                biweight(apart, 1.0 / (0.25 * radius * radius)) > 0.0
+            };
+            if !modes.iter().any(near) {
+                modes.push(mode);
+            }
+        }
+        modes
     }
 
     /// The mode to which mean shift leads.
