@@ -54,20 +54,39 @@ pub(crate) fn stabilized(
                 continue;
             }
             let at = DVec2::new(at.x / at.z, at.y / at.z);
-            if let Some(taps) = Taps::at(at, colors.size())
-                && excluded
-                    .as_ref()
-                    .is_none_or(|excluded| excluded[(taps.col, taps.row)] == 0)
+            let color = if let Some(pixel) = on_pixel(at, colors.size()) {
+                let free = foreground.is_none_or(|mask| mask.at(pixel.0, pixel.1) <= 0.0);
+                free.then(|| colors[pixel])
+            } else {
+                let taps = Taps::at(at, colors.size()).filter(|taps| {
+                    let first = (taps.col, taps.row);
+                    excluded
+                        .as_ref()
+                        .is_none_or(|excluded| excluded[first] == 0)
+                });
+                taps.map(|taps| taps.interpolated(colors))
+            };
+            // a sum is finite only if all of its pixels are
+            if let Some([r, g, b]) = color
+                && (r + g + b).is_finite()
             {
-                let [r, g, b] = taps.interpolated(colors);
-                // a sum is finite only if all of its pixels are
-                if (r + g + b).is_finite() {
-                    *out = [r, g, b, 1.0];
-                }
+                *out = [r, g, b, 1.0];
             }
         }
     });
     output
+}
+
+/// The pixel whose center lies at a point: cameras that stand still need no kernel, and have no border.
+fn on_pixel(at: DVec2, size: Size) -> Option<(usize, usize)> {
+    let corner = at - DVec2::splat(0.5);
+    let nearest = corner.round();
+    let same = (corner - nearest).abs().max_element() < 0.5 / PHASES as f64;
+    let inside = nearest.x >= 0.0
+        && nearest.y >= 0.0
+        && nearest.x < size.width() as f64
+        && nearest.y < size.height() as f64;
+    (same && inside).then_some((nearest.x as usize, nearest.y as usize))
 }
 
 /// For the first pixel of each kernel: 1 if the inner part of the kernel meets the mask.
@@ -161,5 +180,15 @@ mod tests {
         assert_eq!(found[(0, 0)][3], 0.0);
         assert_eq!(found[(28, 22)][3], 0.0);
         assert!(count > 1400, "{count}");
+        let still = stabilized(&frame, Some(&mask), &Homography::IDENTITY, size);
+        assert_eq!(still[(47, 0)], [frame[(47, 0)][0], 0.25, 0.75, 1.0]);
+        assert_eq!(
+            still
+                .pixels()
+                .iter()
+                .filter(|pixel| pixel[3] == 0.0)
+                .count(),
+            1
+        );
     }
 }
