@@ -364,6 +364,14 @@ pub enum JobError {
     /// The rendering refuses its input.
     #[error(transparent)]
     Render(RenderError),
+    /// A clip that is read along with another one ends before it.
+    #[error("{} ends before frame {frame} of the clip that it belongs to", path.display())]
+    Along {
+        /// The clip that ends.
+        path: PathBuf,
+        /// The first frame that it lacks.
+        frame: u64,
+    },
     /// The frames of a shot do not go together.
     #[error(transparent)]
     Shot(VideoEditError),

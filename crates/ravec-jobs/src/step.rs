@@ -137,6 +137,10 @@ operations! {
     VideoInfo(video::info::Info),
     VideoConvert(video::convert::Convert),
     VideoFrames(video::frames::Frames),
+    VideoRemove(video::edit::remove::Remove),
+    VideoReplace(video::edit::replace::Replace),
+    VideoEnhance(video::edit::enhance::Enhance),
+    VideoPaste(video::edit::paste::Paste),
 }
 
 /// Fields that are no files, whatever they say.

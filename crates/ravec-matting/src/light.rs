@@ -97,8 +97,9 @@ impl PlateLight {
         edge_variance: 0.0,
     };
 
-    /// Fits the light to the pixels that `usable` allows; all if it is `None`. Up to a third of them may be foreground.
-    pub(crate) fn fit(
+    /// Fits the light to the pixels that `usable` allows; all if it is `None`. Up to a third of them may be foreground. Both pictures
+    /// must have the same size.
+    pub fn fit(
         frame: &Colors,
         plate: &Colors,
         usable: Option<&dyn Fn(usize, usize) -> bool>,
@@ -258,7 +259,7 @@ impl PlateLight {
     }
 
     /// The plate in this light, and the variance of its difference to the frame relative to that of the noise.
-    pub(crate) fn relit(&self, plate: &Colors) -> (Colors, Plane) {
+    pub fn relit(&self, plate: &Colors) -> (Colors, Plane) {
         let mut lit = plate.clone();
         let mut variance = Plane::new(plate.size(), 1.0);
         lit.par_rows_mut()

@@ -1,10 +1,17 @@
 //! A shot edited like one picture: background plates, removal, replacement, enhancement, paste.
 
+mod enhance;
 mod exposure;
+mod grain;
+mod layer;
 mod plate;
+mod removal;
 
+pub use enhance::{Enhancement, Tone};
 pub use exposure::Exposure;
+pub use layer::{Layer, contact_shadow};
 pub use plate::{Plate, PlateModes, PlateSamples, ShotFrame};
+pub use removal::Removal;
 
 use ravec_progress::Cancelled;
 use ravec_raster::{Image, Size};
@@ -16,12 +23,12 @@ pub type Colors = Image<[f32; 3]>;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum VideoEditError {
-    /// A frame differs in size from the first one.
-    #[error("a frame has {found} pixels, the first one has {expected}")]
+    /// Images that belong together differ in size.
+    #[error("an image has {found} pixels, the frame has {expected}")]
     SizesDiffer {
-        /// Size of the frame.
+        /// Size of the image.
         found: Size,
-        /// Size of the first frame.
+        /// Size of the frame.
         expected: Size,
     },
     /// A plate would be larger than an image may be.
@@ -38,4 +45,11 @@ pub enum VideoEditError {
     /// The work was cancelled.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
+}
+
+fn same_size(found: Size, expected: Size) -> Result<(), VideoEditError> {
+    if found == expected {
+        return Ok(());
+    }
+    Err(VideoEditError::SizesDiffer { found, expected })
 }

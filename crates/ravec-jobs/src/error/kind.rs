@@ -94,6 +94,7 @@ impl JobError {
             }
             | Self::SizesDiffer { .. }
             | Self::Complete { .. }
+            | Self::Along { .. }
             | Self::Strokes { .. }
             | Self::TrackFile { .. }
             | Self::Track {

@@ -10,7 +10,9 @@ use crate::shot::{ShotPlate, ShotTrack, TrackChoice, check_pad, check_plane, enc
 use crate::track::exclusions::{Exclusions, MaskFiles};
 use crate::track::follow::Reader;
 use crate::track::rewrite::{Target, rewrite};
-use crate::video::{Encoding, FrameRange, check_clip_target, is_clip, key_of, open_clip};
+use crate::video::{
+    Encoding, FrameRange, clip_folders, clip_outputs, folder_or_clip, is_clip, key_of, open_clip,
+};
 use ravec::matting::{
     Constraints, Matte as Solution, MattingError, PlateFrame, PlateParams, plate_matte, still_matte,
 };
@@ -177,7 +179,11 @@ impl Operation for Matte {
     }
 
     fn outputs(&self) -> Vec<&Path> {
-        vec![&self.output]
+        clip_outputs(&self.output)
+    }
+
+    fn folders(&self) -> Vec<&Path> {
+        clip_folders(&self.output)
     }
 
     /// Writes alpha or the foreground of a picture or of all frames of a clip.
@@ -222,7 +228,7 @@ impl Operation for Matte {
         if clip {
             self.clip(&mut report, context)?;
         } else {
-            context.check_files(&self.inputs(), &self.outputs())?;
+            context.check_files(&self.inputs(), &[&self.output])?;
             self.still(&mut report, context)?;
         }
         Ok(report)
@@ -257,14 +263,7 @@ impl Matte {
     }
 
     fn clip(&self, report: &mut Report, context: &Context) -> Result<(), JobError> {
-        // a folder is as good as a pattern in it
-        let folder = !context.is_intermediate(&self.output) && self.output.is_dir();
-        let output = if folder {
-            self.output.join("frame_%04d.png")
-        } else {
-            self.output.clone()
-        };
-        check_clip_target(&output, context)?;
+        let output = folder_or_clip(&self.output, &self.inputs(), context)?;
         context.check_files(&self.inputs(), &[&output])?;
         let clip = open_clip(&self.input, None, report, context)?;
         report.check_output(&output)?;
@@ -289,6 +288,7 @@ impl Matte {
         let target = Target {
             input: &self.input,
             output: &output,
+            size: None,
             encoding: &self.params.encoding,
             key: &key,
             pixels: (self.params.content == Content::Foreground).then(|| with_alpha(source)),

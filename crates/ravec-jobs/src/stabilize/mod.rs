@@ -383,6 +383,7 @@ impl Stabilize {
         Target {
             input: &self.input,
             output: &self.output,
+            size: None,
             encoding: &self.params.encoding,
             key,
             pixels: None,

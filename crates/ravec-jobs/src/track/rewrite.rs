@@ -5,7 +5,7 @@ use crate::context::Context;
 use crate::error::JobError;
 use crate::report::Report;
 use crate::video::{ClipOutput, Encoding, OutputShape};
-use ravec::raster::AnyImage;
+use ravec::raster::{AnyImage, Size};
 use ravec_video::{Frame, FramePicture, FrameSource as _, FrameTime, PixelKind};
 use std::path::Path;
 
@@ -13,8 +13,10 @@ use std::path::Path;
 pub(crate) struct Target<'a> {
     /// The clip that is read.
     pub input: &'a Path,
-    /// The clip that is written, of the same size.
+    /// The clip that is written.
     pub output: &'a Path,
+    /// Size of its frames, unless it is that of the source.
+    pub size: Option<Size>,
     pub encoding: &'a Encoding,
     /// Text that is equal for runs which make the same clip.
     pub key: &'a str,
@@ -43,7 +45,7 @@ pub(crate) fn rewrite(
         start_secs: current.as_ref().map_or(0.0, |shot| shot.time.start as f64) * base,
         end_secs: reader.end_secs(),
         pixels: target.pixels,
-        ..OutputShape::all(reader.clip().info().size)
+        ..OutputShape::all(target.size.unwrap_or(reader.clip().info().size))
     };
     let source = (target.input, reader.clip());
     let mut written = ClipOutput::create(

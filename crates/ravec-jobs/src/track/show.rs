@@ -45,6 +45,7 @@ pub(super) fn show(
     let target = Target {
         input,
         output,
+        size: None,
         encoding: &operation.params.encoding,
         key: &key_of(operation),
         phase: ("show", Some(range.end - range.start)),

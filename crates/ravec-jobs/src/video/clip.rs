@@ -133,6 +133,45 @@ pub(crate) fn check_clip_target(path: &Path, context: &Context) -> Result<(), Jo
     check_writable(file).map_err(|cause| write_error(path)(cause.into()))
 }
 
+/// The output of an operation that fills a folder, or writes a clip, in its list of files.
+pub(crate) fn clip_outputs(output: &Path) -> Vec<&Path> {
+    if output.is_dir() {
+        Vec::new()
+    } else {
+        vec![output]
+    }
+}
+
+/// The output of an operation that fills a folder, or writes a clip, in its list of folders.
+pub(crate) fn clip_folders(output: &Path) -> Vec<&Path> {
+    if output.is_dir() {
+        vec![output]
+    } else {
+        Vec::new()
+    }
+}
+
+/// The clip that is written: a folder that is there becomes a pattern in it.
+///
+/// # Errors
+/// [`JobError::OverwritesInput`] for the folder of one of the `inputs`; [`JobError::WriteClip`].
+pub(crate) fn folder_or_clip(
+    output: &Path,
+    inputs: &[&Path],
+    context: &Context,
+) -> Result<PathBuf, JobError> {
+    let mut clip = output.to_path_buf();
+    if !context.is_intermediate(output) && output.is_dir() {
+        let place = |path: &Path| path.canonicalize().ok();
+        if inputs.iter().any(|input| place(input) == place(output)) {
+            return Err(JobError::OverwritesInput { path: clip });
+        }
+        clip = clip.join("frame_%04d.png");
+    }
+    check_clip_target(&clip, context)?;
+    Ok(clip)
+}
+
 /// Where the frames of an output go.
 enum Target {
     File(ClipWriter),

@@ -2,13 +2,17 @@
 
 mod clip;
 pub mod convert;
+pub mod edit;
 pub mod frames;
 pub mod info;
 mod map;
 mod pace;
 mod range;
 
-pub(crate) use clip::{ClipOutput, OutputShape, check_clip_target, is_clip, open_clip, read_error};
+pub(crate) use clip::{
+    ClipOutput, OutputShape, check_clip_target, clip_folders, clip_outputs, folder_or_clip,
+    is_clip, open_clip, read_error,
+};
 pub(crate) use convert::seek_start;
 pub(crate) use map::{ClipFiles, check_no_encoding, key_of, map_clip};
 pub use range::FrameRange;

@@ -1,0 +1,237 @@
+//! `video enhance`: a clip twice as large, whose plane comes from a sharp photo.
+
+use super::{Edit, ShotFiles, ShotParams, Written, check, written};
+use crate::context::Context;
+use crate::error::JobError;
+use crate::files;
+use crate::operation::{Operation, paths};
+use crate::plane::Quad;
+use crate::report::Report;
+use crate::shot::encoded;
+use crate::video::{Encoding, clip_folders, clip_outputs, folder_or_clip, open_clip};
+use glam::{DVec2, dvec2};
+use ravec::matting::Colors;
+use ravec::planar::track::{PhotoError, PhotoParams, locate_photo};
+use ravec::planar::{Beyond, Homography, warp};
+use ravec::raster::{Image, Plane, Size};
+use ravec::video_edit::{Enhancement, Tone};
+use ravec_video::FrameSource as _;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// Enhance a clip by a sharp photo of its plane: twice as large, with people in front where they are
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "cli", derive(clap::Args), command(after_help = HELP))]
+pub struct Enhance {
+    /// Clip: a file, a folder of pictures, a pattern such as frame_%04d.png
+    pub input: PathBuf,
+    /// Output: a file, a folder that is there, or a pattern such as out_%04d.png
+    #[cfg_attr(feature = "cli", arg(short, long, value_name = "FILE"))]
+    pub output: PathBuf,
+    /// Photo of the plane, of another camera, zoom or light
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
+    pub photo: PathBuf,
+    /// Picture of the background, as ravec plate makes it: the photo is laid on it
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
+    pub plate: PathBuf,
+    /// Matte of the foreground, as ravec matte makes it: a clip, or one picture for all frames
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
+    pub matte: PathBuf,
+    /// Track of the background, as ravec track writes it to a .json file [default: the camera stands still]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
+    #[serde(default)]
+    pub track: Option<PathBuf>,
+    /// Parameters.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    #[serde(default)]
+    pub params: Params,
+}
+
+#[cfg(feature = "cli")]
+const HELP: &str = "\
+Examples:
+  ravec video enhance wall.y4m --track wall.json --plate wall_plate.png --matte none.png --photo wall_photo.png -o sharp.y4m
+
+The place of the photo is found on the plate, and its colors are brought to those of the plate by a curve for each channel; each frame \
+then has its own light. Where the photo ends, the enlarged frame goes on.
+
+Figures: frames, photo_inliers, photo_sigma_px.";
+
+/// Parameters of [`Enhance`].
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+pub struct Params {
+    /// Geometry of the shot.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub shot: ShotParams,
+    /// Corners of a rectangle on the plane in the reference frame: the photo is sought there [default: everywhere]
+    #[cfg_attr(
+        feature = "cli",
+        arg(long, value_name = "X,Y,X,Y,X,Y,X,Y", allow_hyphen_values = true)
+    )]
+    pub quad: Option<Quad>,
+    /// Encoding of the output.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub encoding: Encoding,
+}
+
+impl Operation for Enhance {
+    const NAME: &'static str = "video enhance";
+
+    fn inputs(&self) -> Vec<&Path> {
+        let mut inputs = paths(&self.input, [&self.track]);
+        let others = [&self.photo, &self.plate, &self.matte];
+        inputs.extend(others.map(PathBuf::as_path));
+        inputs
+    }
+
+    fn outputs(&self) -> Vec<&Path> {
+        clip_outputs(&self.output)
+    }
+
+    fn folders(&self) -> Vec<&Path> {
+        clip_folders(&self.output)
+    }
+
+    /// Writes the enhanced clip.
+    ///
+    /// Figures: `frames`, `photo_inliers`, `photo_sigma_px`.
+    ///
+    /// # Errors
+    /// [`JobError::Parameter`], [`JobError::Quad`], [`JobError::Outside`], [`JobError::Photo`], [`JobError::Read`],
+    /// [`JobError::ReadClip`], [`JobError::WriteClip`], [`JobError::SizesDiffer`], [`JobError::TrackFile`], [`JobError::Along`], what
+    /// [`check_files`](crate::check_files) refuses, [`JobError::Cancelled`].
+    fn run(&self, context: &Context) -> Result<Report, JobError> {
+        let params = &self.params;
+        let mut report = Report::of(self, params);
+        check(&params.shot)?;
+        let output = folder_or_clip(&self.output, &self.inputs(), context)?;
+        context.check_files(&self.inputs(), &[&output])?;
+        let clip = open_clip(&self.input, None, &mut report, context)?;
+        let size = clip.info().size;
+        let double =
+            Size::new(2 * size.width(), 2 * size.height()).map_err(|_| JobError::Parameter {
+                field: "input",
+                value: size.to_string(),
+                range: "small enough to be doubled",
+            })?;
+        let paths = ShotFiles {
+            input: &self.input,
+            plate: Some(&self.plate),
+            track: self.track.as_deref(),
+            matte: &self.matte,
+        };
+        let mut edit = Edit::open(&paths, size, &params.shot, &mut report, context)?;
+        let photo = self.photo_on_plane(size, &mut report, context)?;
+        let files = Written {
+            input: &self.input,
+            output: &output,
+            size: Some(double),
+            encoding: &params.encoding,
+            phase: "enhance",
+        };
+        let half = Homography::from_scale(DVec2::splat(0.5)).unwrap_or(Homography::IDENTITY);
+        // borrowed for this thread alone: a clip of masks cannot be shared
+        let edit = &mut edit;
+        written(self, &files, clip, &mut report, context, |shot| {
+            let frame = edit.frame(shot.index, &shot.image, context)?;
+            let photo_from_output = (frame.map * photo.reference_from_photo).inverse() * half;
+            let progress = context.progress.silent();
+            let nothing = Beyond::Pixel([0.0; 4]);
+            let laid = warp(
+                &photo.pixels,
+                &photo_from_output,
+                double,
+                nothing,
+                &progress,
+            )?;
+            let shown = laid.map(|[_, _, _, share]| if share > 0.999 { 1.0 } else { 0.0 });
+            let colors = laid.map(|[r, g, b, _]| [r, g, b].map(|value| value.clamp(0.0, 1.0)));
+            let enhancement = Enhancement {
+                frame: &frame.colors,
+                alpha: &frame.alpha,
+                photo: &colors,
+                shown: &shown,
+            };
+            Ok(enhancement.result()?)
+        })?;
+        Ok(report)
+    }
+}
+
+/// A photo in the tone of the plate, and its place.
+struct PhotoOnPlane {
+    /// sRGB-encoded colors, and 1.
+    pixels: Image<[f32; 4]>,
+    reference_from_photo: Homography,
+}
+
+impl Enhance {
+    fn photo_on_plane(
+        &self,
+        frame: Size,
+        report: &mut Report,
+        context: &Context,
+    ) -> Result<PhotoOnPlane, JobError> {
+        let shot = &self.params.shot;
+        let photo = files::read(&self.photo, report, context)?.image;
+        // the plate is in the list of inputs already
+        let plate = files::read(&self.plate, &mut Report::new("plate", &()), context)?.image;
+        let shift = DVec2::splat(shot.pad as f64);
+        let quad = match &self.params.quad {
+            Some(quad) => quad.check(shot.pixel_centers, frame)?,
+            None => {
+                let (width, height) = (frame.width() as f64, frame.height() as f64);
+                [
+                    dvec2(0.0, 0.0),
+                    dvec2(width, 0.0),
+                    dvec2(width, height),
+                    dvec2(0.0, height),
+                ]
+            }
+        };
+        let quad = quad.map(|at| at + shift);
+        let found = locate_photo(
+            &photo,
+            &plate,
+            Some(quad),
+            &PhotoParams::default(),
+            &context.progress,
+        );
+        let found = found.map_err(|cause| match cause {
+            PhotoError::Cancelled => JobError::Cancelled,
+            cause => JobError::Photo {
+                path: self.photo.clone(),
+                cause,
+            },
+        })?;
+        report.figures.insert("photo_inliers", found.inliers as f64);
+        report.figures.insert("photo_sigma_px", found.sigma_px());
+        let colors = encoded(&photo);
+        let plate = encoded(&plate);
+        let photo_from_plate = found.frame_from_photo.inverse();
+        let progress = context.progress.silent();
+        let with_share = colors.map(|[r, g, b]| [r, g, b, 1.0]);
+        let nothing = Beyond::Pixel([0.0; 4]);
+        let laid = warp(
+            &with_share,
+            &photo_from_plate,
+            plate.size(),
+            nothing,
+            &progress,
+        )?;
+        let share: Plane = laid.map(|[_, _, _, share]| share);
+        let laid: Colors = laid.map(|[r, g, b, _]| [r, g, b]);
+        let tone = Tone::fit(&laid, &plate, &share)?;
+        let back = Homography::from_translation(-shift).unwrap_or(Homography::IDENTITY);
+        Ok(PhotoOnPlane {
+            pixels: colors.map(|color| {
+                let [r, g, b] = tone.applied(color);
+                [r, g, b, 1.0]
+            }),
+            reference_from_photo: back * found.frame_from_photo,
+        })
+    }
+}

@@ -1,0 +1,321 @@
+//! Edits of a tracked shot: `video remove`, `replace`, `enhance` and `paste`. All see the frames of a clip with the plate, the matte
+//! and the map of each.
+
+pub mod enhance;
+pub mod paste;
+pub mod remove;
+pub mod replace;
+
+use crate::Operation;
+use crate::context::Context;
+use crate::error::JobError;
+use crate::files;
+use crate::pixel_centers::PixelCenters;
+use crate::report::Report;
+use crate::shot::{ShotPlate, ShotTrack, TrackChoice, check_pad, check_plane, encoded, is_deep};
+use crate::track::exclusions::{Exclusions, MaskFiles};
+use crate::track::follow::{Reader, Shot};
+use crate::track::rewrite::{Target, rewrite};
+use crate::video::{Encoding, FrameRange, is_clip, key_of, open_clip, read_error};
+use ravec::matting::{Colors, PlateLight};
+use ravec::planar::Homography;
+use ravec::raster::{AnyImage, Image, Plane, Size, Srgb};
+use ravec_video::{Clip, FrameSource as _};
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// Alpha below which a pixel shows background alone.
+const MAX_ALPHA: f32 = 0.012;
+
+/// Geometry of a shot.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+pub struct ShotParams {
+    /// Pixels by which the plate is larger than a frame on each side
+    #[cfg_attr(feature = "cli", arg(long, value_name = "PIXELS", default_value_t = 0))]
+    pub pad: usize,
+    /// Number of the plane of a track with several, from 1
+    #[cfg_attr(
+        feature = "cli",
+        arg(long, value_name = "NUMBER", requires = "track", default_value_t = 1)
+    )]
+    pub plane: usize,
+    /// Convention of corners, and of a track of another program, which does not state its own
+    #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t = PixelCenters::Half))]
+    pub pixel_centers: PixelCenters,
+}
+
+impl Default for ShotParams {
+    fn default() -> Self {
+        Self {
+            pad: 0,
+            plane: 1,
+            pixel_centers: PixelCenters::Half,
+        }
+    }
+}
+
+/// Files of a shot.
+#[derive(Debug, Clone, Copy)]
+struct ShotFiles<'a> {
+    input: &'a Path,
+    plate: Option<&'a Path>,
+    track: Option<&'a Path>,
+    matte: &'a Path,
+}
+
+/// A shot with its plate, its track and its matte.
+struct Edit {
+    size: Size,
+    plate: Option<ShotPlate>,
+    track: Option<ShotTrack>,
+    track_path: Option<PathBuf>,
+    matte: Exclusions,
+    matte_path: PathBuf,
+}
+
+/// A frame with all that an edit needs.
+struct EditFrame {
+    /// Number of the frame.
+    index: u64,
+    colors: Colors,
+    alpha: Plane,
+    /// Map from the reference frame.
+    map: Homography,
+    /// The plate as the frame shows it, in its light; the frame itself without a plate.
+    background: Colors,
+    /// Share of certainty of the plate.
+    known: Plane,
+}
+
+impl Edit {
+    /// Opens the files of a shot whose frames have `size`.
+    ///
+    /// # Errors
+    /// [`JobError::Parameter`], [`JobError::SizesDiffer`], [`JobError::TrackFile`], those of reading.
+    fn open(
+        paths: &ShotFiles<'_>,
+        size: Size,
+        params: &ShotParams,
+        report: &mut Report,
+        context: &Context,
+    ) -> Result<Self, JobError> {
+        let plate = match paths.plate {
+            None => None,
+            Some(path) => {
+                let picture = files::read(path, report, context)?;
+                let plate = ShotPlate::new(&picture.image, params.pad);
+                if plate.frame_size() != Some(size) {
+                    return Err(JobError::SizesDiffer {
+                        a: paths.input.to_path_buf(),
+                        a_size: size,
+                        b: path.to_path_buf(),
+                        b_size: picture.image.size(),
+                    });
+                }
+                Some(plate)
+            }
+        };
+        let track = match paths.track {
+            Some(path) => Some(read_track(path, params, report, context)?),
+            None => None,
+        };
+        let masks = MaskFiles {
+            input: paths.input,
+            exclude: Some(paths.matte),
+            strokes: None,
+        };
+        Ok(Self {
+            size,
+            plate,
+            track,
+            track_path: paths.track.map(Path::to_path_buf),
+            matte: Exclusions::open(&masks, size, 0, report, context)?,
+            matte_path: paths.matte.to_path_buf(),
+        })
+    }
+
+    /// The map to a frame.
+    fn map(&self, index: u64) -> Result<Homography, JobError> {
+        map_of(self.track.as_ref(), self.track_path.as_deref(), index)
+    }
+
+    /// A frame with its alpha and its background.
+    fn frame(
+        &mut self,
+        index: u64,
+        image: &AnyImage,
+        context: &Context,
+    ) -> Result<EditFrame, JobError> {
+        let map = self.map(index)?;
+        let alpha = self.matte.of(index)?.ok_or_else(|| JobError::Along {
+            path: self.matte_path.clone(),
+            frame: index,
+        })?;
+        let alpha = alpha.into_coverage();
+        let colors = encoded(image);
+        let Some(plate) = &self.plate else {
+            return Ok(EditFrame {
+                index,
+                map,
+                alpha,
+                background: colors.clone(),
+                known: Plane::new(self.size, 0.0),
+                colors,
+            });
+        };
+        let shown = plate.in_frame(&map, self.size, context)?;
+        let usable = |col: usize, row: usize| {
+            shown.known[(col, row)] > 0.99 && alpha[(col, row)] < MAX_ALPHA
+        };
+        let light = PlateLight::fit(&colors, &shown.colors, Some(&usable));
+        let (background, _) = light.relit(&shown.colors);
+        Ok(EditFrame {
+            index,
+            map,
+            alpha,
+            background: background.map(|color| color.map(|value| value.clamp(0.0, 1.0))),
+            known: shown.known,
+            colors,
+        })
+    }
+}
+
+fn read_track(
+    path: &Path,
+    params: &ShotParams,
+    report: &mut Report,
+    context: &Context,
+) -> Result<ShotTrack, JobError> {
+    let choice = TrackChoice {
+        path,
+        plane: params.plane,
+        centers: params.pixel_centers,
+    };
+    ShotTrack::read(&choice, report, context)
+}
+
+/// The map to a frame from the reference frame; the identity without a track.
+fn map_of(
+    track: Option<&ShotTrack>,
+    path: Option<&Path>,
+    index: u64,
+) -> Result<Homography, JobError> {
+    let Some(track) = track else {
+        return Ok(Homography::IDENTITY);
+    };
+    track
+        .map(index)
+        .copied()
+        .ok_or_else(|| JobError::TrackFile {
+            path: path.unwrap_or(Path::new("")).to_path_buf(),
+            reason: format!("it lacks frame {index}"),
+        })
+}
+
+/// Frames of a second picture or clip, read along with the first one.
+enum Along {
+    Still(Box<AnyImage>),
+    Clip {
+        clip: Box<Clip>,
+        path: PathBuf,
+        next: u64,
+    },
+}
+
+impl Along {
+    fn open(path: &Path, report: &mut Report, context: &Context) -> Result<Self, JobError> {
+        if !is_clip(path, context) {
+            return Ok(Self::Still(Box::new(
+                files::read(path, report, context)?.image,
+            )));
+        }
+        Ok(Self::Clip {
+            clip: Box::new(open_clip(path, None, report, context)?),
+            path: path.to_path_buf(),
+            next: 0,
+        })
+    }
+
+    fn size(&self) -> Size {
+        match self {
+            Self::Still(image) => image.size(),
+            Self::Clip { clip, .. } => clip.info().size,
+        }
+    }
+
+    /// The frame of this number; `None` behind the end of a clip.
+    fn frame(&mut self, index: u64) -> Result<Option<AnyImage>, JobError> {
+        match self {
+            Self::Still(image) => Ok(Some((**image).clone())),
+            Self::Clip { clip, path, next } => {
+                let failed = read_error(path);
+                if index != *next {
+                    clip.seek(index).map_err(&failed)?;
+                }
+                *next = index + 1;
+                let frame = clip.next_frame().map_err(&failed)?;
+                Ok(frame.map(|frame| frame.picture.into_image()))
+            }
+        }
+    }
+}
+
+/// Checks what all edits have.
+fn check(params: &ShotParams) -> Result<(), JobError> {
+    check_plane(params.plane)?;
+    check_pad(params.pad)
+}
+
+/// What is written by an edit.
+struct Written<'a> {
+    input: &'a Path,
+    output: &'a Path,
+    size: Option<Size>,
+    encoding: &'a Encoding,
+    phase: &'static str,
+}
+
+/// Writes the frames of a clip, each changed by `change`.
+fn written<O: Operation>(
+    operation: &O,
+    files: &Written<'_>,
+    clip: Clip,
+    report: &mut Report,
+    context: &Context,
+    mut change: impl FnMut(&Shot) -> Result<Colors, JobError> + Send,
+) -> Result<(), JobError> {
+    let total = clip.info().frames;
+    let mut reader = Reader::new(clip, files.input, FrameRange::default())?;
+    let key = key_of(operation);
+    let target = Target {
+        input: files.input,
+        output: files.output,
+        size: files.size,
+        encoding: files.encoding,
+        key: &key,
+        pixels: None,
+        phase: (files.phase, total),
+    };
+    let rewritten = rewrite(&target, &mut reader, report, context, |shot, done| {
+        if done {
+            return Ok(None);
+        }
+        let deep = is_deep(&shot.image);
+        Ok(Some(drawn(&change(shot)?, deep)))
+    })?;
+    reader.warn(report);
+    report.figures.insert("frames", rewritten.count as f64);
+    rewritten.finish(report)
+}
+
+/// Colors with as many bits as the clip has.
+fn drawn(colors: &Colors, deep: bool) -> AnyImage {
+    let encoded: Image<Srgb<f32>> = colors.map(Srgb);
+    if deep {
+        AnyImage::Srgb16(encoded.convert())
+    } else {
+        AnyImage::Srgb8(encoded.convert())
+    }
+}

@@ -1,0 +1,140 @@
+//! `video remove`: foreground removed from a clip, so that its plate shows through.
+
+use super::{Edit, ShotFiles, ShotParams, Written, check, written};
+use crate::context::Context;
+use crate::error::JobError;
+use crate::operation::{Operation, paths};
+use crate::report::Report;
+use crate::video::{Encoding, clip_folders, clip_outputs, folder_or_clip, open_clip};
+use ravec::video_edit::Removal;
+use ravec_video::FrameSource as _;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// Remove the foreground of a clip: the plate shows through, in the light and with the grain of each frame
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "cli", derive(clap::Args), command(after_help = HELP))]
+pub struct Remove {
+    /// Clip: a file, a folder of pictures, a pattern such as frame_%04d.png
+    pub input: PathBuf,
+    /// Output: a file, a folder that is there, or a pattern such as out_%04d.png
+    #[cfg_attr(feature = "cli", arg(short, long, value_name = "FILE"))]
+    pub output: PathBuf,
+    /// Picture of the background, as ravec plate makes it; where it is transparent, frames stay as they are
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
+    pub plate: PathBuf,
+    /// Matte of what is removed, as ravec matte makes it: a clip, or one picture for all frames
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
+    pub matte: PathBuf,
+    /// Track of the background, as ravec track writes it to a .json file [default: the camera stands still]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
+    #[serde(default)]
+    pub track: Option<PathBuf>,
+    /// Parameters.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    #[serde(default)]
+    pub params: Params,
+}
+
+#[cfg(feature = "cli")]
+const HELP: &str = "\
+Examples:
+  ravec video remove clip.y4m --plate empty.png --matte mask.png -o clean.y4m
+  ravec video remove clip.y4m --plate empty.png --matte mask.png --grain none -o clean_%04d.png
+
+Gain, offset, blur and small shifts of the plate are fitted to each frame. Pixels more than 6 pixels from the foreground stay as they \
+are.
+
+Figures: frames.";
+
+/// Parameters of [`Remove`].
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+pub struct Params {
+    /// Geometry of the shot.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub shot: ShotParams,
+    /// Grain of what is filled in
+    #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t = Grain::Matched))]
+    pub grain: Grain,
+    /// Encoding of the output.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub encoding: Encoding,
+}
+
+/// Grain of what is filled in.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+pub enum Grain {
+    /// That of the frame
+    #[default]
+    Matched,
+    /// None: as clean as the plate
+    None,
+}
+
+impl Operation for Remove {
+    const NAME: &'static str = "video remove";
+
+    fn inputs(&self) -> Vec<&Path> {
+        let mut inputs = paths(&self.input, [&self.track]);
+        inputs.extend([self.plate.as_path(), self.matte.as_path()]);
+        inputs
+    }
+
+    fn outputs(&self) -> Vec<&Path> {
+        clip_outputs(&self.output)
+    }
+
+    fn folders(&self) -> Vec<&Path> {
+        clip_folders(&self.output)
+    }
+
+    /// Writes the clip without its foreground.
+    ///
+    /// Figures: `frames`.
+    ///
+    /// # Errors
+    /// [`JobError::Parameter`], [`JobError::Read`], [`JobError::ReadClip`], [`JobError::WriteClip`], [`JobError::SizesDiffer`],
+    /// [`JobError::TrackFile`], [`JobError::Along`], what [`check_files`](crate::check_files) refuses, [`JobError::Cancelled`].
+    fn run(&self, context: &Context) -> Result<Report, JobError> {
+        let params = &self.params;
+        let mut report = Report::of(self, params);
+        check(&params.shot)?;
+        let output = folder_or_clip(&self.output, &self.inputs(), context)?;
+        context.check_files(&self.inputs(), &[&output])?;
+        let clip = open_clip(&self.input, None, &mut report, context)?;
+        let paths = ShotFiles {
+            input: &self.input,
+            plate: Some(&self.plate),
+            track: self.track.as_deref(),
+            matte: &self.matte,
+        };
+        let size = clip.info().size;
+        let mut edit = Edit::open(&paths, size, &params.shot, &mut report, context)?;
+        let files = Written {
+            input: &self.input,
+            output: &output,
+            size: None,
+            encoding: &params.encoding,
+            phase: "remove",
+        };
+        // borrowed for this thread alone: a clip of masks cannot be shared
+        let edit = &mut edit;
+        written(self, &files, clip, &mut report, context, |shot| {
+            let frame = edit.frame(shot.index, &shot.image, context)?;
+            let removal = Removal {
+                frame: &frame.colors,
+                alpha: &frame.alpha,
+                background: &frame.background,
+                known: &frame.known,
+                grain: (params.grain == Grain::Matched).then_some(frame.index),
+            };
+            Ok(removal.result()?)
+        })?;
+        Ok(report)
+    }
+}
