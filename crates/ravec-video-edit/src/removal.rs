@@ -27,7 +27,7 @@ pub struct Removal<'a> {
 }
 
 impl Removal<'_> {
-    /// The frame without its foreground. Pixels more than 6 pixels from the foreground are those of the frame.
+    /// The frame without its foreground. Pixels more than 8 pixels from the foreground are those of the frame.
     ///
     /// # Errors
     /// [`VideoEditError::SizesDiffer`].

@@ -65,6 +65,26 @@ const LINES: &[(&str, &str, &str)] = &[
     ("ravec video info a", "a", ""),
     ("ravec video convert a b --size 50%", "a", "b"),
     ("ravec video frames a -o b --at 3", "a", "b"),
+    (
+        "ravec video remove a -o b --plate c --matte d --track e",
+        "a e c d",
+        "b",
+    ),
+    (
+        "ravec video replace a -o b --plate c --matte d --image e --track f",
+        "a f c d e",
+        "b",
+    ),
+    (
+        "ravec video enhance a -o b --photo c --plate d --matte e --track f",
+        "a f c d e",
+        "b",
+    ),
+    (
+        "ravec video paste a -o b --into c --plate d --matte e --track f --into-track g --into-matte h",
+        "a f g h d e c",
+        "b",
+    ),
     ("ravec mosaic a --catalogue b -o c", "a b", "c"),
     ("ravec library add a b --catalogue c", "c a b", ""),
     ("ravec library remove a --catalogue b", "b", ""),

@@ -6,7 +6,7 @@ use crate::program::{code, done, files, photos, stderr};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-const COMMANDS: [&str; 37] = [
+const COMMANDS: [&str; 41] = [
     "compare",
     "rectify",
     "snap",
@@ -39,6 +39,10 @@ const COMMANDS: [&str; 37] = [
     "video info",
     "video convert",
     "video frames",
+    "video remove",
+    "video replace",
+    "video enhance",
+    "video paste",
     "run",
     "demo",
     "scenes",
@@ -89,6 +93,14 @@ fn studio() -> tempfile::TempDir {
     folder
 }
 
+/// The color of a wall with a pattern at a point.
+fn wall(x: f64, y: f64) -> [u8; 3] {
+    let wave = |a: f64, b: f64| (a * x + b * y).sin();
+    let value =
+        128.0 + 40.0 * wave(0.31, 0.11) + 40.0 * wave(-0.13, 0.37) + 30.0 * wave(0.05, -0.07);
+    [value as u8, (0.9 * value) as u8, (250.0 - value) as u8]
+}
+
 /// Twelve frames of a disc that moves, as a clip without loss, as MP4 and as two-color pixels.
 fn clips(folder: &Path) {
     for number in 0..12usize {
@@ -124,18 +136,28 @@ fn clips(folder: &Path) {
     for number in 0..12usize {
         let (right, down) = (0.7 * number as f64, 0.3 * number as f64);
         let frame = bmp(160, 120, |col, row| {
-            let (x, y) = (col as f64 + right, row as f64 + down);
-            let wave = |a: f64, b: f64| (a * x + b * y).sin();
-            let value = 128.0
-                + 40.0 * wave(0.31, 0.11)
-                + 40.0 * wave(-0.13, 0.37)
-                + 30.0 * wave(0.05, -0.07);
-            [value as u8, (0.9 * value) as u8, (250.0 - value) as u8]
+            wall(col as f64 + right, row as f64 + down)
         });
         std::fs::write(folder.join(format!("wall_{number:02}.bmp")), frame).unwrap();
     }
     done(folder, "-q video convert wall_%02d.bmp wall.y4m");
     done(folder, "-q video frames wall.y4m -o wall.png --at 3");
+    done(folder, "-q matte clip.y4m --plate empty.png -o alpha.y4m");
+    // the wall from nearer, in other light, and nothing before it
+    let quad = "40,30,120,24,124,90,36,84";
+    done(
+        folder,
+        &format!("-q track wall.y4m --quad {quad} -o wall.json"),
+    );
+    done(
+        folder,
+        "-q plate wall.y4m --track wall.json -o wall_plate.png",
+    );
+    let photo = bmp(320, 240, |col, row| {
+        wall(0.5 * col as f64, 0.5 * row as f64)
+    });
+    std::fs::write(folder.join("wall_photo.png"), photo).unwrap();
+    std::fs::write(folder.join("none.png"), bmp(160, 120, |_, _| [0; 3])).unwrap();
 }
 
 /// Runs a line as a shell would, on small pictures where it is about built-in ones.

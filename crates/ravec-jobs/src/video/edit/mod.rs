@@ -319,3 +319,6 @@ fn drawn(colors: &Colors, deep: bool) -> AnyImage {
         AnyImage::Srgb8(encoded.convert())
     }
 }
+
+#[cfg(test)]
+mod tests;

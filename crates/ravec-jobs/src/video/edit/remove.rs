@@ -40,10 +40,10 @@ pub struct Remove {
 #[cfg(feature = "cli")]
 const HELP: &str = "\
 Examples:
-  ravec video remove clip.y4m --plate empty.png --matte mask.png -o clean.y4m
-  ravec video remove clip.y4m --plate empty.png --matte mask.png --grain none -o clean_%04d.png
+  ravec video remove clip.y4m --plate empty.png --matte alpha.y4m -o clean.y4m
+  ravec video remove clip.y4m --plate empty.png --matte alpha.y4m --grain none -o clean_%04d.png
 
-Gain, offset, blur and small shifts of the plate are fitted to each frame. Pixels more than 6 pixels from the foreground stay as they \
+Gain, offset, blur and small shifts of the plate are fitted to each frame. Pixels more than 8 pixels from the foreground stay as they \
 are.
 
 Figures: frames.";

@@ -1,0 +1,348 @@
+//! Edits of a drawn shot: a camera that pans over a wall, and a square before it.
+
+use super::enhance::Enhance;
+use super::paste::Paste;
+use super::remove::{Grain, Remove};
+use super::replace::Replace;
+use super::*;
+use crate::ErrorKind;
+use ravec::raster::Srgba;
+use ravec_media::{Limits, Picture, WriteOptions};
+
+const SIZE: (usize, usize) = (96, 72);
+const PAD: usize = 8;
+const FRAMES: usize = 5;
+
+fn size() -> Size {
+    Size::new(SIZE.0, SIZE.1).unwrap()
+}
+
+/// The wall at a point of the reference frame.
+fn wall(x: f64, y: f64) -> [f64; 3] {
+    let wave = 35.0 * (0.4 * x).sin() * (0.3 * y).cos() + 20.0 * (0.17 * y + 0.23 * x).sin();
+    [140.0 + wave, 130.0 - wave, 120.0 + 0.5 * wave]
+}
+
+fn shift(index: usize) -> f64 {
+    1.5 * index as f64
+}
+
+fn inside(index: usize, col: usize, row: usize) -> bool {
+    (20 + 3 * index..36 + 3 * index).contains(&col) && (24..52).contains(&row)
+}
+
+fn drawn_wall(index: usize, col: usize, row: usize) -> [f64; 3] {
+    wall(col as f64 + shift(index), row as f64)
+}
+
+fn picture(
+    size: Size,
+    mut color: impl FnMut(usize, usize) -> [f64; 3] + Sync + Send + Copy,
+) -> Image<Srgb<u8>> {
+    let mut image = Image::new(size, Srgb([0u8; 3]));
+    for row in 0..size.height() {
+        for col in 0..size.width() {
+            image[(col, row)] = Srgb(color(col, row).map(|value| value.round() as u8));
+        }
+    }
+    image
+}
+
+struct Shot {
+    folder: tempfile::TempDir,
+}
+
+impl Shot {
+    fn new() -> Self {
+        let shot = Self {
+            folder: tempfile::tempdir().unwrap(),
+        };
+        let mut maps = Vec::new();
+        for index in 0..FRAMES {
+            let frame = picture(size(), |col, row| match inside(index, col, row) {
+                true => [220.0, 40.0, 60.0],
+                false => drawn_wall(index, col, row),
+            });
+            shot.save(&format!("f_{index}.png"), frame);
+            let alpha = picture(size(), |col, row| {
+                [if inside(index, col, row) { 255.0 } else { 0.0 }; 3]
+            });
+            shot.save(&format!("a_{index}.png"), alpha);
+            maps.push([1.0, 0.0, -shift(index), 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
+        }
+        let padded = Size::new(SIZE.0 + 2 * PAD, SIZE.1 + 2 * PAD).unwrap();
+        let plate = picture(padded, |col, row| {
+            wall(col as f64 - PAD as f64, row as f64 - PAD as f64)
+        });
+        shot.save("plate.png", plate);
+        let track = serde_json::json!({ "frame_from_reference": maps });
+        crate::files::write_text(&shot.at("track.json"), &track.to_string()).unwrap();
+        shot
+    }
+
+    fn at(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn save(&self, name: &str, image: Image<Srgb<u8>>) {
+        let picture = Picture::from_image(AnyImage::from(image));
+        ravec_media::write(self.at(name), &picture, &WriteOptions::default()).unwrap();
+    }
+
+    fn read(&self, name: &str) -> Image<Srgb<u8>> {
+        ravec_media::read(self.at(name), &Limits::default())
+            .unwrap()
+            .convert()
+    }
+
+    fn params() -> ShotParams {
+        ShotParams {
+            pad: PAD,
+            ..ShotParams::default()
+        }
+    }
+
+    fn removal(&self, output: &str) -> Remove {
+        Remove {
+            input: self.at("f_%d.png"),
+            output: self.at(output),
+            plate: self.at("plate.png"),
+            matte: self.at("a_%d.png"),
+            track: Some(self.at("track.json")),
+            params: remove::Params {
+                shot: Self::params(),
+                ..remove::Params::default()
+            },
+        }
+    }
+}
+
+fn run(operation: &impl Operation) -> Report {
+    operation.run(&Context::default()).unwrap()
+}
+
+fn refused(operation: &impl Operation) -> JobError {
+    operation.run(&Context::default()).unwrap_err()
+}
+
+/// The largest difference of a frame to colors, over the pixels that `looked_at` selects.
+fn largest(
+    found: &Image<Srgb<u8>>,
+    truth: impl Fn(usize, usize) -> [f64; 3],
+    looked_at: impl Fn(usize, usize) -> bool,
+) -> f64 {
+    let mut largest = 0.0f64;
+    for row in 0..found.height() {
+        for col in 0..found.width() {
+            if looked_at(col, row) {
+                let pairs = found[(col, row)].0.into_iter().zip(truth(col, row));
+                largest = pairs.fold(largest, |largest, (a, b)| {
+                    largest.max((f64::from(a) - b).abs())
+                });
+            }
+        }
+    }
+    largest
+}
+
+#[test]
+fn the_square_is_removed_along_the_track_on_any_number_of_threads() {
+    let shot = Shot::new();
+    for (folder, threads) in [("one", 1), ("two", 3)] {
+        crate::make_folder(&shot.at(folder)).unwrap();
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        let report = pool.unwrap().install(|| run(&shot.removal(folder)));
+        assert_eq!(report.figures["frames"], FRAMES as f64);
+    }
+    for index in 0..FRAMES {
+        let name = format!("frame_{index:04}.png");
+        let bytes = |folder: &str| std::fs::read(shot.at(folder).join(&name)).unwrap();
+        assert_eq!(bytes("one"), bytes("two"));
+        let found = shot.read(&format!("one/{name}"));
+        let wrong = largest(&found, |col, row| drawn_wall(index, col, row), |_, _| true);
+        assert!(wrong < 6.0, "{wrong} in frame {index}");
+    }
+    let mut clean = shot.removal("c_%d.png");
+    clean.params.grain = Grain::None;
+    run(&clean);
+    assert!(shot.at("c_4.png").exists());
+}
+
+#[test]
+fn a_new_background_moves_with_the_plane_or_stands_still() {
+    let shot = Shot::new();
+    let image = picture(Size::new(64, 48).unwrap(), |col, row| {
+        [60.0 + col as f64, 80.0 + 2.0 * row as f64, 200.0]
+    });
+    shot.save("new.png", image);
+    let mut replace = Replace {
+        input: shot.at("f_%d.png"),
+        output: shot.at("n_%d.png"),
+        plate: shot.at("plate.png"),
+        matte: shot.at("a_%d.png"),
+        image: shot.at("new.png"),
+        track: Some(shot.at("track.json")),
+        params: replace::Params {
+            shot: Shot::params(),
+            quad: Some("16,12,80,12,80,60,16,60".parse().unwrap()),
+            ..replace::Params::default()
+        },
+    };
+    run(&replace);
+    let index = 2;
+    let truth = |col: usize, row: usize| {
+        if inside(index, col, row) {
+            return [220.0, 40.0, 60.0];
+        }
+        let (x, y) = (col as f64 + shift(index) - 16.0, row as f64 - 12.0);
+        [60.0 + x, 80.0 + 2.0 * y, 200.0]
+    };
+    let on_image = |col: usize, row: usize| (18..72).contains(&col) && (14..58).contains(&row);
+    let wrong = largest(&shot.read("n_2.png"), truth, on_image);
+    assert!(wrong < 4.0, "{wrong}");
+    replace.params.quad = None;
+    run(&replace);
+    let still = [0, 3].map(|index| shot.read(&format!("n_{index}.png"))[(4, 4)]);
+    assert_eq!(still[0], still[1]);
+}
+
+#[test]
+fn a_paste_follows_both_planes_and_stays_behind_what_is_in_front() {
+    let shot = Shot::new();
+    let into = picture(Size::new(120, 80).unwrap(), |_, _| [30.0, 60.0, 90.0]);
+    shot.save("into.png", into);
+    let front = picture(Size::new(120, 80).unwrap(), |_, row| {
+        [if row >= 60 { 255.0 } else { 0.0 }; 3]
+    });
+    shot.save("front.png", front);
+    let paste = Paste {
+        input: shot.at("f_%d.png"),
+        output: shot.at("p_%d.png"),
+        into: shot.at("into.png"),
+        into_track: None,
+        into_matte: Some(shot.at("front.png")),
+        plate: shot.at("plate.png"),
+        matte: shot.at("a_%d.png"),
+        track: Some(shot.at("track.json")),
+        params: paste::Params {
+            shot: Shot::params(),
+            // 10 pixels to the right and 12 down
+            quad: Some("0,0,80,0,80,60,0,60".parse().unwrap()),
+            into_quad: Some("10,12,90,12,90,72,10,72".parse().unwrap()),
+            ..paste::Params::default()
+        },
+    };
+    run(&paste);
+    // in the reference frame the square begins at column 20 + 3 · 4 + 6
+    let found = shot.read("p_4.png");
+    assert_eq!(found.size(), Size::new(120, 80).unwrap());
+    let square = |col: usize, row: usize| (48..64).contains(&col) && (36..60).contains(&row);
+    let truth = |col: usize, row: usize| match square(col, row) {
+        true => [220.0, 40.0, 60.0],
+        false => [30.0, 60.0, 90.0],
+    };
+    let away_from_rims = |col: usize, row: usize| {
+        square(col + 1, row) == square(col - 1, row) && square(col, row + 1) == square(col, row - 1)
+    };
+    let looked_at = |col: usize, row: usize| col > 0 && row > 0 && away_from_rims(col, row);
+    let wrong = largest(&found, truth, looked_at);
+    assert!(wrong < 8.0, "{wrong}");
+    let mut one = paste.clone();
+    one.params.into_quad = None;
+    assert_eq!(refused(&one).kind(), ErrorKind::Request);
+    one.params.shadow = 2.0;
+    assert_eq!(refused(&one).kind(), ErrorKind::Request);
+}
+
+#[test]
+fn a_photo_sharpens_the_wall_at_twice_the_size() {
+    use ravec_scenes::{Seed, texture::fractal};
+    let shot = Shot {
+        folder: tempfile::tempdir().unwrap(),
+    };
+    let size = Size::new(160, 120).unwrap();
+    let color = |x: f64, y: f64| {
+        let at = glam::dvec2(x, y) / 20.0;
+        let value = 128.0 + 90.0 * fractal(at, 0.01, 6, Seed(3));
+        [value, 0.9 * value, 0.8 * value + 20.0].map(|value| value.clamp(5.0, 250.0))
+    };
+    let plate = picture(size, |col, row| color(col as f64 + 0.5, row as f64 + 0.5));
+    shot.save("plate.png", plate.clone());
+    shot.save("f_0.png", plate.clone());
+    shot.save(
+        "f_1.png",
+        picture(size, |col, row| {
+            let [r, g, b] = color(col as f64 + 0.5, row as f64 + 0.5);
+            [0.9 * r, 0.9 * g, 0.9 * b]
+        }),
+    );
+    shot.save("none.png", picture(size, |_, _| [0.0; 3]));
+    // twice as many pixels, in another tone
+    shot.save(
+        "photo.png",
+        picture(Size::new(320, 240).unwrap(), |col, row| {
+            let (x, y) = ((col as f64 + 0.5) / 2.0, (row as f64 + 0.5) / 2.0);
+            let [r, g, b] = color(x, y);
+            [0.8 * r + 10.0, 0.95 * g, 0.9 * b + 5.0]
+        }),
+    );
+    let enhance = Enhance {
+        input: shot.at("f_%d.png"),
+        output: shot.at("e_%d.png"),
+        photo: shot.at("photo.png"),
+        plate: shot.at("plate.png"),
+        matte: shot.at("none.png"),
+        track: None,
+        params: enhance::Params::default(),
+    };
+    let report = run(&enhance);
+    assert!(report.figures["photo_inliers"] > 20.0);
+    for (index, gain) in [(0, 1.0), (1, 0.9)] {
+        let found = shot.read(&format!("e_{index}.png"));
+        assert_eq!(found.size(), Size::new(320, 240).unwrap());
+        let mut sum = 0.0;
+        for row in 10..230 {
+            for col in 10..310 {
+                let truth = color((col as f64 + 0.5) / 2.0, (row as f64 + 0.5) / 2.0);
+                sum += (f64::from(found[(col, row)].0[0]) - gain * truth[0]).powi(2);
+            }
+        }
+        let rms = (sum / (220.0 * 300.0)).sqrt();
+        assert!(rms < 4.0, "{rms} in frame {index}");
+    }
+}
+
+#[test]
+fn short_mattes_wrong_plates_and_the_own_folder_are_refused() {
+    let shot = Shot::new();
+    std::fs::remove_file(shot.at("a_4.png")).unwrap();
+    let error = refused(&shot.removal("o_%d.png"));
+    assert!(matches!(error, JobError::Along { frame: 4, .. }), "{error}");
+    assert_eq!(error.kind(), ErrorKind::Input);
+    let mut plate = shot.removal("o_%d.png");
+    plate.params.shot.pad = 3;
+    assert!(matches!(refused(&plate), JobError::SizesDiffer { .. }));
+    let mut folder = shot.removal("o_%d.png");
+    folder.input = shot.folder.path().to_path_buf();
+    folder.output = shot.folder.path().to_path_buf();
+    assert!(matches!(refused(&folder), JobError::OverwritesInput { .. }));
+    let mut track = shot.removal("o_%d.png");
+    crate::files::write_text(
+        &shot.at("short.json"),
+        "{\"frame_from_reference\": [[1,0,0,0,1,0,0,0,1]]}",
+    )
+    .unwrap();
+    track.track = Some(shot.at("short.json"));
+    assert!(refused(&track).to_string().contains("lacks frame 1"));
+}
+
+#[test]
+fn where_the_plate_is_transparent_frames_stay() {
+    let shot = Shot::new();
+    let padded = Size::new(SIZE.0 + 2 * PAD, SIZE.1 + 2 * PAD).unwrap();
+    let clear: Image<Srgba<u8>> = Image::new(padded, Srgba([0, 0, 0, 0]));
+    let picture = Picture::from_image(AnyImage::from(clear));
+    ravec_media::write(shot.at("plate.png"), &picture, &WriteOptions::default()).unwrap();
+    run(&shot.removal("o_%d.png"));
+    assert_eq!(shot.read("o_2.png"), shot.read("f_2.png"));
+}
