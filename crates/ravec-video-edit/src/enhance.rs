@@ -72,11 +72,11 @@ impl Tone {
 
     fn refitted(&self, pairs: &[Pair], scale: [f32; 3], weighted: bool) -> Option<Self> {
         let mut tone = *self;
-        for channel in 0..3 {
+        for (channel, scale) in scale.into_iter().enumerate() {
             let mut matrix = [[0.0f64; TERMS]; TERMS];
             let mut right = [0.0f64; TERMS];
             for pair in pairs {
-                let residual = self.residual(pair, channel) / (TUKEY * scale[channel]);
+                let residual = self.residual(pair, channel) / (TUKEY * scale);
                 let share = if weighted {
                     (1.0 - residual * residual).max(0.0)
                 } else {

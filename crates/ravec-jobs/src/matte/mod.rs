@@ -208,14 +208,17 @@ impl Operation for Matte {
         let clip = is_clip(&self.input, context);
         let given = |file: &Option<PathBuf>| file.is_some();
         let marked = given(&self.trimap) || given(&self.strokes);
-        let wrong = match clip {
-            true if !given(&self.plate) => Some(("plate", "left out", "given for a clip")),
-            true if given(&self.trimap) => Some(("trimap", "given", "left out for a clip")),
-            false if given(&self.track) => Some(("track", "given", "left out for a picture")),
-            false if !given(&self.plate) && !marked => {
-                Some(("plate", "left out", "given, or a trimap or strokes instead"))
-            }
-            _ => None,
+        let plate = given(&self.plate);
+        let wrong = if clip && !plate {
+            Some(("plate", "left out", "given for a clip"))
+        } else if clip && given(&self.trimap) {
+            Some(("trimap", "given", "left out for a clip"))
+        } else if !clip && given(&self.track) {
+            Some(("track", "given", "left out for a picture"))
+        } else if !plate && !marked {
+            Some(("plate", "left out", "given, or a trimap or strokes instead"))
+        } else {
+            None
         };
         if let Some((field, value, range)) = wrong {
             return Err(JobError::Parameter {

@@ -180,18 +180,15 @@ impl Enhance {
         // the plate is in the list of inputs already
         let plate = files::read(&self.plate, &mut Report::new("plate", &()), context)?.image;
         let shift = DVec2::splat(shot.pad as f64);
-        let quad = match &self.params.quad {
-            Some(quad) => quad.check(shot.pixel_centers, frame)?,
-            None => {
-                let (width, height) = (frame.width() as f64, frame.height() as f64);
-                [
-                    dvec2(0.0, 0.0),
-                    dvec2(width, 0.0),
-                    dvec2(width, height),
-                    dvec2(0.0, height),
-                ]
-            }
-        };
+        let (width, height) = (frame.width() as f64, frame.height() as f64);
+        let whole = [
+            dvec2(0.0, 0.0),
+            dvec2(width, 0.0),
+            dvec2(width, height),
+            dvec2(0.0, height),
+        ];
+        let given = self.params.quad.as_ref();
+        let quad = given.map_or(Ok(whole), |quad| quad.check(shot.pixel_centers, frame))?;
         let quad = quad.map(|at| at + shift);
         let found = locate_photo(
             &photo,

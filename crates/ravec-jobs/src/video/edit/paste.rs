@@ -182,7 +182,7 @@ impl Operation for Paste {
             }
             None => None,
         };
-        let into_from_reference = self.into_from_reference(size, into_size)?;
+        let into_from_reference = self.map_between_references(size, into_size)?;
         let files = Written {
             input: &self.input,
             output: &output,
@@ -232,7 +232,7 @@ impl Operation for Paste {
 
 impl Paste {
     /// Map from the reference frame of the first clip to that of the second one.
-    fn into_from_reference(&self, size: Size, into: Size) -> Result<Homography, JobError> {
+    fn map_between_references(&self, size: Size, into: Size) -> Result<Homography, JobError> {
         let params = &self.params;
         let centers = params.shot.pixel_centers;
         let (from, to) = match (&params.quad, &params.into_quad) {

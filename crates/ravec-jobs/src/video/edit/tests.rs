@@ -59,9 +59,12 @@ impl Shot {
         };
         let mut maps = Vec::new();
         for index in 0..FRAMES {
-            let frame = picture(size(), |col, row| match inside(index, col, row) {
-                true => [220.0, 40.0, 60.0],
-                false => drawn_wall(index, col, row),
+            let frame = picture(size(), |col, row| {
+                if inside(index, col, row) {
+                    [220.0, 40.0, 60.0]
+                } else {
+                    drawn_wall(index, col, row)
+                }
             });
             shot.save(&format!("f_{index}.png"), frame);
             let alpha = picture(size(), |col, row| {
@@ -237,9 +240,12 @@ fn a_paste_follows_both_planes_and_stays_behind_what_is_in_front() {
     let found = shot.read("p_4.png");
     assert_eq!(found.size(), Size::new(120, 80).unwrap());
     let square = |col: usize, row: usize| (48..64).contains(&col) && (36..60).contains(&row);
-    let truth = |col: usize, row: usize| match square(col, row) {
-        true => [220.0, 40.0, 60.0],
-        false => [30.0, 60.0, 90.0],
+    let truth = |col: usize, row: usize| {
+        if square(col, row) {
+            [220.0, 40.0, 60.0]
+        } else {
+            [30.0, 60.0, 90.0]
+        }
     };
     let away_from_rims = |col: usize, row: usize| {
         square(col + 1, row) == square(col - 1, row) && square(col, row + 1) == square(col, row - 1)
@@ -281,7 +287,7 @@ fn a_photo_sharpens_the_wall_at_twice_the_size() {
     shot.save(
         "photo.png",
         picture(Size::new(320, 240).unwrap(), |col, row| {
-            let (x, y) = ((col as f64 + 0.5) / 2.0, (row as f64 + 0.5) / 2.0);
+            let (x, y) = (0.5 * col as f64 + 0.25, 0.5 * row as f64 + 0.25);
             let [r, g, b] = color(x, y);
             [0.8 * r + 10.0, 0.95 * g, 0.9 * b + 5.0]
         }),
@@ -303,7 +309,7 @@ fn a_photo_sharpens_the_wall_at_twice_the_size() {
         let mut sum = 0.0;
         for row in 10..230 {
             for col in 10..310 {
-                let truth = color((col as f64 + 0.5) / 2.0, (row as f64 + 0.5) / 2.0);
+                let truth = color(0.5 * col as f64 + 0.25, 0.5 * row as f64 + 0.25);
                 sum += (f64::from(found[(col, row)].0[0]) - gain * truth[0]).powi(2);
             }
         }
