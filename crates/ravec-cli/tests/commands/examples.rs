@@ -157,6 +157,13 @@ fn clips(folder: &Path) {
         wall(0.5 * col as f64, 0.5 * row as f64)
     });
     std::fs::write(folder.join("wall_photo.png"), photo).unwrap();
+    for (name, short) in [
+        ("wall.json", "w.json"),
+        ("wall_plate.png", "w.png"),
+        ("wall_photo.png", "big.png"),
+    ] {
+        std::fs::copy(folder.join(name), folder.join(short)).unwrap();
+    }
     std::fs::write(folder.join("none.png"), bmp(160, 120, |_, _| [0; 3])).unwrap();
 }
 

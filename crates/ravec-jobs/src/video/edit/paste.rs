@@ -57,8 +57,6 @@ pub struct Paste {
 const HELP: &str = "\
 Examples:
   ravec video paste clip.y4m --plate empty.png --matte alpha.y4m --into wall.y4m -o pasted.y4m
-  ravec video paste clip.y4m --plate empty.png --matte alpha.y4m --quad 8,8,56,8,56,40,8,40 \\
-    --into wall.y4m --into-quad 40,30,120,30,120,90,40,90 --shadow 0.4 -o pasted.y4m
 
 The foreground of each frame is taken as lying on the plane: it goes to the reference frame of its clip, from --quad to --into-quad, and \
 with the second track to the frame of the second clip. So its place, size and perspective follow both planes. What --into-matte \

@@ -48,7 +48,6 @@ pub struct Replace {
 const HELP: &str = "\
 Examples:
   ravec video replace clip.y4m --plate empty.png --matte alpha.y4m --image photo.jpg -o new.y4m
-  ravec video replace clip.y4m --plate empty.png --matte alpha.y4m --image photo.jpg --quad 8,8,56,8,56,40,8,40 -o new.y4m
 
 With --quad, corners of a rectangle on the plane in the reference frame, the new background lies on the plane and moves with it: \
 its own corners, or those of --image-quad, come to lie there. Without it, the new background fills the frame and stands still. Its \
