@@ -11,7 +11,8 @@ use glam::{DMat3, DVec2};
 use ravec::matting::Colors;
 use ravec::planar::track::TrackState;
 use ravec::planar::{Beyond, Homography, warp};
-use ravec::raster::{AnyImage, Image, Plane, Size, Srgb, Srgba};
+use ravec::raster::{AnyImage, Image, Mask, Plane, Size, Srgb, Srgba};
+use ravec::video_edit::interpolated;
 use serde::Deserialize;
 use std::path::Path;
 
@@ -19,8 +20,10 @@ use std::path::Path;
 const MAX_TRACK_BYTES: u64 = 256 << 20;
 /// Pixels that a plate may have more on each side.
 const MAX_PAD_PX: usize = 1 << 14;
-/// Share of the plate in a pixel below which its color says nothing.
-const MIN_SHARE: f32 = 1e-3;
+/// Alpha of the plate below which its color says nothing.
+const MIN_SHARE: f32 = 0.5;
+/// Pixels of the plate for one of a frame, along each axis, above which they are averaged rather than interpolated.
+const MAX_REDUCTION: f64 = 1.25;
 
 /// Maps of a plane to the frames of a shot.
 pub(crate) struct ShotTrack {
@@ -136,9 +139,11 @@ impl ShotTrack {
     }
 }
 
-/// A background plate: colors that are multiplied with the share of certainty, and that share.
+/// A background plate.
 pub(crate) struct ShotPlate {
-    pixels: Image<[f32; 4]>,
+    colors: Colors,
+    /// Transparent pixels.
+    unknown: Option<Mask>,
     pad_px: usize,
 }
 
@@ -152,16 +157,23 @@ pub(crate) struct PlateInFrame {
 impl ShotPlate {
     /// Takes a picture that is `pad_px` larger on each side than the reference frame. Transparent pixels are not known.
     pub fn new(picture: &AnyImage, pad_px: usize) -> Self {
-        let encoded: Image<Srgba<f32>> = picture.convert();
-        let pixels =
-            encoded.map(|Srgba([r, g, b, alpha])| [r * alpha, g * alpha, b * alpha, alpha]);
-        Self { pixels, pad_px }
+        let unknown = picture.has_alpha().then(|| {
+            let pixels: Image<Srgba<f32>> = picture.convert();
+            Mask::from_fn(picture.size(), |col, row| {
+                pixels[(col, row)].0[3] < MIN_SHARE
+            })
+        });
+        Self {
+            colors: encoded(picture),
+            unknown: unknown.filter(|unknown| !unknown.is_empty()),
+            pad_px,
+        }
     }
 
     /// The size of the frames to which the plate belongs.
     pub fn frame_size(&self) -> Option<Size> {
         let side = |length: usize| length.checked_sub(2 * self.pad_px);
-        let size = self.pixels.size();
+        let size = self.colors.size();
         Size::new(side(size.width())?, side(size.height())?).ok()
     }
 
@@ -175,23 +187,36 @@ impl ShotPlate {
         size: Size,
         context: &Context,
     ) -> Result<PlateInFrame, JobError> {
-        let still = *frame_from_reference == Homography::IDENTITY;
-        let cropped = still.then(|| self.pixels.crop(self.pad_px, self.pad_px, size));
-        let warped = if let Some(Ok(cropped)) = cropped {
-            cropped
+        let shift = Homography::from_translation(DVec2::splat(self.pad_px as f64));
+        let shift = shift.unwrap_or(Homography::IDENTITY);
+        let middle = DVec2::new(size.width() as f64, size.height() as f64) * 0.5;
+        let plate_from_frame = (shift * frame_from_reference.inverse()).facing(middle);
+        let scale = plate_from_frame.jacobian(middle).determinant().abs().sqrt();
+        let pixels = if scale < MAX_REDUCTION {
+            context.progress.check()?;
+            interpolated(&self.colors, self.unknown.as_ref(), &plate_from_frame, size)
         } else {
-            let shift = Homography::from_translation(DVec2::splat(self.pad_px as f64));
-            let shift = shift.unwrap_or(Homography::IDENTITY);
-            let plate_from_frame = shift * frame_from_reference.inverse();
+            let known = |at: (usize, usize)| {
+                let unknown = self.unknown.as_ref();
+                unknown.is_none_or(|unknown| unknown.at(at.0, at.1) <= 0.0)
+            };
+            let pixels = Image::from_fn(self.colors.size(), |col, row| {
+                let [r, g, b] = self.colors[(col, row)];
+                if known((col, row)) {
+                    [r, g, b, 1.0]
+                } else {
+                    [0.0; 4]
+                }
+            });
             let progress = context.progress.silent();
             let nothing = Beyond::Pixel([0.0; 4]);
-            warp(&self.pixels, &plate_from_frame, size, nothing, &progress)?
+            warp(&pixels, &plate_from_frame, size, nothing, &progress)?
         };
-        let colors = warped.map(|[r, g, b, share]| {
-            let scale = if share > MIN_SHARE { 1.0 / share } else { 0.0 };
+        let colors = pixels.map(|[r, g, b, share]| {
+            let scale = if share > 1e-3 { 1.0 / share } else { 0.0 };
             [r * scale, g * scale, b * scale]
         });
-        let known = warped.map(|[_, _, _, share]| share.clamp(0.0, 1.0));
+        let known = pixels.map(|[_, _, _, share]| share.clamp(0.0, 1.0));
         Ok(PlateInFrame { colors, known })
     }
 }

@@ -55,6 +55,7 @@ mod light;
 mod matte;
 mod plate;
 mod posterior;
+mod speckles;
 mod still;
 mod texture;
 

@@ -19,6 +19,7 @@ use crate::half::{doubled, halve, spread};
 use crate::light::PlateLight;
 use crate::matte::{Colors, Constraint, Constraints, Matte, MattingError};
 use crate::posterior::{Evidence, Likelihood, Prior};
+use crate::speckles::clear_specks;
 use crate::texture::{TextureCue, texture_cue};
 use ravec_progress::Progress;
 use ravec_raster::{Image, Plane, Rect, Size, gaussian_blur};
@@ -309,6 +310,9 @@ impl Part {
                 *value = 1.0;
             }
         }
+        clear_specks(&mut found, |col, row| {
+            input.stroke(self.rect.col + col, self.rect.row + row) == Constraint::Foreground
+        });
         let colors = Likelihood::foreground(&self.evidence(&field, &cue), &found);
         for row in 0..self.rect.height {
             let to = self.rect.row + row;

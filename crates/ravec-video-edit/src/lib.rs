@@ -3,12 +3,14 @@
 mod enhance;
 mod exposure;
 mod grain;
+mod interpolated;
 mod layer;
 mod plate;
 mod removal;
 
 pub use enhance::{Enhancement, Tone};
 pub use exposure::Exposure;
+pub use interpolated::interpolated;
 pub use layer::{Layer, contact_shadow};
 pub use plate::{Plate, PlateModes, PlateSamples, ShotFrame};
 pub use removal::Removal;

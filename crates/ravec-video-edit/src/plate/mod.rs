@@ -12,9 +12,9 @@
 
 mod hidden;
 mod modes;
-mod stabilized;
 
 use crate::exposure::{Exposure, Pair, median};
+use crate::interpolated::interpolated;
 use crate::{Colors, VideoEditError};
 use glam::DVec2;
 use hidden::Mark;
@@ -23,7 +23,6 @@ use ravec_planar::Homography;
 use ravec_progress::Progress;
 use ravec_raster::{Image, Mask, Plane, Size};
 use rayon::prelude::*;
-use stabilized::{Stabilized, stabilized};
 
 /// Memory for the samples of the first pass, in bytes.
 const MAX_SAMPLE_BYTES: usize = 400 << 20;
@@ -107,7 +106,12 @@ impl Geometry {
             });
         }
         let map = self.frame_from_plate(frame);
-        Ok(stabilized(frame.colors, frame.foreground, &map, self.plate))
+        Ok(interpolated(
+            frame.colors,
+            frame.foreground,
+            &map,
+            self.plate,
+        ))
     }
 
     /// Pixels of the plate whose center lies in a pixel of a mask of the frame.
@@ -125,6 +129,9 @@ impl Geometry {
         })
     }
 }
+
+/// Colors of a frame on the plate, and 1 where there are some.
+type Stabilized = Image<[f32; 4]>;
 
 /// Exposure of a frame on the plate against colors that are known at the pixels where `known` allows.
 fn exposure_of(

@@ -1,4 +1,5 @@
-//! A frame on its plate: the same plane at about the same scale, interpolated by the kernel of Lanczos with three lobes.
+//! A frame on its plate, and a plate in a frame: the same plane at about the same scale, interpolated by the kernel of Lanczos with
+//! three lobes.
 
 use crate::Colors;
 use glam::{DVec2, DVec3};
@@ -33,19 +34,21 @@ static WEIGHTS: LazyLock<Vec<[f32; TAPS]>> = LazyLock::new(|| {
         .collect()
 });
 
-/// Colors on the plate, and 1 where the kernel lies in the frame and meets no pixel that is excluded; 0 elsewhere.
-pub(crate) type Stabilized = Image<[f32; 4]>;
-
-/// Maps a frame onto its plate. Pixels of `foreground` and those that are not finite are excluded.
-pub(crate) fn stabilized(
+/// Colors seen through a map from the output, and 1 where the kernel lies in the image and meets no pixel that is excluded; 0
+/// elsewhere.
+///
+/// Pixels of `excluded` and those that are not finite are left out. Nothing is averaged: the map must not reduce the image by more than
+/// a little. A shift by whole pixels keeps colors exactly.
+pub fn interpolated(
     colors: &Colors,
-    foreground: Option<&Mask>,
-    frame_from_plate: &Homography,
-    plate: Size,
-) -> Stabilized {
-    let excluded = foreground.map(|mask| touched(mask, colors.size()));
-    let matrix = frame_from_plate.matrix();
-    let mut output = Stabilized::new(plate, [0.0; 4]);
+    excluded: Option<&Mask>,
+    image_from_output: &Homography,
+    size: Size,
+) -> Image<[f32; 4]> {
+    let mask = excluded;
+    let excluded = mask.map(|mask| touched(mask, colors.size()));
+    let matrix = image_from_output.matrix();
+    let mut output = Image::new(size, [0.0; 4]);
     output.par_rows_mut().enumerate().for_each(|(row, out)| {
         let start = matrix * DVec3::new(0.5, row as f64 + 0.5, 1.0);
         for (col, out) in out.iter_mut().enumerate() {
@@ -55,7 +58,7 @@ pub(crate) fn stabilized(
             }
             let at = DVec2::new(at.x / at.z, at.y / at.z);
             let color = if let Some(pixel) = on_pixel(at, colors.size()) {
-                let free = foreground.is_none_or(|mask| mask.at(pixel.0, pixel.1) <= 0.0);
+                let free = mask.is_none_or(|mask| mask.at(pixel.0, pixel.1) <= 0.0);
                 free.then(|| colors[pixel])
             } else {
                 let taps = Taps::at(at, colors.size()).filter(|taps| {
@@ -154,7 +157,7 @@ mod tests {
     use glam::dvec2;
 
     #[test]
-    fn waves_are_interpolated_and_borders_and_foreground_left_out() {
+    fn waves_are_interpolated_and_borders_and_excluded_pixels_left_out() {
         let size = Size::new(48, 40).unwrap();
         let wave = |x: f64, y: f64| (0.5 + 0.3 * (0.5 * x).sin() * (0.4 * y).cos()) as f32;
         let frame = Colors::from_fn(size, |col, row| {
@@ -162,7 +165,7 @@ mod tests {
         });
         let map = Homography::from_translation(dvec2(2.3, -1.6)).unwrap();
         let mask = Mask::from_fn(size, |col, row| col == 30 && row == 20);
-        let found = stabilized(&frame, Some(&mask), &map, size);
+        let found = interpolated(&frame, Some(&mask), &map, size);
         let mut count = 0;
         for row in 0..size.height() {
             for col in 0..size.width() {
@@ -180,7 +183,7 @@ mod tests {
         assert_eq!(found[(0, 0)][3], 0.0);
         assert_eq!(found[(28, 22)][3], 0.0);
         assert!(count > 1400, "{count}");
-        let still = stabilized(&frame, Some(&mask), &Homography::IDENTITY, size);
+        let still = interpolated(&frame, Some(&mask), &Homography::IDENTITY, size);
         assert_eq!(still[(47, 0)], [frame[(47, 0)][0], 0.25, 0.75, 1.0]);
         assert_eq!(
             still

@@ -1,0 +1,89 @@
+//! Specks of a matte: a few pixels by themselves, where the plate does not fit an edge or the noise is strong.
+//!
+//! Foreground has a solid part somewhere. What is connected to none, and far from all, is cleared.
+
+use ravec_raster::{Plane, distance_to, gaussian_blur};
+
+/// Blur of alpha, and its value there from which foreground is solid.
+const SOLID_SIGMA_PX: f64 = 1.5;
+const SOLID: f32 = 0.25;
+/// Distance to connected foreground below which loose parts belong to it: hair that the noise interrupts.
+const NEAR_PX: f64 = 6.0;
+
+/// Clears specks. Parts that contain a pixel of `marked` stay.
+pub(crate) fn clear_specks(alpha: &mut Plane, marked: impl Fn(usize, usize) -> bool) {
+    let size = alpha.size();
+    let smooth = gaussian_blur(alpha, SOLID_SIGMA_PX);
+    let mut open = Vec::new();
+    for row in 0..size.height() {
+        for col in 0..size.width() {
+            let solid = smooth[(col, row)] > SOLID && alpha[(col, row)] > 0.0;
+            if solid || marked(col, row) {
+                open.push((col, row));
+            }
+        }
+    }
+    if open.is_empty() {
+        alpha.pixels_mut().fill(0.0);
+        return;
+    }
+    let mut kept = Plane::new(size, 0.0);
+    while let Some((col, row)) = open.pop() {
+        if kept[(col, row)] > 0.0 || alpha[(col, row)] <= 0.0 {
+            continue;
+        }
+        kept[(col, row)] = 1.0;
+        for r in row.saturating_sub(1)..(row + 2).min(size.height()) {
+            for c in col.saturating_sub(1)..(col + 2).min(size.width()) {
+                open.push((c, r));
+            }
+        }
+    }
+    let distance = distance_to(size, |col, row| kept[(col, row)] > 0.0);
+    for (alpha, distance) in alpha.pixels_mut().iter_mut().zip(distance.pixels()) {
+        if f64::from(*distance) > NEAR_PX {
+            *alpha = 0.0;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ravec_raster::Size;
+
+    #[test]
+    fn specks_go_and_hair_stays() {
+        let size = Size::new(60, 40).unwrap();
+        let mut alpha = Plane::from_fn(size, |col, row| {
+            let body = (10..20).contains(&col) && (10..30).contains(&row);
+            let hair = row == 15 && (20..40).contains(&col);
+            let gap = col == 30;
+            let speck = (col, row) == (50, 35) || (col, row) == (51, 35);
+            if body || hair && !gap {
+                0.9
+            } else if speck {
+                0.6
+            } else {
+                0.0
+            }
+        });
+        clear_specks(&mut alpha, |_, _| false);
+        assert_eq!(alpha[(50, 35)], 0.0);
+        assert_eq!(
+            [alpha[(15, 20)], alpha[(29, 15)], alpha[(36, 15)]],
+            [0.9; 3]
+        );
+        let mut loose = Plane::from_fn(
+            size,
+            |col, row| {
+                if (col, row) == (50, 35) { 0.6 } else { 0.0 }
+            },
+        );
+        let mut marked = loose.clone();
+        clear_specks(&mut marked, |col, row| (col, row) == (50, 35));
+        assert_eq!(marked, loose);
+        clear_specks(&mut loose, |_, _| false);
+        assert!(loose.pixels().iter().all(|alpha| *alpha == 0.0));
+    }
+}
