@@ -28,21 +28,34 @@ pub(crate) fn clear_specks(alpha: &mut Plane, marked: impl Fn(usize, usize) -> b
         return;
     }
     let mut kept = Plane::new(size, 0.0);
+    spread(alpha, &mut kept, open);
+    let distance = distance_to(size, |col, row| kept[(col, row)] > 0.0);
+    let mut near = Vec::new();
+    for row in 0..size.height() {
+        for col in 0..size.width() {
+            if f64::from(distance[(col, row)]) <= NEAR_PX {
+                near.push((col, row));
+            }
+        }
+    }
+    kept.pixels_mut().fill(0.0);
+    spread(alpha, &mut kept, near);
+    for (alpha, kept) in alpha.pixels_mut().iter_mut().zip(kept.pixels()) {
+        *alpha *= kept;
+    }
+}
+
+/// Marks all pixels of alpha above 0 that are connected to those in `open`.
+fn spread(alpha: &Plane, kept: &mut Plane, mut open: Vec<(usize, usize)>) {
     while let Some((col, row)) = open.pop() {
         if kept[(col, row)] > 0.0 || alpha[(col, row)] <= 0.0 {
             continue;
         }
         kept[(col, row)] = 1.0;
-        for r in row.saturating_sub(1)..(row + 2).min(size.height()) {
-            for c in col.saturating_sub(1)..(col + 2).min(size.width()) {
+        for r in row.saturating_sub(1)..(row + 2).min(alpha.height()) {
+            for c in col.saturating_sub(1)..(col + 2).min(alpha.width()) {
                 open.push((c, r));
             }
-        }
-    }
-    let distance = distance_to(size, |col, row| kept[(col, row)] > 0.0);
-    for (alpha, distance) in alpha.pixels_mut().iter_mut().zip(distance.pixels()) {
-        if f64::from(*distance) > NEAR_PX {
-            *alpha = 0.0;
         }
     }
 }
