@@ -1,7 +1,6 @@
 //! The foreground of a frame as a layer, and what is put behind or before it.
 
-use crate::VideoEditError;
-use crate::{Colors, same_size};
+use crate::{Colors, VideoEditError, same_size};
 use ravec_planar::{Beyond, Homography, warp};
 use ravec_progress::{Cancelled, Progress};
 use ravec_raster::{Image, Plane, Size};
@@ -91,13 +90,13 @@ impl Layer {
     }
 }
 
-/// A shadow on the plane below a layer, as the share of light that stays.
+/// The share of light that a contact shadow of a layer leaves, 0 to 1.
 ///
-/// The layer's alpha is flattened toward its contact point, the lowest opaque pixel in each column, by `squash`, moved by
-/// nothing and blurred with `softness_px`; `strength` is the share of light that it takes at most.
+/// The shadow is the alpha of the layer, flattened by the factor `squash` toward its lowest row of more than half alpha, and blurred by
+/// `softness_px`; `strength` is the share of light that it takes at most.
 pub fn contact_shadow(layer: &Layer, squash: f32, softness_px: f64, strength: f32) -> Plane {
     let alpha = layer.0.map(|[_, _, _, alpha]| alpha);
-    let (width, height) = (alpha.width(), alpha.height());
+    let height = alpha.height();
     let bottom = (0..height)
         .rev()
         .find(|&row| alpha.row(row).iter().any(|&alpha| alpha > 0.5));
@@ -108,7 +107,7 @@ pub fn contact_shadow(layer: &Layer, squash: f32, softness_px: f64, strength: f3
     let flat = Plane::from_fn(alpha.size(), |col, row| {
         let above = bottom as f32 - row as f32;
         let source = bottom as f32 - above / squash.max(0.01);
-        if source < 0.0 || source > (height - 1) as f32 || col >= width {
+        if source < 0.0 || source > (height - 1) as f32 {
             return 0.0;
         }
         alpha[(col, source as usize)]

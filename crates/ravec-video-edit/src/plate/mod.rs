@@ -1,7 +1,7 @@
 //! Background plates: a picture of the plane of a shot without what moves before it.
 //!
 //! ```text
-//! first pass:  each frame is warped onto the plate and its exposure fitted to the mean of those before
+//! first pass:  each frame is warped onto the plate and its exposure fitted to the median of some before
 //!              some of them are kept: as many as memory allows
 //! modes:       for each pixel the color around which its samples are densest
 //! second pass: each frame again, its exposure fitted to the modes
@@ -35,6 +35,8 @@ const RADIUS_SIGMAS: f32 = 7.0;
 const RADIUS_STEPS: f32 = 14.0;
 /// Pixels of the plate at which exposures are compared, at most.
 const MAX_PAIRS: usize = 20_000;
+/// Layers to whose median the exposure of a frame is fitted.
+const ANCHORS: usize = 7;
 /// Share of samples near the mode below which a mean would be of little, and the mode itself is taken.
 const MIN_WEIGHT: f32 = 0.05;
 
@@ -175,8 +177,6 @@ pub struct PlateSamples {
     /// Every so many frames are kept.
     stride: u64,
     frames: u64,
-    /// Sums of colors in one exposure, and their number.
-    mean: Image<[f32; 4]>,
     /// Pixels that strokes mark as foreground in some frame, and their colors in steps of 8 bits.
     marks: Vec<Mark>,
 }
@@ -205,7 +205,6 @@ impl PlateSamples {
             max_layers,
             stride,
             frames: 0,
-            mean: Image::new(plate, [0.0; 4]),
             marks: Vec::new(),
         })
     }
@@ -222,27 +221,17 @@ impl PlateSamples {
             return Ok(());
         }
         let stabilized = self.geometry.stabilized(frame)?;
-        let mean = &self.mean;
-        let exposure = exposure_of(&stabilized, |col, row| {
-            let [r, g, b, count] = mean[(col, row)];
-            (count > 0.0).then(|| [r, g, b].map(|sum| sum / count))
-        });
+        let exposure = exposure_of(&stabilized, |col, row| self.anchor(col, row));
         let mut layer = Layer::new(self.geometry.plate, [0; 4]);
         layer
             .par_rows_mut()
-            .zip(self.mean.par_rows_mut())
             .zip(stabilized.par_rows())
-            .for_each(|((layer, mean), stabilized)| {
-                for ((layer, mean), [r, g, b, share]) in layer.iter_mut().zip(mean).zip(stabilized)
-                {
+            .for_each(|(layer, stabilized)| {
+                for (layer, [r, g, b, share]) in layer.iter_mut().zip(stabilized) {
                     if *share == 0.0 {
                         continue;
                     }
                     let color = exposure.undone([*r, *g, *b]);
-                    for (sum, value) in mean.iter_mut().zip(color) {
-                        *sum += value;
-                    }
-                    mean[3] += 1.0;
                     let [r, g, b] =
                         color.map(|value| (255.0 * value).round().clamp(0.0, 255.0) as u8);
                     *layer = [r, g, b, Says::Sample as u8];
@@ -289,6 +278,31 @@ impl PlateSamples {
         }
         self.layers.push(layer);
         Ok(())
+    }
+
+    /// The median of some layers at a pixel, spread over all of them: what passes is in few, and errors do not add up.
+    fn anchor(&self, col: usize, row: usize) -> Option<[f32; 3]> {
+        let count = self.layers.len().min(ANCHORS);
+        let mut values = [[0u8; ANCHORS]; 3];
+        let mut found = 0;
+        for index in 0..count {
+            // the first one and the last one, too
+            let at = index * (self.layers.len() - 1) / (count - 1).max(1);
+            let [r, g, b, says] = self.layers[at][(col, row)];
+            if says != Says::Nothing as u8 {
+                for (values, value) in values.iter_mut().zip([r, g, b]) {
+                    values[found] = value;
+                }
+                found += 1;
+            }
+        }
+        let last = found.checked_sub(1)?;
+        Some(values.map(|mut values| {
+            let values = &mut values[..found];
+            values.sort_unstable();
+            let middle = f32::from(values[last / 2]) + f32::from(values[found / 2]);
+            middle / 510.0
+        }))
     }
 
     /// Finds the modes.
