@@ -219,7 +219,18 @@ impl Enhance {
             nothing,
             &progress,
         )?;
-        let share: Plane = laid.map(|[_, _, _, share]| share);
+        // what lies beyond the reference frame may be invented
+        let pad = shot.pad;
+        let in_frame = |col: usize, row: usize| {
+            (pad..pad + frame.width()).contains(&col) && (pad..pad + frame.height()).contains(&row)
+        };
+        let share = Plane::from_fn(laid.size(), |col, row| {
+            if in_frame(col, row) {
+                laid[(col, row)][3]
+            } else {
+                0.0
+            }
+        });
         let laid: Colors = laid.map(|[r, g, b, _]| [r, g, b]);
         let tone = Tone::fit(&laid, &plate, &share)?;
         let back = Homography::from_translation(-shift).unwrap_or(Homography::IDENTITY);
