@@ -17,6 +17,11 @@ const ROUNDS: usize = 6;
 const TUKEY: f32 = 4.685;
 /// Standard deviation of values in 8 bit that have no noise but rounding, 0.5 of a step with room.
 const MIN_SIGMA: f32 = 0.5 / 255.0;
+/// Difference to the plate up to which a sample may be background in another light.
+const DRIFT: f32 = 8.0 / 255.0;
+/// Quantile of differences, and where a normal distribution has it in standard deviations.
+const WIDE_QUANTILE: f32 = 0.85;
+const WIDE_SIGMAS: f32 = 1.44;
 /// Unknowns: gains, offsets, two first and three second derivatives.
 const UNKNOWNS: usize = 11;
 
@@ -241,7 +246,10 @@ impl PlateLight {
                 .collect();
             1.4826 * median(&mut sizes)
         };
-        let sigma = [0, 1, 2].map(|channel| spread(&flat, channel).max(MIN_SIGMA));
+        let sigma = [0, 1, 2].map(|channel| {
+            let narrow = spread(&flat, channel).max(MIN_SIGMA);
+            narrow.max(self.wide_sigma(samples, limit, channel, narrow))
+        });
         let mean_gradient = edges
             .iter()
             .map(|sample| sample.gradient_squared())
@@ -256,6 +264,23 @@ impl PlateLight {
             self.edge_variance = (excess / mean_gradient).max(0.0);
         }
         self
+    }
+
+    /// Standard deviation of flat places by a high quantile. Light that changes in places and blocks of compression differ from the
+    /// plate by a few steps in large areas, which a median does not see.
+    fn wide_sigma(&self, samples: &[Sample], limit: f32, channel: usize, sigma: f32) -> f32 {
+        let end = DRIFT.max(4.0 * sigma);
+        let mut sizes: Vec<f32> = samples
+            .iter()
+            .filter(|sample| sample.gradient_squared() <= limit)
+            .map(|sample| sample.residual(self, channel).abs())
+            .filter(|size| *size < end)
+            .collect();
+        let at = (WIDE_QUANTILE * sizes.len() as f32) as usize;
+        if at >= sizes.len() {
+            return sigma;
+        }
+        *sizes.select_nth_unstable_by(at, f32::total_cmp).1 / WIDE_SIGMAS
     }
 
     /// The plate in this light, and the variance of its difference to the frame relative to that of the noise.

@@ -12,6 +12,10 @@ const UNEVEN: f32 = 4.0;
 /// Variance of a cue that has seen a perfect fit: windows are larger than details.
 const MIN_VARIANCE: f32 = 0.12;
 
+/// Variance of a cue for each unit of one over the variance of the texture: compression removes what is as weak as the noise, as
+/// foreground would.
+const WEAK: f32 = 1.0;
+
 /// Alpha of windows by the contrast of the plate, at half the size.
 pub(crate) struct TextureCue {
     /// One less the slope of the frame on the plate.
@@ -54,7 +58,8 @@ pub(crate) fn texture_cue(frame: &[Plane; 3], plate: &[Plane; 3]) -> TextureCue 
         let slope = covariance / (variance + 1.0);
         let residual = (total - slope * covariance).max(3.0) / 3.0;
         alpha.pixels_mut()[at] = (1.0 - slope).clamp(0.0, 1.0);
-        let spread = UNEVEN * residual / (WINDOW_PX * variance.max(1e-6)) + MIN_VARIANCE;
+        let noise = UNEVEN * residual / WINDOW_PX + WEAK;
+        let spread = noise / variance.max(1e-6) + MIN_VARIANCE;
         precision.pixels_mut()[at] = 1.0 / spread;
     }
     TextureCue { alpha, precision }
