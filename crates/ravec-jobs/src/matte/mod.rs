@@ -75,7 +75,8 @@ marks to the border, the better.
 Foreground that has the colors of the background cannot be seen where neither has texture: strokes set it. Shadows are a part of \
 the foreground.
 
-Figures: frames, foreground_percent (mean of alpha), empty (frames without foreground).";
+Figures: frames, foreground_percent (mean of alpha), empty (frames without foreground); after --resume the last two are about the \
+frames of this run.";
 
 /// Parameters of [`Matte`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -328,6 +329,8 @@ impl Matte {
         })?;
         reader.warn(report);
         figures.record(report);
+        // those of an earlier run, too
+        report.figures.insert("frames", rewritten.count as f64);
         rewritten.finish(report)
     }
 

@@ -146,7 +146,8 @@ impl Operation for Plate {
     /// Figures: `frames`, `seen_percent`, `certainty`, `invented_px`.
     ///
     /// # Errors
-    /// [`JobError::Parameter`], [`JobError::Quad`], [`JobError::Outside`], [`JobError::ReadClip`], [`JobError::EmptyRange`],
+    /// [`JobError::Parameter`], [`JobError::ResultSize`], [`JobError::Quad`], [`JobError::Outside`], [`JobError::ReadClip`],
+    /// [`JobError::EmptyRange`],
     /// [`JobError::SizesDiffer`], [`JobError::Strokes`], [`JobError::TrackFile`], [`JobError::Shot`], [`JobError::Write`], what
     /// [`check_files`](crate::check_files) refuses, [`JobError::Cancelled`].
     fn run(&self, context: &Context) -> Result<Report, JobError> {
@@ -157,6 +158,15 @@ impl Operation for Plate {
         context.check_files(&self.inputs(), &self.outputs())?;
         let clip = open_clip(&self.input, None, &mut report, context)?;
         let (size, total) = (clip.info().size, clip.info().frames);
+        let side = |length: usize| (length + 2 * params.pad) as f64;
+        let (width, height) = (side(size.width()), side(size.height()));
+        if width * height > context.limits.max_pixels as f64 {
+            return Err(JobError::ResultSize {
+                width,
+                height,
+                remedy: "give a smaller `pad`",
+            });
+        }
         let quad = match &params.quad {
             Some(quad) => Some(quad.check(params.pixel_centers, size)?),
             None => None,

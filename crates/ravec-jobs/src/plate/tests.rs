@@ -126,6 +126,8 @@ fn parameters_out_of_range_and_quadrilaterals_beside_the_frames_are_refused() {
     };
     refused(&|params| params.plane = 0);
     refused(&|params| params.pad = 1 << 20);
+    // a plate of a thousand million pixels
+    refused(&|params| params.pad = 1 << 14);
     refused(&|params| params.quad = Some("500,500,600,500,600,600,500,600".parse().unwrap()));
     assert!(!plate.output.exists());
 }

@@ -100,7 +100,7 @@ impl Operation for Enhance {
     /// Figures: `frames`, `photo_inliers`, `photo_sigma_px`.
     ///
     /// # Errors
-    /// [`JobError::Parameter`], [`JobError::Quad`], [`JobError::Outside`], [`JobError::Photo`], [`JobError::Read`],
+    /// [`JobError::Parameter`], [`JobError::ResultSize`], [`JobError::Quad`], [`JobError::Outside`], [`JobError::Photo`], [`JobError::Read`],
     /// [`JobError::ReadClip`], [`JobError::WriteClip`], [`JobError::SizesDiffer`], [`JobError::TrackFile`], [`JobError::Along`], what
     /// [`check_files`](crate::check_files) refuses, [`JobError::Cancelled`].
     fn run(&self, context: &Context) -> Result<Report, JobError> {
@@ -111,11 +111,14 @@ impl Operation for Enhance {
         context.check_files(&self.inputs(), &[&output])?;
         let clip = open_clip(&self.input, None, &mut report, context)?;
         let size = clip.info().size;
-        let double =
-            Size::new(2 * size.width(), 2 * size.height()).map_err(|_| JobError::Parameter {
-                field: "input",
-                value: size.to_string(),
-                range: "small enough to be doubled",
+        let (width, height) = (2 * size.width(), 2 * size.height());
+        let double = Size::new(width, height)
+            .ok()
+            .filter(|double| double.pixels() as u64 <= context.limits.max_pixels)
+            .ok_or(JobError::ResultSize {
+                width: width as f64,
+                height: height as f64,
+                remedy: "give a smaller clip",
             })?;
         let paths = ShotFiles {
             input: &self.input,
