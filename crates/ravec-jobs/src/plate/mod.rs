@@ -12,7 +12,7 @@ use crate::track::exclusions::{Exclusions, MaskFiles};
 use crate::track::follow::{Reader, Shot};
 use crate::video::{FrameRange, open_clip};
 use glam::DVec2;
-use ravec::completion::{CompleteParams, complete};
+use ravec::completion::{CompleteError, CompleteParams, complete};
 use ravec::planar::Homography;
 use ravec::raster::{AnyImage, Image, Mask, Plane, Srgb, Srgba};
 use ravec::video_edit::{Plate as BackgroundPlate, PlateSamples, ShotFrame};
@@ -284,54 +284,17 @@ impl Plate {
         report: &mut Report,
         context: &Context,
     ) -> Result<(), JobError> {
-        let colors = plate.colors.map(Srgb);
-        let seen = plate.seen.coverage();
-        let count = seen.pixels().iter().filter(|&&seen| seen > 0.0).count();
-        let mut colors = colors;
-        if self.params.unseen == Unseen::Completed && count > 0 {
-            let hole = enclosed(&plate.seen);
-            let shift = DVec2::splat(self.params.pad as f64);
-            let planes: Vec<_> = quad
-                .map(|quad| quad.map(|at| at + shift))
-                .into_iter()
-                .collect();
-            if !hole.is_empty() {
-                let params = CompleteParams::default();
-                match complete(&colors, &hole, &planes, &params, &context.progress) {
-                    Ok(completed) => colors = completed.image,
-                    Err(ravec::completion::CompleteError::Cancelled(_)) => {
-                        return Err(JobError::Cancelled);
-                    }
-                    Err(reason) => report.warn(format!(
-                        "what no frame shows continues smoothly, for it cannot be completed: {reason}"
-                    )),
-                }
-            }
-        }
-        let picture: AnyImage = if self.params.unseen == Unseen::Transparent {
-            let pixels: Image<Srgba<f32>> = Image::from_fn(colors.size(), |col, row| {
-                let Srgb([r, g, b]) = colors[(col, row)];
-                Srgba([r, g, b, plate.seen.at(col, row)])
-            });
-            if deep {
-                AnyImage::Srgba16(pixels.convert())
-            } else {
-                AnyImage::Srgba8(pixels.convert())
-            }
-        } else if deep {
-            AnyImage::Srgb16(colors.convert())
-        } else {
-            AnyImage::Srgb8(colors.convert())
-        };
+        let colors = self.completed(plate, quad, report, context)?;
         let gray = |plane: &Plane| -> AnyImage {
             let gray: Image<Srgb<u8>> = plane.map(|value| Srgb([value; 3])).convert();
             gray.into()
         };
-        let options = WriteOptions::default();
         let mut save = |path: &Path, image: AnyImage| {
+            let options = WriteOptions::default();
             files::write(path, &Picture::from_image(image), &options, report, context)
         };
-        save(&self.output, picture)?;
+        save(&self.output, self.drawn(&colors, &plate.seen, deep))?;
+        let seen = plate.seen.coverage();
         if let Some(path) = &self.seen {
             save(path, gray(seen))?;
         }
@@ -339,20 +302,65 @@ impl Plate {
             save(path, gray(&plate.certainty))?;
         }
         let pixels = seen.pixels().len();
-        let sum: f64 = plate
-            .certainty
-            .pixels()
-            .iter()
-            .map(|&value| f64::from(value))
-            .sum();
+        let count = seen.pixels().iter().filter(|&&seen| seen > 0.0).count();
+        let certainty = plate.certainty.pixels().iter();
+        let certainty: f64 = certainty.map(|&value| f64::from(value)).sum();
         for (name, figure) in [
             ("seen_percent", 100.0 * count as f64 / pixels as f64),
-            ("certainty", sum / count.max(1) as f64),
+            ("certainty", certainty / count.max(1) as f64),
             ("invented_px", (pixels - count) as f64),
         ] {
             report.figures.insert(name, figure);
         }
         Ok(())
+    }
+
+    /// Colors of the plate, with holes completed if that is asked for.
+    fn completed(
+        &self,
+        plate: &BackgroundPlate,
+        quad: Option<[DVec2; 4]>,
+        report: &mut Report,
+        context: &Context,
+    ) -> Result<Image<Srgb<f32>>, JobError> {
+        let colors = plate.colors.map(Srgb);
+        let hole = enclosed(&plate.seen);
+        if self.params.unseen != Unseen::Completed || hole.is_empty() {
+            return Ok(colors);
+        }
+        let shift = DVec2::splat(self.params.pad as f64);
+        let quad = quad.map(|quad| quad.map(|at| at + shift));
+        let params = CompleteParams::default();
+        match complete(&colors, &hole, quad.as_slice(), &params, &context.progress) {
+            Ok(completed) => Ok(completed.image),
+            Err(CompleteError::Cancelled(_)) => Err(JobError::Cancelled),
+            Err(reason) => {
+                report.warn(format!(
+                    "what no frame shows continues smoothly, for it cannot be completed: {reason}"
+                ));
+                Ok(colors)
+            }
+        }
+    }
+
+    /// The picture that is written, with as many bits as the clip has.
+    fn drawn(&self, colors: &Image<Srgb<f32>>, seen: &Mask, deep: bool) -> AnyImage {
+        if self.params.unseen != Unseen::Transparent {
+            return if deep {
+                AnyImage::Srgb16(colors.convert())
+            } else {
+                AnyImage::Srgb8(colors.convert())
+            };
+        }
+        let pixels: Image<Srgba<f32>> = Image::from_fn(colors.size(), |col, row| {
+            let Srgb([r, g, b]) = colors[(col, row)];
+            Srgba([r, g, b, seen.at(col, row)])
+        });
+        if deep {
+            AnyImage::Srgba16(pixels.convert())
+        } else {
+            AnyImage::Srgba8(pixels.convert())
+        }
     }
 }
 
