@@ -22,11 +22,8 @@ const REACH_PX: usize = 40;
 const COLOR_SIGMA: f32 = 10.0;
 /// Samples of colors on each side.
 const MAX_COLORS: usize = 240;
-/// Weight of the likelihood of a color against its frequency.
-const LIKELIHOOD_WEIGHT: f32 = 1.0;
 /// Likelihood ratio, as a logarithm, below which a color is one of the foreground.
 const FOREGROUND: f32 = -1.0;
-
 /// Share of the marks on a region that must be at the most frequent color: else the foreground only passes.
 const LASTING_SHARE: f32 = 0.2;
 /// Density of colors that no color falls below: what is rare is not impossible.
@@ -187,7 +184,7 @@ impl<'a> Judge<'a> {
                     .filter(|mode| density(&around, mode.color, 2.0 * COLOR_SIGMA) > MIN_SUPPORT)
                     .map(|mode| {
                         let ratio = ratio(mode.color);
-                        let score = (mode.density / count).ln() + LIKELIHOOD_WEIGHT * ratio;
+                        let score = (mode.density / count).ln() + ratio;
                         (score, ratio, mode)
                     })
                     .max_by(|a, b| a.0.total_cmp(&b.0));
