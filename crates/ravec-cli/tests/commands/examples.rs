@@ -157,14 +157,15 @@ fn clips(folder: &Path) {
         wall(0.5 * col as f64, 0.5 * row as f64)
     });
     std::fs::write(folder.join("wall_photo.png"), photo).unwrap();
+    std::fs::write(folder.join("none.png"), bmp(160, 120, |_, _| [0; 3])).unwrap();
     for (name, short) in [
         ("wall.json", "w.json"),
         ("wall_plate.png", "w.png"),
-        ("wall_photo.png", "big.png"),
+        ("wall_photo.png", "p.png"),
+        ("none.png", "m.png"),
     ] {
         std::fs::copy(folder.join(name), folder.join(short)).unwrap();
     }
-    std::fs::write(folder.join("none.png"), bmp(160, 120, |_, _| [0; 3])).unwrap();
 }
 
 /// Runs a line as a shell would, on small pictures where it is about built-in ones.

@@ -51,7 +51,7 @@ pub struct Enhance {
 #[cfg(feature = "cli")]
 const HELP: &str = "\
 Examples:
-  ravec video enhance wall.y4m --track w.json --plate w.png --matte none.png --photo big.png -o big.y4m
+  ravec video enhance wall.y4m --track w.json --plate w.png --matte m.png --photo p.png -o big.y4m
 
 The place of the photo is found on the plate, and its colors are brought to those of the plate by a curve for each channel; each frame \
 then has its own light. Where the photo ends, the enlarged frame goes on.
