@@ -364,9 +364,9 @@ pub enum JobError {
     /// The rendering refuses its input.
     #[error(transparent)]
     Render(RenderError),
-    /// A clip that is read along with another one ends before it.
+    /// A clip or matte that belongs to another clip has fewer frames.
     #[error("{} ends before frame {frame} of the clip that it belongs to", path.display())]
-    Along {
+    ClipTooShort {
         /// The clip that ends.
         path: PathBuf,
         /// The first frame that it lacks.

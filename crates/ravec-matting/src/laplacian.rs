@@ -4,6 +4,7 @@
 //! as 5×5 stencils, and the system is solved by conjugate gradients with the diagonal as preconditioner.
 
 use crate::matte::{Colors, MattingError};
+use crate::symmetric::{adjugate, product};
 use ravec_progress::Progress;
 use ravec_raster::{Plane, Size};
 use rayon::prelude::*;
@@ -27,7 +28,7 @@ pub(crate) struct Span {
     start: usize,
 }
 
-/// What each unknown pixel is drawn to, and how much.
+/// Data term of the unknown pixels.
 pub(crate) struct DataTerm {
     /// Alpha by its color alone.
     pub alpha: Vec<f32>,
@@ -131,15 +132,7 @@ impl Window {
                 yz += y * z / 9.0;
             }
         }
-        let cofactors = [
-            yy * zz - yz * yz,
-            xx * zz - xz * xz,
-            xx * yy - xy * xy,
-            xz * yz - xy * zz,
-            xy * yz - xz * yy,
-            xy * xz - xx * yz,
-        ];
-        let determinant = xx * cofactors[0] + xy * cofactors[3] + xz * cofactors[4];
+        let (cofactors, determinant) = adjugate([xx, yy, zz, xy, xz, yz]);
         Self {
             mean,
             inverse: cofactors.map(|value| (value / determinant) as f32),
@@ -148,13 +141,8 @@ impl Window {
 
     /// Inverse covariance times the difference of a color to the mean.
     fn whitened(&self, color: [f32; 3]) -> [f32; 3] {
-        let [x, y, z] = [0, 1, 2].map(|c| color[c] - self.mean[c]);
-        let [xx, yy, zz, xy, xz, yz] = self.inverse;
-        [
-            xx * x + xy * y + xz * z,
-            xy * x + yy * y + yz * z,
-            xz * x + yz * y + zz * z,
-        ]
+        let difference = [0, 1, 2].map(|c| color[c] - self.mean[c]);
+        product(&self.inverse, difference)
     }
 }
 

@@ -57,6 +57,7 @@ mod plate;
 mod posterior;
 mod speckles;
 mod still;
+mod symmetric;
 mod texture;
 
 pub use light::PlateLight;

@@ -17,6 +17,7 @@ use crate::half::doubled;
 use crate::laplacian::{DataTerm, MattingLaplacian, Unknowns};
 use crate::matte::{Colors, Constraint, Constraints, Matte, MattingError};
 use crate::posterior::LEVELS;
+use crate::symmetric::{adjugate, product};
 use ravec_progress::Progress;
 use ravec_raster::{Image, Plane};
 
@@ -337,21 +338,13 @@ impl Mixture {
         let beta = 1.0 - alpha;
         let (front, back) = (alpha * alpha, beta * beta);
         let noise = 1.0 + MIN_SPREAD * (front + back);
-        let [xx, yy, zz, xy, xz, yz]: [f32; 6] = std::array::from_fn(|entry| {
+        let covariance: [f32; 6] = std::array::from_fn(|entry| {
             front * foreground.covariance[entry]
                 + back * background.covariance[entry]
                 + if entry < 3 { noise } else { 0.0 }
         });
-        let cofactors = [
-            yy * zz - yz * yz,
-            xx * zz - xz * xz,
-            xx * yy - xy * xy,
-            xz * yz - xy * zz,
-            xy * yz - xz * yy,
-            xy * xz - xx * yz,
-        ];
-        // rounding must not make it vanish: in exact numbers it is above 1
-        let determinant = xx * cofactors[0] + xy * cofactors[3] + xz * cofactors[4];
+        // rounding must not make the determinant vanish: in exact numbers it is above 1
+        let (cofactors, determinant) = adjugate(covariance);
         Self {
             alpha,
             mean: [0, 1, 2].map(|c| alpha * foreground.mean[c] + beta * background.mean[c]),
@@ -394,15 +387,6 @@ impl Mixture {
         }
         colors
     }
-}
-
-/// Product of a symmetric matrix and a vector.
-fn product([xx, yy, zz, xy, xz, yz]: &[f32; 6], [x, y, z]: [f32; 3]) -> [f32; 3] {
-    [
-        xx * x + xy * y + xz * z,
-        xy * x + yy * y + yz * z,
-        xz * x + yz * y + zz * z,
-    ]
 }
 
 fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {

@@ -94,7 +94,7 @@ impl JobError {
             }
             | Self::SizesDiffer { .. }
             | Self::Complete { .. }
-            | Self::Along { .. }
+            | Self::ClipTooShort { .. }
             | Self::Strokes { .. }
             | Self::TrackFile { .. }
             | Self::Track {

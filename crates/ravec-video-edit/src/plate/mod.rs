@@ -157,11 +157,11 @@ fn exposure_of(
     Exposure::fit(&pairs)
 }
 
-/// What a sample of the first pass says, beside its color.
+/// Label of a pixel of a layer.
 #[repr(u8)]
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Says {
-    Nothing = 0,
+enum Label {
+    Empty = 0,
     Sample = 1,
     Background = 2,
 }
@@ -234,7 +234,7 @@ impl PlateSamples {
                     let color = exposure.undone([*r, *g, *b]);
                     let [r, g, b] =
                         color.map(|value| (255.0 * value).round().clamp(0.0, 255.0) as u8);
-                    *layer = [r, g, b, Says::Sample as u8];
+                    *layer = [r, g, b, Label::Sample as u8];
                 }
             });
         if let Some(mask) = frame.strokes {
@@ -263,8 +263,8 @@ impl PlateSamples {
                 .iter_mut()
                 .zip(marked.coverage().pixels())
             {
-                if pixel[3] != Says::Nothing as u8 && *marked > 0.0 {
-                    pixel[3] = Says::Background as u8;
+                if pixel[3] != Label::Empty as u8 && *marked > 0.0 {
+                    pixel[3] = Label::Background as u8;
                 }
             }
         }
@@ -288,8 +288,8 @@ impl PlateSamples {
         for index in 0..count {
             // the first one and the last one, too
             let at = index * (self.layers.len() - 1) / (count - 1).max(1);
-            let [r, g, b, says] = self.layers[at][(col, row)];
-            if says != Says::Nothing as u8 {
+            let [r, g, b, label] = self.layers[at][(col, row)];
+            if label != Label::Empty as u8 {
                 for (values, value) in values.iter_mut().zip([r, g, b]) {
                     values[found] = value;
                 }
@@ -360,10 +360,10 @@ impl PlateSamples {
     /// Collects the samples of a pixel; those that strokes mark as background alone, if there are some.
     fn collect(&self, col: usize, row: usize, samples: &mut Samples) {
         samples.clear();
-        for says in [Says::Background, Says::Sample] {
+        for label in [Label::Background, Label::Sample] {
             for layer in &self.layers {
-                let [r, g, b, said] = layer[(col, row)];
-                if said == says as u8 {
+                let [r, g, b, stored] = layer[(col, row)];
+                if stored == label as u8 {
                     samples.push([r, g, b].map(f32::from));
                 }
             }

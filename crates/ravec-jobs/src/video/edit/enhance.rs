@@ -1,6 +1,6 @@
 //! `video enhance`: a clip twice as large, whose plane comes from a sharp photo.
 
-use super::{Edit, ShotFiles, ShotParams, Written, check, written};
+use super::{EditInputs, EditOutput, OpenEdit, ShotParams, write_frames};
 use crate::context::Context;
 use crate::error::JobError;
 use crate::files;
@@ -8,14 +8,13 @@ use crate::operation::{Operation, paths};
 use crate::plane::Quad;
 use crate::report::Report;
 use crate::shot::encoded;
-use crate::video::{Encoding, clip_folders, clip_outputs, folder_or_clip, open_clip};
+use crate::video::{Encoding, clip_folders, clip_outputs};
 use glam::{DVec2, dvec2};
 use ravec::matting::Colors;
 use ravec::planar::track::{PhotoError, PhotoParams, locate_photo};
 use ravec::planar::{Beyond, Homography, warp};
 use ravec::raster::{Image, Plane, Size};
 use ravec::video_edit::{Enhancement, Tone};
-use ravec_video::FrameSource as _;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -101,16 +100,27 @@ impl Operation for Enhance {
     ///
     /// # Errors
     /// [`JobError::Parameter`], [`JobError::ResultSize`], [`JobError::Quad`], [`JobError::Outside`], [`JobError::Photo`], [`JobError::Read`],
-    /// [`JobError::ReadClip`], [`JobError::WriteClip`], [`JobError::SizesDiffer`], [`JobError::TrackFile`], [`JobError::Along`], what
+    /// [`JobError::ReadClip`], [`JobError::WriteClip`], [`JobError::SizesDiffer`], [`JobError::TrackFile`], [`JobError::ClipTooShort`], what
     /// [`check_files`](crate::check_files) refuses, [`JobError::Cancelled`].
     fn run(&self, context: &Context) -> Result<Report, JobError> {
         let params = &self.params;
         let mut report = Report::of(self, params);
-        check(&params.shot)?;
-        let output = folder_or_clip(&self.output, &self.inputs(), context)?;
-        context.check_files(&self.inputs(), &[&output])?;
-        let clip = open_clip(&self.input, None, &mut report, context)?;
-        let size = clip.info().size;
+        let inputs = EditInputs {
+            input: &self.input,
+            output: &self.output,
+            plate: &self.plate,
+            track: self.track.as_deref(),
+            matte: &self.matte,
+            params: &params.shot,
+            encoding: &params.encoding,
+        };
+        let opened = OpenEdit::new(self, &inputs, &mut report, context)?;
+        let OpenEdit {
+            clip,
+            output,
+            mut edit,
+        } = opened;
+        let size = edit.size;
         let (width, height) = (2 * size.width(), 2 * size.height());
         let double = Size::new(width, height)
             .ok()
@@ -120,25 +130,15 @@ impl Operation for Enhance {
                 height: height as f64,
                 remedy: "give a smaller clip",
             })?;
-        let paths = ShotFiles {
-            input: &self.input,
-            plate: Some(&self.plate),
-            track: self.track.as_deref(),
-            matte: &self.matte,
-        };
-        let mut edit = Edit::open(&paths, size, &params.shot, &mut report, context)?;
         let photo = self.photo_on_plane(size, &mut report, context)?;
-        let files = Written {
-            input: &self.input,
-            output: &output,
+        let files = EditOutput {
             size: Some(double),
-            encoding: &params.encoding,
-            phase: "enhance",
+            ..inputs.output(&output, "enhance")
         };
         let half = Homography::from_scale(DVec2::splat(0.5)).unwrap_or(Homography::IDENTITY);
         // borrowed for this thread alone: a clip of masks cannot be shared
         let edit = &mut edit;
-        written(self, &files, clip, &mut report, context, |shot| {
+        write_frames(self, &files, clip, &mut report, context, |shot| {
             let frame = edit.frame(shot.index, &shot.image, context)?;
             let photo_from_output = (frame.map * photo.reference_from_photo).inverse() * half;
             let progress = context.progress.silent();

@@ -16,7 +16,7 @@ use crate::shot::{ShotPlate, ShotTrack, TrackChoice, check_pad, check_plane, enc
 use crate::track::exclusions::{Exclusions, MaskFiles};
 use crate::track::follow::{Reader, Shot};
 use crate::track::rewrite::{Target, rewrite};
-use crate::video::{Encoding, FrameRange, is_clip, key_of, open_clip, read_error};
+use crate::video::{Encoding, FrameRange, folder_or_clip, is_clip, key_of, open_clip, read_error};
 use ravec::matting::{Colors, PlateLight};
 use ravec::planar::Homography;
 use ravec::raster::{AnyImage, Image, Plane, Size, Srgb};
@@ -56,19 +56,35 @@ impl Default for ShotParams {
     }
 }
 
-/// Files of a shot.
-#[derive(Debug, Clone, Copy)]
-struct ShotFiles<'a> {
+/// Files and parameters that all edits have.
+struct EditInputs<'a> {
     input: &'a Path,
-    plate: Option<&'a Path>,
+    output: &'a Path,
+    plate: &'a Path,
     track: Option<&'a Path>,
     matte: &'a Path,
+    params: &'a ShotParams,
+    encoding: &'a Encoding,
+}
+
+impl<'a> EditInputs<'a> {
+    /// Output of an edit whose frames have the times and the size of the input.
+    fn output(&self, output: &'a Path, phase: &'static str) -> EditOutput<'a> {
+        EditOutput {
+            input: self.input,
+            output,
+            size: None,
+            range: FrameRange::default(),
+            encoding: self.encoding,
+            phase,
+        }
+    }
 }
 
 /// A shot with its plate, its track and its matte.
 struct Edit {
     size: Size,
-    plate: Option<ShotPlate>,
+    plate: ShotPlate,
     track: Option<ShotTrack>,
     track_path: Option<PathBuf>,
     matte: Exclusions,
@@ -83,56 +99,50 @@ struct EditFrame {
     alpha: Plane,
     /// Map from the reference frame.
     map: Homography,
-    /// The plate as the frame shows it, in its light; the frame itself without a plate.
+    /// The plate as the frame shows it, in its light.
     background: Colors,
     /// Share of certainty of the plate.
     known: Plane,
 }
 
 impl Edit {
-    /// Opens the files of a shot whose frames have `size`.
+    /// Reads plate, track and matte of a shot whose frames have `size`.
     ///
     /// # Errors
     /// [`JobError::Parameter`], [`JobError::SizesDiffer`], [`JobError::TrackFile`], those of reading.
     fn open(
-        paths: &ShotFiles<'_>,
+        inputs: &EditInputs<'_>,
         size: Size,
-        params: &ShotParams,
         report: &mut Report,
         context: &Context,
     ) -> Result<Self, JobError> {
-        let plate = match paths.plate {
-            None => None,
-            Some(path) => {
-                let picture = files::read(path, report, context)?;
-                let plate = ShotPlate::new(&picture.image, params.pad);
-                if plate.frame_size() != Some(size) {
-                    return Err(JobError::SizesDiffer {
-                        a: paths.input.to_path_buf(),
-                        a_size: size,
-                        b: path.to_path_buf(),
-                        b_size: picture.image.size(),
-                    });
-                }
-                Some(plate)
-            }
+        let plate_size = |b_size: Size| JobError::SizesDiffer {
+            a: inputs.input.to_path_buf(),
+            a_size: size,
+            b: inputs.plate.to_path_buf(),
+            b_size,
         };
-        let track = match paths.track {
-            Some(path) => Some(read_track(path, params, report, context)?),
+        let picture = files::read(inputs.plate, report, context)?.image;
+        let plate = ShotPlate::new(&picture, inputs.params.pad);
+        if plate.frame_size() != Some(size) {
+            return Err(plate_size(picture.size()));
+        }
+        let track = match inputs.track {
+            Some(path) => Some(read_track(path, inputs.params, report, context)?),
             None => None,
         };
         let masks = MaskFiles {
-            input: paths.input,
-            exclude: Some(paths.matte),
+            input: inputs.input,
+            exclude: Some(inputs.matte),
             strokes: None,
         };
         Ok(Self {
             size,
             plate,
             track,
-            track_path: paths.track.map(Path::to_path_buf),
+            track_path: inputs.track.map(Path::to_path_buf),
             matte: Exclusions::open(&masks, size, 0, report, context)?,
-            matte_path: paths.matte.to_path_buf(),
+            matte_path: inputs.matte.to_path_buf(),
         })
     }
 
@@ -149,23 +159,16 @@ impl Edit {
         context: &Context,
     ) -> Result<EditFrame, JobError> {
         let map = self.map(index)?;
-        let alpha = self.matte.of(index)?.ok_or_else(|| JobError::Along {
-            path: self.matte_path.clone(),
-            frame: index,
-        })?;
+        let alpha = self
+            .matte
+            .of(index)?
+            .ok_or_else(|| JobError::ClipTooShort {
+                path: self.matte_path.clone(),
+                frame: index,
+            })?;
         let alpha = alpha.into_coverage();
         let colors = encoded(image);
-        let Some(plate) = &self.plate else {
-            return Ok(EditFrame {
-                index,
-                map,
-                alpha,
-                background: colors.clone(),
-                known: Plane::new(self.size, 0.0),
-                colors,
-            });
-        };
-        let shown = plate.in_frame(&map, self.size, context)?;
+        let shown = self.plate.in_frame(&map, self.size, context)?;
         let usable = |col: usize, row: usize| {
             shown.known[(col, row)] > 0.99 && alpha[(col, row)] < MAX_ALPHA
         };
@@ -214,8 +217,8 @@ fn map_of(
         })
 }
 
-/// Frames of a second picture or clip, read along with the first one.
-enum Along {
+/// A picture or clip whose frames are read in step with those of another clip.
+enum SideInput {
     Still(Box<AnyImage>),
     Clip {
         clip: Box<Clip>,
@@ -224,18 +227,23 @@ enum Along {
     },
 }
 
-impl Along {
+impl SideInput {
     fn open(path: &Path, report: &mut Report, context: &Context) -> Result<Self, JobError> {
         if !is_clip(path, context) {
             return Ok(Self::Still(Box::new(
                 files::read(path, report, context)?.image,
             )));
         }
-        Ok(Self::Clip {
-            clip: Box::new(open_clip(path, None, report, context)?),
+        Ok(Self::of(open_clip(path, None, report, context)?, path))
+    }
+
+    /// A clip that was opened from `path`.
+    fn of(clip: Clip, path: &Path) -> Self {
+        Self::Clip {
+            clip: Box::new(clip),
             path: path.to_path_buf(),
             next: 0,
-        })
+        }
     }
 
     fn size(&self) -> Size {
@@ -245,10 +253,13 @@ impl Along {
         }
     }
 
-    /// The frame of this number; `None` behind the end of a clip.
-    fn frame(&mut self, index: u64) -> Result<Option<AnyImage>, JobError> {
+    /// The frame of this number; that of a picture is the picture.
+    ///
+    /// # Errors
+    /// [`JobError::ClipTooShort`], [`JobError::ReadClip`].
+    fn frame(&mut self, index: u64) -> Result<AnyImage, JobError> {
         match self {
-            Self::Still(image) => Ok(Some((**image).clone())),
+            Self::Still(image) => Ok((**image).clone()),
             Self::Clip { clip, path, next } => {
                 let failed = read_error(path);
                 if index != *next {
@@ -256,38 +267,71 @@ impl Along {
                 }
                 *next = index + 1;
                 let frame = clip.next_frame().map_err(&failed)?;
-                Ok(frame.map(|frame| frame.picture.into_image()))
+                let frame = frame.ok_or_else(|| JobError::ClipTooShort {
+                    path: path.clone(),
+                    frame: index,
+                })?;
+                Ok(frame.picture.into_image())
             }
         }
     }
 }
 
-/// Checks what all edits have.
-fn check(params: &ShotParams) -> Result<(), JobError> {
-    check_plane(params.plane)?;
-    check_pad(params.pad)
+/// An edit whose inputs are open.
+struct OpenEdit {
+    clip: Clip,
+    /// The clip that is written.
+    output: PathBuf,
+    edit: Edit,
 }
 
-/// What is written by an edit.
-struct Written<'a> {
+impl OpenEdit {
+    /// Checks parameters and files, and opens the inputs.
+    ///
+    /// # Errors
+    /// [`JobError::Parameter`], [`JobError::ReadClip`], [`JobError::WriteClip`], those of [`Edit::open`], what
+    /// [`check_files`](crate::check_files) refuses.
+    fn new<O: Operation>(
+        operation: &O,
+        inputs: &EditInputs<'_>,
+        report: &mut Report,
+        context: &Context,
+    ) -> Result<Self, JobError> {
+        check_plane(inputs.params.plane)?;
+        check_pad(inputs.params.pad)?;
+        let output = folder_or_clip(inputs.output, &operation.inputs(), context)?;
+        context.check_files(&operation.inputs(), &[&output])?;
+        let clip = open_clip(inputs.input, None, report, context)?;
+        let edit = Edit::open(inputs, clip.info().size, report, context)?;
+        Ok(Self { clip, output, edit })
+    }
+}
+
+/// Output of an edit.
+struct EditOutput<'a> {
+    /// The clip that is read, from which times and sound come.
     input: &'a Path,
     output: &'a Path,
+    /// Size of the frames, unless it is that of the input.
     size: Option<Size>,
+    /// Frames that are used.
+    range: FrameRange,
     encoding: &'a Encoding,
+    /// Name of the phase.
     phase: &'static str,
 }
 
 /// Writes the frames of a clip, each changed by `change`.
-fn written<O: Operation>(
+fn write_frames<O: Operation>(
     operation: &O,
-    files: &Written<'_>,
+    files: &EditOutput<'_>,
     clip: Clip,
     report: &mut Report,
     context: &Context,
     mut change: impl FnMut(&Shot) -> Result<Colors, JobError> + Send,
 ) -> Result<(), JobError> {
     let total = clip.info().frames;
-    let mut reader = Reader::new(clip, files.input, FrameRange::default())?;
+    let mut reader = Reader::new(clip, files.input, files.range)?;
     let key = key_of(operation);
     let target = Target {
         input: files.input,

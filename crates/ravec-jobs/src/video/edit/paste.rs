@@ -1,16 +1,20 @@
 //! `video paste`: the foreground of a clip in another one, on the plane of each.
 
-use super::{Along, Edit, ShotFiles, ShotParams, Written, check, map_of, read_track, written};
+use super::{
+    EditFrame, EditInputs, EditOutput, OpenEdit, ShotParams, SideInput, map_of, read_track,
+    write_frames,
+};
 use crate::context::Context;
 use crate::error::JobError;
 use crate::operation::{Operation, paths};
 use crate::plane::Quad;
 use crate::report::Report;
-use crate::shot::encoded;
+use crate::shot::{ShotTrack, encoded};
 use crate::track::exclusions::{Exclusions, MaskFiles};
-use crate::video::{Encoding, clip_folders, clip_outputs, folder_or_clip, open_clip};
+use crate::video::{Encoding, FrameRange, clip_folders, clip_outputs};
+use ravec::matting::Colors;
 use ravec::planar::Homography;
-use ravec::raster::Size;
+use ravec::raster::{Plane, Size};
 use ravec::video_edit::{Layer, contact_shadow};
 use ravec_video::FrameSource as _;
 use serde::{Deserialize, Serialize};
@@ -60,7 +64,7 @@ Examples:
 
 The foreground of each frame is taken as lying on the plane: it goes to the reference frame of its clip, from --quad to --into-quad, and \
 with the second track to the frame of the second clip. So its place, size and perspective follow both planes. What --into-matte \
-shows stays in front of it.
+shows stays in front of it. Times and sound are those of the second clip.
 
 Figures: frames.";
 
@@ -120,18 +124,18 @@ impl Operation for Paste {
         clip_folders(&self.output)
     }
 
-    /// Writes the second clip with the foreground of the first one; it ends with the first one.
+    /// Writes the second clip, with its times and its sound, and the foreground of the first one. It ends where the first of both
+    /// ends.
     ///
     /// Figures: `frames`.
     ///
     /// # Errors
     /// [`JobError::Parameter`], [`JobError::Quad`], [`JobError::Outside`], [`JobError::Read`], [`JobError::ReadClip`],
-    /// [`JobError::WriteClip`], [`JobError::SizesDiffer`], [`JobError::TrackFile`], [`JobError::Along`], what
+    /// [`JobError::WriteClip`], [`JobError::SizesDiffer`], [`JobError::TrackFile`], [`JobError::ClipTooShort`], what
     /// [`check_files`](crate::check_files) refuses, [`JobError::Cancelled`].
     fn run(&self, context: &Context) -> Result<Report, JobError> {
         let params = &self.params;
         let mut report = Report::of(self, params);
-        check(&params.shot)?;
         if !(0.0..=1.0).contains(&params.shadow) {
             return Err(JobError::Parameter {
                 field: "shadow",
@@ -139,96 +143,145 @@ impl Operation for Paste {
                 range: "0 to 1",
             });
         }
-        let output = folder_or_clip(&self.output, &self.inputs(), context)?;
-        context.check_files(&self.inputs(), &[&output])?;
-        let clip = open_clip(&self.input, None, &mut report, context)?;
-        let size = clip.info().size;
-        let paths = ShotFiles {
+        let inputs = EditInputs {
             input: &self.input,
-            plate: Some(&self.plate),
+            output: &self.output,
+            plate: &self.plate,
             track: self.track.as_deref(),
             matte: &self.matte,
+            params: &params.shot,
+            encoding: &params.encoding,
         };
-        let mut edit = Edit::open(&paths, size, &params.shot, &mut report, context)?;
-        let mut into = Along::open(&self.into, &mut report, context)?;
-        let into_size = into.size();
-        let into_track = match &self.into_track {
+        let opened = OpenEdit::new(self, &inputs, &mut report, context)?;
+        let OpenEdit {
+            clip,
+            output,
+            mut edit,
+        } = opened;
+        let into = SideInput::open(&self.into, &mut report, context)?;
+        let mut scene = self.scene(edit.size, into.size(), &mut report, context)?;
+        // borrowed for this thread alone: clips cannot be shared
+        let (edit, scene) = (&mut edit, &mut scene);
+        let files = EditOutput {
+            size: Some(into.size()),
+            ..inputs.output(&output, "paste")
+        };
+        match into {
+            SideInput::Still(into) => {
+                let into = encoded(&into);
+                write_frames(self, &files, clip, &mut report, context, |shot| {
+                    let frame = edit.frame(shot.index, &shot.image, context)?;
+                    scene.paste(&frame, &into, context)
+                })?;
+            }
+            SideInput::Clip { clip: into, .. } => {
+                let frames = clip.info().frames;
+                let files = EditOutput {
+                    input: &self.into,
+                    range: frames
+                        .map_or_else(FrameRange::default, |n| FrameRange::between(&(0..n))),
+                    ..files
+                };
+                let first = &mut SideInput::of(clip, &self.input);
+                write_frames(self, &files, *into, &mut report, context, |shot| {
+                    let image = first.frame(shot.index)?;
+                    let frame = edit.frame(shot.index, &image, context)?;
+                    scene.paste(&frame, &encoded(&shot.image), context)
+                })?;
+            }
+        }
+        Ok(report)
+    }
+}
+
+/// The clip into which a foreground is pasted.
+struct Scene<'a> {
+    size: Size,
+    track: Option<ShotTrack>,
+    track_path: Option<&'a Path>,
+    /// Matte of what stands in front.
+    front: Option<Exclusions>,
+    /// Map from the reference frame of the first clip to that of this one.
+    into_from_reference: Homography,
+    shadow: f32,
+}
+
+impl Scene<'_> {
+    /// A frame of this clip with the foreground of the same frame of the first one.
+    fn paste(
+        &mut self,
+        frame: &EditFrame,
+        into: &Colors,
+        context: &Context,
+    ) -> Result<Colors, JobError> {
+        let into_map = map_of(self.track.as_ref(), self.track_path, frame.index)?;
+        let into_from_frame = into_map * self.into_from_reference * frame.map.inverse();
+        let progress = context.progress.silent();
+        let layer = Layer::new(&frame.colors, &frame.alpha, &frame.background)?;
+        let mut layer = layer.warped(&into_from_frame.inverse(), self.size, &progress)?;
+        let mut light = Plane::new(self.size, 1.0);
+        if self.shadow > 0.0 {
+            light = contact_shadow(&layer, SHADOW_HEIGHT, SHADOW_SOFTNESS_PX, self.shadow);
+        }
+        let front = match &mut self.front {
+            Some(front) => front.of(frame.index)?,
+            None => None,
+        };
+        if let Some(front) = front {
+            layer = layer.behind(front.coverage())?;
+            // the shadow lies behind it, too
+            for (light, front) in light.pixels_mut().iter_mut().zip(front.coverage().pixels()) {
+                *light += front * (1.0 - *light);
+            }
+        }
+        let shaded = Colors::from_fn(self.size, |col, row| {
+            into[(col, row)].map(|value| value * light[(col, row)])
+        });
+        Ok(layer.over(&shaded)?)
+    }
+}
+
+impl Paste {
+    fn scene(
+        &self,
+        size: Size,
+        into: Size,
+        report: &mut Report,
+        context: &Context,
+    ) -> Result<Scene<'_>, JobError> {
+        let params = &self.params;
+        let track = match &self.into_track {
             // the plane number is that of the first track
             Some(path) => {
                 let first = ShotParams {
                     plane: 1,
                     ..params.shot.clone()
                 };
-                Some(read_track(path, &first, &mut report, context)?)
+                Some(read_track(path, &first, report, context)?)
             }
             None => None,
         };
-        let mut front = match &self.into_matte {
+        let front = match &self.into_matte {
             Some(path) => {
                 let masks = MaskFiles {
                     input: &self.into,
                     exclude: Some(path),
                     strokes: None,
                 };
-                Some(Exclusions::open(
-                    &masks,
-                    into_size,
-                    0,
-                    &mut report,
-                    context,
-                )?)
+                Some(Exclusions::open(&masks, into, 0, report, context)?)
             }
             None => None,
         };
-        let into_from_reference = self.map_between_references(size, into_size)?;
-        let files = Written {
-            input: &self.input,
-            output: &output,
-            size: Some(into_size),
-            encoding: &params.encoding,
-            phase: "paste",
-        };
-        // borrowed for this thread alone: clips cannot be shared
-        let (edit, into, front) = (&mut edit, &mut into, &mut front);
-        written(self, &files, clip, &mut report, context, |shot| {
-            let frame = edit.frame(shot.index, &shot.image, context)?;
-            let behind = into.frame(shot.index)?.ok_or_else(|| JobError::Along {
-                path: self.into.clone(),
-                frame: shot.index,
-            })?;
-            let behind = encoded(&behind);
-            let into_map = map_of(into_track.as_ref(), self.into_track.as_deref(), shot.index)?;
-            let output_from_frame = into_map * into_from_reference * frame.map.inverse();
-            let progress = context.progress.silent();
-            let layer = Layer::new(&frame.colors, &frame.alpha, &frame.background)?;
-            let layer = layer.warped(&output_from_frame.inverse(), into_size, &progress)?;
-            let shaded = if params.shadow > 0.0 {
-                let light =
-                    contact_shadow(&layer, SHADOW_HEIGHT, SHADOW_SOFTNESS_PX, params.shadow);
-                ravec::matting::Colors::from_fn(into_size, |col, row| {
-                    behind[(col, row)].map(|value| value * light[(col, row)])
-                })
-            } else {
-                behind.clone()
-            };
-            let pasted = layer.over(&shaded)?;
-            let Some(front) = front else {
-                return Ok(pasted);
-            };
-            let Some(mask) = front.of(shot.index)? else {
-                return Ok(pasted);
-            };
-            Ok(ravec::matting::Colors::from_fn(into_size, |col, row| {
-                let share = mask.at(col, row);
-                let (front, back) = (behind[(col, row)], pasted[(col, row)]);
-                [0, 1, 2].map(|c| share * front[c] + (1.0 - share) * back[c])
-            }))
-        })?;
-        Ok(report)
+        Ok(Scene {
+            size: into,
+            track,
+            track_path: self.into_track.as_deref(),
+            front,
+            into_from_reference: self.map_between_references(size, into)?,
+            shadow: params.shadow,
+        })
     }
-}
 
-impl Paste {
     /// Map from the reference frame of the first clip to that of the second one.
     fn map_between_references(&self, size: Size, into: Size) -> Result<Homography, JobError> {
         let params = &self.params;

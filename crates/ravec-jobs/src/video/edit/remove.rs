@@ -1,13 +1,12 @@
 //! `video remove`: foreground removed from a clip, so that its plate shows through.
 
-use super::{Edit, ShotFiles, ShotParams, Written, check, written};
+use super::{EditInputs, OpenEdit, ShotParams, write_frames};
 use crate::context::Context;
 use crate::error::JobError;
 use crate::operation::{Operation, paths};
 use crate::report::Report;
-use crate::video::{Encoding, clip_folders, clip_outputs, folder_or_clip, open_clip};
+use crate::video::{Encoding, clip_folders, clip_outputs};
 use ravec::video_edit::Removal;
-use ravec_video::FrameSource as _;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -99,32 +98,29 @@ impl Operation for Remove {
     ///
     /// # Errors
     /// [`JobError::Parameter`], [`JobError::Read`], [`JobError::ReadClip`], [`JobError::WriteClip`], [`JobError::SizesDiffer`],
-    /// [`JobError::TrackFile`], [`JobError::Along`], what [`check_files`](crate::check_files) refuses, [`JobError::Cancelled`].
+    /// [`JobError::TrackFile`], [`JobError::ClipTooShort`], what [`check_files`](crate::check_files) refuses, [`JobError::Cancelled`].
     fn run(&self, context: &Context) -> Result<Report, JobError> {
         let params = &self.params;
         let mut report = Report::of(self, params);
-        check(&params.shot)?;
-        let output = folder_or_clip(&self.output, &self.inputs(), context)?;
-        context.check_files(&self.inputs(), &[&output])?;
-        let clip = open_clip(&self.input, None, &mut report, context)?;
-        let paths = ShotFiles {
+        let inputs = EditInputs {
             input: &self.input,
-            plate: Some(&self.plate),
+            output: &self.output,
+            plate: &self.plate,
             track: self.track.as_deref(),
             matte: &self.matte,
-        };
-        let size = clip.info().size;
-        let mut edit = Edit::open(&paths, size, &params.shot, &mut report, context)?;
-        let files = Written {
-            input: &self.input,
-            output: &output,
-            size: None,
+            params: &params.shot,
             encoding: &params.encoding,
-            phase: "remove",
         };
+        let opened = OpenEdit::new(self, &inputs, &mut report, context)?;
+        let OpenEdit {
+            clip,
+            output,
+            mut edit,
+        } = opened;
+        let files = inputs.output(&output, "remove");
         // borrowed for this thread alone: a clip of masks cannot be shared
         let edit = &mut edit;
-        written(self, &files, clip, &mut report, context, |shot| {
+        write_frames(self, &files, clip, &mut report, context, |shot| {
             let frame = edit.frame(shot.index, &shot.image, context)?;
             let removal = Removal {
                 frame: &frame.colors,

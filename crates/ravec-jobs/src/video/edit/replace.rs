@@ -1,17 +1,16 @@
 //! `video replace`: another picture or clip on the plane of a shot, or behind its foreground.
 
-use super::{Along, Edit, ShotFiles, ShotParams, Written, check, written};
+use super::{EditInputs, OpenEdit, ShotParams, SideInput, write_frames};
 use crate::context::Context;
 use crate::error::JobError;
 use crate::operation::{Operation, paths};
 use crate::plane::Quad;
 use crate::report::Report;
 use crate::shot::encoded;
-use crate::video::{Encoding, clip_folders, clip_outputs, folder_or_clip, open_clip};
+use crate::video::{Encoding, clip_folders, clip_outputs};
 use glam::dvec2;
 use ravec::planar::{Beyond, Homography, warp};
 use ravec::video_edit::Layer;
-use ravec_video::FrameSource as _;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -109,40 +108,35 @@ impl Operation for Replace {
     ///
     /// # Errors
     /// [`JobError::Parameter`], [`JobError::Quad`], [`JobError::Outside`], [`JobError::Read`], [`JobError::ReadClip`],
-    /// [`JobError::WriteClip`], [`JobError::SizesDiffer`], [`JobError::TrackFile`], [`JobError::Along`], what
+    /// [`JobError::WriteClip`], [`JobError::SizesDiffer`], [`JobError::TrackFile`], [`JobError::ClipTooShort`], what
     /// [`check_files`](crate::check_files) refuses, [`JobError::Cancelled`].
     fn run(&self, context: &Context) -> Result<Report, JobError> {
         let params = &self.params;
         let mut report = Report::of(self, params);
-        check(&params.shot)?;
-        let output = folder_or_clip(&self.output, &self.inputs(), context)?;
-        context.check_files(&self.inputs(), &[&output])?;
-        let clip = open_clip(&self.input, None, &mut report, context)?;
-        let size = clip.info().size;
-        let paths = ShotFiles {
+        let inputs = EditInputs {
             input: &self.input,
-            plate: Some(&self.plate),
+            output: &self.output,
+            plate: &self.plate,
             track: self.track.as_deref(),
             matte: &self.matte,
-        };
-        let mut edit = Edit::open(&paths, size, &params.shot, &mut report, context)?;
-        let mut image = Along::open(&self.image, &mut report, context)?;
-        let place = Place::new(params, size, image.size())?;
-        let files = Written {
-            input: &self.input,
-            output: &output,
-            size: None,
+            params: &params.shot,
             encoding: &params.encoding,
-            phase: "replace",
         };
+        let opened = OpenEdit::new(self, &inputs, &mut report, context)?;
+        let OpenEdit {
+            clip,
+            output,
+            mut edit,
+        } = opened;
+        let size = edit.size;
+        let mut image = SideInput::open(&self.image, &mut report, context)?;
+        let place = Placement::new(params, size, image.size())?;
+        let files = inputs.output(&output, "replace");
         // borrowed for this thread alone: clips cannot be shared
         let (edit, image) = (&mut edit, &mut image);
-        written(self, &files, clip, &mut report, context, |shot| {
+        write_frames(self, &files, clip, &mut report, context, |shot| {
             let frame = edit.frame(shot.index, &shot.image, context)?;
-            let new = image.frame(shot.index)?.ok_or_else(|| JobError::Along {
-                path: self.image.clone(),
-                frame: shot.index,
-            })?;
+            let new = image.frame(shot.index)?;
             let image_from_frame = place.image_from_frame(&frame.map);
             let progress = context.progress.silent();
             let new = warp(
@@ -159,15 +153,15 @@ impl Operation for Replace {
     }
 }
 
-/// Where the new background lies.
-enum Place {
-    /// On the plane: map from the reference frame to the image.
+/// Placement of the new background.
+enum Placement {
+    /// On the plane: map to the image from the reference frame.
     OnPlane(Homography),
-    /// Behind everything, in all frames the same.
+    /// Behind everything, equal in all frames: map to the image from a frame.
     Behind(Homography),
 }
 
-impl Place {
+impl Placement {
     fn new(
         params: &Params,
         frame: ravec::raster::Size,

@@ -253,6 +253,23 @@ fn a_paste_follows_both_planes_and_stays_behind_what_is_in_front() {
     let looked_at = |col: usize, row: usize| col > 0 && row > 0 && away_from_rims(col, row);
     let wrong = largest(&found, truth, looked_at);
     assert!(wrong < 8.0, "{wrong}");
+    // into a clip: its frames, and as many of them
+    for index in 0..3 {
+        let into = picture(Size::new(120, 80).unwrap(), |_, _| {
+            [30.0 + 20.0 * index as f64, 60.0, 90.0]
+        });
+        shot.save(&format!("i_{index}.png"), into);
+    }
+    let mut clip = paste.clone();
+    clip.into = shot.at("i_%d.png");
+    clip.output = shot.at("q_%d.png");
+    clip.params.shadow = 0.5;
+    assert_eq!(run(&clip).figures["frames"], 3.0);
+    let found = shot.read("q_2.png");
+    assert_eq!(found[(5, 5)], Srgb([70, 60, 90]));
+    // in front of everything, and not shaded
+    assert_eq!(found[(50, 70)], Srgb([70, 60, 90]));
+    assert!(found[(45, 50)].0[0] > 200);
     let mut one = paste.clone();
     one.params.into_quad = None;
     assert_eq!(refused(&one).kind(), ErrorKind::Request);
@@ -323,7 +340,10 @@ fn short_mattes_wrong_plates_and_the_own_folder_are_refused() {
     let shot = Shot::new();
     std::fs::remove_file(shot.at("a_4.png")).unwrap();
     let error = refused(&shot.removal("o_%d.png"));
-    assert!(matches!(error, JobError::Along { frame: 4, .. }), "{error}");
+    assert!(
+        matches!(error, JobError::ClipTooShort { frame: 4, .. }),
+        "{error}"
+    );
     assert_eq!(error.kind(), ErrorKind::Input);
     let mut plate = shot.removal("o_%d.png");
     plate.params.shot.pad = 3;
