@@ -120,6 +120,19 @@ fn a_square_that_passes_is_left_out_and_the_exposure_followed() {
 }
 
 #[test]
+fn what_stands_for_half_of_the_shot_is_there_as_a_whole_or_not_at_all() {
+    // noise alone decides at each pixel whether the square is more frequent
+    let shots: Vec<Shot> = (0..40)
+        .map(|k| shot(k, if k % 2 == 0 { 40.0 } else { -100.0 }, 30.0))
+        .collect();
+    let found = plate(&shots, |_| false);
+    let red = |col: usize, row: usize| found.colors[(PAD + col, PAD + row)][0] > 0.75;
+    let inside = (43..61).flat_map(|col| (33..57).map(move |row| (col, row)));
+    let count = inside.filter(|&(col, row)| red(col, row)).count();
+    assert!(count == 0 || count == 18 * 24, "{count} of {}", 18 * 24);
+}
+
+#[test]
 fn strokes_uncover_what_is_hidden_most_of_the_time() {
     // the square stays, and leaves its place in every fifth frame
     let shots: Vec<Shot> = (0..40)

@@ -179,7 +179,7 @@ impl<'a> Judge<'a> {
                 let samples = samples(col, row);
                 let count = samples.len() as f32;
                 let best = samples
-                    .modes(radius)
+                    .modes(radius, samples.len())
                     .into_iter()
                     .filter(|mode| density(&around, mode.color, 2.0 * COLOR_SIGMA) > MIN_SUPPORT)
                     .map(|mode| {

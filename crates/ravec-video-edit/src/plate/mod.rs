@@ -4,12 +4,15 @@
 //! first pass:  each frame is warped onto the plate and its exposure fitted to the median of some before
 //!              some of them are kept: as many as memory allows
 //! modes:       for each pixel the color around which its samples are densest
+//!              where several are, those of frames that agree with the plate around (`coherent`)
+//!              where marked foreground lasts, colors of the background around (`hidden`)
 //! second pass: each frame again, its exposure fitted to the modes
 //!              samples near the mode of their pixel are averaged
 //! ```
 //!
 //! Modes are robust, averages of all frames are free of noise and of the rounding that the samples of the first pass have.
 
+mod coherent;
 mod hidden;
 mod modes;
 
@@ -338,12 +341,14 @@ impl PlateSamples {
                 phase.advance(1);
                 Ok::<(), VideoEditError>(())
             })?;
+        let samples = |col: usize, row: usize| {
+            let mut samples = Samples::default();
+            self.collect(col, row, &mut samples);
+            samples
+        };
+        coherent::make_coherent(&mut modes, &share, radius, &samples);
+        progress.check()?;
         if !self.marks.is_empty() {
-            let samples = |col: usize, row: usize| {
-                let mut samples = Samples::default();
-                self.collect(col, row, &mut samples);
-                samples
-            };
             hidden::uncover(&mut modes, &share, &self.marks, radius, &samples);
         }
         let modes = modes.map(|[r, g, b, known]| [r / 255.0, g / 255.0, b / 255.0, known]);
@@ -361,10 +366,10 @@ impl PlateSamples {
     fn collect(&self, col: usize, row: usize, samples: &mut Samples) {
         samples.clear();
         for label in [Label::Background, Label::Sample] {
-            for layer in &self.layers {
+            for (index, layer) in self.layers.iter().enumerate() {
                 let [r, g, b, stored] = layer[(col, row)];
                 if stored == label as u8 {
-                    samples.push([r, g, b].map(f32::from));
+                    samples.push([r, g, b].map(f32::from), index);
                 }
             }
             if samples.len() > 0 {

@@ -14,6 +14,8 @@ const ENOUGH: f32 = 0.6;
 #[derive(Default)]
 pub(crate) struct Samples {
     channels: [Vec<f32>; 3],
+    /// Number of the layer of each sample.
+    layers: Vec<u16>,
 }
 
 /// A color around which samples are dense.
@@ -27,9 +29,11 @@ pub(crate) struct Mode {
 impl Samples {
     pub fn clear(&mut self) {
         self.channels.iter_mut().for_each(Vec::clear);
+        self.layers.clear();
     }
 
-    pub fn push(&mut self, color: [f32; 3]) {
+    pub fn push(&mut self, color: [f32; 3], layer: usize) {
+        self.layers.push(u16::try_from(layer).unwrap_or(u16::MAX));
         for (channel, value) in self.channels.iter_mut().zip(color) {
             channel.push(value);
         }
@@ -64,11 +68,23 @@ impl Samples {
         best
     }
 
-    /// All modes within `radius`, those of fewer samples than one apart.
-    pub fn modes(&self, radius: f32) -> Vec<Mode> {
+    /// Layers whose samples lie within `radius` of a color.
+    pub fn frames_near(&self, color: [f32; 3], radius: f32) -> Vec<u16> {
+        let scale = 1.0 / (radius * radius);
+        let near = |index: usize| {
+            let sample = self.color(index);
+            biweight([0, 1, 2].map(|c| sample[c] - color[c]), scale) > 0.0
+        };
+        let found = (0..self.len()).filter(|&index| near(index));
+        found.map(|index| self.layers[index]).collect()
+    }
+
+    /// Modes that are reached from up to `starts` samples, at least half of `radius` apart.
+    pub fn modes(&self, radius: f32, starts: usize) -> Vec<Mode> {
+        let starts = self.len().min(starts);
         let mut modes: Vec<Mode> = Vec::new();
-        for start in 0..self.len() {
-            let mode = self.climbed(self.color(start), radius);
+        for start in 0..starts {
+            let mode = self.climbed(self.color(start * self.len() / starts), radius);
             let near = |other: &Mode| {
                 let apart = [0, 1, 2].map(|c| mode.color[c] - other.color[c]);
                 biweight(apart, 1.0 / (0.25 * radius * radius)) > 0.0
@@ -159,7 +175,7 @@ mod tests {
             } else {
                 [0.6 - wave, 0.5, 0.4]
             };
-            samples.push(color);
+            samples.push(color, k);
         }
         for guess in [[0.2; 3], [0.9; 3], [0.6, 0.5, 0.4]] {
             let mode = samples.densest(guess, 0.08).unwrap();
