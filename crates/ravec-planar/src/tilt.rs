@@ -315,7 +315,7 @@ mod tests {
         }
 
         #[test]
-        fn up_to_thirteen_to_one_there_is_one_tile(side in 1usize..4000, aspect in 1.0f64..13.0) {
+        fn up_to_thirteen_to_one_there_is_one_tile(side in MIN_SIDE_PX..4000, aspect in 1.0f64..13.0) {
             let longer = (side as f64 * aspect) as usize;
             for picture in [size(longer, side), size(side, longer)] {
                 for view in View::TILTS {
