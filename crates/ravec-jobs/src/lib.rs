@@ -35,7 +35,9 @@ mod context;
 mod corners;
 mod error;
 mod files;
+mod frame_mark;
 mod identity;
+mod marks;
 mod mask;
 pub mod match_photos;
 pub mod matte;
@@ -62,6 +64,7 @@ pub use error::{ErrorKind, JobError};
 pub use files::{
     check_files, check_folder, make_folder, read as read_picture, write_output_text, write_text,
 };
+pub use frame_mark::{FrameMark, Side};
 pub use operation::{AnyOperation, Operation};
 pub use pixel_centers::PixelCenters;
 pub use ravec_files::abandon_outputs;

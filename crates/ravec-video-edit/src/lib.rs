@@ -6,6 +6,7 @@
 //! | task | start at |
 //! | --- | --- |
 //! | a picture of the background without what moves before it | [`PlateSamples`] |
+//! | strokes of a few frames in all of them | [`CarriedStroke`] |
 //! | a frame without its foreground | [`Removal`] |
 //! | the foreground as a layer, over another background or in another clip | [`Layer`] |
 //! | a soft frame with the detail of a photo | [`Enhancement`], [`Tone`] |
@@ -65,6 +66,7 @@ mod interpolated;
 mod layer;
 mod plate;
 mod removal;
+mod strokes;
 
 pub use enhance::{Enhancement, Tone};
 pub use exposure::Exposure;
@@ -72,6 +74,7 @@ pub use interpolated::interpolated;
 pub use layer::{Layer, contact_shadow};
 pub use plate::{Plate, PlateModes, PlateSamples, ShotFrame};
 pub use removal::Removal;
+pub use strokes::{CarriedStroke, StrokeFollower};
 
 use ravec_progress::Cancelled;
 use ravec_raster::{Image, Size};

@@ -1,24 +1,23 @@
 //! `matte`: alpha and foreground of a picture or a clip, with a known background or marked pixels.
 
+pub(crate) mod frames;
+
 use crate::context::Context;
 use crate::error::JobError;
 use crate::files;
+use crate::frame_mark::FrameMark;
 use crate::operation::{Operation, paths};
 use crate::pixel_centers::PixelCenters;
 use crate::report::Report;
-use crate::shot::{ShotPlate, ShotTrack, TrackChoice, check_pad, check_plane, encoded, is_deep};
-use crate::track::exclusions::{Exclusions, MaskFiles};
+use crate::shot::{check_pad, check_plane, is_deep};
 use crate::track::follow::Reader;
 use crate::track::rewrite::{Target, rewrite};
 use crate::video::{
     Encoding, FrameRange, clip_folders, clip_outputs, folder_or_clip, is_clip, key_of, open_clip,
 };
-use ravec::matting::{
-    Constraints, Matte as Solution, MattingError, PlateFrame, PlateParams, plate_matte, still_matte,
-};
-use ravec::planar::Homography;
-use ravec::progress::Progress;
-use ravec::raster::{AnyImage, Image, Mask, Plane, Size, Srgb, Srgba};
+use frames::{FrameMattes, Spread};
+use ravec::matting::{Matte as Solution, PlateParams};
+use ravec::raster::{AnyImage, Image, Plane, Srgb, Srgba};
 use ravec_media::{Picture, WriteOptions};
 use ravec_video::{FrameSource as _, PixelKind};
 use serde::{Deserialize, Serialize};
@@ -65,6 +64,7 @@ Examples:
   ravec matte shot_06.bmp --plate empty.png -o alpha.png
   ravec matte clip.y4m --plate empty.png -o alpha.y4m
   ravec matte clip.y4m --plate empty.png --content foreground -o cut_%04d.png
+  ravec matte clip.y4m --plate empty.png --mark 3:foreground:4:30,20,38,22 -o alpha.y4m
 
 Light, noise and small shifts of the background are followed frame by frame; a plate from another light is fine. With --track the \
 plate belongs to the reference frame of the track, and may be larger by --pad pixels on each side.
@@ -72,8 +72,9 @@ plate belongs to the reference frame of the track, and may be larger by --pad pi
 Without a plate, the pixels that a trimap or strokes leave open are found from the colors of the marked ones nearby: the closer the \
 marks to the border, the better.
 
-Foreground that has the colors of the background cannot be seen where neither has texture: strokes set it. Shadows are a part of \
-the foreground.
+Foreground that has the colors of the background cannot be seen where neither has texture: strokes set it. Strokes of a few frames \
+are carried through the clip: background along the track, foreground with what lies under it; in other frames than their own they \
+hold only where the colors are theirs. Shadows are a part of the foreground.
 
 Figures: frames, foreground_percent (mean of alpha), empty (frames without foreground); after --resume the last two are about the \
 frames of this run.";
@@ -95,7 +96,20 @@ pub struct Params {
         arg(long, value_name = "NUMBER", requires = "track", default_value_t = 1)
     )]
     pub plane: usize,
-    /// Convention of a track of another program, which does not state its own
+    /// Stroke in a frame, as 40:foreground:6:X,Y,X,Y,... with its radius in pixels, or background. May be repeated
+    #[cfg_attr(
+        feature = "cli",
+        arg(
+            long = "mark",
+            value_name = "FRAME:SIDE:RADIUS:X,Y,...",
+            allow_hyphen_values = true
+        )
+    )]
+    pub marks: Vec<FrameMark>,
+    /// Frames before and after its own in which a stroke holds; 0 for its own alone [default: all]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FRAMES"))]
+    pub carry: Option<u64>,
+    /// Convention of the points of strokes, and of a track of another program, which does not state its own
     #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t = PixelCenters::Half))]
     pub pixel_centers: PixelCenters,
     /// Parameters of the matte.
@@ -112,6 +126,8 @@ impl Default for Params {
             content: Content::Alpha,
             pad: 0,
             plane: 1,
+            marks: Vec::new(),
+            carry: None,
             pixel_centers: PixelCenters::Half,
             matte: PlateParams::default(),
             encoding: Encoding::default(),
@@ -129,17 +145,6 @@ pub enum Content {
     Alpha,
     /// Colors of the foreground without those of the background, with alpha
     Foreground,
-}
-
-/// Gray value of a pixel about which nothing is known.
-const UNKNOWN: u8 = 128;
-
-/// Inputs of the matte of a picture or a frame.
-struct Frame<'a> {
-    image: &'a AnyImage,
-    plate: Option<&'a ShotPlate>,
-    from_reference: &'a Homography,
-    constraints: Option<&'a Constraints>,
 }
 
 /// Sums over the frames.
@@ -208,7 +213,7 @@ impl Operation for Matte {
         }
         let clip = is_clip(&self.input, context);
         let given = |file: &Option<PathBuf>| file.is_some();
-        let marked = given(&self.trimap) || given(&self.strokes);
+        let marked = given(&self.trimap) || given(&self.strokes) || !params.marks.is_empty();
         let plate = given(&self.plate);
         let wrong = if clip && !plate {
             Some(("plate", "left out", "given for a clip"))
@@ -242,21 +247,12 @@ impl Operation for Matte {
 impl Matte {
     fn still(&self, report: &mut Report, context: &Context) -> Result<(), JobError> {
         let picture = files::read(&self.input, report, context)?;
-        let size = picture.image.size();
-        let plate = self.plate(size, report, context)?;
-        let trimap = self.trimap(size, report, context)?;
-        let strokes = self.strokes(size, report, context)?;
-        let marks = constraints(strokes.strokes(0)?, trimap, size);
-        let frame = Frame {
-            image: &picture.image,
-            plate: plate.as_ref(),
-            from_reference: &Homography::IDENTITY,
-            constraints: marks.as_ref(),
-        };
+        let mattes = FrameMattes::open(self, picture.image.size(), Spread::OwnFrames, report, context)?;
+        let found = mattes.solve(0, &picture.image, &context.progress, context)?;
         let mut figures = Figures::default();
-        let made = self.solve(&frame, &mut figures, &context.progress, context)?;
+        figures.add(&found.alpha);
         figures.record(report);
-        let made = Picture::from_image(made);
+        let made = Picture::from_image(self.drawn(&found, &picture.image));
         files::write(
             &self.output,
             &made,
@@ -271,22 +267,9 @@ impl Matte {
         context.check_files(&self.inputs(), &[&output])?;
         let clip = open_clip(&self.input, None, report, context)?;
         report.check_output(&output)?;
-        let size = clip.info().size;
         let total = clip.info().frames;
         let source = clip.info().pixels;
-        let plate = self.plate(size, report, context)?;
-        let track = match &self.track {
-            Some(path) => {
-                let choice = TrackChoice {
-                    path,
-                    plane: self.params.plane,
-                    centers: self.params.pixel_centers,
-                };
-                Some(ShotTrack::read(&choice, report, context)?)
-            }
-            None => None,
-        };
-        let mut strokes = self.strokes(size, report, context)?;
+        let mattes = FrameMattes::open(self, clip.info().size, Spread::Clip, report, context)?;
         let mut reader = Reader::new(clip, &self.input, FrameRange::default())?;
         let key = key_of(self);
         let target = Target {
@@ -303,124 +286,16 @@ impl Matte {
             if done {
                 return Ok(None);
             }
-            let known = track.as_ref().map(|track| track.map(shot.index));
-            let map = match known {
-                None => Some(&Homography::IDENTITY),
-                Some(map) => map,
-            };
-            let Some(map) = map else {
-                return Err(JobError::TrackFile {
-                    path: self.track.clone().unwrap_or_default(),
-                    reason: format!("it lacks frame {}", shot.index),
-                });
-            };
-            // borrowed for this thread alone: a clip of masks cannot be shared
-            let strokes = &mut strokes;
-            let marks = constraints(strokes.strokes(shot.index)?, None, size);
-            let frame = Frame {
-                image: &shot.image,
-                plate: plate.as_ref(),
-                from_reference: map,
-                constraints: marks.as_ref(),
-            };
             let progress = context.progress.silent();
-            let made = self.solve(&frame, &mut figures, &progress, context)?;
-            Ok(Some(made))
+            let found = mattes.solve(shot.index, &shot.image, &progress, context)?;
+            figures.add(&found.alpha);
+            Ok(Some(self.drawn(&found, &shot.image)))
         })?;
         reader.warn(report);
         figures.record(report);
         // those of an earlier run, too
         report.figures.insert("frames", rewritten.count as f64);
         rewritten.finish(report)
-    }
-
-    /// Reads the plate of frames of this size.
-    fn plate(
-        &self,
-        size: Size,
-        report: &mut Report,
-        context: &Context,
-    ) -> Result<Option<ShotPlate>, JobError> {
-        let Some(path) = &self.plate else {
-            return Ok(None);
-        };
-        let picture = files::read(path, report, context)?;
-        let plate = ShotPlate::new(&picture.image, self.params.pad);
-        if plate.frame_size() != Some(size) {
-            return Err(JobError::SizesDiffer {
-                a: self.input.clone(),
-                a_size: size,
-                b: path.clone(),
-                b_size: picture.image.size(),
-            });
-        }
-        Ok(Some(plate))
-    }
-
-    fn strokes(
-        &self,
-        size: Size,
-        report: &mut Report,
-        context: &Context,
-    ) -> Result<Exclusions, JobError> {
-        let files = MaskFiles {
-            input: &self.input,
-            exclude: None,
-            strokes: self.strokes.as_deref(),
-        };
-        Exclusions::open(&files, size, 0, report, context)
-    }
-
-    /// Reads the trimap of a picture of this size.
-    fn trimap(
-        &self,
-        size: Size,
-        report: &mut Report,
-        context: &Context,
-    ) -> Result<Option<Constraints>, JobError> {
-        let Some(path) = &self.trimap else {
-            return Ok(None);
-        };
-        let picture = files::read(path, report, context)?;
-        if picture.image.size() != size {
-            return Err(JobError::SizesDiffer {
-                a: self.input.clone(),
-                a_size: size,
-                b: path.clone(),
-                b_size: picture.image.size(),
-            });
-        }
-        let image: Image<Srgba<u8>> = picture.convert();
-        Ok(Some(image.map(|Srgba([r, g, b, alpha])| {
-            let gray = (u32::from(r) + u32::from(g) + u32::from(b)) / 3;
-            if alpha < 128 { UNKNOWN } else { gray as u8 }
-        })))
-    }
-
-    /// The output of a frame.
-    fn solve(
-        &self,
-        frame: &Frame<'_>,
-        figures: &mut Figures,
-        progress: &Progress,
-        context: &Context,
-    ) -> Result<AnyImage, JobError> {
-        let colors = encoded(frame.image);
-        let found = match (frame.plate, frame.constraints) {
-            (Some(plate), constraints) => {
-                let plate = plate.in_frame(frame.from_reference, colors.size(), context)?;
-                let input = PlateFrame {
-                    known: Some(&plate.known),
-                    strokes: constraints,
-                    ..PlateFrame::new(&colors, &plate.colors)
-                };
-                plate_matte(&input, &self.params.matte, progress)?.matte
-            }
-            (None, Some(constraints)) => still_matte(&colors, constraints, progress)?.matte,
-            (None, None) => return Err(MattingError::Unmarked("foreground").into()),
-        };
-        figures.add(&found.alpha);
-        Ok(self.drawn(&found, frame.image))
     }
 
     /// The content that is asked for, with as many bits as the frame has.
@@ -448,26 +323,6 @@ impl Matte {
             }
         }
     }
-}
-
-/// Constraints of strokes, `[foreground, background]`, and below them those of a trimap.
-fn constraints(
-    strokes: Option<[Mask; 2]>,
-    trimap: Option<Constraints>,
-    size: Size,
-) -> Option<Constraints> {
-    let Some([foreground, background]) = strokes else {
-        return trimap;
-    };
-    Some(Constraints::from_fn(size, |col, row| {
-        if foreground.at(col, row) > 0.0 {
-            u8::MAX
-        } else if background.at(col, row) > 0.0 {
-            0
-        } else {
-            trimap.as_ref().map_or(UNKNOWN, |trimap| trimap[(col, row)])
-        }
-    }))
 }
 
 /// Pixels with alpha, of as many bits as those of the source.

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::ErrorKind;
+use ravec::raster::Size;
 use ravec_media::Limits;
 
 const SIZE: (usize, usize) = (96, 72);
@@ -123,6 +124,7 @@ fn a_clip_along_a_track_with_strokes_and_again_on_one_thread() {
         matte.track = Some(at("track.json"));
         matte.strokes = Some(at("stroke_%04d.png"));
         matte.params.pad = 8;
+        matte.params.carry = Some(0);
         let threads = if name == "out" { 2 } else { 1 };
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
@@ -143,6 +145,57 @@ fn a_clip_along_a_track_with_strokes_and_again_on_one_thread() {
             assert_square(&found, index);
         }
     }
+}
+
+/// A red frame that moves before a plain wall, through which the wall is seen: in truth a pane of its color. A lamp on the wall
+/// glows in all frames but not on the plate.
+fn camouflaged(index: usize) -> Image<Srgb<u8>> {
+    let left = 10 + 4 * index;
+    Image::from_fn(size(), |col, row| match (col.wrapping_sub(left), row) {
+        (5..20, 25..40) => Srgb([90, 120, 130]),
+        (0..25, 20..45) => Srgb([220, 40, 60]),
+        _ if (70..80).contains(&col) && (5..12).contains(&row) => Srgb([200, 190, 120]),
+        _ => Srgb([90, 120, 130]),
+    })
+}
+
+#[test]
+fn strokes_of_one_frame_hold_in_all() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    save(&at("plate.png"), Image::new(size(), Srgb([90, 120, 130])));
+    for index in 0..8 {
+        save(&at(&format!("f_{index}.png")), camouflaged(index));
+    }
+    let run = |marks: &[&str], carry: Option<u64>, name: &str| -> Vec<Image<Srgb<u8>>> {
+        crate::make_folder(&at(name)).unwrap();
+        let mut matte = operation(folder.path(), "f_%d.png", name);
+        matte.params.marks = marks.iter().map(|mark| mark.parse().unwrap()).collect();
+        matte.params.carry = carry;
+        matte.run(&Context::default()).unwrap();
+        let frames = 0..8;
+        frames
+            .map(|index| alpha(&at(name).join(format!("frame_{index:04}.png"))))
+            .collect()
+    };
+    let pane = |found: &Image<Srgb<u8>>, index: usize| found[(10 + 4 * index + 12, 32)].0[0];
+    let lamp = |found: &Image<Srgb<u8>>| found[(75, 8)].0[0];
+    let plain = run(&[], None, "plain");
+    assert_eq!((pane(&plain[6], 6), lamp(&plain[6])), (0, 255));
+    // one over the pane and a part of its border, in the middle; one over the lamp, which ends on the wall
+    let marks = ["3:foreground:9:34,32,35,33", "3:background:6:72,8,78,8"];
+    let marked = run(&marks, None, "marked");
+    for (index, found) in marked.iter().enumerate() {
+        assert_eq!(pane(found, index), 255, "frame {index}");
+        assert_eq!(lamp(found), 0, "frame {index}");
+    }
+    let near = run(&marks, Some(1), "near");
+    let panes: Vec<u8> = (0..8).map(|index| pane(&near[index], index)).collect();
+    assert_eq!(panes, [0, 0, 255, 255, 255, 0, 0, 0]);
+    let mut matte = operation(folder.path(), "f_%d.png", "plain");
+    matte.params.marks = vec!["8:foreground:2:5,5".parse().unwrap()];
+    let error = matte.run(&Context::default()).unwrap_err().to_string();
+    assert!(error.contains("frame 8"), "{error}");
 }
 
 #[test]

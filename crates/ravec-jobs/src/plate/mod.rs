@@ -3,6 +3,8 @@
 use crate::context::Context;
 use crate::error::JobError;
 use crate::files;
+use crate::frame_mark::FrameMark;
+use crate::marks::{MarkSource, Marks};
 use crate::operation::{Operation, paths};
 use crate::pixel_centers::PixelCenters;
 use crate::plane::Quad;
@@ -13,6 +15,7 @@ use crate::track::follow::{Reader, Shot};
 use crate::video::{FrameRange, open_clip};
 use glam::DVec2;
 use ravec::completion::{CompleteError, CompleteParams, complete};
+use ravec::matting::Constraint;
 use ravec::planar::Homography;
 use ravec::raster::{AnyImage, Image, Mask, Plane, Srgb, Srgba};
 use ravec::video_edit::{Plate as BackgroundPlate, PlateSamples, ShotFrame};
@@ -68,7 +71,8 @@ Each pixel gets the color that most frames show there; what moves is left out ev
 is followed, and the plate has that of the reference frame of the track. What no frame shows is completed from the rest, along the \
 plane of --quad.
 
-Things that cover a place most of the time must be marked: by --exclude, or by strokes in a few frames.
+Things that cover a place most of the time must be marked: by --exclude, or by strokes in a few frames, which are carried through \
+the clip.
 
 Figures: frames, seen_percent, certainty (mean where something was seen), invented_px.";
 
@@ -95,10 +99,23 @@ pub struct Params {
     /// Frames to use, from 0: 100..200 (without frame 200), 100.., ..200, or seconds, as in 1.5s..4s
     #[cfg_attr(feature = "cli", arg(long, value_name = "RANGE"))]
     pub frames: Option<FrameRange>,
+    /// Stroke in a frame, as 40:foreground:6:X,Y,X,Y,... with its radius in pixels, or background. May be repeated
+    #[cfg_attr(
+        feature = "cli",
+        arg(
+            long = "mark",
+            value_name = "FRAME:SIDE:RADIUS:X,Y,...",
+            allow_hyphen_values = true
+        )
+    )]
+    pub marks: Vec<FrameMark>,
+    /// Frames before and after its own in which a stroke holds; 0 for its own alone [default: all]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FRAMES"))]
+    pub carry: Option<u64>,
     /// Content of places that no frame shows
     #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t = Unseen::Completed))]
     pub unseen: Unseen,
-    /// Convention of the corners, and of a track of another program, which does not state its own
+    /// Convention of corners and strokes, and of a track of another program, which does not state its own
     #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t = PixelCenters::Half))]
     pub pixel_centers: PixelCenters,
 }
@@ -110,6 +127,8 @@ impl Default for Params {
             quad: None,
             plane: 1,
             frames: None,
+            marks: Vec::new(),
+            carry: None,
             unseen: Unseen::Completed,
             pixel_centers: PixelCenters::Half,
         }
@@ -188,12 +207,24 @@ impl Operation for Plate {
             strokes: self.strokes.as_deref(),
         };
         let masks = Exclusions::open(&masks, size, 0, &mut report, context)?;
+        let source = MarkSource {
+            input: &self.input,
+            size,
+            marks: &params.marks,
+            pictures: &masks,
+            carry: params.carry,
+            centers: params.pixel_centers,
+            track: track.as_ref(),
+            track_path: self.track.as_deref(),
+        };
+        let marks = Marks::carried(&source, &mut report, context)?;
         let range = params.frames.unwrap_or_default();
         let mut reader = Reader::new(clip, &self.input, range)?;
         reader.exclude(masks);
         let mut pass = Passes {
             reader,
             track: track.as_ref(),
+            marks,
             total,
             frames: 0,
             deep: false,
@@ -214,6 +245,7 @@ impl Operation for Plate {
 struct Passes<'a> {
     reader: Reader<'a>,
     track: Option<&'a ShotTrack>,
+    marks: Marks,
     /// Number of frames, if it is known.
     total: Option<u64>,
     /// Number of frames of the last pass.
@@ -236,24 +268,30 @@ impl Passes<'_> {
         let mut current = self.reader.next()?;
         while let Some(shot) = current {
             context.progress.check()?;
-            let strokes = match self.reader.exclusions() {
-                Some(masks) => masks.strokes(shot.index)?,
-                None => None,
-            };
             self.deep |= is_deep(&shot.image);
-            let track = self.track;
+            let (track, marks) = (self.track, &self.marks);
             let (next, taken) = rayon::join(
                 || self.reader.next(),
-                || match map_of(track, &shot) {
-                    None => Ok(()),
-                    Some(map) => take(&ShotFrame {
-                        colors: &encoded(&shot.image),
+                || {
+                    let Some(map) = map_of(track, &shot) else {
+                        return Ok(());
+                    };
+                    let colors = encoded(&shot.image);
+                    let strokes = marks.constraints(shot.index, &colors, map, None);
+                    let marked = |wanted: Constraint| {
+                        let strokes = strokes.as_ref()?;
+                        Some(Mask::from_fn(colors.size(), |col, row| {
+                            Constraint::of(strokes[(col, row)]) == wanted
+                        }))
+                    };
+                    take(&ShotFrame {
+                        colors: &colors,
                         frame_from_reference: map,
                         foreground: shot.exclude.as_ref(),
-                        strokes: strokes.as_ref().map(|[foreground, _]| foreground),
-                        background: strokes.as_ref().map(|[_, background]| background),
+                        strokes: marked(Constraint::Foreground).as_ref(),
+                        background: marked(Constraint::Background).as_ref(),
                         is_reference: track.map_or(0, ShotTrack::reference) == shot.index,
-                    }),
+                    })
                 },
             );
             taken?;

@@ -103,6 +103,11 @@ impl Exclusions {
         Some((&moving.path, moving.frames?))
     }
 
+    /// Frames that have strokes.
+    pub fn stroke_frames(&self) -> impl Iterator<Item = u64> {
+        self.strokes.keys().copied()
+    }
+
     /// What strokes of a frame say: foreground and plane.
     pub fn strokes(&self, index: u64) -> Result<Option<[Mask; 2]>, JobError> {
         let Some(path) = self.strokes.get(&index) else {

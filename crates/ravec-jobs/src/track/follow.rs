@@ -155,7 +155,7 @@ impl<'a> Reader<'a> {
     }
 
     /// Up to `count` frames.
-    fn block(&mut self, count: u64, context: &Context) -> Result<Vec<Shot>, JobError> {
+    pub fn block(&mut self, count: u64, context: &Context) -> Result<Vec<Shot>, JobError> {
         let mut shots = Vec::new();
         while (shots.len() as u64) < count {
             context.progress.check()?;
@@ -331,7 +331,7 @@ pub(crate) struct Found {
 }
 
 /// Frames that are read at once.
-fn block_frames(size: Size, exclusions: Option<&Exclusions>) -> u64 {
+pub(crate) fn block_frames(size: Size, exclusions: Option<&Exclusions>) -> u64 {
     // the widest samples: four floats
     let bytes = 16 * size.pixels() + exclusions.map_or(0, Exclusions::bytes);
     (BLOCK_BYTES / bytes.max(1)).clamp(1, MAX_BLOCK) as u64

@@ -1,0 +1,343 @@
+//! Strokes of a shot: drawn in a few frames, carried through the others.
+
+use crate::context::Context;
+use crate::error::JobError;
+use crate::files::is_stream;
+use crate::frame_mark::{FrameMark, Side};
+use crate::pixel_centers::PixelCenters;
+use crate::report::Report;
+use crate::shot::{ShotTrack, encoded};
+use crate::track::exclusions::Exclusions;
+use crate::track::follow::{Reader, Shot, block_frames};
+use crate::video::{FrameRange, open_clip};
+use ravec::matting::{Colors, Constraints};
+use ravec::planar::Homography;
+use ravec::progress::Phase;
+use ravec::raster::{Image, Mask, Plane, Size};
+use ravec::video_edit::{CarriedStroke, StrokeFollower};
+use ravec_video::FrameSource as _;
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Gray value of a pixel about which nothing is known.
+pub(crate) const UNKNOWN: u8 = 128;
+
+/// Strokes of a picture of strokes at most; the rest of its pixels are one stroke together.
+const MAX_PARTS: usize = 64;
+
+/// Strokes of an operation on a shot.
+pub(crate) struct MarkSource<'a> {
+    /// The clip.
+    pub input: &'a Path,
+    /// Size of its frames.
+    pub size: Size,
+    /// Strokes as data.
+    pub marks: &'a [FrameMark],
+    /// Strokes in pictures.
+    pub pictures: &'a Exclusions,
+    /// Frames before and after its own in which a stroke holds; all if it is absent.
+    pub carry: Option<u64>,
+    /// Convention of the points of strokes.
+    pub centers: PixelCenters,
+    /// Maps of the background to the frames; the identity without.
+    pub track: Option<&'a ShotTrack>,
+    /// File of the track, for messages.
+    pub track_path: Option<&'a Path>,
+}
+
+/// Strokes with their places in all frames.
+pub(crate) struct Marks {
+    size: Size,
+    carry: u64,
+    strokes: Vec<CarriedStroke>,
+}
+
+impl MarkSource<'_> {
+    /// The map to a frame from the reference frame.
+    fn map(&self, frame: u64) -> Result<Homography, JobError> {
+        let Some(track) = self.track else {
+            return Ok(Homography::IDENTITY);
+        };
+        let map = track.map(frame).copied();
+        map.ok_or_else(|| JobError::TrackFile {
+            path: self.track_path.unwrap_or(Path::new("")).to_path_buf(),
+            reason: format!("it lacks frame {frame}"),
+        })
+    }
+
+    /// The pixels of all strokes by frame, each with its side, in the order in which they are drawn.
+    fn masks(&self) -> Result<BTreeMap<u64, Vec<(Side, Mask)>>, JobError> {
+        let mut masks: BTreeMap<u64, Vec<(Side, Mask)>> = BTreeMap::new();
+        for frame in self.pictures.stroke_frames() {
+            let Some([foreground, background]) = self.pictures.strokes(frame)? else {
+                continue;
+            };
+            let list = masks.entry(frame).or_default();
+            let parts = parts(&foreground).into_iter();
+            list.extend(parts.map(|part| (Side::Foreground, part)));
+            list.push((Side::Background, background));
+        }
+        for mark in self.marks {
+            let mask = mark.mask(self.size, self.centers);
+            masks.entry(mark.frame).or_default().push((mark.side, mask));
+        }
+        Ok(masks)
+    }
+}
+
+impl Marks {
+    /// Strokes that hold in their own frames.
+    ///
+    /// # Errors
+    /// [`JobError::Strokes`], those of reading pictures.
+    pub fn in_own_frames(source: &MarkSource<'_>) -> Result<Self, JobError> {
+        let unseen: Colors = Image::new(source.size, [0.0; 3]);
+        let mut strokes = Vec::new();
+        for (frame, list) in source.masks()? {
+            for (side, mask) in list {
+                let is_foreground = side == Side::Foreground;
+                let map = &Homography::IDENTITY;
+                strokes.extend(CarriedStroke::new(frame, &mask, is_foreground, &unseen, map));
+            }
+        }
+        Ok(Self {
+            size: source.size,
+            carry: 0,
+            strokes,
+        })
+    }
+
+    /// Carries strokes through the clip, which is read for that: the frames that have strokes, and for foreground strokes all frames
+    /// as far as these are carried.
+    ///
+    /// # Errors
+    /// [`JobError::ReadClip`], [`JobError::ClipTooShort`] for strokes behind its end, [`JobError::TrackFile`],
+    /// [`JobError::Strokes`], [`JobError::Cancelled`].
+    pub fn carried(
+        source: &MarkSource<'_>,
+        report: &mut Report,
+        context: &Context,
+    ) -> Result<Self, JobError> {
+        let masks = source.masks()?;
+        if masks.is_empty() || source.carry == Some(0) {
+            return Self::in_own_frames(source);
+        }
+        if is_stream(source.input) {
+            report.warn(
+                "a stream is read once: strokes hold in their own frames only".to_owned(),
+            );
+            return Self::in_own_frames(source);
+        }
+        // the clip is in the list of inputs already
+        let mut unused = Report::new("strokes", &());
+        let clip = open_clip(source.input, None, &mut unused, context)?;
+        let frames = clip.info().frames;
+        let mut reader = Reader::new(clip, source.input, FrameRange::default())?;
+        let mut strokes = Vec::new();
+        for (frame, list) in masks {
+            context.progress.check()?;
+            let too_short = || JobError::ClipTooShort {
+                path: source.input.to_path_buf(),
+                frame,
+            };
+            if frames.is_some_and(|frames| frame >= frames) {
+                return Err(too_short());
+            }
+            reader.seek(frame)?;
+            let shot = reader.next()?.ok_or_else(too_short)?;
+            let colors = encoded(&shot.image);
+            let map = source.map(frame)?;
+            for (side, mask) in list {
+                let is_foreground = side == Side::Foreground;
+                strokes.extend(CarriedStroke::new(frame, &mask, is_foreground, &colors, &map));
+            }
+        }
+        let mut marks = Self {
+            size: source.size,
+            carry: source.carry.unwrap_or(u64::MAX),
+            strokes,
+        };
+        if marks.strokes.iter().any(CarriedStroke::is_foreground) {
+            let phase = context.progress.phase("strokes", 2 * frames.unwrap_or(1));
+            marks.follow_forward(&mut reader, &phase, context)?;
+            marks.follow_backward(&mut reader, &phase, context)?;
+        }
+        Ok(marks)
+    }
+
+    /// Frames of foreground strokes.
+    fn starts(&self) -> impl Iterator<Item = u64> {
+        let foreground = self.strokes.iter().filter(|stroke| stroke.is_foreground());
+        foreground.map(CarriedStroke::frame)
+    }
+
+    fn follow_forward(
+        &mut self,
+        reader: &mut Reader<'_>,
+        phase: &Phase,
+        context: &Context,
+    ) -> Result<(), JobError> {
+        let Some(first) = self.starts().min() else {
+            return Ok(());
+        };
+        let mut followers = self.followers();
+        reader.seek(first)?;
+        let mut current = reader.next()?;
+        while let Some(shot) = current {
+            context.progress.check()?;
+            let (next, active) =
+                rayon::join(|| reader.next(), || self.push(&mut followers, &shot));
+            phase.advance(1);
+            current = next?;
+            let ahead = self.starts().any(|start| start > shot.index);
+            if !active && !ahead {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    fn follow_backward(
+        &mut self,
+        reader: &mut Reader<'_>,
+        phase: &Phase,
+        context: &Context,
+    ) -> Result<(), JobError> {
+        let Some(last) = self.starts().max() else {
+            return Ok(());
+        };
+        let mut followers = self.followers();
+        let count = block_frames(self.size, None);
+        let mut end = last + 1;
+        while end > 0 {
+            let start = end.saturating_sub(count);
+            reader.seek(start)?;
+            let mut active = false;
+            for shot in reader.block(end - start, context)?.iter().rev() {
+                context.progress.check()?;
+                active = self.push(&mut followers, shot);
+                phase.advance(1);
+            }
+            end = start;
+            if !active && !self.starts().any(|start| start < end) {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// A place for the follower of each stroke.
+    fn followers(&self) -> Vec<Option<StrokeFollower>> {
+        vec![None; self.strokes.len()]
+    }
+
+    /// Follows all strokes that are on their way to a frame, and starts those that are drawn in it. False if there is none.
+    fn push(&mut self, followers: &mut [Option<StrokeFollower>], shot: &Shot) -> bool {
+        let colors = encoded(&shot.image);
+        let carry = self.carry;
+        let pairs = self.strokes.par_iter_mut().zip(followers.par_iter_mut());
+        let active = pairs.map(|(stroke, place)| {
+            if !stroke.is_foreground() {
+                return false;
+            }
+            if stroke.frame() == shot.index {
+                *place = Some(stroke.follow(&colors));
+            } else if let Some(follower) = place
+                && (stroke.frame().abs_diff(shot.index) > carry
+                    || !follower.push(stroke, shot.index, &colors))
+            {
+                *place = None;
+            }
+            place.is_some()
+        });
+        active.reduce(|| false, |a, b| a || b)
+    }
+
+    /// What strokes say in a frame, over what a trimap says; `None` without both.
+    ///
+    /// Where strokes disagree, those of nearer frames hold, and the last one of a frame.
+    pub fn constraints(
+        &self,
+        frame: u64,
+        colors: &Colors,
+        frame_from_reference: &Homography,
+        trimap: Option<&Constraints>,
+    ) -> Option<Constraints> {
+        let mut near: Vec<&CarriedStroke> = (self.strokes.iter())
+            .filter(|stroke| stroke.frame().abs_diff(frame) <= self.carry)
+            .collect();
+        // a stable order: later ones of a frame stay behind earlier ones
+        near.sort_by_key(|stroke| std::cmp::Reverse(stroke.frame().abs_diff(frame)));
+        if near.is_empty() {
+            return trimap.cloned();
+        }
+        let mut constraints = trimap
+            .cloned()
+            .unwrap_or_else(|| Image::new(self.size, UNKNOWN));
+        let marked: Vec<Vec<(usize, usize)>> = near
+            .par_iter()
+            .map(|stroke| stroke.marked(frame, colors, frame_from_reference))
+            .collect();
+        for (stroke, cells) in near.iter().zip(marked) {
+            let value = if stroke.is_foreground() { u8::MAX } else { 0 };
+            for cell in cells {
+                constraints[cell] = value;
+            }
+        }
+        Some(constraints)
+    }
+}
+
+/// The connected parts of a mask, with neighbors across corners.
+fn parts(mask: &Mask) -> Vec<Mask> {
+    let size = mask.size();
+    let mut left = mask.coverage().clone();
+    let mut parts = Vec::new();
+    for row in 0..size.height() {
+        for col in 0..size.width() {
+            if left[(col, row)] <= 0.0 {
+                continue;
+            }
+            if parts.len() + 1 == MAX_PARTS {
+                parts.push(Mask::from_coverage(&left));
+                return parts;
+            }
+            let mut part = Plane::new(size, 0.0);
+            let mut open = vec![(col, row)];
+            while let Some((col, row)) = open.pop() {
+                if left[(col, row)] <= 0.0 {
+                    continue;
+                }
+                part[(col, row)] = left[(col, row)];
+                left[(col, row)] = 0.0;
+                let cols = col.saturating_sub(1)..(col + 2).min(size.width());
+                let rows = row.saturating_sub(1)..(row + 2).min(size.height());
+                open.extend(rows.flat_map(|row| cols.clone().map(move |col| (col, row))));
+            }
+            parts.push(Mask::from_coverage(&part));
+        }
+    }
+    parts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_of_a_mask_are_disjoint_and_make_the_mask() {
+        let size = Size::new(30, 20).unwrap();
+        let mask = Mask::from_fn(size, |col, row| {
+            (col < 5 && row < 5) || (col == 5 && row == 5) || (col > 20 && row > 3)
+        });
+        let parts = parts(&mask);
+        assert_eq!(parts.len(), 2);
+        let both = parts[0].union(&parts[1]).unwrap();
+        assert_eq!(both.coverage(), mask.coverage());
+        assert!(parts[0].intersect(&parts[1]).unwrap().is_empty());
+        // as many dots as one likes
+        let dots = Mask::from_fn(size, |col, row| col % 2 == 0 && row % 2 == 0);
+        assert_eq!(super::parts(&dots).len(), MAX_PARTS);
+    }
+}

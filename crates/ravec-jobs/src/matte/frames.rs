@@ -1,0 +1,181 @@
+//! Mattes of single frames, with all that is known about a shot.
+
+use super::Matte;
+use crate::context::Context;
+use crate::error::JobError;
+use crate::files;
+use crate::marks::{MarkSource, Marks, UNKNOWN};
+use crate::report::Report;
+use crate::shot::{ShotPlate, ShotTrack, TrackChoice, encoded};
+use crate::track::exclusions::{Exclusions, MaskFiles};
+use ravec::matting::{
+    Constraints, Matte as Solution, MattingError, PlateFrame, plate_matte, still_matte,
+};
+use ravec::planar::Homography;
+use ravec::progress::Progress;
+use ravec::raster::{AnyImage, Image, Size, Srgba};
+use std::path::PathBuf;
+
+/// Frames in which strokes hold.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Spread {
+    /// Those in which they are drawn.
+    OwnFrames,
+    /// All to which they are carried.
+    Clip,
+}
+
+/// The inputs of an operation `matte`, open.
+pub(crate) struct FrameMattes {
+    matte: Matte,
+    plate: Option<ShotPlate>,
+    track: Option<ShotTrack>,
+    trimap: Option<Constraints>,
+    marks: Marks,
+}
+
+impl FrameMattes {
+    /// Reads plate, track, trimap and strokes for frames of this size.
+    ///
+    /// # Errors
+    /// [`JobError::Read`], [`JobError::SizesDiffer`], [`JobError::TrackFile`], [`JobError::Strokes`], [`JobError::ReadClip`],
+    /// [`JobError::ClipTooShort`], [`JobError::Cancelled`].
+    pub fn open(
+        matte: &Matte,
+        size: Size,
+        spread: Spread,
+        report: &mut Report,
+        context: &Context,
+    ) -> Result<Self, JobError> {
+        let params = &matte.params;
+        let plate = plate(matte, size, report, context)?;
+        let trimap = trimap(matte, size, report, context)?;
+        let track = match &matte.track {
+            Some(path) => {
+                let choice = TrackChoice {
+                    path,
+                    plane: params.plane,
+                    centers: params.pixel_centers,
+                };
+                Some(ShotTrack::read(&choice, report, context)?)
+            }
+            None => None,
+        };
+        let files = MaskFiles {
+            input: &matte.input,
+            exclude: None,
+            strokes: matte.strokes.as_deref(),
+        };
+        let pictures = Exclusions::open(&files, size, 0, report, context)?;
+        let source = MarkSource {
+            input: &matte.input,
+            size,
+            marks: &params.marks,
+            pictures: &pictures,
+            carry: params.carry,
+            centers: params.pixel_centers,
+            track: track.as_ref(),
+            track_path: matte.track.as_deref(),
+        };
+        let marks = match spread {
+            Spread::OwnFrames => Marks::in_own_frames(&source)?,
+            Spread::Clip => Marks::carried(&source, report, context)?,
+        };
+        Ok(Self {
+            matte: matte.clone(),
+            plate,
+            track,
+            trimap,
+            marks,
+        })
+    }
+
+    /// Alpha and foreground of a frame.
+    ///
+    /// # Errors
+    /// [`JobError::TrackFile`] for a frame that the track lacks, [`JobError::Matting`], [`JobError::Cancelled`].
+    pub fn solve(
+        &self,
+        index: u64,
+        image: &AnyImage,
+        progress: &Progress,
+        context: &Context,
+    ) -> Result<Solution, JobError> {
+        let map = match &self.track {
+            None => Homography::IDENTITY,
+            Some(track) => track
+                .map(index)
+                .copied()
+                .ok_or_else(|| JobError::TrackFile {
+                    path: self.matte.track.clone().unwrap_or_default(),
+                    reason: format!("it lacks frame {index}"),
+                })?,
+        };
+        let colors = encoded(image);
+        let constraints = self
+            .marks
+            .constraints(index, &colors, &map, self.trimap.as_ref());
+        let found = match (&self.plate, &constraints) {
+            (Some(plate), constraints) => {
+                let plate = plate.in_frame(&map, colors.size(), context)?;
+                let input = PlateFrame {
+                    known: Some(&plate.known),
+                    strokes: constraints.as_ref(),
+                    ..PlateFrame::new(&colors, &plate.colors)
+                };
+                plate_matte(&input, &self.matte.params.matte, progress)?.matte
+            }
+            (None, Some(constraints)) => still_matte(&colors, constraints, progress)?.matte,
+            (None, None) => return Err(MattingError::Unmarked("foreground").into()),
+        };
+        Ok(found)
+    }
+}
+
+/// Reads the plate of frames of this size.
+fn plate(
+    matte: &Matte,
+    size: Size,
+    report: &mut Report,
+    context: &Context,
+) -> Result<Option<ShotPlate>, JobError> {
+    let Some(path) = &matte.plate else {
+        return Ok(None);
+    };
+    let picture = files::read(path, report, context)?;
+    let plate = ShotPlate::new(&picture.image, matte.params.pad);
+    if plate.frame_size() != Some(size) {
+        return Err(sizes_differ(matte, size, path, picture.image.size()));
+    }
+    Ok(Some(plate))
+}
+
+/// Reads the trimap of a picture of this size.
+fn trimap(
+    matte: &Matte,
+    size: Size,
+    report: &mut Report,
+    context: &Context,
+) -> Result<Option<Constraints>, JobError> {
+    let Some(path) = &matte.trimap else {
+        return Ok(None);
+    };
+    let picture = files::read(path, report, context)?;
+    if picture.image.size() != size {
+        return Err(sizes_differ(matte, size, path, picture.image.size()));
+    }
+    let image: Image<Srgba<u8>> = picture.convert();
+    Ok(Some(image.map(|Srgba([r, g, b, alpha])| {
+        let gray = (u32::from(r) + u32::from(g) + u32::from(b)) / 3;
+        if alpha < 128 { UNKNOWN } else { gray as u8 }
+    })))
+}
+
+fn sizes_differ(matte: &Matte, size: Size, other: &PathBuf, other_size: Size) -> JobError {
+    JobError::SizesDiffer {
+        a: matte.input.clone(),
+        a_size: size,
+        b: other.clone(),
+        b_size: other_size,
+    }
+}
