@@ -52,7 +52,9 @@ impl FrameMark {
             .map(|point| centers.read(DVec2::from(*point)))
             .collect();
         let mut touched = Plane::new(size, 0.0);
-        let ends = points.iter().zip(points.iter().skip(1).chain(points.last()));
+        let ends = points
+            .iter()
+            .zip(points.iter().skip(1).chain(points.last()));
         for (a, b) in ends {
             let bounds = around(*a, *b, self.radius_px, size);
             for row in bounds.row..bounds.bottom() {
@@ -109,7 +111,12 @@ impl FromStr for FrameMark {
             .into_iter()
             .find(|known| known.name() == side)
             .ok_or_else(|| wrong("the side is neither foreground nor background"))?;
-        let number = |text: &str| text.trim().parse().ok().filter(|value: &f64| value.is_finite());
+        let number = |text: &str| {
+            text.trim()
+                .parse()
+                .ok()
+                .filter(|value: &f64| value.is_finite())
+        };
         let radius_px = number(radius)
             .filter(|radius| (0.5..=MAX_RADIUS_PX).contains(radius))
             .ok_or_else(|| wrong("the radius is not from 0.5 to 4096 pixels"))?;
@@ -122,7 +129,10 @@ impl FromStr for FrameMark {
             frame: frame.parse().map_err(|_| wrong("the frame is no number"))?,
             side,
             radius_px,
-            points: values.chunks_exact(2).map(|pair| [pair[0], pair[1]]).collect(),
+            points: values
+                .chunks_exact(2)
+                .map(|pair| [pair[0], pair[1]])
+                .collect(),
         })
     }
 }

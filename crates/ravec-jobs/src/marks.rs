@@ -98,7 +98,13 @@ impl Marks {
             for (side, mask) in list {
                 let is_foreground = side == Side::Foreground;
                 let map = &Homography::IDENTITY;
-                strokes.extend(CarriedStroke::new(frame, &mask, is_foreground, &unseen, map));
+                strokes.extend(CarriedStroke::new(
+                    frame,
+                    &mask,
+                    is_foreground,
+                    &unseen,
+                    map,
+                ));
             }
         }
         Ok(Self {
@@ -124,9 +130,7 @@ impl Marks {
             return Self::in_own_frames(source);
         }
         if is_stream(source.input) {
-            report.warn(
-                "a stream is read once: strokes hold in their own frames only".to_owned(),
-            );
+            report.warn("a stream is read once: strokes hold in their own frames only".to_owned());
             return Self::in_own_frames(source);
         }
         // the clip is in the list of inputs already
@@ -150,7 +154,13 @@ impl Marks {
             let map = source.map(frame)?;
             for (side, mask) in list {
                 let is_foreground = side == Side::Foreground;
-                strokes.extend(CarriedStroke::new(frame, &mask, is_foreground, &colors, &map));
+                strokes.extend(CarriedStroke::new(
+                    frame,
+                    &mask,
+                    is_foreground,
+                    &colors,
+                    &map,
+                ));
             }
         }
         let mut marks = Self {
@@ -186,8 +196,7 @@ impl Marks {
         let mut current = reader.next()?;
         while let Some(shot) = current {
             context.progress.check()?;
-            let (next, active) =
-                rayon::join(|| reader.next(), || self.push(&mut followers, &shot));
+            let (next, active) = rayon::join(|| reader.next(), || self.push(&mut followers, &shot));
             phase.advance(1);
             current = next?;
             let ahead = self.starts().any(|start| start > shot.index);

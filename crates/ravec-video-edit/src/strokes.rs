@@ -62,7 +62,9 @@ impl CarriedStroke {
         let bounds = mask.bounding_box()?;
         let rows = bounds.row..bounds.bottom();
         let cells = rows.flat_map(|row| (bounds.col..bounds.right()).map(move |col| (col, row)));
-        let cells: Vec<_> = cells.filter(|&(col, row)| mask.at(col, row) > 0.0).collect();
+        let cells: Vec<_> = cells
+            .filter(|&(col, row)| mask.at(col, row) > 0.0)
+            .collect();
         let step = cells.len().div_ceil(MAX_SAMPLES).max(1);
         let samples = cells.iter().step_by(step).map(|&cell| colors[cell]);
         Some(Self {
@@ -119,7 +121,9 @@ impl CarriedStroke {
         let map = *frame_from_reference * self.own_from_reference.inverse();
         let back = map.inverse();
         let is_own = |(col, row): (usize, usize)| {
-            let at = back.apply(dvec2(col as f64 + 0.5, row as f64 + 0.5)).floor();
+            let at = back
+                .apply(dvec2(col as f64 + 0.5, row as f64 + 0.5))
+                .floor();
             at.cmpge(DVec2::ZERO).all() && self.contains(at.x as usize, at.y as usize)
         };
         self.around(&map)
@@ -312,7 +316,10 @@ fn difference(luma: &Plane, weight: &Plane, target: &Plane, at: (isize, isize)) 
     for row in 0..luma.height() {
         let (values, weights) = (luma.row(row), weight.row(row));
         all += weights.iter().sum::<f32>();
-        let Some(line) = row.checked_add_signed(at.1).filter(|&row| row < target.height()) else {
+        let Some(line) = row
+            .checked_add_signed(at.1)
+            .filter(|&row| row < target.height())
+        else {
             continue;
         };
         let line = target.row(line);

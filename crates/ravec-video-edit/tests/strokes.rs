@@ -13,7 +13,8 @@ fn size() -> Size {
 fn frame(wall: DVec2, disc: DVec2) -> Colors {
     Colors::from_fn(size(), |col, row| {
         let at = DVec2::new(col as f64 + 0.5, row as f64 + 0.5);
-        let wave = |at: DVec2, scale: f64| ((scale * at.x).sin() + (1.3 * scale * at.y).cos()) as f32;
+        let wave =
+            |at: DVec2, scale: f64| ((scale * at.x).sin() + (1.3 * scale * at.y).cos()) as f32;
         if at.distance(disc) < DISC_PX {
             let spot = wave(at - disc, 0.9);
             [0.55 + 0.1 * spot, 0.3 + 0.1 * spot, 0.2]
@@ -52,11 +53,17 @@ fn a_foreground_stroke_stays_on_its_object() {
     let mut follower = stroke.follow(&first);
     for number in 1..=12 {
         let now = frame(DVec2::ZERO, place(number));
-        assert!(follower.push(&mut stroke, 3 + number, &now), "frame {number}");
+        assert!(
+            follower.push(&mut stroke, 3 + number, &now),
+            "frame {number}"
+        );
         let found = marked(&stroke, 3 + number, &now, &Homography::IDENTITY);
         let core = disc_mask(place(number), DISC_PX - 4.0);
         let missed = core.subtract(&found).unwrap().area_px() / core.area_px();
-        assert!(missed < 0.05, "frame {number}: {missed} of the disc is not marked");
+        assert!(
+            missed < 0.05,
+            "frame {number}: {missed} of the disc is not marked"
+        );
     }
     let exact = marked(&stroke, 3, &first, &Homography::IDENTITY);
     assert_eq!(exact.coverage(), mask.coverage());
@@ -94,7 +101,9 @@ fn an_object_that_is_gone_is_lost() {
     assert!(!follower.push(&mut stroke, 2, &first));
     let found = marked(&stroke, 1, &empty, &Homography::IDENTITY);
     assert!(found.is_empty());
-    assert!(CarriedStroke::new(0, &Mask::empty(size()), true, &first, &Homography::IDENTITY).is_none());
+    assert!(
+        CarriedStroke::new(0, &Mask::empty(size()), true, &first, &Homography::IDENTITY).is_none()
+    );
 }
 
 #[test]
@@ -114,7 +123,9 @@ fn a_background_stroke_moves_with_the_plane() {
     assert_eq!(found.coverage(), expected.coverage());
     // out of the frame, and behind the horizon, there is nothing, and nothing breaks
     let away = Homography::from_translation(DVec2::new(5000.0, 0.0)).unwrap();
-    let tilted = Homography::from_matrix(DMat3::from_cols_array(&[1.0, 0.0, -0.02, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]));
+    let tilted = Homography::from_matrix(DMat3::from_cols_array(&[
+        1.0, 0.0, -0.02, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0,
+    ]));
     for map in [away, tilted.unwrap()] {
         marked(&stroke, 9, &moved, &map);
     }

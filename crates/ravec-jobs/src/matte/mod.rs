@@ -247,7 +247,13 @@ impl Operation for Matte {
 impl Matte {
     fn still(&self, report: &mut Report, context: &Context) -> Result<(), JobError> {
         let picture = files::read(&self.input, report, context)?;
-        let mattes = FrameMattes::open(self, picture.image.size(), Spread::OwnFrames, report, context)?;
+        let mattes = FrameMattes::open(
+            self,
+            picture.image.size(),
+            Spread::OwnFrames,
+            report,
+            context,
+        )?;
         let found = mattes.solve(0, &picture.image, &context.progress, context)?;
         let mut figures = Figures::default();
         figures.add(&found.alpha);

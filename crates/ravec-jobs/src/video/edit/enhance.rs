@@ -1,6 +1,8 @@
 //! `video enhance`: a clip twice as large, whose plane comes from a sharp photo.
 
-use super::{EditInputs, EditOutput, OpenEdit, ShotParams, write_frames};
+use super::{
+    Edit, EditInputs, EditOutput, FrameEdit, OpenEdit, ShotEdit, ShotParams, write_frames,
+};
 use crate::context::Context;
 use crate::error::JobError;
 use crate::files;
@@ -13,7 +15,7 @@ use glam::{DVec2, dvec2};
 use ravec::matting::Colors;
 use ravec::planar::track::{PhotoError, PhotoParams, locate_photo};
 use ravec::planar::{Beyond, Homography, warp};
-use ravec::raster::{Image, Plane, Size};
+use ravec::raster::{AnyImage, Image, Plane, Size};
 use ravec::video_edit::{Enhancement, Tone};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -103,64 +105,96 @@ impl Operation for Enhance {
     /// [`JobError::ReadClip`], [`JobError::WriteClip`], [`JobError::SizesDiffer`], [`JobError::TrackFile`], [`JobError::ClipTooShort`], what
     /// [`check_files`](crate::check_files) refuses, [`JobError::Cancelled`].
     fn run(&self, context: &Context) -> Result<Report, JobError> {
-        let params = &self.params;
-        let mut report = Report::of(self, params);
-        let inputs = EditInputs {
+        let mut report = Report::of(self, &self.params);
+        let inputs = self.edit_inputs();
+        let OpenEdit { clip, output, edit } = OpenEdit::new(self, &inputs, &mut report, context)?;
+        let double = doubled(edit.size, context)?;
+        let mut frames = self.frames(edit, &mut report, context)?;
+        let files = EditOutput {
+            size: Some(double),
+            ..inputs.output(&output, "enhance")
+        };
+        write_frames(self, &files, clip, &mut report, context, |shot| {
+            frames.result(shot.index, &shot.image, context)
+        })?;
+        Ok(report)
+    }
+}
+
+/// Twice the size of a frame.
+fn doubled(size: Size, context: &Context) -> Result<Size, JobError> {
+    let (width, height) = (2 * size.width(), 2 * size.height());
+    Size::new(width, height)
+        .ok()
+        .filter(|double| double.pixels() as u64 <= context.limits.max_pixels)
+        .ok_or(JobError::ResultSize {
+            width: width as f64,
+            height: height as f64,
+            remedy: "give a smaller clip",
+        })
+}
+
+impl ShotEdit for Enhance {
+    fn edit_inputs(&self) -> EditInputs<'_> {
+        EditInputs {
             input: &self.input,
             output: &self.output,
             plate: &self.plate,
             track: self.track.as_deref(),
             matte: &self.matte,
-            params: &params.shot,
-            encoding: &params.encoding,
-        };
-        let opened = OpenEdit::new(self, &inputs, &mut report, context)?;
-        let OpenEdit {
-            clip,
-            output,
-            mut edit,
-        } = opened;
-        let size = edit.size;
-        let (width, height) = (2 * size.width(), 2 * size.height());
-        let double = Size::new(width, height)
-            .ok()
-            .filter(|double| double.pixels() as u64 <= context.limits.max_pixels)
-            .ok_or(JobError::ResultSize {
-                width: width as f64,
-                height: height as f64,
-                remedy: "give a smaller clip",
-            })?;
-        let photo = self.photo_on_plane(size, &mut report, context)?;
-        let files = EditOutput {
-            size: Some(double),
-            ..inputs.output(&output, "enhance")
-        };
+            params: &self.params.shot,
+            encoding: &self.params.encoding,
+        }
+    }
+
+    fn frames<'a>(
+        &'a self,
+        edit: Edit,
+        report: &mut Report,
+        context: &Context,
+    ) -> Result<Box<dyn FrameEdit + 'a>, JobError> {
+        let size = doubled(edit.size, context)?;
+        let photo = self.photo_on_plane(edit.size, report, context)?;
+        Ok(Box::new(Frames { edit, photo, size }))
+    }
+}
+
+/// Frames with the detail of a photo, at twice the size.
+struct Frames {
+    edit: Edit,
+    photo: PhotoOnPlane,
+    size: Size,
+}
+
+impl FrameEdit for Frames {
+    fn result(
+        &mut self,
+        index: u64,
+        image: &AnyImage,
+        context: &Context,
+    ) -> Result<Colors, JobError> {
+        let frame = self.edit.frame(index, image, context)?;
         let half = Homography::from_scale(DVec2::splat(0.5)).unwrap_or(Homography::IDENTITY);
-        // borrowed for this thread alone: a clip of masks cannot be shared
-        let edit = &mut edit;
-        write_frames(self, &files, clip, &mut report, context, |shot| {
-            let frame = edit.frame(shot.index, &shot.image, context)?;
-            let photo_from_output = (frame.map * photo.reference_from_photo).inverse() * half;
-            let progress = context.progress.silent();
-            let nothing = Beyond::Pixel([0.0; 4]);
-            let laid = warp(
-                &photo.pixels,
-                &photo_from_output,
-                double,
-                nothing,
-                &progress,
-            )?;
-            let shown = laid.map(|[_, _, _, share]| if share > 0.999 { 1.0 } else { 0.0 });
-            let colors = laid.map(|[r, g, b, _]| [r, g, b].map(|value| value.clamp(0.0, 1.0)));
-            let enhancement = Enhancement {
-                frame: &frame.colors,
-                alpha: &frame.alpha,
-                photo: &colors,
-                shown: &shown,
-            };
-            Ok(enhancement.result()?)
-        })?;
-        Ok(report)
+        let photo = &self.photo;
+        let photo_from_output = (frame.map * photo.reference_from_photo).inverse() * half;
+        let progress = context.progress.silent();
+        let nothing = Beyond::Pixel([0.0; 4]);
+        let laid = warp(
+            &photo.pixels,
+            &photo_from_output,
+            self.size,
+            nothing,
+            &progress,
+        )?;
+        let shown = laid.map(|[_, _, _, share]| if share > 0.999 { 1.0 } else { 0.0 });
+        let colors = laid.map(|[r, g, b, _]| [r, g, b].map(|value| value.clamp(0.0, 1.0)));
+        let enhancement = Enhancement {
+            frame: &frame.colors,
+            alpha: &frame.alpha,
+            photo: &colors,
+            shown: &shown,
+        };
+        Ok(enhancement.result()?)
     }
 }
 

@@ -3,13 +3,17 @@
 
 pub mod enhance;
 pub mod paste;
+mod preview;
 pub mod remove;
 pub mod replace;
+
+pub use preview::ShotPreview;
 
 use crate::Operation;
 use crate::context::Context;
 use crate::error::JobError;
 use crate::files;
+use crate::matte::frames::FrameMattes;
 use crate::pixel_centers::PixelCenters;
 use crate::report::Report;
 use crate::shot::{ShotPlate, ShotTrack, TrackChoice, check_pad, check_plane, encoded, is_deep};
@@ -19,7 +23,7 @@ use crate::track::rewrite::{Target, rewrite};
 use crate::video::{Encoding, FrameRange, folder_or_clip, is_clip, key_of, open_clip, read_error};
 use ravec::matting::{Colors, PlateLight};
 use ravec::planar::Homography;
-use ravec::raster::{AnyImage, Image, Plane, Size, Srgb};
+use ravec::raster::{AnyImage, Image, Mask, Plane, Size, Srgb};
 use ravec_video::{Clip, FrameSource as _};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -81,14 +85,64 @@ impl<'a> EditInputs<'a> {
     }
 }
 
+/// Frames of an edit, one by one.
+trait FrameEdit: Send {
+    /// The result for a frame.
+    fn result(
+        &mut self,
+        index: u64,
+        image: &AnyImage,
+        context: &Context,
+    ) -> Result<Colors, JobError>;
+}
+
+/// An edit of a shot.
+trait ShotEdit: Operation {
+    /// Files and parameters that all edits have.
+    fn edit_inputs(&self) -> EditInputs<'_>;
+
+    /// Opens what only this edit has, and records its figures.
+    fn frames<'a>(
+        &'a self,
+        edit: Edit,
+        report: &mut Report,
+        context: &Context,
+    ) -> Result<Box<dyn FrameEdit + 'a>, JobError>;
+}
+
 /// A shot with its plate, its track and its matte.
 struct Edit {
     size: Size,
     plate: ShotPlate,
     track: Option<ShotTrack>,
     track_path: Option<PathBuf>,
-    matte: Exclusions,
-    matte_path: PathBuf,
+    alpha: AlphaSource,
+}
+
+/// Where alpha of the frames comes from.
+pub(crate) enum AlphaSource {
+    /// A clip or a picture.
+    File { masks: Exclusions, path: PathBuf },
+    /// An operation that has not run yet.
+    Live(Box<FrameMattes>),
+}
+
+impl AlphaSource {
+    fn of(&mut self, index: u64, image: &AnyImage, context: &Context) -> Result<Plane, JobError> {
+        match self {
+            Self::File { masks, path } => {
+                let alpha = masks.of(index)?.map(Mask::into_coverage);
+                alpha.ok_or_else(|| JobError::ClipTooShort {
+                    path: path.clone(),
+                    frame: index,
+                })
+            }
+            Self::Live(mattes) => {
+                let progress = context.progress.silent();
+                Ok(mattes.solve(index, image, &progress, context)?.alpha)
+            }
+        }
+    }
 }
 
 /// A frame with all that an edit needs.
@@ -106,13 +160,14 @@ struct EditFrame {
 }
 
 impl Edit {
-    /// Reads plate, track and matte of a shot whose frames have `size`.
+    /// Reads plate, track and matte of a shot whose frames have `size`. `live` takes the place of the file of the matte.
     ///
     /// # Errors
     /// [`JobError::Parameter`], [`JobError::SizesDiffer`], [`JobError::TrackFile`], those of reading.
     fn open(
         inputs: &EditInputs<'_>,
         size: Size,
+        live: Option<FrameMattes>,
         report: &mut Report,
         context: &Context,
     ) -> Result<Self, JobError> {
@@ -131,18 +186,25 @@ impl Edit {
             Some(path) => Some(read_track(path, inputs.params, report, context)?),
             None => None,
         };
-        let masks = MaskFiles {
-            input: inputs.input,
-            exclude: Some(inputs.matte),
-            strokes: None,
+        let alpha = if let Some(live) = live {
+            AlphaSource::Live(Box::new(live))
+        } else {
+            let masks = MaskFiles {
+                input: inputs.input,
+                exclude: Some(inputs.matte),
+                strokes: None,
+            };
+            AlphaSource::File {
+                masks: Exclusions::open(&masks, size, 0, report, context)?,
+                path: inputs.matte.to_path_buf(),
+            }
         };
         Ok(Self {
             size,
             plate,
             track,
             track_path: inputs.track.map(Path::to_path_buf),
-            matte: Exclusions::open(&masks, size, 0, report, context)?,
-            matte_path: inputs.matte.to_path_buf(),
+            alpha,
         })
     }
 
@@ -159,14 +221,7 @@ impl Edit {
         context: &Context,
     ) -> Result<EditFrame, JobError> {
         let map = self.map(index)?;
-        let alpha = self
-            .matte
-            .of(index)?
-            .ok_or_else(|| JobError::ClipTooShort {
-                path: self.matte_path.clone(),
-                frame: index,
-            })?;
-        let alpha = alpha.into_coverage();
+        let alpha = self.alpha.of(index, image, context)?;
         let colors = encoded(image);
         let shown = self.plate.in_frame(&map, self.size, context)?;
         let usable = |col: usize, row: usize| {
@@ -302,7 +357,7 @@ impl OpenEdit {
         let output = folder_or_clip(inputs.output, &operation.inputs(), context)?;
         context.check_files(&operation.inputs(), &[&output])?;
         let clip = open_clip(inputs.input, None, report, context)?;
-        let edit = Edit::open(inputs, clip.info().size, report, context)?;
+        let edit = Edit::open(inputs, clip.info().size, None, report, context)?;
         Ok(Self { clip, output, edit })
     }
 }

@@ -1,8 +1,8 @@
 //! `video paste`: the foreground of a clip in another one, on the plane of each.
 
 use super::{
-    EditFrame, EditInputs, EditOutput, OpenEdit, ShotParams, SideInput, map_of, read_track,
-    write_frames,
+    Edit, EditFrame, EditInputs, EditOutput, FrameEdit, OpenEdit, ShotEdit, ShotParams, SideInput,
+    map_of, read_track, write_frames,
 };
 use crate::context::Context;
 use crate::error::JobError;
@@ -14,7 +14,7 @@ use crate::track::exclusions::{Exclusions, MaskFiles};
 use crate::video::{Encoding, FrameRange, clip_folders, clip_outputs};
 use ravec::matting::Colors;
 use ravec::planar::Homography;
-use ravec::raster::{Plane, Size};
+use ravec::raster::{AnyImage, Plane, Size};
 use ravec::video_edit::{Layer, contact_shadow};
 use ravec_video::FrameSource as _;
 use serde::{Deserialize, Serialize};
@@ -134,47 +134,25 @@ impl Operation for Paste {
     /// [`JobError::WriteClip`], [`JobError::SizesDiffer`], [`JobError::TrackFile`], [`JobError::ClipTooShort`], what
     /// [`check_files`](crate::check_files) refuses, [`JobError::Cancelled`].
     fn run(&self, context: &Context) -> Result<Report, JobError> {
-        let params = &self.params;
-        let mut report = Report::of(self, params);
-        if !(0.0..=1.0).contains(&params.shadow) {
-            return Err(JobError::Parameter {
-                field: "shadow",
-                value: params.shadow.to_string(),
-                range: "0 to 1",
-            });
-        }
-        let inputs = EditInputs {
-            input: &self.input,
-            output: &self.output,
-            plate: &self.plate,
-            track: self.track.as_deref(),
-            matte: &self.matte,
-            params: &params.shot,
-            encoding: &params.encoding,
-        };
-        let opened = OpenEdit::new(self, &inputs, &mut report, context)?;
-        let OpenEdit {
-            clip,
-            output,
-            mut edit,
-        } = opened;
+        let mut report = Report::of(self, &self.params);
+        self.check()?;
+        let inputs = self.edit_inputs();
+        let OpenEdit { clip, output, edit } = OpenEdit::new(self, &inputs, &mut report, context)?;
         let into = SideInput::open(&self.into, &mut report, context)?;
-        let mut scene = self.scene(edit.size, into.size(), &mut report, context)?;
-        // borrowed for this thread alone: clips cannot be shared
-        let (edit, scene) = (&mut edit, &mut scene);
+        let scene = self.scene(edit.size, into.size(), &mut report, context)?;
         let files = EditOutput {
             size: Some(into.size()),
             ..inputs.output(&output, "paste")
         };
         match into {
-            SideInput::Still(into) => {
-                let into = encoded(&into);
+            SideInput::Still(_) => {
+                let mut frames = Frames { edit, scene, into };
                 write_frames(self, &files, clip, &mut report, context, |shot| {
-                    let frame = edit.frame(shot.index, &shot.image, context)?;
-                    scene.paste(&frame, &into, context)
+                    frames.result(shot.index, &shot.image, context)
                 })?;
             }
             SideInput::Clip { clip: into, .. } => {
+                // the times and the sound are those of the second clip
                 let frames = clip.info().frames;
                 let files = EditOutput {
                     input: &self.into,
@@ -183,6 +161,8 @@ impl Operation for Paste {
                     ..files
                 };
                 let first = &mut SideInput::of(clip, &self.input);
+                // borrowed for this thread alone: clips cannot be shared
+                let (edit, scene) = (&mut { edit }, &mut { scene });
                 write_frames(self, &files, *into, &mut report, context, |shot| {
                     let image = first.frame(shot.index)?;
                     let frame = edit.frame(shot.index, &image, context)?;
@@ -191,6 +171,52 @@ impl Operation for Paste {
             }
         }
         Ok(report)
+    }
+}
+
+impl ShotEdit for Paste {
+    fn edit_inputs(&self) -> EditInputs<'_> {
+        EditInputs {
+            input: &self.input,
+            output: &self.output,
+            plate: &self.plate,
+            track: self.track.as_deref(),
+            matte: &self.matte,
+            params: &self.params.shot,
+            encoding: &self.params.encoding,
+        }
+    }
+
+    fn frames<'a>(
+        &'a self,
+        edit: Edit,
+        report: &mut Report,
+        context: &Context,
+    ) -> Result<Box<dyn FrameEdit + 'a>, JobError> {
+        self.check()?;
+        let into = SideInput::open(&self.into, report, context)?;
+        let scene = self.scene(edit.size, into.size(), report, context)?;
+        Ok(Box::new(Frames { edit, scene, into }))
+    }
+}
+
+/// Frames of the second clip with the foreground of the first one.
+struct Frames<'a> {
+    edit: Edit,
+    scene: Scene<'a>,
+    into: SideInput,
+}
+
+impl FrameEdit for Frames<'_> {
+    fn result(
+        &mut self,
+        index: u64,
+        image: &AnyImage,
+        context: &Context,
+    ) -> Result<Colors, JobError> {
+        let frame = self.edit.frame(index, image, context)?;
+        let into = encoded(&self.into.frame(index)?);
+        self.scene.paste(&frame, &into, context)
     }
 }
 
@@ -242,6 +268,19 @@ impl Scene<'_> {
 }
 
 impl Paste {
+    /// Refuses parameters out of range.
+    fn check(&self) -> Result<(), JobError> {
+        let shadow = self.params.shadow;
+        if (0.0..=1.0).contains(&shadow) {
+            return Ok(());
+        }
+        Err(JobError::Parameter {
+            field: "shadow",
+            value: shadow.to_string(),
+            range: "0 to 1",
+        })
+    }
+
     fn scene(
         &self,
         size: Size,

@@ -1,11 +1,13 @@
 //! `video remove`: foreground removed from a clip, so that its plate shows through.
 
-use super::{EditInputs, OpenEdit, ShotParams, write_frames};
+use super::{Edit, EditInputs, FrameEdit, OpenEdit, ShotEdit, ShotParams, write_frames};
 use crate::context::Context;
 use crate::error::JobError;
 use crate::operation::{Operation, paths};
 use crate::report::Report;
 use crate::video::{Encoding, clip_folders, clip_outputs};
+use ravec::matting::Colors;
+use ravec::raster::AnyImage;
 use ravec::video_edit::Removal;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -100,37 +102,63 @@ impl Operation for Remove {
     /// [`JobError::Parameter`], [`JobError::Read`], [`JobError::ReadClip`], [`JobError::WriteClip`], [`JobError::SizesDiffer`],
     /// [`JobError::TrackFile`], [`JobError::ClipTooShort`], what [`check_files`](crate::check_files) refuses, [`JobError::Cancelled`].
     fn run(&self, context: &Context) -> Result<Report, JobError> {
-        let params = &self.params;
-        let mut report = Report::of(self, params);
-        let inputs = EditInputs {
+        let mut report = Report::of(self, &self.params);
+        let inputs = self.edit_inputs();
+        let OpenEdit { clip, output, edit } = OpenEdit::new(self, &inputs, &mut report, context)?;
+        let mut frames = self.frames(edit, &mut report, context)?;
+        let files = inputs.output(&output, "remove");
+        write_frames(self, &files, clip, &mut report, context, |shot| {
+            frames.result(shot.index, &shot.image, context)
+        })?;
+        Ok(report)
+    }
+}
+
+impl ShotEdit for Remove {
+    fn edit_inputs(&self) -> EditInputs<'_> {
+        EditInputs {
             input: &self.input,
             output: &self.output,
             plate: &self.plate,
             track: self.track.as_deref(),
             matte: &self.matte,
-            params: &params.shot,
-            encoding: &params.encoding,
+            params: &self.params.shot,
+            encoding: &self.params.encoding,
+        }
+    }
+
+    fn frames<'a>(
+        &'a self,
+        edit: Edit,
+        _report: &mut Report,
+        _context: &Context,
+    ) -> Result<Box<dyn FrameEdit + 'a>, JobError> {
+        let grain = self.params.grain;
+        Ok(Box::new(Frames { edit, grain }))
+    }
+}
+
+/// Frames without foreground.
+struct Frames {
+    edit: Edit,
+    grain: Grain,
+}
+
+impl FrameEdit for Frames {
+    fn result(
+        &mut self,
+        index: u64,
+        image: &AnyImage,
+        context: &Context,
+    ) -> Result<Colors, JobError> {
+        let frame = self.edit.frame(index, image, context)?;
+        let removal = Removal {
+            frame: &frame.colors,
+            alpha: &frame.alpha,
+            background: &frame.background,
+            known: &frame.known,
+            grain: (self.grain == Grain::Matched).then_some(frame.index),
         };
-        let opened = OpenEdit::new(self, &inputs, &mut report, context)?;
-        let OpenEdit {
-            clip,
-            output,
-            mut edit,
-        } = opened;
-        let files = inputs.output(&output, "remove");
-        // borrowed for this thread alone: a clip of masks cannot be shared
-        let edit = &mut edit;
-        write_frames(self, &files, clip, &mut report, context, |shot| {
-            let frame = edit.frame(shot.index, &shot.image, context)?;
-            let removal = Removal {
-                frame: &frame.colors,
-                alpha: &frame.alpha,
-                background: &frame.background,
-                known: &frame.known,
-                grain: (params.grain == Grain::Matched).then_some(frame.index),
-            };
-            Ok(removal.result()?)
-        })?;
-        Ok(report)
+        Ok(removal.result()?)
     }
 }

@@ -1,6 +1,6 @@
 //! `video replace`: another picture or clip on the plane of a shot, or behind its foreground.
 
-use super::{EditInputs, OpenEdit, ShotParams, SideInput, write_frames};
+use super::{Edit, EditInputs, FrameEdit, OpenEdit, ShotEdit, ShotParams, SideInput, write_frames};
 use crate::context::Context;
 use crate::error::JobError;
 use crate::operation::{Operation, paths};
@@ -9,7 +9,9 @@ use crate::report::Report;
 use crate::shot::encoded;
 use crate::video::{Encoding, clip_folders, clip_outputs};
 use glam::dvec2;
+use ravec::matting::Colors;
 use ravec::planar::{Beyond, Homography, warp};
+use ravec::raster::AnyImage;
 use ravec::video_edit::Layer;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -111,45 +113,65 @@ impl Operation for Replace {
     /// [`JobError::WriteClip`], [`JobError::SizesDiffer`], [`JobError::TrackFile`], [`JobError::ClipTooShort`], what
     /// [`check_files`](crate::check_files) refuses, [`JobError::Cancelled`].
     fn run(&self, context: &Context) -> Result<Report, JobError> {
-        let params = &self.params;
-        let mut report = Report::of(self, params);
-        let inputs = EditInputs {
+        let mut report = Report::of(self, &self.params);
+        let inputs = self.edit_inputs();
+        let OpenEdit { clip, output, edit } = OpenEdit::new(self, &inputs, &mut report, context)?;
+        let mut frames = self.frames(edit, &mut report, context)?;
+        let files = inputs.output(&output, "replace");
+        write_frames(self, &files, clip, &mut report, context, |shot| {
+            frames.result(shot.index, &shot.image, context)
+        })?;
+        Ok(report)
+    }
+}
+
+impl ShotEdit for Replace {
+    fn edit_inputs(&self) -> EditInputs<'_> {
+        EditInputs {
             input: &self.input,
             output: &self.output,
             plate: &self.plate,
             track: self.track.as_deref(),
             matte: &self.matte,
-            params: &params.shot,
-            encoding: &params.encoding,
-        };
-        let opened = OpenEdit::new(self, &inputs, &mut report, context)?;
-        let OpenEdit {
-            clip,
-            output,
-            mut edit,
-        } = opened;
-        let size = edit.size;
-        let mut image = SideInput::open(&self.image, &mut report, context)?;
-        let place = Placement::new(params, size, image.size())?;
-        let files = inputs.output(&output, "replace");
-        // borrowed for this thread alone: clips cannot be shared
-        let (edit, image) = (&mut edit, &mut image);
-        write_frames(self, &files, clip, &mut report, context, |shot| {
-            let frame = edit.frame(shot.index, &shot.image, context)?;
-            let new = image.frame(shot.index)?;
-            let image_from_frame = place.image_from_frame(&frame.map);
-            let progress = context.progress.silent();
-            let new = warp(
-                &encoded(&new),
-                &image_from_frame,
-                size,
-                Beyond::Border,
-                &progress,
-            )?;
-            let layer = Layer::new(&frame.colors, &frame.alpha, &frame.background)?;
-            Ok(layer.over(&new)?)
-        })?;
-        Ok(report)
+            params: &self.params.shot,
+            encoding: &self.params.encoding,
+        }
+    }
+
+    fn frames<'a>(
+        &'a self,
+        edit: Edit,
+        report: &mut Report,
+        context: &Context,
+    ) -> Result<Box<dyn FrameEdit + 'a>, JobError> {
+        let image = SideInput::open(&self.image, report, context)?;
+        let place = Placement::new(&self.params, edit.size, image.size())?;
+        Ok(Box::new(Frames { edit, image, place }))
+    }
+}
+
+/// Frames before another background.
+struct Frames {
+    edit: Edit,
+    image: SideInput,
+    place: Placement,
+}
+
+impl FrameEdit for Frames {
+    fn result(
+        &mut self,
+        index: u64,
+        image: &AnyImage,
+        context: &Context,
+    ) -> Result<Colors, JobError> {
+        let frame = self.edit.frame(index, image, context)?;
+        let new = encoded(&self.image.frame(index)?);
+        let image_from_frame = self.place.image_from_frame(&frame.map);
+        let progress = context.progress.silent();
+        let size = self.edit.size;
+        let new = warp(&new, &image_from_frame, size, Beyond::Border, &progress)?;
+        let layer = Layer::new(&frame.colors, &frame.alpha, &frame.background)?;
+        Ok(layer.over(&new)?)
     }
 }
 

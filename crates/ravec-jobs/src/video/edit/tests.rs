@@ -5,7 +5,8 @@ use super::paste::Paste;
 use super::remove::{Grain, Remove};
 use super::replace::Replace;
 use super::*;
-use crate::ErrorKind;
+use crate::matte::Matte;
+use crate::{ErrorKind, Step};
 use ravec::raster::Srgba;
 use ravec_media::{Limits, Picture, WriteOptions};
 
@@ -371,4 +372,103 @@ fn where_the_plate_is_transparent_frames_stay() {
     ravec_media::write(shot.at("plate.png"), &picture, &WriteOptions::default()).unwrap();
     run(&shot.removal("o_%d.png"));
     assert_eq!(shot.read("o_2.png"), shot.read("f_2.png"));
+}
+
+/// The previews of frames, in the order of `indices`.
+fn previews(step: &Step, live: Option<&Matte>, indices: &[usize], shot: &Shot) -> Vec<AnyImage> {
+    let context = Context::default();
+    let preview = ShotPreview::open(step, live, size(), &context).unwrap();
+    let mut preview = preview.unwrap();
+    let frames = indices.iter().map(|index| {
+        let frame = AnyImage::from(shot.read(&format!("f_{index}.png")));
+        preview.frame(*index as u64, &frame, &context).unwrap()
+    });
+    frames.collect()
+}
+
+#[test]
+fn previews_in_any_order_are_the_frames_that_are_written() {
+    let shot = Shot::new();
+    let image = picture(Size::new(64, 48).unwrap(), |col, row| {
+        [60.0 + col as f64, 80.0 + 2.0 * row as f64, 200.0]
+    });
+    shot.save("new.png", image);
+    let removal = shot.removal("r_%d.png");
+    let replace = Replace {
+        input: shot.at("f_%d.png"),
+        output: shot.at("r_%d.png"),
+        plate: shot.at("plate.png"),
+        matte: shot.at("a_%d.png"),
+        image: shot.at("new.png"),
+        track: Some(shot.at("track.json")),
+        params: replace::Params {
+            shot: Shot::params(),
+            ..replace::Params::default()
+        },
+    };
+    let paste = Paste {
+        input: shot.at("f_%d.png"),
+        output: shot.at("r_%d.png"),
+        into: shot.at("f_%d.png"),
+        into_track: Some(shot.at("track.json")),
+        into_matte: None,
+        plate: shot.at("plate.png"),
+        matte: shot.at("a_%d.png"),
+        track: Some(shot.at("track.json")),
+        params: paste::Params {
+            shot: Shot::params(),
+            ..paste::Params::default()
+        },
+    };
+    for step in [Step::from(removal), replace.into(), paste.into()] {
+        assert!(ShotPreview::exists_for(&step));
+        let order = [3, 0, 4, 1];
+        let found = previews(&step, None, &order, &shot);
+        step.operation().run(&Context::default()).unwrap();
+        for (index, found) in order.into_iter().zip(found) {
+            let name = step.operation().name();
+            let written = shot.read(&format!("r_{index}.png"));
+            assert!(found == AnyImage::from(written), "{name}, frame {index}");
+        }
+    }
+    let other = Step::from(crate::compare::Compare {
+        a: shot.at("a_0.png"),
+        b: shot.at("a_1.png"),
+        plot: None,
+        params: crate::compare::Params::default(),
+    });
+    assert!(!ShotPreview::exists_for(&other));
+    let none = ShotPreview::open(&other, None, size(), &Context::default());
+    assert!(none.unwrap().is_none());
+}
+
+#[test]
+fn a_preview_without_a_matte_of_the_clip_solves_that_of_the_frame() {
+    let shot = Shot::new();
+    let mut removal = shot.removal("r_%d.png");
+    let matte = Matte {
+        input: shot.at("f_%d.png"),
+        output: shot.at("m_%d.png"),
+        plate: Some(shot.at("plate.png")),
+        trimap: None,
+        track: Some(shot.at("track.json")),
+        strokes: None,
+        params: crate::matte::Params {
+            pad: PAD,
+            ..crate::matte::Params::default()
+        },
+    };
+    removal.matte = shot.at("m_%d.png");
+    let step = Step::from(removal);
+    let found = previews(&step, Some(&matte), &[2], &shot);
+    // the file of the matte has 8 bits
+    run(&matte);
+    step.operation().run(&Context::default()).unwrap();
+    let written = shot.read("r_2.png");
+    let AnyImage::Srgb8(found) = &found[0] else {
+        panic!("a frame of 8 bits has a preview of 8 bits");
+    };
+    let truth = |col: usize, row: usize| written[(col, row)].0.map(f64::from);
+    let wrong = largest(found, truth, |_, _| true);
+    assert!(wrong <= 3.0, "{wrong}");
 }

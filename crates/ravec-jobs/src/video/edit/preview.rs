@@ -1,0 +1,104 @@
+//! Results of an edit of a shot for single frames, without the files that it would write.
+
+use super::{Edit, FrameEdit, ShotEdit, drawn};
+use crate::context::Context;
+use crate::error::JobError;
+use crate::matte::Matte;
+use crate::matte::frames::{FrameMattes, Spread};
+use crate::report::Report;
+use crate::shot::is_deep;
+use crate::step::Step;
+use ravec::raster::{AnyImage, Size};
+
+/// An edit of a shot whose inputs are open, for previews: `video remove`, `replace`, `enhance` or `paste`.
+///
+/// ```no_run
+/// use ravec::raster::Size;
+/// use ravec_jobs::{Context, Step, video::edit::ShotPreview};
+/// # fn frame(number: u64) -> ravec::raster::AnyImage { unimplemented!() }
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// let step: Step = serde_json::from_str(
+///     r#"{"operation": "video remove", "input": "a.y4m", "output": "b.y4m", "plate": "empty.png", "matte": "m.y4m"}"#,
+/// )?;
+/// let context = Context::default();
+/// let preview = ShotPreview::open(&step, None, Size::new(640, 360)?, &context)?;
+/// let result = preview.expect("removal is an edit of a shot").frame(40, &frame(40), &context)?;
+/// # Ok(())
+/// # }
+/// ```
+pub struct ShotPreview<'a> {
+    frames: Box<dyn FrameEdit + 'a>,
+}
+
+impl<'a> ShotPreview<'a> {
+    /// True for an operation that has previews.
+    pub fn exists_for(step: &Step) -> bool {
+        matches!(
+            step,
+            Step::VideoRemove(_)
+                | Step::VideoReplace(_)
+                | Step::VideoEnhance(_)
+                | Step::VideoPaste(_)
+        )
+    }
+
+    /// Opens the inputs of an edit, but for its clip, whose frames have `size`; `None` for another operation. With `live`, alpha
+    /// of a frame is that of this operation, where strokes hold in their own frames; else it is that of the file of the matte.
+    ///
+    /// # Errors
+    /// Those of the operation.
+    pub fn open(
+        step: &'a Step,
+        live: Option<&Matte>,
+        size: Size,
+        context: &Context,
+    ) -> Result<Option<Self>, JobError> {
+        let mut report = Report::new("preview", &());
+        let live = match live {
+            Some(matte) => {
+                let spread = Spread::OwnFrames;
+                Some(FrameMattes::open(
+                    matte,
+                    size,
+                    spread,
+                    &mut report,
+                    context,
+                )?)
+            }
+            None => None,
+        };
+        let frames = match step {
+            Step::VideoRemove(edit) => frames(&**edit, live, size, &mut report, context)?,
+            Step::VideoReplace(edit) => frames(&**edit, live, size, &mut report, context)?,
+            Step::VideoEnhance(edit) => frames(&**edit, live, size, &mut report, context)?,
+            Step::VideoPaste(edit) => frames(&**edit, live, size, &mut report, context)?,
+            _ => return Ok(None),
+        };
+        Ok(Some(Self { frames }))
+    }
+
+    /// The result for a frame: what the operation writes for it, up to what is known of the matte.
+    ///
+    /// # Errors
+    /// Those of the operation.
+    pub fn frame(
+        &mut self,
+        index: u64,
+        image: &AnyImage,
+        context: &Context,
+    ) -> Result<AnyImage, JobError> {
+        let colors = self.frames.result(index, image, context)?;
+        Ok(drawn(&colors, is_deep(image)))
+    }
+}
+
+fn frames<'a, E: ShotEdit>(
+    operation: &'a E,
+    live: Option<FrameMattes>,
+    size: Size,
+    report: &mut Report,
+    context: &Context,
+) -> Result<Box<dyn FrameEdit + 'a>, JobError> {
+    let edit = Edit::open(&operation.edit_inputs(), size, live, report, context)?;
+    operation.frames(edit, report, context)
+}
