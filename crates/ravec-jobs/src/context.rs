@@ -89,6 +89,11 @@ impl Context {
         self.store(name, Intermediate::Mesh(mesh));
     }
 
+    /// Makes a text, such as a track, the intermediate result of this name.
+    pub fn insert_text(&self, name: &Path, text: String) {
+        self.store(name, Intermediate::Text(text));
+    }
+
     /// The mesh that an operation has written to an intermediate result.
     ///
     /// # Errors

@@ -7,7 +7,7 @@ use crate::frame_mark::{FrameMark, Side};
 use crate::pixel_centers::PixelCenters;
 use crate::report::Report;
 use crate::shot::{ShotTrack, encoded};
-use crate::track::exclusions::Exclusions;
+use crate::track::exclusions::StrokePictures;
 use crate::track::follow::{Reader, Shot, block_frames};
 use crate::video::{FrameRange, open_clip};
 use ravec::matting::{Colors, Constraints};
@@ -35,7 +35,7 @@ pub(crate) struct MarkSource<'a> {
     /// Strokes as data.
     pub marks: &'a [FrameMark],
     /// Strokes in pictures.
-    pub pictures: &'a Exclusions,
+    pub pictures: &'a StrokePictures,
     /// Frames before and after its own in which a stroke holds; all if it is absent.
     pub carry: Option<u64>,
     /// Convention of the points of strokes.
@@ -69,8 +69,8 @@ impl MarkSource<'_> {
     /// The pixels of all strokes by frame, each with its side, in the order in which they are drawn.
     fn masks(&self) -> Result<BTreeMap<u64, Vec<(Side, Mask)>>, JobError> {
         let mut masks: BTreeMap<u64, Vec<(Side, Mask)>> = BTreeMap::new();
-        for frame in self.pictures.stroke_frames() {
-            let Some([foreground, background]) = self.pictures.strokes(frame)? else {
+        for frame in self.pictures.frames() {
+            let Some([foreground, background]) = self.pictures.of(frame)? else {
                 continue;
             };
             let list = masks.entry(frame).or_default();

@@ -4,6 +4,7 @@
 //! place of the one that waits, and the last answer stays until a newer one is there. What a kind of question prepares, such as an
 //! index of a picture, is kept as long as the questions are about the same picture.
 
+use crate::analyses::Analyses;
 use crate::engine::lock;
 use crate::tracking::Tracking;
 use ravec::progress::Progress;
@@ -69,7 +70,9 @@ struct Shared {
 /// Answers questions about one document.
 pub(crate) struct Assistant {
     /// Measures a plane, which takes long.
-    pub tracking: Tracking,
+    pub tracking: Arc<Tracking>,
+    /// Finds what edits of a shot need.
+    pub analyses: Analyses,
     shared: Arc<Shared>,
     worker: Option<JoinHandle<()>>,
 }
@@ -78,7 +81,8 @@ impl Assistant {
     /// An idle assistant. `repaint` is called, from another thread, when there is an answer.
     pub fn new(repaint: impl Fn() + Send + Sync + 'static) -> Self {
         let repaint: Arc<dyn Fn() + Send + Sync> = Arc::new(repaint);
-        let tracking = Tracking::new(repaint.clone());
+        let tracking = Arc::new(Tracking::new(repaint.clone()));
+        let analyses = Analyses::new(tracking.clone(), repaint.clone());
         let shared = Arc::new(Shared {
             state: Mutex::default(),
             wake: Condvar::new(),
@@ -88,6 +92,7 @@ impl Assistant {
         let worker = std::thread::Builder::new().name("assistant".to_owned());
         Self {
             tracking,
+            analyses,
             shared,
             // without a thread nothing is answered, and the window still works
             worker: worker.spawn(move || work(&own)).ok(),
@@ -138,7 +143,10 @@ impl Assistant {
     /// True while any question is open.
     pub fn is_busy(&self) -> bool {
         let state = lock(&self.shared.state);
-        state.running.is_some() || !state.waiting.is_empty() || self.tracking.is_busy()
+        state.running.is_some()
+            || !state.waiting.is_empty()
+            || self.tracking.is_busy()
+            || self.analyses.is_busy()
     }
 }
 

@@ -10,10 +10,18 @@ use std::sync::Arc;
 pub type EditId = u64;
 
 /// Operations that look at their input and change nothing.
-const ANALYSES: [&str; 1] = ["track"];
+const ANALYSES: [&str; 2] = ["track", "plate"];
 
 /// Fields of operations for files that are written beside the result.
-const SIDE_OUTPUTS: [&str; 3] = ["svg", "show_grid", "deep_zoom"];
+const SIDE_OUTPUTS: [&str; 7] = [
+    "svg",
+    "show_grid",
+    "deep_zoom",
+    "seen",
+    "certainty",
+    "exports",
+    "show",
+];
 
 /// Name of the input in the expression of a Boolean operation.
 pub const INPUT_NAME: &str = "a";
@@ -101,9 +109,34 @@ impl Edit {
         self.operation == "video convert"
     }
 
-    /// True for an operation that looks at its input and changes nothing, such as `track`: its output is a file of its own.
+    /// True for an operation that looks at its input and changes nothing, such as `track`: its output is a file of its own, or an
+    /// intermediate result for other edits. A `matte` with such an output is one; without, the clip becomes the foreground.
     pub fn is_analysis(&self) -> bool {
         ANALYSES.contains(&self.operation.as_str())
+            || (self.operation == "matte" && self.output().is_some())
+    }
+
+    /// The output of an analysis, by which other edits name it.
+    pub fn output(&self) -> Option<&str> {
+        self.fields.get("output").and_then(Value::as_str)
+    }
+
+    /// A field of the operation that is text, such as a path.
+    pub fn text_field(&self, name: &str) -> &str {
+        let text = self.fields.get(name).and_then(Value::as_str);
+        text.unwrap_or_default()
+    }
+
+    /// The same edit with another text in a field; without the field for an empty text.
+    #[must_use]
+    pub fn with_text_field(&self, name: &str, text: &str) -> Self {
+        let mut edit = self.clone();
+        if text.is_empty() {
+            edit.fields.remove(name);
+        } else {
+            edit.fields.insert(name.to_owned(), text.into());
+        }
+        edit
     }
 
     /// The operation that writes the further sizes, with the size in the name of each file; `None` if there are none.
@@ -288,9 +321,32 @@ impl Document {
         self.edits.iter().filter(|edit| edit.enabled)
     }
 
+    /// The last analysis of an operation that is not passed over, before the edit with this number or, without one, at the end.
+    pub fn last_analysis(&self, operation: &str, before: Option<EditId>) -> Option<&Arc<Edit>> {
+        let edits = self.edits.iter();
+        let edits = edits.take_while(|edit| Some(edit.id) != before);
+        let found = edits.filter(|edit| edit.enabled && edit.is_analysis());
+        found.filter(|edit| edit.operation == operation).last()
+    }
+
+    /// A name for an intermediate result that no edit has, such as `@plate` or `@plate-2`.
+    pub fn free_name(&self, stem: &str, extension: &str) -> String {
+        let taken = |name: &String| self.edits.iter().any(|edit| edit.output() == Some(name));
+        let numbered = (2..).map(|number| format!("@{stem}-{number}{extension}"));
+        let mut names = std::iter::once(format!("@{stem}{extension}")).chain(numbered);
+        // there are more names than edits
+        names.find(|name| !taken(name)).unwrap_or_default()
+    }
+
     /// True if all that is written are files of edits which look at the source, such as tracks.
     pub fn has_analyses_only(&self) -> bool {
         self.enabled().next().is_some() && self.links().next().is_none()
+    }
+
+    /// True if an analysis writes a file.
+    pub fn writes_files(&self) -> bool {
+        let mut outputs = self.enabled().filter_map(|edit| edit.output());
+        outputs.any(|output| !is_result_name(Path::new(output)))
     }
 
     /// The recipe that makes `output` of the source.

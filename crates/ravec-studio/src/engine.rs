@@ -8,7 +8,9 @@
 
 mod cache;
 mod evaluate;
+mod shot;
 
+use crate::analyses::AnalysisView;
 use crate::content::{Content, View, Visible};
 use crate::document::{Document, EditId, is_result_name};
 use crate::painting::Painting;
@@ -18,6 +20,7 @@ use evaluate::{Evaluated, evaluate};
 use ravec::progress::{Progress, Update};
 use ravec_jobs::{Context, Report};
 use ravec_media::Picture;
+use shot::OpenShot;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -69,6 +72,8 @@ pub struct Request {
     pub frame: Option<SourceFrame>,
     /// Stops by which results are shown brighter.
     pub exposure: f32,
+    /// What edits of a shot need.
+    pub analyses: AnalysisView,
 }
 
 impl Request {
@@ -78,6 +83,7 @@ impl Request {
             document,
             frame: None,
             exposure: 0.0,
+            analyses: AnalysisView::default(),
         }
     }
 }
@@ -280,6 +286,7 @@ impl Drop for Engine {
 /// Takes requests until the engine is dropped.
 fn work(shared: &Arc<Shared>) {
     let mut cache = Cache::default();
+    let mut shot = OpenShot::default();
     loop {
         let (serial, request, progress) = {
             let mut state = shared.state();
@@ -306,9 +313,16 @@ fn work(shared: &Arc<Shared>) {
             state.update = None;
             (serial, request, progress)
         };
-        let outcome = evaluate(&request, &progress, &mut cache, &shared.painting, || {
-            shared.state().runs += 1;
-        });
+        let outcome = evaluate(
+            &request,
+            &progress,
+            &mut cache,
+            &mut shot,
+            &shared.painting,
+            || {
+                shared.state().runs += 1;
+            },
+        );
         let mut state = shared.state();
         state.running = None;
         match outcome {
@@ -329,6 +343,7 @@ fn work(shared: &Arc<Shared>) {
     }
 }
 
+pub(crate) use cache::source_key;
 pub(crate) use evaluate::run_in_memory;
 
 /// The value behind a lock, also after a panic of another thread.

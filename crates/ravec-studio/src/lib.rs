@@ -34,6 +34,7 @@
 //! defects, and Booleans whose parts are moved and turned by a handle. Clips are shown on a timeline; edits of them show a frame, and
 //! planes are tracked while one watches.
 
+mod analyses;
 mod assistant;
 pub mod autosave;
 mod background;
@@ -54,6 +55,7 @@ mod tools;
 mod tracking;
 mod view;
 
+pub use analyses::AnalysisView;
 pub use content::{Content, Kind, View, Visible};
 pub use controls::{Control, Controls};
 pub use document::{Document, Edit, EditError, EditId};

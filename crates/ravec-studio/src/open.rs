@@ -165,10 +165,14 @@ impl Open {
                 None => return,
             },
         };
+        if self.clip.is_some() && !self.history.in_gesture() {
+            self.assistant.analyses.update(self.history.document());
+        }
         let request = Request {
             document: wanted,
             frame,
             exposure: self.exposure,
+            analyses: self.assistant.analyses.view(),
         };
         if self.asked.as_ref() != Some(&request) {
             self.engine.request(request.clone());

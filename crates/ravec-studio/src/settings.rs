@@ -65,7 +65,7 @@ pub struct Form {
 const NOT_SETTINGS: [&str; 3] = ["resume", "pixel_centers", "input_rate"];
 
 /// Parameters that have fields of their own, which are flags of the command line like others.
-const GROUPS: [&str; 2] = [ENCODING, "output"];
+const GROUPS: [&str; 4] = [ENCODING, "output", "shot", "matte"];
 
 /// The group of the encoding of clips.
 const ENCODING: &str = "encoding";

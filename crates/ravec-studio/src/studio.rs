@@ -204,7 +204,17 @@ impl Studio {
         };
         let tool = &self.tools[tool];
         let mut document = open.history.document().clone();
-        let id = document.push(tool.operation(), tool.start(size));
+        if open.kind == Kind::Clip {
+            for need in tool.needs() {
+                if document.last_analysis(need, None).is_none()
+                    && let Some(other) = self.tools.iter().find(|tool| tool.operation() == *need)
+                {
+                    let fields = other.start_in(size, &document);
+                    document.push(need, fields);
+                }
+            }
+        }
+        let id = document.push(tool.operation(), tool.start_in(size, &document));
         open.history.commit(document);
         open.selected = Some(id);
         self.autosave();
@@ -279,6 +289,11 @@ impl Studio {
             let document = open.history.document();
             if document.has_analyses_only() {
                 // the files are those of the edits
+                if !document.writes_files() {
+                    let text = "Nothing would be written: give a track, a plate or a matte the name of a file, or add an edit";
+                    self.message = Some((text.to_owned(), true));
+                    return;
+                }
                 self.background
                     .export(document.clone(), open.output.clone());
                 return;

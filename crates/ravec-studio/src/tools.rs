@@ -2,17 +2,22 @@
 //!
 //! A tool is one file with a type that implements [`Tool`], and a line in [`all`].
 
+mod analysis;
 mod brush;
 mod complete;
+mod marker;
+mod matte;
 mod mesh;
 mod mosaic;
 mod outline;
 mod parts;
 mod plain;
 mod planes;
+mod plate;
 mod quad;
 mod rectify;
 mod retarget;
+mod shot;
 mod track;
 mod trim;
 mod twocolor;
@@ -205,6 +210,16 @@ pub(crate) trait Tool {
     /// Fields of a new edit for a picture of this size.
     fn start(&self, size: [usize; 2]) -> Map<String, Value>;
 
+    /// Fields of a new edit for a picture of this size in a document, whose other edits it may name.
+    fn start_in(&self, size: [usize; 2], _document: &Document) -> Map<String, Value> {
+        self.start(size)
+    }
+
+    /// Analyses that a clip needs before such an edit. Those that a document lacks are added along with it.
+    fn needs(&self) -> &'static [&'static str] {
+        &[]
+    }
+
     /// True if the fields of an edit of the operation are those of this tool.
     fn made(&self, edit: &Edit) -> bool {
         edit.operation == self.operation()
@@ -264,6 +279,11 @@ pub(crate) trait Tool {
         None
     }
 
+    /// Name of the picture in the panel.
+    fn beside_name(&self) -> &'static str {
+        "Rectified view"
+    }
+
     /// The frame of a clip that the playhead is to move to.
     fn wanted_frame(&mut self, _assistant: &Assistant, _edit: &Edit) -> Option<u64> {
         None
@@ -301,6 +321,8 @@ pub(crate) struct Desk<'a> {
     pub assistant: &'a Assistant,
 }
 
+pub(crate) use track::measure_key;
+
 /// All tools.
 pub(crate) fn all() -> Vec<Box<dyn Tool>> {
     vec![
@@ -320,6 +342,12 @@ pub(crate) fn all() -> Vec<Box<dyn Tool>> {
         Box::new(rectify::Rectify::default()),
         Box::new(complete::Complete::default()),
         Box::new(track::Track::default()),
+        Box::new(plate::Plate::default()),
+        Box::new(matte::Matte::default()),
+        Box::new(shot::ShotTool::REMOVE),
+        Box::new(shot::ShotTool::REPLACE),
+        Box::new(shot::ShotTool::ENHANCE),
+        Box::new(shot::ShotTool::PASTE),
         Box::new(trim::Trim),
         Box::new(mosaic::Mosaic::default()),
         Box::new(mesh::MeshTool {

@@ -4,10 +4,11 @@ use super::Matte;
 use crate::context::Context;
 use crate::error::JobError;
 use crate::files;
+use crate::frame_mark::FrameMark;
 use crate::marks::{MarkSource, Marks, UNKNOWN};
 use crate::report::Report;
 use crate::shot::{ShotPlate, ShotTrack, TrackChoice, encoded};
-use crate::track::exclusions::{Exclusions, MaskFiles};
+use crate::track::exclusions::{Exclusions, MaskFiles, StrokePictures};
 use ravec::matting::{
     Constraints, Matte as Solution, MattingError, PlateFrame, plate_matte, still_matte,
 };
@@ -15,23 +16,27 @@ use ravec::planar::Homography;
 use ravec::progress::Progress;
 use ravec::raster::{AnyImage, Image, Size, Srgba};
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// Frames in which strokes hold.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Spread {
+pub enum Spread {
     /// Those in which they are drawn.
     OwnFrames,
     /// All to which they are carried.
     Clip,
 }
 
-/// The inputs of an operation `matte`, open.
-pub(crate) struct FrameMattes {
+/// The inputs of an operation [`Matte`], open: mattes of single frames in any order. Clones share what was read.
+#[derive(Clone)]
+pub struct FrameMattes {
     matte: Matte,
-    plate: Option<ShotPlate>,
-    track: Option<ShotTrack>,
+    size: Size,
+    plate: Option<Arc<ShotPlate>>,
+    track: Option<Arc<ShotTrack>>,
     trimap: Option<Constraints>,
-    marks: Marks,
+    pictures: Arc<StrokePictures>,
+    marks: Arc<Marks>,
 }
 
 impl FrameMattes {
@@ -71,7 +76,7 @@ impl FrameMattes {
             input: &matte.input,
             size,
             marks: &params.marks,
-            pictures: &pictures,
+            pictures: &pictures.stroke_pictures(),
             carry: params.carry,
             centers: params.pixel_centers,
             track: track.as_ref(),
@@ -83,11 +88,50 @@ impl FrameMattes {
         };
         Ok(Self {
             matte: matte.clone(),
-            plate,
-            track,
+            size,
+            plate: plate.map(Arc::new),
+            track: track.map(Arc::new),
             trimap,
-            marks,
+            pictures: Arc::new(pictures.stroke_pictures()),
+            marks: Arc::new(marks),
         })
+    }
+
+    /// The same with other strokes, which hold in their own frames. Reads no file but pictures of strokes.
+    ///
+    /// # Errors
+    /// [`JobError::Strokes`].
+    pub fn with_marks(&self, marks: &[FrameMark]) -> Result<Self, JobError> {
+        let source = MarkSource {
+            input: &self.matte.input,
+            size: self.size,
+            marks,
+            pictures: &self.pictures,
+            carry: Some(0),
+            centers: self.matte.params.pixel_centers,
+            track: None,
+            track_path: None,
+        };
+        let marks = Arc::new(Marks::in_own_frames(&source)?);
+        Ok(Self {
+            marks,
+            ..self.clone()
+        })
+    }
+
+    /// What the operation writes for a frame: alpha, or the foreground.
+    ///
+    /// # Errors
+    /// Those of [`solve`](Self::solve).
+    pub fn frame(
+        &self,
+        index: u64,
+        image: &AnyImage,
+        progress: &Progress,
+        context: &Context,
+    ) -> Result<AnyImage, JobError> {
+        let found = self.solve(index, image, progress, context)?;
+        Ok(self.matte.drawn(&found, image))
     }
 
     /// Alpha and foreground of a frame.

@@ -1,6 +1,8 @@
 //! `matte`: alpha and foreground of a picture or a clip, with a known background or marked pixels.
 
-pub(crate) mod frames;
+mod frames;
+
+pub use frames::{FrameMattes, Spread};
 
 use crate::context::Context;
 use crate::error::JobError;
@@ -15,7 +17,6 @@ use crate::track::rewrite::{Target, rewrite};
 use crate::video::{
     Encoding, FrameRange, clip_folders, clip_outputs, folder_or_clip, is_clip, key_of, open_clip,
 };
-use frames::{FrameMattes, Spread};
 use ravec::matting::{Matte as Solution, PlateParams};
 use ravec::raster::{AnyImage, Image, Plane, Srgb, Srgba};
 use ravec_media::{Picture, WriteOptions};

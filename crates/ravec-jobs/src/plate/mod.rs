@@ -211,7 +211,7 @@ impl Operation for Plate {
             input: &self.input,
             size,
             marks: &params.marks,
-            pictures: &masks,
+            pictures: &masks.stroke_pictures(),
             carry: params.carry,
             centers: params.pixel_centers,
             track: track.as_ref(),

@@ -20,7 +20,14 @@ pub(crate) struct Exclusions {
     size: Size,
     still: Option<Mask>,
     moving: Option<Moving>,
-    strokes: BTreeMap<u64, PathBuf>,
+    strokes: StrokePictures,
+}
+
+/// Pictures of strokes by frame, read when they are needed.
+#[derive(Clone)]
+pub(crate) struct StrokePictures {
+    size: Size,
+    files: BTreeMap<u64, PathBuf>,
     limits: ravec_media::Limits,
 }
 
@@ -86,14 +93,17 @@ impl Exclusions {
             size,
             still,
             moving,
-            strokes,
-            limits: context.limits.clone(),
+            strokes: StrokePictures {
+                size,
+                files: strokes,
+                limits: context.limits.clone(),
+            },
         })
     }
 
     /// Bytes of a mask of a frame, 0 if there are none.
     pub fn bytes(&self) -> usize {
-        let some = self.still.is_some() || self.moving.is_some() || !self.strokes.is_empty();
+        let some = self.still.is_some() || self.moving.is_some() || !self.strokes.files.is_empty();
         if some { 4 * self.size.pixels() } else { 0 }
     }
 
@@ -103,34 +113,14 @@ impl Exclusions {
         Some((&moving.path, moving.frames?))
     }
 
-    /// Frames that have strokes.
-    pub fn stroke_frames(&self) -> impl Iterator<Item = u64> {
-        self.strokes.keys().copied()
+    /// The pictures of strokes.
+    pub fn stroke_pictures(&self) -> StrokePictures {
+        self.strokes.clone()
     }
 
     /// What strokes of a frame say: foreground and plane.
     pub fn strokes(&self, index: u64) -> Result<Option<[Mask; 2]>, JobError> {
-        let Some(path) = self.strokes.get(&index) else {
-            return Ok(None);
-        };
-        let picture = ravec_media::read(path, &self.limits)?;
-        let found = picture.image.size();
-        if found != self.size {
-            let reason = format!("it has {found} pixels, the frames have {}", self.size);
-            let path = path.clone();
-            return Err(JobError::Strokes { path, reason });
-        }
-        let image: Image<Srgba<u8>> = picture.convert();
-        let member = |chosen: fn(u8) -> bool| {
-            Mask::from_fn(self.size, |col, row| {
-                let Srgba([r, g, b, alpha]) = image[(col, row)];
-                alpha >= 128 && [r, g, b].into_iter().all(chosen)
-            })
-        };
-        Ok(Some([
-            member(|value| value >= FOREGROUND),
-            member(|value| value <= PLANE),
-        ]))
+        self.strokes.of(index)
     }
 
     /// The pixels of a frame that do not belong to the plane. Clips of masks are read forward fastest.
@@ -151,6 +141,38 @@ impl Exclusions {
             None => return Ok(Some(foreground)),
         };
         Ok(mask.ok())
+    }
+}
+
+impl StrokePictures {
+    /// Frames that have strokes.
+    pub fn frames(&self) -> impl Iterator<Item = u64> {
+        self.files.keys().copied()
+    }
+
+    /// What strokes of a frame say: foreground and plane.
+    pub fn of(&self, index: u64) -> Result<Option<[Mask; 2]>, JobError> {
+        let Some(path) = self.files.get(&index) else {
+            return Ok(None);
+        };
+        let picture = ravec_media::read(path, &self.limits)?;
+        let found = picture.image.size();
+        if found != self.size {
+            let reason = format!("it has {found} pixels, the frames have {}", self.size);
+            let path = path.clone();
+            return Err(JobError::Strokes { path, reason });
+        }
+        let image: Image<Srgba<u8>> = picture.convert();
+        let member = |chosen: fn(u8) -> bool| {
+            Mask::from_fn(self.size, |col, row| {
+                let Srgba([r, g, b, alpha]) = image[(col, row)];
+                alpha >= 128 && [r, g, b].into_iter().all(chosen)
+            })
+        };
+        Ok(Some([
+            member(|value| value >= FOREGROUND),
+            member(|value| value <= PLANE),
+        ]))
     }
 }
 

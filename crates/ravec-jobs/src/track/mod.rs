@@ -414,6 +414,20 @@ impl Track {
         corrected.map_err(|cause| JobError::Correct { cause })
     }
 
+    /// The text of the file that [`run`](Operation::run) writes for what was [measured](Self::measure): JSON, with the corrections by
+    /// hand.
+    ///
+    /// # Errors
+    /// [`JobError::Correct`], [`JobError::Parameter`] for corrections of several planes.
+    pub fn text(&self, planes: Vec<PlaneTrack>) -> Result<String, JobError> {
+        let mut file = TrackFile {
+            planes,
+            centers: self.params.pixel_centers,
+        };
+        self.correct(&mut file)?;
+        Ok(file.to_json())
+    }
+
     /// Tracks the planes.
     fn follow(
         &self,

@@ -14,7 +14,7 @@ const CACHE_BYTES: usize = 1 << 30;
 const MAX_VIEWS: usize = 4;
 
 /// Text that changes with the content of a file: its name, length and time.
-pub(super) fn source_key(path: &Path, frame: Option<&SourceFrame>) -> String {
+pub(crate) fn source_key(path: &Path, frame: Option<&SourceFrame>) -> String {
     let data = std::fs::metadata(path).ok();
     let length = data.as_ref().map(std::fs::Metadata::len);
     let modified = data.and_then(|data| data.modified().ok());

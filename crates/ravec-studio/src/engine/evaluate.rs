@@ -1,6 +1,7 @@
 //! The results of a document, one edit after the other.
 
 use super::cache::{Cache, Cached, source_key};
+use super::shot::{OpenShot, ShotEdit};
 use super::{EditInput, Failure, Request, lock};
 use crate::content::{Content, Kind, View, Visible};
 use crate::document::{Edit, EditId, is_result_name, result_name};
@@ -29,6 +30,7 @@ pub(super) fn evaluate(
     request: &Request,
     progress: &Progress,
     cache: &mut Cache,
+    shot: &mut OpenShot,
     painting: &Mutex<Painting>,
     mut on_run: impl FnMut(),
 ) -> Result<Evaluated, Option<Failure>> {
@@ -36,15 +38,25 @@ pub(super) fn evaluate(
         document,
         frame,
         exposure,
+        analyses,
     } = request;
     let edits: Vec<&Arc<Edit>> = document.shown_links().collect();
     // the edits that each result is made by
     let mut keys = vec![source_key(&document.source, frame.as_ref())];
+    let mut prepared = Vec::new();
     for edit in &edits {
         let fields = serde_json::to_string(&edit.fields).unwrap_or_default();
         let before = &keys[keys.len() - 1];
         let files = files_key(edit);
-        keys.push(format!("{before}\n{} {fields}\n{files}", edit.operation));
+        let shot = frame
+            .as_ref()
+            .and_then(|_| ShotEdit::of(edit, document, analyses));
+        let more = shot.as_ref().map_or("", ShotEdit::key);
+        keys.push(format!(
+            "{before}\n{} {fields}\n{files}\n{more}",
+            edit.operation
+        ));
+        prepared.push(shot);
     }
     let known = (0..keys.len())
         .rev()
@@ -79,7 +91,15 @@ pub(super) fn evaluate(
             key: keys[done].as_str().into(),
             content: result.content.clone(),
         };
-        let (content, report) = match run(edit, &input, painting, progress) {
+        let result_of = match (&prepared[done], frame) {
+            (Some(of), Some(frame)) => {
+                let context = analyses.context(progress);
+                let content = shot.result(of, &input.content, frame.number, &context);
+                content.map(|content| (content, None))
+            }
+            _ => run(edit, &input, painting, progress),
+        };
+        let (content, report) = match result_of {
             Ok(done) => done,
             Err(RunError::Edit(reason)) => return Err(failed(reason)),
             Err(RunError::Job(JobError::Cancelled)) => return Err(None),

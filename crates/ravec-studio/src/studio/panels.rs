@@ -112,11 +112,7 @@ impl Studio {
             .and_then(|draft| draft.view.picture())
             .or(own.as_ref());
         if let Some(picture) = beside {
-            let name = if own.is_some() {
-                "Stabilized plane"
-            } else {
-                "Rectified view"
-            };
+            let name = tool.as_ref().map_or("", |tool| tool.beside_name());
             let size = egui::vec2(ui.available_width(), BESIDE_HEIGHT);
             let layers = Layers {
                 shown: Some(picture),

@@ -105,7 +105,7 @@ fn operation(edit: &Edit, document: &Document) -> Result<Operation, String> {
 }
 
 /// Text that changes with what is measured, not with corrections and outputs.
-fn measure_key(edit: &Edit) -> String {
+pub(crate) fn measure_key(edit: &Edit) -> String {
     let measured = edit.with_param("corrections", Value::Null);
     let outputs = ["output", "exports", "show"];
     let fields = measured.fields.iter();
@@ -496,8 +496,27 @@ impl Tool for Track {
         with_params(json!({}))
     }
 
+    fn start_in(&self, size: [usize; 2], document: &Document) -> Map<String, Value> {
+        let mut fields = self.start(size);
+        // a name by which other edits find it, drawn or not
+        let path = beside(&document.source, ".json");
+        let path = path.to_string_lossy().into_owned();
+        let is_taken = (document.edits.iter()).any(|edit| edit.output() == Some(&path));
+        let path = if is_taken {
+            document.free_name("track", ".json")
+        } else {
+            path
+        };
+        fields.insert("output".to_owned(), path.into());
+        fields
+    }
+
     fn works_on_input(&self, _edit: &Edit) -> bool {
         true
+    }
+
+    fn beside_name(&self) -> &'static str {
+        "Stabilized plane"
     }
 
     fn hidden(&self) -> &'static [&'static str] {

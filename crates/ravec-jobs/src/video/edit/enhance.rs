@@ -147,12 +147,12 @@ impl ShotEdit for Enhance {
         }
     }
 
-    fn frames<'a>(
-        &'a self,
+    fn frames(
+        &self,
         edit: Edit,
         report: &mut Report,
         context: &Context,
-    ) -> Result<Box<dyn FrameEdit + 'a>, JobError> {
+    ) -> Result<Box<dyn FrameEdit>, JobError> {
         let size = doubled(edit.size, context)?;
         let photo = self.photo_on_plane(edit.size, report, context)?;
         Ok(Box::new(Frames { edit, photo, size }))

@@ -13,7 +13,7 @@ use crate::Operation;
 use crate::context::Context;
 use crate::error::JobError;
 use crate::files;
-use crate::matte::frames::FrameMattes;
+use crate::matte::FrameMattes;
 use crate::pixel_centers::PixelCenters;
 use crate::report::Report;
 use crate::shot::{ShotPlate, ShotTrack, TrackChoice, check_pad, check_plane, encoded, is_deep};
@@ -102,12 +102,12 @@ trait ShotEdit: Operation {
     fn edit_inputs(&self) -> EditInputs<'_>;
 
     /// Opens what only this edit has, and records its figures.
-    fn frames<'a>(
-        &'a self,
+    fn frames(
+        &self,
         edit: Edit,
         report: &mut Report,
         context: &Context,
-    ) -> Result<Box<dyn FrameEdit + 'a>, JobError>;
+    ) -> Result<Box<dyn FrameEdit>, JobError>;
 }
 
 /// A shot with its plate, its track and its matte.
@@ -120,11 +120,11 @@ struct Edit {
 }
 
 /// Where alpha of the frames comes from.
-pub(crate) enum AlphaSource {
+enum AlphaSource {
     /// A clip or a picture.
     File { masks: Exclusions, path: PathBuf },
-    /// An operation that has not run yet.
-    Live(Box<FrameMattes>),
+    /// What an operation that has not run yet would write.
+    Live(FrameMattes),
 }
 
 impl AlphaSource {
@@ -187,7 +187,7 @@ impl Edit {
             None => None,
         };
         let alpha = if let Some(live) = live {
-            AlphaSource::Live(Box::new(live))
+            AlphaSource::Live(live)
         } else {
             let masks = MaskFiles {
                 input: inputs.input,

@@ -187,12 +187,12 @@ impl ShotEdit for Paste {
         }
     }
 
-    fn frames<'a>(
-        &'a self,
+    fn frames(
+        &self,
         edit: Edit,
         report: &mut Report,
         context: &Context,
-    ) -> Result<Box<dyn FrameEdit + 'a>, JobError> {
+    ) -> Result<Box<dyn FrameEdit>, JobError> {
         self.check()?;
         let into = SideInput::open(&self.into, report, context)?;
         let scene = self.scene(edit.size, into.size(), report, context)?;
@@ -201,13 +201,13 @@ impl ShotEdit for Paste {
 }
 
 /// Frames of the second clip with the foreground of the first one.
-struct Frames<'a> {
+struct Frames {
     edit: Edit,
-    scene: Scene<'a>,
+    scene: Scene,
     into: SideInput,
 }
 
-impl FrameEdit for Frames<'_> {
+impl FrameEdit for Frames {
     fn result(
         &mut self,
         index: u64,
@@ -221,10 +221,10 @@ impl FrameEdit for Frames<'_> {
 }
 
 /// The clip into which a foreground is pasted.
-struct Scene<'a> {
+struct Scene {
     size: Size,
     track: Option<ShotTrack>,
-    track_path: Option<&'a Path>,
+    track_path: Option<PathBuf>,
     /// Matte of what stands in front.
     front: Option<Exclusions>,
     /// Map from the reference frame of the first clip to that of this one.
@@ -232,7 +232,7 @@ struct Scene<'a> {
     shadow: f32,
 }
 
-impl Scene<'_> {
+impl Scene {
     /// A frame of this clip with the foreground of the same frame of the first one.
     fn paste(
         &mut self,
@@ -240,7 +240,7 @@ impl Scene<'_> {
         into: &Colors,
         context: &Context,
     ) -> Result<Colors, JobError> {
-        let into_map = map_of(self.track.as_ref(), self.track_path, frame.index)?;
+        let into_map = map_of(self.track.as_ref(), self.track_path.as_deref(), frame.index)?;
         let into_from_frame = into_map * self.into_from_reference * frame.map.inverse();
         let progress = context.progress.silent();
         let layer = Layer::new(&frame.colors, &frame.alpha, &frame.background)?;
@@ -287,7 +287,7 @@ impl Paste {
         into: Size,
         report: &mut Report,
         context: &Context,
-    ) -> Result<Scene<'_>, JobError> {
+    ) -> Result<Scene, JobError> {
         let params = &self.params;
         let track = match &self.into_track {
             // the plane number is that of the first track
@@ -314,7 +314,7 @@ impl Paste {
         Ok(Scene {
             size: into,
             track,
-            track_path: self.into_track.as_deref(),
+            track_path: self.into_track.clone(),
             front,
             into_from_reference: self.map_between_references(size, into)?,
             shadow: params.shadow,

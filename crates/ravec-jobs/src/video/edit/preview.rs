@@ -3,8 +3,7 @@
 use super::{Edit, FrameEdit, ShotEdit, drawn};
 use crate::context::Context;
 use crate::error::JobError;
-use crate::matte::Matte;
-use crate::matte::frames::{FrameMattes, Spread};
+use crate::matte::FrameMattes;
 use crate::report::Report;
 use crate::shot::is_deep;
 use crate::step::Step;
@@ -26,11 +25,11 @@ use ravec::raster::{AnyImage, Size};
 /// # Ok(())
 /// # }
 /// ```
-pub struct ShotPreview<'a> {
-    frames: Box<dyn FrameEdit + 'a>,
+pub struct ShotPreview {
+    frames: Box<dyn FrameEdit>,
 }
 
-impl<'a> ShotPreview<'a> {
+impl ShotPreview {
     /// True for an operation that has previews.
     pub fn exists_for(step: &Step) -> bool {
         matches!(
@@ -42,42 +41,28 @@ impl<'a> ShotPreview<'a> {
         )
     }
 
-    /// Opens the inputs of an edit, but for its clip, whose frames have `size`; `None` for another operation. With `live`, alpha
-    /// of a frame is that of this operation, where strokes hold in their own frames; else it is that of the file of the matte.
+    /// Opens the inputs of an edit, but for its clip, whose frames have `size`; `None` for another operation. `live` takes the place
+    /// of the file of the matte.
     ///
     /// # Errors
     /// Those of the operation.
     pub fn open(
-        step: &'a Step,
-        live: Option<&Matte>,
+        step: &Step,
+        live: Option<FrameMattes>,
         size: Size,
         context: &Context,
     ) -> Result<Option<Self>, JobError> {
-        let mut report = Report::new("preview", &());
-        let live = match live {
-            Some(matte) => {
-                let spread = Spread::OwnFrames;
-                Some(FrameMattes::open(
-                    matte,
-                    size,
-                    spread,
-                    &mut report,
-                    context,
-                )?)
-            }
-            None => None,
-        };
         let frames = match step {
-            Step::VideoRemove(edit) => frames(&**edit, live, size, &mut report, context)?,
-            Step::VideoReplace(edit) => frames(&**edit, live, size, &mut report, context)?,
-            Step::VideoEnhance(edit) => frames(&**edit, live, size, &mut report, context)?,
-            Step::VideoPaste(edit) => frames(&**edit, live, size, &mut report, context)?,
+            Step::VideoRemove(edit) => frames(&**edit, live, size, context)?,
+            Step::VideoReplace(edit) => frames(&**edit, live, size, context)?,
+            Step::VideoEnhance(edit) => frames(&**edit, live, size, context)?,
+            Step::VideoPaste(edit) => frames(&**edit, live, size, context)?,
             _ => return Ok(None),
         };
         Ok(Some(Self { frames }))
     }
 
-    /// The result for a frame: what the operation writes for it, up to what is known of the matte.
+    /// The result for a frame: what the operation writes for it, up to the rounding of the matte in its file.
     ///
     /// # Errors
     /// Those of the operation.
@@ -92,13 +77,14 @@ impl<'a> ShotPreview<'a> {
     }
 }
 
-fn frames<'a, E: ShotEdit>(
-    operation: &'a E,
+fn frames<E: ShotEdit>(
+    operation: &E,
     live: Option<FrameMattes>,
     size: Size,
-    report: &mut Report,
     context: &Context,
-) -> Result<Box<dyn FrameEdit + 'a>, JobError> {
-    let edit = Edit::open(&operation.edit_inputs(), size, live, report, context)?;
-    operation.frames(edit, report, context)
+) -> Result<Box<dyn FrameEdit>, JobError> {
+    let mut report = Report::new("preview", &());
+    let inputs = operation.edit_inputs();
+    let edit = Edit::open(&inputs, size, live, &mut report, context)?;
+    operation.frames(edit, &mut report, context)
 }

@@ -127,12 +127,12 @@ impl ShotEdit for Remove {
         }
     }
 
-    fn frames<'a>(
-        &'a self,
+    fn frames(
+        &self,
         edit: Edit,
         _report: &mut Report,
         _context: &Context,
-    ) -> Result<Box<dyn FrameEdit + 'a>, JobError> {
+    ) -> Result<Box<dyn FrameEdit>, JobError> {
         let grain = self.params.grain;
         Ok(Box::new(Frames { edit, grain }))
     }

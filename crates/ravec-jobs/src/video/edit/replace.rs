@@ -138,12 +138,12 @@ impl ShotEdit for Replace {
         }
     }
 
-    fn frames<'a>(
-        &'a self,
+    fn frames(
+        &self,
         edit: Edit,
         report: &mut Report,
         context: &Context,
-    ) -> Result<Box<dyn FrameEdit + 'a>, JobError> {
+    ) -> Result<Box<dyn FrameEdit>, JobError> {
         let image = SideInput::open(&self.image, report, context)?;
         let place = Placement::new(&self.params, edit.size, image.size())?;
         Ok(Box::new(Frames { edit, image, place }))

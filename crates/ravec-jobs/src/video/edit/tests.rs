@@ -5,7 +5,7 @@ use super::paste::Paste;
 use super::remove::{Grain, Remove};
 use super::replace::Replace;
 use super::*;
-use crate::matte::Matte;
+use crate::matte::{Matte, Spread};
 use crate::{ErrorKind, Step};
 use ravec::raster::Srgba;
 use ravec_media::{Limits, Picture, WriteOptions};
@@ -375,7 +375,12 @@ fn where_the_plate_is_transparent_frames_stay() {
 }
 
 /// The previews of frames, in the order of `indices`.
-fn previews(step: &Step, live: Option<&Matte>, indices: &[usize], shot: &Shot) -> Vec<AnyImage> {
+fn previews(
+    step: &Step,
+    live: Option<FrameMattes>,
+    indices: &[usize],
+    shot: &Shot,
+) -> Vec<AnyImage> {
     let context = Context::default();
     let preview = ShotPreview::open(step, live, size(), &context).unwrap();
     let mut preview = preview.unwrap();
@@ -460,7 +465,10 @@ fn a_preview_without_a_matte_of_the_clip_solves_that_of_the_frame() {
     };
     removal.matte = shot.at("m_%d.png");
     let step = Step::from(removal);
-    let found = previews(&step, Some(&matte), &[2], &shot);
+    let context = Context::default();
+    let mut report = Report::new("matte", &());
+    let live = FrameMattes::open(&matte, size(), Spread::Clip, &mut report, &context).unwrap();
+    let found = previews(&step, Some(live), &[2], &shot);
     // the file of the matte has 8 bits
     run(&matte);
     step.operation().run(&Context::default()).unwrap();

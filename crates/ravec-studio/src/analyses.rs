@@ -1,0 +1,519 @@
+//! Tracks, plates and strokes of a clip, found beside the window: what edits of a shot need before they can show a frame.
+//!
+//! One thread a document goes through its analyses in their order, whenever they change, and runs those whose result is not known. A
+//! change of the analysis that is running stops it; a change of later ones does not.
+//!
+//! Of a plate the result is its picture, of a track its file, both kept in memory under names of their own. A matte is not
+//! written for the whole clip: its strokes are carried through it, and then any frame has its matte in a moment.
+
+use crate::document::{Document, Edit, EditId, is_result_name};
+use crate::engine::{lock, source_key};
+use crate::tools::measure_key;
+use crate::tracking::Tracking;
+use ravec::progress::{Progress, Update};
+use ravec::raster::Size;
+use ravec_jobs::matte::{FrameMattes, Spread};
+use ravec_jobs::track::Track;
+use ravec_jobs::{Context, JobError, Report, Step};
+use ravec_media::Picture;
+use ravec_video::FrameSource as _;
+use std::collections::HashMap;
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+/// Pause between looks at a track that is measured for the canvas.
+const LOOK: Duration = Duration::from_millis(30);
+
+/// Result of an analysis.
+#[derive(Clone)]
+pub(crate) struct Found {
+    /// Text that changes with the result.
+    pub key: Arc<str>,
+    /// Name of a track or a plate in the context of the [view](AnalysisView).
+    name: PathBuf,
+    /// The matte of any frame.
+    pub mattes: Option<FrameMattes>,
+}
+
+/// State of an analysis.
+#[derive(Clone)]
+pub(crate) enum AnalysisState {
+    /// Its turn has not come, or it needs a result that is not there.
+    Waiting,
+    /// It runs: the phase, and its share that is done.
+    Running(&'static str, f64),
+    /// It has a result.
+    Done,
+    /// It has none, for this reason.
+    Failed(String),
+}
+
+/// Results that are there, for edits that need them.
+#[derive(Clone)]
+pub struct AnalysisView {
+    version: u64,
+    context: Context,
+    /// By the output that the document gives them.
+    results: Arc<HashMap<PathBuf, Found>>,
+}
+
+impl Default for AnalysisView {
+    fn default() -> Self {
+        Self {
+            version: 0,
+            context: Context::default().with_intermediates(),
+            results: Arc::default(),
+        }
+    }
+}
+
+impl PartialEq for AnalysisView {
+    /// Views of one document are equal if their versions are.
+    fn eq(&self, other: &Self) -> bool {
+        self.version == other.version
+    }
+}
+
+impl std::fmt::Debug for AnalysisView {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "AnalysisView({})", self.version)
+    }
+}
+
+impl AnalysisView {
+    /// The context of the results, with another progress.
+    pub(crate) fn context(&self, progress: &Progress) -> Context {
+        let mut context = self.context.clone();
+        context.progress = progress.clone();
+        context
+    }
+
+    /// An edit whose paths lead to the results.
+    ///
+    /// # Errors
+    /// The output of an analysis that is not there yet.
+    pub(crate) fn resolved(&self, edit: &Edit, document: &Document) -> Result<Resolved, PathBuf> {
+        let missing = Mutex::new(None);
+        let mattes = Mutex::new(None);
+        let keys = Mutex::new(String::new());
+        let outputs: Vec<&str> = (document.enabled())
+            .filter(|edit| edit.is_analysis())
+            .filter_map(|edit| edit.output())
+            .collect();
+        let own = edit.output().map(PathBuf::from);
+        let with_paths = edit.with_paths(&|path| {
+            if own.as_deref() == Some(path) {
+                return path.to_path_buf();
+            }
+            let Some(found) = self.results.get(path) else {
+                let is_output = outputs.iter().any(|output| Path::new(output) == path);
+                if is_output || is_result_name(path) {
+                    *lock(&missing) = Some(path.to_path_buf());
+                }
+                return path.to_path_buf();
+            };
+            // writing to a text cannot fail
+            let _ = writeln!(lock(&keys), "{}", found.key);
+            if let Some(found) = &found.mattes {
+                *lock(&mattes) = Some(found.clone());
+            }
+            found.name.clone()
+        });
+        if let Some(missing) = missing.into_inner().unwrap_or_else(PoisonError::into_inner) {
+            return Err(missing);
+        }
+        Ok(Resolved {
+            edit: with_paths,
+            mattes: mattes.into_inner().unwrap_or_else(PoisonError::into_inner),
+            keys: keys.into_inner().unwrap_or_else(PoisonError::into_inner),
+        })
+    }
+
+    /// The picture of a plate, by its output in the document.
+    pub(crate) fn picture(&self, output: &Path) -> Option<Arc<Picture>> {
+        let found = self.results.get(output)?;
+        self.context.picture(&found.name).ok().map(Arc::new)
+    }
+
+    /// The mattes of an edit.
+    pub(crate) fn mattes(&self, edit: &Edit) -> Option<(&FrameMattes, &Arc<str>)> {
+        let found = self.results.get(&output_of(edit))?;
+        Some((found.mattes.as_ref()?, &found.key))
+    }
+}
+
+/// An edit whose paths lead to results.
+pub(crate) struct Resolved {
+    pub edit: Edit,
+    /// The matte, if it is one that is found frame by frame.
+    pub mattes: Option<FrameMattes>,
+    /// Keys of all results.
+    pub keys: String,
+}
+
+#[derive(Default)]
+struct State {
+    /// The document that is to be looked at next.
+    wanted: Option<Document>,
+    /// The document that was given last.
+    given: Option<Document>,
+    states: HashMap<EditId, AnalysisState>,
+    running: Option<(EditId, Progress)>,
+    view: AnalysisView,
+    /// True while the worker is on its way through a document.
+    works: bool,
+    quits: bool,
+}
+
+struct Shared {
+    state: Mutex<State>,
+    wake: Condvar,
+    repaint: Arc<dyn Fn() + Send + Sync>,
+}
+
+/// Runs the analyses of one document.
+pub(crate) struct Analyses {
+    shared: Arc<Shared>,
+    worker: Option<JoinHandle<()>>,
+}
+
+/// True for an edit whose result is found here. A matte without an output of its own is one: the clip becomes its foreground.
+fn is_found(edit: &Edit) -> bool {
+    edit.is_analysis() || edit.operation == "matte"
+}
+
+/// The output of an analysis in a document, or a name for the result of a matte without one.
+fn output_of(edit: &Edit) -> PathBuf {
+    edit.output()
+        .map_or_else(|| format!("@foreground-{}", edit.id).into(), PathBuf::from)
+}
+
+/// The analyses up to and including one, as far as they are not passed over.
+fn up_to(document: &Document, id: EditId) -> Vec<&Arc<Edit>> {
+    let mut found: Vec<_> = document.enabled().filter(|edit| is_found(edit)).collect();
+    let end = found.iter().position(|edit| edit.id == id);
+    found.truncate(end.map_or(0, |end| end + 1));
+    found
+}
+
+impl Analyses {
+    /// Idle. `repaint` is called, from another thread, when there is something new.
+    pub fn new(tracking: Arc<Tracking>, repaint: Arc<dyn Fn() + Send + Sync>) -> Self {
+        let shared = Arc::new(Shared {
+            state: Mutex::default(),
+            wake: Condvar::new(),
+            repaint,
+        });
+        let own = shared.clone();
+        let worker = std::thread::Builder::new().name("analyses".to_owned());
+        Self {
+            shared,
+            // without a thread nothing is found, and the window still works
+            worker: worker.spawn(move || work(&own, &tracking)).ok(),
+        }
+    }
+
+    /// Looks at a document, unless it is the one that was given last.
+    pub fn update(&self, document: &Document) {
+        let mut state = lock(&self.shared.state);
+        if state.given.as_ref() == Some(document) {
+            return;
+        }
+        if let Some((id, progress)) = &state.running
+            && let Some(given) = &state.given
+            && (given.source != document.source || up_to(given, *id) != up_to(document, *id))
+        {
+            progress.cancel();
+        }
+        state.given = Some(document.clone());
+        state.wanted = Some(document.clone());
+        self.shared.wake.notify_all();
+    }
+
+    /// Stops the analysis that is running; it stays without a result until it changes or is made [again](Self::again).
+    pub fn stop(&self) {
+        let state = lock(&self.shared.state);
+        if let Some((_, progress)) = &state.running {
+            progress.cancel();
+        }
+    }
+
+    /// Runs analyses without a result once more.
+    pub fn again(&self) {
+        let mut state = lock(&self.shared.state);
+        let failed = |state: &AnalysisState| matches!(state, AnalysisState::Failed(_));
+        state.states.retain(|_, known| !failed(known));
+        state.wanted = state.given.clone();
+        self.shared.wake.notify_all();
+    }
+
+    /// The state of an analysis.
+    pub fn state(&self, id: EditId) -> AnalysisState {
+        let state = lock(&self.shared.state);
+        let known = state.states.get(&id).cloned();
+        known.unwrap_or(AnalysisState::Waiting)
+    }
+
+    /// The results that are there.
+    pub fn view(&self) -> AnalysisView {
+        lock(&self.shared.state).view.clone()
+    }
+
+    /// True while an analysis runs or is about to.
+    pub fn is_busy(&self) -> bool {
+        let state = lock(&self.shared.state);
+        state.wanted.is_some() || state.works
+    }
+}
+
+impl Drop for Analyses {
+    fn drop(&mut self) {
+        {
+            let mut state = lock(&self.shared.state);
+            state.quits = true;
+            if let Some((_, progress)) = &state.running {
+                progress.cancel();
+            }
+        }
+        self.shared.wake.notify_all();
+        if let Some(worker) = self.worker.take() {
+            // a panic of the worker was reported where it happened
+            let _ = worker.join();
+        }
+    }
+}
+
+/// Goes through documents until the analyses are dropped.
+fn work(shared: &Arc<Shared>, tracking: &Tracking) {
+    // keys of runs that failed, so that these are not tried again and again
+    let mut failed: HashMap<EditId, String> = HashMap::new();
+    loop {
+        let document = {
+            let mut state = lock(&shared.state);
+            while state.wanted.is_none() && !state.quits {
+                let woken = shared.wake.wait(state);
+                state = woken.unwrap_or_else(PoisonError::into_inner);
+            }
+            if state.quits {
+                return;
+            }
+            state.works = true;
+            state.wanted.take()
+        };
+        if let Some(document) = document {
+            go_through(shared, tracking, &document, &mut failed);
+        }
+        lock(&shared.state).works = false;
+        (shared.repaint)();
+    }
+}
+
+/// Runs the analyses of a document whose results are not known, until a newer document is there.
+fn go_through(
+    shared: &Arc<Shared>,
+    tracking: &Tracking,
+    document: &Document,
+    failed: &mut HashMap<EditId, String>,
+) {
+    let analyses = document.enabled().filter(|edit| is_found(edit));
+    let analyses: Vec<_> = analyses.cloned().collect();
+    {
+        let mut state = lock(&shared.state);
+        let ids: Vec<EditId> = analyses.iter().map(|edit| edit.id).collect();
+        state.states.retain(|id, _| ids.contains(id));
+        let outputs: Vec<_> = analyses.iter().map(|edit| output_of(edit)).collect();
+        let mut results = HashMap::clone(&state.view.results);
+        results.retain(|path, _| outputs.contains(path));
+        publish(&mut state, results);
+    }
+    for edit in &analyses {
+        if lock(&shared.state).wanted.is_some() {
+            return;
+        }
+        let outcome = run(shared, tracking, document, edit, failed);
+        let mut state = lock(&shared.state);
+        state.running = None;
+        let mut results = HashMap::clone(&state.view.results);
+        let output = output_of(edit);
+        match outcome {
+            Outcome::Known => continue,
+            Outcome::Found(found) => {
+                results.insert(output, found);
+                state.states.insert(edit.id, AnalysisState::Done);
+            }
+            Outcome::Waits => {
+                results.remove(&output);
+                state.states.insert(edit.id, AnalysisState::Waiting);
+            }
+            Outcome::Failed(reason) => {
+                results.remove(&output);
+                state.states.insert(edit.id, AnalysisState::Failed(reason));
+            }
+        }
+        publish(&mut state, results);
+        drop(state);
+        (shared.repaint)();
+    }
+}
+
+fn publish(state: &mut State, results: HashMap<PathBuf, Found>) {
+    let same = results.len() == state.view.results.len()
+        && results.iter().all(|(path, found)| {
+            let known = state.view.results.get(path);
+            known.is_some_and(|known| known.key == found.key)
+        });
+    if !same {
+        state.view.version += 1;
+        state.view.results = Arc::new(results);
+    }
+}
+
+enum Outcome {
+    /// The result is that of an earlier run.
+    Known,
+    Found(Found),
+    Waits,
+    Failed(String),
+}
+
+/// Runs one analysis, unless its result is known.
+fn run(
+    shared: &Arc<Shared>,
+    tracking: &Tracking,
+    document: &Document,
+    edit: &Arc<Edit>,
+    failed: &mut HashMap<EditId, String>,
+) -> Outcome {
+    let before = document
+        .edits
+        .iter()
+        .take_while(|other| other.id != edit.id);
+    let is_link = |edit: &&Arc<Edit>| edit.enabled && !edit.is_analysis();
+    if before.filter(is_link).count() > 0 {
+        return Outcome::Failed(
+            "this edit looks at the clip as it was opened: move it before the others".to_owned(),
+        );
+    }
+    let view = lock(&shared.state).view.clone();
+    let resolved = match view.resolved(&edit.without_side_outputs(), document) {
+        Ok(resolved) => resolved,
+        Err(_) => return Outcome::Waits,
+    };
+    let name = match edit.operation.as_str() {
+        "track" => PathBuf::from(format!("@analysis-{}.json", edit.id)),
+        _ => PathBuf::from(format!("@analysis-{}", edit.id)),
+    };
+    let mut mapped = resolved.edit;
+    let text = name.to_string_lossy().into_owned();
+    mapped.fields.insert("output".to_owned(), text.into());
+    let step = match mapped.step(&document.source, &name) {
+        Ok(step) => step,
+        Err(reason) => return Outcome::Failed(reason),
+    };
+    let fields = serde_json::to_string(&mapped.fields).unwrap_or_default();
+    let files = (step.operation().inputs().into_iter())
+        .filter(|path| !is_result_name(path))
+        .map(|path| source_key(path, None));
+    let files: Vec<String> = files.collect();
+    let key = format!("{fields}\n{}\n{}", resolved.keys, files.join("\n"));
+    let known = view.results.get(&output_of(edit));
+    if known.is_some_and(|known| *known.key == *key) {
+        return Outcome::Known;
+    }
+    let is_known_failure = failed.get(&edit.id) == Some(&key);
+    if is_known_failure
+        && let Some(AnalysisState::Failed(reason)) = lock(&shared.state).states.get(&edit.id)
+    {
+        return Outcome::Failed(reason.clone());
+    }
+    let progress = watched(shared, edit.id);
+    {
+        let mut state = lock(&shared.state);
+        state.running = Some((edit.id, progress.clone()));
+        let running = AnalysisState::Running("", 0.0);
+        state.states.insert(edit.id, running);
+    }
+    (shared.repaint)();
+    let context = view.context(&progress);
+    let done = match &step {
+        Step::Track(track) => tracked(track, edit, tracking, &name, &context).map(|()| None),
+        Step::Matte(matte) => size_of(document, &context).and_then(|size| {
+            let mut report = Report::new("matte", &());
+            FrameMattes::open(matte, size, Spread::Clip, &mut report, &context).map(Some)
+        }),
+        step => step.operation().run(&context).map(|_| None),
+    };
+    match done {
+        Ok(mattes) => Outcome::Found(Found {
+            key: key.into(),
+            name,
+            mattes,
+        }),
+        // a newer document is on its way, or the user has stopped it
+        Err(JobError::Cancelled) if lock(&shared.state).wanted.is_some() => Outcome::Waits,
+        Err(error) => {
+            failed.insert(edit.id, key);
+            Outcome::Failed(match error {
+                JobError::Cancelled => "it was stopped".to_owned(),
+                error => error.to_string(),
+            })
+        }
+    }
+}
+
+/// Progress that is shown as the state of an analysis.
+fn watched(shared: &Arc<Shared>, id: EditId) -> Progress {
+    let sink = Arc::downgrade(shared);
+    Progress::new(move |update: Update| {
+        let Some(shared) = sink.upgrade() else {
+            return;
+        };
+        let mut state = lock(&shared.state);
+        if let Some(AnalysisState::Running(phase, fraction)) = state.states.get_mut(&id) {
+            (*phase, *fraction) = (update.phase, update.fraction());
+        }
+        drop(state);
+        (shared.repaint)();
+    })
+}
+
+/// Stores the file of a track: that which is measured for the canvas, or one of its own.
+fn tracked(
+    track: &Track,
+    edit: &Edit,
+    tracking: &Tracking,
+    name: &Path,
+    context: &Context,
+) -> Result<(), JobError> {
+    let planes = loop {
+        context.progress.check()?;
+        let Some(measurement) = tracking.measurement(&measure_key(edit)) else {
+            break track.measure(&|_, _| (), context)?;
+        };
+        if let Some(measured) = lock(&measurement).track() {
+            break vec![measured.as_ref().clone()];
+        }
+        if !lock(&measurement).runs() {
+            // it has failed: the run says why
+            break track.measure(&|_, _| (), context)?;
+        }
+        std::thread::sleep(LOOK);
+    };
+    context.insert_text(name, track.text(planes)?);
+    Ok(())
+}
+
+/// Size of the frames of a document.
+fn size_of(document: &Document, context: &Context) -> Result<Size, JobError> {
+    let options = ravec_video::OpenOptions::default();
+    let clip = ravec_video::Clip::open(&document.source, &options);
+    let clip = clip.map_err(|cause| JobError::ReadClip {
+        path: document.source.clone(),
+        cause,
+    })?;
+    context.progress.check()?;
+    Ok(clip.info().size)
+}

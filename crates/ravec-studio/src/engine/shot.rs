@@ -1,0 +1,135 @@
+//! Edits of a shot on single frames: those that need a plate, a matte or a track.
+
+use super::cache::source_key;
+use super::evaluate::RunError;
+use crate::analyses::AnalysisView;
+use crate::content::Content;
+use crate::document::{Document, Edit, is_result_name};
+use ravec::raster::AnyImage;
+use ravec_jobs::matte::FrameMattes;
+use ravec_jobs::video::edit::ShotPreview;
+use ravec_jobs::{Context, JobError, Step};
+use ravec_media::Picture;
+use std::path::Path;
+use std::sync::Arc;
+
+/// An edit of a shot with what it needs.
+pub(super) enum ShotEdit {
+    /// What it needs is not there yet: frames stay as they are.
+    Waits,
+    /// The foreground of the clip.
+    Foreground { mattes: FrameMattes, key: String },
+    /// An edit with previews.
+    Preview {
+        step: Box<Step>,
+        mattes: Option<FrameMattes>,
+        key: String,
+    },
+}
+
+impl ShotEdit {
+    /// The edit, if it is one of a shot; errors of its fields are left to the run.
+    pub fn of(edit: &Edit, document: &Document, analyses: &AnalysisView) -> Option<Self> {
+        if edit.operation == "matte" {
+            let Some((mattes, key)) = analyses.mattes(edit) else {
+                return Some(Self::Waits);
+            };
+            return Some(Self::Foreground {
+                mattes: mattes.clone(),
+                key: key.to_string(),
+            });
+        }
+        let (input, output) = (Path::new("@input"), Path::new("@output"));
+        let step = edit.step(input, output).ok()?;
+        if !ShotPreview::exists_for(&step) {
+            return None;
+        }
+        let edit = edit.without_side_outputs();
+        let Ok(resolved) = analyses.resolved(&edit, document) else {
+            return Some(Self::Waits);
+        };
+        let step = resolved.edit.step(input, output).ok()?;
+        let fields = serde_json::to_string(&edit.fields).unwrap_or_default();
+        let files = step.operation().inputs();
+        let files = files.into_iter().filter(|path| !is_result_name(path));
+        let files: Vec<String> = files.map(|path| source_key(path, None)).collect();
+        let key = format!(
+            "{} {fields}\n{}\n{}",
+            edit.operation,
+            resolved.keys,
+            files.join("\n")
+        );
+        Some(Self::Preview {
+            step: Box::new(step),
+            mattes: resolved.mattes,
+            key,
+        })
+    }
+
+    /// Text that changes with what it needs.
+    pub fn key(&self) -> &str {
+        match self {
+            Self::Waits => "waits",
+            Self::Foreground { key, .. } | Self::Preview { key, .. } => key,
+        }
+    }
+}
+
+/// The edit whose inputs are open, so that the next frame takes no time for them.
+#[derive(Default)]
+pub(super) struct OpenShot {
+    open: Option<(String, ShotPreview)>,
+}
+
+impl OpenShot {
+    /// The result for a frame.
+    pub fn result(
+        &mut self,
+        edit: &ShotEdit,
+        input: &Content,
+        frame: u64,
+        context: &Context,
+    ) -> Result<Content, RunError> {
+        let Some(picture) = input.picture() else {
+            return Ok(input.clone());
+        };
+        let image = &picture.image;
+        let done = match edit {
+            ShotEdit::Waits => return Ok(input.clone()),
+            ShotEdit::Foreground { mattes, .. } => {
+                mattes.frame(frame, image, &context.progress, context)
+            }
+            ShotEdit::Preview { step, mattes, key } => {
+                self.preview(step, mattes.as_ref(), key, image, frame, context)
+            }
+        };
+        let image = done.map_err(RunError::Job)?;
+        Ok(Content::Picture(Arc::new(Picture::from_image(image))))
+    }
+
+    fn preview(
+        &mut self,
+        step: &Step,
+        mattes: Option<&FrameMattes>,
+        key: &str,
+        image: &AnyImage,
+        frame: u64,
+        context: &Context,
+    ) -> Result<AnyImage, JobError> {
+        let key = format!("{key}\n{}", image.size());
+        let known = self.open.take().filter(|(of, _)| *of == key);
+        let mut preview = match known {
+            Some((_, preview)) => preview,
+            None => {
+                let opened = ShotPreview::open(step, mattes.cloned(), image.size(), context)?;
+                let Some(opened) = opened else {
+                    return Ok(image.clone());
+                };
+                opened
+            }
+        };
+        let done = preview.frame(frame, image, context);
+        self.open = Some((key, preview));
+        done
+    }
+}

@@ -1,0 +1,95 @@
+//! Controls that all analyses of a clip have: their state, the track they follow, and the files that they write.
+
+use super::{Desk, Gesture};
+use crate::analyses::AnalysisState;
+use crate::document::Edit;
+use crate::view::panel::text_ui;
+use egui::{ProgressBar, RichText, Ui};
+
+/// The state of an analysis, with buttons that stop it and start it again.
+pub(super) fn state_ui(ui: &mut Ui, desk: &Desk<'_>, edit: &Edit, done: &str) {
+    let analyses = &desk.assistant.analyses;
+    match analyses.state(edit.id) {
+        AnalysisState::Waiting => {
+            ui.label(RichText::new("Waits for what it needs").italics());
+        }
+        AnalysisState::Running(phase, fraction) => {
+            ui.horizontal(|ui| {
+                let bar = ProgressBar::new(fraction as f32).desired_width(160.0);
+                ui.add(bar.text(phase));
+                if ui.button("Stop").clicked() {
+                    analyses.stop();
+                }
+            });
+        }
+        AnalysisState::Done => {
+            ui.label(done);
+        }
+        AnalysisState::Failed(reason) => {
+            ui.colored_label(ui.visuals().error_fg_color, reason);
+            if ui.button("Try again").clicked() {
+                analyses.again();
+            }
+        }
+    }
+}
+
+/// A line for what another edit of the document may give: its name, and a button that takes it.
+pub(super) fn source_ui(
+    ui: &mut Ui,
+    desk: &Desk<'_>,
+    edit: &Edit,
+    (field, label, help): (&str, &str, &str),
+) -> Option<Gesture> {
+    let text = edit.text_field(field);
+    let mut changed = None;
+    ui.horizontal(|ui| {
+        let label = ui.label(label).on_hover_text(help);
+        if let Some(path) = text_ui(ui, field, text, label.id) {
+            changed = Some(edit.with_text_field(field, path.trim()));
+        }
+        let known = desk.document.last_analysis(field, Some(edit.id));
+        let output = known.and_then(|known| known.output());
+        if let Some(output) = output.filter(|output| *output != text)
+            && ui
+                .button("Take")
+                .on_hover_text(format!("That of this project: {output}"))
+                .clicked()
+        {
+            changed = Some(edit.with_text_field(field, output));
+        }
+    });
+    changed.map(Gesture::done)
+}
+
+/// A line for the name of a file; an empty one removes the field.
+pub(super) fn file_ui(
+    ui: &mut Ui,
+    edit: &Edit,
+    (field, label, help): (&str, &str, &str),
+) -> Option<Gesture> {
+    let mut changed = None;
+    ui.horizontal(|ui| {
+        let label = ui.label(label).on_hover_text(help);
+        if let Some(path) = text_ui(ui, field, edit.text_field(field), label.id) {
+            changed = Some(edit.with_text_field(field, path.trim()));
+        }
+    });
+    changed.map(Gesture::done)
+}
+
+/// A line for the output of an analysis: a file, or an intermediate result of this name.
+pub(super) fn output_ui(ui: &mut Ui, edit: &Edit, kept: &str) -> Option<Gesture> {
+    let mut changed = None;
+    let output = edit.output().unwrap_or_default();
+    ui.horizontal(|ui| {
+        let help = "A file is written by Export; a name with @ is kept for later edits only";
+        let label = ui.label("Output").on_hover_text(help);
+        if let Some(path) = text_ui(ui, "output", output, label.id) {
+            let path = path.trim();
+            let path = if path.is_empty() { kept } else { path };
+            changed = Some(edit.with_text_field("output", path));
+        }
+    });
+    changed.map(Gesture::done)
+}
