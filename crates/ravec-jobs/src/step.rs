@@ -141,6 +141,7 @@ operations! {
     VideoReplace(video::edit::replace::Replace),
     VideoEnhance(video::edit::enhance::Enhance),
     VideoPaste(video::edit::paste::Paste),
+    VideoOverlay(video::edit::overlay::Overlay),
 }
 
 /// Fields that are no files, whatever they say.

@@ -18,7 +18,6 @@ use ravec_jobs::{Context, JobError, Report, Step};
 use ravec_media::Picture;
 use ravec_video::FrameSource as _;
 use std::collections::HashMap;
-use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::thread::JoinHandle;
@@ -96,40 +95,33 @@ impl AnalysisView {
     /// # Errors
     /// The output of an analysis that is not there yet.
     pub(crate) fn resolved(&self, edit: &Edit, document: &Document) -> Result<Resolved, PathBuf> {
-        let missing = Mutex::new(None);
-        let mattes = Mutex::new(None);
-        let keys = Mutex::new(String::new());
         let outputs: Vec<&str> = (document.enabled())
             .filter(|edit| edit.is_analysis())
             .filter_map(|edit| edit.output())
             .collect();
-        let own = edit.output().map(PathBuf::from);
-        let with_paths = edit.with_paths(&|path| {
-            if own.as_deref() == Some(path) {
-                return path.to_path_buf();
-            }
-            let Some(found) = self.results.get(path) else {
-                let is_output = outputs.iter().any(|output| Path::new(output) == path);
-                if is_output || is_result_name(path) {
-                    *lock(&missing) = Some(path.to_path_buf());
-                }
-                return path.to_path_buf();
+        let mut resolved = Resolved {
+            edit: edit.clone(),
+            mattes: None,
+            keys: String::new(),
+        };
+        // a name of its own is an output
+        let fields = resolved.edit.fields.iter_mut();
+        for (_, value) in fields.filter(|(name, _)| *name != "output") {
+            let Some(path) = value.as_str().map(PathBuf::from) else {
+                continue;
             };
-            // writing to a text cannot fail
-            let _ = writeln!(lock(&keys), "{}", found.key);
-            if let Some(found) = &found.mattes {
-                *lock(&mattes) = Some(found.clone());
+            if let Some(found) = self.results.get(&path) {
+                resolved.keys.push_str(&found.key);
+                resolved.keys.push('\n');
+                resolved.mattes = found.mattes.clone().or(resolved.mattes);
+                *value = found.name.to_string_lossy().into_owned().into();
+            } else if is_result_name(&path)
+                || outputs.iter().any(|output| Path::new(output) == path)
+            {
+                return Err(path);
             }
-            found.name.clone()
-        });
-        if let Some(missing) = missing.into_inner().unwrap_or_else(PoisonError::into_inner) {
-            return Err(missing);
         }
-        Ok(Resolved {
-            edit: with_paths,
-            mattes: mattes.into_inner().unwrap_or_else(PoisonError::into_inner),
-            keys: keys.into_inner().unwrap_or_else(PoisonError::into_inner),
-        })
+        Ok(resolved)
     }
 
     /// The picture of a plate, by its output in the document.

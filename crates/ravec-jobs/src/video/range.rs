@@ -120,6 +120,16 @@ impl FrameRange {
         }
     }
 
+    /// True for a frame of the range; `None` if that depends on time stamps.
+    pub fn contains(&self, index: u64) -> Option<bool> {
+        let first = self.first_frame()?;
+        match self.end {
+            Some(End::Seconds(_)) => None,
+            Some(End::Frame(end)) => Some((first..end).contains(&index)),
+            None => Some(index >= first),
+        }
+    }
+
     /// Returns `true` for a frame behind the range.
     pub fn is_behind(&self, index: u64, seconds: f64) -> bool {
         match self.end {

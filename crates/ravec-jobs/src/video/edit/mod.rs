@@ -1,7 +1,8 @@
-//! Edits of a tracked shot: `video remove`, `replace`, `enhance` and `paste`. All see the frames of a clip with the plate, the matte
-//! and the map of each.
+//! Edits of a tracked shot: `video remove`, `replace`, `enhance`, `paste` and `overlay`. All but the last see the frames of a clip
+//! with the plate, the matte and the map of each.
 
 pub mod enhance;
+pub mod overlay;
 pub mod paste;
 mod preview;
 pub mod remove;

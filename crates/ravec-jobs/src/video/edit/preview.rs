@@ -9,7 +9,8 @@ use crate::shot::is_deep;
 use crate::step::Step;
 use ravec::raster::{AnyImage, Size};
 
-/// An edit of a shot whose inputs are open, for previews: `video remove`, `replace`, `enhance` or `paste`.
+/// An edit of a shot whose inputs are open, for previews: `video remove`, `replace`, `enhance`, `paste` or
+/// `overlay`.
 ///
 /// ```no_run
 /// use ravec::raster::Size;
@@ -38,6 +39,7 @@ impl ShotPreview {
                 | Step::VideoReplace(_)
                 | Step::VideoEnhance(_)
                 | Step::VideoPaste(_)
+                | Step::VideoOverlay(_)
         )
     }
 
@@ -57,6 +59,10 @@ impl ShotPreview {
             Step::VideoReplace(edit) => frames(&**edit, live, size, context)?,
             Step::VideoEnhance(edit) => frames(&**edit, live, size, context)?,
             Step::VideoPaste(edit) => frames(&**edit, live, size, context)?,
+            Step::VideoOverlay(edit) => {
+                let mut report = Report::new("preview", &());
+                edit.frames(size, live, &mut report, context)?
+            }
             _ => return Ok(None),
         };
         Ok(Some(Self { frames }))

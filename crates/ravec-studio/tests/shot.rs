@@ -1,0 +1,210 @@
+//! Plates, mattes and edits of a shot by clicks and drags, without a window.
+
+mod common;
+#[path = "common/desk.rs"]
+mod desk;
+
+use desk::{click, drag, on_screen, settle};
+use egui::accesskit::Role;
+use egui::{Key, Modifiers, Vec2};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable as _;
+use ravec::raster::{Image, Size, Srgb, Srgba};
+use ravec_jobs::{Context, Operation as _, recipe};
+use ravec_scenes::Seed;
+use ravec_scenes::clip::{Clip, ClipId, clip};
+use ravec_studio::{Content, Studio};
+use ravec_video::FrameSource as _;
+use std::path::Path;
+
+const FRAMES: usize = 12;
+
+/// A ball that moves before a meadow, open in a studio, and its truth.
+fn meadow(folder: &Path) -> (Clip, Harness<'static, Studio>) {
+    let size = Size::new(160, 120).unwrap();
+    let mut truth = clip(ClipId::StillDisc, size, FRAMES, Seed(4));
+    truth.noise_sigma = 1.0;
+    let shot = folder.join("shot");
+    std::fs::create_dir(&shot).unwrap();
+    for index in 0..FRAMES {
+        let picture = ravec_media::Picture::from_image(truth.frame(index).stored());
+        let path = shot.join(format!("f_{index:04}.png"));
+        ravec_media::write(&path, &picture, &ravec_media::WriteOptions::default()).unwrap();
+    }
+    let mut harness = Harness::builder()
+        .with_size(Vec2::new(1400.0, 1000.0))
+        .build_eframe(move |context| {
+            let mut studio = Studio::new(&context.egui_ctx, None);
+            studio.open(&shot);
+            studio
+        });
+    settle(&mut harness);
+    (truth, harness)
+}
+
+fn go_to(harness: &mut Harness<'_, Studio>, frame: usize) {
+    harness.key_press(Key::Home);
+    settle(harness);
+    for _ in 0..frame {
+        harness.key_press(Key::ArrowRight);
+        settle(harness);
+    }
+}
+
+/// Selects an edit, whose name is that of its tool.
+fn select(harness: &mut Harness<'_, Studio>, label: &str) {
+    let buttons = harness.get_all_by_role_and_label(Role::Button, label);
+    buttons.last().unwrap().click();
+    settle(harness);
+}
+
+/// What the canvas shows.
+fn shown(harness: &Harness<'_, Studio>) -> Image<Srgba<u8>> {
+    let snapshot = harness.state().snapshot().unwrap();
+    assert!(snapshot.failure.is_none(), "{:?}", snapshot.failure);
+    let Content::Picture(picture) = snapshot.result.unwrap().content else {
+        panic!("a frame is a picture");
+    };
+    picture.convert()
+}
+
+/// Largest difference to an image over the pixels that `looked_at` selects.
+fn largest(
+    found: &Image<Srgba<u8>>,
+    truth: &Image<Srgb<u8>>,
+    looked_at: impl Fn(usize, usize) -> bool,
+) -> u8 {
+    let mut largest = 0;
+    for row in 0..truth.height() {
+        for col in 0..truth.width() {
+            if looked_at(col, row) {
+                let pairs = found[(col, row)].0.into_iter().zip(truth[(col, row)].0);
+                largest = pairs.fold(largest, |largest, (a, b)| largest.max(a.abs_diff(b)));
+            }
+        }
+    }
+    largest
+}
+
+/// Saves the project, exports, and asserts that `ravec run` writes the same bytes.
+fn exported(harness: &mut Harness<'_, Studio>, folder: &Path) -> std::path::PathBuf {
+    harness.key_press_modifiers(Modifiers::COMMAND, Key::S);
+    settle(harness);
+    if harness.query_by_label("Save the project: Save").is_some() {
+        click(harness, "Save the project: Save");
+    }
+    click(harness, "Export…");
+    click(harness, "Export the result: Export");
+    let output = folder.join("shot-edited.mp4");
+    let studio =
+        std::fs::read(&output).unwrap_or_else(|_| panic!("{:?}", harness.state().message()));
+    std::fs::remove_file(&output).unwrap();
+    let run = recipe::Run {
+        file: folder.join("shot.ravec.json"),
+        params: recipe::Params::default(),
+    };
+    run.run(&Context::default()).unwrap();
+    assert!(std::fs::read(&output).unwrap() == studio);
+    output
+}
+
+#[test]
+fn a_ball_is_removed_by_one_click_and_exported_as_it_is_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let (truth, mut harness) = meadow(folder.path());
+    click(&mut harness, "Remove the foreground");
+    // plate and matte have come along
+    let document = harness.state().document().unwrap();
+    let operations: Vec<_> = (document.edits.iter())
+        .map(|edit| edit.operation.clone())
+        .collect();
+    assert_eq!(operations, ["plate", "matte", "video remove"]);
+    for index in [0, 5, 9] {
+        go_to(&mut harness, index);
+        let frame = truth.frame(index);
+        assert!(frame.alpha.pixels().iter().any(|alpha| *alpha > 0.9));
+        let plate: Image<Srgb<u8>> = frame.plate.convert();
+        let wrong = largest(&shown(&harness), &plate, |_, _| true);
+        assert!(wrong < 25, "{wrong} in frame {index}");
+    }
+    let output = exported(&mut harness, folder.path());
+    let clip = ravec_video::Clip::open(&output, &ravec_video::OpenOptions::default()).unwrap();
+    assert_eq!(clip.info().frames, Some(FRAMES as u64));
+}
+
+#[test]
+fn a_stroke_answers_on_its_frame_and_holds_in_the_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let (truth, mut harness) = meadow(folder.path());
+    click(&mut harness, "Remove the foreground");
+    select(&mut harness, "Matte");
+    go_to(&mut harness, 4);
+    // background over the whole ball: it is not removed any more
+    click(&mut harness, "Mark background");
+    let alpha = truth.frame(4).alpha;
+    let inside = |col: usize, row: usize| alpha[(col, row)] > 0.5;
+    let cells = (0..120).flat_map(|row| (0..160).map(move |col| (col, row)));
+    let ball: Vec<_> = cells.filter(|&(col, row)| inside(col, row)).collect();
+    let center = |k: fn(&(usize, usize)) -> usize| {
+        ball.iter().map(k).sum::<usize>() as f32 / ball.len() as f32
+    };
+    let center = [center(|cell| cell.0), center(|cell| cell.1)];
+    for _ in 0..12 {
+        harness.key_press(Key::CloseBracket);
+        harness.step();
+    }
+    let way =
+        [[-2.0, 0.0], [2.0, 0.0]].map(|[x, y]| on_screen(&harness, center[0] + x, center[1] + y));
+    drag(&mut harness, &way);
+    assert!(harness.query_by_label("Stroke 1 in frame 4").is_some());
+    select(&mut harness, "Remove the foreground");
+    let stored = truth.frame(4).stored();
+    let wrong = largest(&shown(&harness), &stored, inside);
+    assert!(wrong < 12, "{wrong}");
+    // undo, and it is gone again
+    harness.key_press_modifiers(Modifiers::COMMAND, Key::Z);
+    settle(&mut harness);
+    let plate: Image<Srgb<u8>> = truth.frame(4).plate.convert();
+    let wrong = largest(&shown(&harness), &plate, |_, _| true);
+    assert!(wrong < 25, "{wrong}");
+}
+
+#[test]
+fn the_foreground_alone_is_a_result_with_alpha() {
+    let folder = tempfile::tempdir().unwrap();
+    let (truth, mut harness) = meadow(folder.path());
+    click(&mut harness, "Matte");
+    click(&mut harness, "The result is the foreground");
+    go_to(&mut harness, 3);
+    let found = shown(&harness);
+    let alpha = truth.frame(3).alpha;
+    for row in 0..120 {
+        for col in 0..160 {
+            let expected = alpha[(col, row)];
+            if expected <= 0.0 || expected >= 1.0 {
+                let wrong = (f32::from(found[(col, row)].0[3]) / 255.0 - expected).abs();
+                assert!(wrong < 0.3, "{col} {row}: {wrong}");
+            }
+        }
+    }
+}
+
+#[test]
+fn what_is_missing_is_said_in_the_panel() {
+    let folder = tempfile::tempdir().unwrap();
+    let (_, mut harness) = meadow(folder.path());
+    click(&mut harness, "Replace the background");
+    assert!(
+        harness
+            .query_by_label("Give the file: New background")
+            .is_some()
+    );
+    // a plate without a file has nothing to export
+    harness.key_press_modifiers(Modifiers::COMMAND, Key::Z);
+    settle(&mut harness);
+    click(&mut harness, "Background plate");
+    assert!(harness.query_by_label("The plate is there").is_some());
+    click(&mut harness, "Export…");
+    let (text, wrong) = harness.state().message().unwrap();
+    assert!(wrong && text.contains("Nothing would be written"), "{text}");
+}
