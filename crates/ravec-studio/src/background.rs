@@ -5,6 +5,7 @@ use crate::content::Kind;
 use crate::document::Document;
 use crate::engine::export;
 use crate::engine::lock;
+use crate::example;
 use crate::project::Project;
 use ravec::progress::{Progress, Update};
 use std::path::{Path, PathBuf};
@@ -24,9 +25,27 @@ pub(crate) enum Done {
     Exported(u64, Result<Vec<PathBuf>, String>),
 }
 
-/// An export that is going on.
+/// State of an export.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) enum ExportState {
+    /// Its turn has not come.
+    Waiting,
+    /// It is written.
+    Running,
+    /// It is there: the files.
+    Done(Vec<PathBuf>),
+    /// It has failed, for this reason.
+    Failed(String),
+    /// It was stopped by hand.
+    Stopped,
+}
+
+/// An export of the render queue.
 pub(crate) struct Export {
-    number: u64,
+    pub number: u64,
+    document: Document,
+    pub path: PathBuf,
+    pub state: ExportState,
     progress: Progress,
     update: Arc<Mutex<Option<Update>>>,
     since: Instant,
@@ -34,7 +53,7 @@ pub(crate) struct Export {
 
 impl Export {
     /// Name of the phase, and the share of it that is done.
-    pub fn state(&self) -> (&'static str, f64) {
+    pub fn phase(&self) -> (&'static str, f64) {
         lock(&self.update).map_or(("export", 0.0), |update| (update.phase, update.fraction()))
     }
 
@@ -43,9 +62,9 @@ impl Export {
         self.since.elapsed()
     }
 
-    /// Stops it. Files are whole or absent.
-    pub fn stop(&self) {
-        self.progress.cancel();
+    /// True while it is written.
+    pub fn is_running(&self) -> bool {
+        self.state == ExportState::Running
     }
 }
 
@@ -56,7 +75,7 @@ pub(crate) struct Background {
     repaint: Arc<dyn Fn() + Send + Sync>,
     /// Tasks that have not ended.
     pub running: usize,
-    /// The exports among them.
+    /// The render queue: exports in their order, one of which is written at a time.
     pub exports: Vec<Export>,
     next_export: u64,
 }
@@ -114,23 +133,107 @@ impl Background {
         });
     }
 
-    /// Writes the result of a document.
+    /// Appends an export to the queue.
     pub fn export(&mut self, document: Document, path: PathBuf) {
         let number = self.next_export;
         self.next_export += 1;
-        let update = Arc::new(Mutex::new(None));
-        let (own, repaint) = (update.clone(), self.repaint.clone());
+        self.exports.push(Export {
+            number,
+            document,
+            path,
+            state: ExportState::Waiting,
+            progress: Progress::none(),
+            update: Arc::default(),
+            since: Instant::now(),
+        });
+        self.next();
+    }
+
+    /// Starts the next export, if none is running.
+    fn next(&mut self) {
+        if self.exports.iter().any(Export::is_running) {
+            return;
+        }
+        let waits = |export: &&mut Export| export.state == ExportState::Waiting;
+        let Some(export) = self.exports.iter_mut().find(waits) else {
+            return;
+        };
+        let (own, repaint) = (export.update.clone(), self.repaint.clone());
+        *lock(&own) = None;
         let progress = Progress::new(move |update| {
             *lock(&own) = Some(update);
             repaint();
         });
-        self.exports.push(Export {
-            number,
-            progress: progress.clone(),
-            update,
-            since: Instant::now(),
+        export.progress = progress.clone();
+        export.state = ExportState::Running;
+        export.since = Instant::now();
+        let (number, document, path) =
+            (export.number, export.document.clone(), export.path.clone());
+        self.spawn(move || Done::Exported(number, self::export(&document, &path, &progress)));
+    }
+
+    fn find(&mut self, number: u64) -> Option<&mut Export> {
+        let mut exports = self.exports.iter_mut();
+        exports.find(|export| export.number == number)
+    }
+
+    /// Stops an export. Files are whole or absent.
+    pub fn stop(&mut self, number: u64) {
+        if let Some(export) = self.find(number) {
+            export.progress.cancel();
+            export.state = match export.state {
+                // it ends by itself
+                ExportState::Running => return,
+                _ => ExportState::Stopped,
+            };
+        }
+    }
+
+    /// Puts an export that has ended at the end of the queue.
+    pub fn again(&mut self, number: u64) {
+        let at = self
+            .exports
+            .iter()
+            .position(|export| export.number == number);
+        if let Some(at) = at.filter(|at| !self.exports[*at].is_running()) {
+            let mut export = self.exports.remove(at);
+            export.state = ExportState::Waiting;
+            self.exports.push(export);
+            self.next();
+        }
+    }
+
+    /// Moves a waiting export before the waiting one ahead of it.
+    pub fn earlier(&mut self, number: u64) {
+        let waits = |export: &Export| export.state == ExportState::Waiting;
+        let at = self
+            .exports
+            .iter()
+            .position(|export| export.number == number);
+        if let Some(at) = at.filter(|at| *at > 0)
+            && waits(&self.exports[at])
+            && waits(&self.exports[at - 1])
+        {
+            self.exports.swap(at, at - 1);
+        }
+    }
+
+    /// Drops an export that is not running from the queue.
+    pub fn drop_export(&mut self, number: u64) {
+        self.exports
+            .retain(|export| export.number != number || export.is_running());
+    }
+
+    /// Draws the example, unless it is there, and opens it.
+    pub fn open_example(&mut self, folder: &Path) {
+        let folder = folder.to_path_buf();
+        self.spawn(move || match example::prepare(&folder) {
+            Ok(path) => {
+                let project = open(&path);
+                Done::Opened(path, project)
+            }
+            Err(reason) => Done::Opened(folder, Err(reason)),
         });
-        self.spawn(move || Done::Exported(number, export(&document, &path, &progress)));
     }
 
     /// The tasks that have ended since the last call.
@@ -138,10 +241,18 @@ impl Background {
         let ended: Vec<Done> = self.receiver.try_iter().collect();
         self.running -= ended.len();
         for done in &ended {
-            if let Done::Exported(number, _) = done {
-                self.exports.retain(|export| export.number != *number);
+            let Done::Exported(number, end) = done else {
+                continue;
+            };
+            if let Some(export) = self.find(*number) {
+                export.state = match end {
+                    Ok(paths) => ExportState::Done(paths.clone()),
+                    Err(_) if export.progress.is_cancelled() => ExportState::Stopped,
+                    Err(reason) => ExportState::Failed(reason.clone()),
+                };
             }
         }
+        self.next();
         ended
     }
 }

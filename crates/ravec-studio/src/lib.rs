@@ -32,7 +32,8 @@
 //! Pictures, meshes and clips. Tools with gestures: brush, retargeting with areas, planes, completion as a whole and by fragments,
 //! photo mosaics whose tiles are pinned and banned. Meshes have offsets, simplification and repair by their panels, with a list of
 //! defects, and Booleans whose parts are moved and turned by a handle. Clips are shown on a timeline; edits of them show a frame, and
-//! planes are tracked while one watches.
+//! planes are tracked while one watches. A plate and a matte are found beside the window; removal, replacement, enhancement, paste and
+//! overlays show their result on the frame at the playhead. Exports are written one after the other by a render queue.
 
 mod analyses;
 mod assistant;
@@ -43,6 +44,7 @@ mod content;
 mod controls;
 mod document;
 mod engine;
+mod example;
 mod history;
 pub mod measure;
 mod open;

@@ -3,10 +3,11 @@
 mod counts;
 mod dialogs;
 mod panels;
+mod queue;
 mod work;
 
 use crate::autosave::Autosave;
-use crate::background::{Background, Done, is_project};
+use crate::background::{Background, Done, ExportState, is_project};
 use crate::content::Kind;
 use crate::document::Document;
 use crate::engine::Snapshot;
@@ -49,6 +50,9 @@ pub struct Studio {
     dialog: Option<Dialog>,
     palette: Option<String>,
     shows_shortcuts: bool,
+    shows_queue: bool,
+    /// Folder of the example.
+    example: PathBuf,
     /// Documents that were closed, with the files of their projects.
     closed: Vec<(Project, Option<PathBuf>, Kind)>,
     /// The setting that was found by name, which the panel marks.
@@ -74,6 +78,11 @@ impl Studio {
             dialog: None,
             palette: None,
             shows_shortcuts: false,
+            shows_queue: false,
+            example: folder.map_or_else(
+                || std::env::temp_dir().join("ravec-example"),
+                |folder| folder.join("example"),
+            ),
             closed: Vec::new(),
             highlighted: None,
             message: None,
@@ -83,6 +92,12 @@ impl Studio {
             studio.background.recover(folder);
         }
         studio
+    }
+
+    /// Opens the example soon: it is drawn at the first time.
+    pub fn open_example(&mut self) {
+        self.background.open_example(&self.example);
+        self.message = Some(("The example is being drawn".to_owned(), false));
     }
 
     /// Opens a picture or a project soon.
@@ -360,6 +375,16 @@ impl Studio {
             {
                 self.palette = Some(String::new());
             }
+            let open = self.background.exports.iter().filter(|export| {
+                matches!(export.state, ExportState::Waiting | ExportState::Running)
+            });
+            if ui
+                .button(format!("Render queue ({})", open.count()))
+                .on_hover_text("Exports that wait, run and have ended")
+                .clicked()
+            {
+                self.shows_queue = !self.shows_queue;
+            }
             let dark = ui.visuals().dark_mode;
             let (name, theme) = if dark {
                 ("Light", egui::Theme::Light)
@@ -472,6 +497,7 @@ impl Studio {
         self.dialog_ui(ui);
         self.palette_ui(ui);
         self.shortcuts_ui(ui);
+        self.queue_ui(ui);
     }
 }
 

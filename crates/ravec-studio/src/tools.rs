@@ -10,6 +10,7 @@ mod matte;
 mod mesh;
 mod mosaic;
 mod outline;
+mod overlay;
 mod parts;
 mod plain;
 mod planes;
@@ -348,6 +349,7 @@ pub(crate) fn all() -> Vec<Box<dyn Tool>> {
         Box::new(shot::ShotTool::REPLACE),
         Box::new(shot::ShotTool::ENHANCE),
         Box::new(shot::ShotTool::PASTE),
+        Box::new(overlay::Overlay::default()),
         Box::new(trim::Trim),
         Box::new(mosaic::Mosaic::default()),
         Box::new(mesh::MeshTool {

@@ -208,3 +208,60 @@ fn what_is_missing_is_said_in_the_panel() {
     let (text, wrong) = harness.state().message().unwrap();
     assert!(wrong && text.contains("Nothing would be written"), "{text}");
 }
+
+#[test]
+fn an_overlay_is_dragged_onto_its_place() {
+    let folder = tempfile::tempdir().unwrap();
+    let (_, mut harness) = meadow(folder.path());
+    let logo = folder.path().join("logo.png");
+    let picture: Image<Srgb<u8>> = Image::new(Size::new(20, 20).unwrap(), Srgb([250, 10, 240]));
+    let picture = ravec_media::Picture::from_image(picture);
+    ravec_media::write(&logo, &picture, &ravec_media::WriteOptions::default()).unwrap();
+    click(&mut harness, "Overlay a picture");
+    assert!(harness.query_by_label("Give the file: Picture").is_some());
+    let field = harness.get_by_role_and_label(Role::TextInput, "Picture");
+    field.focus();
+    harness.step();
+    let field = harness.get_by_role_and_label(Role::TextInput, "Picture");
+    field.type_text(logo.to_str().unwrap());
+    harness.step();
+    harness.key_press(Key::Enter);
+    settle(&mut harness);
+    click(&mut harness, "Place by corners");
+    // the lower right corner goes inward
+    let way = [[120.0, 90.0], [110.0, 85.0], [95.0, 80.0]].map(|[x, y]| on_screen(&harness, x, y));
+    drag(&mut harness, &way);
+    let found = shown(&harness);
+    assert_eq!(found[(50, 40)].0, [250, 10, 240, 255]);
+    assert_ne!(found[(110, 80)].0, [250, 10, 240, 255]);
+    // over the timeline it is a layer
+    assert!(harness.query_all_by_label("Overlay a picture").count() >= 2);
+    exported(&mut harness, folder.path());
+}
+
+#[test]
+fn exports_wait_for_their_turn_in_the_queue() {
+    let folder = tempfile::tempdir().unwrap();
+    let (_, mut harness) = meadow(folder.path());
+    click(&mut harness, "Filter");
+    for _ in 0..2 {
+        harness.get_by_label("Export…").click();
+        harness.step();
+        harness.step();
+        harness.get_by_label("Export the result: Export").click();
+        harness.step();
+    }
+    harness.get_by_label_contains("Render queue (").click();
+    settle(&mut harness);
+    let output = folder.path().join("shot-edited.mp4");
+    assert!(output.exists());
+    let again = format!("Again: {}", output.display());
+    assert_eq!(harness.query_all_by_label(&again).count(), 2);
+    let drop = format!("Drop: {}", output.display());
+    harness.get_all_by_label(&drop).next().unwrap().click();
+    settle(&mut harness);
+    assert_eq!(harness.query_all_by_label(&again).count(), 1);
+    std::fs::remove_file(&output).unwrap();
+    click(&mut harness, &again);
+    assert!(output.exists());
+}

@@ -81,6 +81,7 @@ const LINES: &[(&str, &str, &str)] = &[
         "b",
     ),
     (
+        "ravec video overlay a -o b --image c --track d --matte e --blend screen --opacity 0.5 --frames 2..9",
         "ravec video paste a -o b --into c --plate d --matte e --track f --into-track g --into-matte h",
         "a f g h d e c",
         "b",

@@ -6,7 +6,7 @@ use crate::program::{code, done, files, photos, stderr};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-const COMMANDS: [&str; 41] = [
+const COMMANDS: [&str; 42] = [
     "compare",
     "rectify",
     "snap",
@@ -42,6 +42,7 @@ const COMMANDS: [&str; 41] = [
     "video remove",
     "video replace",
     "video enhance",
+    "video overlay",
     "video paste",
     "run",
     "demo",

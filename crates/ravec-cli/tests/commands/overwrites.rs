@@ -42,6 +42,7 @@ const OPERATIONS: &[&str] = &[
     "video remove <clip.y4m --plate <a.bmp --matte <b.bmp --track <steps.json -o >out.y4m",
     "video replace <clip.y4m --plate <a.bmp --matte <b.bmp --image <c.bmp -o >out.y4m",
     "video enhance <clip.y4m --plate <a.bmp --matte <b.bmp --photo <c.bmp -o >out.y4m",
+    "video overlay <clip.y4m --image <a.bmp --matte <b.bmp -o >out.y4m",
     "video paste <clip.y4m --plate <a.bmp --matte <b.bmp --into <c.bmp --into-matte <d.bmp -o >out.y4m",
     "video frames <photos --at 0 -o >out.png",
     "demo --image <a.bmp --out gallery",

@@ -207,16 +207,23 @@ impl Studio {
                     ui.colored_label(ui.visuals().error_fg_color, failure.message);
                 }
             }
+            let mut stopped = None;
             for export in &self.background.exports {
+                if !export.is_running() {
+                    continue;
+                }
                 if export.elapsed() > PATIENCE {
-                    let (phase, fraction) = export.state();
+                    let (phase, fraction) = export.phase();
                     let bar = egui::ProgressBar::new(fraction as f32).desired_width(140.0);
                     ui.add(bar.text(format!("Export: {phase}")));
                     if ui.button("Stop export").clicked() {
-                        export.stop();
+                        stopped = Some(export.number);
                     }
                 }
                 ui.ctx().request_repaint_after(Duration::from_millis(50));
+            }
+            if let Some(number) = stopped {
+                self.background.stop(number);
             }
             if let Some((text, wrong)) = &self.message {
                 if *wrong {

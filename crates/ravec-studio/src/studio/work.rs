@@ -1,13 +1,15 @@
 //! The middle of the window: canvases, and the tools on them.
 
 use super::Studio;
-use crate::document::Edit;
+use crate::document::{Document, Edit};
 use crate::engine::Snapshot;
-use crate::open::{Draft, Open, input_of, mesh_of};
+use crate::open::{Draft, Open, input_of, label_of, mesh_of};
 use crate::shown::Shown;
-use crate::tools::{Gesture, Hand, MeshHand, Tool};
+use crate::tools::{Gesture, Hand, MeshHand, Row, Tool};
 use crate::view::canvas::{Comparison, Layers};
+use crate::view::timeline::FrameState;
 use egui::{Key, Ui};
+use ravec_jobs::video::FrameRange;
 use std::sync::Arc;
 
 /// The selected edit with its tool, and the state of its results in this frame.
@@ -25,9 +27,18 @@ impl Studio {
     /// The canvas of the document in front.
     pub(super) fn canvas_ui(&mut self, ui: &mut Ui) {
         let Some(open) = self.open.get_mut(self.active) else {
-            ui.centered_and_justified(|ui| {
-                ui.label("Open a picture, a mesh, a clip or a project, or drop one here.")
+            let mut example = false;
+            ui.vertical_centered(|ui| {
+                ui.add_space(0.4 * ui.available_height());
+                ui.label("Open a picture, a mesh, a clip or a project, or drop one here.");
+                example = ui
+                    .button("Open the example")
+                    .on_hover_text("A drawn shot: a person is put before another street")
+                    .clicked();
             });
+            if example {
+                self.open_example();
+            }
             return;
         };
         let mut scene = scene(open, &mut self.tools);
@@ -67,7 +78,12 @@ impl Studio {
             ),
             _ => (Vec::new(), None),
         };
-        let rows: Vec<_> = rows.iter().map(crate::tools::Row::as_row).collect();
+        let frames = open.clip.as_ref().and_then(|clip| clip.reader.info());
+        let frames = frames.map_or(0, |facts| facts.frames);
+        let layers = layers(open.history.document(), &self.tools, frames);
+        let rows: Vec<_> = (rows.iter().chain(&layers))
+            .map(crate::tools::Row::as_row)
+            .collect();
         if let Some(clip) = &mut open.clip {
             if let Some(wanted) = wanted {
                 clip.timeline.current = wanted;
@@ -75,6 +91,33 @@ impl Studio {
             clip.timeline.ui(ui, &clip.reader, &rows);
         }
     }
+}
+
+/// Maximum number of frames of a clip whose layers are drawn over the timeline.
+const MAX_LAYER_FRAMES: u64 = 20_000;
+
+/// Rows of the timeline for the layers of a shot, the upper ones first: the frames in which they are seen.
+fn layers(document: &Document, tools: &[Box<dyn Tool>], frames: u64) -> Vec<Row> {
+    let edits = document.enabled();
+    let layers =
+        edits.filter(|edit| edit.operation.starts_with("video ") && !edit.is_of_whole_clips());
+    let mut rows: Vec<Row> = layers
+        .map(|edit| {
+            let range = edit.param("frames").as_str().unwrap_or_default();
+            let range = range.parse::<FrameRange>().unwrap_or_default();
+            let state = |frame| match range.contains(frame) {
+                Some(false) => FrameState::Unknown,
+                _ => FrameState::Good,
+            };
+            Row {
+                label: label_of(tools, edit),
+                states: (0..frames.min(MAX_LAYER_FRAMES)).map(state).collect(),
+                ..Row::default()
+            }
+        })
+        .collect();
+    rows.reverse();
+    rows
 }
 
 /// Asks for the results that this frame shows, whole or quick.

@@ -75,7 +75,7 @@ impl ShotTool {
 }
 
 /// The corners of the plane that a document tracks.
-fn tracked_plane<'a>(document: &'a Document, edit: &Edit) -> Option<&'a Value> {
+pub(super) fn tracked_plane<'a>(document: &'a Document, edit: &Edit) -> Option<&'a Value> {
     let track = document.last_analysis("track", Some(edit.id))?;
     track.param("quads").get(0)
 }

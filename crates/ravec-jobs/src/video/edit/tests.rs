@@ -1,6 +1,7 @@
 //! Edits of a drawn shot: a camera that pans over a wall, and a square before it.
 
 use super::enhance::Enhance;
+use super::overlay::{self, Blend, Overlay};
 use super::paste::Paste;
 use super::remove::{Grain, Remove};
 use super::replace::Replace;
@@ -479,4 +480,116 @@ fn a_preview_without_a_matte_of_the_clip_solves_that_of_the_frame() {
     let truth = |col: usize, row: usize| written[(col, row)].0.map(f64::from);
     let wrong = largest(found, truth, |_, _| true);
     assert!(wrong <= 3.0, "{wrong}");
+}
+
+fn overlay(shot: &Shot) -> Overlay {
+    Overlay {
+        input: shot.at("f_%d.png"),
+        output: shot.at("o_%d.png"),
+        image: shot.at("logo.png"),
+        track: Some(shot.at("track.json")),
+        matte: Some(shot.at("a_%d.png")),
+        params: overlay::Params {
+            quad: Some("16,20,56,20,56,60,16,60".parse().unwrap()),
+            frames: Some("1..4".parse().unwrap()),
+            ..overlay::Params::default()
+        },
+    }
+}
+
+#[test]
+fn an_overlay_lies_on_the_plane_behind_the_foreground() {
+    let shot = Shot::new();
+    // red on the left, nothing on the right
+    let logo: Image<Srgba<u8>> = Image::from_fn(Size::new(20, 20).unwrap(), |col, _| {
+        Srgba([200, 30, 20, if col < 10 { 255 } else { 0 }])
+    });
+    let picture_of_logo = Picture::from_image(AnyImage::from(logo));
+    ravec_media::write(
+        shot.at("logo.png"),
+        &picture_of_logo,
+        &WriteOptions::default(),
+    )
+    .unwrap();
+    let mut operation = overlay(&shot);
+    run(&operation);
+    for index in 0..FRAMES {
+        let on_logo = |col: usize, row: usize| {
+            let x = col as f64 + 0.5 + shift(index);
+            (18.0..34.0).contains(&x) && (22..58).contains(&row)
+        };
+        let beside = |col: usize, row: usize| {
+            let x = col as f64 + 0.5 + shift(index);
+            !(14.0..38.0).contains(&x) || !(18..62).contains(&row)
+        };
+        let below = |col: usize, row: usize| {
+            if inside(index, col, row) {
+                [220.0, 40.0, 60.0]
+            } else {
+                drawn_wall(index, col, row)
+            }
+        };
+        let shown = (1..4).contains(&index);
+        let truth = |col: usize, row: usize| {
+            if shown && on_logo(col, row) && !inside(index, col, row) {
+                [200.0, 30.0, 20.0]
+            } else {
+                below(col, row)
+            }
+        };
+        let found = shot.read(&format!("o_{index}.png"));
+        let wrong = largest(&found, truth, |col, row| {
+            on_logo(col, row) || beside(col, row)
+        });
+        assert!(wrong < 1.5, "{wrong} in frame {index}");
+    }
+    operation.params.blend = Blend::Multiply;
+    operation.params.opacity = 0.5;
+    operation.matte = None;
+    run(&operation);
+    let found = shot.read("o_2.png");
+    let truth = |col: usize, row: usize| {
+        let below = if inside(2, col, row) {
+            [220.0, 40.0, 60.0]
+        } else {
+            drawn_wall(2, col, row)
+        };
+        let above = [200.0, 30.0, 20.0];
+        [0, 1, 2].map(|k| below[k] * (0.5 + 0.5 * above[k] / 255.0))
+    };
+    let wrong = largest(&found, truth, |col, row| {
+        (16..30).contains(&col) && (24..56).contains(&row)
+    });
+    assert!(wrong < 1.5, "{wrong}");
+}
+
+#[test]
+fn an_overlay_refuses_what_makes_no_sense_and_has_previews() {
+    let shot = Shot::new();
+    shot.save(
+        "logo.png",
+        picture(Size::new(20, 10).unwrap(), |_, _| [9.0; 3]),
+    );
+    let mut wrong = overlay(&shot);
+    wrong.params.opacity = 1.5;
+    assert_eq!(refused(&wrong).kind(), ErrorKind::Request);
+    let mut wrong = overlay(&shot);
+    wrong.params.frames = Some("1s..2s".parse().unwrap());
+    assert_eq!(refused(&wrong).kind(), ErrorKind::Request);
+    let mut wrong = overlay(&shot);
+    wrong.params.quad = Some("1,1,1,1,1,1,1,1".parse().unwrap());
+    assert_eq!(refused(&wrong).kind(), ErrorKind::Request);
+    // without a place it is in the middle, as large as it can be
+    let mut operation = overlay(&shot);
+    operation.params.quad = None;
+    operation.track = None;
+    operation.matte = None;
+    let step = Step::from(operation.clone());
+    let found = previews(&step, None, &[3, 1], &shot);
+    run(&operation);
+    let written = shot.read("o_1.png");
+    assert!(found[1] == AnyImage::from(written.clone()));
+    let black = |row: usize| written[(40, row)].0 == [9; 3];
+    let rows: Vec<usize> = (0..SIZE.1).filter(|row| black(*row)).collect();
+    assert_eq!((rows[0], rows.len()), (12, 48));
 }
