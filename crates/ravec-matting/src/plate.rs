@@ -11,6 +11,7 @@
 //! 5. *Likelihood* (`posterior`) of nine values of alpha under noise and covariance.
 //! 6. *Pooling*: certain neighbors give ambiguous pixels a prior.
 //! 7. Alpha between median and mean of the posterior. Steps 4 to 7 are done once more with it.
+//! 8. *Shadows* (`shadow`), if they are to be told from the rest.
 //!
 //! Source: Chuang et al., *A Bayesian approach to digital matting*, 2001, with a known background instead of its model.
 
@@ -19,6 +20,7 @@ use crate::half::{doubled, halve, spread};
 use crate::light::PlateLight;
 use crate::matte::{Colors, Constraint, Constraints, Matte, MattingError};
 use crate::posterior::{Evidence, Likelihood, Prior};
+use crate::shadow::{Shadows, shadow_factor};
 use crate::speckles::clear_specks;
 use crate::texture::{TextureCue, texture_cue};
 use ravec_progress::Progress;
@@ -56,11 +58,17 @@ pub struct PlateParams {
     /// Set alpha to 0 up to this value, and to 1 from one less it, 0 to 0.25
     #[cfg_attr(feature = "clap", arg(long, value_name = "ALPHA", default_value_t = Self::default().snap))]
     pub snap: f32,
+    /// Shadows that the foreground casts on the plate
+    #[cfg_attr(feature = "clap", arg(long, value_enum, default_value_t = Shadows::Foreground))]
+    pub shadows: Shadows,
 }
 
 impl Default for PlateParams {
     fn default() -> Self {
-        Self { snap: 0.02 }
+        Self {
+            snap: 0.02,
+            shadows: Shadows::Foreground,
+        }
     }
 }
 
@@ -127,7 +135,8 @@ pub struct PlateMatte {
 
 /// Solves for alpha and foreground of a frame with a known background.
 ///
-/// Alpha is exactly 0 and 1 where strokes say so, and 0 in a frame that differs from its plate only by light and noise.
+/// Alpha is exactly 0 and 1 where strokes say so, and 0 in a frame that differs from its plate only by light and noise. With the
+/// foreground over the plate the frame comes back, but for shadows that are softened or dropped.
 /// The same input gives the same bytes on any number of threads. Foreground that has the colors of the plate and no texture of
 /// its own, over a plate without texture, cannot be seen: strokes help.
 ///
@@ -313,7 +322,10 @@ impl Part {
         clear_specks(&mut found, |col, row| {
             input.stroke(self.rect.col + col, self.rect.row + row) == Constraint::Foreground
         });
-        let colors = Likelihood::foreground(&self.evidence(&field, &cue), &found);
+        let mut colors = Likelihood::foreground(&self.evidence(&field, &cue), &found);
+        if params.shadows != Shadows::Foreground {
+            self.part_shadows(input, params.shadows, &mut found, &mut colors);
+        }
         for row in 0..self.rect.height {
             let to = self.rect.row + row;
             alpha.row_mut(to)[self.rect.col..][..self.rect.width].copy_from_slice(found.row(row));
@@ -325,6 +337,30 @@ impl Part {
             }
         }
         Ok(())
+    }
+
+    /// Makes shadows black, with the alpha that is asked for. Strokes of foreground stay.
+    fn part_shadows(
+        &self,
+        input: &PlateFrame<'_>,
+        shadows: Shadows,
+        alpha: &mut Plane,
+        colors: &mut [Plane; 3],
+    ) {
+        let factor = shadow_factor(&self.frame, &self.plate, &self.variance);
+        for row in 0..self.rect.height {
+            for col in 0..self.rect.width {
+                let at = (col, row);
+                let stroke = input.stroke(self.rect.col + col, self.rect.row + row);
+                if factor[at] >= 1.0 || alpha[at] <= 0.0 || stroke == Constraint::Foreground {
+                    continue;
+                }
+                alpha[at] = shadows.alpha(factor[at]);
+                for color in colors.iter_mut() {
+                    color[at] = 0.0;
+                }
+            }
+        }
     }
 
     fn evidence<'a>(&'a self, field: &'a ColorField, cue: &'a TextureCue) -> Evidence<'a> {

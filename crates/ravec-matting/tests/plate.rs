@@ -1,7 +1,7 @@
 //! Mattes before a plate, on scenes with known alpha.
 
 use ravec_matting::{
-    Colors, Constraints, MattingError, PlateFrame, PlateMatte, PlateParams, plate_matte,
+    Colors, Constraints, MattingError, PlateFrame, PlateMatte, PlateParams, Shadows, plate_matte,
 };
 use ravec_progress::Progress;
 use ravec_raster::{Image, Plane, Size};
@@ -209,7 +209,10 @@ fn other_sizes_and_parameters_out_of_range_are_errors() {
     ));
     let error = plate_matte(
         &PlateFrame::new(&frame, &frame),
-        &PlateParams { snap: 0.3 },
+        &PlateParams {
+            snap: 0.3,
+            ..PlateParams::default()
+        },
         &Progress::none(),
     );
     assert!(matches!(
@@ -224,4 +227,67 @@ fn other_sizes_and_parameters_out_of_range_are_errors() {
         &progress,
     );
     assert!(matches!(error, Err(MattingError::Cancelled(_))));
+}
+
+/// Factor of a shadow beside the disc: 0.6 in its middle, with a penumbra.
+fn shade(size: Size) -> Plane {
+    Image::from_fn(size, |col, row| {
+        let (x, y) = (
+            col as f32 - 0.78 * size.width() as f32,
+            row as f32 - 0.8 * size.height() as f32,
+        );
+        let distance = (x / 2.0).hypot(y);
+        1.0 - 0.4 * ((9.0 - distance) / 3.0 + 0.5).clamp(0.0, 1.0)
+    })
+}
+
+#[test]
+fn shadows_are_kept_softened_and_dropped() {
+    let size = Size::new(200, 140).unwrap();
+    let (plate, truth, shade) = (plate(size), disc(size), shade(size));
+    let shaded = Image::from_fn(size, |col, row| {
+        plate[(col, row)].map(|value| value * shade[(col, row)])
+    });
+    let frame = composite(&shaded, &truth);
+    let run = |shadows: Shadows| {
+        let params = PlateParams {
+            shadows,
+            ..PlateParams::default()
+        };
+        plate_matte(&PlateFrame::new(&frame, &plate), &params, &Progress::none()).unwrap()
+    };
+    // the middle of the shadow, away from the disc and from the penumbra
+    let middle: Vec<(usize, usize)> = (0..size.height())
+        .flat_map(|row| (0..size.width()).map(move |col| (col, row)))
+        .filter(|&at| shade[at] < 0.61 && truth[at] <= 0.0)
+        .collect();
+    assert!(middle.len() > 150);
+    let mean = |found: &PlateMatte| {
+        let sum: f32 = middle.iter().map(|&at| found.matte.alpha[at]).sum();
+        sum / middle.len() as f32
+    };
+    assert!(mean(&run(Shadows::Foreground)) > 0.3);
+    let kept = run(Shadows::Keep);
+    assert!((mean(&kept) - 0.4).abs() < 0.04, "{}", mean(&kept));
+    for &at in &middle {
+        let again = [0, 1, 2].map(|c| {
+            let alpha = kept.matte.alpha[at];
+            alpha * kept.matte.foreground[at][c] + (1.0 - alpha) * kept.background[at][c]
+        });
+        for c in 0..3 {
+            assert!((again[c] - frame[at][c]).abs() < 0.08, "{at:?}");
+        }
+    }
+    let softened = run(Shadows::Soften);
+    assert!((mean(&softened) - 0.2).abs() < 0.02, "{}", mean(&softened));
+    let dropped = run(Shadows::Drop);
+    assert!(mean(&dropped) < 0.01, "{}", mean(&dropped));
+    // the disc stays
+    for row in 0..size.height() {
+        for col in 0..size.width() {
+            if truth[(col, row)] >= 1.0 {
+                assert!(dropped.matte.alpha[(col, row)] > 0.9, "{col} {row}");
+            }
+        }
+    }
 }

@@ -75,7 +75,7 @@ marks to the border, the better.
 
 Foreground that has the colors of the background cannot be seen where neither has texture: strokes set it. Strokes of a few frames \
 are carried through the clip: background along the track, foreground with what lies under it; in other frames than their own they \
-hold only where the colors are theirs. Shadows are a part of the foreground.
+hold only where the colors are theirs. Shadows are a part of the foreground, unless --shadows keeps, softens or drops them.
 
 Figures: frames, foreground_percent (mean of alpha), empty (frames without foreground); after --resume the last two are about the \
 frames of this run.";
