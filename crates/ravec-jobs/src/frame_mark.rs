@@ -2,7 +2,7 @@
 
 use crate::pixel_centers::PixelCenters;
 use glam::{DVec2, dvec2};
-use ravec::raster::{Mask, Plane, Rect, Size};
+use ravec::raster::{Rect, Size};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
@@ -46,28 +46,60 @@ pub struct FrameMark {
 }
 
 impl FrameMark {
-    /// The pixels whose centers the tip touches, with points in this convention.
-    pub(crate) fn mask(&self, size: Size, centers: PixelCenters) -> Mask {
+    /// The pixels whose centers the tip touches, row by row, with points in this convention.
+    pub(crate) fn cells(&self, size: Size, centers: PixelCenters) -> Vec<(usize, usize)> {
         let points: Vec<DVec2> = (self.points.iter())
             .map(|point| centers.read(DVec2::from(*point)))
             .collect();
-        let mut touched = Plane::new(size, 0.0);
+        let Some(bounds) = bounds(&points, self.radius_px, size) else {
+            return Vec::new();
+        };
+        let mut touched = vec![false; bounds.pixels()];
         let ends = points
             .iter()
             .zip(points.iter().skip(1).chain(points.last()));
         for (a, b) in ends {
-            let bounds = around(*a, *b, self.radius_px, size);
-            for row in bounds.row..bounds.bottom() {
-                for col in bounds.col..bounds.right() {
+            let part = around(*a, *b, self.radius_px, size);
+            for row in part.row..part.bottom() {
+                for col in part.col..part.right() {
                     let at = dvec2(col as f64 + 0.5, row as f64 + 0.5);
                     if distance(*a, *b, at) <= self.radius_px {
-                        touched[(col, row)] = 1.0;
+                        touched[(row - bounds.row) * bounds.width + col - bounds.col] = true;
                     }
                 }
             }
         }
-        Mask::from_coverage(&touched)
+        let marked = touched.iter().enumerate().filter(|(_, touched)| **touched);
+        marked
+            .map(|(at, _)| {
+                (
+                    bounds.col + at % bounds.width,
+                    bounds.row + at / bounds.width,
+                )
+            })
+            .collect()
     }
+
+    /// Pixels that the tip may touch, at some points only; `None` if there are none in the frame.
+    pub(crate) fn bounds(
+        &self,
+        points: &[[f64; 2]],
+        size: Size,
+        centers: PixelCenters,
+    ) -> Option<Rect> {
+        let points: Vec<DVec2> = (points.iter())
+            .map(|point| centers.read(DVec2::from(*point)))
+            .collect();
+        bounds(&points, self.radius_px, size)
+    }
+}
+
+/// Pixels of a frame that a tip along some points may touch.
+fn bounds(points: &[DVec2], radius: f64, size: Size) -> Option<Rect> {
+    let low = points.iter().copied().reduce(DVec2::min)?;
+    let high = points.iter().copied().reduce(DVec2::max)?;
+    let bounds = around(low, high, radius, size);
+    (!bounds.is_empty()).then_some(bounds)
 }
 
 /// Pixels of a frame that a tip between two points may touch.
@@ -193,18 +225,21 @@ mod tests {
     fn the_tip_touches_what_is_within_its_radius() {
         let size = Size::new(40, 30).unwrap();
         let mark: FrameMark = "0:background:3:5,5,30,20,30,20".parse().unwrap();
-        let mask = mark.mask(size, PixelCenters::Half);
-        let expected = Mask::from_fn(size, |col, row| {
-            // the nearest of many points on the segment
-            let distances = (0..=2000).map(|k| f64::from(k) / 2000.0).map(|t| {
-                let (x, y) = (5.0 + 25.0 * t, 5.0 + 15.0 * t);
-                (col as f64 + 0.5 - x).hypot(row as f64 + 0.5 - y)
-            });
-            distances.fold(f64::INFINITY, f64::min) <= 3.0
-        });
-        assert_eq!(mask.coverage(), expected.coverage());
+        let found = mark.cells(size, PixelCenters::Half);
+        let cells = (0..30).flat_map(|row| (0..40).map(move |col| (col, row)));
+        let expected: Vec<(usize, usize)> = cells
+            .filter(|&(col, row)| {
+                // the nearest of many points on the segment
+                let distances = (0..=2000).map(|k| f64::from(k) / 2000.0).map(|t| {
+                    let (x, y) = (5.0 + 25.0 * t, 5.0 + 15.0 * t);
+                    (col as f64 + 0.5 - x).hypot(row as f64 + 0.5 - y)
+                });
+                distances.fold(f64::INFINITY, f64::min) <= 3.0
+            })
+            .collect();
+        assert_eq!(found, expected);
         // far outside there is nothing
         let away: FrameMark = "0:background:3:-500,1e300".parse().unwrap();
-        assert!(away.mask(size, PixelCenters::Integer).is_empty());
+        assert!(away.cells(size, PixelCenters::Integer).is_empty());
     }
 }

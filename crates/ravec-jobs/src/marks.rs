@@ -46,6 +46,19 @@ pub(crate) struct MarkSource<'a> {
     pub track_path: Option<&'a Path>,
 }
 
+/// Pixels, column and row.
+type Cells = Vec<(usize, usize)>;
+
+/// The pixels of a mask.
+fn cells(mask: &Mask) -> Cells {
+    let Some(bounds) = mask.bounding_box() else {
+        return Vec::new();
+    };
+    let rows = bounds.row..bounds.bottom();
+    let all = rows.flat_map(|row| (bounds.col..bounds.right()).map(move |col| (col, row)));
+    all.filter(|&(col, row)| mask.at(col, row) > 0.0).collect()
+}
+
 /// Strokes with their places in all frames.
 pub(crate) struct Marks {
     size: Size,
@@ -67,20 +80,23 @@ impl MarkSource<'_> {
     }
 
     /// The pixels of all strokes by frame, each with its side, in the order in which they are drawn.
-    fn masks(&self) -> Result<BTreeMap<u64, Vec<(Side, Mask)>>, JobError> {
-        let mut masks: BTreeMap<u64, Vec<(Side, Mask)>> = BTreeMap::new();
+    fn masks(&self) -> Result<BTreeMap<u64, Vec<(Side, Cells)>>, JobError> {
+        let mut masks: BTreeMap<u64, Vec<(Side, Cells)>> = BTreeMap::new();
         for frame in self.pictures.frames() {
             let Some([foreground, background]) = self.pictures.of(frame)? else {
                 continue;
             };
             let list = masks.entry(frame).or_default();
             let parts = parts(&foreground).into_iter();
-            list.extend(parts.map(|part| (Side::Foreground, part)));
-            list.push((Side::Background, background));
+            list.extend(parts.map(|part| (Side::Foreground, cells(&part))));
+            list.push((Side::Background, cells(&background)));
         }
         for mark in self.marks {
-            let mask = mark.mask(self.size, self.centers);
-            masks.entry(mark.frame).or_default().push((mark.side, mask));
+            let cells = mark.cells(self.size, self.centers);
+            masks
+                .entry(mark.frame)
+                .or_default()
+                .push((mark.side, cells));
         }
         Ok(masks)
     }
@@ -95,12 +111,12 @@ impl Marks {
         let unseen: Colors = Image::new(source.size, [0.0; 3]);
         let mut strokes = Vec::new();
         for (frame, list) in source.masks()? {
-            for (side, mask) in list {
+            for (side, cells) in list {
                 let is_foreground = side == Side::Foreground;
                 let map = &Homography::IDENTITY;
                 strokes.extend(CarriedStroke::new(
                     frame,
-                    &mask,
+                    cells,
                     is_foreground,
                     &unseen,
                     map,
@@ -152,11 +168,11 @@ impl Marks {
             let shot = reader.next()?.ok_or_else(too_short)?;
             let colors = encoded(&shot.image);
             let map = source.map(frame)?;
-            for (side, mask) in list {
+            for (side, cells) in list {
                 let is_foreground = side == Side::Foreground;
                 strokes.extend(CarriedStroke::new(
                     frame,
-                    &mask,
+                    cells,
                     is_foreground,
                     &colors,
                     &map,
@@ -273,8 +289,30 @@ impl Marks {
         frame_from_reference: &Homography,
         trimap: Option<&Constraints>,
     ) -> Option<Constraints> {
+        self.chosen(frame, colors, frame_from_reference, trimap, |_| true)
+    }
+
+    /// What strokes of other frames say in a frame.
+    pub fn of_others(
+        &self,
+        frame: u64,
+        colors: &Colors,
+        frame_from_reference: &Homography,
+    ) -> Option<Constraints> {
+        let is_other = |stroke: &CarriedStroke| stroke.frame() != frame;
+        self.chosen(frame, colors, frame_from_reference, None, is_other)
+    }
+
+    fn chosen(
+        &self,
+        frame: u64,
+        colors: &Colors,
+        frame_from_reference: &Homography,
+        trimap: Option<&Constraints>,
+        is_chosen: impl Fn(&CarriedStroke) -> bool,
+    ) -> Option<Constraints> {
         let mut near: Vec<&CarriedStroke> = (self.strokes.iter())
-            .filter(|stroke| stroke.frame().abs_diff(frame) <= self.carry)
+            .filter(|stroke| stroke.frame().abs_diff(frame) <= self.carry && is_chosen(stroke))
             .collect();
         // a stable order: later ones of a frame stay behind earlier ones
         near.sort_by_key(|stroke| std::cmp::Reverse(stroke.frame().abs_diff(frame)));

@@ -63,6 +63,6 @@ mod texture;
 
 pub use light::PlateLight;
 pub use matte::{Colors, Constraint, Constraints, Matte, MattingError};
-pub use plate::{PlateFrame, PlateMatte, PlateParams, plate_matte};
+pub use plate::{NEAR_PX, PlateFrame, PlateMatte, PlateParams, plate_matte, plate_matte_near};
 pub use shadow::Shadows;
 pub use still::{StillMatte, still_matte};

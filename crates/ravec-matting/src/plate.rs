@@ -33,6 +33,8 @@ const CERTAIN: f32 = 20.0;
 const CERTAIN_SMOOTH: f32 = 30.0;
 /// Smoothed χ² above which a pixel may be foreground.
 const SUSPECT_SMOOTH: f32 = 10.0;
+/// Pixels around a region that [`plate_matte_near`] looks at.
+pub const NEAR_PX: usize = 24;
 /// Pixels by which the rectangle is larger than what is suspect.
 const MARGIN_PX: usize = 16;
 /// Radius of the window whose largest difference stands for opaque foreground at the start.
@@ -69,6 +71,19 @@ impl Default for PlateParams {
             snap: 0.02,
             shadows: Shadows::Foreground,
         }
+    }
+}
+
+impl PlateParams {
+    fn check(&self) -> Result<(), MattingError> {
+        if (0.0..=0.25).contains(&self.snap) {
+            return Ok(());
+        }
+        Err(MattingError::Parameter {
+            field: "snap",
+            value: f64::from(self.snap),
+            range: "0 to 0.25",
+        })
     }
 }
 
@@ -147,21 +162,94 @@ pub fn plate_matte(
     params: &PlateParams,
     progress: &Progress,
 ) -> Result<PlateMatte, MattingError> {
-    let size = input.check()?;
-    if !(0.0..=0.25).contains(&params.snap) {
-        let value = f64::from(params.snap);
-        return Err(MattingError::Parameter {
-            field: "snap",
-            value,
-            range: "0 to 0.25",
-        });
-    }
+    input.check()?;
+    params.check()?;
     progress.check()?;
     let usable = |col: usize, row: usize| {
         let known = input.known.is_none_or(|known| known[(col, row)] >= 0.5);
         known && input.stroke(col, row) != Constraint::Foreground
     };
     let light = PlateLight::fit(input.frame, input.plate, Some(&usable));
+    solve(input, light, params, progress)
+}
+
+/// Solves a part of a frame again, in place, after its strokes have changed inside of `region`, with the light of the solution
+/// `found`. Its cost is that of the region and of [`NEAR_PX`] pixels around it.
+///
+/// Inside of the region the result approximates that of [`plate_matte`], which sees foreground further away, too; outside nothing
+/// changes.
+///
+/// # Errors
+/// Those of [`plate_matte`], and [`MattingError::SizesDiffer`] for a solution of another size.
+pub fn plate_matte_near(
+    input: &PlateFrame<'_>,
+    params: &PlateParams,
+    found: &mut PlateMatte,
+    region: Rect,
+    progress: &Progress,
+) -> Result<(), MattingError> {
+    let size = input.check()?;
+    params.check()?;
+    progress.check()?;
+    if found.background.size() != size {
+        return Err(MattingError::SizesDiffer {
+            what: "solution",
+            found: found.background.size(),
+            expected: size,
+        });
+    }
+    let region = region.intersection(Rect::of(size));
+    // even corners, so that halves have the same grid as in the whole frame
+    let (left, top) = (
+        region.col.saturating_sub(NEAR_PX) & !1,
+        region.row.saturating_sub(NEAR_PX) & !1,
+    );
+    let right = (region.right() + NEAR_PX).min(size.width());
+    let bottom = (region.bottom() + NEAR_PX).min(size.height());
+    let Ok(part) = Size::new(right.saturating_sub(left), bottom.saturating_sub(top)) else {
+        return Ok(());
+    };
+    if region.is_empty() {
+        return Ok(());
+    }
+    // the part lies in the frame
+    let (Ok(frame), Ok(plate)) = (
+        input.frame.crop(left, top, part),
+        input.plate.crop(left, top, part),
+    ) else {
+        return Ok(());
+    };
+    let known = input
+        .known
+        .and_then(|known| known.crop(left, top, part).ok());
+    let strokes = input
+        .strokes
+        .and_then(|strokes| strokes.crop(left, top, part).ok());
+    let near = PlateFrame {
+        frame: &frame,
+        plate: &plate,
+        known: known.as_ref(),
+        strokes: strokes.as_ref(),
+    };
+    let solved = solve(&near, found.light.clone(), params, progress)?;
+    for row in region.row..region.bottom() {
+        for col in region.col..region.right() {
+            let from = (col - left, row - top);
+            found.matte.alpha[(col, row)] = solved.matte.alpha[from];
+            found.matte.foreground[(col, row)] = solved.matte.foreground[from];
+        }
+    }
+    Ok(())
+}
+
+/// Solves a frame in a light that is known.
+fn solve(
+    input: &PlateFrame<'_>,
+    light: PlateLight,
+    params: &PlateParams,
+    progress: &Progress,
+) -> Result<PlateMatte, MattingError> {
+    let size = input.frame.size();
     let (background, mut variance) = light.relit(input.plate);
     if let Some(known) = input.known {
         for (variance, known) in variance.pixels_mut().iter_mut().zip(known.pixels()) {

@@ -2,9 +2,10 @@
 
 use ravec_matting::{
     Colors, Constraints, MattingError, PlateFrame, PlateMatte, PlateParams, Shadows, plate_matte,
+    plate_matte_near,
 };
 use ravec_progress::Progress;
-use ravec_raster::{Image, Plane, Size};
+use ravec_raster::{Image, Plane, Rect, Size};
 
 /// A number from −1 to 1 that looks random.
 fn noise(seed: u32) -> f32 {
@@ -290,4 +291,70 @@ fn shadows_are_kept_softened_and_dropped() {
             }
         }
     }
+}
+
+#[test]
+fn a_stroke_is_solved_near_it_as_in_the_whole_frame() {
+    let size = Size::new(320, 240).unwrap();
+    let (plate, truth) = (plate(size), disc(size));
+    let frame = composite(&plate, &truth);
+    let mut near = solve(&PlateFrame::new(&frame, &plate));
+    let before = near.clone();
+    // background over a part of the rim, foreground beside the disc
+    let region = Rect::new(180, 90, 60, 50);
+    let strokes: Constraints = Image::from_fn(size, |col, row| match (col, row) {
+        (190..205, 100..115) => 0,
+        (225..235, 120..130) => 255,
+        _ => 128,
+    });
+    let input = PlateFrame {
+        strokes: Some(&strokes),
+        ..PlateFrame::new(&frame, &plate)
+    };
+    plate_matte_near(
+        &input,
+        &PlateParams::default(),
+        &mut near,
+        region,
+        &Progress::none(),
+    )
+    .unwrap();
+    let whole = solve(&input);
+    let mut error = 0.0;
+    for row in 0..size.height() {
+        for col in 0..size.width() {
+            let at = (col, row);
+            if region.contains(col, row) {
+                error += (near.matte.alpha[at] - whole.matte.alpha[at]).abs();
+            } else {
+                assert!(near.matte.alpha[at] == before.matte.alpha[at]);
+            }
+        }
+    }
+    let error = error / region.pixels() as f32;
+    assert!(error < 0.02, "mean difference of alpha {error}");
+    assert_eq!(near.matte.alpha[(195, 105)], 0.0);
+    assert_eq!(near.matte.alpha[(230, 125)], 1.0);
+    // a region outside changes nothing, one of another size is refused
+    let copy = near.clone();
+    let outside = Rect::new(900, 900, 10, 10);
+    plate_matte_near(
+        &input,
+        &PlateParams::default(),
+        &mut near,
+        outside,
+        &Progress::none(),
+    )
+    .unwrap();
+    assert!(near.matte == copy.matte);
+    let small = Colors::new(Size::new(8, 8).unwrap(), [0.0; 3]);
+    let other = PlateFrame::new(&small, &small);
+    let refused = plate_matte_near(
+        &other,
+        &PlateParams::default(),
+        &mut near,
+        region,
+        &Progress::none(),
+    );
+    assert!(matches!(refused, Err(MattingError::SizesDiffer { .. })));
 }

@@ -17,6 +17,7 @@ use ravec_jobs::track::Track;
 use ravec_jobs::{Context, JobError, Report, Step};
 use ravec_media::Picture;
 use ravec_video::FrameSource as _;
+use serde_json::Value;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
@@ -26,11 +27,16 @@ use std::time::Duration;
 /// Pause between looks at a track that is measured for the canvas.
 const LOOK: Duration = Duration::from_millis(30);
 
+/// Pause after a stroke before it is carried through the shot.
+const PAUSE: Duration = Duration::from_millis(400);
+
 /// Result of an analysis.
 #[derive(Clone)]
 pub(crate) struct Found {
     /// Text that changes with the result.
     pub key: Arc<str>,
+    /// Text that changes with the result, but not with strokes.
+    pub unmarked: Arc<str>,
     /// Name of a track or a plate in the context of the [view](AnalysisView).
     name: PathBuf,
     /// The matte of any frame.
@@ -130,10 +136,9 @@ impl AnalysisView {
         self.context.picture(&found.name).ok().map(Arc::new)
     }
 
-    /// The mattes of an edit.
-    pub(crate) fn mattes(&self, edit: &Edit) -> Option<(&FrameMattes, &Arc<str>)> {
-        let found = self.results.get(&output_of(edit))?;
-        Some((found.mattes.as_ref()?, &found.key))
+    /// The result of an edit.
+    pub(crate) fn found(&self, edit: &Edit) -> Option<&Found> {
+        self.results.get(&output_of(edit))
     }
 }
 
@@ -340,6 +345,9 @@ fn go_through(
                 results.remove(&output);
                 state.states.insert(edit.id, AnalysisState::Waiting);
             }
+            Outcome::Later => {
+                state.states.insert(edit.id, AnalysisState::Waiting);
+            }
             Outcome::Failed(reason) => {
                 results.remove(&output);
                 state.states.insert(edit.id, AnalysisState::Failed(reason));
@@ -367,7 +375,10 @@ enum Outcome {
     /// The result is that of an earlier run.
     Known,
     Found(Found),
+    /// Something that it needs is not there.
     Waits,
+    /// A newer document is on its way. The last result stays.
+    Later,
     Failed(String),
 }
 
@@ -410,7 +421,11 @@ fn run(
         .filter(|path| !is_result_name(path))
         .map(|path| source_key(path, None));
     let files: Vec<String> = files.collect();
-    let key = format!("{fields}\n{}\n{}", resolved.keys, files.join("\n"));
+    let rest = format!("{}\n{}", resolved.keys, files.join("\n"));
+    let key = format!("{fields}\n{rest}");
+    let unmarked = mapped.with_param("marks", Value::Null);
+    let unmarked = serde_json::to_string(&unmarked.fields).unwrap_or_default();
+    let unmarked = format!("{unmarked}\n{rest}");
     let known = view.results.get(&output_of(edit));
     if known.is_some_and(|known| *known.key == *key) {
         return Outcome::Known;
@@ -420,6 +435,9 @@ fn run(
         && let Some(AnalysisState::Failed(reason)) = lock(&shared.state).states.get(&edit.id)
     {
         return Outcome::Failed(reason.clone());
+    }
+    if edit.operation == "matte" && !pause(shared) {
+        return Outcome::Later;
     }
     let progress = watched(shared, edit.id);
     {
@@ -441,11 +459,12 @@ fn run(
     match done {
         Ok(mattes) => Outcome::Found(Found {
             key: key.into(),
+            unmarked: unmarked.into(),
             name,
             mattes,
         }),
         // a newer document is on its way, or the user has stopped it
-        Err(JobError::Cancelled) if lock(&shared.state).wanted.is_some() => Outcome::Waits,
+        Err(JobError::Cancelled) if lock(&shared.state).wanted.is_some() => Outcome::Later,
         Err(error) => {
             failed.insert(edit.id, key);
             Outcome::Failed(match error {
@@ -454,6 +473,15 @@ fn run(
             })
         }
     }
+}
+
+/// Leaves the processor to the hand for a moment: strokes come one after the other. False once a newer document is there.
+fn pause(shared: &Arc<Shared>) -> bool {
+    let is_awaited = |state: &mut State| state.wanted.is_none() && !state.quits;
+    let state = lock(&shared.state);
+    let woken = shared.wake.wait_timeout_while(state, PAUSE, is_awaited);
+    let (state, _) = woken.unwrap_or_else(PoisonError::into_inner);
+    state.wanted.is_none() && !state.quits
 }
 
 /// Progress that is shown as the state of an analysis.

@@ -265,3 +265,14 @@ fn exports_wait_for_their_turn_in_the_queue() {
     click(&mut harness, &again);
     assert!(output.exists());
 }
+
+#[test]
+fn a_stroke_right_after_the_tool() {
+    let folder = tempfile::tempdir().unwrap();
+    let (_, mut harness) = meadow(folder.path());
+    click(&mut harness, "Matte");
+    go_to(&mut harness, 4);
+    let way = [[50.0, 40.0], [52.0, 45.0], [55.0, 60.0]].map(|[x, y]| on_screen(&harness, x, y));
+    drag(&mut harness, &way);
+    assert!(harness.query_by_label("Stroke 1 in frame 4").is_some());
+}

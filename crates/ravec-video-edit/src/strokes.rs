@@ -46,25 +46,22 @@ pub struct CarriedStroke {
 }
 
 impl CarriedStroke {
-    /// A stroke over the pixels of `mask` in frame `frame`, which shows `colors`; `None` for a stroke without pixels.
-    ///
-    /// # Panics
-    /// If mask and frame have different sizes.
+    /// A stroke over some pixels of frame `frame`, column and row, which shows `colors`; `None` for a stroke without pixels. Pixels
+    /// beyond the frame are left out.
     pub fn new(
         frame: u64,
-        mask: &Mask,
+        mut cells: Vec<(usize, usize)>,
         is_foreground: bool,
         colors: &Colors,
         frame_from_reference: &Homography,
     ) -> Option<Self> {
         let size = colors.size();
-        assert_eq!(mask.size(), size, "a stroke has the size of its frame");
-        let bounds = mask.bounding_box()?;
-        let rows = bounds.row..bounds.bottom();
-        let cells = rows.flat_map(|row| (bounds.col..bounds.right()).map(move |col| (col, row)));
-        let cells: Vec<_> = cells
-            .filter(|&(col, row)| mask.at(col, row) > 0.0)
-            .collect();
+        cells.retain(|&(col, row)| col < size.width() && row < size.height());
+        cells.sort_unstable_by_key(|&(col, row)| (row, col));
+        cells.dedup();
+        if cells.is_empty() {
+            return None;
+        }
         let step = cells.len().div_ceil(MAX_SAMPLES).max(1);
         let samples = cells.iter().step_by(step).map(|&cell| colors[cell]);
         Some(Self {

@@ -4,11 +4,10 @@ use super::Matte;
 use crate::context::Context;
 use crate::error::JobError;
 use crate::files;
-use crate::frame_mark::FrameMark;
 use crate::marks::{MarkSource, Marks, UNKNOWN};
 use crate::report::Report;
 use crate::shot::{ShotPlate, ShotTrack, TrackChoice, encoded};
-use crate::track::exclusions::{Exclusions, MaskFiles, StrokePictures};
+use crate::track::exclusions::{Exclusions, MaskFiles};
 use ravec::matting::{
     Constraints, Matte as Solution, MattingError, PlateFrame, plate_matte, still_matte,
 };
@@ -30,13 +29,11 @@ pub enum Spread {
 /// The inputs of an operation [`Matte`], open: mattes of single frames in any order. Clones share what was read.
 #[derive(Clone)]
 pub struct FrameMattes {
-    matte: Matte,
-    size: Size,
-    plate: Option<Arc<ShotPlate>>,
+    pub(super) matte: Matte,
+    pub(super) plate: Option<Arc<ShotPlate>>,
     track: Option<Arc<ShotTrack>>,
     trimap: Option<Constraints>,
-    pictures: Arc<StrokePictures>,
-    marks: Arc<Marks>,
+    pub(super) marks: Arc<Marks>,
 }
 
 impl FrameMattes {
@@ -88,35 +85,25 @@ impl FrameMattes {
         };
         Ok(Self {
             matte: matte.clone(),
-            size,
             plate: plate.map(Arc::new),
             track: track.map(Arc::new),
             trimap,
-            pictures: Arc::new(pictures.stroke_pictures()),
             marks: Arc::new(marks),
         })
     }
 
-    /// The same with other strokes, which hold in their own frames. Reads no file but pictures of strokes.
-    ///
-    /// # Errors
-    /// [`JobError::Strokes`].
-    pub fn with_marks(&self, marks: &[FrameMark]) -> Result<Self, JobError> {
-        let source = MarkSource {
-            input: &self.matte.input,
-            size: self.size,
-            marks,
-            pictures: &self.pictures,
-            carry: Some(0),
-            centers: self.matte.params.pixel_centers,
-            track: None,
-            track_path: None,
-        };
-        let marks = Arc::new(Marks::in_own_frames(&source)?);
-        Ok(Self {
-            marks,
-            ..self.clone()
-        })
+    /// The map to a frame from the reference frame.
+    pub(super) fn map(&self, index: u64) -> Result<Homography, JobError> {
+        match &self.track {
+            None => Ok(Homography::IDENTITY),
+            Some(track) => track
+                .map(index)
+                .copied()
+                .ok_or_else(|| JobError::TrackFile {
+                    path: self.matte.track.clone().unwrap_or_default(),
+                    reason: format!("it lacks frame {index}"),
+                }),
+        }
     }
 
     /// What the operation writes for a frame: alpha, or the foreground.
@@ -145,16 +132,7 @@ impl FrameMattes {
         progress: &Progress,
         context: &Context,
     ) -> Result<Solution, JobError> {
-        let map = match &self.track {
-            None => Homography::IDENTITY,
-            Some(track) => track
-                .map(index)
-                .copied()
-                .ok_or_else(|| JobError::TrackFile {
-                    path: self.matte.track.clone().unwrap_or_default(),
-                    reason: format!("it lacks frame {index}"),
-                })?,
-        };
+        let map = self.map(index)?;
         let colors = encoded(image);
         let constraints = self
             .marks

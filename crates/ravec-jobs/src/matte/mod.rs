@@ -1,8 +1,10 @@
 //! `matte`: alpha and foreground of a picture or a clip, with a known background or marked pixels.
 
 mod frames;
+mod live;
 
 pub use frames::{FrameMattes, Spread};
+pub use live::LiveMatte;
 
 use crate::context::Context;
 use crate::error::JobError;

@@ -31,12 +31,15 @@ impl ShotEdit {
     /// The edit, if it is one of a shot; errors of its fields are left to the run.
     pub fn of(edit: &Edit, document: &Document, analyses: &AnalysisView) -> Option<Self> {
         if edit.operation == "matte" {
-            let Some((mattes, key)) = analyses.mattes(edit) else {
+            let found = analyses.found(edit);
+            let Some((found, mattes)) =
+                found.and_then(|found| Some((found, found.mattes.as_ref()?)))
+            else {
                 return Some(Self::Waits);
             };
             return Some(Self::Foreground {
                 mattes: mattes.clone(),
-                key: key.to_string(),
+                key: found.key.to_string(),
             });
         }
         let (input, output) = (Path::new("@input"), Path::new("@output"));

@@ -2,7 +2,7 @@
 
 use super::{Gesture, Hand};
 use crate::document::Edit;
-use egui::{Color32, Key, Slider, Stroke, Ui};
+use egui::{Color32, Event, Key, PointerButton, Slider, Stroke, Ui};
 use ravec_jobs::{FrameMark, Side};
 use serde_json::Value;
 
@@ -58,6 +58,10 @@ fn color_of(side: Side) -> Color32 {
     }
 }
 
+fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
+    (a[0] - b[0]).hypot(a[1] - b[1])
+}
+
 /// A coordinate as it is written: a hundredth of a pixel is enough.
 fn rounded(value: f64) -> f64 {
     (100.0 * value).round() / 100.0
@@ -75,35 +79,53 @@ impl Marker {
         if hand.pans() {
             return None;
         }
-        if let Some(at) = hand.pressed() {
-            self.held = Some((edit.clone(), vec![at]));
-        } else if let Some(at) = hand.clicked() {
-            return Some(Gesture::done(self.with_stroke(edit, frame, &[at])));
-        }
-        let (base, points) = self.held.as_mut()?;
+        self.draw(hand, edit, frame)
+    }
+
+    /// Goes through the events of the pointer one by one: where frames of the window are slow, a whole stroke lies within one.
+    fn draw(&mut self, hand: &Hand<'_>, edit: &Edit, frame: u64) -> Option<Gesture> {
         let spacing = SPACING * self.radius_px;
-        for at in hand.moves() {
-            let far = points
-                .last()
-                .is_none_or(|last| (at[0] - last[0]).hypot(at[1] - last[1]) > spacing);
-            if far {
-                points.push(at);
+        let events = hand.ui.input(|input| input.events.clone());
+        let mut ended = None;
+        for event in events {
+            match event {
+                Event::PointerButton {
+                    pos,
+                    button: PointerButton::Primary,
+                    pressed: true,
+                    ..
+                } if hand.response.contains_pointer() || hand.response.dragged() => {
+                    let at = hand.view.to_picture(pos);
+                    self.held = Some((edit.clone(), vec![at]));
+                }
+                Event::PointerMoved(pos) => {
+                    let at = hand.view.to_picture(pos);
+                    if let Some((_, points)) = &mut self.held
+                        && points
+                            .last()
+                            .is_none_or(|last| distance(*last, at) > spacing)
+                    {
+                        points.push(at);
+                    }
+                }
+                Event::PointerButton {
+                    button: PointerButton::Primary,
+                    pressed: false,
+                    ..
+                }
+                | Event::WindowFocused(false) => ended = self.held.take().or(ended),
+                _ => {}
             }
         }
-        let (base, points) = (base.clone(), points.clone());
-        let goes_on = hand.response.dragged();
-        if !goes_on {
-            self.held = None;
-        }
+        let (stroke, goes_on) = match ended {
+            Some(stroke) => (stroke, false),
+            None => (self.held.clone()?, true),
+        };
+        let (base, points) = stroke;
         Some(Gesture {
             edit: self.with_stroke(&base, frame, &points),
             goes_on,
         })
-    }
-
-    /// True while a stroke is drawn.
-    pub fn holds(&self) -> bool {
-        self.held.is_some()
     }
 
     fn with_stroke(&self, edit: &Edit, frame: u64, points: &[[f64; 2]]) -> Edit {

@@ -7,14 +7,15 @@ use super::{Desk, Gesture, Hand, Row, Tool, with_params};
 use crate::analyses::AnalysisView;
 use crate::assistant::Assistant;
 use crate::content::Kind;
-use crate::document::{Document, Edit};
+use crate::document::{Document, Edit, EditId};
 use crate::shown::Shown;
 use egui::Ui;
 use ravec::matting::Matte as Solution;
-use ravec::raster::{AnyImage, Image, Srgba};
+use ravec::raster::{AnyImage, Image, Rect, Size, Srgba, with_image};
 use ravec_jobs::Context;
-use ravec_jobs::matte::FrameMattes;
+use ravec_jobs::matte::{FrameMattes, LiveMatte};
 use ravec_media::Picture;
+use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 use std::sync::Arc;
 
@@ -52,18 +53,52 @@ struct Key {
     frame: Arc<str>,
     marks: Value,
     look: Look,
-    /// Key of the mattes that it was solved with.
-    mattes: Arc<str>,
+    /// What the mattes were made with, but for strokes.
+    unmarked: Arc<str>,
+}
+
+/// The frame under the hand, and its matte as it was shown last.
+struct Held {
+    live: LiveMatte,
+    drawn: Option<(Look, Image<Srgba<u8>>, Shown)>,
+}
+
+impl Held {
+    /// The matte as the canvas shows it, drawn anew in a region only if the rest is there.
+    fn shown(&mut self, frame: &AnyImage, look: Look, region: Option<Rect>) -> Arc<Shown> {
+        let found = self.live.solution();
+        let size = found.alpha.size();
+        let known = self.drawn.take().filter(|(of, ..)| *of == look);
+        let (image, shown) = if let Some((_, mut image, shown)) = known {
+            let Some(region) = region else {
+                let kept = Arc::new(shown.clone());
+                self.drawn = Some((look, image, shown));
+                return kept;
+            };
+            draw(&mut image, found, frame, look, region);
+            let picture = Arc::new(Picture::from_image(AnyImage::from(image.clone())));
+            let shown = shown.changed(picture, region);
+            (image, shown)
+        } else {
+            let mut image = Image::new(size, Srgba([0u8; 4]));
+            draw(&mut image, found, frame, look, Rect::of(size));
+            let picture = Picture::from_image(AnyImage::from(image.clone()));
+            (image, Shown::new(Arc::new(picture)))
+        };
+        let kept = Arc::new(shown.clone());
+        self.drawn = Some((look, image, shown));
+        kept
+    }
 }
 
 /// Separates foreground and background.
 pub(crate) struct Matte {
     marker: Marker,
     look: Look,
-    /// The mattes that were there last, their key, and the strokes that they hold.
-    mattes: Option<(u64, FrameMattes, Arc<str>)>,
-    /// Columns and rows of the frame that is shown.
-    size: [f64; 2],
+    /// The mattes that were there last, of which edit, and what they were made with.
+    mattes: Option<(EditId, FrameMattes, Arc<str>)>,
+    /// Key of the frame that is shown, its columns and rows.
+    frame: (Arc<str>, [f64; 2]),
 }
 
 impl Default for Matte {
@@ -72,7 +107,7 @@ impl Default for Matte {
             marker: Marker::default(),
             look: Look::Veil,
             mattes: None,
-            size: [0.0; 2],
+            frame: ("".into(), [0.0; 2]),
         }
     }
 }
@@ -83,14 +118,14 @@ fn is_still(document: &Document) -> bool {
 }
 
 impl Matte {
-    /// Asks for the matte of the frame that is shown. Until strokes are carried through the shot, those of the frame hold.
+    /// Asks for the matte of the frame that is shown. Strokes of other frames hold as far as they have been carried here.
     fn ask(&mut self, hand: &Hand<'_>, edit: &Edit) {
-        let view = hand.assistant.analyses.view();
-        let carried = view.mattes(edit);
-        if let Some((mattes, key)) = carried {
-            self.mattes = Some((edit.id, mattes.clone(), key.clone()));
+        if let Some(found) = hand.assistant.analyses.view().found(edit)
+            && let Some(mattes) = &found.mattes
+        {
+            self.mattes = Some((edit.id, mattes.clone(), found.unmarked.clone()));
         }
-        let Some((id, mattes, mattes_key)) = &self.mattes else {
+        let Some((id, mattes, unmarked)) = &self.mattes else {
             return;
         };
         let (Some(picture), Some(frame)) = (hand.input.content.picture().cloned(), hand.frame)
@@ -100,35 +135,28 @@ impl Matte {
         if *id != edit.id || self.look == Look::Off {
             return;
         }
-        let is_whole =
-            carried.is_some() && !self.marker.holds() && !hand.assistant.analyses.is_busy();
         let key = Key {
             frame: hand.input.key.clone(),
             marks: edit.param("marks").clone(),
             look: self.look,
-            mattes: if is_whole {
-                mattes_key.clone()
-            } else {
-                "".into()
-            },
+            unmarked: unmarked.clone(),
         };
         let known = hand.assistant.answer::<Answer>(FRAME);
         if known.is_some_and(|known| known.key == key) || hand.assistant.is_asked(FRAME) {
             return;
         }
         let (mattes, given, look) = (mattes.clone(), marks(edit), self.look);
-        hand.assistant.ask(FRAME, move |_, progress| {
-            let mattes = if is_whole {
-                mattes
-            } else {
-                mattes.with_marks(&given).ok()?
-            };
+        hand.assistant.ask(FRAME, move |memory, progress| {
             let context: Context = AnalysisView::default().context(progress);
-            let found = mattes
-                .solve(frame, &picture.image, progress, &context)
-                .ok()?;
-            let shown = drawn(&found, &picture.image, look);
-            let shown = Arc::new(Shown::new(Arc::new(Picture::from_image(shown))));
+            let open: Arc<str> = format!("{}\n{}", key.frame, key.unmarked).into();
+            let held = memory.keep(FRAME, &open, || {
+                let live = mattes.live(frame, &picture.image, &given, progress, &context);
+                let live = live.ok().flatten().ok_or(())?;
+                Ok::<Held, ()>(Held { live, drawn: None })
+            });
+            let held = held.ok()?;
+            let region = held.live.set_marks(&given, progress).ok()?;
+            let shown = held.shown(&picture.image, look, region);
             Some(Answer { key, shown })
         });
     }
@@ -149,23 +177,44 @@ impl Matte {
     }
 }
 
-/// A matte as the canvas shows it.
-fn drawn(found: &Solution, frame: &AnyImage, look: Look) -> AnyImage {
-    let colors: Image<Srgba<f32>> = frame.convert();
-    let image: Image<Srgba<f32>> = Image::from_fn(found.alpha.size(), |col, row| {
-        let alpha = found.alpha[(col, row)];
-        let [r, g, b, _] = colors[(col, row)].0;
-        let mixed = |share: f32, a: [f32; 3], b: [f32; 3]| {
-            [0, 1, 2].map(|k| share * a[k] + (1.0 - share) * b[k])
-        };
-        let [r, g, b] = match look {
-            Look::Alpha => [alpha; 3],
-            Look::Foreground => mixed(alpha, found.foreground[(col, row)], [BACKDROP; 3]),
-            Look::Veil | Look::Off => mixed(VEIL_SHARE * (1.0 - alpha), VEIL, [r, g, b]),
-        };
-        Srgba([r, g, b, 1.0])
+/// Draws a region of a matte as the canvas shows it.
+fn draw(
+    image: &mut Image<Srgba<u8>>,
+    found: &Solution,
+    frame: &AnyImage,
+    look: Look,
+    region: Rect,
+) {
+    let (Ok(size), col, row) = (
+        Size::new(region.width, region.height),
+        region.col,
+        region.row,
+    ) else {
+        return;
+    };
+    let colors: Option<Image<Srgba<f32>>> =
+        with_image!(frame, frame => frame.crop(col, row, size).ok().map(|part| part.convert()));
+    let Some(colors) = colors else {
+        return;
+    };
+    let rows = image.par_rows_mut().skip(row).take(region.height);
+    rows.enumerate().for_each(|(line, out)| {
+        for (step, out) in out[col..region.right()].iter_mut().enumerate() {
+            let at = (col + step, row + line);
+            let alpha = found.alpha[at];
+            let [r, g, b, _] = colors[(step, line)].0;
+            let mixed = |share: f32, a: [f32; 3], b: [f32; 3]| {
+                [0, 1, 2].map(|k| share * a[k] + (1.0 - share) * b[k])
+            };
+            let color = match look {
+                Look::Alpha => [alpha; 3],
+                Look::Foreground => mixed(alpha, found.foreground[at], [BACKDROP; 3]),
+                Look::Veil | Look::Off => mixed(VEIL_SHARE * (1.0 - alpha), VEIL, [r, g, b]),
+            };
+            let [r, g, b] = color.map(|value| (255.0 * value.clamp(0.0, 1.0)).round() as u8);
+            *out = Srgba([r, g, b, u8::MAX]);
+        }
     });
-    AnyImage::from(image.convert::<Srgba<u8>>())
 }
 
 impl Tool for Matte {
@@ -222,12 +271,14 @@ impl Tool for Matte {
             return None;
         }
         let answer = assistant.answer::<Answer>(FRAME)?;
-        let [width, height] = self.size;
-        Some((answer.shown.clone(), [0.0, 0.0, width, height]))
+        let (frame, [width, height]) = &self.frame;
+        // not over another frame
+        (answer.key.frame == *frame).then(|| (answer.shown.clone(), [0.0, 0.0, *width, *height]))
     }
 
     fn canvas_ui(&mut self, hand: &Hand<'_>, edit: &Edit) -> Option<Gesture> {
-        self.size = hand.input_size.map(|side| side as f64);
+        let size = hand.input_size.map(|side| side as f64);
+        self.frame = (hand.input.key.clone(), size);
         self.ask(hand, edit);
         self.marker.follow(hand, edit)
     }
