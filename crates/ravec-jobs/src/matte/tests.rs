@@ -309,3 +309,63 @@ fn what_is_needed_differs_between_pictures_and_clips() {
         assert!(error.to_string().contains(field), "{error}");
     }
 }
+
+#[test]
+fn strokes_under_the_hand_are_solved_near_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    save(&at("plate.png"), Image::new(size(), Srgb([90, 120, 130])));
+    for index in 0..4 {
+        save(&at(&format!("f_{index}.png")), camouflaged(index));
+    }
+    let mut matte = operation(folder.path(), "f_%d.png", "out");
+    let pane = |solution: &Solution| solution.alpha[(10 + 4 * 3 + 12, 32)];
+    let image = AnyImage::from(camouflaged(3));
+    let (context, progress) = (Context::default(), Context::default().progress);
+    let open = |matte: &Matte| {
+        let mut report = Report::new("matte", &());
+        FrameMattes::open(matte, size(), Spread::Clip, &mut report, &context).unwrap()
+    };
+    let mut live = open(&matte)
+        .live(3, &image, &[], &progress, &context)
+        .unwrap()
+        .unwrap();
+    assert_eq!(pane(live.solution()), 0.0);
+    let before = live.solution().clone();
+    let marks: Vec<FrameMark> = ["3:foreground:5:30,32,33,32", "1:foreground:5:20,32"]
+        .map(|mark| mark.parse().unwrap())
+        .to_vec();
+    let region = live.set_marks(&marks[..1], &progress).unwrap().unwrap();
+    assert!(region.contains(31, 32) && region.width < 90, "{region:?}");
+    assert_eq!(pane(live.solution()), 1.0);
+    matte.params.marks = marks[..1].to_vec();
+    let whole = open(&matte).solve(3, &image, &progress, &context).unwrap();
+    let pairs = live
+        .solution()
+        .alpha
+        .pixels()
+        .iter()
+        .zip(whole.alpha.pixels());
+    let sum: f32 = pairs.map(|(a, b)| (a - b).abs()).sum();
+    // the pane has nothing but the stroke to tell it from the wall
+    assert!(sum / (size().pixels() as f32) < 0.04, "{sum}");
+    // strokes of other frames change nothing here, and without strokes it is as it was
+    assert_eq!(live.set_marks(&marks, &progress).unwrap(), None);
+    live.set_marks(&[], &progress).unwrap().unwrap();
+    let pairs = live
+        .solution()
+        .alpha
+        .pixels()
+        .iter()
+        .zip(before.alpha.pixels());
+    let sum: f32 = pairs.map(|(a, b)| (a - b).abs()).sum();
+    assert!(sum / (size().pixels() as f32) < 0.02, "{sum}");
+    // without a plate there is nothing to work before
+    matte.plate = None;
+    assert!(
+        open(&matte)
+            .live(3, &image, &[], &progress, &context)
+            .unwrap()
+            .is_none()
+    );
+}
