@@ -6,7 +6,13 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
 /// Scripts that take the pictures of the guide.
-const GUIDE: [&str; 4] = ["guide", "guide-retarget", "guide-mesh", "guide-clip"];
+const GUIDE: [&str; 5] = [
+    "guide",
+    "guide-retarget",
+    "guide-mesh",
+    "guide-clip",
+    "guide-shot",
+];
 
 fn cargo() -> Command {
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());

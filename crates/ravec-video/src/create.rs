@@ -4,7 +4,7 @@ use crate::animation::{ApngSink, GifSink};
 use crate::error::VideoError;
 use crate::ffmpeg::{self, FfmpegSink, TrackExcerpt};
 use crate::frame::{Frame, FramePicture};
-use crate::info::{Container, PixelKind, TrackKind};
+use crate::info::{Container, TrackKind};
 use crate::limits::VideoLimits;
 #[cfg(feature = "h264")]
 use crate::mp4::{self, Mp4Writer};
@@ -76,6 +76,12 @@ pub fn container_for(path: &Path) -> Result<Container, VideoError> {
     }
 }
 
+/// True for the extension of QuickTime.
+fn is_quicktime(path: &Path) -> bool {
+    path.extension()
+        .is_some_and(|extension| extension.eq_ignore_ascii_case("mov"))
+}
+
 /// Writes a clip to a file, numbered pictures, or standard output: whole or not at all, except that whole chunks of an
 /// interrupted run are kept for the next one.
 pub struct ClipWriter {
@@ -112,14 +118,19 @@ impl ClipWriter {
         options: &CreateOptions,
     ) -> Result<Self, VideoError> {
         let mut kind = container_for(path)?;
-        // other codecs and lossless frames in MP4 need FFmpeg
+        // other codecs and lossless frames in MP4 need FFmpeg, and so does alpha in QuickTime, which gets ProRes 4444
         let other_codec = options
             .encode
             .codec
             .as_deref()
             .is_some_and(|codec| codec != "h264");
         if kind == Container::Mp4
-            && (other_codec || options.encode.lossless || !cfg!(feature = "h264"))
+            && (other_codec
+                || options.encode.lossless
+                || (format.pixels.has_alpha()
+                    && options.encode.codec.is_none()
+                    && is_quicktime(path))
+                || !cfg!(feature = "h264"))
         {
             kind = Container::Ffmpeg;
         }
@@ -321,10 +332,7 @@ impl ClipWriter {
         let keeps = match self.kind {
             Container::Gif | Container::Apng | Container::Pictures => true,
             Container::Mp4 => false,
-            Container::Y4m | Container::Ffmpeg => match self.format.pixels {
-                PixelKind::Rgb { alpha, .. } => alpha,
-                PixelKind::Yuv { format, .. } => format.alpha,
-            },
+            Container::Y4m | Container::Ffmpeg => self.format.pixels.has_alpha(),
         };
         let FramePicture::Image(image) = &frame.picture else {
             return None;

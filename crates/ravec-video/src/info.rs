@@ -62,6 +62,16 @@ pub enum PixelKind {
     },
 }
 
+impl PixelKind {
+    /// True if alpha is stored.
+    pub fn has_alpha(self) -> bool {
+        match self {
+            Self::Yuv { format, .. } => format.alpha,
+            Self::Rgb { alpha, .. } => alpha,
+        }
+    }
+}
+
 /// A track beside the frames.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct OtherTrack {

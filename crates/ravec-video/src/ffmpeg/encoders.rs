@@ -125,9 +125,11 @@ const ALIASES: &[(&str, &str)] = &[
     ("jpeg", "mjpeg"),
 ];
 
-/// The codec of a container for which none is chosen.
-fn default_codec(extension: &str, lossless: bool) -> &'static str {
+/// The codec of a container for which none is chosen. Alpha gets one that has it, where the container takes such a codec.
+fn default_codec(extension: &str, lossless: bool, alpha: bool) -> &'static str {
     match (extension, lossless) {
+        ("mov", false) if alpha => "prores",
+        ("mkv" | "avi" | "nut", _) if alpha => "ffv1",
         ("webm", _) => "vp9",
         ("ogv" | "ogg", _) => "theora",
         ("mpg" | "mpeg" | "mxf", _) => "mpeg2video",
@@ -154,7 +156,7 @@ pub(super) fn choose(
     size: Size,
     options: &EncodeOptions,
 ) -> Result<Choice, VideoError> {
-    let codec = codec_name(extension, options)?;
+    let codec = codec_name(extension, pixels.has_alpha(), options)?;
     let candidates = ENCODERS.iter().filter(|encoder| {
         let side = size.width().min(size.height());
         encoder.codec == codec && encoder.min_side <= side
@@ -204,9 +206,13 @@ pub(super) fn choose(
     }))
 }
 
-fn codec_name(extension: &str, options: &EncodeOptions) -> Result<&'static str, VideoError> {
+fn codec_name(
+    extension: &str,
+    alpha: bool,
+    options: &EncodeOptions,
+) -> Result<&'static str, VideoError> {
     let Some(name) = &options.codec else {
-        return Ok(default_codec(extension, options.lossless));
+        return Ok(default_codec(extension, options.lossless, alpha));
     };
     let name = name.to_ascii_lowercase();
     let name = ALIASES
@@ -255,7 +261,8 @@ fn loss(pixels: PixelKind, layout: &Layout) -> u32 {
         layout.depth - depth
     };
     if alpha != layout.alpha() {
-        sum += if alpha { 5000 } else { 20 };
+        // nothing else that can be lost is worth more
+        sum += if alpha { 100_000 } else { 20 };
     }
     let chroma = |subsampling| match subsampling {
         Subsampling::Gray => 0,
@@ -372,7 +379,7 @@ mod tests {
     }
 
     #[test]
-    fn the_nearest_layout_keeps_chroma_then_alpha_then_depth() {
+    fn the_nearest_layout_keeps_alpha_then_chroma_then_depth() {
         let x264 = "yuv420p yuvj420p yuv422p yuvj422p yuv444p yuvj444p yuv420p10le yuv422p10le yuv444p10le gray gray10le";
         assert_eq!(best(planes(Subsampling::S420, 8, false), x264), "yuv420p");
         assert_eq!(
@@ -391,6 +398,9 @@ mod tests {
             "yuv422p10le"
         );
         assert_eq!(best(rgb(8, true), prores), "yuva444p10le");
+        let vp9 = "yuv420p yuva420p yuv422p yuv444p gbrp";
+        assert_eq!(best(rgb(8, true), vp9), "yuva420p");
+        assert_eq!(best(planes(Subsampling::S444, 8, true), vp9), "yuva420p");
         let ffv1 = "yuv420p yuva420p bgr0 bgra gbrp10le gbrp16le rgb48le rgba64le";
         assert_eq!(best(rgb(8, false), ffv1), "bgr0");
         assert_eq!(best(rgb(8, true), ffv1), "bgra");
@@ -435,11 +445,19 @@ mod tests {
                 codec: Some(codec.to_owned()),
                 ..EncodeOptions::default()
             };
-            codec_name("mkv", &options)
+            codec_name("mkv", false, &options)
         };
         assert_eq!(name("H265").unwrap(), "hevc");
         assert_eq!(name("libx264").unwrap(), "h264");
         assert_eq!(name("ffv1").unwrap(), "ffv1");
+        let usual = |extension: &str, alpha: bool| {
+            codec_name(extension, alpha, &EncodeOptions::default()).unwrap()
+        };
+        assert_eq!(
+            (usual("mov", false), usual("mov", true)),
+            ("h264", "prores")
+        );
+        assert_eq!((usual("webm", true), usual("mkv", true)), ("vp9", "ffv1"));
         let message = name("-y").unwrap_err().to_string();
         assert!(message.contains("no codec is called `-y`"), "{message}");
     }

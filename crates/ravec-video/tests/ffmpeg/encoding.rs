@@ -4,10 +4,10 @@ use crate::scene::{
     ffprobe, frames, has_encoder, has_ffmpeg, open, options, read_all, sink_format, text, write,
     yuv,
 };
-use ravec_raster::{Image, Size, Srgb};
+use ravec_raster::{AnyImage, Image, Size, Srgb, Srgba};
 use ravec_video::{
-    ColorInfo, EncodeOptions, Frame, FramePicture, FrameSource, FrameTime, Matrix, PixelKind,
-    Range, Rational, SinkFormat, Siting, Subsampling, YuvFormat,
+    ClipWriter, ColorInfo, CreateOptions, EncodeOptions, Frame, FramePicture, FrameSource,
+    FrameTime, Matrix, PixelKind, Range, Rational, SinkFormat, Siting, Subsampling, YuvFormat,
 };
 
 /// Uneven times in milliseconds.
@@ -340,6 +340,62 @@ fn webm_has_alpha() {
     for (found, truth) in found.iter().zip(&truth) {
         assert_eq!(found.time.start, truth.time.start);
         assert_same(&found.picture, &truth.picture, "vp9 with alpha");
+    }
+}
+
+#[test]
+fn the_usual_codecs_of_colors_with_alpha_keep_it() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let size = Size::new(96, 68).unwrap();
+    let format = SinkFormat {
+        rate: Rational::new(25, 1),
+        ..sink_format(size, rgb(8, true), Rational::new(1, 25).unwrap())
+    };
+    // a ramp of alpha
+    let image: Image<Srgba<u8>> =
+        Image::from_fn(size, |col, _| Srgba([200, 60, 30, 2 * col as u8]));
+    for (encoder, codec, extension) in [
+        ("prores_ks", "prores", "mov"),
+        ("libvpx-vp9", "vp9", "webm"),
+        ("ffv1", "ffv1", "mkv"),
+    ] {
+        if !has_encoder(encoder) {
+            continue;
+        }
+        let path = folder.path().join(format!("alpha.{extension}"));
+        let options = CreateOptions {
+            encode: EncodeOptions::default(),
+            ..CreateOptions::default()
+        };
+        let mut writer = ClipWriter::create(&path, &format, &options).unwrap();
+        for number in 0..3 {
+            let frame = Frame {
+                picture: FramePicture::Image(AnyImage::from(image.clone())),
+                time: FrameTime {
+                    start: number,
+                    duration: 1,
+                },
+            };
+            writer.write(&frame).unwrap();
+        }
+        writer.finish().unwrap();
+        let mut source = open(&path).unwrap();
+        assert_eq!(source.info().codec, codec);
+        let found = read_all(&mut source);
+        assert_eq!(found.len(), 3, "{codec}");
+        for frame in &found {
+            let found: Image<Srgba<u8>> = frame.picture.to_image().convert();
+            for col in 0..size.width() {
+                let (found, truth) = (found[(col, 30)].0[3], image[(col, 30)].0[3]);
+                assert!(
+                    found.abs_diff(truth) <= 4,
+                    "{codec}, column {col}: {found}, not {truth}"
+                );
+            }
+        }
     }
 }
 
