@@ -37,7 +37,7 @@ pub struct CarriedStroke {
     is_foreground: bool,
     /// Pixels of the stroke in its own frame, row by row.
     cells: Vec<(usize, usize)>,
-    colors: Vec<[f32; 3]>,
+    colors: ColorSet,
     size: Size,
     /// Map to its own frame.
     own_from_reference: Homography,
@@ -67,7 +67,7 @@ impl CarriedStroke {
         Some(Self {
             frame,
             is_foreground,
-            colors: samples.collect(),
+            colors: ColorSet::around(samples),
             size,
             own_from_reference: *frame_from_reference,
             shifts: BTreeMap::from([(frame, (0, 0))]),
@@ -154,10 +154,50 @@ impl CarriedStroke {
 
     /// True for a color of the stroke.
     fn has(&self, color: [f32; 3]) -> bool {
-        self.colors.iter().any(|known| {
-            let pairs = known.iter().zip(color);
-            pairs.into_iter().all(|(a, b)| (a - b).abs() <= SAME_COLOR)
-        })
+        self.colors.has(color)
+    }
+}
+
+/// Cells of the color cube near some colors, a bit each, so that a look takes the same time for few and many colors.
+#[derive(Debug, Clone)]
+struct ColorSet {
+    bits: Vec<u64>,
+}
+
+/// Cells along an axis of the color cube.
+const CELLS: usize = 64;
+
+impl ColorSet {
+    /// The cells whose centers differ by at most [`SAME_COLOR`] from one of the colors in each channel.
+    fn around(colors: impl Iterator<Item = [f32; 3]>) -> Self {
+        let mut bits = vec![0u64; CELLS * CELLS * CELLS / 64];
+        for color in colors {
+            let [red, green, blue] = color.map(|value| {
+                let cells = (0..CELLS).filter(move |cell| {
+                    let center = (*cell as f32 + 0.5) / CELLS as f32;
+                    (center - value.clamp(0.0, 1.0)).abs() <= SAME_COLOR
+                });
+                cells.collect::<Vec<usize>>()
+            });
+            for r in &red {
+                for g in &green {
+                    for b in &blue {
+                        let at = (r * CELLS + g) * CELLS + b;
+                        bits[at / 64] |= 1 << (at % 64);
+                    }
+                }
+            }
+        }
+        Self { bits }
+    }
+
+    fn has(&self, color: [f32; 3]) -> bool {
+        let [r, g, b] = color.map(|value| {
+            // NaN is black
+            ((value.clamp(0.0, 1.0) * CELLS as f32) as usize).min(CELLS - 1)
+        });
+        let at = (r * CELLS + g) * CELLS + b;
+        self.bits[at / 64] >> (at % 64) & 1 == 1
     }
 }
 

@@ -362,10 +362,12 @@ impl Plate {
         context: &Context,
     ) -> Result<Image<Srgb<f32>>, JobError> {
         let colors = plate.colors.map(Srgb);
-        let hole = enclosed(&plate.seen);
+        let hole = hole(&plate.seen, self.params.pad);
         if self.params.unseen != Unseen::Completed || hole.is_empty() {
             return Ok(colors);
         }
+        // what covers the hole has left its colors along the rim
+        let hole = hole.dilate(RIM_PX);
         let shift = DVec2::splat(self.params.pad as f64);
         let quad = quad.map(|quad| quad.map(|at| at + shift));
         let params = CompleteParams::default();
@@ -402,10 +404,18 @@ impl Plate {
     }
 }
 
-/// Pixels that were not seen and have no connection, over such pixels, to the border of the plate.
-fn enclosed(seen: &Mask) -> Mask {
+/// Pixels along the rim of a hole that are completed with it.
+const RIM_PX: f64 = 2.0;
+
+/// Pixels that were not seen, but for what lies beyond all frames: unseen pixels that are connected, outside of the reference
+/// frame, to the border of the plate.
+fn hole(seen: &Mask, pad_px: usize) -> Mask {
     let size = seen.size();
     let (width, height) = (size.width(), size.height());
+    let in_reference = |col: usize, row: usize| {
+        let (right, bottom) = (width - pad_px.min(width), height - pad_px.min(height));
+        (pad_px..right).contains(&col) && (pad_px..bottom).contains(&row)
+    };
     let unseen = |col: usize, row: usize| seen.at(col, row) <= 0.0;
     let mut outside: Image<u8> = Image::new(size, 0);
     let mut open: Vec<(usize, usize)> = (0..width)
@@ -413,7 +423,7 @@ fn enclosed(seen: &Mask) -> Mask {
         .chain((0..height).flat_map(|row| [(0, row), (width - 1, row)]))
         .collect();
     while let Some((col, row)) = open.pop() {
-        if outside[(col, row)] == 1 || !unseen(col, row) {
+        if outside[(col, row)] == 1 || !unseen(col, row) || in_reference(col, row) {
             continue;
         }
         outside[(col, row)] = 1;
