@@ -26,6 +26,8 @@ const RING_WEIGHT: f32 = 0.25;
 const LEVELS: usize = 3;
 /// Radius of the search at the coarsest level in pixels of that level: 32 pixels of the frame.
 const SEARCH: isize = 8;
+/// Longest side of what is matched, in pixels of the finest level: larger strokes are matched at a lower resolution.
+const MAX_SIDE: usize = 96;
 /// Mean squared difference that a deviation of one pixel from the predicted motion costs, so that places without texture follow the
 /// motion so far.
 const DEVIATION_COST: f32 = 2e-7;
@@ -251,6 +253,8 @@ impl StrokeFollower {
 #[derive(Debug, Clone)]
 struct Surroundings {
     rect: Rect,
+    /// Pixels of the frame along a pixel of the finest level.
+    step: usize,
     /// Brightness and weight, the finest level first.
     levels: Vec<(Plane, Plane)>,
 }
@@ -268,12 +272,15 @@ impl Surroundings {
         let right = (right + RING_PX).min(size.width());
         let bottom = (bottom + RING_PX).min(size.height());
         let rect = Rect::new(left, top, right - left, bottom - top);
-        let mut weight = Plane::new(Size::new(rect.width, rect.height).ok()?, 0.0);
+        let step = rect.width.max(rect.height).div_ceil(MAX_SIDE);
+        let cells_of = |length: usize| length.div_ceil(step);
+        let size = Size::new(cells_of(rect.width), cells_of(rect.height)).ok()?;
+        let mut weight = Plane::new(size, 0.0);
         for (col, row) in cells {
-            weight[(col - left, row - top)] = 1.0;
+            weight[((col - left) / step, (row - top) / step)] = 1.0;
         }
         let own = Mask::from_coverage(&weight);
-        let near = own.dilate(RING_PX as f64);
+        let near = own.dilate((RING_PX / step) as f64);
         let weight = Plane::from_fn(weight.size(), |col, row| {
             if own.at(col, row) > 0.0 {
                 1.0
@@ -281,9 +288,10 @@ impl Surroundings {
                 RING_WEIGHT * near.at(col, row)
             }
         });
-        let luma = levels(brightness(colors, rect)?);
+        let luma = levels(brightness(colors, rect, step)?);
         Some(Self {
             rect,
+            step,
             levels: luma.into_iter().zip(levels(weight)).collect(),
         })
     }
@@ -292,29 +300,33 @@ impl Surroundings {
     fn find(&self, colors: &Colors, predicted: (isize, isize)) -> Option<(isize, isize)> {
         let coarse = self.levels.len() - 1;
         let unit = 1_isize << coarse;
-        let reach = SEARCH * unit + predicted.0.abs().max(predicted.1.abs()) + 2 * unit;
-        let reach = reach.unsigned_abs();
+        let step = self.step as isize;
+        // from here on in pixels of the finest level
+        let predicted = (predicted.0 / step, predicted.1 / step);
+        let search = (SEARCH / step).max(2);
+        let reach = search * unit + predicted.0.abs().max(predicted.1.abs()) + 2 * unit;
+        let reach = reach.unsigned_abs() * self.step;
         let (left, top) = (
             self.rect.col.saturating_sub(reach),
             self.rect.row.saturating_sub(reach),
         );
         let size = colors.size();
         // a grid that all levels share with the surroundings
-        let grid = unit.unsigned_abs();
+        let grid = unit.unsigned_abs() * self.step;
         let left = self.rect.col - (self.rect.col - left) / grid * grid;
         let top = self.rect.row - (self.rect.row - top) / grid * grid;
         let right = (self.rect.right() + reach).min(size.width());
         let bottom = (self.rect.bottom() + reach).min(size.height());
         let area = Rect::new(left, top, right - left, bottom - top);
-        let target = levels(brightness(colors, area)?);
+        let target = levels(brightness(colors, area, self.step)?);
         let offset = (
-            (self.rect.col - left) as isize,
-            (self.rect.row - top) as isize,
+            ((self.rect.col - left) / self.step) as isize,
+            ((self.rect.row - top) / self.step) as isize,
         );
         let mut best = (predicted.0 / unit, predicted.1 / unit);
         for level in (0..self.levels.len()).rev() {
             let unit = 1_isize << level;
-            let radius = if level == coarse { SEARCH } else { 2 };
+            let radius = if level == coarse { search } else { 2 };
             let (luma, weight) = &self.levels[level];
             let target = target.get(level)?;
             let from = (offset.0 / unit, offset.1 / unit);
@@ -342,7 +354,7 @@ impl Surroundings {
                 best = (2 * best.0, 2 * best.1);
             }
         }
-        Some(best)
+        Some((best.0 * step, best.1 * step))
     }
 }
 
@@ -370,12 +382,20 @@ fn difference(luma: &Plane, weight: &Plane, target: &Plane, at: (isize, isize)) 
     (inside > 0.5 * all).then(|| sum / inside)
 }
 
-/// Mean of the channels in a part of a frame.
-fn brightness(colors: &Colors, part: Rect) -> Option<Plane> {
-    let size = Size::new(part.width, part.height).ok()?;
+/// Mean of the channels in a part of a frame, and of `step` × `step` pixels.
+fn brightness(colors: &Colors, part: Rect, step: usize) -> Option<Plane> {
+    let size = Size::new(part.width.div_ceil(step), part.height.div_ceil(step)).ok()?;
     Some(Plane::from_fn(size, |col, row| {
-        let [r, g, b] = colors[(part.col + col, part.row + row)];
-        (r + g + b) / 3.0
+        let cols = col * step..((col + 1) * step).min(part.width);
+        let rows = row * step..((row + 1) * step).min(part.height);
+        let count = (cols.len() * rows.len()) as f32;
+        let mut sum = 0.0;
+        for row in rows {
+            for [r, g, b] in &colors.row(part.row + row)[part.col..][cols.clone()] {
+                sum += r + g + b;
+            }
+        }
+        sum / (3.0 * count)
     }))
 }
 

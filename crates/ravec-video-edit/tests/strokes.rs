@@ -138,3 +138,36 @@ fn a_background_stroke_moves_with_the_plane() {
         marked(&stroke, 9, &moved, &map);
     }
 }
+
+#[test]
+fn a_large_stroke_stays_on_its_object() {
+    // the same scene, four times as large as the test above
+    let large = Size::new(640, 400).unwrap();
+    let scaled = |frame: &Colors| Colors::from_fn(large, |col, row| frame[(col / 4, row / 4)]);
+    let start = DVec2::new(50.0, 40.0);
+    let place = |number: u64| start + DVec2::new(4.0 * number as f64, number as f64);
+    let first = scaled(&frame(DVec2::ZERO, start));
+    let inside = |center: DVec2, radius_px: f64, (col, row): (usize, usize)| {
+        DVec2::new(col as f64 + 0.5, row as f64 + 0.5).distance(4.0 * center) < 4.0 * radius_px
+    };
+    let all = || (0..400).flat_map(|row| (0..640).map(move |col| (col, row)));
+    let cells = all().filter(|cell| inside(start, DISC_PX + 1.0, *cell));
+    let map = Homography::IDENTITY;
+    let mut stroke = CarriedStroke::new(0, cells.collect(), true, &first, &map).unwrap();
+    let mut follower = stroke.follow(&first);
+    for number in 1..=8 {
+        let now = scaled(&frame(DVec2::ZERO, place(number)));
+        assert!(follower.push(&mut stroke, number, &now), "frame {number}");
+        let found: std::collections::HashSet<_> =
+            stroke.marked(number, &now, &map).into_iter().collect();
+        let core: Vec<_> = all()
+            .filter(|cell| inside(place(number), DISC_PX - 4.0, *cell))
+            .collect();
+        let missed = core.iter().filter(|cell| !found.contains(cell)).count();
+        assert!(
+            missed * 20 < core.len(),
+            "frame {number}: {missed} of {}",
+            core.len()
+        );
+    }
+}
