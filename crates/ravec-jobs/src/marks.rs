@@ -36,7 +36,7 @@ pub(crate) struct MarkSource<'a> {
     pub marks: &'a [FrameMark],
     /// Strokes in pictures.
     pub pictures: &'a StrokePictures,
-    /// Frames before and after its own in which a stroke holds; all if it is absent.
+    /// Frames before and after its own in which a stroke holds; if it is absent, all for strokes as data, and none for pictures.
     pub carry: Option<u64>,
     /// Convention of the points of strokes.
     pub centers: PixelCenters,
@@ -62,8 +62,42 @@ fn cells(mask: &Mask) -> Cells {
 /// Strokes with their places in all frames.
 pub(crate) struct Marks {
     size: Size,
+    strokes: Vec<Drawn>,
+}
+
+/// A stroke, and the frames before and after its own in which it holds.
+struct Drawn {
+    stroke: CarriedStroke,
     carry: u64,
-    strokes: Vec<CarriedStroke>,
+}
+
+impl Drawn {
+    /// True for a stroke that has to be followed.
+    fn moves(&self) -> bool {
+        self.stroke.is_foreground() && self.carry > 0
+    }
+
+    fn reaches(&self, frame: u64) -> bool {
+        self.stroke.frame().abs_diff(frame) <= self.carry
+    }
+}
+
+/// The pixels of a stroke before its frame is read.
+struct Outline {
+    side: Side,
+    cells: Cells,
+    carry: u64,
+}
+
+impl Outline {
+    fn drawn(self, frame: u64, colors: &Colors, map: &Homography) -> Option<Drawn> {
+        let is_foreground = self.side == Side::Foreground;
+        let stroke = CarriedStroke::new(frame, self.cells, is_foreground, colors, map)?;
+        Some(Drawn {
+            stroke,
+            carry: self.carry,
+        })
+    }
 }
 
 impl MarkSource<'_> {
@@ -79,26 +113,35 @@ impl MarkSource<'_> {
         })
     }
 
-    /// The pixels of all strokes by frame, each with its side, in the order in which they are drawn.
-    fn masks(&self) -> Result<BTreeMap<u64, Vec<(Side, Cells)>>, JobError> {
-        let mut masks: BTreeMap<u64, Vec<(Side, Cells)>> = BTreeMap::new();
+    /// The pixels of all strokes by frame, in the order in which they are drawn.
+    fn outlines(&self) -> Result<BTreeMap<u64, Vec<Outline>>, JobError> {
+        let mut outlines: BTreeMap<u64, Vec<Outline>> = BTreeMap::new();
+        let carry = self.carry.unwrap_or(0);
         for frame in self.pictures.frames() {
             let Some([foreground, background]) = self.pictures.of(frame)? else {
                 continue;
             };
-            let list = masks.entry(frame).or_default();
+            let list = outlines.entry(frame).or_default();
             let parts = parts(&foreground).into_iter();
-            list.extend(parts.map(|part| (Side::Foreground, cells(&part))));
-            list.push((Side::Background, cells(&background)));
+            list.extend(parts.map(|part| Outline {
+                side: Side::Foreground,
+                cells: cells(&part),
+                carry,
+            }));
+            list.push(Outline {
+                side: Side::Background,
+                cells: cells(&background),
+                carry,
+            });
         }
         for mark in self.marks {
-            let cells = mark.cells(self.size, self.centers);
-            masks
-                .entry(mark.frame)
-                .or_default()
-                .push((mark.side, cells));
+            outlines.entry(mark.frame).or_default().push(Outline {
+                side: mark.side,
+                cells: mark.cells(self.size, self.centers),
+                carry: self.carry.unwrap_or(u64::MAX),
+            });
         }
-        Ok(masks)
+        Ok(outlines)
     }
 }
 
@@ -110,22 +153,14 @@ impl Marks {
     pub fn in_own_frames(source: &MarkSource<'_>) -> Result<Self, JobError> {
         let unseen: Colors = Image::new(source.size, [0.0; 3]);
         let mut strokes = Vec::new();
-        for (frame, list) in source.masks()? {
-            for (side, cells) in list {
-                let is_foreground = side == Side::Foreground;
-                let map = &Homography::IDENTITY;
-                strokes.extend(CarriedStroke::new(
-                    frame,
-                    cells,
-                    is_foreground,
-                    &unseen,
-                    map,
-                ));
+        for (frame, list) in source.outlines()? {
+            for mut outline in list {
+                outline.carry = 0;
+                strokes.extend(outline.drawn(frame, &unseen, &Homography::IDENTITY));
             }
         }
         Ok(Self {
             size: source.size,
-            carry: 0,
             strokes,
         })
     }
@@ -141,8 +176,9 @@ impl Marks {
         report: &mut Report,
         context: &Context,
     ) -> Result<Self, JobError> {
-        let masks = source.masks()?;
-        if masks.is_empty() || source.carry == Some(0) {
+        let outlines = source.outlines()?;
+        let mut all = outlines.values().flatten();
+        if all.all(|outline| outline.carry == 0) {
             return Self::in_own_frames(source);
         }
         if is_stream(source.input) {
@@ -155,7 +191,7 @@ impl Marks {
         let frames = clip.info().frames;
         let mut reader = Reader::new(clip, source.input, FrameRange::default())?;
         let mut strokes = Vec::new();
-        for (frame, list) in masks {
+        for (frame, list) in outlines {
             context.progress.check()?;
             let too_short = || JobError::ClipTooShort {
                 path: source.input.to_path_buf(),
@@ -168,23 +204,15 @@ impl Marks {
             let shot = reader.next()?.ok_or_else(too_short)?;
             let colors = encoded(&shot.image);
             let map = source.map(frame)?;
-            for (side, cells) in list {
-                let is_foreground = side == Side::Foreground;
-                strokes.extend(CarriedStroke::new(
-                    frame,
-                    cells,
-                    is_foreground,
-                    &colors,
-                    &map,
-                ));
+            for outline in list {
+                strokes.extend(outline.drawn(frame, &colors, &map));
             }
         }
         let mut marks = Self {
             size: source.size,
-            carry: source.carry.unwrap_or(u64::MAX),
             strokes,
         };
-        if marks.strokes.iter().any(CarriedStroke::is_foreground) {
+        if marks.strokes.iter().any(Drawn::moves) {
             let phase = context.progress.phase("strokes", 2 * frames.unwrap_or(1));
             marks.follow_forward(&mut reader, &phase, context)?;
             marks.follow_backward(&mut reader, &phase, context)?;
@@ -192,10 +220,10 @@ impl Marks {
         Ok(marks)
     }
 
-    /// Frames of foreground strokes.
+    /// Frames of strokes that have to be followed.
     fn starts(&self) -> impl Iterator<Item = u64> {
-        let foreground = self.strokes.iter().filter(|stroke| stroke.is_foreground());
-        foreground.map(CarriedStroke::frame)
+        let moving = self.strokes.iter().filter(|drawn| drawn.moves());
+        moving.map(|drawn| drawn.stroke.frame())
     }
 
     fn follow_forward(
@@ -260,17 +288,17 @@ impl Marks {
     /// Follows all strokes that are on their way to a frame, and starts those that are drawn in it. False if there is none.
     fn push(&mut self, followers: &mut [Option<StrokeFollower>], shot: &Shot) -> bool {
         let colors = encoded(&shot.image);
-        let carry = self.carry;
         let pairs = self.strokes.par_iter_mut().zip(followers.par_iter_mut());
-        let active = pairs.map(|(stroke, place)| {
-            if !stroke.is_foreground() {
+        let active = pairs.map(|(drawn, place)| {
+            if !drawn.moves() {
                 return false;
             }
+            let reaches = drawn.reaches(shot.index);
+            let stroke = &mut drawn.stroke;
             if stroke.frame() == shot.index {
                 *place = Some(stroke.follow(&colors));
             } else if let Some(follower) = place
-                && (stroke.frame().abs_diff(shot.index) > carry
-                    || !follower.push(stroke, shot.index, &colors))
+                && (!reaches || !follower.push(stroke, shot.index, &colors))
             {
                 *place = None;
             }
@@ -311,9 +339,9 @@ impl Marks {
         trimap: Option<&Constraints>,
         is_chosen: impl Fn(&CarriedStroke) -> bool,
     ) -> Option<Constraints> {
-        let mut near: Vec<&CarriedStroke> = (self.strokes.iter())
-            .filter(|stroke| stroke.frame().abs_diff(frame) <= self.carry && is_chosen(stroke))
-            .collect();
+        let reaching = self.strokes.iter().filter(|drawn| drawn.reaches(frame));
+        let strokes = reaching.map(|drawn| &drawn.stroke);
+        let mut near: Vec<&CarriedStroke> = strokes.filter(|stroke| is_chosen(stroke)).collect();
         // a stable order: later ones of a frame stay behind earlier ones
         near.sort_by_key(|stroke| std::cmp::Reverse(stroke.frame().abs_diff(frame)));
         if near.is_empty() {

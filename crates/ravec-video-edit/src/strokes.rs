@@ -2,7 +2,8 @@
 //!
 //! A background stroke lies on the plane and follows its track. A foreground stroke follows what lies under it: from frame to frame
 //! its surroundings are matched by a translation, coarse to fine, near where the last motion predicts them. In other frames than its
-//! own, a stroke marks only pixels of the colors that lie under it in its own frame, so that it ends where its object ends.
+//! own, a stroke marks only pixels of the color that lies under it at that place in its own frame, or beside it, so that it ends where
+//! its object ends.
 //!
 //! Cost: for each foreground stroke and frame, about 60 differences a pixel of the stroke's surroundings, most of them at a quarter
 //! of the resolution.
@@ -10,13 +11,13 @@
 use crate::Colors;
 use glam::{DVec2, dvec2};
 use ravec_planar::Homography;
-use ravec_raster::{Mask, Plane, Pyramid, Rect, Reduction, Size};
+use ravec_raster::{Image, Mask, Plane, Pyramid, Rect, Reduction, Size, Srgb};
 use std::collections::BTreeMap;
 
-/// Colors of a stroke that are kept.
-const MAX_SAMPLES: usize = 96;
-/// Largest difference of a channel from a color of the stroke.
-const SAME_COLOR: f32 = 0.04;
+/// Largest difference of a channel from a color under the stroke, in steps of 8 bits.
+const SAME_COLOR: u8 = 10;
+/// Pixels around a place in which a foreground stroke looks for its color: what lies under it changes its shape.
+const REACH_PX: usize = 2;
 /// Share of a stroke's pixels that must keep their colors, or it is lost.
 const MIN_KEPT: f64 = 0.3;
 /// Pixels around a stroke that are matched along with it, and their weight.
@@ -39,7 +40,9 @@ pub struct CarriedStroke {
     is_foreground: bool,
     /// Pixels of the stroke in its own frame, row by row.
     cells: Vec<(usize, usize)>,
-    colors: ColorSet,
+    /// Colors of the frame in the bounds of the stroke.
+    under: Image<Srgb<u8>>,
+    bounds: Rect,
     size: Size,
     /// Map to its own frame.
     own_from_reference: Homography,
@@ -64,12 +67,19 @@ impl CarriedStroke {
         if cells.is_empty() {
             return None;
         }
-        let step = cells.len().div_ceil(MAX_SAMPLES).max(1);
-        let samples = cells.iter().step_by(step).map(|&cell| colors[cell]);
+        let cols = cells.iter().map(|cell| cell.0);
+        let (left, right) = (cols.clone().min()?, cols.max()? + 1);
+        let (top, bottom) = (cells[0].1, cells[cells.len() - 1].1 + 1);
+        let bounds = Rect::new(left, top, right - left, bottom - top);
+        let part = Size::new(bounds.width, bounds.height).ok()?;
+        let under = Image::from_fn(part, |col, row| {
+            Srgb(colors[(left + col, top + row)].map(in_steps))
+        });
         Some(Self {
             frame,
             is_foreground,
-            colors: ColorSet::around(samples),
+            under,
+            bounds,
             size,
             own_from_reference: *frame_from_reference,
             shifts: BTreeMap::from([(frame, (0, 0))]),
@@ -113,21 +123,39 @@ impl CarriedStroke {
             let Some(shift) = self.shifts.get(&frame) else {
                 return Vec::new();
             };
-            return shifted(&self.cells, *shift, self.size)
-                .filter(|&cell| self.has(colors[cell]))
-                .collect();
+            return self.kept(colors, *shift).collect();
         }
         let map = *frame_from_reference * self.own_from_reference.inverse();
         let back = map.inverse();
-        let is_own = |(col, row): (usize, usize)| {
+        let own = |(col, row): (usize, usize)| {
             let at = back
                 .apply(dvec2(col as f64 + 0.5, row as f64 + 0.5))
                 .floor();
-            at.cmpge(DVec2::ZERO).all() && self.contains(at.x as usize, at.y as usize)
+            let inside = at.cmpge(DVec2::ZERO).all();
+            inside.then_some((at.x as usize, at.y as usize))
         };
         self.around(&map)
-            .filter(|&cell| is_own(cell) && self.has(colors[cell]))
+            .filter(|&cell| {
+                own(cell).is_some_and(|place| {
+                    self.contains(place.0, place.1) && self.has(colors[cell], place, 1)
+                })
+            })
             .collect()
+    }
+
+    /// The cells of a foreground stroke that has moved by `shift` and lies there on its colors.
+    fn kept<'a>(
+        &'a self,
+        colors: &'a Colors,
+        (x, y): (isize, isize),
+    ) -> impl Iterator<Item = (usize, usize)> + 'a {
+        shifted(&self.cells, (x, y), self.size).filter(move |&cell| {
+            let own = (
+                cell.0.wrapping_add_signed(-x),
+                cell.1.wrapping_add_signed(-y),
+            );
+            self.has(colors[cell], own, REACH_PX)
+        })
     }
 
     /// True for a pixel of the stroke in its own frame.
@@ -154,53 +182,28 @@ impl CarriedStroke {
         (top..bottom).flat_map(move |row| (left..right).map(move |col| (col, row)))
     }
 
-    /// True for a color of the stroke.
-    fn has(&self, color: [f32; 3]) -> bool {
-        self.colors.has(color)
+    /// True for a color that lies under the stroke within `reach` pixels of a place in its own frame.
+    fn has(&self, color: [f32; 3], (col, row): (usize, usize), reach: usize) -> bool {
+        let color = color.map(in_steps);
+        let part = self.bounds;
+        let side = |at: usize, first: usize, length: usize| {
+            let at = at.saturating_sub(first);
+            at.saturating_sub(reach)..(at + reach + 1).min(length)
+        };
+        let cols = side(col, part.col, part.width);
+        side(row, part.row, part.height).any(|row| {
+            let line = self.under.row(row).get(cols.clone()).unwrap_or_default();
+            line.iter().any(|Srgb(known)| {
+                let mut pairs = known.iter().zip(color);
+                pairs.all(|(a, b)| a.abs_diff(b) <= SAME_COLOR)
+            })
+        })
     }
 }
 
-/// Cells of the color cube near some colors, a bit each, so that a look takes the same time for few and many colors.
-#[derive(Debug, Clone)]
-struct ColorSet {
-    bits: Vec<u64>,
-}
-
-/// Cells along an axis of the color cube.
-const CELLS: usize = 64;
-
-impl ColorSet {
-    /// The cells whose centers differ by at most [`SAME_COLOR`] from one of the colors in each channel.
-    fn around(colors: impl Iterator<Item = [f32; 3]>) -> Self {
-        let mut bits = vec![0u64; CELLS * CELLS * CELLS / 64];
-        for color in colors {
-            let [red, green, blue] = color.map(|value| {
-                let cells = (0..CELLS).filter(move |cell| {
-                    let center = (*cell as f32 + 0.5) / CELLS as f32;
-                    (center - value.clamp(0.0, 1.0)).abs() <= SAME_COLOR
-                });
-                cells.collect::<Vec<usize>>()
-            });
-            for r in &red {
-                for g in &green {
-                    for b in &blue {
-                        let at = (r * CELLS + g) * CELLS + b;
-                        bits[at / 64] |= 1 << (at % 64);
-                    }
-                }
-            }
-        }
-        Self { bits }
-    }
-
-    fn has(&self, color: [f32; 3]) -> bool {
-        let [r, g, b] = color.map(|value| {
-            // NaN is black
-            ((value.clamp(0.0, 1.0) * CELLS as f32) as usize).min(CELLS - 1)
-        });
-        let at = (r * CELLS + g) * CELLS + b;
-        self.bits[at / 64] >> (at % 64) & 1 == 1
-    }
+/// A value in steps of 8 bits; NaN is 0.
+fn in_steps(value: f32) -> u8 {
+    (255.0 * value.clamp(0.0, 1.0)).round() as u8
 }
 
 /// The cells of a stroke moved by whole pixels, those that stay in the frame.
@@ -236,8 +239,8 @@ impl StrokeFollower {
             return false;
         };
         let at = (self.at.0 + moved.0, self.at.1 + moved.1);
-        let kept = shifted(&stroke.cells, at, stroke.size).filter(|&cell| stroke.has(colors[cell]));
-        if (kept.count() as f64) < MIN_KEPT * stroke.cells.len() as f64 {
+        let kept = stroke.kept(colors, at).count();
+        if (kept as f64) < MIN_KEPT * stroke.cells.len() as f64 {
             self.before = None;
             return false;
         }

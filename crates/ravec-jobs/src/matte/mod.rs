@@ -75,7 +75,7 @@ plate belongs to the reference frame of the track, and may be larger by --pad pi
 Without a plate, the pixels that a trimap or strokes leave open are found from the colors of the marked ones nearby: the closer the \
 marks to the border, the better.
 
-Foreground that has the colors of the background cannot be seen where neither has texture: strokes set it. Strokes of a few frames \
+Foreground that has the colors of the background cannot be seen where neither has texture: strokes set it. Marks of a few frames \
 are carried through the clip: background along the track, foreground with what lies under it; in other frames than their own they \
 hold only where the colors are theirs. Shadows are a part of the foreground, unless --shadows keeps, softens or drops them.
 
@@ -109,7 +109,7 @@ pub struct Params {
         )
     )]
     pub marks: Vec<FrameMark>,
-    /// Frames before and after its own in which a stroke holds; 0 for its own alone [default: all]
+    /// Frames before and after its own in which a stroke holds [default: all for --mark, none for pictures of strokes]
     #[cfg_attr(feature = "cli", arg(long, value_name = "FRAMES"))]
     pub carry: Option<u64>,
     /// Convention of the points of strokes, and of a track of another program, which does not state its own

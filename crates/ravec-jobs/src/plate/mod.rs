@@ -71,8 +71,8 @@ Each pixel gets the color that most frames show there; what moves is left out ev
 is followed, and the plate has that of the reference frame of the track. What no frame shows is completed from the rest, along the \
 plane of --quad.
 
-Things that cover a place most of the time must be marked: by --exclude, or by strokes in a few frames, which are carried through \
-the clip.
+Things that cover a place most of the time must be marked: by --exclude, or by strokes in a few frames; those of --mark are \
+carried through the clip.
 
 Figures: frames, seen_percent, certainty (mean where something was seen), invented_px.";
 
@@ -109,7 +109,7 @@ pub struct Params {
         )
     )]
     pub marks: Vec<FrameMark>,
-    /// Frames before and after its own in which a stroke holds; 0 for its own alone [default: all]
+    /// Frames before and after its own in which a stroke holds [default: all for --mark, none for pictures of strokes]
     #[cfg_attr(feature = "cli", arg(long, value_name = "FRAMES"))]
     pub carry: Option<u64>,
     /// Content of places that no frame shows
@@ -366,8 +366,6 @@ impl Plate {
         if self.params.unseen != Unseen::Completed || hole.is_empty() {
             return Ok(colors);
         }
-        // what covers the hole has left its colors along the rim
-        let hole = hole.dilate(RIM_PX);
         let shift = DVec2::splat(self.params.pad as f64);
         let quad = quad.map(|quad| quad.map(|at| at + shift));
         let params = CompleteParams::default();
@@ -403,9 +401,6 @@ impl Plate {
         }
     }
 }
-
-/// Pixels along the rim of a hole that are completed with it.
-const RIM_PX: f64 = 2.0;
 
 /// Pixels that were not seen, but for what lies beyond all frames: unseen pixels that are connected, outside of the reference
 /// frame, to the border of the plate.
