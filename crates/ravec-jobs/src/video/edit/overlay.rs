@@ -49,8 +49,8 @@ pub struct Overlay {
 #[cfg(feature = "cli")]
 const HELP: &str = "\
 Examples:
-  ravec video overlay wall.y4m --image shot_06.bmp --quad 12,9,60,9,60,40,12,40 --track wall.json -o w.y4m
-  ravec video overlay clip.y4m --image shot_06.bmp --matte alpha.y4m --blend multiply --opacity 0.5 -o b.y4m
+  ravec video overlay wall.y4m --image p.png --track wall.json --quad 9,9,60,9,60,40,9,40 -o b.y4m
+  ravec video overlay clip.y4m --image p.png --matte alpha.y4m --blend multiply -o b.y4m
 
 Without --quad, the picture covers as much of the frame as its shape allows. Blending works on encoded values, as programs for \
 pictures do. Frames beyond --frames stay as they are.
@@ -258,6 +258,7 @@ impl Overlay {
             image_from_reference: self.image_from_reference(size, image.size())?,
             size,
             image,
+            still: None,
             track,
             track_path: self.track.clone(),
             front,
@@ -296,11 +297,19 @@ impl Overlay {
 struct Frames {
     size: Size,
     image: SideInput,
+    /// Pixels of a picture, the same for all frames.
+    still: Option<Image<[f32; 4]>>,
     image_from_reference: Homography,
     track: Option<ShotTrack>,
     track_path: Option<PathBuf>,
     front: Option<AlphaSource>,
     params: Params,
+}
+
+/// Encoded colors times alpha, and alpha.
+fn premultiplied(image: &AnyImage) -> Image<[f32; 4]> {
+    let pixels: Image<Srgba<f32>> = image.convert();
+    pixels.map(|Srgba([r, g, b, alpha])| [alpha * r, alpha * g, alpha * b, alpha])
 }
 
 impl FrameEdit for Frames {
@@ -318,9 +327,10 @@ impl FrameEdit for Frames {
             return Ok(colors);
         }
         let map = map_of(self.track.as_ref(), self.track_path.as_deref(), index)?;
-        let pixels: Image<Srgba<f32>> = self.image.frame(index)?.convert();
-        let premultiplied =
-            pixels.map(|Srgba([r, g, b, alpha])| [alpha * r, alpha * g, alpha * b, alpha]);
+        let premultiplied = match self.still.take() {
+            Some(still) => still,
+            None => premultiplied(&self.image.frame(index)?),
+        };
         let image_from_frame = self.image_from_reference * map.inverse();
         let progress = context.progress.silent();
         let nothing = Beyond::Pixel([0.0; 4]);
@@ -331,6 +341,9 @@ impl FrameEdit for Frames {
             nothing,
             &progress,
         )?;
+        if matches!(self.image, SideInput::Still(_)) {
+            self.still = Some(premultiplied);
+        }
         let front: Option<Plane> = match &mut self.front {
             Some(front) => Some(front.of(index, image, context)?),
             None => None,
