@@ -231,7 +231,7 @@ pub fn plate_matte_near(
         known: known.as_ref(),
         strokes: strokes.as_ref(),
     };
-    let solved = solve(&near, found.light.clone(), params, progress)?;
+    let solved = solve(&near, found.light, params, progress)?;
     for row in region.row..region.bottom() {
         for col in region.col..region.right() {
             let from = (col - left, row - top);

@@ -42,10 +42,7 @@ pub enum Shadows {
 pub(crate) fn shadow_factor(frame: &[Plane; 3], plate: &[Plane; 3], variance: &Plane) -> Plane {
     let size = variance.size();
     let smooth = |of: &(dyn Fn(usize, usize) -> f32 + Sync)| {
-        gaussian_blur(
-            &Plane::from_fn(size, |col, row| of(col, row)),
-            WINDOW_SIGMA_PX,
-        )
+        gaussian_blur(&Plane::from_fn(size, of), WINDOW_SIGMA_PX)
     };
     // sums of the window: the square of the plate, and its product with the frame
     let sums = [0, 1, 2].map(|c| {

@@ -243,7 +243,8 @@ impl Analyses {
         let mut state = lock(&self.shared.state);
         let failed = |state: &AnalysisState| matches!(state, AnalysisState::Failed(_));
         state.states.retain(|_, known| !failed(known));
-        state.wanted = state.given.clone();
+        let given = state.given.clone();
+        state.wanted = given;
         self.shared.wake.notify_all();
     }
 
@@ -338,7 +339,7 @@ fn go_through(
         match outcome {
             Outcome::Known => continue,
             Outcome::Found(found) => {
-                results.insert(output, found);
+                results.insert(output, *found);
                 state.states.insert(edit.id, AnalysisState::Done);
             }
             Outcome::Waits => {
@@ -374,7 +375,7 @@ fn publish(state: &mut State, results: HashMap<PathBuf, Found>) {
 enum Outcome {
     /// The result is that of an earlier run.
     Known,
-    Found(Found),
+    Found(Box<Found>),
     /// Something that it needs is not there.
     Waits,
     /// A newer document is on its way. The last result stays.
@@ -401,9 +402,8 @@ fn run(
         );
     }
     let view = lock(&shared.state).view.clone();
-    let resolved = match view.resolved(&edit.without_side_outputs(), document) {
-        Ok(resolved) => resolved,
-        Err(_) => return Outcome::Waits,
+    let Ok(resolved) = view.resolved(&edit.without_side_outputs(), document) else {
+        return Outcome::Waits;
     };
     let name = match edit.operation.as_str() {
         "track" => PathBuf::from(format!("@analysis-{}.json", edit.id)),
@@ -457,12 +457,12 @@ fn run(
         step => step.operation().run(&context).map(|_| None),
     };
     match done {
-        Ok(mattes) => Outcome::Found(Found {
+        Ok(mattes) => Outcome::Found(Box::new(Found {
             key: key.into(),
             unmarked: unmarked.into(),
             name,
             mattes,
-        }),
+        })),
         // a newer document is on its way, or the user has stopped it
         Err(JobError::Cancelled) if lock(&shared.state).wanted.is_some() => Outcome::Later,
         Err(error) => {

@@ -14,7 +14,7 @@ use ravec::matting::{
 use ravec::planar::Homography;
 use ravec::progress::Progress;
 use ravec::raster::{AnyImage, Image, Size, Srgba};
-use std::path::PathBuf;
+use std::path::Path;
 use std::sync::Arc;
 
 /// Frames in which strokes hold.
@@ -193,11 +193,11 @@ fn trimap(
     })))
 }
 
-fn sizes_differ(matte: &Matte, size: Size, other: &PathBuf, other_size: Size) -> JobError {
+fn sizes_differ(matte: &Matte, size: Size, other: &Path, other_size: Size) -> JobError {
     JobError::SizesDiffer {
         a: matte.input.clone(),
         a_size: size,
-        b: other.clone(),
+        b: other.to_path_buf(),
         b_size: other_size,
     }
 }

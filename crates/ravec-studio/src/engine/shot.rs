@@ -121,15 +121,14 @@ impl OpenShot {
     ) -> Result<AnyImage, JobError> {
         let key = format!("{key}\n{}", image.size());
         let known = self.open.take().filter(|(of, _)| *of == key);
-        let mut preview = match known {
-            Some((_, preview)) => preview,
-            None => {
-                let opened = ShotPreview::open(step, mattes.cloned(), image.size(), context)?;
-                let Some(opened) = opened else {
-                    return Ok(image.clone());
-                };
-                opened
-            }
+        let mut preview = if let Some((_, preview)) = known {
+            preview
+        } else {
+            let opened = ShotPreview::open(step, mattes.cloned(), image.size(), context)?;
+            let Some(opened) = opened else {
+                return Ok(image.clone());
+            };
+            opened
         };
         let done = preview.frame(frame, image, context);
         self.open = Some((key, preview));

@@ -277,16 +277,15 @@ impl Overlay {
                 dvec2(0.0, height),
             ]
         };
-        let place = match &self.params.quad {
-            Some(quad) => quad.check(self.params.pixel_centers, frame)?,
-            None => {
-                // all of it in the middle
-                let extent = |size: Size| dvec2(size.width() as f64, size.height() as f64);
-                let (whole, own) = (extent(frame), extent(image));
-                let scale = (whole / own).min_element();
-                let first: DVec2 = 0.5 * (whole - scale * own);
-                corners(image).map(|corner| first + scale * corner)
-            }
+        let place = if let Some(quad) = &self.params.quad {
+            quad.check(self.params.pixel_centers, frame)?
+        } else {
+            // all of it in the middle
+            let extent = |size: Size| dvec2(size.width() as f64, size.height() as f64);
+            let (whole, own) = (extent(frame), extent(image));
+            let scale = (whole / own).min_element();
+            let first: DVec2 = 0.5 * (whole - scale * own);
+            corners(image).map(|corner| first + scale * corner)
         };
         let map = Homography::from_pairs(&place, &corners(image));
         map.map_err(|cause| JobError::Quad { cause })
