@@ -124,7 +124,7 @@ impl FrameMattes {
     /// Alpha and foreground of a frame.
     ///
     /// # Errors
-    /// [`JobError::TrackFile`] for a frame that the track lacks, [`JobError::Matting`], [`JobError::Cancelled`].
+    /// [`JobError::TrackFile`] for a frame that the track lacks, [`JobError::Parameter`], [`JobError::Cancelled`].
     pub fn solve(
         &self,
         index: u64,

@@ -80,7 +80,7 @@ impl LiveMatte {
     /// if there is one.
     ///
     /// # Errors
-    /// [`JobError::Matting`], [`JobError::Cancelled`], after which the strokes are as they were.
+    /// [`JobError::Parameter`], [`JobError::Cancelled`], after which the strokes are as they were.
     pub fn set_marks(
         &mut self,
         marks: &[FrameMark],
