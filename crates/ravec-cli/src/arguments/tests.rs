@@ -81,12 +81,7 @@ const LINES: &[(&str, &str, &str)] = &[
         "b",
     ),
     (
-        "ravec matte a -o b --plate c --mark 3:foreground:4:1,2,3,4 --mark 9:background:2.5:-1,2 --carry 10 --shadows keep",
-        "a c",
-        "b",
-    ),
-    (
-        "ravec video overlay a -o b --image c --track d --matte e --blend screen --opacity 0.5 --frames 2..9",
+        "ravec video overlay a -o b --image c --track d --matte e",
         "a d e c",
         "b",
     ),
