@@ -12,7 +12,7 @@ const MAX_RADIUS_PX: f64 = 4096.0;
 /// Points of a stroke at most.
 const MAX_POINTS: usize = 1 << 16;
 
-/// What a stroke says about the pixels under it.
+/// Label of the pixels under a stroke.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Side {
     /// They are foreground.
@@ -37,7 +37,7 @@ impl Side {
 pub struct FrameMark {
     /// Number of the frame, from 0.
     pub frame: u64,
-    /// What it says.
+    /// Label of its pixels.
     pub side: Side,
     /// Radius of the tip in pixels.
     pub radius_px: f64,

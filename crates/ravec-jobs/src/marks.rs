@@ -169,8 +169,8 @@ impl Marks {
     /// as far as these are carried.
     ///
     /// # Errors
-    /// [`JobError::ReadClip`], [`JobError::ClipTooShort`] for strokes behind its end, [`JobError::TrackFile`],
-    /// [`JobError::Strokes`], [`JobError::Cancelled`].
+    /// [`JobError::ReadClip`], [`JobError::Strokes`] also for strokes behind its end, [`JobError::TrackFile`],
+    /// [`JobError::Cancelled`].
     pub fn carried(
         source: &MarkSource<'_>,
         report: &mut Report,
@@ -193,9 +193,9 @@ impl Marks {
         let mut strokes = Vec::new();
         for (frame, list) in outlines {
             context.progress.check()?;
-            let too_short = || JobError::ClipTooShort {
+            let too_short = || JobError::Strokes {
                 path: source.input.to_path_buf(),
-                frame,
+                reason: format!("it ends before frame {frame}"),
             };
             if frames.is_some_and(|frames| frame >= frames) {
                 return Err(too_short());
@@ -307,9 +307,9 @@ impl Marks {
         active.reduce(|| false, |a, b| a || b)
     }
 
-    /// What strokes say in a frame, over what a trimap says; `None` without both.
+    /// Constraints of the strokes that reach a frame, on top of a trimap; `None` without both.
     ///
-    /// Where strokes disagree, those of nearer frames hold, and the last one of a frame.
+    /// Where strokes overlap, that of the nearest frame wins, and of one frame the last.
     pub fn constraints(
         &self,
         frame: u64,
@@ -320,7 +320,7 @@ impl Marks {
         self.chosen(frame, colors, frame_from_reference, trimap, |_| true)
     }
 
-    /// What strokes of other frames say in a frame.
+    /// Constraints in a frame of the strokes that are drawn in other frames.
     pub fn of_others(
         &self,
         frame: u64,

@@ -41,7 +41,7 @@ impl FrameMattes {
     ///
     /// # Errors
     /// [`JobError::Read`], [`JobError::SizesDiffer`], [`JobError::TrackFile`], [`JobError::Strokes`], [`JobError::ReadClip`],
-    /// [`JobError::ClipTooShort`], [`JobError::Cancelled`].
+    /// [`JobError::Cancelled`].
     pub fn open(
         matte: &Matte,
         size: Size,
@@ -106,7 +106,7 @@ impl FrameMattes {
         }
     }
 
-    /// What the operation writes for a frame: alpha, or the foreground.
+    /// The output of the operation for a frame: alpha, or the foreground.
     ///
     /// # Errors
     /// Those of [`solve`](Self::solve).

@@ -19,7 +19,7 @@ pub struct LiveMatte {
     index: u64,
     colors: Colors,
     plate: PlateInFrame,
-    /// What strokes of other frames say.
+    /// Constraints of strokes that are drawn in other frames.
     others: Option<Constraints>,
     marks: Vec<FrameMark>,
     found: PlateMatte,
@@ -119,7 +119,7 @@ fn own_marks(marks: &[FrameMark], index: u64) -> Vec<FrameMark> {
     own.cloned().collect()
 }
 
-/// What strokes of a frame say, over those of others.
+/// Constraints of the strokes of a frame, on top of those of other frames.
 fn constraints(
     others: Option<&Constraints>,
     own: &[FrameMark],

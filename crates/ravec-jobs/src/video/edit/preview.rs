@@ -15,14 +15,14 @@ use ravec::raster::{AnyImage, Size};
 /// ```no_run
 /// use ravec::raster::Size;
 /// use ravec_jobs::{Context, Step, video::edit::ShotPreview};
-/// # fn frame(number: u64) -> ravec::raster::AnyImage { unimplemented!() }
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
 /// let step: Step = serde_json::from_str(
 ///     r#"{"operation": "video remove", "input": "a.y4m", "output": "b.y4m", "plate": "empty.png", "matte": "m.y4m"}"#,
 /// )?;
 /// let context = Context::default();
+/// let frame = ravec_media::read("frame_40.png", &context.limits)?.image;
 /// let preview = ShotPreview::open(&step, None, Size::new(640, 360)?, &context)?;
-/// let result = preview.expect("removal is an edit of a shot").frame(40, &frame(40), &context)?;
+/// let result = preview.expect("removal is an edit of a shot").frame(40, &frame, &context)?;
 /// # Ok(())
 /// # }
 /// ```
