@@ -2,11 +2,12 @@
 //!
 //! A frame is taken as `gain · plate + offset` plus a linear combination of the first and second derivatives of the plate,
 //! which a shift below a pixel and a blur of a few tenths of a pixel are to second order. The eleven numbers are fitted by
-//! least squares with Tukey's biweight, so that foreground, which fits nowhere, has no weight.
+//! least squares with Tukey's biweight, so that foreground, which fits nowhere, has no weight. Where the second derivatives ask for
+//! more blur than that, the plate is blurred by it and the fit done again, until nothing is missing: frames of a camera in motion.
 
 use crate::matte::Colors;
 use ravec_numeric::solve_positive;
-use ravec_raster::{Image, Plane};
+use ravec_raster::{BlurCovariance, Image, Plane, elliptic_gaussian_blur};
 use rayon::prelude::*;
 
 /// Samples that the fit reads at most.
@@ -22,6 +23,14 @@ const DRIFT: f32 = 8.0 / 255.0;
 /// Quantile of differences, and where a normal distribution has it in standard deviations.
 const WIDE_QUANTILE: f32 = 0.85;
 const WIDE_SIGMAS: f32 = 1.44;
+/// Largest variance of a blur, in square pixels, that second derivatives describe.
+const MAX_LINEAR_BLUR: f64 = 0.5;
+/// Fits of a blur that is larger.
+const BLUR_ROUNDS: usize = 6;
+/// Variance that is missing when a fit of the blur ends, in square pixels.
+const BLUR_TOLERANCE: f64 = 0.15;
+/// What is left with a blur, relative to that without, above which the blur is not believed.
+const MIN_BLUR_GAIN: f32 = 0.97;
 /// Unknowns: gains, offsets, two first and three second derivatives.
 const UNKNOWNS: usize = 11;
 
@@ -32,6 +41,8 @@ pub struct PlateLight {
     pub gain: [f32; 3],
     /// Value that is added to each channel.
     pub offset: [f32; 3],
+    /// Blur of the plate before anything else; none for blurs that the derivatives describe.
+    pub blur: BlurCovariance,
     /// Factors of the derivatives of the plate: x, y, xx, xy, yy.
     pub derivatives: [f32; 5],
     /// Standard deviation of the noise of each channel.
@@ -97,6 +108,11 @@ impl PlateLight {
     const SAME: Self = Self {
         gain: [1.0; 3],
         offset: [0.0; 3],
+        blur: BlurCovariance {
+            xx: 0.0,
+            xy: 0.0,
+            yy: 0.0,
+        },
         derivatives: [0.0; 5],
         sigma: [2.0 * MIN_SIGMA; 3],
         edge_variance: 0.0,
@@ -109,6 +125,53 @@ impl PlateLight {
         plate: &Colors,
         usable: Option<&dyn Fn(usize, usize) -> bool>,
     ) -> Self {
+        let (sharp, scale) = Self::fit_linear(frame, plate, usable);
+        let mut missing = sharp.linear_blur();
+        if missing.max_variance() <= MAX_LINEAR_BLUR {
+            return sharp;
+        }
+        let mut best = sharp;
+        let mut limit = MIN_BLUR_GAIN * scale;
+        let mut blur = BlurCovariance::default();
+        for _ in 0..BLUR_ROUNDS {
+            blur = blur.after(missing).without_sharpening();
+            let blurred = elliptic_gaussian_blur(plate, blur);
+            let (light, scale) = Self::fit_linear(frame, &blurred, usable);
+            missing = light.linear_blur();
+            if scale < limit {
+                best = Self { blur, ..light };
+                limit = scale;
+            }
+            if missing.max_variance().abs() < BLUR_TOLERANCE {
+                break;
+            }
+        }
+        best
+    }
+
+    /// Blur of the plate in the frame: the one before the derivatives and the one that they describe.
+    pub fn total_blur(&self) -> BlurCovariance {
+        self.blur.after(self.linear_blur()).without_sharpening()
+    }
+
+    /// The blur that the second derivatives stand for; negative where the frame is sharper.
+    fn linear_blur(&self) -> BlurCovariance {
+        let gain = f64::from(self.gain.iter().sum::<f32>()) / 3.0;
+        let [_, _, xx, xy, yy] = self.derivatives.map(f64::from);
+        BlurCovariance {
+            xx: 2.0 * xx / gain,
+            xy: xy / gain,
+            yy: 2.0 * yy / gain,
+        }
+    }
+
+    /// Fits everything but a blur beyond that of the derivatives. Gives the robust size of what is left, too, summed over the
+    /// channels.
+    fn fit_linear(
+        frame: &Colors,
+        plate: &Colors,
+        usable: Option<&dyn Fn(usize, usize) -> bool>,
+    ) -> (Self, f32) {
         let step = ((frame.size().pixels() as f64 / MAX_SAMPLES as f64)
             .sqrt()
             .ceil() as usize)
@@ -141,7 +204,7 @@ impl PlateLight {
             }
         }
         if samples.len() < 4 * UNKNOWNS {
-            return Self::SAME;
+            return (Self::SAME, 0.0);
         }
         let mut light = Self::SAME;
         for round in 0..ROUNDS {
@@ -152,7 +215,10 @@ impl PlateLight {
                 .refitted(&samples, scale, with_derivatives)
                 .unwrap_or(light);
         }
-        light.with_noise(&samples)
+        (
+            light.with_noise(&samples),
+            light.scales(&samples).iter().sum(),
+        )
     }
 
     /// Robust standard deviation of each channel.
@@ -285,6 +351,13 @@ impl PlateLight {
 
     /// The plate in this light, and the variance of its difference to the frame relative to that of the noise.
     pub fn relit(&self, plate: &Colors) -> (Colors, Plane) {
+        let blurred;
+        let plate = if self.blur == BlurCovariance::default() {
+            plate
+        } else {
+            blurred = elliptic_gaussian_blur(plate, self.blur);
+            &blurred
+        };
         let mut lit = plate.clone();
         let mut variance = Plane::new(plate.size(), 1.0);
         lit.par_rows_mut()

@@ -1,11 +1,11 @@
 //! Mattes before a plate, on scenes with known alpha.
 
 use ravec_matting::{
-    Colors, Constraints, MattingError, PlateFrame, PlateMatte, PlateParams, Shadows, plate_matte,
-    plate_matte_near,
+    Colors, Constraints, MattingError, PlateFrame, PlateLight, PlateMatte, PlateParams, Shadows,
+    plate_matte, plate_matte_near,
 };
 use ravec_progress::Progress;
-use ravec_raster::{Image, Plane, Rect, Size};
+use ravec_raster::{BlurCovariance, Image, Plane, Rect, Size, elliptic_gaussian_blur};
 
 /// A number from −1 to 1 that looks random.
 fn noise(seed: u32) -> f32 {
@@ -110,6 +110,58 @@ fn a_frame_without_foreground_has_an_empty_matte() {
     let frame = composite(&plate, &Plane::new(size, 0.0));
     let found = solve(&PlateFrame::new(&frame, &plate));
     assert!(found.matte.alpha.pixels().iter().all(|alpha| *alpha == 0.0));
+}
+
+#[test]
+fn the_blur_of_a_camera_in_motion_is_followed() {
+    let size = Size::new(160, 120).unwrap();
+    let (below, truth) = (plate(size), disc(size));
+    for blur in [
+        BlurCovariance {
+            xx: 6.0,
+            xy: 0.0,
+            yy: 0.3,
+        },
+        BlurCovariance {
+            xx: 3.0,
+            xy: 2.0,
+            yy: 3.0,
+        },
+    ] {
+        let blurred = elliptic_gaussian_blur(&below, blur);
+        let frame = composite(&blurred, &Plane::new(size, 0.0));
+        let light = PlateLight::fit(&frame, &below, None);
+        let found = light.total_blur();
+        let pairs = [
+            (found.xx, blur.xx),
+            (found.xy, blur.xy),
+            (found.yy, blur.yy),
+        ];
+        for (found, expected) in pairs {
+            assert!((found - expected).abs() < 0.5, "{found} for {expected}");
+        }
+        // the plate is shown as blurred as the frame
+        let (shown, _) = light.relit(&below);
+        let middle = (20..100).flat_map(|row| (20..140).map(move |col| (col, row)));
+        let square = |at: (usize, usize)| {
+            let expected = 1.03 * blurred[at][1] - 0.01;
+            (shown[at][1] - expected).powi(2)
+        };
+        let rms = (middle.map(square).sum::<f32>() / (80.0 * 120.0)).sqrt();
+        assert!(rms < 0.005, "{rms}");
+        let empty = solve(&PlateFrame::new(&frame, &below));
+        assert!(empty.matte.alpha.pixels().iter().all(|alpha| *alpha == 0.0));
+        // and foreground stays what it is
+        let frame = composite(&blurred, &truth);
+        let found = solve(&PlateFrame::new(&frame, &below));
+        let (left, right) = (found.matte.alpha.pixels(), truth.pixels());
+        let sad: f32 = left.iter().zip(right).map(|(a, b)| (a - b).abs()).sum();
+        assert!(sad < 120.0, "{sad}");
+    }
+    // a sharp frame has no blur before its derivatives
+    let frame = composite(&below, &truth);
+    let light = PlateLight::fit(&frame, &below, None);
+    assert_eq!(light.blur, BlurCovariance::default());
 }
 
 #[test]

@@ -52,7 +52,7 @@
 //! | holding pixels | [`Image`], [`Plane`], [`AnyImage`], [`Size`], [`Rect`], the pixel types |
 //! | values between pixels | [`Image::sample`] and [`Interpolation`], [`Image::area_average`] |
 //! | other sizes | [`resize()`], [`Pyramid`], [`halved`] |
-//! | neighborhoods | [`gaussian_blur`], [`Gradient`], [`Integral`], [`distance_to`] |
+//! | neighborhoods | [`gaussian_blur`], [`elliptic_gaussian_blur`], [`Gradient`], [`Integral`], [`distance_to`] |
 //! | regions | [`Mask`] |
 //! | edges | [`Segment`] |
 //! | differences | [`compare`], [`psnr_db`], [`ssim_map`], [`delta_e_map`], [`ciede2000`] |
@@ -88,6 +88,7 @@ pub mod color;
 mod coverage;
 mod delta_e;
 mod distance;
+mod elliptic;
 mod filter;
 mod image;
 mod integral;
@@ -108,6 +109,7 @@ pub use any::AnyImage;
 pub use average::Average;
 pub use delta_e::{ciede2000, delta_e_oklab, lab_from_linear};
 pub use distance::distance_to;
+pub use elliptic::{BlurCovariance, elliptic_gaussian_blur};
 pub use filter::{Gradient, gaussian_blur};
 pub use image::{Image, Plane};
 pub use integral::Integral;

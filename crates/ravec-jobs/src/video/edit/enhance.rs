@@ -15,7 +15,7 @@ use glam::{DVec2, dvec2};
 use ravec::matting::Colors;
 use ravec::planar::track::{PhotoError, PhotoParams, locate_photo};
 use ravec::planar::{Beyond, Homography, warp};
-use ravec::raster::{AnyImage, Image, Plane, Size};
+use ravec::raster::{AnyImage, Image, Plane, Size, elliptic_gaussian_blur};
 use ravec::video_edit::{Enhancement, Tone};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -53,9 +53,11 @@ pub struct Enhance {
 const HELP: &str = "\
 Examples:
   ravec video enhance wall.y4m --track w.json --plate w.png --matte m.png --photo p.png -o big.y4m
+  ravec video enhance wall.y4m --plate w.png --matte m.png --photo p.png --blur matched -o big.y4m
 
 The place of the photo is found on the plate, and its colors are brought to those of the plate by a curve for each channel; each frame \
-then has its own light. Where the photo ends, the enlarged frame goes on.
+then has its own light. Where the photo ends, the enlarged frame goes on. With --blur matched, frames of a camera in motion or out of \
+focus stay as blurred against the plate as they are; otherwise all frames are as sharp as the photo.
 
 Figures: frames, photo_inliers, photo_sigma_px.";
 
@@ -73,9 +75,24 @@ pub struct Params {
         arg(long, value_name = "X,Y,X,Y,X,Y,X,Y", allow_hyphen_values = true)
     )]
     pub quad: Option<Quad>,
+    /// Blur of the photo in the frames
+    #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t = PhotoBlur::None))]
+    pub blur: PhotoBlur,
     /// Encoding of the output.
     #[cfg_attr(feature = "cli", command(flatten))]
     pub encoding: Encoding,
+}
+
+/// Blur of the photo in the frames.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+pub enum PhotoBlur {
+    /// None: all frames as sharp as the photo
+    #[default]
+    None,
+    /// That of the frame against the plate, as of a camera in motion
+    Matched,
 }
 
 impl Operation for Enhance {
@@ -155,7 +172,12 @@ impl ShotEdit for Enhance {
     ) -> Result<Box<dyn FrameEdit>, JobError> {
         let size = doubled(edit.size, context)?;
         let photo = self.photo_on_plane(edit.size, report, context)?;
-        Ok(Box::new(Frames { edit, photo, size }))
+        Ok(Box::new(Frames {
+            edit,
+            photo,
+            size,
+            blur: self.params.blur,
+        }))
     }
 }
 
@@ -164,6 +186,7 @@ struct Frames {
     edit: Edit,
     photo: PhotoOnPlane,
     size: Size,
+    blur: PhotoBlur,
 }
 
 impl FrameEdit for Frames {
@@ -179,13 +202,16 @@ impl FrameEdit for Frames {
         let photo_from_output = (frame.map * photo.reference_from_photo).inverse() * half;
         let progress = context.progress.silent();
         let nothing = Beyond::Pixel([0.0; 4]);
-        let laid = warp(
+        let mut laid = warp(
             &photo.pixels,
             &photo_from_output,
             self.size,
             nothing,
             &progress,
         )?;
+        if self.blur == PhotoBlur::Matched {
+            laid = elliptic_gaussian_blur(&laid, frame.blur.enlarged(2.0));
+        }
         let shown = laid.map(|[_, _, _, share]| if share > 0.999 { 1.0 } else { 0.0 });
         let colors = laid.map(|[r, g, b, _]| [r, g, b].map(|value| value.clamp(0.0, 1.0)));
         let enhancement = Enhancement {

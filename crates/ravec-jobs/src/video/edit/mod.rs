@@ -24,7 +24,7 @@ use crate::track::rewrite::{Target, rewrite};
 use crate::video::{Encoding, FrameRange, folder_or_clip, is_clip, key_of, open_clip, read_error};
 use ravec::matting::{Colors, PlateLight};
 use ravec::planar::Homography;
-use ravec::raster::{AnyImage, Image, Mask, Plane, Size, Srgb};
+use ravec::raster::{AnyImage, BlurCovariance, Image, Mask, Plane, Size, Srgb};
 use ravec_video::{Clip, FrameSource as _};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -156,6 +156,8 @@ struct EditFrame {
     map: Homography,
     /// The plate as the frame shows it, in its light.
     background: Colors,
+    /// Blur of the plate in the frame.
+    blur: BlurCovariance,
     /// Share of certainty of the plate.
     known: Plane,
 }
@@ -234,6 +236,7 @@ impl Edit {
             index,
             map,
             alpha,
+            blur: light.total_blur(),
             background: background.map(|color| color.map(|value| value.clamp(0.0, 1.0))),
             known: shown.known,
             colors,

@@ -44,7 +44,7 @@ Examples:
   ravec video remove clip.y4m --plate empty.png --matte alpha.y4m -o clean.y4m
   ravec video remove clip.y4m --plate empty.png --matte alpha.y4m --grain none -o clean_%04d.png
 
-Gain, offset, blur and small shifts of the plate are fitted to each frame. Pixels more than 8 pixels from the foreground stay as they \
+Gain, offset, blur in any direction and small shifts of the plate are fitted to each frame. Pixels more than 8 pixels from the foreground stay as they \
 are.
 
 Figures: frames.";

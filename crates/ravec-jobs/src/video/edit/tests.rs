@@ -338,6 +338,72 @@ fn a_photo_sharpens_the_wall_at_twice_the_size() {
 }
 
 #[test]
+fn an_enhanced_frame_of_a_camera_in_motion_stays_blurred_where_asked() {
+    use ravec_scenes::{Seed, texture::fractal};
+    let shot = Shot {
+        folder: tempfile::tempdir().unwrap(),
+    };
+    let size = Size::new(160, 120).unwrap();
+    // `blur` is the length of the motion along rows
+    let color = |x: f64, y: f64, blur: f64| {
+        let steps = 15;
+        let value = (0..steps)
+            .map(|step| {
+                let moved = x + blur * ((f64::from(step) + 0.5) / f64::from(steps) - 0.5);
+                128.0 + 90.0 * fractal(glam::dvec2(moved, y) / 20.0, 0.01, 6, Seed(3))
+            })
+            .sum::<f64>()
+            / f64::from(steps);
+        [value, 0.9 * value, 0.8 * value + 20.0].map(|value| value.clamp(5.0, 250.0))
+    };
+    let half = |at: usize| 0.5 * at as f64 + 0.25;
+    let at = |blur: f64| {
+        picture(size, move |col, row| {
+            color(col as f64 + 0.5, row as f64 + 0.5, blur)
+        })
+    };
+    shot.save("plate.png", at(0.0));
+    shot.save("f_0.png", at(0.0));
+    shot.save("f_1.png", at(8.0));
+    shot.save("none.png", picture(size, |_, _| [0.0; 3]));
+    let double = Size::new(320, 240).unwrap();
+    shot.save(
+        "photo.png",
+        picture(double, |col, row| color(half(col), half(row), 0.0)),
+    );
+    let enhance = |output: &str, blur| Enhance {
+        input: shot.at("f_%d.png"),
+        output: shot.at(output),
+        photo: shot.at("photo.png"),
+        plate: shot.at("plate.png"),
+        matte: shot.at("none.png"),
+        track: None,
+        params: enhance::Params {
+            blur,
+            ..enhance::Params::default()
+        },
+    };
+    run(&enhance("s_%d.png", enhance::PhotoBlur::None));
+    run(&enhance("b_%d.png", enhance::PhotoBlur::Matched));
+    let rms = |name: &str, blur: f64| {
+        let found = shot.read(name);
+        let mut sum = 0.0;
+        for row in 20..220 {
+            for col in 30..290 {
+                let truth = color(half(col), half(row), blur)[0];
+                sum += (f64::from(found[(col, row)].0[0]) - truth).powi(2);
+            }
+        }
+        (sum / (200.0 * 260.0)).sqrt()
+    };
+    assert_eq!(shot.read("s_0.png"), shot.read("b_0.png"));
+    assert!(rms("s_1.png", 0.0) < 4.0);
+    // twice as near to the blurred truth as a sharp frame would be
+    let (matched, sharp) = (rms("b_1.png", 8.0), rms("s_1.png", 8.0));
+    assert!(matched < 0.5 * sharp, "{matched} against {sharp}");
+}
+
+#[test]
 fn short_mattes_wrong_plates_and_the_own_folder_are_refused() {
     let shot = Shot::new();
     std::fs::remove_file(shot.at("a_4.png")).unwrap();
