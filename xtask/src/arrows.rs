@@ -220,6 +220,11 @@ const CRATES: &[Crate] = &[
         ],
     },
     Crate {
+        name: "ravec-python",
+        layer: "fronts",
+        uses: &["ravec-cli", "ravec-jobs", "ravec", "ravec-media"],
+    },
+    Crate {
         name: "ravec-scenes",
         layer: "development",
         uses: &["ravec-raster", "ravec-mesh"],
@@ -288,6 +293,8 @@ const QUARANTINE: &[(&[&str], &[&str])] = &[
             "xtask",
         ],
     ),
+    // the interpreter of Python
+    (&["numpy", "pyo3"], &["ravec-python"]),
     // windows
     (&["eframe", "egui", "egui_kittest"], &["ravec-studio"]),
     // the terminal

@@ -6,9 +6,10 @@ use ravec_jobs::{ErrorKind, JobError, escape_except};
 use std::backtrace::Backtrace;
 use std::io::Write as _;
 use std::panic::{self, AssertUnwindSafe};
-use std::process::ExitCode;
 use std::sync::{Arc, Mutex, PoisonError};
 
+/// All went well.
+pub const DONE: u8 = 0;
 /// The operation failed for another reason than its files, or its verdict is no.
 pub const FAILED: u8 = 1;
 /// The command line was wrong: an unknown flag, a value out of range.
@@ -57,13 +58,13 @@ impl Failure {
     }
 
     /// Reports the failure to the user and gives the exit code.
-    pub fn report(&self) -> ExitCode {
+    pub fn report(&self) -> u8 {
         let reported = self.code == INTERRUPTED && !interrupt::report_once();
         if !self.sentence.is_empty() && !reported {
             say("error", &self.sentence);
             print(&escape_except(&self.lines, &['\n']));
         }
-        ExitCode::from(self.code)
+        self.code
     }
 }
 

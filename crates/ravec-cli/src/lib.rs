@@ -41,25 +41,24 @@ use ravec_jobs::{
 use std::ffi::OsString;
 use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 use tracing_subscriber::EnvFilter;
 
 pub use arguments::command;
 
-/// Runs the program with its arguments, the first of which is its name.
-pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
+/// Runs the program with its arguments, the first of which is its name, and gives its exit code.
+pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     let arguments = match arguments::parse(arguments) {
         Ok(arguments) => arguments,
         Err(answer) => return usage(&answer),
     };
     match exit::catch_bugs(|| execute(arguments)) {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(()) => exit::DONE,
         Err(failure) => failure.report(),
     }
 }
 
 /// Help and version go to standard output; what is wrong with the flags is an error like any other.
-fn usage(answer: &clap::Error) -> ExitCode {
+fn usage(answer: &clap::Error) -> u8 {
     let text = answer.render();
     // an argument that is quoted may have an escape sequence of its own; then nothing is colored
     let plain = text.to_string();
@@ -73,10 +72,10 @@ fn usage(answer: &clap::Error) -> ExitCode {
     };
     if answer.use_stderr() {
         exit::print(&format!("ravec: {}", text(std::io::stderr().is_terminal())));
-        return ExitCode::from(exit::USAGE);
+        return exit::USAGE;
     }
     match summary::print(&text(std::io::stdout().is_terminal())) {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(()) => exit::DONE,
         Err(failure) => failure.report(),
     }
 }

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 fn main() -> ExitCode {
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
     give_large_buffers_back();
-    ravec_cli::run(std::env::args_os())
+    ravec_cli::run(std::env::args_os()).into()
 }
 
 /// Lets what buffers from 2 MiB on took go back to the system as soon as they are dropped.

@@ -6,7 +6,7 @@ use ravec::mesh_io::{MeshFile, MeshLimits};
 use ravec::progress::Progress;
 use ravec_media::{Limits, Picture};
 use ravec_video::{CopiedTracks, ScratchClip, VideoLimits};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -100,6 +100,26 @@ impl Context {
     /// [`JobError::NoIntermediate`].
     pub fn mesh(&self, name: &Path) -> Result<MeshFile, JobError> {
         self.stored_mesh(name)
+    }
+
+    /// The text that an operation has written to an intermediate result.
+    ///
+    /// # Errors
+    /// [`JobError::NoIntermediate`].
+    pub fn text(&self, name: &Path) -> Result<String, JobError> {
+        self.stored_text(name)
+    }
+
+    /// Names of the intermediate results so far.
+    pub(crate) fn names(&self) -> HashSet<PathBuf> {
+        let Some(intermediates) = &self.intermediates else {
+            return HashSet::new();
+        };
+        let values = intermediates
+            .0
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
+        values.keys().cloned().collect()
     }
 
     /// True for a path that is an intermediate result here, not a file.

@@ -135,10 +135,10 @@ impl Recipe {
     }
 
     /// Refuses files that get in each other's way: an output that replaces an input of the recipe or the output of another
-    /// step, and an intermediate result that no earlier step writes.
-    fn check(&self, recipe: &Path) -> Result<(), JobError> {
+    /// step, and an intermediate result that no earlier step writes and that is not there already.
+    fn check(&self, recipe: &Path, context: &Context) -> Result<(), JobError> {
         let mut written = HashSet::new();
-        let mut intermediates = HashSet::new();
+        let mut intermediates = context.names();
         // files that exist before the recipe runs
         let mut read: HashSet<_> = FileIdentity::of(recipe).into_iter().collect();
         for step in &self.steps {
@@ -170,6 +170,49 @@ impl Recipe {
         for path in &written {
             if FileIdentity::of(path).is_some_and(|file| read.contains(&file)) {
                 return Err(JobError::OverwritesInput { path: path.clone() });
+            }
+        }
+        Ok(())
+    }
+
+    /// Runs the steps in order, as if they stood in the recipe `file`, which need not exist. Intermediate results of `context` may be
+    /// inputs, and those of the steps are left there.
+    ///
+    /// # Errors
+    /// Those of [`Run::run`], but for reading the file.
+    pub fn run(&self, file: &Path, context: &Context) -> Result<Report, JobError> {
+        let mut report = Report::new(Run::NAME, &Params::default());
+        report.recipe = serde_json::to_value(self).ok();
+        let unreadable = |error: serde_json::Error| JobError::Recipe {
+            path: file.to_path_buf(),
+            reason: error.to_string(),
+        };
+        let recipe = self.clone().resolved(parent(file)).map_err(unreadable)?;
+        recipe.run_steps(file, context, &mut report)?;
+        Ok(report)
+    }
+
+    /// Checks and runs the steps, whose paths are resolved.
+    fn run_steps(
+        &self,
+        file: &Path,
+        context: &Context,
+        report: &mut Report,
+    ) -> Result<(), JobError> {
+        self.check(file, context)?;
+        for (index, step) in self.steps.iter().enumerate() {
+            context.progress.check()?;
+            let operation = step.operation();
+            tracing::info!("step {}: {}", index + 1, operation.name());
+            let done = run_step(operation, context).map_err(|cause| cause.in_step(index + 1))?;
+            report.absorb(done, |path| is_intermediate(Path::new(path)));
+            if report.passed == Some(false) {
+                report.warn(format!(
+                    "the recipe ended after step {} ({}): its verdict is no",
+                    index + 1,
+                    operation.name()
+                ));
+                break;
             }
         }
         Ok(())
@@ -284,33 +327,22 @@ impl Operation for Run {
         let recipe = Recipe::from_json(&text).map_err(unreadable)?;
         let mut report = Report::of(self, &self.params);
         report.recipe = serde_json::to_value(&recipe).ok();
-        let folder = self.file.parent().unwrap_or(Path::new(""));
         let recipe = recipe
-            .resolved(folder)
+            .resolved(parent(&self.file))
             .map_err(|error| unreadable(error.to_string()))?;
-        recipe.check(&self.file)?;
         if self.params.dry_run {
+            recipe.check(&self.file, context)?;
             report.result = Some(recipe.plan());
             return Ok(report);
         }
-        let context = context.with_intermediates();
-        for (index, step) in recipe.steps.iter().enumerate() {
-            context.progress.check()?;
-            let operation = step.operation();
-            tracing::info!("step {}: {}", index + 1, operation.name());
-            let done = run_step(operation, &context).map_err(|cause| cause.in_step(index + 1))?;
-            report.absorb(done, |path| is_intermediate(Path::new(path)));
-            if report.passed == Some(false) {
-                report.warn(format!(
-                    "the recipe ended after step {} ({}): its verdict is no",
-                    index + 1,
-                    operation.name()
-                ));
-                break;
-            }
-        }
+        recipe.run_steps(&self.file, &context.with_intermediates(), &mut report)?;
         Ok(report)
     }
+}
+
+/// The folder of a file.
+fn parent(file: &Path) -> &Path {
+    file.parent().unwrap_or(Path::new(""))
 }
 
 /// Checks the files of a step and runs it.

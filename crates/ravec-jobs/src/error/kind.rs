@@ -3,12 +3,14 @@
 use super::JobError;
 use ravec::boolean::BooleanError;
 use ravec::completion::CompleteError;
+use ravec::mesh_io::{ReadMeshError, WriteMeshError};
 use ravec::offset::OffsetError;
 use ravec::planar::track::TrackError;
 use ravec::retarget::RetargetError;
 use ravec_catalogue::CatalogueError;
-use ravec_media::EncodeError;
+use ravec_media::{DecodeError, EncodeError};
 use ravec_video::VideoError;
+use std::io;
 
 /// The part of a run that an error is about.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -26,6 +28,54 @@ pub enum ErrorKind {
 }
 
 impl JobError {
+    /// The kind of the error of the system behind this one, such as a file that is not there; [`io::ErrorKind::OutOfMemory`] where memory
+    /// was lacking. `None` if the reason is another one.
+    pub fn io_kind(&self) -> Option<io::ErrorKind> {
+        match self {
+            Self::Read {
+                cause: DecodeError::Io(error),
+                ..
+            }
+            | Self::Write {
+                cause: EncodeError::Io(error),
+                ..
+            }
+            | Self::ReadClip {
+                cause: VideoError::Io(error),
+                ..
+            }
+            | Self::WriteClip {
+                cause: VideoError::Io(error),
+                ..
+            }
+            | Self::ReadMesh {
+                cause: ReadMeshError::Io(error),
+                ..
+            }
+            | Self::WriteMesh {
+                cause: WriteMeshError::Io(error),
+                ..
+            } => Some(error.kind()),
+            Self::Read {
+                cause: DecodeError::OutOfMemory { .. } | DecodeError::TooManyBytes { .. },
+                ..
+            }
+            | Self::ReadClip {
+                cause: VideoError::OverBudget(_),
+                ..
+            }
+            | Self::ReadMesh {
+                cause: ReadMeshError::OverBudget(_),
+                ..
+            }
+            | Self::Boolean {
+                cause: BooleanError::OutOfMemory { .. },
+            } => Some(io::ErrorKind::OutOfMemory),
+            Self::Step { cause, .. } => cause.io_kind(),
+            _ => None,
+        }
+    }
+
     /// The kind of the error.
     pub fn kind(&self) -> ErrorKind {
         match self {

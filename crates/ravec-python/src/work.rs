@@ -1,0 +1,112 @@
+//! Work in a pool of threads, while the interpreter is free: interruption, progress and panics.
+
+use crate::error;
+use pyo3::exceptions::PyRuntimeError;
+use pyo3::prelude::*;
+use ravec::progress::{Progress, Update};
+use rayon::{ThreadPool, ThreadPoolBuilder};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::mpsc::{RecvTimeoutError, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+/// Time between two looks at interruptions and progress.
+const POLL: Duration = Duration::from_millis(25);
+
+/// The pool, and the process that made it: threads do not survive a fork.
+static POOL: Mutex<Option<(u32, Arc<ThreadPool>)>> = Mutex::new(None);
+
+fn pool() -> PyResult<Arc<ThreadPool>> {
+    let process = std::process::id();
+    let mut pool = POOL.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some((owner, pool)) = &*pool
+        && *owner == process
+    {
+        return Ok(Arc::clone(pool));
+    }
+    let made = ThreadPoolBuilder::new()
+        .thread_name(|index| format!("ravec-{index}"))
+        .build()
+        .map_err(|error| PyRuntimeError::new_err(format!("no threads can be started: {error}")))?;
+    let made = Arc::new(made);
+    // threads of another process cannot be joined
+    std::mem::forget(pool.replace((process, Arc::clone(&made))));
+    Ok(made)
+}
+
+/// Runs `work` in the pool and waits for it with the interpreter unlocked.
+///
+/// `listener` is called with the phase, the units that are done and their total, at most once in 25 milliseconds. An exception of it, and an
+/// interruption, cancel the work and are raised when it has ended.
+///
+/// # Errors
+/// What `work` returns, the exception of the listener, or that of a handler of signals.
+pub fn run<T: Send + 'static>(
+    py: Python<'_>,
+    listener: Option<&Bound<'_, PyAny>>,
+    work: impl FnOnce(&Progress) -> PyResult<T> + Send + 'static,
+) -> PyResult<T> {
+    let latest: Arc<Mutex<Option<Update>>> = Arc::default();
+    let progress = if listener.is_some() {
+        let latest = Arc::clone(&latest);
+        Progress::new(move |update| {
+            *latest.lock().unwrap_or_else(PoisonError::into_inner) = Some(update);
+        })
+    } else {
+        Progress::none()
+    };
+    let (sender, mut receiver) = sync_channel(1);
+    let watched = progress.clone();
+    pool()?.spawn(move || {
+        let done = catch_unwind(AssertUnwindSafe(|| work(&watched)));
+        // nobody waits any more if the interpreter ends
+        drop(sender.send(done));
+    });
+    let mut interruption = None;
+    loop {
+        let received;
+        (receiver, received) = py.detach(move || {
+            let received = receiver.recv_timeout(POLL);
+            (receiver, received)
+        });
+        match received {
+            Ok(done) => {
+                if let Some(interruption) = interruption {
+                    return Err(interruption);
+                }
+                let done = done.unwrap_or_else(|panic| Err(bug(&*panic)))?;
+                tell(listener, &latest)?;
+                return Ok(done);
+            }
+            Err(RecvTimeoutError::Disconnected) => {
+                return Err(error::of_task("the work has ended without a result"));
+            }
+            Err(RecvTimeoutError::Timeout) if interruption.is_none() => {
+                let told = py.check_signals().and_then(|()| tell(listener, &latest));
+                if let Err(raised) = told {
+                    progress.cancel();
+                    interruption = Some(raised);
+                }
+            }
+            Err(RecvTimeoutError::Timeout) => {}
+        }
+    }
+}
+
+/// Calls the listener with the latest update, if there is a new one.
+fn tell(listener: Option<&Bound<'_, PyAny>>, latest: &Mutex<Option<Update>>) -> PyResult<()> {
+    let update = latest.lock().unwrap_or_else(PoisonError::into_inner).take();
+    if let (Some(listener), Some(update)) = (listener, update) {
+        listener.call1((update.phase, update.done, update.total))?;
+    }
+    Ok(())
+}
+
+fn bug(panic: &(dyn std::any::Any + Send)) -> PyErr {
+    let text = panic.downcast_ref::<String>().map(String::as_str);
+    let text = text.or_else(|| panic.downcast_ref::<&str>().copied());
+    PyRuntimeError::new_err(format!(
+        "this is a bug in ravec, please report it: {}",
+        text.unwrap_or("a panic without words")
+    ))
+}
