@@ -15,7 +15,7 @@ callable that takes the phase, the units that are done and their total.
 """
 
 from ._options import Picture
-from ._ravec import OPERATIONS, Error, __version__
+from ._ravec import OPERATIONS, Error, __version__, set_threads
 from .completion import FragmentIndex, Retouch, complete
 from .matting import matte
 from .meshes import Mesh, boolean, offset
@@ -66,6 +66,7 @@ __all__ = [
     "rectify",
     "retarget",
     "run",
+    "set_threads",
     "sharpen",
     "smooth",
     "snap",

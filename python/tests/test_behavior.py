@@ -165,7 +165,7 @@ def test_everything_public_is_documented() -> None:
 
 def test_types_are_checked() -> None:
     mypy = pytest.importorskip("mypy.api")
-    here = Path(__file__).parent
-    package = Path(ravec.__file__).parent
-    output, errors, code = mypy.run(["--strict", "--no-incremental", str(here / "typed_example.py"), str(package)])
+    root = Path(__file__).parent.parent
+    options = ["--no-incremental", "--config-file", str(root / "pyproject.toml")]
+    output, errors, code = mypy.run([*options, str(root / "ravec"), str(root / "tests" / "typed_example.py")])
     assert code == 0, output + errors

@@ -56,6 +56,7 @@ fn _ravec(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<completion::FragmentIndex>()?;
     module.add_function(wrap_pyfunction!(main, module)?)?;
     module.add_function(wrap_pyfunction!(array::png, module)?)?;
+    module.add_function(wrap_pyfunction!(work::set_threads, module)?)?;
     module.add_function(wrap_pyfunction!(operation::run_operation, module)?)?;
     module.add_function(wrap_pyfunction!(operation::run_recipe, module)?)?;
     module.add_function(wrap_pyfunction!(planar::estimate, module)?)?;

@@ -6,6 +6,7 @@ use pyo3::prelude::*;
 use ravec::progress::{Progress, Update};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -16,6 +17,23 @@ const POLL: Duration = Duration::from_millis(25);
 /// The pool, and the process that made it: threads do not survive a fork.
 static POOL: Mutex<Option<(u32, Arc<ThreadPool>)>> = Mutex::new(None);
 
+/// Number of threads that was asked for; 0 for all cores.
+static THREADS: AtomicUsize = AtomicUsize::new(0);
+
+/// Sets the number of threads for work from now on; 0 for all cores. Results do not depend on it.
+#[pyfunction]
+pub fn set_threads(count: usize) {
+    if THREADS.swap(count, Ordering::Relaxed) != count {
+        let pool = POOL.lock().unwrap_or_else(PoisonError::into_inner).take();
+        match pool {
+            // its threads end when the work that they have is done
+            Some((owner, pool)) if owner == std::process::id() => drop(pool),
+            // threads of another process do not end
+            pool => std::mem::forget(pool),
+        }
+    }
+}
+
 fn pool() -> PyResult<Arc<ThreadPool>> {
     let process = std::process::id();
     let mut pool = POOL.lock().unwrap_or_else(PoisonError::into_inner);
@@ -25,6 +43,7 @@ fn pool() -> PyResult<Arc<ThreadPool>> {
         return Ok(Arc::clone(pool));
     }
     let made = ThreadPoolBuilder::new()
+        .num_threads(THREADS.load(Ordering::Relaxed))
         .thread_name(|index| format!("ravec-{index}"))
         .build()
         .map_err(|error| PyRuntimeError::new_err(format!("no threads can be started: {error}")))?;
