@@ -11,7 +11,7 @@ use glam::{DMat3, DVec2};
 use ravec::matting::Colors;
 use ravec::planar::track::TrackState;
 use ravec::planar::{Beyond, Homography, warp};
-use ravec::raster::{AnyImage, Image, Mask, Plane, Size, Srgb, Srgba};
+use ravec::raster::{AnyImage, Image, Mask, Plane, Sample, Size, Srgb, Srgba};
 use ravec::video_edit::interpolated;
 use serde::Deserialize;
 use std::path::Path;
@@ -247,8 +247,15 @@ pub(crate) fn check_pad(pad_px: usize) -> Result<(), JobError> {
 
 /// Values of a picture as files hold them, 0 to 1.
 pub(crate) fn encoded(image: &AnyImage) -> Colors {
-    let encoded: Image<Srgb<f32>> = image.convert();
-    encoded.map(|Srgb(values)| values)
+    match image {
+        AnyImage::Srgb8(image) => values(image),
+        AnyImage::Srgb16(image) => values(image),
+        other => values(&other.convert::<Srgb<f32>>()),
+    }
+}
+
+fn values<T: Sample>(image: &Image<Srgb<T>>) -> Colors {
+    image.map(|Srgb(values)| values.map(Sample::to_unit))
 }
 
 /// True for a picture of more than 8 bits.

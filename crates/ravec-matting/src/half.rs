@@ -1,6 +1,7 @@
 //! Planes at half the size, on which everything smooth is computed: sums of neighborhoods and their spread into places without
 //! data.
 
+use fearless_simd::{Level as Vectors, Simd, dispatch};
 use ravec_raster::{Plane, Reduction, Size, gaussian_blur, halved};
 use rayon::prelude::*;
 
@@ -12,6 +13,17 @@ pub(crate) fn halve(plane: &Plane) -> Plane {
 /// Value at full size of a row of a plane at half the size, linear between its pixels. `out` has one value for each column of the
 /// full size.
 pub(crate) fn doubled_row(half: &Plane, row: usize, scratch: &mut Vec<f32>, out: &mut [f32]) {
+    dispatch!(Vectors::new(), simd => doubled_row_on(simd, half, row, scratch, out));
+}
+
+#[inline(always)]
+fn doubled_row_on<S: Simd>(
+    _simd: S,
+    half: &Plane,
+    row: usize,
+    scratch: &mut Vec<f32>,
+    out: &mut [f32],
+) {
     let last = half.height() - 1;
     let near = (row / 2).min(last);
     let far = if row.is_multiple_of(2) {
@@ -27,12 +39,29 @@ pub(crate) fn doubled_row(half: &Plane, row: usize, scratch: &mut Vec<f32>, out:
             .map(|(near, far)| 0.75 * near + 0.25 * far),
     );
     let end = scratch.len() - 1;
-    for (col, pair) in out.chunks_mut(2).enumerate() {
-        let col = col.min(end);
-        let (before, after) = (scratch[col.saturating_sub(1)], scratch[(col + 1).min(end)]);
-        pair[0] = 0.75 * scratch[col] + 0.25 * before;
-        if let Some(second) = pair.get_mut(1) {
-            *second = 0.75 * scratch[col] + 0.25 * after;
+    let near = |at: usize| 0.75 * scratch[at];
+    // between the ends, without a condition for each pixel
+    if out.len() >= 4 {
+        let inner = (out.len() / 2).min(end);
+        for (pair, window) in out[2..2 * inner]
+            .as_chunks_mut()
+            .0
+            .iter_mut()
+            .zip(scratch.windows(3))
+        {
+            let [before, here, after] = [window[0], window[1], window[2]];
+            *pair = [0.75 * here + 0.25 * before, 0.75 * here + 0.25 * after];
+        }
+    }
+    let ends = [0, out.len().saturating_sub(1) / 2, (out.len() / 2).min(end)];
+    for col in ends {
+        let at = col.min(end);
+        let (before, after) = (scratch[at.saturating_sub(1)], scratch[(at + 1).min(end)]);
+        if let Some(first) = out.get_mut(2 * col) {
+            *first = near(at) + 0.25 * before;
+        }
+        if let Some(second) = out.get_mut(2 * col + 1) {
+            *second = near(at) + 0.25 * after;
         }
     }
 }
@@ -124,6 +153,36 @@ mod tests {
                 .iter()
                 .all(|value| (value - 7.0).abs() < 1e-3)
         );
+    }
+
+    #[test]
+    fn rows_of_any_width_are_doubled_as_defined() {
+        for width in 1..24 {
+            let half = halve(&Plane::from_fn(Size::new(width, 6).unwrap(), |col, row| {
+                ((7 * col + 3 * row) % 11) as f32
+            }));
+            for row in 0..6 {
+                let mut out = vec![f32::NAN; width];
+                doubled_row(&half, row, &mut Vec::new(), &mut out);
+                let last = [half.width() - 1, half.height() - 1];
+                let beside = |at: usize, last: usize| {
+                    let near = (at / 2).min(last);
+                    let far = if at.is_multiple_of(2) {
+                        near.saturating_sub(1)
+                    } else {
+                        (near + 1).min(last)
+                    };
+                    [near, far]
+                };
+                let [near, far] = beside(row, last[1]);
+                let line = |col: usize| 0.75 * half[(col, near)] + 0.25 * half[(col, far)];
+                for (col, found) in out.iter().enumerate() {
+                    let [near, far] = beside(col, last[0]);
+                    let expected = 0.75 * line(near) + 0.25 * line(far);
+                    assert!((found - expected).abs() < 1e-5, "{col} of {width}");
+                }
+            }
+        }
     }
 
     #[test]

@@ -4,6 +4,7 @@ use crate::approximate::{exp, ln};
 use crate::field::ColorField;
 use crate::half::doubled_row;
 use crate::texture::TextureCue;
+use fearless_simd::{Level as Vectors, Simd, dispatch};
 use ravec_raster::{Plane, Size};
 use rayon::prelude::*;
 
@@ -53,7 +54,8 @@ impl Likelihood {
                 || Row::new(width),
                 |scratch, (row, (values, contrast))| {
                     scratch.fill(evidence, row);
-                    scratch.likelihood(evidence.variance.row(row), values, contrast);
+                    let variance = evidence.variance.row(row);
+                    dispatch!(Vectors::new(), simd => scratch.likelihood(simd, variance, values, contrast));
                 },
             );
         Self {
@@ -85,12 +87,12 @@ impl Likelihood {
         colors
     }
 
-    /// Calls `f` for each row with the probabilities of the levels under the prior and the planes of the output.
+    /// Calls `f` for each row with the probabilities of the levels under the prior and the rows of the output.
     fn for_rows<const N: usize>(
         &self,
         prior: Option<&Prior>,
         outputs: &mut [Plane; N],
-        f: impl Fn(&[f32], usize, usize, [&mut f32; N]) + Sync,
+        f: impl Fn(&[f32], [&mut [f32]; N]) + Sync,
     ) {
         let width = self.size.width();
         let rows: Vec<Vec<&mut [f32]>> = transposed(outputs, width);
@@ -99,19 +101,17 @@ impl Likelihood {
             .zip(rows)
             .enumerate()
             .for_each_init(
-                || vec![0.0f32; LEVELS * width],
-                |chances, (row, (values, mut outputs))| {
-                    chances_of(
-                        values,
-                        prior.map(|prior| (prior.background.row(row), prior.foreground.row(row))),
+                || vec![0.0f32; (LEVELS + 2) * width],
+                |scratch, (row, (values, outputs))| {
+                    let (chances, sums) = scratch.split_at_mut(LEVELS * width);
+                    let prior =
+                        prior.map(|prior| (prior.background.row(row), prior.foreground.row(row)));
+                    dispatch!(Vectors::new(), simd => chances_of(simd, values, prior, chances, sums));
+                    let mut rows = outputs.into_iter();
+                    f(
                         chances,
+                        [(); N].map(|()| rows.next().expect("one row for each output")),
                     );
-                    for col in 0..width {
-                        let mut at = outputs.iter_mut();
-                        let cells =
-                            [(); N].map(|()| &mut at.next().expect("one row for each output")[col]);
-                        f(chances, width, col, cells);
-                    }
                 },
             );
     }
@@ -119,42 +119,60 @@ impl Likelihood {
     /// Probabilities of the levels 0 and 1, without a prior.
     pub fn ends(&self) -> [Plane; 2] {
         let mut ends = [Plane::new(self.size, 0.0), Plane::new(self.size, 0.0)];
-        self.for_rows(
-            None,
-            &mut ends,
-            |chances, width, col, [background, foreground]| {
-                *background = chances[col];
-                *foreground = chances[(LEVELS - 1) * width + col];
-            },
-        );
+        self.for_rows(None, &mut ends, |chances, [background, foreground]| {
+            let width = background.len();
+            background.copy_from_slice(&chances[..width]);
+            foreground.copy_from_slice(&chances[(LEVELS - 1) * width..]);
+        });
         ends
     }
 
     /// Alpha under a prior.
     pub fn alpha(&self, prior: &Prior) -> Plane {
         let mut alpha = [Plane::new(self.size, 0.0)];
-        self.for_rows(Some(prior), &mut alpha, |chances, width, col, [alpha]| {
-            let mut sum = 0.0;
-            let mut mean = 0.0;
-            let mut median = None;
-            for level in 0..LEVELS {
-                let chance = chances[level * width + col];
-                mean += chance * level as f32;
-                let before = sum;
-                sum += chance;
-                if median.is_none() && sum >= 0.5 {
-                    let within = (0.5 - before) / chance.max(1e-12) - 0.5;
-                    // the ends are values of their own, those between stand for a range
-                    let at_end = level == 0 || level == LEVELS - 1;
-                    median = Some(level as f32 + if at_end { 0.0 } else { within });
-                }
-            }
-            let mean = mean * STEP;
-            let median = median.map_or(mean, |median| median * STEP);
-            *alpha = (MEDIAN_SHARE * median + (1.0 - MEDIAN_SHARE) * mean).clamp(0.0, 1.0);
+        self.for_rows(Some(prior), &mut alpha, |chances, [alpha]| {
+            dispatch!(Vectors::new(), simd => between_median_and_mean(simd, chances, alpha));
         });
         let [alpha] = alpha;
         alpha
+    }
+}
+
+/// Columns whose sums stay in registers.
+const LANES: usize = 16;
+
+/// Alpha of a row from the probabilities of its levels.
+#[inline(always)]
+fn between_median_and_mean<S: Simd>(_simd: S, chances: &[f32], alpha: &mut [f32]) {
+    let width = alpha.len();
+    for (block, alpha) in alpha.chunks_mut(LANES).enumerate() {
+        let mut sum = [0.0f32; LANES];
+        let mut mean = [0.0f32; LANES];
+        let mut median = [f32::NAN; LANES];
+        for level in 0..LEVELS {
+            let chances = &chances[level * width + block * LANES..][..alpha.len()];
+            // the ends are values of their own, those between stand for a range
+            let range = if level == 0 || level == LEVELS - 1 {
+                0.0
+            } else {
+                1.0
+            };
+            for (lane, chance) in chances.iter().enumerate() {
+                let before = sum[lane];
+                mean[lane] += chance * level as f32;
+                sum[lane] += chance;
+                let within = (0.5 - before) / chance.max(1e-12) - 0.5;
+                let is_here = before < 0.5 && sum[lane] >= 0.5;
+                let here = level as f32 + range * within;
+                median[lane] = if is_here { here } else { median[lane] };
+            }
+        }
+        for (lane, alpha) in alpha.iter_mut().enumerate() {
+            let mean = mean[lane] * STEP;
+            let median = median[lane] * STEP;
+            let median = if median.is_nan() { mean } else { median };
+            *alpha = (MEDIAN_SHARE * median + (1.0 - MEDIAN_SHARE) * mean).clamp(0.0, 1.0);
+        }
     }
 }
 
@@ -172,29 +190,43 @@ fn transposed<const N: usize>(planes: &mut [Plane; N], width: usize) -> Vec<Vec<
     rows
 }
 
-/// Probabilities from logarithms of likelihoods and the shares of the ends.
-fn chances_of(values: &[f32], prior: Option<(&[f32], &[f32])>, chances: &mut [f32]) {
+/// Probabilities from logarithms of likelihoods and the shares of the ends. `sums` has room for two rows.
+#[inline(always)]
+fn chances_of<S: Simd>(
+    _simd: S,
+    values: &[f32],
+    prior: Option<(&[f32], &[f32])>,
+    chances: &mut [f32],
+    sums: &mut [f32],
+) {
     let width = values.len() / LEVELS;
-    let mut largest = values[..width].to_vec();
+    let (largest, total) = sums.split_at_mut(width);
+    let total = &mut total[..width];
+    largest.copy_from_slice(&values[..width]);
     for level in 1..LEVELS {
         for (largest, value) in largest.iter_mut().zip(&values[level * width..]) {
             *largest = largest.max(*value);
         }
     }
-    let mut total = vec![0.0f32; width];
+    total.fill(0.0);
     for level in 0..LEVELS {
         let out = &mut chances[level * width..][..width];
         let values = &values[level * width..][..width];
-        for col in 0..width {
-            out[col] = exp(values[col] - largest[col]);
+        for ((out, value), largest) in out.iter_mut().zip(values).zip(&*largest) {
+            *out = exp(value - largest);
         }
         if let Some((background, foreground)) = prior {
-            for col in 0..width {
-                out[col] *= match level {
-                    0 => background[col],
-                    _ if level == LEVELS - 1 => foreground[col],
-                    _ => (1.0 - background[col] - foreground[col]).max(1e-6) / (LEVELS - 2) as f32,
-                };
+            match level {
+                0 => multiply(out, background),
+                _ if level == LEVELS - 1 => multiply(out, foreground),
+                _ => {
+                    for ((out, background), foreground) in
+                        out.iter_mut().zip(background).zip(foreground)
+                    {
+                        let left = (1.0 - background - foreground).max(1e-6);
+                        *out *= left / (LEVELS - 2) as f32;
+                    }
+                }
             }
         }
         for (total, out) in total.iter_mut().zip(&*out) {
@@ -202,9 +234,16 @@ fn chances_of(values: &[f32], prior: Option<(&[f32], &[f32])>, chances: &mut [f3
         }
     }
     for level in 0..LEVELS {
-        for (out, total) in chances[level * width..][..width].iter_mut().zip(&total) {
+        for (out, total) in chances[level * width..][..width].iter_mut().zip(&*total) {
             *out /= total.max(1e-30);
         }
+    }
+}
+
+#[inline(always)]
+fn multiply(values: &mut [f32], factors: &[f32]) {
+    for (value, factor) in values.iter_mut().zip(factors) {
+        *value *= factor;
     }
 }
 
@@ -295,7 +334,14 @@ impl Row {
     }
 
     /// Gaussian likelihood of the difference under the noise and the spread of the foreground, times that of the cue.
-    fn likelihood(&self, variance: &[f32], values: &mut [f32], contrast: &mut [f32]) {
+    #[inline(always)]
+    fn likelihood<S: Simd>(
+        &self,
+        _simd: S,
+        variance: &[f32],
+        values: &mut [f32],
+        contrast: &mut [f32],
+    ) {
         let width = variance.len();
         let [d0, d1, d2] = self.difference.each_ref().map(|line| &line[..width]);
         let [e0, e1, e2] = self.direction.each_ref().map(|line| &line[..width]);

@@ -20,7 +20,7 @@ use crate::video::{
     Encoding, FrameRange, clip_folders, clip_outputs, folder_or_clip, is_clip, key_of, open_clip,
 };
 use ravec::matting::{Matte as Solution, PlateParams};
-use ravec::raster::{AnyImage, Image, Plane, Srgb, Srgba};
+use ravec::raster::{AnyImage, Image, Plane, Sample, Srgb, Srgba};
 use ravec_media::{Picture, WriteOptions};
 use ravec_video::{FrameSource as _, PixelKind};
 use serde::{Deserialize, Serialize};
@@ -311,27 +311,26 @@ impl Matte {
     fn drawn(&self, matte: &Solution, frame: &AnyImage) -> AnyImage {
         let deep = is_deep(frame);
         match self.params.content {
-            Content::Alpha if deep => {
-                let gray = matte.alpha.map(|alpha| Srgb([alpha; 3]));
-                AnyImage::Srgb16(gray.convert())
-            }
-            Content::Alpha => {
-                let gray = matte.alpha.map(|alpha| Srgb([alpha; 3]));
-                AnyImage::Srgb8(gray.convert())
-            }
+            Content::Alpha if deep => AnyImage::Srgb16(gray(&matte.alpha)),
+            Content::Alpha => AnyImage::Srgb8(gray(&matte.alpha)),
             Content::Foreground => {
                 let cut: Image<Srgba<f32>> = Image::from_fn(matte.alpha.size(), |col, row| {
                     let [r, g, b] = matte.foreground[(col, row)];
                     Srgba([r, g, b, matte.alpha[(col, row)]])
                 });
                 if deep {
-                    AnyImage::Srgba16(cut.convert())
+                    AnyImage::Srgba16(cut.with_samples())
                 } else {
-                    AnyImage::Srgba8(cut.convert())
+                    AnyImage::Srgba8(cut.with_samples())
                 }
             }
         }
     }
+}
+
+/// Alpha as gray values.
+fn gray<T: Sample>(alpha: &Plane) -> Image<Srgb<T>> {
+    alpha.map(|alpha| Srgb([T::from_unit(alpha); 3]))
 }
 
 /// Pixels with alpha, of as many bits as those of the source.

@@ -417,9 +417,9 @@ fn write_frames<O: Operation>(
 fn drawn(colors: &Colors, deep: bool) -> AnyImage {
     let encoded: Image<Srgb<f32>> = colors.map(Srgb);
     if deep {
-        AnyImage::Srgb16(encoded.convert())
+        AnyImage::Srgb16(encoded.with_samples())
     } else {
-        AnyImage::Srgb8(encoded.convert())
+        AnyImage::Srgb8(encoded.with_samples())
     }
 }
 
