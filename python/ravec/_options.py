@@ -28,7 +28,11 @@ PathLike: TypeAlias = Union[str, "os.PathLike[str]"]
 
 
 class Picture(np.ndarray[Any, Any]):
-    """An array of pixels that notebooks show."""
+    """An array of pixels that notebooks show. What is computed from it is a plain array or number."""
+
+    def __array_wrap__(self, array: Any, context: Any = None, return_scalar: bool = False) -> Any:
+        plain = np.asarray(array)
+        return plain[()] if plain.ndim == 0 else plain
 
     def _repr_png_(self) -> bytes | None:
         if self.ndim not in (2, 3) or self.size == 0:

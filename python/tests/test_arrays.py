@@ -119,5 +119,7 @@ def test_values_that_are_not_numbers_are_no_bug() -> None:
 def test_pictures_show_themselves(picture: np.ndarray) -> None:
     png = ravec.smooth(picture, window=5)._repr_png_()
     assert png is not None and png.startswith(b"\x89PNG")
+    assert isinstance(ravec.smooth(picture, window=5).mean(), float)
+    assert type(ravec.smooth(picture, window=5) + 1) is np.ndarray
     column = ravec.smooth(picture, window=5)[0, 0]
     assert column._repr_png_() is None

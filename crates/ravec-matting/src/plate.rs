@@ -49,8 +49,10 @@ const POOL_PULL: f32 = 0.01;
 const MAX_SHARE: f32 = 0.98;
 /// Squared contrast, in units of the noise, at which a pixel counts half in the pooling.
 const POOL_CONTRAST: f32 = 60.0;
+/// Variance, in units of that of the noise, above which a pixel counts less in the pooling.
+const SURE_VARIANCE: f32 = 50.0;
 /// Variance, in units of that of the noise, of a plate that is not known.
-const UNKNOWN_VARIANCE: f32 = 1e4;
+const UNKNOWN_VARIANCE: f32 = 1e7;
 
 /// Parameters of [`plate_matte`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -355,7 +357,14 @@ impl Part {
             height: part.height(),
         };
         let frame = input.frame.crop(left, top, part).ok()?.map(finite);
-        let plate = background.crop(left, top, part).ok()?.map(finite);
+        let mut plate = background.crop(left, top, part).ok()?.map(finite);
+        let variance = variance.crop(left, top, part).ok()?;
+        // what is not known differs from nothing
+        for (at, variance) in variance.pixels().iter().enumerate() {
+            if *variance > 0.5 * UNKNOWN_VARIANCE {
+                plate.pixels_mut()[at] = frame.pixels()[at];
+            }
+        }
         let difference = difference.crop(left, top, part).ok()?;
         let smooth = smooth.crop(left, top, part).ok()?;
         let mut start = start_of(&difference, &smooth);
@@ -372,7 +381,7 @@ impl Part {
             rect,
             frame: light.whitened(&frame),
             plate: light.whitened(&plate),
-            variance: variance.crop(left, top, part).ok()?,
+            variance,
             start,
         })
     }
@@ -386,7 +395,10 @@ impl Part {
         foreground: &mut Colors,
         progress: &Progress,
     ) -> Result<(), MattingError> {
-        let cue = texture_cue(&self.frame, &self.plate);
+        let is_known = self
+            .variance
+            .map(|variance| f32::from(u8::from(variance <= 0.5 * UNKNOWN_VARIANCE)));
+        let cue = texture_cue(&self.frame, &self.plate, &is_known);
         let mut found = self.start.clone();
         let mut field = None;
         for sigma_px in FIELD_SIGMA_PX {
@@ -475,9 +487,13 @@ impl Part {
     /// Shares of both ends from the neighbors that are sure, each with its contrast as weight.
     fn pooled(&self, likelihood: &Likelihood) -> Prior {
         let [background, foreground] = likelihood.ends();
-        let weight = likelihood
+        let mut weight = likelihood
             .contrast
             .map(|contrast| contrast / (contrast + POOL_CONTRAST));
+        // where the plate is not known there is nothing to be sure of
+        for (weight, variance) in weight.pixels_mut().iter_mut().zip(self.variance.pixels()) {
+            *weight *= (SURE_VARIANCE / variance).min(1.0);
+        }
         let weighted = |share: &Plane| {
             let mut sum = share.clone();
             for (sum, weight) in sum.pixels_mut().iter_mut().zip(weight.pixels()) {

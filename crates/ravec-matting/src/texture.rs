@@ -16,6 +16,9 @@ const MIN_VARIANCE: f32 = 0.12;
 /// foreground would.
 const WEAK: f32 = 1.0;
 
+/// Share of a window that must be known for a cue.
+const MIN_KNOWN: f32 = 0.5;
+
 /// Alpha of windows by the contrast of the plate, at half the size.
 pub(crate) struct TextureCue {
     /// One less the slope of the frame on the plate.
@@ -24,8 +27,9 @@ pub(crate) struct TextureCue {
     pub precision: Plane,
 }
 
-/// Fits, in each window, a slope of the frame on the plate that all channels share. Both are in units of the noise.
-pub(crate) fn texture_cue(frame: &[Plane; 3], plate: &[Plane; 3]) -> TextureCue {
+/// Fits, in each window, a slope of the frame on the plate that all channels share. Both are in units of the noise. Windows whose
+/// plate is not known, as `is_known` says by 0 and 1, have no cue.
+pub(crate) fn texture_cue(frame: &[Plane; 3], plate: &[Plane; 3], is_known: &Plane) -> TextureCue {
     let smooth = |plane: &Plane| gaussian_blur(&halve(plane), SIGMA_PX);
     let size = frame[0].size();
     let products = |a: &[Plane; 3], b: &[Plane; 3]| {
@@ -61,6 +65,13 @@ pub(crate) fn texture_cue(frame: &[Plane; 3], plate: &[Plane; 3]) -> TextureCue 
         let noise = UNEVEN * residual / WINDOW_PX + WEAK;
         let spread = noise / variance.max(1e-6) + MIN_VARIANCE;
         precision.pixels_mut()[at] = 1.0 / spread;
+    }
+    if is_known.pixels().iter().any(|&known| known < 1.0) {
+        let known = smooth(is_known);
+        for (precision, known) in precision.pixels_mut().iter_mut().zip(known.pixels()) {
+            let share = ((known - MIN_KNOWN) / (1.0 - MIN_KNOWN)).clamp(0.0, 1.0);
+            *precision *= share * share;
+        }
     }
     TextureCue { alpha, precision }
 }

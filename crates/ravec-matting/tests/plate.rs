@@ -214,6 +214,39 @@ fn unknown_parts_of_the_plate_are_no_foreground_by_themselves() {
 }
 
 #[test]
+fn beyond_the_plate_there_is_no_foreground_but_what_is_connected_to_it() {
+    let size = Size::new(160, 120).unwrap();
+    let (below, truth) = (plate(size), disc(size));
+    let frame = composite(&below, &truth);
+    // the plate ends before the frame does, and in the disc
+    let known = Plane::from_fn(size, |col, row| {
+        let rim = col >= 148 || row >= 112;
+        let inside = (76..84).contains(&col) && (62..70).contains(&row);
+        if rim || inside { 0.0 } else { 1.0 }
+    });
+    let cut = Colors::from_fn(size, |col, row| {
+        if known[(col, row)] > 0.0 {
+            below[(col, row)]
+        } else {
+            [0.0; 3]
+        }
+    });
+    let found = solve(&PlateFrame {
+        known: Some(&known),
+        ..PlateFrame::new(&frame, &cut)
+    });
+    for row in 0..size.height() {
+        for col in 0..size.width() {
+            let alpha = found.matte.alpha[(col, row)];
+            if col >= 140 || row >= 104 {
+                assert_eq!(alpha, 0.0, "{col} {row}");
+            }
+        }
+    }
+    assert!(found.matte.alpha[(80, 66)] > 0.9);
+}
+
+#[test]
 fn threads_do_not_change_the_result() {
     let size = Size::new(101, 77).unwrap();
     let below = plate(size);

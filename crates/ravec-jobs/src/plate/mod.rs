@@ -19,7 +19,7 @@ use ravec::matting::Constraint;
 use ravec::planar::Homography;
 use ravec::raster::{AnyImage, Image, Mask, Plane, Srgb, Srgba};
 use ravec::video_edit::{Plate as BackgroundPlate, PlateSamples, ShotFrame};
-use ravec_media::{Picture, WriteOptions};
+use ravec_media::{Format, Picture, WriteOptions};
 use ravec_video::FrameSource as _;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -140,7 +140,7 @@ impl Default for Params {
 #[serde(rename_all = "kebab-case")]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum Unseen {
-    /// Holes are completed from the rest of the plate; what lies beyond all frames continues smoothly
+    /// Holes are completed from the rest of the plate; what lies beyond all frames is transparent, with colors that continue smoothly
     #[default]
     Completed,
     /// The colors of the surroundings continue smoothly
@@ -322,7 +322,8 @@ impl Plate {
         report: &mut Report,
         context: &Context,
     ) -> Result<(), JobError> {
-        let colors = self.completed(plate, quad, report, context)?;
+        let beyond = beyond(&plate.seen, self.params.pad);
+        let colors = self.completed(plate, &beyond, quad, report, context)?;
         let gray = |plane: &Plane| -> AnyImage {
             let gray: Image<Srgb<u8>> = plane.map(|value| Srgb([value; 3])).convert();
             gray.into()
@@ -331,7 +332,14 @@ impl Plate {
             let options = WriteOptions::default();
             files::write(path, &Picture::from_image(image), &options, report, context)
         };
-        save(&self.output, self.drawn(&colors, &plate.seen, deep))?;
+        let opaque = match self.params.unseen {
+            Unseen::Completed if self.output_has_alpha() && !beyond.is_empty() => {
+                Some(beyond.invert())
+            }
+            Unseen::Completed | Unseen::Smooth => None,
+            Unseen::Transparent => Some(plate.seen.clone()),
+        };
+        save(&self.output, drawn(&colors, opaque.as_ref(), deep))?;
         let seen = plate.seen.coverage();
         if let Some(path) = &self.seen {
             save(path, gray(seen))?;
@@ -353,16 +361,24 @@ impl Plate {
         Ok(())
     }
 
+    /// False for an output whose format has no alpha.
+    fn output_has_alpha(&self) -> bool {
+        Format::from_extension(&self.output).is_none_or(Format::has_alpha)
+    }
+
     /// Colors of the plate, with holes completed if that is asked for.
     fn completed(
         &self,
         plate: &BackgroundPlate,
+        beyond: &Mask,
         quad: Option<[DVec2; 4]>,
         report: &mut Report,
         context: &Context,
     ) -> Result<Image<Srgb<f32>>, JobError> {
         let colors = plate.colors.map(Srgb);
-        let hole = hole(&plate.seen, self.params.pad);
+        let hole = Mask::from_fn(plate.seen.size(), |col, row| {
+            plate.seen.at(col, row) <= 0.0 && beyond.at(col, row) <= 0.0
+        });
         if self.params.unseen != Unseen::Completed || hole.is_empty() {
             return Ok(colors);
         }
@@ -380,31 +396,30 @@ impl Plate {
             }
         }
     }
+}
 
-    /// The picture that is written, with as many bits as the clip has.
-    fn drawn(&self, colors: &Image<Srgb<f32>>, seen: &Mask, deep: bool) -> AnyImage {
-        if self.params.unseen != Unseen::Transparent {
-            return if deep {
-                AnyImage::Srgb16(colors.convert())
-            } else {
-                AnyImage::Srgb8(colors.convert())
-            };
-        }
-        let pixels: Image<Srgba<f32>> = Image::from_fn(colors.size(), |col, row| {
-            let Srgb([r, g, b]) = colors[(col, row)];
-            Srgba([r, g, b, seen.at(col, row)])
-        });
-        if deep {
-            AnyImage::Srgba16(pixels.convert())
+/// The picture that is written, with as many bits as the clip has.
+fn drawn(colors: &Image<Srgb<f32>>, opaque: Option<&Mask>, deep: bool) -> AnyImage {
+    let Some(opaque) = opaque else {
+        return if deep {
+            AnyImage::Srgb16(colors.with_samples())
         } else {
-            AnyImage::Srgba8(pixels.convert())
-        }
+            AnyImage::Srgb8(colors.with_samples())
+        };
+    };
+    let pixels: Image<Srgba<f32>> = Image::from_fn(colors.size(), |col, row| {
+        let Srgb([r, g, b]) = colors[(col, row)];
+        Srgba([r, g, b, opaque.at(col, row)])
+    });
+    if deep {
+        AnyImage::Srgba16(pixels.with_samples())
+    } else {
+        AnyImage::Srgba8(pixels.with_samples())
     }
 }
 
-/// Pixels that were not seen, but for what lies beyond all frames: unseen pixels that are connected, outside of the reference
-/// frame, to the border of the plate.
-fn hole(seen: &Mask, pad_px: usize) -> Mask {
+/// What lies beyond all frames: unseen pixels that are connected, outside of the reference frame, to the border of the plate.
+fn beyond(seen: &Mask, pad_px: usize) -> Mask {
     let size = seen.size();
     let (width, height) = (size.width(), size.height());
     let in_reference = |col: usize, row: usize| {
@@ -427,9 +442,7 @@ fn hole(seen: &Mask, pad_px: usize) -> Mask {
         open.extend((col + 1 < width).then_some((col + 1, row)));
         open.extend((row + 1 < height).then_some((col, row + 1)));
     }
-    Mask::from_fn(size, |col, row| {
-        unseen(col, row) && outside[(col, row)] == 0
-    })
+    Mask::from_fn(size, |col, row| outside[(col, row)] == 1)
 }
 
 #[cfg(test)]

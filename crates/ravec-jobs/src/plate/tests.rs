@@ -95,6 +95,15 @@ fn a_bar_that_passes_is_not_on_the_plate() {
     assert!(largest_error(&made) < 6.0, "{}", largest_error(&made));
     let seen = read(&folder.path().join("seen.png"));
     assert_eq!([seen[(0, 0)].0[0], seen[(50, 40)].0[0]], [0, 255]);
+    // beyond all frames the plate is transparent, where the format can be
+    let made: Image<Srgba<u8>> = ravec_media::read(&plate.output, &Limits::default())
+        .unwrap()
+        .convert();
+    assert_eq!([made[(0, 0)].0[3], made[(50, 40)].0[3]], [0, 255]);
+    let mut photo = plate;
+    photo.output = folder.path().join("plate.jpg");
+    let report = photo.run(&Context::default()).unwrap();
+    assert!(report.warnings.is_empty(), "{:?}", report.warnings);
 }
 
 #[test]
