@@ -21,7 +21,8 @@ folder.mkdir(parents=True, exist_ok=True)
 if arguments:
     photo = np.asarray(Image.open(arguments[0]).convert("RGB"))
 else:
-    ravec.run({"operation": "scenes", "out": str(folder), "params": {"scenes": ["street"], "width": 960, "height": 640}})
+    scene = {"scenes": ["street"], "width": 960, "height": 640}
+    ravec.run({"operation": "scenes", "out": str(folder), "params": scene})
     photo = np.asarray(Image.open(folder / "street.png").convert("RGB"))
 print(f"{photo.shape[1]} x {photo.shape[0]} pixels")
 

@@ -53,7 +53,7 @@ def as_array(image: ImageLike) -> NDArray[Any]:
     mode = getattr(image, "mode", None)
     if mode is not None and hasattr(image, "getbands"):
         if mode in ("P", "PA") or mode not in ("L", "LA", "RGB", "RGBA", "I;16", "F", "1"):
-            transparent = mode in ("PA", "La", "RGBa") or "transparency" in getattr(image, "info", {})
+            transparent = mode.lower().endswith("a") or "transparency" in getattr(image, "info", {})
             image = image.convert("RGBA" if transparent else "RGB")
     array = np.asarray(image)
     if array.dtype == np.bool_:

@@ -1,11 +1,12 @@
 """Work that outgrows a machine, on a cluster of Dask (``pip install 'ravec[dask]'``).
 
 - :func:`map_recipe` runs a recipe over many files, by path or URL of fsspec.
-- :func:`clean`, :func:`smooth`, :func:`abstract`, :func:`sharpen`, :func:`antialias`, :func:`enlarge` and :func:`render` take arrays of
-  Dask, whose chunks they work on with the pixels around them.
+- :func:`clean`, :func:`smooth`, :func:`abstract`, :func:`sharpen`, :func:`enlarge` and :func:`render` take
+  arrays of Dask, whose chunks they work on with the pixels around them.
 
-Each piece of work is a pure function of its input and its parameters, so that what a lost worker had is run again by another one, and
-results are the same bytes as on one machine. Workers of another version of this package are refused.
+Each piece of work is a pure function of its input and its parameters, so that what a lost worker had is run
+again by another one, and results are the same bytes as on one machine. Workers of another version of this
+package are refused.
 
 Every worker uses as many threads as Dask gives it.
 """
@@ -142,12 +143,14 @@ def map_recipe(
     *,
     storage_options: Mapping[str, Any] | None = None,
 ) -> list[Any]:
-    """A recipe over many files, as delayed values of Dask: ``dask.compute(*map_recipe(...))`` gives the reports.
+    """A recipe over many files, as delayed values of Dask.
+
+    ``dask.compute(*map_recipe(...))`` gives the reports.
 
     :param recipe: a recipe, or a single operation, whose input is ``@input`` and whose output is ``@output``
     :param inputs: paths or URLs
-    :param output: pattern of the outputs, as in ``"s3://bucket/{stem}.png"``; ``{name}`` is the name of the input, ``{index}`` its
-        number
+    :param output: pattern of the outputs, as in ``"s3://bucket/{stem}.png"``; ``{name}`` is the name of the
+        input, ``{index}`` its number
     :param storage_options: options of fsspec
     """
     import dask
@@ -221,7 +224,9 @@ def _on_chunks(array: Any, work: Callable[[NDArray[Any]], NDArray[Any]], halo_px
                 array = array.rechunk({axis: chunks})
         # cleaning looks at blocks of compression
         array = _aligned(array, 8)
-    overlapped = dask.array.overlap.overlap(array, depth={0: halo_px, 1: halo_px}, boundary="none") if halo_px else array
+    overlapped = array
+    if halo_px:
+        overlapped = dask.array.overlap.overlap(array, depth={0: halo_px, 1: halo_px}, boundary="none")
     chunks = tuple(
         tuple(scale * side for side in sides) if axis < 2 else sides for axis, sides in enumerate(array.chunks)
     )
@@ -294,7 +299,8 @@ def render(array: Any, *, size: int = 8, scale: int = 1, mosaic: bool = False) -
     if scale < 1 or int(scale) != scale:
         raise ValueError(f"chunks are rendered at whole numbers from 1, not at {scale}")
     array = _aligned(array, size)
-    return _on_chunks(array, functools.partial(_rendered, size=size, scale=int(scale), mosaic=mosaic), 0, int(scale))
+    work = functools.partial(_rendered, size=size, scale=int(scale), mosaic=mosaic)
+    return _on_chunks(array, work, 0, int(scale))
 
 
 def _given(**options: Any) -> dict[str, Any]:

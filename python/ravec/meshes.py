@@ -353,10 +353,11 @@ def boolean(
 ) -> Mesh:
     """An expression over meshes, as in ``boolean("(a | b) - c", a=cube, b=ball, c=drill)``.
 
-    ``|`` is union, ``&`` intersection, ``-`` difference, ``^`` symmetric difference; ``&`` comes before the others, which go from left
-    to right. The meshes may be open, cross themselves and touch.
+    ``|`` is union, ``&`` intersection, ``-`` difference, ``^`` symmetric difference; ``&`` comes before the
+    others, which go from left to right. The meshes may be open, cross themselves and touch.
 
-    :param inside: the places that each mesh stands for: winding number above one half, not 0, or not reachable from outside
+    :param inside: the places that each mesh stands for: winding number above one half, not 0, or not reachable
+        from outside
     """
     if not meshes:
         raise ValueError("an expression has meshes: name them as in boolean('a - b', a=cube, b=ball)")

@@ -6,7 +6,18 @@ import os
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
-from ._options import ColorSpace, ImageLike, PathLike, Picture, Progress, as_array, operate, picture, report_of, without_none
+from ._options import (
+    ColorSpace,
+    ImageLike,
+    PathLike,
+    Picture,
+    Progress,
+    as_array,
+    operate,
+    picture,
+    report_of,
+    without_none,
+)
 
 
 def _sides(value: int | tuple[int, int] | str | None) -> str | None:

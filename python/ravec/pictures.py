@@ -53,7 +53,7 @@ class TwoColorField:
         :param size: side of a block in pixels, 2 to 64; the smallest one, 2 to 32, with ``adaptive``
         :param adaptive: large blocks where the picture is even
         :param max_size: side of the largest blocks with ``adaptive``: ``size`` times a power of two, at most 64
-        :param max_error: with ``adaptive``, the root mean square distance in Oklab above which a block is divided, 0 to 1
+        :param max_error: with ``adaptive``, root mean square distance in Oklab above which a block is divided
         :param flat_contrast: contrast in Oklab below which a block has one color, 0 to 1
         :param whole_pixels: keep each line between pixels, where the fit puts it
         """
@@ -104,8 +104,8 @@ class TwoColorField:
     def blocks(self) -> dict[str, NDArray[Any]]:
         """The blocks as arrays of the same length.
 
-        ``corner_px`` (N, 2), ``side_px``, ``normal`` (N, 2) and ``offset_px`` of the line from the center of the block (NaN for a
-        flat one), ``oklab`` (N, 2, 3) and ``alpha`` (N, 2) of both sides, ``error``.
+        ``corner_px`` (N, 2), ``side_px``, ``normal`` (N, 2) and ``offset_px`` of the line from the center of
+        the block (NaN for a flat one), ``oklab`` (N, 2, 3) and ``alpha`` (N, 2) of both sides, ``error``.
         """
         return self._field.blocks()
 

@@ -165,7 +165,8 @@ def propose(
 ) -> PlaneProposals:
     """Proposes planes, from edges that meet in vanishing points.
 
-    :param focal: focal length in pixels, or as in ``"28mm"`` on 35 mm film; then only what is at right angles is proposed
+    :param focal: focal length in pixels, or as in ``"28mm"`` on 35 mm film; then only what is at right angles is
+        proposed
     :param most: maximum number of planes, 1 to 12
     """
     outcome = operate(
@@ -260,8 +261,8 @@ def rectify(
     """Shows a plane from the front; what lies beyond the picture is transparent.
 
     :param quad: corners of a rectangle on the plane, in turn from the upper left one
-    :param aspect: width of the rectangle by its height, a number or as in ``"3:2"``; computed from the perspective unless it is
-        given
+    :param aspect: width of the rectangle by its height, a number or as in ``"3:2"``; computed from the
+        perspective unless it is given
     :param width: width of the rectangle in the result in pixels
     :param margin: margin around the rectangle, in its sides
     :param whole: show all of the plane that is in the picture

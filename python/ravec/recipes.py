@@ -43,8 +43,8 @@ def run(
 ) -> Result:
     """Runs a recipe: a file as ``--recipe`` writes it, or the same as a dict.
 
-    ``{"operation": ..., ...}`` alone is a recipe of one step. Paths that begin with ``@`` stay in memory: as inputs they are those of
-    ``inputs``, as outputs they are found in the result.
+    ``{"operation": ..., ...}`` alone is a recipe of one step. Paths that begin with ``@`` stay in memory: as inputs
+    they are those of ``inputs``, as outputs they are found in the result.
 
     :param inputs: pictures, meshes and texts by names such as ``@photo``
     """

@@ -29,11 +29,8 @@ pub enum Samples {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PixelKind {
     pub samples: Samples,
-    /// A gray array has no channels, or only that and alpha.
-    pub gray: bool,
-    /// A last axis of length 1.
-    pub kept_axis: bool,
-    pub has_alpha: bool,
+    /// Length of the last axis of channels, 1 to 4: gray, gray and alpha, RGB or RGBA; 0 for gray without that axis.
+    pub channels: usize,
     /// Floats are linear light instead of sRGB.
     pub linear: bool,
 }
@@ -41,11 +38,19 @@ pub struct PixelKind {
 impl PixelKind {
     pub const RGB8: Self = Self {
         samples: Samples::U8,
-        gray: false,
-        kept_axis: false,
-        has_alpha: false,
+        channels: 3,
         linear: false,
     };
+
+    /// True for arrays without color.
+    pub fn is_gray(self) -> bool {
+        self.channels < 3
+    }
+
+    /// True for arrays with alpha.
+    pub fn has_alpha(self) -> bool {
+        matches!(self.channels, 2 | 4)
+    }
 
     /// A color space by its name.
     pub fn is_linear(color_space: &str) -> PyResult<bool> {
@@ -101,11 +106,9 @@ fn typed<T: Element + Sample>(
     linear: bool,
 ) -> PyResult<(AnyImage, PixelKind)> {
     let shape = array.shape().to_vec();
-    let (gray, kept_axis, channels) = match shape[..] {
-        [_, _] => (true, false, 1),
-        [_, _, 1] => (true, true, 1),
-        [_, _, 2] => (true, true, 2),
-        [_, _, channels @ (3 | 4)] => (false, true, channels),
+    let channels = match shape[..] {
+        [_, _] => 0,
+        [_, _, channels @ 1..=4] => channels,
         _ => {
             return Err(of_request(format!(
                 "a picture has the shape (rows, columns) or (rows, columns, 1 to 4), not {shape:?}"
@@ -115,9 +118,7 @@ fn typed<T: Element + Sample>(
     let size = Size::new(shape[1], shape[0]).map_err(of_request)?;
     let kind = PixelKind {
         samples,
-        gray,
-        kept_axis,
-        has_alpha: matches!(channels, 2 | 4),
+        channels,
         linear: linear && samples == Samples::F32,
     };
     let view = array.as_array();
@@ -127,23 +128,22 @@ fn typed<T: Element + Sample>(
         view
     };
     let view = view.into_dimensionality().map_err(of_request)?;
-    Ok((assembled(&view, size, channels, kind)?, kind))
+    Ok((assembled(&view, size, kind)?, kind))
 }
 
 /// Pixels of the type that an array with these samples has.
 fn assembled<T: Element + Sample>(
     view: &ArrayView3<'_, T>,
     size: Size,
-    channels: usize,
     kind: PixelKind,
 ) -> PyResult<AnyImage> {
     // a copy of the memory as it is where rows follow one another, or of the pixels one by one
     let contiguous = view.as_slice();
     let three = || -> PyResult<Image<[T; 3]>> {
         let pixels = match contiguous {
-            Some(values) if channels == 3 => bytemuck::cast_slice(values).to_vec(),
-            _ => pixels(view, |at| match channels {
-                1 => [at[0]; 3],
+            Some(values) if kind.channels == 3 => bytemuck::cast_slice(values).to_vec(),
+            _ => pixels(view, |at| match kind.channels {
+                0 | 1 => [at[0]; 3],
                 _ => [at[0], at[1], at[2]],
             }),
         };
@@ -151,15 +151,15 @@ fn assembled<T: Element + Sample>(
     };
     let four = || -> PyResult<Image<[T; 4]>> {
         let pixels = match contiguous {
-            Some(values) if channels == 4 => bytemuck::cast_slice(values).to_vec(),
-            _ => pixels(view, |at| match channels {
+            Some(values) if kind.channels == 4 => bytemuck::cast_slice(values).to_vec(),
+            _ => pixels(view, |at| match kind.channels {
                 2 => [at[0], at[0], at[0], at[1]],
                 _ => [at[0], at[1], at[2], at[3]],
             }),
         };
         Image::from_vec(size.width(), pixels).map_err(of_request)
     };
-    Ok(match (kind.samples, kind.has_alpha) {
+    Ok(match (kind.samples, kind.has_alpha()) {
         (Samples::U8, false) => AnyImage::Srgb8(cast(three()?)?),
         (Samples::U8, true) => AnyImage::Srgba8(cast(four()?)?),
         (Samples::U16, false) => AnyImage::Srgb16(cast(three()?)?),
@@ -195,7 +195,7 @@ fn cast<P: Pixel, Q: Pixel>(image: Image<P>) -> PyResult<Image<Q>> {
 
 /// A picture as an array of the kind that came in; alpha is added where the picture has it.
 pub fn array(py: Python<'_>, image: AnyImage, kind: PixelKind) -> PyResult<Py<PyAny>> {
-    match (kind.samples, kind.has_alpha || image.has_alpha()) {
+    match (kind.samples, kind.has_alpha() || image.has_alpha()) {
         (Samples::U8, false) => numbers::<u8, _, 3>(py, converted::<Srgb<u8>>(image)?, kind),
         (Samples::U8, true) => numbers::<u8, _, 4>(py, converted::<Srgba<u8>>(image)?, kind),
         (Samples::U16, false) => numbers::<u16, _, 3>(py, converted::<Srgb<u16>>(image)?, kind),
@@ -256,7 +256,7 @@ fn numbers<T: Element + Pixel, P: Pixel, const N: usize>(
 ) -> PyResult<Py<PyAny>> {
     let (width, height) = (image.width(), image.height());
     let pixels = image.into_pixels();
-    if !kind.gray {
+    if !kind.is_gray() {
         let values: Vec<T> = flattened(pixels);
         let flat = PyArray1::from_vec(py, values);
         return Ok(flat.reshape([height, width, N])?.into_any().unbind());
@@ -269,7 +269,7 @@ fn numbers<T: Element + Pixel, P: Pixel, const N: usize>(
         return Ok(flat.reshape([height, width, 2])?.into_any().unbind());
     }
     let flat = PyArray1::from_vec(py, channels.iter().map(|at| at[1]).collect());
-    if kind.kept_axis {
+    if kind.channels == 1 {
         return Ok(flat.reshape([height, width, 1])?.into_any().unbind());
     }
     Ok(flat.reshape([height, width])?.into_any().unbind())

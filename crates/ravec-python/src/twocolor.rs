@@ -116,7 +116,7 @@ impl Field {
                 }
             });
             // rounded here, where the interpreter is free
-            Ok(match (kind.samples, kind.has_alpha) {
+            Ok(match (kind.samples, kind.has_alpha()) {
                 (Samples::U8, false) => AnyImage::Srgb8(image.convert()),
                 (Samples::U8, true) => AnyImage::Srgba8(image.convert()),
                 (Samples::U16, false) => AnyImage::Srgb16(image.convert()),
