@@ -43,8 +43,10 @@ def _check_version(wanted: str) -> None:
 
 def _use_threads_of_worker() -> None:
     """Takes the threads that the worker has, not all cores of its machine."""
-    from distributed import get_worker
-
+    try:
+        from distributed import get_worker
+    except ImportError:
+        return
     with contextlib.suppress(ValueError):
         _ravec.set_threads(max(1, get_worker().state.nthreads))
 
@@ -147,7 +149,8 @@ def map_recipe(
 
     ``dask.compute(*map_recipe(...))`` gives the reports.
 
-    :param recipe: a recipe, or a single operation, whose input is ``@input`` and whose output is ``@output``
+    :param recipe: a recipe, or a single operation, whose input is ``@input`` and whose output is ``@output``;
+        other paths in it are those of the workers
     :param inputs: paths or URLs
     :param output: pattern of the outputs, as in ``"s3://bucket/{stem}.png"``; ``{name}`` is the name of the
         input, ``{index}`` its number

@@ -62,7 +62,7 @@ class Homography:
         return found
 
     def apply(self, points: Points) -> NDArray[np.float64]:
-        """The points of shape (N, 2) on the other plane; NaN for those behind the camera or on the horizon."""
+        """The points of shape (N, 2) on the other plane; NaN for those on the horizon."""
         given = _points(points)
         mapped = np.concatenate([given, np.ones((len(given), 1))], axis=1) @ self.matrix.T
         with np.errstate(divide="ignore", invalid="ignore"):

@@ -68,11 +68,11 @@ def test_errors_are_sentences(picture: np.ndarray) -> None:
     assert issubclass(ravec.Error, Exception) and not issubclass(ravec.Error, ValueError)
 
 
-def test_progress_is_told(picture: np.ndarray) -> None:
-    told: list[tuple[str, int, int]] = []
+def test_progress_is_reported(picture: np.ndarray) -> None:
+    updates: list[tuple[str, int, int]] = []
     image = photo(640, 480)
-    ravec.clean(image, progress=lambda *update: told.append(update))
-    assert told and all(0 <= done <= total for _, done, total in told)
+    ravec.clean(image, progress=lambda *update: updates.append(update))
+    assert updates and all(0 <= done <= total for _, done, total in updates)
     assert ravec.smooth(picture, window=5, progress=True).shape == picture.shape
 
 

@@ -94,15 +94,15 @@ pub fn run<T: Send + 'static>(
                     return Err(interruption);
                 }
                 let done = done.unwrap_or_else(|panic| Err(bug(&*panic)))?;
-                tell(listener, &latest)?;
+                notify(listener, &latest)?;
                 return Ok(done);
             }
             Err(RecvTimeoutError::Disconnected) => {
                 return Err(error::of_task("the work has ended without a result"));
             }
             Err(RecvTimeoutError::Timeout) if interruption.is_none() => {
-                let told = py.check_signals().and_then(|()| tell(listener, &latest));
-                if let Err(raised) = told {
+                let checked = py.check_signals().and_then(|()| notify(listener, &latest));
+                if let Err(raised) = checked {
                     progress.cancel();
                     interruption = Some(raised);
                 }
@@ -113,7 +113,7 @@ pub fn run<T: Send + 'static>(
 }
 
 /// Calls the listener with the latest update, if there is a new one.
-fn tell(listener: Option<&Bound<'_, PyAny>>, latest: &Mutex<Option<Update>>) -> PyResult<()> {
+fn notify(listener: Option<&Bound<'_, PyAny>>, latest: &Mutex<Option<Update>>) -> PyResult<()> {
     let update = latest.lock().unwrap_or_else(PoisonError::into_inner).take();
     if let (Some(listener), Some(update)) = (listener, update) {
         listener.call1((update.phase, update.done, update.total))?;
