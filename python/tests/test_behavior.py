@@ -94,6 +94,8 @@ def test_an_interruption_stops_the_work() -> None:
     script = textwrap.dedent(
         """
         import os, signal, threading, numpy as np, ravec
+        # a program in the background may have been started with interruptions ignored
+        signal.signal(signal.SIGINT, signal.default_int_handler)
         image = np.random.default_rng(0).integers(0, 255, (3000, 4000, 3), dtype=np.uint8)
         started = threading.Event()
         def interrupt():
