@@ -14,7 +14,7 @@ use pyo3::types::PyBytes;
 use ravec::raster::{
     AnyImage, Color, Image, LinearRgb, LinearRgba, Mask, Pixel, Plane, Sample, Size, Srgb, Srgba,
 };
-use ravec_media::{Format, Picture, WriteOptions, encode};
+use ravec_media::{Format, Limits, Picture, WriteOptions, encode};
 use std::io::Cursor;
 
 /// Samples of an array.
@@ -62,6 +62,17 @@ impl PixelKind {
             ))),
         }
     }
+}
+
+/// The size of a result, refused before anything is allocated if it has more pixels than pictures may have.
+pub fn result_size(width: f64, height: f64) -> PyResult<Size> {
+    let limit = Limits::default().max_pixels;
+    if !(width * height <= limit as f64) {
+        return Err(of_request(format!(
+            "the result would have {width} x {height} pixels, more than the limit of {limit}"
+        )));
+    }
+    Size::new(width as usize, height as usize).map_err(of_request)
 }
 
 /// A picture from an array, and how to give results back.

@@ -7,7 +7,7 @@ use glam::{DMat3, DVec2};
 use numpy::{PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use ravec::planar::{Beyond, Homography, PointPair, RobustParams};
-use ravec::raster::{AnyImage, Image, PremulLinearRgba, Size};
+use ravec::raster::{AnyImage, Image, PremulLinearRgba};
 
 /// Pairs of points from two arrays of shape (N, 2).
 fn pairs(
@@ -75,7 +75,7 @@ pub fn warp(
     progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Py<PyAny>> {
     let (image, kind) = array::picture(image, PixelKind::is_linear(color_space)?)?;
-    let size = Size::new(width, height).map_err(of_request)?;
+    let size = array::result_size(width as f64, height as f64)?;
     let matrix = DMat3::from_cols_array(&matrix).transpose();
     let map = Homography::from_matrix(matrix).map_err(of_request)?;
     let image = work::run(py, progress, move |progress| {

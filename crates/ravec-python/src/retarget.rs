@@ -4,7 +4,7 @@ use crate::array::{self, PixelKind};
 use crate::error::{of_request, of_task};
 use crate::work;
 use pyo3::prelude::*;
-use ravec::raster::{AnyImage, Size, with_image};
+use ravec::raster::{AnyImage, with_image};
 use ravec::retarget::{Painted, RetargetError, RetargetParams};
 use std::sync::Arc;
 
@@ -74,7 +74,7 @@ impl Retargeter {
         height: usize,
         progress: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Py<PyAny>> {
-        let size = Size::new(width, height).map_err(of_request)?;
+        let size = array::result_size(width as f64, height as f64)?;
         let analyzed = Arc::clone(&self.analyzed);
         let image = work::run(py, progress, move |progress| {
             let deformation = analyzed.retargeter.solve(size).map_err(raised)?;

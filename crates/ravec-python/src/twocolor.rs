@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use ravec::raster::{AnyImage, LinearRgb, with_image};
 use ravec::twocolor::{
-    AdaptiveField, AdaptiveParams, FitParams, SvgParams, TwoColorField, render, render_mosaic,
+    AdaptiveField, AdaptiveParams, FitParams, SvgParams, TwoColorField, render_mosaic, render_to,
     write_svg,
 };
 use std::sync::Arc;
@@ -108,12 +108,13 @@ impl Field {
         let kind = self.kind;
         let image = work::run(py, progress, move |progress| {
             let image = with_blocks!(&*blocks, field => {
-                if mosaic {
-                    let size = scaled(ravec::twocolor::BlockField::image_size(field), scale)?;
-                    render_mosaic(field, size, progress).map_err(of_task)?
+                let size = scaled(ravec::twocolor::BlockField::image_size(field), scale)?;
+                let image = if mosaic {
+                    render_mosaic(field, size, progress)
                 } else {
-                    render(field, scale, progress).map_err(of_request)?
-                }
+                    render_to(field, size, progress)
+                };
+                image.map_err(of_task)?
             });
             // rounded here, where the interpreter is free
             Ok(match (kind.samples, kind.has_alpha()) {
@@ -206,6 +207,6 @@ fn scaled(size: ravec::raster::Size, scale: f64) -> PyResult<ravec::raster::Size
             "the scale is {scale}, but must be above 0"
         )));
     }
-    let side = |px: usize| ((px as f64 * scale).round() as usize).max(1);
-    ravec::raster::Size::new(side(size.width()), side(size.height())).map_err(of_request)
+    let side = |px: usize| (px as f64 * scale).round().max(1.0);
+    array::result_size(side(size.width()), side(size.height()))
 }
