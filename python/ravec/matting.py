@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import tempfile
+from pathlib import Path
 from typing import Any, Literal
 
+from . import _ravec
 from ._options import ColorSpace, ImageLike, Picture, Progress, as_array, operate, picture
 
 
@@ -32,18 +36,23 @@ def matte(
     """
     inputs: dict[str, Any] = {"@input": as_array(image)}
     fields: dict[str, Any] = {"input": "@input", "output": "@output"}
-    for name, value in (("trimap", trimap), ("strokes", strokes), ("plate", plate)):
+    for name, value in (("trimap", trimap), ("plate", plate)):
         if value is not None:
             fields[name], inputs[f"@{name}"] = f"@{name}", as_array(value)
     solver = {key: value for key, value in (("snap", snap), ("shadows", shadows)) if value is not None}
-    outcome = operate(
-        "matte",
-        fields,
-        params={"content": content, "matte": solver or None},
-        inputs=inputs,
-        color_space=color_space,
-        progress=progress,
-    )
+    with tempfile.TemporaryDirectory(prefix="ravec-") as folder:
+        if strokes is not None:
+            # strokes belong to frames of clips, too, and are read from files
+            fields["strokes"] = os.path.join(folder, "strokes.png")
+            Path(fields["strokes"]).write_bytes(_ravec.png(as_array(strokes)))
+        outcome = operate(
+            "matte",
+            fields,
+            params={"content": content, "matte": solver or None},
+            inputs=inputs,
+            color_space=color_space,
+            progress=progress,
+        )
     found = outcome.picture("@output")
     if content == "alpha" and found.ndim == 3:
         found = found[..., 0].copy()

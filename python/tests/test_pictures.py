@@ -41,6 +41,10 @@ def test_two_color_fields_find_the_line(picture: np.ndarray) -> None:
         ravec.TwoColorField.fit(picture, size=65)
     with pytest.raises(ValueError, match="above 0"):
         field.render(0.0, mosaic=True)
+    # refused before memory is taken
+    for beyond in (lambda: field.render(1e5), lambda: ravec.Homography(np.eye(3)).warp(picture, 10**6, 10**6)):
+        with pytest.raises(ValueError, match="more than the limit"):
+            beyond()
 
 
 def test_drawings_are_those_of_the_command_line(picture: np.ndarray, tmp_path: Path) -> None:
@@ -198,6 +202,14 @@ def test_mattes() -> None:
     trimap[alpha == 1] = 255
     trimap[np.hypot(x - 48, y - 36) > 25] = 0
     assert np.abs(ravec.matte(image, trimap=trimap) / 255.0 - alpha).mean() < 0.02
+    strokes = np.full((72, 96), 128, np.uint8)
+    strokes[30:42, 42:54], strokes[:10], strokes[-10:] = 255, 0, 0
+    assert ravec.matte(image, strokes=strokes)[36, 48] == 255
+    held = strokes.copy()
+    held[32:40, 44:52] = 0
+    assert ravec.matte(image, plate=plate, strokes=held)[36, 48] == 0
+    with pytest.raises(ValueError, match="4 x 4"):
+        ravec.matte(image, strokes=np.zeros((4, 4), np.uint8))
     cut = ravec.matte(image, plate=plate, content="foreground")
     assert cut.shape == (72, 96, 4) and tuple(cut[36, 48, :3]) == (230, 40, 60)
     with pytest.raises(ValueError):
