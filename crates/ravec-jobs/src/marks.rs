@@ -309,7 +309,7 @@ impl Marks {
 
     /// Constraints of the strokes that reach a frame, on top of a trimap; `None` without both.
     ///
-    /// Where strokes overlap, that of the nearest frame wins, and of one frame the last.
+    /// Where strokes overlap, the stroke of the nearest frame has priority; within one frame, the last one drawn.
     pub fn constraints(
         &self,
         frame: u64,

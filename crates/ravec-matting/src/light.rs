@@ -29,7 +29,7 @@ const MAX_LINEAR_BLUR: f64 = 0.5;
 const BLUR_ROUNDS: usize = 6;
 /// Variance that is missing when a fit of the blur ends, in square pixels.
 const BLUR_TOLERANCE: f64 = 0.15;
-/// What is left with a blur, relative to that without, above which the blur is not believed.
+/// Largest ratio of the residuals with and without a blur at which the blur is accepted.
 const MIN_BLUR_GAIN: f32 = 0.97;
 /// Unknowns: gains, offsets, two first and three second derivatives.
 const UNKNOWNS: usize = 11;

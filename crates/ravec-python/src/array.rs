@@ -67,7 +67,8 @@ impl PixelKind {
 /// The size of a result, refused before anything is allocated if it has more pixels than pictures may have.
 pub fn result_size(width: f64, height: f64) -> PyResult<Size> {
     let limit = Limits::default().max_pixels;
-    if !(width * height <= limit as f64) {
+    let pixels = width * height;
+    if pixels.is_nan() || pixels > limit as f64 {
         return Err(of_request(format!(
             "the result would have {width} x {height} pixels, more than the limit of {limit}"
         )));

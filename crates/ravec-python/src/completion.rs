@@ -1,7 +1,7 @@
 //! Fragments of a picture that fill its hole one by one.
 //!
-//! What is prepared is kept here; the steps, which are data, are kept in Python and repeated by each call. A step takes about a
-//! millisecond, and undo is that a step is forgotten.
+//! The index is kept here. The list of steps is kept in Python and replayed by each call, which takes about a millisecond a step;
+//! undo removes the last step of the list.
 
 use crate::array::{self, PixelKind};
 use crate::error::{of_request, of_task};
@@ -28,7 +28,7 @@ pub struct FragmentIndex {
     kind: PixelKind,
 }
 
-/// What may be copied, beside the picture as it is.
+/// Additional sources of fragments.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub struct SourceOptions<'py> {

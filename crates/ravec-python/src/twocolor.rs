@@ -35,7 +35,7 @@ pub struct Field {
     kind: PixelKind,
 }
 
-/// What [`Field::fit`] is asked for.
+/// Parameters of [`Field::fit`].
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub struct FitOptions {

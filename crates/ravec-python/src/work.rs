@@ -59,7 +59,7 @@ fn pool() -> PyResult<Arc<ThreadPool>> {
 /// interruption, cancel the work and are raised when it has ended.
 ///
 /// # Errors
-/// What `work` returns, the exception of the listener, or that of a handler of signals.
+/// The error of `work`, the exception of the listener, or that of a signal handler.
 pub fn run<T: Send + 'static>(
     py: Python<'_>,
     listener: Option<&Bound<'_, PyAny>>,

@@ -418,7 +418,7 @@ fn drawn(colors: &Image<Srgb<f32>>, opaque: Option<&Mask>, deep: bool) -> AnyIma
     }
 }
 
-/// What lies beyond all frames: unseen pixels that are connected, outside of the reference frame, to the border of the plate.
+/// Mask of the area outside of all frames: unseen pixels connected to the border of the plate outside of the reference frame.
 fn beyond(seen: &Mask, pad_px: usize) -> Mask {
     let size = seen.size();
     let (width, height) = (size.width(), size.height());
