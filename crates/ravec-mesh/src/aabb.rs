@@ -1,9 +1,10 @@
 //! Boxes along the axes.
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 /// A closed box along the axes, from `min` to `max`. Empty if `min` exceeds `max` on any axis.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Aabb {
     /// The corner with the smallest coordinates.
     pub min: DVec3,

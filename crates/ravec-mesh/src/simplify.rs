@@ -127,7 +127,7 @@ pub struct Keep<'a> {
 }
 
 /// A place that the simplified mesh must be near.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ErrorSample {
     /// A vertex or the middle of an edge of the original.
     pub place: DVec3,

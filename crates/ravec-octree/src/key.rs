@@ -1,12 +1,13 @@
 //! Cells and corners as integers on the lattice of the finest level, and their position in space.
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 /// Finest level: a side of the root has 2²⁰ of its cells, and a corner fits 63 bits.
 pub const MAX_LEVEL: u8 = 20;
 
 /// A point of the lattice, 0 to 2²⁰ in each direction.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Corner(pub [u32; 3]);
 
 impl Corner {
@@ -72,7 +73,7 @@ fn gathered(x: u64) -> u32 {
 }
 
 /// A cell: its lowest corner and its level, 0 for the root.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct CellKey {
     /// The corner with the smallest coordinates.
     pub at: Corner,

@@ -12,12 +12,12 @@ mod smooth;
 
 pub(crate) use finisher::{Finish, check_written};
 pub(crate) use measure::{Ample, measure};
+pub(crate) use simplify::{Simplifier, is_rough};
 
 use collapse::FacetRules;
 use creases::creases;
-use measure::Measured;
 use roughness::roughness;
-use simplify::{Simplifier, indices};
-use simplify_chunks::Simplified;
+use simplify::indices;
+use simplify_chunks::{Simplified, pairs};
 use slivers::without_slivers;
 use smooth::{Facets, min_divided_area, smooth};

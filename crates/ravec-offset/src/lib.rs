@@ -34,11 +34,13 @@
 //! | `prove` | facets keep the distance, triangles do not intersect; defects request edits |
 //! | `store` | the surface as blocks, in memory or in a storage |
 //! | `report` | results |
+//! | `remote` | the two steps below in other processes: what they are sent, and what they answer |
 //! | `repair` | rounds of the steps above, until no defect remains |
 //! | `finish` | simplification, measurement, checks |
 //! | `task` | a checked offset with its inputs |
 //! | `thicken` | sheets |
 //! | `offset`, `offset_cells` | entry points |
+//! | `pieces` | offsets whose steps other processes run |
 //!
 //! # Words
 //!
@@ -99,7 +101,9 @@ mod grow;
 mod offset;
 mod offset_cells;
 mod params;
+mod pieces;
 mod prove;
+mod remote;
 mod repair;
 mod report;
 mod store;
@@ -110,5 +114,6 @@ mod thicken;
 pub use offset::{offset, offset_stored};
 pub use offset_cells::{OffsetCell, offset_cells};
 pub use params::{Coordinates, OffsetError, OffsetParams, OpenRule, Side};
+pub use pieces::{OffsetWorker, offset_in_pieces};
 pub use report::{Offset, OffsetReport, StoredOffset};
 pub use store::{NewStorage, OffsetSurface, Storage};

@@ -2,6 +2,8 @@
 
 use crate::domain::rounded;
 use crate::params::{Coordinates, OffsetError, OffsetParams, OpenRule, Side};
+use crate::pieces::{Coordinator, Team};
+use crate::remote::Remote;
 use crate::report::{Offset, StoredOffset};
 use crate::store::{NewStorage, OffsetSurface, in_memory};
 use crate::task::Task;
@@ -38,13 +40,24 @@ pub fn offset_stored(
     storage: NewStorage<'_>,
     progress: &Progress,
 ) -> Result<StoredOffset, OffsetError> {
+    offset_with(mesh, params, storage, None, progress)
+}
+
+/// Computes [`offset_stored`] alone or with a team.
+pub(crate) fn offset_with(
+    mesh: &TriMesh,
+    params: &OffsetParams,
+    storage: NewStorage<'_>,
+    team: Option<&Team<'_>>,
+    progress: &Progress,
+) -> Result<StoredOffset, OffsetError> {
     if mesh.triangles().is_empty() {
         return Err(OffsetError::NoTriangles);
     }
     // a mesh that becomes part of the result must be representable in the file
     let is_part = params.open == OpenRule::Thicken || params.side == Side::Shell;
     if !is_part || params.coordinates == Coordinates::Double {
-        return offset_exact(mesh, params, storage, progress);
+        return offset_exact(mesh, params, storage, team, progress);
     }
     let got = params.tolerance;
     let Some((rounded, moved)) = rounded(mesh, params.coordinates) else {
@@ -55,7 +68,7 @@ pub fn offset_stored(
         tolerance: got - moved.min(0.5 * got),
         ..params.clone()
     };
-    let made = offset_exact(&rounded, &left, storage, progress);
+    let made = offset_exact(&rounded, &left, storage, team, progress);
     let mut offset = made.map_err(|error| match error {
         OffsetError::SinglePrecision { least, .. } => OffsetError::SinglePrecision {
             got,
@@ -74,6 +87,7 @@ fn offset_exact(
     mesh: &TriMesh,
     params: &OffsetParams,
     storage: NewStorage<'_>,
+    team: Option<&Team<'_>>,
     progress: &Progress,
 ) -> Result<StoredOffset, OffsetError> {
     if params.open == OpenRule::Thicken {
@@ -84,7 +98,9 @@ fn offset_exact(
     params.check(&mesh.bounds())?;
     let task = Task::checked(mesh, params, false, progress)?;
     let field = task.field(progress)?;
-    let finish = task.finish(mesh, params, &field, storage)?;
+    let mut finish = task.finish(mesh, params, &field, storage)?;
+    let coordinator = (team.map(|team| Coordinator::start(team, mesh, params))).transpose()?;
+    finish.budget.remote = (coordinator.as_ref()).map(|coordinator| coordinator as &dyn Remote);
     let repaired = task.repaired(params, &finish, progress)?;
     finish.run(mesh, repaired, progress)
 }

@@ -5,15 +5,12 @@ mod error;
 pub use error::OffsetError;
 
 use ravec_mesh::Aabb;
+use serde::{Deserialize, Serialize};
 
 /// Part of the surface at the distance.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
-#[cfg_attr(
-    feature = "serde",
-    derive(serde::Serialize, serde::Deserialize),
-    serde(rename_all = "kebab-case")
-)]
+#[serde(rename_all = "kebab-case")]
 pub enum Side {
     /// All that is at the distance, whatever the triangles are.
     ///
@@ -38,13 +35,9 @@ impl Side {
 }
 
 /// Treatment of a mesh that is not closed.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
-#[cfg_attr(
-    feature = "serde",
-    derive(serde::Serialize, serde::Deserialize),
-    serde(rename_all = "kebab-case")
-)]
+#[serde(rename_all = "kebab-case")]
 pub enum OpenRule {
     /// Refuse it where a side needs an inside.
     #[default]
@@ -58,12 +51,8 @@ pub enum OpenRule {
 }
 
 /// Precision of the coordinates of the result.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
-#[cfg_attr(
-    feature = "serde",
-    derive(serde::Serialize, serde::Deserialize),
-    serde(rename_all = "kebab-case")
-)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Coordinates {
     /// 64-bit floats.
     #[default]
@@ -74,12 +63,8 @@ pub enum Coordinates {
 }
 
 /// Parameters of an offset.
-#[derive(Debug, Clone, PartialEq)]
-#[cfg_attr(
-    feature = "serde",
-    derive(serde::Serialize, serde::Deserialize),
-    serde(default, deny_unknown_fields)
-)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct OffsetParams {
     /// Distance, in units of the mesh, above 0 (default 1). With [`OpenRule::Thicken`] it may be negative: the sheet is
     /// thickened on its other side.

@@ -4,6 +4,6 @@ mod rounds;
 mod separation;
 mod workspace;
 
-pub(crate) use rounds::{Budget, Repair, Repaired};
+pub(crate) use rounds::{Budget, Repair, Repaired, Round, children, divide_tile};
 
-use workspace::{GrownTile, StoredTile, Workspace};
+use workspace::{GrownTile, Workspace};

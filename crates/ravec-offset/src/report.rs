@@ -2,10 +2,10 @@
 
 use crate::store::OffsetSurface;
 use ravec_mesh::TriMesh;
+use serde::{Deserialize, Serialize};
 
 /// Report of an offset: properties of the result and of the work.
-#[derive(Debug, Clone, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct OffsetReport {
     /// Every facet is proved to keep the distance within the tolerance.
     pub certified: bool,
@@ -60,4 +60,37 @@ pub struct StoredOffset {
     pub surface: OffsetSurface,
     /// The report.
     pub report: OffsetReport,
+}
+
+/// Extremes of a surface.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Measured {
+    /// Facets that are not proved to be within the limits.
+    pub unproved: u64,
+    /// Proved minimum distance.
+    pub least: f64,
+    /// Proved maximum distance.
+    pub most: f64,
+    /// Largest distance of a corner or a center of a facet.
+    pub max_found: f64,
+}
+
+impl Measured {
+    /// Combines two parts of a surface.
+    pub fn and(self, other: Self) -> Self {
+        Self {
+            unproved: self.unproved + other.unproved,
+            least: self.least.min(other.least),
+            most: self.most.max(other.most),
+            max_found: self.max_found.max(other.max_found),
+        }
+    }
+}
+
+/// Properties of a chunk of the finished surface.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+pub(crate) struct ChunkFacts {
+    pub measured: Measured,
+    pub feature_edges: u64,
+    pub is_closed_manifold: bool,
 }

@@ -13,13 +13,15 @@ mod components;
 mod outermost;
 mod rows;
 mod storage;
+mod tile;
 
 pub(crate) use blocks::{Block, Store, put_block, put_blocks};
-pub(crate) use chunks::{Chunk, ChunkedSurface, Visibility};
+pub(crate) use chunks::{Chunk, ChunkedSurface, Visibility, merged_pairs};
 pub(crate) use codec::encoded;
 pub use rows::OffsetSurface;
 pub(crate) use rows::StoredSurface;
 pub use storage::{NewStorage, Storage};
-pub(crate) use storage::{Record, Scratch, damaged, in_memory};
+pub(crate) use storage::{Record, Scratch, damaged, failed, in_memory, part_name};
+pub(crate) use tile::StoredTile;
 
 use blocks::PatchHandle;

@@ -136,25 +136,34 @@ impl Task {
     ) -> Result<Repaired, OffsetError> {
         let Finish { field, budget, .. } = finish;
         let enclosed = self.enclosed(field, params.side, budget.nodes, progress)?;
-        let repair = Repair {
-            setting: Setting {
-                field,
-                enclosed: &enclosed,
-                frame: self.frame,
-                grid: self.grid,
-                tolerance: params.tolerance,
-            },
-            limits: finish.limits,
-            outer_only: params.side == Side::Outer,
-            budget: *budget,
-        };
-        let repaired = repair.run(progress)?;
+        let repaired = self.repair(params, finish, &enclosed).run(progress)?;
         if repaired.surface.triangles() == 0 {
             return Err(OffsetError::Empty {
                 distance: params.distance,
             });
         }
         Ok(repaired)
+    }
+
+    /// Prepares the repair of the surface, which ignores enclosed space.
+    pub fn repair<'a>(
+        &self,
+        params: &OffsetParams,
+        finish: &Finish<'a>,
+        enclosed: &'a Enclosed,
+    ) -> Repair<'a> {
+        Repair {
+            setting: Setting {
+                field: finish.field,
+                enclosed,
+                frame: self.frame,
+                grid: self.grid,
+                tolerance: params.tolerance,
+            },
+            limits: finish.limits,
+            outer_only: params.side == Side::Outer,
+            budget: finish.budget,
+        }
     }
 
     pub fn finish<'a>(
@@ -214,6 +223,7 @@ fn budget<'a>(
             nodes: usize::MAX,
             triangles: usize::MAX,
             storage,
+            remote: None,
         });
     };
     let of_mesh = size_of_val(mesh.positions()) + size_of_val(mesh.triangles());
@@ -227,5 +237,6 @@ fn budget<'a>(
         nodes: (left / BYTES_PER_NODE) as usize,
         triangles: (left / BYTES_PER_TRIANGLE) as usize,
         storage,
+        remote: None,
     })
 }

@@ -1,10 +1,10 @@
 //! Finish of a repaired surface: merge triangles, measure and check the result.
 
-use super::{Ample, Measured, Simplified, Simplifier, creases, measure, without_slivers};
+use super::{Ample, Simplified, Simplifier, creases, is_rough, measure, pairs, without_slivers};
 use crate::domain::Field;
 use crate::params::{OffsetError, OffsetParams, Side};
 use crate::repair::{Budget, Repaired};
-use crate::report::{Offset, OffsetReport, StoredOffset};
+use crate::report::{ChunkFacts, Measured, Offset, OffsetReport, StoredOffset};
 use crate::store::{Chunk, ChunkedSurface, OffsetSurface, Scratch, Store, StoredSurface};
 use ravec_mesh::{CheckParams, MeshCheck, TriMesh, check, weld};
 use ravec_progress::{Cancelled, Progress};
@@ -111,10 +111,13 @@ impl Finish<'_> {
     ) -> Result<Merged, OffsetError> {
         let (params, is_apart) = (self.params, repaired.is_proved);
         if params.simplify {
-            let simplifier = Simplifier::new(self.field, params, self.limits, mesh, progress)?;
+            let is_rough = is_rough(mesh, params);
+            progress.check()?;
+            let simplifier = Simplifier::new(self.field, params, self.limits, is_rough, progress);
             let max_triangles = self.budget.triangles;
             let new_store = || Ok(Store::Storage(Scratch::new(self.budget.storage)?));
-            let simplified = simplifier.run(repaired.surface, max_triangles, new_store)?;
+            let remote = self.budget.remote;
+            let simplified = simplifier.run(repaired.surface, max_triangles, remote, new_store)?;
             return Ok(match simplified {
                 Simplified::Chunked(chunks) => Merged::Chunked {
                     chunks,
@@ -198,38 +201,50 @@ impl Finish<'_> {
         let self_intersections = if is_apart {
             0
         } else {
-            chunks.intersecting_pairs(progress)?.len() as u64
+            pairs(chunks, self.budget.remote, progress)?.len() as u64
         };
-        let mut measured: Option<Measured> = None;
-        for at in 0..chunks.count() {
-            let chunk = chunks.chunk(at, progress)?;
-            let ample = Ample {
-                distance: ample_distance,
-                facets: &chunk.ample,
-            };
-            let of_chunk = measure(self.field, &chunk.mesh, self.limits, ample, progress)?;
-            measured = Some(match measured {
-                Some(before) => before.and(of_chunk),
-                None => of_chunk,
-            });
-        }
-        let mut feature_edges = 0;
-        for at in 0..chunks.count() {
-            let chunk = chunks.chunk_with_neighbors(at, progress)?;
-            // an edge between two chunks belongs to the first of them
-            let is_first = |[a, b]: [u32; 2]| {
-                let [p, q] = [a, b].map(|t| chunk.origin[t as usize]);
-                (if p < q { a } else { b } as usize) < chunk.own
-            };
-            let reach = self.reach(false);
-            feature_edges += creases(self.field, &chunk.mesh, reach, is_first, progress)?;
-        }
+        let facts = match self.budget.remote {
+            Some(remote) => remote.facts(chunks, ample_distance, progress)?,
+            None => (0..chunks.count())
+                .map(|chunk| self.facts_of_chunk(chunks, chunk, ample_distance, progress))
+                .collect::<Result<_, _>>()?,
+        };
+        let measured = facts.iter().map(|of_chunk| of_chunk.measured);
         Ok(Facts {
-            measured: measured.expect("there is a chunk"),
-            feature_edges,
+            measured: measured.reduce(Measured::and).expect("there is a chunk"),
+            feature_edges: facts.iter().map(|of_chunk| of_chunk.feature_edges).sum(),
             triangles: chunks.triangles() as u64,
-            is_closed_manifold: chunks.is_closed_manifold(progress)?,
+            is_closed_manifold: facts.iter().all(|of_chunk| of_chunk.is_closed_manifold),
             self_intersections,
+        })
+    }
+
+    /// Measures and checks a chunk of a surface.
+    pub fn facts_of_chunk(
+        &self,
+        chunks: &ChunkedSurface,
+        chunk: usize,
+        ample_distance: f64,
+        progress: &Progress,
+    ) -> Result<ChunkFacts, OffsetError> {
+        let own = chunks.chunk(chunk, progress)?;
+        let ample = Ample {
+            distance: ample_distance,
+            facets: &own.ample,
+        };
+        let measured = measure(self.field, &own.mesh, self.limits, ample, progress)?;
+        drop(own);
+        let chunk = chunks.chunk_with_neighbors(chunk, progress)?;
+        // an edge between two chunks belongs to the first of them
+        let is_first = |[a, b]: [u32; 2]| {
+            let [p, q] = [a, b].map(|t| chunk.origin[t as usize]);
+            (if p < q { a } else { b } as usize) < chunk.own
+        };
+        let reach = self.reach(false);
+        Ok(ChunkFacts {
+            measured,
+            feature_edges: creases(self.field, &chunk.mesh, reach, is_first, progress)?,
+            is_closed_manifold: chunk.is_closed_manifold(progress)?,
         })
     }
 

@@ -10,6 +10,7 @@
 
 use crate::domain::Field;
 use crate::prove::{MAX_CUTS, keeps_distance};
+use crate::report::Measured;
 use glam::DVec3;
 use ravec_mesh::{TriMesh, distance_sq_to_triangle};
 use ravec_progress::{Cancelled, Progress};
@@ -22,19 +23,6 @@ const MIN_SLACK: f64 = 1e-3;
 /// Halving it divides facets on fine input once more, at four times the cost.
 const MAX_SLACK: f64 = 0.25;
 
-/// Extremes of a surface.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Measured {
-    /// Facets that are not proved to be within the limits.
-    pub unproved: u64,
-    /// Proved minimum distance.
-    pub least: f64,
-    /// Proved maximum distance.
-    pub most: f64,
-    /// Largest distance of a corner or a center of a facet.
-    pub max_found: f64,
-}
-
 /// Facets known to keep a distance.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Ample<'a> {
@@ -46,18 +34,6 @@ pub(crate) struct Ample<'a> {
 impl Ample<'_> {
     fn contains(&self, facet: u32) -> bool {
         self.facets.get(facet as usize) == Some(&true)
-    }
-}
-
-impl Measured {
-    /// Combines two parts of a surface.
-    pub fn and(self, other: Self) -> Self {
-        Self {
-            unproved: self.unproved + other.unproved,
-            least: self.least.min(other.least),
-            most: self.most.max(other.most),
-            max_found: self.max_found.max(other.max_found),
-        }
     }
 }
 

@@ -50,26 +50,28 @@ pub(crate) struct Simplifier<'a> {
     pub(super) is_merged_twice: bool,
 }
 
+/// Returns whether facets may be tilted more because the mesh is rough.
+pub(crate) fn is_rough(mesh: &TriMesh, params: &OffsetParams) -> bool {
+    params.max_normal_deviation_deg.is_none() && roughness(mesh) >= ROUGH
+}
+
 impl<'a> Simplifier<'a> {
-    /// Prepares simplification of the surface of a `mesh`, which keeps the distance between `limits`.
+    /// Prepares simplification of the surface of a mesh, rough or not, which keeps the distance between `limits`.
     pub fn new(
         field: &'a Field<'a>,
         params: &OffsetParams,
         limits: [f64; 2],
-        mesh: &TriMesh,
+        is_rough: bool,
         progress: &'a Progress,
-    ) -> Result<Self, Cancelled> {
+    ) -> Self {
         let max_deviation = params.normal_deviation_deg().to_radians();
-        progress.check()?;
         let has_limit = params.max_normal_deviation_deg.is_some();
         let widest_deviation = if has_limit {
             max_deviation
         } else {
             (1.0 + MAX_LEEWAY) * max_deviation
         };
-        let is_rough = !has_limit && roughness(mesh) >= ROUGH;
-        progress.check()?;
-        Ok(Self {
+        Self {
             rules: FacetRules {
                 field,
                 coordinates: params.coordinates,
@@ -85,7 +87,7 @@ impl<'a> Simplifier<'a> {
             max_error: CREST_SHARE * params.tolerance,
             has_limit,
             is_merged_twice: has_limit || params.tolerance <= COARSE * params.distance,
-        })
+        }
     }
 
     /// Merges triangles and improves tilted ones, twice unless `keep` knows the error only in part.

@@ -8,10 +8,11 @@
 
 use super::{Simplifier, indices};
 use crate::params::OffsetError;
-use crate::store::put_block;
-use crate::store::{Block, Chunk, ChunkedSurface, Store, Visibility};
+use crate::remote::{ChunkTask, Remote, SimplifiedChunk};
+use crate::store::{Block, Chunk, ChunkedSurface, Store, Visibility, merged_pairs, put_block};
 use crate::surface::Patch;
 use ravec_mesh::{Aabb, ErrorSample, Keep, TriMesh, add_rings};
+use ravec_progress::Progress;
 use rustc_hash::FxHashMap;
 use std::f64::consts::PI;
 
@@ -40,6 +41,7 @@ impl Simplifier<'_> {
         &self,
         surface: ChunkedSurface,
         max_triangles: usize,
+        remote: Option<&dyn Remote>,
         new_store: impl Fn() -> Result<Store, OffsetError>,
     ) -> Result<Simplified, OffsetError> {
         let progress = self.rules.progress;
@@ -47,12 +49,13 @@ impl Simplifier<'_> {
             let mesh = surface.into_mesh(progress)?;
             return Ok(Simplified::Mesh(self.whole(mesh, Keep::default())?));
         }
-        let simplify = |chunk: &Chunk, pinned: &[bool]| self.apart(chunk, pinned);
-        let (fewer, samples) = self.pass(&surface, max_triangles, &new_store, simplify)?;
+        let new_store =
+            || remote.map_or_else(&new_store, |remote| Ok(Store::Storage(remote.parts())));
+        let (fewer, samples) = self.pass(&surface, &[], max_triangles, remote, &new_store)?;
         drop(surface);
         if fewer.count() == 1 {
             let chunk = fewer.chunk(0, progress)?;
-            let seams = Seams::of(&fewer, &chunk, &samples);
+            let seams = Seams::of(&chunk, 0, &samples);
             drop(fewer);
             let pinned = seams.pinned(&[]);
             let keep = Keep {
@@ -62,21 +65,19 @@ impl Simplifier<'_> {
             };
             return Ok(Simplified::Mesh(self.whole(chunk.mesh, keep)?));
         }
-        let simplify = |chunk: &Chunk, pinned: &[bool]| {
-            let seams = Seams::of(&fewer, chunk, &samples);
-            self.together(chunk, pinned, seams)
-        };
-        let (done, _) = self.pass(&fewer, max_triangles, &new_store, simplify)?;
+        let (done, _) = self.pass(&fewer, &samples, max_triangles, remote, &new_store)?;
         Ok(Simplified::Chunked(done))
     }
 
-    /// Simplifies each chunk to one block, repeatedly until triangles of two of them do not intersect.
+    /// Simplifies each chunk to one block, repeatedly until triangles of two of them do not intersect: except for its border, or
+    /// around the seams in it, if there are samples of its blocks.
     fn pass(
         &self,
         surface: &ChunkedSurface,
+        samples_of_blocks: &[Vec<ErrorSample>],
         max_triangles: usize,
+        remote: Option<&dyn Remote>,
         new_store: &impl Fn() -> Result<Store, OffsetError>,
-        simplify: impl Fn(&Chunk, &[bool]) -> Result<Done, OffsetError>,
     ) -> Result<(ChunkedSurface, Vec<Vec<ErrorSample>>), OffsetError> {
         let progress = self.rules.progress;
         let mut store = new_store()?;
@@ -85,29 +86,28 @@ impl Simplifier<'_> {
         // where triangles met
         let mut places: Vec<Vec<Aabb>> = vec![Vec::new(); surface.count()];
         for tries in 0.. {
-            for (at, block) in blocks.iter_mut().enumerate() {
-                if block.is_some() {
-                    continue;
-                }
-                let chunk = surface.chunk(at, progress)?;
-                let key = surface.blocks()[surface.blocks_of(at).start].key;
-                let done = if tries < MAX_TRIES {
-                    let is_pinned =
-                        |&p: &glam::DVec3| places[at].iter().any(|place| place.contains(p));
-                    let pinned: Vec<bool> = chunk.mesh.positions().iter().map(is_pinned).collect();
-                    simplify(&chunk, &pinned)?
-                } else {
-                    Done {
-                        patch: patch(&chunk, chunk.mesh.clone(), |v| v),
-                        samples: vec![],
-                    }
-                };
+            let open = (0..blocks.len()).filter(|&at| blocks[at].is_none());
+            let tasks = open.map(|chunk| ChunkTask {
+                chunk,
+                places: places[chunk].clone(),
+                is_kept: tries >= MAX_TRIES,
+                samples: (samples_of_blocks.get(surface.blocks_of(chunk))).map(<[_]>::to_vec),
+            });
+            let tasks: Vec<ChunkTask> = tasks.collect();
+            let at: Vec<usize> = tasks.iter().map(|task| task.chunk).collect();
+            let done = match remote {
+                Some(remote) => remote.simplify(surface, tasks, progress)?,
+                None => (tasks.into_iter())
+                    .map(|task| self.simplify_chunk(surface, task, &store))
+                    .collect::<Result<_, _>>()?,
+            };
+            for (at, done) in at.into_iter().zip(done) {
                 samples[at] = done.samples;
-                *block = Some(put_block(key, done.patch, &store)?);
+                blocks[at] = Some(done.block);
             }
             let made: Vec<Block> = blocks.drain(..).flatten().collect();
             let fewer = ChunkedSurface::new(store, made, max_triangles, Visibility::All, progress)?;
-            let meeting = fewer.intersecting_pairs(progress)?;
+            let meeting = pairs(&fewer, remote, progress)?;
             if meeting.is_empty() || tries > MAX_TRIES {
                 return Ok((fewer, samples));
             }
@@ -125,6 +125,38 @@ impl Simplifier<'_> {
             blocks.extend(kept.map(|(block, is_bad)| (!is_bad).then_some(block)));
         }
         unreachable!("the loop ends with a result")
+    }
+
+    /// Simplifies a chunk to one block.
+    pub fn simplify_chunk(
+        &self,
+        surface: &ChunkedSurface,
+        task: ChunkTask,
+        store: &Store,
+    ) -> Result<SimplifiedChunk, OffsetError> {
+        let chunk = surface.chunk(task.chunk, self.rules.progress)?;
+        let blocks = surface.blocks_of(task.chunk);
+        let key = surface.blocks()[blocks.start].key;
+        let done = if task.is_kept {
+            Done {
+                patch: patch(&chunk, chunk.mesh.clone(), |v| v),
+                samples: vec![],
+            }
+        } else {
+            let is_pinned = |&p: &glam::DVec3| task.places.iter().any(|place| place.contains(p));
+            let pinned: Vec<bool> = chunk.mesh.positions().iter().map(is_pinned).collect();
+            match task.samples {
+                Some(samples) => {
+                    let seams = Seams::of(&chunk, blocks.start, &samples);
+                    self.together(&chunk, &pinned, seams)?
+                }
+                None => self.apart(&chunk, &pinned)?,
+            }
+        };
+        Ok(SimplifiedChunk {
+            block: put_block(key, done.patch, store)?,
+            samples: done.samples,
+        })
     }
 
     /// Simplifies a chunk except for its border and pinned vertices.
@@ -195,6 +227,21 @@ impl Simplifier<'_> {
     }
 }
 
+/// Returns the pairs of triangles of a surface that intersect, each by its block and its number there.
+pub(super) fn pairs(
+    surface: &ChunkedSurface,
+    remote: Option<&dyn Remote>,
+    progress: &Progress,
+) -> Result<Vec<[[u32; 2]; 2]>, OffsetError> {
+    let found = match remote {
+        Some(remote) => remote.pairs(surface, progress)?,
+        None => (0..surface.count())
+            .map(|chunk| surface.pairs_in(chunk, progress))
+            .collect::<Result<_, _>>()?,
+    };
+    Ok(merged_pairs(found))
+}
+
 /// Surroundings of the vertices that several blocks of a chunk share.
 struct Seams {
     is_free: Vec<bool>,
@@ -202,8 +249,8 @@ struct Seams {
 }
 
 impl Seams {
-    /// Finds the seams of a chunk, with the error samples of each block.
-    fn of(surface: &ChunkedSurface, chunk: &Chunk, samples: &[Vec<ErrorSample>]) -> Self {
+    /// Finds the seams of a chunk, with the error samples of its blocks, whose numbers start at `first`.
+    fn of(chunk: &Chunk, first: usize, samples: &[Vec<ErrorSample>]) -> Self {
         let mut first_block = vec![u32::MAX; chunk.mesh.positions().len()];
         let mut is_shared = vec![false; first_block.len()];
         let mut first_triangle: FxHashMap<u32, u32> = FxHashMap::default();
@@ -219,14 +266,15 @@ impl Seams {
             }
         }
         let is_free = around(&chunk.mesh, |v| is_shared[v]);
-        let blocks = 0..surface.blocks().len();
-        let of_blocks = blocks.filter_map(|block| {
-            let first = *first_triangle.get(&(block as u32))?;
-            Some(samples.get(block)?.iter().map(move |sample| ErrorSample {
-                triangle: first + sample.triangle,
-                ..*sample
-            }))
-        });
+        let of_blocks = (first as u32..)
+            .zip(samples)
+            .filter_map(|(block, samples)| {
+                let first = *first_triangle.get(&block)?;
+                Some(samples.iter().map(move |sample| ErrorSample {
+                    triangle: first + sample.triangle,
+                    ..*sample
+                }))
+            });
         Self {
             samples: of_blocks.flatten().collect(),
             is_free,

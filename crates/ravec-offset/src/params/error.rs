@@ -95,6 +95,20 @@ pub enum OffsetError {
         /// Error of the storage.
         cause: String,
     },
+    /// A part that several processes share is lost.
+    #[error(
+        "part {part} of the work is lost: is its folder, or its bucket, the same for all machines?"
+    )]
+    MissingPart {
+        /// Number of the part.
+        part: u64,
+    },
+    /// A piece of the work failed in another process.
+    #[error("a piece of the work failed: {cause}")]
+    Piece {
+        /// Error of the piece.
+        cause: String,
+    },
     /// The sheet is too rough for its size: the solids over its triangles meet in too many places.
     #[error(
         "the sheet is too rough to be thickened with a tolerance of {}: allow a larger one, or simplify or smooth the sheet first",

@@ -10,6 +10,7 @@ use crate::surface::{Edits, Patch, Proof, ProofStart, Room, intersecting_pairs};
 use ravec_octree::{CellKey, Corner, NodeId};
 use ravec_progress::{Cancelled, Progress};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 /// Number of unproved facets above which their cells are split once instead of twice.
 const MANY_UNPROVED: usize = 2000;
@@ -19,7 +20,7 @@ const AMPLE: f64 = 0.65;
 
 /// Edits requested by an inspection. The number of levels by which cells of unproved facets are split depends on their number
 /// everywhere.
-#[derive(Debug, Default)]
+#[derive(Debug, Default, Serialize, Deserialize)]
 pub(crate) struct EditRequests {
     next: Edits,
     unproved: Vec<CellKey>,
@@ -49,7 +50,7 @@ impl EditRequests {
 }
 
 /// Defects of a surface.
-#[derive(Debug, Default)]
+#[derive(Debug, Default, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Defects {
     /// Leaves of triangles that are not proved or intersect others.
     pub leaves: Vec<NodeId>,

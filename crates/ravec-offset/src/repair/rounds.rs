@@ -8,13 +8,15 @@
 //! fit in memory, tiles are grown one after the other, divided into eight if too large, and kept in a storage, from which a
 //! round loads those that changes affect.
 
-use super::{GrownTile, StoredTile, Workspace};
+use super::{GrownTile, Workspace};
 use crate::extract::{CrossingCache, Selection, extract};
 use crate::grow::{Halt, Refinement, Setting};
 use crate::params::OffsetError;
 use crate::prove::{Defects, EditRequests, Inspector};
+use crate::remote::{Remote, TileOutcome, TileTask};
 use crate::store::{
-    Block, ChunkedSurface, NewStorage, Scratch, Store, Visibility, put_block, put_blocks,
+    Block, ChunkedSurface, NewStorage, Scratch, Store, StoredTile, Visibility, put_block,
+    put_blocks,
 };
 use crate::surface::{Edits, Patch};
 use ravec_octree::{CellKey, NodeId};
@@ -46,6 +48,8 @@ pub(crate) struct Budget<'a> {
     pub triangles: usize,
     /// Storage for data beyond the budget.
     pub storage: NewStorage<'a>,
+    /// Other processes that run the steps.
+    pub remote: Option<&'a dyn Remote>,
 }
 
 /// A surface to compute and repair.
@@ -77,12 +81,12 @@ pub(crate) struct Repaired {
 
 /// Inputs of a round.
 #[derive(Clone, Copy)]
-pub(super) struct Round<'o> {
+pub(crate) struct Round<'o> {
     /// All edits so far, and the new ones among them.
-    pub(super) edits: &'o Edits,
-    latest: &'o Edits,
+    pub edits: &'o Edits,
+    pub latest: &'o Edits,
     /// Number of levels by which cells are split at once.
-    pub(super) levels: u8,
+    pub levels: u8,
 }
 
 impl<'a> Repair<'a> {
@@ -133,7 +137,7 @@ impl<'a> Repair<'a> {
                 let mut is_proved = surface.blocks().iter().all(|block| block.is_proved);
                 if is_proved {
                     // inspections search crowded cells only: this search is complete
-                    let defects = surface.defects(progress)?;
+                    let defects = self.defects(&surface, progress)?;
                     is_proved = defects.is_empty();
                     next =
                         self.edits_to_separate(&surface, &workspace, &defects, round, progress)?;
@@ -156,6 +160,25 @@ impl<'a> Repair<'a> {
             edits.extend(&next);
             latest = next;
         }
+    }
+
+    /// Returns the triangles that intersect others, or have corners at the position of another vertex, each by its block and
+    /// its number there, sorted.
+    fn defects(
+        &self,
+        surface: &ChunkedSurface,
+        progress: &Progress,
+    ) -> Result<Vec<[u32; 2]>, OffsetError> {
+        let found = match self.budget.remote {
+            Some(remote) => remote.defects(surface, progress)?,
+            None => (0..surface.count())
+                .map(|chunk| surface.defects_in(chunk, progress))
+                .collect::<Result<_, _>>()?,
+        };
+        let mut bad = found.concat();
+        bad.sort_unstable();
+        bad.dedup();
+        Ok(bad)
     }
 
     fn inspector(&self) -> Inspector<'a> {
@@ -186,27 +209,100 @@ impl<'a> Repair<'a> {
     ) -> Result<Workspace<'a>, OffsetError> {
         let root = CellKey::ROOT;
         let whole = match workspace {
+            Workspace::Empty if self.budget.remote.is_some() => {
+                let tasks = vec![TileTask::Grow(root)];
+                return self.advance_tiles(tasks, None, round, requests, progress);
+            }
             Workspace::Empty => self
                 .grown(root, self.budget.nodes, round, requests, progress)
                 .map(Box::new),
             Workspace::Whole(whole) => self.repaired(whole, round, requests, progress),
             Workspace::Tiled(scratch, tiles) => {
-                let mut done = Vec::with_capacity(tiles.len());
-                for tile in tiles {
-                    self.repair_tile(tile, &scratch, &mut done, round, requests, progress)?;
-                }
-                return Ok(Workspace::Tiled(scratch, done));
+                let is_affected = |tile: &StoredTile| round.latest.affect(&tile.reach);
+                let (affected, kept): (Vec<_>, Vec<_>) = tiles.into_iter().partition(is_affected);
+                let tasks = affected.into_iter().map(Box::new).map(TileTask::Repair);
+                let kept = Some((scratch, kept));
+                return self.advance_tiles(tasks.collect(), kept, round, requests, progress);
             }
         };
         match whole {
             Ok(whole) => Ok(Workspace::Whole(whole)),
             Err(Halt::Cancelled(cancelled)) => Err(cancelled.into()),
             Err(Halt::TooLarge) => {
-                let scratch = Scratch::new(self.budget.storage)?;
-                let mut tiles = vec![];
-                self.add_children(root, &scratch, &mut tiles, round, requests, progress)?;
-                Ok(Workspace::Tiled(scratch, tiles))
+                let tasks = children(root).map(TileTask::Grow).collect();
+                self.advance_tiles(tasks, None, round, requests, progress)
             }
+        }
+    }
+
+    /// Advances tiles of which others are kept.
+    fn advance_tiles(
+        &self,
+        mut tasks: Vec<TileTask>,
+        kept: Option<(Scratch, Vec<StoredTile>)>,
+        round: Round<'_>,
+        requests: &mut EditRequests,
+        progress: &Progress,
+    ) -> Result<Workspace<'a>, OffsetError> {
+        let (scratch, mut tiles) = match (kept, self.budget.remote) {
+            (Some(kept), _) => kept,
+            (None, Some(remote)) => (remote.parts(), vec![]),
+            (None, None) => (Scratch::new(self.budget.storage)?, vec![]),
+        };
+        if let Some(remote) = self.budget.remote {
+            let done = remote.advance(tasks, round.latest, round.levels, progress)?;
+            for (tile, of_tile) in done {
+                requests.extend(of_tile);
+                tiles.push(tile);
+            }
+        } else {
+            while let Some(task) = tasks.pop() {
+                let key = task.key();
+                match self.advance_tile(task, &scratch, round, progress)? {
+                    TileOutcome::Done(tile, of_tile) => {
+                        requests.extend(of_tile);
+                        tiles.push(*tile);
+                    }
+                    TileOutcome::TooLarge => tasks.extend(children(key).map(TileTask::Grow)),
+                }
+            }
+        }
+        tiles.sort_unstable_by_key(|tile| tile.key.at.morton());
+        Ok(Workspace::Tiled(scratch, tiles))
+    }
+
+    /// Advances a tile by a round.
+    pub fn advance_tile(
+        &self,
+        task: TileTask,
+        scratch: &Scratch,
+        round: Round<'_>,
+        progress: &Progress,
+    ) -> Result<TileOutcome, OffsetError> {
+        progress.check()?;
+        let mut requests = EditRequests::default();
+        let (grown, places) = match task {
+            TileTask::Grow(key) => {
+                let grown = self.grown(key, self.max_nodes(key), round, &mut requests, progress);
+                (grown, None)
+            }
+            TileTask::Repair(tile) => {
+                let places = [tile.tree, tile.patch];
+                let max_nodes = self.max_nodes(tile.key);
+                // a tile that grows a little is kept whole
+                let max_nodes = max_nodes.saturating_add(max_nodes / 4);
+                let grown = Box::new(tile.get(self.setting, max_nodes, scratch)?);
+                let grown = self.repaired(grown, round, &mut requests, progress);
+                (grown.map(|grown| *grown), Some(places))
+            }
+        };
+        match grown {
+            Ok(grown) => {
+                let tile = StoredTile::put(grown, scratch, places)?;
+                Ok(TileOutcome::Done(Box::new(tile), requests))
+            }
+            Err(Halt::Cancelled(cancelled)) => Err(cancelled.into()),
+            Err(Halt::TooLarge) => Ok(TileOutcome::TooLarge),
         }
     }
 
@@ -300,76 +396,22 @@ impl<'a> Repair<'a> {
         }
     }
 
-    /// Grows a tile, or its eight children if it is too large, and puts them in the storage.
-    fn add_tiles(
+    /// Grows a tile whatever its size: one that was lost.
+    pub fn regrown(
         &self,
         tile: CellKey,
         scratch: &Scratch,
-        tiles: &mut Vec<StoredTile>,
         round: Round<'_>,
-        requests: &mut EditRequests,
         progress: &Progress,
-    ) -> Result<(), OffsetError> {
-        let mut of_tile = EditRequests::default();
-        match self.grown(tile, self.max_nodes(tile), round, &mut of_tile, progress) {
+    ) -> Result<TileOutcome, OffsetError> {
+        let mut requests = EditRequests::default();
+        match self.grown(tile, usize::MAX, round, &mut requests, progress) {
             Ok(grown) => {
-                requests.extend(of_tile);
-                tiles.push(StoredTile::put(grown, scratch, None)?);
-            }
-            Err(Halt::Cancelled(cancelled)) => return Err(cancelled.into()),
-            Err(Halt::TooLarge) => {
-                self.add_children(tile, scratch, tiles, round, requests, progress)?;
-            }
-        }
-        Ok(())
-    }
-
-    /// Grows the eight children of a tile, as [`Self::add_tiles`] does.
-    fn add_children(
-        &self,
-        tile: CellKey,
-        scratch: &Scratch,
-        tiles: &mut Vec<StoredTile>,
-        round: Round<'_>,
-        requests: &mut EditRequests,
-        progress: &Progress,
-    ) -> Result<(), OffsetError> {
-        for child in (0..8).map(|octant| tile.child(octant)) {
-            self.add_tiles(child, scratch, tiles, round, requests, progress)?;
-        }
-        Ok(())
-    }
-
-    /// Repairs a tile if the latest edits affect it.
-    fn repair_tile(
-        &self,
-        tile: StoredTile,
-        scratch: &Scratch,
-        done: &mut Vec<StoredTile>,
-        round: Round<'_>,
-        requests: &mut EditRequests,
-        progress: &Progress,
-    ) -> Result<(), OffsetError> {
-        progress.check()?;
-        if !round.latest.affect(&tile.reach) {
-            done.push(tile);
-            return Ok(());
-        }
-        let places = [tile.tree, tile.patch];
-        let key = tile.key;
-        let max_nodes = self.max_nodes(key);
-        // a tile that grows a little is kept whole
-        let max_nodes = max_nodes.saturating_add(max_nodes / 4);
-        let grown = tile.get(self.setting, max_nodes, scratch)?;
-        let mut of_tile = EditRequests::default();
-        match self.repaired(Box::new(grown), round, &mut of_tile, progress) {
-            Ok(grown) => {
-                requests.extend(of_tile);
-                done.push(StoredTile::put(*grown, scratch, Some(places))?);
-                Ok(())
+                let tile = StoredTile::put(grown, scratch, None)?;
+                Ok(TileOutcome::Done(Box::new(tile), requests))
             }
             Err(Halt::Cancelled(cancelled)) => Err(cancelled.into()),
-            Err(Halt::TooLarge) => self.add_children(key, scratch, done, round, requests, progress),
+            Err(Halt::TooLarge) => unreachable!("any number of nodes is allowed"),
         }
     }
 
@@ -397,23 +439,37 @@ impl<'a> Repair<'a> {
                 Ok((Workspace::Empty, made))
             }
             Workspace::Tiled(scratch, tiles) => {
-                let store = Store::Storage(Scratch::new(self.budget.storage)?);
-                let mut all = vec![];
-                for tile in &tiles {
-                    progress.check()?;
-                    let patch = scratch.patch(tile.patch)?.finished();
-                    all.extend(put_blocks(
-                        tile.key,
-                        &patch,
-                        &tile.defects.starts,
-                        &store,
-                        progress,
-                    )?);
-                }
-                Ok((Workspace::Tiled(scratch, tiles), (store, all)))
+                let (store, blocks) = if let Some(remote) = self.budget.remote {
+                    let blocks = remote.divide(&tiles, progress)?;
+                    (Store::Storage(remote.parts()), blocks)
+                } else {
+                    let store = Store::Storage(Scratch::new(self.budget.storage)?);
+                    let divide = |tile| divide_tile(tile, &scratch, &store, progress);
+                    let blocks = tiles.iter().map(divide).collect::<Result<_, _>>()?;
+                    (store, blocks)
+                };
+                let blocks = blocks.into_iter().flatten().collect();
+                Ok((Workspace::Tiled(scratch, tiles), (store, blocks)))
             }
         }
     }
+}
+
+/// Divides a tile into blocks, which go to a store.
+pub(crate) fn divide_tile(
+    tile: &StoredTile,
+    scratch: &Scratch,
+    store: &Store,
+    progress: &Progress,
+) -> Result<Vec<Block>, OffsetError> {
+    progress.check()?;
+    let patch = scratch.patch(tile.patch)?.finished();
+    put_blocks(tile.key, &patch, &tile.defects.starts, store, progress)
+}
+
+/// Returns the eight children of a tile.
+pub(crate) fn children(tile: CellKey) -> impl Iterator<Item = CellKey> {
+    (0..8).map(move |octant| tile.child(octant))
 }
 
 #[cfg(test)]
@@ -491,6 +547,7 @@ mod tests {
             nodes,
             triangles,
             storage: &in_memory,
+            remote: None,
         }
     }
 

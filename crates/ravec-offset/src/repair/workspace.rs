@@ -4,8 +4,8 @@ use crate::extract::CrossingCache;
 use crate::grow::{Refinement, Setting};
 use crate::params::OffsetError;
 use crate::prove::Defects;
-use crate::store::{Record, Scratch, damaged, encoded};
-use crate::surface::{Bytes, Patch, Reach};
+use crate::store::{Record, Scratch, StoredTile, damaged, encoded};
+use crate::surface::{Bytes, Patch};
 use ravec_octree::CellKey;
 
 /// The tiles under repair.
@@ -26,25 +26,12 @@ pub(crate) struct GrownTile<'a> {
     pub patch: Patch,
 }
 
-/// A tile in the storage.
-pub(crate) struct StoredTile {
-    pub key: CellKey,
-    /// The domain that the tile depends on.
-    pub reach: Reach,
-    pub tree: Record,
-    pub patch: Record,
-    pub defects: Defects,
-    pub triangles: usize,
-    leaves: u64,
-    deepest_level: u8,
-}
-
 impl Workspace<'_> {
     pub fn triangles(&self) -> usize {
         match self {
             Self::Empty => 0,
             Self::Whole(whole) => whole.patch.triangles.len(),
-            Self::Tiled(_, tiles) => tiles.iter().map(|tile| tile.triangles).sum(),
+            Self::Tiled(_, tiles) => tiles.iter().map(|tile| tile.triangles as usize).sum(),
         }
     }
 
@@ -101,7 +88,7 @@ impl StoredTile {
             tree: scratch.put(&grown.refinement.to_bytes(), tree)?,
             patch: scratch.put(&encoded(&grown.patch), patch)?,
             defects: grown.defects,
-            triangles: grown.patch.triangles.len(),
+            triangles: grown.patch.triangles.len() as u64,
             leaves,
             deepest_level,
         })

@@ -7,13 +7,17 @@ use ravec_mesh::Aabb;
 use ravec_octree::{CellKey, Corner};
 use ravec_progress::Progress;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 
 /// Bound on the polygons of a block; smaller blocks have a larger share of shared vertices.
 const MAX_POLYGONS: usize = 1000;
 
+/// Number of blocks that are made before they are stored.
+const BLOCKS_AT_ONCE: usize = 64;
+
 /// A part of the surface: the polygons whose edges start in a cell.
-#[derive(Debug)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Block {
     pub key: CellKey,
     pub patch: PatchHandle,
@@ -25,9 +29,10 @@ pub(crate) struct Block {
 }
 
 /// A patch in memory, or its record in the storage.
-#[derive(Debug)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) enum PatchHandle {
-    Resident(Patch),
+    /// Not sent to other processes, unless it is empty.
+    Resident(#[serde(skip)] Patch),
     Stored(Record),
 }
 
@@ -46,6 +51,14 @@ impl Store {
                 Ok(PatchHandle::Stored(scratch.put(&encoded(&patch), None)?))
             }
             Self::Storage(_) | Self::Memory => Ok(PatchHandle::Resident(patch)),
+        }
+    }
+
+    /// Writes the part with the patches that were put, if they are in one.
+    pub fn write(&self) -> Result<(), OffsetError> {
+        match self {
+            Self::Storage(scratch) => scratch.write(),
+            Self::Memory => Ok(()),
         }
     }
 
@@ -69,15 +82,22 @@ pub(crate) fn put_blocks(
     store: &Store,
     progress: &Progress,
 ) -> Result<Vec<Block>, OffsetError> {
-    let mut blocks = patch
-        .divided(tile, MAX_POLYGONS)
-        .into_par_iter()
+    let mut blocks = vec![];
+    let divided = patch.divided(tile, MAX_POLYGONS);
+    let filled: Vec<_> = divided
+        .into_iter()
         .filter(|(_, edges)| !edges.is_empty())
-        .map(|(cell, edges)| {
+        .collect();
+    // stored in order, so that the bytes of a part do not depend on threads
+    for cells in filled.chunks(BLOCKS_AT_ONCE) {
+        let patches = cells.par_iter().map(|(cell, edges)| {
             progress.check()?;
-            put_block(cell, patch.subset(edges), store)
-        })
-        .collect::<Result<Vec<Block>, OffsetError>>()?;
+            Ok((*cell, patch.subset(edges.clone())))
+        });
+        for (cell, patch) in patches.collect::<Result<Vec<_>, OffsetError>>()? {
+            blocks.push(put_block(cell, patch, store)?);
+        }
+    }
     for &start in defects.iter().filter(|&&start| tile.owns(start)) {
         let after = blocks.partition_point(|block| block.key.at.morton() <= start.morton());
         // where nothing starts there is no block

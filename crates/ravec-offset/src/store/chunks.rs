@@ -4,7 +4,7 @@
 //! of other chunks near it. Vertices of different blocks are the same if their names are equal.
 
 use super::outermost::{reachable, reachable_in_blocks};
-use super::{Block, PatchHandle, Store};
+use super::{Block, PatchHandle, Scratch, Store, damaged, failed};
 use crate::params::OffsetError;
 use crate::surface::{Patch, TRIANGLES_AT_ONCE, VertexName};
 use crate::surface::{border, doubled, intersecting_pairs};
@@ -12,8 +12,10 @@ use glam::DVec3;
 use ravec_mesh::{Aabb, Adjacency, TriMesh};
 use ravec_progress::Progress;
 use rustc_hash::{FxHashMap, FxHashSet};
+use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::ops::Range;
+use std::sync::OnceLock;
 
 /// Visible part of the surface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -32,6 +34,16 @@ pub(crate) struct ChunkedSurface {
     ranges: Vec<Range<usize>>,
     /// For each block that is partly visible, whether each triangle is visible.
     seen: FxHashMap<usize, Vec<bool>>,
+    /// Number under which other processes know it.
+    pub published: OnceLock<u64>,
+}
+
+/// A surface as data, without its store.
+#[derive(Serialize, Deserialize)]
+struct ListedSurface {
+    blocks: Vec<Block>,
+    ranges: Vec<Range<usize>>,
+    seen: Vec<(usize, Vec<bool>)>,
 }
 
 /// Consecutive blocks as one mesh.
@@ -85,11 +97,43 @@ impl ChunkedSurface {
             blocks,
             ranges,
             seen: FxHashMap::default(),
+            published: OnceLock::new(),
         };
         if visibility == Visibility::Reachable {
             chunks.seen = chunks.reachable(progress)?;
         }
         Ok(chunks)
+    }
+
+    /// Encodes the surface for other processes, which share its store.
+    pub fn to_bytes(&self) -> Result<Vec<u8>, OffsetError> {
+        let mut seen: Vec<(usize, Vec<bool>)> = (self.seen.iter())
+            .map(|(&at, seen)| (at, seen.clone()))
+            .collect();
+        seen.sort_unstable_by_key(|&(at, _)| at);
+        let listed = ListedSurface {
+            blocks: self.blocks.clone(),
+            ranges: self.ranges.clone(),
+            seen,
+        };
+        ravec_pieces::to_bytes(&listed).map_err(failed)
+    }
+
+    /// Decodes the bytes of [`Self::to_bytes`].
+    pub fn from_bytes(bytes: &[u8], scratch: Scratch) -> Result<Self, OffsetError> {
+        let listed: ListedSurface = ravec_pieces::from_bytes(bytes).map_err(failed)?;
+        let blocks = listed.blocks.len();
+        let is_inside = |range: &Range<usize>| range.start <= range.end && range.end <= blocks;
+        if !listed.ranges.iter().all(is_inside) {
+            return Err(damaged());
+        }
+        Ok(Self {
+            store: Store::Storage(scratch),
+            blocks: listed.blocks,
+            ranges: listed.ranges,
+            seen: listed.seen.into_iter().collect(),
+            published: OnceLock::new(),
+        })
     }
 
     fn reachable(&self, progress: &Progress) -> Result<FxHashMap<usize, Vec<bool>>, OffsetError> {
@@ -228,82 +272,81 @@ impl ChunkedSurface {
             .mesh)
     }
 
-    /// Returns pairs of triangles that intersect, each by its block and its number there.
-    pub fn intersecting_pairs(
+    /// Returns pairs of triangles that intersect, at least one of them in a chunk, each by its block and its number there.
+    pub fn pairs_in(
         &self,
+        chunk: usize,
         progress: &Progress,
     ) -> Result<Vec<[[u32; 2]; 2]>, OffsetError> {
-        let mut found = Vec::new();
-        for at in 0..self.count() {
-            let chunk = self.chunk_with_neighbors(at, progress)?;
-            let pairs =
-                intersecting_pairs(chunk.mesh.positions(), chunk.mesh.triangles(), progress)?;
-            let is_own = |pair: &[u32; 2]| pair.iter().any(|&t| (t as usize) < chunk.own);
-            found.extend(pairs.into_iter().filter(is_own).map(|pair| {
-                let [a, b] = pair.map(|t| chunk.origin[t as usize]);
-                [a.min(b), a.max(b)]
-            }));
-        }
-        found.sort_unstable();
-        // pairs of two chunks are found twice
-        found.dedup();
-        Ok(found)
+        self.chunk_with_neighbors(chunk, progress)?.pairs(progress)
     }
 
-    /// Returns the triangles that intersect others, or have corners at the position of another vertex, each by its block and
-    /// its number there, sorted.
-    pub fn defects(&self, progress: &Progress) -> Result<Vec<[u32; 2]>, OffsetError> {
-        let mut bad = self.intersecting_pairs(progress)?.concat();
-        bad.extend(self.doubled(progress)?);
-        bad.sort_unstable();
-        bad.dedup();
+    /// Returns the triangles of a chunk that have corners at the position of another vertex, and all that intersect one of its
+    /// triangles, each by its block and its number there.
+    pub fn defects_in(
+        &self,
+        chunk: usize,
+        progress: &Progress,
+    ) -> Result<Vec<[u32; 2]>, OffsetError> {
+        let chunk = self.chunk_with_neighbors(chunk, progress)?;
+        let mut bad = chunk.pairs(progress)?.concat();
+        bad.extend(chunk.doubled());
         Ok(bad)
-    }
-
-    /// Returns the triangles with a corner at the position of another vertex.
-    fn doubled(&self, progress: &Progress) -> Result<Vec<[u32; 2]>, OffsetError> {
-        let mut found = Vec::new();
-        for at in 0..self.count() {
-            let chunk = self.chunk_with_neighbors(at, progress)?;
-            let doubled = doubled(chunk.mesh.positions());
-            let is_doubled = |t: &[u32; 3]| t.iter().any(|v| doubled.contains(v));
-            let own = chunk.mesh.triangles()[..chunk.own].iter();
-            let bad = own.zip(&chunk.origin).filter(|(t, _)| is_doubled(t));
-            found.extend(bad.map(|(_, &origin)| origin));
-        }
-        Ok(found)
-    }
-
-    /// Returns whether the surface is closed, manifold and oriented, and no two vertices share a position.
-    pub fn is_closed_manifold(&self, progress: &Progress) -> Result<bool, OffsetError> {
-        if !self.doubled(progress)?.is_empty() {
-            return Ok(false);
-        }
-        for at in 0..self.count() {
-            let chunk = self.chunk_with_neighbors(at, progress)?;
-            let adjacency = Adjacency::new(&chunk.mesh);
-            progress.check()?;
-            let is_own = |t: u32| (t as usize) < chunk.own;
-            let edges = 0..adjacency.edges().len() as u32;
-            let is_good = edges
-                .map(|edge| adjacency.uses(edge))
-                .all(|uses| match uses {
-                    [one, other] => one.forward != other.forward,
-                    several => !several.iter().any(|side| is_own(side.triangle)),
-                });
-            let own = chunk.mesh.triangles()[..chunk.own].iter();
-            let corners: FxHashSet<u32> = own.flatten().copied().collect();
-            progress.check()?;
-            let pinched = adjacency.pinched_vertices(&chunk.mesh);
-            if !is_good || pinched.iter().any(|v| corners.contains(v)) {
-                return Ok(false);
-            }
-        }
-        Ok(true)
     }
 }
 
+/// Merges pairs of triangles of chunks; those of two chunks are found twice.
+pub(crate) fn merged_pairs(found: Vec<Vec<[[u32; 2]; 2]>>) -> Vec<[[u32; 2]; 2]> {
+    let mut found = found.concat();
+    found.sort_unstable();
+    found.dedup();
+    found
+}
+
 impl Chunk {
+    /// Returns pairs of triangles that intersect, at least one of them its own, each by its block and its number there.
+    pub fn pairs(&self, progress: &Progress) -> Result<Vec<[[u32; 2]; 2]>, OffsetError> {
+        let pairs = intersecting_pairs(self.mesh.positions(), self.mesh.triangles(), progress)?;
+        let is_own = |pair: &[u32; 2]| pair.iter().any(|&t| (t as usize) < self.own);
+        let named = pairs.into_iter().filter(is_own).map(|pair| {
+            let [a, b] = pair.map(|t| self.origin[t as usize]);
+            [a.min(b), a.max(b)]
+        });
+        Ok(named.collect())
+    }
+
+    /// Returns its own triangles with a corner at the position of another vertex.
+    fn doubled(&self) -> Vec<[u32; 2]> {
+        let doubled = doubled(self.mesh.positions());
+        let is_doubled = |t: &[u32; 3]| t.iter().any(|v| doubled.contains(v));
+        let own = self.mesh.triangles()[..self.own].iter();
+        let bad = own.zip(&self.origin).filter(|(t, _)| is_doubled(t));
+        bad.map(|(_, &origin)| origin).collect()
+    }
+
+    /// Returns whether the surface is closed, manifold and oriented at its own triangles, and none of their corners shares its
+    /// position with another vertex. The chunk must have its neighbors.
+    pub fn is_closed_manifold(&self, progress: &Progress) -> Result<bool, OffsetError> {
+        if !self.doubled().is_empty() {
+            return Ok(false);
+        }
+        let adjacency = Adjacency::new(&self.mesh);
+        progress.check()?;
+        let is_own = |t: u32| (t as usize) < self.own;
+        let edges = 0..adjacency.edges().len() as u32;
+        let is_good = edges
+            .map(|edge| adjacency.uses(edge))
+            .all(|uses| match uses {
+                [one, other] => one.forward != other.forward,
+                several => !several.iter().any(|side| is_own(side.triangle)),
+            });
+        let own = self.mesh.triangles()[..self.own].iter();
+        let corners: FxHashSet<u32> = own.flatten().copied().collect();
+        progress.check()?;
+        let pinched = adjacency.pinched_vertices(&self.mesh);
+        Ok(is_good && !pinched.iter().any(|v| corners.contains(v)))
+    }
+
     /// Returns, by vertex, whether triangles of other chunks share it, if the surface is closed.
     pub fn border(&self) -> Vec<bool> {
         border(self.mesh.positions().len(), self.mesh.triangles().iter())

@@ -3,14 +3,42 @@
 use super::Reach;
 use ravec_octree::{CellKey, Corner};
 use rustc_hash::FxHashSet;
+use serde::{Deserialize, Serialize};
 
 /// Edits of the tree.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(from = "ListedEdits", into = "ListedEdits")]
 pub(crate) struct Edits {
     /// Leaves to split, whatever they hold.
     pub split: FxHashSet<CellKey>,
     /// Corners to count as inside.
     pub filled: FxHashSet<Corner>,
+}
+
+/// Edits as data: both sets in order.
+#[derive(Serialize, Deserialize)]
+struct ListedEdits {
+    split: Vec<CellKey>,
+    filled: Vec<Corner>,
+}
+
+impl From<Edits> for ListedEdits {
+    fn from(edits: Edits) -> Self {
+        let mut split: Vec<CellKey> = edits.split.into_iter().collect();
+        let mut filled: Vec<Corner> = edits.filled.into_iter().collect();
+        split.sort_unstable();
+        filled.sort_unstable();
+        Self { split, filled }
+    }
+}
+
+impl From<ListedEdits> for Edits {
+    fn from(listed: ListedEdits) -> Self {
+        Self {
+            split: listed.split.into_iter().collect(),
+            filled: listed.filled.into_iter().collect(),
+        }
+    }
 }
 
 impl Edits {

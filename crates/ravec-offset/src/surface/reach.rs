@@ -8,16 +8,38 @@
 //! Guarantees: the same surface, vertex by vertex and triangle by triangle, for any division into tiles.
 
 use ravec_octree::{CellKey, CellSet, Corner};
+use serde::{Deserialize, Serialize};
 
 /// Number of times a reach is widened by the leaves around its crossed edges. Polygons of a tile have corners in leaves of the
 /// first ring; triangles that may intersect them near a crowded leaf have corners up to two leaves farther.
 pub(crate) const RINGS: usize = 3;
 
 /// A tile and leaves around it, closed sets.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(from = "ListedReach", into = "ListedReach")]
 pub(crate) struct Reach {
     tile: CellKey,
     leaves: CellSet,
+}
+
+/// A reach as data: the tile and the leaves.
+#[derive(Serialize, Deserialize)]
+struct ListedReach(CellKey, Vec<CellKey>);
+
+impl From<Reach> for ListedReach {
+    fn from(reach: Reach) -> Self {
+        Self(reach.tile, reach.leaves())
+    }
+}
+
+impl From<ListedReach> for Reach {
+    fn from(ListedReach(tile, leaves): ListedReach) -> Self {
+        let mut reach = Self::of(tile);
+        for leaf in leaves {
+            reach.include(leaf);
+        }
+        reach
+    }
 }
 
 impl Reach {

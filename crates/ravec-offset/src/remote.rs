@@ -1,0 +1,114 @@
+//! Steps 6 and 7 in other processes: what they are sent, and what they answer.
+//!
+//! Repair and finish divide their work into tiles and chunks. Here they run one after the other; with a [`Remote`], other
+//! processes run the same functions on them, and what they keep lies in parts that all of them share. Both ways lead to the same
+//! bytes.
+
+use crate::params::OffsetError;
+use crate::prove::EditRequests;
+use crate::report::ChunkFacts;
+use crate::store::{Block, ChunkedSurface, Scratch, StoredTile};
+use crate::surface::Edits;
+use ravec_mesh::{Aabb, ErrorSample};
+use ravec_octree::CellKey;
+use ravec_progress::Progress;
+use serde::{Deserialize, Serialize};
+
+/// A tile of a round.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub(crate) enum TileTask {
+    /// Grow it from nothing.
+    Grow(CellKey),
+    /// Apply the latest edits.
+    Repair(Box<StoredTile>),
+}
+
+impl TileTask {
+    pub fn key(&self) -> CellKey {
+        match self {
+            Self::Grow(key) => *key,
+            Self::Repair(tile) => tile.key,
+        }
+    }
+}
+
+/// What became of a tile.
+#[derive(Debug, Serialize, Deserialize)]
+pub(crate) enum TileOutcome {
+    Done(Box<StoredTile>, EditRequests),
+    /// It is to be divided into eight.
+    TooLarge,
+}
+
+/// The chunk to simplify.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub(crate) struct ChunkTask {
+    pub chunk: usize,
+    /// Boxes in which nothing may change: triangles met there.
+    pub places: Vec<Aabb>,
+    /// The whole chunk stays as it is.
+    pub is_kept: bool,
+    /// The error samples of its blocks, for the pass that simplifies seams.
+    pub samples: Option<Vec<Vec<ErrorSample>>>,
+}
+
+/// A simplified chunk, as one block.
+#[derive(Debug, Serialize, Deserialize)]
+pub(crate) struct SimplifiedChunk {
+    pub block: Block,
+    /// Error samples near its border.
+    pub samples: Vec<ErrorSample>,
+}
+
+/// Other processes that run steps of the work. All answers are in the order of what was asked.
+pub(crate) trait Remote: Sync {
+    /// Returns the parts, for reading.
+    fn parts(&self) -> Scratch;
+
+    /// Advances tiles by a round, in which the edits of the rounds before are applied; the tiles that result, divided where they
+    /// were too large, have no order.
+    fn advance(
+        &self,
+        tasks: Vec<TileTask>,
+        latest: &Edits,
+        levels: u8,
+        progress: &Progress,
+    ) -> Result<Vec<(StoredTile, EditRequests)>, OffsetError>;
+
+    /// Divides tiles into blocks.
+    fn divide(
+        &self,
+        tiles: &[StoredTile],
+        progress: &Progress,
+    ) -> Result<Vec<Vec<Block>>, OffsetError>;
+
+    /// Finds the triangles of chunks that intersect others or have doubled corners.
+    fn defects(
+        &self,
+        surface: &ChunkedSurface,
+        progress: &Progress,
+    ) -> Result<Vec<Vec<[u32; 2]>>, OffsetError>;
+
+    /// Simplifies chunks.
+    fn simplify(
+        &self,
+        surface: &ChunkedSurface,
+        tasks: Vec<ChunkTask>,
+        progress: &Progress,
+    ) -> Result<Vec<SimplifiedChunk>, OffsetError>;
+
+    /// Finds the pairs of triangles that intersect, at least one of them in the chunk.
+    fn pairs(
+        &self,
+        surface: &ChunkedSurface,
+        progress: &Progress,
+    ) -> Result<Vec<Vec<[[u32; 2]; 2]>>, OffsetError>;
+
+    /// Measures and checks chunks.
+    fn facts(
+        &self,
+        surface: &ChunkedSurface,
+        ample_distance: f64,
+        progress: &Progress,
+    ) -> Result<Vec<ChunkFacts>, OffsetError>;
+}
