@@ -1,6 +1,8 @@
 """Work that outgrows a machine, on a cluster of Dask (``pip install 'ravec[dask]'``).
 
 - :func:`map_recipe` runs a recipe over many files, by path or URL of fsspec.
+- :func:`offset` computes the offset of a mesh by tiles of space.
+- :func:`mosaic` makes a mosaic whose photos the workers read and scale.
 - :func:`clean`, :func:`smooth`, :func:`abstract`, :func:`sharpen`, :func:`enlarge` and :func:`render` take
   arrays of Dask, whose chunks they work on with the pixels around them.
 
@@ -20,81 +22,27 @@ import os
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import _ravec, pictures
-from ._options import PathLike
+from ._options import PathLike, Progress, text, without_none
+from ._pieces import (
+    check_version,
+    default_client,
+    local_copy,
+    memory_of,
+    place,
+    run_in_pieces,
+    use_threads_of_worker,
+)
+from .meshes import Length
+from .mosaics import Catalogue, params_of
 from .recipes import run
 
-#: Pieces are read and written in blocks of this many bytes.
-_BLOCK = 1 << 20
-
-
-def _check_version(wanted: str) -> None:
-    """Refuses to work for a client of another version, whose results may differ."""
-    if _ravec.__version__ != wanted:
-        raise _ravec.Error(
-            f"a worker has ravec {_ravec.__version__} and the client {wanted}: install the same version on all machines"
-        )
-
-
-def _use_threads_of_worker() -> None:
-    """Takes the threads that the worker has, not all cores of its machine."""
-    try:
-        from distributed import get_worker
-    except ImportError:
-        return
-    with contextlib.suppress(ValueError):
-        _ravec.set_threads(max(1, get_worker().state.nthreads))
-
-
 # --- many files
-
-
-@contextlib.contextmanager
-def _local_copy(url: str, options: Mapping[str, Any]) -> Iterator[str]:
-    """The path of a file that may be far away."""
-    import fsspec
-
-    system, path = fsspec.core.url_to_fs(url, **options)
-    if "file" in _protocols(system):
-        yield path
-        return
-    with tempfile.TemporaryDirectory(prefix="ravec-") as folder:
-        local = os.path.join(folder, PurePosixPath(path).name)
-        system.get_file(path, local)
-        yield local
-
-
-def _protocols(system: Any) -> tuple[str, ...]:
-    protocol = system.protocol
-    return (protocol,) if isinstance(protocol, str) else tuple(protocol)
-
-
-def _placed(url: str, local: str, options: Mapping[str, Any]) -> None:
-    """Puts a file where it belongs, whole or not at all."""
-    import fsspec
-
-    system, path = fsspec.core.url_to_fs(url, **options)
-    parent = system._parent(path)
-    if parent:
-        system.makedirs(parent, exist_ok=True)
-    if "file" in _protocols(system):
-        part = f"{path}.{os.getpid()}.part"
-        try:
-            with open(local, "rb") as source, open(part, "wb") as target:
-                while block := source.read(_BLOCK):
-                    target.write(block)
-            os.replace(part, path)
-        finally:
-            with contextlib.suppress(FileNotFoundError):
-                os.remove(part)
-        return
-    # object stores show a file when it is complete
-    system.put_file(local, path)
 
 
 def _replaced(value: Any, paths: Mapping[str, str]) -> Any:
@@ -110,13 +58,13 @@ def _run_piece(
     recipe: dict[str, Any], source: str, target: str, version: str, options: Mapping[str, Any]
 ) -> dict[str, Any]:
     """Runs a recipe on one file."""
-    _check_version(version)
-    _use_threads_of_worker()
-    with _local_copy(source, options) as local, tempfile.TemporaryDirectory(prefix="ravec-") as folder:
+    check_version(version)
+    use_threads_of_worker()
+    with local_copy(source, options) as local, tempfile.TemporaryDirectory(prefix="ravec-") as folder:
         made = os.path.join(folder, PurePosixPath(target).name)
         steps = _replaced(recipe, {"@input": local, "@output": made})
         report = run(steps).report
-        _placed(target, made, options)
+        place(target, made, options)
     report.update({"input": source, "output": target})
     return report
 
@@ -175,6 +123,97 @@ def map_recipe(
     ]
 
 
+# --- meshes whose offset is too large for a machine
+
+
+def offset(
+    source: PathLike,
+    target: PathLike,
+    distance: Length,
+    *,
+    tolerance: Length | None = None,
+    side: Literal["both", "outer", "inner", "shell"] | None = None,
+    open: Literal["refuse", "thicken"] | None = None,
+    no_simplify: bool | None = None,
+    max_normal_deviation: float | None = None,
+    memory: str | None = None,
+    client: Any = None,
+    scratch: str | None = None,
+    storage_options: Mapping[str, Any] | None = None,
+    progress: Progress = None,
+) -> dict[str, Any]:
+    """Writes the surface at a distance from a mesh, as :func:`ravec.offset`, computed by the workers of a client.
+
+    The file is the same as that of ``ravec offset --memory`` with the same limit on one machine. Returns the report.
+
+    :param source: path or URL of the mesh
+    :param target: path or URL of the result
+    :param memory: memory of a piece, such as ``"2GiB"``, which determines the number of pieces; by default 0.6 of the
+        least memory limit of a worker
+    :param client: client of Dask; by default the latest one
+    :param scratch: folder or URL for the parts, about 300 bytes for each triangle before simplification, which all
+        machines see; by default a temporary folder, if all workers are on this machine
+    :param storage_options: options of fsspec
+    """
+    client = default_client(client)
+    params = without_none(
+        {
+            "distance": text(distance),
+            "tolerance": text(tolerance),
+            "side": side,
+            "open": open,
+            "no_simplify": no_simplify,
+            "max_normal_deviation": max_normal_deviation,
+            "memory": memory or memory_of(client),
+        }
+    )
+    return run_in_pieces(
+        {"operation": "offset", "input": os.fspath(source), "output": os.fspath(target), "params": params},
+        client=client,
+        scratch=scratch,
+        storage_options=storage_options,
+        progress=progress,
+    )
+
+
+# --- mosaics of many photos
+
+
+def mosaic(
+    source: PathLike,
+    target: PathLike,
+    catalogue: Catalogue | PathLike,
+    *,
+    client: Any = None,
+    scratch: str | None = None,
+    storage_options: Mapping[str, Any] | None = None,
+    progress: Progress = None,
+    **options: Any,
+) -> dict[str, Any]:
+    """Writes a picture made of photos, as :func:`ravec.mosaic`, whose photos the workers of a client read and scale.
+
+    The file is the same as that of ``ravec mosaic`` on one machine, if every worker has the memory for every photo. All
+    machines see the photos under the paths of the catalogue, which itself only the client reads. Returns the report.
+
+    :param source: path or URL of the picture
+    :param target: path or URL of the mosaic: PNG, JPEG or TIFF
+    :param client: client of Dask; by default the latest one
+    :param scratch: folder or URL for the scaled photos, which all machines see; by default a temporary folder, if all
+        workers are on this machine
+    :param storage_options: options of fsspec
+    :param options: those of :func:`ravec.mosaic`, and ``quality`` of a JPEG, 1 to 100
+    """
+    path = catalogue.path if isinstance(catalogue, Catalogue) else os.fspath(catalogue)
+    step = {"operation": "mosaic", "input": os.fspath(source), "output": os.fspath(target), "catalogue": path}
+    return run_in_pieces(
+        {**step, "params": params_of(options)},
+        client=default_client(client),
+        scratch=scratch,
+        storage_options=storage_options,
+        progress=progress,
+    )
+
+
 # --- pictures too large for memory
 
 
@@ -189,8 +228,8 @@ def _piece(
     """The result for a chunk, without that of its halo."""
     if chunk.size == 0 or block_info is None:
         return chunk
-    _check_version(version)
-    _use_threads_of_worker()
+    check_version(version)
+    use_threads_of_worker()
     found = work(np.ascontiguousarray(chunk)).view(np.ndarray)
     place, count = block_info[0]["chunk-location"], block_info[0]["num-chunks"]
     sides = []
@@ -313,51 +352,135 @@ def _given(**options: Any) -> dict[str, Any]:
 # --- the command line
 
 
+#: Operations in pieces, which take the options of the command line.
+_IN_PIECES = ("offset", "mosaic")
+
+_USAGE = """\
+Runs work on a cluster of Dask: of this machine, or of a scheduler that runs elsewhere.
+
+commands:
+  map      run a recipe, whose files are @input and @output, over many files
+  offset   compute the offset of a mesh by tiles of space; takes the options of ravec offset
+  mosaic   make a mosaic whose photos the workers read and scale; takes the options of ravec mosaic
+
+examples:
+  python -m ravec.dask map clean.json scans/*.png -o "clean/{stem}.png"
+  python -m ravec.dask --workers 8 offset part.stl -o out.ply --distance 2% --tolerance 0.001% --memory 2GiB
+  python -m ravec.dask mosaic photo.jpg --catalogue photos.ravec -o mosaic.png --tiles 200 --crop center
+  python -m ravec.dask --scheduler tcp://10.0.0.1:8786 --scratch s3://bucket/tmp offset s3://bucket/part.stl -o out.ply
+"""
+
+
+def _error(sentence: object) -> None:
+    import sys
+
+    print(f"\nravec: error: {sentence}", file=sys.stderr)
+
+
+def _map(client: Any, given: Any) -> int:
+    """The command ``map``."""
+    from distributed import as_completed, progress
+
+    try:
+        pieces = map_recipe(given.recipe, given.inputs, given.output)
+    except (ValueError, OSError) as error:
+        _error(error)
+        return 2
+    futures = client.compute(pieces)
+    if not given.quiet:
+        progress(futures)
+    failed = 0
+    try:
+        for future in as_completed(futures):
+            reason = future.exception()
+            if reason is not None:
+                failed += 1
+                _error(reason)
+    except KeyboardInterrupt:
+        client.cancel(futures)
+        _error("cancelled")
+        return 130
+    return 1 if failed else 0
+
+
+def _in_pieces(client: Any, step: dict[str, Any], given: Any) -> int:
+    """An operation in pieces."""
+    import sys
+
+    try:
+        if step["operation"] == "offset":
+            step["params"].setdefault("memory", None)
+            step["params"]["memory"] = step["params"]["memory"] or memory_of(client)
+        report = run_in_pieces(
+            step,
+            client=client,
+            scratch=given.scratch,
+            storage_options=None,
+            progress=not given.quiet and sys.stderr.isatty(),
+        )
+    except KeyboardInterrupt:
+        _error("cancelled")
+        return 130
+    except Exception as error:  # the sentences of all of them are for the user
+        _error(error)
+        return 1
+    for warning in report.get("warnings", []):
+        print(f"ravec: warning: {warning}", file=sys.stderr)
+    if not given.quiet:
+        figures = report.get("figures", {})
+        shown = ", ".join(f"{name} {value:g}" for name, value in figures.items() if isinstance(value, (int, float)))
+        print(f"{report['output']}: {shown}")
+    return 5 if report.get("passed") is False else 0
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """``python -m ravec.dask``."""
     import argparse
     import sys
 
-    parser = argparse.ArgumentParser(
+    shared = argparse.ArgumentParser(
         prog="python -m ravec.dask",
-        description="Runs a recipe, whose files are @input and @output, over many files on a cluster.",
+        description=_USAGE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
     )
-    parser.add_argument("recipe", help="the recipe as JSON")
-    parser.add_argument("inputs", nargs="+", help="paths, or URLs of fsspec")
-    parser.add_argument("-o", "--output", required=True, help="pattern of the outputs, as in out/{stem}.png")
-    parser.add_argument("--scheduler", help="address of a scheduler, as in tcp://host:8786 [default: this machine]")
-    parser.add_argument("--workers", type=int, help="number of worker processes on this machine [default: by its cores]")
-    parser.add_argument("--memory", default="auto", help="memory of a worker on this machine, such as 4GiB")
-    parser.add_argument("-q", "--quiet", action="store_true", help="show no progress")
-    given = parser.parse_args(arguments)
-    try:
-        pieces = map_recipe(given.recipe, given.inputs, given.output)
-    except (ValueError, OSError) as error:
-        print(f"ravec: error: {error}", file=sys.stderr)
-        return 2
-    from distributed import Client, LocalCluster, as_completed, progress
+    shared.add_argument("--scheduler", help="address of a scheduler, as in tcp://host:8786 [default: this machine]")
+    shared.add_argument("--workers", type=int, help="number of worker processes on this machine [default: by its cores]")
+    shared.add_argument("--worker-memory", default="auto", help="memory limit of a worker on this machine, as in 4GiB")
+    shared.add_argument("--scratch", help="folder or URL for parts, which all machines see [default: a temporary one]")
+    shared.add_argument("-q", "--quiet", action="store_true", help="show no progress")
+    shared.add_argument("command", choices=("map", *_IN_PIECES))
+    shared.add_argument("rest", nargs=argparse.REMAINDER, help="options of the command; --help shows them")
+    given = shared.parse_args(arguments)
+    step: dict[str, Any] = {}
+    if given.command == "map":
+        own = argparse.ArgumentParser(prog="python -m ravec.dask map", description="Runs a recipe over many files.")
+        own.add_argument("recipe", help="the recipe as JSON, whose files are @input and @output")
+        own.add_argument("inputs", nargs="+", help="paths, or URLs of fsspec")
+        own.add_argument("-o", "--output", required=True, help="pattern of the outputs, as in out/{stem}.png")
+        own.parse_args(given.rest, namespace=given)
+        if not os.path.exists(given.recipe):
+            _error(f"there is no recipe {given.recipe}")
+            return 2
+    else:
+        recipe, code = _ravec.recipe_of(["ravec", given.command, *given.rest])
+        if recipe is None:
+            return code
+        (step,) = json.loads(recipe)["steps"]
+        if not step.get("output"):
+            _error("an operation in pieces writes a file: give -o")
+            return 2
+    from distributed import Client, LocalCluster
 
     with contextlib.ExitStack() as stack:
         if given.scheduler:
             client = stack.enter_context(Client(given.scheduler))
         else:
-            cluster = LocalCluster(n_workers=given.workers, memory_limit=given.memory, dashboard_address=None)
+            cluster = LocalCluster(n_workers=given.workers, memory_limit=given.worker_memory, dashboard_address=None)
             client = stack.enter_context(Client(stack.enter_context(cluster)))
-        futures = client.compute(pieces)
-        if not given.quiet:
-            progress(futures)
-        failed = 0
-        try:
-            for future in as_completed(futures):
-                reason = future.exception()
-                if reason is not None:
-                    failed += 1
-                    print(f"\nravec: error: {reason}", file=sys.stderr)
-        except KeyboardInterrupt:
-            client.cancel(futures)
-            print("\nravec: error: cancelled", file=sys.stderr)
-            return 130
-    return 1 if failed else 0
+        if given.command == "map":
+            return _map(client, given)
+        return _in_pieces(client, step, given)
 
 
 if __name__ == "__main__":

@@ -26,6 +26,19 @@ def _sides(value: int | tuple[int, int] | str | None) -> str | None:
     return str(value) if isinstance(value, int) else f"{value[0]}x{value[1]}"
 
 
+def params_of(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Options as the command line takes them."""
+    return without_none(
+        {
+            **options,
+            "tiles": _sides(options.get("tiles")),
+            "tile_size": _sides(options.get("tile_size")),
+            "pins": list(options.get("pins") or ()) or None,
+            "bans": list(options.get("bans") or ()) or None,
+        }
+    )
+
+
 class Catalogue:
     """A catalogue of photos in one file, which stays valid whatever happens to the program."""
 
@@ -114,25 +127,27 @@ def mosaic(
                 "deep_zoom": None if deep_zoom is None else os.fspath(deep_zoom),
             }
         ),
-        params={
-            "tiles": _sides(tiles),
-            "tile_size": _sides(tile_size),
-            "crop": crop,
-            "max_uses": max_uses,
-            "min_repeat_distance": min_repeat_distance,
-            "use_all": use_all,
-            "degree": degree,
-            "detail": detail,
-            "feature_degree": feature_degree,
-            "feature_weight": feature_weight,
-            "adaptive": adaptive,
-            "seed": seed,
-            "pins": list(pins) or None,
-            "bans": list(bans) or None,
-            "blend": blend,
-            "rounds": rounds,
-            "preview": preview,
-        },
+        params=params_of(
+            {
+                "tiles": tiles,
+                "tile_size": tile_size,
+                "crop": crop,
+                "max_uses": max_uses,
+                "min_repeat_distance": min_repeat_distance,
+                "use_all": use_all,
+                "degree": degree,
+                "detail": detail,
+                "feature_degree": feature_degree,
+                "feature_weight": feature_weight,
+                "adaptive": adaptive,
+                "seed": seed,
+                "pins": pins,
+                "bans": bans,
+                "blend": blend,
+                "rounds": rounds,
+                "preview": preview,
+            }
+        ),
         inputs={"@input": as_array(image)},
         color_space=color_space,
         progress=progress,

@@ -23,6 +23,7 @@ distributed = pytest.importorskip("distributed")
 import dask.array  # noqa: E402
 
 import ravec.dask as cluster_of_ravec  # noqa: E402
+from ravec import _pieces  # noqa: E402
 
 CLEAN = {
     "operation": "brush",
@@ -146,7 +147,7 @@ def test_a_full_disk_is_an_error_of_its_file(tmp_path: Path, monkeypatch: pytest
 
     monkeypatch.setattr("builtins.open", full)
     with pytest.raises(OSError, match="No space left"):
-        cluster_of_ravec._placed(str(target), source, {})
+        _pieces.place(str(target), source, {})
     assert target.read_bytes() == b"old"
 
 
@@ -154,8 +155,8 @@ def test_the_command_line(tmp_path: Path) -> None:
     sources = photos(tmp_path, 3)
     recipe = tmp_path / "clean.json"
     recipe.write_text(json.dumps(CLEAN))
-    command = [sys.executable, "-m", "ravec.dask", "-o", str(tmp_path / "out" / "{stem}.png")]
-    command += ["--workers", "2", "--quiet", str(recipe), *sources]
+    command = [sys.executable, "-m", "ravec.dask", "--workers", "2", "--quiet", "map"]
+    command += ["-o", str(tmp_path / "out" / "{stem}.png"), str(recipe), *sources]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
     assert len(list((tmp_path / "out").glob("*.png"))) == 3
@@ -163,6 +164,6 @@ def test_the_command_line(tmp_path: Path) -> None:
     broken.write_bytes(b"nothing")
     done = subprocess.run([*command, str(broken)], capture_output=True, text=True, timeout=300)
     assert done.returncode == 1 and "broken.png" in done.stderr
-    none = [*command[:5], str(tmp_path / "none.json"), "x"]
+    none = [*command[:5], "map", "-o", "x.png", str(tmp_path / "none.json"), "x"]
     done = subprocess.run(none, capture_output=True, text=True)
     assert done.returncode == 2

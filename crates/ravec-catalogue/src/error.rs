@@ -81,6 +81,12 @@ pub enum CatalogueError {
         /// Message of the system.
         reason: String,
     },
+    /// A piece of the work failed in another process.
+    #[error("a piece of the work failed: {reason}")]
+    Piece {
+        /// Error of the piece.
+        reason: String,
+    },
     /// The mosaic would have more pixels than allowed.
     #[error(
         "the mosaic would have {width} x {height} pixels, more than the limit of {limit} (raise `max_pixels`)"

@@ -10,6 +10,7 @@ use crate::error::CatalogueError;
 use crate::layout::Layout;
 use crate::painter::{Candidate, Painter, Source, Unpainted};
 use crate::photo_set::PhotoSet;
+use crate::pieces::ScaledPhotos;
 use crate::plan::{Plan, reserve, reserve_choice};
 use crate::workers::Workers;
 use ravec_media::{Limits, RowsError, write_rows};
@@ -17,6 +18,7 @@ use ravec_memory::{MemoryBudget, Reservation};
 use ravec_mosaic::{
     Choice, ChooseError, ChooseParams, Crop, Frame, Photos, Rules, Tiling, choose_by_hand,
 };
+use ravec_pieces::Team;
 use ravec_progress::Progress;
 use ravec_raster::{AnyImage, Image, Oklab, Rect, Size, Srgb};
 use std::collections::{HashMap, HashSet};
@@ -106,11 +108,41 @@ pub fn mosaic(
     limits: &Limits,
     progress: &Progress,
 ) -> Result<Mosaic, CatalogueError> {
+    to_files(catalogue, picture, outputs, params, limits, None, progress)
+}
+
+/// Makes a mosaic as [`mosaic()`] does, with the photos scaled by a team, whose workers run pieces by
+/// [`PhotoWorker`](crate::PhotoWorker). The store must have no parts; the caller removes them.
+///
+/// # Errors
+/// As [`mosaic()`]; [`CatalogueError::Piece`] if a piece fails, with its reason.
+pub fn mosaic_in_pieces(
+    catalogue: &Catalogue,
+    picture: &AnyImage,
+    outputs: &Outputs<'_>,
+    params: &MosaicParams,
+    limits: &Limits,
+    team: &Team,
+    progress: &Progress,
+) -> Result<Mosaic, CatalogueError> {
+    let team = Some(team);
+    to_files(catalogue, picture, outputs, params, limits, team, progress)
+}
+
+fn to_files(
+    catalogue: &Catalogue,
+    picture: &AnyImage,
+    outputs: &Outputs<'_>,
+    params: &MosaicParams,
+    limits: &Limits,
+    team: Option<&Team>,
+    progress: &Progress,
+) -> Result<Mosaic, CatalogueError> {
     let layout = Layout::new(picture.size(), params)?;
     check_outputs(catalogue, &layout, outputs, limits, progress)?;
     let mut sink = Sink::to_files(*outputs);
     make(
-        catalogue, picture, &layout, &mut sink, params, limits, progress,
+        catalogue, picture, &layout, &mut sink, params, limits, team, progress,
     )
 }
 
@@ -131,7 +163,7 @@ pub fn mosaic_in_memory(
     let mut sink = Sink::in_memory(layout.size, deep_zoom, &limits.memory)?;
     check_outputs(catalogue, &layout, &sink.outputs, limits, progress)?;
     let made = make(
-        catalogue, picture, &layout, &mut sink, params, limits, progress,
+        catalogue, picture, &layout, &mut sink, params, limits, None, progress,
     )?;
     Ok((made, sink.into_image(layout.size)))
 }
@@ -203,7 +235,8 @@ impl Scene {
     }
 }
 
-/// Makes a mosaic of `picture` from the photos of a catalogue.
+/// Makes a mosaic of `picture` from the photos of a catalogue, alone or with a team.
+#[expect(clippy::too_many_arguments, reason = "all that a mosaic is made from")]
 fn make(
     catalogue: &Catalogue,
     picture: &AnyImage,
@@ -211,6 +244,7 @@ fn make(
     sink: &mut Sink<'_>,
     params: &MosaicParams,
     limits: &Limits,
+    team: Option<&Team>,
     progress: &Progress,
 ) -> Result<Mosaic, CatalogueError> {
     let mut warnings = layout.warning(picture.size());
@@ -231,7 +265,7 @@ fn make(
         }
     }
     let mut made = compose(
-        &mut set, layout, &scene, sink, params, &plan, &workers, progress,
+        &mut set, layout, &scene, sink, params, &plan, &workers, team, progress,
     )?;
     made.warnings.splice(0..0, warnings);
     Ok(made)
@@ -247,9 +281,11 @@ pub(crate) fn compose(
     params: &MosaicParams,
     plan: &Plan,
     workers: &Workers,
+    team: Option<&Team>,
     progress: &Progress,
 ) -> Result<Mosaic, CatalogueError> {
     let mut warnings = Vec::new();
+    let mut scaled = team.map(|team| ScaledPhotos::new(team, params.crop, &plan.photos));
     let mut cut = None;
     loop {
         let hand = resolve(set, layout, params)?;
@@ -277,10 +313,15 @@ pub(crate) fn compose(
             .zip(&choice.photos)
             .map(|(tile, &photo)| (photo, layout.place(tiling, tile)))
             .collect();
-        let source = if params.preview_px.is_some() {
-            Source::Thumbnails
-        } else {
-            Source::Photos(params.crop, &plan.photos)
+        let source = match &mut scaled {
+            _ if params.preview_px.is_some() => Source::Thumbnails,
+            Some(scaled) => {
+                scaled
+                    .scale(&set.photos, &places, progress)
+                    .map_err(unpainted)?;
+                Source::Scaled(scaled)
+            }
+            None => Source::Photos(params.crop, &plan.photos),
         };
         let painter = Painter::new(
             &set.photos,
@@ -310,9 +351,8 @@ pub(crate) fn compose(
                     warnings,
                 ));
             }
-            Err(Unpainted::Write(error)) => return Err(CatalogueError::Write(error)),
-            Err(Unpainted::Cancelled(cancelled)) => return Err(cancelled.into()),
             Err(Unpainted::Photos(broken)) => broken,
+            Err(reason) => return Err(unpainted(reason)),
         };
         warnings.extend(replaced(&broken, &set.photos));
         if let Some(tiling) = &mut cut {
@@ -321,6 +361,16 @@ pub(crate) fn compose(
         }
         let gone: HashSet<u32> = broken.iter().map(|(photo, _)| *photo).collect();
         set.remove(&gone, progress)?;
+    }
+}
+
+/// Errors for which no other photo helps.
+fn unpainted(reason: Unpainted) -> CatalogueError {
+    match reason {
+        Unpainted::Write(error) => CatalogueError::Write(error),
+        Unpainted::Cancelled(cancelled) => cancelled.into(),
+        Unpainted::Piece(reason) => CatalogueError::Piece { reason },
+        Unpainted::Photos(_) => unreachable!("photos are replaced"),
     }
 }
 

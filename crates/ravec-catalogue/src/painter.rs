@@ -6,6 +6,7 @@
 
 use crate::add::HEADER_BYTES;
 use crate::catalogue::Entry;
+use crate::pieces::ScaledPhotos;
 use crate::thumbnail::opaque;
 use crate::workers::Workers;
 use ravec_media::{DecodeError, Limits, Probe, WriteError, memory_to_decode, probe_data, read};
@@ -17,6 +18,7 @@ use std::collections::HashMap;
 use std::fs::File;
 use std::io::{BufReader, Seek as _};
 use std::ops::Range;
+use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Why rows could not be painted.
@@ -26,6 +28,8 @@ pub(crate) enum Unpainted {
     Photos(Vec<(u32, String)>),
     /// A part of the output that cannot be written.
     Write(WriteError),
+    /// A piece that another process could not run, and why.
+    Piece(String),
 }
 
 impl From<Cancelled> for Unpainted {
@@ -46,12 +50,14 @@ pub(crate) struct Candidate {
 pub(crate) enum Source<'a> {
     /// The photos, scaled once.
     Photos(Crop, &'a Limits),
+    /// The photos, scaled by a team.
+    Scaled(&'a ScaledPhotos<'a>),
     /// The small pictures of the catalogue.
     Thumbnails,
 }
 
 /// A photo as it stands in a tile, with the memory that it takes, or why there is none.
-type Scaled = Result<(Arc<Image<Srgb<u8>>>, Option<Reservation>), String>;
+pub(crate) type Scaled = Result<(Arc<Image<Srgb<u8>>>, Option<Reservation>), String>;
 
 /// A photo and the size in which it is wanted.
 type Key = (u32, Size);
@@ -169,7 +175,7 @@ impl<'a> Painter<'a> {
         // of each photo, all tiles at once, so that none but those that are kept need stay in memory
         let results = self
             .workers
-            .map(&of_key, |places| -> Result<_, Cancelled> {
+            .map(&of_key, |places| -> Result<_, Unpainted> {
                 let key = places[0].0;
                 progress.check()?;
                 let there = lock(&shared).1.photos.get(&key).cloned();
@@ -218,10 +224,15 @@ fn scaled(
     size: Size,
     source: Source<'_>,
     progress: &Progress,
-) -> Result<Scaled, Cancelled> {
+) -> Result<Scaled, Unpainted> {
     match source {
         Source::Photos(crop, limits) => {
-            scaled_from_file(&candidate.entry, size, crop, limits, progress)
+            let path = &candidate.entry.path;
+            Ok(scaled_from_file(path, size, crop, limits, progress)?)
+        }
+        Source::Scaled(photos) => {
+            let image = photos.get(&candidate.entry.path, size, progress)?;
+            Ok(image.map(|image| (Arc::new(image), None)))
         }
         Source::Thumbnails => Ok(small_part(candidate, size)
             .map(|image| (Arc::new(image), None))
@@ -231,8 +242,8 @@ fn scaled(
 
 /// A photo of a file, scaled, once the memory for it is free. The need is known only after reading the header, for which
 /// memory is taken, and given back, before: a photo that keeps what it has and waits for more could wait forever.
-fn scaled_from_file(
-    entry: &Entry,
+pub(crate) fn scaled_from_file(
+    path: &Path,
     size: Size,
     crop: Crop,
     limits: &Limits,
@@ -244,7 +255,7 @@ fn scaled_from_file(
         ..limits.clone()
     };
     let probed = || -> Result<(u64, Probe), DecodeError> {
-        let file = File::open(&entry.path)?;
+        let file = File::open(path)?;
         let header = file.metadata()?.len().saturating_add(HEADER_BYTES);
         let share = match budget.reserve_when_free(header.min(budget.limit()), progress) {
             Ok(share) => share,
@@ -279,7 +290,7 @@ fn scaled_from_file(
         memory: MemoryBudget::new(decoding),
         ..limits.clone()
     };
-    let photo = match read(&entry.path, &limits) {
+    let photo = match read(path, &limits) {
         Ok(picture) => opaque(&picture.image),
         Err(error) => return Ok(Err(error.cause.to_string())),
     };

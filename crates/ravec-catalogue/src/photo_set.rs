@@ -148,7 +148,7 @@ impl PhotoSet {
         let plan = Plan::new(&layout, &sink.outputs, params, limits)?;
         let workers = Workers::new()?;
         let mut made = compose(
-            self, &layout, &scene, &mut sink, params, &plan, &workers, progress,
+            self, &layout, &scene, &mut sink, params, &plan, &workers, None, progress,
         )?;
         let warnings = warnings.into_iter().chain(self.warnings.iter().cloned());
         made.warnings.splice(0..0, warnings);

@@ -57,6 +57,20 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     }
 }
 
+/// Returns the recipe that repeats a command, without running it, as JSON.
+///
+/// # Errors
+/// The exit code, if the arguments ask for help or are wrong, which is then printed, or if no recipe can have the command.
+pub fn recipe_of(arguments: impl IntoIterator<Item = OsString>) -> Result<String, u8> {
+    let arguments = arguments::parse(arguments).map_err(|answer| usage(&answer))?;
+    let recipe = arguments.command.recipe();
+    let text = recipe.and_then(|recipe| recipe.to_json().ok());
+    text.ok_or_else(|| {
+        exit::print("ravec: error: this command is none that a recipe can have\n");
+        exit::USAGE
+    })
+}
+
 /// Help and version go to standard output; what is wrong with the flags is an error like any other.
 fn usage(answer: &clap::Error) -> u8 {
     let text = answer.render();

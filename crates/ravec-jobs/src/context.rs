@@ -3,6 +3,7 @@
 use crate::error::JobError;
 use crate::files;
 use ravec::mesh_io::{MeshFile, MeshLimits};
+use ravec::pieces::Team;
 use ravec::progress::Progress;
 use ravec_media::{Limits, Picture};
 use ravec_video::{CopiedTracks, ScratchClip, VideoLimits};
@@ -26,6 +27,8 @@ pub struct Context {
     /// Files that the caller writes after the run, such as the report. Operations on catalogues refuse those that would replace
     /// a photo.
     pub side_outputs: Vec<PathBuf>,
+    /// Other processes that run pieces of operations that can be divided: `offset` and `mosaic`.
+    pub team: Option<Arc<Team>>,
     /// Intermediate results by name, in a recipe.
     intermediates: Option<Arc<Intermediates>>,
 }
@@ -48,6 +51,7 @@ impl Context {
             max_vertices: meshes.max_vertices,
             max_frames: VideoLimits::default().max_frames,
             side_outputs: Vec::new(),
+            team: None,
             intermediates: None,
         }
     }

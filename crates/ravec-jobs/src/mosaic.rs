@@ -5,7 +5,7 @@ mod desk;
 
 pub use by_hand::{BannedPhoto, PinnedPhoto};
 pub use desk::{MosaicDesk, Preview};
-pub use ravec_catalogue::TileCandidate;
+pub use ravec_catalogue::{PhotoWorker, TileCandidate};
 
 use crate::catalogue::{check_side_outputs, journals};
 use crate::context::Context;
@@ -17,6 +17,7 @@ use ravec::mosaic::{ChooseParams, Crop, Features, MAX_DEGREE, Rules, Weights};
 use ravec::raster::Size;
 use ravec_catalogue::{
     Catalogue, CatalogueError, MosaicParams, Outputs, leads_into, mosaic_in_memory,
+    mosaic_in_pieces,
 };
 use ravec_media::{Format, Picture, WriteOptions};
 use serde::{Deserialize, Serialize};
@@ -345,9 +346,14 @@ impl Operation for Mosaic {
                 let made = mosaic_in_memory(&catalogue, image, page, &settings, limits, progress)?;
                 Ok((made.0, Some(made.1)))
             } else {
-                let made = ravec_catalogue::mosaic(
-                    &catalogue, image, outputs, &settings, limits, progress,
-                );
+                let made = match context.team.as_deref() {
+                    Some(team) => mosaic_in_pieces(
+                        &catalogue, image, outputs, &settings, limits, team, progress,
+                    ),
+                    None => ravec_catalogue::mosaic(
+                        &catalogue, image, outputs, &settings, limits, progress,
+                    ),
+                };
                 Ok((made?, None))
             }
         });

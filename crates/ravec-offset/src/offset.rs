@@ -2,14 +2,16 @@
 
 use crate::domain::rounded;
 use crate::params::{Coordinates, OffsetError, OffsetParams, OpenRule, Side};
-use crate::pieces::{Coordinator, Team};
+use crate::pieces::Coordinator;
 use crate::remote::Remote;
 use crate::report::{Offset, StoredOffset};
 use crate::store::{NewStorage, OffsetSurface, in_memory};
 use crate::task::Task;
 use crate::thicken::thicken;
 use ravec_mesh::TriMesh;
+use ravec_pieces::Team;
 use ravec_progress::Progress;
+use std::sync::Arc;
 
 /// Computes the surface at a distance from the triangles of a mesh. Any triangles are valid input: open, intersecting, repeated
 /// or without area.
@@ -48,7 +50,7 @@ pub(crate) fn offset_with(
     mesh: &TriMesh,
     params: &OffsetParams,
     storage: NewStorage<'_>,
-    team: Option<&Team<'_>>,
+    team: Option<&Arc<Team>>,
     progress: &Progress,
 ) -> Result<StoredOffset, OffsetError> {
     if mesh.triangles().is_empty() {
@@ -87,7 +89,7 @@ fn offset_exact(
     mesh: &TriMesh,
     params: &OffsetParams,
     storage: NewStorage<'_>,
-    team: Option<&Team<'_>>,
+    team: Option<&Arc<Team>>,
     progress: &Progress,
 ) -> Result<StoredOffset, OffsetError> {
     if params.open == OpenRule::Thicken {
@@ -99,7 +101,8 @@ fn offset_exact(
     let task = Task::checked(mesh, params, false, progress)?;
     let field = task.field(progress)?;
     let mut finish = task.finish(mesh, params, &field, storage)?;
-    let coordinator = (team.map(|team| Coordinator::start(team, mesh, params))).transpose()?;
+    let coordinator =
+        (team.map(|team| Coordinator::start(team, mesh, params, progress))).transpose()?;
     finish.budget.remote = (coordinator.as_ref()).map(|coordinator| coordinator as &dyn Remote);
     let repaired = task.repaired(params, &finish, progress)?;
     finish.run(mesh, repaired, progress)

@@ -21,6 +21,6 @@ mod worker;
 pub use coordinator::offset_in_pieces;
 pub use worker::OffsetWorker;
 
-pub(crate) use coordinator::{Coordinator, Team};
+pub(crate) use coordinator::Coordinator;
 
 use piece::{Answer, Input, Piece, Work};

@@ -21,7 +21,7 @@ pub(crate) use codec::encoded;
 pub use rows::OffsetSurface;
 pub(crate) use rows::StoredSurface;
 pub use storage::{NewStorage, Storage};
-pub(crate) use storage::{Record, Scratch, damaged, failed, in_memory, part_name};
+pub(crate) use storage::{PART, Record, Scratch, damaged, failed, in_memory, part_name};
 pub(crate) use tile::StoredTile;
 
 use blocks::PatchHandle;

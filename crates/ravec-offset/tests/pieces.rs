@@ -7,13 +7,14 @@ use ravec_offset::{
     OffsetError, OffsetParams, OffsetWorker, Side, Storage, StoredOffset, offset_in_pieces,
     offset_stored,
 };
-use ravec_pieces::{Crew, FolderStore, PartStore};
+use ravec_pieces::{Crew, FolderStore, PartStore, Team};
 use ravec_progress::Progress;
 use ravec_scenes::solids::{comb, torus};
 use std::collections::VecDeque;
 use std::io::{self, Cursor, Error};
 use std::path::Path;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use support::verdict::params;
 
 /// Memory limit under which surfaces of these small meshes have some thousand triangles at once.
@@ -41,8 +42,8 @@ struct Bench {
     worker: Option<OffsetWorker>,
     pieces: VecDeque<(u64, Vec<u8>)>,
     luck: Luck,
-    ran: u64,
-    lost: u64,
+    ran: Arc<AtomicU64>,
+    lost: Arc<AtomicU64>,
 }
 
 impl Bench {
@@ -52,8 +53,8 @@ impl Bench {
             worker: None,
             pieces: VecDeque::new(),
             luck,
-            ran: 0,
-            lost: 0,
+            ran: Arc::default(),
+            lost: Arc::default(),
         }
     }
 }
@@ -75,13 +76,14 @@ impl Crew for Bench {
 
     fn next(&mut self, progress: &Progress) -> io::Result<(u64, Vec<u8>)> {
         let (number, piece) = self.pieces.pop_front().expect("a piece is out");
-        self.ran += 1;
-        if self.luck != Luck::Good && self.ran.is_multiple_of(5) {
+        let ran = 1 + self.ran.fetch_add(1, Ordering::Relaxed);
+        if self.luck != Luck::Good && ran.is_multiple_of(5) {
             self.worker = None;
         }
-        if self.luck == Luck::Bad && self.ran.is_multiple_of(4) {
-            let part = format!("part-{}", number / 2 + self.ran / 4 % 3);
-            self.lost += u64::from(self.store.read_all(&part).is_ok());
+        if self.luck == Luck::Bad && ran.is_multiple_of(4) {
+            let part = format!("part-{}", number.saturating_sub(1 + ran / 4 % 7));
+            let was_there = self.store.read_all(&part).is_ok();
+            self.lost.fetch_add(u64::from(was_there), Ordering::Relaxed);
             self.store.remove(&part)?;
         }
         let store = Arc::clone(&self.store);
@@ -102,16 +104,19 @@ fn limited(asked: &OffsetParams) -> OffsetParams {
     }
 }
 
-fn in_pieces(mesh: &TriMesh, asked: &OffsetParams, luck: Luck) -> (StoredOffset, Bench) {
+/// Returns the offset, the number of pieces that ran, and that of parts that were lost.
+fn in_pieces(mesh: &TriMesh, asked: &OffsetParams, luck: Luck) -> (StoredOffset, [u64; 2]) {
     let folder = tempfile::tempdir().unwrap();
-    let mut bench = Bench::new(folder.path(), luck);
-    let store = Arc::clone(&bench.store);
+    let bench = Bench::new(folder.path(), luck);
+    let counts = [&bench.ran, &bench.lost].map(Arc::clone);
+    let team = Arc::new(Team::new(Arc::clone(&bench.store), Box::new(bench)));
     let none = Progress::none();
-    let made = offset_in_pieces(mesh, asked, &storage, &store, &mut bench, &none).unwrap();
+    let made = offset_in_pieces(mesh, asked, &storage, &team, &none).unwrap();
     let StoredOffset { surface, report } = made;
     // the surface may lie in parts
     let surface = surface.into_mesh(&none).unwrap().into();
-    (StoredOffset { surface, report }, bench)
+    let counts = counts.map(|count| count.load(Ordering::Relaxed));
+    (StoredOffset { surface, report }, counts)
 }
 
 #[test]
@@ -129,12 +134,12 @@ fn the_surface_is_the_same_byte_by_byte_whoever_runs_the_pieces() {
         let expected = alone.surface.into_mesh(&none).unwrap();
         assert!(alone.report.tiles > 1, "{name}: {}", alone.report.tiles);
         for luck in [Luck::Good, Luck::Mixed, Luck::Bad] {
-            let (made, bench) = in_pieces(mesh, &asked, luck);
+            let (made, [ran, lost]) = in_pieces(mesh, &asked, luck);
             assert_eq!(made.report, alone.report, "{name}, {luck:?}");
             let mesh = made.surface.into_mesh(&none).unwrap();
             assert!(mesh == expected, "{name}, {luck:?}");
-            assert!(bench.ran > 20);
-            assert_eq!(bench.lost > 0, luck == Luck::Bad, "{name}");
+            assert!(ran > 20);
+            assert_eq!(lost > 0, luck == Luck::Bad, "{name}");
         }
     }
 }
@@ -173,8 +178,9 @@ fn a_failed_piece_and_a_cancellation_end_the_work() {
     let asked = limited(&params(Side::Outer, 0.08, 0.0016, true));
     let folder = tempfile::tempdir().unwrap();
     let store: Arc<dyn PartStore> = Arc::new(FolderStore::new(folder.path()));
-    let run = |mut crew| {
-        offset_in_pieces(&mesh, &asked, &storage, &store, &mut crew, &Progress::none()).unwrap_err()
+    let run = |crew: Broken| {
+        let team = Arc::new(Team::new(Arc::clone(&store), Box::new(crew)));
+        offset_in_pieces(&mesh, &asked, &storage, &team, &Progress::none()).unwrap_err()
     };
     let error = run(Broken(None));
     assert!(error.to_string().contains("the disk is full"), "{error}");
@@ -195,8 +201,9 @@ fn what_no_coordinator_wrote_is_refused() {
     }
     let mesh = torus(1.0, 0.4, 12, 8).mesh;
     let asked = params(Side::Outer, 0.08, 0.004, true);
-    let mut bench = Bench::new(folder.path(), Luck::Good);
-    offset_in_pieces(&mesh, &asked, &storage, &store, &mut bench, &none).unwrap();
+    let bench = Bench::new(folder.path(), Luck::Good);
+    let team = Arc::new(Team::new(Arc::clone(&store), Box::new(bench)));
+    offset_in_pieces(&mesh, &asked, &storage, &team, &none).unwrap();
     let worker = OffsetWorker::open(store, &none).unwrap();
     for piece in [&[][..], &[9; 3], &[255; 40]] {
         assert!(worker.run(piece, &none).is_err());

@@ -50,8 +50,10 @@
 //! store is as private as its folder.
 
 mod store;
+mod team;
 
 pub use store::{FolderStore, PartStore};
+pub use team::Team;
 
 use ravec_progress::Progress;
 use serde::Serialize;

@@ -57,10 +57,7 @@ impl FolderStore {
 
 impl PartStore for FolderStore {
     fn write(&self, name: &str, bytes: &[u8]) -> Result<()> {
-        let mut file = tempfile::NamedTempFile::new_in(&self.folder)?;
-        file.write_all(bytes)?;
-        file.persist(self.folder.join(name))?;
-        Ok(())
+        ravec_files::write_atomically(&self.folder.join(name), |file| file.write_all(bytes))
     }
 
     fn read(&self, name: &str, range: Range<u64>) -> Result<Vec<u8>> {

@@ -10,6 +10,7 @@
 //! | `mesh` | vertices and triangles as a mesh, and back |
 //! | `work` | the pool, interruption and progress |
 //! | `operation` | any operation and any recipe, with inputs and outputs in memory |
+//! | `pieces` | work in pieces that other processes run |
 //! | `twocolor`, `retarget`, `completion`, `planar` | what is prepared once and asked many times |
 //! | `error` | exceptions |
 //!
@@ -30,6 +31,7 @@ mod completion;
 mod error;
 mod mesh;
 mod operation;
+mod pieces;
 mod planar;
 mod retarget;
 mod twocolor;
@@ -44,6 +46,15 @@ fn main(py: Python<'_>, arguments: Vec<String>) -> u8 {
     py.detach(|| ravec_cli::run(arguments.into_iter().map(OsString::from)))
 }
 
+/// The recipe of a command line as JSON, and an exit code if there is none: help was asked for, or something is wrong.
+#[pyfunction]
+fn recipe_of(arguments: Vec<String>) -> (Option<String>, u8) {
+    match ravec_cli::recipe_of(arguments.into_iter().map(OsString::from)) {
+        Ok(recipe) => (Some(recipe), 0),
+        Err(code) => (None, code),
+    }
+}
+
 #[pymodule]
 fn _ravec(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
@@ -51,10 +62,12 @@ fn _ravec(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("Error", module.py().get_type::<error::Error>())?;
     module.add_class::<mesh::MeshData>()?;
     module.add_class::<operation::Outcome>()?;
+    module.add_class::<pieces::Worker>()?;
     module.add_class::<twocolor::Field>()?;
     module.add_class::<retarget::Retargeter>()?;
     module.add_class::<completion::FragmentIndex>()?;
     module.add_function(wrap_pyfunction!(main, module)?)?;
+    module.add_function(wrap_pyfunction!(recipe_of, module)?)?;
     module.add_function(wrap_pyfunction!(array::png, module)?)?;
     module.add_function(wrap_pyfunction!(work::set_threads, module)?)?;
     module.add_function(wrap_pyfunction!(operation::run_operation, module)?)?;

@@ -3,6 +3,7 @@
 use crate::array::{self, PixelKind};
 use crate::error::{of_job, of_request};
 use crate::mesh::MeshData;
+use crate::pieces;
 use crate::work;
 use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
@@ -88,9 +89,11 @@ fn run(
     inputs: &Bound<'_, PyDict>,
     color_space: &str,
     progress: Option<&Bound<'_, PyAny>>,
+    team: Option<&Bound<'_, PyAny>>,
     work: impl FnOnce(&Context) -> Result<Report, ravec_jobs::JobError> + Send + 'static,
 ) -> PyResult<Outcome> {
-    let context = Context::default().with_intermediates();
+    let mut context = Context::default().with_intermediates();
+    context.team = pieces::team(team)?;
     let kind = insert(&context, inputs, color_space)?.unwrap_or(PixelKind::RGB8);
     let given = context.clone();
     let report = work::run(py, progress, move |progress| {
@@ -106,18 +109,20 @@ fn run(
     })
 }
 
-/// Runs an operation whose fields are JSON. Paths that begin with @ are inputs and outputs in memory.
+/// Runs an operation whose fields are JSON. Paths that begin with @ are inputs and outputs in memory. A team is a store and a crew
+/// that run its pieces.
 #[pyfunction]
-#[pyo3(signature = (fields, inputs, color_space = "srgb", progress = None))]
+#[pyo3(signature = (fields, inputs, color_space = "srgb", progress = None, team = None))]
 pub fn run_operation(
     py: Python<'_>,
     fields: &str,
     inputs: &Bound<'_, PyDict>,
     color_space: &str,
     progress: Option<&Bound<'_, PyAny>>,
+    team: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Outcome> {
     let step: Step = serde_json::from_str(fields).map_err(of_request)?;
-    run(py, inputs, color_space, progress, move |context| {
+    run(py, inputs, color_space, progress, team, move |context| {
         step.operation().run(context)
     })
 }
@@ -134,7 +139,7 @@ pub fn run_recipe(
     progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Outcome> {
     let recipe = Recipe::from_json(recipe).map_err(of_request)?;
-    run(py, inputs, color_space, progress, move |context| {
+    run(py, inputs, color_space, progress, None, move |context| {
         recipe.run(&file, context)
     })
 }

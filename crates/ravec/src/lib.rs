@@ -230,6 +230,7 @@ pub use ravec_mesh_io as mesh_io;
 pub use ravec_mesh_render as mesh_render;
 pub use ravec_mosaic as mosaic;
 pub use ravec_offset as offset;
+pub use ravec_pieces as pieces;
 pub use ravec_planar as planar;
 pub use ravec_progress as progress;
 pub use ravec_raster as raster;

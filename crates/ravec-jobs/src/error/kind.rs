@@ -197,6 +197,7 @@ fn catalogue_kind(cause: &CatalogueError) -> ErrorKind {
         }
         CatalogueError::Choose(_)
         | CatalogueError::NothingLeft { .. }
+        | CatalogueError::Piece { .. }
         | CatalogueError::Threads { .. } => ErrorKind::Failure,
         CatalogueError::Write(error) if matches!(error.cause, EncodeError::UnknownExtension) => {
             ErrorKind::Request

@@ -9,15 +9,16 @@ use crate::remote::{ChunkTask, Remote, SimplifiedChunk, TileOutcome, TileTask};
 use crate::repair::children;
 use crate::report::{ChunkFacts, StoredOffset};
 use crate::store::{
-    Block, ChunkedSurface, NewStorage, Scratch, StoredTile, damaged, failed, part_name,
+    Block, ChunkedSurface, NewStorage, PART, Scratch, StoredTile, damaged, failed, part_name,
 };
 use crate::surface::Edits;
 use ravec_mesh::TriMesh;
-use ravec_pieces::{Crew, PartStore};
+use ravec_pieces::{Crew, PartStore, Team};
 use ravec_progress::{Cancelled, Progress};
 use rustc_hash::FxHashMap;
-use std::io::ErrorKind;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::io::{self, ErrorKind};
+use std::ops::Range;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Restorations of one part before the store counts as unreliable.
 const MAX_RESTORED: u32 = 8;
@@ -34,32 +35,15 @@ pub fn offset_in_pieces(
     mesh: &TriMesh,
     params: &OffsetParams,
     storage: NewStorage<'_>,
-    parts: &Arc<dyn PartStore>,
-    crew: &mut dyn Crew,
+    team: &Arc<Team>,
     progress: &Progress,
 ) -> Result<StoredOffset, OffsetError> {
-    let team = Team {
-        parts: Arc::clone(parts),
-        state: Mutex::new(State {
-            crew,
-            pieces: 0,
-            rounds: 0,
-            surfaces: 0,
-            made_by: FxHashMap::default(),
-            replaced: FxHashMap::default(),
-        }),
-    };
-    offset_with(mesh, params, storage, Some(&team), progress)
+    offset_with(mesh, params, storage, Some(team), progress)
 }
 
-/// A crew and the store that it shares.
-pub(crate) struct Team<'c> {
-    parts: Arc<dyn PartStore>,
-    state: Mutex<State<'c>>,
-}
-
-struct State<'c> {
-    crew: &'c mut dyn Crew,
+/// State of the work.
+#[derive(Default)]
+struct State {
     /// Number of pieces so far.
     pieces: u64,
     /// Number of rounds with edits so far.
@@ -73,20 +57,47 @@ struct State<'c> {
 }
 
 /// Coordinates the steps of one offset.
-pub(crate) struct Coordinator<'t, 'c> {
-    team: &'t Team<'c>,
+pub(crate) struct Coordinator {
+    shared: Arc<Shared>,
 }
 
-impl<'t, 'c> Coordinator<'t, 'c> {
+/// What the coordinator and the surfaces that it reads share.
+struct Shared {
+    team: Arc<Team>,
+    state: Mutex<State>,
+    progress: Progress,
+}
+
+/// The parts as the coordinator reads them: those that are lost are made again.
+struct Restored(Arc<Shared>);
+
+impl Shared {
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn write(&self, name: &str, bytes: &[u8]) -> Result<(), OffsetError> {
+        self.team.store().write(name, bytes).map_err(failed)
+    }
+}
+
+impl Coordinator {
     /// Publishes the input.
     pub fn start(
-        team: &'t Team<'c>,
+        team: &Arc<Team>,
         mesh: &TriMesh,
         params: &OffsetParams,
+        progress: &Progress,
     ) -> Result<Self, OffsetError> {
-        let input = Input::encoded(mesh, params)?;
-        team.parts.write(INPUT, &input).map_err(failed)?;
-        Ok(Self { team })
+        let shared = Shared {
+            team: Arc::clone(team),
+            state: Mutex::default(),
+            progress: progress.clone(),
+        };
+        shared.write(INPUT, &Input::encoded(mesh, params)?)?;
+        Ok(Self {
+            shared: Arc::new(shared),
+        })
     }
 
     /// Runs pieces, and those that follow from their answers; returns all answers in the order of the pieces.
@@ -97,17 +108,19 @@ impl<'t, 'c> Coordinator<'t, 'c> {
         follow: impl Fn(&Work, &Answer) -> Vec<Work>,
         progress: &Progress,
     ) -> Result<Vec<(Work, Answer)>, OffsetError> {
-        let mut state = (self.team.state.lock()).unwrap_or_else(PoisonError::into_inner);
+        let mut state = self.shared.state();
+        let mut crew = self.shared.team.crew();
+        let crew = &mut **crew;
         let mut batch = Batch::default();
         for work in works {
-            batch.submit(work, &mut state)?;
+            batch.submit(work, &mut state, crew)?;
         }
         let (mut shown, mut total) = (progress.phase(phase, batch.out() as u64), batch.out());
         let mut done = 0;
         while batch.out() > 0 {
-            let (number, answer) = state.crew.next(progress).map_err(piece_failed)?;
+            let (number, answer) = crew.next(progress).map_err(piece_failed)?;
             let answer: Answer = ravec_pieces::from_bytes(&answer).map_err(failed)?;
-            let added = batch.answered(number, answer, &follow, &mut state)?;
+            let added = batch.answered(number, answer, &follow, &mut state, crew)?;
             done += 1;
             if added > 0 {
                 total += added;
@@ -136,14 +149,67 @@ impl<'t, 'c> Coordinator<'t, 'c> {
             return Ok(number);
         }
         let number = {
-            let mut state = (self.team.state.lock()).unwrap_or_else(PoisonError::into_inner);
+            let mut state = self.shared.state();
             state.surfaces += 1;
             state.surfaces
         };
         let bytes = surface.to_bytes()?;
         let name = surface_name(number);
-        self.team.parts.write(&name, &bytes).map_err(failed)?;
+        self.shared.write(&name, &bytes)?;
         Ok(*surface.published.get_or_init(|| number))
+    }
+}
+
+impl Restored {
+    /// Makes a part again.
+    fn restore(&self, part: u64) -> Result<(), OffsetError> {
+        let Self(shared) = self;
+        let mut state = shared.state();
+        if shared.team.store().read_all(&part_name(part)).is_ok() {
+            // another thread restored it
+            return Ok(());
+        }
+        let mut crew = shared.team.crew();
+        let mut batch = Batch::default();
+        batch.make_again(part, &mut state, &mut **crew)?;
+        while batch.out() > 0 {
+            let (number, answer) = crew.next(&shared.progress).map_err(piece_failed)?;
+            let answer: Answer = ravec_pieces::from_bytes(&answer).map_err(failed)?;
+            batch.answered(number, answer, &|_, _| vec![], &mut state, &mut **crew)?;
+        }
+        Ok(())
+    }
+}
+
+impl PartStore for Restored {
+    fn write(&self, name: &str, bytes: &[u8]) -> io::Result<()> {
+        self.0.team.store().write(name, bytes)
+    }
+
+    fn read(&self, name: &str, range: Range<u64>) -> io::Result<Vec<u8>> {
+        let found = self.0.team.store().read(name, range.clone());
+        let is_lost = |error: &io::Error| {
+            matches!(error.kind(), ErrorKind::NotFound | ErrorKind::UnexpectedEof)
+        };
+        match found {
+            Err(error) if is_lost(&error) => {
+                let part = name
+                    .strip_prefix(PART)
+                    .and_then(|number| number.parse().ok());
+                let part = part.ok_or(error)?;
+                self.restore(part).map_err(io::Error::other)?;
+                self.0.team.store().read(name, range)
+            }
+            found => found,
+        }
+    }
+
+    fn read_all(&self, name: &str) -> io::Result<Vec<u8>> {
+        self.0.team.store().read_all(name)
+    }
+
+    fn remove(&self, name: &str) -> io::Result<()> {
+        self.0.team.store().remove(name)
     }
 }
 
@@ -171,23 +237,33 @@ impl Batch {
         self.answers.into_iter().flatten().collect()
     }
 
-    fn submit(&mut self, work: Work, state: &mut State<'_>) -> Result<(), OffsetError> {
+    fn submit(
+        &mut self,
+        work: Work,
+        state: &mut State,
+        crew: &mut dyn Crew,
+    ) -> Result<(), OffsetError> {
         state.pieces += 1;
         let part = state.pieces;
         self.order.insert(part, self.answers.len());
         self.answers.push(None);
-        self.send(Piece { part, work }, state)
+        self.send(Piece { part, work }, state, crew)
     }
 
     /// Sends a piece, with tiles that were made again in place of lost ones.
-    fn send(&mut self, mut piece: Piece, state: &mut State<'_>) -> Result<(), OffsetError> {
+    fn send(
+        &mut self,
+        mut piece: Piece,
+        state: &mut State,
+        crew: &mut dyn Crew,
+    ) -> Result<(), OffsetError> {
         if let Some(tile) = piece.work.tile_mut() {
             while let Some(again) = state.replaced.get(&tile.tree.part) {
                 *tile = again.clone();
             }
         }
         let bytes = ravec_pieces::to_bytes(&piece).map_err(failed)?;
-        state.crew.submit(piece.part, bytes).map_err(piece_failed)?;
+        crew.submit(piece.part, bytes).map_err(piece_failed)?;
         self.out.insert(piece.part, piece);
         Ok(())
     }
@@ -198,14 +274,15 @@ impl Batch {
         number: u64,
         answer: Answer,
         follow: &impl Fn(&Work, &Answer) -> Vec<Work>,
-        state: &mut State<'_>,
+        state: &mut State,
+        crew: &mut dyn Crew,
     ) -> Result<usize, OffsetError> {
         // a piece that ran twice is answered twice
         let Some(piece) = self.out.remove(&number) else {
             return Ok(0);
         };
         if let Answer::Missing(part) = answer {
-            self.restore(part, piece, state)?;
+            self.restore(part, piece, state, crew)?;
             return Ok(1);
         }
         let mut added = 0;
@@ -216,7 +293,7 @@ impl Batch {
             let waiting = std::mem::take(&mut self.waiting);
             for (on, waiting) in waiting {
                 if on == number {
-                    self.send(waiting, state)?;
+                    self.send(waiting, state, crew)?;
                     added += 1;
                 } else {
                     self.waiting.push((on, waiting));
@@ -226,7 +303,7 @@ impl Batch {
             let following = follow(&piece.work, &answer);
             added += following.len();
             for work in following {
-                self.submit(work, state)?;
+                self.submit(work, state, crew)?;
             }
             let at = *self.order.get(&number).ok_or_else(damaged)?;
             self.answers[at] = Some((piece.work.clone(), answer));
@@ -241,12 +318,25 @@ impl Batch {
         &mut self,
         lost: u64,
         needed_by: Piece,
-        state: &mut State<'_>,
+        state: &mut State,
+        crew: &mut dyn Crew,
     ) -> Result<(), OffsetError> {
         if let Some((&on, _)) = self.restoring.iter().find(|&(_, &part)| part == lost) {
             self.waiting.push((on, needed_by));
             return Ok(());
         }
+        let on = self.make_again(lost, state, crew)?;
+        self.waiting.push((on, needed_by));
+        Ok(())
+    }
+
+    /// Has a lost part made again; returns the number of the piece.
+    fn make_again(
+        &mut self,
+        lost: u64,
+        state: &mut State,
+        crew: &mut dyn Crew,
+    ) -> Result<u64, OffsetError> {
         let missing = OffsetError::MissingPart { part: lost };
         let (piece, times) = state.made_by.get_mut(&lost).ok_or(missing.clone())?;
         *times += 1;
@@ -261,15 +351,16 @@ impl Batch {
             state.pieces += 1;
             piece.part = state.pieces;
         }
-        self.restoring.insert(piece.part, lost);
-        self.waiting.push((piece.part, needed_by));
-        self.send(piece, state)
+        let on = piece.part;
+        self.restoring.insert(on, lost);
+        self.send(piece, state, crew)?;
+        Ok(on)
     }
 }
 
-impl Remote for Coordinator<'_, '_> {
+impl Remote for Coordinator {
     fn parts(&self) -> Scratch {
-        Scratch::of_parts(Arc::clone(&self.team.parts), u64::MAX)
+        Scratch::of_parts(Arc::new(Restored(Arc::clone(&self.shared))), u64::MAX)
     }
 
     fn advance(
@@ -280,12 +371,12 @@ impl Remote for Coordinator<'_, '_> {
         progress: &Progress,
     ) -> Result<Vec<(StoredTile, EditRequests)>, OffsetError> {
         let rounds = {
-            let mut state = (self.team.state.lock()).unwrap_or_else(PoisonError::into_inner);
+            let mut state = self.shared.state();
             if !latest.is_empty() {
                 state.rounds += 1;
                 let bytes = ravec_pieces::to_bytes(latest).map_err(failed)?;
                 let name = edits_name(state.rounds);
-                self.team.parts.write(&name, &bytes).map_err(failed)?;
+                self.shared.write(&name, &bytes)?;
             }
             state.rounds
         };
@@ -318,10 +409,11 @@ impl Remote for Coordinator<'_, '_> {
                 _ => return Err(damaged()),
             }
         }
-        let mut state = (self.team.state.lock()).unwrap_or_else(PoisonError::into_inner);
+        let mut state = self.shared.state();
         for part in replaced {
             state.made_by.remove(&part);
-            self.team.parts.remove(&part_name(part)).map_err(failed)?;
+            let store = self.shared.team.store();
+            store.remove(&part_name(part)).map_err(failed)?;
         }
         Ok(done)
     }
@@ -423,7 +515,7 @@ impl Remote for Coordinator<'_, '_> {
     clippy::needless_pass_by_value,
     reason = "taken as it comes from a result"
 )]
-fn piece_failed(error: std::io::Error) -> OffsetError {
+fn piece_failed(error: io::Error) -> OffsetError {
     if error.kind() == ErrorKind::Interrupted {
         return Cancelled.into();
     }

@@ -52,9 +52,12 @@ struct Parts {
     bytes: Mutex<Vec<u8>>,
 }
 
+/// Beginning of the names of parts.
+pub(crate) const PART: &str = "part-";
+
 /// Returns the name of a part.
 pub(crate) fn part_name(part: u64) -> String {
-    format!("part-{part}")
+    format!("{PART}{part}")
 }
 
 impl std::fmt::Debug for Scratch {
