@@ -1,13 +1,18 @@
 //! Catalogues and mosaics of drawn photos, in temporary folders.
 
 use ravec_catalogue::{
-    Catalogue, CatalogueError, MosaicParams, Outputs, add, clean, mosaic, remove, stats,
+    Catalogue, CatalogueError, MosaicParams, Outputs, PhotoWorker, add, clean, mosaic,
+    mosaic_in_pieces, remove, stats,
 };
 use ravec_media::{Limits, Picture, WriteOptions, read, write};
+use ravec_memory::MemoryBudget;
 use ravec_mosaic::{ChooseParams, Crop, Rules, scaled_photo, violations};
+use ravec_pieces::{Crew, FolderStore, PartStore, Team};
 use ravec_progress::Progress;
 use ravec_raster::{AnyImage, Image, Size, Srgb};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// A photo with a color, a slope and some structure of its own.
 fn photo(number: usize, width: usize, height: usize) -> Image<Srgb<u8>> {
@@ -424,4 +429,67 @@ fn two_writers_wait_for_one_another() {
             .len(),
         40
     );
+}
+
+/// A crew in this process; every other part is lost as soon as it is written.
+struct Forgetful {
+    store: Arc<dyn PartStore>,
+    pieces: Vec<(u64, Vec<u8>)>,
+    lost: Arc<AtomicUsize>,
+}
+
+impl Crew for Forgetful {
+    fn submit(&mut self, number: u64, piece: Vec<u8>) -> std::io::Result<()> {
+        self.pieces.push((number, piece));
+        Ok(())
+    }
+
+    fn next(&mut self, progress: &Progress) -> std::io::Result<(u64, Vec<u8>)> {
+        let (number, piece) = self.pieces.pop().expect("a piece is out");
+        let worker = PhotoWorker::new(Arc::clone(&self.store), MemoryBudget::default());
+        let answer = worker.run(&piece, progress);
+        if self.lost.fetch_add(1, Ordering::Relaxed).is_multiple_of(2) {
+            self.store.remove(&format!("photos-{number}"))?;
+        }
+        Ok((number, answer.map_err(std::io::Error::other)?))
+    }
+}
+
+#[test]
+fn photos_that_others_scale_make_the_same_mosaic_even_if_parts_are_lost() {
+    let (folder, catalogue) = studio(90);
+    let photos = folder.path().join("photos");
+    std::fs::remove_file(photos.join("004.png")).unwrap();
+    std::fs::write(photos.join("011.jpg"), b"no photo").unwrap();
+    let mut asked = params(10, 8, (16, 12), Crop::Center);
+    asked.rules.max_uses = Some(1);
+    let parts = tempfile::tempdir().unwrap();
+    let store: Arc<dyn PartStore> = Arc::new(FolderStore::new(parts.path()));
+    let lost = Arc::new(AtomicUsize::new(0));
+    let crew = Forgetful {
+        store: Arc::clone(&store),
+        pieces: vec![],
+        lost: Arc::clone(&lost),
+    };
+    let team = Team::new(store, Box::new(crew));
+    let [alone, together] = ["alone.png", "together.png"].map(|name| folder.path().join(name));
+    let to = |path| Outputs {
+        picture: Some(path),
+        deep_zoom: None,
+    };
+    let (limits, none, picture) = (Limits::default(), Progress::none(), picture());
+    let expected = mosaic(&catalogue, &picture, &to(&alone), &asked, &limits, &none).unwrap();
+    let outputs = to(&together);
+    let made = mosaic_in_pieces(
+        &catalogue, &picture, &outputs, &asked, &limits, &team, &none,
+    );
+    assert_eq!(made.unwrap(), expected);
+    assert!(!expected.warnings.is_empty());
+    assert!(std::fs::read(&together).unwrap() == std::fs::read(&alone).unwrap());
+    assert!(lost.load(Ordering::Relaxed) > 2);
+    let worker = PhotoWorker::new(Arc::clone(team.store()), MemoryBudget::default());
+    for bytes in [&[][..], &[255; 30]] {
+        let error = worker.run(bytes, &none).unwrap_err();
+        assert!(matches!(error, CatalogueError::Piece { .. }), "{error}");
+    }
 }
