@@ -77,7 +77,7 @@ def measured(step: dict[str, Any], workers: int, memory: str, target: Path) -> d
     with distributed.LocalCluster(
         n_workers=workers, threads_per_worker=1, memory_limit=memory, dashboard_address=None
     ) as cluster, distributed.Client(cluster) as client:
-        with client.get_task_stream() as stream:
+        with distributed.get_task_stream() as stream:
             start = time.perf_counter()
             report = _pieces.run_in_pieces(
                 {**step, "output": str(target)}, client=client, scratch=None, storage_options=None, progress=None

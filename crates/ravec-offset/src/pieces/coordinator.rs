@@ -161,6 +161,16 @@ impl Coordinator {
 }
 
 impl Restored {
+    /// Returns whether a part is a tile, which is not the same bytes when it is made again.
+    fn is_tile(&self, name: &str) -> bool {
+        let part = name
+            .strip_prefix(PART)
+            .and_then(|number| number.parse::<u64>().ok());
+        let state = self.0.state();
+        let piece = part.and_then(|part| state.made_by.get(&part));
+        piece.is_some_and(|(piece, _)| matches!(piece.work, Work::Tile { .. }))
+    }
+
     /// Makes a part again.
     fn restore(&self, part: u64) -> Result<(), OffsetError> {
         let Self(shared) = self;
@@ -192,7 +202,7 @@ impl PartStore for Restored {
             matches!(error.kind(), ErrorKind::NotFound | ErrorKind::UnexpectedEof)
         };
         match found {
-            Err(error) if is_lost(&error) => {
+            Err(error) if is_lost(&error) && !self.is_tile(name) => {
                 let part = name
                     .strip_prefix(PART)
                     .and_then(|number| number.parse().ok());

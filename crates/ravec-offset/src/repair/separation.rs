@@ -48,13 +48,16 @@ impl<'a> Repair<'a> {
         round: Round<'_>,
         progress: &Progress,
     ) -> Result<(CellKey, Refinement<'a>), OffsetError> {
+        let mut key = CellKey::ROOT;
         if let Workspace::Tiled(scratch, tiles) = workspace {
             let tile = tiles.iter().find(|tile| tile.key.owns(place));
             let tile = tile.expect("tiles cover all of space");
-            let refinement = tile.refinement(self.setting, usize::MAX, scratch)?;
-            return Ok((tile.key, refinement));
+            match tile.refinement(self.setting, usize::MAX, scratch) {
+                // a lost tile is grown again
+                Err(OffsetError::MissingPart { .. }) => key = tile.key,
+                found => return Ok((tile.key, found?)),
+            }
         }
-        let key = CellKey::ROOT;
         match Refinement::grow(self.setting, key, round.edits, usize::MAX, progress) {
             Ok(refinement) => Ok((key, refinement)),
             Err(Halt::Cancelled(cancelled)) => Err(cancelled.into()),
