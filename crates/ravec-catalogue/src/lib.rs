@@ -55,4 +55,4 @@ pub use error::CatalogueError;
 pub use manage::{Dropped, Stats, clean, remove, stats};
 pub use mosaic::{Mosaic, MosaicParams, Outputs, mosaic, mosaic_in_memory, mosaic_in_pieces};
 pub use photo_set::{PhotoSet, TileCandidate};
-pub use pieces::PhotoWorker;
+pub use pieces::MosaicWorker;

@@ -10,13 +10,13 @@ use crate::error::CatalogueError;
 use crate::layout::Layout;
 use crate::painter::{Candidate, Painter, Source, Unpainted};
 use crate::photo_set::PhotoSet;
-use crate::pieces::ScaledPhotos;
+use crate::pieces::TeamWork;
 use crate::plan::{Plan, reserve, reserve_choice};
 use crate::workers::Workers;
 use ravec_media::{Limits, RowsError, write_rows};
 use ravec_memory::{MemoryBudget, Reservation};
 use ravec_mosaic::{
-    Choice, ChooseError, ChooseParams, Crop, Frame, Photos, Rules, Tiling, choose_by_hand,
+    Choice, ChooseError, ChooseParams, Crop, Frame, Photos, Rules, Tiling, choose_found,
 };
 use ravec_pieces::Team;
 use ravec_progress::Progress;
@@ -111,8 +111,8 @@ pub fn mosaic(
     to_files(catalogue, picture, outputs, params, limits, None, progress)
 }
 
-/// Makes a mosaic as [`mosaic()`] does, with the photos scaled by a team, whose workers run pieces by
-/// [`PhotoWorker`](crate::PhotoWorker). The store must have no parts; the caller removes them.
+/// Makes a mosaic as [`mosaic()`] does, with the search for candidates and the photos by a team, whose workers run pieces by
+/// [`MosaicWorker`](crate::MosaicWorker). The store must have no parts; the caller removes them.
 ///
 /// # Errors
 /// As [`mosaic()`]; [`CatalogueError::Piece`] if a piece fails, with its reason.
@@ -285,7 +285,7 @@ pub(crate) fn compose(
     progress: &Progress,
 ) -> Result<Mosaic, CatalogueError> {
     let mut warnings = Vec::new();
-    let mut scaled = team.map(|team| ScaledPhotos::new(team, params.crop, &plan.photos));
+    let mut team_work = team.map(|team| TeamWork::new(team, params.crop, &plan.photos));
     let mut cut = None;
     loop {
         let hand = resolve(set, layout, params)?;
@@ -305,7 +305,16 @@ pub(crate) fn compose(
             )?),
         };
         let (rules, choose) = (&params.rules, &params.choose);
-        let choice = choose_by_hand(tiling, &library, rules, &hand.by_hand, choose, progress)
+        let by_hand = &hand.by_hand;
+        let found = match &mut team_work {
+            Some(work) if params.preview_px.is_none() => {
+                let searches = library.searches(tiling, by_hand, choose)?;
+                let found = work.search(&library, &searches, progress);
+                Some(found.map_err(unpainted)?)
+            }
+            _ => None,
+        };
+        let choice = choose_found(tiling, &library, rules, by_hand, choose, found, progress)
             .map_err(|error| of_tile(error, tiling))?;
         let places: Vec<(u32, Rect)> = tiling
             .tiles
@@ -313,13 +322,12 @@ pub(crate) fn compose(
             .zip(&choice.photos)
             .map(|(tile, &photo)| (photo, layout.place(tiling, tile)))
             .collect();
-        let source = match &mut scaled {
+        let source = match &mut team_work {
             _ if params.preview_px.is_some() => Source::Thumbnails,
-            Some(scaled) => {
-                scaled
-                    .scale(&set.photos, &places, progress)
+            Some(work) => {
+                work.scale(&set.photos, &places, progress)
                     .map_err(unpainted)?;
-                Source::Scaled(scaled)
+                Source::Scaled(work)
             }
             None => Source::Photos(params.crop, &plan.photos),
         };

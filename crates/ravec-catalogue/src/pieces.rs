@@ -1,8 +1,11 @@
-//! Photos that other processes scale.
+//! The parts of a mosaic that other processes do: the search for candidates, and the photos.
 //!
-//! Most of the time of a mosaic goes into decoding the photos that were chosen. With a team, its workers decode and scale them, some
-//! at a time, into parts; the mosaic is then painted from the parts, strip by strip. Photos are read by their paths, which all
-//! machines must see.
+//! Most of the time of a mosaic goes into decoding the photos that were chosen, and most of the rest into the search for the photos
+//! nearest to each tile. With a team, its workers search for some tiles at a time in an index that each of them makes once, and
+//! decode and scale some photos at a time into parts; the mosaic is then painted from the parts, strip by strip. Photos are read by
+//! their paths, which all machines must see.
+//!
+//! The search divides the tiles and not the photos: a search among half of the photos takes far more than half of the time.
 //!
 //! Guarantees: the same mosaic as without a team, as far as each worker has the memory for each photo: one that takes more than a
 //! worker has is replaced by another, as one that takes more than the budget is without a team. A part that is lost is made again.
@@ -12,18 +15,23 @@ use crate::painter::{Candidate, Unpainted, scaled_from_file};
 use crate::workers::Workers;
 use ravec_media::Limits;
 use ravec_memory::MemoryBudget;
-use ravec_mosaic::Crop;
+use ravec_mosaic::{Crop, Near, PhotoIndex, Photos, TileSearch};
 use ravec_pieces::{PartStore, Team, from_bytes, to_bytes};
 use ravec_progress::{Cancelled, Progress};
 use ravec_raster::{Image, Rect, Size, Srgb};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::collections::{HashMap, HashSet};
 use std::io::{Error, ErrorKind};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Photos in a piece.
 const PHOTOS_IN_PIECE: usize = 64;
+
+/// Tiles in a piece.
+const TILES_IN_PIECE: usize = 1000;
 
 /// Attempts to read a part before the store counts as unreliable.
 const MAX_ATTEMPTS: usize = 4;
@@ -31,17 +39,32 @@ const MAX_ATTEMPTS: usize = 4;
 /// A photo and the size in which it is wanted.
 type Wanted = (PathBuf, [u32; 2]);
 
-/// Photos to scale.
+/// A piece of the work.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 struct Piece {
     /// Number of the part that it writes.
     part: u64,
-    crop: Crop,
-    max_pixels: u64,
-    photos: Vec<Wanted>,
+    work: Work,
 }
 
-/// For each photo, why it cannot be read, if so.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+enum Work {
+    /// Photos to scale.
+    Scale {
+        crop: Crop,
+        max_pixels: u64,
+        photos: Vec<Wanted>,
+    },
+    /// Tiles to search for.
+    Search {
+        /// Number of the index.
+        index: u64,
+        /// For each tile, the query and the number of photos.
+        queries: Vec<(Vec<f32>, u32)>,
+    },
+}
+
+/// For each photo of a piece, why it cannot be read, if so; nothing for a search.
 type Answer = Vec<Option<String>>;
 
 /// Place of a scaled photo.
@@ -52,25 +75,33 @@ struct Place {
 }
 
 fn part_name(part: u64) -> String {
-    format!("photos-{part}")
+    format!("part-{part}")
+}
+
+/// Returns the name of the vectors of an index.
+fn index_name(index: u64) -> String {
+    format!("index-{index}")
 }
 
 fn bytes_of([width, height]: [u32; 2]) -> u64 {
     3 * u64::from(width) * u64::from(height)
 }
 
-/// Photos that a team has scaled, from one choice of photos to the next.
-pub(crate) struct ScaledPhotos<'t> {
+/// The work of a team for one mosaic, and the photos that it has scaled, from one choice of photos to the next.
+pub(crate) struct TeamWork<'t> {
     team: &'t Team,
     crop: Crop,
     max_pixels: u64,
     places: HashMap<Wanted, Result<Place, String>>,
+    /// Pieces by the number of their part.
     pieces: Vec<Piece>,
+    /// Number of indices so far.
+    indices: u64,
     /// Parts are made again one at a time.
     restoring: Mutex<()>,
 }
 
-impl<'t> ScaledPhotos<'t> {
+impl<'t> TeamWork<'t> {
     pub fn new(team: &'t Team, crop: Crop, limits: &Limits) -> Self {
         Self {
             team,
@@ -78,8 +109,54 @@ impl<'t> ScaledPhotos<'t> {
             max_pixels: limits.max_pixels,
             places: HashMap::new(),
             pieces: Vec::new(),
+            indices: 0,
             restoring: Mutex::default(),
         }
+    }
+
+    /// Has the candidates of tiles searched; returns the nearest photos of each.
+    pub fn search(
+        &mut self,
+        photos: &Photos,
+        searches: &[TileSearch],
+        progress: &Progress,
+    ) -> Result<Vec<Vec<Near>>, Unpainted> {
+        let first_index = self.indices;
+        for index in photos.indices() {
+            let dimensions = (index.dimensions() as u64).to_le_bytes();
+            let vectors = index.vectors();
+            let bytes = [&dimensions[..], bytemuck::cast_slice(&vectors)].concat();
+            let name = index_name(self.indices);
+            self.team.store().write(&name, &bytes).map_err(failed)?;
+            self.indices += 1;
+        }
+        // tiles that are searched in one index together
+        let mut order: Vec<usize> = (0..searches.len()).collect();
+        order.sort_by_key(|&tile| searches[tile].index);
+        let groups: Vec<&[usize]> = order
+            .chunk_by(|&a, &b| searches[a].index == searches[b].index)
+            .flat_map(|group| group.chunks(TILES_IN_PIECE))
+            .collect();
+        let works = groups.iter().map(|group| Work::Search {
+            index: first_index + searches[group[0]].index as u64,
+            queries: (group.iter())
+                .map(|&tile| (searches[tile].query.clone(), searches[tile].count as u32))
+                .collect(),
+        });
+        let parts = self.run("search", works.collect(), progress)?;
+        let mut found: Vec<Vec<Near>> = vec![Vec::new(); searches.len()];
+        for (group, (part, _)) in groups.iter().zip(parts) {
+            let bytes = self.read(part, None, progress)?;
+            let lists: Vec<Vec<(u32, f32)>> = from_bytes(&bytes).map_err(failed)?;
+            for (&tile, list) in group.iter().zip(lists) {
+                let near = list.into_iter();
+                found[tile] = near
+                    .map(|(photo, distance_sq)| Near { photo, distance_sq })
+                    .collect();
+            }
+            self.team.store().remove(&part_name(part)).map_err(failed)?;
+        }
+        Ok(found)
     }
 
     /// Has all photos of a mosaic scaled that are not there yet.
@@ -100,29 +177,18 @@ impl<'t> ScaledPhotos<'t> {
                 }
             }
         }
-        let first = self.pieces.len();
-        let parts = (first as u64..).zip(wanted.chunks(PHOTOS_IN_PIECE));
-        let pieces: Vec<Piece> = parts
-            .map(|(part, photos)| Piece {
-                part,
-                crop: self.crop,
-                max_pixels: self.max_pixels,
-                photos: photos.to_vec(),
-            })
-            .collect();
-        self.pieces.extend(pieces);
-        let phase = progress.phase("photos", (self.pieces.len() - first) as u64);
-        let mut answers = self.answers(&self.pieces[first..], progress, || phase.advance(1))?;
-        for piece in &self.pieces[first..] {
-            let answer = answers.remove(&piece.part).unwrap_or_default();
+        let works = wanted.chunks(PHOTOS_IN_PIECE).map(|photos| Work::Scale {
+            crop: self.crop,
+            max_pixels: self.max_pixels,
+            photos: photos.to_vec(),
+        });
+        let parts = self.run("photos", works.collect(), progress)?;
+        for (photos, (part, answer)) in wanted.chunks(PHOTOS_IN_PIECE).zip(parts) {
             let mut at = 0;
-            for (key, reason) in piece.photos.iter().zip(answer) {
+            for (key, reason) in photos.iter().zip(answer) {
                 let place = match reason {
                     Some(reason) => Err(reason),
-                    None => Ok(Place {
-                        part: piece.part,
-                        at,
-                    }),
+                    None => Ok(Place { part, at }),
                 };
                 if place.is_ok() {
                     at += bytes_of(key.1);
@@ -131,6 +197,27 @@ impl<'t> ScaledPhotos<'t> {
             }
         }
         Ok(())
+    }
+
+    /// Has pieces run; returns their parts and answers in order.
+    fn run(
+        &mut self,
+        name: &'static str,
+        works: Vec<Work>,
+        progress: &Progress,
+    ) -> Result<Vec<(u64, Answer)>, Unpainted> {
+        let first = self.pieces.len();
+        let numbered = (first as u64..).zip(works);
+        self.pieces
+            .extend(numbered.map(|(part, work)| Piece { part, work }));
+        let pieces = &self.pieces[first..];
+        let phase = progress.phase(name, pieces.len() as u64);
+        let mut answers = self.answers(pieces, progress, || phase.advance(1))?;
+        let taken = pieces.iter().map(|piece| {
+            let answer = answers.remove(&piece.part).unwrap_or_default();
+            (piece.part, answer)
+        });
+        Ok(taken.collect())
     }
 
     /// Has pieces run; returns their answers by part.
@@ -167,22 +254,34 @@ impl<'t> ScaledPhotos<'t> {
             Some(Err(reason)) => return Ok(Err(reason.clone())),
             None => return Ok(Err("was not scaled".to_owned())),
         };
-        let store = self.team.store();
-        let name = part_name(place.part);
         let range = place.at..place.at + bytes_of(sides);
+        let bytes = self.read(place.part, Some(range), progress)?;
+        let pixels = bytes.chunks_exact(3).map(|p| Srgb([p[0], p[1], p[2]]));
+        let image = Image::from_vec(size.width(), pixels.collect());
+        Ok(Ok(image.expect("the range has the bytes of the photo")))
+    }
+
+    /// Reads a range of a part, or all of it, which is made again if it is lost.
+    fn read(
+        &self,
+        part: u64,
+        range: Option<Range<u64>>,
+        progress: &Progress,
+    ) -> Result<Vec<u8>, Unpainted> {
+        let (store, name) = (self.team.store(), part_name(part));
+        let read = || match range.clone() {
+            Some(range) => store.read(&name, range),
+            None => store.read_all(&name),
+        };
         for attempt in 1.. {
-            match store.read(&name, range.clone()) {
-                Ok(bytes) => {
-                    let pixels = bytes.chunks_exact(3).map(|p| Srgb([p[0], p[1], p[2]]));
-                    let image = Image::from_vec(size.width(), pixels.collect());
-                    return Ok(Ok(image.expect("the range has the bytes of the photo")));
-                }
+            match read() {
+                Ok(bytes) => return Ok(bytes),
                 Err(error) if is_lost(&error) && attempt < MAX_ATTEMPTS => {
                     let restoring = self.restoring.lock();
                     let _one = restoring.unwrap_or_else(PoisonError::into_inner);
-                    // another photo of the part may have restored it
-                    if store.read(&name, range.clone()).is_err() {
-                        let piece = &self.pieces[place.part as usize];
+                    // another thread may have restored it
+                    if read().is_err() {
+                        let piece = &self.pieces[part as usize];
                         self.answers(std::slice::from_ref(piece), progress, || {})?;
                     }
                 }
@@ -208,22 +307,28 @@ fn failed(error: Error) -> Unpainted {
     Unpainted::Piece(error.to_string())
 }
 
-/// Scales photos for a mosaic that another process makes with [`mosaic_in_pieces`](crate::mosaic_in_pieces).
-pub struct PhotoWorker {
+/// Runs the pieces of a mosaic that another process makes with [`mosaic_in_pieces`](crate::mosaic_in_pieces).
+pub struct MosaicWorker {
     parts: Arc<dyn PartStore>,
     memory: MemoryBudget,
+    /// The latest index.
+    index: Mutex<Option<(u64, Arc<PhotoIndex>)>>,
 }
 
-impl std::fmt::Debug for PhotoWorker {
+impl std::fmt::Debug for MosaicWorker {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("PhotoWorker").finish_non_exhaustive()
+        f.debug_struct("MosaicWorker").finish_non_exhaustive()
     }
 }
 
-impl PhotoWorker {
+impl MosaicWorker {
     /// A worker that takes memory for photos from a budget.
     pub fn new(parts: Arc<dyn PartStore>, memory: MemoryBudget) -> Self {
-        Self { parts, memory }
+        Self {
+            parts,
+            memory,
+            index: Mutex::default(),
+        }
     }
 
     /// Runs a piece in the current pool of threads; returns the answer for the coordinator.
@@ -231,34 +336,114 @@ impl PhotoWorker {
     /// # Errors
     /// [`CatalogueError::Piece`] if the store fails, or the bytes are no piece; [`CatalogueError::Cancelled`].
     pub fn run(&self, piece: &[u8], progress: &Progress) -> Result<Vec<u8>, CatalogueError> {
-        let broken = |error: Error| CatalogueError::Piece {
-            reason: error.to_string(),
-        };
-        let piece: Piece = from_bytes(piece).map_err(broken)?;
-        let limits = Limits {
-            max_pixels: piece.max_pixels,
-            memory: self.memory.clone(),
-        };
-        let workers = Workers::new()?;
-        let scaled = workers.map(&piece.photos, |(path, [width, height])| {
-            progress.check()?;
-            let Ok(size) = Size::new(*width as usize, *height as usize) else {
-                return Ok(Err("has no pixels in its tile".to_owned()));
-            };
-            let scaled = scaled_from_file(path, size, piece.crop, &limits, progress)?;
-            Ok::<_, Cancelled>(scaled.map(|(image, _)| image))
-        })?;
-        let mut bytes = Vec::new();
-        let answer = scaled.into_iter().map(|scaled| match scaled {
-            Ok(image) => {
-                bytes.extend(image.pixels().iter().flat_map(|pixel| pixel.0));
-                None
+        let Piece { part, work } = from_bytes(piece).map_err(broken)?;
+        let (bytes, answer) = match work {
+            Work::Scale {
+                crop,
+                max_pixels,
+                photos,
+            } => {
+                let limits = Limits {
+                    max_pixels,
+                    memory: self.memory.clone(),
+                };
+                scale(&photos, crop, &limits, progress)?
             }
-            Err(reason) => Some(reason),
-        });
-        let answer: Answer = answer.collect();
-        let written = self.parts.write(&part_name(piece.part), &bytes);
+            Work::Search { index, queries } => (self.search(index, &queries, progress)?, vec![]),
+        };
+        let written = self.parts.write(&part_name(part), &bytes);
         written.map_err(broken)?;
         to_bytes(&answer).map_err(broken)
     }
+
+    /// Searches for tiles; returns the nearest photos of each as the bytes of a part.
+    fn search(
+        &self,
+        index: u64,
+        queries: &[(Vec<f32>, u32)],
+        progress: &Progress,
+    ) -> Result<Vec<u8>, CatalogueError> {
+        let index = self.index(index)?;
+        if queries
+            .iter()
+            .any(|(query, _)| query.len() != index.dimensions())
+        {
+            return Err(broken(damaged()));
+        }
+        let nearest = |(query, count): &(Vec<f32>, u32)| -> Result<Vec<(u32, f32)>, Cancelled> {
+            progress.check()?;
+            let near = index.nearest(query, *count as usize).into_iter();
+            Ok(near.map(|near| (near.photo, near.distance_sq)).collect())
+        };
+        let found = queries.par_iter().map(nearest);
+        let found = found.collect::<Result<Vec<_>, Cancelled>>()?;
+        to_bytes(&found).map_err(broken)
+    }
+
+    /// Returns an index, made from its vectors.
+    fn index(&self, number: u64) -> Result<Arc<PhotoIndex>, CatalogueError> {
+        let mut latest = self.index.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((of, index)) = &*latest
+            && *of == number
+        {
+            return Ok(Arc::clone(index));
+        }
+        let bytes = self.parts.read_all(&index_name(number)).map_err(broken)?;
+        let (dimensions, vectors) = bytes.split_first_chunk().ok_or_else(|| broken(damaged()))?;
+        let dimensions = u64::from_le_bytes(*dimensions) as usize;
+        let bytes_of_vector = dimensions.saturating_mul(size_of::<f32>());
+        if bytes_of_vector == 0 || !vectors.len().is_multiple_of(bytes_of_vector) {
+            return Err(broken(damaged()));
+        }
+        let vectors: Vec<f32> = bytemuck::pod_collect_to_vec(vectors);
+        let index = Arc::new(PhotoIndex::new(&vectors, dimensions));
+        *latest = Some((number, Arc::clone(&index)));
+        Ok(index)
+    }
+}
+
+fn damaged() -> Error {
+    Error::new(
+        ErrorKind::InvalidData,
+        "its content is not what was written",
+    )
+}
+
+/// Error of the store, or of bytes that no coordinator wrote.
+#[expect(
+    clippy::needless_pass_by_value,
+    reason = "taken as it comes from a result"
+)]
+fn broken(error: Error) -> CatalogueError {
+    CatalogueError::Piece {
+        reason: error.to_string(),
+    }
+}
+
+/// Scales photos; returns their pixels one after the other, and why some are missing.
+fn scale(
+    photos: &[Wanted],
+    crop: Crop,
+    limits: &Limits,
+    progress: &Progress,
+) -> Result<(Vec<u8>, Answer), CatalogueError> {
+    let workers = Workers::new()?;
+    let scaled = workers.map(photos, |(path, [width, height])| {
+        progress.check()?;
+        let Ok(size) = Size::new(*width as usize, *height as usize) else {
+            return Ok(Err("has no pixels in its tile".to_owned()));
+        };
+        let scaled = scaled_from_file(path, size, crop, limits, progress)?;
+        Ok::<_, Cancelled>(scaled.map(|(image, _)| image))
+    })?;
+    let mut bytes = Vec::new();
+    let answer = scaled.into_iter().map(|scaled| match scaled {
+        Ok(image) => {
+            bytes.extend(image.pixels().iter().flat_map(|pixel| pixel.0));
+            None
+        }
+        Err(reason) => Some(reason),
+    });
+    let answer = answer.collect();
+    Ok((bytes, answer))
 }

@@ -1,7 +1,7 @@
 //! Catalogues and mosaics of drawn photos, in temporary folders.
 
 use ravec_catalogue::{
-    Catalogue, CatalogueError, MosaicParams, Outputs, PhotoWorker, add, clean, mosaic,
+    Catalogue, CatalogueError, MosaicParams, MosaicWorker, Outputs, add, clean, mosaic,
     mosaic_in_pieces, remove, stats,
 };
 use ravec_media::{Limits, Picture, WriteOptions, read, write};
@@ -446,10 +446,10 @@ impl Crew for Forgetful {
 
     fn next(&mut self, progress: &Progress) -> std::io::Result<(u64, Vec<u8>)> {
         let (number, piece) = self.pieces.pop().expect("a piece is out");
-        let worker = PhotoWorker::new(Arc::clone(&self.store), MemoryBudget::default());
+        let worker = MosaicWorker::new(Arc::clone(&self.store), MemoryBudget::default());
         let answer = worker.run(&piece, progress);
         if self.lost.fetch_add(1, Ordering::Relaxed).is_multiple_of(2) {
-            self.store.remove(&format!("photos-{number}"))?;
+            self.store.remove(&format!("part-{number}"))?;
         }
         Ok((number, answer.map_err(std::io::Error::other)?))
     }
@@ -487,7 +487,7 @@ fn photos_that_others_scale_make_the_same_mosaic_even_if_parts_are_lost() {
     assert!(!expected.warnings.is_empty());
     assert!(std::fs::read(&together).unwrap() == std::fs::read(&alone).unwrap());
     assert!(lost.load(Ordering::Relaxed) > 2);
-    let worker = PhotoWorker::new(Arc::clone(team.store()), MemoryBudget::default());
+    let worker = MosaicWorker::new(Arc::clone(team.store()), MemoryBudget::default());
     for bytes in [&[][..], &[255; 30]] {
         let error = worker.run(bytes, &none).unwrap_err();
         assert!(matches!(error, CatalogueError::Piece { .. }), "{error}");

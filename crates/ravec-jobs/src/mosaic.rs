@@ -5,7 +5,7 @@ mod desk;
 
 pub use by_hand::{BannedPhoto, PinnedPhoto};
 pub use desk::{MosaicDesk, Preview};
-pub use ravec_catalogue::{PhotoWorker, TileCandidate};
+pub use ravec_catalogue::{MosaicWorker, TileCandidate};
 
 use crate::catalogue::{check_side_outputs, journals};
 use crate::context::Context;

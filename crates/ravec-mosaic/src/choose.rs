@@ -239,12 +239,58 @@ impl Photos {
         }
     }
 
+    /// The search for the candidates of each tile: the first step of [`choose_by_hand`], which takes the answers from
+    /// [`choose_found`].
+    ///
+    /// # Errors
+    /// [`ChooseError`] if what is set by hand makes no sense.
+    pub fn searches(
+        &self,
+        tiling: &Tiling,
+        by_hand: &ByHand,
+        params: &ChooseParams,
+    ) -> Result<Vec<TileSearch>, ChooseError> {
+        let hand = Hand::new(by_hand, tiling.tiles.len(), self)?;
+        let tiles = tiling.tiles.iter().enumerate();
+        let searches = tiles.map(|(at, tile)| {
+            let count = params.candidates.max(1) + self.banned_at(&hand, at);
+            TileSearch {
+                index: self.class_of(tile),
+                query: self.class(tile).vector(&tile.descriptor),
+                count: count.min(self.len()),
+            }
+        });
+        Ok(searches.collect())
+    }
+
+    /// The indices in which tiles are searched, by [`TileSearch::index`].
+    pub fn indices(&self) -> impl Iterator<Item = &PhotoIndex> {
+        self.classes.iter().map(|class| &class.index)
+    }
+
+    /// Number of photos that a tile may not have.
+    fn banned_at(&self, hand: &Hand, tile: usize) -> usize {
+        let banned_here = hand.banned_at(tile).map(|group| self.size_of(group));
+        self.banned_count + banned_here.sum::<usize>()
+    }
+
     /// Photos in the order of their distance, the nearest of each group only.
     fn one_of_each_group(&self, mut near: Vec<Near>) -> Vec<Near> {
         let mut seen = Seen::new(self.different);
         near.retain(|near| seen.first(self.groups[near.photo as usize]));
         near
     }
+}
+
+/// The search for the candidates of a tile.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TileSearch {
+    /// Number of the index, as [`Photos::indices`] lists them.
+    pub index: usize,
+    /// What to look for.
+    pub query: Vec<f32>,
+    /// Number of the nearest photos to find.
+    pub count: usize,
 }
 
 /// A set of small numbers.
@@ -295,12 +341,16 @@ impl Problem<'_> {
 
     /// The `count` nearest photos that a tile may have, one of each group of near-duplicates.
     fn nearest(&self, tile: usize, count: usize) -> Vec<Near> {
-        let (photos, hand) = (self.photos, &self.hand);
-        let banned_here = hand.banned_at(tile).map(|group| photos.size_of(group));
-        let banned = photos.banned_count + banned_here.sum::<usize>();
-        let mut near = self
+        let banned = self.photos.banned_at(&self.hand, tile);
+        let near = self
             .index(tile)
             .nearest(&self.queries[tile], count.saturating_add(banned));
+        self.allowed(tile, near, count)
+    }
+
+    /// The first `count` photos that a tile may have, one of each group of near-duplicates.
+    fn allowed(&self, tile: usize, mut near: Vec<Near>, count: usize) -> Vec<Near> {
+        let (photos, hand) = (self.photos, &self.hand);
         near.retain(|near| !hand.bans(tile, photos.group(near.photo)));
         near.truncate(count);
         photos.one_of_each_group(near)
@@ -366,6 +416,26 @@ pub fn choose_by_hand(
     params: &ChooseParams,
     progress: &Progress,
 ) -> Result<Choice, ChooseError> {
+    choose_found(tiling, photos, rules, by_hand, params, None, progress)
+}
+
+/// Chooses as [`choose_by_hand`] does, with the answers to [`Photos::searches`] if they are known: the nearest photos of each tile
+/// by [`PhotoIndex::nearest`].
+///
+/// # Errors
+/// As [`choose_by_hand`].
+///
+/// # Panics
+/// If there are not as many answers as tiles.
+pub fn choose_found(
+    tiling: &Tiling,
+    photos: &Photos,
+    rules: &Rules,
+    by_hand: &ByHand,
+    params: &ChooseParams,
+    found: Option<Vec<Vec<Near>>>,
+    progress: &Progress,
+) -> Result<Choice, ChooseError> {
     let tiles = &tiling.tiles[..];
     let different = photos.different;
     if photos.is_empty() {
@@ -393,7 +463,17 @@ pub fn choose_by_hand(
         hand,
         candidates: Vec::new(),
     };
-    problem.candidates = problem.candidates(params.candidates.max(1), progress)?;
+    let count = params.candidates.max(1);
+    problem.candidates = match found {
+        None => problem.candidates(count, progress)?,
+        Some(found) => {
+            assert_eq!(found.len(), tiles.len(), "each tile has an answer");
+            let found = found.into_par_iter().enumerate();
+            found
+                .map(|(tile, near)| problem.allowed(tile, near, count))
+                .collect()
+        }
+    };
     let hand = problem.hand.clone();
     let without = (0..tiles.len())
         .find(|&tile| hand.pinned(tile).is_none() && problem.candidates[tile].is_empty());

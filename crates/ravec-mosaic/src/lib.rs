@@ -32,6 +32,7 @@
 //! | photos not worth a tile | [`flaw`] |
 //! | tiles of a picture | [`grid_tiles`], [`adaptive_tiles`], [`mark_features`] |
 //! | which photo goes where | [`choose()`], [`Rules`], [`violations`] |
+//! | searches by other processes | [`Photos::searches`], [`choose_found`] |
 //! | photos that are set by hand | [`choose_by_hand`], [`ByHand`], [`Photos::ban`], [`Photos::nearest`] |
 //! | a photo as it stands in a tile | [`scaled_photo`], [`Crop`] |
 //!
@@ -65,7 +66,9 @@ mod tiling;
 
 pub use adaptive::{ADAPTIVE_UNITS, adaptive_tiles};
 pub use by_hand::{ByHand, TilePhoto};
-pub use choose::{Choice, ChooseParams, Features, Photos, choose, choose_by_hand};
+pub use choose::{
+    Choice, ChooseParams, Features, Photos, TileSearch, choose, choose_by_hand, choose_found,
+};
 pub use clean::{Flaw, MIN_SIDE, flaw};
 pub use descriptor::{Descriptor, Frame, MAX_DEGREE, Weights};
 pub use feature::mark_features;

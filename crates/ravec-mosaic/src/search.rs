@@ -149,6 +149,21 @@ impl PhotoIndex {
         self.photos.is_empty()
     }
 
+    /// Coefficients of a vector.
+    pub fn dimensions(&self) -> usize {
+        self.dimensions
+    }
+
+    /// Returns the vectors from which the index was made, one after the other.
+    pub fn vectors(&self) -> Vec<f32> {
+        let of_photo = |&place: &u32| {
+            let place = place as usize;
+            let lanes = self.leaf(place / FAN)[place % FAN..].iter();
+            lanes.step_by(FAN).copied().take(self.dimensions)
+        };
+        self.places.iter().flat_map(of_photo).collect()
+    }
+
     fn boxed(&self) -> usize {
         self.dimensions.min(BOX)
     }

@@ -9,7 +9,7 @@ use ravec::memory::MemoryBudget;
 use ravec::offset;
 use ravec::pieces::{Crew, FolderStore, PartStore, Team};
 use ravec::progress::Progress;
-use ravec_jobs::mosaic::PhotoWorker;
+use ravec_jobs::mosaic::MosaicWorker;
 use std::io::{Error, ErrorKind, Result};
 use std::ops::Range;
 use std::path::PathBuf;
@@ -125,7 +125,7 @@ pub struct Worker(Kind);
 #[derive(Clone)]
 enum Kind {
     Offset(Arc<offset::OffsetWorker>),
-    Mosaic(Arc<PhotoWorker>),
+    Mosaic(Arc<MosaicWorker>),
 }
 
 #[pymethods]
@@ -149,7 +149,7 @@ impl Worker {
             }
             "mosaic" => {
                 let memory = memory_bytes.map_or_else(MemoryBudget::default, MemoryBudget::new);
-                let worker = PhotoWorker::new(parts, memory);
+                let worker = MosaicWorker::new(parts, memory);
                 Ok(Self(Kind::Mosaic(Arc::new(worker))))
             }
             other => Err(of_request(format!(
