@@ -18,6 +18,7 @@ for a bar of tqdm, or a callable that takes the phase, the units that are done a
 
 from ._options import Picture
 from ._ravec import OPERATIONS, Error, __version__, set_threads
+from .clips import Clip, Plate, Track
 from .completion import FragmentIndex, Retouch, complete
 from .matting import matte
 from .meshes import Mesh, boolean, offset
@@ -40,17 +41,20 @@ from .retargeting import Retargeter, retarget
 __all__ = [
     "OPERATIONS",
     "Catalogue",
+    "Clip",
     "Error",
     "FragmentIndex",
     "Homography",
     "Mesh",
     "Picture",
     "PlaneProposals",
+    "Plate",
     "Rectified",
     "Result",
     "Retargeter",
     "Retouch",
     "Snapped",
+    "Track",
     "TwoColorField",
     "__version__",
     "abstract",
