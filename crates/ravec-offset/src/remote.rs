@@ -7,9 +7,9 @@
 use crate::params::OffsetError;
 use crate::prove::EditRequests;
 use crate::report::ChunkFacts;
-use crate::store::{Block, ChunkedSurface, Scratch, StoredTile};
+use crate::store::{Block, ChunkedSurface, Record, Scratch, StoredTile};
 use crate::surface::Edits;
-use ravec_mesh::{Aabb, ErrorSample};
+use ravec_mesh::Aabb;
 use ravec_octree::CellKey;
 use ravec_progress::Progress;
 use serde::{Deserialize, Serialize};
@@ -48,16 +48,16 @@ pub(crate) struct ChunkTask {
     pub places: Vec<Aabb>,
     /// The whole chunk stays as it is.
     pub is_kept: bool,
-    /// The error samples of its blocks, for the pass that simplifies seams.
-    pub samples: Option<Vec<Vec<ErrorSample>>>,
+    /// The error samples of its blocks, in the store of the surface, for the pass that simplifies seams.
+    pub samples: Option<Vec<Record>>,
 }
 
 /// A simplified chunk, as one block.
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) struct SimplifiedChunk {
     pub block: Block,
-    /// Error samples near its border.
-    pub samples: Vec<ErrorSample>,
+    /// Error samples near its border, in the store of the block.
+    pub samples: Record,
 }
 
 /// Other processes that run steps of the work. All answers are in the order of what was asked.

@@ -17,7 +17,7 @@ mod tile;
 
 pub(crate) use blocks::{Block, Store, put_block, put_blocks};
 pub(crate) use chunks::{Chunk, ChunkedSurface, Visibility, merged_pairs};
-pub(crate) use codec::encoded;
+pub(crate) use codec::{encoded, encoded_samples};
 pub use rows::OffsetSurface;
 pub(crate) use rows::StoredSurface;
 pub use storage::{NewStorage, Storage};

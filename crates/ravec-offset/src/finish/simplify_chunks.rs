@@ -9,7 +9,10 @@
 use super::{Simplifier, indices};
 use crate::params::OffsetError;
 use crate::remote::{ChunkTask, Remote, SimplifiedChunk};
-use crate::store::{Block, Chunk, ChunkedSurface, Store, Visibility, merged_pairs, put_block};
+use crate::store::{
+    Block, Chunk, ChunkedSurface, Record, Store, Visibility, encoded_samples, merged_pairs,
+    put_block,
+};
 use crate::surface::Patch;
 use ravec_mesh::{Aabb, ErrorSample, Keep, TriMesh, add_rings};
 use ravec_progress::Progress;
@@ -55,7 +58,7 @@ impl Simplifier<'_> {
         drop(surface);
         if fewer.count() == 1 {
             let chunk = fewer.chunk(0, progress)?;
-            let seams = Seams::of(&chunk, 0, &samples);
+            let seams = Seams::of(&chunk, 0, &fewer.samples(&samples)?);
             drop(fewer);
             let pinned = seams.pinned(&[]);
             let keep = Keep {
@@ -74,15 +77,15 @@ impl Simplifier<'_> {
     fn pass(
         &self,
         surface: &ChunkedSurface,
-        samples_of_blocks: &[Vec<ErrorSample>],
+        samples_of_blocks: &[Record],
         max_triangles: usize,
         remote: Option<&dyn Remote>,
         new_store: &impl Fn() -> Result<Store, OffsetError>,
-    ) -> Result<(ChunkedSurface, Vec<Vec<ErrorSample>>), OffsetError> {
+    ) -> Result<(ChunkedSurface, Vec<Record>), OffsetError> {
         let progress = self.rules.progress;
         let mut store = new_store()?;
         let mut blocks: Vec<Option<Block>> = (0..surface.count()).map(|_| None).collect();
-        let mut samples = vec![Vec::new(); surface.count()];
+        let mut samples = vec![Record::default(); surface.count()];
         // where triangles met
         let mut places: Vec<Vec<Aabb>> = vec![Vec::new(); surface.count()];
         for tries in 0.. {
@@ -146,8 +149,8 @@ impl Simplifier<'_> {
             let is_pinned = |&p: &glam::DVec3| task.places.iter().any(|place| place.contains(p));
             let pinned: Vec<bool> = chunk.mesh.positions().iter().map(is_pinned).collect();
             match task.samples {
-                Some(samples) => {
-                    let seams = Seams::of(&chunk, blocks.start, &samples);
+                Some(records) => {
+                    let seams = Seams::of(&chunk, blocks.start, &surface.samples(&records)?);
                     self.together(&chunk, &pinned, seams)?
                 }
                 None => self.apart(&chunk, &pinned)?,
@@ -155,7 +158,7 @@ impl Simplifier<'_> {
         };
         Ok(SimplifiedChunk {
             block: put_block(key, done.patch, store)?,
-            samples: done.samples,
+            samples: store.put_bytes(&encoded_samples(&done.samples))?,
         })
     }
 

@@ -1,9 +1,10 @@
 //! Blocks: the unit in which a finished surface is kept.
 
-use super::{Record, Scratch, encoded};
+use super::codec::decoded_samples;
+use super::{Record, Scratch, damaged, encoded};
 use crate::params::OffsetError;
 use crate::surface::Patch;
-use ravec_mesh::Aabb;
+use ravec_mesh::{Aabb, ErrorSample};
 use ravec_octree::{CellKey, Corner};
 use ravec_progress::Progress;
 use rayon::prelude::*;
@@ -59,6 +60,22 @@ impl Store {
         match self {
             Self::Storage(scratch) => scratch.write(),
             Self::Memory => Ok(()),
+        }
+    }
+
+    /// Stores bytes; only a storage can.
+    pub fn put_bytes(&self, bytes: &[u8]) -> Result<Record, OffsetError> {
+        match self {
+            Self::Storage(scratch) => scratch.put(bytes, None),
+            Self::Memory => unreachable!("memory holds patches only"),
+        }
+    }
+
+    /// Loads error samples.
+    pub fn samples(&self, record: Record) -> Result<Vec<ErrorSample>, OffsetError> {
+        match self {
+            Self::Storage(scratch) => decoded_samples(&scratch.get(record)?).ok_or_else(damaged),
+            Self::Memory => unreachable!("memory holds patches only"),
         }
     }
 

@@ -4,12 +4,12 @@
 //! of other chunks near it. Vertices of different blocks are the same if their names are equal.
 
 use super::outermost::{reachable, reachable_in_blocks};
-use super::{Block, PatchHandle, Scratch, Store, damaged, failed};
+use super::{Block, PatchHandle, Record, Scratch, Store, damaged, failed};
 use crate::params::OffsetError;
 use crate::surface::{Patch, TRIANGLES_AT_ONCE, VertexName};
 use crate::surface::{border, doubled, intersecting_pairs};
 use glam::DVec3;
-use ravec_mesh::{Aabb, Adjacency, TriMesh};
+use ravec_mesh::{Aabb, Adjacency, ErrorSample, TriMesh};
 use ravec_progress::Progress;
 use rustc_hash::{FxHashMap, FxHashSet};
 use serde::{Deserialize, Serialize};
@@ -172,6 +172,12 @@ impl ChunkedSurface {
             None => block.triangles,
         };
         self.blocks.iter().enumerate().map(of_block).sum()
+    }
+
+    /// Loads the error samples of blocks.
+    pub fn samples(&self, records: &[Record]) -> Result<Vec<Vec<ErrorSample>>, OffsetError> {
+        let records = records.iter();
+        records.map(|&record| self.store.samples(record)).collect()
     }
 
     /// Loads the patch of a block.

@@ -3,6 +3,7 @@
 use crate::surface::{Bytes, Edge, Patch, Proof, VertexName};
 use bytemuck::cast_slice;
 use glam::DVec3;
+use ravec_mesh::ErrorSample;
 use ravec_octree::Corner;
 
 /// Codes of names.
@@ -41,6 +42,29 @@ pub(crate) fn encoded(patch: &Patch) -> Vec<u8> {
         &ample,
     ]
     .concat()
+}
+
+/// Encodes error samples: places, and then triangles.
+pub(crate) fn encoded_samples(samples: &[ErrorSample]) -> Vec<u8> {
+    let places: Vec<[f64; 3]> = samples
+        .iter()
+        .map(|sample| sample.place.to_array())
+        .collect();
+    let triangles: Vec<u32> = samples.iter().map(|sample| sample.triangle).collect();
+    [cast_slice::<_, u8>(&places), cast_slice(&triangles)].concat()
+}
+
+pub(super) fn decoded_samples(bytes: &[u8]) -> Option<Vec<ErrorSample>> {
+    let count = (bytes.len() / (3 * size_of::<f64>() + size_of::<u32>())) as u64;
+    let mut bytes = Bytes(bytes);
+    let places: Vec<[f64; 3]> = bytes.take(count)?;
+    let triangles: Vec<u32> = bytes.take(count)?;
+    let samples = places.into_iter().zip(triangles);
+    let samples = samples.map(|(place, triangle)| ErrorSample {
+        place: place.into(),
+        triangle,
+    });
+    bytes.0.is_empty().then(|| samples.collect())
 }
 
 pub(super) fn decoded(bytes: &[u8]) -> Option<Patch> {
@@ -154,6 +178,23 @@ mod tests {
         assert_eq!(*store.get(&first).unwrap(), patch());
         assert_eq!(*store.get(&none).unwrap(), Patch::default());
         assert_eq!(*store.get(&second).unwrap(), other());
+    }
+
+    #[test]
+    fn samples_are_read_as_they_were_written() {
+        let sample = |at: f64, triangle| ErrorSample {
+            place: DVec3::new(at, -2.0 * at, 1e-9),
+            triangle,
+        };
+        for samples in [
+            vec![],
+            vec![sample(0.1, 7)],
+            vec![sample(3e7, 0), sample(-1.0, u32::MAX)],
+        ] {
+            let bytes = encoded_samples(&samples);
+            assert_eq!(decoded_samples(&bytes), Some(samples));
+            assert_eq!(decoded_samples(&[&bytes[..], &[0]].concat()), None);
+        }
     }
 
     #[test]

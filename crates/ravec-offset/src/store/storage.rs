@@ -26,7 +26,7 @@ pub(crate) fn in_memory() -> IoResult<Box<dyn Storage>> {
 const SPARE: u64 = 8;
 
 /// A record in the storage.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Record {
     /// Number of the part; 0 in a storage of one process.
     pub part: u64,
@@ -128,6 +128,10 @@ impl Scratch {
 
     /// Reads a record.
     pub fn get(&self, record: Record) -> Result<Vec<u8>, OffsetError> {
+        if record.bytes == 0 {
+            // a part without bytes is not written
+            return Ok(vec![]);
+        }
         let storage = match &self.0 {
             Kind::Storage(storage) => storage,
             Kind::Parts(parts) => return parts.get(record),
