@@ -87,7 +87,7 @@ def test_parts_may_lie_where_there_are_no_paths(alone: tuple[Path, bytes], tmp_p
 
     memory = fsspec.filesystem("memory")
     memory.pipe("/in/ring.ply", source.read_bytes())
-    with distributed.Client(processes=False, n_workers=1, dashboard_address=None) as client:
+    with distributed.Client(processes=False, n_workers=1, threads_per_worker=1, dashboard_address=None) as client:
         cluster_of_ravec.offset(
             "memory://in/ring.ply",
             "memory://out/ring.ply",

@@ -8,6 +8,7 @@ use crate::work;
 use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString};
+use ravec::progress::Progress;
 use ravec_jobs::{Context, Recipe, Report, Step};
 use ravec_media::Picture;
 use std::path::PathBuf;
@@ -96,11 +97,18 @@ fn run(
     context.team = pieces::team(team)?;
     let kind = insert(&context, inputs, color_space)?.unwrap_or(PixelKind::RGB8);
     let given = context.clone();
-    let report = work::run(py, progress, move |progress| {
+    let is_team = context.team.is_some();
+    let work = move |progress: &Progress| {
         let mut context = given;
         context.progress = progress.clone();
         work(&context).map_err(|error| of_job(&error))
-    })?;
+    };
+    let report = if is_team {
+        // workers may be threads of this process, and need the pool
+        work::run_apart(py, progress, work)?
+    } else {
+        work::run(py, progress, work)?
+    };
     let report = report.to_json();
     Ok(Outcome {
         context,

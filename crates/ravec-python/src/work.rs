@@ -42,15 +42,19 @@ fn pool() -> PyResult<Arc<ThreadPool>> {
     {
         return Ok(Arc::clone(pool));
     }
-    let made = ThreadPoolBuilder::new()
-        .num_threads(THREADS.load(Ordering::Relaxed))
-        .thread_name(|index| format!("ravec-{index}"))
-        .build()
-        .map_err(|error| PyRuntimeError::new_err(format!("no threads can be started: {error}")))?;
-    let made = Arc::new(made);
+    let made = new_pool()?;
     // threads of another process cannot be joined
     std::mem::forget(pool.replace((process, Arc::clone(&made))));
     Ok(made)
+}
+
+fn new_pool() -> PyResult<Arc<ThreadPool>> {
+    ThreadPoolBuilder::new()
+        .num_threads(THREADS.load(Ordering::Relaxed))
+        .thread_name(|index| format!("ravec-{index}"))
+        .build()
+        .map(Arc::new)
+        .map_err(|error| PyRuntimeError::new_err(format!("no threads can be started: {error}")))
 }
 
 /// Runs `work` in the pool and waits for it with the interpreter unlocked.
@@ -61,6 +65,27 @@ fn pool() -> PyResult<Arc<ThreadPool>> {
 /// # Errors
 /// The error of `work`, the exception of the listener, or that of a signal handler.
 pub fn run<T: Send + 'static>(
+    py: Python<'_>,
+    listener: Option<&Bound<'_, PyAny>>,
+    work: impl FnOnce(&Progress) -> PyResult<T> + Send + 'static,
+) -> PyResult<T> {
+    run_in(&*pool()?, py, listener, work)
+}
+
+/// Runs `work` as [`run`] does, in a pool of its own: work that waits for other work of this process.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_apart<T: Send + 'static>(
+    py: Python<'_>,
+    listener: Option<&Bound<'_, PyAny>>,
+    work: impl FnOnce(&Progress) -> PyResult<T> + Send + 'static,
+) -> PyResult<T> {
+    run_in(&*new_pool()?, py, listener, work)
+}
+
+fn run_in<T: Send + 'static>(
+    pool: &ThreadPool,
     py: Python<'_>,
     listener: Option<&Bound<'_, PyAny>>,
     work: impl FnOnce(&Progress) -> PyResult<T> + Send + 'static,
@@ -76,7 +101,7 @@ pub fn run<T: Send + 'static>(
     };
     let (sender, mut receiver) = sync_channel(1);
     let watched = progress.clone();
-    pool()?.spawn(move || {
+    pool.spawn(move || {
         let done = catch_unwind(AssertUnwindSafe(|| work(&watched)));
         // nobody waits any more if the interpreter ends
         drop(sender.send(done));
