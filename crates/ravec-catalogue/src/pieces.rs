@@ -255,7 +255,7 @@ impl<'t> TeamWork<'t> {
             None => return Ok(Err("was not scaled".to_owned())),
         };
         let range = place.at..place.at + bytes_of(sides);
-        let bytes = self.read(place.part, Some(range), progress)?;
+        let bytes = self.read(place.part, Some(&range), progress)?;
         let pixels = bytes.chunks_exact(3).map(|p| Srgb([p[0], p[1], p[2]]));
         let image = Image::from_vec(size.width(), pixels.collect());
         Ok(Ok(image.expect("the range has the bytes of the photo")))
@@ -265,12 +265,12 @@ impl<'t> TeamWork<'t> {
     fn read(
         &self,
         part: u64,
-        range: Option<Range<u64>>,
+        range: Option<&Range<u64>>,
         progress: &Progress,
     ) -> Result<Vec<u8>, Unpainted> {
         let (store, name) = (self.team.store(), part_name(part));
-        let read = || match range.clone() {
-            Some(range) => store.read(&name, range),
+        let read = || match range {
+            Some(range) => store.read(&name, range.clone()),
             None => store.read_all(&name),
         };
         for attempt in 1.. {

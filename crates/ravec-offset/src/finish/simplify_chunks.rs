@@ -236,13 +236,13 @@ pub(super) fn pairs(
     remote: Option<&dyn Remote>,
     progress: &Progress,
 ) -> Result<Vec<[[u32; 2]; 2]>, OffsetError> {
-    let found = match remote {
+    let found: Vec<_> = match remote {
         Some(remote) => remote.pairs(surface, progress)?,
         None => (0..surface.count())
             .map(|chunk| surface.pairs_in(chunk, progress))
             .collect::<Result<_, _>>()?,
     };
-    Ok(merged_pairs(found))
+    Ok(merged_pairs(&found))
 }
 
 /// Surroundings of the vertices that several blocks of a chunk share.

@@ -269,7 +269,7 @@ impl Batch {
     ) -> Result<(), OffsetError> {
         if let Some(tile) = piece.work.tile_mut() {
             while let Some(again) = state.replaced.get(&tile.tree.part) {
-                *tile = again.clone();
+                tile.clone_from(again);
             }
         }
         let bytes = ravec_pieces::to_bytes(&piece).map_err(failed)?;

@@ -302,7 +302,7 @@ impl ChunkedSurface {
 }
 
 /// Merges pairs of triangles of chunks; those of two chunks are found twice.
-pub(crate) fn merged_pairs(found: Vec<Vec<[[u32; 2]; 2]>>) -> Vec<[[u32; 2]; 2]> {
+pub(crate) fn merged_pairs(found: &[Vec<[[u32; 2]; 2]>]) -> Vec<[[u32; 2]; 2]> {
     let mut found = found.concat();
     found.sort_unstable();
     found.dedup();
