@@ -4,7 +4,8 @@
 - :func:`offset` computes the offset of a mesh by tiles of space.
 - :func:`mosaic` makes a mosaic whose photos the workers read and scale.
 - :func:`clean`, :func:`smooth`, :func:`abstract`, :func:`sharpen`, :func:`enlarge` and :func:`render` take
-  arrays of Dask, whose chunks they work on with the pixels around them.
+  arrays of Dask, whose chunks they work on with the pixels around them; :func:`read` and :func:`write` are for
+  TIFF files that are larger than the memory.
 
 Each piece of work is a pure function of its input and its parameters, so that what a lost worker had is run
 again by another one, and results are the same bytes as on one machine. Workers of another version of this
@@ -28,6 +29,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _ravec, pictures
+from ._large import read as read
+from ._large import write as write
 from ._options import PathLike, Progress, text, without_none
 from ._pieces import (
     check_version,
@@ -355,6 +358,9 @@ def _given(**options: Any) -> dict[str, Any]:
 #: Operations in pieces, which take the options of the command line.
 _IN_PIECES = ("offset", "mosaic")
 
+#: Filters of large pictures.
+_FILTERS = ("clean", "smooth", "abstract", "sharpen", "enlarge", "render")
+
 _USAGE = """\
 Runs work on a cluster of Dask: of this machine, or of a scheduler that runs elsewhere.
 
@@ -362,10 +368,13 @@ commands:
   map      run a recipe, whose files are @input and @output, over many files
   offset   compute the offset of a mesh by tiles of space; takes the options of ravec offset
   mosaic   make a mosaic whose photos the workers read and scale; takes the options of ravec mosaic
+  clean, smooth, abstract, sharpen, enlarge, render
+           filter a TIFF file that may be larger than the memory; NAME=VALUE are options of the function
 
 examples:
   python -m ravec.dask map clean.json scans/*.png -o "clean/{stem}.png"
   python -m ravec.dask --workers 8 offset part.stl -o out.ply --distance 2% --tolerance 0.001% --memory 2GiB
+  python -m ravec.dask clean scan.tif -o clean.tif noise_sigma=6
   python -m ravec.dask mosaic photo.jpg --catalogue photos.ravec -o mosaic.png --tiles 200 --crop center
   python -m ravec.dask --scheduler tcp://10.0.0.1:8786 --scratch s3://bucket/tmp offset s3://bucket/part.stl -o out.ply
 """
@@ -401,6 +410,40 @@ def _map(client: Any, given: Any) -> int:
         _error("cancelled")
         return 130
     return 1 if failed else 0
+
+
+def _filter(given: Any) -> int:
+    """A filter of a large picture."""
+    import inspect
+
+    work = globals()[given.command]
+    known = inspect.signature(work).parameters
+    options: dict[str, Any] = {}
+    for option in given.options:
+        name, equals, value = option.partition("=")
+        if not equals or name not in known or name == "array":
+            choices = ", ".join(name for name in known if name != "array")
+            _error(f"{option} is no option of {given.command}: NAME=VALUE with one of {choices}")
+            return 2
+        try:
+            options[name] = json.loads(value.lower())
+        except json.JSONDecodeError:
+            _error(f"the value of {name} is {value}, but must be a number, true or false")
+            return 2
+    required = [name for name, parameter in known.items() if parameter.default is inspect.Parameter.empty]
+    missing = [name for name in required if name not in ("array", *options)]
+    if missing:
+        _error(f"{given.command} needs {missing[0]}=VALUE")
+        return 2
+    try:
+        write(work(read(given.input), **options), given.output)
+    except KeyboardInterrupt:
+        _error("cancelled")
+        return 130
+    except Exception as error:  # the sentences of all of them are for the user
+        _error(error)
+        return 1
+    return 0
 
 
 def _in_pieces(client: Any, step: dict[str, Any], given: Any) -> int:
@@ -449,7 +492,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     shared.add_argument("--worker-memory", default="auto", help="memory limit of a worker on this machine, as in 4GiB")
     shared.add_argument("--scratch", help="folder or URL for parts, which all machines see [default: a temporary one]")
     shared.add_argument("-q", "--quiet", action="store_true", help="show no progress")
-    shared.add_argument("command", choices=("map", *_IN_PIECES))
+    shared.add_argument("command", choices=("map", *_IN_PIECES, *_FILTERS), metavar="COMMAND")
     shared.add_argument("rest", nargs=argparse.REMAINDER, help="options of the command; --help shows them")
     given = shared.parse_args(arguments)
     step: dict[str, Any] = {}
@@ -462,6 +505,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if not os.path.exists(given.recipe):
             _error(f"there is no recipe {given.recipe}")
             return 2
+    elif given.command in _FILTERS:
+        own = argparse.ArgumentParser(prog=f"python -m ravec.dask {given.command}", description=globals()[given.command].__doc__)
+        own.add_argument("input", help="path or URL of a TIFF file")
+        own.add_argument("-o", "--output", required=True, help="path or URL of the result, .tif or .tiff")
+        own.add_argument("options", nargs="*", metavar="NAME=VALUE", help="options of the function")
+        own.parse_intermixed_args(given.rest, namespace=given)
     else:
         recipe, code = _ravec.recipe_of(["ravec", given.command, *given.rest])
         if recipe is None:
@@ -480,6 +529,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             client = stack.enter_context(Client(stack.enter_context(cluster)))
         if given.command == "map":
             return _map(client, given)
+        if given.command in _FILTERS:
+            return _filter(given)
         return _in_pieces(client, step, given)
 
 

@@ -167,3 +167,65 @@ def test_the_command_line(tmp_path: Path) -> None:
     none = [*command[:5], "map", "-o", "x.png", str(tmp_path / "none.json"), "x"]
     done = subprocess.run(none, capture_output=True, text=True)
     assert done.returncode == 2
+
+
+@pytest.mark.parametrize("kind", ["strips", "tiles", "gray", "alpha"])
+def test_large_files_are_filtered_in_rows(client: Any, tmp_path: Path, kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    tifffile = pytest.importorskip("tifffile")
+    from ravec import _large
+
+    image = photo(230, 170)
+    if kind == "gray":
+        image = (image[..., 1].astype(np.uint16) * 257).astype(np.uint16)
+    if kind == "alpha":
+        image = np.dstack([image, np.tile(np.arange(230, dtype=np.uint8), (170, 1))])
+    layout: dict[str, Any] = {"tile": (64, 48)} if kind == "tiles" else {"rowsperstrip": 9, "compression": "zlib"}
+    tifffile.imwrite(tmp_path / "large.tif", image, **layout)
+    # chunks of some rows
+    monkeypatch.setattr(_large, "_CHUNK_BYTES", 30_000)
+    array = cluster_of_ravec.read(tmp_path / "large.tif")
+    assert len(array.chunks[0]) > 1 and array.dtype == image.dtype
+    assert np.array_equal(array.compute(), image)
+    cluster_of_ravec.write(cluster_of_ravec.clean(array, noise_sigma=6), tmp_path / "clean.tif")
+    assert np.array_equal(tifffile.imread(tmp_path / "clean.tif"), ravec.clean(image, noise_sigma=6))
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["clean.tif", "large.tif"]
+    cluster_of_ravec.write(cluster_of_ravec.enlarge(array, 2), "memory://large/twice.tif")
+    import fsspec
+
+    with fsspec.open("memory://large/twice.tif", "rb") as file:
+        assert np.array_equal(tifffile.imread(file), ravec.enlarge(image, 2))
+
+
+def test_files_that_are_no_tiff_are_refused(tmp_path: Path) -> None:
+    pytest.importorskip("tifffile")
+    (tmp_path / "broken.tif").write_bytes(b"nothing")
+    with pytest.raises(ValueError, match=r"broken\.tif.*only TIFF"):
+        cluster_of_ravec.read(tmp_path / "broken.tif")
+    with pytest.raises(FileNotFoundError):
+        cluster_of_ravec.read(tmp_path / "none.tif")
+    array = dask.array.zeros((20, 20, 3), dtype=np.uint8)
+    with pytest.raises(ValueError, match=r"\.tif or \.tiff"):
+        cluster_of_ravec.write(array, tmp_path / "out.png")
+    with pytest.raises(ValueError, match="shape"):
+        cluster_of_ravec.write(array[None], tmp_path / "out.tif")
+
+    def broken(block: Any) -> Any:
+        raise OSError("a worker has no more disk")
+
+    with dask.config.set(scheduler="synchronous"), pytest.raises(OSError, match="no more disk"):
+        cluster_of_ravec.write(array.map_blocks(broken, dtype=np.uint8, meta=np.empty((0, 0, 0), np.uint8)), tmp_path / "out.tif")
+    assert [path.name for path in tmp_path.iterdir()] == ["broken.tif"]
+
+
+def test_the_command_line_filters_large_files(tmp_path: Path) -> None:
+    tifffile = pytest.importorskip("tifffile")
+    image = photo(120, 90)
+    tifffile.imwrite(tmp_path / "large.tif", image)
+    command = [sys.executable, "-m", "ravec.dask", "--workers", "1", "clean", str(tmp_path / "large.tif")]
+    command += ["-o", str(tmp_path / "clean.tif")]
+    done = subprocess.run([*command, "noise_sigma=6"], capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    assert np.array_equal(tifffile.imread(tmp_path / "clean.tif"), ravec.clean(image, noise_sigma=6))
+    for options, sentence in (([], "needs noise_sigma"), (["size=3"], "no option"), (["noise_sigma=much"], "number")):
+        wrong = subprocess.run([*command, *options], capture_output=True, text=True, timeout=300)
+        assert wrong.returncode == 2 and sentence in wrong.stderr
