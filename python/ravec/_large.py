@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import collections
 import os
 import tempfile
 import zlib
 from collections.abc import Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import PurePosixPath
 from typing import Any
 
@@ -15,7 +17,7 @@ from numpy.typing import NDArray
 from ._pieces import is_local, place
 
 #: Chunks of a picture that is read have about this many bytes.
-_CHUNK_BYTES = 64 << 20
+_CHUNK_BYTES = 32 << 20
 
 #: Rows of a strip that is written.
 _STRIP_ROWS = 64
@@ -89,14 +91,42 @@ def read(source: str | os.PathLike[str], *, storage_options: Mapping[str, Any] |
     return array[:, :, 0] if shape[2] == 1 else array
 
 
-def _strips(array: Any) -> Iterator[NDArray[Any]]:
-    """The rows of an array, computed some chunks at a time."""
+def _ahead() -> int:
+    """Number of rows of chunks to compute at once: one for each worker."""
+    try:
+        from distributed import get_client
+
+        return max(1, len(get_client().nthreads()))
+    except (ImportError, ValueError):
+        return 1
+
+
+def _chunk_rows(array: Any) -> Iterator[NDArray[Any]]:
+    """The rows of chunks in order, of which the next ones are computed already."""
     edges = [0, *np.cumsum(array.chunks[0]).tolist()]
+    waiting: collections.deque[Future[Any]] = collections.deque()
+    ahead = _ahead()
+    pool = ThreadPoolExecutor(ahead)
+    try:
+        for first, last in zip(edges, edges[1:]):
+            waiting.append(pool.submit(array[first:last].compute))
+            if len(waiting) > ahead:
+                yield np.asarray(waiting.popleft().result())
+        while waiting:
+            yield np.asarray(waiting.popleft().result())
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _strips(array: Any) -> Iterator[NDArray[Any]]:
+    """The strips of an array."""
     array = array.astype(array.dtype.newbyteorder("<"))
     left = np.empty((0, *array.shape[1:]), dtype=array.dtype)
-    for first, last in zip(edges, edges[1:]):
-        rows = np.concatenate([left, np.asarray(array[first:last].compute())])
-        whole = len(rows) if last == edges[-1] else len(rows) // _STRIP_ROWS * _STRIP_ROWS
+    done = 0
+    for rows in _chunk_rows(array):
+        done += len(rows)
+        rows = np.concatenate([left, rows])
+        whole = len(rows) if done == array.shape[0] else len(rows) // _STRIP_ROWS * _STRIP_ROWS
         for row in range(0, whole, _STRIP_ROWS):
             yield rows[row : min(row + _STRIP_ROWS, whole)]
         left = rows[whole:]
@@ -105,8 +135,8 @@ def _strips(array: Any) -> Iterator[NDArray[Any]]:
 def write(array: Any, target: str | os.PathLike[str], *, storage_options: Mapping[str, Any] | None = None) -> None:
     """Writes an array of Dask as a TIFF file, as a whole or not at all.
 
-    The rows of a row of chunks are computed together, by the latest client if there is one, and pass through the memory of
-    this process. Beyond 4 GiB the file is a BigTIFF.
+    Rows of chunks are computed by the latest client if there is one, as many at once as it has workers, and pass through the
+    memory of this process. Beyond 4 GiB the file is a BigTIFF.
 
     :param target: path or URL, with the extension ``.tif`` or ``.tiff``
     :param storage_options: options of fsspec
